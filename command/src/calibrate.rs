@@ -20,6 +20,10 @@ use workbench::read::machine::MachineConfig;
 /// fifth that is held out has places of its own.
 const HELD_OUT: f64 = 1.5;
 
+/// What the bounds leave out where only planes were touched.
+const NO_SCALE: &str = "the scale of the drives (length per turn or per step), which a plane does not show: every bound above \
+                        takes it as right. Measure one length: the travel between two stops, or with a bar";
+
 /// A change by more of its deviations happens once in 16000 times.
 const FAR: f64 = 4.0;
 
@@ -252,6 +256,9 @@ fn in_words(config: &MachineConfig, study: &Study) -> String {
             before.expected
         ),
     );
+    if !study.shows_scale() {
+        row("not covered", NO_SCALE.into());
+    }
     if let Some(Agreement { chi_square, numbers, most, .. }) = study.agreement {
         row(
             "agreement",
@@ -456,6 +463,7 @@ fn for_programs(
             "by_drawing": study.shape[0].expected,
             "expected": study.shape[1].expected,
             "below": study.shape[1].below,
+            "not_covered": if study.shows_scale() { vec![] } else { vec!["drive-scale"] },
         },
         "agreement": {
             "chi_square": study.agreement.map(|it| it.chi_square),

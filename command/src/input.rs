@@ -3,10 +3,10 @@
 
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::ffi::OsStr;
-use std::io::{IsTerminal, Read};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::OnceLock;
-use workbench::files::{Folder, write_whole};
+use workbench::files::{Folder, read_all, write_whole};
 
 /// What the command line calls it.
 pub const DASH: &str = "-";
@@ -38,10 +38,10 @@ impl TypedValueParser for Program {
 fn spooled() -> Result<PathBuf, String> {
     static FILE: OnceLock<Result<(Folder, PathBuf), String>> = OnceLock::new();
     let found = FILE.get_or_init(|| {
-        let mut text = String::new();
-        std::io::stdin()
-            .read_to_string(&mut text)
-            .map_err(|error| format!("standard input: {error}; name a file instead of -"))?;
+        let told = |error: String| format!("standard input: {error}; name a file instead of -");
+        let bytes =
+            read_all(&mut std::io::stdin().lock()).map_err(|error| told(error.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|error| told(error.to_string()))?;
         let folder = Folder::new().map_err(|error| error.to_string())?;
         let file = folder.path().join("standard-input.ngc");
         write_whole(&file, &text).map_err(|error| error.to_string())?;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Corrections of joints while LinuxCNC runs a program, in virtual time.
+//! Corrections of joints while LinuxCNC runs a program, in virtual time, and what limits leave to programs.
 
 use crate::shipped;
-use kinematics::{Joints, Pose, Vector3};
+use kinematics::{Joints, Limit, Pose, Vector3};
 use std::fmt::Write as _;
 use std::fs;
 use std::ops::ControlFlow;
@@ -10,6 +10,10 @@ use std::path::Path;
 use workbench::control::process::{self, Options};
 use workbench::control::row::{Ending, Row};
 use workbench::limits;
+use workbench::program::findings::Preflight;
+use workbench::program::interpreter;
+use workbench::program::preflight::timed;
+use workbench::program::travel::{self, Stand};
 use workbench::read::machine::MachineConfig;
 
 /// 100 µm at 1 µm/s, in millimetres.
@@ -113,4 +117,128 @@ fn proofs_leave_room_for_what_may_be_corrected() {
     };
     let [[low, high], [_, speed]] = ranges(&plain);
     assert_eq!(ranges(&warm), [[low + LIMIT, high - LIMIT], [RATE - speed, speed - RATE]]);
+}
+
+/// A shipped machine with `keys` in the place of the same keys, or added, in these sections of its INI file.
+fn changed(
+    machine: &str,
+    sections: &[&str],
+    keys: &[(&str, &str)],
+    folder: &Path,
+) -> MachineConfig {
+    let mut text = fs::read_to_string(shipped::ini(machine)).unwrap();
+    for section in sections {
+        let head = format!("[{section}]\n");
+        let (before, rest) = text.split_once(&head).unwrap();
+        let (own, after) = rest.split_once("\n[").unwrap_or((rest, ""));
+        let is_kept =
+            |line: &&str| !keys.iter().any(|(key, _)| line.starts_with(&format!("{key} =")));
+        let mut body: Vec<String> = own.lines().filter(is_kept).map(Into::into).collect();
+        body.splice(0..0, keys.iter().map(|(key, value)| format!("{key} = {value}")));
+        text = format!("{before}{head}{}\n\n[{after}", body.join("\n"));
+    }
+    let name = format!("{machine}.ini");
+    fs::write(folder.join(&name), text).unwrap();
+    let table = format!("{machine}.tbl");
+    fs::copy(shipped::folder(machine).join(&table), folder.join(table)).unwrap();
+    MachineConfig::read(&folder.join(name)).unwrap()
+}
+
+const HEXAPOD: [&str; 6] = ["JOINT_0", "JOINT_1", "JOINT_2", "JOINT_3", "JOINT_4", "JOINT_5"];
+
+/// As `pkm preflight` judges a program, path and time.
+fn judged(config: &MachineConfig, program: &str, folder: &Path) -> Preflight {
+    let path = judged_path(config, program, folder);
+    let file = folder.join("program.ngc");
+    let time = timed(config, &file, &Options::default(), |_| ControlFlow::Continue(()));
+    assert!(time.is_whole(), "{time:?}");
+    path.with_time(config, time)
+}
+
+#[test]
+fn a_program_is_judged_by_the_speed_that_the_correction_leaves() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = "G21 G90 G64 P0.01\nG1 X20 Y0 Z250 F3000\nG1 X-20\nG1 X20\nM2\n";
+    let limits =
+        |most| [("MAX_VELOCITY", most), ("CORRECTION_LIMIT", "1"), ("CORRECTION_RATE", "1")];
+    let found = judged(
+        &changed("hexapod", &HEXAPOD, &limits("22.5"), folder.path()),
+        program,
+        folder.path(),
+    );
+    let fast = found.breaks.iter().find(|told| told.limit == Limit::JointSpeed);
+    let fast = fast.unwrap_or_else(|| panic!("{:?}", found.margins));
+    assert!(fast.text.contains("beyond 21.5 mm/s") && fast.text.contains("22.0"), "{}", fast.text);
+    let found = judged(
+        &changed("hexapod", &HEXAPOD, &limits("23.5"), folder.path()),
+        program,
+        folder.path(),
+    );
+    assert!(found.fits(), "{:?}", found.breaks);
+}
+
+#[test]
+fn a_path_is_judged_by_the_range_that_the_correction_leaves() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = [("CORRECTION_LIMIT", "450"), ("CORRECTION_RATE", "1")];
+    let config = changed("hexapod", &HEXAPOD, &keys, folder.path());
+    let program = "G21 G90\nM52 P1\nG1 F1000 Z400\nG1 Z250\nM2\n";
+    let found = judged(&config, program, folder.path());
+    let left: Vec<_> = found.breaks.iter().filter(|told| told.limit == Limit::JointRange).collect();
+    assert_eq!(left.len(), 6, "{:?}", found.breaks);
+    assert!(left.iter().all(|told| told.text.contains("840 to 960 mm")), "{left:?}");
+    let strut = found.ranges.iter().find(|range| range.part == "strut 0").unwrap();
+    assert_eq!(strut.allowed, [840.0, 960.0]);
+    // What is left for jogs, as `pkm travel` reports it.
+    let travel = travel::travel(&config, &Stand::home(&config)).unwrap();
+    let up = travel.iter().find(|way| way.letter == 'Z').unwrap().plus.clone();
+    assert!(up.stop.unwrap().starts_with("strut"), "{travel:?}");
+}
+
+/// LinuxCNC moves at exactly the acceleration of the axis, which is that of every joint.
+#[test]
+fn a_joint_at_the_acceleration_and_speed_of_its_axis_is_within_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let joints = ["JOINT_0", "JOINT_1", "JOINT_2"];
+    let keys = [("MAX_VELOCITY", "100"), ("MAX_ACCELERATION", "1000")];
+    let config = changed("linear-delta", &joints, &keys, folder.path());
+    let program = "G21 G90 G94 G61\nM52 P1\nG0 X0 Y0 Z20\nG0 Z80\nG1 Z30 F6000\nM2\n";
+    let found = judged(&config, program, folder.path());
+    assert!(found.fits(), "{:?}", found.breaks);
+    let least = found.margins.iter().find(|margin| margin.limit == Limit::JointAcceleration);
+    assert!(least.unwrap().value.abs() < 1e-6, "{least:?}");
+    let keys = [("MAX_VELOCITY", "100"), ("MAX_ACCELERATION", "999.9999")];
+    let config = changed("linear-delta", &joints, &keys, folder.path());
+    assert!(!judged(&config, program, folder.path()).fits());
+}
+
+/// A table axis is a coordinate: it may go to its limit, and not beyond.
+#[test]
+fn a_table_axis_may_go_to_its_limit() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = "G21 G90 G94\nM52 P1\nG1 X150 F3000\nG1 X-150\nG0 X0\nM2\n";
+    let of = |low, high| {
+        let keys = [("MIN_LIMIT", low), ("MAX_LIMIT", high)];
+        changed("pyramid", &["JOINT_4"], &keys, folder.path())
+    };
+    let found = judged(&of("-150", "150"), program, folder.path());
+    assert!(found.fits(), "{:?}", found.breaks);
+    let table =
+        |found: &Preflight| found.ranges.iter().find(|range| range.part == "table X").unwrap().used;
+    assert_eq!(table(&found), [-150.0, 150.0]);
+    let found = judged_path(&of("-150", "149.999"), program, folder.path());
+    assert!(!found.fits());
+    // Nothing beyond the ends of the moves is shown as used.
+    assert_eq!(table(&found), [-150.0, 150.0]);
+    // Ends that no halving of the move is exact for.
+    let program = "G21 G90\nG0 X-33.3\nG1 X140.1 F3000\nG1 X-99.7\nG1 X0\nM2\n";
+    let found = judged_path(&of("-99.7", "140.1"), program, folder.path());
+    assert!(found.fits(), "{:?}", found.breaks);
+}
+
+/// The path alone.
+fn judged_path(config: &MachineConfig, program: &str, folder: &Path) -> Preflight {
+    let file = folder.join("program.ngc");
+    fs::write(&file, program).unwrap();
+    shipped::follow(config, &interpreter::moves(config, &file, None).unwrap())
 }

@@ -303,6 +303,7 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
         "30 poses twice: deviation ",
         "agreement      chi-square",
         "tip's motion   rms 0.0",
+        "not covered    the scale of the drives",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }

@@ -46,6 +46,12 @@ fn assert_made(bench: &Bench, name: &str, words: &str) -> MachineConfig {
         let written = fs::read_to_string(file(bench, &format!("{name}/{name}-panel.{end}")));
         assert_eq!(written.unwrap(), text, "{words}");
     }
+    for written in [ini.clone(), format!("{name}/{name}.tbl"), format!("{name}/programs/first.ngc")]
+    {
+        let text = fs::read_to_string(file(bench, &written)).unwrap();
+        // LINELEN of LinuxCNC, for INI files and programs alike.
+        assert!(text.lines().all(|line| line.len() < 255), "{words}: {written}");
+    }
     let checked = bench.answer(&format!("check {ini}"), "");
     assert!(checked.ends_with("exit 0\n"), "{words}: {checked}");
     assert!(checked.contains("every pose within its axis limits"), "{words}: {checked}");
@@ -168,6 +174,14 @@ fn the_documented_hexapod_with_mixed_hands_and_the_tool_up_is_made_and_runs() {
     assert_eq!(leads, [5.0, -5.0, 5.0, -5.0, 5.0, -5.0]);
     // In the middle of the struts' travel, as near as a round height can be.
     assert!(config.joints.iter().all(|joint| (joint.home - 700.0).abs() < 10.0));
+}
+
+#[test]
+fn a_name_that_makes_lines_too_long_for_linuxcnc_is_refused() {
+    let bench = Bench::new();
+    let told =
+        bench.answer(&format!("new {} --out long {}", example("tripod"), "a".repeat(65)), "");
+    assert!(told.contains("64 characters at most") && told.ends_with("exit 2\n"), "{told}");
 }
 
 #[test]

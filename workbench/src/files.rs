@@ -4,8 +4,8 @@
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, Permissions};
-use std::io::{self, BufWriter, Read, Write};
-use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
+use std::io::{self, BufWriter, IsTerminal, Read, Write};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use tempfile::{NamedTempFile, TempDir};
@@ -44,14 +44,42 @@ const MOST_BYTES: u64 = 1 << 30;
 /// Remembers a file that is read, by this process or for it.
 ///
 /// # Errors
-/// It cannot be opened.
+/// It cannot be opened, or is a device or a named pipe: those may have no end, and a pipe without a writer is not even
+/// opened. A pipe that is open already has no name, as standard input.
 pub fn open(file: &Path) -> Result<File, AtFile<io::Error>> {
+    let place = fs::canonicalize(file).ok();
+    let kind = fs::metadata(file).at(file)?.file_type();
+    let is_endless = kind.is_block_device() || (kind.is_fifo() && place.is_some());
+    if is_endless || (kind.is_char_device() && !is_quiet(file)) {
+        let text = "not a file but a device or a named pipe, which may have no end: write its content into a file";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, text)).at(file);
+    }
     let opened = File::open(file).at(file)?;
     // What has no place, as a pipe, cannot be replaced either.
-    if let Ok(place) = fs::canonicalize(file) {
+    if let Some(place) = place {
         READ.lock().expect("nobody panics with it").insert(place);
     }
     Ok(opened)
+}
+
+/// Whether a device is a terminal, whose user ends the text, or the empty one.
+fn is_quiet(device: &Path) -> bool {
+    device == Path::new("/dev/null") || File::open(device).is_ok_and(|device| device.is_terminal())
+}
+
+/// Returns a text as a comment of a program or a HAL file holds it: without line breaks and other control characters,
+/// which would end the comment, without parentheses, and no longer than a line may be.
+pub fn as_comment(text: &str) -> String {
+    // LinuxCNC reads 255 bytes of a line; other words stand beside.
+    const MOST: usize = 160;
+    let one = |c: char| match c {
+        '(' => '[',
+        ')' => ']',
+        c if c.is_control() => ' ',
+        c => c,
+    };
+    let end = (0..=MOST.min(text.len())).rev().find(|n| text.is_char_boundary(*n)).unwrap_or(0);
+    text[..end].chars().map(one).collect()
 }
 
 /// The bytes of a file.
@@ -59,10 +87,18 @@ pub fn open(file: &Path) -> Result<File, AtFile<io::Error>> {
 /// # Errors
 /// It cannot be read, or has no end.
 pub fn read(file: &Path) -> Result<Vec<u8>, AtFile<io::Error>> {
+    read_all(&mut open(file)?).at(file)
+}
+
+/// The bytes of an open file or pipe.
+///
+/// # Errors
+/// It cannot be read, or has no end.
+pub fn read_all(from: &mut dyn Read) -> io::Result<Vec<u8>> {
     let mut bytes = vec![];
-    open(file)?.take(MOST_BYTES + 1).read_to_end(&mut bytes).at(file)?;
+    from.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
     match bytes.len() as u64 > MOST_BYTES {
-        true => Err(io::Error::new(io::ErrorKind::FileTooLarge, "more than 1 GiB")).at(file),
+        true => Err(io::Error::new(io::ErrorKind::FileTooLarge, "more than 1 GiB")),
         false => Ok(bytes),
     }
 }
@@ -308,6 +344,33 @@ mod tests {
         fs::write(&file, b"a,b\n\xf6,1\n").unwrap();
         let refused = read_text(&file).unwrap_err().to_string();
         assert!(refused.contains("line 2 is not UTF-8"), "{refused}");
+    }
+
+    #[test]
+    fn devices_and_named_pipes_are_refused_before_they_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        // Without a writer it would not even be opened.
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        for file in [Path::new("/dev/zero"), Path::new("/dev/urandom"), &pipe] {
+            let refused = read(file).unwrap_err().to_string();
+            assert!(refused.contains("may have no end"), "{refused}");
+        }
+        assert_eq!(read(Path::new("/dev/null")).unwrap(), b"");
+    }
+
+    #[test]
+    fn endless_input_ends() {
+        assert!(read_all(&mut io::repeat(0)).is_err());
+        assert_eq!(read_all(&mut io::repeat(7).take(3)).unwrap(), [7; 3]);
+    }
+
+    #[test]
+    fn a_comment_is_one_line_and_closes_nothing() {
+        assert_eq!(as_comment("x)\nM68 E0 Q1 ("), "x] M68 E0 Q1 [");
+        assert_eq!(as_comment("a\r\u{85}b").lines().count(), 1);
+        let long = as_comment(&"ä".repeat(200));
+        assert!(long.len() <= 160 && long.chars().all(|c| c == 'ä'), "{long}");
     }
 
     #[test]

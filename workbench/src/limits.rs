@@ -24,10 +24,9 @@ pub fn of(config: &MachineConfig) -> Limits {
     let joints = |values: &mut Joints, of: fn(&crate::read::joints::Joint) -> f64| {
         values.iter_mut().zip(&config.joints).for_each(|(to, joint)| *to = of(joint));
     };
-    // Whatever corrections are in effect, LinuxCNC's joint values are within their limits.
-    joints(&mut limits.min, |joint| joint.min + joint.correction[0]);
-    joints(&mut limits.max, |joint| joint.max - joint.correction[0]);
-    joints(&mut limits.speed, |joint| joint.max_velocity - joint.correction[1]);
+    joints(&mut limits.min, |joint| joint.range()[0]);
+    joints(&mut limits.max, |joint| joint.range()[1]);
+    joints(&mut limits.speed, |joint| joint.speed());
     joints(&mut limits.acceleration, |joint| joint.max_acceleration);
     limits.base_cone = per_leg(&config.base_cone);
     limits.platform_cone = per_leg(&config.platform_cone);

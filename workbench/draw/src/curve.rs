@@ -234,13 +234,13 @@ fn joints(config: &MachineConfig, route: &Route) -> Result<Vec<Plot>, DrawError>
         let values = route.rows.iter().map(|row| (row.node.s, &row.joints));
         let caption = format!("{} along the curve", first_up(name));
         let y = format!("{} in {unit}", group.kind.quantity());
-        let strips = with(lines(config, &group, values), &|joint| [joint.min, joint.max]);
+        let strips = with(lines(config, &group, values), &Joint::range);
         add(format!("{stem}.svg"), caption, y, strips)?;
         let rates = route.rows.iter().filter_map(|row| Some((row.node.s, row.rates.as_ref()?)));
         if rates.clone().next().is_some() {
             let caption = format!("Speeds of {name} at the programmed speed");
             let y = format!("speed in {unit}/s");
-            let most = |joint: &Joint| [-joint.max_velocity, joint.max_velocity];
+            let most = |joint: &Joint| [-joint.speed(), joint.speed()];
             let strips = with(lines(config, &group, rates), &most);
             add(format!("{stem}-speeds.svg"), caption, y, strips)?;
         }

@@ -178,7 +178,7 @@ impl Sheet<'_> {
             let values: Vec<_> = self.course.samples.iter().map(|s| (s.at, s.joints[*i])).collect();
             let joint = &self.config.joints[*i];
             let line = Line { name: joint.name.clone(), points: envelope(&values) };
-            let limits = [joint.min, joint.max].into_iter().filter(|end| end.is_finite());
+            let limits = joint.range().into_iter().filter(|end| end.is_finite());
             Strip::of(line, limits.collect())
         };
         let strips: Vec<Strip> = group.joints.iter().map(strip).collect();

@@ -82,7 +82,7 @@ fn of_group(
 
 fn values(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
     let lines = lines(config, group, world.iter().map(|s| (time(world, s), &s.joints)));
-    let limits = |i: &usize| vec![config.joints[*i].min, config.joints[*i].max];
+    let limits = |i: &usize| config.joints[*i].range().to_vec();
     let Group { kind, unit, .. } = group;
     let y = format!("{} in {unit}", kind.quantity());
     with_limits(&first_up(kind.plural()), &y, lines, group.joints.iter().map(limits))
@@ -127,7 +127,7 @@ fn speeds(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<St
         })
         .collect();
     let lines = lines(config, group, speeds.iter().map(|(t, v)| (*t, v)));
-    let most = group.joints.iter().map(|i| config.joints[*i].max_velocity);
+    let most = group.joints.iter().map(|i| config.joints[*i].speed());
     let title = format!("Speeds of {}", kind.plural());
     with_limits(&title, &format!("speed in {unit}/s"), lines, most.map(|most| vec![-most, most]))
 }

@@ -6,10 +6,10 @@ use super::at_tool;
 use super::log::{self, HEADER};
 use super::model::Frame;
 use super::plate::{Hole, Plate, PlateError, Unit};
-use super::program::unit_word;
+use super::program::{name_in_comments, unit_word};
 use super::propose::{decimals, words};
 use super::setup::{LOOKS_AWAY, looks_away};
-use crate::files::{AtFile, Locate, read_text};
+use crate::files::{AtFile, Locate, as_comment, read_text};
 use crate::read::machine::MachineConfig;
 use kinematics::{Letter, Pose, Vector3};
 use serde::Deserialize;
@@ -112,6 +112,12 @@ pub fn is_one(text: &str) -> bool {
 /// # Errors
 /// See [`NoProbing`].
 pub fn probing(config: &MachineConfig, file: &Path, log: &str) -> Result<Probing, NoProbing> {
+    if as_comment(log) != log {
+        let text = format!(
+            "{log:?}: no name for a log, which LinuxCNC reads between parentheses: name another --output"
+        );
+        return Err(BadProbing(text)).at(file)?;
+    }
     let text = read_text(file)?;
     let given: File = toml::from_str(&text).at(file)?;
     let folder = file.parent().unwrap_or(Path::new(""));
@@ -340,7 +346,7 @@ impl<'a> Maker<'a> {
         let logged = joints.map(|n| format!("#<j{n}>")).collect::<Vec<_>>().join(" ");
         let back = BACK * self.config.units_per_mm;
         let beyond = BEYOND * self.config.units_per_mm;
-        let machine = self.config.file.file_name().unwrap_or_default().to_string_lossy();
+        let machine = name_in_comments(self.config);
         let (up, fast, slow) = (self.up, self.fast, self.slow);
         format!(
             "; Written by `pkm measure` for {machine}: probes the holes of the plate and logs every touch for \
@@ -378,7 +384,7 @@ impl<'a> Maker<'a> {
 fn hal(config: &MachineConfig) -> String {
     let joints = 0..config.joints.len();
     let names = joints.clone().map(|n| format!("latch-{n}")).collect::<Vec<_>>().join(",");
-    let machine = config.file.file_name().unwrap_or_default().to_string_lossy();
+    let machine = name_in_comments(config);
     let mut text = format!(
         "# Written by `pkm measure` for {machine}: holds the joints of the servo cycle in which the probe tripped while\n\
          # it presses, for the program to log. Behind the files that load the motion controller and the kinematics.\n\

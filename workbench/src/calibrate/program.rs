@@ -4,6 +4,7 @@
 use super::gauge::Kind;
 use super::propose::{Proposal, Step, decimals, words};
 use super::setup::Setup;
+use crate::files::as_comment;
 use crate::read::machine::MachineConfig;
 use std::fmt::Write as _;
 
@@ -11,7 +12,7 @@ use std::fmt::Write as _;
 pub fn text(config: &MachineConfig, setup: &Setup, proposal: &Proposal, table: &str) -> String {
     let gauge = &setup.gauge;
     let count = proposal.stops.len();
-    let machine = config.file.file_name().unwrap_or_default().to_string_lossy();
+    let (machine, table) = (name_in_comments(config), as_comment(table));
     let mut text = format!(
         "; Written by `pkm measure`: stops at {count} poses of {machine} for the readings of {table}.\n\
          ; The machine's own coordinates: the last work system, without an offset, and no G92.\n\
@@ -31,6 +32,11 @@ pub fn text(config: &MachineConfig, setup: &Setup, proposal: &Proposal, table: &
     }
     text += &moves(config, setup, &proposal.home);
     text + "G49\nG54\nM2\n"
+}
+
+/// The name of the machine's file.
+pub(crate) fn name_in_comments(config: &MachineConfig) -> String {
+    as_comment(&config.file.file_name().unwrap_or_default().to_string_lossy())
 }
 
 /// G20 or G21.

@@ -28,6 +28,11 @@ pub enum Measured {
 }
 
 impl Measured {
+    /// Whether it is a length, as long as the machine moves: a face shows heights alone.
+    pub fn is_length(&self) -> bool {
+        !matches!(self, Measured::Face(_))
+    }
+
     /// How many numbers it is.
     pub(crate) fn rows(&self) -> usize {
         match self {

@@ -65,6 +65,15 @@ pub struct Agreement {
     pub foremost: (usize, f64),
 }
 
+impl Study {
+    /// Whether any reading would show another scale of the drives: all lengths larger by one share. Where all
+    /// are heights of faces, a machine that is larger as a whole reads the same, and no bound of this study
+    /// contains that error.
+    pub fn shows_scale(&self) -> bool {
+        self.readings.iter().any(|reading| reading.measured.is_length())
+    }
+}
+
 /// What was found.
 #[derive(Debug)]
 pub struct Study {

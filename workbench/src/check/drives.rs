@@ -7,7 +7,7 @@
 //! out is not judged, with the reason. Which way a pin goes HAL knows only where its component is loaded:
 //! here it is known of motion, of PID loops and of inputs by their names.
 
-use crate::files::Folder;
+use crate::files::{self, Folder};
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
 use crate::read::places::HALLIB;
@@ -562,7 +562,7 @@ fn at(ini: &Ini, place: &Place, text: &str) -> IniError {
     if place.line == 0 {
         return at_last_file(ini, text);
     }
-    let source = std::fs::read(&place.file).unwrap_or_default();
+    let source = files::read(&place.file).unwrap_or_default();
     let source = String::from_utf8_lossy(&source);
     let line = source.lines().nth(place.line - 1).unwrap_or_default().trim_end();
     let start = line.len() - line.trim_start().len();

@@ -3,10 +3,10 @@
 //! order, the module's monitor, and the way of its feed scale into motion.
 
 use crate::check::cautions::words;
+use crate::files;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::places::{self, HALLIB};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Keys that name a file without which LinuxCNC, or AXIS, does not start.
@@ -150,7 +150,7 @@ fn text(ini: &Ini, entry: &Entry) -> Option<String> {
     if is_own(entry) {
         return None;
     }
-    let bytes = places(ini, entry)?.iter().find_map(|file| fs::read(file).ok())?;
+    let bytes = places(ini, entry)?.iter().find_map(|file| files::read(file).ok())?;
     let text = String::from_utf8_lossy(&bytes);
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     Some(lines.collect::<Vec<_>>().join("\n"))
@@ -172,7 +172,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut ini = String::from("[HAL]\n");
         for (name, text) in hal {
-            fs::write(folder.path().join(name), text).unwrap();
+            std::fs::write(folder.path().join(name), text).unwrap();
             ini += &format!("HALFILE = {name}\n");
         }
         let ini = Ini::parse(&folder.path().join("m.ini"), &(ini + more)).unwrap();

@@ -2,10 +2,10 @@
 //! The folder in which LinuxCNC runs: copies of what it writes, and an INI file that leads to them.
 
 use crate::control::refusal::NotJudged;
-use crate::files::{AtFile, Folder, Locate};
+use crate::files::{self, AtFile, Folder, Locate};
 use crate::read::machine::MachineConfig;
 use crate::read::places::folders;
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::{self, Path, PathBuf};
 
@@ -179,7 +179,7 @@ fn write(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
 
 fn copied(from: &Path, to: &Path) -> Result<PathBuf, AtFile<io::Error>> {
     // What is missing is named, and what has no room.
-    File::open(from).at(from)?;
+    files::open(from)?;
     fs::copy(from, to).at(to)?;
     Ok(to.into())
 }

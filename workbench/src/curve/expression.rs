@@ -106,7 +106,9 @@ impl Expression {
     /// somewhere in it makes the result unbounded.
     pub fn at(&self, variables: &[Taylor]) -> Result<Taylor, Trouble> {
         let found = self.of(&self.tree, variables)?;
-        match found.value.is_point() && !found.value.low.is_finite() {
+        // Of numbers there is a number.
+        let is_number = variables.iter().all(|variable| variable.value.is_thin());
+        match is_number && !found.value.middle().is_finite() {
             true => Err(Trouble::Overflow(self.text.clone())),
             false => Ok(found),
         }
@@ -206,8 +208,11 @@ impl Expression {
     }
 }
 
+/// Whether it is 0 but for rounding, as 1 + cos(pi).
 fn is_zero(of: &Taylor) -> bool {
-    of.value == Interval::ZERO
+    // Some roundings of numbers near 1; a range that is as narrow is no range of a curve.
+    const ROUNDING: f64 = 1e-14;
+    of.value.contains(0.0) && of.value.magnitude() <= ROUNDING
 }
 
 fn meets(a: Interval, b: Interval) -> bool {

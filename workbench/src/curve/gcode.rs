@@ -4,6 +4,7 @@
 use crate::curve::file::{Feed, ProgramKeys};
 use crate::curve::piece::{Arc, DECIMALS};
 use crate::curve::planes::PLANES;
+use crate::files::as_comment;
 use crate::program::motion::{Move, MoveKind, Spindle};
 use crate::read::machine::MachineConfig;
 use crate::read::tools;
@@ -105,7 +106,7 @@ impl<'a> Writer<'a> {
             places: vec![],
         };
         for comment in comments {
-            writer.line(&format!("; {comment}"));
+            writer.line(&format!("; {}", as_comment(comment)));
         }
         writer.line("G21 G17 G40 G49 G80 G90 G94 M52 P1");
         writer.line(&format!("G64 P{}", number(blend, DECIMALS)));

@@ -203,7 +203,7 @@ impl Proof<'_> {
         excess: &[[Interval; 3]; 3],
     ) -> Result<Option<[Taylor; 3]>, Trouble> {
         let share = |row: &[Interval; 3]| row.iter().map(|x| x.magnitude()).sum::<f64>();
-        let most = excess.iter().map(share).fold(0.0, f64::max);
+        let most = excess.iter().map(share).fold(0.0, f64::max) * (1.0 + ROUNDING);
         if !(most < 1.0) {
             return Ok(None);
         }
@@ -213,6 +213,7 @@ impl Proof<'_> {
                 (0..3).fold(Interval::ZERO, |sum, j| sum + right[j] * self.inverse[(i, j)])
             });
             let size = first.iter().map(|x| x.magnitude()).fold(0.0, f64::max) / (1.0 - most);
+            let size = size * (1.0 + ROUNDING);
             std::array::from_fn(|i| {
                 let all = Interval::about(0.0, size);
                 (0..3).fold(first[i], |sum, j| sum + excess[i][j] * all)

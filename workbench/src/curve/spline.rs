@@ -232,7 +232,7 @@ mod tests {
         let ends = [(0, 0), (spans.len() - 1, 6)];
         for (span, end) in ends {
             let at = spline.at(spans[span].0, point(if span == 0 { 0.0 } else { 1.0 }));
-            assert_eq!(at.map(|x| x.value.middle()), points[end]);
+            assert!((0..3).all(|k| at[k].value.contains(points[end][k])), "{at:?}");
         }
         for pair in spans.windows(2) {
             let [before, after] = [0, 1].map(|k| spline.at(pair[k].0, point(pair[1].1[0])));

@@ -7,7 +7,7 @@ use crate::curve::ellipse::Ellipse;
 use crate::curve::spline::SplineError;
 use kurbo::{Affine, Arc, Point, SvgArc, Vec2};
 use nalgebra::Vector3;
-use roxmltree::Node;
+use roxmltree::{Document, Node, ParsingOptions};
 use svgtypes::{Length, LengthUnit, PathParser, PathSegment, Transform, ViewBox};
 
 /// An SVG file whose paths cannot be taken.
@@ -55,21 +55,54 @@ pub enum SvgError {
 /// What holds paths that are not drawn where they stand.
 const UNDRAWN: [&str; 6] = ["defs", "symbol", "clipPath", "mask", "marker", "pattern"];
 
+/// Most elements of a drawing, each of whose groups is looked through, and how deep they may stand in each other:
+/// drawing programs nest layers and groups a few deep.
+const MOST_NODES: u32 = 2_000_000;
+const MOST_DEPTH: usize = 200;
+
+/// Most lines and curves of a drawing: some hours of cutting.
+const MOST_PIECES: usize = 1_000_000;
+
+/// A drawing whose elements stand in each other to a limited depth: every one is looked at with all that it stands in.
+fn parsed(text: &str) -> Result<Document<'_>, SvgError> {
+    let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(text, options)?;
+    let mut depths = vec![0];
+    for node in document.descendants().skip(1) {
+        // A node stands behind what it stands in.
+        let depth = 1 + node.parent().map_or(0, |parent| depths[parent.id().get_usize()]);
+        depths.push(depth);
+        if depth > MOST_DEPTH {
+            let line = document.text_pos_at(node.range().start).row;
+            let text = format!(
+                "more than {MOST_DEPTH} groups in each other: ungroup them in the drawing program"
+            );
+            return Err(SvgError::Untaken { line, text });
+        }
+    }
+    Ok(document)
+}
+
 /// All pieces of all paths, x to the right and y up, mm. The unit of the drawing is `unit` mm, or
 /// what its root says.
 ///
 /// # Errors
 /// See [`SvgError`].
 pub fn elements(text: &str, unit: Option<f64>) -> Result<Vec<Element>, SvgError> {
-    let document = roxmltree::Document::parse(text)?;
+    let document = parsed(text)?;
     let unit = match unit {
         Some(unit) => unit,
         None => unit_of(&document.root_element()).ok_or(SvgError::NoUnit)?,
     };
     let mut all = vec![];
     let is_drawn = |node: &Node| !node.ancestors().any(|node| UNDRAWN.contains(&name(&node)));
+    let (mut line, mut counted) = (1, 0);
     for node in document.descendants().filter(Node::is_element).filter(is_drawn) {
-        let line = document.text_pos_at(node.range().start).row;
+        // Counted on from the element before: from the start each time takes hours of a large drawing.
+        let start = node.range().start;
+        line +=
+            text.as_bytes()[counted..start].iter().filter(|byte| **byte == b'\n').count() as u32;
+        counted = start;
         match name(&node) {
             "use" => {
                 let text = "use draws what stands elsewhere: unlink clones in the drawing program";
@@ -77,6 +110,11 @@ pub fn elements(text: &str, unit: Option<f64>) -> Result<Vec<Element>, SvgError>
             }
             "path" => path(&node, line, unit, &mut all)?,
             _ => (),
+        }
+        if all.len() > MOST_PIECES {
+            let text =
+                format!("more than {MOST_PIECES} lines and curves up to here: split the drawing");
+            return Err(SvgError::Untaken { line, text });
         }
     }
     if all.is_empty() { Err(SvgError::NoPath) } else { Ok(all) }
@@ -244,6 +282,28 @@ impl Pen<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A drawing program that nests without end, and drawings of many groups and of one path with many lines.
+    #[test]
+    fn deep_and_large_drawings_end_with_a_message_or_in_a_moment() {
+        let start = std::time::Instant::now();
+        let within = |inner: &str, depth: usize| {
+            format!("<svg>{}{inner}{}</svg>", "<g>".repeat(depth), "</g>".repeat(depth))
+        };
+        let path = "<path d='M0 0h1'/>";
+        assert_eq!(elements(&within(path, 150), Some(1.0)).unwrap().len(), 1);
+        for depth in [200, 100_000] {
+            let refused = elements(&within(path, depth), Some(1.0)).unwrap_err().to_string();
+            assert!(refused.contains("groups in each other"), "{refused}");
+        }
+        let wide = format!("<svg>{}</svg>", "<g>\n<path d='M0 0h1'/></g>".repeat(50_000));
+        assert_eq!(elements(&wide, Some(1.0)).unwrap().len(), 50_000);
+        let long = format!("<svg>\n<path d='M0 0{}'/></svg>", "h1".repeat(MOST_PIECES + 1));
+        let refused = elements(&long, Some(1.0)).unwrap_err().to_string();
+        assert!(refused.starts_with("line 2: more than"), "{refused}");
+        // By counting the lines from the start for every element it would take minutes.
+        assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+    }
 
     const FILE: &str = "<svg xmlns='http://www.w3.org/2000/svg'>\n<g>\n\
         <path d='M 1 2 l 3 0 q 1 0 1 1 c 0 2 1 2 2 3 z m 10 10 h 5'/>\n</g></svg>";

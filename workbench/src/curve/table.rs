@@ -63,15 +63,14 @@ fn row(
 }
 
 fn check_speeds(config: &MachineConfig, t: f64, rates: &Joints) -> Result<(), RouteError> {
-    let fast =
-        config.joints.iter().zip(rates).find(|(joint, rate)| rate.abs() > joint.max_velocity);
+    let fast = config.joints.iter().zip(rates).find(|(joint, rate)| rate.abs() > joint.speed());
     match fast {
         None => Ok(()),
         Some((joint, rate)) => Err(RouteError::TooFast {
             t,
             joint: joint.name.clone(),
             speed: rate.abs(),
-            most: joint.max_velocity,
+            most: joint.speed(),
         }),
     }
 }

@@ -2,10 +2,10 @@
 //! Values with their first two derivatives by one parameter, as intervals: exact derivatives of
 //! expressions, at a point and enclosed over a range.
 //!
-//! Derivatives by the chain rule through every operation. Over one point all intervals are numbers,
-//! and each operation is the one of `f64`.
+//! Derivatives by the chain rule through every operation. Over one point all intervals are numbers but for
+//! rounding, which each operation adds to their width.
 
-use crate::proof::interval::Interval;
+use crate::proof::interval::{Interval, QUARTER_TURN};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A function's value, and its derivatives of first and second order.
@@ -35,10 +35,10 @@ impl Taylor {
         Self { value, first: Interval::point(1.0), second: Interval::ZERO }
     }
 
-    /// Whether it is one number that does not change.
+    /// The number that it is, where it does not change, to the nearest of `f64`.
     pub(super) fn as_constant(&self) -> Option<f64> {
         let is_held = self.first == Interval::ZERO && self.second == Interval::ZERO;
-        (is_held && self.value.is_point()).then_some(self.value.low)
+        (is_held && self.value.is_thin()).then(|| self.value.middle())
     }
 
     /// A function of it, given its value and derivatives.
@@ -51,10 +51,7 @@ impl Taylor {
     }
 
     pub(super) fn inverse(self) -> Self {
-        let over = match self.value.is_point() {
-            true => Interval::point(1.0 / self.value.low),
-            false => self.value.inverse(),
-        };
+        let over = self.value.inverse();
         let square = over.squared();
         self.composed(over, -square, square * over * 2.0)
     }
@@ -144,7 +141,7 @@ impl Taylor {
     }
 
     pub(super) fn acos(self) -> Self {
-        Self::constant(std::f64::consts::FRAC_PI_2) - self.asin()
+        Self::held(QUARTER_TURN) - self.asin()
     }
 
     /// Angle of the direction (x, y) in radians, from −π to π in the middle of the range.
@@ -158,7 +155,7 @@ impl Taylor {
             let all = Interval::ALL;
             return Self { value: all, first: all, second: all };
         }
-        ((y * c - x * s) / along).atan() + Self::constant(b.atan2(a))
+        ((y * c - x * s) / along).atan() + Self::held(Interval::of_function(b.atan2(a)))
     }
 }
 

@@ -135,9 +135,18 @@ pub fn sketched(kind: &'static Kind, values: &Values) -> Result<MachineConfig, R
     MachineConfig::from_ini(&ini).map_err(|error| Refusal::Misfit(error.to_string()))
 }
 
+/// Longest name of a machine: lines of its INI file and of its first program contain it, of which LinuxCNC reads 255
+/// bytes.
+const LONGEST_NAME: usize = 64;
+
 /// Names go into HAL files, where blanks separate and signs mean something.
 fn refuse_name(name: &str) -> Result<(), Refusal> {
     let is_good = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if name.len() > LONGEST_NAME {
+        return Err(Refusal::Input(format!(
+            "{name:?} is too long for the lines that LinuxCNC reads: expected {LONGEST_NAME} characters at most"
+        )));
+    }
     match !name.is_empty() && name.chars().all(is_good) && !name.starts_with('-') {
         true => Ok(()),
         false => Err(Refusal::Input(format!(

@@ -362,8 +362,7 @@ impl<'a> Pilot<'a> {
             },
         );
         let joints = config.joints.iter().zip(self.joints).enumerate().map(|(i, (joint, used))| {
-            let allowed = [joint.min, joint.max];
-            Range::of(config, Limit::JointRange, Part::Joint(i), used, allowed)
+            Range::of(config, Limit::JointRange, Part::Joint(i), used, joint.range())
         });
         axes.chain(joints).collect()
     }
@@ -379,8 +378,10 @@ impl<'a> Pilot<'a> {
     fn sample(&mut self, leg: &Leg, firsts: &Firsts) -> Vec<f64> {
         let mut worst = vec![f64::INFINITY; firsts.0.len()];
         let half = 0.5 / SAMPLES as f64;
-        for n in 0..=SAMPLES {
-            let Ok(way) = self.way(leg, n as f64 / SAMPLES as f64, half) else { continue };
+        // Both ends, and pieces that together are the move: none of them goes beyond its ends.
+        let pieces = (0..SAMPLES).map(|n| ((2 * n + 1) as f64 * half, half));
+        for (middle, half) in pieces.chain([(0.0, 0.0), (1.0, 0.0)]) {
+            let Ok(way) = self.way(leg, middle, half) else { continue };
             self.widen(&way);
             self.weigh(&way);
             for check in std::mem::take(&mut self.checks) {

@@ -4,7 +4,8 @@
 //!
 //! Rows come one after the other and are forgotten again; what is kept grows with the lines of the
 //! program, not with its cycles. A speed is the difference of two commands over the period, an
-//! acceleration that of two speeds. Cycles in which pkmkins moves the joints for another tool
+//! acceleration that of two speeds; one that exceeds its limit by no more than the rounding of these
+//! differences is at its limit ([`Rounding`]). Cycles in which pkmkins moves the joints for another tool
 //! offset are no speed of the program, neither are those with the drives off.
 
 use crate::control::row::Row;
@@ -17,6 +18,36 @@ use std::collections::{BTreeMap, VecDeque};
 /// Cycles left out before and after those in which the tool offset moves: LinuxCNC's interpolator of
 /// joints answers two cycles late and over three.
 const AROUND_TOOL_OFFSETS: u64 = 5;
+
+/// The largest angle that an inverse returns, degrees.
+const HALF_TURN: f64 = 180.0;
+
+/// Roundings of a joint command from LinuxCNC's path to its servo cycle, each by one unit in the last place of the
+/// largest number on the way: some ten operations of the planner, the inverse and the interpolator of joints, of
+/// which most are of smaller numbers. Pure Z moves of a delta whose joints have the acceleration of the axis
+/// show half of one.
+const ROUNDINGS: f64 = 8.0;
+
+/// What rounding may contribute to a speed and to an acceleration: two commands enter a speed, and four an
+/// acceleration.
+#[derive(Clone, Copy)]
+struct Rounding {
+    speed: f64,
+    acceleration: f64,
+}
+
+impl Rounding {
+    /// Of commands near `value`, from numbers of up to `scale`.
+    fn of(value: f64, scale: f64, period: f64) -> Self {
+        let command = ROUNDINGS * f64::EPSILON * value.abs().max(scale);
+        Self { speed: 2.0 * command / period, acceleration: 4.0 * command / (period * period) }
+    }
+}
+
+/// Returns the limit in place of a value that exceeds it by `rounding` at most.
+fn at_most(value: f64, limit: f64, rounding: f64) -> f64 {
+    if value > limit && value - limit <= rounding { limit } else { value }
+}
 
 /// Where a joint first goes beyond its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,6 +145,8 @@ pub struct Demands {
 /// Adds up rows.
 pub struct Loads<'a> {
     config: &'a MachineConfig,
+    /// By joint: the largest number that its commands are calculated from, beside themselves.
+    scales: Vec<f64>,
     /// Rows with the drives on that are not judged yet, since a tool offset may move after them.
     waiting: VecDeque<Row>,
     motion: Motion<MAX_JOINTS>,
@@ -138,8 +171,13 @@ impl<'a> Loads<'a> {
     /// Before the first row.
     pub fn new(config: &'a MachineConfig) -> Self {
         let joints: &Vec<&Joint> = &config.all_joints().collect();
+        let scale = |i| match config.unit_of(i) {
+            "degrees" => HALF_TURN,
+            _ => config.machine.size(),
+        };
         Self {
             config,
+            scales: (0..joints.len()).map(scale).collect(),
             waiting: VecDeque::new(),
             motion: Motion::START,
             extra: Motion::START,
@@ -150,7 +188,7 @@ impl<'a> Loads<'a> {
             line: ((0, 0), 0.0),
             lines: BTreeMap::new(),
             end: Place::default(),
-            speed: Load::new(joints, |joint| joint.max_velocity),
+            speed: Load::new(joints, Joint::speed),
             acceleration: Load::new(joints, |joint| joint.max_acceleration),
             following: Load::new(joints, |_| f64::INFINITY),
         }
@@ -244,13 +282,17 @@ impl<'a> Loads<'a> {
             self.close_line();
             self.line = ((place.file, place.line), 0.0);
         }
-        let own = speeds.iter().zip(&accelerations).take(self.config.guarded_joints());
-        let values = own.chain(extra[0].iter().zip(&extra[1]));
-        for (joint, (limits, values)) in self.config.all_joints().zip(values).enumerate() {
-            let (speed, acceleration) = (values.0.abs(), values.1.abs());
-            self.speed.note(joint, speed, limits.max_velocity, &place);
+        let own = speeds.iter().zip(&accelerations).zip(&row.joints);
+        let own = own.take(self.config.guarded_joints());
+        let values = own.chain(extra[0].iter().zip(&extra[1]).zip(&row.extra.positions));
+        for (joint, (limits, (values, at))) in self.config.all_joints().zip(values).enumerate() {
+            let rounding = Rounding::of(*at, self.scales[joint], self.config.period);
+            let speed = at_most(values.0.abs(), limits.speed(), rounding.speed);
+            let acceleration =
+                at_most(values.1.abs(), limits.max_acceleration, rounding.acceleration);
+            self.speed.note(joint, speed, limits.speed(), &place);
             self.acceleration.note(joint, acceleration, limits.max_acceleration, &place);
-            self.line.1 = self.line.1.max(speed / limits.max_velocity);
+            self.line.1 = self.line.1.max(speed / limits.speed());
         }
     }
 
@@ -361,6 +403,35 @@ mod tests {
         // The ninth step is the first above 8.5 a second.
         assert_near(beyond.place.seconds, 0.037);
         assert_eq!(found.speed.beyond[1], None);
+    }
+
+    #[test]
+    fn a_correction_may_come_on_top_of_the_speed() {
+        let mut config = config();
+        config.joints[0].correction = [1.0, 2.0];
+        config.joints[0].max_velocity = 11.5;
+        let found = judged(&config, &rows(&ramp(0.001))).speed;
+        assert_eq!(found.peaks[0].limit, 9.5);
+        // The tenth step is the first above 9.5 a second.
+        assert_near(found.beyond[0].unwrap().place.seconds, 0.038);
+        config.joints[0].max_velocity = 12.5;
+        assert_eq!(judged(&config, &rows(&ramp(0.001))).speed.beyond[0], None);
+    }
+
+    #[test]
+    fn a_value_at_its_limit_within_the_rounding_of_differences_is_within_it() {
+        let mut config = config();
+        // A stop from 10 a second within a cycle, by differences of numbers near 500.
+        let exact = 10_000.0;
+        let of = |config: &MachineConfig| judged(config, &rows(&ramp(0.001))).acceleration;
+        let seen = of(&config).peaks[0].value;
+        assert!(seen != exact && (seen - exact).abs() < 1e-6, "{}", seen - exact);
+        config.joints[0].max_acceleration = seen - 1e-8;
+        let found = of(&config);
+        assert_eq!((found.beyond[0], found.peaks[0].value), (None, seen - 1e-8));
+        // One rounding of 500 over the square of a millisecond is 1e-7: 8 of them 4 times are 4e-6.
+        config.joints[0].max_acceleration = seen - 1e-5;
+        assert!(of(&config).beyond[0].is_some());
     }
 
     #[test]

@@ -197,7 +197,7 @@ impl Walk<'_> {
                 let rate = (three[1][i] - three[0][i]).abs() * count;
                 let change = (three[2][i] - 2.0 * three[1][i] + three[0][i]).abs() * count * count;
                 seconds = seconds
-                    .max(rate / (SHARE * limits.max_velocity))
+                    .max(rate / (SHARE * limits.speed()))
                     .max((change / (SHARE * limits.max_acceleration)).sqrt());
             }
         }

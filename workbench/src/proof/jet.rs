@@ -181,9 +181,7 @@ impl<const N: usize> Jet<N> {
 
     /// Sine and cosine of an angle in radians.
     pub fn sincos(&self) -> (Self, Self) {
-        let x = self.value;
-        let s = x.sin();
-        let c = (x + Interval::point(std::f64::consts::FRAC_PI_2)).sin();
+        let (s, c) = (self.value.sin(), self.value.cos());
         (self.composed([s, c, -s, -c]), self.composed([c, -s, -c, s]))
     }
 
@@ -202,7 +200,7 @@ impl<const N: usize> Jet<N> {
         let square = first.squared();
         let second = z * square * -2.0;
         let third = (z.squared() * 6.0 - Interval::point(2.0)) * square * first;
-        let value = Interval::new(z.low.atan(), z.high.atan());
+        let value = z.rising(f64::atan);
         tangent.composed([value, first, second, third])
     }
 }

@@ -115,12 +115,15 @@ impl Reach<'_> {
         enough: f64,
         mut visit: impl FnMut(Span) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        for (i, joint) in self.config.joints.iter().enumerate() {
+        for i in 0..self.config.joints.len() {
             let course = self.joint_course(i, middle, spread, seconds);
             let (low, high) = course.range();
-            let range = [joint.min, joint.max];
-            let part = Part::Joint(i);
-            visit(Span::of(Limit::JointRange, part, course.middle, [low, high], range))?;
+            let range = [self.limits.min[i], self.limits.max[i]];
+            let [value, low, high] = match self.is_coordinate(i, spread) {
+                true => [course.middle, low, high].map(|value| at_limit(value, range, low, high)),
+                false => [course.middle, low, high],
+            };
+            visit(Span::of(Limit::JointRange, Part::Joint(i), value, [low, high], range))?;
         }
         for i in 0..self.config.legs() {
             let lean =
@@ -214,6 +217,11 @@ impl Reach<'_> {
         Some([about, across])
     }
 
+    /// Whether joint `i` is a coordinate of the pose but for a constant: a table axis where nothing turns.
+    fn is_coordinate(&self, i: usize, spread: &Spread) -> bool {
+        i >= self.config.legs() && spread.turn == 0.0
+    }
+
     /// Joint `i` over a cell; without second derivatives nothing is known of a leg's.
     pub(super) fn joint_course(
         &self,
@@ -231,7 +239,10 @@ impl Reach<'_> {
         };
         let unit = |k: usize| if k < 3 { 1.0 } else { 1.0 / RADIANS };
         let gradient = std::array::from_fn(|k| middle.gradient[(i, k)] * unit(k));
-        let rounding = ROUNDING * self.config.machine.size();
+        let rounding = match self.is_coordinate(i, spread) {
+            true => 0.0,
+            false => ROUNDING * self.config.machine.size(),
+        };
         Course {
             middle: middle.at.joints()[i],
             slope: spread.slope(&gradient),
@@ -311,6 +322,18 @@ impl Reach<'_> {
         }
         least.into_iter().fold(f64::INFINITY, f64::min) - ROUNDING * self.config.machine.size()
     }
+}
+
+/// Roundings of a table axis' value over a cell, each by one unit in the last place of the largest number: middle
+/// and half of the cell, their sum, the tool's vector in and out.
+const TABLE_ROUNDINGS: f64 = 8.0;
+
+/// Returns the limit in place of a table axis' value that differs from it by rounding alone. LinuxCNC lets a
+/// table axis go to its limit, as the inverse returns the coordinate itself; it refuses, also in virtual time, what is
+/// really beyond. Legs have no such room: the inverse may round to a value beyond the limit.
+fn at_limit(value: f64, range: [f64; 2], low: f64, high: f64) -> f64 {
+    let rounding = TABLE_ROUNDINGS * f64::EPSILON * low.abs().max(high.abs());
+    range.into_iter().find(|limit| (value - limit).abs() <= rounding).unwrap_or(value)
 }
 
 /// Cosine of the angle between the tool axis and Z of base.

@@ -106,6 +106,20 @@ pub struct Joint {
     pub correction: [f64; 2],
 }
 
+impl Joint {
+    /// Returns the smallest and largest value that the kinematics may ask for: with any correction that
+    /// CORRECTION_LIMIT allows, LinuxCNC's joint value is then within `min` and `max`.
+    pub fn range(&self) -> [f64; 2] {
+        [self.min + self.correction[0], self.max - self.correction[0]]
+    }
+
+    /// Returns the largest speed that the kinematics may ask for: a correction that changes at CORRECTION_RATE
+    /// comes on top of it.
+    pub fn speed(&self) -> f64 {
+        self.max_velocity - self.correction[1]
+    }
+}
+
 /// Limits of one pose coordinate, `[AXIS_L]`; infinite where the file gives none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What the page is given: the scene, the machine for its kinematics, names of limits, and a program.
 
+use crate::files;
 use crate::limits;
 use crate::program::course::{Abscissa, Sample, Thinned};
 use crate::read::machine::MachineConfig;
@@ -233,7 +234,7 @@ impl Shape {
                 "{size} bytes, expected {MOST_BYTES} at most: make it coarser"
             )));
         }
-        let bytes = std::fs::read(file).map_err(|error| told(error.to_string()))?;
+        let bytes = files::read(file).map_err(|error| told(error.error.to_string()))?;
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Self { part, name, scale: *scale, place: *place, bytes: BASE64_STANDARD.encode(bytes) })
     }
@@ -302,7 +303,7 @@ impl Curves {
                 group: "joints",
                 name,
                 unit: config.unit_of(i).into(),
-                range: [Some(joint.min), Some(joint.max)],
+                range: joint.range().map(Some),
             };
             add(curve(joint.name.clone()), &|sample| sample.joints[i][0]);
         }
