@@ -11,7 +11,7 @@ use workbench::control::process::{self, Options};
 use workbench::control::row::{Ending, Row};
 use workbench::limits;
 use workbench::program::findings::Preflight;
-use workbench::program::interpreter;
+use workbench::program::motion;
 use workbench::program::preflight::timed;
 use workbench::program::travel::{self, Stand};
 use workbench::read::machine::MachineConfig;
