@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A run from its start to its end.
 
+use crate::control::confined::{self, Keeper, Rights};
 use crate::control::pulse::Pulse;
 use crate::control::refusal::NotJudged;
 use crate::control::row::{Ending, Message, Outcome, Row};
@@ -58,6 +59,8 @@ pub struct Options {
     pub block: Option<String>,
     /// Folder that gets what the program writes into files, by the files' names.
     pub written: Option<PathBuf>,
+    /// Runs the program with all rights of the user: for a kernel that cannot confine it.
+    pub unconfined: bool,
 }
 
 impl Default for Options {
@@ -69,6 +72,7 @@ impl Default for Options {
             hal: vec![],
             block: None,
             written: None,
+            unconfined: false,
         }
     }
 }
@@ -98,7 +102,7 @@ pub fn run(
     }
     let hal = options.hal.iter().map(|file| file.canonicalize().at(file));
     let hal = hal.collect::<Result<Vec<_>, _>>()?;
-    let run = Run::start(config, &scratch, &library, &program, &hal, options.block.as_deref())?;
+    let run = Run::start(config, &scratch, &library, &program, &hal, options)?;
     let outcome = run.watched(config, &installed, options, see)?;
     if let Some(folder) = &options.written {
         scratch.keep_written(folder)?;
@@ -146,6 +150,7 @@ struct Run<'a> {
     milltask: Child,
     wiring: Child,
     records: Option<PipeReader>,
+    _keeper: Keeper,
 }
 
 impl<'a> Run<'a> {
@@ -155,7 +160,7 @@ impl<'a> Run<'a> {
         library: &Path,
         program: &Path,
         hal: &[PathBuf],
-        block: Option<&str>,
+        options: &Options,
     ) -> Result<Self, NotJudged> {
         let (asked, ask) = pipe()?;
         let (answered, answer) = pipe()?;
@@ -164,19 +169,21 @@ impl<'a> Run<'a> {
             let file = scratch.path().join(name);
             File::create(&file).at(&file)
         };
-        let wiring = Command::new(TCL)
+        let beside = library.parent().unwrap_or(Path::new(MODULES));
+        let mut wiring = Command::new(TCL);
+        wiring
             .arg(scratch.wiring())
             .arg(scratch.ini())
-            .arg(library.parent().unwrap_or(Path::new(MODULES)))
+            .arg(beside)
             .arg(MODULES)
             .args(hal)
             .current_dir(scratch.path())
+            .env("HALLIB_DIR", linuxcnc("HALLIB_DIR")?)
             .stdin(answered)
             .stdout(ask)
-            .stderr(log("wiring.log")?)
-            .spawn()
-            .map_err(|error| NotJudged::Missing { file: TCL.into(), error })?;
-        let mut milltask = Command::new(scratch.milltask(Path::new(MILLTASK))?);
+            .stderr(log("wiring.log")?);
+        let control = scratch.milltask(Path::new(MILLTASK))?;
+        let mut milltask = Command::new(&control);
         milltask
             .arg("-ini")
             .arg(scratch.ini())
@@ -188,7 +195,7 @@ impl<'a> Run<'a> {
             .env("LD_PRELOAD", library)
             .env("PKMKINS_VIRTUAL_FOLDER", scratch.path())
             .env("PKMKINS_VIRTUAL_PROGRAM", program)
-            .env("PKMKINS_VIRTUAL_BLOCK", block.unwrap_or_default())
+            .env("PKMKINS_VIRTUAL_BLOCK", options.block.as_deref().unwrap_or_default())
             .env("PKMKINS_VIRTUAL_TOOLS", &scratch.tool_table)
             .env(
                 "PKMKINS_VIRTUAL_RANDOM_TOOLS",
@@ -206,8 +213,26 @@ impl<'a> Run<'a> {
         milltask
             .fd_mappings(vec![FdMapping { parent_fd, child_fd: STREAM }])
             .map_err(io::Error::other)?;
-        let milltask = spawned(&mut milltask)?;
-        Ok(Self { scratch, milltask, wiring, records: Some(records) })
+        let folders = hal.iter().filter_map(|file| file.parent()).chain([beside]);
+        let rights = Rights {
+            reads: scratch
+                .folders
+                .iter()
+                .map(PathBuf::as_path)
+                .chain(folders)
+                .chain([program])
+                .map(Into::into)
+                .collect(),
+            writes: scratch.path().into(),
+            starts: vec![control, TCL.into()],
+        };
+        let rights = (!options.unconfined).then_some(rights);
+        let ((milltask, wiring), keeper) = confined::start(rights, move || {
+            let wiring = wiring.spawn();
+            let wiring = wiring.map_err(|error| NotJudged::Missing { file: TCL.into(), error })?;
+            Ok((spawned(&mut milltask)?, wiring))
+        })?;
+        Ok(Self { scratch, milltask, wiring, records: Some(records), _keeper: keeper })
     }
 
     fn watched(
@@ -308,7 +333,12 @@ fn end(child: &mut Child) {
 
 /// The LinuxCNC that is installed.
 fn installed() -> Result<String, NotJudged> {
-    let output = Command::new(VERSIONS).arg("LINUXCNCVERSION").stdin(Stdio::null()).output();
+    linuxcnc("LINUXCNCVERSION")
+}
+
+/// A value that LinuxCNC was built with.
+fn linuxcnc(name: &str) -> Result<String, NotJudged> {
+    let output = Command::new(VERSIONS).arg(name).stdin(Stdio::null()).output();
     let output = output.map_err(|error| NotJudged::Missing { file: VERSIONS.into(), error })?;
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_string())
 }
