@@ -55,12 +55,16 @@ pub struct Control {
     /// Carries out this HAL file too, after those of the simulated machine: a probe, another spindle
     #[arg(long, value_name = "FILE.hal", value_hint = clap::ValueHint::FilePath)]
     hal: Vec<PathBuf>,
+    /// Lets the program write any file of yours, start programs and use the network; without it the kernel
+    /// refuses that, and a kernel that cannot do so runs nothing
+    #[arg(long)]
+    unconfined: bool,
 }
 
 impl Default for Control {
     fn default() -> Self {
         let Options { most_seconds: most_time, most_standstill, .. } = Options::default();
-        Self { most_time, most_standstill, hal: vec![] }
+        Self { most_time, most_standstill, hal: vec![], unconfined: false }
     }
 }
 
@@ -71,6 +75,7 @@ impl Control {
             most_seconds: self.most_time,
             most_standstill: self.most_standstill,
             hal: self.hal.clone(),
+            unconfined: self.unconfined,
             ..Options::default()
         }
     }

@@ -116,12 +116,12 @@ fn pkm_with(folder: &Path, command: &str, files: &[PathBuf]) -> (String, String,
 }
 
 /// A copy of the hexapod's configuration with an edit of its INI file, and a program.
-struct Copy {
+pub struct Copy {
     folder: tempfile::TempDir,
 }
 
 impl Copy {
-    fn new(edit: impl Fn(String) -> String, program: &str) -> Self {
+    pub fn new(edit: impl Fn(String) -> String, program: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         for name in ["hexapod.ini", "hexapod.tbl"] {
             let text = fs::read_to_string(shipped::folder("hexapod").join(name)).unwrap();
@@ -134,7 +134,7 @@ impl Copy {
         Self { folder }
     }
 
-    fn file(&self, name: &str) -> PathBuf {
+    pub fn file(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
@@ -154,7 +154,7 @@ impl Copy {
     }
 }
 
-const SHORT: &str = "G21 G90\nG0 X1\nM2\n";
+pub const SHORT: &str = "G21 G90\nG0 X1\nM2\n";
 
 #[test]
 fn what_the_ini_file_asks_for_beside_the_program_is_not_judged() {
@@ -436,7 +436,7 @@ fn a_control_that_is_killed_and_a_command_that_is_interrupted_leave_nothing() {
 }
 
 /// The process of LinuxCNC that a command has started, as soon as it is there.
-fn control_of(parent: u32) -> String {
+pub fn control_of(parent: u32) -> String {
     for _ in 0..1000 {
         let found = Command::new("pgrep").args(["-P", &parent.to_string(), "pkm-control"]).output();
         let text = String::from_utf8(found.unwrap().stdout).unwrap();

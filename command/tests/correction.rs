@@ -240,5 +240,5 @@ fn a_table_axis_may_go_to_its_limit() {
 fn judged_path(config: &MachineConfig, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();
-    shipped::follow(config, &interpreter::moves(config, &file, None).unwrap())
+    shipped::follow(config, &motion::moves(config, &file, None).unwrap())
 }

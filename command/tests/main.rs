@@ -11,6 +11,7 @@ mod check;
 mod command_line;
 mod commands;
 mod configs;
+mod confinement;
 mod control;
 mod correction;
 mod course;

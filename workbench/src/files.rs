@@ -5,9 +5,10 @@
 use std::collections::BTreeSet;
 use std::fs::{self, File, Permissions};
 use std::io::{self, BufWriter, IsTerminal, Read, Write};
+use std::mem;
 use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt, chown};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
 use tempfile::{NamedTempFile, TempDir};
 
 /// What is wrong with a file.
@@ -120,12 +121,44 @@ pub fn read_text(file: &Path) -> Result<String, AtFile<io::Error>> {
         .at(file)
 }
 
-/// Folders that are in use.
-static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
+/// Temporary files and folders in use.
+static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
+
+/// How often a folder is removed in which a process still writes.
+const REMOVALS: usize = 100;
+
+fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
+    TEMPORARY.lock().expect("nobody panics with it")
+}
+
+/// An entry in the list of temporary files and folders.
+#[derive(Debug)]
+struct Listed(PathBuf);
+
+impl Listed {
+    /// Makes a temporary file or folder and enters it in the list. An interruption waits in between: it would not
+    /// find what was made.
+    fn made<T: AsRef<Path>>(make: impl FnOnce() -> io::Result<T>) -> io::Result<(T, Self)> {
+        let mut list = temporary();
+        let made = make()?;
+        list.push(made.as_ref().into());
+        let listed = Self(made.as_ref().into());
+        Ok((made, listed))
+    }
+}
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        temporary().retain(|path| *path != self.0);
+    }
+}
 
 /// A folder of one's own, gone with its owner, and also where the process is interrupted.
 #[derive(Debug)]
-pub struct Folder(TempDir);
+pub struct Folder {
+    folder: TempDir,
+    _listed: Listed,
+}
 
 impl Folder {
     /// Makes it where the system keeps such folders.
@@ -133,11 +166,9 @@ impl Folder {
     /// # Errors
     /// It cannot be made.
     pub fn new() -> Result<Self, AtFile<io::Error>> {
-        // Nobody interrupts between the two lines who then would not find it.
-        let mut folders = FOLDERS.lock().expect("nobody panics with it");
-        let folder = TempDir::with_prefix("pkm-").at(&std::env::temp_dir())?;
-        folders.push(folder.path().into());
-        Ok(Self(folder))
+        let make = || TempDir::with_prefix("pkm-");
+        let (folder, _listed) = Listed::made(make).at(&std::env::temp_dir())?;
+        Ok(Self { folder, _listed })
     }
 
     /// Makes it beside a place that it takes when it is whole.
@@ -146,14 +177,11 @@ impl Folder {
     /// It cannot be made there.
     pub fn beside(place: &Path) -> Result<Self, AtFile<io::Error>> {
         let parent = place.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let mut folders = FOLDERS.lock().expect("nobody panics with it");
-        let folder = tempfile::Builder::new()
-            .prefix(".pkm-")
-            .permissions(Permissions::from_mode(0o755))
-            .tempdir_in(parent.unwrap_or(Path::new(".")))
-            .at(place)?;
-        folders.push(folder.path().into());
-        Ok(Self(folder))
+        let mut folder = tempfile::Builder::new();
+        folder.prefix(".pkm-").permissions(Permissions::from_mode(0o755));
+        let make = || folder.tempdir_in(parent.unwrap_or(Path::new(".")));
+        let (folder, _listed) = Listed::made(make).at(place)?;
+        Ok(Self { folder, _listed })
     }
 
     /// Gives it its place, where nothing may be.
@@ -161,6 +189,8 @@ impl Folder {
     /// # Errors
     /// Something is there, or it cannot be renamed.
     pub fn become_whole(self, place: &Path) -> Result<(), AtFile<io::Error>> {
+        // An interruption waits: it would leave an empty folder.
+        let _list = temporary();
         // Only an empty folder is replaced by a rename, and this one is nobody else's.
         fs::create_dir(place).at(place)?;
         fs::rename(self.path(), place).inspect_err(|_| drop(fs::remove_dir(place))).at(place)
@@ -168,22 +198,23 @@ impl Folder {
 
     /// Where it is.
     pub fn path(&self) -> &Path {
-        self.0.path()
+        self.folder.path()
     }
 }
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        FOLDERS.lock().expect("nobody panics with it").retain(|folder| folder != self.0.path());
-    }
-}
-
-/// Removes every folder in use: for a process that is interrupted, which has to end at once after it.
+/// Removes every temporary file and folder, for a process that ends at once: it can make no others.
 pub fn leave_nothing() {
-    for folder in FOLDERS.lock().expect("nobody panics with it").drain(..) {
-        // Nothing is left to do where it cannot be removed.
-        let _ = fs::remove_dir_all(folder);
+    let mut list = temporary();
+    for path in list.drain(..) {
+        let is_gone = || {
+            let removed = fs::remove_file(&path).or_else(|_| fs::remove_dir_all(&path));
+            removed.is_ok() || !path.exists()
+        };
+        // LinuxCNC may still write into the folder of its run. It can make no folder there.
+        let _ = (0..REMOVALS).any(|_| is_gone());
     }
+    // Other threads go on until the process has ended: those that make or finish a file wait.
+    mem::forget(list);
 }
 
 /// A table as the text of a CSV file.
@@ -208,6 +239,7 @@ pub fn csv<R: IntoIterator<Item: ToString>>(
 #[derive(Debug)]
 pub struct Whole {
     part: BufWriter<NamedTempFile>,
+    listed: Listed,
     /// As it was named, and where it is.
     file: PathBuf,
     place: PathBuf,
@@ -243,13 +275,14 @@ impl Whole {
         let mode = there.as_ref().map_or(0o644, |found| found.mode() & 0o7777);
         let mut part = tempfile::Builder::new();
         part.prefix(".pkm-").permissions(Permissions::from_mode(mode));
-        let part = part.tempfile_in(folder.unwrap_or(Path::new(".")))?;
+        let make = || part.tempfile_in(folder.unwrap_or(Path::new(".")));
+        let (part, listed) = Listed::made(make)?;
         if let Some(found) = there {
             part.as_file().set_permissions(Permissions::from_mode(mode))?;
             // Only root can give a file away; another user's becomes one's own, as with any editor.
             let _ = chown(part.path(), Some(found.uid()), Some(found.gid()));
         }
-        Ok(Self { part: BufWriter::new(part), file: file.into(), place })
+        Ok(Self { part: BufWriter::new(part), listed, file: file.into(), place })
     }
 
     /// Gives it its name.
@@ -257,6 +290,8 @@ impl Whole {
     /// # Errors
     /// The rest cannot be written, or the file not renamed.
     pub fn finish(self) -> Result<(), AtFile<io::Error>> {
+        // Until it has its name, an interruption removes it.
+        let _listed = self.listed;
         let part = self.part.into_inner().map_err(|error| without_path(error.into_error()));
         let part = part.at(&self.file)?;
         part.persist(&self.place).map_err(|error| error.error).at(&self.file)?;

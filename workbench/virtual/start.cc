@@ -7,13 +7,18 @@
 
 #include <dlfcn.h>
 #include <errno.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
 #include <nml.hh>
 #include <nmlmsg.hh>
+#include <sched.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <sys/types.h>
 #include <unistd.h>
 
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -79,9 +84,40 @@ extern "C" int write_message(void *channel, NMLmsg *message, int *serial) {
 
 // ---- no other process, and no memory of another one
 
-// M100 to M199 are programs of the user's.
-REPLACES pid_t vfork(void) { give_up("the program starts another program (M100 to M199), which is not run"); }
-REPLACES pid_t fork(void) { give_up("the program starts another program (M100 to M199), which is not run"); }
+// M100 to M199 are programs of the user's, and Python has other ways to start one.
+[[noreturn]] static void refuse_program() {
+    give_up("the program starts another program or process (M100 to M199, or by Python), which is not run");
+}
+REPLACES pid_t vfork(void) { refuse_program(); }
+REPLACES pid_t fork(void) { refuse_program(); }
+REPLACES int system(const char *) { refuse_program(); }
+// The kernel refuses every other way: threads alone are started. Calls that a processor does not have count as
+// seccomp, which nobody needs any more.
+static void stay_alone() {
+#ifndef SYS_fork
+#define SYS_fork SYS_seccomp
+#define SYS_vfork SYS_seccomp
+#endif
+    sock_filter filter[] = {
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_execve, 8, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_execveat, 7, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_fork, 6, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_vfork, 5, 0),
+        // Its flags stand in memory, which a filter cannot read. The C library then takes clone.
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_clone3, 5, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_clone, 0, 2),
+        // The lower half of the flags, on processors of this order of bytes.
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, args)),
+        BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, CLONE_THREAD, 0, 1),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS),
+    };
+    const sock_fprog program = {sizeof filter / sizeof *filter, filter};
+    // pkm has refused a kernel without filters, unless the user wants no confinement.
+    syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, 0, &program);
+}
 REPLACES int shmget(int, size_t, int) {
     errno = EPERM;
     return -1;
@@ -91,11 +127,11 @@ REPLACES int semget(int, int, int) {
     return -1;
 }
 
-// Files are written in the folder of the run alone: what LOGOPEN and the like write elsewhere goes into its
-// folder `written`.
+// The kernel lets files be written in the folder of the run alone. What LOGOPEN and the like write elsewhere goes into
+// its folder `written`, so that such a program runs.
 static std::string own(const std::string &file) {
     const std::string folder = environment::folder();
-    if (file.compare(0, folder.size(), folder) == 0 || file.compare(0, 6, "/proc/") == 0) {
+    if (file.compare(0, folder.size(), folder) == 0) {
         return file;
     }
     return folder + "/written/" + file.substr(file.rfind('/') + 1);
@@ -117,6 +153,7 @@ struct Start {
         unsetenv("LD_PRELOAD");
         // Whoever reads the records may be killed.
         prctl(PR_SET_PDEATHSIG, SIGKILL);
+        stay_alone();
         record::open(std::atoi(environment::value("PKMKINS_VIRTUAL_STREAM")));
         changer::export_pins();
         changer::open_buffers();

@@ -100,7 +100,6 @@ proc wiring::main {ini beside folder args} {
     parse $ini
     hal loadrt {*}[value TRAJ TPMOD tpmod]
     hal loadrt {*}[value EMCMOT HOMEMOD homemod]
-    set ::env(HALLIB_DIR) [exec linuxcnc_var HALLIB_DIR]
     foreach name {pkmkins_sim.tcl pkmkins.tcl} { run_file [first [list $beside $::env(HALLIB_DIR)] $name] }
     foreach file $args { run_file $file }
     ask done

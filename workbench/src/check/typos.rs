@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Names that are near to one that LinuxCNC reads, and that nothing reads.
+//! Names that are near to one that LinuxCNC reads, and that nothing reads; sections that overwrite what Tcl reads.
 
 use crate::read::ini::{Ini, IniError};
 use crate::read::near;
+use crate::read::places::{OF_TCL, is_of_tcl};
 
 /// Every such section and key; keys of the sections that describe the machine are refused by the reader.
 pub(super) fn check(ini: &Ini) -> Vec<IniError> {
@@ -11,10 +12,12 @@ pub(super) fn check(ini: &Ini) -> Vec<IniError> {
         let text = format!("nothing reads this section: expected [{meant}], or another name");
         Some(ini.refuse_section(name, &text))
     });
+    let of_tcl = ini.sections().filter(|name| is_of_tcl(name));
+    let of_tcl = of_tcl.map(|name| ini.refuse_section(name, OF_TCL));
     let keys = ini.entries().filter_map(|entry| {
         let meant = near::key(&entry.section, &entry.key)?;
         let text = format!("LinuxCNC does not read this key: expected {meant}, or another name");
         Some(ini.refuse_key(entry, &text))
     });
-    sections.chain(keys).collect()
+    sections.chain(of_tcl).chain(keys).collect()
 }

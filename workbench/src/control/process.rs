@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A run from its start to its end.
 
+use crate::control::confined::{self, Keeper, Rights};
 use crate::control::pulse::Pulse;
 use crate::control::refusal::NotJudged;
 use crate::control::row::{Commanded, Ending, Message, Outcome, Row};
@@ -64,6 +65,8 @@ pub struct Options {
     pub block_delete: bool,
     /// Opens the limits of axes, joints and the guard, so that a program goes on beyond them.
     pub open_limits: bool,
+    /// Runs the program with all rights of the user: for a kernel that cannot confine it.
+    pub unconfined: bool,
 }
 
 impl Default for Options {
@@ -78,6 +81,7 @@ impl Default for Options {
             written: None,
             block_delete: true,
             open_limits: false,
+            unconfined: false,
         }
     }
 }
@@ -182,6 +186,7 @@ struct Run<'a> {
     milltask: Child,
     wiring: Child,
     records: Option<PipeReader>,
+    _keeper: Keeper,
 }
 
 impl<'a> Run<'a> {
@@ -200,19 +205,21 @@ impl<'a> Run<'a> {
             let file = scratch.path().join(name);
             File::create(&file).at(&file)
         };
-        let wiring = Command::new(TCL)
+        let beside = library.parent().unwrap_or(Path::new(MODULES));
+        let mut wiring = Command::new(TCL);
+        wiring
             .arg(scratch.wiring())
             .arg(scratch.ini())
-            .arg(library.parent().unwrap_or(Path::new(MODULES)))
+            .arg(beside)
             .arg(MODULES)
             .args(hal)
             .current_dir(scratch.path())
+            .env("HALLIB_DIR", linuxcnc("HALLIB_DIR")?)
             .stdin(answered)
             .stdout(ask)
-            .stderr(log("wiring.log")?)
-            .spawn()
-            .map_err(|error| NotJudged::Missing { file: TCL.into(), error })?;
-        let mut milltask = Command::new(scratch.milltask(Path::new(MILLTASK))?);
+            .stderr(log("wiring.log")?);
+        let control = scratch.milltask(Path::new(MILLTASK))?;
+        let mut milltask = Command::new(&control);
         milltask
             .arg("-ini")
             .arg(scratch.ini())
@@ -244,8 +251,26 @@ impl<'a> Run<'a> {
         milltask
             .fd_mappings(vec![FdMapping { parent_fd, child_fd: STREAM }])
             .map_err(io::Error::other)?;
-        let milltask = spawned(&mut milltask)?;
-        Ok(Self { scratch, milltask, wiring, records: Some(records) })
+        let folders = hal.iter().filter_map(|file| file.parent()).chain([beside]);
+        let rights = Rights {
+            reads: scratch
+                .folders
+                .iter()
+                .map(PathBuf::as_path)
+                .chain(folders)
+                .chain([program])
+                .map(Into::into)
+                .collect(),
+            writes: scratch.path().into(),
+            starts: vec![control, TCL.into()],
+        };
+        let rights = (!options.unconfined).then_some(rights);
+        let ((milltask, wiring), keeper) = confined::start(rights, move || {
+            let wiring = wiring.spawn();
+            let wiring = wiring.map_err(|error| NotJudged::Missing { file: TCL.into(), error })?;
+            Ok((spawned(&mut milltask)?, wiring))
+        })?;
+        Ok(Self { scratch, milltask, wiring, records: Some(records), _keeper: keeper })
     }
 
     fn watched(
@@ -360,7 +385,12 @@ fn end(child: &mut Child) {
 
 /// The LinuxCNC that is installed.
 fn installed() -> Result<String, NotJudged> {
-    let output = Command::new(VERSIONS).arg("LINUXCNCVERSION").stdin(Stdio::null()).output();
+    linuxcnc("LINUXCNCVERSION")
+}
+
+/// A value that LinuxCNC was built with.
+fn linuxcnc(name: &str) -> Result<String, NotJudged> {
+    let output = Command::new(VERSIONS).arg(name).stdin(Stdio::null()).output();
     let output = output.map_err(|error| NotJudged::Missing { file: VERSIONS.into(), error })?;
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_string())
 }

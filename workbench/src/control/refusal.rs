@@ -38,6 +38,12 @@ pub enum NotJudged {
         "the installed library for virtual time is of another version of pkmkins: install both together"
     )]
     OtherRecords,
+    /// The kernel enforces no rights of a run.
+    #[error(
+        "the kernel cannot keep a program from your files and from starting others ({0}): use Linux 5.13 or later with \
+         Landlock, or --unconfined for programs and HAL files that you trust"
+    )]
+    Unconfined(String),
     /// The INI file asks for what is not run.
     #[error("{0}: {1}, which is not looked at here")]
     Asked(String, &'static str),

@@ -2,10 +2,10 @@
 //! The folder in which LinuxCNC runs: copies of what it writes, and an INI file that leads to them.
 
 use crate::control::refusal::NotJudged;
-use crate::files::{self, AtFile, Folder, Locate};
+use crate::files::{self, AtFile, Folder, Locate, Whole};
 use crate::read::machine::MachineConfig;
-use crate::read::places::folders;
-use std::fs;
+use crate::read::places::{OF_TCL, folders, is_of_tcl};
+use std::fs::{self, File};
 use std::io;
 use std::path::{self, Path, PathBuf};
 
@@ -44,6 +44,8 @@ pub struct Scratch {
     folder: Folder,
     /// The tool table's copy; empty where there is none.
     pub tool_table: PathBuf,
+    /// Folders with programs and subroutines that the INI file names.
+    pub folders: Vec<PathBuf>,
 }
 
 impl Scratch {
@@ -62,7 +64,14 @@ impl Scratch {
             Some(table) => copied(table, &folder.path().join("tools.tbl"))?,
             None => PathBuf::new(),
         };
-        let scratch = Self { folder, tool_table };
+        let file = &from_root(config);
+        let folders = config
+            .ini
+            .entries()
+            .filter_map(|entry| folders(file, &entry.section, &entry.key, &entry.value));
+        let folders =
+            folders.flat_map(|names| names.split(':').map(PathBuf::from).collect::<Vec<_>>());
+        let scratch = Self { folder, tool_table, folders: folders.collect() };
         match &config.program.parameter_file {
             Some(stored) if stored.exists() => drop(copied(stored, &scratch.parameters())?),
             _ => write(&scratch.parameters(), "")?,
@@ -95,7 +104,10 @@ impl Scratch {
         fs::create_dir_all(folder).at(folder)?;
         for entry in fs::read_dir(&written).at(&written)? {
             let entry = entry.at(&written)?;
-            copied(&entry.path(), &folder.join(entry.file_name()))?;
+            let (from, to) = (entry.path(), folder.join(entry.file_name()));
+            let mut whole = Whole::new(&to)?;
+            io::copy(&mut File::open(&from).at(&from)?, &mut whole).at(&to)?;
+            whole.finish()?;
         }
         Ok(())
     }
@@ -219,6 +231,9 @@ fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
         if !is_harmless {
             return Err(NotJudged::Asked(format!("[{section}]{key} = {value}"), why));
         }
+    }
+    if let Some(section) = config.ini.sections().find(|section| is_of_tcl(section)) {
+        return Err(NotJudged::Refused(format!("[{section}]: {OF_TCL}")));
     }
     let mut remaps = config.ini.all("RS274NGC", "REMAP").into_iter();
     match remaps.find(|entry| is_python(&entry.value)) {

@@ -23,6 +23,17 @@ const FOLDERS: [(&str, &str); 4] = [
     ("WIZARD", "WIZARD_ROOT"),
 ];
 
+/// What is wrong with a section of [`is_of_tcl`].
+pub const OF_TCL: &str =
+    "the section would overwrite a variable of Tcl, which carries out the HAL files: rename it";
+
+/// Returns whether a section has the name of a variable of Tcl's own, as `env`. LinuxCNC makes
+/// a variable of each section before it carries out HAL files of Tcl, and these would then do something else.
+pub fn is_of_tcl(section: &str) -> bool {
+    let own = ["auto_", "tcl_", "unknown_", "argv", "error"];
+    own.iter().any(|start| section.starts_with(start)) || ["env", "argc"].contains(&section)
+}
+
 /// The folders that a key names, for a process that runs elsewhere; `None` of a key that names none. `ini` is the file
 /// from the root on.
 pub fn folders(ini: &Path, section: &str, key: &str, value: &str) -> Option<String> {
