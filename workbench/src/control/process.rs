@@ -11,6 +11,7 @@ use crate::read::machine::MachineConfig;
 use crate::read::places::MODULES;
 use command_fds::{CommandFdExt, FdMapping};
 use std::env;
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufReader, PipeReader, pipe};
 use std::ops::ControlFlow;
@@ -58,7 +59,26 @@ pub struct Options {
     pub block: Option<String>,
     /// Folder that gets what the program writes into files, by the files' names.
     pub written: Option<PathBuf>,
+    /// The machine's own HAL files in place of the simulated machine's, and its own way of homing.
+    pub own: Option<OwnFiles>,
+    /// Seconds of a processor that the whole run may take.
+    pub most_in_all: f64,
 }
+
+/// A script of Tcl that carries out the machine's own HAL files, called with the INI file of the run, the
+/// folder of the library, the folder of LinuxCNC's modules, and these arguments.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnFiles {
+    /// Text of the script.
+    pub script: String,
+    /// What it is given besides.
+    pub arguments: Vec<OsString>,
+}
+
+/// First word of the line by which such a script reports the step that failed.
+const FAILED: &str = "START";
+/// Its last word where LinuxCNC has ended meanwhile, and reports the reason itself.
+const GONE: &str = "LinuxCNC has gone away";
 
 impl Default for Options {
     fn default() -> Self {
@@ -69,6 +89,8 @@ impl Default for Options {
             hal: vec![],
             block: None,
             written: None,
+            own: None,
+            most_in_all: f64::INFINITY,
         }
     }
 }
@@ -91,14 +113,14 @@ pub fn run(
     for file in [Path::new(MILLTASK), &library] {
         fs::metadata(file).map_err(|error| NotJudged::Missing { file: file.into(), error })?;
     }
-    let scratch = Scratch::new(config)?;
+    let scratch = Scratch::new(config, options.own.as_ref().map(|own| own.script.as_str()))?;
     let program = program.canonicalize().at(program)?;
     if program.is_dir() {
         return Err(io::Error::from(io::ErrorKind::IsADirectory)).at(&program)?;
     }
     let hal = options.hal.iter().map(|file| file.canonicalize().at(file));
-    let hal = hal.collect::<Result<Vec<_>, _>>()?;
-    let run = Run::start(config, &scratch, &library, &program, &hal, options.block.as_deref())?;
+    let hal = hal.map(|file| file.map(Into::into)).collect::<Result<Vec<_>, _>>()?;
+    let run = Run::start(config, &scratch, &library, &program, &hal, options)?;
     let outcome = run.watched(config, &installed, options, see)?;
     if let Some(folder) = &options.written {
         scratch.keep_written(folder)?;
@@ -154,8 +176,8 @@ impl<'a> Run<'a> {
         scratch: &'a Scratch,
         library: &Path,
         program: &Path,
-        hal: &[PathBuf],
-        block: Option<&str>,
+        hal: &[OsString],
+        options: &Options,
     ) -> Result<Self, NotJudged> {
         let (asked, ask) = pipe()?;
         let (answered, answer) = pipe()?;
@@ -169,7 +191,7 @@ impl<'a> Run<'a> {
             .arg(scratch.ini())
             .arg(library.parent().unwrap_or(Path::new(MODULES)))
             .arg(MODULES)
-            .args(hal)
+            .args(options.own.as_ref().map_or(hal, |own| &own.arguments))
             .current_dir(scratch.path())
             .stdin(answered)
             .stdout(ask)
@@ -188,7 +210,7 @@ impl<'a> Run<'a> {
             .env("LD_PRELOAD", library)
             .env("PKMKINS_VIRTUAL_FOLDER", scratch.path())
             .env("PKMKINS_VIRTUAL_PROGRAM", program)
-            .env("PKMKINS_VIRTUAL_BLOCK", block.unwrap_or_default())
+            .env("PKMKINS_VIRTUAL_BLOCK", options.block.as_deref().unwrap_or_default())
             .env("PKMKINS_VIRTUAL_TOOLS", &scratch.tool_table)
             .env(
                 "PKMKINS_VIRTUAL_RANDOM_TOOLS",
@@ -218,7 +240,8 @@ impl<'a> Run<'a> {
         mut see: impl FnMut(&Row) -> ControlFlow<()>,
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
-        let pulse = Pulse::new(from, self.milltask.id(), options.most_work);
+        let most = [options.most_work, options.most_in_all];
+        let pulse = Pulse::new(from, self.milltask.id(), most);
         let mut records = Records::new(
             BufReader::with_capacity(1 << 16, pulse),
             Columns {
@@ -247,7 +270,10 @@ impl<'a> Run<'a> {
                     return Ok(watch.outcome(Ending::Stopped, cycle));
                 }
                 Record::End(_, _, Cause::NotJudged, text) => {
-                    return Err(NotJudged::Refused(text + &self.complaint()));
+                    return Err(match options.own {
+                        Some(_) => self.refused(text),
+                        None => NotJudged::Refused(text + &self.complaint()),
+                    });
                 }
             }
         }
@@ -262,6 +288,28 @@ impl<'a> Run<'a> {
         let reason: Vec<String> =
             lines.into_iter().take_while(|line| line.trim() != "while executing").collect();
         told(&reason[..reason.len().min(LINES)])
+    }
+
+    /// Why the machine's own files do not start it: the step that failed, where one of them did.
+    fn refused(&mut self, text: String) -> NotJudged {
+        let _ = self.wiring.wait();
+        let lines = self.log("wiring.log");
+        let words = lines.iter().map(|line| line.split('\t').collect::<Vec<_>>());
+        let failed = words.into_iter().find_map(|words| match words[..] {
+            [FAILED, kind, file, line, entry, reason] => Some((
+                kind == "mistake",
+                file.into(),
+                line.parse().ok()?,
+                entry.parse().ok()?,
+                reason.to_string(),
+            )),
+            _ => None,
+        });
+        let Some((is_mistake, file, line, entry, reason)) = failed else {
+            return NotJudged::Refused(text + &self.last_words());
+        };
+        let text = if reason == GONE { text + &self.last_words() } else { reason };
+        NotJudged::Step { file, line, entry, is_mistake, text }
     }
 
     /// What LinuxCNC said last.
@@ -368,6 +416,7 @@ impl<'a> Watch<'a> {
     fn quiet(&self, error: io::Error) -> NotJudged {
         match error.kind() {
             io::ErrorKind::TimedOut => NotJudged::Endless(self.line),
+            io::ErrorKind::QuotaExceeded => NotJudged::Slow(self.options.most_in_all),
             _ => error.into(),
         }
     }

@@ -12,6 +12,8 @@ use std::path::{self, Path, PathBuf};
 const DRIVER: &str = include_str!("../../virtual/driver.py");
 const WIRING: &str =
     concat!(include_str!("../read/ini.tcl"), include_str!("../../virtual/wiring.tcl"));
+/// Carries out the simulated machine's HAL files.
+const SIMULATED: &str = "\nwiring::main {*}$argv\n";
 
 /// Buffers in which milltask, the tool changer and the driver meet: their names, sizes, numbers, and what
 /// LinuxCNC's own file says of them beside.
@@ -44,25 +46,28 @@ pub struct Scratch {
     folder: Folder,
     /// The tool table's copy; empty where there is none.
     pub tool_table: PathBuf,
+    /// Whether joints home as the machine's file says, instead of at once.
+    homes: bool,
 }
 
 impl Scratch {
-    /// Makes it.
+    /// Makes it. With `own`, a script, the machine's own HAL files are carried out in place of the simulated
+    /// machine's, and its joints home as its file says.
     ///
     /// # Errors
     /// A file cannot be read or written, or the INI file asks for what is not run.
-    pub fn new(config: &MachineConfig) -> Result<Self, NotJudged> {
-        refuse_others(config)?;
-        Ok(Self::made(config)?)
+    pub fn new(config: &MachineConfig, own: Option<&str>) -> Result<Self, NotJudged> {
+        refuse_others(config, own.is_some())?;
+        Ok(Self::made(config, own)?)
     }
 
-    fn made(config: &MachineConfig) -> Result<Self, AtFile<io::Error>> {
+    fn made(config: &MachineConfig, own: Option<&str>) -> Result<Self, AtFile<io::Error>> {
         let folder = Folder::new()?;
         let tool_table = match &config.program.tool_table {
             Some(table) => copied(table, &folder.path().join("tools.tbl"))?,
             None => PathBuf::new(),
         };
-        let scratch = Self { folder, tool_table };
+        let scratch = Self { folder, tool_table, homes: own.is_some() };
         match &config.program.parameter_file {
             Some(stored) if stored.exists() => drop(copied(stored, &scratch.parameters())?),
             _ => write(&scratch.parameters(), "")?,
@@ -71,7 +76,7 @@ impl Scratch {
         write(&scratch.path().join("driver.py"), DRIVER)?;
         let written = scratch.path().join("written");
         fs::create_dir(&written).at(&written)?;
-        write(&scratch.wiring(), WIRING)?;
+        write(&scratch.wiring(), &(WIRING.to_string() + own.unwrap_or(SIMULATED)))?;
         write(&scratch.path().join("buffers.nml"), &buffers())?;
         Ok(scratch)
     }
@@ -143,7 +148,7 @@ impl Scratch {
         let joint = section.strip_prefix("JOINT_").and_then(|n| n.parse::<usize>().ok());
         match (section, joint.and_then(|n| config.all_joints().nth(n))) {
             ("EMC", _) => format!("NML_FILE = {}/buffers.nml\n", self.path().display()),
-            (_, Some(joint)) => format!(
+            (_, Some(joint)) if !self.homes => format!(
                 "HOME_OFFSET = {}\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n",
                 joint.home
             ),
@@ -158,7 +163,7 @@ impl Scratch {
             ("EMC", "NML_FILE" | "DEBUG") | ("RS274NGC", "LOG_FILE" | "LOG_LEVEL") => None,
             ("RS274NGC", "PARAMETER_FILE") => said(self.parameters().display().to_string()),
             ("EMCIO", "TOOL_TABLE") => said(self.tool_table.display().to_string()),
-            _ if section.starts_with("JOINT_") && HOMING.contains(&key) => None,
+            _ if !self.homes && section.starts_with("JOINT_") && HOMING.contains(&key) => None,
             _ => said(folders(file, section, key, value).unwrap_or_else(|| value.into())),
         }
     }
@@ -198,7 +203,7 @@ fn buffers() -> String {
 
 /// Refuses what would run other programs of the user's, whose part in the motion is not known, and what this
 /// LinuxCNC does not know.
-fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
+fn refuse_others(config: &MachineConfig, leaves_halui: bool) -> Result<(), NotJudged> {
     let value = |section: &str, key: &str| config.ini.as_inivar(section, key);
     let remote = |file: &str| is_remote(&folder_of(config).join(file));
     let reasons = [
@@ -212,6 +217,7 @@ fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
     for (section, key, why) in reasons {
         let Some(value) = value(section, key) else { continue };
         let is_harmless = match key {
+            "HALUI" => leaves_halui,
             "TASK" => value == "milltask",
             "PLANNER_TYPE" => value == "0",
             "NML_FILE" => !remote(value),
