@@ -192,6 +192,25 @@ std::string net(const std::string &signal, const std::string &pin) {
     own.signal = signal;
     return "";
 }
+
+std::string unlink(const std::string &name) {
+    const auto found = all().find(name);
+    if (found == all().end() || found->second.is_parameter) {
+        return "there is no pin " + name;
+    }
+    Pin &pin = found->second;
+    if (pin.signal.empty()) {
+        return "";
+    }
+    Signal &signal = signals()[pin.signal];
+    for (std::string *writer : {&signal.writer, &signal.other}) {
+        *writer = *writer == name ? "" : *writer;
+    }
+    // It keeps the value that it had.
+    *pin.where = std::memcpy(new_value(), signal.value, sizeof(hal_data_u));
+    pin.signal.clear();
+    return "";
+}
 }
 
 namespace thread {

@@ -34,6 +34,8 @@ std::string set_signal(const std::string &name, const std::string &text);
 std::string names_like(const std::string &pattern);
 // Puts a pin on a signal, which is made where there is none.
 std::string net(const std::string &signal, const std::string &pin);
+// Takes a pin off its signal.
+std::string unlink(const std::string &pin);
 template <typename T> T *find(const std::string &name) { return static_cast<T *>(find_any(name)); }
 // A pin, with its direction, or a parameter, with that of parameters.
 int add(const std::string &name, hal_type_t type, int direction, void **where, bool is_parameter = false);

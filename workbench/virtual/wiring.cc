@@ -3,7 +3,7 @@
 // words separated by tabs:
 //
 //     load FILE NAME=VALUE...    addf FUNCTION    setp PIN VALUE    net SIGNAL PIN    newsig SIGNAL TYPE
-//     sets SIGNAL VALUE    list pin PATTERN    done
+//     sets SIGNAL VALUE    unlinkp PIN    list pin PATTERN    done
 //
 // They come on standard input from wiring.tcl; each is answered by a line on standard output, ok or error.
 
@@ -94,6 +94,7 @@ std::string step(const std::string &line) {
                                 : verb == "net"    ? pins::net(first, second)
                                 : verb == "newsig" ? pins::new_signal(first, second)
                                 : verb == "sets"   ? pins::set_signal(first, second)
+                                : verb == "unlinkp" ? pins::unlink(first)
                                 : verb == "done"   ? ""
                                                    : "this cannot be done: " + line;
     return refused.empty() ? "ok" : "error: " + refused;

@@ -7,10 +7,11 @@
 //! out is not judged, with the reason. Which way a pin goes HAL knows only where its component is loaded:
 //! here it is known of motion, of PID loops and of inputs by their names.
 
+use crate::check::programs::{is_installed, is_program};
 use crate::files::Folder;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
-use crate::read::places::HALLIB;
+use crate::read::places::{HALLIB, MODULES};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -95,6 +96,7 @@ pub(crate) fn check(ini: &Ini) -> Result<Vec<Found>, IniError> {
             return Ok(found);
         }
     };
+    found.extend(wiring.absent(ini));
     if let Some((severity, text, place)) = &wiring.stopped {
         found.push((*severity, at(ini, place, text)));
         return Ok(found);
@@ -206,6 +208,29 @@ impl Plan {
 }
 
 impl Wiring {
+    /// Programs and modules that are not there, where LinuxCNC is installed.
+    fn absent(&self, ini: &Ini) -> Vec<Found> {
+        if !is_installed() {
+            return vec![];
+        }
+        // pkmkins itself may be built and not installed.
+        let is_module = |name: &str| {
+            name == "pkmkins" || Path::new(MODULES).join(format!("{name}.so")).is_file()
+        };
+        let modules = self.modules.iter().filter_map(|(words, place)| {
+            let name = words.first().filter(|name| !is_module(name))?;
+            Some((place, format!("LinuxCNC has no module {name}, and its start ends here")))
+        });
+        let programs = self.programs.iter().filter_map(|(words, place)| {
+            let name = program(words).filter(|name| !is_program(ini, name))?;
+            Some((place, format!("there is no program {name}, and LinuxCNC's start ends here")))
+        });
+        modules
+            .chain(programs)
+            .map(|(place, text)| (Severity::Error, at(ini, place, &text)))
+            .collect()
+    }
+
     /// The plan, or why there is none.
     fn plan(&self) -> Result<Plan, String> {
         if let Some((Severity::Error, text, _)) = &self.stopped {

@@ -144,7 +144,7 @@ fn absent(ini: &Ini, entry: &Entry, what: &str, name: &str, known: &[&str]) -> I
 }
 
 /// Whether LinuxCNC is on this computer.
-fn is_installed() -> bool {
+pub(super) fn is_installed() -> bool {
     Path::new(HALLIB).is_dir()
 }
 
@@ -309,7 +309,7 @@ fn file<'a>(ini: &'a Ini, section: &str, key: &str) -> Option<(&'a Entry, PathBu
     (!name.trim_matches('"').is_empty()).then(|| (entry, places::named(ini.file(), name)))
 }
 
-fn is_program(ini: &Ini, name: &str) -> bool {
+pub(super) fn is_program(ini: &Ini, name: &str) -> bool {
     let is_run = |file: PathBuf| {
         file.metadata().is_ok_and(|it| it.is_file() && it.permissions().mode() & 0o111 != 0)
     };

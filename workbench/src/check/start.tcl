@@ -48,6 +48,13 @@ proc drives::hal {frames verb args} {
         }
         setp { if {![is_strange [lindex $args 0]]} { ask ::hal setp {*}$args } }
         addf { ask ::hal addf [lindex $args 0] }
+        unlinkp { if {![is_strange [lindex $args 0]]} { ask wiring::ask unlinkp {*}$args } }
+        getp {
+            set name [lindex $args 0]
+            if {![is_strange $name] && [ask ::hal list pin $name] eq ""} {
+                mistake "there is no pin or parameter $name"
+            }
+        }
         newsig - sets { ask wiring::ask $verb {*}$args }
     }
     return $answer

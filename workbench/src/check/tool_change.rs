@@ -16,7 +16,7 @@ const G30: usize = 5181;
 
 /// Everything of it.
 pub(super) fn check(report: &mut Report, config: &MachineConfig) {
-    let mut start = config.world_home;
+    let mut start = world::home(config);
     // In LinuxCNC's order.
     if let Some(entry) = is_on(config, "TOOL_CHANGE_QUILL_UP") {
         start[2] = 0.0;

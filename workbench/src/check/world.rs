@@ -21,6 +21,15 @@ pub fn coordinates(config: &MachineConfig) -> Vec<(char, usize, Axis)> {
     config.mechanisms().flat_map(of).chain(extra).collect()
 }
 
+/// LinuxCNC's pose after homing: extra axes stand where their joints are, whatever `[TRAJ]HOME` says.
+pub fn home(config: &MachineConfig) -> World {
+    let mut world = config.world_home;
+    for (place, axis) in config.extra_axes.places().zip(&config.extra) {
+        world[place] = axis.joint.home;
+    }
+    world
+}
+
 /// The first limit that the machine violates at a pose without a tool, in words; `None` where it keeps all.
 pub fn violated(config: &MachineConfig, world: &World) -> Option<String> {
     let beyond = coordinates(config)

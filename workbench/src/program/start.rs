@@ -179,14 +179,15 @@ fn whole(ini: &Ini, text: &str) -> IniError {
 }
 
 /// What LinuxCNC's messages speak of, and the key that is mostly responsible.
-const ABOUT: [(&str, &str, &str); 8] = [
+const ABOUT: [(&str, &str, &str); 9] = [
+    ("initialize IO", "EMCIO", "TOOL_CHANGE_POSITION"),
+    ("num_joints", "KINS", "JOINTS"),
     ("arameter file", "RS274NGC", "PARAMETER_FILE"),
     ("initialize interpreter", "RS274NGC", "RS274NGC_STARTUP_CODE"),
     ("tool table", "EMCIO", "TOOL_TABLE"),
     ("motmod", "EMCMOT", "EMCMOT"),
     ("tpmod", "TRAJ", "TPMOD"),
     ("homemod", "EMCMOT", "HOMEMOD"),
-    ("num_joints", "KINS", "JOINTS"),
     ("pkmkins.so", "KINS", "KINEMATICS"),
 ];
 
@@ -201,7 +202,7 @@ fn named(ini: &Ini, text: &str, told: &str) -> Option<IniError> {
             && name.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_')
     };
     // As LinuxCNC's INI reader has it, and as pkmkins.tcl has it.
-    let of_reader = between("section=[", "]").zip(between("tag=<", ">"));
+    let of_reader = between("section=", ",").zip(between("tag=", ","));
     let of_file = between("[", "]").filter(is_name).and_then(|section| {
         let (_, rest) = text.split_once(&format!("[{section}]"))?;
         let key: String =
@@ -252,7 +253,7 @@ impl Program {
         program.line(None, &format!("{unit} G17 G40 G49 G80 G90 G94"));
         for (letter, place, axis) in world::coordinates(config) {
             let Some(way) = way(config, place, &axis) else { continue };
-            let (home, feed) = (config.world_home[place], 60.0 * way.abs() / DURATION);
+            let (home, feed) = (world::home(config)[place], 60.0 * way.abs() / DURATION);
             let tried = Some(Tried::Coordinate(letter));
             program.line(tried, &format!("G53 G0 {letter}{:.9}", home + way));
             program.line(tried, &format!("G53 G1 {letter}{home:.9} F{feed:.6}"));
@@ -283,7 +284,11 @@ impl Program {
             }
         }
         let letters: Vec<String> = letters.iter().map(char::to_string).collect();
-        format!("switched on, homed, {} moved{tools}", letters.join(" "))
+        let moved = match letters.is_empty() {
+            true => "nothing moved, for home has no room within the limits".into(),
+            false => format!("{} moved", letters.join(" ")),
+        };
+        format!("switched on, homed, {moved}{tools}")
     }
 
     /// Why LinuxCNC stopped the program.
@@ -294,7 +299,12 @@ impl Program {
         let all = texts.join("; ");
         // A move that the program does not have stands on a line below 0.
         let line = errors.first().map_or(0, |message| message.place().max(message.read)) as usize;
-        let tried = line.checked_sub(1).and_then(|k| self.lines.get(k).copied().flatten());
+        let tried = match all.contains("line -1") {
+            true => {
+                self.lines.iter().flatten().find(|tried| matches!(tried, Tried::Tool(_))).copied()
+            }
+            false => line.checked_sub(1).and_then(|k| self.lines.get(k).copied().flatten()),
+        };
         let what = match tried {
             Some(Tried::Coordinate(letter)) => format!("LinuxCNC does not move {letter}"),
             Some(Tried::Tool(number)) => format!("LinuxCNC does not change to T{number}"),
@@ -332,7 +342,7 @@ fn way(config: &MachineConfig, place: usize, axis: &Axis) -> Option<f64> {
     let mut way = most.min(SHARE * (axis.max - axis.min));
     for _ in 0..HALVES {
         for signed in [way, -way] {
-            let mut world = config.world_home;
+            let mut world = world::home(config);
             world[place] += signed;
             if world::violated(config, &world).is_none() {
                 return Some(signed);
