@@ -265,6 +265,7 @@ impl Wiring {
         let left_out =
             first.or_else(|| pin().map(|(pin, (_, place))| format!("{pin}{}", place.shown())));
         let changer = self.beside("iocontrol.0.tool-changed");
+        // Nothing that answers is a mistake of its own.
         let changes_tools = changer.iter().any(|pin| !is_strange(pin));
         Ok(Plan { reason: None, left_out, changes_tools, strangers })
     }
@@ -344,6 +345,10 @@ impl Wiring {
                 }
                 self.stopped =
                     Some((Severity::Error, format!("LinuxCNC's start ends here: {text}"), place));
+            }
+            ("refused", [reason, ..]) => {
+                let text = format!("LinuxCNC's start ends here: {reason}");
+                self.stopped = Some((Severity::Error, text, place));
             }
             // What ended LinuxCNC's start is told already, and here is where.
             ("failed", [reason, ..]) => match &mut self.stopped {
@@ -681,6 +686,12 @@ impl Judge<'_> {
         if wiring.beside("iocontrol.0.emc-enable-in").is_empty() {
             let text = "iocontrol.0.emc-enable-in is on no signal: LinuxCNC never leaves the emergency stop";
             self.tell(Severity::Error, None, text);
+        }
+        let asks = !wiring.modules.is_empty() && self.ini.first("EMCIO", "TOOL_TABLE").is_some();
+        if asks && wiring.beside("iocontrol.0.tool-changed").is_empty() {
+            let text =
+                "iocontrol.0.tool-changed is on no signal: every M6 waits for it and never ends";
+            self.tell(Severity::Warning, None, text);
         }
         let speed: BTreeSet<&String> =
             wiring.signals.keys().filter(|pin| pin.starts_with("spindle.0.speed-out")).collect();

@@ -8,7 +8,7 @@
 # key HALFILE or HALCMD. Every file is carried out in an interpreter that can touch nothing: no file is
 # written, no process started. What it does comes as a line on standard output each, its words separated by
 # tabs: the place (file, line), what (net, unlinkp, setp, addf, loadrt, loadusr), its words; "own" where
-# pkmkins.tcl would be read, "ends" with what a file has printed before it ends LinuxCNC's start, and "failed"
+# pkmkins.tcl would be read, "refused" with the reason of what LinuxCNC refuses as well, "ends" with what a file has printed before it ends LinuxCNC's start, and "failed"
 # with a reason.
 
 namespace eval drives {
@@ -25,6 +25,8 @@ namespace eval drives {
     variable printed {}
     # Of the file that is not of Tcl, where it is.
     variable place {}
+    # Words that commands have at least.
+    variable counts {setp 2 sets 2 newsig 2 addf 2 linkps 2 linksp 2 net 1 getp 1 unlinkp 1 loadrt 1 loadusr 1}
     # Commands of LinuxCNC's whose effect is not known here.
     variable verbs {
         unload unloadrt unloadusr stype gets linkpp unlink ptype delf source save stop quit exit help
@@ -56,7 +58,7 @@ proc drives::place {frames} {
             return [list [dict get $frame file] [dict get $frame line]]
         }
     }
-    return $place
+    return [expr {[llength $place] ? $place : {{} 0}}]
 }
 
 proc drives::net {where signal args} {
@@ -87,6 +89,10 @@ proc drives::hal {frames verb args} {
     variable signals
     variable values
     set where [place $frames]
+    variable counts
+    if {[dict exists $counts $verb] && [llength $args] < [dict get $counts $verb]} {
+        mistake "hal $verb $args: LinuxCNC expects more words"
+    }
     switch -- $verb {
         net { net $where {*}$args }
         linkps { net $where [lindex $args end] [lindex $args 0] }
@@ -246,7 +252,20 @@ proc drives::where {options} {
     return [expr {[llength $place] ? $place : {{} 0}}]
 }
 
-proc drives::failed {number message options} { say {*}[where $options] failed $message }
+# Whether LinuxCNC ends its start by what a file has ended with.
+proc drives::is_mistake {message options} {
+    variable verbs
+    if {[dict get $options -errorcode] eq {DRIVES MISTAKE}} { return 1 }
+    # A key that is not in the INI file.
+    if {[regexp {^can't read "(?:::)?([A-Z][A-Z0-9_]*)\(} $message]} { return 1 }
+    # A command that Tcl does not have at all; what is kept from these files has not the same name as one of HAL's.
+    return [expr {[regexp {^invalid command name "(.*)"$} $message -> name]
+                  && $name ni $verbs && ![llength [info commands ::$name]]}]
+}
+
+proc drives::failed {number message options} {
+    say {*}[where $options] [expr {[is_mistake $message $options] ? "refused" : "failed"}] $message
+}
 
 proc drives::main {ini in libs args} {
     variable box

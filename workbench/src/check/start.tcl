@@ -60,20 +60,9 @@ proc drives::hal {frames verb args} {
     return $answer
 }
 
-# Whether LinuxCNC ends its start by what a file has ended with.
-proc drives::is_mistake {message options} {
-    variable verbs
-    if {$message eq "exit" || [dict get $options -errorcode] eq {DRIVES MISTAKE}} { return 1 }
-    # A key that is not in the INI file.
-    if {[regexp {^can't read "(?:::)?([A-Z][A-Z0-9_]*)\(} $message]} { return 1 }
-    # A command that Tcl does not have at all; what is kept from these files has not the same name as one of HAL's.
-    return [expr {[regexp {^invalid command name "(.*)"$} $message -> name]
-                  && $name ni $verbs && ![llength [info commands ::$name]]}]
-}
-
 proc drives::failed {number message options} {
     variable printed
-    set kind [expr {[is_mistake $message $options] ? "mistake" : "limit"}]
+    set kind [expr {$message eq "exit" || [is_mistake $message $options] ? "mistake" : "limit"}]
     if {$message eq "exit"} { set message [join $printed "; "] }
     set words [list START $kind {*}[where $options] $number $message]
     puts stderr [join [lmap word $words { string map {"\t" " " "\n" "; "} $word }] \t]

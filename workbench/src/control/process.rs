@@ -306,7 +306,10 @@ impl<'a> Run<'a> {
             _ => None,
         });
         let Some((is_mistake, file, line, entry, reason)) = failed else {
-            return NotJudged::Refused(text + &self.last_words());
+            // The operator has reported what LinuxCNC says.
+            let words =
+                if text.starts_with("LinuxCNC") { String::new() } else { self.last_words() };
+            return NotJudged::Refused(text + &words);
         };
         let text = if reason == GONE { text + &self.last_words() } else { reason };
         NotJudged::Step { file, line, entry, is_mistake, text }
@@ -314,7 +317,9 @@ impl<'a> Run<'a> {
 
     /// What LinuxCNC said last.
     fn last_words(&self) -> String {
-        let lines = self.log("milltask.log");
+        let mut lines = self.log("milltask.log");
+        // It is not the computer that is judged.
+        lines.retain(|line| !line.contains("main loop took"));
         told(&lines[lines.len().saturating_sub(LINES)..])
     }
 

@@ -4,7 +4,7 @@
 use crate::control::refusal::NotJudged;
 use crate::files::{AtFile, Folder, Locate};
 use crate::read::machine::MachineConfig;
-use crate::read::places::folders;
+use crate::read::places::{folders, named};
 use std::fs::{self, File};
 use std::io;
 use std::path::{self, Path, PathBuf};
@@ -163,6 +163,9 @@ impl Scratch {
             ("EMC", "NML_FILE" | "DEBUG") | ("RS274NGC", "LOG_FILE" | "LOG_LEVEL") => None,
             ("RS274NGC", "PARAMETER_FILE") => said(self.parameters().display().to_string()),
             ("EMCIO", "TOOL_TABLE") => said(self.tool_table.display().to_string()),
+            (_, "COMP_FILE") if section.starts_with("JOINT_") => {
+                said(named(file, value).display().to_string())
+            }
             _ if !self.homes && section.starts_with("JOINT_") && HOMING.contains(&key) => None,
             _ => said(folders(file, section, key, value).unwrap_or_else(|| value.into())),
         }

@@ -151,11 +151,12 @@ fn refused(
                 None => whole(ini, &told),
             }))
         }
-        NotJudged::Refused(text) => Some(at(ini, text)),
+        NotJudged::Refused(text) => Some(at(ini, text.trim_end_matches([':', ' ']))),
         NotJudged::Crashed(text) => Some(at(ini, &format!("LinuxCNC ends at its start{text}"))),
         NotJudged::Stands(..) => {
             let text = "LinuxCNC starts a move that never ends, and says nothing";
             let key = ini.first("DISPLAY", "MAX_FEED_OVERRIDE");
+            let key = key.filter(|entry| entry.value.parse().is_ok_and(|most: f64| most <= 0.0));
             Some(key.map_or_else(|| whole(ini, text), |entry| ini.refuse(entry, text)))
         }
         _ => None,
@@ -179,7 +180,8 @@ fn whole(ini: &Ini, text: &str) -> IniError {
 }
 
 /// What LinuxCNC's messages speak of, and the key that is mostly responsible.
-const ABOUT: [(&str, &str, &str); 9] = [
+const ABOUT: [(&str, &str, &str); 10] = [
+    ("REMAP INI Line", "RS274NGC", "REMAP"),
     ("initialize IO", "EMCIO", "TOOL_CHANGE_POSITION"),
     ("num_joints", "KINS", "JOINTS"),
     ("arameter file", "RS274NGC", "PARAMETER_FILE"),
