@@ -33,6 +33,10 @@ use workbench::read::machine::MachineConfig;
 /// gains in X, Y and Z. They stay within the axis limits that the file gives already; where it gives
 /// none, the machine sets the end.
 ///
+/// At last LinuxCNC starts the machine in virtual time, with its own HAL files: switched on, homed, each coordinate
+/// moved a little way and back, a tool changed. What LinuxCNC refuses does not fit together. Hardware, and programs
+/// that HAL files start, are not run.
+///
 /// Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 /// other at home and, seen, within the axis limits.
 ///

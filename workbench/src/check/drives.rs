@@ -219,16 +219,27 @@ impl Wiring {
         };
         let modules = self.modules.iter().filter_map(|(words, place)| {
             let name = words.first().filter(|name| !is_module(name))?;
-            Some((place, format!("LinuxCNC has no module {name}, and its start ends here")))
+            let text = format!("LinuxCNC has no module {name}, and its start ends here");
+            Some((Severity::Error, place, name.as_str(), text))
         });
         let programs = self.programs.iter().filter_map(|(words, place)| {
             let name = program(words).filter(|name| !is_program(ini, name))?;
-            Some((place, format!("there is no program {name}, and LinuxCNC's start ends here")))
+            let mut options = words.iter().take_while(|word| word.starts_with('-'));
+            // LinuxCNC waits for it by -W, -Wn and -w alone.
+            let (severity, what) = match options.any(|word| word.contains(['W', 'w'])) {
+                true => (Severity::Error, "and LinuxCNC's start ends here"),
+                false => (Severity::Warning, "and LinuxCNC starts without it"),
+            };
+            Some((severity, place, name, format!("there is no program {name}, {what}")))
         });
-        modules
-            .chain(programs)
-            .map(|(place, text)| (Severity::Error, at(ini, place, &text)))
-            .collect()
+        let command = |place: &Place, name: &str, text: &str| {
+            let is_it = |entry: &&Entry| entry.value.split_whitespace().any(|word| word == name);
+            let entry =
+                ini.all("HAL", "HALCMD").into_iter().find(is_it).filter(|_| place.line == 0);
+            entry.map_or_else(|| at(ini, place, text), |entry| ini.refuse(entry, text))
+        };
+        let all = modules.chain(programs);
+        all.map(|(severity, place, name, text)| (severity, command(place, name, &text))).collect()
     }
 
     /// The plan, or why there is none.
