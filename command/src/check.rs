@@ -6,7 +6,7 @@ use super::{Bar, MachineFile, Verdict, output, told};
 use serde_json::{Value, json};
 use std::io::Write;
 use workbench::check::between::{self, Between};
-use workbench::check::findings::{Finding, Report};
+use workbench::check::findings::Report;
 use workbench::check::fixes::{fixed, machine};
 use workbench::check::report::check;
 use workbench::check::suggestion::{axis_lines, tilt_table};
@@ -14,7 +14,6 @@ use workbench::files::write_over;
 use workbench::program::start::{Start, start};
 use workbench::read::diagnostic::{Severity, rendered};
 use workbench::read::edit::difference;
-use workbench::read::ini::IniError;
 use workbench::read::machine::MachineConfig;
 
 /// Checks that a machine's INI file fits together
@@ -106,28 +105,17 @@ fn try_start(
     config: &MachineConfig,
     report: &mut Report,
 ) -> Result<(), Failure> {
-    let started = match arguments.no_start {
-        true => Start { fact: "not tried: --no-start".into(), error: None },
-        false => {
-            let bar = Bar::spinner("starting the machine in virtual time");
-            let started = start(config)?;
-            drop(bar);
-            started
-        }
+    let not_tried = |reason: &str| Start { fact: format!("not tried: {reason}"), error: None };
+    let started = if arguments.no_start {
+        not_tried("--no-start")
+    } else if !report.fits() {
+        not_tried("the errors come first")
+    } else {
+        let _bar = Bar::spinner("starting the machine in virtual time");
+        start(config)?
     };
     report.fact("start", started.fact);
-    // What is reported already is said once.
-    let is_new = |error: &IniError| {
-        let same = |finding: &Finding| {
-            let (one, other) = (&finding.problem, &*error.0);
-            !other.key.is_empty()
-                && finding.severity == Severity::Error
-                && (&one.section, &one.key, &one.file, one.line)
-                    == (&other.section, &other.key, &other.file, other.line)
-        };
-        !report.findings.iter().any(same)
-    };
-    if let Some(error) = started.error.filter(is_new) {
+    if let Some(error) = started.error {
         report.finding(Severity::Error, error);
     }
     Ok(())

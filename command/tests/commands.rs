@@ -103,6 +103,7 @@ linear-delta.ini
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
+  start          switched on, homed, X Y Z moved, T1 changed, in virtual time
 
 Proved: without a tool the machine can take every pose within its axis limits:
 
@@ -411,6 +412,7 @@ linear-delta.ini
   homing         keeps the limits of the legs from 200 of 200 poses seen; pkm homing shows the way
   nearest limit  carriage 0 at home: 325.363 mm, 0 to 310 mm allowed, -5.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
+  start          not tried: the errors come first
 
 error: [JOINT_0]HOME = 300
    --> linear-delta.ini:117:8
@@ -466,6 +468,7 @@ linear-delta.ini
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
+  start          not tried: the errors come first
 
 warning: [JOINT_0]HOME_SEQUENCE is missing
 --> linear-delta.ini
@@ -542,6 +545,7 @@ linear-delta.ini
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
+  start          not tried: the errors come first
 
 error: [JOINT_0]HOME_SEQUENCE = 0
    --> linear-delta.ini:128:17

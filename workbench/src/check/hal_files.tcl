@@ -176,7 +176,7 @@ proc drives::run_file {name args} {
     if {[file tail $file] eq "pkmkins.tcl" && !$runs_own} { say $file 1 own; return }
     if {![file exists $file]} {
         variable hallibs
-        mistake "$name is neither beside the INI file nor in [lindex $hallibs end]"
+        error "$name is neither beside the INI file nor in [lindex $hallibs end]"
     }
     if {[file extension $file] ne ".tcl"} { return [run_hal $file] }
     $box eval [list set ::argv $args]

@@ -67,6 +67,9 @@ enum Tried {
 /// # Errors
 /// A file cannot be written.
 pub fn start(config: &MachineConfig) -> Result<Start, AtFile<io::Error>> {
+    if !Path::new(HALLIB).is_dir() {
+        return Ok(Start::not_tried("LinuxCNC is not installed here"));
+    }
     let plan = Plan::new(&config.ini);
     if let Some(reason) = plan.reason {
         return Ok(Start::not_tried(reason));
