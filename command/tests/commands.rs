@@ -547,6 +547,12 @@ linear-delta.ini
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
   start          not tried: the errors come first
 
+warning: [JOINT_0]HOME_SEARCH_VEL = 20
+   --> linear-delta.ini:125:19
+    |
+125 | HOME_SEARCH_VEL = 20
+    |                   ^^ in 100 % of the poses within the axis limits carriage 0 stands beyond its switch, from HOME_OFFSET = 150 to 375, and a switch that is not closed there is never met: expected -20, or a switch that stays closed to that end
+
 error: [JOINT_0]HOME_SEQUENCE = 0
    --> linear-delta.ini:128:17
     |
@@ -870,6 +876,10 @@ conditioning; of a machine that tilts also whether that is proved with every too
 and what a smaller tilt gains in X, Y and Z. They stay within the axis limits that the file gives
 already; where it gives none, the machine sets the end.
 
+At last LinuxCNC starts the machine in virtual time, with its own HAL files: switched on, homed,
+each coordinate moved a little way and back, a tool changed. What LinuxCNC refuses does not fit
+together. Hardware, and programs that HAL files start, are not run.
+
 Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 other at home and, seen, within the axis limits.
 
@@ -897,6 +907,9 @@ Options:
       --write
           Write what --fix proposes into the file
 
+      --no-start
+          Leave out the start in virtual time
+
   -h, --help
           Print help (see a summary with '-h')
 
@@ -921,6 +934,8 @@ Examples:
       what was understood, and what does not fit
   pkm check hexapod.ini --quiet
       what does not fit alone
+  pkm check hexapod.ini --no-start
+      without the start in virtual time
   pkm check hexapod.ini --fix
       what would put the file right, as a diff
   pkm check hexapod.ini --fix --write

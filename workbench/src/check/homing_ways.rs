@@ -399,7 +399,8 @@ fn joint(ini: &Ini, config: &MachineConfig, i: usize) -> Result<Joint, IniError>
     let speed = if search == 0.0 { latch } else { search }.abs().min(own.max_velocity);
     let way = match number("HOME_ABSOLUTE_ENCODER", 0.0)? {
         0.0 if speed > 0.0 => {
-            let end = if search < 0.0 { own.min } else { own.max };
+            // A switch may stand beyond the travel that programs have.
+            let end = if search < 0.0 { own.min.min(place) } else { own.max.max(place) };
             Way::Search { switch: place, speed, end: (search != 0.0).then_some(end) }
         }
         0.0 => Way::Known(place),
