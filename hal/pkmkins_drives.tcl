@@ -39,7 +39,7 @@ proc pkmkins_drives::need {section key what} {
 # A decimal number; without it the default, or a complaint where there is none.
 proc pkmkins_drives::number {section key what {default ""}} {
     set text [expr {$default eq "" ? [need $section $key $what] : [ini $section $key $default]}]
-    if {$text ne "" && ![regexp {^[+-]?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?$} $text]} {
+    if {$text ne "" && ![regexp {^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$} $text]} {
         complain $section $key "= \"$text\": expected $what, one decimal number"
         return 0
     }

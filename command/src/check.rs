@@ -11,7 +11,8 @@ use workbench::check::fixes::{fixed, machine};
 use workbench::check::report::check;
 use workbench::check::suggestion::{axis_lines, tilt_table};
 use workbench::files::write_over;
-use workbench::read::diagnostic::rendered;
+use workbench::program::start::{Start, start};
+use workbench::read::diagnostic::{Severity, rendered};
 use workbench::read::edit::difference;
 use workbench::read::machine::MachineConfig;
 
@@ -31,6 +32,10 @@ use workbench::read::machine::MachineConfig;
 /// gains in X, Y and Z. They stay within the axis limits that the file gives already; where it gives
 /// none, the machine sets the end.
 ///
+/// At last LinuxCNC starts the machine in virtual time, with its own HAL files: switched on, homed, each coordinate
+/// moved a little way and back, a tool changed. What LinuxCNC refuses does not fit together. Hardware, and programs
+/// that HAL files start, are not run.
+///
 /// Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 /// other at home and, seen, within the axis limits.
 ///
@@ -48,6 +53,9 @@ pub struct Arguments {
     /// Write what --fix proposes into the file
     #[arg(long, requires = "fix")]
     write: bool,
+    /// Leave out the start in virtual time
+    #[arg(long)]
+    no_start: bool,
 }
 
 /// Lines around each change of a proposal, as `diff -u` has them.
@@ -62,8 +70,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let mut mechanisms = vec![];
     for mechanism in config.mechanisms() {
         let bar = Bar::new("looking for boxes of poses");
-        let report = check(mechanism, |share| bar.set(share))?;
+        let mut report = check(mechanism, |share| bar.set(share))?;
         drop(bar);
+        // Both mechanisms are one machine of LinuxCNC's.
+        if !mechanism.place.is_second {
+            try_start(arguments, &config, &mut report)?;
+        }
         fits &= report.fits();
         mechanisms.push(of_report(&report));
         // A reader that has gone away does not change the verdict.
@@ -85,6 +97,28 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         &json!({ "machine": config.file, "mechanisms": mechanisms, "between": between }),
     )?;
     Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
+}
+
+/// The start in virtual time, as a row and, where LinuxCNC refuses the machine, an error.
+fn try_start(
+    arguments: &Arguments,
+    config: &MachineConfig,
+    report: &mut Report,
+) -> Result<(), Failure> {
+    let not_tried = |reason: &str| Start { fact: format!("not tried: {reason}"), error: None };
+    let started = if arguments.no_start {
+        not_tried("--no-start")
+    } else if !report.fits() {
+        not_tried("the errors come first")
+    } else {
+        let _bar = Bar::spinner("starting the machine in virtual time");
+        start(config)?
+    };
+    report.fact("start", started.fact);
+    if let Some(error) = started.error {
+        report.finding(Severity::Error, error);
+    }
+    Ok(())
 }
 
 /// What was found of a mechanism, for programs.

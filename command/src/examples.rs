@@ -56,6 +56,7 @@ const PAGES: &[Page] = &[
         &[
             ("pkm check hexapod.ini", "what was understood, and what does not fit"),
             ("pkm check hexapod.ini --quiet", "what does not fit alone"),
+            ("pkm check hexapod.ini --no-start", "without the start in virtual time"),
             ("pkm check hexapod.ini --fix", "what would put the file right, as a diff"),
             ("pkm check hexapod.ini --fix --write", "writes that into the file"),
         ],

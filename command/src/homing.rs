@@ -117,6 +117,18 @@ fn write(
         out,
         "\nFrom {kept} of {starts} poses within the axis limits the legs keep their limits on the way, seen."
     )?;
+    for (i, share) in (0..homing.joints.len()).filter_map(|i| Some((i, homing.share_closed(i)?))) {
+        // What check warns of, it warns of here as well.
+        if share > 0.5 {
+            writeln!(
+                facts,
+                "{} stands where its switch has to be closed in {:.0} % of these poses: from others the search finds it, \
+                 from these the joint leaves it first.",
+                config.joints[i].name,
+                100.0 * share
+            )?;
+        }
+    }
     let Some(first) = first else { return Ok(()) };
     writeln!(
         out,
@@ -145,7 +157,10 @@ fn write(
 fn members(config: &MachineConfig, homing: &Homing, group: &Group) -> String {
     let told = group.joints.iter().map(|i| {
         let way = match homing.joints[*i].way {
-            Way::Search { switch, .. } => format!("to its switch at {switch}"),
+            Way::Search { switch, end: Some(end), .. } => {
+                format!("to its switch at {switch}, which is closed from there to {end}")
+            }
+            Way::Search { switch, .. } => format!("to its index at {switch}"),
             Way::Known(at) => format!("known to stand at {at}"),
             Way::Absolute { moves: true } => "to HOME by its encoder".into(),
             Way::Absolute { moves: false } => "stays".into(),

@@ -103,6 +103,7 @@ linear-delta.ini
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
+  start          switched on, homed, X Y Z moved, T1 changed, in virtual time
 
 Proved: without a tool the machine can take every pose within its axis limits:
 
@@ -411,6 +412,7 @@ linear-delta.ini
   homing         keeps the limits of the legs from 200 of 200 poses seen; pkm homing shows the way
   nearest limit  carriage 0 at home: 325.363 mm, 0 to 310 mm allowed, -5.0 % to spare; move [TRAJ]HOME away from it where that is too little
   nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
+  start          not tried: the errors come first
 
 error: [JOINT_0]HOME = 300
    --> linear-delta.ini:117:8
@@ -466,6 +468,7 @@ linear-delta.ini
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
+  start          not tried: the errors come first
 
 warning: [JOINT_0]HOME_SEQUENCE is missing
 --> linear-delta.ini
@@ -542,6 +545,13 @@ linear-delta.ini
   carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
+  start          not tried: the errors come first
+
+warning: [JOINT_0]HOME_SEARCH_VEL = 20
+   --> linear-delta.ini:125:19
+    |
+125 | HOME_SEARCH_VEL = 20
+    |                   ^^ in 100 % of the poses within the axis limits carriage 0 stands beyond its switch, from HOME_OFFSET = 150 to 375, and a switch that is not closed there is never met: expected -20, or a switch that stays closed to that end
 
 error: [JOINT_0]HOME_SEQUENCE = 0
    --> linear-delta.ini:128:17
@@ -866,6 +876,10 @@ conditioning; of a machine that tilts also whether that is proved with every too
 and what a smaller tilt gains in X, Y and Z. They stay within the axis limits that the file gives
 already; where it gives none, the machine sets the end.
 
+At last LinuxCNC starts the machine in virtual time, with its own HAL files: switched on, homed,
+each coordinate moved a little way and back, a tool changed. What LinuxCNC refuses does not fit
+together. Hardware, and programs that HAL files start, are not run.
+
 Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 other at home and, seen, within the axis limits.
 
@@ -893,6 +907,9 @@ Options:
       --write
           Write what --fix proposes into the file
 
+      --no-start
+          Leave out the start in virtual time
+
   -h, --help
           Print help (see a summary with '-h')
 
@@ -917,6 +934,8 @@ Examples:
       what was understood, and what does not fit
   pkm check hexapod.ini --quiet
       what does not fit alone
+  pkm check hexapod.ini --no-start
+      without the start in virtual time
   pkm check hexapod.ini --fix
       what would put the file right, as a diff
   pkm check hexapod.ini --fix --write

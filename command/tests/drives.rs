@@ -75,5 +75,8 @@ fn speeds_of_homing_that_linuxcnc_refuses_and_searches_the_wrong_way_are_told() 
     let search = told("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = 0\n# ");
     assert!(search.contains("expected HOME_SEARCH_VEL, or HOME_USE_INDEX = YES"), "{search}");
     let away = told("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = -");
-    assert!(away.contains("near one end of") && away.contains("expected 20"), "{away}");
+    assert!(
+        away.contains("the search goes to the other one") && away.contains("expected 20"),
+        "{away}"
+    );
 }

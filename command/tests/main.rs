@@ -56,6 +56,7 @@ mod shipped;
 mod slips;
 mod sources;
 mod stability;
+mod starts;
 mod stiffness;
 mod studies;
 mod travel;

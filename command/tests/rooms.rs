@@ -18,7 +18,7 @@ const ROOMS: [(&str, &[&str]); 20] = [
     ("check", &["files", "limits", "proof", "read", "rows"]),
     ("new", &["check", "files", "limits", "panel", "proof", "read"]),
     ("control", &["files", "read"]),
-    ("program", &["control", "files", "limits", "proof", "read"]),
+    ("program", &["check", "control", "files", "limits", "proof", "read"]),
     ("study", &["files", "limits", "proof", "read", "rows"]),
     ("curve", &["files", "limits", "program", "proof", "read", "study"]),
     ("dynamics", &["dense", "read", "rows", "study"]),

@@ -224,17 +224,17 @@ template <typename Channel> Channel *opened(const char *name) {
     return channel;
 }
 
-template <typename T> void bit(T **pin, const char *name, hal_type_t type, bool is_output) {
+template <typename T> void bit(T **pin, const char *name, hal_type_t type, int direction) {
     *pin = nullptr;
-    pins::add(std::string("iocontrol.0.") + name, type, is_output, (void **)pin);
+    pins::add(std::string("iocontrol.0.") + name, type, direction, (void **)pin);
 }
 }
 
 namespace changer {
 void export_pins() {
-    const auto out = [](hal_bit_t **pin, const char *name) { bit(pin, name, HAL_BIT, true); };
-    const auto in = [](hal_bit_t **pin, const char *name) { bit(pin, name, HAL_BIT, false); };
-    const auto number = [](hal_s32_t **pin, const char *name) { bit(pin, name, HAL_S32, true); };
+    const auto out = [](hal_bit_t **pin, const char *name) { bit(pin, name, HAL_BIT, HAL_OUT); };
+    const auto in = [](hal_bit_t **pin, const char *name) { bit(pin, name, HAL_BIT, HAL_IN); };
+    const auto number = [](hal_s32_t **pin, const char *name) { bit(pin, name, HAL_S32, HAL_OUT); };
     out(&io.enable_out, "user-enable-out");
     out(&io.request_enable, "user-request-enable");
     in(&io.enable_in, "emc-enable-in");

@@ -31,6 +31,8 @@ STARTUP = 50
 MOST_READING = 500
 # Looks until something that takes no motion has to be done: far more than any of them takes.
 PATIENCE = 2000
+# Looks in which no joint homes, between two sequences.
+BETWEEN = 200
 
 
 class Operator:
@@ -55,8 +57,7 @@ class Operator:
         yield from self.reached(lambda: STATUS.task_state == linuxcnc.STATE_ON, "machine on")
         COMMAND.mode(linuxcnc.MODE_MANUAL)
         yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_MANUAL, "manual mode")
-        COMMAND.home(-1)
-        yield from self.reached(lambda: all(STATUS.homed[:STATUS.joints]) and STATUS.inpos, "home")
+        yield from self.homed()
         COMMAND.teleop_enable(1)
         yield from self.reached(lambda: STATUS.motion_mode == linuxcnc.TRAJ_MODE_TELEOP, "world mode")
         if BLOCK:
@@ -67,6 +68,17 @@ class Operator:
             yield from self.reached(self.is_over, f"the end of {BLOCK}")
         COMMAND.mode(linuxcnc.MODE_AUTO)
         yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_AUTO, "automatic mode")
+
+    def homed(self):
+        """Searches take minutes: homing has time as long as a joint homes."""
+        COMMAND.home(-1)
+        rests = 0
+        while not (all(STATUS.homed[:STATUS.joints]) and STATUS.inpos):
+            is_homing = any(joint["homing"] for joint in STATUS.joint[:STATUS.joints])
+            rests = 0 if is_homing else rests + 1
+            if self.errors or rests > BETWEEN:
+                end(NOT_JUDGED, f"LinuxCNC does not get to home: {'; '.join(self.errors)}")
+            yield
 
     def script(self):
         yield from self.made_ready()

@@ -17,14 +17,26 @@
 namespace {
 struct Pin {
     hal_type_t type;
-    bool is_output;
+    // HAL_IN, HAL_OUT or HAL_IO; of a parameter HAL_RO or HAL_RW.
+    int direction;
+    bool is_parameter;
     // The pointer that the component reads and writes through.
     void **where;
+    // Signal that it is on, if any.
+    std::string signal;
+};
+
+struct Signal {
+    hal_type_t type;
+    void *value;
+    // Pins that write it: by HAL_OUT, and by HAL_IO.
+    std::string writer, other;
 };
 
 struct Function {
     void (*call)(void *, long);
     void *argument;
+    bool is_called;
 };
 
 std::map<std::string, Pin> &all() {
@@ -32,8 +44,8 @@ std::map<std::string, Pin> &all() {
     return pins;
 }
 
-std::map<std::string, void *> &signals() {
-    static std::map<std::string, void *> signals;
+std::map<std::string, Signal> &signals() {
+    static std::map<std::string, Signal> signals;
     return signals;
 }
 
@@ -66,8 +78,8 @@ bool is_bit(const std::string &text, bool &value) {
 }
 
 namespace pins {
-int add(const std::string &name, hal_type_t type, bool is_output, void **where) {
-    if (!all().emplace(name, Pin{type, is_output, where}).second) {
+int add(const std::string &name, hal_type_t type, int direction, void **where, bool is_parameter) {
+    if (name.size() > HAL_NAME_LEN || !all().emplace(name, Pin{type, direction, is_parameter, where, ""}).second) {
         return -EINVAL;
     }
     if (!*where) {
@@ -81,23 +93,33 @@ void *find_any(const std::string &name) {
     return found == all().end() ? nullptr : *found->second.where;
 }
 
-bool set(const std::string &name, const std::string &text) {
-    const auto found = all().find(name);
-    if (found == all().end()) {
-        return false;
-    }
-    void *value = *found->second.where;
+static bool assign(void *value, hal_type_t type, const std::string &text) {
     char *end = nullptr;
-    switch (found->second.type) {
+    switch (type) {
     case HAL_BIT: return is_bit(text, *static_cast<bool *>(value));
     case HAL_FLOAT: *static_cast<double *>(value) = std::strtod(text.c_str(), &end); break;
-    case HAL_S32: *static_cast<int *>(value) = static_cast<int>(std::strtol(text.c_str(), &end, 10)); break;
+    case HAL_S32: *static_cast<int *>(value) = static_cast<int>(std::strtol(text.c_str(), &end, 0)); break;
     case HAL_U32:
-        *static_cast<unsigned *>(value) = static_cast<unsigned>(std::strtoul(text.c_str(), &end, 10));
+        *static_cast<unsigned *>(value) = static_cast<unsigned>(std::strtoul(text.c_str(), &end, 0));
         break;
     default: return false;
     }
     return end != text.c_str() && *end == 0;
+}
+
+std::string set(const std::string &name, const std::string &text) {
+    const auto found = all().find(name);
+    if (found == all().end()) {
+        return "there is no pin or parameter " + name;
+    }
+    const Pin &pin = found->second;
+    if (!pin.signal.empty()) {
+        return "pin " + name + " is on signal " + pin.signal + ", which sets it";
+    }
+    if (pin.is_parameter ? pin.direction == HAL_RO : pin.direction == HAL_OUT) {
+        return name + " is not writable";
+    }
+    return assign(*pin.where, pin.type, text) ? "" : name + " takes no value " + text;
 }
 
 std::string names_like(const std::string &pattern) {
@@ -110,32 +132,99 @@ std::string names_like(const std::string &pattern) {
     return names;
 }
 
-bool net(const std::string &signal, const std::string &pin) {
+std::string new_signal(const std::string &name, hal_type_t type) {
+    if (name.size() > HAL_NAME_LEN) {
+        return "the name of signal " + name + " is too long";
+    }
+    return signals().emplace(name, Signal{type, new_value(), "", ""}).second ? "" : "signal " + name + " exists already";
+}
+
+std::string new_signal(const std::string &name, const std::string &type) {
+    static const std::map<std::string, hal_type_t> types{
+        {"bit", HAL_BIT}, {"float", HAL_FLOAT}, {"s32", HAL_S32}, {"u32", HAL_U32}};
+    const auto found = types.find(type);
+    return found == types.end() ? "there is no type " + type : new_signal(name, found->second);
+}
+
+std::string set_signal(const std::string &name, const std::string &text) {
+    const auto found = signals().find(name);
+    if (found == signals().end()) {
+        return "there is no signal " + name;
+    }
+    if (!found->second.writer.empty()) {
+        return "signal " + name + " has a writer already, " + found->second.writer;
+    }
+    return assign(found->second.value, found->second.type, text) ? "" : "signal " + name + " takes no value " + text;
+}
+
+std::string net(const std::string &signal, const std::string &pin) {
     const auto found = all().find(pin);
-    if (found == all().end()) {
-        return false;
+    if (found == all().end() || found->second.is_parameter) {
+        return "there is no pin " + pin;
     }
-    const auto made = signals().emplace(signal, nullptr);
-    void *&value = made.first->second;
-    if (made.second) {
-        value = new_value();
+    Pin &own = found->second;
+    if (own.signal == signal) {
+        return "";
     }
-    if (found->second.is_output) {
-        std::memcpy(value, *found->second.where, sizeof(hal_data_u));
+    if (!own.signal.empty()) {
+        return "pin " + pin + " is on signal " + own.signal + " already";
     }
-    *found->second.where = value;
-    return true;
+    const bool is_new = signals().count(signal) == 0;
+    const std::string refused = is_new ? new_signal(signal, own.type) : "";
+    if (!refused.empty()) {
+        return refused;
+    }
+    Signal &made = signals()[signal];
+    if (made.type != own.type) {
+        return "signal " + signal + " and pin " + pin + " are of different types";
+    }
+    if (own.direction == HAL_OUT && !(made.writer + made.other).empty()) {
+        return "signal " + signal + " has a writer already, " + made.writer + made.other + ", and " + pin + " writes too";
+    }
+    if (own.direction == HAL_IO && !made.writer.empty()) {
+        return "signal " + signal + " has a writer already, " + made.writer + ", and " + pin + " writes too";
+    }
+    if (own.direction != HAL_IN) {
+        (own.direction == HAL_OUT ? made.writer : made.other) = pin;
+        std::memcpy(made.value, *own.where, sizeof(hal_data_u));
+    }
+    *own.where = made.value;
+    own.signal = signal;
+    return "";
+}
+
+std::string unlink(const std::string &name) {
+    const auto found = all().find(name);
+    if (found == all().end() || found->second.is_parameter) {
+        return "there is no pin " + name;
+    }
+    Pin &pin = found->second;
+    if (pin.signal.empty()) {
+        return "";
+    }
+    Signal &signal = signals()[pin.signal];
+    for (std::string *writer : {&signal.writer, &signal.other}) {
+        *writer = *writer == name ? "" : *writer;
+    }
+    // It keeps the value that it had.
+    *pin.where = std::memcpy(new_value(), signal.value, sizeof(hal_data_u));
+    pin.signal.clear();
+    return "";
 }
 }
 
 namespace thread {
-bool add(const std::string &function) {
+std::string add(const std::string &function) {
     const auto found = functions().find(function);
     if (found == functions().end()) {
-        return false;
+        return "there is no function " + function;
     }
+    if (found->second.is_called) {
+        return "function " + function + " is in a thread already";
+    }
+    found->second.is_called = true;
     in_thread().push_back(found->second);
-    return true;
+    return "";
 }
 
 void run(long period) {
@@ -162,14 +251,14 @@ REPLACES int hal_create_thread(const char *, unsigned long period, int) {
     return 0;
 }
 REPLACES int hal_export_funct(const char *name, void (*call)(void *, long), void *argument, int, int, int) {
-    return functions().emplace(name, Function{call, argument}).second ? 0 : -EINVAL;
+    return functions().emplace(name, Function{call, argument, false}).second ? 0 : -EINVAL;
 }
 REPLACES int hal_export_functf(void (*call)(void *, long), void *argument, int, int, int, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     const std::string name = text_of(format, arguments);
     va_end(arguments);
-    return functions().emplace(name, Function{call, argument}).second ? 0 : -EINVAL;
+    return functions().emplace(name, Function{call, argument, false}).second ? 0 : -EINVAL;
 }
 
 // The value of a pin or parameter by its name, as #<_hal[...]> of a program reads it.
@@ -198,21 +287,21 @@ REPLACES int hal_get_signal_value_by_name(const char *, hal_type_t *, hal_data_u
         const std::string name = text_of(format, arguments);                                                 \
         va_end(arguments);                                                                                   \
         *pin = nullptr;                                                                                      \
-        return pins::add(name, TYPE, direction != HAL_IN, address(pin));                   \
+        return pins::add(name, TYPE, direction, address(pin));                                               \
     }                                                                                                        \
     REPLACES int hal_pin_##NAME##_new(const char *name, hal_pin_dir_t direction, VALUE **pin, int) {         \
         *pin = nullptr;                                                                                      \
-        return pins::add(name, TYPE, direction != HAL_IN, address(pin));                   \
+        return pins::add(name, TYPE, direction, address(pin));                                               \
     }                                                                                                        \
-    REPLACES int hal_param_##NAME##_new(const char *name, hal_param_dir_t, VALUE *value, int) {              \
-        return pins::add(name, TYPE, true, new void *(plain(value))); \
+    REPLACES int hal_param_##NAME##_new(const char *name, hal_param_dir_t direction, VALUE *value, int) {    \
+        return pins::add(name, TYPE, direction, new void *(plain(value)), true);                             \
     }                                                                                                        \
-    REPLACES int hal_param_##NAME##_newf(hal_param_dir_t, VALUE *value, int, const char *format, ...) {      \
+    REPLACES int hal_param_##NAME##_newf(hal_param_dir_t direction, VALUE *value, int, const char *format, ...) { \
         va_list arguments;                                                                                   \
         va_start(arguments, format);                                                                         \
         const std::string name = text_of(format, arguments);                                                 \
         va_end(arguments);                                                                                   \
-        return pins::add(name, TYPE, true, new void *(plain(value))); \
+        return pins::add(name, TYPE, direction, new void *(plain(value)), true);                             \
     }
 
 PIN_AND_PARAMETER(bit, HAL_BIT, hal_bit_t)

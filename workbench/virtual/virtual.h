@@ -26,18 +26,24 @@ namespace pins {
 // A pin or parameter; null if there is none.
 template <typename T> T *find(const std::string &name);
 void *find_any(const std::string &name);
-// Sets a pin or parameter from its text; false if there is none, or if the text means nothing to it.
-bool set(const std::string &name, const std::string &text);
+// As halcmd does it; why it cannot be done, empty where it is done.
+std::string set(const std::string &name, const std::string &text);
+std::string new_signal(const std::string &name, const std::string &type);
+std::string set_signal(const std::string &name, const std::string &text);
 // Names of pins, separated by blanks, that match a shell pattern.
 std::string names_like(const std::string &pattern);
-// Puts a pin on a signal.
-bool net(const std::string &signal, const std::string &pin);
+// Puts a pin on a signal, which is made where there is none.
+std::string net(const std::string &signal, const std::string &pin);
+// Takes a pin off its signal.
+std::string unlink(const std::string &pin);
 template <typename T> T *find(const std::string &name) { return static_cast<T *>(find_any(name)); }
-int add(const std::string &name, hal_type_t type, bool is_output, void **where);
+// A pin, with its direction, or a parameter, with that of parameters.
+int add(const std::string &name, hal_type_t type, int direction, void **where, bool is_parameter = false);
 }
 
 namespace thread {
-bool add(const std::string &function);
+// Why a function cannot be added; empty where it is.
+std::string add(const std::string &function);
 void run(long period);
 }
 

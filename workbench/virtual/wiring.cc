@@ -2,7 +2,8 @@
 // The configuration: modules to load, pins to set, nets, functions of the servo thread. One step a line, its
 // words separated by tabs:
 //
-//     load FILE NAME=VALUE...    addf FUNCTION    setp PIN VALUE    net SIGNAL PIN    list pin PATTERN    done
+//     load FILE NAME=VALUE...    addf FUNCTION    setp PIN VALUE    net SIGNAL PIN    newsig SIGNAL TYPE
+//     sets SIGNAL VALUE    unlinkp PIN    list pin PATTERN    done
 //
 // They come on standard input from wiring.tcl; each is answered by a line on standard output, ok or error.
 
@@ -44,9 +45,14 @@ void set_parameter(void *module, const std::string &file, const std::string &nam
         give_up("%s: %s=%s: at most %zu values", file.c_str(), name.c_str(), value.c_str(), most);
     }
     for (size_t n = 0; n < values.size(); n++) {
+        char *end = nullptr;
+        const long number = std::strtol(values[n].c_str(), &end, 0);
+        if (kind.back() != 's' && (*end != 0 || end == values[n].c_str())) {
+            give_up("%s: %s=%s: expected a whole number", file.c_str(), name.c_str(), value.c_str());
+        }
         switch (kind.back()) {
-        case 'i': static_cast<int *>(*address)[n] = static_cast<int>(std::strtol(values[n].c_str(), nullptr, 0)); break;
-        case 'l': static_cast<long *>(*address)[n] = std::strtol(values[n].c_str(), nullptr, 0); break;
+        case 'i': static_cast<int *>(*address)[n] = static_cast<int>(number); break;
+        case 'l': static_cast<long *>(*address)[n] = number; break;
         case 's': static_cast<char **>(*address)[n] = strdup(values[n].c_str()); break;
         default: give_up("%s: parameter %s is of the unknown type %s", file.c_str(), name.c_str(), kind.c_str());
         }
@@ -83,11 +89,15 @@ std::string step(const std::string &line) {
     if (verb == "list") {
         return "ok " + pins::names_like(second);
     }
-    const bool done = verb == "addf"   ? thread::add(first)
-                      : verb == "setp" ? pins::set(first, second)
-                      : verb == "net"  ? pins::net(first, second)
-                                       : verb == "done";
-    return done ? "ok" : "error: this cannot be done: " + line;
+    const std::string refused = verb == "addf"     ? thread::add(first)
+                                : verb == "setp"   ? pins::set(first, second)
+                                : verb == "net"    ? pins::net(first, second)
+                                : verb == "newsig" ? pins::new_signal(first, second)
+                                : verb == "sets"   ? pins::set_signal(first, second)
+                                : verb == "unlinkp" ? pins::unlink(first)
+                                : verb == "done"   ? ""
+                                                   : "this cannot be done: " + line;
+    return refused.empty() ? "ok" : "error: " + refused;
 }
 }
 

@@ -3,7 +3,7 @@
 #
 #     tclsh wiring.tcl MACHINE.ini BESIDE MODULES [FILE...]
 #
-# pkm writes `ini.tcl` and this into one file. It runs LIB:pkmkins_sim.tcl, LIB:pkmkins.tcl and the files, which
+# pkm writes `ini.tcl`, this and a line that calls `wiring::main` into one file. It runs LIB:pkmkins_sim.tcl, LIB:pkmkins.tcl and the files, which
 # are of Tcl or of halcmd, as LinuxCNC would, with a command `hal` that asks for one step a line on standard output
 # and reads the answer from standard input: "ok" and what was asked for, or "error" and why. The words of a step are
 # separated by tabs: the names of files may have blanks. MODULES is the folder of LinuxCNC's modules, BESIDE that of
@@ -104,5 +104,3 @@ proc wiring::main {ini beside folder args} {
     foreach file $args { run_file $file }
     ask done
 }
-
-wiring::main {*}$argv

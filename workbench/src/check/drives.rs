@@ -7,15 +7,36 @@
 //! out is not judged, with the reason. Which way a pin goes HAL knows only where its component is loaded:
 //! here it is known of motion, of PID loops and of inputs by their names.
 
+use crate::check::programs::{is_installed, is_program};
 use crate::files::{self, Folder};
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
-use crate::read::places::HALLIB;
+use crate::read::places::{HALLIB, MODULES};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const SCRIPT: &str = concat!(include_str!("../read/ini.tcl"), include_str!("hal_files.tcl"));
+const SCRIPT: &str = concat!(
+    include_str!("../read/ini.tcl"),
+    include_str!("hal_files.tcl"),
+    "\ndrives::main {*}$argv\n"
+);
+
+/// Carries the HAL files out in LinuxCNC in virtual time.
+pub const START: &str = concat!(include_str!("hal_files.tcl"), include_str!("start.tcl"));
+
+/// Components that are not run in virtual time, although no HAL file starts them.
+const UNRUN: [&str; 2] = ["halui", "ini"];
+
+/// Modules that need their hardware: by the beginnings of their names, and by all of them.
+const HARDWARE: ([&str; 6], [&str; 4]) = (
+    ["hm2_", "hal_", "lcec", "mesa_", "pluto_", "opto_"],
+    ["hostmot2", "serport", "setsserial", "probe_parport"],
+);
+
+/// The thread that runs in virtual time, and one that motmod makes besides.
+const SERVO: &str = "servo-thread";
+const BASE: &str = "base-thread";
 
 const TCL: &str = "/usr/bin/tclsh";
 
@@ -50,8 +71,10 @@ struct Wiring {
     signals: BTreeMap<String, (String, Place)>,
     /// Functions in the order of their threads.
     functions: BTreeMap<String, Vec<(String, Place)>>,
-    /// Modules with their arguments.
-    modules: Vec<Vec<String>>,
+    /// Modules with their arguments, and where they are loaded.
+    modules: Vec<(Vec<String>, Place)>,
+    /// Programs with their arguments, and where they are started.
+    programs: Vec<(Vec<String>, Place)>,
     /// What keeps a file from being carried out, and whether LinuxCNC does not start by it.
     stopped: Option<(Severity, String, Place)>,
 }
@@ -73,6 +96,7 @@ pub(crate) fn check(ini: &Ini) -> Result<Vec<Found>, IniError> {
             return Ok(found);
         }
     };
+    found.extend(wiring.absent(ini));
     if let Some((severity, text, place)) = &wiring.stopped {
         found.push((*severity, at(ini, place, text)));
         return Ok(found);
@@ -120,21 +144,179 @@ fn carried_out(ini: &Ini) -> Result<Wiring, String> {
     write(&script, SCRIPT)?;
     write(&copy, ini.expanded().unwrap_or(ini.text()))?;
     let beside = ini.file().parent().filter(|folder| !folder.as_os_str().is_empty());
-    let entries = |key: &'static str, kind: &'static str| {
-        ini.all("HAL", key).into_iter().map(move |entry| format!("{kind} {}", entry.value))
-    };
     let done = Command::new(TCL)
         .arg(&script)
         .arg(&copy)
         .arg(beside.unwrap_or(Path::new(".")))
         .arg(HALLIB)
-        .args(entries("HALFILE", "file").chain(entries("HALCMD", "command")))
+        .args(entries(ini).into_iter().map(|(_, text)| text))
         .output()
         .map_err(|error| format!("{TCL}: {error}; install tcl"))?;
     if !done.status.success() {
         return Err(String::from_utf8_lossy(&done.stderr).lines().next().unwrap_or("").into());
     }
     Ok(Wiring::of(&String::from_utf8_lossy(&done.stdout)))
+}
+
+/// Entries of `[HAL]` in the order in which LinuxCNC carries them out, as the script takes them.
+fn entries(ini: &Ini) -> Vec<(Option<&Entry>, String)> {
+    let of = |key: &'static str, kind: &'static str| {
+        let all = ini.all("HAL", key).into_iter();
+        all.map(move |entry| (Some(entry), format!("{kind} {}", entry.value)))
+    };
+    of("HALFILE", "file").chain(of("HALCMD", "command")).collect()
+}
+
+/// The entries that a start carries out: LinuxCNC loads planner and homing before all others.
+pub fn started(ini: &Ini) -> Vec<(Option<&Entry>, String)> {
+    let module = |section, key, usual: &str| {
+        let entry = ini.first(section, key).filter(|entry| !entry.value.is_empty());
+        (entry, format!("command loadrt {}", entry.map_or(usual, |entry| &entry.value)))
+    };
+    let first = [module("TRAJ", "TPMOD", "tpmod"), module("EMCMOT", "HOMEMOD", "homemod")];
+    first.into_iter().chain(entries(ini)).collect()
+}
+
+/// What a start in virtual time can carry out of the HAL files.
+#[derive(Clone, Debug, Default)]
+pub struct Plan {
+    /// Why it cannot be tried at all.
+    pub reason: Option<String>,
+    /// Components whose pins do not exist there.
+    pub strangers: Vec<String>,
+    /// What is left out because of them.
+    pub left_out: Option<String>,
+    /// Whether a tool change is answered.
+    pub changes_tools: bool,
+}
+
+impl Plan {
+    /// Reads it from the HAL files.
+    pub fn new(ini: &Ini) -> Self {
+        let not_tried = |reason: String| Self { reason: Some(reason), ..Self::default() };
+        if let Some(entry) = ini.first("HAL", "TWOPASS").filter(|entry| !entry.value.is_empty()) {
+            return not_tried(format!(
+                "[HAL]TWOPASS = {} carries the HAL files out twice",
+                entry.value
+            ));
+        }
+        match carried_out(ini) {
+            Ok(wiring) => wiring.plan().unwrap_or_else(not_tried),
+            Err(reason) => not_tried(reason),
+        }
+    }
+}
+
+impl Wiring {
+    /// Programs and modules that are not there, where LinuxCNC is installed.
+    fn absent(&self, ini: &Ini) -> Vec<Found> {
+        if !is_installed() {
+            return vec![];
+        }
+        // pkmkins itself may be built and not installed.
+        let is_module = |name: &str| {
+            name == "pkmkins" || Path::new(MODULES).join(format!("{name}.so")).is_file()
+        };
+        let modules = self.modules.iter().filter_map(|(words, place)| {
+            let name = words.first().filter(|name| !is_module(name))?;
+            let text = format!("LinuxCNC has no module {name}, and its start ends here");
+            Some((Severity::Error, place, name.as_str(), text))
+        });
+        let programs = self.programs.iter().filter_map(|(words, place)| {
+            let name = program(words).filter(|name| !is_program(ini, name))?;
+            let mut options = words.iter().take_while(|word| word.starts_with('-'));
+            // LinuxCNC waits for it by -W, -Wn and -w alone.
+            let (severity, what) = match options.any(|word| word.contains(['W', 'w'])) {
+                true => (Severity::Error, "and LinuxCNC's start ends here"),
+                false => (Severity::Warning, "and LinuxCNC starts without it"),
+            };
+            Some((severity, place, name, format!("there is no program {name}, {what}")))
+        });
+        let command = |place: &Place, name: &str, text: &str| {
+            let is_it = |entry: &&Entry| entry.value.split_whitespace().any(|word| word == name);
+            let entry =
+                ini.all("HAL", "HALCMD").into_iter().find(is_it).filter(|_| place.line == 0);
+            entry.map_or_else(|| at(ini, place, text), |entry| ini.refuse(entry, text))
+        };
+        let all = modules.chain(programs);
+        all.map(|(severity, place, name, text)| (severity, command(place, name, &text))).collect()
+    }
+
+    /// The plan, or why there is none.
+    fn plan(&self) -> Result<Plan, String> {
+        if let Some((Severity::Error, text, _)) = &self.stopped {
+            return Err(text.clone());
+        }
+        let is_hardware = |name: &str| {
+            HARDWARE.0.iter().any(|start| name.starts_with(start)) || HARDWARE.1.contains(&name)
+        };
+        for (words, place) in &self.modules {
+            match words.first().map(String::as_str) {
+                Some(name) if is_hardware(name) => {
+                    return Err(format!("{name}{} needs its hardware", place.shown()));
+                }
+                Some("threads") => return Err(format!("threads{} makes a thread", place.shown())),
+                _ => {}
+            }
+        }
+        if let Some((function, place)) = self.functions.get(BASE).and_then(|all| all.first()) {
+            return Err(format!(
+                "{function}{} runs in {BASE}, which has no virtual time",
+                place.shown()
+            ));
+        }
+        let mut strangers: Vec<String> = UNRUN.map(Into::into).into();
+        strangers.extend(self.programs.iter().map(|(words, _)| component(words)));
+        let is_strange =
+            |pin: &str| strangers.iter().any(|name| pin.split('.').next() == Some(name));
+        let first = self.programs.first().map(|(words, place)| {
+            format!("{}{}", program(words).unwrap_or("a program"), place.shown())
+        });
+        let pin = || self.signals.iter().find(|(pin, _)| is_strange(pin));
+        let left_out =
+            first.or_else(|| pin().map(|(pin, (_, place))| format!("{pin}{}", place.shown())));
+        let changer = self.beside("iocontrol.0.tool-changed");
+        // Nothing that answers is a mistake of its own.
+        let changes_tools = changer.iter().any(|pin| !is_strange(pin));
+        Ok(Plan { reason: None, left_out, changes_tools, strangers })
+    }
+}
+
+impl Place {
+    /// In words behind a name.
+    fn shown(&self) -> String {
+        match self.file.file_name() {
+            Some(name) => format!(" ({}:{})", name.to_string_lossy(), self.line),
+            None => String::new(),
+        }
+    }
+}
+
+/// The program that loadusr starts.
+fn program(words: &[String]) -> Option<&str> {
+    let mut words = words.iter().map(String::as_str);
+    while let Some(word) = words.next() {
+        match word.strip_prefix('-') {
+            // -Wn NAME, -n NAME.
+            Some(options) if options.ends_with('n') => drop(words.next()),
+            Some(_) => {}
+            None => return Some(word),
+        }
+    }
+    None
+}
+
+/// The component that it makes: by the name that it is given, or by its own.
+fn component(words: &[String]) -> String {
+    let named = |option: fn(&str) -> bool| {
+        let at = words.iter().position(|word| option(word))?;
+        words.get(at + 1).cloned()
+    };
+    let given = named(|word| word.starts_with("-W") && word.ends_with('n'));
+    given.or_else(|| named(|word| word == "-n" || word == "-c")).unwrap_or_else(|| {
+        let name = Path::new(program(words).unwrap_or_default()).file_stem();
+        name.unwrap_or_default().to_string_lossy().into()
+    })
 }
 
 impl Wiring {
@@ -161,7 +343,12 @@ impl Wiring {
                 self.add(function, thread, position.first(), place);
             }
             ("own", _) => self.add("pkmkins.monitor", "servo-thread", None, place),
-            ("loadrt", _) => self.modules.push(words.iter().map(|word| (*word).into()).collect()),
+            ("loadrt", _) => {
+                self.modules.push((words.iter().map(|word| (*word).into()).collect(), place));
+            }
+            ("loadusr", _) => {
+                self.programs.push((words.iter().map(|word| (*word).into()).collect(), place));
+            }
             ("ends", _) => {
                 let mut text = words.iter().take(SHOWN).copied().collect::<Vec<_>>().join("; ");
                 if words.len() > SHOWN {
@@ -169,6 +356,10 @@ impl Wiring {
                 }
                 self.stopped =
                     Some((Severity::Error, format!("LinuxCNC's start ends here: {text}"), place));
+            }
+            ("refused", [reason, ..]) => {
+                let text = format!("LinuxCNC's start ends here: {reason}");
+                self.stopped = Some((Severity::Error, text, place));
             }
             // What ended LinuxCNC's start is told already, and here is where.
             ("failed", [reason, ..]) => match &mut self.stopped {
@@ -224,6 +415,7 @@ struct Judge<'a> {
 impl Judge<'_> {
     fn all(mut self) -> Result<Vec<Found>, IniError> {
         self.modules()?;
+        self.threads();
         self.order();
         for n in joints(self.ini)? {
             self.command(n);
@@ -253,15 +445,17 @@ impl Judge<'_> {
         let count = joints(self.ini)?.len();
         let motion = named(["EMCMOT", "EMCMOT"], "motmod");
         let modules = [named(["KINS", "KINEMATICS"], "pkmkins"), motion.clone()];
-        let is_loaded =
-            |name: &String| self.wiring.modules.iter().any(|words| words.first() == Some(name));
+        let is_loaded = |name: &String| {
+            self.wiring.modules.iter().any(|(words, _)| words.first() == Some(name))
+        };
         let missing: Vec<&String> = modules.iter().filter(|name| !is_loaded(name)).collect();
         for name in missing {
             let text = format!("no HAL file loads {name}: expected loadrt {name} in the first one");
             self.tell(Severity::Error, None, &text);
         }
-        let arguments = self.wiring.modules.iter().find(|words| words.first() == Some(&motion));
-        let given = arguments.and_then(|words| {
+        let arguments =
+            self.wiring.modules.iter().find(|(words, _)| words.first() == Some(&motion));
+        let given = arguments.and_then(|(words, _)| {
             words.iter().find_map(|word| word.strip_prefix("num_joints=")?.parse::<usize>().ok())
         });
         if let Some(given) = given.filter(|given| *given != count) {
@@ -269,7 +463,7 @@ impl Judge<'_> {
                 format!("{motion} is loaded with num_joints={given}, and [KINS]JOINTS is {count}");
             self.tell(Severity::Error, None, &text);
         }
-        let loaded = arguments.map(|words| {
+        let loaded = arguments.map(|(words, _)| {
             words
                 .iter()
                 .find_map(|word| word.strip_prefix("num_spindles=")?.parse().ok())
@@ -277,6 +471,26 @@ impl Judge<'_> {
         });
         self.spindles(&motion, loaded);
         Ok(())
+    }
+
+    /// Threads that nothing makes. What `threads` makes is not looked into.
+    fn threads(&mut self) {
+        let makes =
+            |(words, _): &(Vec<String>, Place)| words.first().is_some_and(|name| name == "threads");
+        if self.wiring.modules.iter().any(makes) {
+            return;
+        }
+        let is_made = |thread: &str| thread == SERVO || thread == BASE;
+        let wiring = self.wiring;
+        let functions = wiring.functions.iter().filter(|(thread, _)| !is_made(thread));
+        for (thread, functions) in functions {
+            for (function, place) in functions {
+                let text = format!(
+                    "{function} is added to {thread}, which nothing makes: LinuxCNC's start ends here; expected {SERVO}"
+                );
+                self.tell(Severity::Error, Some(place), &text);
+            }
+        }
     }
 
     /// LinuxCNC's task sets up as many spindles as the INI file has, and motion has those that it is loaded with.
@@ -397,7 +611,6 @@ impl Judge<'_> {
         let searches = self.ini.number_or(&section, "HOME_SEARCH_VEL", 0.0)? != 0.0;
         let index = self.ini.first(&section, "HOME_USE_INDEX").is_some_and(is_yes);
         self.latch(&section, searches, index)?;
-        self.search(&section)?;
         self.absolute(n, &section)?;
         for (key, is_used, pin, what) in [
             ("HOME_SEARCH_VEL", searches, "home-sw-in", "a switch"),
@@ -416,7 +629,7 @@ impl Judge<'_> {
         Ok(())
     }
 
-    /// Speeds of homing that LinuxCNC refuses to home with, and a search that leads away from its switch.
+    /// Speeds of homing that LinuxCNC refuses to home with.
     fn latch(&mut self, section: &str, searches: bool, index: bool) -> Result<(), IniError> {
         let latch = self.ini.number_or(section, "HOME_LATCH_VEL", 0.0)?;
         let text = if searches && latch == 0.0 {
@@ -428,27 +641,6 @@ impl Judge<'_> {
         };
         let error = crate::check::wiring::at_key(self.ini, section, "HOME_LATCH_VEL", text);
         self.found.push((Severity::Error, error));
-        Ok(())
-    }
-
-    /// A search that leads away from a switch near an end of the joint's range.
-    fn search(&mut self, section: &str) -> Result<(), IniError> {
-        /// Share of the range that is near an end.
-        const NEAR: f64 = 0.1;
-        let value = |key, default| self.ini.number_or(section, key, default);
-        let (search, offset) = (value("HOME_SEARCH_VEL", 0.0)?, value("HOME_OFFSET", 0.0)?);
-        let (low, high) = (value("MIN_LIMIT", -1e99)?, value("MAX_LIMIT", 1e99)?);
-        let share = (offset - low) / (high - low);
-        let leads_away = (share > 1.0 - NEAR && search < 0.0) || (share < NEAR && search > 0.0);
-        if leads_away {
-            let text = format!(
-                "the switch is at HOME_OFFSET = {offset}, near one end of {low} to {high}, and the search goes to the \
-                 other end: expected {}, unless the switch is on from there to that end",
-                -search
-            );
-            let error = crate::check::wiring::at_key(self.ini, section, "HOME_SEARCH_VEL", &text);
-            self.found.push((Severity::Warning, error));
-        }
         Ok(())
     }
 
@@ -506,6 +698,12 @@ impl Judge<'_> {
             let text = "iocontrol.0.emc-enable-in is on no signal: LinuxCNC never leaves the emergency stop";
             self.tell(Severity::Error, None, text);
         }
+        let asks = !wiring.modules.is_empty() && self.ini.first("EMCIO", "TOOL_TABLE").is_some();
+        if asks && wiring.beside("iocontrol.0.tool-changed").is_empty() {
+            let text =
+                "iocontrol.0.tool-changed is on no signal: every M6 waits for it and never ends";
+            self.tell(Severity::Warning, None, text);
+        }
         let speed: BTreeSet<&String> =
             wiring.signals.keys().filter(|pin| pin.starts_with("spindle.0.speed-out")).collect();
         if let Some(pin) = speed.first()
@@ -559,9 +757,18 @@ fn at_last_file(ini: &Ini, text: &str) -> IniError {
 
 /// At a line of a HAL file, or in the INI file where that is not known.
 fn at(ini: &Ini, place: &Place, text: &str) -> IniError {
-    if place.line == 0 {
-        return at_last_file(ini, text);
+    match place.line {
+        0 => at_last_file(ini, text),
+        _ => at_line(place, text),
     }
+}
+
+/// At a line of a HAL file.
+pub fn of_line(file: &Path, line: usize, text: &str) -> IniError {
+    at_line(&Place { file: file.into(), line }, text)
+}
+
+fn at_line(place: &Place, text: &str) -> IniError {
     let source = files::read(&place.file).unwrap_or_default();
     let source = String::from_utf8_lossy(&source);
     let line = source.lines().nth(place.line - 1).unwrap_or_default().trim_end();

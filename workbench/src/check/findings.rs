@@ -59,7 +59,8 @@ impl Report {
         self.findings.iter().all(|finding| finding.severity == Severity::Warning)
     }
 
-    pub(super) fn fact(&mut self, name: &str, value: impl Into<String>) {
+    /// Adds a row.
+    pub fn fact(&mut self, name: &str, value: impl Into<String>) {
         self.facts.push((name.into(), value.into()));
     }
 
@@ -72,7 +73,8 @@ impl Report {
         self.facts.insert(self.facts.len() - rest, (own.into(), value.into()));
     }
 
-    pub(super) fn finding(&mut self, severity: Severity, error: IniError) {
+    /// Adds a thing found.
+    pub fn finding(&mut self, severity: Severity, error: IniError) {
         self.findings.push(Finding { severity, problem: *error.0 });
     }
 }

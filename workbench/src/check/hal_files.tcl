@@ -3,17 +3,21 @@
 #
 #     tclsh hal_files.tcl MACHINE.ini FOLDER HALLIB ENTRY...
 #
-# pkm writes `ini.tcl` and this into one file. An ENTRY is "file VALUE" or "command VALUE", VALUE that of a
+# pkm writes `ini.tcl`, this and a line that calls `drives::main` into one file; `start.tcl` takes the place of the last
+# where LinuxCNC in virtual time does what the files ask for. An ENTRY is "file VALUE" or "command VALUE", VALUE that of a
 # key HALFILE or HALCMD. Every file is carried out in an interpreter that can touch nothing: no file is
 # written, no process started. What it does comes as a line on standard output each, its words separated by
 # tabs: the place (file, line), what (net, unlinkp, setp, addf, loadrt, loadusr), its words; "own" where
-# pkmkins.tcl would be read, "ends" with what a file has printed before it ends LinuxCNC's start, and "failed"
+# pkmkins.tcl would be read, "refused" with the reason of what LinuxCNC refuses as well, "ends" with what a file has printed before it ends LinuxCNC's start, and "failed"
 # with a reason.
 
 namespace eval drives {
     variable box
     variable folder
-    variable hallib
+    # Folders of LinuxCNC's HAL files: the first that has a file counts.
+    variable hallibs {}
+    # Whether pkmkins.tcl is carried out, too: its pins exist only where the module is loaded.
+    variable runs_own 0
     # Signal of each pin that is on one, and what pins were set to.
     variable signals [dict create]
     variable values [dict create]
@@ -21,6 +25,13 @@ namespace eval drives {
     variable printed {}
     # Of the file that is not of Tcl, where it is.
     variable place {}
+    # Words that commands have at least.
+    variable counts {setp 2 sets 2 newsig 2 addf 2 linkps 2 linksp 2 net 1 getp 1 unlinkp 1 loadrt 1 loadusr 1}
+    # Commands of LinuxCNC's whose effect is not known here.
+    variable verbs {
+        unload unloadrt unloadusr stype gets linkpp unlink ptype delf source save stop quit exit help
+        waitusr log
+    }
     # Seconds that a file may take.
     variable longest 5
 }
@@ -34,6 +45,9 @@ proc drives::parse {ini} {
     }
 }
 
+# Ends with a reason that LinuxCNC would end with as well.
+proc drives::mistake {reason} { return -code error -errorcode {DRIVES MISTAKE} $reason }
+
 proc drives::say {args} { puts [join [lmap word $args { string map {"\t" " " "\n" " "} $word }] \t] }
 
 # The innermost place in a file that asks for this, of the frames of the interpreter.
@@ -44,7 +58,7 @@ proc drives::place {frames} {
             return [list [dict get $frame file] [dict get $frame line]]
         }
     }
-    return $place
+    return [expr {[llength $place] ? $place : {{} 0}}]
 }
 
 proc drives::net {where signal args} {
@@ -52,7 +66,7 @@ proc drives::net {where signal args} {
     set pins [lsearch -all -inline -not -regexp $args {^<?=>?>?$}]
     foreach pin $pins {
         if {[dict exists $signals $pin] && [dict get $signals $pin] ne $signal} {
-            error "$pin is on signal [dict get $signals $pin] already, and cannot be on $signal"
+            mistake "$pin is on signal [dict get $signals $pin] already, and cannot be on $signal"
         }
         dict set signals $pin $signal
     }
@@ -75,6 +89,10 @@ proc drives::hal {frames verb args} {
     variable signals
     variable values
     set where [place $frames]
+    variable counts
+    if {[dict exists $counts $verb] && [llength $args] < [dict get $counts $verb]} {
+        mistake "hal $verb $args: LinuxCNC expects more words"
+    }
     switch -- $verb {
         net { net $where {*}$args }
         linkps { net $where [lindex $args end] [lindex $args 0] }
@@ -86,8 +104,12 @@ proc drives::hal {frames verb args} {
         getp { return [expr {[dict exists $values [lindex $args 0]] ? [dict get $values [lindex $args 0]] : 0}] }
         show { return [show [lindex $args 1]] }
         list { return [dict keys $signals [lindex $args 1]] }
-        newsig - sets - start - waitusr - alias - lock - unlock {}
-        default { error "hal $verb $args: it is not known here what this does" }
+        newsig - sets - start - waitusr - alias - lock - unlock - debug - echo - unecho - print - status {}
+        default {
+            variable verbs
+            if {$verb ni $verbs} { mistake "hal $verb $args: LinuxCNC has no such command" }
+            error "hal $verb $args: it is not known here what this does"
+        }
     }
     return ""
 }
@@ -95,10 +117,19 @@ proc drives::hal {frames verb args} {
 # A file by the name that an INI file or another file gives it.
 proc drives::find {name} {
     variable folder
-    variable hallib
-    if {[regexp {^LIB:(.*)$} $name -> name]} { return [file join $hallib $name] }
+    if {[regexp {^LIB:(.*)$} $name -> name]} { return [in_library $name] }
     set file [file join $folder $name]
-    return [expr {[file exists $file] ? $file : [file join $hallib $name]}]
+    return [expr {[file exists $file] ? $file : [in_library $name]}]
+}
+
+# A file of LinuxCNC's; in the last folder where none has it.
+proc drives::in_library {name} {
+    variable hallibs
+    foreach library $hallibs {
+        set file [file join $library $name]
+        if {[file exists $file]} { break }
+    }
+    return $file
 }
 
 # [SECTION]KEY, [SECTION](KEY), $NAME and $(NAME) in a line of halcmd.
@@ -106,7 +137,7 @@ proc drives::substituted {line} {
     while {[regexp -indices {\[([A-Za-z0-9_]+)\](?:\(([A-Za-z0-9_]+)\)|([A-Za-z0-9_]+))} $line all section one two]} {
         set name [string range $line {*}$section]
         set key [string range $line {*}[expr {[lindex $one 0] >= 0 ? $one : $two}]]
-        if {![info exists ::ini($name,$key)]} { error "\[$name\]$key is not in the INI file" }
+        if {![info exists ::ini($name,$key)]} { mistake "\[$name\]$key is not in the INI file" }
         set line [string replace $line {*}$all [lindex $::ini($name,$key) 0]]
     }
     return $line
@@ -140,16 +171,17 @@ proc drives::run_line {line} {
 
 proc drives::run_file {name args} {
     variable box
+    variable runs_own
     set file [find $name]
-    if {[file tail $file] eq "pkmkins.tcl"} { say $file 1 own; return }
+    if {[file tail $file] eq "pkmkins.tcl" && !$runs_own} { say $file 1 own; return }
     if {![file exists $file]} {
-        variable hallib
-        error "$name is neither beside the INI file nor in $hallib"
+        variable hallibs
+        error "$name is neither beside the INI file nor in [lindex $hallibs end]"
     }
     if {[file extension $file] ne ".tcl"} { return [run_hal $file] }
     $box eval [list set ::argv $args]
     $box eval [list set ::argc [llength $args]]
-    interp invokehidden $box source $file
+    try { interp invokehidden $box source $file } trap {DRIVES DONE} {} {}
 }
 
 proc drives::source_file {name} {
@@ -163,8 +195,10 @@ proc drives::print {args} {
     if {$text ne ""} { lappend printed $text }
 }
 
-proc drives::leave {args} {
+# A file that exits with 0 is done, and LinuxCNC goes on with the next one.
+proc drives::leave {{code 0}} {
     variable printed
+    if {$code eq "0"} { error "exit" "" {DRIVES DONE} }
     say {} 0 ends {*}$printed
     error "exit"
 }
@@ -210,30 +244,45 @@ proc drives::run_entry {entry} {
 }
 
 # Where an error came up: the innermost line of a file that its stack names.
-proc drives::failed {message options} {
+proc drives::where {options} {
     variable place
-    set where [expr {[llength $place] ? $place : {{} 0}}]
     if {[regexp {\(file "([^"]+)" line (\d+)\)} [dict get $options -errorinfo] -> file line]} {
-        set where [list $file $line]
+        return [list $file $line]
     }
-    say {*}$where failed $message
+    return [expr {[llength $place] ? $place : {{} 0}}]
 }
 
-proc drives::main {ini in lib args} {
+# Whether LinuxCNC ends its start by what a file has ended with.
+proc drives::is_mistake {message options} {
+    variable verbs
+    if {[dict get $options -errorcode] eq {DRIVES MISTAKE}} { return 1 }
+    # A key that is not in the INI file.
+    if {[regexp {^can't read "(?:::)?([A-Z][A-Z0-9_]*)\(} $message]} { return 1 }
+    # A command that Tcl does not have at all; what is kept from these files has not the same name as one of HAL's.
+    return [expr {[regexp {^invalid command name "(.*)"$} $message -> name]
+                  && $name ni $verbs && ![llength [info commands ::$name]]}]
+}
+
+proc drives::failed {number message options} {
+    say {*}[where $options] [expr {[is_mistake $message $options] ? "refused" : "failed"}] $message
+}
+
+proc drives::main {ini in libs args} {
     variable box
     variable folder $in
-    variable hallib $lib
+    variable hallibs $libs
     make_box
     parse $ini
-    foreach {name value} [list HALLIB_DIR $lib INI_FILE_NAME $ini HOME / CONFIG_DIR $in] {
+    foreach {name value} [list HALLIB_DIR [lindex $libs end] INI_FILE_NAME $ini HOME / CONFIG_DIR $in] {
         $box eval [list set ::env($name) $value]
     }
+    set number 0
     foreach entry $args {
         if {[catch { run_entry $entry } message options]} {
-            failed $message $options
-            return
+            failed $number $message $options
+            return 0
         }
+        incr number
     }
+    return 1
 }
-
-drives::main {*}$argv

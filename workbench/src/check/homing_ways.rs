@@ -37,6 +37,8 @@ pub enum Way {
         switch: f64,
         /// Joint units per second.
         speed: f64,
+        /// The end of its travel to which the search goes, if it is one for a switch.
+        end: Option<f64>,
     },
     /// It is taken to stand at HOME_OFFSET.
     Known(f64),
@@ -163,6 +165,18 @@ impl<'a> Homing<'a> {
             Way::Known(at) => at != joint.home,
             Way::Absolute { moves: false } => false,
         })
+    }
+
+    /// The share of the poses to begin from in which joint `i` stands where its switch has to be closed already: between
+    /// the switch and the end to which its search goes. `None` where it searches no switch.
+    pub fn share_closed(&self, i: usize) -> Option<f64> {
+        let Way::Search { switch, end: Some(end), .. } = self.joints.get(i)?.way else {
+            return None;
+        };
+        let is_closed =
+            |(_, joints): &&([f64; 6], Joints)| (joints[i] - switch) * (end - switch) > 0.0;
+        let count = self.starts.iter().filter(is_closed).count();
+        (!self.starts.is_empty()).then(|| count as f64 / self.starts.len() as f64)
     }
 
     /// The groups in the order of the INI file.
@@ -325,7 +339,7 @@ impl<'a> Homing<'a> {
 
     fn search_time(&self, i: usize, from: f64) -> f64 {
         match self.joints[i].way {
-            Way::Search { switch, speed } => (switch - from).abs() / speed,
+            Way::Search { switch, speed, .. } => (switch - from).abs() / speed,
             _ => 0.0,
         }
     }
@@ -384,7 +398,11 @@ fn joint(ini: &Ini, config: &MachineConfig, i: usize) -> Result<Joint, IniError>
     // No joint moves faster, whatever its keys say.
     let speed = if search == 0.0 { latch } else { search }.abs().min(own.max_velocity);
     let way = match number("HOME_ABSOLUTE_ENCODER", 0.0)? {
-        0.0 if speed > 0.0 => Way::Search { switch: place, speed },
+        0.0 if speed > 0.0 => {
+            // A switch may stand beyond the travel that programs have.
+            let end = if search < 0.0 { own.min.min(place) } else { own.max.max(place) };
+            Way::Search { switch: place, speed, end: (search != 0.0).then_some(end) }
+        }
         0.0 => Way::Known(place),
         kind => Way::Absolute { moves: kind == 1.0 },
     };

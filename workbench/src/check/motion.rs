@@ -40,6 +40,7 @@ const STEP: [f64; 2] = [1e-4, 0.01];
 pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
     if !config.place.is_second {
         angles(report, config);
+        letters(report, config);
         period(report, config)?;
         answers(report, config)?;
         spindles(report, config);
@@ -53,6 +54,8 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
     for motor in motors::of(config) {
         backlash(report, config, &motor)?;
     }
+    tables(report, config);
+    extra(report, config);
     let letters = Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
     for letter in letters {
         let section = config.place.axis_section(letter);
@@ -196,6 +199,76 @@ fn backlash(
     };
     report.finding(Severity::Warning, at_key(ini, section, KEY, &text));
     Ok(())
+}
+
+/// Table axes that are slower than the coordinate that they follow one to one while the machine is level, or that end
+/// before it does.
+fn tables(report: &mut Report, config: &MachineConfig) {
+    let joints =
+        config.joints[config.legs()..].iter().zip(config.machine.layout().table().as_slice());
+    for (n, (joint, letter)) in joints.enumerate() {
+        let (own, axis) =
+            (config.place.joint_section(config.legs() + n), config.place.axis_section(*letter));
+        let limits = config.programmed[letter.index()];
+        for (key, of_axis, of_joint) in [
+            ("MAX_VELOCITY", limits.max_velocity, joint.max_velocity - joint.correction[1]),
+            ("MAX_ACCELERATION", limits.max_acceleration, joint.max_acceleration),
+        ] {
+            if of_axis > of_joint {
+                let text = format!(
+                    "expected at most {of_joint} of [{own}], which follows this axis one to one: beyond that it falls behind, \
+                     and LinuxCNC stops the machine"
+                );
+                report.finding(Severity::Error, at_key(&config.ini, &axis, key, &text));
+            }
+        }
+        ends(report, config, (&own, &axis), [joint.min, joint.max], [limits.min, limits.max]);
+    }
+}
+
+/// Extra axes that end before their coordinate does.
+fn extra(report: &mut Report, config: &MachineConfig) {
+    for (n, extra) in config.extra.iter().enumerate().filter(|_| !config.place.is_second) {
+        let own = format!("JOINT_{}", config.guarded_joints() + n);
+        let axis = format!("AXIS_{}", extra.letter);
+        let (joint, limits) = (&extra.joint, extra.axis);
+        ends(report, config, (&own, &axis), [joint.min, joint.max], [limits.min, limits.max]);
+    }
+}
+
+/// Ends of a joint that its axis goes beyond.
+fn ends(
+    report: &mut Report,
+    config: &MachineConfig,
+    (joint, axis): (&str, &str),
+    own: [f64; 2],
+    of_axis: [f64; 2],
+) {
+    let is_beyond = [of_axis[0] < own[0], of_axis[1] > own[1]];
+    for (k, key) in ["MIN_LIMIT", "MAX_LIMIT"].into_iter().enumerate() {
+        // An axis without an end is reported as that.
+        if is_beyond[k] && of_axis[k].is_finite() {
+            let text = format!(
+                "[{axis}]{key} = {} goes beyond it, and LinuxCNC stops programs at the joint's limit: expected an axis that \
+                 ends before its joint",
+                of_axis[k]
+            );
+            report.finding(Severity::Warning, at_key(&config.ini, joint, key, &text));
+        }
+    }
+}
+
+/// Letters that LinuxCNC takes for axes and that stand there by mistake, as those of a comment.
+fn letters(report: &mut Report, config: &MachineConfig) {
+    let Some(entry) = config.ini.first("TRAJ", "COORDINATES") else { return };
+    if !entry
+        .value
+        .chars()
+        .all(|c| c.is_whitespace() || "XYZABCUVW".contains(c.to_ascii_uppercase()))
+    {
+        let text = "LinuxCNC takes every letter here for an axis, those of a comment too: expected the letters of the axes alone";
+        report.finding(Severity::Error, config.ini.refuse(entry, text));
+    }
 }
 
 /// Speeds and accelerations of axes that LinuxCNC sets itself.

@@ -54,7 +54,11 @@ pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
         program(ini, section, key, *is_needed, known)
     });
     found.extend(
-        programs.chain(controller(ini)).chain(tools(ini)).map(|error| (Severity::Error, error)),
+        programs
+            .chain(modules(ini))
+            .chain(buffers(ini))
+            .chain(tools(ini))
+            .map(|error| (Severity::Error, error)),
     );
     found.extend(beside(ini).map(|error| (Severity::Warning, error)));
     found
@@ -97,11 +101,29 @@ fn program(
     (!is_there).then(|| absent(ini, entry, "there is no such program", name, known))
 }
 
-/// The motion controller is a module of the real-time part.
-fn controller(ini: &Ini) -> Option<IniError> {
-    let (entry, name) = named(ini, "EMCMOT", "EMCMOT")?;
-    let is_there = Path::new(MODULES).join(format!("{name}.so")).is_file();
-    (!is_there).then(|| absent(ini, entry, "LinuxCNC has no such module", name, &["motmod"]))
+/// Motion controller, planner and homing are modules of the real-time part.
+fn modules(ini: &Ini) -> impl Iterator<Item = IniError> {
+    let all = [
+        ("EMCMOT", "EMCMOT", "motmod"),
+        ("TRAJ", "TPMOD", "tpmod"),
+        ("EMCMOT", "HOMEMOD", "homemod"),
+    ];
+    all.into_iter().filter_map(|(section, key, usual)| {
+        let (entry, name) = named(ini, section, key)?;
+        let is_there = Path::new(MODULES).join(format!("{name}.so")).is_file();
+        (!is_there).then(|| absent(ini, entry, "LinuxCNC has no such module", name, &[usual]))
+    })
+}
+
+/// The file of the buffers in which LinuxCNC's programs meet.
+fn buffers(ini: &Ini) -> Option<IniError> {
+    let (entry, file) = [("LINUXCNC", "NML_FILE"), ("EMC", "NML_FILE")]
+        .into_iter()
+        .find_map(|(section, key)| file(ini, section, key))?;
+    (!file.is_file()).then(|| {
+        let text = "there is no such file, and LinuxCNC's start ends here: expected no such key";
+        ini.refuse(entry, text)
+    })
 }
 
 /// The program that keeps the tools, in place of the table. LinuxCNC looks for it where it runs, which is the folder
@@ -122,7 +144,7 @@ fn absent(ini: &Ini, entry: &Entry, what: &str, name: &str, known: &[&str]) -> I
 }
 
 /// Whether LinuxCNC is on this computer.
-fn is_installed() -> bool {
+pub(super) fn is_installed() -> bool {
     Path::new(HALLIB).is_dir()
 }
 
@@ -287,7 +309,7 @@ fn file<'a>(ini: &'a Ini, section: &str, key: &str) -> Option<(&'a Entry, PathBu
     (!name.trim_matches('"').is_empty()).then(|| (entry, places::named(ini.file(), name)))
 }
 
-fn is_program(ini: &Ini, name: &str) -> bool {
+pub(super) fn is_program(ini: &Ini, name: &str) -> bool {
     let is_run = |file: PathBuf| {
         file.metadata().is_ok_and(|it| it.is_file() && it.permissions().mode() & 0o111 != 0)
     };

@@ -20,6 +20,7 @@ use crate::check::speeds;
 use crate::check::startup;
 use crate::check::table;
 use crate::check::tips;
+use crate::check::tool_change;
 use crate::check::typos;
 use crate::check::usual;
 use crate::check::wiring;
@@ -59,6 +60,7 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     if !config.place.is_second {
         speeds::check(&mut report, config);
         startup::check(&mut report, config);
+        tool_change::check(&mut report, config);
         display::check(&mut report, config);
         for (severity, error) in wiring::check(&config.ini)? {
             report.finding(severity, error);

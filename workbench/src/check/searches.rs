@@ -2,6 +2,7 @@
 //! How joints look for their switches: which way, how fast, and how they meet them again.
 
 use crate::check::findings::Report;
+use crate::check::homing_ways::Homing;
 use crate::check::motors::{self, Motor};
 use crate::check::wiring::at_key;
 use crate::limits;
@@ -12,13 +13,20 @@ use crate::read::machine::MachineConfig;
 /// Share of a joint's range at its ends: a switch there is met from the other end, elsewhere from both.
 const END: f64 = 0.05;
 
+/// Share of the poses within the axis limits of which a joint may stand beyond its switch: a switch is met from
+/// nearly all of them, or has to stay closed over most of the travel, as those of machines with switches in the middle.
+const BEYOND: f64 = 0.9;
+
 /// Everything of it.
 ///
 /// # Errors
 /// A value that is no number.
 pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
-    for motor in motors::of(config) {
-        for (key, text) in of_joint(config, &motor)? {
+    // Of machines whose axes carry something homing is not followed.
+    let homing = Homing::new(config)?;
+    for (i, motor) in motors::of(config).into_iter().enumerate() {
+        let share = homing.as_ref().and_then(|homing| homing.share_closed(i));
+        for (key, text) in of_joint(config, &motor, share)? {
             report.finding(Severity::Warning, at_key(&config.ini, &motor.section, key, &text));
         }
     }
@@ -29,6 +37,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
 fn of_joint(
     config: &MachineConfig,
     motor: &Motor,
+    share_closed: Option<f64>,
 ) -> Result<Vec<(&'static str, String)>, IniError> {
     let number = |key| config.ini.number_or(&motor.section, key, 0.0);
     let [speed, latch, offset] =
@@ -39,7 +48,8 @@ fn of_joint(
         return Ok(found);
     }
     found.extend(fast(motor, speed).map(|text| ("HOME_SEARCH_VEL", text)));
-    found.extend(away(motor, speed, offset).map(|text| ("HOME_SEARCH_VEL", text)));
+    let away = away(motor, speed, offset).or_else(|| beyond(motor, speed, offset, share_closed?));
+    found.extend(away.map(|text| ("HOME_SEARCH_VEL", text)));
     // Which sign it has is free: of the same sign as the search the switch is met once more, of the other one it is left.
     found.extend(fast(motor, latch).map(|text| ("HOME_LATCH_VEL", text)));
     if speed != 0.0 && latch.abs() > speed.abs() {
@@ -86,6 +96,20 @@ fn away(&Motor { joint, .. }: &Motor, speed: f64, offset: f64) -> Option<String>
         format!(
             "the switch stands at the {end} end, at HOME_OFFSET = {offset}, and the search goes to the other one: \
              expected {}",
+            -speed
+        )
+    })
+}
+
+/// A search from the side of its switch on which nearly all poses are.
+fn beyond(&Motor { joint, .. }: &Motor, speed: f64, offset: f64, share: f64) -> Option<String> {
+    (share > BEYOND).then(|| {
+        format!(
+            "in {:.0} % of the poses within the axis limits {} stands beyond its switch, from HOME_OFFSET = {offset} to {}, \
+             and a switch that is not closed there is never met: expected {}, or a switch that stays closed to that end",
+            100.0 * share,
+            joint.name,
+            if speed < 0.0 { joint.min } else { joint.max },
             -speed
         )
     })

@@ -8,6 +8,13 @@ use crate::read::machine::MachineConfig;
 /// Everything of it.
 pub(super) fn check(report: &mut Report, config: &MachineConfig) {
     let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return };
+    if let Some(rest) = comment(&entry.value) {
+        let text = format!(
+            "LinuxCNC takes what is behind # for a parameter, reads no \"{rest}\" and cannot be switched on: expected \
+             comments on lines of their own, or behind ;"
+        );
+        return report.finding(Severity::Error, config.ini.refuse(entry, &text));
+    }
     // Parameters, expressions, remarks and calls are LinuxCNC's to read.
     if entry.value.contains(['#', '[', '(', ';', '<']) {
         return;
@@ -36,6 +43,15 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) {
     }
 }
 
+/// What stands behind a # that begins no parameter: a comment in files of other programs, none in LinuxCNC's.
+fn comment(value: &str) -> Option<&str> {
+    let code = value.split([';', '(']).next().unwrap_or_default();
+    let begins = |c: char| c.is_ascii_digit() || "<#[".contains(c);
+    code.match_indices('#')
+        .map(|(at, _)| code[at + 1..].trim())
+        .find(|rest| !rest.starts_with(begins))
+}
+
 /// Letters of a block without blanks, each with its number; what stands before the first one has no letter.
 fn words(block: &str) -> Vec<(&str, &str)> {
     let starts = block.char_indices().filter(|(_, c)| c.is_ascii_alphabetic()).map(|(n, _)| n);
@@ -49,6 +65,17 @@ fn words(block: &str) -> Vec<(&str, &str)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_comment_is_told_from_a_parameter() {
+        assert_eq!(comment("G21 # mm"), Some("mm"));
+        assert_eq!(comment("G21 #"), Some(""));
+        for code in
+            ["G21 F#1", "F # 5220", "F#<_rate>", "F##2", "F#[1+2]", "G21 ; # mm", "G21 (# mm)"]
+        {
+            assert_eq!(comment(code), None, "{code}");
+        }
+    }
 
     #[test]
     fn a_block_falls_into_letters_with_their_numbers() {

@@ -8,6 +8,7 @@ use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
 use crate::read::machine::MachineConfig;
 use crate::read::tools::{self, Tool};
+use std::collections::HashMap;
 
 /// By how many times the machine's size (its largest length from an origin) a tool may be long, before its unit is doubted: a
 /// choice, for small machines have tools as long as their radius.
@@ -31,22 +32,55 @@ pub(super) fn read(report: &mut Report, config: &MachineConfig) -> Vec<Tool> {
         let text = "there is no tool in it, and LinuxCNC ends every program that asks for one: expected a line, if only T1 P1 Z0";
         report.finding(Severity::Warning, whole(text));
     }
+    let is_random = config.program.random_tools;
+    if let Some(tool) =
+        tools.get(POCKETS).filter(|_| is_kept && !is_random && !config.place.is_second)
+    {
+        let text = format!(
+            "LinuxCNC has room for {POCKETS} tools, and drops T{} and the {} lines behind it: expected fewer tools",
+            tool.number,
+            tools.len() - POCKETS - 1
+        );
+        report.finding(Severity::Error, tool.refuse_line(config, &text));
+    }
+    let mut lines = HashMap::new();
     for (k, tool) in tools.iter().enumerate() {
-        for error in of_tool(config, tool, &tools[..k]) {
+        if let Some(error) = dropped(config, tool).filter(|_| is_kept) {
+            report.finding(Severity::Error, error);
+        }
+        let before = lines.insert(tool.number, tool.line);
+        for error in of_tool(config, tool, k, before) {
             report.finding(Severity::Warning, error);
         }
     }
     tools
 }
 
-/// What is wrong with a tool that stands behind others.
-fn of_tool(config: &MachineConfig, tool: &Tool, before: &[Tool]) -> Vec<IniError> {
+/// Tools that LinuxCNC has room for besides the one in the spindle (CANON_POCKETS_MAX of emctool.h).
+const POCKETS: usize = 1000;
+
+/// A line that LinuxCNC drops as a whole.
+fn dropped(config: &MachineConfig, tool: &Tool) -> Option<IniError> {
+    let word = tool.dropped_by.as_ref().filter(|_| !config.place.is_second)?;
+    let text = format!(
+        "LinuxCNC drops this line for the word {word}, and T{} is not found: expected words of T P X Y Z A B C U V W D I J Q, \
+         and comments behind ;",
+        tool.number
+    );
+    Some(tool.refuse_line(config, &text))
+}
+
+/// What is wrong with a tool behind `count` others, of which the last with its number stands in the line `before`.
+fn of_tool(
+    config: &MachineConfig,
+    tool: &Tool,
+    count: usize,
+    before: Option<usize>,
+) -> Vec<IniError> {
     let mut found = vec![];
-    if let Some(other) = before.iter().find(|other| other.number == tool.number) {
-        let text = format!(
-            "T{} stands in line {} already: LinuxCNC takes one of them",
-            tool.number, other.line
-        );
+    if let Some(line) = before {
+        let text =
+            format!("T{} stands in line {line} already: LinuxCNC takes one of them", tool.number);
         found.push(tool.refuse_length(config, &text));
     }
     let (size, unit) = (config.machine.size(), config.length_unit());
@@ -66,10 +100,17 @@ fn of_tool(config: &MachineConfig, tool: &Tool, before: &[Tool]) -> Vec<IniError
         let text = format!(
             "LinuxCNC has one place for all tools without a pocket, and knows only the last of them: expected P{} \
              behind T{}, say",
-            before.len() + 1,
+            count + 1,
             tool.number
         );
         found.push(tool.refuse_length(config, &text));
+    }
+    if tool.turns.iter().any(|angle| *angle != 0.0) {
+        let [a, b, c] = tool.turns;
+        let text = format!(
+            "G43 turns the platform by A{a} B{b} C{c} with this tool, and lengths are meant along its axis: take these words out"
+        );
+        found.push(tool.refuse_line(config, &text));
     }
     if tool.diameter < 0.0 {
         let text = format!(

@@ -24,8 +24,11 @@ const OWN: &str = "pkmkins.tcl";
 /// # Errors
 /// A value that is no number.
 pub(crate) fn check(ini: &Ini) -> Result<Vec<(Severity, IniError)>, IniError> {
-    let mut found: Vec<_> =
-        absent(ini).chain(too_early(ini)).map(|error| (Severity::Error, error)).collect();
+    let mut found: Vec<_> = absent(ini)
+        .chain(too_early(ini))
+        .chain(twice(ini))
+        .map(|error| (Severity::Error, error))
+        .collect();
     found.extend(cautions(ini)?.into_iter().map(|error| (Severity::Warning, error)));
     Ok(found)
 }
@@ -73,6 +76,24 @@ fn too_early(ini: &Ini) -> Option<IniError> {
          move it behind {after}"
     );
     Some(ini.refuse(files[own], &text))
+}
+
+/// Files of pkmkins where LinuxCNC carries every file out twice.
+fn twice(ini: &Ini) -> Option<IniError> {
+    let entry = ini.first("HAL", "TWOPASS").filter(|entry| !entry.value.is_empty())?;
+    let files = ini.all("HAL", "HALFILE");
+    let own = files.iter().find(|entry| {
+        let name = entry.value.split_whitespace().next().unwrap_or_default();
+        name.rsplit(['/', ':'])
+            .next()
+            .is_some_and(|name| name.starts_with("pkmkins") && name.ends_with(".tcl"))
+    })?;
+    let text = format!(
+        "with this key LinuxCNC carries every HAL file out twice, and its start ends at the second time of {}: take the \
+         line out",
+        own.value
+    );
+    Some(ini.refuse(entry, &text))
 }
 
 /// What may not be meant so.
@@ -157,7 +178,7 @@ fn text(ini: &Ini, entry: &Entry) -> Option<String> {
 }
 
 /// The error at a key, or that it is missing.
-pub(crate) fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
+pub fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
     match ini.first(section, key) {
         Some(entry) => ini.refuse(entry, text),
         None => ini.error(section, key, None, text),
@@ -187,7 +208,8 @@ mod tests {
         assert!(all.len() == 1 && all[0].contains("panel.hal: there is no such file"), "{all:?}");
         let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "");
         assert!(all.len() == 1 && all[0].contains("move it behind drives.hal"), "{all:?}");
-        assert_eq!(told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "TWOPASS = on\n"), [""; 0]);
+        let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "TWOPASS = on\n");
+        assert!(all.len() == 1 && all[0].contains("twice"), "{all:?}");
         // What another file sources is not read.
         assert_eq!(told(&[("own.tcl", "source drives.tcl"), ("pkmkins.tcl", "")], ""), [""; 0]);
     }

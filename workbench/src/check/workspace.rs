@@ -135,7 +135,7 @@ fn with_tools(
     if !Letter::ALL.iter().any(|l| l.is_angle() && !config.machine.layout().is_held(*l)) {
         return;
     }
-    for tool in table {
+    for tool in spread(table) {
         let Ok(reach) = Reach::with_tool(config, config.spindle + tool.offset) else { continue };
         let share = 100.0 * seen::taken(config, &reach, within);
         // One without a length is what the limits are proved with, by a longer proof than is made here.
@@ -155,6 +155,19 @@ fn with_tools(
             report.proved_tools.push(tool);
         }
     }
+}
+
+/// Tools that are looked at one by one: each takes a drawing of poses of its own.
+const LOOKED_AT: usize = 16;
+
+/// Of many tools the shortest, the longest and some between, evenly by their numbers; of few all.
+fn spread(mut table: Vec<Tool>) -> Vec<Tool> {
+    let count = table.len();
+    if count <= LOOKED_AT {
+        return table;
+    }
+    table.sort_by(|a, b| a.offset.norm().total_cmp(&b.offset.norm()));
+    (0..LOOKED_AT).map(|k| table[k * (count - 1) / (LOOKED_AT - 1)].clone()).collect()
 }
 
 /// What a smaller tilt gains in X Y Z, from the largest that the limits allow to none.

@@ -12,6 +12,7 @@ use crate::read::machine::MachineConfig;
 use crate::read::places::MODULES;
 use command_fds::{CommandFdExt, FdMapping};
 use std::env;
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufReader, PipeReader, pipe};
 use std::ops::ControlFlow;
@@ -67,7 +68,26 @@ pub struct Options {
     pub open_limits: bool,
     /// Runs the program with all rights of the user: for a kernel that cannot confine it.
     pub unconfined: bool,
+    /// The machine's own HAL files in place of the simulated machine's, and its own way of homing.
+    pub own: Option<OwnFiles>,
+    /// Seconds of a processor that the whole run may take.
+    pub most_in_all: f64,
 }
+
+/// A script of Tcl that carries out the machine's own HAL files, called with the INI file of the run, the
+/// folder of the library, the folder of LinuxCNC's modules, and these arguments.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnFiles {
+    /// Text of the script.
+    pub script: String,
+    /// What it is given besides.
+    pub arguments: Vec<OsString>,
+}
+
+/// First word of the line by which such a script reports the step that failed.
+const FAILED: &str = "START";
+/// Its last word where LinuxCNC has ended meanwhile, and reports the reason itself.
+const GONE: &str = "LinuxCNC has gone away";
 
 impl Default for Options {
     fn default() -> Self {
@@ -82,6 +102,8 @@ impl Default for Options {
             block_delete: true,
             open_limits: false,
             unconfined: false,
+            own: None,
+            most_in_all: f64::INFINITY,
         }
     }
 }
@@ -131,13 +153,13 @@ pub fn run_with_moves(
     for file in [Path::new(MILLTASK), &library] {
         fs::metadata(file).map_err(|error| NotJudged::Missing { file: file.into(), error })?;
     }
-    let scratch = Scratch::new(config)?;
+    let scratch = Scratch::new(config, options.own.as_ref().map(|own| own.script.as_str()))?;
     let program = program.canonicalize().at(program)?;
     if program.is_dir() {
         return Err(io::Error::from(io::ErrorKind::IsADirectory)).at(&program)?;
     }
     let hal = options.hal.iter().map(|file| file.canonicalize().at(file));
-    let hal = hal.collect::<Result<Vec<_>, _>>()?;
+    let hal = hal.map(|file| file.map(Into::into)).collect::<Result<Vec<_>, _>>()?;
     let run = Run::start(config, &scratch, &library, &program, &hal, options)?;
     let outcome = run.watched(config, &installed, options, see)?;
     if let Some(folder) = &options.written {
@@ -195,7 +217,7 @@ impl<'a> Run<'a> {
         scratch: &'a Scratch,
         library: &Path,
         program: &Path,
-        hal: &[PathBuf],
+        hal: &[OsString],
         options: &Options,
     ) -> Result<Self, NotJudged> {
         let (asked, ask) = pipe()?;
@@ -212,7 +234,7 @@ impl<'a> Run<'a> {
             .arg(scratch.ini())
             .arg(beside)
             .arg(MODULES)
-            .args(hal)
+            .args(options.own.as_ref().map_or(hal, |own| &own.arguments))
             .current_dir(scratch.path())
             .env("HALLIB_DIR", linuxcnc("HALLIB_DIR")?)
             .stdin(answered)
@@ -251,7 +273,10 @@ impl<'a> Run<'a> {
         milltask
             .fd_mappings(vec![FdMapping { parent_fd, child_fd: STREAM }])
             .map_err(io::Error::other)?;
-        let folders = hal.iter().filter_map(|file| file.parent()).chain([beside]);
+        let given = options.own.as_ref().map_or(hal, |own| &own.arguments);
+        // Of the machine's own HAL files only some arguments are paths.
+        let files = given.iter().map(Path::new).filter(|file| file.is_absolute());
+        let folders = files.filter_map(Path::parent).chain([beside]);
         let rights = Rights {
             reads: scratch
                 .folders
@@ -281,7 +306,8 @@ impl<'a> Run<'a> {
         mut see: impl FnMut(Event<'_>) -> ControlFlow<()>,
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
-        let pulse = Pulse::new(from, self.milltask.id(), options.most_work);
+        let most = [options.most_work, options.most_in_all];
+        let pulse = Pulse::new(from, self.milltask.id(), most);
         let mut records = Records::new(
             BufReader::with_capacity(1 << 16, pulse),
             Columns {
@@ -324,7 +350,10 @@ impl<'a> Run<'a> {
                     return Ok(watch.outcome(Ending::Stopped, cycle));
                 }
                 Record::End(_, _, Cause::NotJudged, text) => {
-                    return Err(NotJudged::Refused(text + &self.complaint()));
+                    return Err(match options.own {
+                        Some(_) => self.refused(text),
+                        None => NotJudged::Refused(text + &self.complaint()),
+                    });
                 }
             }
         }
@@ -341,9 +370,36 @@ impl<'a> Run<'a> {
         told(&reason[..reason.len().min(LINES)])
     }
 
+    /// Why the machine's own files do not start it: the step that failed, where one of them did.
+    fn refused(&mut self, text: String) -> NotJudged {
+        let _ = self.wiring.wait();
+        let lines = self.log("wiring.log");
+        let words = lines.iter().map(|line| line.split('\t').collect::<Vec<_>>());
+        let failed = words.into_iter().find_map(|words| match words[..] {
+            [FAILED, kind, file, line, entry, reason] => Some((
+                kind == "mistake",
+                file.into(),
+                line.parse().ok()?,
+                entry.parse().ok()?,
+                reason.to_string(),
+            )),
+            _ => None,
+        });
+        let Some((is_mistake, file, line, entry, reason)) = failed else {
+            // The operator has reported what LinuxCNC says.
+            let words =
+                if text.starts_with("LinuxCNC") { String::new() } else { self.last_words() };
+            return NotJudged::Refused(text + &words);
+        };
+        let text = if reason == GONE { text + &self.last_words() } else { reason };
+        NotJudged::Step { file, line, entry, is_mistake, text }
+    }
+
     /// What LinuxCNC said last.
     fn last_words(&self) -> String {
-        let lines = self.log("milltask.log");
+        let mut lines = self.log("milltask.log");
+        // It is not the computer that is judged.
+        lines.retain(|line| !line.contains("main loop took"));
         told(&lines[lines.len().saturating_sub(LINES)..])
     }
 
@@ -459,6 +515,7 @@ impl<'a> Watch<'a> {
     fn quiet(&self, error: io::Error) -> NotJudged {
         match error.kind() {
             io::ErrorKind::TimedOut => NotJudged::Endless(self.line),
+            io::ErrorKind::QuotaExceeded => NotJudged::Slow(self.options.most_in_all),
             _ => error.into(),
         }
     }

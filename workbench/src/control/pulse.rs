@@ -21,15 +21,17 @@ pub struct Pulse {
     process: u32,
     /// Seconds of a processor that it may work without a sign.
     most_work: f64,
+    /// Seconds of a processor that it may work in all.
+    most_in_all: f64,
     /// What the process had worked, and when, at its last sign.
     work: f64,
     sign: Instant,
 }
 
 impl Pulse {
-    /// The pipe that this process writes to, and the seconds of a processor that it may work in between.
-    pub fn new(pipe: PipeReader, process: u32, most_work: f64) -> Self {
-        Self { pipe, process, most_work, work: 0.0, sign: Instant::now() }
+    /// The pipe that this process writes to, and the seconds of a processor that it may work in between and in all.
+    pub fn new(pipe: PipeReader, process: u32, [most_work, most_in_all]: [f64; 2]) -> Self {
+        Self { pipe, process, most_work, most_in_all, work: 0.0, sign: Instant::now() }
     }
 
     fn has_something(&self) -> io::Result<bool> {
@@ -53,12 +55,18 @@ fn worked(process: u32) -> f64 {
 impl Read for Pulse {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         while !self.has_something()? {
+            if worked(self.process) > self.most_in_all {
+                return Err(io::ErrorKind::QuotaExceeded.into());
+            }
             if worked(self.process) - self.work > self.most_work || self.sign.elapsed() > MOST_REST
             {
                 return Err(io::ErrorKind::TimedOut.into());
             }
         }
         (self.work, self.sign) = (worked(self.process), Instant::now());
+        if self.work > self.most_in_all {
+            return Err(io::ErrorKind::QuotaExceeded.into());
+        }
         self.pipe.read(bytes)
     }
 }

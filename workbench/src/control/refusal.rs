@@ -59,6 +59,23 @@ pub enum NotJudged {
     /// LinuxCNC cannot be brought to run the program.
     #[error("{0}")]
     Refused(String),
+    /// A step of the machine's own HAL files failed.
+    #[error("{text}")]
+    Step {
+        /// File of the step; empty where it stands in the INI file.
+        file: PathBuf,
+        /// Its line; 0 where it is not known.
+        line: usize,
+        /// Which of the entries it belongs to, counted from 0.
+        entry: usize,
+        /// Whether LinuxCNC refuses the step, too, and not only what carries it out here.
+        is_mistake: bool,
+        /// Why, in the words of who refused it.
+        text: String,
+    },
+    /// It takes longer than the time that it was given.
+    #[error("LinuxCNC did not come to an end in {0} s")]
+    Slow(f64),
     /// It ended without a word.
     #[error("LinuxCNC ended without an end of the program{0}")]
     Crashed(String),

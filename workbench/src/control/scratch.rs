@@ -4,7 +4,7 @@
 use crate::control::refusal::NotJudged;
 use crate::files::{self, AtFile, Folder, Locate, Whole};
 use crate::read::machine::MachineConfig;
-use crate::read::places::{OF_TCL, folders, is_of_tcl};
+use crate::read::places::{OF_TCL, folders, is_of_tcl, named};
 use std::fs::{self, File};
 use std::io;
 use std::path::{self, Path, PathBuf};
@@ -12,6 +12,8 @@ use std::path::{self, Path, PathBuf};
 const DRIVER: &str = include_str!("../../virtual/driver.py");
 const WIRING: &str =
     concat!(include_str!("../read/ini.tcl"), include_str!("../../virtual/wiring.tcl"));
+/// Carries out the simulated machine's HAL files.
+const SIMULATED: &str = "\nwiring::main {*}$argv\n";
 
 /// Buffers in which milltask, the tool changer and the driver meet: their names, sizes, numbers, and what
 /// LinuxCNC's own file says of them beside.
@@ -46,19 +48,22 @@ pub struct Scratch {
     pub tool_table: PathBuf,
     /// Folders with programs and subroutines that the INI file names.
     pub folders: Vec<PathBuf>,
+    /// Whether joints home as the machine's file says, instead of at once.
+    homes: bool,
 }
 
 impl Scratch {
-    /// Makes it.
+    /// Makes it. With `own`, a script, the machine's own HAL files are carried out in place of the simulated
+    /// machine's, and its joints home as its file says.
     ///
     /// # Errors
     /// A file cannot be read or written, or the INI file asks for what is not run.
-    pub fn new(config: &MachineConfig) -> Result<Self, NotJudged> {
-        refuse_others(config)?;
-        Ok(Self::made(config)?)
+    pub fn new(config: &MachineConfig, own: Option<&str>) -> Result<Self, NotJudged> {
+        refuse_others(config, own.is_some())?;
+        Ok(Self::made(config, own)?)
     }
 
-    fn made(config: &MachineConfig) -> Result<Self, AtFile<io::Error>> {
+    fn made(config: &MachineConfig, own: Option<&str>) -> Result<Self, AtFile<io::Error>> {
         let folder = Folder::new()?;
         let tool_table = match &config.program.tool_table {
             Some(table) => copied(table, &folder.path().join("tools.tbl"))?,
@@ -71,7 +76,7 @@ impl Scratch {
             .filter_map(|entry| folders(file, &entry.section, &entry.key, &entry.value));
         let folders =
             folders.flat_map(|names| names.split(':').map(PathBuf::from).collect::<Vec<_>>());
-        let scratch = Self { folder, tool_table, folders: folders.collect() };
+        let scratch = Self { folder, tool_table, folders: folders.collect(), homes: own.is_some() };
         match &config.program.parameter_file {
             Some(stored) if stored.exists() => drop(copied(stored, &scratch.parameters())?),
             _ => write(&scratch.parameters(), "")?,
@@ -80,7 +85,7 @@ impl Scratch {
         write(&scratch.path().join("driver.py"), DRIVER)?;
         let written = scratch.path().join("written");
         fs::create_dir(&written).at(&written)?;
-        write(&scratch.wiring(), WIRING)?;
+        write(&scratch.wiring(), &(WIRING.to_string() + own.unwrap_or(SIMULATED)))?;
         write(&scratch.path().join("buffers.nml"), &buffers())?;
         Ok(scratch)
     }
@@ -155,7 +160,7 @@ impl Scratch {
         let joint = section.strip_prefix("JOINT_").and_then(|n| n.parse::<usize>().ok());
         match (section, joint.and_then(|n| config.all_joints().nth(n))) {
             ("EMC", _) => format!("NML_FILE = {}/buffers.nml\n", self.path().display()),
-            (_, Some(joint)) => format!(
+            (_, Some(joint)) if !self.homes => format!(
                 "HOME_OFFSET = {}\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n",
                 joint.home
             ),
@@ -170,7 +175,10 @@ impl Scratch {
             ("EMC", "NML_FILE" | "DEBUG") | ("RS274NGC", "LOG_FILE" | "LOG_LEVEL") => None,
             ("RS274NGC", "PARAMETER_FILE") => said(self.parameters().display().to_string()),
             ("EMCIO", "TOOL_TABLE") => said(self.tool_table.display().to_string()),
-            _ if section.starts_with("JOINT_") && HOMING.contains(&key) => None,
+            (_, "COMP_FILE") if section.starts_with("JOINT_") => {
+                said(named(file, value).display().to_string())
+            }
+            _ if !self.homes && section.starts_with("JOINT_") && HOMING.contains(&key) => None,
             _ => said(folders(file, section, key, value).unwrap_or_else(|| value.into())),
         }
     }
@@ -210,7 +218,7 @@ fn buffers() -> String {
 
 /// Refuses what would run other programs of the user's, whose part in the motion is not known, and what this
 /// LinuxCNC does not know.
-fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
+fn refuse_others(config: &MachineConfig, leaves_halui: bool) -> Result<(), NotJudged> {
     let value = |section: &str, key: &str| config.ini.as_inivar(section, key);
     let remote = |file: &str| is_remote(&folder_of(config).join(file));
     let reasons = [
@@ -223,6 +231,7 @@ fn refuse_others(config: &MachineConfig) -> Result<(), NotJudged> {
     for (section, key, why) in reasons {
         let Some(value) = value(section, key) else { continue };
         let is_harmless = match key {
+            "HALUI" => leaves_halui,
             "TASK" => value == "milltask",
             "PLANNER_TYPE" => value == "0",
             "NML_FILE" => !remote(value),

@@ -16,4 +16,5 @@ pub mod path;
 pub mod preflight;
 pub mod random_program;
 pub mod replay;
+pub mod start;
 pub mod travel;

@@ -756,15 +756,16 @@ fn expected_numbers(count: usize) -> String {
     format!("{what} and nothing else on the line; put comments on lines of their own")
 }
 
-/// A plain decimal number: digits, a fraction, an exponent. No hex, nan or inf, no
-/// "5." or ".5": text that means the same to every reader of the file.
+/// A plain decimal number: digits, a fraction, an exponent; a digit before or behind the point may be missing.
+/// No hex, nan or inf: text that means the same to every reader of the file.
 pub fn decimal(word: &str) -> Option<f64> {
     let unsigned = word.strip_prefix(['+', '-']).unwrap_or(word);
     let (mantissa, exponent) = unsigned.split_once(['e', 'E']).unwrap_or((unsigned, "0"));
-    let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, "0"));
+    let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
     let exponent = exponent.strip_prefix(['+', '-']).unwrap_or(exponent);
-    let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-    if !(digits(whole) && digits(fraction) && digits(exponent)) {
+    let digits = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    let has_digits = !(whole.is_empty() && fraction.is_empty()) && !exponent.is_empty();
+    if !(has_digits && digits(whole) && digits(fraction) && digits(exponent)) {
         return None;
     }
     // A number too small for a double would silently be none at all.
@@ -782,13 +783,21 @@ mod tests {
 
     #[test]
     fn decimal_takes_plain_numbers_only() {
-        for (word, value) in
-            [("1", 1.0), ("-0.5", -0.5), ("+2.0", 2.0), ("1e-3", 1e-3), ("010", 10.0)]
-        {
+        for (word, value) in [
+            ("1", 1.0),
+            ("-0.5", -0.5),
+            ("+2.0", 2.0),
+            ("1e-3", 1e-3),
+            ("010", 10.0),
+            (".5", 0.5),
+            ("-.25", -0.25),
+            ("5.", 5.0),
+            ("1.e1", 10.0),
+        ] {
             assert_eq!(decimal(word), Some(value), "{word}");
         }
         for word in [
-            "", "nan", "-inf", "0x10", "1e999", "1,5", "1\\", "e5", "-", ".5", "5.", "1.e1", "1e",
+            "", "nan", "-inf", "0x10", "1e999", "1,5", "1\\", "e5", "-", ".", "-.", ".e1", "1e",
             "+-1",
         ] {
             assert_eq!(decimal(word), None, "{word}");

@@ -19,6 +19,10 @@ pub struct Tool {
     pub diameter: f64,
     /// Whether its line names a pocket, P.
     pub has_pocket: bool,
+    /// A word by which LinuxCNC drops the whole line, if there is one.
+    pub dropped_by: Option<String>,
+    /// Its offsets of A, B and C, degrees.
+    pub turns: [f64; 3],
     /// Letters of the table that hold it: of a second mechanism U V W.
     letters: [char; 3],
     /// Its line of the table, counted from 1.
@@ -39,6 +43,11 @@ impl Tool {
     /// What is wrong with its length along the platform's Z, in the table of this machine.
     pub fn refuse_length(&self, config: &MachineConfig, expected: &str) -> IniError {
         self.refuse(config, self.letters[2], self.name(), expected)
+    }
+
+    /// What is wrong with its line.
+    pub fn refuse_line(&self, config: &MachineConfig, expected: &str) -> IniError {
+        self.refuse(config, '\0', self.text.trim().into(), expected)
     }
 
     /// What is wrong with its diameter.
@@ -71,6 +80,10 @@ impl Tool {
         }))
     }
 }
+
+/// Letters of offsets that turn, and those that stand for other offsets, angles and the orientation.
+const TURNS: [char; 3] = ['A', 'B', 'C'];
+const OTHERS: &str = "XYZUVWIJQ";
 
 /// A tool table that cannot be read, or a line of it that is no tool.
 #[derive(Debug, thiserror::Error)]
@@ -130,6 +143,8 @@ fn tool(words: &str, letters: [char; 3]) -> Result<Tool, BadTool> {
         offset,
         diameter: 0.0,
         has_pocket: false,
+        dropped_by: None,
+        turns: [0.0; 3],
         letters,
         line: 0,
         text: String::new(),
@@ -150,6 +165,13 @@ fn tool(words: &str, letters: [char; 3]) -> Result<Tool, BadTool> {
             found.diameter = value;
         } else if let Some(k) = letters.iter().position(|own| *own == letter) {
             found.offset[k] = value;
+        } else if let Some(k) = TURNS.iter().position(|own| *own == letter) {
+            found.turns[k] = value;
+        } else if !OTHERS.contains(letter) {
+            found.dropped_by = Some(word.into());
+        }
+        if letter == 'T' && !(0.0..=f64::from(i32::MAX)).contains(&value.abs()) {
+            found.dropped_by = Some(word.into());
         }
     }
     if has_number { Ok(found) } else { Err(BadTool::NoNumber) }

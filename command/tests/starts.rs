@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Mistakes that LinuxCNC refuses at its start: none of them fits together, and what starts is not refused.
+
+use crate::ini_cases::{Edit, apply};
+use crate::shipped::{MACHINES, config, folder, with_programs};
+use rayon::prelude::*;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use workbench::check::report::check;
+use workbench::program::start::start;
+use workbench::read::diagnostic::Severity;
+use workbench::read::machine::MachineConfig;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Cases {
+    case: Vec<Case>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Case {
+    name: String,
+    base: String,
+    #[serde(default)]
+    edit: Vec<Edit>,
+    /// Files beside the INI file.
+    #[serde(default)]
+    files: BTreeMap<String, String>,
+    /// Whether LinuxCNC starts, homes, moves and changes a tool.
+    starts: bool,
+    /// What an error says, and where it is: the file with its line, or the key.
+    #[serde(default)]
+    names: Vec<String>,
+}
+
+/// The errors of the machine, and what became of its start.
+fn answer(case: &Case) -> (Vec<String>, String) {
+    let copy = tempfile::tempdir().unwrap();
+    for entry in fs::read_dir(folder(&case.base)).unwrap() {
+        let entry = entry.unwrap().path();
+        if entry.is_file() {
+            fs::copy(&entry, copy.path().join(entry.file_name().unwrap())).unwrap();
+        }
+    }
+    with_programs(&case.base, copy.path());
+    let file = copy.path().join(format!("{}.ini", case.base));
+    let mut lines: Vec<String> =
+        fs::read_to_string(&file).unwrap().lines().map(Into::into).collect();
+    case.edit.iter().for_each(|edit| apply(&mut lines, edit));
+    fs::write(&file, lines.join("\n") + "\n").unwrap();
+    for (name, text) in &case.files {
+        fs::write(copy.path().join(name), text).unwrap();
+    }
+    let config = match MachineConfig::read(&file) {
+        Ok(config) => config,
+        Err(error) => return (vec![error.to_string()], "not read".into()),
+    };
+    let report = check(&config, |_| ()).unwrap();
+    let is_error = |severity| severity == Severity::Error;
+    let found = report.findings.iter().filter(|finding| is_error(finding.severity));
+    let mut errors: Vec<String> = found.map(|finding| finding.problem.to_string()).collect();
+    let started = start(&config).unwrap();
+    errors.extend(started.error.map(|error| error.to_string()));
+    (errors, started.fact)
+}
+
+fn judge(case: &Case) -> Option<String> {
+    let (errors, fact) = answer(case);
+    let wrong = |what: &str| Some(format!("{}: {what}\n{errors:#?}\n{fact}", case.name));
+    if case.starts != errors.is_empty() || (case.starts && !fact.starts_with("switched on")) {
+        return wrong("another verdict");
+    }
+    let missing = case.names.iter().find(|name| !errors.iter().any(|error| error.contains(*name)));
+    missing.and_then(|name| wrong(&format!("{name:?} is not said")))
+}
+
+#[test]
+fn what_linuxcnc_refuses_at_its_start_does_not_fit_together() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/starts/starts.toml");
+    let cases: Cases = toml::from_str(&fs::read_to_string(file).unwrap()).unwrap();
+    assert!(cases.case.iter().filter(|case| !case.starts).count() >= 60);
+    let failures: Vec<String> = cases.case.par_iter().filter_map(judge).collect();
+    let count = cases.case.len();
+    assert!(failures.is_empty(), "{} of {count}:\n{}", failures.len(), failures.join("\n\n"));
+}
+
+#[test]
+fn every_shipped_machine_starts() {
+    let failures: Vec<_> = MACHINES
+        .into_par_iter()
+        .map(|machine| (machine, start(&config(machine)).unwrap()))
+        .filter(|(_, start)| start.error.is_some() || !start.fact.starts_with("switched on"))
+        .collect();
+    assert!(failures.is_empty(), "{failures:?}");
+}

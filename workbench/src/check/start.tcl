@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+# The HAL files of a machine carried out in LinuxCNC in virtual time:
+#
+#     tclsh start.tcl MACHINE.ini BESIDE MODULES FOLDER STRANGERS ENTRY...
+#
+# pkm writes `ini.tcl`, `wiring.tcl`, `hal_files.tcl` and this into one file. The files are carried out as
+# `hal_files.tcl` does it, and each step is asked of LinuxCNC as `wiring.tcl` does it. STRANGERS are components
+# that other programs make: their pins do not exist here, and are left out of every step. Where a step fails,
+# standard error gets a line of words separated by tabs: START, "mistake" where LinuxCNC refuses the step as well
+# and "limit" where it is only not known here, the file, the line, the number of the entry, the reason.
+
+namespace eval drives {
+    variable strangers {}
+    # Modules that are loaded.
+    variable loaded {}
+}
+
+proc drives::say args {}
+
+proc drives::is_strange {pin} {
+    variable strangers
+    return [expr {[lindex [split $pin .] 0] in $strangers}]
+}
+
+# Asks LinuxCNC for a step, by a command of wiring.tcl; what it refuses is a mistake.
+proc drives::ask {args} {
+    if {[catch $args answer]} { mistake [regsub {^error: } $answer ""] }
+    return $answer
+}
+
+rename drives::hal drives::listed
+
+proc drives::hal {frames verb args} {
+    variable loaded
+    if {$verb in {show list}} { return [ask ::hal $verb {*}$args] }
+    set answer [listed $frames $verb {*}$args]
+    switch -- $verb {
+        loadrt {
+            set name [lindex $args 0]
+            # LinuxCNC goes on without what is loaded already.
+            if {$name in $loaded} { return "" }
+            lappend loaded $name
+            ask ::hal loadrt {*}$args
+        }
+        net - linkps - linksp {
+            if {$verb eq "linkps"} { set args [lreverse $args] }
+            set pins [lsearch -all -inline -not -regexp [lrange $args 1 end] {^<?=>?>?$}]
+            foreach pin $pins { if {![is_strange $pin]} { ask ::hal net [lindex $args 0] $pin } }
+        }
+        setp { if {![is_strange [lindex $args 0]]} { ask ::hal setp {*}$args } }
+        addf { ask ::hal addf [lindex $args 0] }
+        unlinkp { if {![is_strange [lindex $args 0]]} { ask wiring::ask unlinkp {*}$args } }
+        getp {
+            set name [lindex $args 0]
+            if {![is_strange $name] && [ask ::hal list pin $name] eq ""} {
+                mistake "there is no pin or parameter $name"
+            }
+        }
+        newsig - sets { ask wiring::ask $verb {*}$args }
+    }
+    return $answer
+}
+
+proc drives::failed {number message options} {
+    variable printed
+    set kind [expr {$message eq "exit" || [is_mistake $message $options] ? "mistake" : "limit"}]
+    if {$message eq "exit"} { set message [join $printed "; "] }
+    set words [list START $kind {*}[where $options] $number $message]
+    puts stderr [join [lmap word $words { string map {"\t" " " "\n" "; "} $word }] \t]
+}
+
+proc drives::start {ini beside modules folder strange args} {
+    variable runs_own 1
+    variable strangers $strange
+    set wiring::modules [list $beside $modules]
+    if {[main $ini $folder [list $beside [exec linuxcnc_var HALLIB_DIR]] {*}$args]} { wiring::ask done }
+}
+
+drives::start {*}$argv

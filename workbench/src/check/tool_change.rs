@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Where LinuxCNC moves before a tool change: `[EMCIO]TOOL_CHANGE_POSITION`, TOOL_CHANGE_QUILL_UP and TOOL_CHANGE_AT_G30.
+
+use crate::check::findings::Report;
+use crate::check::world;
+use crate::read::diagnostic::Severity;
+use crate::read::ini::{Entry, decimal};
+use crate::read::machine::MachineConfig;
+use kinematics::World;
+use std::fs;
+
+const SECTION: &str = "EMCIO";
+
+/// Parameters of programs that hold the pose of G30, from this number on.
+const G30: usize = 5181;
+
+/// Everything of it.
+pub(super) fn check(report: &mut Report, config: &MachineConfig) {
+    let mut start = world::home(config);
+    // In LinuxCNC's order.
+    if let Some(entry) = is_on(config, "TOOL_CHANGE_QUILL_UP") {
+        start[2] = 0.0;
+        let way = "every tool change moves Z to 0 first";
+        reached(report, config, entry, &start, way, "take the line out, or let Z reach 0");
+    }
+    if let Some(entry) = is_on(config, "TOOL_CHANGE_AT_G30") {
+        start = stored(config);
+        let way = "every tool change moves to the pose of G30, parameters 5181 to 5189, first";
+        reached(
+            report,
+            config,
+            entry,
+            &start,
+            way,
+            "run G30.1 at a pose within all limits first, or take the line out",
+        );
+    }
+    position(report, config, start);
+}
+
+fn is_on<'a>(config: &'a MachineConfig, key: &str) -> Option<&'a Entry> {
+    config.ini.first(SECTION, key).filter(|entry| entry.value.trim().parse() != Ok(0))
+}
+
+fn position(report: &mut Report, config: &MachineConfig, start: World) {
+    let Some(entry) = config.ini.first(SECTION, "TOOL_CHANGE_POSITION") else { return };
+    let words: Vec<&str> = entry.value.split_whitespace().collect();
+    // Numbers up to the first word that is none, as LinuxCNC reads them.
+    let numbers: Vec<f64> = words.iter().map_while(|word| decimal(word)).collect();
+    let expected = "expected 3, 6 or 9 numbers separated by blanks: X Y Z A B C U V W";
+    let count = match numbers.len() {
+        0..3 => {
+            let text = format!("LinuxCNC cannot be switched on with it: {expected}");
+            return report.finding(Severity::Error, config.ini.refuse(entry, &text));
+        }
+        9.. => 9,
+        6.. => 6,
+        _ => 3,
+    };
+    if words.len() != count {
+        let text = format!("LinuxCNC takes {count} of these values: {expected}");
+        report.finding(Severity::Warning, config.ini.refuse(entry, &text));
+    }
+    let mut at = start;
+    at[..count].copy_from_slice(&numbers[..count]);
+    reached(
+        report,
+        config,
+        entry,
+        &at,
+        "every tool change moves there",
+        "expected a pose within all limits",
+    );
+}
+
+fn reached(
+    report: &mut Report,
+    config: &MachineConfig,
+    entry: &Entry,
+    at: &World,
+    way: &str,
+    out: &str,
+) {
+    if let Some(what) = world::violated(config, at) {
+        let text = format!("{way}, where {what}: {out}");
+        report.finding(Severity::Error, config.ini.refuse(entry, &text));
+    }
+}
+
+/// The pose of G30; LinuxCNC takes 0 for what the file of parameters does not have.
+fn stored(config: &MachineConfig) -> World {
+    let file = config.program.parameter_file.as_deref();
+    let text = file.and_then(|file| fs::read_to_string(file).ok()).unwrap_or_default();
+    let value = |number: usize| {
+        let mut lines = text.lines().map(str::split_whitespace);
+        let mut words = lines
+            .find(|words| words.clone().next().is_some_and(|word| word.parse() == Ok(number)))?;
+        words.nth(1)?.parse().ok()
+    };
+    std::array::from_fn(|k| value(G30 + k).unwrap_or(0.0))
+}

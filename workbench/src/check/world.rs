@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A pose of LinuxCNC's, in all its letters, against the limits of every mechanism and extra axis.
+
+use crate::limits;
+use crate::read::joints::Axis;
+use crate::read::machine::MachineConfig;
+use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, World};
+
+/// The letters that the machine moves, with their places in LinuxCNC's pose and their limits.
+pub fn coordinates(config: &MachineConfig) -> Vec<(char, usize, Axis)> {
+    let of = |mechanism: &MachineConfig| {
+        let moved = Letter::ALL.into_iter().filter(|l| !mechanism.machine.layout().is_held(*l));
+        let of = |letter: Letter| {
+            let place = mechanism.place.places[letter.index()];
+            (POSE_LETTERS[place], place, mechanism.programmed[letter.index()])
+        };
+        moved.map(of).collect::<Vec<_>>()
+    };
+    let extra = config.extra_axes.places().zip(&config.extra);
+    let extra = extra.map(|(place, axis)| (axis.letter, place, axis.axis));
+    config.mechanisms().flat_map(of).chain(extra).collect()
+}
+
+/// LinuxCNC's pose after homing: extra axes stand where their joints are, whatever `[TRAJ]HOME` says.
+pub fn home(config: &MachineConfig) -> World {
+    let mut world = config.world_home;
+    for (place, axis) in config.extra_axes.places().zip(&config.extra) {
+        world[place] = axis.joint.home;
+    }
+    world
+}
+
+/// The first limit that the machine violates at a pose without a tool, in words; `None` where it keeps all.
+pub fn violated(config: &MachineConfig, world: &World) -> Option<String> {
+    let beyond = coordinates(config)
+        .into_iter()
+        .find(|(_, place, axis)| !(axis.min..=axis.max).contains(&world[*place]));
+    if let Some((letter, place, axis)) = beyond {
+        let value = limits::shown(world[place]);
+        return Some(format!(
+            "{letter} {value} is outside of [AXIS_{letter}], {} to {}",
+            axis.min, axis.max
+        ));
+    }
+    let mut pose: [f64; 6] = std::array::from_fn(|k| world[k]);
+    let second = config.second_letters;
+    let others = config.extra_axes.places().chain(second.iter().flat_map(|second| second.places()));
+    for place in others.collect::<Vec<_>>() {
+        pose.get_mut(place).into_iter().for_each(|value| *value = 0.0);
+    }
+    let mut extra = [0.0; MAX_EXTRA];
+    extra.iter_mut().zip(config.extra_of(world)).for_each(|(to, value)| *to = value);
+    for (axis, value) in config.extra.iter().zip(extra) {
+        if !(axis.joint.min..=axis.joint.max).contains(&value) {
+            let value = limits::shown(value);
+            return Some(format!(
+                "{} at {value} is outside of {} to {}",
+                axis.joint.name, axis.joint.min, axis.joint.max
+            ));
+        }
+    }
+    let of = |mechanism: &MachineConfig, pose: &[f64; 6]| {
+        let at = mechanism.machine.at(&Pose::from_degrees(*pose), &mechanism.spindle);
+        match at.map(|at| at.check(&limits::beyond_axes(mechanism))) {
+            Ok(Ok(())) => None,
+            Ok(Err(margin)) => Some(limits::sentence(mechanism, &margin)),
+            Err(fault) => Some(fault.to_string()),
+        }
+    };
+    match config.carried(&pose, &extra, &config.spindle) {
+        Ok(own) => of(config, &own),
+        Err(fault) => Some(fault.to_string()),
+    }
+    .or_else(|| {
+        let (own, letters) = config.second.as_deref().zip(second)?;
+        of(own, &letters.pose_of(world))
+    })
+}

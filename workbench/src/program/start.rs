@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The start of a machine, tried by LinuxCNC in virtual time with the machine's own HAL files: on, home, a little way
+//! along each coordinate and back, a tool change.
+//!
+//! Only what LinuxCNC itself refuses is an error. Hardware, and programs that are not LinuxCNC's, do not run in virtual
+//! time: where the HAL files need them, the machine is started without them, and a failure is not judged.
+
+use crate::check::drives::{self, Plan};
+use crate::check::wiring::at_key;
+use crate::check::world;
+use crate::control::process::{self, Options, OwnFiles};
+use crate::control::refusal::NotJudged;
+use crate::control::row::{Ending, Message};
+use crate::files::{AtFile, Folder, write_whole};
+use crate::read::ini::{Entry, Ini, IniError};
+use crate::read::joints::Axis;
+use crate::read::machine::MachineConfig;
+use crate::read::places::HALLIB;
+use crate::read::tools;
+use kinematics::POSE_LETTERS;
+use std::ffi::OsString;
+use std::io;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Seconds of a processor that a start may take.
+const MOST_WORK: f64 = 3.0;
+
+/// Seconds of the machine in which nothing moves: no tool changer takes as long.
+const MOST_STANDSTILL: f64 = 60.0;
+
+/// Share of a coordinate's range, or of the machine's size where it has no end, that is a little way; and the largest
+/// angle, degrees.
+const SHARE: f64 = 0.02;
+const MOST_ANGLE: f64 = 1.0;
+
+/// Seconds that a move at its feed takes.
+const DURATION: f64 = 0.25;
+
+/// How often a way is halved before no room is left for it.
+const HALVES: usize = 6;
+
+/// What became of a start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// In words.
+    pub fact: String,
+    /// Why the machine does not start, if LinuxCNC refuses it.
+    pub error: Option<IniError>,
+}
+
+impl Start {
+    fn not_tried(reason: impl std::fmt::Display) -> Self {
+        Self { fact: format!("not tried: {reason}"), error: None }
+    }
+}
+
+/// What a line of the program tries.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Tried {
+    Coordinate(char),
+    Tool(i64),
+}
+
+/// Tries it.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn start(config: &MachineConfig) -> Result<Start, AtFile<io::Error>> {
+    if !Path::new(HALLIB).is_dir() {
+        return Ok(Start::not_tried("LinuxCNC is not installed here"));
+    }
+    let plan = Plan::new(&config.ini);
+    if let Some(reason) = plan.reason {
+        return Ok(Start::not_tried(reason));
+    }
+    let program = Program::new(config, plan.changes_tools);
+    let folder = Folder::new()?;
+    let file = folder.path().join("start.ngc");
+    write_whole(&file, &program.text)?;
+    let entries = drives::started(&config.ini);
+    let options = Options {
+        most_standstill: MOST_STANDSTILL,
+        most_work: MOST_WORK,
+        most_in_all: MOST_WORK,
+        own: Some(own_files(config, &plan, &entries)),
+        ..Options::default()
+    };
+    let outcome = process::run(config, &file, &options, |_| ControlFlow::Continue(()));
+    let refusal = match outcome {
+        Ok(outcome) if outcome.ending == Ending::Finished => None,
+        Ok(outcome) => Some(program.refusal(config, &outcome.messages)),
+        Err(error) => match refused(config, &entries, &error) {
+            Some(refusal) => Some(refusal),
+            None => return Ok(Start::not_tried(error)),
+        },
+    };
+    let without = plan.left_out.map_or(String::new(), |what| format!(" without {what}"));
+    Ok(match refusal {
+        None => {
+            Start { fact: format!("{}, in virtual time{without}", program.done()), error: None }
+        }
+        Some(error) if without.is_empty() => Start {
+            fact: "LinuxCNC refuses the machine in virtual time".into(),
+            error: Some(error),
+        },
+        Some(error) => Start::not_tried(format!(
+            "{without}, which has no virtual time, LinuxCNC refuses the machine: {}",
+            error.0.expected
+        )),
+    })
+}
+
+fn own_files(
+    config: &MachineConfig,
+    plan: &Plan,
+    entries: &[(Option<&Entry>, String)],
+) -> OwnFiles {
+    let folder = config.file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    let folder = folder.canonicalize().unwrap_or_else(|_| folder.into());
+    let arguments = [folder.into_os_string(), plan.strangers.join(" ").into()];
+    let entries = entries.iter().map(|(_, text)| OsString::from(text));
+    OwnFiles {
+        script: drives::START.into(),
+        arguments: arguments.into_iter().chain(entries).collect(),
+    }
+}
+
+/// Why LinuxCNC refuses the machine, at the line that is responsible; `None` where the reason is not the machine.
+fn refused(
+    config: &MachineConfig,
+    entries: &[(Option<&Entry>, String)],
+    error: &NotJudged,
+) -> Option<IniError> {
+    let ini = &*config.ini;
+    let is_of_virtual_time = |text: &str| {
+        ["no substitute in virtual time", "undefined symbol", "time limit"]
+            .iter()
+            .any(|words| text.contains(words))
+    };
+    match error {
+        NotJudged::Step { text, .. } | NotJudged::Refused(text) if is_of_virtual_time(text) => None,
+        NotJudged::Step { is_mistake: false, .. } => None,
+        NotJudged::Step { file, line, entry, text, .. } => {
+            let told = format!("LinuxCNC's start ends here: {text}");
+            let is_own = *line > 0 && !file.starts_with(HALLIB);
+            if is_own && file.parent().is_some() && !is_of_library(file) {
+                return Some(drives::of_line(file, *line, &told));
+            }
+            let entry = entries.get(*entry).and_then(|(entry, _)| *entry);
+            Some(named(ini, text, &told).unwrap_or_else(|| match entry {
+                Some(entry) => ini.refuse(entry, &told),
+                None => whole(ini, &told),
+            }))
+        }
+        NotJudged::Refused(text) => Some(at(ini, text.trim_end_matches([':', ' ']))),
+        NotJudged::Crashed(text) => Some(at(ini, &format!("LinuxCNC ends at its start{text}"))),
+        NotJudged::Stands(..) => {
+            let text = "LinuxCNC starts a move that never ends, and says nothing";
+            let key = ini.first("DISPLAY", "MAX_FEED_OVERRIDE");
+            let key = key.filter(|entry| entry.value.parse().is_ok_and(|most: f64| most <= 0.0));
+            Some(key.map_or_else(|| whole(ini, text), |entry| ini.refuse(entry, text)))
+        }
+        _ => None,
+    }
+}
+
+/// Whether a file is one of those that come with pkmkins, wherever the library for virtual time stands.
+fn is_of_library(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    name.starts_with("pkmkins") && name.ends_with(".tcl")
+}
+
+/// A refusal at the key that it names or is about.
+fn at(ini: &Ini, text: &str) -> IniError {
+    named(ini, text, text).unwrap_or_else(|| whole(ini, text))
+}
+
+/// At no line.
+fn whole(ini: &Ini, text: &str) -> IniError {
+    ini.error("", "", Some("the start in LinuxCNC"), text)
+}
+
+/// What LinuxCNC's messages speak of, and the key that is mostly responsible.
+const ABOUT: [(&str, &str, &str); 10] = [
+    ("REMAP INI Line", "RS274NGC", "REMAP"),
+    ("initialize IO", "EMCIO", "TOOL_CHANGE_POSITION"),
+    ("num_joints", "KINS", "JOINTS"),
+    ("arameter file", "RS274NGC", "PARAMETER_FILE"),
+    ("initialize interpreter", "RS274NGC", "RS274NGC_STARTUP_CODE"),
+    ("tool table", "EMCIO", "TOOL_TABLE"),
+    ("motmod", "EMCMOT", "EMCMOT"),
+    ("tpmod", "TRAJ", "TPMOD"),
+    ("homemod", "EMCMOT", "HOMEMOD"),
+    ("pkmkins.so", "KINS", "KINEMATICS"),
+];
+
+/// `told` at the key that a message names, if it names one.
+fn named(ini: &Ini, text: &str, told: &str) -> Option<IniError> {
+    let between = |start: &str, end: &str| {
+        let (_, rest) = text.split_once(start)?;
+        Some(rest.split_once(end)?.0.to_string())
+    };
+    let is_name = |name: &String| {
+        !name.is_empty()
+            && name.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_')
+    };
+    // As LinuxCNC's INI reader has it, and as pkmkins.tcl has it.
+    let of_reader = between("section=", ",").zip(between("tag=", ","));
+    let of_file = between("[", "]").filter(is_name).and_then(|section| {
+        let (_, rest) = text.split_once(&format!("[{section}]"))?;
+        let key: String =
+            rest.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '_').collect();
+        Some((section, key)).filter(|(_, key)| is_name(key))
+    });
+    if let Some((section, key)) = of_reader.or(of_file) {
+        return Some(at_key(ini, &section, &key, told));
+    }
+    if let Some((section, key)) = of_joint(text) {
+        return Some(at_key(ini, &section, key, told));
+    }
+    let about = ABOUT
+        .iter()
+        .find(|(words, section, key)| text.contains(words) && ini.first(section, key).is_some());
+    about.map(|(_, section, key)| at_key(ini, section, key, told))
+}
+
+/// The key of the joint or axis that a message is about.
+fn of_joint(text: &str) -> Option<(String, &'static str)> {
+    let key = ["positive limit", "negative limit", "following error", "home"]
+        .into_iter()
+        .zip(["MAX_LIMIT", "MIN_LIMIT", "FERROR", "HOME_SEARCH_VEL"])
+        .find(|(words, _)| text.contains(words))
+        .map(|(_, key)| key)?;
+    let joint = text.split_once("joint ").and_then(|(_, rest)| {
+        let digits: String = rest.chars().take_while(char::is_ascii_digit).collect();
+        (!digits.is_empty()).then(|| format!("JOINT_{digits}"))
+    });
+    let axis = text.split_once("'s ").and_then(|(before, _)| {
+        let letter = before.chars().last().filter(|c| POSE_LETTERS.contains(c))?;
+        Some(format!("AXIS_{letter}"))
+    });
+    joint.or(axis).map(|section| (section, key))
+}
+
+/// The program that tries the machine.
+struct Program {
+    text: String,
+    /// What its lines try, line 1 first.
+    lines: Vec<Option<Tried>>,
+}
+
+impl Program {
+    fn new(config: &MachineConfig, changes_tools: bool) -> Self {
+        let mut program = Self { text: String::new(), lines: vec![] };
+        let unit = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
+        program.line(None, &format!("{unit} G17 G40 G49 G80 G90 G94"));
+        for (letter, place, axis) in world::coordinates(config) {
+            let Some(way) = way(config, place, &axis) else { continue };
+            let (home, feed) = (world::home(config)[place], 60.0 * way.abs() / DURATION);
+            let tried = Some(Tried::Coordinate(letter));
+            program.line(tried, &format!("G53 G0 {letter}{:.9}", home + way));
+            program.line(tried, &format!("G53 G1 {letter}{home:.9} F{feed:.6}"));
+        }
+        // What is wrong with a table is reported where it is read.
+        let tools = tools::read(config).unwrap_or_default();
+        if let Some(tool) = tools.iter().find(|tool| changes_tools && tool.number > 0) {
+            program.line(Some(Tried::Tool(tool.number)), &format!("T{} M6", tool.number));
+        }
+        program.line(None, "M2");
+        program
+    }
+
+    fn line(&mut self, tried: Option<Tried>, text: &str) {
+        self.text += &format!("{text}\n");
+        self.lines.push(tried);
+    }
+
+    /// What was tried, in words.
+    fn done(&self) -> String {
+        let mut letters: Vec<char> = vec![];
+        let mut tools = String::new();
+        for tried in self.lines.iter().flatten() {
+            match tried {
+                Tried::Coordinate(letter) if !letters.contains(letter) => letters.push(*letter),
+                Tried::Coordinate(_) => {}
+                Tried::Tool(number) => tools = format!(", T{number} changed"),
+            }
+        }
+        let letters: Vec<String> = letters.iter().map(char::to_string).collect();
+        let moved = match letters.is_empty() {
+            true => "nothing moved, for home has no room within the limits".into(),
+            false => format!("{} moved", letters.join(" ")),
+        };
+        format!("switched on, homed, {moved}{tools}")
+    }
+
+    /// Why LinuxCNC stopped the program.
+    fn refusal(&self, config: &MachineConfig, messages: &[Message]) -> IniError {
+        let ini = &*config.ini;
+        let errors: Vec<&Message> = messages.iter().filter(|message| message.is_error()).collect();
+        let texts: Vec<&str> = errors.iter().map(|message| message.text.as_str()).collect();
+        let all = texts.join("; ");
+        // A move that the program does not have stands on a line below 0.
+        let line = errors.first().map_or(0, |message| message.place().max(message.read)) as usize;
+        let tried = match all.contains("line -1") {
+            true => {
+                self.lines.iter().flatten().find(|tried| matches!(tried, Tried::Tool(_))).copied()
+            }
+            false => line.checked_sub(1).and_then(|k| self.lines.get(k).copied().flatten()),
+        };
+        let what = match tried {
+            Some(Tried::Coordinate(letter)) => format!("LinuxCNC does not move {letter}"),
+            Some(Tried::Tool(number)) => format!("LinuxCNC does not change to T{number}"),
+            None => "LinuxCNC stops the first program".into(),
+        };
+        let text = if all.is_empty() { what } else { format!("{what}: {all}") };
+        let key = match tried {
+            Some(Tried::Tool(_)) => {
+                let keys = [
+                    "TOOL_CHANGE_POSITION",
+                    "TOOL_CHANGE_QUILL_UP",
+                    "TOOL_CHANGE_AT_G30",
+                    "TOOL_TABLE",
+                ];
+                keys.into_iter()
+                    .find(|key| ini.first("EMCIO", key).is_some())
+                    .map(|key| ("EMCIO".into(), key))
+            }
+            Some(Tried::Coordinate(letter)) => {
+                of_joint(&all).or(Some((format!("AXIS_{letter}"), "MAX_VELOCITY")))
+            }
+            None => of_joint(&all),
+        };
+        match key {
+            Some((section, key)) => at_key(ini, &section, key, &text),
+            None => at(ini, &text),
+        }
+    }
+}
+
+/// How far a coordinate can go from home within all limits, a little way in the direction that has room.
+fn way(config: &MachineConfig, place: usize, axis: &Axis) -> Option<f64> {
+    let turns = "ABC".contains(POSE_LETTERS[place]);
+    let most = if turns { MOST_ANGLE } else { SHARE * config.machine.size() };
+    let mut way = most.min(SHARE * (axis.max - axis.min));
+    for _ in 0..HALVES {
+        for signed in [way, -way] {
+            let mut world = world::home(config);
+            world[place] += signed;
+            if world::violated(config, &world).is_none() {
+                return Some(signed);
+            }
+        }
+        way /= 2.0;
+    }
+    None
+}
