@@ -12,7 +12,7 @@ use workbench::control::row::{Ending, Row};
 use workbench::limits;
 use workbench::program::findings::Preflight;
 use workbench::program::motion;
-use workbench::program::preflight::timed;
+use workbench::program::preflight::judge;
 use workbench::program::travel::{self, Stand};
 use workbench::read::machine::MachineConfig;
 
@@ -148,11 +148,12 @@ const HEXAPOD: [&str; 6] = ["JOINT_0", "JOINT_1", "JOINT_2", "JOINT_3", "JOINT_4
 
 /// As `pkm preflight` judges a program, path and time.
 fn judged(config: &MachineConfig, program: &str, folder: &Path) -> Preflight {
-    let path = judged_path(config, program, folder);
     let file = folder.join("program.ngc");
-    let time = timed(config, &file, &Options::default(), |_| ControlFlow::Continue(()));
-    assert!(time.is_whole(), "{time:?}");
-    path.with_time(config, time)
+    fs::write(&file, program).unwrap();
+    let judged = judge(config, &file, &Options::default(), &mut |_| ControlFlow::Continue(()));
+    let found = judged.unwrap().found;
+    assert!(found.time.is_whole(), "{:?}", found.time);
+    found
 }
 
 #[test]
