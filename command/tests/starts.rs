@@ -58,7 +58,10 @@ fn answer(case: &Case) -> (Vec<String>, String) {
         Ok(config) => config,
         Err(error) => return (vec![error.to_string()], "not read".into()),
     };
-    let report = check(&config, |_| ()).unwrap();
+    let report = match check(&config, |_| ()) {
+        Ok(report) => report,
+        Err(error) => return (vec![error.to_string()], "not judged".into()),
+    };
     let is_error = |severity| severity == Severity::Error;
     let found = report.findings.iter().filter(|finding| is_error(finding.severity));
     let mut errors: Vec<String> = found.map(|finding| finding.problem.to_string()).collect();

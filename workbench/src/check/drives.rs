@@ -210,7 +210,8 @@ impl Plan {
 impl Wiring {
     /// Programs and modules that are not there, where LinuxCNC is installed.
     fn absent(&self, ini: &Ini) -> Vec<Found> {
-        if !is_installed() {
+        // A machine with hardware may be looked at on a computer that has neither it nor what drives it.
+        if !is_installed() || self.hardware().is_some() {
             return vec![];
         }
         // pkmkins itself may be built and not installed.
@@ -242,22 +243,29 @@ impl Wiring {
         all.map(|(severity, place, name, text)| (severity, command(place, name, &text))).collect()
     }
 
+    /// The first module that needs its hardware.
+    fn hardware(&self) -> Option<(&str, &Place)> {
+        let is_hardware = |name: &str| {
+            HARDWARE.0.iter().any(|start| name.starts_with(start)) || HARDWARE.1.contains(&name)
+        };
+        let named =
+            self.modules.iter().filter_map(|(words, place)| Some((words.first()?.as_str(), place)));
+        named.into_iter().find(|(name, _)| is_hardware(name))
+    }
+
     /// The plan, or why there is none.
     fn plan(&self) -> Result<Plan, String> {
         if let Some((Severity::Error, text, _)) = &self.stopped {
             return Err(text.clone());
         }
-        let is_hardware = |name: &str| {
-            HARDWARE.0.iter().any(|start| name.starts_with(start)) || HARDWARE.1.contains(&name)
+        if let Some((name, place)) = self.hardware() {
+            return Err(format!("{name}{} needs its hardware", place.shown()));
+        }
+        let threads = |(words, _): &&(Vec<String>, Place)| {
+            words.first().is_some_and(|name| name == "threads")
         };
-        for (words, place) in &self.modules {
-            match words.first().map(String::as_str) {
-                Some(name) if is_hardware(name) => {
-                    return Err(format!("{name}{} needs its hardware", place.shown()));
-                }
-                Some("threads") => return Err(format!("threads{} makes a thread", place.shown())),
-                _ => {}
-            }
+        if let Some((_, place)) = self.modules.iter().find(threads) {
+            return Err(format!("threads{} makes a thread", place.shown()));
         }
         if let Some((function, place)) = self.functions.get(BASE).and_then(|all| all.first()) {
             return Err(format!(

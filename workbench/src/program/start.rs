@@ -220,6 +220,13 @@ fn named(ini: &Ini, text: &str, told: &str) -> Option<IniError> {
     if let Some((section, key)) = of_joint(text) {
         return Some(at_key(ini, &section, key, told));
     }
+    let table = ini.entries().find(|entry| {
+        let is_named = text.contains("compensation file") && text.contains(&entry.value);
+        entry.key == "COMP_FILE" && is_named
+    });
+    if let Some(entry) = table {
+        return Some(ini.refuse(entry, told));
+    }
     let about = ABOUT
         .iter()
         .find(|(words, section, key)| text.contains(words) && ini.first(section, key).is_some());
