@@ -24,8 +24,7 @@ const INI: &str = "INI_FILE_NAME";
 /// A program that fits comes out as it is. Of any other one the user interface shows every
 /// limit that it leaves with its first line and the reason, as `pkm preflight` does, and does
 /// not load it. How far the check is goes to the bar of the user interface. A program is held
-/// back as well where LinuxCNC could not run it in virtual time, so that speeds and messages are
-/// not judged, with the reason; --path-is-enough lets it through where its path fits.
+/// back as well where LinuxCNC could not run it to its end in virtual time, with the reason.
 ///
 /// Exit status: 0 where the program fits, 1 where it does not, 2 where that could not be judged.
 #[derive(clap::Args, Debug)]
@@ -37,8 +36,8 @@ pub struct Arguments {
     /// The machine's LinuxCNC INI file, instead of the one that LinuxCNC runs
     #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath, value_parser = super::input::ini_file())]
     machine: Option<PathBuf>,
-    /// Lets a program through whose path fits where speeds and messages could not be judged
-    #[arg(long)]
+    /// Changes nothing: LinuxCNC alone reads programs, and what it did not run has no path that could fit
+    #[arg(long, hide = true)]
     path_is_enough: bool,
 }
 
@@ -49,23 +48,17 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             "which machine? LinuxCNC names its INI file in {INI}; elsewhere --machine MACHINE.ini does"
         )));
     };
+    // Promised by earlier versions.
+    let _ = arguments.path_is_enough;
     let program = &arguments.program;
     let file = machine.clone();
     let text = read(program)?;
     let judgement = judgement(&MachineFile { machine, mechanism: None }, program)?;
     let (verdict, reasons) = match judgement {
         Judgement::Fits => (Verdict::Fits, vec![]),
-        Judgement::NotJudged(_) if arguments.path_is_enough => (Verdict::Fits, vec![]),
-        Judgement::NotJudged(cause) => (
-            Verdict::Unjudged,
-            vec![
-                format!(
-                    "the path of {} fits, its speeds are not judged: {cause}",
-                    program.display()
-                ),
-                "`pkm filter --path-is-enough` in [FILTER] lets such programs through".into(),
-            ],
-        ),
+        Judgement::NotJudged(cause) => {
+            (Verdict::Unjudged, vec![format!("{} is not judged: {cause}", program.display())])
+        }
         Judgement::Misfit(reasons) => {
             let head = format!("{} does not fit the machine\n", program.display());
             (Verdict::Misfit, [vec![head], reasons].concat())

@@ -121,7 +121,7 @@ impl Suggestion {
     const fn checked(&self) -> &'static str {
         match self.time_judged {
             true => "checked, with the whole program",
-            false => "its path was checked; what depends on time is not judged",
+            false => "what was judged of it was checked; not all of it was",
         }
     }
 }
@@ -297,6 +297,10 @@ pub fn judged(
     // Said before LinuxCNC starts, in the system's words.
     open(program)?;
     let Judged { found, files } = followed(config, judging, program, None, see)?;
+    if let Some((line, file, text)) = found.never_starts() {
+        let line = line.max(1);
+        return Err(refused(format!("{}:{line}: {text}", files[file].display())));
+    }
     if found.is_still() && found.fits() {
         return Err(MovesNothing(program.into()).into());
     }
@@ -445,7 +449,7 @@ fn in_words(config: &MachineConfig, answer: &Answer, blocks: &[Vec<&str>]) -> St
         (Verdict::Fits, false) => "The program fits the machine; look at the warnings.",
         (Verdict::Misfit, _) => "The program does not fit the machine.",
         (Verdict::Unjudged, _) => {
-            "The path of the program fits the machine; what depends on time is not judged."
+            "What was judged of the program fits the machine; not all of it was."
         }
     };
     let findings = findings_in_words(config, answer, blocks);
@@ -535,8 +539,9 @@ fn shown(answer: &Answer) -> String {
 fn used(Range { unit, used: [low, high], allowed, .. }: &Range) -> String {
     let [least, most] =
         allowed.map(|end| if end.is_finite() { end.to_string() } else { "any".into() });
-    // No -0.
-    format!("{:.3} to {:.3} of {least} to {most} {unit}", low + 0.0, high + 0.0)
+    // No -0, and no -0.000 of what rounds to 0.
+    let [low, high] = [low, high].map(|value| (value * 1e3).round() / 1e3 + 0.0);
+    format!("{low:.3} to {high:.3} of {least} to {most} {unit}")
 }
 
 fn duration(timing: &Timing) -> String {

@@ -7,6 +7,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use workbench::check::mobility;
 use workbench::check::report::check;
+use workbench::program::beside::moves_of;
 use workbench::program::motion;
 use workbench::proof::axis_box::{AxisBox, at_tilt, range};
 use workbench::proof::cell::{Cell, Verdict};
@@ -228,7 +229,11 @@ fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
         corners(&mut text);
     }
     std::fs::write(&program, text + "G49\nM2\n").unwrap();
-    let moves = motion::moves(&config, &program, None).unwrap();
+    let moves = match config.place.is_of_pair {
+        true => moves_of(&config, &MachineConfig::read(&config.file).unwrap(), &program),
+        false => motion::moves(&config, &program, None),
+    };
+    let moves = moves.unwrap();
     assert!(moves.len() >= 64 * (1 + tools.len()), "{machine}: {}", moves.len());
     let found = follow(&config, &moves);
     assert!(found.fits(), "{machine}: {:?}", found.breaks);

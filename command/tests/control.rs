@@ -164,7 +164,6 @@ fn what_the_ini_file_asks_for_beside_the_program_is_not_judged() {
         }
     };
     let cases = [
-        ("[HAL]", "HALUI = halui", "[HAL]HALUI = halui"),
         ("[RS274NGC]", "REMAP = M400 modalgroup=10 prolog=first ngc=more", "[RS274NGC]REMAP"),
         ("[EMCIO]", "DB_PROGRAM = ./tools.py", "[EMCIO]DB_PROGRAM"),
         ("[TASK]", "TASK = ./task.py", "[TASK]TASK = ./task.py"),

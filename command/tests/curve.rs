@@ -582,7 +582,13 @@ pub fn read_back_file(config: &MachineConfig, file: &PathFile) -> (Route, Vec<[f
     let found = route(config, file).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("path.ngc");
-    fs::write(&file, &found.program).unwrap();
+    // LinuxCNC would join moves within the tolerance (naive CAM detection): each is looked at here.
+    let each = |line: &str| match line.contains("G64 P") {
+        true => line.replace("G64 P", "G61 (") + ")",
+        false => line.to_string(),
+    };
+    let text: Vec<String> = found.program.lines().map(each).collect();
+    fs::write(&file, text.join("\n")).unwrap();
     let moves = moves(config, &file, None).unwrap();
     let first = moves.iter().position(|step| step.kind == MoveKind::Feed).unwrap();
     let last = moves.iter().rposition(|step| step.kind == MoveKind::Feed).unwrap();

@@ -72,7 +72,7 @@ fn without_a_machine_or_with_a_program_that_does_not_parse_nothing_comes_out() {
 }
 
 #[test]
-fn a_program_whose_time_is_not_judged_is_held_back_unless_its_path_is_enough() {
+fn a_program_that_is_not_judged_is_held_back() {
     let place = tempfile::tempdir().unwrap();
     let machine = place.path().join("linear-delta.ini");
     let [ini, tools] =
@@ -90,13 +90,8 @@ fn a_program_whose_time_is_not_judged_is_held_back_unless_its_path_is_enough() {
     };
     let held = filter(&[]);
     assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", told(&held));
-    let text = told(&held);
-    assert!(
-        text.contains("fits, its speeds are not judged: ") && text.contains("PLANNER_TYPE"),
-        "{text}"
-    );
-    assert!(text.contains("--path-is-enough"), "{text}");
-    let let_through = filter(&["--path-is-enough"]);
-    assert_eq!(let_through.status.code(), Some(0), "{}", told(&let_through));
-    assert_eq!(let_through.stdout, std::fs::read(&program).unwrap());
+    assert!(told(&held).contains("PLANNER_TYPE"), "{}", told(&held));
+    // What LinuxCNC did not run has no path that could be enough.
+    let held = filter(&["--path-is-enough"]);
+    assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", told(&held));
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The pages of NGCGUI, read by the parser that AXIS shows them by.
 
+use crate::curve::ZERO;
 use crate::typical::{TYPICAL, prepared, read, subroutines};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -91,7 +92,10 @@ fn a_page_left_as_it_opens_makes_a_path() {
     for (name, page) in pages() {
         let defaults: String =
             page.arguments.iter().map(|[_, default, _]| format!(" [{default}]")).collect();
-        let moves = read(&config, &format!("{preamble}\no<{name}> call{defaults}\nM2\n"));
+        let moves = read(
+            &config,
+            &format!("{preamble}\nG10 L2 P1 Z{ZERO}\no<{name}> call{defaults}\nM2\n"),
+        );
         assert!(moves.iter().any(|step| step.kind == MoveKind::Feed), "{name}: {moves:?}");
         assert!(moves.iter().all(|step| step.end.iter().all(|x| x.is_finite())), "{name}");
     }

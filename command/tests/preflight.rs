@@ -379,8 +379,15 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     // In a system of its own that is turned already, with an offset of its own, and with G92.
     let text = "G21 G90\nG55\nG0 X0 Y0 Z0\nG92 X1 Y2 Z3\nG1 X190 F3000\nG1 Y22\nG92.1\nM2\n";
     fs::write(&program, text).unwrap();
-    let mut config = config("linear-delta");
-    config.program.startup_code = Some("G10 L2 P2 X-90 Y-30 Z50 R10 G55".into());
+    let ini = folder.path().join("linear-delta.ini");
+    let text = fs::read_to_string(config("linear-delta").file).unwrap();
+    let line = |line: &str| match line.starts_with("RS274NGC_STARTUP_CODE") {
+        true => "RS274NGC_STARTUP_CODE = G10 L2 P2 X-90 Y-30 Z50 R10 G55\n".into(),
+        false => format!("{line}\n"),
+    };
+    fs::write(&ini, text.lines().map(line).collect::<String>()).unwrap();
+    let mut config = MachineConfig::read(&ini).unwrap();
+    (config.program.tool_table, config.program.parameter_file) = (None, None);
     let moves = motion::moves(&config, &program, None).unwrap();
     assert!(!follow(&config, &moves).fits() && Poses::of(&config, &moves).may_turn(&config));
     // 189 mm long where X and Y have 160 each: no shift will do, the diagonal will.

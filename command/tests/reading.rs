@@ -65,7 +65,7 @@ fn lines_with_a_slash_are_judged_both_ways() {
 fn the_position_after_a_tool_change_is_the_machines() {
     let tool = "G21 G90 G54\nT1 M6 G43\n";
     for (block, expected) in [
-        ("G0 X10 Y10 Z300\nG91 G0 Z90\nG90", [0; 0].as_slice()),
+        ("G0 X10 Y10 Z300\nG91 G0 Z60\nG90", [0; 0].as_slice()),
         ("G0 X10 Z300\nG91 G0 Z110\nG90", &[4]),
         ("G10 L20 P1 X5\nG0 X150", &[]),
         ("G10 L20 P1 X-5\nG0 X150", &[4]),
@@ -78,7 +78,7 @@ fn the_position_after_a_tool_change_is_the_machines() {
         assert_eq!(lines(&format!("{tool}{block}")), expected, "{block}");
     }
     // Without a word of Z it stays where it is.
-    let one_block = "G21 G90\nT1 M6 G43\nG0 Z390\nT2 M6 G43\nG1 F600 X5";
+    let one_block = "G21 G90\nT1 M6 G43\nG0 Z320\nT2 M6 G43\nG1 F600 X5";
     assert_eq!(lines(one_block), [0; 0]);
 }
 
@@ -91,7 +91,8 @@ fn moves_that_the_control_adds_are_judged() {
     let change = "G21 G90\nG0 X10 Z200\nT1 M6";
     assert_eq!(lines_of("hexapod", at("100 100 120 -24 20 0"), change), [3]);
     assert_eq!(lines_of("hexapod", at("10 10 300"), change), [0; 0]);
-    assert_eq!(lines_of("hexapod", at("10 10 410"), change), [3]);
+    // LinuxCNC's own message names the line of the move before.
+    assert_eq!(lines_of("hexapod", at("10 10 410"), change), [2, 3]);
     // The next move starts there.
     let next = format!("{change}\nG91 G0 Z110");
     assert_eq!(lines_of("hexapod", at("10 10 300"), &next), [4]);

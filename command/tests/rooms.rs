@@ -25,7 +25,7 @@ const ROOMS: [(&str, &[&str]); 20] = [
     ("stability", &["dense", "dynamics", "read", "study"]),
     ("cut", &["control", "dynamics", "program", "read", "stability", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
-    ("view", &["control", "limits", "program", "read", "scene"]),
+    ("view", &["control", "files", "limits", "program", "read", "scene"]),
     ("draw", &["curve", "cut", "dynamics", "files", "program", "read", "stability", "study"]),
 ];
 

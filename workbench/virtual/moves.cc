@@ -53,7 +53,10 @@ std::deque<moves::Read> messages;
 int count = 0;
 // What later moves go by.
 double tolerance = 0.0;
-bool stops = false, follows_spindle = false;
+bool stops = false;
+// How far a turn of the spindle goes, and whether that is a speed (G95) or a place (G33).
+double pitch = 0.0;
+bool is_speed = false;
 const bool is_open = *environment::value("PKMKINS_VIRTUAL_OPEN");
 // Beyond everything a machine reaches, and far from what overflows.
 constexpr double FAR = 1e12;
@@ -184,7 +187,10 @@ void go_by(const emcmot_command_t &command) {
         stops = command.termCond == EMCMOT_TERM_COND_STOP;
         tolerance = command.tolerance;
         break;
-    case EMCMOT_SET_SPINDLESYNC: follows_spindle = command.spindlesync != 0.0; break;
+    case EMCMOT_SET_SPINDLESYNC:
+        pitch = command.spindlesync;
+        is_speed = command.flags != 0;
+        break;
     default: break;
     }
 }
@@ -221,13 +227,15 @@ void show_move(const emcmot_command_t &command) {
     move.turns = command.turn;
     move.lost_turns = !move.is_arc && command.id == helix.line ? helix.turns : 0;
     helix = command.id == helix.line ? Helix{} : helix;
-    move.follows_spindle = follows_spindle || move.kind == record::Move::Kind::tap;
-    move.feed = command.vel;
     move.tolerance = stops ? 0.0 : tolerance > 0.0 ? tolerance : INFINITY;
     const spindle_status_t &spindle = shared->status.spindle_status[0];
-    move.spindle_turns = spindle.direction != 0;
+    // M19 stops it without an end of M3.
+    move.spindle_turns = spindle.state != 0 && spindle.orient_state == EMCMOT_ORIENT_NONE;
     move.is_surface_speed = move.spindle_turns && spindle.css_factor != 0.0;
     move.speed = move.spindle_turns ? std::fabs(spindle.speed) : command.tag.fields_float[GM_FIELD_FLOAT_SPEED];
+    const bool has_speed = is_speed && move.speed > 0.0 && !move.is_surface_speed;
+    move.follows_spindle = (pitch != 0.0 && !has_speed) || move.kind == record::Move::Kind::tap;
+    move.feed = pitch != 0.0 && has_speed ? std::fabs(pitch) * move.speed / 60.0 : command.vel;
     put(move.end, command.pos);
     put(move.tool, shared->status.tool_offset);
     if (move.is_arc) {

@@ -73,7 +73,7 @@ proc drives::start {ini beside modules folder strange args} {
     variable runs_own 1
     variable strangers $strange
     set wiring::modules [list $beside $modules]
-    if {[main $ini $folder [list $beside [exec linuxcnc_var HALLIB_DIR]] {*}$args]} { wiring::ask done }
+    if {[main $ini $folder [list $beside $::env(HALLIB_DIR)] {*}$args]} { wiring::ask done }
 }
 
 drives::start {*}$argv

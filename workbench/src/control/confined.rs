@@ -208,6 +208,7 @@ const CALLS: &[i64] = &[
     libc::SYS_gettimeofday,
     libc::SYS_getuid,
     libc::SYS_ioctl,
+    libc::SYS_linkat,
     libc::SYS_lseek,
     libc::SYS_madvise,
     libc::SYS_membarrier,
@@ -277,6 +278,8 @@ const OLD_CALLS: &[i64] = &[
     libc::SYS_fork,
     libc::SYS_getpgrp,
     libc::SYS_lstat,
+    // LinuxCNC keeps the old file of parameters by a link beside it; Landlock lets none lead out of the folder.
+    libc::SYS_link,
     libc::SYS_pause,
     libc::SYS_pipe,
     libc::SYS_poll,

@@ -276,7 +276,8 @@ impl<'a> Run<'a> {
         let given = options.own.as_ref().map_or(hal, |own| &own.arguments);
         // Of the machine's own HAL files only some arguments are paths.
         let files = given.iter().map(Path::new).filter(|file| file.is_absolute());
-        let folders = files.filter_map(Path::parent).chain([beside]);
+        let folder = |file| if Path::is_dir(file) { Some(file) } else { file.parent() };
+        let folders = files.filter_map(folder).chain([beside]);
         let rights = Rights {
             reads: scratch
                 .folders

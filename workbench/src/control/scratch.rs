@@ -159,6 +159,7 @@ impl Scratch {
     fn added(&self, config: &MachineConfig, section: &str) -> String {
         let joint = section.strip_prefix("JOINT_").and_then(|n| n.parse::<usize>().ok());
         match (section, joint.and_then(|n| config.all_joints().nth(n))) {
+            ("RS274NGC", _) => format!("PARAMETER_FILE = {}\n", self.parameters().display()),
             ("EMC", _) => format!("NML_FILE = {}/buffers.nml\n", self.path().display()),
             (_, Some(joint)) if !self.homes => format!(
                 "HOME_OFFSET = {}\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n",
@@ -172,8 +173,8 @@ impl Scratch {
     fn replaced(&self, section: &str, key: &str, value: &str, file: &Path) -> Option<String> {
         let said = |value: String| Some(format!("{key} = {value}"));
         match (section, key) {
-            ("EMC", "NML_FILE" | "DEBUG") | ("RS274NGC", "LOG_FILE" | "LOG_LEVEL") => None,
-            ("RS274NGC", "PARAMETER_FILE") => said(self.parameters().display().to_string()),
+            ("EMC", "NML_FILE" | "DEBUG")
+            | ("RS274NGC", "LOG_FILE" | "LOG_LEVEL" | "PARAMETER_FILE") => None,
             ("EMCIO", "TOOL_TABLE") => said(self.tool_table.display().to_string()),
             (_, "COMP_FILE") if section.starts_with("JOINT_") => {
                 said(named(file, value).display().to_string())

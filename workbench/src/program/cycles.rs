@@ -8,8 +8,7 @@
 use crate::control::row::{Commanded, CommandedKind, Row};
 use crate::limits;
 use crate::program::findings::{Break, Place, Rule};
-use crate::program::flight::ROUNDING;
-use crate::program::motion::Circle;
+use crate::program::motion::{Circle, ROUNDING};
 use crate::proof::between::approach;
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;

@@ -4,13 +4,10 @@
 use crate::limits;
 use crate::program::findings::{LeastMargin, Preflight};
 use crate::program::follow::{Course, Found, Leg, Pilot, length};
-use crate::program::motion::Move;
+use crate::program::motion::{Move, ROUNDING};
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
-
-/// Rounding of LinuxCNC's positions, as a share of the machine's size.
-pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Follows the moves of a program one after the other, from `[TRAJ]HOME` on.
 pub struct Flight<'a> {

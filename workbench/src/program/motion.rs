@@ -9,7 +9,6 @@ use crate::control::process::{Event, Options, run_with_moves};
 use crate::control::refusal::NotJudged;
 pub use crate::control::row::Spindle;
 use crate::control::row::{Arc, Commanded, CommandedKind, Ending, Outcome};
-use crate::program::flight::ROUNDING;
 use crate::read::machine::MachineConfig;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
 use std::f64::consts::TAU;
@@ -18,6 +17,9 @@ use std::path::{Path, PathBuf};
 
 /// Folder of the programs that come with LinuxCNC, as Debian's package has it.
 pub const LINUXCNC_PROGRAMS: &str = "/usr/share/linuxcnc/ncfiles";
+
+/// Rounding of LinuxCNC's positions, as a share of the machine's size.
+pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Largest distance of an arc from its straight moves, in mm: far below what any
 /// machine reaches, and only a few hundred moves a turn.
@@ -161,7 +163,7 @@ fn stopped(program: &Path, outcome: &Outcome) -> ProgramError {
     let texts: Vec<&str> = errors.iter().map(|message| message.text.as_str()).collect();
     ProgramError::Stopped {
         program: program.into(),
-        line: errors.first().map_or(0, |message| message.place()),
+        line: errors.first().map_or(0, |message| message.place()).max(1),
         text: if texts.is_empty() { "without a message".into() } else { texts.join("; ") },
     }
 }
