@@ -300,7 +300,7 @@ struct Piece {
 
 enum Shape {
     Line([Vector3<f64>; 2]),
-    Arc(Circle),
+    Arc(Box<Circle>),
 }
 
 impl Path {
@@ -311,7 +311,7 @@ impl Path {
         let is_tap = commanded.kind == CommandedKind::Tap;
         self.pieces.push_back(Piece {
             shape: match &commanded.arc {
-                Some(arc) => Shape::Arc(Circle::new(arc, &from, &commanded.end)),
+                Some(arc) => Shape::Arc(Box::new(Circle::new(arc, &from, &commanded.end))),
                 None => Shape::Line([point(&from), point(&commanded.end)]),
             },
             tolerance: commanded.tolerance,

@@ -430,7 +430,7 @@ mod tests {
         // The nearest number below π/2 has a sine of 1 to all digits, and may stand for one above.
         assert_eq!(Interval::new(1.0, FRAC_PI_2.next_down()).sin().high, 1.0);
         assert_eq!(Interval::new(PI.next_up(), 4.0).cos().low, -1.0);
-        assert!(QUARTER_TURN.low < QUARTER_TURN.high);
+        const { assert!(QUARTER_TURN.low < QUARTER_TURN.high) };
     }
 
     #[test]
