@@ -5,7 +5,7 @@
 //! The unmodified `milltask` and the modules of the configuration run in one process. The library of
 //! `workbench/virtual`, installed beside the module, stands in for HAL, RTAPI, the clock and the tool
 //! changer; the drives and the spindle are those of hal/pkmkins_sim.tcl. Nothing of the machine that may
-//! run on this computer is touched, and the kernel lets a run write its own folder alone ([`confined`]).
+//! run on this computer is touched, and the kernel lets a run write its own folder alone (`confined`).
 //!
 //! [`scratch`] makes the folder of a run; [`process`] starts and ends it; [`stream`] reads what it tells.
 

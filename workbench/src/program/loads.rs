@@ -5,7 +5,7 @@
 //! Rows come one after the other and are forgotten again; what is kept grows with the lines of the
 //! program, not with its cycles. A speed is the difference of two commands over the period, an
 //! acceleration that of two speeds; one that exceeds its limit by no more than the rounding of these
-//! differences is at its limit ([`Rounding`]). Cycles in which pkmkins moves the joints for another tool
+//! differences is at its limit (`Rounding`). Cycles in which pkmkins moves the joints for another tool
 //! offset are no speed of the program, neither are those with the drives off.
 
 use crate::control::row::Row;

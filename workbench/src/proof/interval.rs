@@ -8,7 +8,7 @@
 //!
 //! **Functions** are those of the C library. The manual of glibc ("Known Maximum Errors in Math Functions") gives at
 //! most 2 units in the last place for those used here, and Rust's `asinh` adds some operations of its own; an end is
-//! moved by [`FUNCTION_UNITS`]. Of two numbers a sum or product that is exact stays a number.
+//! moved by `FUNCTION_UNITS`. Of two numbers a sum or product that is exact stays a number.
 //!
 //! Constants of a formula are the numbers that `f64` has for them. An end that overflows to infinity on the
 //! inner side becomes NaN: nothing is known then, and every comparison here and in what builds on it treats it so.
