@@ -138,7 +138,7 @@ def probed_virtually(pkm, machine, truth, folder):
     wiring = config / "calibration"
     put_truth(wiring, truth)
     # Modules are looked for beside the HAL file first.
-    (wiring / "pkmkins_truth.so").symlink_to(PLAYER)
+    shutil.copy(PLAYER, wiring / "pkmkins_truth.so")
     command = [pkm, "run", config / "hexapod.ini", config / PROGRAM, "--hal", wiring / "latch.hal",
                "--hal", wiring / "truth.hal", "--written", folder]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)

@@ -22,12 +22,13 @@ import hal  # noqa: E402
 import linuxcnc  # noqa: E402
 from pkmkins_pins import HAL_KEY  # noqa: E402
 from unprivileged import has_ended  # noqa: E402
-from drawn import Scene, View, farthest, parts  # noqa: E402
+from drawn import Picture, Scene, View, farthest, is_green, parts  # noqa: E402
 
 COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
 START_SECONDS = 120
 # The model is drawn anew ten times a second, on a computer that draws slowly.
 SETTLE_SECONDS = 2.0
+MOST_PICTURES = 10
 # limit-iterations must be 1 to 288.
 NO_ITERATIONS = -37
 # How far a program runs before its picture is made, at most, and pixels that some part has gone then: after half
@@ -86,12 +87,24 @@ def state(machine, scenes, name):
 
 
 def picture(machine, scenes, out, stem, name):
-    time.sleep(SETTLE_SECONDS)
-    values = state(machine, scenes, name)
-    (out / f"{stem}.json").write_text(json.dumps(values))
-    for ending in ("png", "ppm"):
-        subprocess.run(["import", "-window", "root", str(out / f"{stem}.{ending}")], check=True, timeout=60)
+    """Takes a picture once the model is drawn and stays as it is: on a loaded computer that takes a while."""
+    before = None
+    for _ in range(MOST_PICTURES):
+        time.sleep(SETTLE_SECONDS)
+        values = state(machine, scenes, name)
+        (out / f"{stem}.json").write_text(json.dumps(values))
+        for ending in ("png", "ppm"):
+            subprocess.run(["import", "-window", "root", str(out / f"{stem}.{ending}")], check=True, timeout=60)
+        now = Picture(out / f"{stem}.ppm")
+        if before and shows_platform(now, values["window"]) and not now.differs(before, values["window"]):
+            break
+        before = now
     return values
+
+
+def shows_platform(shown, window):
+    left, top, width, height = window
+    return any(is_green(shown.at(x, y)) for x in range(left, left + width, 4) for y in range(top, top + height, 4))
 
 
 def described(ini):
