@@ -47,6 +47,16 @@ pub struct Judged {
     pub files: Vec<PathBuf>,
 }
 
+impl Judged {
+    /// Returns the number of a file, which is added where it is new.
+    fn number_of(&mut self, file: PathBuf) -> usize {
+        self.files.iter().position(|known| *known == file).unwrap_or_else(|| {
+            self.files.push(file);
+            self.files.len() - 1
+        })
+    }
+}
+
 /// Why a program is not judged.
 #[derive(Debug, thiserror::Error)]
 pub enum JudgeError {
@@ -78,8 +88,14 @@ pub fn judge(
     let mut judged = judge_once(config, program, options, see)?;
     if options.block_delete && has_deletable(&judged.files)? {
         let kept = Options { block_delete: false, ..options.clone() };
-        let other = judge_once(config, program, &kept, &mut |_| ControlFlow::Continue(()))?;
-        judged.found.add_variant(other.found, "with block delete off");
+        let Judged { found: mut other, files } =
+            judge_once(config, program, &kept, &mut |_| ControlFlow::Continue(()))?;
+        // It may call other subroutines, and in another order.
+        let numbers: Vec<usize> = files.into_iter().map(|file| judged.number_of(file)).collect();
+        let renumber = |file: &mut usize| *file = numbers.get(*file).copied().unwrap_or(0);
+        other.breaks.iter_mut().for_each(|told| renumber(&mut told.file));
+        other.margins.iter_mut().for_each(|margin| renumber(&mut margin.file));
+        judged.found.add_variant(other, "with block delete off");
     }
     Ok(judged)
 }
