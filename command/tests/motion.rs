@@ -275,16 +275,71 @@ fn lines_of_subroutines_belong_to_their_files() {
     (config.program.tool_table, config.program.parameter_file) = (None, None);
     let program = folder.path().join("p.ngc");
     // The same line number in both files.
-    std::fs::write(&program, "G0 X1\nG0 X2\no<away> call\nG0 X4\nM2\n").unwrap();
+    std::fs::write(&program, "M3 S60\nG0 X2\no<away> call\nG0 X4\nG33.1 Z240 K1\nM2\n").unwrap();
     let away = folder.path().join("away.ngc");
-    std::fs::write(&away, "o<away> sub\nG0 X3\no<away> endsub\nM2\n").unwrap();
+    let body = "o<away> sub\nG0 X3\nG33.1 Z240 K1\nG38.3 X2 F100\no<away> endsub\nM2\n";
+    std::fs::write(&away, body).unwrap();
     let steps = moves(&config, &program, None).unwrap();
     let place = |step: &Move| (step.end[0].round(), step.line, step.file);
     let places: Vec<_> = steps.iter().map(place).collect();
     let judged =
         judge(&config, &program, &Options::default(), &mut |_| std::ops::ControlFlow::Continue(()));
     assert_eq!(judged.unwrap().files, [program, away]);
-    assert_eq!(places[1..], [(1.0, 1, 0), (2.0, 2, 0), (3.0, 2, 1), (4.0, 4, 0)]);
+    // A tap comes back to where it started.
+    let expected = [
+        (2.0, 2, 0),
+        (3.0, 2, 1),
+        (3.0, 3, 1),
+        (3.0, 3, 1),
+        (2.0, 4, 1),
+        (4.0, 4, 0),
+        (4.0, 5, 0),
+        (4.0, 5, 0),
+    ];
+    assert_eq!(places[1..], expected);
+}
+
+/// Returns where a program leaves its path, as the verdict says it.
+fn off_path(text: &str) -> Vec<(u32, String)> {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("p.ngc");
+    std::fs::write(&program, text).unwrap();
+    let config = config(&crate::shipped::folder("hexapod").join("hexapod.tbl"));
+    let judged =
+        judge(&config, &program, &Options::default(), &mut |_| std::ops::ControlFlow::Continue(()));
+    let found = judged.unwrap().found;
+    found.breaks.into_iter().map(|told| (told.line, told.text)).collect()
+}
+
+#[test]
+fn a_thread_that_needs_more_than_the_fastest_feed_gets_another_pitch() {
+    // The axes of the hexapod make 200 mm/s: 3000 turns a minute of 4 mm.
+    let thread = |spindle: &str, block: &str| {
+        off_path(&format!("G21 G90 M52 P1\nG0 X60 Z250\n{spindle} M3\n{block}\nM2\n"))
+    };
+    for (spindle, block, needed) in [
+        ("S3300", "G33 Z230 K4", Some("220.000")),
+        ("S3000", "G33 Z230 K4", None),
+        ("S3300", "G33.1 Z230 K4", Some("220.000")),
+        // The way back is ten times as fast as the way in.
+        ("S330", "G33.1 Z230 K4 I10", Some("220.000")),
+        ("S330", "G33.1 Z230 K4", None),
+        // A speed at the surface turns faster near the axis: 400 m/min are 1273 turns at 50 mm, 6366 at 10 mm.
+        ("G96 D9000 S400", "G33 X50 Z230 K4", None),
+        ("G96 D9000 S400", "G33 X10 Z230 K4", Some("424.413")),
+        ("G96 D2000 S400", "G33 X10 Z230 K4", None),
+        // A feed for each turn alone is no thread.
+        ("S3300", "G95 G1 Z230 F4", None),
+    ] {
+        let found = thread(spindle, block);
+        match needed {
+            None => assert_eq!(found, [], "{spindle} {block}"),
+            Some(needed) => {
+                let [(4, text)] = found.as_slice() else { panic!("{spindle} {block}: {found:?}") };
+                assert!(text.contains(&format!("need {needed} mm/s")), "{text}");
+            }
+        }
+    }
 }
 
 /// Places in X, where each of them is a move of its own, and what the spindle does there.

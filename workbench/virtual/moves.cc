@@ -57,6 +57,9 @@ bool stops = false;
 // How far a turn of the spindle goes, and whether that is a speed (G95) or a place (G33).
 double pitch = 0.0;
 bool is_speed = false;
+int synched = 0;
+// Where the last move ended, and the last S word.
+double from_x = 0.0, word = 0.0;
 const bool is_open = *environment::value("PKMKINS_VIRTUAL_OPEN");
 // Beyond everything a machine reaches, and far from what overflows.
 constexpr double FAR = 1e12;
@@ -110,17 +113,62 @@ void see_arc(int line, double end1, double end2, double axis1, double axis2, int
     arc_feed(line, end1, end2, axis1, axis2, rotation, end3, a, b, c, u, v, w);
 }
 
-// The line of the tool change that comes next: the moves to [EMCIO]TOOL_CHANGE_POSITION carry that of the move before.
-int change_line = 0;
+// What the interpreter is at.
+struct Place {
+    int line, file;
+};
+
+Place place_that_is_read() {
+    return interpreter && *interpreter ? Place{(*interpreter)->sequence_number(), file_that_is_read()} : Place{};
+}
+
+// That of the tool change that comes next: the moves to [EMCIO]TOOL_CHANGE_POSITION carry the line of the move before.
+Place change = {};
 void (*change_tool)(int) = nullptr;
 
 // In place of CHANGE_TOOL.
 void see_change(int slot) {
-    change_line = interpreter && *interpreter ? (*interpreter)->sequence_number() : 0;
+    change = place_that_is_read();
     change_tool(slot);
 }
 
-int file_of(const state_tag_t &tag) { return static_cast<int>(tag.fields_float[GM_FIELD_FLOAT_LINE_NUMBER]); }
+// Taps and probes that motion is not asked for yet: LinuxCNC hands them on without a tag of their own.
+std::deque<Place> untagged;
+using Tap = void (*)(int, double, double, double, double);
+Tap rigid_tap = nullptr;
+using Probe = void (*)(int, double, double, double, double, double, double, double, double, double, unsigned char);
+Probe straight_probe = nullptr;
+
+// In place of RIGID_TAP.
+void see_tap(int line, double x, double y, double z, double scale) {
+    untagged.push_back({line, place_that_is_read().file});
+    rigid_tap(line, x, y, z, scale);
+}
+
+// In place of STRAIGHT_PROBE.
+void see_probe(int line, double x, double y, double z, double a, double b, double c, double u, double v, double w,
+               unsigned char kind) {
+    untagged.push_back({line, place_that_is_read().file});
+    straight_probe(line, x, y, z, a, b, c, u, v, w, kind);
+}
+
+Place place_of(const emcmot_command_t &command) {
+    if (command.command == EMCMOT_PROBE || command.command == EMCMOT_RIGID_TAP) {
+        // One of no length is never asked for.
+        while (untagged.size() > 1 && untagged.front().line != command.id) {
+            untagged.pop_front();
+        }
+        const Place place = {command.id, untagged.empty() ? 0 : untagged.front().file};
+        if (!untagged.empty()) {
+            untagged.pop_front();
+        }
+        return place;
+    }
+    if (command.motion_type == EMC_MOTION_TYPE_TOOLCHANGE) {
+        return change;
+    }
+    return {command.id, static_cast<int>(command.tag.fields_float[GM_FIELD_FLOAT_LINE_NUMBER])};
+}
 
 // Puts another function into the slots by which a library calls one. The executable comes first where symbols are
 // looked for, so that what a preloaded library has by the same name is never found.
@@ -190,6 +238,7 @@ void go_by(const emcmot_command_t &command) {
     case EMCMOT_SET_SPINDLESYNC:
         pitch = command.spindlesync;
         is_speed = command.flags != 0;
+        synched = command.spindle;
         break;
     default: break;
     }
@@ -218,10 +267,18 @@ void put(double *to, const PmCartesian &vector) {
     to[2] = vector.z;
 }
 
+// The fastest that a spindle turns on the way to x, 1/min. G96 speeds it up towards the place that it goes by.
+double fastest_turning(const spindle_status_t &spindle, double x) {
+    const double most = std::fabs(spindle.speed), ends[] = {from_x - spindle.xoffset, x - spindle.xoffset};
+    const double nearest = ends[0] * ends[1] > 0.0 ? std::fmin(std::fabs(ends[0]), std::fabs(ends[1])) : 0.0;
+    return spindle.css_factor == 0.0 || nearest == 0.0 ? most : std::fmin(most, std::fabs(spindle.css_factor) / nearest);
+}
+
 void show_move(const emcmot_command_t &command) {
     record::Move move = {};
-    move.line = command.motion_type == EMC_MOTION_TYPE_TOOLCHANGE ? change_line : command.id;
-    move.file = file_of(command.tag);
+    const Place place = place_of(command);
+    move.line = place.line;
+    move.file = place.file;
     move.kind = kind_of(command);
     move.is_arc = command.command == EMCMOT_SET_CIRCLE;
     move.turns = command.turn;
@@ -232,10 +289,22 @@ void show_move(const emcmot_command_t &command) {
     // M19 stops it without an end of M3.
     move.spindle_turns = spindle.state != 0 && spindle.orient_state == EMCMOT_ORIENT_NONE;
     move.is_surface_speed = move.spindle_turns && spindle.css_factor != 0.0;
-    move.speed = move.spindle_turns ? std::fabs(spindle.speed) : command.tag.fields_float[GM_FIELD_FLOAT_SPEED];
+    if (move.kind != record::Move::Kind::probe && move.kind != record::Move::Kind::tap) {
+        word = command.tag.fields_float[GM_FIELD_FLOAT_SPEED];
+    }
+    move.speed = move.spindle_turns ? std::fabs(spindle.speed) : word;
     const bool has_speed = is_speed && move.speed > 0.0 && !move.is_surface_speed;
     move.follows_spindle = (pitch != 0.0 && !has_speed) || move.kind == record::Move::Kind::tap;
     move.feed = pitch != 0.0 && has_speed ? std::fabs(pitch) * move.speed / 60.0 : command.vel;
+    if (pitch != 0.0 && !is_speed && synched >= 0 && synched < EMCMOT_MAX_SPINDLES) {
+        // A tap may be told to come back faster.
+        const bool is_tap = move.kind == record::Move::Kind::tap;
+        move.pitch = std::fabs(pitch);
+        move.turning = fastest_turning(shared->status.spindle_status[synched], command.pos.tran.x) *
+                       (is_tap ? std::fmax(1.0, command.scale) : 1.0);
+        move.fastest = command.ini_maxvel;
+    }
+    from_x = command.pos.tran.x;
     put(move.end, command.pos);
     put(move.tool, shared->status.tool_offset);
     if (move.is_arc) {
@@ -276,11 +345,15 @@ void find() {
     interpreter = static_cast<InterpBase **>(dlsym(RTLD_DEFAULT, "pinterp"));
     arc_feed = reinterpret_cast<Arc>(dlsym(RTLD_DEFAULT, ARC_FEED_NAME));
     change_tool = reinterpret_cast<void (*)(int)>(dlsym(RTLD_DEFAULT, "_Z11CHANGE_TOOLi"));
+    rigid_tap = reinterpret_cast<Tap>(dlsym(RTLD_DEFAULT, "_Z9RIGID_TAPidddd"));
+    straight_probe = reinterpret_cast<Probe>(dlsym(RTLD_DEFAULT, "_Z14STRAIGHT_PROBEidddddddddh"));
     const bool is_found = replaced("_Z10UPDATE_TAG8StateTag", reinterpret_cast<void *>(tag_file)) &&
+                          replaced("_Z9RIGID_TAPidddd", reinterpret_cast<void *>(see_tap)) &&
+                          replaced("_Z14STRAIGHT_PROBEidddddddddh", reinterpret_cast<void *>(see_probe)) &&
                           replaced(ARC_FEED_NAME, reinterpret_cast<void *>(see_arc)) &&
                           replaced("_Z11CHANGE_TOOLi", reinterpret_cast<void *>(see_change));
     shared = static_cast<const Shared *>(memory::only());
-    if (!update || !interpreter || !arc_feed || !change_tool || !is_found || !shared) {
+    if (!update || !interpreter || !arc_feed || !change_tool || !rigid_tap || !straight_probe || !is_found || !shared) {
         give_up("this LinuxCNC hands its commands to motion in another way");
     }
 }

@@ -10,7 +10,8 @@
 //     4 end       u64 cycle, i32 line, u32 cause (record::End), text; last
 //     5 move      as motion is asked for it, before it begins: i32 line, u32 file, u32 kind (record::Move::Kind),
 //                 u32 flags (1 arc, 2 follows the spindle, 4 the spindle turns, 8 at a constant surface speed),
-//                 i32 turns, u32 turns of an arc that has become straight, then f64 feed, speed, tolerance, end[9], tool[9], center[3], normal[3]
+//                 i32 turns, u32 turns of an arc that has become straight, then f64 feed, speed, tolerance,
+//                 pitch, turning, fastest, end[9], tool[9], center[3], normal[3]
 //     6 file      its name; files count from 0, the program
 //     7 reading   i32 line in which the interpreter reads on and on
 //
@@ -29,7 +30,7 @@
 #include <vector>
 
 namespace {
-constexpr int VERSION = 4;
+constexpr int VERSION = 5;
 constexpr size_t BLOCK = 1 << 16;
 // Of a pose, and tool offsets of two mechanisms.
 constexpr int LETTERS = 9, TOOLS = 6;
@@ -187,7 +188,7 @@ void reading(int line) {
 }
 
 void move(const Move &move) {
-    const double values[] = {move.feed, move.speed, move.tolerance};
+    const double values[] = {move.feed, move.speed, move.tolerance, move.pitch, move.turning, move.fastest};
     put_head(MOVE, 6 * sizeof(uint32_t) + sizeof values + sizeof move.end + sizeof move.tool + sizeof move.center +
                        sizeof move.normal);
     put(static_cast<int32_t>(move.line));

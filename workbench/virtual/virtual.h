@@ -99,6 +99,9 @@ struct Move {
     int lost_turns;
     // In a second; 1/min; how far it may leave the path at its end, infinite where nothing is said.
     double feed, speed, tolerance;
+    // Of a move that keeps to the places of the spindle (G33, G33.1): how far it goes in a turn, the fastest turning,
+    // 1/min, and how fast it may be, in a second; zeros for other moves.
+    double pitch, turning, fastest;
     double end[9], tool[9], center[3], normal[3];
 };
 void open(int descriptor);

@@ -123,6 +123,24 @@ pub struct Arc {
     pub turns: i32,
 }
 
+/// What a spindle asks of a move that keeps to its places: G33 and G33.1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Thread {
+    /// Machine units a turn.
+    pub pitch: f64,
+    /// The fastest turning, 1/min.
+    pub turning: f64,
+    /// The fastest speed that LinuxCNC gives the move, machine units a second.
+    pub fastest: f64,
+}
+
+impl Thread {
+    /// Returns the speed that the thread needs, machine units a second.
+    pub fn needed(&self) -> f64 {
+        self.pitch * self.turning / 60.0
+    }
+}
+
 /// A move as milltask asks motion for it: straight or circular in X Y Z, straight in all other letters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Commanded {
@@ -149,6 +167,8 @@ pub struct Commanded {
     pub tool: World,
     /// The spindle.
     pub spindle: Spindle,
+    /// What the spindle asks of it, where it keeps to the spindle's places.
+    pub thread: Option<Thread>,
 }
 
 /// Channel of a message.

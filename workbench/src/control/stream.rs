@@ -2,14 +2,14 @@
 //! The records that a run writes (workbench/virtual/record.cc describes them).
 
 use crate::control::row::{
-    Arc, Commanded, CommandedKind, Flags, Message, MessageKind, Row, Spindle,
+    Arc, Commanded, CommandedKind, Flags, Message, MessageKind, Row, Spindle, Thread,
 };
 use kinematics::{ExtraAxes, Second};
 use std::collections::VecDeque;
 use std::io::{self, Read};
 
 /// Version of the records that is read here.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 
 const HEAD: u32 = 1;
 const ROW: u32 = 2;
@@ -81,13 +81,15 @@ pub struct Records<R> {
     /// Files of the moves that are not made yet, the first of which has this number.
     files: VecDeque<usize>,
     first: usize,
+    /// Files that have been named.
+    known: usize,
 }
 
 impl<R: Read> Records<R> {
     /// Records from a buffered reader.
     pub fn new(from: R, columns: Columns) -> Self {
         let (row, commanded) = (Row::default(), Commanded::default());
-        Self { from, columns, bytes: vec![], row, commanded, files: VecDeque::new(), first: 0 }
+        Self { from, columns, bytes: vec![], row, commanded, files: VecDeque::new(), first: 0, known: 0 }
     }
 
     /// The next record; `None` where there are no more.
@@ -120,11 +122,18 @@ impl<R: Read> Records<R> {
                 self.row.file = self.files.front().copied().unwrap_or_default();
                 Record::Row(&self.row)
             }),
-            MOVE => fields.commanded(&mut self.commanded).map(|()| {
-                self.files.push_back(self.commanded.file);
-                Record::Move(&self.commanded)
-            }),
-            FILE => Some(Record::File(fields.text())),
+            // Before the program is read the machine stands in it.
+            MOVE => fields
+                .commanded(&mut self.commanded)
+                .filter(|()| self.commanded.file < self.known.max(1))
+                .map(|()| {
+                    self.files.push_back(self.commanded.file);
+                    Record::Move(&self.commanded)
+                }),
+            FILE => {
+                self.known += 1;
+                Some(Record::File(fields.text()))
+            }
             READING => fields.line().map(Record::Reading),
             MESSAGE => fields.message(),
             END => fields.end(),
@@ -228,6 +237,8 @@ impl Fields<'_> {
             _ => Spindle::Surface,
         };
         to.tolerance = self.value()?;
+        let [pitch, turning, fastest] = [self.value()?, self.value()?, self.value()?];
+        to.thread = (pitch > 0.0).then_some(Thread { pitch, turning, fastest });
         self.values(&mut to.end)?;
         self.values(&mut to.tool)?;
         let mut arc = Arc { center: [0.0; 3], normal: [0.0; 3], turns };
@@ -273,7 +284,7 @@ mod tests {
     fn records_come_back_as_they_were_written() {
         let values: Vec<u8> = (1..=22).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
         let bytes = [
-            record(HEAD, &[b"version=4\nlinuxcnc=2.9\n"]),
+            record(HEAD, &[b"version=5\nlinuxcnc=2.9\n"]),
             record(
                 ROW,
                 &[
@@ -288,7 +299,7 @@ mod tests {
         ]
         .concat();
         let mut records = Records::new(bytes.as_slice(), plain(2));
-        let head = Record::Head { version: 4, linuxcnc: "2.9".into() };
+        let head = Record::Head { version: 5, linuxcnc: "2.9".into() };
         assert_eq!(records.read().unwrap(), Some(head));
         let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
         assert_eq!(

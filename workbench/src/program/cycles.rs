@@ -5,7 +5,7 @@
 //! is not always that: corners are rounded, and a tap runs on until its spindle has stopped. So every
 //! cycle is judged as well, by the same list of limits, and compared with the path.
 
-use crate::control::row::{Commanded, CommandedKind, Row};
+use crate::control::row::{Commanded, CommandedKind, Row, Thread};
 use crate::limits;
 use crate::program::findings::{Break, Place, Rule};
 use crate::program::motion::{Circle, ROUNDING};
@@ -14,10 +14,14 @@ use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Letter, Limit, Limits, MAX_EXTRA, Margin, Part, Pose, Vector3, World};
 use std::collections::VecDeque;
+use std::mem::discriminant;
 
 /// How far LinuxCNC's own arithmetic of arcs leaves the path, as a share of the machine's size: its arcs are exact
 /// to some 1e-6 of their radius. A thousandth of a millimetre on a machine of a metre.
 const OFF_PATH: f64 = 1e-6;
+
+/// What a spindle asks for may be beyond the fastest by the rounding of their units.
+const SAME: f64 = 1.0 + 1e-9;
 
 /// Judges cycles.
 pub struct Cycles<'a> {
@@ -64,6 +68,7 @@ enum Text {
     Fault(String),
     Path(f64),
     Turns(u32),
+    Thread(Thread),
 }
 
 impl<'a> Cycles<'a> {
@@ -93,14 +98,15 @@ impl<'a> Cycles<'a> {
 
     /// Takes the next move.
     pub fn take(&mut self, commanded: &Commanded) {
-        if commanded.lost_turns > 0 {
+        let turns = (commanded.lost_turns > 0).then_some(Text::Turns(commanded.lost_turns));
+        let thread = commanded.thread.filter(|thread| !(thread.needed() <= thread.fastest * SAME));
+        for text in turns.into_iter().chain(thread.map(Text::Thread)) {
             let place = Place {
                 line: commanded.line,
                 file: commanded.file,
                 pose: std::array::from_fn(|k| commanded.end[k]),
                 seconds: 0.0,
             };
-            let text = Text::Turns(commanded.lost_turns);
             self.note(Rule::Path, (String::new(), false), place, 0.0, text);
         }
         self.path.take(commanded);
@@ -162,7 +168,10 @@ impl<'a> Cycles<'a> {
     ) {
         let line = (place.file, place.line);
         let is_same = |known: &&mut Beyond| {
-            known.rule == rule && known.name == name && known.of_second == of_second
+            known.rule == rule
+                && known.name == name
+                && known.of_second == of_second
+                && (rule != Rule::Path || discriminant(&known.text) == discriminant(&text))
         };
         if let Some(known) = self.beyond.iter_mut().find(is_same) {
             if known.last != line {
@@ -195,6 +204,11 @@ impl<'a> Cycles<'a> {
                     Text::Turns(turns) => format!(
                         "LinuxCNC makes a straight move of this arc of {turns} turns (naive CAM detection): \
                          program G64 P without Q, or a smaller Q"
+                    ),
+                    Text::Thread(thread) => format!(
+                        "the thread gets another pitch: {:.1} turns a minute of {} {unit} need {:.3} {unit}/s, and \
+                         LinuxCNC allows this move {:.3} {unit}/s: turn the spindle slower",
+                        thread.turning, thread.pitch, thread.needed(), thread.fastest
                     ),
                 };
                 let told = Break::in_time(found.rule, found.name, &found.place, found.lines, text);
