@@ -216,13 +216,9 @@ impl Interval {
         Self::new(low, high)
     }
 
-    /// A product where one may be infinite or NaN: 0 by anything is 0.
+    /// A product of two that are not 0, where one may be infinite or NaN.
     #[cold]
     fn unbounded_product(self, o: Self) -> Self {
-        let is_zero = |i: Self| i.low == 0.0 && i.high == 0.0;
-        if is_zero(self) || is_zero(o) {
-            return Self::ZERO;
-        }
         let products = [self.low * o.low, self.low * o.high, self.high * o.low, self.high * o.high];
         if products.iter().any(|p| p.is_nan()) {
             return Self::ALL;
@@ -269,6 +265,13 @@ impl Interval {
 impl Add for Interval {
     type Output = Self;
     fn add(self, o: Self) -> Self {
+        // Most derivatives are 0, and a sum with 0 is exact.
+        if o == Self::ZERO {
+            return self;
+        }
+        if self == Self::ZERO {
+            return o;
+        }
         let (low, high) = (self.low + o.low, self.high + o.high);
         match self.is_point() && o.is_point() && is_exact_sum(self.low, o.low) {
             true => Self::point(low),
@@ -294,6 +297,9 @@ impl Sub for Interval {
 impl Mul for Interval {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
+        if self == Self::ZERO || o == Self::ZERO {
+            return Self::ZERO;
+        }
         // The four products, two and two.
         let ends = f64x2::new([self.low, self.high]);
         let (one, other) = (ends * f64x2::new([o.low, o.high]), ends * f64x2::new([o.high, o.low]));
@@ -310,6 +316,9 @@ impl Mul for Interval {
 impl Mul<f64> for Interval {
     type Output = Self;
     fn mul(self, factor: f64) -> Self {
+        if self == Self::ZERO || factor == 0.0 {
+            return Self::ZERO;
+        }
         let o = Self::point(factor);
         match self.low.is_finite() && self.high.is_finite() && factor.is_finite() {
             true if factor < 0.0 => self.of_products(o, self.high * factor, self.low * factor),
