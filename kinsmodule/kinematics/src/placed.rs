@@ -33,13 +33,6 @@ pub(crate) struct Displacement {
     pub change: Matrix3<f64>,
 }
 
-impl Displacement {
-    /// The platform stays.
-    pub fn none() -> Self {
-        Self { shift: Vector3::zeros(), change: Matrix3::zeros() }
-    }
-}
-
 /// The legs at one place of the platform.
 #[derive(Clone, Copy)]
 pub(crate) struct Placed<const N: usize> {

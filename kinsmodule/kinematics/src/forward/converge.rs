@@ -310,7 +310,8 @@ impl<const N: usize> Mechanism<N> {
         loop {
             self.settle(target, &mut about)?;
             walk.renew();
-            let mut way = Way::none();
+            // Where nothing is left to correct, the walk ends where it stands.
+            let mut way = self.way(&about.place, &walk.x);
             let converged =
                 self.converge(target, &about, &mut walk, effort, &mut way, &mut end.at)?;
             about.place = self.moved_by(&about.place, &walk.x, &way);
@@ -623,6 +624,38 @@ mod tests {
             checked += 1;
         }
         assert!(checked > 20, "{checked}");
+    }
+
+    #[test]
+    fn a_walk_that_has_arrived_ends_where_the_legs_fit_in_every_chart() {
+        for coordinates in CHARTS {
+            let mut rng = Pcg64::seed_from_u64(23);
+            let mut checked = 0;
+            for _ in 0..200 {
+                let Some(trial) = trial(&mut rng, coordinates, 0.5) else { continue };
+                let Trial { machine, about, target, step } = trial;
+                let mut effort = Effort {
+                    spent: 0,
+                    hessians: 0,
+                    sub_steps: 1,
+                    limit: 9,
+                    tolerance: 1e-9,
+                    accepted: 1e-6,
+                };
+                // Nothing is left to correct about the new middle.
+                let walk = Walk { contraction: 0.0, ..Walk::begun(step, 0.5) };
+                let mut end = End { place: about.place, at: Measured::ZERO };
+                let place = &about.place;
+                if machine.converge_anew(&target, place, walk, &mut effort, &mut end).is_err() {
+                    continue;
+                }
+                let there = machine.measured(&target, &end.place).expect("a place");
+                // Some roundings of lengths of some thousands.
+                assert!(largest(&there.residual) < 1e-9, "{:?}", there.residual);
+                checked += 1;
+            }
+            assert!(checked > 20, "{checked}");
+        }
     }
 
     #[test]

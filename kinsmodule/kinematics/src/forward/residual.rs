@@ -50,13 +50,6 @@ pub(super) struct Way {
     trig: Trigonometry,
 }
 
-impl Way {
-    /// The platform stays.
-    pub(super) fn none() -> Self {
-        Self { by: Displacement::none(), trig: Trigonometry::LEVEL }
-    }
-}
-
 impl<const N: usize> Mechanism<N> {
     /// Joint values of the legs; lanes beyond the last leg repeat the first one.
     #[inline(always)]
