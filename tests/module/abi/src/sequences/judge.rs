@@ -93,6 +93,11 @@ fn is_bound(code: i32) -> bool {
     matches!(code, -34 | -35)
 }
 
+/// Whether a search from a pose ends in a refusal.
+fn is_of_search(code: i32) -> bool {
+    matches!(code, -36..=-31)
+}
+
 /// Whether a refusal names a leg at its end.
 fn names_leg(code: i32) -> bool {
     matches!(code, -24 | -26 | -27 | -28)
@@ -280,6 +285,9 @@ impl Judge {
             if is_passed { Verdict::Right } else { Verdict::Excused("beyond a singular pose") }
         } else if self.held && !commanded {
             Verdict::Right
+        } else if self.held && is_of_search(code) {
+            // The module follows the mirror image, which no pose of the machine leads to.
+            Verdict::Excused("beyond a singular pose")
         } else if led.is_none() || !is_true {
             Verdict::Excused("no straight line of joints from the last pose")
         } else if is_bound(code) && (self.strayed || path.length > LONG * size) {
