@@ -11,7 +11,7 @@ use workbench::files::{Folder, read_all, write_whole};
 /// What the command line calls it.
 pub const DASH: &str = "-";
 
-/// A program, of which LinuxCNC's interpreter needs a file: that of the name, or what stands on standard
+/// A program, of which LinuxCNC needs a file: that of the name, or what stands on standard
 /// input. The parser of the command line, so that everything behind it knows files alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Program;

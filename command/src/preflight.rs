@@ -10,7 +10,7 @@ use kinematics::Letter;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use workbench::check::cautions::{Caution, cautions};
+use workbench::check::cautions::{Caution, cautions, once};
 use workbench::control::process::Options;
 use workbench::control::row::{Ending, Message, Row};
 use workbench::control::trace::Trace;
@@ -24,19 +24,18 @@ use workbench::read::machine::MachineConfig;
 
 /// Checks before cutting that a program fits a machine
 ///
-/// LinuxCNC's interpreter reads the program with the machine's tool table, parameters and
-/// startup code; every move, taken as starting from [TRAJ]HOME, is followed over its whole length.
-/// Axis limits, reach, joint ranges, cones and singular poses are proved, not sampled: a limit
-/// that is not told as broken holds everywhere between the ends of the moves. Joint speeds,
-/// accelerations, following errors, messages and the duration are those of LinuxCNC itself, which
-/// runs the program in virtual time. Every limit that is left is told with its first line and
-/// place, and with how many moves leave it; every limit that is kept, with how near the program
-/// comes to it. Where it does not fit, a shift of the work offset is searched that makes it fit,
-/// and where the program leaves the platform level also a turn about Z; both are checked by running
-/// the interpreter again. Of several programs, or those of a folder, a table stands at the end.
+/// LinuxCNC runs the program in virtual time, with the machine's tool table, parameters and startup
+/// code, from the HOME of its joints. Every move that it commands is examined over its whole length:
+/// axis limits, reach, joint ranges, cones and singular poses are proved, not sampled. The same
+/// limits are judged in every servo cycle; joint speeds, accelerations, following errors, messages
+/// and the duration are LinuxCNC's own. A limit that is exceeded is reported with its first line and
+/// place, and with the number of moves that exceed it; one that is kept, with the smallest margin.
+/// For a program that does not fit, pkm searches for a work offset with which it does: shifted, and
+/// where the program tilts the platform also turned about Z. Another run checks it. Several
+/// programs, or those of a folder, end in a table.
 ///
-/// Exit status: 0 where the program fits (warnings may be told), 1 where it does not, 2 where that
-/// could not be judged; of several programs the worst.
+/// Exit status: 0 if the program fits (there may be warnings), 1 if it does not, 2 if that could not
+/// be judged; of several programs the worst.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
@@ -311,6 +310,7 @@ pub fn judged(
         file: off.file,
         text: off.text.clone(),
     }));
+    let warnings = once(warnings);
     let fits = match (&found.time, found.fits()) {
         (_, false) => Some(false),
         (Time::Judged(_), true) => Some(true),

@@ -244,7 +244,7 @@ fn loops_without_an_end_end() {
     let program = folder.path().join("p.ngc");
     let mut config = config(folder.path());
     config.program.tool_table = None;
-    let options = Options { most_moves: 1000, most_work: 1.0, ..Options::default() };
+    let options = Options { most_moves: 1000, most_work: 3.0, ..Options::default() };
     let told = |body: &str| {
         std::fs::write(&program, format!("F100\nO1 while [1]\n{body}\nO1 endwhile\nM2\n")).unwrap();
         let judged =

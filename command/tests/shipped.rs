@@ -49,6 +49,17 @@ pub fn with_programs(machine: &str, copy: &Path) {
     std::os::unix::fs::symlink(programs, copy.join("programs")).unwrap();
 }
 
+/// Returns a copy of a machine's files, with its programs beside them.
+pub fn copied(machine: &str) -> tempfile::TempDir {
+    let copy = tempfile::tempdir().unwrap();
+    let files = std::fs::read_dir(folder(machine)).unwrap().map(|entry| entry.unwrap().path());
+    for file in files.filter(|path| path.is_file()) {
+        std::fs::copy(&file, copy.path().join(file.file_name().unwrap())).unwrap();
+    }
+    with_programs(machine, copy.path());
+    copy
+}
+
 pub fn ini(machine: &str) -> PathBuf {
     folder(machine).join(format!("{machine}.ini"))
 }

@@ -2,7 +2,7 @@
 //! Slips that integrators make: none may end in "fits together" without a word.
 
 use crate::ini_cases::{Edit, apply};
-use crate::shipped::{folder, with_programs};
+use crate::shipped::copied;
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::fs;
@@ -94,14 +94,7 @@ fn with_narrow_angles(lines: &mut [String]) {
 
 /// The folder of the base with the slip in it.
 fn slipped(case: &Case) -> tempfile::TempDir {
-    let slipped = tempfile::tempdir().unwrap();
-    for entry in fs::read_dir(folder(&case.base)).unwrap() {
-        let entry = entry.unwrap().path();
-        if entry.is_file() {
-            fs::copy(&entry, slipped.path().join(entry.file_name().unwrap())).unwrap();
-        }
-    }
-    with_programs(&case.base, slipped.path());
+    let slipped = copied(&case.base);
     let file = slipped.path().join(format!("{}.ini", case.base));
     let text = fs::read_to_string(&file).unwrap();
     let mut lines: Vec<String> = text.lines().map(Into::into).collect();

@@ -2,7 +2,7 @@
 //! Mistakes that LinuxCNC refuses at its start: none of them fits together, and what starts is not refused.
 
 use crate::ini_cases::{Edit, apply};
-use crate::shipped::{MACHINES, config, folder, with_programs};
+use crate::shipped::{MACHINES, config, copied};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -36,16 +36,9 @@ struct Case {
     names: Vec<String>,
 }
 
-/// The errors of the machine, and what became of its start.
+/// Returns the errors of the machine, and what became of its start.
 fn answer(case: &Case) -> (Vec<String>, String) {
-    let copy = tempfile::tempdir().unwrap();
-    for entry in fs::read_dir(folder(&case.base)).unwrap() {
-        let entry = entry.unwrap().path();
-        if entry.is_file() {
-            fs::copy(&entry, copy.path().join(entry.file_name().unwrap())).unwrap();
-        }
-    }
-    with_programs(&case.base, copy.path());
+    let copy = copied(&case.base);
     let file = copy.path().join(format!("{}.ini", case.base));
     let mut lines: Vec<String> =
         fs::read_to_string(&file).unwrap().lines().map(Into::into).collect();

@@ -80,6 +80,26 @@ pub fn cautions(config: &MachineConfig, ini: &Ini, texts: &[impl AsRef<str>]) ->
     found
 }
 
+/// Returns each caution once, with its first line and the number of the others.
+pub fn once(found: Vec<Caution>) -> Vec<Caution> {
+    let mut kept: Vec<(Caution, usize)> = vec![];
+    for caution in found {
+        match kept.iter_mut().find(|(known, _)| known.text == caution.text) {
+            Some((_, more)) => *more += 1,
+            None => kept.push((caution, 0)),
+        }
+    }
+    let counted = kept.into_iter().map(|(caution, more)| {
+        let more = match more {
+            0 => String::new(),
+            1 => "; so it is in 1 more line".into(),
+            more => format!("; so it is in {more} more lines"),
+        };
+        Caution { text: caution.text + &more, ..caution }
+    });
+    counted.collect()
+}
+
 /// The words of a line with plain numbers, such as `G33.1`: without comments, blanks, leading zeros
 /// and zeros after the point.
 pub(crate) fn words(line: &str) -> Vec<String> {
@@ -131,6 +151,13 @@ mod tests {
         assert_eq!(told("G21 (M52 P1)"), [unguarded()]);
         let probed = told("G21 M52 P1\nG38.20 Z1 F10\nM66 P0 L3 Q1\n");
         assert_eq!(probed, [line(2, "G38.2: what"), line(3, "M66: what")]);
+    }
+
+    #[test]
+    fn a_caution_of_many_lines_is_given_once() {
+        let caution = |line, text: &str| Caution { line: Some(line), file: 0, text: text.into() };
+        let found = once(vec![caution(3, "a"), caution(4, "b"), caution(5, "a"), caution(9, "a")]);
+        assert_eq!(found, [caution(3, "a; so it is in 2 more lines"), caution(4, "b")]);
     }
 
     #[test]

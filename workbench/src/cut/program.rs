@@ -35,7 +35,7 @@ pub enum NoCut {
     /// G96: the speed follows from the place.
     #[error("line {0}: G96 makes the spindle speed depend on the place; name one with --rpm")]
     Surface(u32),
-    /// The interpreter does not say.
+    /// LinuxCNC does not say.
     #[error("line {0}: the spindle speed is not known there; name one with --rpm")]
     Unknown(u32),
     /// A line of a loop or of a subroutine, or one of the same number in another file.

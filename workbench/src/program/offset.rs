@@ -4,7 +4,7 @@
 //!
 //! A compass search over X Y Z and the turn lowers how far some poses of the program lack of a
 //! margin to joint ranges, cones, rod distance, conditioning, axis limits; whether the offset does
-//! is for [`crate::program::preflight`] to say, on the moves that the interpreter makes of it.
+//! is for [`crate::program::preflight`] to say, on the moves that LinuxCNC makes of it.
 
 use crate::limits;
 use crate::program::motion::Move;

@@ -16,7 +16,7 @@ use kinematics::{
 use std::fmt;
 use std::ops::ControlFlow;
 
-/// Rounding of the interpreter's positions, as a share of the machine's size.
+/// Rounding of LinuxCNC's positions, as a share of the machine's size.
 const STILL: f64 = 1e-9;
 
 /// Rounding of times that are added up, as a share of the period.
