@@ -106,7 +106,7 @@ fn judge_once(
     options: &Options,
     see: &mut (dyn FnMut(&Row) -> ControlFlow<()> + Send),
 ) -> Result<Judged, JudgeError> {
-    let Followed { found, files, time } = followed(config, program, options, see)?;
+    let Followed { found, files, mut time } = followed(config, program, options, see)?;
     let is_stopped = matches!(&time, Time::Judged(timing) if timing.ending == Ending::Stopped);
     let mut judged = Judged { found, files };
     if is_stopped {
@@ -115,6 +115,11 @@ fn judge_once(
         // Without its limits LinuxCNC comes at least as far.
         if beyond.found.moves >= judged.found.moves {
             (judged.found, judged.files) = (beyond.found, beyond.files);
+            if let (Time::Judged(timing), Time::Judged(other)) = (&mut time, beyond.time) {
+                for (used, other) in timing.extra.iter_mut().zip(other.extra) {
+                    *used = [used[0].min(other[0]), used[1].max(other[1])];
+                }
+            }
         }
     }
     judged.found = judged.found.with_time(config, time);
@@ -175,7 +180,7 @@ fn followed(
         });
         // Whoever follows has gone only where it has failed.
         let _ = sender.send(batch);
-        Ok((outcome, files, cycles.finish(), loads.finish()))
+        Ok((outcome, files, cycles.used(), cycles.finish(), loads.finish()))
     };
     let (found, ran) = std::thread::scope(|scope| {
         let run = scope.spawn(run);
@@ -188,8 +193,9 @@ fn followed(
         }
         (flights.finish(), run.join().expect("the run has said why it panicked"))
     });
-    let (outcome, files, [beyond, off_path], demands) = ran?;
+    let (outcome, files, used, [beyond, off_path], demands) = ran?;
     let mut found = found?;
+    found.ranges.iter_mut().zip(used).for_each(|(range, used)| range.widen(used));
     found.add_cycles(beyond);
     found.off_path = off_path;
     let time = match outcome {
@@ -242,7 +248,7 @@ impl Preflight {
             }
         }
         for (known, range) in self.ranges.iter_mut().zip(other.ranges) {
-            known.used = [known.used[0].min(range.used[0]), known.used[1].max(range.used[1])];
+            known.widen(range.used);
         }
         self.is_still &= other.is_still;
         if let (Time::Judged(_), Time::NotJudged(cause)) = (&self.time, &other.time) {
