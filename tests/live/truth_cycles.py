@@ -52,7 +52,7 @@ def opened(text):
 class Run:
     """Servo cycles of a run."""
 
-    def __init__(self, text, trace, names):
+    def __init__(self, text, trace, names, errors=()):
         with open(trace) as file:
             columns = next(file).rstrip("\n").split(",")
             table = numpy.loadtxt(file, delimiter=",", ndmin=2)
@@ -81,19 +81,19 @@ class Run:
             upright = numpy.cos(numpy.radians(of["a"])) * numpy.cos(numpy.radians(of["b"]))
             self.limits.append(Limit("tilt", "the tilt of the tool axis", -inf, tilt,
                                      numpy.degrees(numpy.arccos(numpy.clip(upright, -1, 1)))))
-        self.find_speeds(of, names, count, period, value)
+        self.find_speeds(of, names, count, period, value, errors)
 
-    def find_speeds(self, of, names, count, period, value):
+    def find_speeds(self, of, names, count, period, value, errors):
         """Peaks of the joints, up to where a following error switches the drives off: with and without the cycles around
         a change of the tool offset, since the trace does not say in which of them the platform is moved."""
         tools = numpy.array([column for name, column in of.items() if name.startswith("tool_")]).T
         busy = numpy.zeros(len(self.lines), bool)
         busy[1:] = (tools[1:] != tools[:-1]).any(axis=1)
         joints = numpy.array([of[f"joint_{n}"] for n in range(count)]).T
-        allowed = numpy.array([numpy.maximum(value(f"JOINT_{n}", "MIN_FERROR"), value(f"JOINT_{n}", "FERROR") / value(
-            f"JOINT_{n}", "MAX_VELOCITY") * abs(numpy.gradient(joints[:, n], period))) for n in range(count)]).T
-        late = (numpy.array([abs(of[f"joint_{n}_error"]) for n in range(count)]).T > allowed).any(axis=1)
-        self.end = traces.first(late, len(late))
+        # The error is largest in the cycle that they go off in, and the command is then where the drive is.
+        late = [abs(of[f"joint_{joint}_error"]).argmax() for text in errors
+                for joint in re.findall(r"joint (\d+) following error", text)]
+        self.end = min(late, default=len(joints))
         places = numpy.hstack((numpy.zeros((len(joints), len(traces.AXES))), joints))[:self.end]
         self.peaks, self.most = (traces.figures(traces.Trace(self.lines[:self.end], places, None, column[:self.end]), period)
                                  for column in (busy, numpy.zeros_like(busy)))
@@ -119,6 +119,10 @@ class Run:
         before = self.lines[:cycle][self.lines[:cycle] != line][-1:]
         return [int(line), *map(int, after), *map(int, before)]
 
+    def comes(self, line, cycle):
+        """Whether a line moves before a cycle."""
+        return line in self.lines[:cycle]
+
     def is_near(self, kind, part, slack):
         """Whether a cycle comes up to a limit."""
         for limit in self.limits:
@@ -137,14 +141,14 @@ def judged(pkm, ini, file, trace):
         return found
     names = [peak["joint"] for peak in flight["time"]["judged"]["speeds"]]
     text = ini.read_text()
-    runs = [Run(text, trace, names)]
+    first = Run(text, trace, names, outcome["errors"])
     source = file.read_text()
-    wide = ini.with_name(f"wide-{ini.name}")
-    seen = list(runs)
+    wide = ini.with_name(f"wide-{file.stem}.ini")
+    seen = [first]
     is_whole = True
     for words, is_needed in ((source, bool(outcome["errors"])), (re.sub(r"(?m)^/", "", source), "\n/" in source)):
         if is_needed:
-            wide.exists() or wide.write_text(opened(text))
+            wide.write_text(opened(text))
             again, path = trace.with_suffix(".again.csv"), file.with_name(f"again-{file.name}")
             path.write_text(words)
             done = subprocess.run([pkm, "run", wide, path, "--trace", again], stdin=subprocess.DEVNULL, capture_output=True, text=True)
@@ -154,7 +158,7 @@ def judged(pkm, ini, file, trace):
             seen.append(Run(text, again, names))
             again.unlink()
             is_whole &= done.returncode == 0
-    found["wrong"] = wrong(flight, outcome, runs[0], seen, is_whole, source)
+    found["wrong"] = wrong(flight, outcome, first, seen, is_whole, source)
     return found
 
 
@@ -168,13 +172,13 @@ def wrong(flight, outcome, first, seen, is_whole, source):
     # What LinuxCNC stops at beforehand needs no cycle.
     stop = ("axis", truth_judge.error_line(outcome)) if outcome["errors"] else None
     breaks = [(told["limit"], told["part"], told["line"], told["text"].startswith(OFF)) for told in flight["breaks"]]
-    expected = [(run is not first and n == len(seen) - 1 and "\n/" in source, *told) for n, run in enumerate(seen) for told in run.violations()]
-    for is_variant, kind, part, lines, cycle in expected:
+    expected = [(run, *told) for run in seen for told in run.violations()]
+    for run, kind, part, lines, cycle in expected:
         same = [told for told in breaks if told[:2] == (kind, part)]
         if not same:
             if not any(told[0] == "reach" for told in breaks):
                 found.append(f"missed: {kind} {part} in line {lines[0]}, cycle {cycle}")
-        elif not any(told[2] in (lines[:1] if is_exact else lines) for told in same):
+        elif not any(told[2] in (lines[:1] if is_exact else lines) or not is_exact and run.comes(told[2], cycle) for told in same):
             found.append(f"line: {kind} {part} in line {lines}, {[told[2] for told in same]} predicted")
     for kind, part, peak, limit, line in first.speeds:
         if peak > (1 + 1e-6) * limit and not any(told[:2] == (kind, part) for told in breaks):
@@ -199,7 +203,7 @@ def wrong(flight, outcome, first, seen, is_whole, source):
                 found.append(f"peak: {kind} of joint {n}: {told['value']} told, {peak} in line {line}, {most}")
     known = {limit.part: limit for limit in first.limits}
     for told in flight["ranges"]:
-        values = [limit.values for run in seen for limit in run.limits if limit.part == told["part"]]
+        values = [limit.values for run in seen[bool(outcome["errors"]):] for limit in run.limits if limit.part == told["part"]]
         low, high = min(map(numpy.min, values)), max(map(numpy.max, values))
         is_axis = known[told["part"]].kind == "axis"
         width = high - low
@@ -210,3 +214,24 @@ def wrong(flight, outcome, first, seen, is_whole, source):
         elif is_exact and is_whole and not outcome["errors"] and (told["used"][0] < low - tight or told["used"][1] > high + tight):
             found.append(f"wide range: {told['part']} {told['used']}, cycles {low} to {high}")
     return found
+
+
+def row(program, outcome, flight, wrong):
+    """One program; `right` is false where prediction and cycles disagree."""
+    if "refused" in flight:
+        wrong = ["refused: " + flight["refused"][:200]] if not outcome.get("errors") else []
+    said = "not run" if "failed" in outcome else truth_judge.said(outcome)
+    return {"machine": program.machine, "program": program.name, "kind": program.kind, "linuxcnc": said,
+            "preflight": truth_judge.first_break(flight) if "breaks" in flight else "refused", "wrong": wrong, "right": not wrong}
+
+
+def table(rows):
+    lines = ["| machine | program | kind | LinuxCNC | preflight | |", "| --- | --- | --- | --- | --- | --- |"]
+    lines += [f"| {told['machine']} | {told['program']} | {told['kind']} | {' '.join(told['linuxcnc'].split())[:60]} "
+              f"| {told['preflight']} | {'; '.join(told['wrong'])} |" for told in rows if not told["right"]]
+    return "\n".join(lines)
+
+
+def summary(rows):
+    return (f"truth: {len(rows)} random programs; {sum(told['linuxcnc'] != 'runs' for told in rows)} stopped by LinuxCNC, "
+            f"{sum(told['preflight'] == 'fits' for told in rows)} fit; {sum(not told['right'] for told in rows)} not as their cycles")

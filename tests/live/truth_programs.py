@@ -54,6 +54,7 @@ class Program(NamedTuple):
     edits: tuple = ()  # of the INI file
     offset: tuple = ()  # pairs of a letter and its value: the stored G54
     seconds: float = 120.0
+    is_random: bool = False
 
 
 def is_short(program):

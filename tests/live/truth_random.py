@@ -252,7 +252,8 @@ class Writer:
         """Rigid tapping, thread or feed per revolution."""
         pitch = 0.15 * self.config.speed / 5 * self.unit
         depth = 0.04 * self.config.room * self.unit
-        self.put(self.draw.choice(("M3 S300", "S300 M4")))
+        # Up to its speed, from where a turn takes a whole number of servo cycles.
+        self.put(self.draw.choice(("M3 S300", "S300 M4")) + "\nG4 P1")
         now = self.to_program(self.at)
         way = self.draw.randrange(3)
         end = {**now, "Z": now["Z"] - depth}
@@ -429,7 +430,7 @@ class Writer:
                 self.state()
             self.within(lambda: draw.choice((self.line, self.line, self.line, self.arc_to, self.arc_to, self.probe_to, self.cycle_to, self.spindle_to))(self.near()))
         text = "\n".join([*self.subs, *self.lines, "M2", *self.fanuc, ""])
-        return Program(name, config.name, "bad" if bad is not None else "good", text, self.edits, seconds=60)
+        return Program(name, config.name, "bad" if bad is not None else "good", text, self.edits, seconds=60, is_random=True)
 
     def broken(self):
         if self.draw.random() < 0.25:

@@ -235,7 +235,8 @@ impl Preflight {
     /// Adds what another run of the same program shows, under `condition`.
     fn add_variant(&mut self, other: Self, condition: &str) {
         for told in other.breaks {
-            if !self.breaks.iter().any(|known| known.is_like(&told)) {
+            let is_here = |known: &Break| (known.file, known.line) == (told.file, told.line);
+            if !self.breaks.iter().any(|known| known.is_like(&told) && is_here(known)) {
                 self.breaks.push(Break { text: format!("{condition}: {}", told.text), ..told });
             }
         }
