@@ -5,7 +5,6 @@ The limits are read from the INI file here, by other code than pkm's. Where Linu
 with `/`, the program runs once more with an INI file without limits, so that the cycles behind are seen as well.
 """
 
-import json
 import re
 import subprocess
 from math import inf
@@ -25,6 +24,8 @@ BEYOND = 1e-6
 NEAR = 2e-4
 # By how much, in machine units, a range may be beyond the cycles: a move's chords of arcs and the way of half a cycle.
 CHORDS = 3e-4
+# Cycles around a change of the tool offset in which the platform may still be moved.
+AROUND = 20
 # Share by which ranges of joints, which preflight gives to first order, may exceed those of the cycles.
 COARSE = 0.02
 # Findings that these limits do not cover.
@@ -89,6 +90,8 @@ class Run:
         tools = numpy.array([column for name, column in of.items() if name.startswith("tool_")]).T
         busy = numpy.zeros(len(self.lines), bool)
         busy[1:] = (tools[1:] != tools[:-1]).any(axis=1)
+        # The module is busy a little longer than that.
+        busy = numpy.convolve(busy, numpy.ones(2 * AROUND + 1), "same") > 0
         joints = numpy.array([of[f"joint_{n}"] for n in range(count)]).T
         # The error is largest in the cycle that they go off in, and the command is then where the drive is.
         late = [abs(of[f"joint_{joint}_error"]).argmax() for text in errors

@@ -181,55 +181,50 @@ class Writer:
         self.put(f"G38.3 {self.words(there)}")
         self.at = there
 
-    def arc(self, bulge=0.0):
-        """An arc in any form, with a center at random; `bulge`: as far beyond the limit of X in its middle."""
-        plane = self.draw.choice(list(PLANES)) if not self.systems[self.current]["R"] and not bulge else "G17"
+    def use(self, plane):
         if plane != self.plane:
             self.put(plane)
             self.plane = plane
-        one, two, deep = PLANES[plane]
-        now = self.to_program(self.at)
-        radius = self.draw.uniform(0.01, 0.04) * self.config.room * self.unit
+
+    def arc(self, bulge=0.0):
+        """An arc in any form; with `bulge` one whose middle is as far beyond the limit of X, and its ends are not."""
+        # LinuxCNC turns work offsets in X Y alone.
+        turned = radians(self.systems[self.current]["R"])
+        self.use("G17" if turned or bulge else self.draw.choice(list(PLANES)))
+        one, two, deep = PLANES[self.plane]
         way, turn = self.draw.uniform(0, 2 * pi), self.draw.choice((1, -1))
         angle = self.draw.choice((self.draw.uniform(0.2, 3.0), self.draw.uniform(3.3, 6.0), 2 * pi))
+        radius = self.draw.uniform(0.01, 0.04) * self.config.room * self.unit
         if bulge:
-            # From the limit's side, there and back in half a turn.
-            there = {**self.at, "X": self.config.high["X"] - 0.02 * self.config.room}
-            self.line(there)
-            now, way, turn, angle = self.to_program(self.at), -pi / 2 + radians(-self.systems[self.current]["R"]), 1, pi
-            radius = (0.02 * self.config.room + bulge) * self.unit
-            way = pi / 2 - radians(self.systems[self.current]["R"])
+            inside = 0.02 * self.config.room
+            self.line({**self.at, "X": self.config.high["X"] - inside})
+            way, turn, angle, radius = pi / 2 - turned, 1, pi, (inside + bulge) * self.unit
+        now = self.to_program(self.at)
         center = {one: now[one] + radius * cos(way), two: now[two] + radius * sin(way)}
-        begin = way + pi
-        end = {**now, one: center[one] + radius * cos(begin + turn * angle), two: center[two] + radius * sin(begin + turn * angle)}
-        is_full, turns = angle == 2 * pi, 1
+        to = way + pi + turn * angle
+        end = {**now, one: center[one] + radius * cos(to), two: center[two] + radius * sin(to)}
+        turns = 1
         if self.draw.random() < 0.4 and not bulge:
-            end[deep] = now[deep] + self.draw.uniform(-0.04, 0.04) * self.config.room * self.unit
+            end[deep] += self.draw.uniform(-0.04, 0.04) * self.config.room * self.unit
             turns = self.draw.choice((1, 1, 2, 3))
         there = self.to_machine(end)
-        letters = [l for l in (one, two, deep) if abs(end[l] - now[l]) > 5e-7] or [one]
-        if is_full and self.draw.random() < 0.5:
+        letters = [l for l in (one, two, deep) if abs(end[l] - now[l]) > 5e-7]
+        if angle == 2 * pi and self.draw.random() < 0.5:
             letters = [l for l in letters if l == deep]
-        if self.draw.random() < 0.2:
-            other = [l for l in self.letters if l in "ABC"]
-            if other:
-                there[other[0]] = self.near()[other[0]]
-                letters = [*letters, other[0]]
-        code = "G3" if turn > 0 else "G2"
-        if not is_full and turns == 1 and abs(angle - pi) > 0.3 and self.draw.random() < 0.4:
-            self.put(f"{code} {self.words(there, letters)} R{radius if angle < pi else -radius:.6f}")
+        if angles := [l for l in self.letters if l in "ABC" and self.draw.random() < 0.1]:
+            there[angles[0]] = self.near()[angles[0]]
+            letters.append(angles[0])
+        words = f"{'G3' if turn > 0 else 'G2'} {self.words(there, letters) if letters else ''}"
+        if angle < 6 and turns == 1 and angle != pi and self.draw.random() < 0.4:
+            self.put(f"{words} R{radius if angle < pi else -radius:.6f}")
         else:
-            base = (0.0, 0.0) if not self.arc_absolute else (now[one], now[two])
-            offset = {one: center[one] - now[one] + base[0], two: center[two] - now[two] + base[1]}
-            words = " ".join(f"{'IJK'['XYZ'.index(l)]}{offset[l]:.6f}" for l in (one, two))
-            self.put(f"{code} {self.words(there, letters) if letters else ''} {words}{f' P{turns}' if turns > 1 else ''}")
+            of = " ".join(f"{'IJK'['XYZ'.index(l)]}{center[l] - (0.0 if self.arc_absolute else now[l]):.6f}" for l in (one, two))
+            self.put(f"{words} {of}{f' P{turns}' if turns > 1 else ''}")
         self.at = there
 
     def cycle(self):
         """A canned cycle, once or repeated."""
-        if self.plane != "G17":
-            self.plane = "G17"
-            self.put("G17")
+        self.use("G17")
         now = self.to_program(self.at)
         deep, side = 0.03 * self.config.room * self.unit, 0.05 * self.config.room * self.unit
         x, y, r = self.draw.uniform(-side, side), self.draw.uniform(-side, side), -0.2 * deep
@@ -301,12 +296,12 @@ class Writer:
             self.put(f"G10 L2 P{number + 1 if number != self.current else draw.choice((0, number + 1))} {' '.join(words)} R{system['R']}")
         elif way == 6:
             self.put(f"G10 L20 P{self.current + 1} {letter}{value}")
-            turned = {l: value / self.of(l) + self.shift[l] if l == letter else now[l] / self.of(l) + self.shift[l] for l in now}
-            turn = radians(self.systems[self.current]["R"])
-            x, y = turned["X"], turned["Y"]
-            turned["X"], turned["Y"] = x * cos(turn) - y * sin(turn), x * sin(turn) + y * cos(turn)
+            # The offset under which the machine is there: what it is at offset 0 and what it should be differ by it.
             for l in self.letters:
-                self.systems[self.current][l] = self.at[l] - self.tool[l] - turned[l]
+                self.systems[self.current][l] = 0.0
+            there = self.to_machine({**now, letter: value})
+            for l in self.letters:
+                self.systems[self.current][l] = self.at[l] - there[l]
         elif way == 7:
             self.put(f"G92 {letter}{value}")
             self.shift[letter] += (now[letter] - value) / self.of(letter)
