@@ -93,8 +93,8 @@ class Run:
         # The module is busy a little longer than that.
         busy = numpy.convolve(busy, numpy.ones(2 * AROUND + 1), "same") > 0
         joints = numpy.array([of[f"joint_{n}"] for n in range(count)]).T
-        # The error is largest in the cycle that they go off in, and the command is then where the drive is.
-        late = [abs(of[f"joint_{joint}_error"]).argmax() for text in errors
+        # The command then jumps to where the drive is, farther than a joint goes in a cycle.
+        late = [int(abs(numpy.diff(of[f"joint_{joint}"])).argmax()) + 1 for text in errors
                 for joint in re.findall(r"joint (\d+) following error", text)]
         self.end = min(late, default=len(joints))
         places = numpy.hstack((numpy.zeros((len(joints), len(traces.AXES))), joints))[:self.end]

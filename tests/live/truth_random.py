@@ -45,7 +45,10 @@ def variant(config, number):
                   for key, value in (("CORRECTION_LIMIT", 0.01 * scale), ("CORRECTION_RATE", 0.02 * config.speed))),
                 edit(f"JOINT_{narrow}", side, min(max(limit, low[narrow]), high[narrow])))
     if number == 3:
-        return (edit(f"JOINT_{narrow}", "MAX_VELOCITY", 0.35 * config.joint_value(narrow, "MAX_VELOCITY")),
+        # What a short move comes to.
+        slow = 0.4 * min(config.speed, (config.acceleration * 0.06 * config.room) ** 0.5)
+        slow = 0.1 * config.joint_value(narrow, "MAX_VELOCITY") if "crank" in config.text else slow
+        return (edit(f"JOINT_{narrow}", "MAX_VELOCITY", slow),
                 *(edit(f"JOINT_{n}", "MAX_ACCELERATION", 0.5 * config.joint_value(n, "MAX_ACCELERATION")) for n in joints))
     return ()
 

@@ -19,7 +19,7 @@ use crate::program::findings::{
     Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
 };
 use crate::program::loads::{Beyond, Demands, Load, Loads};
-use crate::program::motion::{Move, Translator};
+use crate::program::motion::{Move, ROUNDING, Translator};
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Limit, Part};
 use std::cmp::Ordering;
@@ -195,7 +195,11 @@ fn followed(
     });
     let (outcome, files, used, [beyond, off_path], demands) = ran?;
     let mut found = found?;
-    found.ranges.iter_mut().zip(used).for_each(|(range, used)| range.widen(used));
+    // Ends of moves are told as programmed.
+    let rounding = ROUNDING * config.machine.size();
+    for (range, [low, high]) in found.ranges.iter_mut().zip(used) {
+        range.widen([low + rounding, high - rounding]);
+    }
     found.add_cycles(beyond);
     found.off_path = off_path;
     let time = match outcome {
