@@ -180,8 +180,8 @@ def judged_live(scratch, programs, found, out, is_recorded):
             outcomes = run_live(scratch / f"{turn}", waiting, recorded, LANES if turn == 0 else 1)
             (recorded / "outcomes.json").write_text(json.dumps(outcomes, indent=1))
         names = [name_of(p.machine, p.name) for p in waiting]
-        jobs = [(name, outcomes.get(name), found[name]["outcome"], recorded / f"{name}.csv", out / f"virtual/{name}.csv")
-                for name in names]
+        jobs = [(name, outcomes.get(name), found[name]["outcome"], recorded / f"{name}.csv", out / f"virtual/{name}.csv",
+                 program.is_random) for name, program in zip(names, waiting)]
         with ProcessPoolExecutor(VIRTUAL_AT_ONCE) as pool:
             rows.update(zip(names, pool.map(truth_judge.beside, jobs)))
     return [rows[name_of(p.machine, p.name)] for p in programs if name_of(p.machine, p.name) in rows]
