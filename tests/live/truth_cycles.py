@@ -19,6 +19,8 @@ import truth_virtual
 
 # A cycle this far beyond a limit, in machine units and degrees, is beyond it: rounding is below 1e-9.
 BEYOND = 1e-6
+# By how much preflight may leave a cycle out of a range: its own rounding, 1e-9 of a machine's size of up to 4 m.
+ROUNDED = 5e-6
 # Of a cycle's distance to a limit, as a share of its range, that a proof of the whole move may call beyond: a cycle
 # is up to 0.2 mm from the next one.
 NEAR = 2e-4
@@ -211,7 +213,7 @@ def wrong(flight, outcome, first, seen, is_whole, source):
         is_axis = known[told["part"]].kind == "axis"
         width = high - low
         tight = CHORDS if is_axis else CHORDS + COARSE * width
-        if told["used"][0] > low + BEYOND or told["used"][1] < high - BEYOND:
+        if told["used"][0] > low + ROUNDED or told["used"][1] < high - ROUNDED:
             if is_whole:
                 found.append(f"range: {told['part']} {told['used']}, cycles {low} to {high}")
         elif is_exact and is_whole and not outcome["errors"] and (told["used"][0] < low - tight or told["used"][1] > high + tight):
