@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-virtual test-aside test-live ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
+.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-virtual test-aside test-live ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-random truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -104,6 +104,7 @@ help:
 	@echo "make fuzz       the three fuzz targets for MINUTES=10 each"
 	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
 	@echo "make truth      preflight beside LinuxCNC in virtual time: 270 programs, ends in a table"
+	@echo "make truth-random  PAIRS=5000 random programs, every servo cycle judged by limits read anew"
 	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"
 	@echo "make guard      PROGRAMS=10000 random programs with the guard on, in virtual time"
 	@echo "make screens    every configuration in AXIS, and other user interfaces; pictures in build/screens"
@@ -183,6 +184,7 @@ test-programs: setup
 test-virtual: setup
 	$(BEHIND) tests/live/traces_test.py
 	$(BEHIND) tests/live/truth.py
+	$(BEHIND) tests/live/truth.py --random 200 --out build/truth-random
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
 	$(BEHIND) tests/virtual/guarded.py --programs 100
 
@@ -237,6 +239,8 @@ test-long: install
 	tests/live/live_test.py --long --judge target/host/judge
 	tests/live/instructions.py
 	tests/live/truth.py --live all
+	tests/live/truth.py --random 40 --live all --out build/truth-random-live
+	$(MAKE) --no-print-directory truth-random
 	tests/virtual/guarded.py --programs 10000
 	tests/live/probing_test.py --pkm target/host/pkm --out build/probing
 	tests/live/soak.py --minutes 10
@@ -394,6 +398,11 @@ TRUTH :=
 truth: install
 	$(HOST_BUILD) --bin pkm
 	tests/live/truth.py $(TRUTH)
+
+PAIRS := 5000
+truth-random: install
+	$(HOST_BUILD) --bin pkm
+	tests/live/truth.py --random $(PAIRS) --out build/truth-random $(TRUTH)
 
 truth-live: install
 	$(HOST_BUILD) --bin pkm

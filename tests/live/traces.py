@@ -126,6 +126,14 @@ def compared(live, offline, is_stopped=False):
     return found
 
 
+def is_same_path(live, offline):
+    """Whether the poses of all cycles that move are the same, wherever the machine stands between them: it does
+    where an operator presses a button or LinuxCNC's task waits for a real clock, and joints come to rest there."""
+    ours, theirs = (poses[1:][is_apart(poses[1:], poses[:-1])]
+                    for poses in (trace.places[:, :len(AXES)] for trace in (live.until_off(), offline)))
+    return len(ours) == len(theirs) and not is_apart(ours, theirs).any()
+
+
 def before_stop(ours, theirs):
     """Both stretches up to where the machine begins to stop. LinuxCNC's task hears of an error in one of
     its next cycles and only then stops the motion; where it was switched off, the drives end it."""

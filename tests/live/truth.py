@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """`pkm preflight` compared with LinuxCNC in virtual time, and that with the real LinuxCNC.
 
-    tests/live/truth.py [--live short|all] [--alone] [--only EXPRESSION] [--out FOLDER]
+    tests/live/truth.py [--random NUMBER [--seed SEED]] [--live short|all] [--alone] [--only EXPRESSION] [--out FOLDER]
+
+With --random the programs are random ones, and every servo cycle of them is judged by limits that
+`truth_cycles.py` reads itself; their table has only those that are not as predicted.
 
 Each program is judged by `pkm preflight`, which keeps LinuxCNC's run of it as a trace; ends in a table of
 what LinuxCNC did, in which line, and what was predicted. With --live all of them, or a handful, run in
@@ -23,8 +26,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import ini_edit  # noqa: E402
+import truth_cycles  # noqa: E402
 import truth_judge  # noqa: E402
 import truth_programs  # noqa: E402
+import truth_random  # noqa: E402
 import truth_virtual  # noqa: E402
 from session import Session  # noqa: E402
 from unprivileged import (LANES, REPOSITORY, claimed, is_unprivileged,  # noqa: E402
@@ -45,7 +50,7 @@ def prepared(folder, programs):
     """A folder for every different machine: configuration with its edits and work offset, programs."""
     groups = {}
     for program in programs:
-        key = (program.machine, json.dumps(program.edits), program.offset)
+        key = (program.machine, json.dumps(program.edits), program.offset, program.name if program.is_random else "")
         groups.setdefault(key, []).append(program)
     return [group(folder / f"{n:02}", members) for n, members in enumerate(groups.values())]
 
@@ -62,7 +67,8 @@ def group(folder, members):
     for program in members:
         (config / "programs" / f"truth-{program.name}.ngc").write_text(program.text)
     listed = [[p.name, p.seconds] for p in members]
-    (folder / "list.json").write_text(json.dumps({"machine": name, "programs": listed}))
+    (folder / "list.json").write_text(json.dumps(
+        {"machine": name, "programs": listed, "random": members[0].is_random}))
     return folder
 
 
@@ -91,7 +97,8 @@ def run_one(job):
     folder, machine, program, trace, is_kept = job
     ini = folder / machine / f"{machine}.ini"
     file = folder / machine / "programs" / f"truth-{program}.ngc"
-    found = truth_virtual.judged(PKM, ini, file, trace)
+    is_random = json.loads((folder / "list.json").read_text())["random"]
+    found = (truth_cycles if is_random else truth_virtual).judged(PKM, ini, file, trace)
     if not is_kept:
         trace.unlink(missing_ok=True)
     return name_of(machine, program), found
@@ -173,8 +180,8 @@ def judged_live(scratch, programs, found, out, is_recorded):
             outcomes = run_live(scratch / f"{turn}", waiting, recorded, LANES if turn == 0 else 1)
             (recorded / "outcomes.json").write_text(json.dumps(outcomes, indent=1))
         names = [name_of(p.machine, p.name) for p in waiting]
-        jobs = [(name, outcomes.get(name), found[name]["outcome"], recorded / f"{name}.csv", out / f"virtual/{name}.csv")
-                for name in names]
+        jobs = [(name, outcomes.get(name), found[name]["outcome"], recorded / f"{name}.csv", out / f"virtual/{name}.csv",
+                 program.is_random) for name, program in zip(names, waiting)]
         with ProcessPoolExecutor(VIRTUAL_AT_ONCE) as pool:
             rows.update(zip(names, pool.map(truth_judge.beside, jobs)))
     return [rows[name_of(p.machine, p.name)] for p in programs if name_of(p.machine, p.name) in rows]
@@ -185,7 +192,9 @@ def judged_live(scratch, programs, found, out, is_recorded):
 def chosen(options):
     configs = [truth_programs.Config(path) for path in sorted((REPOSITORY / "configs").iterdir())
                if (path / f"{path.name}.ini").is_file()]
-    return [program for program in truth_programs.all_programs(configs, PKM)
+    programs = (truth_random.random_programs(configs, options.random, options.seed) if options.random
+                else truth_programs.all_programs(configs, PKM))
+    return [program for program in programs
             if re.search(options.only, f"{program.machine} {program.name}")]
 
 
@@ -193,6 +202,8 @@ def parsed():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--live", choices=("short", "all"),
                            help="compare with LinuxCNC itself as well: a handful that take seconds each, or all")
+    arguments.add_argument("--random", type=int, default=0, metavar="NUMBER", help="random programs, in place of the others")
+    arguments.add_argument("--seed", default="0", help="of the random programs")
     arguments.add_argument("--alone", action="store_true", help="with --live: no programs but these")
     arguments.add_argument("--only", default="", help="programs whose machine and name match this expression")
     arguments.add_argument("--recorded", action="store_true",
@@ -215,10 +226,11 @@ def main():
         programs = beside if options.alone else programs
         kept = {name_of(p.machine, p.name) for p in beside}
         found = run_virtual(prepared(Path(scratch) / "virtual", programs), out / "virtual", kept)
-        rows = [truth_judge.row(p, **found[name_of(p.machine, p.name)]) for p in programs]
+        judge = truth_cycles if options.random else truth_judge
+        rows = [judge.row(p, **found[name_of(p.machine, p.name)]) for p in programs]
         (out / "rows.json").write_text(json.dumps(rows, indent=1))
-        print(truth_judge.table(rows))
-        print(truth_judge.summary(rows), flush=True)
+        print(judge.table(rows))
+        print(judge.summary(rows), flush=True)
         right = all(row["right"] for row in rows)
         if beside:
             live = judged_live(Path(scratch), beside, found, out, options.recorded)

@@ -54,6 +54,7 @@ class Program(NamedTuple):
     edits: tuple = ()  # of the INI file
     offset: tuple = ()  # pairs of a letter and its value: the stored G54
     seconds: float = 120.0
+    is_random: bool = False
 
 
 def is_short(program):
@@ -69,7 +70,7 @@ class Config:
         self.text = self.file.read_text()
         coordinates = self.value("TRAJ", "COORDINATES").replace(" ", "")
         # Without those of axes that move neither tool nor work in space, and of a second mechanism.
-        passed = ini_edit.extra_letters(self.text)
+        passed = self.passed = ini_edit.extra_letters(self.text)
         others = passed + ini_edit.second_letters(self.text)
         self.letters = [letter for letter in LETTERS if letter in coordinates and letter not in others]
         home = [float(word) for word in self.value("TRAJ", "HOME").split()]
@@ -80,7 +81,7 @@ class Config:
         self.carrying = re.findall(r"^\[CHAIN_(.)\]", self.text, re.M)
         self.is_carried = bool(self.carrying) or bool(re.search(r"^WORK_ON_PLATFORM", self.text, re.M))
         self.low, self.high, self.fastest = ({
-            letter: float(self.value(f"AXIS_{letter}", key)) for letter in [*self.letters, *self.others, *self.carrying]}
+            letter: float(self.value(f"AXIS_{letter}", key)) for letter in [*self.letters, *self.others, *passed]}
             for key in ("MIN_LIMIT", "MAX_LIMIT", "MAX_VELOCITY"))
         # Of legs and table.
         self.joints = int(self.value("KINS", "JOINTS")) - len(passed) - ini_edit.second_legs(self.text)

@@ -12,7 +12,7 @@ use crate::program::motion::{Circle, ROUNDING};
 use crate::proof::between::approach;
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Letter, Limit, Limits, MAX_EXTRA, Margin, Part, Pose, Vector3, World};
+use kinematics::{Fault, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3, World};
 use std::collections::VecDeque;
 use std::mem::discriminant;
 
@@ -39,6 +39,9 @@ struct Judge<'a> {
     limits: Limits,
     of_second: bool,
     before: Option<([f64; 6], Vector3<f64>, [f64; MAX_EXTRA])>,
+    /// Smallest and largest value of every axis as programmed, and of every joint.
+    axes: [[f64; 2]; 6],
+    joints: [[f64; 2]; MAX_JOINTS],
 }
 
 /// The distance of two mechanisms.
@@ -186,6 +189,11 @@ impl<'a> Cycles<'a> {
         self.beyond.push(Beyond { rule, name, of_second, place, last, lines: 1, worst, text });
     }
 
+    /// Returns what is used of the axes and joints, in the order of [`ranges`](crate::program::findings::Preflight::ranges).
+    pub fn used(&self) -> Vec<[f64; 2]> {
+        self.machines.iter().flat_map(Judge::used).collect()
+    }
+
     /// Returns the limits that were left, in the order of time, and where LinuxCNC left the path by more than the
     /// program allows.
     pub fn finish(self) -> [Vec<Break>; 2] {
@@ -221,7 +229,27 @@ impl<'a> Cycles<'a> {
 
 impl<'a> Judge<'a> {
     fn new(config: &'a MachineConfig, of_second: bool) -> Self {
-        Self { config, limits: limits::beyond_axes(config), of_second, before: None }
+        const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+        let limits = limits::beyond_axes(config);
+        let (axes, joints) = ([NONE; 6], [NONE; MAX_JOINTS]);
+        Self { config, limits, of_second, before: None, axes, joints }
+    }
+
+    /// Widens what is used of the axes and joints. Joints go on for some cycles after the pose stands.
+    fn widen(&mut self, row: &Row, programmed: &[f64; 6]) {
+        let first = self.config.place.first_joint;
+        let joints = self.joints.iter_mut().zip(row.joints.iter().skip(first));
+        for (range, value) in self.axes.iter_mut().zip(programmed).chain(joints) {
+            *range = [range[0].min(*value), range[1].max(*value)];
+        }
+    }
+
+    /// Returns what is used, in the order of [`ranges`](crate::program::findings::Preflight::ranges).
+    fn used(&self) -> impl Iterator<Item = [f64; 2]> {
+        let layout = self.config.machine.layout();
+        let axes = Letter::ALL.into_iter().zip(self.axes);
+        let axes = axes.filter(|(letter, _)| !layout.is_held(*letter)).map(|(_, used)| used);
+        axes.chain(self.joints.into_iter().take(self.config.joints.len()))
     }
 
     /// Shows what is beyond its limit; whether the mechanism has moved at all.
@@ -230,16 +258,17 @@ impl<'a> Judge<'a> {
             false => row.machine(self.config),
             true => (row.second.pose, Vector3::from(row.second.tool)),
         };
-        let now = (pose, tool, row.extra.positions);
-        if self.before.replace(now) == Some(now) {
-            return false;
-        }
-        let slack = ROUNDING * self.config.machine.size();
         let programmed = if self.of_second {
             row.second.pose
         } else {
             self.config.told(&row.pose, &row.extra.positions)
         };
+        self.widen(row, &programmed);
+        let now = (pose, tool, row.extra.positions);
+        if self.before.replace(now) == Some(now) {
+            return false;
+        }
+        let slack = ROUNDING * self.config.machine.size();
         let axes = Letter::ALL.into_iter().zip(&self.config.programmed).zip(programmed);
         for ((letter, axis), value) in axes {
             let (limit, part) = (Limit::Axis, Part::Axis(letter));

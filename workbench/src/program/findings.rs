@@ -168,8 +168,8 @@ pub struct Range {
     pub part: String,
     /// Unit of the values.
     pub unit: String,
-    /// Smallest and largest value that the program asks for; of a joint to first order over pieces of the
-    /// path, which are cut to a hundredth of its range.
+    /// Smallest and largest value that the program asks for and that LinuxCNC makes of it. Of a joint the former is
+    /// of first order over pieces of the path, which are cut to a hundredth of its range.
     pub used: [f64; 2],
     /// Smallest and largest value that the limits allow; infinite, `null` in JSON, where there is none.
     pub allowed: [f64; 2],
@@ -185,6 +185,11 @@ impl Range {
     ) -> Self {
         let unit = limits::unit(config, limit, part);
         Self { part: limits::part(config, limit, part), unit, used, allowed }
+    }
+
+    /// Adds values to those that are used.
+    pub(super) fn widen(&mut self, used: [f64; 2]) {
+        self.used = [self.used[0].min(used[0]), self.used[1].max(used[1])];
     }
 }
 

@@ -19,7 +19,7 @@ use crate::program::findings::{
     Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
 };
 use crate::program::loads::{Beyond, Demands, Load, Loads};
-use crate::program::motion::{Move, Translator};
+use crate::program::motion::{Move, ROUNDING, Translator};
 use crate::read::machine::MachineConfig;
 use kinematics::{Fault, Limit, Part};
 use std::cmp::Ordering;
@@ -106,7 +106,7 @@ fn judge_once(
     options: &Options,
     see: &mut (dyn FnMut(&Row) -> ControlFlow<()> + Send),
 ) -> Result<Judged, JudgeError> {
-    let Followed { found, files, time } = followed(config, program, options, see)?;
+    let Followed { found, files, mut time } = followed(config, program, options, see)?;
     let is_stopped = matches!(&time, Time::Judged(timing) if timing.ending == Ending::Stopped);
     let mut judged = Judged { found, files };
     if is_stopped {
@@ -115,6 +115,11 @@ fn judge_once(
         // Without its limits LinuxCNC comes at least as far.
         if beyond.found.moves >= judged.found.moves {
             (judged.found, judged.files) = (beyond.found, beyond.files);
+            if let (Time::Judged(timing), Time::Judged(other)) = (&mut time, beyond.time) {
+                for (used, other) in timing.extra.iter_mut().zip(other.extra) {
+                    *used = [used[0].min(other[0]), used[1].max(other[1])];
+                }
+            }
         }
     }
     judged.found = judged.found.with_time(config, time);
@@ -175,7 +180,7 @@ fn followed(
         });
         // Whoever follows has gone only where it has failed.
         let _ = sender.send(batch);
-        Ok((outcome, files, cycles.finish(), loads.finish()))
+        Ok((outcome, files, cycles.used(), cycles.finish(), loads.finish()))
     };
     let (found, ran) = std::thread::scope(|scope| {
         let run = scope.spawn(run);
@@ -188,8 +193,13 @@ fn followed(
         }
         (flights.finish(), run.join().expect("the run has said why it panicked"))
     });
-    let (outcome, files, [beyond, off_path], demands) = ran?;
+    let (outcome, files, used, [beyond, off_path], demands) = ran?;
     let mut found = found?;
+    // Ends of moves are told as programmed.
+    let rounding = ROUNDING * config.machine.size();
+    for (range, [low, high]) in found.ranges.iter_mut().zip(used) {
+        range.widen([low + rounding, high - rounding]);
+    }
     found.add_cycles(beyond);
     found.off_path = off_path;
     let time = match outcome {
@@ -229,7 +239,8 @@ impl Preflight {
     /// Adds what another run of the same program shows, under `condition`.
     fn add_variant(&mut self, other: Self, condition: &str) {
         for told in other.breaks {
-            if !self.breaks.iter().any(|known| known.is_like(&told)) {
+            let is_here = |known: &Break| (known.file, known.line) == (told.file, told.line);
+            if !self.breaks.iter().any(|known| known.is_like(&told) && is_here(known)) {
                 self.breaks.push(Break { text: format!("{condition}: {}", told.text), ..told });
             }
         }
@@ -242,7 +253,7 @@ impl Preflight {
             }
         }
         for (known, range) in self.ranges.iter_mut().zip(other.ranges) {
-            known.used = [known.used[0].min(range.used[0]), known.used[1].max(range.used[1])];
+            known.widen(range.used);
         }
         self.is_still &= other.is_still;
         if let (Time::Judged(_), Time::NotJudged(cause)) = (&self.time, &other.time) {

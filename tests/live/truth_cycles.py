@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Verdicts of preflight compared with every servo cycle that LinuxCNC executed.
+
+The limits are read from the INI file here, by other code than pkm's. Where LinuxCNC stops at one, or lines begin
+with `/`, the program runs once more with an INI file without limits, so that the cycles behind are seen as well.
+"""
+
+import re
+import subprocess
+from math import inf
+from typing import NamedTuple
+
+import numpy
+
+import ini_edit
+import traces
+import truth_judge
+import truth_virtual
+
+# A cycle this far beyond a limit, in machine units and degrees, is beyond it: rounding is below 1e-9.
+BEYOND = 1e-6
+# By how much preflight may leave a cycle out of a range: its own rounding, 1e-9 of a machine's size of up to 4 m.
+ROUNDED = 5e-6
+# Of a cycle's distance to a limit, as a share of its range, that a proof of the whole move may call beyond: a cycle
+# is up to 0.2 mm from the next one.
+NEAR = 2e-4
+# By how much, in machine units, a range may be beyond the cycles: a move's chords of arcs and the way of half a cycle.
+CHORDS = 3e-4
+# Cycles around a change of the tool offset in which the platform may still be moved.
+AROUND = 20
+# Share by which ranges of joints, which preflight gives to first order, may exceed those of the cycles.
+COARSE = 0.02
+# Findings that these limits do not cover.
+OTHERS = {"reach", "hold", "dead-point", "base-cone", "platform-cone", "base-pyramid", "platform-pyramid", "clearance",
+          "mechanisms", "path", "linuxcnc", "following-error"}
+OFF = "with block delete off: "
+
+
+class Limit(NamedTuple):
+    """A limit, and the values that it bounds in a run."""
+    kind: str
+    part: str
+    low: float
+    high: float
+    values: numpy.ndarray
+
+
+def opened(text):
+    """An INI file without limits of poses."""
+    text = re.sub(r"(?m)^(TILT_LIMIT|ROD_CLEARANCE|MECHANISM_CLEARANCE|\w+_CONE|\w+_PYRAMID|CORRECTION_\w+)\s*=.*\n", "", text)
+    far = 170 if "legs=crank" in text else 1e6
+    return re.sub(r"(?m)^(MIN|MAX)_LIMIT\s*=.*", lambda found: f"{found[1]}_LIMIT = {'-' if found[1] == 'MIN' else ''}{far}", text)
+
+
+class Run:
+    """Servo cycles of a run."""
+
+    def __init__(self, text, trace, names, errors=()):
+        with open(trace) as file:
+            columns = next(file).rstrip("\n").split(",")
+            table = numpy.loadtxt(file, delimiter=",", ndmin=2)
+        self.lines = table[:, 1].astype(int)
+        self.seconds = table[-1, 0]
+        of = {name: table[:, n] for n, name in enumerate(columns)}
+        extra = ini_edit.extra_letters(text)
+        count = int(ini_edit.value(text, "KINS", "JOINTS"))
+        period = 1e-9 * float(ini_edit.value(text, "EMCMOT", "SERVO_PERIOD"))
+
+        def value(section, key, otherwise=0.0):
+            return float(ini_edit.value(text, section, key, otherwise))
+        self.limits = []
+        ranges = [(value(f"JOINT_{n}", "MIN_LIMIT", -inf) + value(f"JOINT_{n}", "CORRECTION_LIMIT"),
+                   value(f"JOINT_{n}", "MAX_LIMIT", inf) - value(f"JOINT_{n}", "CORRECTION_LIMIT")) for n in range(count)]
+        for letter in ini_edit.value(text, "TRAJ", "COORDINATES").replace(" ", ""):
+            low, high = (value(f"AXIS_{letter}", key) for key in ("MIN_LIMIT", "MAX_LIMIT"))
+            if letter in extra:
+                # An extra axis.
+                joint = count - len(extra) + extra.index(letter)
+                ranges[joint] = max(low, ranges[joint][0]), min(high, ranges[joint][1])
+            else:
+                self.limits.append(Limit("axis", f"axis {letter}", low, high, of[letter.lower()]))
+        self.limits += [Limit("joint", names[n], *ranges[n], of[f"joint_{n}"]) for n in range(count)]
+        if tilt := value("PKM", "TILT_LIMIT"):
+            upright = numpy.cos(numpy.radians(of["a"])) * numpy.cos(numpy.radians(of["b"]))
+            self.limits.append(Limit("tilt", "the tilt of the tool axis", -inf, tilt,
+                                     numpy.degrees(numpy.arccos(numpy.clip(upright, -1, 1)))))
+        self.find_speeds(of, names, count, period, value, errors)
+
+    def find_speeds(self, of, names, count, period, value, errors):
+        """Peaks of the joints, up to where a following error switches the drives off: with and without the cycles around
+        a change of the tool offset, since the trace does not say in which of them the platform is moved."""
+        tools = numpy.array([column for name, column in of.items() if name.startswith("tool_")]).T
+        busy = numpy.zeros(len(self.lines), bool)
+        busy[1:] = (tools[1:] != tools[:-1]).any(axis=1)
+        # The module is busy a little longer than that.
+        busy = numpy.convolve(busy, numpy.ones(2 * AROUND + 1), "same") > 0
+        joints = numpy.array([of[f"joint_{n}"] for n in range(count)]).T
+        # The command then jumps to where the drive is, farther than a joint goes in a cycle.
+        late = [int(abs(numpy.diff(of[f"joint_{joint}"])).argmax()) + 1 for text in errors
+                for joint in re.findall(r"joint (\d+) following error", text)]
+        self.end = min(late, default=len(joints))
+        places = numpy.hstack((numpy.zeros((len(joints), len(traces.AXES))), joints))[:self.end]
+        self.peaks, self.most = (traces.figures(traces.Trace(self.lines[:self.end], places, None, column[:self.end]), period)
+                                 for column in (busy, numpy.zeros_like(busy)))
+        self.speeds = []
+        for kind, key, less in (("speed", "MAX_VELOCITY", "CORRECTION_RATE"), ("acceleration", "MAX_ACCELERATION", None)):
+            for n, (peak, line) in enumerate(self.peaks[kind]):
+                limit = value(f"JOINT_{n}", key) - (value(f"JOINT_{n}", less) if less else 0.0)
+                self.speeds.append((kind, f"the {kind} of {names[n]}", peak, limit, line))
+
+    def violations(self):
+        """Kind, part, lines of the first cycle beyond each limit with those around it, and the cycle."""
+        found = []
+        for limit in self.limits:
+            beyond = numpy.flatnonzero((limit.values < limit.low - BEYOND) | (limit.values > limit.high + BEYOND))
+            if len(beyond):
+                found.append((limit.kind, limit.part, self.around(int(beyond[0])), int(beyond[0])))
+        return found
+
+    def around(self, cycle):
+        """The line of a cycle, of the motion before and of the next one."""
+        line = self.lines[cycle]
+        after = self.lines[cycle:][self.lines[cycle:] != line][:1]
+        before = self.lines[:cycle][self.lines[:cycle] != line][-1:]
+        return [int(line), *map(int, after), *map(int, before)]
+
+    def comes(self, line, cycle):
+        """Whether a line moves before a cycle."""
+        return line in self.lines[:cycle]
+
+    def is_near(self, kind, part, slack):
+        """Whether a cycle comes up to a limit."""
+        for limit in self.limits:
+            if (limit.kind, limit.part) == (kind, part):
+                room = min(limit.high - limit.values.max(), limit.values.min() - limit.low)
+                return room <= max(slack, NEAR * min(limit.high - limit.low, 1e3))
+        return any((kind, part) == (speed[0], speed[1]) and speed[2] >= (1 - 1e-6) * speed[3] for speed in self.speeds)
+
+
+def judged(pkm, ini, file, trace):
+    """Outcome and prediction, as `truth_virtual.judged`, and what is wrong with the prediction."""
+    found = truth_virtual.judged(pkm, ini, file, trace)
+    flight, outcome = found["flight"], found["outcome"]
+    if "refused" in flight or "judged" not in flight.get("time", {}):
+        found["wrong"] = [] if outcome.get("errors") or "refused" in flight else [f"not judged: {flight['time']}"]
+        return found
+    names = [peak["joint"] for peak in flight["time"]["judged"]["speeds"]]
+    text = ini.read_text()
+    first = Run(text, trace, names, outcome["errors"])
+    source = file.read_text()
+    wide = ini.with_name(f"wide-{file.stem}.ini")
+    seen = [first]
+    is_whole = True
+    for words, is_needed in ((source, bool(outcome["errors"])), (re.sub(r"(?m)^/", "", source), "\n/" in source)):
+        if is_needed:
+            wide.write_text(opened(text))
+            again, path = trace.with_suffix(".again.csv"), file.with_name(f"again-{file.name}")
+            path.write_text(words)
+            done = subprocess.run([pkm, "run", wide, path, "--trace", again], stdin=subprocess.DEVNULL, capture_output=True, text=True)
+            if not again.exists():
+                found["wrong"] = [f"without limits: {done.stderr}"]
+                return found
+            seen.append(Run(text, again, names))
+            again.unlink()
+            is_whole &= done.returncode == 0
+    found["wrong"] = wrong(flight, outcome, first, seen, is_whole, source)
+    return found
+
+
+def wrong(flight, outcome, first, seen, is_whole, source):
+    """What preflight says otherwise than the cycles."""
+    found, timing = [], flight["time"]["judged"]
+    is_exact = "G64" not in source and "g64" not in source
+    # Corners are cut by as much.
+    slack = 0.0 if is_exact else inf if "G64\n" in source or "G64 G" in source else 5 * max(
+        float(word) for word in re.findall(r"G64 P([\d.]+)", source))
+    # What LinuxCNC stops at beforehand needs no cycle.
+    stop = ("axis", truth_judge.error_line(outcome)) if outcome["errors"] else None
+    breaks = [(told["limit"], told["part"], told["line"], told["text"].startswith(OFF)) for told in flight["breaks"]]
+    expected = [(run, *told) for run in seen for told in run.violations()]
+    for run, kind, part, lines, cycle in expected:
+        same = [told for told in breaks if told[:2] == (kind, part)]
+        if not same:
+            if not any(told[0] == "reach" for told in breaks):
+                found.append(f"missed: {kind} {part} in line {lines[0]}, cycle {cycle}")
+        elif not any(told[2] in (lines[:1] if is_exact else lines) or not is_exact and run.comes(told[2], cycle) for told in same):
+            found.append(f"line: {kind} {part} in line {lines}, {[told[2] for told in same]} predicted")
+    for kind, part, peak, limit, line in first.speeds:
+        if peak > (1 + 1e-6) * limit and not any(told[:2] == (kind, part) for told in breaks):
+            found.append(f"missed: {kind} {part} {peak} beyond {limit} in line {line}")
+    for kind, part, line, _ in breaks:
+        if kind not in OTHERS and is_whole and not any(run.is_near(kind, part, slack) for run in seen) and (kind, line) != stop:
+            found.append(f"false: {kind} {part} in line {line}")
+    is_off = bool(expected) or bool(outcome["errors"])
+    is_fast = any(peak > (1 + 1e-6) * limit for _, _, peak, limit, _ in first.speeds)
+    if flight["fits"] and (is_off or is_fast):
+        found.append("fits, and does not")
+    if not flight["fits"] and not is_off and not is_fast and not any(kind in OTHERS for kind, *_ in breaks):
+        found.append(f"near: {breaks[:2]}") if is_exact and not found else None
+    if outcome["errors"] and not any(kind in ("linuxcnc", "following-error") for kind, *_ in breaks):
+        found.append("stop not predicted")
+    if abs(timing["seconds"] - first.seconds) > 0.0015:
+        found.append(f"seconds: {timing['seconds']}, {first.seconds} in the trace")
+    for kind, key in (("speed", "speeds"), ("acceleration", "accelerations")):
+        rounding = 1e-8 if kind == "speed" else 1e-4
+        for n, (told, (peak, line), (most, _)) in enumerate(zip(timing[key], first.peaks[kind], first.most[kind])):
+            if not (1 - 1e-9) * peak - rounding <= told["value"] <= (1 + 1e-9) * most + rounding:
+                found.append(f"peak: {kind} of joint {n}: {told['value']} told, {peak} in line {line}, {most}")
+    known = {limit.part: limit for limit in first.limits}
+    for told in flight["ranges"]:
+        values = [limit.values for run in seen[bool(outcome["errors"]):] for limit in run.limits if limit.part == told["part"]]
+        low, high = min(map(numpy.min, values)), max(map(numpy.max, values))
+        is_axis = known[told["part"]].kind == "axis"
+        width = high - low
+        tight = CHORDS if is_axis else CHORDS + COARSE * width
+        if told["used"][0] > low + ROUNDED or told["used"][1] < high - ROUNDED:
+            if is_whole:
+                found.append(f"range: {told['part']} {told['used']}, cycles {low} to {high}")
+        elif is_exact and is_whole and not outcome["errors"] and (told["used"][0] < low - tight or told["used"][1] > high + tight):
+            found.append(f"wide range: {told['part']} {told['used']}, cycles {low} to {high}")
+    return found
+
+
+def row(program, outcome, flight, wrong):
+    """One program; `right` is false where prediction and cycles disagree."""
+    if "refused" in flight:
+        wrong = ["refused: " + flight["refused"][:200]] if not outcome.get("errors") else []
+    said = "not run" if "failed" in outcome else truth_judge.said(outcome)
+    return {"machine": program.machine, "program": program.name, "kind": program.kind, "linuxcnc": said,
+            "preflight": truth_judge.first_break(flight) if "breaks" in flight else "refused", "wrong": wrong, "right": not wrong}
+
+
+def table(rows):
+    lines = ["| machine | program | kind | LinuxCNC | preflight | |", "| --- | --- | --- | --- | --- | --- |"]
+    lines += [f"| {told['machine']} | {told['program']} | {told['kind']} | {' '.join(told['linuxcnc'].split())[:60]} "
+              f"| {told['preflight']} | {'; '.join(told['wrong'])} |" for told in rows if not told["right"]]
+    return "\n".join(lines)
+
+
+def summary(rows):
+    return (f"truth: {len(rows)} random programs; {sum(told['linuxcnc'] != 'runs' for told in rows)} stopped by LinuxCNC, "
+            f"{sum(told['preflight'] == 'fits' for told in rows)} fit; {sum(not told['right'] for told in rows)} not as their cycles")
