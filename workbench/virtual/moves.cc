@@ -120,7 +120,15 @@ void see_change(int slot) {
     change_tool(slot);
 }
 
-int file_of(const state_tag_t &tag) { return static_cast<int>(tag.fields_float[GM_FIELD_FLOAT_LINE_NUMBER]); }
+// A rigid tap carries no tag in LinuxCNC 2.9.0: its file is that of the move before.
+int file_of(const state_tag_t &tag) {
+    static int last = 0;
+    const float file = tag.fields_float[GM_FIELD_FLOAT_LINE_NUMBER];
+    if (file >= 0.0F && file < static_cast<float>(files.size())) {
+        last = static_cast<int>(file);
+    }
+    return last;
+}
 
 // Puts another function into the slots by which a library calls one. The executable comes first where symbols are
 // looked for, so that what a preloaded library has by the same name is never found.
