@@ -2,6 +2,7 @@
 //! Why LinuxCNC could not be run.
 
 use crate::files::AtFile;
+use crate::read::ini::IniError;
 use std::io;
 use std::path::PathBuf;
 
@@ -73,6 +74,9 @@ pub enum NotJudged {
         /// Why, in the words of who refused it.
         text: String,
     },
+    /// LinuxCNC does not get beyond the startup code.
+    #[error(transparent)]
+    StartupCode(IniError),
     /// It takes longer than the time that it was given.
     #[error("LinuxCNC did not come to an end in {0} s")]
     Slow(f64),
