@@ -39,6 +39,9 @@ def row(program, outcome, flight):
     if "judged" not in flight["time"]:
         return {**told, "preflight": "not judged", "missed": bool(outcome["errors"])}
     told["preflight"] = first_break(flight)
+    if program.lines is not None:
+        found = {found["line"] for found in flight["breaks"]}
+        return {**told, "missed": bool(set(program.lines) - found), "right": found == set(program.lines)}
     if outcome["errors"]:
         told["missed"] = not is_predicted(outcome, flight)
         return {**told, "right": not told["missed"]}
