@@ -1118,13 +1118,16 @@ INTERRUPTED = {
 }
 
 
+def tool_change_columns(layout):
+    """What `peaks` needs of every servo cycle."""
+    return [("phase", "live.phase", "s32"), *((f"p{n}", f"joint.{n}.motor-pos-cmd", "float") for n in layout.joints),
+            ("busy", "pkmkins.tool-busy", "bit")]
+
+
 def interrupted_tool_changes(machine: Machine, out, level, tilt):
     """What LinuxCNC can do in the middle of a tool change at a tilt: no joint exceeds its acceleration, the
     machine stays on, and the offset in effect ends as the one requested."""
-    joints = machine.layout.joints
-    columns = [("phase", "live.phase", "s32"), *((f"p{n}", f"joint.{n}.motor-pos-cmd", "float") for n in joints),
-               ("busy", "pkmkins.tool-busy", "bit")]
-    recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
+    recorder = Recorder(machine.component, tool_change_columns(machine.layout), SERVO_PERIOD_NS)
     machine.start()
     machine.mdi("T1 M6")
     recorder.start()
