@@ -2,7 +2,7 @@
 //! A run from its start to its end.
 
 use crate::control::confined::{self, Keeper, Rights};
-use crate::control::pulse::Pulse;
+use crate::control::pulse::{MOST_REST, Pulse};
 use crate::control::refusal::NotJudged;
 use crate::control::row::{Commanded, Ending, Message, Outcome, Row};
 use crate::control::scratch::Scratch;
@@ -166,6 +166,10 @@ pub fn run_with_moves(
         is_begun = true;
         see(event)
     });
+    // LinuxCNC does not notice that a disk is full: it ends without a word, or what it writes lacks its end.
+    if outcome.is_err() || options.written.is_some() {
+        scratch.check_room()?;
+    }
     let outcome =
         outcome.map_err(|error| if is_begun { error } else { at_startup_code(config, error) })?;
     if let Some(folder) = &options.written {
@@ -558,6 +562,7 @@ impl<'a> Watch<'a> {
     fn quiet(&self, error: io::Error) -> NotJudged {
         match error.kind() {
             io::ErrorKind::TimedOut => NotJudged::Endless(self.line),
+            io::ErrorKind::WouldBlock => NotJudged::Rests(MOST_REST.as_secs(), self.line),
             io::ErrorKind::QuotaExceeded => NotJudged::Slow(self.options.most_in_all),
             _ => error.into(),
         }

@@ -80,6 +80,11 @@ pub enum NotJudged {
     /// It takes longer than the time that it was given.
     #[error("LinuxCNC did not come to an end in {0} s")]
     Slow(f64),
+    /// It does nothing any more.
+    #[error(
+        "LinuxCNC did nothing for {0} s after line {1}: a signal stopped it, or the computer is too busy; run it again"
+    )]
+    Rests(u64, u32),
     /// It ended without a word.
     #[error("LinuxCNC ended without an end of the program{0}")]
     Crashed(String),
