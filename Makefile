@@ -200,7 +200,7 @@ test-page: setup-page page-check
 	tests/page/page_test.mjs target/host/pkm --out build/page
 
 # Struts, two mechanisms, an axis that carries the tool, the cases beside the configurations, and other user interfaces.
-THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes,under
+THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes,touch-off,under
 screens: install setup-screen
 	$(HOST_BUILD) --bin pkm
 	tests/viewer/screens.py --out build/screens

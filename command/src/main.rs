@@ -47,6 +47,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::{Failure, MovesNothing};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use kinematics::{Letter, Pose};
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -55,6 +56,8 @@ use std::time::Duration;
 use workbench::files::{leave_nothing, open, write_whole};
 use workbench::program::beside;
 use workbench::program::motion::{self, Move};
+use workbench::program::preflight::has_deletable;
+use workbench::read::ini::decimal;
 use workbench::read::machine::MachineConfig;
 use workbench::study::file::Study;
 
@@ -78,14 +81,22 @@ fn main() -> ExitCode {
         failure.tell();
         return ExitCode::from(2);
     }
-    let matches =
-        grammar().try_get_matches().unwrap_or_else(|error| with_longer_names(error).exit());
+    let given = std::env::args_os().map(with_whole_number);
+    let matches = grammar()
+        .try_get_matches_from(given)
+        .unwrap_or_else(|error| with_longer_names(error).exit());
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     cli.settings.choose(words(&matches));
     let code = cli.run();
     // What stood on standard input.
     leave_nothing();
     code
+}
+
+/// Writes a negative number as the parser of the command line knows it, which takes `-.2` and `-1e-3` for options.
+fn with_whole_number(word: OsString) -> OsString {
+    let number = word.to_str().filter(|word| word.starts_with('-')).and_then(decimal);
+    number.map_or(word, |number| number.to_string().into())
 }
 
 /// The grammar of the command line, with examples.
@@ -328,14 +339,27 @@ fn told(text: &str) -> Result<(), Failure> {
 fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
     // Said before LinuxCNC starts, in the system's words.
     open(program)?;
-    let moves = match config.place.is_of_pair {
+    let (moves, files) = match config.place.is_of_pair {
         true => beside::moves_of(config, &MachineConfig::read(&config.file)?, program)?,
-        false => motion::moves(config, program, None)?,
+        false => motion::read(config, program, None)?,
     };
+    tell_deleted(program, &files)?;
     match moves.iter().all(|step| step.stays(config)) {
         true => Err(MovesNothing(program.into()).into()),
         false => Ok(moves),
     }
+}
+
+/// Reports on standard error that lines were left out.
+fn tell_deleted(program: &Path, files: &[PathBuf]) -> Result<(), Failure> {
+    if has_deletable(files)? {
+        failure::tell_error(&format!(
+            "{}: lines that begin with / are left out, as LinuxCNC does until the operator decides otherwise: remove \
+             the / to include them (pkm preflight judges both)",
+            program.display()
+        ));
+    }
+    Ok(())
 }
 
 /// All bars: two kinds of work may go on at a time.

@@ -40,6 +40,15 @@ fn rows_come_from_a_file_or_from_standard_input() {
 }
 
 #[test]
+fn lines_that_are_left_out_are_reported() {
+    let bench =
+        Bench::new().with("p.ngc", &PROGRAM.replace("M2", "/G1 X5\nM2")).with("q.ngc", PROGRAM);
+    let told = "p.ngc: lines that begin with / are left out";
+    assert!(bench.answer("replay linear-delta.ini p.ngc", "").contains(told));
+    assert!(!bench.answer("replay linear-delta.ini q.ngc", "").contains(told));
+}
+
+#[test]
 fn a_pose_is_six_numbers_or_words() {
     let bench = Bench::new();
     let numbers = bench.answer("joints linear-delta.ini --pose 10 -20 90 0 0 0", "");
@@ -49,6 +58,14 @@ fn a_pose_is_six_numbers_or_words() {
     assert_eq!(
         bench.answer("travel linear-delta.ini --pose 10 -20 90 0 0 0", ""),
         bench.answer("travel linear-delta.ini --pose X10 Y-20", "")
+    );
+    // As LinuxCNC reads them.
+    let plain =
+        bench.answer("joints linear-delta.ini --pose -0.2 0.3 90 0 0 -0.001 --tool -0.5 0 -1", "");
+    assert!(plain.ends_with("exit 0\n"), "{plain}");
+    assert_eq!(
+        bench.answer("joints linear-delta.ini --pose -.2 .3 90. 0 -.0 -1e-3 --tool -.5 0 -1.", ""),
+        plain
     );
     for words in ["--pose 10 nan 90 0 0 0", "--pose X10 5", "--pose 1 2 3", "--pose X10 other.ini"]
     {

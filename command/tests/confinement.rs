@@ -8,6 +8,7 @@ use std::fs;
 use std::net::{TcpListener, UdpSocket};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixListener;
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -279,6 +280,43 @@ fn an_interruption_leaves_no_part_of_a_file() {
             std::thread::sleep(std::time::Duration::from_millis(10));
             !proc.exists()
         }));
+    }
+}
+
+#[test]
+fn an_interruption_at_any_moment_leaves_nothing() {
+    // Between the start of the process and the middle of the program.
+    for n in 0..10_u64 {
+        let signal = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP][n as usize % 3];
+        let text = "G21 G90\no1 while [1]\nG0 X1\nG0 X-1\no1 endwhile\nM2\n";
+        let copy = Copy::new(|text| text, text);
+        let mut child = Command::new(env!("CARGO_BIN_EXE_pkm"))
+            .arg("preflight")
+            .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+            .arg("--trace")
+            .arg(copy.file("trace.csv"))
+            .env("TMPDIR", copy.file("tmp"))
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(5 + n * n * 10 + 7 * (n % 4)));
+        let killed =
+            Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
+        assert!(killed.unwrap().success());
+        let status = child.wait().unwrap();
+        // The first moments have no handler yet.
+        assert!(status.code() == Some(130) || status.signal() == Some(signal), "{n}: {status}");
+        assert!(parts(&copy.file("")).next().is_none() && !copy.file("trace.csv").exists(), "{n}");
+        assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0, "{n}: a folder is left");
+        let folder = copy.file("tmp").display().to_string();
+        let is_left =
+            || Command::new("pgrep").args(["-f", &folder]).output().unwrap().status.success();
+        assert!(
+            (0..500).any(|_| {
+                std::thread::sleep(std::time::Duration::from_millis(10));
+                !is_left()
+            }),
+            "{n}: a process is left"
+        );
     }
 }
 

@@ -13,6 +13,7 @@ use std::time::Duration;
 use workbench::control::process::{self, Options};
 use workbench::control::refusal::NotJudged;
 use workbench::control::row::{Ending, MessageKind, Outcome, Row};
+use workbench::read::machine::MachineConfig;
 
 fn programs(machine: &str) -> Vec<PathBuf> {
     let folder = fs::read_dir(shipped::folder(machine).join("programs")).unwrap();
@@ -320,6 +321,127 @@ fn a_disk_that_is_full_is_named_and_nothing_is_left() {
         let left: Vec<_> = fs::read_dir(copy.folder.path()).unwrap().collect();
         assert_eq!(left.len(), 4, "left behind: {left:?}");
     }
+}
+
+#[test]
+fn a_disk_that_fills_up_while_linuxcnc_writes_is_named_and_the_machine_is_not_blamed() {
+    // Room for what a run begins with, and not for what LinuxCNC writes then.
+    let copy =
+        Copy::new(|text| text, "G21 G90\n(LOGOPEN,log.txt)\n(LOG,x)\n(LOGCLOSE)\nG0 X1\nM2\n");
+    let script =
+        "mount -t tmpfs -o size=$4 full \"$1/tmp\" || exit 77; cd \"$1\"; export TMPDIR=\"$1/tmp\"
+        \"$0\" $2 hexapod.ini $3; code=$?; ls -A tmp; exit $code";
+    let needed = fs::metadata("/usr/bin/milltask").unwrap().len() / 1024;
+    for (command, words) in
+        [("check", ""), ("run", "programs/p.ngc"), ("preflight", "programs/p.ngc")]
+    {
+        for more in [20, 100, 160] {
+            let size = format!("{}K", needed + more);
+            let output = Command::new("unshare")
+                .args([
+                    "--mount",
+                    "--map-root-user",
+                    "bash",
+                    "-c",
+                    script,
+                    env!("CARGO_BIN_EXE_pkm"),
+                ])
+                .arg(copy.file(""))
+                .args([command, words, &size])
+                .output()
+                .unwrap();
+            let text =
+                String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+            // Where users may make no namespaces there is no such disk.
+            if output.status.code() == Some(77) || text.contains("unshare failed") {
+                return;
+            }
+            let is_full = text.contains("No space left on device");
+            let done = ["switched on, homed", "The program fits", "runs to its end"];
+            let is_done = done.iter().any(|words| text.contains(words));
+            assert!(is_full != is_done && !text.contains("not fit"), "{command} {size}: {text}");
+            let code = if is_full && command != "check" { 2 } else { 0 };
+            assert_eq!(output.status.code(), Some(code), "{command} {size}: {text}");
+            assert!(!text.lines().any(|line| line.starts_with("pkm-")), "left behind: {text}");
+        }
+    }
+}
+
+#[test]
+fn a_program_of_10_gb_is_refused_at_once() {
+    let copy = Copy::new(|text| text, SHORT);
+    fs::File::create(copy.file("big.ngc")).unwrap().set_len(10 << 30).unwrap();
+    for command in ["run", "preflight", "replay", "filter --machine"] {
+        // Of less memory than the most that is read of a file.
+        let script = format!("ulimit -v 1000000; exec \"$0\" {command} \"$1\" \"$2\"");
+        let output = Command::new("bash")
+            .args(["-c", &script, env!("CARGO_BIN_EXE_pkm")])
+            .args([copy.file("hexapod.ini"), copy.file("big.ngc")])
+            .output()
+            .unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{command}: {error}");
+        assert!(error.contains("big.ngc: more than 1 GiB"), "{command}: {error}");
+    }
+}
+
+#[test]
+fn two_runs_at_once_are_the_same_as_one() {
+    let copy = Copy::new(|text| text, "G21 G90\nT1 M6 G43\nG0 X1\nG1 F600 Y5 A2\nM2\n");
+    let start = |trace: &str| {
+        Command::new(env!("CARGO_BIN_EXE_pkm"))
+            .args(["preflight", "--format", "json"])
+            .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+            .arg("--trace")
+            .arg(copy.file(trace))
+            .env("TMPDIR", copy.file("tmp"))
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap()
+    };
+    let alone = start("alone.csv").wait_with_output().unwrap();
+    assert_eq!(alone.status.code(), Some(0));
+    // They write one file: whoever ends last has written it whole.
+    for run in [start("both.csv"), start("both.csv")] {
+        let both = run.wait_with_output().unwrap();
+        assert!(both.status.success() && both.stdout == alone.stdout);
+    }
+    assert!(fs::read(copy.file("both.csv")).unwrap() == fs::read(copy.file("alone.csv")).unwrap());
+    assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0);
+}
+
+#[test]
+fn startup_code_that_linuxcnc_refuses_is_named_with_its_line() {
+    let with = |code: &'static str| {
+        move |text: String| {
+            let line = |line: &str| match line.starts_with("RS274NGC_STARTUP_CODE") {
+                true => format!("RS274NGC_STARTUP_CODE = {code}\n"),
+                false => format!("{line}\n"),
+            };
+            text.lines().map(line).collect()
+        }
+    };
+    for (code, words) in [
+        ("G21 G91.2", "Unknown g code used"),
+        ("G21 G0 X10", "while the machine is off"),
+        ("M2", "does not start with it"),
+    ] {
+        let (_, error, exit) = Copy::new(with(code), SHORT).run();
+        assert_eq!(exit, Some(2), "{error}");
+        let place = format!("[RS274NGC]RS274NGC_STARTUP_CODE = {code}: ");
+        assert!(error.contains("hexapod.ini:") && error.contains(&place), "{error}");
+        assert!(error.contains(words), "{error}");
+    }
+    let copy = Copy::new(with("G21 T1 M6"), SHORT);
+    let config = MachineConfig::read(&copy.file("hexapod.ini")).unwrap();
+    let options = Options { most_work: 1.5, ..Options::default() };
+    let program = copy.file("programs/p.ngc");
+    let see = |_: &Row| ControlFlow::Continue(());
+    let refusal = process::run(&config, &program, &options, see).unwrap_err().to_string();
+    assert!(
+        refusal.contains("STARTUP_CODE = G21 T1 M6: ") && refusal.contains("forever"),
+        "{refusal}"
+    );
 }
 
 #[test]

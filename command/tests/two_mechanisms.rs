@@ -251,7 +251,7 @@ fn each_makes_the_moves_of_a_program_in_the_same_time() {
     let config = config(LATHE);
     let file = folder(LATHE).join("programs/long-part.ngc");
     let seconds = [&config, &second()].map(|mechanism| {
-        let moves = moves_of(mechanism, &config, &file).unwrap();
+        let moves = moves_of(mechanism, &config, &file).unwrap().0;
         replay(mechanism, &moves, 0.001).unwrap().time
     });
     assert!((seconds[0] - seconds[1]).abs() < 0.002, "{seconds:?}");
@@ -265,7 +265,7 @@ fn one_that_stands_waits_for_the_other() {
     let config = config(LATHE);
     let file = program(&["G1 W2700", "G1 Z900", "G0 U-60 C5", "G1 X10 U0 W2600 C0", "G1 B3"]);
     let found = [&config, &second()].map(|mechanism| {
-        let moves = moves_of(mechanism, &config, file.path()).unwrap();
+        let moves = moves_of(mechanism, &config, file.path()).unwrap().0;
         replay(mechanism, &moves, 0.001).unwrap()
     });
     let [first, second] = found.each_ref().map(|replay| (replay.time, replay.poses));

@@ -113,7 +113,7 @@ BLOCKS = ["G1 F200 X1 Y-2 Z21", "G1 F400 A5 B-4 C3", "G0 X-3 Y2 Z19 A-2 B6 C-5",
 GUI_PINS = REPOSITORY / "tests/live/gui_pins.py"
 
 
-def sample(kinematics):
+def sample(kinematics, edits=()):
     """LinuxCNC's hexapod-sim: display and tool change replaced, POSTGUI file loaded by HAL.
 
     The graphic model and the panel are replaced by a component with their pins.
@@ -126,7 +126,7 @@ def sample(kinematics):
          "lines": [f"HALCMD = loadusr -Wn hexagui {GUI_PINS}",
                    "HALCMD = net :kinstype-select <= motion.analog-out-03 => motion.switchkins-type",
                    "HALCMD = source hexapod_postgui.hal"]},
-        {"section": "DISPLAY", "key": "PYVCP", "lines": []},
+        {"section": "DISPLAY", "key": "PYVCP", "lines": []}, *edits,
     ])
     for file in ("hexapod.ini", "kinematics.hal", "hexapod_postgui.hal"):
         path = session.copy / file
@@ -356,6 +356,18 @@ def kinematics_switch_beyond_a_singular_pose_hides_no_refusal(out):
 def operator_homes_a_machine_beyond_a_singular_pose(out):
     return scenario(HEXAPOD, "singular_homed", out, edits=FAST_TURN, block=BEYOND_SINGULAR, code=-41, speed=250,
                     after="G1 F3000 X10")["reason"]
+
+
+@test
+def operator_of_a_drop_in_leaves_a_pose_beyond_a_singular_one(out):
+    # LinuxCNC's sample nets no pin of the module. Both ways out: the motion commanded back, and homing.
+    edits = [{"section": "TRAJ", "key": "MAX_ANGULAR_VELOCITY", "lines": ["MAX_ANGULAR_VELOCITY = 60"]}]
+    with sample("pkmkins", edits) as session:
+        check(session.run("singular_passed", out / "back", 120, letter="C", end=115, feed=1200, code=-41,
+                          is_told=False))
+    with sample("pkmkins", edits) as session:
+        check(session.run("singular_homed", out, 120, block=BEYOND_SINGULAR, code=-41, speed=10, after="G1 F200 X1",
+                          is_told=False))
 
 
 @test

@@ -38,7 +38,7 @@ from unprivileged import (LANES, REPOSITORY, claimed, is_unprivileged,  # noqa: 
 PKM = REPOSITORY / "target/host/pkm"
 # Parameters of the stored G54, from X on.
 G54 = {letter: 5221 + n for n, letter in enumerate("XYZABC")}
-STATE = ("T0 M6", "G40 G49 G54 G80 G90 G92.1 M5")
+STATE = ("G40 G49 G54 G80 G90 G92.1 M5")
 SECONDS_A_PROGRAM = 200
 VIRTUAL_AT_ONCE = 2
 # A busy computer lets LinuxCNC's interpreter fall behind: the machine then stands, or blends a motion,
@@ -46,16 +46,16 @@ VIRTUAL_AT_ONCE = 2
 TRIES = 3
 
 
-def prepared(folder, programs):
+def prepared(folder, programs, is_live=False):
     """A folder for every different machine: configuration with its edits and work offset, programs."""
     groups = {}
     for program in programs:
         key = (program.machine, json.dumps(program.edits), program.offset, program.name if program.is_random else "")
         groups.setdefault(key, []).append(program)
-    return [group(folder / f"{n:02}", members) for n, members in enumerate(groups.values())]
+    return [group(folder / f"{n:02}", members, is_live) for n, members in enumerate(groups.values())]
 
 
-def group(folder, members):
+def group(folder, members, is_live):
     name = members[0].machine
     config = folder / name
     shutil.copytree(REPOSITORY / "configs" / name, config)
@@ -65,10 +65,12 @@ def group(folder, members):
         (config / f"{name}.var").write_text(
             "".join(f"{G54[letter]}\t{value:.6f}\n" for letter, value in members[0].offset))
     for program in members:
-        (config / "programs" / f"truth-{program.name}.ngc").write_text(program.text)
-    listed = [[p.name, p.seconds] for p in members]
-    (folder / "list.json").write_text(json.dumps(
-        {"machine": name, "programs": listed, "random": members[0].is_random}))
+        text = program.text if is_live else program.run_text()
+        (config / "programs" / f"truth-{program.name}.ngc").write_text(text)
+    offset = " ".join(f"{letter}{value:.6f}" for letter, value in members[0].offset) or "X0 Y0 Z0"
+    listed = {"machine": name, "offset": f"G10 L2 P1 {offset} R0", "random": members[0].is_random,
+              "programs": [[p.name, p.seconds, p.deletes] for p in members]}
+    (folder / "list.json").write_text(json.dumps(listed))
     return folder
 
 
@@ -83,14 +85,14 @@ def run_virtual(folders, out, kept):
     `kept` stay in `out`."""
     out.mkdir(parents=True, exist_ok=True)
     jobs = [(folder, machine, program, out / f"{name_of(machine, program)}.csv", name_of(machine, program) in kept)
-            for folder in folders for machine, program, _ in listed(folder)]
+            for folder in folders for machine, program, *_ in listed(folder)]
     with ProcessPoolExecutor(VIRTUAL_AT_ONCE) as pool:
         return dict(pool.map(run_one, jobs))
 
 
 def listed(folder):
     found = json.loads((folder / "list.json").read_text())
-    return [(found["machine"], program, seconds) for program, seconds in found["programs"]]
+    return [(found["machine"], *program) for program in found["programs"]]
 
 
 def run_one(job):
@@ -108,7 +110,7 @@ def run_one(job):
 
 def run_live(scratch, programs, out, lanes):
     """Outcomes of programs by their names; what was recorded goes to `out`."""
-    folders = prepared(scratch, programs)
+    folders = prepared(scratch, programs, is_live=True)
     shutil.rmtree(out, ignore_errors=True)
     rerun_unprivileged("tests/live/truth.py", [], SECONDS_A_PROGRAM * len(programs), out, folders, lanes)
     return gathered(folders, out)
@@ -120,7 +122,7 @@ def gathered(folders, out):
     for folder in folders:
         file = out / folder.name / "outcomes.json"
         outcomes = json.loads(file.read_text()) if file.exists() else {}
-        for machine, program, _ in listed(folder):
+        for machine, program, *_ in listed(folder):
             name = name_of(machine, program)
             found[name] = outcomes.get(program, {"failed": "LinuxCNC did not come to it"})
             trace = out / folder.name / f"{program}.csv"
@@ -133,14 +135,15 @@ def run_group(folder, out):
     """Outcomes of all programs of a group; LinuxCNC is started anew after each that it stops."""
     waiting = listed(folder)
     name = waiting[0][0]
+    offset = json.loads((folder / "list.json").read_text())["offset"]
     outcomes = {}
     while waiting:
         with Session(folder / name) as session:
             startup = ini_edit.value(session.ini.read_text(), "RS274NGC", "RS274NGC_STARTUP_CODE")
-            jobs = [[p, str(session.copy / "programs" / f"truth-{p}.ngc"), seconds]
-                    for _, p, seconds in waiting]
-            limit = 60 + sum(seconds for _, _, seconds in waiting)
-            result = session.run("truth", out, limit, programs=jobs, before=[*STATE, startup])
+            jobs = [[p, str(session.copy / "programs" / f"truth-{p}.ngc"), seconds, deletes]
+                    for _, p, seconds, deletes in waiting]
+            limit = 60 + sum(seconds for _, _, seconds, _ in waiting)
+            result = session.run("truth", out, limit, programs=jobs, before=[*STATE, offset, startup], startup=startup)
         done = result.get("outcomes", {})
         if not done:
             # Told once, and not tried for ever.
@@ -221,7 +224,8 @@ def main():
     options = parsed()
     out = options.out.resolve()
     with tempfile.TemporaryDirectory(prefix="pkmkins-truth-") as scratch:
-        programs = chosen(options)
+        programs = [p for p in chosen(options) if options.live == "all" or options.only or p.kind != "reading"
+                    or truth_programs.is_short(p)]
         beside = [p for p in programs if options.live == "all" or options.live and truth_programs.is_short(p)]
         programs = beside if options.alone else programs
         kept = {name_of(p.machine, p.name) for p in beside}

@@ -15,6 +15,9 @@ AGREE = 1e-9
 # A joint that is no faster stands still: rounding of a value of 1e4 makes that of it in one servo cycle.
 STILL = 1e-8
 
+# LinuxCNC's task repeats a refusal of motion with these words, some cycles after virtual time has ended.
+REPEATED = "invalid params in linear command"
+
 # Which limits of preflight tell of an error of LinuxCNC with these words.
 CAUSES = [
     (re.compile("following error"), {"speed", "acceleration", "following-error"}),
@@ -39,6 +42,9 @@ def row(program, outcome, flight):
     if "judged" not in flight["time"]:
         return {**told, "preflight": "not judged", "missed": bool(outcome["errors"])}
     told["preflight"] = first_break(flight)
+    if program.lines is not None:
+        found = {found["line"] for found in flight["breaks"]}
+        return {**told, "missed": bool(set(program.lines) - found), "right": found == set(program.lines)}
     if outcome["errors"]:
         told["missed"] = not is_predicted(outcome, flight)
         return {**told, "right": not told["missed"]}
@@ -155,6 +161,8 @@ def beside(job):
 def other_end(live, offline, seen):
     """What LinuxCNC said otherwise; empty if nothing."""
     said, repeated = ([" ".join(text.split()) for text in outcome["errors"]] for outcome in (live, offline))
+    if said[-1:] == [REPEATED] and repeated == said[:-1] != []:
+        said.pop()
     if said != repeated:
         return f"{said} live, {repeated} in virtual time"
     if live["ended"] != offline["ended"] and not said:

@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+import tomllib
 from math import cos, hypot, pi, sin
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +22,8 @@ import ini_edit
 LETTERS = "XYZABC"
 ALL_LETTERS = "XYZABCUVW"
 NC_FILES = Path("/usr/share/linuxcnc/ncfiles")
+# Read by command/tests/reading.rs as well.
+READING = Path(__file__).resolve().parents[1] / "cases/reading/reading.toml"
 
 # Programs of LinuxCNC that are short enough, with the machine and the work offset that they run with.
 LINUXCNC = [
@@ -55,9 +58,18 @@ class Program(NamedTuple):
     offset: tuple = ()  # pairs of a letter and its value: the stored G54
     seconds: float = 120.0
     is_random: bool = False
+    lines: tuple = None  # in which preflight finds limits, where the case says so
+    deletes: bool = True  # lines that begin with /: block delete
+
+    def run_text(self):
+        """What is the same with block delete on, which virtual time has."""
+        return self.text if self.deletes else re.sub(r"^/", "", self.text, flags=re.M)
 
 
 def is_short(program):
+    if program.kind == "reading":
+        # In the session of the others of its machine, which goes on after each.
+        return not program.edits and not program.lines and program.machine == "hexapod"
     return program.name in SHORT.get(program.machine, SHORT_OF_OTHERS)
 
 
@@ -157,7 +169,21 @@ def all_programs(configs, pkm):
         programs += spindle(machines[name])
     for name in ("hexapod", "lab-hexapod", "pyramid"):
         programs += tilted_tool_changes(machines[name])
-    programs += guarded(machines["linear-delta"])
+    programs += guarded(machines["linear-delta"]) + reading()
+    return programs
+
+
+def reading():
+    """Programs that mean something else to a reader that is not the control; those with / both ways."""
+    programs = []
+    for case in tomllib.loads(READING.read_text())["case"]:
+        name = "reading-" + re.sub(r"\W+", "-", case["name"]).strip("-")
+        lines, kept = case["lines"], case.get("kept", [])
+        program = Program(name, case.get("machine", "hexapod"), "reading", case["program"] + "\nM2\n",
+                          tuple(case.get("edit", ())), lines=tuple(sorted({*lines, *kept})))
+        programs.append(program)
+        if "kept" in case:
+            programs.append(program._replace(name=f"{name}-kept", lines=tuple(kept), deletes=False))
     return programs
 
 

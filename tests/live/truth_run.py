@@ -18,18 +18,23 @@ def columns(layout):
             *((f"p{n}", f"joint.{n}.pos-cmd", "float") for n in layout.joints)]
 
 
-def truth(machine, out, programs, before):
+def truth(machine, out, programs, before, startup):
     """Runs programs one after another from home, up to the first that LinuxCNC stops. Homing ends
-    up to 1e-6 beside home, and LinuxCNC makes no move of that length: one leads away and back."""
+    up to 1e-6 beside home, and LinuxCNC makes no move of that length: one leads away and back.
+
+    LinuxCNC executes the startup code at home, and it may use the position."""
     recorder = Recorder(machine.component, columns(machine.layout), PERIOD_NS)
     machine.start()
     recorder.start()
     away, home = (" ".join(f"{letter.upper()}{value + beside}" for letter, value in machine.layout.moved_home())
                   for beside in (-BESIDE, 0.0))
     outcomes = {}
-    for name, path, seconds in programs:
-        for block in (*before, f"G53 G0 {away}", f"G53 G0 {home}"):
+    for name, path, seconds, deletes in programs:
+        # No tool is not changed to itself, which would move to where tools are changed.
+        unload = ("T0 M6",) if machine.stat.tool_in_spindle else ()
+        for block in (*unload, *before, f"G53 G0 {away}", f"G53 G0 {home}", startup):
             machine.mdi(block)
+        machine.command.set_block_delete(deletes)
         machine.pause(0.2)
         outcomes[name], rows = observed(machine, recorder, path, seconds)
         write(out / f"{name}.csv", machine.layout, rows)

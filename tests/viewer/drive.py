@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Homes the machine that AXIS shows, runs its program, and makes a picture of both: `screens.py` runs it.
 
-    drive.py FOLDER home|program|refused|bare        with INI_FILE_NAME and DISPLAY set
+    drive.py FOLDER home|program|refused|bare|touch-off        with INI_FILE_NAME and DISPLAY set
     drive.py FOLDER outlived WINDOW PROCESS WORD     of another user interface, with INI_FILE_NAME set
 
 `program` writes home.png and program.png, and what HAL said at the time, home.json and program.json.
@@ -204,6 +204,40 @@ def switch_kinematics(machine):
     assert not press(True) and not machine.stat.inpos, "switched in a move"
 
 
+def touch_off(out, ini, name):
+    """Has AXIS touch off a tool that is 15 mm longer, at a tilt, and records the joints in every servo cycle."""
+    kept = wait_for_axis(name)
+    from machine import Machine
+    from scenarios import SERVO_PERIOD_NS, peaks, tool_change_columns
+    from recorder import Recorder
+    machine = Machine()
+    recorder = Recorder(machine.component, tool_change_columns(machine.layout), SERVO_PERIOD_NS)
+    machine.start()
+    for block in ("T1 M6 G43", "G1 F6000 X0 Y0 Z200 A15 B-15 C10"):
+        machine.mdi(block)
+    machine.set_mode(linuxcnc.MODE_MANUAL)
+    machine.pause(1)
+    before = machine.get("pkmkins.tool-offset-eff-z")
+    recorder.start()
+    machine.component["phase"] = 1
+    asked, done = (Path(ini).with_name(name) for name in ("touch-off", "touched-off"))
+    # Written elsewhere first: AXIS looks all the time.
+    done.write_text("185")
+    done.rename(asked)
+    machine.wait(done.exists, 60, "AXIS's answer to its dialog")
+    machine.pause(0.1)
+    machine.wait(lambda: not machine.get("pkmkins.tool-busy"), 60, "end of the tool change")
+    machine.pause(0.1)
+    machine.component["phase"] = 0
+    recorder.stop()
+    assert not machine.error_texts() and machine.is_on(), machine.messages
+    assert machine.stat.task_mode == linuxcnc.MODE_MANUAL, "AXIS is not in manual mode"
+    found = peaks(machine, recorder, 1)
+    assert abs(machine.get("pkmkins.tool-offset-eff-z") - before - 15) < 1e-6 and found["busy_s"] > 0, found
+    (out / "touch-off.json").write_text(json.dumps(found))
+    kept.exit()
+
+
 # A user interface loads the panel's files 10 to 25 s after LinuxCNC's start, and LinuxCNC used to end then.
 LOADED_SECONDS = 30
 PROGRAM = "G21 G90 M52 P1\nG91 F600\nG1 Z-5\nG1 Z5\nG90\nM2\n"
@@ -287,7 +321,7 @@ def main():
     out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
     if sys.argv[2] == "outlived":
         return outlived(out, ini, *sys.argv[3:])
-    {"home": home, "program": program, "refused": refused, "bare": bare}[sys.argv[2]](out, ini, Path(ini).stem)
+    {"home": home, "program": program, "refused": refused, "bare": bare, "touch-off": touch_off}[sys.argv[2]](out, ini, Path(ini).stem)
 
 
 if __name__ == "__main__":

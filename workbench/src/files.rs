@@ -45,11 +45,13 @@ const MOST_BYTES: u64 = 1 << 30;
 /// Remembers a file that is read, by this process or for it.
 ///
 /// # Errors
-/// It cannot be opened, or is a device or a named pipe: those may have no end, and a pipe without a writer is not even
+/// It cannot be opened, is larger than a file that is read, or is a device or a named pipe: those may have no end, and a pipe without a writer is not even
 /// opened. A pipe that is open already has no name, as standard input.
 pub fn open(file: &Path) -> Result<File, AtFile<io::Error>> {
     let place = fs::canonicalize(file).ok();
-    let kind = fs::metadata(file).at(file)?.file_type();
+    let metadata = fs::metadata(file).at(file)?;
+    let kind = metadata.file_type();
+    refuse_long(metadata.len()).at(file)?;
     let is_endless = kind.is_block_device() || (kind.is_fifo() && place.is_some());
     if is_endless || (kind.is_char_device() && !is_quiet(file)) {
         let text = "not a file but a device or a named pipe, which may have no end: write its content into a file";
@@ -98,10 +100,17 @@ pub fn read(file: &Path) -> Result<Vec<u8>, AtFile<io::Error>> {
 pub fn read_all(from: &mut dyn Read) -> io::Result<Vec<u8>> {
     let mut bytes = vec![];
     from.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
-    match bytes.len() as u64 > MOST_BYTES {
-        true => Err(io::Error::new(io::ErrorKind::FileTooLarge, "more than 1 GiB")),
-        false => Ok(bytes),
+    refuse_long(bytes.len() as u64)?;
+    Ok(bytes)
+}
+
+/// Refuses more bytes than are read.
+fn refuse_long(bytes: u64) -> io::Result<()> {
+    if bytes > MOST_BYTES {
+        let text = "more than 1 GiB, which is not read into memory: divide the file";
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, text));
     }
+    Ok(())
 }
 
 /// The text of a file.

@@ -2,7 +2,7 @@
 //! `pkm stability program`.
 
 use super::super::failure::{Failure, refused};
-use super::super::{Bar, MachineFile, Verdict, in_words, output};
+use super::super::{Bar, MachineFile, Verdict, in_words, output, tell_deleted};
 use super::{Speeds, setup};
 use draw::plot::Plot;
 use draw::stability::of_path;
@@ -150,7 +150,8 @@ impl Job {
     pub fn moves(&self, config: &MachineConfig) -> Result<Vec<Move>, Failure> {
         // Said before LinuxCNC starts, in the system's words.
         open(&self.program)?;
-        let mut moves = motion::moves(config, &self.program, None)?;
+        let (mut moves, files) = motion::read(config, &self.program, None)?;
+        tell_deleted(&self.program, &files)?;
         if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
             let (file, line) = (self.program.display(), step.line);
             return Err(refused(format!(

@@ -98,7 +98,7 @@ impl Case {
             format!("G10 L2 P1 X{x:.12} Y{y:.12} Z{z:.12} A{a:.12} B{b:.12} C{c:.12}")
         });
         let moves = match whole.second {
-            Some(_) => moves_of(config, &whole, &program),
+            Some(_) => moves_of(config, &whole, &program).map(|(moves, _)| moves),
             None => motion::moves(config, &program, block.as_deref()),
         };
         let moves = moves.map_err(|e| e.to_string())?;

@@ -2,7 +2,7 @@
 //! A run from its start to its end.
 
 use crate::control::confined::{self, Keeper, Rights};
-use crate::control::pulse::Pulse;
+use crate::control::pulse::{MOST_REST, Pulse};
 use crate::control::refusal::NotJudged;
 use crate::control::row::{Commanded, Ending, Message, Outcome, Row};
 use crate::control::scratch::Scratch;
@@ -161,11 +161,57 @@ pub fn run_with_moves(
     let hal = options.hal.iter().map(|file| file.canonicalize().at(file));
     let hal = hal.map(|file| file.map(Into::into)).collect::<Result<Vec<_>, _>>()?;
     let run = Run::start(config, &scratch, &library, &program, &hal, options)?;
-    let outcome = run.watched(config, &installed, options, see)?;
+    let (mut see, mut is_begun) = (see, false);
+    let outcome = run.watched(config, &installed, options, |event| {
+        is_begun = true;
+        see(event)
+    });
+    // LinuxCNC does not notice that a disk is full: it ends without a word, or what it writes lacks its end.
+    if outcome.is_err() || options.written.is_some() {
+        scratch.check_room()?;
+    }
+    let outcome =
+        outcome.map_err(|error| if is_begun { error } else { at_startup_code(config, error) })?;
     if let Some(folder) = &options.written {
         scratch.keep_written(folder)?;
     }
     Ok(outcome)
+}
+
+/// What LinuxCNC's last words contain where it refuses a block of the startup code.
+const STARTUP_REFUSED: [&str; 2] = ["can't initialize interpreter", "need to be enabled"];
+/// What they contain as well where the interpreter does not start for another reason.
+const NOT_OF_STARTUP: [&str; 2] = ["REMAP", "arameter file"];
+/// Words that wait for the machine: a tool change, an input, a probe.
+const WAITING: [&str; 4] = ["M6", "M06", "M66", "G38"];
+
+/// Names the startup code where it is the reason why a run ended before its program: LinuxCNC executes it before
+/// the machine is on, and its messages name neither the key nor the line.
+fn at_startup_code(config: &MachineConfig, error: NotJudged) -> NotJudged {
+    let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return error };
+    let block: String = entry.value.to_uppercase().split_whitespace().collect();
+    let contains = |text: &str, words: &[&str]| words.iter().any(|words| text.contains(words));
+    let reason = match &error {
+        NotJudged::Endless(_) | NotJudged::Slow(_) if contains(&block, &WAITING) => {
+            "LinuxCNC executes it before the machine is on, waits forever and cannot be switched on"
+                .into()
+        }
+        NotJudged::Crashed(text) | NotJudged::Refused(text)
+            if contains(text, &STARTUP_REFUSED) && !contains(text, &NOT_OF_STARTUP) =>
+        {
+            match text.split_once("interp_error: ").and_then(|(_, rest)| rest.split(';').next()) {
+                Some(words) => format!("LinuxCNC does not start: {words}"),
+                None if text.contains(STARTUP_REFUSED[1]) => {
+                    "LinuxCNC executes it while the machine is off and refuses the move".into()
+                }
+                None => "LinuxCNC does not start with it".into(),
+            }
+        }
+        _ => return error,
+    };
+    let expected =
+        format!("{reason}; expected modes alone, such as G21 G64: put the rest into the program");
+    NotJudged::StartupCode(config.ini.refuse(entry, &expected))
 }
 
 /// The library for the LinuxCNC that is installed, or the one that the environment names: one that is not
@@ -516,6 +562,7 @@ impl<'a> Watch<'a> {
     fn quiet(&self, error: io::Error) -> NotJudged {
         match error.kind() {
             io::ErrorKind::TimedOut => NotJudged::Endless(self.line),
+            io::ErrorKind::WouldBlock => NotJudged::Rests(MOST_REST.as_secs(), self.line),
             io::ErrorKind::QuotaExceeded => NotJudged::Slow(self.options.most_in_all),
             _ => error.into(),
         }

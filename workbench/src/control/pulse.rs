@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 const LOOK: Timespec = Timespec { tv_sec: 1, tv_nsec: 0 };
 
 /// As long a run may be quiet without work, as on a computer that does something else.
-const MOST_REST: Duration = Duration::from_secs(120);
+pub const MOST_REST: Duration = Duration::from_secs(120);
 
 /// Ticks of a second in /proc, the same on every Linux.
 const TICKS: f64 = 100.0;
@@ -26,12 +26,21 @@ pub struct Pulse {
     /// What the process had worked, and when, at its last sign.
     work: f64,
     sign: Instant,
+    most_rest: Duration,
 }
 
 impl Pulse {
     /// The pipe that this process writes to, and the seconds of a processor that it may work in between and in all.
     pub fn new(pipe: PipeReader, process: u32, [most_work, most_in_all]: [f64; 2]) -> Self {
-        Self { pipe, process, most_work, most_in_all, work: 0.0, sign: Instant::now() }
+        Self {
+            pipe,
+            process,
+            most_work,
+            most_in_all,
+            work: 0.0,
+            sign: Instant::now(),
+            most_rest: MOST_REST,
+        }
     }
 
     fn has_something(&self) -> io::Result<bool> {
@@ -58,9 +67,11 @@ impl Read for Pulse {
             if worked(self.process) > self.most_in_all {
                 return Err(io::ErrorKind::QuotaExceeded.into());
             }
-            if worked(self.process) - self.work > self.most_work || self.sign.elapsed() > MOST_REST
-            {
+            if worked(self.process) - self.work > self.most_work {
                 return Err(io::ErrorKind::TimedOut.into());
+            }
+            if self.sign.elapsed() > self.most_rest {
+                return Err(io::ErrorKind::WouldBlock.into());
             }
         }
         (self.work, self.sign) = (worked(self.process), Instant::now());
@@ -68,5 +79,21 @@ impl Read for Pulse {
             return Err(io::ErrorKind::QuotaExceeded.into());
         }
         self.pipe.read(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_rests_is_not_one_that_works_without_end() {
+        // This one works less than it waits; the other end of its pipe stays open.
+        let (pipe, _open) = io::pipe().unwrap();
+        let pulse = Pulse::new(pipe, std::process::id(), [f64::INFINITY; 2]);
+        let mut pulse = Pulse { most_rest: Duration::ZERO, ..pulse };
+        assert_eq!(pulse.read(&mut [0]).unwrap_err().kind(), io::ErrorKind::WouldBlock);
+        pulse.most_work = -1.0;
+        assert_eq!(pulse.read(&mut [0]).unwrap_err().kind(), io::ErrorKind::TimedOut);
     }
 }

@@ -2,6 +2,7 @@
 //! Why LinuxCNC could not be run.
 
 use crate::files::AtFile;
+use crate::read::ini::IniError;
 use std::io;
 use std::path::PathBuf;
 
@@ -73,9 +74,17 @@ pub enum NotJudged {
         /// Why, in the words of who refused it.
         text: String,
     },
+    /// LinuxCNC does not get beyond the startup code.
+    #[error(transparent)]
+    StartupCode(IniError),
     /// It takes longer than the time that it was given.
     #[error("LinuxCNC did not come to an end in {0} s")]
     Slow(f64),
+    /// It does nothing any more.
+    #[error(
+        "LinuxCNC did nothing for {0} s after line {1}: a signal stopped it, or the computer is too busy; run it again"
+    )]
+    Rests(u64, u32),
     /// It ended without a word.
     #[error("LinuxCNC ended without an end of the program{0}")]
     Crashed(String),

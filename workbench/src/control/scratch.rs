@@ -52,6 +52,9 @@ pub struct Scratch {
     homes: bool,
 }
 
+/// Bytes without which a disk counts as full: some blocks of any file system.
+const ROOM: usize = 1 << 16;
+
 impl Scratch {
     /// Makes it. With `own`, a script, the machine's own HAL files are carried out in place of the simulated
     /// machine's, and its joints home as its file says.
@@ -98,6 +101,16 @@ impl Scratch {
     /// The INI file that LinuxCNC reads.
     pub fn ini(&self) -> PathBuf {
         self.path().join("machine.ini")
+    }
+
+    /// Checks that the disk is not full.
+    ///
+    /// # Errors
+    /// It is, or the folder cannot be written for another reason.
+    pub fn check_room(&self) -> Result<(), AtFile<io::Error>> {
+        let file = self.path().join("room");
+        fs::write(&file, [0; ROOM]).at(self.path())?;
+        fs::remove_file(&file).at(&file)
     }
 
     /// Copies the files that the program wrote.

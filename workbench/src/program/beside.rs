@@ -5,22 +5,24 @@
 //! one of them moves, else that of U V W, else that of A B C. Each mechanism by itself then has moves
 //! with the feed that comes to the same time.
 
-use crate::program::motion::{Beside, Move, MoveKind, ProgramError, moves};
+use crate::program::motion::{Beside, Move, MoveKind, ProgramError, read};
 use crate::program::replay::duration;
 use crate::read::machine::MachineConfig;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Reads all moves of a program as this mechanism of a file with two makes them; `whole` is both.
+/// Reads all moves of a program as this mechanism of a file with two makes them, and the names of its files; `whole`
+/// is both.
 ///
 /// # Errors
-/// As [`moves`].
+/// As [`read`].
 pub fn moves_of(
     mechanism: &MachineConfig,
     whole: &MachineConfig,
     program: &Path,
-) -> Result<Vec<Move>, ProgramError> {
+) -> Result<(Vec<Move>, Vec<PathBuf>), ProgramError> {
     let mut half = Half::new(mechanism, whole);
-    Ok(moves(whole, program, None)?.iter().map(|step| half.of(step)).collect())
+    let (all, files) = read(whole, program, None)?;
+    Ok((all.iter().map(|step| half.of(step)).collect(), files))
 }
 
 /// Makes moves of one mechanism of moves of both.

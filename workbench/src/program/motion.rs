@@ -117,31 +117,48 @@ pub enum ProgramError {
     },
 }
 
-/// Reads all moves of a program on this machine, the first one ending at `[TRAJ]HOME`.
-///
-/// Limits of axes and joints are open, so that a program is read beyond the first one that it leaves. `block` runs
-/// before it, for instance to change the work offset.
+/// Reads all moves of a program on this machine.
 ///
 /// # Errors
-/// LinuxCNC cannot run the program, or stops it before its end for another reason than a pose that the machine
-/// cannot take; that pose is the end of the last move.
+/// As [`read`].
 pub fn moves(
     config: &MachineConfig,
     program: &Path,
     block: Option<&str>,
 ) -> Result<Vec<Move>, ProgramError> {
+    Ok(read(config, program, block)?.0)
+}
+
+/// Reads all moves of a program on this machine, the first one ending at `[TRAJ]HOME`, and the names of its files.
+///
+/// Limits of axes and joints are open, so that a program is read beyond the first one that it leaves. `block` runs
+/// before it, for instance to change the work offset. Lines that begin with `/` are left out, as LinuxCNC does until
+/// the operator decides otherwise.
+///
+/// # Errors
+/// LinuxCNC cannot run the program, or stops it before its end for another reason than a pose that the machine
+/// cannot take; that pose is the end of the last move.
+pub fn read(
+    config: &MachineConfig,
+    program: &Path,
+    block: Option<&str>,
+) -> Result<(Vec<Move>, Vec<PathBuf>), ProgramError> {
     let options = Options { block: block.map(Into::into), open_limits: true, ..Options::default() };
     let mut translator = Translator::new(config);
-    let mut all = vec![];
+    let (mut all, mut files) = (vec![], vec![]);
     let outcome = run_with_moves(config, program, &options, |event| {
-        if let Event::Move(commanded) = event {
-            translator.see(commanded, |step| all.push(*step));
+        match event {
+            Event::Move(commanded) => translator.see(commanded, |step| all.push(*step)),
+            Event::File(name) => files.push(name.into()),
+            Event::Row(_) => {}
         }
         ControlFlow::Continue(())
     })?;
     match outcome.ending {
-        Ending::Finished => Ok(all),
-        Ending::Stopped if all.last().is_some_and(|last| !is_reached(config, last)) => Ok(all),
+        Ending::Finished => Ok((all, files)),
+        Ending::Stopped if all.last().is_some_and(|last| !is_reached(config, last)) => {
+            Ok((all, files))
+        }
         Ending::Stopped => Err(stopped(program, &outcome)),
     }
 }

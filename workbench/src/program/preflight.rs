@@ -212,8 +212,11 @@ fn followed(
     Ok(Followed { found, files, time })
 }
 
-/// Whether lines of the program begin with `/`.
-fn has_deletable(files: &[PathBuf]) -> Result<bool, AtFile<io::Error>> {
+/// Returns whether lines of these files begin with `/`.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn has_deletable(files: &[PathBuf]) -> Result<bool, AtFile<io::Error>> {
     for file in files {
         let text = files::read(file)?;
         if text

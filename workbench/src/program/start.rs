@@ -154,6 +154,7 @@ fn refused(
                 None => whole(ini, &told),
             }))
         }
+        NotJudged::StartupCode(error) => Some(error.clone()),
         NotJudged::Refused(text) => Some(at(ini, text.trim_end_matches([':', ' ']))),
         NotJudged::Crashed(text) => Some(at(ini, &format!("LinuxCNC ends at its start{text}"))),
         NotJudged::Stands(..) => {
@@ -183,12 +184,11 @@ fn whole(ini: &Ini, text: &str) -> IniError {
 }
 
 /// What LinuxCNC's messages speak of, and the key that is mostly responsible.
-const ABOUT: [(&str, &str, &str); 10] = [
+const ABOUT: [(&str, &str, &str); 9] = [
     ("REMAP INI Line", "RS274NGC", "REMAP"),
     ("initialize IO", "EMCIO", "TOOL_CHANGE_POSITION"),
     ("num_joints", "KINS", "JOINTS"),
     ("arameter file", "RS274NGC", "PARAMETER_FILE"),
-    ("initialize interpreter", "RS274NGC", "RS274NGC_STARTUP_CODE"),
     ("tool table", "EMCIO", "TOOL_TABLE"),
     ("motmod", "EMCMOT", "EMCMOT"),
     ("tpmod", "TRAJ", "TPMOD"),
