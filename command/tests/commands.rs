@@ -1017,8 +1017,8 @@ good.ngc on linear-delta.ini
   axis Y             0.000 to 45.000 of -80 to 80 mm
   axis Z             60.000 to 90.000 of 0 to 100 mm
   carriage 0         305.344 to 325.364 of 0 to 375 mm
-  carriage 1         223.793 to 325.364 of 0 to 375 mm
-  carriage 2         223.765 to 325.364 of 0 to 375 mm
+  carriage 1         223.761 to 325.364 of 0 to 375 mm
+  carriage 2         223.761 to 325.364 of 0 to 375 mm
   feed               joint speeds allow 1.990 times the programmed one, in line 3
 
 The program fits the machine.
