@@ -231,9 +231,9 @@ fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
     std::fs::write(&program, text + "G49\nM2\n").unwrap();
     let moves = match config.place.is_of_pair {
         true => moves_of(&config, &MachineConfig::read(&config.file).unwrap(), &program),
-        false => motion::moves(&config, &program, None),
+        false => motion::read(&config, &program, None),
     };
-    let moves = moves.unwrap();
+    let moves = moves.unwrap().0;
     assert!(moves.len() >= 64 * (1 + tools.len()), "{machine}: {}", moves.len());
     let found = follow(&config, &moves);
     assert!(found.fits(), "{machine}: {:?}", found.breaks);
