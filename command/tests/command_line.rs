@@ -61,10 +61,10 @@ fn a_pose_is_six_numbers_or_words() {
     );
     // As LinuxCNC reads them.
     let plain =
-        bench.answer("joints linear-delta.ini --pose -0.2 0.3 90 0 0 -0.001 --tool -0.5 0 -1", "");
+        bench.answer("joints linear-delta.ini --pose -0.2 -0.001 90 0 0 0 --tool -0.5 0 -1", "");
     assert!(plain.ends_with("exit 0\n"), "{plain}");
     assert_eq!(
-        bench.answer("joints linear-delta.ini --pose -.2 .3 90. 0 -.0 -1e-3 --tool -.5 0 -1.", ""),
+        bench.answer("joints linear-delta.ini --pose -.2 -1e-3 90. .0 -.0 0 --tool -.5 0 -1.", ""),
         plain
     );
     for words in ["--pose 10 nan 90 0 0 0", "--pose X10 5", "--pose 1 2 3", "--pose X10 other.ini"]

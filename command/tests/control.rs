@@ -325,9 +325,15 @@ fn a_disk_that_is_full_is_named_and_nothing_is_left() {
 
 #[test]
 fn a_disk_that_fills_up_while_linuxcnc_writes_is_named_and_the_machine_is_not_blamed() {
-    // Room for what a run begins with, and not for what LinuxCNC writes then.
-    let copy =
-        Copy::new(|text| text, "G21 G90\n(LOGOPEN,log.txt)\n(LOG,x)\n(LOGCLOSE)\nG0 X1\nM2\n");
+    // Room for what a run begins with, and not for what LinuxCNC writes then. The panel's files are not copied.
+    let program = "G21 G90\n(LOGOPEN,log.txt)\n(LOG,x)\n(LOGCLOSE)\nG0 X1\nM2\n";
+    let without_panel = |text: String| {
+        text.lines()
+            .filter(|line| !line.contains("panel"))
+            .map(|line| format!("{line}\n"))
+            .collect()
+    };
+    let copy = Copy::new(without_panel, program);
     let script =
         "mount -t tmpfs -o size=$4 full \"$1/tmp\" || exit 77; cd \"$1\"; export TMPDIR=\"$1/tmp\"
         \"$0\" $2 hexapod.ini $3; code=$?; ls -A tmp; exit $code";

@@ -40,7 +40,8 @@ LINUXCNC = [
 
 # Those that every test run runs live as well, some seconds each: every machine, moves of all kinds, tools,
 # the spindle, the guard, and programs that LinuxCNC stops.
-SHORT = {"hexapod": ("tilted-tools", "inverse-time", "spindle", "too-fast"),
+SHORT = {"hexapod": ("tilted-tools", "inverse-time", "spindle", "too-fast", "reading-moves-of-a-preview",
+                     "reading-a-deleted-move", "reading-steps-after-a-tool", "reading-a-tap-that-runs-on"),
          "linear-delta": ("guarded",),
          "rotary-delta": ("short-rapids", "spindle", "bad-end"),
          "hexapod-rotary-table": ("carried-G64",),
@@ -67,9 +68,6 @@ class Program(NamedTuple):
 
 
 def is_short(program):
-    if program.kind == "reading":
-        # In the session of the others of its machine, which goes on after each.
-        return not program.edits and not program.lines and program.machine == "hexapod"
     return program.name in SHORT.get(program.machine, SHORT_OF_OTHERS)
 
 
