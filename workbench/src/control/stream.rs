@@ -89,7 +89,16 @@ impl<R: Read> Records<R> {
     /// Records from a buffered reader.
     pub fn new(from: R, columns: Columns) -> Self {
         let (row, commanded) = (Row::default(), Commanded::default());
-        Self { from, columns, bytes: vec![], row, commanded, files: VecDeque::new(), first: 0, known: 0 }
+        Self {
+            from,
+            columns,
+            bytes: vec![],
+            row,
+            commanded,
+            files: VecDeque::new(),
+            first: 0,
+            known: 0,
+        }
     }
 
     /// The next record; `None` where there are no more.

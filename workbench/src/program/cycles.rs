@@ -12,7 +12,9 @@ use crate::program::motion::{Circle, ROUNDING};
 use crate::proof::between::approach;
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3, World};
+use kinematics::{
+    Fault, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3, World,
+};
 use std::collections::VecDeque;
 use std::mem::discriminant;
 
