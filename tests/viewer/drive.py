@@ -22,7 +22,7 @@ import hal  # noqa: E402
 import linuxcnc  # noqa: E402
 from pkmkins_pins import HAL_KEY  # noqa: E402
 from unprivileged import has_ended  # noqa: E402
-from drawn import Picture, Scene, View, farthest, is_green, parts  # noqa: E402
+from drawn import Picture, Scene, View, farthest, missing, parts  # noqa: E402
 
 COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
 START_SECONDS = 120
@@ -87,7 +87,7 @@ def state(machine, scenes, name):
 
 
 def picture(machine, scenes, out, stem, name):
-    """Takes a picture once the model is drawn and stays as it is: on a loaded computer that takes a while."""
+    """Takes a picture once the model is drawn where it should be and stays there: on a loaded computer that takes a while."""
     before = None
     for _ in range(MOST_PICTURES):
         time.sleep(SETTLE_SECONDS)
@@ -96,15 +96,10 @@ def picture(machine, scenes, out, stem, name):
         for ending in ("png", "ppm"):
             subprocess.run(["import", "-window", "root", str(out / f"{stem}.{ending}")], check=True, timeout=60)
         now = Picture(out / f"{stem}.ppm")
-        if before and shows_platform(now, values["window"]) and not now.differs(before, values["window"]):
+        if before and not missing(scenes, values, now) and not now.differs(before, values["window"]):
             break
         before = now
     return values
-
-
-def shows_platform(shown, window):
-    left, top, width, height = window
-    return any(is_green(shown.at(x, y)) for x in range(left, left + width, 4) for y in range(top, top + height, 4))
 
 
 def described(ini):
