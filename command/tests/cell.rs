@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
 
+use crate::preflight::rapid;
 use crate::shipped::{MACHINES, cases, config, follow};
 use kinematics::{Letter, Limit};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use workbench::check::mobility;
 use workbench::check::report::check;
-use workbench::program::beside::moves_of;
-use workbench::program::motion;
+use workbench::program::motion::Move;
 use workbench::proof::axis_box::{AxisBox, at_tilt, range};
 use workbench::proof::cell::{Cell, Verdict};
 use workbench::proof::conditioning;
@@ -197,44 +197,26 @@ fn a_limit_of_the_tilt_cuts_the_corners_of_boxes() {
     assert!((margin.value - tilt(25.0, 25.0)).abs() < 1e-9, "{margin:?}");
 }
 
-/// The suggested limits put into the machine, and a program that goes from corner to corner of them
-/// with every tool, read by LinuxCNC's interpreter.
+/// Puts the suggested limits into the machine, and goes from corner to corner of them with every tool.
 fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
-    let folder = tempfile::tempdir().unwrap();
-    let program = folder.path().join("corners.ngc");
     let mut config = config(machine);
     // A mechanism alone: in corners of their limits two may meet.
     config.second = None;
     for (k, axis) in config.axes.iter_mut().enumerate() {
         (axis.min, axis.max) = (limits.low[k], limits.high[k]);
     }
-    let block = |pose: &[f64; 6]| {
-        let moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
-        let word = |letter: &Letter| format!(" {}{}", letter.name(), pose[letter.index()]);
-        let words: String = Letter::ALL.iter().filter(moved).map(word).collect();
-        format!("G53 G0{words}\n")
+    let corner = |n: usize| {
+        std::array::from_fn(|k| match n >> k & 1 {
+            _ if config.machine.layout().is_held(Letter::ALL[k]) => config.start[k],
+            0 => limits.low[k],
+            _ => limits.high[k],
+        })
     };
-    let corners = |text: &mut String| {
-        for n in 0..64_usize {
-            let end = |k: usize| if n >> k & 1 == 0 { limits.low[k] } else { limits.high[k] };
-            *text += &block(&std::array::from_fn(end));
-        }
-        *text += &block(&config.home);
-    };
-    let units = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
-    let mut text = format!("{units} G90 G49\nM52 P1\n");
-    corners(&mut text);
-    for tool in tools {
-        text += &format!("T{} M6 G43\n", tool.number);
-        corners(&mut text);
+    let mut moves = vec![rapid(0, config.start)];
+    for offset in std::iter::once([0.0; 3]).chain(tools.iter().map(|tool| tool.offset.into())) {
+        let ends = (0..64).map(corner).chain([config.start]);
+        moves.extend(ends.map(|end| Move { tool: offset, ..rapid(1, end) }));
     }
-    std::fs::write(&program, text + "G49\nM2\n").unwrap();
-    let moves = match config.place.is_of_pair {
-        true => moves_of(&config, &MachineConfig::read(&config.file).unwrap(), &program),
-        false => motion::read(&config, &program, None),
-    };
-    let moves = moves.unwrap().0;
-    assert!(moves.len() >= 64 * (1 + tools.len()), "{machine}: {}", moves.len());
     let found = follow(&config, &moves);
     assert!(found.fits(), "{machine}: {:?}", found.breaks);
 }

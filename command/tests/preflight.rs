@@ -17,7 +17,7 @@ use workbench::proof::axis_box::range;
 use workbench::proof::reach::Reach;
 use workbench::read::machine::MachineConfig;
 
-fn rapid(line: u32, end: [f64; 6]) -> Move {
+pub fn rapid(line: u32, end: [f64; 6]) -> Move {
     Move {
         kind: MoveKind::Rapid,
         line,
