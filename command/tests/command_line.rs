@@ -43,9 +43,9 @@ fn rows_come_from_a_file_or_from_standard_input() {
 fn lines_that_are_left_out_are_reported() {
     let bench =
         Bench::new().with("p.ngc", &PROGRAM.replace("M2", "/G1 X5\nM2")).with("q.ngc", PROGRAM);
-    let told = "p.ngc: lines that begin with / are left out";
-    assert!(bench.answer("replay linear-delta.ini p.ngc", "").contains(told));
-    assert!(!bench.answer("replay linear-delta.ini q.ngc", "").contains(told));
+    let report = "p.ngc: lines that begin with / are left out";
+    assert!(bench.answer("replay linear-delta.ini p.ngc", "").contains(report));
+    assert!(!bench.answer("replay linear-delta.ini q.ngc", "").contains(report));
 }
 
 #[test]

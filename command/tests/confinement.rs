@@ -10,7 +10,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixListener;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
 
 /// A program with these lines of Python.
 fn python(lines: &[String]) -> String {
@@ -247,6 +247,18 @@ fn what_a_program_writes_is_kept_whole_and_over_no_file_that_was_read() {
     assert_eq!(fs::read_to_string(copy.file("programs/p.ngc")).unwrap(), before);
 }
 
+/// Starts a command that runs the program of a copy and writes its trace.
+fn started(command: &str, copy: &Copy) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_pkm"))
+        .arg(command)
+        .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
+        .arg("--trace")
+        .arg(copy.file("trace.csv"))
+        .env("TMPDIR", copy.file("tmp"))
+        .spawn()
+        .unwrap()
+}
+
 #[test]
 fn an_interruption_leaves_no_part_of_a_file() {
     // Writes a log all the time, and the trace.
@@ -256,14 +268,7 @@ fn an_interruption_leaves_no_part_of_a_file() {
         .flat_map(|command| ["-INT", "-TERM", "-HUP"].map(|signal| (command, signal)))
     {
         let copy = Copy::new(|text| text, text);
-        let mut child = Command::new(env!("CARGO_BIN_EXE_pkm"))
-            .arg(command)
-            .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
-            .arg("--trace")
-            .arg(copy.file("trace.csv"))
-            .env("TMPDIR", copy.file("tmp"))
-            .spawn()
-            .unwrap();
+        let mut child = started(command, &copy);
         let control = control_of(child.id());
         let part = || parts(&copy.file("")).next().is_some();
         assert!((0..1000).any(|_| {
@@ -290,14 +295,7 @@ fn an_interruption_at_any_moment_leaves_nothing() {
         let signal = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP][n as usize % 3];
         let text = "G21 G90\no1 while [1]\nG0 X1\nG0 X-1\no1 endwhile\nM2\n";
         let copy = Copy::new(|text| text, text);
-        let mut child = Command::new(env!("CARGO_BIN_EXE_pkm"))
-            .arg("preflight")
-            .args([copy.file("hexapod.ini"), copy.file("programs/p.ngc")])
-            .arg("--trace")
-            .arg(copy.file("trace.csv"))
-            .env("TMPDIR", copy.file("tmp"))
-            .spawn()
-            .unwrap();
+        let mut child = started("preflight", &copy);
         std::thread::sleep(std::time::Duration::from_millis(5 + n * n * 10 + 7 * (n % 4)));
         let killed =
             Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();

@@ -308,7 +308,7 @@ fn off_path(text: &str) -> Vec<(u32, String)> {
     let judged =
         judge(&config, &program, &Options::default(), &mut |_| std::ops::ControlFlow::Continue(()));
     let found = judged.unwrap().found;
-    found.breaks.into_iter().map(|told| (told.line, told.text)).collect()
+    found.breaks.into_iter().map(|found| (found.line, found.text)).collect()
 }
 
 #[test]

@@ -2,23 +2,16 @@
 //! Programs that mean something else to a reader that is not the control: LinuxCNC alone reads them.
 
 use crate::ini_cases::{Edit, apply};
-use crate::shipped;
+use crate::shipped::{cases_of, copied};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fs;
 use std::ops::ControlFlow;
-use std::path::Path;
 use workbench::control::process::Options;
 use workbench::program::findings::Preflight;
 use workbench::program::preflight::judge;
 use workbench::read::machine::MachineConfig;
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Cases {
-    case: Vec<Case>,
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -41,14 +34,9 @@ fn hexapod() -> String {
     "hexapod".into()
 }
 
-/// What preflight finds of a program on a machine as it is shipped, its INI file edited.
+/// Judges the program of a case on a shipped machine, whose INI file is edited.
 fn judged(case: &Case) -> Preflight {
-    let folder = tempfile::tempdir().unwrap();
-    for entry in fs::read_dir(shipped::folder(&case.machine)).unwrap().flatten() {
-        if entry.path().is_file() {
-            fs::copy(entry.path(), folder.path().join(entry.file_name())).unwrap();
-        }
-    }
+    let folder = copied(&case.machine);
     let ini = folder.path().join(format!("{}.ini", case.machine));
     let mut lines: Vec<String> =
         fs::read_to_string(&ini).unwrap().lines().map(Into::into).collect();
@@ -63,14 +51,11 @@ fn judged(case: &Case) -> Preflight {
 
 #[test]
 fn the_limits_that_the_control_leaves_are_found_in_their_lines() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/reading/reading.toml");
-    let cases: Cases = toml::from_str(&fs::read_to_string(file).unwrap()).unwrap();
-    let wrong: Vec<String> = cases
-        .case
+    let wrong: Vec<String> = cases_of::<Case>("reading/reading.toml")
         .par_iter()
         .filter_map(|case| {
             let found = judged(case);
-            let lines: BTreeSet<u32> = found.breaks.iter().map(|told| told.line).collect();
+            let lines: BTreeSet<u32> = found.breaks.iter().map(|found| found.line).collect();
             let is_right = lines == &case.lines | &case.kept && found.off_path.is_empty();
             (!is_right).then(|| format!("{}: {lines:?}, {:?}", case.name, found.off_path))
         })

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The shipped configurations.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use workbench::program::findings::Preflight;
 use workbench::program::motion::Move;
@@ -47,6 +48,14 @@ pub fn folder(machine: &str) -> PathBuf {
 pub fn with_programs(machine: &str, copy: &Path) {
     let programs = folder(machine).join("programs").canonicalize().unwrap();
     std::os::unix::fs::symlink(programs, copy.join("programs")).unwrap();
+}
+
+/// Returns the cases of a file in tests/cases, which has them as `[[case]]`.
+pub fn cases_of<T: serde::de::DeserializeOwned>(file: &str) -> Vec<T> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases").join(file);
+    let mut all: BTreeMap<String, Vec<T>> =
+        toml::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+    all.remove("case").unwrap()
 }
 
 /// Returns a copy of a machine's files, with its programs beside them.

@@ -2,18 +2,12 @@
 //! Slips that integrators make: none may end in "fits together" without a word.
 
 use crate::ini_cases::{Edit, apply};
-use crate::shipped::copied;
+use crate::shipped::{cases_of, copied};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Cases {
-    case: Vec<Case>,
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -148,16 +142,15 @@ fn judge(case: &Case) -> Option<String> {
 
 #[test]
 fn no_slip_ends_in_fits_without_a_word() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/slips/slips.toml");
-    let cases: Cases = toml::from_str(&fs::read_to_string(file).unwrap()).unwrap();
-    let told = cases.case.iter().filter(|case| case.expect == Expect::Told).count();
+    let cases: Vec<Case> = cases_of("slips/slips.toml");
+    let told = cases.iter().filter(|case| case.expect == Expect::Told).count();
     assert!(told >= 40, "{told}");
-    let failures: Vec<String> = cases.case.par_iter().filter_map(judge).collect();
+    let failures: Vec<String> = cases.par_iter().filter_map(judge).collect();
     assert!(
         failures.is_empty(),
         "{} of {}:\n{}",
         failures.len(),
-        cases.case.len(),
+        cases.len(),
         failures.join("\n\n")
     );
 }

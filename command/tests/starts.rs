@@ -2,22 +2,15 @@
 //! Mistakes that LinuxCNC refuses at its start: none of them fits together, and what starts is not refused.
 
 use crate::ini_cases::{Edit, apply};
-use crate::shipped::{MACHINES, config, copied};
+use crate::shipped::{MACHINES, cases_of, config, copied};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
 use workbench::check::report::check;
 use workbench::program::start::start;
 use workbench::read::diagnostic::Severity;
 use workbench::read::machine::MachineConfig;
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Cases {
-    case: Vec<Case>,
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -75,11 +68,10 @@ fn judge(case: &Case) -> Option<String> {
 
 #[test]
 fn what_linuxcnc_refuses_at_its_start_does_not_fit_together() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/starts/starts.toml");
-    let cases: Cases = toml::from_str(&fs::read_to_string(file).unwrap()).unwrap();
-    assert!(cases.case.iter().filter(|case| !case.starts).count() >= 60);
-    let failures: Vec<String> = cases.case.par_iter().filter_map(judge).collect();
-    let count = cases.case.len();
+    let cases: Vec<Case> = cases_of("starts/starts.toml");
+    assert!(cases.iter().filter(|case| !case.starts).count() >= 60);
+    let failures: Vec<String> = cases.par_iter().filter_map(judge).collect();
+    let count = cases.len();
     assert!(failures.is_empty(), "{} of {count}:\n{}", failures.len(), failures.join("\n\n"));
 }
 

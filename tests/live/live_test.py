@@ -364,10 +364,10 @@ def operator_of_a_drop_in_leaves_a_pose_beyond_a_singular_one(out):
     edits = [{"section": "TRAJ", "key": "MAX_ANGULAR_VELOCITY", "lines": ["MAX_ANGULAR_VELOCITY = 60"]}]
     with sample("pkmkins", edits) as session:
         check(session.run("singular_passed", out / "back", 120, letter="C", end=115, feed=1200, code=-41,
-                          is_told=False))
+                          is_reported=False))
     with sample("pkmkins", edits) as session:
         check(session.run("singular_homed", out, 120, block=BEYOND_SINGULAR, code=-41, speed=10, after="G1 F200 X1",
-                          is_told=False))
+                          is_reported=False))
 
 
 @test

@@ -401,9 +401,9 @@ def refused_switch_back(machine: Machine, out, block):
     return {"reason": reason, "fastest": max(fastest)}
 
 
-def singular_passed(machine: Machine, out, letter, end, feed, code, is_told=True):
+def singular_passed(machine: Machine, out, letter, end, feed, code, is_reported=True):
     """A move through a singular pose, unguarded: forward never shows the mirror image of the commanded
-    pose, the reason is told where the module has a monitor, and the way back heals it."""
+    pose, the reason is reported where the module has a monitor, and the way back heals it."""
     machine.start()
     guard_nothing(machine)
     start = machine.pose()
@@ -419,7 +419,7 @@ def singular_passed(machine: Machine, out, letter, end, feed, code, is_told=True
         return machine.get("pkmkins.fault") == code
 
     machine.wait(look, 60, f"code {code}")
-    reason = reason_of(machine, code) if is_told else ""
+    reason = reason_of(machine, code) if is_reported else ""
     # What the drives lag and reading two pins one after the other take is a fifth of a second.
     assert max(apart) < feed / 60 * 0.2, f"forward was {max(apart)} from the commanded pose"
     machine.wait(machine.is_idle, 60, "end of the move")
@@ -439,11 +439,11 @@ def guard_nothing(machine):
         machine.set(f"pkmkins.{pin}", 0)
 
 
-def go_beyond_singular(machine, block, code, is_told=True):
+def go_beyond_singular(machine, block, code, is_reported=True):
     """Moves through a singular pose; returns the message, which a drop-in leaves to its pins."""
     machine.mdi(block)
     assert_doubtful(machine, code, "beyond the singular pose")
-    return reason_of(machine, code) if is_told else ""
+    return reason_of(machine, code) if is_reported else ""
 
 
 def assert_doubtful(machine, code, when):
@@ -485,13 +485,13 @@ def assert_found(machine, pose):
     assert_close(machine.stat.actual_position[:len(pose)], pose, AT_REST, "pose in LinuxCNC's status")
 
 
-def singular_homed(machine: Machine, out, block, code, speed, after, is_told=True):
+def singular_homed(machine: Machine, out, block, code, speed, after, is_reported=True):
     """Beyond a singular pose machine off and on end no refusal. Jogging the joints to HOME, unhoming and homing do:
     LinuxCNC homes joints with absolute encoders only once."""
     machine.start()
     guard_nothing(machine)
     start = machine.pose()
-    reason = go_beyond_singular(machine, block, code, is_told)
+    reason = go_beyond_singular(machine, block, code, is_reported)
     machine.turn_off()
     assert_doubtful(machine, code, "with the machine off")
     machine.joint_mode()

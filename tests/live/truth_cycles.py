@@ -176,17 +176,17 @@ def wrong(flight, outcome, first, seen, is_whole, source):
         float(word) for word in re.findall(r"G64 P([\d.]+)", source))
     # What LinuxCNC stops at beforehand needs no cycle.
     stop = ("axis", truth_judge.error_line(outcome)) if outcome["errors"] else None
-    breaks = [(told["limit"], told["part"], told["line"], told["text"].startswith(OFF)) for told in flight["breaks"]]
-    expected = [(run, *told) for run in seen for told in run.violations()]
+    breaks = [(limit_left["limit"], limit_left["part"], limit_left["line"], limit_left["text"].startswith(OFF)) for limit_left in flight["breaks"]]
+    expected = [(run, *limit_left) for run in seen for limit_left in run.violations()]
     for run, kind, part, lines, cycle in expected:
-        same = [told for told in breaks if told[:2] == (kind, part)]
+        same = [limit_left for limit_left in breaks if limit_left[:2] == (kind, part)]
         if not same:
-            if not any(told[0] == "reach" for told in breaks):
+            if not any(limit_left[0] == "reach" for limit_left in breaks):
                 found.append(f"missed: {kind} {part} in line {lines[0]}, cycle {cycle}")
-        elif not any(told[2] in (lines[:1] if is_exact else lines) or not is_exact and run.comes(told[2], cycle) for told in same):
-            found.append(f"line: {kind} {part} in line {lines}, {[told[2] for told in same]} predicted")
+        elif not any(limit_left[2] in (lines[:1] if is_exact else lines) or not is_exact and run.comes(limit_left[2], cycle) for limit_left in same):
+            found.append(f"line: {kind} {part} in line {lines}, {[limit_left[2] for limit_left in same]} predicted")
     for kind, part, peak, limit, line in first.speeds:
-        if peak > (1 + 1e-6) * limit and not any(told[:2] == (kind, part) for told in breaks):
+        if peak > (1 + 1e-6) * limit and not any(limit_left[:2] == (kind, part) for limit_left in breaks):
             found.append(f"missed: {kind} {part} {peak} beyond {limit} in line {line}")
     for kind, part, line, _ in breaks:
         if kind not in OTHERS and is_whole and not any(run.is_near(kind, part, slack) for run in seen) and (kind, line) != stop:
@@ -203,21 +203,21 @@ def wrong(flight, outcome, first, seen, is_whole, source):
         found.append(f"seconds: {timing['seconds']}, {first.seconds} in the trace")
     for kind, key in (("speed", "speeds"), ("acceleration", "accelerations")):
         rounding = 1e-8 if kind == "speed" else 1e-4
-        for n, (told, (peak, line), (most, _)) in enumerate(zip(timing[key], first.peaks[kind], first.most[kind])):
-            if not (1 - 1e-9) * peak - rounding <= told["value"] <= (1 + 1e-9) * most + rounding:
-                found.append(f"peak: {kind} of joint {n}: {told['value']} told, {peak} in line {line}, {most}")
+        for n, (reported, (peak, line), (most, _)) in enumerate(zip(timing[key], first.peaks[kind], first.most[kind])):
+            if not (1 - 1e-9) * peak - rounding <= reported["value"] <= (1 + 1e-9) * most + rounding:
+                found.append(f"peak: {kind} of joint {n}: {reported['value']} reported, {peak} in line {line}, {most}")
     known = {limit.part: limit for limit in first.limits}
-    for told in flight["ranges"]:
-        values = [limit.values for run in seen[bool(outcome["errors"]):] for limit in run.limits if limit.part == told["part"]]
+    for span in flight["ranges"]:
+        values = [limit.values for run in seen[bool(outcome["errors"]):] for limit in run.limits if limit.part == span["part"]]
         low, high = min(map(numpy.min, values)), max(map(numpy.max, values))
-        is_axis = known[told["part"]].kind == "axis"
+        is_axis = known[span["part"]].kind == "axis"
         width = high - low
         tight = CHORDS if is_axis else CHORDS + COARSE * width
-        if told["used"][0] > low + ROUNDED or told["used"][1] < high - ROUNDED:
+        if span["used"][0] > low + ROUNDED or span["used"][1] < high - ROUNDED:
             if is_whole:
-                found.append(f"range: {told['part']} {told['used']}, cycles {low} to {high}")
-        elif is_exact and is_whole and not outcome["errors"] and (told["used"][0] < low - tight or told["used"][1] > high + tight):
-            found.append(f"wide range: {told['part']} {told['used']}, cycles {low} to {high}")
+                found.append(f"range: {span['part']} {span['used']}, cycles {low} to {high}")
+        elif is_exact and is_whole and not outcome["errors"] and (span["used"][0] < low - tight or span["used"][1] > high + tight):
+            found.append(f"wide range: {span['part']} {span['used']}, cycles {low} to {high}")
     return found
 
 
@@ -232,11 +232,11 @@ def row(program, outcome, flight, wrong):
 
 def table(rows):
     lines = ["| machine | program | kind | LinuxCNC | preflight | |", "| --- | --- | --- | --- | --- | --- |"]
-    lines += [f"| {told['machine']} | {told['program']} | {told['kind']} | {' '.join(told['linuxcnc'].split())[:60]} "
-              f"| {told['preflight']} | {'; '.join(told['wrong'])} |" for told in rows if not told["right"]]
+    lines += [f"| {row['machine']} | {row['program']} | {row['kind']} | {' '.join(row['linuxcnc'].split())[:60]} "
+              f"| {row['preflight']} | {'; '.join(row['wrong'])} |" for row in rows if not row["right"]]
     return "\n".join(lines)
 
 
 def summary(rows):
-    return (f"truth: {len(rows)} random programs; {sum(told['linuxcnc'] != 'runs' for told in rows)} stopped by LinuxCNC, "
-            f"{sum(told['preflight'] == 'fits' for told in rows)} fit; {sum(not told['right'] for told in rows)} not as their cycles")
+    return (f"truth: {len(rows)} random programs; {sum(row['linuxcnc'] != 'runs' for row in rows)} stopped by LinuxCNC, "
+            f"{sum(row['preflight'] == 'fits' for row in rows)} fit; {sum(not row['right'] for row in rows)} not as their cycles")

@@ -482,6 +482,11 @@ mod tests {
         Some(sqrt(sum))
     }
 
+    /// Returns the limits of a call that may spend nine solves.
+    fn effort() -> Effort {
+        Effort { spent: 0, hessians: 0, sub_steps: 1, limit: 9, tolerance: 1e-9, accepted: 1e-6 }
+    }
+
     #[test]
     fn a_walk_adds_up_its_steps_chart_by_chart() {
         let mut walk = Walk::begun([2.0, 0.0, 0.0, 0.0, 0.0, 1.0], 10.0);
@@ -606,14 +611,7 @@ mod tests {
                 continue;
             }
             let (lipschitz, ball) = (first.lipschitz, Ball { about: &about, first });
-            let mut effort = Effort {
-                spent: 0,
-                hessians: 0,
-                sub_steps: 1,
-                limit: 9,
-                tolerance: 1e-9,
-                accepted: 1e-6,
-            };
+            let mut effort = effort();
             let mut end = End { place: about.place, at: Measured::ZERO };
             let Ok(Certificate::Ball(reach)) = machine.near(&target, &ball, &mut effort, &mut end)
             else {
@@ -634,14 +632,7 @@ mod tests {
             for _ in 0..200 {
                 let Some(trial) = trial(&mut rng, coordinates, 0.5) else { continue };
                 let Trial { machine, about, target, step } = trial;
-                let mut effort = Effort {
-                    spent: 0,
-                    hessians: 0,
-                    sub_steps: 1,
-                    limit: 9,
-                    tolerance: 1e-9,
-                    accepted: 1e-6,
-                };
+                let mut effort = effort();
                 // Nothing is left to correct about the new middle.
                 let walk = Walk { contraction: 0.0, ..Walk::begun(step, 0.5) };
                 let mut end = End { place: about.place, at: Measured::ZERO };

@@ -93,7 +93,7 @@ fn is_bound(code: i32) -> bool {
     matches!(code, -34 | -35)
 }
 
-/// Whether a search from a pose ends in a refusal.
+/// Returns whether a refusal is one of the search from a known pose.
 fn is_of_search(code: i32) -> bool {
     matches!(code, -36..=-31)
 }
