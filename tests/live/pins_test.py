@@ -21,7 +21,8 @@ from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import ini_edit  # noqa: E402
-from unprivileged import REPOSITORY, clear_hal, is_unprivileged, only_one, rerun_unprivileged  # noqa: E402
+from unprivileged import (REPOSITORY, clear_hal, is_unprivileged, lost_its_start, only_one,  # noqa: E402
+                          rerun_unprivileged)
 
 # Numbers that halcmd prints in full.
 VALUES = {
@@ -55,11 +56,13 @@ class Hal:
                      "addf pkmkins.monitor servo"]
 
     def __enter__(self):
-        try:
-            self.answers(self.load)
-        except BaseException:
+        code, lines = self.tried(self.load)
+        if code != 0 and lost_its_start("\n".join(lines)):
             clear_hal()
-            raise
+            code, lines = self.tried(self.load)
+        if code != 0:
+            clear_hal()
+            raise Wrong(f"halcmd: {' | '.join(lines[-3:])}")
         return self
 
     def __exit__(self, *_):

@@ -137,10 +137,11 @@ def clear_hal():
 def lost_its_start(log):
     """Whether what a session said shows that HAL did not start for a reason of LinuxCNC's own, which goes away.
 
-    rtapi_app makes shared memory as root and only then hands it to the user: who asks in between is refused. Less
-    than one start in a thousand, says its source; the test is that of its message.
+    rtapi_app makes shared memory as root and only then hands it to the user: a process that asks in between is
+    refused, in less than one start in a thousand according to its source. Memory that the session before is still
+    removing is refused as well. The test is that of the messages.
     """
-    return "due to shmget" in log and "Permission denied" in log
+    return ("due to shmget" in log and "Permission denied" in log) or "could not initialize RTAPI" in log
 
 
 def has_ended(log):
