@@ -329,7 +329,7 @@ fn forward_of(
     world: &mut World,
 ) -> Result<(), Fault> {
     let address = &raw const *world as usize;
-    module.check_extra(extra)?;
+    module.check_extra(extra, address)?;
     let mut all = *world;
     match module.kind() {
         Kind::Identity => module.identity_forward_of(joints, extra, &mut all),

@@ -37,8 +37,8 @@ impl Pair<'_> {
     ) -> Result<(), Fault> {
         self.begin();
         let (own, extra) = joints.split_at_checked(self.count()).unwrap_or((joints, &[]));
-        if let Err(fault) = self.first.check_extra(extra) {
-            self.second.skip_forward();
+        if let Err(fault) = self.first.check_extra(extra, address) {
+            self.second.skip_forward(address);
             return Err(fault);
         }
         let (of_first, of_second) =
@@ -54,8 +54,8 @@ impl Pair<'_> {
             Err(Fault { cause: Cause::NotHomed, .. }) => {}
             Err(_) => {
                 // The pose of the one that has found its own is NaN as well.
-                self.first.note_refusal();
-                self.second.note_refusal();
+                self.first.note_refusal(address);
+                self.second.note_refusal(address);
             }
         }
         result

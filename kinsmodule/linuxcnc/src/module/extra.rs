@@ -182,7 +182,7 @@ impl Module {
         self.write_extra(extra, world);
         let result = self.carrying.chain.to_world(&pose, world, &self.tool.offset());
         if result.is_err() {
-            self.note_refusal();
+            self.note_refusal(address);
         }
         self.recorded(result)
     }
@@ -220,22 +220,24 @@ impl Module {
     }
 
     /// Whether joints of extra axes, those behind all others, are numbers.
-    pub fn check_extra(&mut self, joints: &[f64]) -> Result<(), Fault> {
+    pub fn check_extra(&mut self, joints: &[f64], address: usize) -> Result<(), Fault> {
         let Some(i) = joints.iter().position(|value| !value.is_finite()) else { return Ok(()) };
         let number = self.load.first_extra_joint() + i;
         let fault = Fault::of_joint(Cause::JointNotFinite, self.layout(), number, joints[i]);
-        self.skip_forward();
+        self.skip_forward(address);
         self.recorded(Err(fault))
     }
 
     /// A forward call that is refused for what is not the mechanism's.
-    pub fn skip_forward(&mut self) {
-        self.calls.note_forward();
-        self.note_refusal();
+    pub fn skip_forward(&mut self, address: usize) {
+        self.begin_forward();
+        self.has_found = false;
+        self.note_refusal(address);
     }
 
     /// Forward was refused: LinuxCNC may hand its NaN over to inverse.
-    pub fn note_refusal(&mut self) {
+    pub fn note_refusal(&mut self, address: usize) {
+        self.seeds.refuse(address);
         self.refused = true;
         self.pins.fwd_kins_fail.set(true);
     }

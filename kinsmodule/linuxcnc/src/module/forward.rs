@@ -19,7 +19,7 @@ impl Module {
     ) -> Result<(), Fault> {
         let timed = self.is_monitored && !self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
-        self.calls.note_forward();
+        self.begin_forward();
         let result = match self.meet(joints, pose, address) {
             Some(()) => Ok(()),
             None => self.pose_at(joints, pose, address),
@@ -38,7 +38,6 @@ impl Module {
         if !self.frozen.as_ref()?.machine.needs_no_seed() {
             return None;
         }
-        self.forget_before_homing();
         self.prepared(|| false).ok()?;
         let Frozen { machine, given } = self.frozen.as_ref()?;
         let tool = self.tool.of_machine();
@@ -60,6 +59,7 @@ impl Module {
         }
         self.seeds.remember(address, found);
         (self.pose_is_unknown, self.refused, self.lost) = (false, false, None);
+        self.has_found = true;
         self.until_watched = self.until_watched.saturating_sub(1);
         self.pins.fwd_kins_fail.set(false);
         *pose = [met.point.x, met.point.y, met.point.z, 0.0, 0.0, 0.0];
@@ -75,7 +75,6 @@ impl Module {
         address: usize,
     ) -> Result<(), Fault> {
         let joints = &joints_of(joints);
-        self.forget_before_homing();
         let prepared = self.prepared(|| !(is_zero(joints) && is_blank(pose)));
         let was_known = self.seeds.last().is_some();
         // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then. With the machine
@@ -86,6 +85,7 @@ impl Module {
         if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
             return Err(Cause::NotHomed.into());
         }
+        self.has_found = result.is_ok();
         if result.is_ok() {
             result = self.refuse_doubtful(joints, &solution.pose);
             // LinuxCNC takes over no pose that is refused.

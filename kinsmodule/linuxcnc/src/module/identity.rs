@@ -123,8 +123,7 @@ impl Module {
     /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
     pub fn identity_forward(&mut self, joints: &[f64], pose: &mut [f64; 6]) -> Result<(), Fault> {
         let joints = &joints_of(joints);
-        self.forget_before_homing();
-        self.calls.note_forward();
+        self.begin_forward();
         let result = self.identity_pose(joints);
         let given = Pose::from_degrees(*pose);
         self.pins.fwd_kins_fail.set(result.is_err());

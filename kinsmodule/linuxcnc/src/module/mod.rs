@@ -61,6 +61,8 @@ pub struct Module {
     /// Forward was refused, and no pose has been asked for since: LinuxCNC may hand the NaN of the
     /// refusal over to inverse.
     refused: bool,
+    /// The last call of forward has found a pose, even if it was in doubt.
+    has_found: bool,
     /// A joint's feedback that is no number, in the last forward.
     lost: Option<Fault>,
     tool: Tool,
@@ -101,6 +103,7 @@ impl Module {
             pose_is_unknown: false,
             was_switched: false,
             refused: false,
+            has_found: false,
             lost: None,
             tool: Tool::new(),
             sent_tool: SentTool::new(),

@@ -86,11 +86,16 @@ impl Module {
     }
 
     /// Honours a rising edge of `.fault-reset`.
+    ///
+    /// The operator confirms the pose found by it. Where the last call has found none, a pose that comes later is
+    /// still in doubt.
     pub(super) fn watch_reset(&mut self) {
         let reset = self.pins.fault_reset();
         if reset && !self.reset_was {
             self.pins.clear_fault();
-            self.crossing.end_doubt();
+            if self.has_found {
+                self.crossing.end_doubt();
+            }
             self.reports.allow_repeats();
         }
         self.reset_was = reset;

@@ -22,7 +22,8 @@
 //! Where no pose is known, forward starts from the pose that boxes or three spheres give without a seed,
 //! else from the reference pose, and in a drop-in without one from LinuxCNC's seed, which is `[TRAJ]HOME`
 //! then. A doubt about the pose ([`crate::crossing`]) outlives all of these events but three: the commanded
-//! motion comes back, `.fault-reset` rises, or the machine is homed to its reference pose.
+//! motion comes back, `.fault-reset` rises while forward finds a pose, or the machine is homed to its reference
+//! pose.
 
 use super::{Kind, Module, is_zero};
 use crate::hal::nanoseconds;
@@ -232,12 +233,14 @@ impl Module {
         self.start.stop_searching();
     }
 
-    /// Drops the poses where LinuxCNC had ceased to call forward, as it does while a joint is not homed.
+    /// Counts a call of forward, whatever becomes of it, and drops the poses where LinuxCNC had ceased to call
+    /// it, as it does while a joint is not homed.
     #[inline(always)]
-    pub(super) fn forget_before_homing(&mut self) {
+    pub(super) fn begin_forward(&mut self) {
         if self.start.resumes() {
             self.forget_poses();
         }
+        self.calls.note_forward();
     }
 
     /// Drops the poses of a drop-in that was refused before a pause, and now stands at LinuxCNC's `[TRAJ]HOME`.

@@ -96,6 +96,32 @@ fn what_is_no_number_is_refused_with_its_joint_and_changes_nothing() {
     }
 }
 
+/// Two corrections do from the last pose, and not from the reference pose.
+#[test]
+fn forward_goes_on_from_the_last_pose_after_a_cycle_with_one_that_is_no_number() {
+    let subject = lathe();
+    let module = with_axes(&subject, &[5, 8]);
+    let mut world = subject.home();
+    let mut joints = [0.0; 16];
+    let target = (subject.sample)(&mut Random::new(73));
+    for step in 1..=300 {
+        let share = f64::from(step) / 300.0;
+        let home = subject.home();
+        world = std::array::from_fn(|k| home[k] + share * (target[k] - home[k]));
+        joints = module.inverse(&world).expect("within the workspace");
+        assert_eq!(module.forward_into(&joints, &mut world), 0);
+        module.monitor();
+    }
+    module.set("limit-iterations", 2.0);
+    let mut bad = joints;
+    bad[subject.machine.joints()] = f64::NAN;
+    let mut of_linuxcnc = world;
+    assert_eq!(module.forward_into(&bad, &mut of_linuxcnc), Cause::JointNotFinite.code());
+    module.monitor();
+    let mut of_linuxcnc = subject.home();
+    assert_eq!(module.forward_into(&joints, &mut of_linuxcnc), 0);
+}
+
 #[test]
 fn the_identity_kinematics_pass_them_through_as_well() {
     let subject = lathe();

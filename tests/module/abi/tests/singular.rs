@@ -215,6 +215,18 @@ fn fault_reset_ends_the_doubt_where_nothing_is_commanded() {
     assert_eq!([beyond.code(), beyond.code()], [0; 2]);
 }
 
+#[test]
+fn fault_reset_ends_no_doubt_while_there_is_no_pose_to_confirm() {
+    let beyond = Beyond::singular();
+    let joints = *beyond.joints.borrow();
+    beyond.joints.borrow_mut()[0] = f64::NAN;
+    assert_eq!(beyond.code(), Cause::JointNotFinite.code());
+    beyond.module.set("fault-reset", 1.0);
+    assert_eq!(beyond.code(), Cause::JointNotFinite.code());
+    *beyond.joints.borrow_mut() = joints;
+    assert_eq!([beyond.code(), beyond.code()], [Cause::SingularPassed.code(); 2]);
+}
+
 /// A turn about Z, degrees a cycle.
 fn pose_of_c(step: f64) -> Pose {
     [0.0, 0.0, 0.0, 0.0, 0.0, step, 0.0, 0.0, 0.0]

@@ -31,6 +31,10 @@ const REFUSED_MARGIN: f64 = 3.0;
 /// Share of the size in which a margin changes by 1 at most: a cosine by 0.08 at an arm of an eighth.
 const MARGIN_MOVES: f64 = 0.01;
 
+/// Share of the size at which a leg with margin 1 is from its dead point at least, where the margin grows
+/// with the root of the distance: a cosine of 0.08 at an arm of an eighth and a rod as long.
+const DEAD_POINT: f64 = 2e-4;
+
 /// Steps of the reference's own path, a tenth of the singular pose's distance each, beyond which the
 /// module's 96 sub-steps may not do.
 const STEPS: f64 = 25.0;
@@ -88,6 +92,17 @@ struct Watch {
     margin: f64,
 }
 
+/// Returns the least that a margin can be after the platform has moved by a share of the size.
+fn margin_after(margin: f64, moved: f64) -> f64 {
+    let by_dead_point = (margin * margin - moved / DEAD_POINT).max(0.0).sqrt();
+    by_dead_point.min(margin - moved / MARGIN_MOVES)
+}
+
+/// Returns the share of the size in which a margin above 1 falls by 1 at most.
+fn keeps_margin(margin: f64) -> f64 {
+    ((2.0 * margin - 1.0) * DEAD_POINT).min(MARGIN_MOVES)
+}
+
 /// Whether a refusal is the bound of a single call's work.
 fn is_bound(code: i32) -> bool {
     matches!(code, -34 | -35)
@@ -143,7 +158,7 @@ impl Judge {
     pub fn watched(&mut self, state: &State) -> (f64, f64, f64) {
         for w in self.watches.iter().flatten() {
             let moved = self.system.distance(&w.at, &state.poses);
-            let margin = w.margin - moved / (MARGIN_MOVES * self.system.size());
+            let margin = margin_after(w.margin, moved / self.system.size());
             if moved <= 0.1 * w.distance && margin > 2.0 * MARGIN {
                 return (w.distance - moved, w.curvature, margin);
             }
@@ -161,7 +176,7 @@ impl Judge {
     fn led(&mut self, from: &State, joints: &Joints) -> (Option<State>, Followed) {
         let (distance, _, margin) = self.watched(from);
         if margin > 2.0 * MARGIN
-            && let most = (0.1 * distance).min(MARGIN_MOVES * self.system.size())
+            && let most = (0.1 * distance).min(keeps_margin(margin) * self.system.size())
             && let Some(led) = self.system.near(from, joints, most)
         {
             let margin = margin - 1.0;
@@ -346,19 +361,23 @@ impl Judge {
         }
     }
 
-    /// The module has seen these joints in other kinematics.
+    /// The module has seen these joints in other kinematics. Near the end of a leg it keeps its last pose.
     pub fn seen(&mut self, truth: &State, joints: &Joints) {
         let Some(good) = self.good else { return };
         let (distance, _, margin) = self.watched(truth);
+        if !(margin > REFUSED_MARGIN) {
+            return;
+        }
         if !self.crossed
-            && margin > MARGIN
             && self.system.distance(&good.poses, &truth.poses) <= ALONE * distance
             && let Some(now) = self.system.near(truth, joints, ALONE * distance)
         {
             self.good = Some(now);
             return;
         }
-        if let (Some(led), path) = self.led(&good, joints) {
+        if let (Some(led), path) = self.led(&good, joints)
+            && path.margin > REFUSED_MARGIN - 1.0
+        {
             self.good = Some(led);
             self.strayed |= path.length > LONG * self.system.size();
         }

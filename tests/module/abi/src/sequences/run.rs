@@ -478,6 +478,9 @@ impl<'a> Run<'a> {
             None => true,
         };
         if !own_joints {
+            // Of two mechanisms one may have taken far joints that the other one refused.
+            let is_far = matches!(injection, Some(Injection::Far(_)));
+            self.judge.strayed |= code < 0 && is_far && self.setup.system.is_pair();
             return match injection {
                 _ if code < 0 => Verdict::Right,
                 Some(Injection::NotFinite(..)) => {

@@ -107,6 +107,11 @@ impl System {
         self.bodies.iter().map(|body| body.truth.size()).fold(f64::INFINITY, f64::min)
     }
 
+    /// Whether there are two mechanisms.
+    pub fn is_pair(&self) -> bool {
+        self.bodies.len() > 1
+    }
+
     /// Whether a mechanism has more legs than coordinates.
     pub fn is_redundant(&self) -> bool {
         self.bodies.iter().any(|body| body.truth.is_redundant())
