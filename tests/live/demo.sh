@@ -24,8 +24,8 @@ if [ -z "$program" ] || [ ! -f "$folder/programs/$program" ]; then
 fi
 out=build/demo/$name
 
-cargo build --profile host --locked --quiet -p judge
-cargo build --profile host --locked --quiet --bin pkm
+echo "demo: building pkm and the judge"
+cargo build --profile host --locked --bin pkm --bin judge
 rm -rf "$out"
 mkdir -p "$out"
 # LinuxCNC runs in real time: as long as it takes in virtual time, and half as long again.

@@ -170,7 +170,7 @@ table! {
         CONVERGENCE_CRITERION = Key { pin: "convergence-criterion", range: Above(0.0, f64::INFINITY), unit: LENGTH,
             ..key("Largest error of a leg's length that forward accepts.") };
         LIMIT_ITERATIONS = Key { pin: "limit-iterations", range: Whole(1, MAX_ITERATIONS), absent: Some(MAX_ITERATIONS),
-            ..key("Most linear solves of one forward call; a Hessian counts as one.") };
+            ..key("Most linear solves of one forward call.") };
         RESIDUAL_LIMIT = Key { pin: "residual-limit", range: Above(0.0, f64::INFINITY), unit: LENGTH,
             ..key("Largest contradiction of the joint values, where legs exceed coordinates.") };
         MAX_ERROR = Key { pin: "max-error",

@@ -48,19 +48,6 @@
 //!
 //! Where base anchors move beside it, a row changes by (s₁ + (r/ϱ_min) Y) δ/l_min, and a residual at a
 //! fixed place bends by max(1, r/ϱ_min) δ²/l_min.
-//!
-//! **The Hessian.** L takes every leg at its worst, as if all bent the platform the same way, and is several times as
-//! large as what they do together (the tests of `forward::hessian` print how many times). For far seeds it is
-//! worth computing that at the middle of the ball: H = ‖J⁻¹D²f‖_F there. From the middle to X the rows change
-//! by the integral of D²f, so that ‖I − J⁻¹J(X)‖ ≤ L |X| with
-//!
-//! ```text
-//! L = H + ‖J⁻¹‖_F √Σ(k₃ ρ/2)²,   |D³f| ≤ k₃ = (2/√3) s₁³/l_min² + 3 s₁s₂/l_min + s₃
-//! ```
-//!
-//! and s₃ = s₂/r in the chart of rotation vectors. Nothing above asks for more than that of L. A base anchor displaced
-//! by δ changes D²f by δ ((2/√3) s₁²/l_min² + s₂/l_min) at most, which k₃ δ/s₁ bounds: ρ/2 + δ/s₁ takes the place of
-//! ρ/2. The nut term is added to k₃ ρ/2.
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{both, pair};
@@ -80,10 +67,6 @@ pub const CERTIFIED: f64 = 0.4;
 
 /// A pose whose ball is smaller than this share of the size is too near a singular one.
 pub const CERTAIN_AT_ALL: f64 = 1e-6;
-
-/// 2/√3, the largest third derivative of the length of a unit vector: 3x(1 − x²), x the cosine between the vector and
-/// the unit velocity of its end.
-const MOST_THIRD: f64 = 1.154_700_538_379_251_5;
 
 /// How the base anchors move while the joints go from one set of values to another in
 /// unit time, seen from a platform that is shifted along.
@@ -176,38 +159,6 @@ fn of_nut<const N: usize>(
     let (s1, s2) = (pair(&machine.s1, i), pair(&machine.s2, i));
     let ball = Ball { rho, radius: machine.radius, curved, s1, s2 };
     nut.curvature(torsion, i, &ball).ok_or_else(|| torsion.uncertain())
-}
-
-/// What L is in the chart of rotation vectors where no platform anchor slides, `hessian` the norm of M D²f at the middle
-/// of the ball, at any moment of `motion`.
-///
-/// # Errors
-/// As [`lipschitz_constant`].
-pub(crate) fn lipschitz_of_hessian<const N: usize>(
-    machine: &Mechanism<N>,
-    placed: &Placed<N>,
-    torsion: Option<&Torsion<N>>,
-    inverse: &PseudoInverse<N>,
-    rho: f64,
-    motion: Option<&Motion<N>>,
-    hessian: f64,
-) -> Result<f64, Fault> {
-    let mut sum = f64x2::ZERO;
-    for i in (0..N).step_by(2) {
-        let (s1, s2) = (pair(&machine.s1, i), pair(&machine.s2, i));
-        let curved = most_curved(machine, placed, i, rho, motion)?;
-        let turn = s1 * curved;
-        let third =
-            (both(MOST_THIRD) * s1 * turn + both(3.0) * s2) * turn + s2 * both(machine.per_radius);
-        let mut away = both(rho / 2.0);
-        if let Some(motion) = motion {
-            away += pair(&motion.travel, i) / s1;
-        }
-        let k = third * away + of_nut(machine, torsion, i, rho, curved)?;
-        let k = k * pair(&machine.present, i);
-        sum += k * k;
-    }
-    Ok(hessian + inverse.inverse_norm() * sqrt(sum.reduce_add()))
 }
 
 /// What takes the place of s₁² where the platform anchors of legs `i` and `i + 1` slide.
@@ -501,26 +452,6 @@ pub(crate) mod tests {
         let lipschitz =
             lipschitz_constant(&machine, &placed, None, &inverse, 1.0, Some(&motion)).unwrap();
         assert_near(lipschitz, of_both(4.0 / 5.0 + 0.25, 4.0 / 5.0 + 0.25));
-    }
-
-    #[test]
-    fn beside_the_hessian_the_lipschitz_constant_has_the_third_derivatives_and_the_travel() {
-        let (mut machine, placed, inverse) = by_hand([10.0, 18.0, 10.0, 10.0, 10.0, 10.0]);
-        machine.per_radius = 0.1;
-        // 2/8 and 2/16, and with them (2/√3 2 2/l + 3/4) 2/l + 1/40.
-        let [one, other] =
-            [0.25, 0.125].map(|turn: f64| (4.0 / sqrt(3.0) * turn + 0.75) * turn + 0.025);
-        let lipschitz =
-            lipschitz_of_hessian(&machine, &placed, None, &inverse, 1.0, None, 3.0).unwrap();
-        assert_near(lipschitz, 3.0 + of_both(one / 2.0, other / 2.0));
-        // Anchors 2 elsewhere: 1 more of ρ/2, and legs of 6.
-        let motion = motion([2.0, 10.0, 0.0, 0.0, 0.0, 0.0]);
-        let [one, other] =
-            [1.0 / 3.0, 1.0 / 3.0].map(|turn: f64| (4.0 / sqrt(3.0) * turn + 0.75) * turn + 0.025);
-        let lipschitz =
-            lipschitz_of_hessian(&machine, &placed, None, &inverse, 1.0, Some(&motion), 3.0)
-                .unwrap();
-        assert_near(lipschitz, 3.0 + of_both(one * 1.5, other * 5.5));
     }
 
     #[test]

@@ -256,10 +256,7 @@ impl Machine {
         if solver.method == Method::Certified
             && let Some(joints) = joints.first_chunk()
             && let Some(Meeting { point, residual }) =
-                self.meeting(joints, &seed.position, tool, solver).or_else(|| {
-                    let (spheres, accepted) = self.spheres_accepting(solver)?;
-                    spheres.far_meeting(joints, &seed.position, tool, accepted)
-                })
+                self.meeting(joints, &seed.position, tool, solver)
         {
             *solution = Solution::of_spheres(point, residual);
             return Ok(());
@@ -277,16 +274,9 @@ impl Machine {
         tool: &Vector3<f64>,
         solver: &Solver,
     ) -> Option<Meeting> {
-        let (spheres, accepted) = self.spheres_accepting(solver)?;
-        spheres.meeting(joints, Which::Near(seed), tool, accepted)
-    }
-
-    /// The spheres, and the largest residual of a leg that sound settings accept.
-    #[inline(always)]
-    fn spheres_accepting(&self, solver: &Solver) -> Option<(&Spheres, f64)> {
         let spheres = self.spheres()?;
         solver.check().ok()?;
-        Some((spheres, solver.criterion(self.size())))
+        spheres.meeting(joints, Which::Near(seed), tool, solver.criterion(self.size()))
     }
 
     #[inline(always)]

@@ -133,12 +133,6 @@ impl<const N: usize> PseudoInverse<N> {
         x
     }
 
-    /// Its columns `i` and `i + 1`.
-    #[inline(always)]
-    pub fn columns(&self, i: usize) -> [f64x2; 6] {
-        self.inverse.each_ref().map(|row| pair(row, i))
-    }
-
     /// Frobenius norm of the (pseudo-)inverse of A.
     #[inline]
     pub fn inverse_norm(&self) -> f64 {

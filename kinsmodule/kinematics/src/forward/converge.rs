@@ -4,8 +4,7 @@
 use super::residual::{Measured, Stance, Way, along, newton_step, norm};
 use super::solver::{Certificate, Effort};
 use crate::certificate::{
-    CERTAIN_AT_ALL, CERTIFIED, Motion, chord_deviation, lipschitz_constant, lipschitz_of_hessian,
-    row_change,
+    CERTAIN_AT_ALL, CERTIFIED, Motion, chord_deviation, lipschitz_constant, row_change,
 };
 use crate::fault::{Cause, Fault};
 use crate::lanes::largest;
@@ -32,10 +31,6 @@ const CHORD_MARGIN: f64 = 0.03;
 
 /// The h aimed at for the next step of a chain: less than is allowed, because L grows from one to the next.
 const AIM: f64 = 0.95 * CERTIFIED;
-
-/// The same where L comes from the Hessian. From step to step L and the length of a share of the joint path grow by
-/// a tenth at most, except next to singular poses.
-const SHARP_AIM: f64 = 0.88 * CERTIFIED;
 
 /// Smallest and largest part of a step that was too long which is tried next.
 pub(super) const LEAST_SHARE: f64 = 0.02;
@@ -101,8 +96,6 @@ pub(super) struct Step {
     pub(super) turned: f64,
     /// L of the ball; infinite where nothing can be said.
     pub(super) lipschitz: f64,
-    /// The part of L that does not shrink with the ball; infinite for the bound leg by leg.
-    pub(super) hessian: f64,
 }
 
 impl Step {
@@ -130,11 +123,7 @@ impl Step {
         if !(self.h() < f64::INFINITY) {
             return 0.0;
         }
-        let h = if self.hessian < f64::INFINITY { SHARP_AIM } else { AIM };
-        // h = s t + g t² at t times the reach.
-        let growing = (self.lipschitz - self.hessian).max(0.0) * self.reach;
-        let steady = self.h() - growing;
-        self.reach * 2.0 * h / (steady + sqrt(steady * steady + 4.0 * growing * h))
+        self.reach * AIM / self.h()
     }
 
     /// How much of a step that is too long should do, in a chain of steps, by how far its ball reaches.
@@ -164,21 +153,6 @@ impl<const N: usize> Mechanism<N> {
         target: &Target<N>,
         motion: Option<&Motion<N>>,
     ) -> Step {
-        let first = self.unproved_step(at, inverse, leftover, target, motion);
-        let lipschitz = self.lipschitz_of_legs(at, inverse, 2.0 * first.reach, motion);
-        Step { lipschitz, ..first }
-    }
-
-    /// The same with nothing said of the Lipschitz constant.
-    #[inline(always)]
-    pub(super) fn unproved_step(
-        &self,
-        at: &Measured<N>,
-        inverse: &PseudoInverse<N>,
-        leftover: f64,
-        target: &Target<N>,
-        motion: Option<&Motion<N>>,
-    ) -> Step {
         let step = newton_step(inverse, &at.residual);
         let length = norm(&step);
         let mut reach = length.max(leftover);
@@ -188,7 +162,8 @@ impl<const N: usize> Mechanism<N> {
             let margin = |i: usize| self.margin(&at.placed, i, target.joints[i] + self.offset[i]);
             turned = row_change(self, &at.placed, inverse, 2.0 * reach, motion, margin);
         }
-        Step { step, length, reach, turned, lipschitz: f64::INFINITY, hessian: f64::INFINITY }
+        let lipschitz = self.lipschitz_of_legs(at, inverse, 2.0 * reach, motion);
+        Step { step, length, reach, turned, lipschitz }
     }
 
     /// The Lipschitz constant leg by leg, infinite where nothing can be said.
@@ -202,41 +177,6 @@ impl<const N: usize> Mechanism<N> {
     ) -> f64 {
         lipschitz_constant(self, &at.placed, self.torsion_of(at), inverse, rho, motion)
             .unwrap_or(f64::INFINITY)
-    }
-
-    /// Takes the Lipschitz constant from the Hessian at the middle of the ball where that is less.
-    pub(super) fn bound_by_hessian(
-        &self,
-        first: &mut Step,
-        at: &Measured<N>,
-        inverse: &PseudoInverse<N>,
-        motion: Option<&Motion<N>>,
-        hessian: f64,
-    ) {
-        let sharp = self.sharp_lipschitz(at, inverse, 2.0 * first.reach, motion, hessian);
-        if sharp < first.lipschitz {
-            (first.lipschitz, first.hessian) = (sharp, hessian);
-        }
-    }
-
-    /// The same from a stance whose step is too long leg by leg. Next to a singular pose it stays as it is.
-    // By value: registers, see `lanes`.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn sharpened(
-        &self,
-        mut first: Step,
-        about: &Stance<N>,
-        motion: Option<Motion<N>>,
-        effort: &mut Effort,
-    ) -> Result<Step, Fault> {
-        let Stance { at, inverse, .. } = about;
-        if self.has_hessian() && self.refuse_nearly_singular(at, inverse).is_ok() {
-            effort.spend_on_hessian()?;
-            let hessian = self.hessian_norm(at, inverse);
-            self.bound_by_hessian(&mut first, at, inverse, motion.as_ref(), hessian);
-        }
-        Ok(first)
     }
 
     /// Converges within the ball, in the chart about its middle.
@@ -347,7 +287,7 @@ impl<const N: usize> Mechanism<N> {
         // The ball of the first step serves if it is as large.
         let lipschitz = match distance <= 2.0 * first.length {
             true => first.lipschitz,
-            false => self.lipschitz_beyond(about, distance, first.hessian),
+            false => self.lipschitz_of_legs(&about.at, &about.inverse, distance, None),
         };
         let reach = lipschitz * distance;
         if !(reach < ALONE) {
@@ -356,35 +296,10 @@ impl<const N: usize> Mechanism<N> {
         if self.moving {
             self.refuse_dead_points(&end.placed, &target.joints)?;
         }
-        // Where L comes from the Hessian it may be less than leg by leg, and this has been refused before.
         if !(first.lipschitz * self.size * CERTAIN_AT_ALL < 1.0) {
             self.refuse_nearly_singular(&about.at, &about.inverse)?;
         }
         Ok(Certificate::Ball(reach))
-    }
-
-    /// L of the ball of radius `rho` about a stance, with what is known of the Hessian there.
-    #[cold]
-    fn lipschitz_beyond(&self, about: &Stance<N>, rho: f64, hessian: f64) -> f64 {
-        let Stance { at, inverse, .. } = about;
-        let of_legs = self.lipschitz_of_legs(at, inverse, rho, None);
-        if hessian < f64::INFINITY {
-            return of_legs.min(self.sharp_lipschitz(at, inverse, rho, None, hessian));
-        }
-        of_legs
-    }
-
-    fn sharp_lipschitz(
-        &self,
-        at: &Measured<N>,
-        inverse: &PseudoInverse<N>,
-        rho: f64,
-        motion: Option<&Motion<N>>,
-        hessian: f64,
-    ) -> f64 {
-        let torsion = self.torsion_of(at);
-        lipschitz_of_hessian(self, &at.placed, torsion, inverse, rho, motion, hessian)
-            .unwrap_or(f64::INFINITY)
     }
 
     pub(super) fn refuse_nearly_singular(
@@ -484,7 +399,7 @@ mod tests {
 
     /// Returns the limits of a call that may spend nine solves.
     fn effort() -> Effort {
-        Effort { spent: 0, hessians: 0, sub_steps: 1, limit: 9, tolerance: 1e-9, accepted: 1e-6 }
+        Effort { spent: 0, sub_steps: 1, limit: 9, tolerance: 1e-9, accepted: 1e-6 }
     }
 
     #[test]
@@ -651,34 +566,29 @@ mod tests {
 
     #[test]
     fn a_step_tells_how_long_the_next_should_be_and_what_it_leaves() {
-        let step = |length: f64, lipschitz: f64, hessian: f64| Step {
+        let step = |length: f64, lipschitz: f64| Step {
             step: [0.0; 6],
             length,
             reach: length,
             turned: 0.0,
             lipschitz,
-            hessian,
         };
         let near = |found: f64, expected: f64| {
             // Some roundings of numbers below 10.
             assert!((found - expected).abs() < 1e-14, "{found} {expected}");
         };
         // L stays: 0.38 over it. 1 − √0.2 − 0.4 of 1/L is left at most.
-        let plain = step(2.0, 0.2, f64::INFINITY);
+        let plain = step(2.0, 0.2);
         near(plain.next_length(), 1.9);
         near(plain.unconverged(), CAYLEY * (0.6 - sqrt(0.2)) / 0.2);
         near(plain.share_to_try(), 0.9);
         // Of 8 that the ball reaches for, 3.8 are aimed at, however little of it is the step itself.
-        near(Step { reach: 8.0, ..step(2.0, 0.1, f64::INFINITY) }.share_to_try(), 3.8 / 8.0);
-        // L is 0.1 and grows by 0.05 per length: at 0.352 = 0.1 x + 0.05 x².
-        let sharp = step(2.0, 0.2, 0.1);
-        let next = sharp.next_length();
-        near(0.1 * next + 0.05 * next * next, 0.352);
+        near(Step { reach: 8.0, ..step(2.0, 0.1) }.share_to_try(), 3.8 / 8.0);
         // What reaches beyond the step itself may be used by the next one.
-        near(Step { reach: 4.0, ..step(2.0, 0.1, f64::INFINITY) }.next_length(), 3.8);
-        let unknown = step(2.0, f64::INFINITY, f64::INFINITY);
+        near(Step { reach: 4.0, ..step(2.0, 0.1) }.next_length(), 3.8);
+        let unknown = step(2.0, f64::INFINITY);
         assert_eq!((unknown.next_length(), unknown.share_to_try()), (0.0, LEAST_SHARE));
-        assert_eq!(step(1e9, 1.0, f64::INFINITY).share_to_try(), LEAST_SHARE);
+        assert_eq!(step(1e9, 1.0).share_to_try(), LEAST_SHARE);
     }
 
     #[test]
@@ -696,7 +606,6 @@ mod tests {
             reach: length,
             turned: 0.0,
             lipschitz,
-            hessian: f64::INFINITY,
         };
         let confirm = |lipschitz: f64, length: f64, distance: f64| {
             let first = step_of(length, lipschitz);
@@ -769,7 +678,7 @@ mod tests {
     fn at_every_moment_of_a_certified_step_the_rows_stay_within_the_bound() {
         for coordinates in CHARTS {
             let mut rng = Pcg64::seed_from_u64(12);
-            let (mut checked, mut sharp, mut turned, mut stepped) = (0, 0, 0.0_f64, 0.0_f64);
+            let (mut checked, mut turned, mut stepped) = (0, 0.0_f64, 0.0_f64);
             for n in 0..10_000 {
                 let Some((machine, place)) = machine(&mut rng, coordinates, n % 4 == 0) else {
                     continue;
@@ -785,21 +694,10 @@ mod tests {
                     continue;
                 }
                 let inverse = stance.inverse;
-                let mut first = machine.first_step(&there, &inverse, 0.0, &to, Some(&step.motion));
-                if machine.has_hessian() {
-                    let hessian = machine.hessian_norm(&stance.at, &inverse);
-                    machine.bound_by_hessian(
-                        &mut first,
-                        &there,
-                        &inverse,
-                        Some(&step.motion),
-                        hessian,
-                    );
-                }
+                let first = machine.first_step(&there, &inverse, 0.0, &to, Some(&step.motion));
                 if !first.is_certified() {
                     continue;
                 }
-                sharp += u32::from(first.hessian < f64::INFINITY);
                 let reach =
                     first.length + chord_deviation(&machine, &there.placed, &inverse, &step.motion);
                 let rho = 2.0 * reach;
@@ -834,11 +732,8 @@ mod tests {
                 }
             }
             let name = core::str::from_utf8(coordinates).unwrap();
-            std::println!(
-                "{name}: {checked} points, {sharp} by the Hessian, rows {turned:.2}, step {stepped:.2} of bound"
-            );
+            std::println!("{name}: {checked} points, rows {turned:.2}, step {stepped:.2} of bound");
             assert!(checked > 1000, "{name}: {checked}");
-            assert_eq!(sharp > 100, name == "XYZABC", "{name}: {sharp}");
             // Bounds that are far too wide would be sound and useless.
             assert!(turned > 0.1 && stepped > 0.5, "{name}: {turned} {stepped}");
         }

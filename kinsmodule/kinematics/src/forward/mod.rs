@@ -8,7 +8,6 @@
 
 mod contradiction;
 mod converge;
-mod hessian;
 mod residual;
 mod solver;
 mod track;
@@ -66,7 +65,6 @@ impl<const N: usize> Mechanism<N> {
         let redundant = self.layout.is_redundant();
         let mut effort = Effort {
             spent: 0,
-            hessians: 0,
             sub_steps: 1,
             limit: solver.limit_iterations,
             tolerance: POSE_TOLERANCE * self.size,
@@ -99,7 +97,7 @@ impl<const N: usize> Mechanism<N> {
         pose.check()?;
         *solution = Solution {
             pose,
-            iterations: effort.solves(),
+            iterations: effort.spent,
             sub_steps: effort.sub_steps,
             residual,
             corrections: self.per_leg(&corrections),
@@ -201,11 +199,8 @@ impl<const N: usize> Mechanism<N> {
         effort.spend()?;
         let share = match self.settle(target, ahead) {
             Ok(()) => {
-                let mut first =
+                let first =
                     self.first_step(&ahead.at, &ahead.inverse, 0.0, target, motion.as_ref());
-                if !first.is_certified() {
-                    first = self.sharpened(first, ahead, motion, effort)?;
-                }
                 if first.is_certified() {
                     return self.near(target, &Ball { about: ahead, first }, effort, end);
                 }
@@ -218,10 +213,7 @@ impl<const N: usize> Mechanism<N> {
         ahead.place = self.track(target, start.unwrap_or(ahead.place), share, effort)?;
         effort.spend()?;
         self.settle(target, ahead)?;
-        let mut first = self.first_step(&ahead.at, &ahead.inverse, 0.0, target, None);
-        if !first.is_certified() {
-            first = self.sharpened(first, ahead, None, effort)?;
-        }
+        let first = self.first_step(&ahead.at, &ahead.inverse, 0.0, target, None);
         if !first.is_certified() {
             return Err(Fault::with_value(Cause::NotCertified, first.h()));
         }

@@ -14,9 +14,6 @@ pub const MAX_ITERATIONS: u32 = 288;
 /// Most sub-steps of one call.
 pub const MAX_SUB_STEPS: u32 = 96;
 
-/// The same by Hessians, which reach about twice as far.
-pub(super) const MAX_SHARP_SUB_STEPS: u32 = 48;
-
 /// How forward searches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
@@ -34,7 +31,7 @@ pub struct Solver {
     /// Largest leg residual accepted, in joint units; effectively not below
     /// 16 · 2⁻⁵² of the machine's size.
     pub convergence_criterion: f64,
-    /// Most linear solves, 1 to [`MAX_ITERATIONS`]. A Hessian counts as one.
+    /// Most linear solves, 1 to [`MAX_ITERATIONS`].
     pub limit_iterations: u32,
     /// Largest leg residual accepted where legs exceed coordinates, in machine units;
     /// 0 = 5e-3 of the platform radius.
@@ -156,9 +153,8 @@ impl Solution {
 
 /// Counts and limits of one call.
 pub(super) struct Effort {
-    /// Solves, and Hessians, which take about as long as one.
+    /// Linear solves.
     pub(super) spent: u32,
-    pub(super) hessians: u32,
     pub(super) sub_steps: u32,
     pub(super) limit: u32,
     /// Pose error at which iteration stops, a length.
@@ -183,19 +179,6 @@ impl Effort {
         self.spent += 1;
         Ok(())
     }
-
-    /// Counts a Hessian, which takes about as long as a solve.
-    pub(super) fn spend_on_hessian(&mut self) -> Result<(), Fault> {
-        self.spend()?;
-        self.hessians += 1;
-        Ok(())
-    }
-
-    /// Linear solves.
-    #[inline(always)]
-    pub(super) fn solves(&self) -> u32 {
-        self.spent.wrapping_sub(self.hessians)
-    }
 }
 
 #[cfg(test)]
@@ -204,22 +187,11 @@ mod tests {
 
     #[test]
     fn an_effort_counts_solves_up_to_its_limit_and_converges_by_error_and_residuals() {
-        let mut effort = Effort {
-            spent: 0,
-            hessians: 0,
-            sub_steps: 1,
-            limit: 3,
-            tolerance: 1e-9,
-            accepted: 1e-6,
-        };
+        let mut effort =
+            Effort { spent: 0, sub_steps: 1, limit: 2, tolerance: 1e-9, accepted: 1e-6 };
         assert_eq!((effort.spend(), effort.spend()), (Ok(()), Ok(())));
-        assert_eq!(effort.spend_on_hessian(), Ok(()));
-        assert_eq!(effort.spend(), Err(Fault::with_value(Cause::TooManyIterations, 3.0)));
-        assert_eq!(
-            effort.spend_on_hessian(),
-            Err(Fault::with_value(Cause::TooManyIterations, 3.0))
-        );
-        assert_eq!(effort.solves(), 2);
+        assert_eq!(effort.spend(), Err(Fault::with_value(Cause::TooManyIterations, 2.0)));
+        assert_eq!(effort.spent, 2);
         let residual = [1e-6, -1e-6, 0.0, 0.0];
         assert!(effort.is_converged(1e-9, &residual));
         assert!(!effort.is_converged(1.1e-9, &residual));

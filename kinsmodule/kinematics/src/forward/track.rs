@@ -3,7 +3,7 @@
 
 use super::converge::{LEAST_SHARE, Step};
 use super::residual::{Measured, newton_step, norm};
-use super::solver::{Effort, MAX_SHARP_SUB_STEPS, MAX_SUB_STEPS};
+use super::solver::{Effort, MAX_SUB_STEPS};
 use crate::fault::{Cause, Fault};
 use crate::mechanism::Mechanism;
 use crate::placed::Place;
@@ -32,8 +32,6 @@ struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
     target: &'a Target<N>,
     /// Share already covered.
     done: f64,
-    /// Measured at the middle of the ball.
-    at: &'a Measured<N>,
     /// Share at the middle of the ball where that is ahead, 0 where it is about where the last sub-step has led.
     middle: f64,
     /// Newton's step from the middle of the ball back to the path.
@@ -120,15 +118,9 @@ impl<const N: usize> Mechanism<N> {
         // Where base anchors move, or legs are in excess, there is none to expect: the legs do not fit half-way. Nor
         // where one was not there: next to singular poses every second sub-step would go for it.
         let mut looks_ahead = !self.moving && !self.layout.is_redundant();
-        let has_hessian = self.has_hessian();
-        let most = if has_hessian { MAX_SHARP_SUB_STEPS } else { MAX_SUB_STEPS };
         effort.sub_steps = 0;
-        while effort.sub_steps < most {
+        while effort.sub_steps < MAX_SUB_STEPS {
             effort.sub_steps += 1;
-            if has_hessian {
-                // In advance: the sub-step that arrives may need none.
-                effort.spend_on_hessian()?;
-            }
             let middle = self.moved(&place, &ahead.by);
             let taken = self
                 .regular(here, &middle, (&mut at, &mut inverse), effort.sub_steps == 1)
@@ -139,7 +131,6 @@ impl<const N: usize> Mechanism<N> {
                         here,
                         target,
                         done,
-                        at: &at,
                         middle: ahead.share,
                         back,
                         leftover: back.max((ahead.off + norm(&ahead.by)) / 2.0),
@@ -174,7 +165,7 @@ impl<const N: usize> Mechanism<N> {
                 ahead.share = half;
             }
         }
-        Err(Fault::with_value(Cause::TooManySubSteps, f64::from(most)))
+        Err(Fault::with_value(Cause::TooManySubSteps, f64::from(MAX_SUB_STEPS)))
     }
 
     /// Measures and factors the middle of a ball; refuses dead points, and to set out next to a singular pose.
@@ -206,7 +197,6 @@ impl<const N: usize> Mechanism<N> {
         mut share: f64,
         effort: &mut Effort,
     ) -> Result<SubStep, Fault> {
-        let mut hessian = None;
         for _ in 0..MAX_TRIALS {
             let rest = 1.0 - path.done;
             let arrives = share >= rest;
@@ -225,20 +215,7 @@ impl<const N: usize> Mechanism<N> {
             let ahead = self.taken_along(place, motion.as_ref());
             self.measure(to, &ahead, at)?;
             effort.spend()?;
-            let mut first = self.unproved_step(at, inverse, path.leftover, to, motion.as_ref());
-            let of_legs = |rho| self.lipschitz_of_legs(at, inverse, rho, motion.as_ref());
-            // On the way the next sub-step would be a short one if this one were bounded leg by leg.
-            let is_sharp = self.has_hessian() && !arrives;
-            if !is_sharp {
-                first.lipschitz = of_legs(2.0 * first.reach);
-            }
-            if self.has_hessian() && !first.is_certified() {
-                let hessian = *hessian.get_or_insert_with(|| self.hessian_norm(path.at, inverse));
-                self.bound_by_hessian(&mut first, at, inverse, motion.as_ref(), hessian);
-            }
-            if is_sharp && !first.is_certified() {
-                first.lipschitz = first.lipschitz.min(of_legs(2.0 * first.reach));
-            }
+            let first = self.first_step(at, inverse, path.leftover, to, motion.as_ref());
             share = share.min(rest);
             let times = path.times(&first);
             if first.is_certified() {
@@ -258,7 +235,7 @@ mod tests {
 
     #[test]
     fn a_sub_step_goes_on_from_the_middle_of_its_ball_or_after_the_way_back() {
-        let (target, at) = (Target::of([0.0; 4]), Measured::ZERO);
+        let target = Target::of([0.0; 4]);
         let times = |middle: f64, back: f64, length: f64, bowed: f64| {
             let along = |_| [0.0; 4];
             let path = Path {
@@ -266,7 +243,6 @@ mod tests {
                 here: &target,
                 target: &target,
                 done: 0.0,
-                at: &at,
                 middle,
                 back,
                 leftover: back,
@@ -278,7 +254,6 @@ mod tests {
                 reach: length.max(back) + bowed,
                 turned: 0.0,
                 lipschitz: 0.1,
-                hessian: f64::INFINITY,
             })
         };
         // Some roundings of numbers below 10.

@@ -30,6 +30,16 @@ fn each_gives_bit_for_bit_what_it_gives_alone_and_comes_back_to_its_pose() {
         let alone = [two.first.machine.module(), two.second.machine.module()];
         // 10^5 poses of the mirrored lathe, which is a shipped machine.
         let count = if two.angles == "C" { cases(100_000) } else { cases(2_000) };
+        // Found poses may equal the reference poses or be off by a rounding: beside them both start at the same bits.
+        let starts = [&two.first, &two.second].map(|subject| {
+            let mut home = subject.home();
+            home[2] += 1e-3;
+            home
+        });
+        let start = two.world(&starts[0], &starts[1]);
+        // A first call of all, in which nothing is known.
+        let known = module.inverse(&start).and_then(|joints| module.forward(&joints, &start));
+        known.expect("a pose of both workspaces");
         let mut worst = 0.0_f64;
         for _ in 0..count {
             let poses = [(two.first.sample)(&mut random), (two.second.sample)(&mut random)];
@@ -37,12 +47,10 @@ fn each_gives_bit_for_bit_what_it_gives_alone_and_comes_back_to_its_pose() {
             let joints = module.inverse(&world).expect("poses of both workspaces");
             let expected = [0, 1].map(|i| alone[i].inverse(&poses[i]).expect("the same alone"));
             assert_eq!(joints, two.joints(&expected[0], &expected[1]), "{name} at {world:?}");
-            // From the reference poses, which the joints of every pose are connected with.
-            let found = module.forward(&joints, &two.homes()).expect("their own joints");
-            let own = [0, 1].map(|i| {
-                let home = [two.first.home(), two.second.home()][i];
-                alone[i].forward(&expected[i], &home).expect("the same alone")
-            });
+            // From beside the reference poses, which the joints of every pose are connected with.
+            let found = module.forward(&joints, &start).expect("their own joints");
+            let own =
+                [0, 1].map(|i| alone[i].forward(&expected[i], &starts[i]).expect("the same alone"));
             assert_eq!(found, two.world(&own[0], &own[1]), "{name} at {world:?}");
             let machines = [&two.first.machine, &two.second.machine];
             let back = [found, two.second_of(&found)];

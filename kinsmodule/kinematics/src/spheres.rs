@@ -31,10 +31,7 @@
 //! joints from the seed's to those of t, at most 4 w/3 long as M p, is that of points within 2 w.
 //! Nothing in that ball is singular or at a dead point.
 //!
-//! Of other seeds the way itself is looked at (`way`). What neither accepts is left to the general method,
-//! which also says what is wrong.
-
-mod way;
+//! What this does not accept is left to the general method, which also says what is wrong.
 
 use crate::geometry::{FARTHEST, HUGE};
 use crate::lanes::{
@@ -54,8 +51,7 @@ const FLAT: f64 = 0.05;
 const SHORT: f64 = 12.0;
 
 /// Arms that point farther than this from their zero, in degrees, are near to where inverse kinematics
-/// jump by a turn: farther away than a way that counts as short can turn an arm, less than 1/10 rad. Of other ways
-/// begin and end are within it, and so is what is between.
+/// jump by a turn: farther away than a way that counts as short can turn an arm, less than 1/10 rad.
 const MOST_TURNED: f64 = 170.0;
 
 /// The leg of a lane: two of them side by side, and twice the one that these are seen from.
@@ -112,7 +108,7 @@ pub(crate) struct Spheres {
     sizes: Option<Sizes>,
     /// Shortest length at which a leg has a direction.
     least_length: f64,
-    /// Longest part of a tool vector, and of a far way's begin and end.
+    /// Longest part of a tool vector.
     farthest: f64,
 }
 
@@ -352,23 +348,6 @@ impl Spheres {
         self.is_within_reach(tool).then_some(met)
     }
 
-    /// As [`Spheres::meeting`], from a seed anywhere.
-    // A frame of its own, which is gone where the general method is asked.
-    #[inline(never)]
-    pub fn far_meeting(
-        &self,
-        joints: &[f64; 3],
-        seed: &Vector3<f64>,
-        tool: &Vector3<f64>,
-        accepted: f64,
-    ) -> Option<Meeting> {
-        let (from, side) = self.seen(seed)?;
-        let met = self.meeting(joints, Which::Side(side), tool, accepted)?;
-        // Farther away the digits of a joint no longer hold its leg.
-        let held = self.is_within_reach(seed) && self.is_within_reach(&met.point);
-        (held && self.leads(side, &from, joints)).then_some(met)
-    }
-
     /// Where the joints put the lower ends, and the lengths of the legs.
     #[inline(always)]
     fn drive(&self, [zero, one, two]: &[f64; 3]) -> Option<Driven> {
@@ -463,16 +442,11 @@ impl Spheres {
 
     /// Sign of the side of the plane of the centres on which a control point is.
     pub fn side(&self, point: &Vector3<f64>) -> Option<f64> {
-        self.seen(point).map(|(_, side)| side)
-    }
-
-    /// Joint values of a control point, and the sign of its side of the plane of the centres.
-    fn seen(&self, point: &Vector3<f64>) -> Option<([f64; 3], f64)> {
         let joints = self.joints_of(&self.ways(point))?;
         let Driven { centre: [centre, from], .. } = self.drive(&joints)?;
         let ab = difference(&centre, &from);
         let normal = cross(&ab, &ab.map(swapped));
         let [side, _] = dot(&normal, &difference(&wide(point), &from)).to_array();
-        Some((joints, 1.0_f64.copysign(side)))
+        Some(1.0_f64.copysign(side))
     }
 }
