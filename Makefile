@@ -98,8 +98,8 @@ help:
 	@echo "make prove      reads the built module: no panic, no allocation, bounded stack, named symbols"
 	@echo "make counts     instructions of every call, typical and at worst, against their bounds"
 	@echo "make check      formatting, lints, documentation, generated files"
-	@echo "make bench      time and failures beside LinuxCNC's genhexkins"
-	@echo "make certify    how often forward is right, refuses and errs, as tables"
+	@echo "make bench      time and failures beside LinuxCNC's modules; tables in build/benchmarks.md"
+	@echo "make certify    how often forward is right, refuses and errs; tables in build/certify.md"
 	@echo "make boxes      proves the boxes of the shipped machines for the start without a seed"
 	@echo "make fuzz       the three fuzz targets for MINUTES=10 each"
 	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
@@ -116,8 +116,8 @@ help:
 	@echo "make uninstall-pkm  takes exactly these away"
 	@echo "make wheel      the package for Python, build/wheel; make test-wheel tests all of it"
 	@echo "make test-wheel-debian  the same with the Python of a Debian with nothing else; SUITE=bookworm"
-	@echo "make python-figures  measures the package for Python and writes docs/design-figures.md"
-	@echo "make paper-figures  runs the design studies of the papers and writes docs/design-papers.md"
+	@echo "make python-figures  measures the package for Python; figures in build/design-figures.md"
+	@echo "make paper-figures  runs the design studies of the papers; tables in build/design-papers.md"
 	@echo "make deb        Debian packages of the module and of pkm, in target/debian"
 	@echo "make test-deb   installs, uses and purges them in a Debian with nothing else; SUITE=bookworm"
 	@echo "make test-trixie  make test-bare with Debian 13 and its LinuxCNC 2.9.4"
@@ -288,11 +288,11 @@ test-wheel-debian: wheel
 	$(HOST_BUILD) --bin pkm
 	tests/wheel/run.sh $(SUITE)
 
-# Writes docs/design-figures.md.
+# Writes build/design-figures.md.
 python-figures: test-wheel
 	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python python/benchmarks/figures.py
 
-# Writes docs/design-papers.md.
+# Writes build/design-papers.md.
 paper-figures: wheel-env
 	build/wheel/env/bin/python python/benchmarks/papers.py
 
@@ -345,39 +345,35 @@ msrv: setup
 	$(CARGO) +$(RUST) check $(LOCKED) --all-targets --target-dir target/msrv
 	$(CARGO) +$(RUST) check $(LOCKED) --release -p pkmkins --target-dir target/msrv
 
+# Their tables come into build/ as well as onto the terminal; a command that fails in front of tee fails the target.
+prove counts bench certify: private SHELL := /bin/bash
+prove counts bench certify: private .SHELLFLAGS := -o pipefail -c
+
 prove: setup module
-	$(HOST_RUN) --bin prove
-
-# Under valgrind; `counts-write` makes what is found now the bounds, with a margin, and writes the tables of
-# docs/real-time.md, that of `prove` as well.
-counts: setup module
-	$(HOST_RUN) --bin counts
-
-counts-write: setup module
 	@mkdir -p build
-	$(HOST_RUN) --bin prove > build/prove.md
-	sed -i '/^|/!d' build/prove.md
-	$(HOST_RUN) --bin counts write > build/counts.md
-	for table in prove counts; do \
-	    sed -i -e "/^<!-- of make $$table/,/^<!-- until here/{//!d}" \
-	        -e "/^<!-- of make $$table/r build/$$table.md" docs/real-time.md; done
+	$(HOST_RUN) --bin prove | tee build/prove.md
 
-# Writes the tables of docs/benchmarks.md: what follows its comment line.
-BENCH := docs/benchmarks.md
+# Under valgrind.
+counts: setup module
+	@mkdir -p build
+	$(HOST_RUN) --bin counts | tee build/counts.md
+
+# Makes what is counted now the bounds, with a margin.
+counts-write: setup module
+	$(HOST_RUN) --bin counts write
+
 bench: setup module
 	@mkdir -p build
-	sed '/^<!-- make bench writes/q' $(BENCH) > build/benchmarks.md
-	sed -n 's/^model name[^:]*: */\nMeasured on: /p' /proc/cpuinfo | head -n 2 >> build/benchmarks.md
-	echo >> build/benchmarks.md
-	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench >> build/benchmarks.md
-	$(CARGO) bench $(LOCKED) --quiet -p pkm --bench host >> build/benchmarks.md
-	@mv build/benchmarks.md $(BENCH) && sed '1,/^<!-- make bench writes/d' $(BENCH)
+	{ sed -n "/^model name/{s/[^:]*: */Measured on $$(date -u +%F): /p;q}" /proc/cpuinfo && echo && \
+	    $(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench && \
+	    $(CARGO) bench $(LOCKED) --quiet -p pkm --bench host; } | tee build/benchmarks.md
 
 # With PKMKINS_CASES=10 the 10^7, 10^5 and 10^4 calls of the long tier.
 certify: setup module
-	$(CARGO) test --profile host $(LOCKED) --quiet -p kinematics --test core certified:: -- \
-	    --nocapture --test-threads=1
-	$(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify
+	@mkdir -p build
+	{ $(CARGO) test --profile host $(LOCKED) --quiet -p kinematics --test core certified:: -- \
+	    --nocapture --test-threads=1 && \
+	    $(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify; } | tee build/certify.md
 
 # Three seconds on two cores; `make test` proves all but the hexapod's.
 boxes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Writes docs/design-figures.md: poses a second in Python, candidates a second, cost of every engine.
+"""Writes build/design-figures.md: poses a second in Python, candidates a second, cost of every engine.
 
 Ratios of one run on one computer; times are printed, never asserted.
 """
@@ -198,6 +198,13 @@ def table(head, rows):
     return ["| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows]]
 
 
+def write(name, lines):
+    """Writes a page into build/ and prints it."""
+    (ROOT / "build").mkdir(exist_ok=True)
+    (ROOT / "build" / name).write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+
+
 def of_rates(one, both):
     """Poses a second, and beside what."""
     def share(name, other):
@@ -217,7 +224,7 @@ def of_rates(one, both):
 def of_search(front, seconds):
     """The study with all its candidates."""
     return [
-        f"[design-hexapod.toml](examples/design-hexapod.toml) as it is, `pkm design --workers 2`: {front.judged} candidates in {seconds:.0f} s,",
+        f"[design-hexapod.toml](../docs/examples/design-hexapod.toml) as it is, `pkm design --workers 2`: {front.judged} candidates in {seconds:.0f} s,",
         f"of which {front.fitting} keep their limits at the poses looked at; {len(front.machines)} are on the front.",
     ]
 
@@ -261,8 +268,7 @@ def main():
         "",
         *of_engines(found, cost, size, each),
     ]
-    (ROOT / "docs" / "design-figures.md").write_text("\n".join(lines) + "\n")
-    print("\n".join(lines))
+    write("design-figures.md", lines)
 
 
 if __name__ == "__main__":

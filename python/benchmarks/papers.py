@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Writes docs/design-papers.md: the shipped studies of what papers 001, 003 and 004 ask, beside what they say.
+"""Writes build/design-papers.md: results of the shipped studies of what papers 001, 003 and 004 ask.
 
-No times: the same on every computer.
+docs/design-papers.md compares them with the papers. No times: the same on every computer.
 """
 
 import json
@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from figures import ROOT, table
+from figures import ROOT, table, write
 from pkmkins import machine_of
 from pkmkins.design import Study
 from pkmkins.design.engine import Processes
@@ -90,20 +90,13 @@ def of_001(front):
     return [
         "## Paper 001: a stroke of 450 mm, a tilt of 40°",
         "",
-        "The paper prints a stroke of 450 mm, struts at 65° and 67° to the base, a platform that tilts by about 40° and 430 mm of vertical",
-        "travel; neither radii nor lengths nor what the joints may swing. [design-paper-001.toml](examples/design-paper-001.toml) looks for",
-        "hexapods that take this tilt every way at home, with the largest workspace and with least of the stroke.",
-        f"{said(front)} {ends} have the smallest base radius of the",
-        "range: what is chosen depends on the ranges too. From one end of the front to the other, mm and degrees:",
+        f"{said(front)} {ends} have the smallest base radius of the range.",
+        "From one end of the front to the other, mm and degrees:",
         "",
         *table(head, [row(one) for one in shown]),
         "",
         f"Struts stand at {min(one[3] for one in asked):.0f}° to {max(one[3] for one in asked):.0f}° to the base on the front, {len(like)} of {len(asked)} machines between 65° and 67°. The one nearest to 66°,",
         f"with {angle:.1f}°, has {volume / largest:.0%} of the largest workspace, needs {stroke:.0f} mm of its stroke for the tilt, and travels {level_travel(machine(front, values)):.0f} mm level.",
-        "So the paper's inclination is one of those that nothing beats in both, and no more follows: which of them is best depends on what",
-        "workspace and tilt are worth. A symmetric hexapod has one inclination; two need base joints that are not on one circle, as",
-        "[lab-hexapod](../configs/lab-hexapod/README.md) has them. The printed travel of 430 mm is less than what the stroke gives, as",
-        "[sources.md](sources.md) says.",
     ]
 
 
@@ -115,15 +108,10 @@ def of_003(front):
     return [
         "## Paper 003: a lathe on four rods",
         "",
-        "The paper compares layouts of lathes and prints no dimension of any. [design-lathe.toml](examples/design-lathe.toml) asks which rails",
-        "and rods reach a work zone of 150 x 100 x 300 mm with the stiffest tool and the smallest machine; zone, stiffness of the rods",
-        f"(100 N/µm each) and ranges are chosen. {said(front)}",
+        said(front),
         f"Ruled out by: {ruled}. From the stiffest to the smallest, mm:",
         "",
         *table(head, rows),
-        "",
-        "There is nothing in the paper to hold these figures against. What its task asks for is the choice: stiffness is bought with",
-        "longer rods between rails that are farther apart.",
     ]
 
 
@@ -153,16 +141,13 @@ def of_004():
     return [
         "## Paper 004: stiffness and the size of the platform",
         "",
-        "The paper concludes that stiffness grows with the size of the platform, and that with the tool outside the platform the stiffness",
-        "of its tip hardly depends on the ratio of the radii; its maps are pictures without a scale. The same by the",
-        f"lines of `python/notebooks/stiffness-and-platform.ipynb`: base radius 400 mm, struts of 10 N/µm, platform radius {low:.1f} to {high:.1f}",
-        "times that of the base, least stiffness of the tip at home, mm:",
+        f"Base radius 400 mm, struts of 10 N/µm, platform radius {low:.1f} to {high:.1f} times that of the base, least stiffness of the tip",
+        "at home, mm:",
         "",
         *table(head, [row(height, nose) for height in HEIGHTS for nose in NOSES]),
         "",
-        "The first statement holds against turns, which a larger platform resists many times better. The second holds for a tip in the plane",
-        f"of the platform joints, whose stiffness changes by a factor of {inside:.2f} at the most. Outside of it these factors are {min(outside):.2f} to {max(outside):.2f}:",
-        "little beside that against turns, but not nothing, and beyond the ratio of the largest a larger platform makes the tip softer.",
+        f"The stiffness of a tip in the plane of the platform joints changes by a factor of {inside:.2f} at the most, outside of it by",
+        f"{min(outside):.2f} to {max(outside):.2f}.",
     ]
 
 
@@ -170,17 +155,13 @@ def main():
     lines = [
         "# What the papers ask",
         "",
-        "Written by `make paper-figures`: the shipped studies, run to their end, beside what the papers say. [Sources](sources.md) names",
-        "the papers; how a study is read: [choosing a machine](design-study.md).",
-        "",
         *of_001(found("design-paper-001.toml")),
         "",
         *of_003(found("design-lathe.toml")),
         "",
         *of_004(),
     ]
-    (ROOT / "docs" / "design-papers.md").write_text("\n".join(lines) + "\n")
-    print("\n".join(lines))
+    write("design-papers.md", lines)
 
 
 if __name__ == "__main__":

@@ -63,24 +63,26 @@ CARGO_PROFILE_DEV_DEBUG=0 PKMKINS_CASES=0.1 again all quick -- --locked
 survived "$out/all/mutants.out/missed.txt" | grep -vFxf "$out/caught.txt" >"$out/missed.txt" || true
 cp "$out/units/mutants.out/unviable.txt" "$out/unviable.txt"
 cd "$out"
-echo "| file | mutants | do not build | noticed | not noticed |"
-echo "|---|--:|--:|--:|--:|"
-awk -F: '
-    { sub(".*/src/", "", $1); files[$1]; count[FILENAME, $1]++; count[FILENAME, ""]++ }
-    function row(name, file) {
-        unviable = count["unviable.txt", file]
-        caught = count["caught.txt", file]
-        missed = count["missed.txt", file]
-        sum = unviable + caught + missed
-        return "| " name " | " sum " | " unviable + 0 " | " caught + 0 " | " missed + 0 " |"
-    }
-    END {
-        for (file in files)
-            print row(file, file) | "sort"
-        close("sort")
-        print row("all of them", "")
-    }' caught.txt missed.txt unviable.txt
-sed 's/^/  not noticed: /' missed.txt
+{
+    echo "| file | mutants | do not build | noticed | not noticed |"
+    echo "|---|--:|--:|--:|--:|"
+    awk -F: '
+        { sub(".*/src/", "", $1); files[$1]; count[FILENAME, $1]++; count[FILENAME, ""]++ }
+        function row(name, file) {
+            unviable = count["unviable.txt", file]
+            caught = count["caught.txt", file]
+            missed = count["missed.txt", file]
+            sum = unviable + caught + missed
+            return "| " name " | " sum " | " unviable + 0 " | " caught + 0 " | " missed + 0 " |"
+        }
+        END {
+            for (file in files)
+                print row(file, file) | "sort"
+            close("sort")
+            print row("all of them", "")
+        }' caught.txt missed.txt unviable.txt
+    sed 's/^/  not noticed: /' missed.txt
+} | tee table.md
 caught=$(lines caught.txt) missed=$(lines missed.txt)
 if [ "$caught" -eq 0 ] || [ $((100 * caught)) -lt $((LEAST * (caught + missed))) ]; then
     echo "mutants of part $part: fewer than $LEAST of 100 noticed" >&2
