@@ -185,7 +185,7 @@ test-virtual: setup
 	$(BEHIND) tests/live/traces_test.py
 	$(BEHIND) tests/live/truth.py --random 200 --out build/truth-random
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
-	$(BEHIND) tests/virtual/guarded.py --programs 100
+	$(BEHIND) tests/virtual/guarded.py --programs 50
 
 # Waits until cargo has built the tests; the component that plays the true machine comes with those of Python.
 test-aside: setup

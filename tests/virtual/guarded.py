@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Random programs with the guard on, run by LinuxCNC in virtual time on every shipped machine.
 
-    tests/virtual/guarded.py [--programs 100] [--seed 1] [--only hexapod]
+    tests/virtual/guarded.py [--programs 50] [--seed 1] [--only hexapod]
 
 Moves and tool changes of `pkm random`, at four times their feeds, on the shipped drives and on drives of a
 fraction of their speed. Ends in a table; exit code 1 if a program does not run to its end, gives a
@@ -99,7 +99,7 @@ def table(rows):
 
 def parsed():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--programs", type=int, default=100, help="how many")
+    arguments.add_argument("--programs", type=int, default=50, help="how many")
     arguments.add_argument("--seed", type=int, default=1, help="the same seed gives the same programs")
     arguments.add_argument("--only", default="", help="machines whose name contains this text")
     return arguments.parse_args()
