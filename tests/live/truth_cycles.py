@@ -198,7 +198,7 @@ def wrong(flight, outcome, first, seen, is_whole, source, is_inch):
         if kind not in OTHERS and is_whole and not any(run.is_near(kind, part, slack) for run in seen) and (kind, line) != stop:
             found.append(f"false: {kind} {part} in line {line}")
     is_off = bool(expected) or bool(outcome["errors"])
-    is_fast = any(peak > (1 + 1e-6) * limit for _, _, peak, limit, _ in first.speeds)
+    is_fast = any(peak > (1 + 1e-6) * limit for run in seen for _, _, peak, limit, _ in run.speeds)
     if flight["fits"] and (is_off or is_fast):
         found.append("fits, and does not")
     if not flight["fits"] and not is_off and not is_fast and not any(kind in OTHERS for kind, *_ in breaks):
