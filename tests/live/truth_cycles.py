@@ -30,7 +30,7 @@ CHORDS = 3e-4
 AROUND = 20
 # Share by which ranges of joints, which preflight gives to first order, may exceed those of the cycles.
 COARSE = 0.02
-# How far, in machine units and degrees, the last cycle may be from the end that LinuxCNC's interpreter reports: its message
+# How far, in machine units and degrees, the last cycle may be from the end that LinuxCNC reports: its message
 # has six decimals, of an inch at most.
 ENDING = 3e-5
 # Findings that these limits do not cover.
@@ -205,7 +205,7 @@ def wrong(flight, outcome, first, seen, is_whole, source, is_inch):
         found.append(f"near: {breaks[:2]}") if is_exact and not found else None
     if outcome["errors"] and not any(kind in ("linuxcnc", "following-error") for kind, *_ in breaks):
         found.append("stop not predicted")
-    found += unfinished(timing, first, is_inch)
+    found += unfinished(timing, first, is_inch, "(DEBUG,end" in source)
     if abs(timing["seconds"] - first.seconds) > 0.0015:
         found.append(f"seconds: {timing['seconds']}, {first.seconds} in the trace")
     for kind, key in (("speed", "speeds"), ("acceleration", "accelerations")):
@@ -228,14 +228,14 @@ def wrong(flight, outcome, first, seen, is_whole, source, is_inch):
     return found
 
 
-def unfinished(timing, run, is_inch):
+def unfinished(timing, run, is_inch, has_end):
     """Reports cycles that are missing at the end, by the messages that LinuxCNC gives on the way and at the end."""
     found, messages = [], timing["messages"]
     late = max((message["seconds"] for message in messages), default=0.0)
     if run.seconds < late - 1e-6:
         found.append(f"end: cycles up to {run.seconds} s, a message at {late} s")
     ends = [message["text"].split()[1:] for message in messages if message["text"].startswith("end ")]
-    if timing["ending"] == "finished" and not ends:
+    if has_end and timing["ending"] == "finished" and not ends:
         found.append("end: no message of it")
     for metric, *pose in ends:
         unit = 1.0 if (float(metric) == 0) == is_inch else 25.4 if is_inch else 1 / 25.4

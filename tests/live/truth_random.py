@@ -33,8 +33,9 @@ FORMS = [
     ("G18", "", f"{SPIN}; G76 P% z-.9 I*-.1 J*.03 K*.08 R1.5 Q29.5 H1 E*.1 L{{taper}}; G0 z0; M5"),
     ("G18", PROFILE, "{rough} Q{profile} {start} D*.05 I*.15 R*.03; G70 Q{profile} {start} D*.1 E*.02 P2; {back}"),
 ]
-# Reports where LinuxCNC's interpreter is at the end, in its units; after a dwell the machine is there too.
-END = "(DEBUG,end #<_metric> #<_abs_x> #<_abs_y> #<_abs_z> #<_abs_a> #<_abs_b> #<_abs_c>)"
+# Messages at the end, half of them of the place: M66 waits for the motion and takes the place from it. Without that the
+# interpreter is elsewhere where G10 L2 R has turned an offset under G92.
+ENDS = ("(MSG,last)", "M66 P0 L0\n(DEBUG,end #<_metric> #<_abs_x> #<_abs_y> #<_abs_z> #<_abs_a> #<_abs_b> #<_abs_c>)")
 
 
 def random_programs(configs, number, seed=0):
@@ -495,7 +496,7 @@ class Writer:
                 self.state()
             self.within(lambda: draw.choice((self.line, self.line, self.line, self.arc_to, self.arc_to, self.probe_to, self.cycle_to, self.spindle_to,
                                              self.form_to, self.form_to))(self.near()))
-        self.put(draw.choice(("", "G4 P0.01\n")) + END)
+        self.put(draw.choice(ENDS))
         text = "\n".join([*self.subs, *self.lines, "M2", *self.fanuc, ""])
         return Program(name, config.name, "bad" if bad is not None else "good", text, self.edits, seconds=60, is_random=True)
 
