@@ -186,7 +186,8 @@ impl<'a> Cycles<'a> {
             if known.last != line {
                 (known.last, known.lines) = (line, known.lines + 1);
             }
-            if worst > known.worst {
+            // A limit is listed with its first line, and how far that one leaves it.
+            if worst > known.worst && (rule == Rule::Path || known.lines == 1) {
                 (known.worst, known.text) = (worst, text);
             }
             return;
