@@ -262,8 +262,8 @@ fn loops_without_an_end_end() {
     assert!(text.contains("without a move") || text.contains("without coming to a move"), "{text}");
 }
 
-#[test]
-fn lines_of_subroutines_belong_to_their_files() {
+/// Returns X, line and file of the moves of a program that calls `away`, in a file of its own.
+fn places_in_two_files(main: &str, away: &str) -> Vec<(f64, u32, usize)> {
     let folder = tempfile::tempdir().unwrap();
     let text =
         std::fs::read_to_string(crate::shipped::folder("hexapod").join("hexapod.ini")).unwrap();
@@ -274,17 +274,21 @@ fn lines_of_subroutines_belong_to_their_files() {
     let mut config = MachineConfig::read(&ini).unwrap();
     (config.program.tool_table, config.program.parameter_file) = (None, None);
     let program = folder.path().join("p.ngc");
-    // The same line number in both files.
-    std::fs::write(&program, "M3 S60\nG0 X2\no<away> call\nG0 X4\nG33.1 Z240 K1\nM2\n").unwrap();
-    let away = folder.path().join("away.ngc");
-    let body = "o<away> sub\nG0 X3\nG33.1 Z240 K1\nG38.3 X2 F100\no<away> endsub\nM2\n";
-    std::fs::write(&away, body).unwrap();
+    std::fs::write(&program, format!("{main}\nM2\n")).unwrap();
+    let file = folder.path().join("away.ngc");
+    std::fs::write(&file, format!("o<away> sub\n{away}\no<away> endsub\nM2\n")).unwrap();
     let steps = moves(&config, &program, None).unwrap();
-    let place = |step: &Move| (step.end[0].round(), step.line, step.file);
-    let places: Vec<_> = steps.iter().map(place).collect();
     let judged =
         judge(&config, &program, &Options::default(), &mut |_| std::ops::ControlFlow::Continue(()));
-    assert_eq!(judged.unwrap().files, [program, away]);
+    assert_eq!(judged.unwrap().files, [program, file]);
+    steps[1..].iter().map(|step: &Move| (step.end[0].round(), step.line, step.file)).collect()
+}
+
+#[test]
+fn lines_of_subroutines_belong_to_their_files() {
+    // The same line number in both files.
+    let main = "M3 S60\nG0 X2\no<away> call\nG0 X4\nG33.1 Z240 K1";
+    let places = places_in_two_files(main, "G0 X3\nG33.1 Z240 K1\nG38.3 X2 F100");
     // A tap comes back to where it started.
     let expected = [
         (2.0, 2, 0),
@@ -296,7 +300,19 @@ fn lines_of_subroutines_belong_to_their_files() {
         (4.0, 5, 0),
         (4.0, 5, 0),
     ];
-    assert_eq!(places[1..], expected);
+    assert_eq!(places, expected);
+}
+
+#[test]
+fn moves_that_cutter_compensation_holds_back_belong_to_the_file_of_their_line() {
+    // Line 3 of the subroutine comes out while the program's line 3 is read, that line while line 4 is, line 6 with G40.
+    let main = "G42.1 D4 F600\no<away> call\nG1 Y20\nG0 X-9\n(rest)\nG1 Y30 X-20\nG40\nG1 X-40";
+    let places = places_in_two_files(main, "G1 X10 Y-5\nG1 X30");
+    // Arcs around the corners are many steps.
+    let ends = places.chunk_by(|a, b| (a.1, a.2) == (b.1, b.2)).filter_map(|steps| steps.last());
+    let expected =
+        [(9.0, 2, 1), (30.0, 3, 1), (32.0, 3, 0), (-8.0, 4, 0), (-19.0, 6, 0), (-40.0, 8, 0)];
+    assert_eq!(ends.copied().collect::<Vec<_>>(), expected);
 }
 
 /// Returns where a program leaves its path, as the verdict says it.

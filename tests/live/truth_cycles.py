@@ -30,6 +30,9 @@ CHORDS = 3e-4
 AROUND = 20
 # Share by which ranges of joints, which preflight gives to first order, may exceed those of the cycles.
 COARSE = 0.02
+# How far, in machine units and degrees, the last cycle may be from the end that LinuxCNC reports: its message
+# has six decimals, of an inch at most.
+ENDING = 3e-5
 # Findings that these limits do not cover.
 OTHERS = {"reach", "hold", "dead-point", "base-cone", "platform-cone", "base-pyramid", "platform-pyramid", "clearance",
           "mechanisms", "path", "linuxcnc", "following-error"}
@@ -60,6 +63,7 @@ class Run:
             columns = next(file).rstrip("\n").split(",")
             table = numpy.loadtxt(file, delimiter=",", ndmin=2)
         self.lines = table[:, 1].astype(int)
+        self.end_pose = table[-1, 2:8]
         self.seconds = table[-1, 0]
         of = {name: table[:, n] for n, name in enumerate(columns)}
         extra = ini_edit.extra_letters(text)
@@ -118,11 +122,12 @@ class Run:
         return found
 
     def around(self, cycle):
-        """The line of a cycle, of the motion before and of the next one."""
+        """Returns the line of a cycle, of the motion before and of the next one."""
         line = self.lines[cycle]
         after = self.lines[cycle:][self.lines[cycle:] != line][:1]
         before = self.lines[:cycle][self.lines[:cycle] != line][-1:]
-        return [int(line), *map(int, after), *map(int, before)]
+        # Joints are two cycles behind the pose, so that a motion still goes on where LinuxCNC names no line any more.
+        return [int(n) for n in (*([] if line == 0 and len(before) else [line]), *before, *after)]
 
     def comes(self, line, cycle):
         """Whether a line moves before a cycle."""
@@ -163,11 +168,12 @@ def judged(pkm, ini, file, trace):
             seen.append(Run(text, again, names))
             again.unlink()
             is_whole &= done.returncode == 0
-    found["wrong"] = wrong(flight, outcome, first, seen, is_whole, source)
+    is_inch = ini_edit.value(text, "TRAJ", "LINEAR_UNITS") == "inch"
+    found["wrong"] = wrong(flight, outcome, first, seen, is_whole, source, is_inch)
     return found
 
 
-def wrong(flight, outcome, first, seen, is_whole, source):
+def wrong(flight, outcome, first, seen, is_whole, source, is_inch):
     """What preflight says otherwise than the cycles."""
     found, timing = [], flight["time"]["judged"]
     is_exact = "G64" not in source and "g64" not in source
@@ -192,13 +198,14 @@ def wrong(flight, outcome, first, seen, is_whole, source):
         if kind not in OTHERS and is_whole and not any(run.is_near(kind, part, slack) for run in seen) and (kind, line) != stop:
             found.append(f"false: {kind} {part} in line {line}")
     is_off = bool(expected) or bool(outcome["errors"])
-    is_fast = any(peak > (1 + 1e-6) * limit for _, _, peak, limit, _ in first.speeds)
+    is_fast = any(peak > (1 + 1e-6) * limit for run in seen for _, _, peak, limit, _ in run.speeds)
     if flight["fits"] and (is_off or is_fast):
         found.append("fits, and does not")
     if not flight["fits"] and not is_off and not is_fast and not any(kind in OTHERS for kind, *_ in breaks):
         found.append(f"near: {breaks[:2]}") if is_exact and not found else None
     if outcome["errors"] and not any(kind in ("linuxcnc", "following-error") for kind, *_ in breaks):
         found.append("stop not predicted")
+    found += unfinished(timing, first, is_inch, "(DEBUG,end" in source)
     if abs(timing["seconds"] - first.seconds) > 0.0015:
         found.append(f"seconds: {timing['seconds']}, {first.seconds} in the trace")
     for kind, key in (("speed", "speeds"), ("acceleration", "accelerations")):
@@ -218,6 +225,23 @@ def wrong(flight, outcome, first, seen, is_whole, source):
                 found.append(f"range: {span['part']} {span['used']}, cycles {low} to {high}")
         elif is_exact and is_whole and not outcome["errors"] and (span["used"][0] < low - tight or span["used"][1] > high + tight):
             found.append(f"wide range: {span['part']} {span['used']}, cycles {low} to {high}")
+    return found
+
+
+def unfinished(timing, run, is_inch, has_end):
+    """Reports cycles that are missing at the end, by the messages that LinuxCNC gives on the way and at the end."""
+    found, messages = [], timing["messages"]
+    late = max((message["seconds"] for message in messages), default=0.0)
+    if run.seconds < late - 1e-6:
+        found.append(f"end: cycles up to {run.seconds} s, a message at {late} s")
+    ends = [message["text"].split()[1:] for message in messages if message["text"].startswith("end ")]
+    if has_end and timing["ending"] == "finished" and not ends:
+        found.append("end: no message of it")
+    for metric, *pose in ends:
+        unit = 1.0 if (float(metric) == 0) == is_inch else 25.4 if is_inch else 1 / 25.4
+        there = numpy.array(pose, float) / [unit, unit, unit, 1, 1, 1]
+        if not (abs(there - run.end_pose) < ENDING).all():
+            found.append(f"end: the cycles end at {run.end_pose}, the program at {there}")
     return found
 
 

@@ -15,6 +15,9 @@ AGREE = 1e-9
 # A joint that is no faster stands still: rounding of a value of 1e4 makes that of it in one servo cycle.
 STILL = 1e-8
 
+# LinuxCNC's messages about the moves of G70, G71 and G72.
+NO_LINE = " on line -1"
+
 # Which limits of preflight tell of an error of LinuxCNC with these words.
 CAUSES = [
     (re.compile("following error"), {"speed", "acceleration", "following-error"}),
@@ -158,13 +161,17 @@ def beside(job):
 def other_end(live, offline, seen):
     """What LinuxCNC said otherwise; empty if nothing."""
     said, repeated = ([" ".join(text.split()) for text in outcome["errors"]] for outcome in (live, offline))
+    has_line = not any(NO_LINE in text for text in said)
+    if not has_line:
+        # In virtual time they have the line of the cycle.
+        repeated = [re.sub(r" on line \d+", NO_LINE, text) for text in repeated]
     # LinuxCNC's task passes on one message a cycle; virtual time ends with the first.
     if said[:len(repeated) or None] != repeated:
         return f"{said} live, {repeated} in virtual time"
     if live["ended"] != offline["ended"] and not said:
         return "ended otherwise"
     line = error_line({**live, "stopped_line": traces.stopped_line(seen.until_off())})
-    if said and line != error_line(offline):
+    if said and has_line and line != error_line(offline):
         return f"stopped in line {line} live, {error_line(offline)} in virtual time"
     return ""
 

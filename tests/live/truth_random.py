@@ -15,7 +15,27 @@ from truth_programs import Program
 
 PLANES = {"G17": "XYZ", "G18": "ZXY", "G19": "YZX"}
 SYSTEMS = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"]
-VARIANTS = 4
+# Forms of several moves: the plane, the profile of a turning cycle, and the blocks. A lower-case letter is a target as seen
+# from the beginning of the form, in its size, or in 3 degrees. Behind a letter * multiplies by the size, @ by the feed of
+# G93 for a move that long, % by the feed of a turn of the spindle. The writer replaces words in braces.
+SIDE = ("G17", "", "{side}; G1 x.5 y.3; G1 x1 z-.1; G3 x1.4 y.7 R*.4; G1 y1.2; G1 x.5; G40; G0 x0 y0 z0")
+SPIN = "M3 S300; G4 P1"
+PROFILE = "G0 x-.6; G1 z-.2; G3 x-.5 z-.3 R*.1; G1 x-.3; G1 x-.3 z-.6; G1 x.05 z-.9"
+FORMS = [
+    SIDE, SIDE, SIDE,
+    ("G18", "", "{side}; G1 x.5 z-.3; G1 x1; G1 z-.9; G1 x.5; G40; G0 x0 z0"),
+    ("G17", "", "G5 x1 y.4 I*.3 J*.5 P*-.3 Q*-.5; G5 x1.6 y0 P*-.2 Q*.3; G1 z-.2"),
+    ("G17", "", "G5.1 x1 y0 I*.5 J*.7; G5.1 x2 y.2 I*.5 J*-.7"),
+    ("G17", "", "G5.2 P1 L3; x.2 y.6 P1; x.8 y.5 P2; x1 y0 P1; G5.3; {back}"),
+    ("G17", "", "G93; G1 x.6 y.2 F@1; G2 x1 y.6 R*.5 F@1; G1 a1 b-1 c1 F@.5; G1 x0 z-.3 a0 b0 c0 F@.7; G94 {feed}"),
+    ("G17", "", f"{SPIN}; G96 D300 S{{surface}}; G95 F%; G1 x1 y.3; G33 z-.4 K%; G97 S300; G1 x0; G94 {{feed}}; M5"),
+    ("G17", "", "G96 D200 S{surface} M4; G1 x-1; G2 x-1.4 y.4 R*.4; G97 S200; M5"),
+    ("G18", "", f"{SPIN}; G76 P% z-.9 I*-.1 J*.03 K*.08 R1.5 Q29.5 H1 E*.1 L{{taper}}; G0 z0; M5"),
+    ("G18", PROFILE, "{rough} Q{profile} {start} D*.05 I*.15 R*.03; G70 Q{profile} {start} D*.1 E*.02 P2; {back}"),
+]
+# Messages at the end, half of them of the place: M66 waits for the motion and takes the place from it. Without that the
+# interpreter is elsewhere where G10 L2 R has turned an offset under G92.
+ENDS = ("(MSG,last)", "M66 P0 L0\n(DEBUG,end #<_metric> #<_abs_x> #<_abs_y> #<_abs_z> #<_abs_a> #<_abs_b> #<_abs_c>)")
 
 
 def random_programs(configs, number, seed=0):
@@ -72,9 +92,10 @@ class Writer:
         self.systems = [dict.fromkeys("XYZABCUVWR", 0.0) for _ in SYSTEMS]
         self.shift = dict.fromkeys("XYZABCUVW", 0.0)  # G92, G52
         self.tool = dict.fromkeys("XYZABCUVW", 0.0)
-        self.table = {int(words["T"]): {l: float(words.get(l, 0.0)) for l in "XYZUVW"}
-                      for words in (dict(re.findall(r"([A-Z])(-?[\d.]+)", line.split(";")[0]))
-                                    for line in (config.file.with_suffix(".tbl")).read_text().splitlines()) if "T" in words}
+        tools = [words for words in (dict(re.findall(r"([A-Z])(-?[\d.]+)", line.split(";")[0]))
+                                     for line in (config.file.with_suffix(".tbl")).read_text().splitlines()) if "T" in words]
+        self.table = {int(words["T"]): {l: float(words.get(l, 0.0)) for l in "XYZUVW"} for words in tools}
+        self.diameters = {int(words["T"]): float(words["D"]) for words in tools}
         self.loaded = 0
         self.stored = {}  # G28, G30
         self.variant = self.draw.choice((0, 0, 1, 2, 3))
@@ -268,6 +289,53 @@ class Writer:
             self.put(f"G94 {self.feed()}")
         self.put("M5")
 
+    def form(self, size, flip=None):
+        """Writes one of the forms, of a size in machine units; `flip` is 1, or -1 for the form turned by half."""
+        draw, is_turned = self.draw, bool(self.systems[self.current]["R"])
+        # A program with M98 has no subroutines, and a turned work offset turns no arcs of the other planes.
+        plane, profile, text = draw.choice([form for form in FORMS if not (form[1] and self.is_fanuc)
+                                            and not (form[0] != "G17" and is_turned)])
+        self.use(plane)
+        flip = (flip or draw.choice((1, -1))) if plane == "G17" else 1
+        begin, length = self.to_program(self.at), size * self.unit
+        now = dict(begin)
+        kinds = {"*": length, "@": 30 * self.config.speed / size, "%": 0.03 * self.config.speed * self.unit}
+
+        def word(found):
+            """A word as the program has it, in absolute or incremental distances; moves `now` to its target."""
+            letter, kind, value = found[1], found[2], float(found[3] or 1)
+            if letter.isupper():
+                return f"{letter}{(flip if letter in 'IJPQ' else 1) * kinds[kind] * value:.6f}" if kind else found[0]
+            letter = letter.upper()
+            if letter not in self.letters:
+                return ""
+            before, now[letter] = now[letter], begin[letter] + value * (
+                3.0 if letter in "ABC" else length * flip if letter in "XY" else length)
+            return f"{letter}{now[letter] - before if self.incremental else now[letter]:.6f}"
+
+        def blocks(text):
+            return [re.sub(r"([A-Za-z])([*@%]?)(-?[\d.]*)", word, block) for block in text.split("; ")]
+        label, self.labels = self.labels, self.labels + 1
+        if profile:
+            self.subs.append("\n".join([f"o{label} sub", *blocks(profile), f"o{label} endsub"]))
+            now = dict(begin)
+        words = {
+            "side": self.side(size), "feed": self.feed(), "surface": draw.randint(3, 60), "taper": draw.randrange(4),
+            "rough": draw.choice(("G71", "G71.1", "G71.2", "G72", "G72.1", "G72.2")), "profile": label,
+            # In G91 LinuxCNC's turning cycles go to X and Z as if they were absolute.
+            "start": "" if self.incremental else "x0 z0",
+            "back": f"G90 G0 {' '.join(f'{l}{begin[l]:.6f}' for l in 'XYZ')}{'; G91' if self.incremental else ''}"}
+        for block in blocks(text.format(**words)):
+            self.put(block)
+        self.at = self.to_machine(now)
+
+    def side(self, size):
+        """Cutter compensation by a diameter, or by a tool that is small beside a form of a size in machine units."""
+        small = [number for number, diameter in self.diameters.items() if 4 * diameter < size]
+        tools = [f" D{number}" for number in small] + [""] * (self.loaded in small)
+        code, diameter = self.draw.choice(("G41", "G42")), f".1 D{0.2 * size * self.unit:.6f}"
+        return code + self.draw.choice((diameter, self.draw.choice(tools or [diameter])))
+
     # ---------------------------------------------------------------- state
 
     def state(self):
@@ -387,9 +455,9 @@ class Writer:
             saved = dict(self.__dict__)
             write()
             self.lines[begin:] = ["/" + line for part in self.lines[begin:] for line in part.split("\n")]
-            lines = self.lines
+            lines, labels = self.lines, self.labels
             self.__dict__.update(saved)
-            self.lines, self.at = lines, at
+            self.lines, self.labels, self.at = lines, labels, at
             return None
         if way == 2:
             self.put(f"#<n{label}> = 0\no{label} while [#<n{label}> LT 1]\n#<n{label}> = [#<n{label}> + 1]")
@@ -426,14 +494,27 @@ class Writer:
                 continue
             for _ in range(draw.randint(0, 2)):
                 self.state()
-            self.within(lambda: draw.choice((self.line, self.line, self.line, self.arc_to, self.arc_to, self.probe_to, self.cycle_to, self.spindle_to))(self.near()))
+            self.within(lambda: draw.choice((self.line, self.line, self.line, self.arc_to, self.arc_to, self.probe_to, self.cycle_to, self.spindle_to,
+                                             self.form_to, self.form_to))(self.near()))
+        self.put(draw.choice(ENDS))
         text = "\n".join([*self.subs, *self.lines, "M2", *self.fanuc, ""])
         return Program(name, config.name, "bad" if bad is not None else "good", text, self.edits, seconds=60, is_random=True)
 
     def broken(self):
-        if self.draw.random() < 0.25:
+        way = self.draw.random()
+        if way < 0.25:
             return self.arc(bulge=self.draw.choice((0.005, 0.05, 1)) * 0.02 * self.config.room)
+        if way < 0.5:
+            return self.form_beyond()
         return self.line(self.beyond())
+
+    def form_beyond(self):
+        """A form that begins within the limits, and may leave them on its way."""
+        letter, up = self.draw.choice("XYZ"), self.draw.choice((1, -1))
+        size = self.draw.uniform(0.03, 0.1) * self.config.room
+        inside = self.draw.uniform(0.02, 1) * size
+        self.line({**self.at, letter: self.config.high[letter] - inside if up > 0 else self.config.low[letter] + inside})
+        self.form(size, up)
 
     def arc_to(self, there):
         self.line(there)
@@ -449,6 +530,10 @@ class Writer:
         self.line(there)
         if self.draw.random() < 0.5:
             self.cycle()
+
+    def form_to(self, there):
+        self.line(there)
+        self.form(self.draw.uniform(0.02, 0.06) * self.config.room)
 
     def spindle_to(self, there):
         self.line(there)

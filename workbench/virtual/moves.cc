@@ -19,6 +19,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <deque>
@@ -29,7 +30,8 @@
 #include <vector>
 
 namespace {
-constexpr const char *ARC_FEED_NAME = "_Z8ARC_FEEDiddddiddddddd";
+constexpr const char *ARC_FEED_NAME = "_Z8ARC_FEEDiddddiddddddd", *STRAIGHT_FEED_NAME = "_Z13STRAIGHT_FEEDiddddddddd",
+                     *STRAIGHT_TRAVERSE_NAME = "_Z17STRAIGHT_TRAVERSEiddddddddd";
 
 // The beginning of what motion and milltask share, which no installed header has. A mutex guards the command since
 // 2.9.0; before, the command had counters of its own for that.
@@ -86,6 +88,30 @@ int file_that_is_read() {
     return static_cast<int>(files.size()) - 1;
 }
 
+// The line of a block or move. What LinuxCNC makes of G70, G71 and G72 has line -1: it belongs to the block that is read.
+int line_of(int line) {
+    return line < 0 && interpreter && *interpreter ? (*interpreter)->sequence_number() : line;
+}
+
+// Cutter compensation holds moves back until a later block shows where they end. They then come out under the tag of
+// that block, which may be in another file: each gets the tag of its own block again. The interpreter's queue of them,
+// a vector, has no installed header.
+struct Vector {
+    const void *begin, *end;
+};
+const Vector &(*queue)() = nullptr;
+// Tags of the blocks of which a move is held back, one of each at most, without the block that is carried out.
+std::deque<StateTag> held;
+StateTag carried_out;
+bool has_come_out = false;
+
+bool holds_back() { return queue().begin != queue().end; }
+
+bool is_same_block(const StateTag &one, const StateTag &other) {
+    return one.fields[GM_FIELD_LINE_NUMBER] == other.fields[GM_FIELD_LINE_NUMBER] &&
+           one.fields_float[GM_FIELD_FLOAT_LINE_NUMBER] == other.fields_float[GM_FIELD_FLOAT_LINE_NUMBER];
+}
+
 // In place of UPDATE_TAG. The field holds the number of the line once more, as a float, which nobody reads.
 void tag_file(StateTag tag) {
     if (++read_on == MOST_READ && interpreter && *interpreter) {
@@ -94,7 +120,41 @@ void tag_file(StateTag tag) {
     if (record::is_on()) {
         tag.fields_float[GM_FIELD_FLOAT_LINE_NUMBER] = static_cast<float>(file_that_is_read());
     }
+    tag.fields[GM_FIELD_LINE_NUMBER] = line_of(tag.fields[GM_FIELD_LINE_NUMBER]);
+    // All come out at once.
+    if (has_come_out || !holds_back()) {
+        held.clear();
+    }
+    has_come_out = false;
+    if (holds_back() && !is_same_block(tag, carried_out)) {
+        held.push_back(carried_out);
+    }
+    carried_out = tag;
     update(tag);
+}
+
+// Tags a move that was held back; others have their tag.
+void tag_move(int line) {
+    if (!holds_back()) {
+        return;
+    }
+    has_come_out = true;
+    const auto is_its = [line](const StateTag &tag) { return tag.fields[GM_FIELD_LINE_NUMBER] == line; };
+    const auto found = std::find_if(held.begin(), held.end(), is_its);
+    update(found != held.end() ? *found : carried_out);
+    if (found != held.end()) {
+        held.erase(held.begin(), found + 1);
+    }
+}
+
+// In place of STRAIGHT_FEED and STRAIGHT_TRAVERSE.
+using Straight = void (*)(int, double, double, double, double, double, double, double, double, double);
+Straight straight_feed = nullptr, straight_traverse = nullptr;
+template <Straight *MOVE>
+void see_straight(int line, double x, double y, double z, double a, double b, double c, double u, double v, double w) {
+    line = line_of(line);
+    tag_move(line);
+    (*MOVE)(line, x, y, z, a, b, c, u, v, w);
 }
 
 // An arc of several turns, which the naive CAM detection of G64 P Q can take for a straight move.
@@ -107,9 +167,11 @@ Arc arc_feed = nullptr;
 // In place of ARC_FEED.
 void see_arc(int line, double end1, double end2, double axis1, double axis2, int rotation, double end3, double a,
              double b, double c, double u, double v, double w) {
+    line = line_of(line);
     if (rotation > 1 || rotation < -1) {
         helix = {line, rotation < 0 ? -rotation : rotation};
     }
+    tag_move(line);
     arc_feed(line, end1, end2, axis1, axis2, rotation, end3, a, b, c, u, v, w);
 }
 
@@ -344,6 +406,9 @@ void find() {
     update = reinterpret_cast<void (*)(StateTag)>(dlsym(RTLD_DEFAULT, "_Z10UPDATE_TAG8StateTag"));
     interpreter = static_cast<InterpBase **>(dlsym(RTLD_DEFAULT, "pinterp"));
     arc_feed = reinterpret_cast<Arc>(dlsym(RTLD_DEFAULT, ARC_FEED_NAME));
+    straight_feed = reinterpret_cast<Straight>(dlsym(RTLD_DEFAULT, STRAIGHT_FEED_NAME));
+    straight_traverse = reinterpret_cast<Straight>(dlsym(RTLD_DEFAULT, STRAIGHT_TRAVERSE_NAME));
+    queue = reinterpret_cast<const Vector &(*)()>(dlsym(RTLD_DEFAULT, "_Z2qcv"));
     change_tool = reinterpret_cast<void (*)(int)>(dlsym(RTLD_DEFAULT, "_Z11CHANGE_TOOLi"));
     rigid_tap = reinterpret_cast<Tap>(dlsym(RTLD_DEFAULT, "_Z9RIGID_TAPidddd"));
     straight_probe = reinterpret_cast<Probe>(dlsym(RTLD_DEFAULT, "_Z14STRAIGHT_PROBEidddddddddh"));
@@ -351,9 +416,12 @@ void find() {
                           replaced("_Z9RIGID_TAPidddd", reinterpret_cast<void *>(see_tap)) &&
                           replaced("_Z14STRAIGHT_PROBEidddddddddh", reinterpret_cast<void *>(see_probe)) &&
                           replaced(ARC_FEED_NAME, reinterpret_cast<void *>(see_arc)) &&
+                          replaced(STRAIGHT_FEED_NAME, reinterpret_cast<void *>(see_straight<&straight_feed>)) &&
+                          replaced(STRAIGHT_TRAVERSE_NAME, reinterpret_cast<void *>(see_straight<&straight_traverse>)) &&
                           replaced("_Z11CHANGE_TOOLi", reinterpret_cast<void *>(see_change));
     shared = static_cast<const Shared *>(memory::only());
-    if (!update || !interpreter || !arc_feed || !change_tool || !rigid_tap || !straight_probe || !is_found || !shared) {
+    if (!update || !interpreter || !arc_feed || !straight_feed || !straight_traverse || !queue || !change_tool ||
+        !rigid_tap || !straight_probe || !is_found || !shared) {
         give_up("this LinuxCNC hands its commands to motion in another way");
     }
 }

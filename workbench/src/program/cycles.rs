@@ -59,6 +59,8 @@ struct Beyond {
     name: String,
     of_second: bool,
     place: Place,
+    /// Steps of the program up to where the cycle may belong, see [`Path::steps`].
+    step: usize,
     /// Where it was seen last.
     last: (usize, u32),
     lines: usize,
@@ -101,8 +103,8 @@ impl<'a> Cycles<'a> {
         })
     }
 
-    /// Takes the next move.
-    pub fn take(&mut self, commanded: &Commanded) {
+    /// Takes the next move, which ends after that many steps of the program ([`crate::program::motion::Move`]).
+    pub fn take(&mut self, commanded: &Commanded, steps: usize) {
         let turns = (commanded.lost_turns > 0).then_some(Text::Turns(commanded.lost_turns));
         let thread = commanded.thread.filter(|thread| !(thread.needed() <= thread.fastest * SAME));
         for text in turns.into_iter().chain(thread.map(Text::Thread)) {
@@ -112,9 +114,9 @@ impl<'a> Cycles<'a> {
                 pose: std::array::from_fn(|k| commanded.end[k]),
                 seconds: 0.0,
             };
-            self.note(Rule::Path, (String::new(), false), place, 0.0, text);
+            self.note(Rule::Path, (String::new(), false), (place, steps), 0.0, text);
         }
-        self.path.take(commanded);
+        self.path.take(commanded, steps);
     }
 
     /// Judges a servo cycle.
@@ -135,6 +137,8 @@ impl<'a> Cycles<'a> {
         }
         let seconds = row.cycle as f64 * self.config.period;
         let place = Place { line: row.line, file: row.file, pose: row.pose, seconds };
+        let off = self.path.off(row);
+        let step = self.path.steps(row);
         for (rule, margin, fault, of_second) in found {
             let config = self.machines[usize::from(of_second)].config;
             let name = limits::part(config, margin.limit, margin.part);
@@ -144,13 +148,13 @@ impl<'a> Cycles<'a> {
             };
             let pose = if of_second { row.second.pose } else { row.pose };
             let place = Place { pose, ..place };
-            self.note(rule, (name, of_second), place, -margin.room(), text);
+            self.note(rule, (name, of_second), (place, step), -margin.room(), text);
         }
-        if let Some((off, allowed)) = self.path.off(row)
+        if let Some((off, allowed)) = off
             && off > allowed + OFF_PATH * self.config.machine.size()
         {
             let part = (String::new(), false);
-            self.note(Rule::Path, part, place, off, Text::Path(allowed));
+            self.note(Rule::Path, part, (place, step), off, Text::Path(allowed));
         }
         if let Some(apart) = &mut self.apart
             && let Some((bodies, distance)) = apart.beyond(row)
@@ -159,7 +163,7 @@ impl<'a> Cycles<'a> {
             let name = limits::between(configs, bodies);
             let text =
                 Text::Fault(format!("{name} falls to {distance:.4} {}", configs[0].length_unit()));
-            self.note(Rule::Mechanisms, (name, false), place, -distance, text);
+            self.note(Rule::Mechanisms, (name, false), (place, step), -distance, text);
         }
     }
 
@@ -167,7 +171,7 @@ impl<'a> Cycles<'a> {
         &mut self,
         rule: Rule,
         (name, of_second): (String, bool),
-        place: Place,
+        (place, step): (Place, usize),
         worst: f64,
         text: Text,
     ) {
@@ -182,13 +186,24 @@ impl<'a> Cycles<'a> {
             if known.last != line {
                 (known.last, known.lines) = (line, known.lines + 1);
             }
-            if worst > known.worst {
+            // A limit is listed with its first line, and how far that one leaves it.
+            if worst > known.worst && (rule == Rule::Path || known.lines == 1) {
                 (known.worst, known.text) = (worst, text);
             }
             return;
         }
         let last = line;
-        self.beyond.push(Beyond { rule, name, of_second, place, last, lines: 1, worst, text });
+        self.beyond.push(Beyond {
+            rule,
+            name,
+            of_second,
+            place,
+            step,
+            last,
+            lines: 1,
+            worst,
+            text,
+        });
     }
 
     /// Returns what is used of the axes and joints, in the order of [`ranges`](crate::program::findings::Preflight::ranges).
@@ -222,7 +237,7 @@ impl<'a> Cycles<'a> {
                     ),
                 };
                 let told = Break::in_time(found.rule, found.name, &found.place, found.lines, text);
-                Break { of_second: found.of_second, ..told }
+                Break { of_second: found.of_second, step: found.step, ..told }
             })
             .collect()
         })
@@ -341,6 +356,8 @@ struct Piece {
     shape: Shape,
     tolerance: f64,
     is_free: bool,
+    /// Steps of the program up to its end.
+    steps: usize,
 }
 
 enum Shape {
@@ -349,7 +366,7 @@ enum Shape {
 }
 
 impl Path {
-    fn take(&mut self, commanded: &Commanded) {
+    fn take(&mut self, commanded: &Commanded, steps: usize) {
         let from = std::mem::replace(&mut self.end, commanded.end);
         let from = if self.first == 0 && self.pieces.is_empty() { commanded.end } else { from };
         let point = |world: &World| Vector3::new(world[0], world[1], world[2]);
@@ -362,10 +379,20 @@ impl Path {
             tolerance: commanded.tolerance,
             // A tap turns back where its spindle does; a probe stops where it touches, and the next move starts there.
             is_free: is_tap || commanded.kind == CommandedKind::Probe,
+            steps,
         });
         if is_tap {
             self.end = from;
         }
+    }
+
+    /// Returns how many steps have been begun in a cycle at most. A move that ends in a corner is rounded into the next.
+    fn steps(&self, row: &Row) -> usize {
+        let mut pieces = self.pieces.iter().skip(row.number.saturating_sub(self.first));
+        let (now, next) = (pieces.next(), pieces.next());
+        let is_rounded = |piece: &&Piece| !piece.is_free && piece.tolerance > 0.0;
+        let last = now.filter(is_rounded).and(next).or(now);
+        last.map_or(usize::MAX, |piece| piece.steps)
     }
 
     /// How far a cycle is from the path, and how far it may be; none where nothing is known.

@@ -89,7 +89,7 @@ pub struct Break {
     pub seconds: Option<f64>,
     /// Moves that leave the limit; lines, where LinuxCNC's cycles are judged.
     pub moves: usize,
-    /// Number of the move, from 0; beyond all moves for what LinuxCNC's cycles show.
+    /// Number of the move, from 0. Of what LinuxCNC's cycles show: of the first move that is made later, where it is known.
     #[serde(skip)]
     pub(super) step: usize,
     /// Share of the move that is kept.

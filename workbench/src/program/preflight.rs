@@ -153,18 +153,19 @@ fn followed(
     let run = move || -> Result<_, Fault> {
         let mut translator = Translator::new(whole);
         let (mut cycles, mut loads) = (Cycles::new(config)?, Loads::new(config));
-        let (mut files, mut batch) = (vec![], vec![]);
+        let (mut files, mut batch, mut sent) = (vec![], vec![], 0);
         let outcome = run_with_moves(whole, program, options, |event| match event {
             Event::File(name) => {
                 files.push(PathBuf::from(name));
                 ControlFlow::Continue(())
             }
             Event::Move(commanded) => {
-                cycles.take(commanded);
                 translator.see(commanded, |step| batch.push(*step));
+                cycles.take(commanded, sent + batch.len());
                 if batch.len() < BATCH {
                     return ControlFlow::Continue(());
                 }
+                sent += batch.len();
                 match sender.send(std::mem::take(&mut batch)) {
                     Ok(()) => ControlFlow::Continue(()),
                     Err(_) => ControlFlow::Break(()),
@@ -230,11 +231,14 @@ pub fn has_deletable(files: &[PathBuf]) -> Result<bool, AtFile<io::Error>> {
 }
 
 impl Preflight {
-    /// Adds what the servo cycles show beside the moves.
+    /// Adds what the servo cycles show beside the moves: other limits, and limits that are left before the first move
+    /// that leaves them as it is commanded.
     fn add_cycles(&mut self, beyond: Vec<Break>) {
         for told in beyond {
-            if !self.breaks.iter().any(|known| known.is_like(&told)) {
-                self.breaks.push(told);
+            match self.breaks.iter_mut().find(|known| known.is_like(&told)) {
+                None => self.breaks.push(told),
+                Some(known) if known.seconds.is_none() && told.step <= known.step => *known = told,
+                Some(_) => {}
             }
         }
     }
