@@ -89,6 +89,27 @@ fn what_linuxcnc_stops_is_told_with_its_line_and_words() {
     assert!(message.text.contains("line 4") && message.text.contains("X's positive limit"));
 }
 
+// The interpreter waits in the line of M66, and remembers the functions of the subroutine that it has left.
+#[test]
+fn a_following_error_has_the_line_that_moves() {
+    let program = "G21 G90\nM52 P0\nM98 P1\nG1 F3000 X60\nM66 P0 L0\nM2\nO1\nG4 P0.1\nM99\n";
+    let slow = |text: String| text.replacen("MAX_VELOCITY = 500", "MAX_VELOCITY = 10", 1);
+    let (out, error, code) = Copy::new(slow, program).run();
+    assert_eq!(code, Some(1), "{out}{error}");
+    assert!(out.contains("p.ngc: line 4,") && out.contains("joint 0 following error"), "{out}");
+}
+
+#[test]
+fn messages_in_latin_1_are_shown() {
+    let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
+    // More than the channel of messages has room for.
+    let lines = b"(MSG,Fr\xe4ser)\nG4 P0.001\n".repeat(50);
+    fs::write(&file, [b"G21 G90\nG0 X1\n", &lines[..], b"M2\n"].concat()).unwrap();
+    let (outcome, _) = run("hexapod", file.path());
+    let texts = outcome.messages.iter().filter(|message| message.text.trim() == "Fr\u{e4}ser");
+    assert_eq!((outcome.ending, texts.count()), (Ending::Finished, 50));
+}
+
 #[test]
 fn loops_without_an_end_and_standstills_without_an_end_are_not_judged() {
     let short = Options { most_seconds: 20.0, most_standstill: 2.0, ..Options::default() };

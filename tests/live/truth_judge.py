@@ -151,7 +151,7 @@ def beside(job):
     joints = len(seen.places[0]) - len(traces.AXES)
     offline_seen = traces.without(traces.virtual(trace, joints), extra)
     told.update(traces.compared(seen, offline_seen, bool(live["errors"])))
-    if told["why"] and is_random and traces.is_same_path(seen, offline_seen):
+    if told["why"] and is_random and traces.is_same_path(seen, offline_seen, bool(live["errors"])):
         told["why"] = ""
     if not told["why"]:
         told["why"] = other_end(live, offline, seen)

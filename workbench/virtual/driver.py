@@ -17,12 +17,9 @@ BLOCK = os.environ["PKMKINS_VIRTUAL_BLOCK"]
 # Whether lines that begin with / are left out.
 BLOCK_DELETE = os.environ["PKMKINS_VIRTUAL_BLOCK_DELETE"] == "1"
 LIBRARY = ctypes.CDLL(None)
-COMMAND, STATUS, MESSAGES = linuxcnc.command(), linuxcnc.stat(), linuxcnc.error_channel()
+LIBRARY.virtual_error.restype = ctypes.c_char_p
+COMMAND, STATUS = linuxcnc.command(), linuxcnc.stat()
 FINISHED, STOPPED, NOT_JUDGED = range(3)
-# LinuxCNC's numbers of its messages to the operator: NML_ERROR and OPERATOR_ERROR, the texts, displays.
-ERRORS = (linuxcnc.NML_ERROR, linuxcnc.OPERATOR_ERROR)
-KINDS = {linuxcnc.NML_ERROR: 0, linuxcnc.OPERATOR_ERROR: 0, linuxcnc.NML_TEXT: 1, linuxcnc.OPERATOR_TEXT: 1,
-         linuxcnc.NML_DISPLAY: 2, linuxcnc.OPERATOR_DISPLAY: 2}
 # Looks before anything is asked for: milltask carries out what [RS274NGC]RS274NGC_STARTUP_CODE has queued, one
 # command in each of its cycles, and to leave the estop would clear what is left of it.
 STARTUP = 50
@@ -113,20 +110,9 @@ class Operator:
         return (STATUS.interp_state == linuxcnc.INTERP_READING and STATUS.exec_state == linuxcnc.EXEC_DONE
                 and STATUS.queue == 0 and STATUS.inpos)
 
-    @staticmethod
-    def message():
-        try:
-            return MESSAGES.poll()
-        except UnicodeDecodeError as error:
-            # A letter of Latin-1 in (MSG, ...): it has been taken out of the channel.
-            return linuxcnc.OPERATOR_DISPLAY, error.object.decode("latin-1")
-
     def listen(self):
-        while message := self.message():
-            kind, text = message
-            if kind in ERRORS:
-                self.errors.append(text)
-            LIBRARY.virtual_message(KINDS[kind], text.encode())
+        while (text := LIBRARY.virtual_error()) is not None:
+            self.errors.append(text.decode("utf-8", "replace"))
 
 
 def end(cause, text):

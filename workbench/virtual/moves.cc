@@ -7,6 +7,8 @@
 #include <emcmotcfg.h>
 #include <emctool.h>
 #include <interp_base.hh>
+#include <interp_return.hh>
+#include <linuxcnc.h>
 #include <modal_state.hh>
 #include <motion.h>
 #include <motion_types.h>
@@ -50,7 +52,6 @@ int last = 0;
 // G71 it can go round for ever.
 long read_on = 0;
 constexpr long MOST_READ = 100'000;
-std::deque<moves::Read> messages;
 // Moves since the program was started.
 int count = 0;
 // What later moves go by.
@@ -426,24 +427,15 @@ void find() {
     }
 }
 
-void note_message() {
+Read reading(const char *text) {
     if (!interpreter || !*interpreter) {
-        messages.push_back({0, false});
-        return;
-    }
-    // Functions in which an error came up; empty while there is none.
-    char function[256] = "";
-    (*interpreter)->stack_name(0, function, sizeof function);
-    messages.push_back({(*interpreter)->sequence_number(), function[0] != 0});
-}
-
-Read message() {
-    if (messages.empty()) {
         return {0, false};
     }
-    const Read first = messages.front();
-    messages.pop_front();
-    return first;
+    // The interpreter keeps the text of its last error. The task passes on as much of it as fits into a message.
+    char error[LINELEN] = "";
+    (*interpreter)->error_text(INTERP_ERROR, error, sizeof error);
+    const bool is_own = *text && std::strncmp(text, error, std::strlen(text)) == 0;
+    return {(*interpreter)->sequence_number(), is_own};
 }
 
 void start() {

@@ -208,6 +208,12 @@ void move(const Move &move) {
     }
 }
 
+void message(unsigned kind, const std::string &text) {
+    const auto [line, is_of_interpreter] = moves::reading(text.c_str());
+    kind |= is_of_interpreter ? OF_INTERPRETER : 0;
+    put_text(MESSAGE, kind, std::string(reinterpret_cast<const char *>(&line), sizeof line) + text);
+}
+
 void end(End cause, const std::string &text) {
     put_text(END, static_cast<unsigned>(cause), text);
     _exit(0);
@@ -227,11 +233,6 @@ FOR_DRIVER void virtual_record() {
     is_recording = true;
     started = clock_::cycles();
     moves::start();
-}
-FOR_DRIVER void virtual_message(unsigned kind, const char *text) {
-    const auto [line, is_of_interpreter] = moves::message();
-    kind |= is_of_interpreter ? OF_INTERPRETER : 0;
-    put_text(MESSAGE, kind, std::string(reinterpret_cast<const char *>(&line), sizeof line) + text);
 }
 FOR_DRIVER void virtual_end(unsigned cause, const char *text) {
     record::end(static_cast<record::End>(cause), text);

@@ -6,6 +6,8 @@
 #include "virtual.h"
 
 #include <dlfcn.h>
+#include <emc.hh>
+#include <emc_nml.hh>
 #include <errno.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
@@ -22,6 +24,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <deque>
 
 namespace environment {
 const char *value(const char *name) {
@@ -36,6 +39,8 @@ const char *folder() { return value("PKMKINS_VIRTUAL_FOLDER"); }
 namespace {
 int (*run_python)(const char *) = nullptr;
 bool has_news = false;
+// Of LinuxCNC, for the driver.
+std::deque<std::string> errors;
 // Cycles of milltask between two looks of the driver, which cost as much as several cycles each.
 constexpr int LOOK = 10;
 int waited = LOOK;
@@ -68,18 +73,40 @@ void step() {
 }
 }
 
-// NML::write(NMLmsg &): a message to the operator wakes the driver, so that it comes with its cycle.
+// NML::write(NMLmsg &): a message to the operator is recorded with its cycle, and wakes the driver.
 extern "C" __attribute__((visibility("default"))) int write_message(void *, NMLmsg *, int *) __asm__(
     "_ZN3NML5writeEP6NMLmsgPi");
 extern "C" int write_message(void *channel, NMLmsg *message, int *serial) {
     static const auto write =
         reinterpret_cast<int (*)(void *, NMLmsg *, int *)>(dlsym(RTLD_NEXT, "_ZN3NML5writeEP6NMLmsgPi"));
-    // EMC_OPERATOR_ERROR, _TEXT and _DISPLAY.
-    if (message->type >= 11 && message->type <= 13) {
-        has_news = true;
-        moves::note_message();
+    const char *text = nullptr;
+    if (message->type == EMC_OPERATOR_ERROR_TYPE) {
+        text = static_cast<EMC_OPERATOR_ERROR *>(message)->error;
+        errors.push_back(text);
+    } else if (message->type == EMC_OPERATOR_TEXT_TYPE) {
+        text = static_cast<EMC_OPERATOR_TEXT *>(message)->text;
+    } else if (message->type == EMC_OPERATOR_DISPLAY_TYPE) {
+        text = static_cast<EMC_OPERATOR_DISPLAY *>(message)->display;
     }
-    return write(channel, message, serial);
+    if (!text) {
+        return write(channel, message, serial);
+    }
+    // Nobody reads the channel, which would be full after some of them.
+    has_news = true;
+    record::message(message->type - EMC_OPERATOR_ERROR_TYPE, text);
+    return 0;
+}
+
+// The next error that the driver has not seen, or null. The Python module of LinuxCNC is not asked: it ends the
+// process over a text that is no UTF-8.
+FOR_DRIVER const char *virtual_error() {
+    static std::string seen;
+    if (errors.empty()) {
+        return nullptr;
+    }
+    seen = std::move(errors.front());
+    errors.pop_front();
+    return seen.c_str();
 }
 
 // ---- no other process, and no memory of another one

@@ -75,14 +75,13 @@ void open_limits();
 void start();
 // Reads the command that motion takes in this cycle.
 void cycle();
-// Keeps what the interpreter reads as a message is written, until the driver gets it.
-void note_message();
 struct Read {
     int line;
     // Whether the message is the interpreter's own: it stopped in this line.
     bool is_of_interpreter;
 };
-Read message();
+// What the interpreter reads as this message is written.
+Read reading(const char *text);
 // Number of the move that is being made, from 1; 0 before the first.
 int number();
 }
@@ -115,6 +114,8 @@ void file(const char *name);
 // Names the pins of the rows, once everything is loaded.
 void find_pins();
 void cycle();
+// A message to the operator: 0 an error, 1 a text, 2 a display.
+void message(unsigned kind, const std::string &text);
 enum class End : unsigned { finished = 0, stopped = 1, not_judged = 2 };
 // Writes the last record and ends the process.
 [[noreturn]] void end(End cause, const std::string &text);

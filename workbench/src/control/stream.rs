@@ -198,8 +198,10 @@ impl Fields<'_> {
         Some(())
     }
 
+    /// Returns the rest as text; one that is no UTF-8 is taken as Latin-1, as in comments of old programs.
     fn text(&self) -> String {
-        String::from_utf8_lossy(self.0).into_owned()
+        let latin = || self.0.iter().map(|&byte| char::from(byte)).collect();
+        str::from_utf8(self.0).map_or_else(|_| latin(), String::from)
     }
 
     /// Into a row that has been of the same columns, or of none.
