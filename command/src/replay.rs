@@ -15,14 +15,14 @@ use workbench::read::machine::MachineConfig;
 
 /// Writes the joint values that a program asks for
 ///
-/// LinuxCNC's interpreter reads the program with the machine's tool table, parameters and
-/// startup code; every move runs at its feed without acceleration and blending, and poses at the
-/// servo period go through the kinematics. Standard output gets CSV: time in seconds, line of
-/// the program, pose and joint values, machine units and degrees. Limits that the program leaves
-/// are told on standard error.
+/// LinuxCNC runs the program in virtual time, with the machine's tool table, parameters and
+/// startup code. Every move that it asks for is followed at its feed, without acceleration and
+/// blending, and poses at the servo period go through the kinematics. Standard output gets CSV: time
+/// in seconds, line of the program, pose and joint values, machine units and degrees. Limits that
+/// the program leaves are reported on standard error.
 ///
-/// Exit status: 0 where the program stays within all limits, 1 where it does not, 2 where the
-/// interpreter refuses it or files cannot be read or written.
+/// Exit status: 0 where the program stays within all limits, 1 where it does not, 2 where LinuxCNC
+/// refuses it or files cannot be read or written.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
