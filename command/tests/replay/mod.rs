@@ -3,14 +3,11 @@
 
 mod case;
 
+use crate::shipped::{MACHINES, configs, folder};
 use case::{Case, Outcome};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
 
 fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> =
@@ -25,15 +22,14 @@ fn cases() -> Vec<(PathBuf, Case)> {
         let case = Case::read(&file).unwrap_or_else(|error| panic!("{error}"));
         (file, case)
     };
-    files(&root().join("tests/cases/replay"), "toml").into_iter().map(read).collect()
+    files(&configs().join("../tests/cases/replay"), "toml").into_iter().map(read).collect()
 }
 
 #[test]
 fn every_case_keeps_its_expectations() {
-    let configs = root().join("configs");
     let cases = cases();
     let outcomes: Vec<Result<Outcome, String>> =
-        cases.par_iter().map(|(_, case)| case.run(&configs)).collect();
+        cases.par_iter().map(|(_, case)| case.run(configs())).collect();
     let mut failures = vec![];
     for ((file, _), outcome) in cases.iter().zip(outcomes) {
         let name = file.file_stem().unwrap().display();
@@ -52,12 +48,10 @@ fn every_case_keeps_its_expectations() {
 fn every_shipped_program_has_a_case() {
     let covered: BTreeSet<(String, String)> =
         cases().into_iter().map(|(_, case)| (case.machine, case.program)).collect();
-    for machine in std::fs::read_dir(root().join("configs")).unwrap() {
-        let machine = machine.unwrap();
-        let name = machine.file_name().into_string().unwrap();
-        for program in files(&machine.path().join("programs"), "ngc") {
+    for name in MACHINES {
+        for program in files(&folder(name).join("programs"), "ngc") {
             let program = format!("programs/{}", program.file_name().unwrap().display());
-            let key = (name.clone(), program);
+            let key = (name.to_string(), program);
             assert!(
                 covered.contains(&key),
                 "no case in tests/cases/replay for {} {}",
