@@ -138,7 +138,8 @@ help:
 demo:
 	@[ -f "configs/$(MACHINE)/$(MACHINE).ini" ] || [ -f "$(MACHINE)" ] || { \
 	    echo "pkmkins: no machine $(MACHINE): name an INI file, or one of:" $(notdir $(wildcard configs/*)); exit 2; }
-	@$(MAKE) --no-print-directory install
+	@tools/progress.sh "building and installing" $(MAKE) --no-print-directory --jobs=2 \
+	    BINS="pkm judge" install
 	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
 
 # The component that plays the true machine is for this alone: it goes again at the end.
