@@ -439,7 +439,7 @@ impl Maker<'_> {
 
     /// How far two poses are from each other, angles at the platform's radius.
     fn far(&self, a: &Candidate, b: &Candidate) -> f64 {
-        let radius = self.config.machine.radius() * std::f64::consts::PI / 180.0;
+        let radius = self.config.machine.radius().to_radians();
         let part = |k: usize| (a.stop.at[k] - b.stop.at[k]) * if k < 3 { 1.0 } else { radius };
         (0..6).map(|k| part(k).powi(2)).sum::<f64>().sqrt()
     }

@@ -399,7 +399,7 @@ fn twist(pose: &Pose, letters: &[Letter], rates: &DMatrix<f64>) -> DMatrix<f64> 
             k @ 0..=2 => twist.set_row(k, &rates.row(row)),
             k => {
                 for i in 0..3 {
-                    let more = rates.row(row) * (axes[k - 3][i] * std::f64::consts::PI / 180.0);
+                    let more = rates.row(row) * axes[k - 3][i].to_radians();
                     let mut place = twist.row_mut(3 + i);
                     place += more;
                 }

@@ -64,7 +64,7 @@ impl Laws {
 }
 
 fn leaning([x, y, z]: [Taylor; 3]) -> [Taylor; 3] {
-    let degrees = 180.0 / std::f64::consts::PI;
+    let degrees = 1_f64.to_degrees();
     let a = Taylor::angle(-y, (x.squared() + z.squared()).sqrt());
     [a * degrees, Taylor::angle(x, z) * degrees, Taylor::constant(0.0)]
 }

@@ -21,7 +21,6 @@ use nalgebra::{SMatrix, SVector};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
-use std::f64::consts::PI;
 
 /// Pose coordinates by joints: X Y Z in machine units, A B C in degrees, per joint unit.
 pub type Gain = SMatrix<f64, 6, MAX_JOINTS>;
@@ -76,7 +75,7 @@ impl Sensitivity {
         let Some(inverse) = rows::inverse(&(weights * scaled), moved) else { return Ok(None) };
         let mut gain = inverse * weights;
         for k in 3..6 {
-            gain.row_mut(k).scale_mut(180.0 / PI / length);
+            gain.row_mut(k).scale_mut(1_f64.to_degrees() / length);
         }
         let values = rows::singular_values(&scaled, moved);
         Ok(Some(Self {
@@ -112,7 +111,7 @@ impl Sensitivity {
 fn scaled(jacobian: &Rows, length: f64) -> Rows {
     let mut scaled = *jacobian;
     for k in 3..6 {
-        scaled.column_mut(k).scale_mut(180.0 / PI / length);
+        scaled.column_mut(k).scale_mut(1_f64.to_degrees() / length);
     }
     scaled
 }
