@@ -262,13 +262,13 @@ fn of_file(
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let plate = || plate.ok_or_else(|| ReadError::NoPlate(file.into()));
     let readings = match kind(text) {
-        Some(Kind::Table) => {
+        Some(Format::Table) => {
             let readings = table::readings(config, text, frame, &name).at(file)?;
             let frame = table::frame(&readings);
             return Ok((readings, frame));
         }
-        Some(Kind::Log) => log::readings(config, plate()?, text, frame, &name),
-        Some(Kind::Points) => points::readings(config, plate()?, text, frame, &name),
+        Some(Format::Log) => log::readings(config, plate()?, text, frame, &name),
+        Some(Format::Points) => points::readings(config, plate()?, text, frame, &name),
         None => Err(BadLog {
             line: 1,
             text: format!(
@@ -284,20 +284,20 @@ fn of_file(
 }
 
 /// What files are there.
-enum Kind {
+enum Format {
     Log,
     Points,
     Table,
 }
 
 /// Told by the first line that is no comment.
-fn kind(text: &str) -> Option<Kind> {
+fn kind(text: &str) -> Option<Format> {
     let first = text.lines().map(str::trim).find(|line| !heading::is_comment(line))?;
     let word = first.split_ascii_whitespace().next()?;
     match word.parse::<f64>() {
-        _ if first == HEADER => Some(Kind::Log),
-        _ if first.contains(',') => Some(Kind::Table),
-        Ok(_) => Some(Kind::Points),
+        _ if first == HEADER => Some(Format::Log),
+        _ if first.contains(',') => Some(Format::Table),
+        Ok(_) => Some(Format::Points),
         Err(_) => None,
     }
 }

@@ -2,7 +2,7 @@
 //! The INI file of a machine that is being made, with comments for who goes on with it.
 
 use crate::new::anchors::Leg;
-use crate::new::kinds::{Homing, Kind};
+use crate::new::kinds::{Homing, MachineKind};
 use crate::new::values::Values;
 use crate::proof::axis_box::AxisBox;
 use keys::{kind_name, leg as of_leg, machine as of_machine};
@@ -31,7 +31,7 @@ pub struct Plan<'a> {
     /// Its name, that of its files.
     pub name: &'a str,
     /// Its kind.
-    pub kind: &'static Kind,
+    pub kind: &'static MachineKind,
     /// What was given.
     pub values: &'a Values,
     /// Its legs.
