@@ -22,7 +22,6 @@ use workbench::curve::table::Row;
 use workbench::read::joints::Joint;
 use workbench::read::machine::MachineConfig;
 
-/// Curves of each family.
 const CURVES: usize = 9;
 /// Places of the grid on which curves of a family are found, each way.
 const GRID: usize = 100;
@@ -252,7 +251,10 @@ fn joints(config: &MachineConfig, route: &Route) -> Result<Vec<Plot>, DrawError>
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_carriages(config: &MachineConfig, places: &[CarriagePose]) -> Result<Vec<Plot>, DrawError> {
+pub fn of_carriages(
+    config: &MachineConfig,
+    places: &[CarriagePose],
+) -> Result<Vec<Plot>, DrawError> {
     let sample = |place: &CarriagePose| Sample {
         time: place.t,
         in_world: true,

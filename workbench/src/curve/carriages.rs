@@ -16,54 +16,37 @@ use std::ops::ControlFlow;
 /// Why joints give no path.
 #[derive(Debug, thiserror::Error)]
 pub enum CarriageError {
-    /// The keys.
     #[error("[carriages]: {0}")]
     Keys(String),
-    /// An expression.
     #[error("[carriages] laws_mm_or_deg {joint}: {error}")]
-    Expression {
-        /// Number of the joint.
-        joint: usize,
-        /// What is wrong.
-        error: ExpressionError,
-    },
-    /// No value at some time.
+    Expression { joint: usize, error: ExpressionError },
     #[error("[carriages] laws_mm_or_deg {joint}: at t = {t}: {trouble}")]
     Trouble {
-        /// Number of the joint.
         joint: usize,
         /// Seconds.
         t: f64,
-        /// What.
         trouble: Trouble,
     },
-    /// The joints have no pose.
     #[error("at t = {t}: {fault}")]
     Fault {
         /// Seconds.
         t: f64,
-        /// Why.
         fault: Fault,
     },
-    /// A limit of the machine.
     #[error("at t = {t}: {text}")]
     Leaves {
         /// Seconds.
         t: f64,
-        /// Which limit.
         text: String,
     },
-    /// The tool table.
     #[error(transparent)]
     Table(#[from] tools::TableError),
 }
 
-/// A place of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CarriagePose {
     /// Seconds.
     pub t: f64,
-    /// Joint values.
     pub joints: Joints,
     /// x y z in machine units, a b c in degrees.
     pub pose: [f64; 6],

@@ -21,7 +21,6 @@ pub enum Tilt {
     Normal([Expression; 3]),
 }
 
-/// The laws.
 #[derive(Clone, Debug)]
 pub struct Laws {
     /// Height in mm; a curve in space has its own.

@@ -30,16 +30,13 @@ pub enum Homing {
     BeyondHome,
 }
 
-/// A kind of machine.
 #[derive(Clone, Copy, Debug)]
 pub struct MachineKind {
-    /// Its name.
     pub name: &'static str,
     /// What it is, one line.
     pub text: &'static str,
     /// Where its frame is and what its pose means.
     pub frame: &'static str,
-    /// Kind of its legs.
     pub leg: leg::Kind,
     /// How many; 0: as many as the table of anchors has.
     pub legs: usize,
@@ -47,13 +44,10 @@ pub struct MachineKind {
     pub coordinates: &'static str,
     /// Letters that the table moves.
     pub table: &'static str,
-    /// Its own values.
     pub own: &'static [Parameter],
-    /// Its legs from these.
     pub anchors: fn(&Values) -> Vec<Leg>,
     /// The axis X Y Z along which home is looked for, 0 to 2.
     pub axis: usize,
-    /// Which way.
     pub way: Way,
     /// How its drives find their position.
     pub homing: Homing,
@@ -78,7 +72,6 @@ const PYRAMID_FRAME: &str = "World origin: the middle between the feet of the gu
 const RAILS_FRAME: &str = "World origin: in the middle of the carriages' travel and of the rails, Z up, rails along X. Pose: the spindle's nose. A joint value is the place of a carriage on its rail.";
 const LATHE_FRAME: &str = "World origin: between the rails where their carriages are at 0, Z along the rails and the spindle, X across them. Pose: the middle of the platform joints; the tool table carries where tips are from there. Where the spindle is in X and Y the kinematics need not know: the work offset (G54) has it, touched off.";
 
-/// All kinds.
 pub const KINDS: &[MachineKind] = &[
     MachineKind {
         name: "hexapod",

@@ -23,7 +23,6 @@ use std::path::{Path, PathBuf};
 /// What is to be made.
 #[derive(Debug)]
 pub struct Order<'a> {
-    /// The kind.
     pub kind: &'static MachineKind,
     /// What was given.
     pub values: &'a Values,
@@ -33,7 +32,6 @@ pub struct Order<'a> {
     pub folder: &'a Path,
 }
 
-/// What was made.
 #[derive(Debug)]
 pub struct Made {
     /// What `pkm check` says of it.

@@ -12,9 +12,7 @@ pub type Given = BTreeMap<&'static str, Vec<String>>;
 
 /// Where questions are asked and answered.
 pub struct Dialogue<'a> {
-    /// Where answers come from.
     pub answers: &'a mut dyn BufRead,
-    /// Where questions go to.
     pub questions: &'a mut dyn Write,
 }
 

@@ -125,7 +125,6 @@ fn weights(config: &MachineConfig, at: &At) -> SMatrix<f64, MAX_JOINTS, MAX_JOIN
 /// What random errors of the joints did to the pose, by the core's forward kinematics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawn {
-    /// Poses drawn.
     pub count: usize,
     /// Standard deviation of each coordinate: X Y Z in machine units, A B C in degrees.
     pub sigma: [f64; 6],
@@ -178,7 +177,6 @@ pub enum Kind {
 /// A singular pose near a region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Singular {
-    /// Kind.
     pub kind: Kind,
     /// Place.
     pub pose: [f64; 6],
@@ -329,7 +327,6 @@ pub struct Point {
     pub pose: [f64; 6],
     /// Rates of the pose, per second.
     pub rate: [f64; 6],
-    /// Joint values.
     pub joints: Joints,
     /// Joint units per second.
     pub rates: Joints,
@@ -342,10 +339,8 @@ pub struct Point {
 /// Where a motion ends early: a time in seconds, and why.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum End {
-    /// The pose is out of reach.
     #[error("at {0:.3} s: {1}")]
     Reach(f64, Fault),
-    /// The legs do not hold the platform.
     #[error("at {0:.3} s: a singular pose")]
     Singular(f64),
 }

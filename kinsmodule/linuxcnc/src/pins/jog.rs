@@ -45,7 +45,6 @@ impl JogPins {
         self.jogging.share(&first.jogging);
     }
 
-    /// Whether LinuxCNC jogs.
     #[inline(always)]
     pub fn is_jogging(&self) -> bool {
         self.jogging.get()
