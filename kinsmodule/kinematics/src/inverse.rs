@@ -164,6 +164,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
+    /// Writes the legs' joints.
     fn of_first_legs(&self, legs: [f64; N], joints: &mut [f64]) {
         for (joint, leg) in joints.iter_mut().zip(legs).take(self.count()) {
             *joint = leg;

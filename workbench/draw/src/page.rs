@@ -56,15 +56,19 @@ impl Verdict {
 /// One limit, as the table shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LimitRow {
+    /// The limit.
     pub name: String,
+    /// What it is there for.
     pub meaning: String,
     /// Joint, leg or axis that comes nearest to it.
     pub part: String,
+    /// What the machine allows.
     pub allowed: String,
     /// What the program needs.
     pub used: String,
     /// What is left, negative beyond the limit.
     pub margin: String,
+    /// Where.
     pub line: String,
     /// Numbers of its breaks, counted from 1.
     pub breaks: Vec<usize>,
@@ -74,8 +78,11 @@ pub struct LimitRow {
 
 /// What the page tells.
 pub struct Report<'a> {
+    /// Name of the program.
     pub program: &'a str,
+    /// Name of the machine.
     pub machine: &'a str,
+    /// The verdict.
     pub verdict: Verdict,
     /// Why, in a sentence.
     pub why: String,
@@ -83,6 +90,7 @@ pub struct Report<'a> {
     pub notes: Vec<String>,
     /// What helps: a sentence, and the block to run.
     pub help: Option<(String, String)>,
+    /// All limits.
     pub rows: Vec<LimitRow>,
     /// All breaks, in the order of the program.
     pub marks: &'a [Mark],

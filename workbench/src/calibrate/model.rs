@@ -44,7 +44,9 @@ pub struct Parameter {
 /// A measuring frame: a plate, a tracker, the base of a ball-bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
+    /// Its origin in base.
     pub origin: Vector3<f64>,
+    /// Base from frame.
     pub rotation: Matrix3<f64>,
 }
 
@@ -94,6 +96,7 @@ pub struct Model {
     pub parameters: Vec<Parameter>,
     /// Largest length of the machine.
     size: f64,
+    /// Radius of the platform.
     radius: f64,
 }
 
@@ -204,6 +207,7 @@ impl Model {
         Machine::freeze(&geometry, &offsets)
     }
 
+    /// A frame with these changes.
     pub fn frame(&self, k: usize, changes: &[f64]) -> Frame {
         let mut change = [0.0; 6];
         for (parameter, value) in self.parameters.iter().zip(changes) {
@@ -250,6 +254,7 @@ fn of(leg: &mut Option<LegGeometry>) -> &mut LegGeometry {
     leg.as_mut().expect("places are made of the legs that there are")
 }
 
+/// The lead of a strut.
 fn lead_of(leg: &LegGeometry) -> Option<f64> {
     match leg.kind {
         LegKind::Strut(strut) => Some(strut.lead),
@@ -274,6 +279,7 @@ fn turn_more(leg: &mut LegGeometry, change: f64) {
     }
 }
 
+/// Unit vector of an axis.
 pub(super) fn unit(axis: usize) -> Vector3<f64> {
     Vector3::from_fn(|i, _| f64::from(u8::from(i == axis)))
 }

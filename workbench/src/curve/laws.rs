@@ -21,6 +21,7 @@ pub enum Tilt {
     Normal([Expression; 3]),
 }
 
+/// The laws.
 #[derive(Clone, Debug)]
 pub struct Laws {
     /// Height in mm; a curve in space has its own.
@@ -63,7 +64,7 @@ impl Laws {
 }
 
 fn leaning([x, y, z]: [Taylor; 3]) -> [Taylor; 3] {
-    let degrees = 1_f64.to_degrees();
+    let degrees = 180.0 / std::f64::consts::PI;
     let a = Taylor::angle(-y, (x.squared() + z.squared()).sqrt());
     [a * degrees, Taylor::angle(x, z) * degrees, Taylor::constant(0.0)]
 }

@@ -45,6 +45,7 @@ impl JogPins {
         self.jogging.share(&first.jogging);
     }
 
+    /// Whether LinuxCNC jogs.
     #[inline(always)]
     pub fn is_jogging(&self) -> bool {
         self.jogging.get()

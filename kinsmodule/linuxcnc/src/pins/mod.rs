@@ -29,6 +29,7 @@ use leg::LegPins;
 use maker::{Pose6, Vector, read};
 use workspace_box::BoxPins;
 
+/// Pins of one joint.
 #[repr(C)]
 struct JointPins {
     min_limit: Pin<f64>,
