@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-virtual test-aside test-live ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-random truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
+.PHONY: help demo pictures getting-started calibration-demo test test-machines test-programs test-virtual test-aside test-live ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-random truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual generated header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -45,9 +45,13 @@ VIEWER_MODULES := $(wildcard viewer/*.py)
 VIRTUAL = target/virtual/libpkmkins-virtual-$(shell linuxcnc_var LINUXCNCVERSION).so
 VIRTUAL_SOURCES := $(wildcard workbench/virtual/*.cc workbench/virtual/*.h) workbench/virtual/build.sh
 
+# The files of the configurations that pkm makes, which git does not have: panels, and programs of files in `paths`.
+GENERATED := $(foreach end,xml tcl,$(patsubst %.ini,%-panel.$(end),$(wildcard configs/*/*.ini))) \
+    $(subst /paths/,/programs/,$(patsubst %.toml,%.ngc,$(shell grep -l 'Makes programs/' configs/*/paths/*.toml)))
+
 # What goes beside LinuxCNC, as FILE=PLACE. `install`, `uninstall` and the package know no other list.
-CONFIGS := $(wildcard $(foreach kind,ini tbl toml tcl xml,configs/*/*.$(kind)) configs/*/programs/*.ngc \
-    configs/*/paths/*.toml configs/*/calibration/*)
+CONFIGS := $(sort $(GENERATED) $(wildcard $(foreach kind,ini tbl toml,configs/*/*.$(kind)) configs/*/programs/*.ngc \
+    configs/*/paths/*.toml configs/*/calibration/*))
 PLACES = $(SO)=$(MODULES)/pkmkins.so \
     $(foreach f,$(VIRTUAL),$(f)=$(MODULES)/$(notdir $(f))) \
     $(foreach f,$(HAL_FILES),$(f)=$(HALLIB)/$(notdir $(f))) \
@@ -123,6 +127,7 @@ help:
 	@echo "make test-trixie  make test-bare with Debian 13 and its LinuxCNC 2.9.4"
 	@echo "make release    tests, and makes the packages of a version with checksums, in build/release"
 	@echo "make repository  makes of them a repository for apt, in build/repository"
+	@echo "make generated  writes the panels and programs in configs that pkm makes"
 	@echo "make names      writes docs/names.txt, the names that people depend on, again"
 	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
 	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
@@ -133,13 +138,14 @@ help:
 demo:
 	@[ -f "configs/$(MACHINE)/$(MACHINE).ini" ] || [ -f "$(MACHINE)" ] || { \
 	    echo "pkmkins: no machine $(MACHINE): name an INI file, or one of:" $(notdir $(wildcard configs/*)); exit 2; }
-	@$(MAKE) --no-print-directory install
+	@tools/progress.sh "building and installing" $(MAKE) --no-print-directory --jobs=2 \
+	    BINS="pkm judge" install
 	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
 
 # The component that plays the true machine is for this alone: it goes again at the end.
 PLAYER := $(MODULES)/pkmkins_truth.so
 calibration-demo: install
-	$(HOST_BUILD) --lib --bin pkm
+	$(HOST_BUILD) --lib
 	@root="$(SUDO)"; $$root install -m 644 target/host/libpkmkins_truth.so "$(PLAYER)" || exit 1; \
 	tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration; \
 	code=$$?; $$root rm -f "$(PLAYER)"; exit $$code
@@ -152,7 +158,8 @@ BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 # real clock.
 test: rust
 	@echo "pkmkins: several tests run at once; what one says is shown when it is over"
-	$(BESIDE)=3 PACKAGES="$(PACKAGES) $(SCREEN_PACKAGES) $(SITE_PACKAGES) $(PAGE_PACKAGES)" setup-more ini-cases built
+	$(BESIDE)=3 PACKAGES="$(PACKAGES) $(SCREEN_PACKAGES) $(SITE_PACKAGES) $(PAGE_PACKAGES)" \
+	    BINS="pkm judge header" setup-more ini-cases generated
 	$(BESIDE)=4 test-machines test-programs test-virtual test-aside
 
 # By one run of apt, in `setup`, which comes first; the rest finds nothing to install.
@@ -160,11 +167,6 @@ setup-more: setup
 	@$(MAKE) --no-print-directory setup-page
 	@$(MAKE) --no-print-directory setup-screen
 	@$(BEHIND) $(MAKE) --no-print-directory setup-site
-
-# Needs nothing of LinuxCNC, as what tests the C interface does: where a compiler is there, it is built while the
-# rest is being installed. The program that writes the header compiles alone for long: not as the last of all.
-built: $(if $(shell command -v cc),rust,setup)
-	$(HOST_BUILD) --bin pkm --bin judge --bin header
 
 # Real clocks and patience with what is on a screen: before everything else. Each of them shares out its work among
 # several machines.
@@ -201,12 +203,10 @@ test-page: setup-page page-check
 # Struts, two mechanisms, an axis that carries the tool, the cases beside the configurations, and other user interfaces.
 THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes,touch-off,under
 screens: install setup-screen
-	$(HOST_BUILD) --bin pkm
 	tests/viewer/screens.py --out build/screens
 
 # Writes the table of docs/getting-started.md.
 getting-started: install
-	$(HOST_BUILD) --bin pkm
 	tests/live/live_test.py --only getting_started --out build/getting-started
 	tests/live/getting_started.py build/getting-started
 
@@ -214,14 +214,12 @@ test-live:
 	tests/live/live_test.py --judge target/host/judge
 
 # Those of the documentation, by the commands that they show.
-pictures:
-	$(HOST_BUILD) --bin pkm
+pictures: generated
 	docs/pictures/make.sh target/host/pkm
 
 # The documentation as a site, its links followed.
 PYTHON_TOOLS := target/tools/python
-site: setup-site
-	$(HOST_BUILD) --bin pkm
+site: setup-site generated
 	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
 
 ini-cases: install
@@ -278,14 +276,12 @@ wheel-env: wheel
 	    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
 
 # Everything of it: the search, Dask, the notebooks.
-test-wheel: wheel-env virtual
-	$(HOST_BUILD) --bin pkm
+test-wheel: wheel-env virtual generated
 	PKM=$(CURDIR)/target/host/pkm PKM_VIRTUAL_LIBRARY=$(CURDIR)/$(VIRTUAL) build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
 
 # The same with the Python of another Debian, as root, with debootstrap: make test-wheel-debian SUITE=trixie
 .PHONY: test-wheel-debian
-test-wheel-debian: wheel
-	$(HOST_BUILD) --bin pkm
+test-wheel-debian: wheel generated
 	tests/wheel/run.sh $(SUITE)
 
 # Writes build/design-figures.md.
@@ -376,8 +372,7 @@ certify: setup module
 	    $(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify; } | tee build/certify.md
 
 # Three seconds on two cores; `make test` proves all but the hexapod's.
-boxes:
-	$(HOST_BUILD) --bin pkm
+boxes: generated
 	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm boxes "$$ini" || exit 1; done
 
 MINUTES := 10
@@ -386,27 +381,23 @@ fuzz: setup
 	fuzz/run.sh $(MINUTES)
 
 soak: install
-	$(HOST_BUILD) --bin pkm --bin judge
+	$(HOST_BUILD) --bin judge
 	tests/live/soak.py --minutes $(MINUTES) --out build/soak
 
 TRUTH :=
 truth: install
-	$(HOST_BUILD) --bin pkm
 	tests/live/truth.py $(TRUTH)
 
 PAIRS := 5000
 truth-random: install
-	$(HOST_BUILD) --bin pkm
 	tests/live/truth.py --random $(PAIRS) --out build/truth-random $(TRUTH)
 
 truth-live: install
-	$(HOST_BUILD) --bin pkm
 	tests/live/truth.py --live all $(TRUTH)
 
 PROGRAMS := 10000
 # On what is built: nothing is installed.
-guard: virtual
-	$(HOST_BUILD) --bin pkm
+guard: virtual generated
 	PKM_VIRTUAL_LIBRARY=$(VIRTUAL) tests/virtual/guarded.py --programs $(PROGRAMS)
 
 # Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
@@ -478,6 +469,13 @@ rust:
 	$(APT) install -q -y --no-install-recommends $(RUST_PACKAGES) || exit 1; \
 	$(CARGO_IS_NEW_ENOUGH) || { echo "pkmkins: $$(command -v $(CARGO)) stands before /usr/bin in PATH and is older: remove it"; exit 1; }
 
+# The panels of the machines and some of their programs, beside their INI files. Needs nothing of LinuxCNC: where a
+# compiler is there, pkm is built while the rest is being installed. BINS: what is wanted beside it, in the same run.
+BINS := pkm
+generated: $(if $(shell command -v cc),rust,setup)
+	$(HOST_BUILD) $(BINS:%=--bin %)
+	tools/generate.sh $(PKM)
+
 # By an invocation of its own: features of host crates must not reach the module.
 module:
 	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
@@ -504,7 +502,7 @@ MAY_CHANGE = if [ -z "$(DESTDIR)" ]; then \
 AS_ROOT = root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""
 
 # A new file that is renamed: a module that is being mapped is never half-written.
-install: virtual
+install: virtual generated
 	@$(call MAY_CHANGE,installing)
 	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB), $(DESTDIR)$(NGC_LIB) and beside them"
 	@$(AS_ROOT); for pair in $(PLACES); do \
@@ -588,3 +586,4 @@ $(TOOLS)/cargo-about:
 
 clean:
 	rm -rf target build
+	rm -f $(GENERATED)

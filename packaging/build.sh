@@ -78,8 +78,9 @@ rm -rf "$stage" target/debian
 mkdir -p "$stage" target/debian
 # cargo-about reads the licences in the crates of the lock file, and wants to have all of them.
 cargo fetch --locked --quiet
-lay_out() { make --no-print-directory -s -o setup -o module -o virtual -o pkm-built "$@"; }
+lay_out() { make --no-print-directory -s -o setup -o module -o virtual -o generated -o pkm-built "$@"; }
 
+tools/generate.sh target/deb/pkm
 lay_out install DESTDIR="$stage/pkmkins" ${1:+VIRTUAL="$*"}
 documents pkmkins kinsmodule/linuxcnc "$revision"
 set --

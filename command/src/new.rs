@@ -8,7 +8,7 @@ use clap::{Arg, ArgMatches, Command};
 use serde_json::json;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
-use workbench::new::kinds::{KINDS, Kind};
+use workbench::new::kinds::{KINDS, MachineKind};
 use workbench::new::make::{Made, Order, limit_lines, make};
 use workbench::new::parameters::{Measure, Need, Parameter};
 use workbench::new::questions::{Dialogue, Given};
@@ -31,7 +31,7 @@ given is wrong or the folder is there already. Except with 0 nothing is written.
 /// Name and place of a machine, and which of its values were given.
 #[derive(Debug)]
 pub struct Arguments {
-    kind: Option<&'static Kind>,
+    kind: Option<&'static MachineKind>,
     name: Option<String>,
     out: Option<PathBuf>,
     given: Given,
@@ -60,7 +60,7 @@ impl clap::FromArgMatches for Arguments {
         self.kind = KINDS.iter().find(|kind| kind.name == name);
         self.name = matches.get_one::<String>("NAME").cloned();
         self.out = matches.get_one::<PathBuf>("out").cloned();
-        for parameter in self.kind.map(Kind::parameters).unwrap_or_default() {
+        for parameter in self.kind.map(MachineKind::parameters).unwrap_or_default() {
             if let Some(words) = matches.get_many::<String>(parameter.name) {
                 let words = words.cloned();
                 let words = match parameter.measure {
@@ -75,7 +75,7 @@ impl clap::FromArgMatches for Arguments {
 }
 
 /// The grammar of a kind, from its table.
-fn of_kind(kind: &'static Kind) -> Command {
+fn of_kind(kind: &'static MachineKind) -> Command {
     let name =
         Arg::new("NAME").help("Name of the machine and of its folder; without it that of the kind");
     let out = Arg::new("out")
@@ -197,7 +197,7 @@ fn made(arguments: &Arguments) -> Result<(), Stop> {
 }
 
 /// Kind and values, asked for where none is given and somebody is there to answer.
-fn answered(arguments: &Arguments) -> Result<(&'static Kind, Given), Stop> {
+fn answered(arguments: &Arguments) -> Result<(&'static MachineKind, Given), Stop> {
     let is_asked = !output::is_json() && io::stdin().is_terminal() && io::stderr().is_terminal();
     let (mut answers, mut questions) = (io::stdin().lock(), io::stderr());
     let mut dialogue = Dialogue { answers: &mut answers, questions: &mut questions };

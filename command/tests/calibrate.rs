@@ -243,7 +243,7 @@ fn touches(
                 // Joints at which the true machine is there.
                 let wanted = Pose {
                     position: point + TOOL,
-                    angles: Vector3::new(tilt[0], tilt[1], 0.0) * std::f64::consts::PI / 180.0,
+                    angles: Vector3::new(tilt[0], tilt[1], 0.0).map(f64::to_radians),
                 };
                 let joints = truth.inverse(&wanted, &TOOL).unwrap();
                 let pose =

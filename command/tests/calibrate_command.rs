@@ -88,7 +88,7 @@ impl Shop {
         let noise = Vector3::from_fn(|_, _| self.random.random_range(-NOISE..NOISE));
         let wanted = Pose {
             position: self.frame.origin + self.frame.rotation * local + noise + TOOL,
-            angles: Vector3::new(tilt[0], tilt[1], 0.0) * std::f64::consts::PI / 180.0,
+            angles: Vector3::new(tilt[0], tilt[1], 0.0).map(f64::to_radians),
         };
         let joints = self.truth.inverse(&wanted, &TOOL).unwrap();
         let seen =

@@ -3,7 +3,7 @@
 //! `SNAPSHOTS=overwrite cargo test --profile host -p pkm commands::` writes the new ones here; `[..]`
 //! stands for places that rounding decides.
 
-use crate::shipped::with_programs;
+use crate::shipped::{folder, with_programs};
 use snapbox::{assert_data_eq, str};
 use std::fs;
 use std::io::{Read, Write};
@@ -18,7 +18,7 @@ pub struct Bench(pub tempfile::TempDir);
 impl Bench {
     pub fn new() -> Self {
         let bench = Self(tempfile::tempdir().unwrap());
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/linear-delta");
+        let folder = folder("linear-delta");
         for file in [
             "linear-delta.ini",
             "linear-delta.tbl",

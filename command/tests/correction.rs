@@ -237,7 +237,6 @@ fn a_table_axis_may_go_to_its_limit() {
     assert!(found.fits(), "{:?}", found.breaks);
 }
 
-/// The path alone.
 fn judged_path(config: &MachineConfig, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();

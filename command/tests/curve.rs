@@ -567,7 +567,7 @@ const KNOWN: [Known; 8] = [
                t = ['71*pi/180', '85*pi/180']\n\
                [laws]\nz_mm = '100*sin(t)'\nnormal = ['x', 'y', 'z']\n",
         at: loxodrome,
-        t: [71.0 * PI / 180.0, 85.0 * PI / 180.0],
+        t: [71_f64.to_radians(), 85_f64.to_radians()],
     },
 ];
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The INI reader beside LinuxCNC's own: `inivar`, and the start script's way with included files.
 
+use crate::shipped::configs;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fs;
@@ -115,8 +116,7 @@ fn drawn_files_are_read_as_linuxcnc_reads_them_or_refused() {
 
 #[test]
 fn shipped_files_are_read_as_linuxcnc_reads_them() {
-    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-    for entry in fs::read_dir(configs).unwrap() {
+    for entry in fs::read_dir(configs()).unwrap() {
         let folder = entry.unwrap().path();
         let name = folder.file_name().unwrap().to_str().unwrap().to_string();
         let file = folder.join(format!("{name}.ini"));

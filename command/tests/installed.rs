@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What `make install` puts where, and that `make uninstall` takes exactly it away; nothing is built.
 
+use crate::{generated, shipped};
 use std::collections::BTreeSet;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -24,7 +25,7 @@ fn files(root: &Path, folder: &Path, found: &mut BTreeSet<String>) {
 fn make(target: &str, place: &Path, root: &Path) {
     let file = |name: &str| place.join(name).display().to_string();
     let done = Command::new("make")
-        .args(["-s", "-o", "setup", "-o", "module", "-o", "virtual", target])
+        .args(["-s", "-o", "setup", "-o", "module", "-o", "virtual", "-o", "generated", target])
         .arg(format!("DESTDIR={}", root.display()))
         .arg(format!("SO={}", file("libpkmkins.so")))
         .arg(format!("VIRTUAL={}", file("libpkmkins-virtual-2.9.so")))
@@ -42,6 +43,7 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
     for name in ["libpkmkins.so", "libpkmkins-virtual-2.9.so"] {
         fs::write(place.path().join(name), name).unwrap();
     }
+    shipped::configs();
     let root = place.path().join("root");
     let subroutines = "usr/share/linuxcnc/ncfiles/pkmkins_lib";
     let own = root.join(subroutines).join("my_own.ngc");
@@ -121,17 +123,19 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
     }
 }
 
-/// What the repository has of the machines, by its place below the folder of LinuxCNC's picker, which shows a
-/// file README.
+/// Returns where the files of the machines go, which LinuxCNC's picker shows with a file README: those that git
+/// has, and those that are generated.
 fn machines() -> BTreeSet<String> {
     let listed =
         Command::new("git").args(["ls-files", "configs"]).current_dir(source()).output().unwrap();
     let listed = String::from_utf8(listed.stdout).unwrap();
+    let generated = fs::read_to_string(generated::sums()).unwrap();
+    let generated = generated.lines().map(|line| line.split_once("  ").unwrap().1);
     let place = |file: &str| {
         let file = file.strip_prefix("configs/").unwrap();
         format!("usr/share/linuxcnc/aux_examples/pkmkins/{}", file.replace("README.md", "README"))
     };
-    listed.lines().map(place).collect()
+    listed.lines().chain(generated).map(place).collect()
 }
 
 /// `make` for the command pkm by a user who is not root and has no sudo, with a cargo of some version that

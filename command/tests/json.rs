@@ -2,10 +2,10 @@
 //! `--format json` of every subcommand, beside what docs/json.md says of it.
 
 use crate::commands::Bench;
+use crate::shipped::configs;
 use crate::{calibrate_command, cut, stability};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 
 /// A subcommand with its words; what stands on standard input; its exit code.
 type Case = (&'static str, &'static str, &'static str, u8);
@@ -168,7 +168,7 @@ fn documented() -> BTreeMap<String, BTreeSet<String>> {
 }
 
 fn words(text: &str) -> String {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap();
+    let folder = configs().join("..").canonicalize().unwrap();
     let file = |name: &str| folder.join(name).display().to_string();
     text.replace("HEXAPOD", &file("configs/hexapod/hexapod.ini"))
         .replace("PAIR", &file("configs/lathe-mirrored/lathe-mirrored.ini"))

@@ -26,6 +26,7 @@ mod extra_axes;
 mod filter;
 mod fixes;
 mod frames;
+mod generated;
 mod golden;
 mod homing;
 mod ini_cases;

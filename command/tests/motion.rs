@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The moves that LinuxCNC asks motion for: units, offsets, arcs, tools, files, the spindle and errors.
 
+use crate::shipped;
 use std::path::Path;
 use workbench::control::process::Options;
 use workbench::program::motion::{Move, MoveKind, Spindle, moves};
@@ -12,7 +13,7 @@ use workbench::read::machine::MachineConfig;
 const ROUNDING_MM: f64 = 1e-9;
 
 fn config(tools: &Path) -> MachineConfig {
-    let ini = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+    let ini = shipped::ini("hexapod");
     let mut config = MachineConfig::read(&ini).unwrap();
     config.program.tool_table = Some(tools.into());
     config.program.parameter_file = None;

@@ -3,9 +3,10 @@
 //! without it, its joint values aside.
 
 use crate::commands::Bench;
+use crate::shipped::{MACHINES, ini};
 use kinematics::{Joints, Pose};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use workbench::calibrate::model::{Model, Tolerance};
 use workbench::read::ini::Ini;
 use workbench::read::machine::MachineConfig;
@@ -48,16 +49,6 @@ fn shifted_line(section: &str, line: &str) -> String {
     }
 }
 
-fn machines() -> Vec<PathBuf> {
-    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-    let folders = fs::read_dir(configs).unwrap().map(|entry| entry.unwrap().path());
-    let files = folders.filter_map(|folder| {
-        let name = folder.file_name()?.to_str()?.to_owned();
-        Some(folder.join(format!("{name}.ini"))).filter(|file| file.exists())
-    });
-    files.collect()
-}
-
 fn config(file: &Path, text: &str) -> MachineConfig {
     MachineConfig::from_ini(&Ini::parse(file, text).unwrap()).unwrap()
 }
@@ -71,7 +62,7 @@ fn assert_same(file: &Path, legs: usize, found: &Joints, expected: &Joints, shif
 
 #[test]
 fn every_machine_made_of_a_file_keeps_its_offsets() {
-    for file in machines() {
+    for file in MACHINES.map(ini) {
         let text = fs::read_to_string(&file).unwrap();
         if text.contains("[CHAIN_") {
             // HOME of an axis that carries something is 0.

@@ -3,23 +3,14 @@
 //! tests/viewer/screens.py.
 
 use crate::commands::Bench;
-use crate::shipped::{MACHINES, config, folder, ini};
+use crate::shipped::{MACHINES, config, ini};
 use std::collections::BTreeSet;
 use std::fs;
 use workbench::panel::Panel;
 
 #[test]
-fn the_shipped_panels_are_what_the_command_writes_and_their_machines_show_them() {
+fn the_shipped_machines_show_their_panels() {
     for machine in MACHINES {
-        let panel = Panel::new(&config(machine), machine);
-        let read = |end: &str| {
-            fs::read_to_string(folder(machine).join(format!("{machine}-panel.{end}"))).unwrap()
-        };
-        assert_eq!(
-            (panel.widgets, panel.wiring),
-            (read("xml"), read("tcl")),
-            "{machine}: pkm panel"
-        );
         let text = fs::read_to_string(ini(machine)).unwrap();
         for line in [
             format!("PYVCP = {machine}-panel.xml\n"),

@@ -3,7 +3,7 @@
 //! inside the sheet and beside all else, axes have units, lines have keys, slices are closed.
 
 use crate::commands::Bench;
-use crate::shipped::{MACHINES, config};
+use crate::shipped::{MACHINES, config, configs};
 use draw::curve::of_route;
 use std::collections::BTreeMap;
 use std::fs;
@@ -19,7 +19,7 @@ const UNITS: [&str; 7] =
 const SIGN: f64 = 32.0;
 
 fn shared(path: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path).display().to_string()
+    configs().join("..").join(path).display().to_string()
 }
 
 /// The SVG files that commands draw, by their names behind those of their folders.

@@ -1,23 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Random programs: read by LinuxCNC's interpreter and replayed they stay in all limits.
 
-use std::path::{Path, PathBuf};
+use crate::shipped::{MACHINES, config};
 use workbench::program::motion;
 use workbench::program::random_program::random_program;
 use workbench::program::replay::replay;
-use workbench::read::machine::MachineConfig;
-
-fn machines() -> Vec<MachineConfig> {
-    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-    let ini = |folder: PathBuf| folder.join(folder.file_name().unwrap()).with_extension("ini");
-    let folders = std::fs::read_dir(configs).unwrap().map(|entry| entry.unwrap().path());
-    folders.map(|folder| MachineConfig::read(&ini(folder)).unwrap()).collect()
-}
 
 #[test]
 fn a_random_program_stays_within_the_limits_of_its_machine() {
     let folder = tempfile::tempdir().unwrap();
-    for config in machines() {
+    for config in MACHINES.map(config) {
         let name = config.file.display();
         let text = random_program(&config, 7, 60.0).unwrap();
         let program = folder.path().join("random.ngc");
@@ -34,7 +26,7 @@ fn a_random_program_stays_within_the_limits_of_its_machine() {
 
 #[test]
 fn a_seed_makes_the_same_program_again_and_another_seed_another() {
-    let config = &machines()[0];
+    let config = &config(MACHINES[0]);
     let text = |seed| random_program(config, seed, 10.0).unwrap();
     assert_eq!(text(1), text(1));
     assert_ne!(text(1), text(2));

@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::LazyLock;
 use workbench::program::findings::Preflight;
 use workbench::program::motion::Move;
 use workbench::program::preflight::preflight;
@@ -40,8 +42,19 @@ pub fn cases(usual: usize) -> usize {
     (usual as f64 * factor).ceil() as usize
 }
 
+/// Returns the folder `configs`, with the files in it that pkm makes.
+pub fn configs() -> &'static Path {
+    static CONFIGS: LazyLock<PathBuf> = LazyLock::new(|| {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let script = root.join("tools/generate.sh");
+        assert!(Command::new(script).arg(env!("CARGO_BIN_EXE_pkm")).status().unwrap().success());
+        root.join("configs")
+    });
+    &CONFIGS
+}
+
 pub fn folder(machine: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(machine)
+    configs().join(machine)
 }
 
 /// Puts the programs of a machine beside a copy of its files.

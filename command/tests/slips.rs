@@ -13,6 +13,7 @@ use std::process::Command;
 #[serde(deny_unknown_fields)]
 struct Case {
     name: String,
+    #[serde(default = "hexapod")]
     base: String,
     #[serde(default)]
     edit: Vec<Edit>,
@@ -29,18 +30,24 @@ struct Case {
     /// Whether the base keeps the limits of its angles.
     #[serde(default)]
     wide: bool,
+    #[serde(default)]
     expect: Expect,
     #[serde(default)]
     names: Vec<String>,
-    /// Where the answer has to point, without the number of the line.
+    /// Where the answer has to point, if not at a line of the INI file.
     place: Option<String>,
     /// Why no check can know.
     why: Option<String>,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+fn hexapod() -> String {
+    "hexapod".into()
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
 #[serde(rename_all = "lowercase")]
 enum Expect {
+    #[default]
     Told,
     Shown,
     Silent,
@@ -56,7 +63,6 @@ fn answer(folder: &Path, file: &str, more: &[&str]) -> (String, i32) {
     (text(&output.stdout) + &text(&output.stderr), output.status.code().unwrap())
 }
 
-/// The base without its boxes.
 fn without_boxes(lines: &mut Vec<String>) {
     let mut is_box = false;
     lines.retain(|line| {
@@ -130,11 +136,11 @@ fn judge(case: &Case) -> Option<String> {
     if case.expect != Expect::Told {
         return case.why.is_none().then(|| format!("{}: no reason", case.name));
     }
-    let place = case.place.clone().unwrap_or_else(|| file.clone());
+    let place = case.place.clone().unwrap_or_else(|| format!("{file}:"));
     let points = text.lines().any(|line| {
         let behind = line.split_once("--> ").and_then(|(_, at)| at.split_once(&place));
         behind.is_some_and(|(_, at)| {
-            case.place.is_none() || at.starts_with(|c: char| c.is_ascii_digit() || c == ':')
+            place == file || at.starts_with(|c: char| c.is_ascii_digit() || c == ':')
         })
     });
     if points { None } else { wrong(&format!("nothing points at {place}")) }

@@ -22,7 +22,6 @@ const FAR: f64 = 100.0;
 /// arms of FAR sizes.
 const THERE_AND_BACK: f64 = 1e-12;
 
-/// What LinuxCNC has room for.
 const LINUXCNC_JOINTS: usize = 16;
 
 /// Words that load parameters are made of, beside single characters.

@@ -34,7 +34,6 @@ const AWKWARD: [f64; 16] = [
 pub struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {
-    /// All of `data`.
     pub fn new(data: &'a [u8]) -> Self {
         Self(data)
     }
@@ -44,7 +43,6 @@ impl<'a> Bytes<'a> {
         self.0.is_empty()
     }
 
-    /// The next byte.
     pub fn byte(&mut self) -> u8 {
         let Some((first, rest)) = self.0.split_first() else { return 0 };
         self.0 = rest;

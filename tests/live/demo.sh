@@ -24,12 +24,12 @@ if [ -z "$program" ] || [ ! -f "$folder/programs/$program" ]; then
 fi
 out=build/demo/$name
 
-echo "demo: building pkm and the judge"
-cargo build --profile host --locked --bin pkm --bin judge
+tools/progress.sh "building pkm and the judge" cargo build --profile host --locked --quiet --bin pkm --bin judge
 rm -rf "$out"
 mkdir -p "$out"
 # LinuxCNC runs in real time: as long as it takes in virtual time, and half as long again.
-target/host/pkm preflight "$ini" "$folder/programs/$program" --quiet --format json > "$out/preflight.json" ||
+tools/progress.sh "preflight" target/host/pkm preflight "$ini" "$folder/programs/$program" --quiet --format json \
+    > "$out/preflight.json" ||
     { echo "demo: preflight does not pass it: target/host/pkm preflight $ini $folder/programs/$program" >&2; exit 1; }
 seconds=$(python3 -c '
 import json, sys
@@ -37,6 +37,7 @@ time = json.load(open(sys.argv[1]))["time"]
 if "judged" not in time: sys.exit("demo: how long it takes is not known: " + time["not_judged"])
 print(round(60 + 1.5 * time["judged"]["seconds"]))' "$out/preflight.json")
 echo "demo: LinuxCNC homes $name and runs $program, in real time; it gets $seconds s"
-tests/live/run_live.py --config "$ini" --program "$program" --out "$out" --seconds "$seconds" || failed=$?
-target/host/judge "$ini" "$out/trace.csv" "$out/result.json" "$out"
+tools/progress.sh "$program" tests/live/run_live.py --config "$ini" --program "$program" --out "$out" \
+    --seconds "$seconds" || failed=$?
+tools/progress.sh "report and plots" target/host/judge "$ini" "$out/trace.csv" "$out/result.json" "$out"
 exit "${failed:-0}"

@@ -42,7 +42,17 @@ def second_legs(text):
     return sum(int(group.split(":")[1]) for group in words.get("second", "").split(",") if group)
 
 
+def _parsed(text):
+    section, rest = text[1:].split("]", 1)
+    if rest == "-":
+        return {"section": section, "remove": True}
+    if rest.startswith("+"):
+        return {"section": section, "append": rest[1:].split("\n")}
+    return {"section": section, "key": rest.split("=")[0].strip(), "lines": rest.split("\n") if "=" in rest else []}
+
+
 def _edited_lines(lines, edit):
+    edit = _parsed(edit) if isinstance(edit, str) else edit
     first, end = _section(lines, edit["section"])
     if edit.get("remove"):
         return lines[:first] + lines[end:]

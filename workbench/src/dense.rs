@@ -6,7 +6,6 @@
 
 use nalgebra::{Complex, ComplexField, DMatrix, Dyn, Schur};
 
-/// Of complex numbers.
 pub type ComplexMatrix = DMatrix<Complex<f64>>;
 
 /// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
@@ -17,7 +16,6 @@ pub fn eigenvalues(matrix: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     Some(schur(matrix)?.complex_eigenvalues().iter().copied().collect())
 }
 
-/// The same of a complex one.
 pub fn complex_eigenvalues(matrix: ComplexMatrix) -> Option<Vec<Complex<f64>>> {
     // The diagonal of a complex Schur form.
     Some(complex_schur(matrix)?.1.diagonal().iter().copied().collect())

@@ -15,9 +15,7 @@ use tempfile::{NamedTempFile, TempDir};
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {error}", .file.display())]
 pub struct AtFile<E> {
-    /// The file.
     pub file: PathBuf,
-    /// What.
     pub error: E,
 }
 
@@ -205,7 +203,6 @@ impl Folder {
         fs::rename(self.path(), place).inspect_err(|_| drop(fs::remove_dir(place))).at(place)
     }
 
-    /// Where it is.
     pub fn path(&self) -> &Path {
         self.folder.path()
     }

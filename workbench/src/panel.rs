@@ -40,7 +40,6 @@ struct Sheet {
     nets: Vec<(String, String)>,
 }
 
-/// A bar.
 struct Bar {
     widget: String,
     pin: String,

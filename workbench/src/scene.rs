@@ -16,7 +16,6 @@ pub const VERSION: u32 = 1;
 /// A machine as a viewer sees it. Machine units and degrees; what is not limited is `null`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Scene {
-    /// [`VERSION`].
     pub version: u32,
     /// Name of the INI file without its ending.
     pub machine: String,
@@ -48,7 +47,6 @@ pub struct Scene {
     pub tool_direction: Option<&'static str>,
     /// A pose and the joint values that belong to it.
     pub home: Home,
-    /// The legs.
     pub legs: Vec<Leg>,
     /// Legs and table axes.
     pub joints: Vec<Joint>,
@@ -75,7 +73,6 @@ pub struct Scene {
 /// An axis whose letter is its own value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ExtraAxis {
-    /// Its letter.
     pub letter: char,
     /// Number of its joint in LinuxCNC.
     pub joint: usize,
@@ -90,7 +87,6 @@ pub struct ExtraAxis {
 /// An axis that carries something.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Link {
-    /// Its letter.
     pub letter: char,
     /// Number of its joint in LinuxCNC.
     pub joint: usize,
@@ -111,7 +107,6 @@ pub struct Mesh {
     pub part: &'static str,
     /// STL or OBJ, with its whole path.
     pub file: String,
-    /// Its unit.
     pub unit: &'static str,
     /// Machine units a unit of the file.
     pub scale: f64,
@@ -128,10 +123,8 @@ pub struct Home {
     pub joints: Vec<f64>,
 }
 
-/// A leg.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Leg {
-    /// Its kind, with what only this one has.
     #[serde(flatten)]
     pub kind: Kind,
     /// Base anchor; of sliders the zero of the guide, of cranks the hip.
@@ -150,7 +143,6 @@ pub struct Leg {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Kind {
-    /// A telescopic strut.
     Strut {
         /// Way of the screw in a turn, its hand as a sign.
         lead: f64,
@@ -178,7 +170,6 @@ pub enum Kind {
     },
 }
 
-/// A joint.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Joint {
     /// In LinuxCNC.
@@ -187,7 +178,6 @@ pub struct Joint {
     pub name: String,
     /// `strut`, `carriage`, `arm` or `table`.
     pub kind: &'static str,
-    /// Of its values.
     pub unit: &'static str,
     /// Lowest value.
     pub min: f64,
@@ -200,7 +190,6 @@ pub struct Joint {
 /// Limits of a coordinate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Axis {
-    /// Its letter.
     pub letter: char,
     /// Lowest value.
     pub min: f64,
@@ -209,7 +198,6 @@ pub struct Axis {
 }
 
 impl Scene {
-    /// Of this machine.
     pub fn new(config: &MachineConfig) -> Self {
         let layout = config.machine.layout();
         let letters = |letters: &[Letter]| letters.iter().map(|letter| letter.name()).collect();

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Runs every replay case of tests/cases/replay, and sees that no shipped program lacks one.
+//! Runs every replay case of tests/cases/replay.toml, and sees that no shipped program lacks one.
 
 mod case;
 
+use crate::shipped::{MACHINES, cases_of, configs, folder};
 use case::{Case, Outcome};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
 
 fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> =
@@ -20,23 +17,14 @@ fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     files
 }
 
-fn cases() -> Vec<(PathBuf, Case)> {
-    let read = |file: PathBuf| {
-        let case = Case::read(&file).unwrap_or_else(|error| panic!("{error}"));
-        (file, case)
-    };
-    files(&root().join("tests/cases/replay"), "toml").into_iter().map(read).collect()
-}
-
 #[test]
 fn every_case_keeps_its_expectations() {
-    let configs = root().join("configs");
-    let cases = cases();
+    let cases: Vec<Case> = cases_of("replay.toml");
     let outcomes: Vec<Result<Outcome, String>> =
-        cases.par_iter().map(|(_, case)| case.run(&configs)).collect();
+        cases.par_iter().map(|case| case.run(configs())).collect();
     let mut failures = vec![];
-    for ((file, _), outcome) in cases.iter().zip(outcomes) {
-        let name = file.file_stem().unwrap().display();
+    for (case, outcome) in cases.iter().zip(outcomes) {
+        let name = format!("{} {}", case.machine, case.program);
         match outcome {
             Ok(outcome) => {
                 println!("{name}\n{}\n", outcome.replay);
@@ -50,17 +38,17 @@ fn every_case_keeps_its_expectations() {
 
 #[test]
 fn every_shipped_program_has_a_case() {
-    let covered: BTreeSet<(String, String)> =
-        cases().into_iter().map(|(_, case)| (case.machine, case.program)).collect();
-    for machine in std::fs::read_dir(root().join("configs")).unwrap() {
-        let machine = machine.unwrap();
-        let name = machine.file_name().into_string().unwrap();
-        for program in files(&machine.path().join("programs"), "ngc") {
+    let covered: BTreeSet<(String, String)> = cases_of("replay.toml")
+        .into_iter()
+        .map(|case: Case| (case.machine, case.program))
+        .collect();
+    for name in MACHINES {
+        for program in files(&folder(name).join("programs"), "ngc") {
             let program = format!("programs/{}", program.file_name().unwrap().display());
-            let key = (name.clone(), program);
+            let key = (name.to_string(), program);
             assert!(
                 covered.contains(&key),
-                "no case in tests/cases/replay for {} {}",
+                "no case in tests/cases/replay.toml for {} {}",
                 key.0,
                 key.1
             );

@@ -7,12 +7,11 @@ use crate::layout::{Joints, Layout, MAX_LEGS, PerLeg};
 use crate::legs_at::{LegsAt, once};
 use crate::pose::Pose;
 use crate::segment::Segment;
+use crate::trig::DEGREES;
 use crate::watch::{Cones, Nearest, Turns, Watch};
 use core::cell::Cell;
 use libm::{atan2, hypot};
 use nalgebra::{Matrix3, Vector3};
-
-const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 
 /// A machine at a pose that its legs reach, made by [`crate::Machine::at`].
 ///

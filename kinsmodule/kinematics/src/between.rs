@@ -33,7 +33,6 @@ pub struct Gap {
 /// Most lines of a mechanism.
 const LINES: usize = MAX_LEGS * (MAX_LEGS + 1) / 2;
 
-/// The lines of a mechanism.
 struct Lines {
     each: [(Body, Segment); LINES],
     count: usize,

@@ -78,7 +78,6 @@ impl WorkspaceBox {
             && (1..=MAX_BOX_STEPS).contains(&self.steps)
     }
 
-    /// Its middle.
     fn middle(&self) -> [f64; 6] {
         core::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k]))
     }
@@ -241,7 +240,6 @@ impl Search {
         Ok(())
     }
 
-    /// To the next box.
     fn go_on(&mut self, boxes: &[WorkspaceBox]) {
         self.index += 1;
         self.steps = 0;

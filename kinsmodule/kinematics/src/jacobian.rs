@@ -6,6 +6,7 @@ use crate::lanes::Lanes3;
 use crate::layout::{MAX_JOINTS, MAX_LEGS};
 use crate::legs_at::{Gradient, LegsAt};
 use crate::mechanism::{Chart, Mechanism};
+use crate::trig::RADIANS;
 use nalgebra::{SMatrix, Vector3};
 
 /// Rows of joints by columns of a twist or pose; rows beyond the last joint are 0.
@@ -46,7 +47,7 @@ impl<const N: usize> LegsAt<'_, N> {
         if self.machine.chart == Chart::Group && !(self.trig.cb.abs() >= MIN_COS_B) {
             return Err(Fault::with_value(Cause::TiltNearRightAngle, self.trig.cb));
         }
-        let per_degree = self.trig.rate_map() * (core::f64::consts::PI / 180.0);
+        let per_degree = self.trig.rate_map() * RADIANS;
         let angular = jacobian.fixed_columns::<3>(3) * per_degree;
         jacobian.fixed_columns_mut::<3>(3).copy_from(&angular);
         Ok(jacobian)

@@ -12,6 +12,7 @@ use crate::pose::{Pose, Trigonometry};
 use crate::segment::Segment;
 use crate::singular::{is_surely_above, smallest_singular_value};
 use crate::target::Target;
+use crate::trig::RADIANS;
 use core::cell::Cell;
 use nalgebra::Vector3;
 
@@ -174,7 +175,7 @@ impl<const N: usize> LegsAt<'_, N> {
     pub fn rates(&self, rate: &[f64; 6]) -> Result<Joints, Fault> {
         let machine = self.machine;
         let [vx, vy, vz, a, b, c] = *rate;
-        let angles = Vector3::new(a, b, c) * (core::f64::consts::PI / 180.0);
+        let angles = Vector3::new(a, b, c) * RADIANS;
         let omega = self.trig.rate_map() * angles;
         let speed = Vector3::new(vx, vy, vz) + omega.cross(&self.lever());
         let legs = self.leg_rates(&machine.of_legs(speed), &omega)?;

@@ -13,6 +13,7 @@
 //! constant of this crate has a length in it), angles in radians.
 #![no_std]
 #![forbid(unsafe_code)]
+#![warn(missing_docs)]
 
 mod ahead;
 mod at;

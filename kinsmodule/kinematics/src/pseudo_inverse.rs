@@ -203,7 +203,6 @@ impl Gram {
         self.volume > FLAT * (a * b * c)
     }
 
-    /// (VᵀV)⁻¹ v.
     #[inline(always)]
     fn times(&self, v: &[f64; 3]) -> [f64; 3] {
         let [aa, bb, cc, ab, bc, ca] = self.cofactors;

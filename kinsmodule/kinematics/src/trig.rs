@@ -9,6 +9,9 @@ use wide::f64x2;
 /// Radians in a degree.
 pub(crate) const RADIANS: f64 = PI / 180.0;
 
+/// Degrees in a radian.
+pub(crate) const DEGREES: f64 = 180.0 / PI;
+
 /// Largest angle accepted, in degrees: beyond it argument reduction becomes slow and an angle has lost
 /// its meaning.
 pub(crate) const MAX_ANGLE_DEG: f64 = 1e6;

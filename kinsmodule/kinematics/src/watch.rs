@@ -7,11 +7,9 @@ use crate::lanes::{Lanes3, both, cross, dot, pair, put, times, wide};
 use crate::layout::{MAX_LEGS, PerLeg};
 use crate::leg::{LegKind, direction};
 use crate::segment::Segment;
-use crate::trig::broad_arcs;
+use crate::trig::{DEGREES, broad_arcs};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
-
-const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 
 /// What does not change about the legs of a frozen machine.
 #[derive(Clone, Debug, PartialEq)]

@@ -73,7 +73,6 @@ impl<'a> Drive<'a> {
         at.ahead_in_turn(sight, (&NO_TOOL, &self.limits), &motion, &self.planner)
     }
 
-    /// Some cycles later.
     fn later(&self, cycles: u32) -> Self {
         let pose = self.at(f64::from(cycles) * PERIOD).to_degrees();
         Self { pose, limits: self.limits, planner: self.planner, ..*self }

@@ -78,7 +78,6 @@ pub struct Between {
     end: Option<[[f64; 6]; 2]>,
 }
 
-/// A cycle of both.
 struct Cycle<'a> {
     modules: [&'a Module; 2],
     motions: [Option<Motion>; 2],

@@ -24,7 +24,6 @@ pub struct Calls {
 }
 
 impl Calls {
-    /// A call of forward.
     pub fn note_forward(&mut self) {
         self.repeated = self.awaits_command;
         self.awaits_command = true;

@@ -93,7 +93,6 @@ impl Programmed {
     }
 }
 
-/// What the guard remembers.
 pub struct Guard {
     /// Commanded poses of the two cycles before, older first.
     before: [Option<Pose>; 2],
@@ -347,7 +346,6 @@ impl Guard {
         self.inhibited.is_some()
     }
 
-    /// Whether jogs have to end.
     pub fn stops_jogs(&self) -> bool {
         self.jog.is_stopped()
     }

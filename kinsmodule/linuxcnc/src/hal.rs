@@ -56,7 +56,6 @@ fn checked(code: c_int) -> Result<c_int, HalError> {
 /// A pin's name.
 pub type Name = Text<{ NAME_LENGTH + 1 }>;
 
-/// A message to the operator.
 type Message = Text<MESSAGE_LENGTH>;
 
 /// Shows an error to the operator: LinuxCNC forwards it to the user interface.

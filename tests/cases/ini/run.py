@@ -178,6 +178,7 @@ def listed_cases(only):
     for keys in listed["case"]:
         if only in keys["name"]:
             base = (REPOSITORY / keys.get("base", listed["base"])).read_text()
+            keys.setdefault("expect", "error" if "names" in keys else "ok")
             yield Case(keys, base, ini_edit.edited(base, keys.get("edit", [])))
 
 

@@ -11,7 +11,6 @@ pub(super) const WIDTH: u32 = 3;
 /// Of an arrow's width, its head along it and to each side.
 const HEAD: [f64; 2] = [3.6, 1.5];
 
-/// Radius of a sign.
 pub(super) const SIGN: i32 = 8;
 
 /// From a pixel to another.

@@ -9,13 +9,11 @@ use crate::style::{GREY, SMALL, letters_at, shade, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
-/// Levels of a map.
 const LEVELS: usize = 8;
 
 /// Pixels of the scale beside a map.
 const SCALE: u32 = 110;
 
-/// Shades of a map.
 const SHADES: usize = 32;
 
 /// Labels stand this share of the map's side away from its border and from each other.

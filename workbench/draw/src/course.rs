@@ -26,7 +26,6 @@ impl Course {
     }
 }
 
-/// One strip a line.
 pub(super) fn lines_over(
     course: &Course,
     file: &str,
@@ -38,7 +37,6 @@ pub(super) fn lines_over(
     Ok(Plot { file: file.into(), caption: caption.into(), svg })
 }
 
-/// Strips with limits.
 pub(super) fn strips_over(
     course: &Course,
     file: &str,

@@ -15,14 +15,13 @@ use crate::style::{BLUE, GREY, VERMILLION, limit_style};
 use kinematics::{MAX_LEGS, Vector3};
 use plotters::prelude::*;
 use workbench::curve::base::{Form, Part};
-use workbench::curve::carriages::Place;
+use workbench::curve::carriages::CarriagePose;
 use workbench::curve::job::Job;
 use workbench::curve::route::Route;
 use workbench::curve::table::Row;
 use workbench::read::joints::Joint;
 use workbench::read::machine::MachineConfig;
 
-/// Curves of each family.
 const CURVES: usize = 9;
 /// Places of the grid on which curves of a family are found, each way.
 const GRID: usize = 100;
@@ -252,8 +251,11 @@ fn joints(config: &MachineConfig, route: &Route) -> Result<Vec<Plot>, DrawError>
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_carriages(config: &MachineConfig, places: &[Place]) -> Result<Vec<Plot>, DrawError> {
-    let sample = |place: &Place| Sample {
+pub fn of_carriages(
+    config: &MachineConfig,
+    places: &[CarriagePose],
+) -> Result<Vec<Plot>, DrawError> {
+    let sample = |place: &CarriagePose| Sample {
         time: place.t,
         in_world: true,
         pose: place.pose,

@@ -41,7 +41,6 @@ const LOADED: [Loaded; 2] = [
     },
 ];
 
-/// Points of an outline.
 const OUTLINE: usize = 180;
 
 const SIZE: (u32, u32) = (960, 500);
@@ -98,7 +97,6 @@ fn seen_along_axes(loaded: &Loaded, ellipsoid: &Ellipsoid) -> Result<String, Dra
     })
 }
 
-/// What the lines are.
 fn name_axes(area: &Area, loaded: &Loaded, ellipsoid: &Ellipsoid) -> Result<(), DrawError> {
     let axis = |k: usize| {
         let axis = ellipsoid.axes.column(k).map(|part| format!("{:.2}", part + 0.0));

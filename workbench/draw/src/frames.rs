@@ -51,7 +51,6 @@ struct View {
     title: &'static str,
     across: usize,
     up: usize,
-    /// Towards the eye.
     eye: Vector3<f64>,
 }
 
@@ -84,7 +83,6 @@ impl View {
     }
 }
 
-/// An arrow in space.
 struct Arrow {
     from: Vector3<f64>,
     to: Vector3<f64>,
@@ -395,7 +393,6 @@ fn keys(config: &MachineConfig, hands: &[Option<char>]) -> Vec<Key> {
     keys
 }
 
-/// Joints that are no legs.
 fn other_joints(config: &MachineConfig) -> Vec<Key> {
     let legs = config.legs();
     let table = config.machine.layout().table().as_slice().iter().enumerate().map(|(k, letter)| {

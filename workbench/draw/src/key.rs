@@ -8,7 +8,6 @@ use crate::style::{GREY, NAME, SMALL, letters_at, limit_style, line_style, width
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
-/// Pixels of a sign.
 const SIGN: u32 = 32;
 
 /// Pixels from one line of a key to the next.
@@ -39,7 +38,6 @@ impl Key {
         Self { sign, name: name.into() }
     }
 
-    /// Of the line of a number.
     pub(super) fn line(number: usize, name: &str) -> Self {
         Self::new(Sign::Line(line_style(number)), name)
     }

@@ -7,15 +7,12 @@ use kinematics::{LegKind, Pose, Vector3};
 use plotters::prelude::*;
 use workbench::read::machine::MachineConfig;
 
-/// Of legs.
 pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
 
-/// Of guides and arms.
 pub(super) const GUIDE: RGBColor = RGBColor(150, 150, 165);
 
 /// A machine at a pose.
 pub(super) struct Drawn {
-    /// What is drawn.
     pub(super) parts: Vec<Part>,
     /// Places that belong into the picture.
     pub(super) places: Vec<Vector3<f64>>,

@@ -15,7 +15,6 @@ use plotters::style::text_anchor::{HPos, VPos};
 use workbench::program::course::Thinned;
 use workbench::read::machine::MachineConfig;
 
-/// Most points of a path.
 const MOST_POINTS: usize = 5000;
 
 /// Most stretches of a path that are drawn in a colour of their own.
@@ -48,7 +47,6 @@ const CROSS: i32 = 8;
 
 const SIZE: (u32, u32) = (960, 600);
 
-/// Pixels of the key.
 const KEYS: u32 = 36;
 
 /// The path twice: in the machine with the limits of the axes, and closer.

@@ -228,7 +228,6 @@ impl Sheet<'_> {
     }
 }
 
-/// One strip a line, all with the same limits.
 fn with_limits(lines: Vec<Line>, limits: &[f64]) -> Vec<Strip> {
     lines.into_iter().map(|line| Strip::of(line, limits.to_vec())).collect()
 }

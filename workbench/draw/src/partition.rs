@@ -32,7 +32,6 @@ pub(super) struct Partition<'a> {
     pub(super) marks: Vec<([f64; 2], String)>,
 }
 
-/// Places of a curve.
 pub(super) fn places(points: &[Point]) -> Vec<[f64; 2]> {
     points.iter().map(|point| point.at).collect()
 }

@@ -39,7 +39,6 @@ pub fn of_rods(
     Ok(plots)
 }
 
-/// One angle of a leg.
 type Angle = fn(&Rods, usize) -> Option<f64>;
 
 /// The largest value that the machine's file allows a leg.

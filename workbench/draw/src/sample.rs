@@ -31,7 +31,6 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// The tool vector.
     pub fn tool(&self) -> Vector3<f64> {
         Vector3::from(self.tool)
     }

@@ -103,7 +103,6 @@ pub(super) fn tick(value: &f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0)
 }
 
-/// Both axes at one scale.
 pub(super) fn path_axes<'a, 'b>(
     area: &'a Area<'b>,
     frame: &Frame,

@@ -84,7 +84,6 @@ pub(super) fn course(places: &[Vector3<f64>], style: ShapeStyle) -> Vec<Part> {
     places.windows(2).map(piece).collect()
 }
 
-/// Edges of a box.
 pub(super) fn edges([low, high]: &[Vector3<f64>; 2], style: ShapeStyle) -> Vec<Part> {
     let corner = |k: usize| {
         Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { low[axis] } else { high[axis] })

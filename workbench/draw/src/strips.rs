@@ -55,12 +55,10 @@ impl Strip {
         Self::new(&line.name.clone(), vec![line], limits)
     }
 
-    /// Values as they are.
     fn all(&self) -> impl Iterator<Item = f64> {
         self.lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| !v.is_nan())
     }
 
-    /// Values as they are drawn.
     fn values(&self) -> impl Iterator<Item = f64> {
         self.all().map(|value| self.drawn_at(value)).filter(|value| value.is_finite())
     }
@@ -180,7 +178,6 @@ fn keys(sheet: &Strips, strips: &[Strip]) -> Vec<Key> {
     keys
 }
 
-/// The range of every strip, and whether they are one.
 fn ranges(sheet: &Strips, strips: &[Strip]) -> (Vec<Range<f64>>, bool) {
     let own: Vec<Range<f64>> = strips.iter().map(|strip| strip.range(sheet.all_limits)).collect();
     let (low, high) = span(own.iter().flat_map(|range| [range.start, range.end]));

@@ -42,10 +42,8 @@ pub(super) const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
 /// Width of lines that [`dashed`] dashes.
 const DASHED: u32 = 2;
 
-/// Width of limits.
 const LIMIT: u32 = 3;
 
-/// The line of a number.
 pub(super) fn line_style(number: usize) -> ShapeStyle {
     STYLES[number % STYLES.len()].0.stroke_width(DASHED)
 }
@@ -69,7 +67,6 @@ pub(super) fn dashed(svg: String) -> String {
     })
 }
 
-/// Letters of a size.
 pub(super) fn letters(size: i32) -> TextStyle<'static> {
     (FONT, size).into_font().color(&BLACK)
 }

@@ -14,13 +14,11 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 /// Poses that stand for the workspace.
 const SAMPLES: usize = 60;
 
-/// Of confidence regions.
 pub const CONFIDENCE: f64 = 0.95;
 
 /// Region in which the tip is with [`CONFIDENCE`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ellipsoid {
-    /// Where.
     pub pose: Pose,
     /// Half axes, longest first, machine units.
     pub half_axes: [f64; 3],

@@ -38,30 +38,20 @@ const FOLDS: usize = 5;
 /// Why there is no fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Misfit {
-    /// The numbers read are not more than what they would determine.
     #[error(
         "too few readings: {numbers} numbers, which are no more than the {determined} values that they determine, so that none of them can be checked; measure more"
     )]
-    TooFew {
-        /// Numbers read.
-        numbers: usize,
-        /// What they determine.
-        determined: usize,
-    },
-    /// A reading that the machine cannot have given, or a geometry that is none.
+    TooFew { numbers: usize, determined: usize },
     #[error("{0}: {1}")]
     Unreachable(String, Fault),
-    /// With the tool that was measured with the machine takes no pose in its axis limits.
     #[error(
         "with a tool of {0} no pose in the axis limits is found that the machine can take: are length, unit and sign of the tool right?"
     )]
     NoWorkspace(f64),
-    /// So many readings are off that it is not for them.
     #[error(
         "{0} of {1} readings do not agree with the others: check plate, probe and the order of the holes, or give a larger --noise"
     )]
     TooManyOutliers(usize, usize),
-    /// The search for the minimum.
     #[error(transparent)]
     Search(#[from] NotConverged),
 }
@@ -69,18 +59,15 @@ pub enum Misfit {
 /// A reading that is not believed, and left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outlier {
-    /// Number of the reading.
     pub reading: usize,
     /// How far it is from what the others say, in units of length.
     pub miss: f64,
-    /// The same in standard deviations.
     pub deviations: f64,
 }
 
 /// What the readings made of the drawing.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// Change of every parameter.
     pub changes: Vec<f64>,
     /// Of the changes.
     pub covariance: DMatrix<f64>,
@@ -88,7 +75,6 @@ pub struct Fit {
     pub noise: f64,
     /// Derivatives of the numbers read by the parameters, readings that are believed only.
     pub jacobian: DMatrix<f64>,
-    /// Their residuals.
     pub residuals: DVector<f64>,
     /// Readings left out, in the order in which they were found.
     pub outliers: Vec<Outlier>,

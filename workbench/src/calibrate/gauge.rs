@@ -18,7 +18,6 @@ use kinematics::{Fault, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt;
 
-/// A kind of gauge.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -31,10 +30,8 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
     const ALL: [Self; 3] = [Self::Dial, Self::Bar, Self::Feeler];
 
-    /// Its name in files.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Dial => "dial",
@@ -43,7 +40,6 @@ impl Kind {
         }
     }
 
-    /// The kind of this name.
     pub(crate) fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
@@ -59,15 +55,12 @@ pub enum Scale {
     Mm,
     /// Thousandth of an inch.
     Thou,
-    /// Inch.
     Inch,
 }
 
 impl Scale {
-    /// All of them.
     pub(crate) const ALL: [Self; 4] = [Self::Um, Self::Mm, Self::Thou, Self::Inch];
 
-    /// Its name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Um => "um",
@@ -102,7 +95,6 @@ impl fmt::Display for Scale {
 /// A gauge as it stands in the spindle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gauge {
-    /// Its kind.
     pub kind: Kind,
     /// Unit of its readings.
     pub scale: Scale,
@@ -122,7 +114,6 @@ pub struct Gauge {
 /// What a gauge is held against.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Object {
-    /// Its name.
     pub name: String,
     /// About where it is: of a plane with Z out of the work, of a ball its centre.
     pub frame: Frame,

@@ -34,22 +34,17 @@ const AGREEMENT: f64 = 1e-7;
 pub struct BadLog {
     /// Line, counted from 1.
     pub line: usize,
-    /// What, and a way out.
     pub text: String,
 }
 
-/// One touch as logged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Touch {
-    /// Its line.
     pub line: usize,
-    /// Hole.
     pub hole: u32,
     /// Signed number of the axis, 1 to 3.
     pub approach: i32,
     /// Tip and angles as probed.
     pub at: [f64; 6],
-    /// Joints at the trip.
     pub joints: Vec<f64>,
     /// Tool vector, spindle offset included.
     pub tool: [f64; 3],
@@ -61,7 +56,6 @@ pub struct Touch {
 pub(super) type Taken = (Pose, Vector3<f64>, [f64; MAX_JOINTS]);
 
 impl Touch {
-    /// What is wrong with it.
     pub(super) fn bad(&self, text: String) -> BadLog {
         BadLog { line: self.line, text }
     }
@@ -239,7 +233,6 @@ pub(super) fn shown(config: &MachineConfig, at: [f64; 6], tool: &Vector3<f64>) -
     pose
 }
 
-/// An approach in words.
 fn way(approach: i32) -> &'static str {
     match approach {
         1 => "wall at +X",

@@ -21,17 +21,14 @@ pub struct Plate {
     pub unit: Unit,
     /// Diameter of the probe's ball.
     pub ball: f64,
-    /// Its holes.
     pub hole: Vec<Hole>,
 }
 
-/// Unit of length.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Unit {
     /// Millimetre.
     Mm,
-    /// Inch.
     Inch,
 }
 
@@ -43,20 +40,16 @@ pub struct Hole {
     pub number: u32,
     /// X, Y of its axis on the plate; Z is up, 0 on the face.
     pub place: [f64; 2],
-    /// Diameter.
     pub diameter: f64,
 }
 
 /// A plate that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PlateError {
-    /// No file that can be read.
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
-    /// Not what the file of a plate holds.
     #[error(transparent)]
     Malformed(#[from] AtFile<toml::de::Error>),
-    /// Values that no plate has.
     #[error(transparent)]
     Bad(#[from] AtFile<BadPlate>),
 }
@@ -64,23 +57,12 @@ pub enum PlateError {
 /// Why nothing can be probed on a plate.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BadPlate {
-    /// The probe's ball has no size.
     #[error("ball = {0}: expected a diameter above 0")]
     Ball(f64),
-    /// The ball does not go into a hole.
     #[error("hole {number}: diameter = {diameter}: expected more than that of the ball, {ball}")]
-    Narrow {
-        /// The hole.
-        number: u32,
-        /// Its diameter.
-        diameter: f64,
-        /// That of the ball.
-        ball: f64,
-    },
-    /// A hole that is nowhere.
+    Narrow { number: u32, diameter: f64, ball: f64 },
     #[error("hole {0}: place: expected two numbers")]
     Nowhere(u32),
-    /// A number that two holes have.
     #[error("hole {0} is given twice")]
     Twice(u32),
 }
@@ -88,19 +70,16 @@ pub enum BadPlate {
 /// Why touches do not tell where a plate lies.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Astray {
-    /// In fewer than three holes.
     #[error(
         "touches in {0} holes do not tell where the plate lies: probe three at least, not in a line"
     )]
     TooFew(usize),
-    /// The plate fits where its holes are numbered otherwise: number in the log, number on the plate.
     #[error(
         "holes in the wrong order: what the log calls hole {}; number them so and probe again, or \
          correct the log's numbers",
         .0.iter().map(|(number, other)| format!("{number} is {other}")).collect::<Vec<_>>().join(", ")
     )]
     Order(Vec<(u32, u32)>),
-    /// A hole, and how far it is from where the plate has it.
     #[error("hole {0} is {1:.1} from where the plate has it: is this the plate that was probed?")]
     Away(u32, f64),
 }
@@ -146,7 +125,6 @@ impl Plate {
         self
     }
 
-    /// A hole by its number.
     pub(crate) fn hole(&self, number: u32) -> Option<&Hole> {
         self.hole.iter().find(|hole| hole.number == number)
     }

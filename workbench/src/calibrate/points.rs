@@ -35,7 +35,6 @@ const ONE_PLACE: f64 = 0.1;
 /// Depth in a bore that no probe reaches, in diameters of its ball.
 const TOO_DEEP: f64 = 10.0;
 
-/// Columns of a line.
 const COLUMNS: usize = 9;
 
 /// The touches of a file as readings in frame `frame`; `named` goes before the line in their names.

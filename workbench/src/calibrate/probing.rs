@@ -69,11 +69,8 @@ fn tilt() -> f64 {
 /// A program, and the HAL file that holds the joints for it.
 #[derive(Clone, Debug)]
 pub struct Probing {
-    /// The program.
     pub program: String,
-    /// The HAL file.
     pub hal: String,
-    /// Touches.
     pub touches: usize,
     /// Tilts of the platform, A B C in degrees.
     pub tilts: Vec<[f64; 3]>,
@@ -82,16 +79,12 @@ pub struct Probing {
 /// Why there is no program.
 #[derive(Debug, thiserror::Error)]
 pub enum NoProbing {
-    /// No file that can be read.
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
-    /// Not what the file holds.
     #[error(transparent)]
     Malformed(#[from] AtFile<toml::de::Error>),
-    /// The plate.
     #[error(transparent)]
     Plate(#[from] PlateError),
-    /// A value that no program has.
     #[error(transparent)]
     Bad(#[from] AtFile<BadProbing>),
 }

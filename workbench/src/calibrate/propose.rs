@@ -59,32 +59,20 @@ pub struct Proposal {
 /// Why nothing is proposed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoProposal {
-    /// A geometry, or a tool that it cannot take.
     #[error(transparent)]
     Fault(#[from] Fault),
-    /// An object beside the machine's motion.
     #[error("object {0}: the machine does not move along Z of it: give it other angles")]
     Across(String),
-    /// None within the limits.
     #[error(
         "object {0}: no pose within the machine's limits: held against it without a tilt, {1}: see whether unit, place \
          and tool are right"
     )]
     OutOfReach(String, String),
-    /// Too few poses within the limits.
     #[error(
         "{found} of {wanted} poses within the machine's limits: say where the objects are, or allow other \
          angles (tilt = {tilt})"
     )]
-    TooFew {
-        /// How many there are.
-        found: usize,
-        /// How many were asked for.
-        wanted: usize,
-        /// Largest angle, degrees.
-        tilt: f64,
-    },
-    /// No way from one to the other.
+    TooFew { found: usize, wanted: usize, tilt: f64 },
     #[error(
         "no way within the machine's limits from {0} to the poses that are left: a smaller tilt or clearance"
     )]
@@ -439,7 +427,7 @@ impl Maker<'_> {
 
     /// How far two poses are from each other, angles at the platform's radius.
     fn far(&self, a: &Candidate, b: &Candidate) -> f64 {
-        let radius = self.config.machine.radius() * std::f64::consts::PI / 180.0;
+        let radius = self.config.machine.radius().to_radians();
         let part = |k: usize| (a.stop.at[k] - b.stop.at[k]) * if k < 3 { 1.0 } else { radius };
         (0..6).map(|k| part(k).powi(2)).sum::<f64>().sqrt()
     }

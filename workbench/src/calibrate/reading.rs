@@ -12,7 +12,6 @@ pub enum Measured {
     /// The probe's ball touched the wall of a bore along Z of the frame: its axis X, Y there, and
     /// the distance of ball centre and axis.
     Bore {
-        /// Where the axis is.
         axis: [f64; 2],
         /// Radius of the bore less that of the ball.
         radius: f64,
@@ -52,10 +51,8 @@ pub struct Instrument {
     pub zero: Option<Zero>,
 }
 
-/// The zero of a gauge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Zero {
-    /// Number of the gauge.
     pub number: usize,
     /// Direction in which the point of contact goes as the gauge shows more, in platform; none of an
     /// instrument that measures distances.
@@ -68,7 +65,6 @@ impl Default for Instrument {
     }
 }
 
-/// One reading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     /// Where it stands in the input, for people.
@@ -81,9 +77,7 @@ pub struct Reading {
     pub pose: Pose,
     /// Tool vector, spindle offset included.
     pub tool: Vector3<f64>,
-    /// Number of the frame.
     pub frame: usize,
-    /// What was measured.
     pub measured: Measured,
     /// What measured it.
     pub instrument: Instrument,
@@ -163,7 +157,6 @@ impl Beside {
 pub struct Changed<'a> {
     model: &'a Model,
     changes: &'a [f64],
-    /// The machine.
     pub machine: Machine,
     beside: Beside,
 }
@@ -399,7 +392,7 @@ fn twist(pose: &Pose, letters: &[Letter], rates: &DMatrix<f64>) -> DMatrix<f64> 
             k @ 0..=2 => twist.set_row(k, &rates.row(row)),
             k => {
                 for i in 0..3 {
-                    let more = rates.row(row) * (axes[k - 3][i] * std::f64::consts::PI / 180.0);
+                    let more = rates.row(row) * axes[k - 3][i].to_radians();
                     let mut place = twist.row_mut(3 + i);
                     place += more;
                 }

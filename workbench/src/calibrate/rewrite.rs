@@ -20,16 +20,12 @@ const DECIMALS: usize = 6;
 /// Why there is no new file.
 #[derive(Debug, thiserror::Error)]
 pub enum RewriteError {
-    /// A section that stands in an included file.
     #[error(transparent)]
     Elsewhere(#[from] AtFile<Elsewhere>),
-    /// The new text is no machine.
     #[error(transparent)]
     Machine(#[from] MachineError),
-    /// The new machine does not reach its home.
     #[error(transparent)]
     Home(#[from] Fault),
-    /// No boxes are proved for the new machine.
     #[error(transparent)]
     Doubt(#[from] Doubt),
 }

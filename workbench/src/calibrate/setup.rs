@@ -66,7 +66,6 @@ const MOST: usize = 500;
 /// What is measured with, and where, in machine units and degrees.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// The gauge.
     pub gauge: Gauge,
     /// What it shows where the machine is as drawn, in its unit.
     pub expected: f64,
@@ -88,22 +87,17 @@ pub struct Setup {
 /// Where an object may be touched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Extent {
-    /// Size of a plane.
     Plane([f64; 2]),
     /// Half angle of a cone, degrees.
     Cone(f64),
 }
 
-/// Why there is no setup.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
-    /// No file that can be read.
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
-    /// Not what the file of a gauge holds.
     #[error(transparent)]
     Malformed(#[from] AtFile<toml::de::Error>),
-    /// Values that no gauge has.
     #[error(transparent)]
     Bad(#[from] AtFile<BadSetup>),
 }

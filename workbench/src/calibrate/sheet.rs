@@ -58,7 +58,6 @@ const FALSE_ALARM: f64 = 1e-3;
 /// A pose at which something is to be read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stop {
-    /// Number of the object.
     pub object: usize,
     /// The tip as LinuxCNC shows it, machine units and degrees.
     pub at: [f64; 6],
@@ -73,16 +72,13 @@ pub struct Sheet {
     pub gauge: Gauge,
     /// What it was held against.
     pub objects: Vec<Object>,
-    /// The rows with a reading.
     pub rows: Vec<Row>,
 }
 
-/// A row with a reading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Its line in the file, counted from 1.
     pub line: usize,
-    /// Where.
     pub stop: Stop,
     /// Number of the pose in the program.
     pub pose: usize,
@@ -101,7 +97,6 @@ pub struct Scatter {
     pub drift: f64,
     /// Whether the scatter is more than the stated deviation explains.
     pub is_more: bool,
-    /// Whether the drift is.
     pub is_drift: bool,
 }
 
@@ -159,7 +154,6 @@ fn decimals(gauge: &Gauge) -> usize {
     (1.0 - gauge.deviation.log10()).ceil().clamp(0.0, 6.0) as usize
 }
 
-/// A frame as a pose.
 fn placed(frame: &Frame) -> Pose {
     let r = &frame.rotation;
     let b = (-r[(2, 0)]).clamp(-1.0, 1.0).asin();
@@ -368,7 +362,6 @@ impl Sheet {
     }
 }
 
-/// The gauge of the comments.
 fn gauge(comments: &str) -> Result<Gauge, BadLog> {
     let word = |key: &str, expected: &str| heading::value(comments, key, expected);
     let number = |key: &str, least: &str, is_good: fn(f64) -> bool| {
@@ -405,7 +398,6 @@ fn gauge(comments: &str) -> Result<Gauge, BadLog> {
     })
 }
 
-/// The objects of the comments.
 fn objects(comments: &str) -> Result<Vec<Object>, BadLog> {
     let mut found: Vec<Object> = vec![];
     for (line, text) in (1..).zip(comments.lines()) {
@@ -503,7 +495,6 @@ fn rows(text: &str, gauge: &Gauge, objects: &[Object], sums: &[u16]) -> Result<V
     }
 }
 
-/// Where every column stands.
 fn columns(line: usize, names: &str) -> Result<Vec<Option<usize>>, BadLog> {
     if !names.contains(',') && names.contains([';', '\t']) {
         return bad(line, "semicolons or tabs between the cells: save the table with commas");

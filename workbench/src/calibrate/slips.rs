@@ -29,7 +29,6 @@ pub(crate) fn most(count: usize) -> f64 {
 /// A table of typed readings, and where its readings begin among all.
 #[derive(Clone, Debug)]
 pub struct Typed {
-    /// Number of its file.
     pub file: usize,
     /// The table.
     pub sheet: Sheet,
@@ -64,7 +63,6 @@ impl Linear {
 struct Number<'a> {
     row: &'a Row,
     run: usize,
-    /// Number of its reading.
     reading: usize,
     place: usize,
     /// Units of noise per unit of the reading.

@@ -33,7 +33,6 @@ pub struct Wishes {
     pub tolerance: Tolerance,
     /// Noise of one number read; estimated where it is not given.
     pub noise: Option<f64>,
-    /// Plate of the logs.
     pub plate: Option<PathBuf>,
 }
 
@@ -42,7 +41,6 @@ pub struct Wishes {
 pub struct Given {
     /// The machine as drawn, and what of it may change.
     pub model: Model,
-    /// What was read.
     pub readings: Vec<Reading>,
     /// What each frame is, for people.
     pub instruments: Vec<String>,
@@ -57,7 +55,6 @@ pub struct Given {
 pub struct Agreement {
     /// Sum of squares, see [`super::fit::Fit`], each in its standard deviations.
     pub chi_square: f64,
-    /// Numbers read.
     pub numbers: usize,
     /// What it exceeds once in a thousand times where both are as stated.
     pub most: f64,
@@ -79,7 +76,6 @@ impl Study {
 pub struct Study {
     /// The machine as drawn, and what of it may change.
     pub model: Model,
-    /// What was read.
     pub readings: Vec<Reading>,
     /// What each frame is, for people.
     pub instruments: Vec<String>,
@@ -120,31 +116,23 @@ pub struct HoleError {
 /// Why files give no readings.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// A file that cannot be read.
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
-    /// The plate.
     #[error(transparent)]
     Plate(#[from] PlateError),
-    /// The machine's INI file.
     #[error(transparent)]
     Ini(#[from] IniError),
-    /// The machine's geometry.
     #[error(transparent)]
     Geometry(#[from] AtFile<Fault>),
     /// A line of a file, counted from 1.
     #[error("{}:{}", .0.file.display(), .0.error)]
     Line(AtFile<BadLog>),
-    /// Touches that do not tell where the plate lies.
     #[error(transparent)]
     Astray(#[from] AtFile<Astray>),
-    /// Readings that state their deviation beside others that do not.
     #[error("{}: its readings have no stated deviation, others have: give one with --noise", .0.display())]
     NoNoise(PathBuf),
-    /// Readings that are given twice, which would count as two measurements.
     #[error("{}: the same readings as {}: name them once", .0.display(), .1.display())]
     Twice(PathBuf, PathBuf),
-    /// Touches, and nobody says of what.
     #[error("{}: touches need the plate that was probed: --plate FILE.toml", .0.display())]
     NoPlate(PathBuf),
 }
@@ -262,13 +250,13 @@ fn of_file(
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let plate = || plate.ok_or_else(|| ReadError::NoPlate(file.into()));
     let readings = match kind(text) {
-        Some(Kind::Table) => {
+        Some(Format::Table) => {
             let readings = table::readings(config, text, frame, &name).at(file)?;
             let frame = table::frame(&readings);
             return Ok((readings, frame));
         }
-        Some(Kind::Log) => log::readings(config, plate()?, text, frame, &name),
-        Some(Kind::Points) => points::readings(config, plate()?, text, frame, &name),
+        Some(Format::Log) => log::readings(config, plate()?, text, frame, &name),
+        Some(Format::Points) => points::readings(config, plate()?, text, frame, &name),
         None => Err(BadLog {
             line: 1,
             text: format!(
@@ -283,21 +271,20 @@ fn of_file(
     Ok((readings, frame))
 }
 
-/// What files are there.
-enum Kind {
+enum Format {
     Log,
     Points,
     Table,
 }
 
 /// Told by the first line that is no comment.
-fn kind(text: &str) -> Option<Kind> {
+fn kind(text: &str) -> Option<Format> {
     let first = text.lines().map(str::trim).find(|line| !heading::is_comment(line))?;
     let word = first.split_ascii_whitespace().next()?;
     match word.parse::<f64>() {
-        _ if first == HEADER => Some(Kind::Log),
-        _ if first.contains(',') => Some(Kind::Table),
-        Ok(_) => Some(Kind::Points),
+        _ if first == HEADER => Some(Format::Log),
+        _ if first.contains(',') => Some(Format::Table),
+        Ok(_) => Some(Format::Points),
         Err(_) => None,
     }
 }
@@ -323,10 +310,8 @@ pub fn look_for_slips(
 /// Why typed readings are not taken.
 #[derive(Debug, thiserror::Error)]
 pub enum SlipError {
-    /// A slip in them.
     #[error(transparent)]
     Slip(#[from] ReadError),
-    /// No fit of them.
     #[error(transparent)]
     Misfit(#[from] Misfit),
 }

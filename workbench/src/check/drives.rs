@@ -54,7 +54,6 @@ const TAKING: [&str; 6] =
 /// Cycles by which feedback is late at most where nothing is said of it.
 const DELAY: f64 = 1.0;
 
-/// A thing found.
 pub(crate) type Found = (Severity, IniError);
 
 /// Where a file asks for something.

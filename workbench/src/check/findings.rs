@@ -20,7 +20,6 @@ pub struct Finding {
 /// What a check has found.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// The machine.
     pub config: MachineConfig,
     /// Names and values, one line each.
     pub facts: Vec<(String, String)>,

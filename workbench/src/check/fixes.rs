@@ -23,13 +23,10 @@ const DIGITS: f64 = 1e-12;
 /// Why there is no new text.
 #[derive(Debug, thiserror::Error)]
 pub enum FixError {
-    /// A section stands in an included file.
     #[error(transparent)]
     Elsewhere(#[from] Elsewhere),
-    /// The file is no machine, or not any more.
     #[error(transparent)]
     Machine(#[from] MachineError),
-    /// The machine does not reach its home.
     #[error(transparent)]
     Home(#[from] Fault),
 }
@@ -43,7 +40,6 @@ impl From<IniError> for FixError {
 /// A new text of a machine's file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fixed {
-    /// The text.
     pub text: String,
     /// What could not be put right, and why.
     pub left: Vec<String>,

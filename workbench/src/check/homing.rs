@@ -17,7 +17,6 @@ const STEPS: u32 = 50;
 /// HOME_SEQUENCE of joints that home together and move back together.
 pub(crate) const TOGETHER: i64 = -1;
 
-/// Homing of one joint.
 struct Homing {
     sequence: Option<i64>,
     /// Where it stands when its switch is met; `None` without a switch.

@@ -49,10 +49,8 @@ pub enum Way {
     },
 }
 
-/// Homing of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint {
-    /// How.
     pub way: Way,
     /// HOME_SEQUENCE; `None` where Home All leaves it out.
     pub sequence: Option<i64>,
@@ -75,7 +73,6 @@ pub struct Group {
 pub struct Broken {
     /// Pose in which it began.
     pub start: [f64; 6],
-    /// Number of the group.
     pub group: usize,
     /// What, in words.
     pub what: String,
@@ -88,18 +85,15 @@ pub struct Outcome {
     pub starts: usize,
     /// Of these, those from which a limit is not kept on the way.
     pub broken: usize,
-    /// The first of them.
     pub first: Option<Broken>,
 }
 
-/// A moment of homing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moment {
     /// Seconds since its beginning.
     pub at: f64,
     /// Number of the group that moves.
     pub group: usize,
-    /// Joint values.
     pub joints: Joints,
     /// Pose, x y z a b c in machine units and degrees; `None` where the joints have none.
     pub pose: Option<[f64; 6]>,
@@ -107,11 +101,9 @@ pub struct Moment {
     pub broken: Option<String>,
 }
 
-/// Homing of a mechanism.
 #[derive(Clone, Debug)]
 pub struct Homing<'a> {
     config: &'a MachineConfig,
-    /// Its joints.
     pub joints: Vec<Joint>,
     /// Poses to begin from, and the joints there.
     starts: Vec<([f64; 6], Joints)>,
@@ -158,7 +150,6 @@ impl<'a> Homing<'a> {
         started.take(STARTS).collect()
     }
 
-    /// Whether homing moves anything.
     pub fn moves(&self) -> bool {
         self.joints.iter().any(|joint| match joint.way {
             Way::Search { .. } | Way::Absolute { moves: true } => true,

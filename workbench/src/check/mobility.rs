@@ -55,7 +55,6 @@ pub fn singular_values(rows: &Rows, letters: &[Letter]) -> [f64; 6] {
 /// What counting and the leg rows say about a machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Structure {
-    /// Number of legs.
     pub legs: usize,
     /// Rank of the leg rows over X Y Z A B C.
     pub rank: usize,
@@ -92,7 +91,6 @@ impl Structure {
         2 * self.legs + 2
     }
 
-    /// Joints p.
     pub fn joints(&self) -> usize {
         FREEDOMS.len() * self.legs
     }

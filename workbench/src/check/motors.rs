@@ -9,7 +9,6 @@ pub(super) struct Motor<'a> {
     /// Its section of the INI file.
     pub section: String,
     pub joint: &'a Joint,
-    /// Of its values.
     pub unit: &'static str,
     /// Whether these are angles.
     pub turns: bool,

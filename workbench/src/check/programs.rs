@@ -157,9 +157,22 @@ fn comes_with_linuxcnc(ini: &Ini, name: &str) -> bool {
 fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
     let open = file(ini, "DISPLAY", "OPEN_FILE")
         .filter(|(entry, file)| !file.is_file() && !comes_with_linuxcnc(ini, entry.value.trim()));
-    let open = open.map(|(entry, _)| {
-        let text = "there is no such file, which the user interface is to open: expected one, or no such key";
-        ini.refuse(entry, text)
+    let open = open.map(|(entry, file)| {
+        let path = file
+            .parent()
+            .zip(file.file_stem())
+            .map(|(folder, stem)| folder.with_file_name("paths").join(stem).with_extension("toml"));
+        let way_out = match path.filter(|path| path.is_file()) {
+            Some(path) => format!(
+                "pkm path {} {} --output {} writes it",
+                ini.file().display(),
+                path.display(),
+                file.display()
+            ),
+            None => "expected one, or no such key".into(),
+        };
+        let text = format!("there is no such file, which the user interface is to open: {way_out}");
+        ini.refuse(entry, &text)
     });
     let folders = [
         ("DISPLAY", "PROGRAM_PREFIX"),

@@ -20,7 +20,6 @@ const UNCLEAR: f64 = 0.5;
 /// choice of this check, five turns from end to end.
 const STEEP: f64 = 0.2;
 
-/// A strut with a screw.
 struct Screw {
     leg: usize,
     lead: f64,

@@ -42,11 +42,13 @@ fn absent(ini: &Ini) -> impl Iterator<Item = IniError> {
         // Without LinuxCNC on this computer its library is not here.
         let is_judged = !entry.value.starts_with("LIB:") || Path::new(HALLIB).is_dir();
         (!is_there && is_judged && !is_own(entry)).then(|| {
-            let tried: Vec<String> = tried.iter().map(|file| file.display().to_string()).collect();
-            let text = format!(
-                "there is no such file, and LinuxCNC's start ends here: expected {}",
-                tried.join(" or ")
-            );
+            let way_out = if is_panel(ini, entry) {
+                format!("pkm panel {} writes it", ini.file().display())
+            } else {
+                let tried: Vec<_> = tried.iter().map(|file| file.display().to_string()).collect();
+                format!("expected {}", tried.join(" or "))
+            };
+            let text = format!("there is no such file, and LinuxCNC's start ends here: {way_out}");
             ini.refuse(entry, &text)
         })
     })
@@ -114,7 +116,6 @@ fn cautions(ini: &Ini) -> Result<Vec<IniError>, IniError> {
     Ok(found)
 }
 
-/// Of the HAL files.
 fn hal(ini: &Ini) -> Option<IniError> {
     let files = ini.all("HAL", "HALFILE");
     let texts: Vec<(&Entry, String)> =
@@ -153,6 +154,12 @@ fn hal(ini: &Ini) -> Option<IniError> {
 
 fn is_own(entry: &Entry) -> bool {
     entry.value.split_whitespace().next().is_some_and(|name| name.ends_with(OWN))
+}
+
+/// Returns whether a file has the name that `pkm panel` would give it.
+fn is_panel(ini: &Ini, entry: &Entry) -> bool {
+    let stem = ini.file().file_stem().unwrap_or_default().to_string_lossy();
+    ["xml", "tcl"].iter().any(|end| entry.value.trim() == format!("{stem}-panel.{end}"))
 }
 
 /// Where LinuxCNC looks for a file, in turn; `None` without a name.
@@ -206,6 +213,9 @@ mod tests {
         let all =
             told(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = panel.hal\n");
         assert!(all.len() == 1 && all[0].contains("panel.hal: there is no such file"), "{all:?}");
+        let all =
+            told(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = m-panel.tcl");
+        assert!(all.len() == 1 && all[0].contains("m.ini writes it"), "{all:?}");
         let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "");
         assert!(all.len() == 1 && all[0].contains("move it behind drives.hal"), "{all:?}");
         let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "TWOPASS = on\n");

@@ -229,7 +229,6 @@ fn home_outside(report: &mut Report, ini: &Ini, config: &MachineConfig, stop: St
     report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
 }
 
-/// A stop in words.
 fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
     match stop {
         Stop::Fault(fault) => fault.to_string(),

@@ -53,7 +53,6 @@ pub struct Rights {
     pub reads: Vec<PathBuf>,
     /// The folder that is written.
     pub writes: PathBuf,
-    /// Programs that are started.
     pub starts: Vec<PathBuf>,
 }
 

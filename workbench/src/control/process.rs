@@ -78,7 +78,6 @@ pub struct Options {
 /// folder of the library, the folder of LinuxCNC's modules, and these arguments.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OwnFiles {
-    /// Text of the script.
     pub script: String,
     /// What it is given besides.
     pub arguments: Vec<OsString>,
@@ -486,7 +485,6 @@ fn end(child: &mut Child) {
     let _ = child.wait();
 }
 
-/// The LinuxCNC that is installed.
 fn installed() -> Result<String, NotJudged> {
     linuxcnc("LINUXCNCVERSION")
 }

@@ -21,9 +21,7 @@ pub struct Flags {
 pub struct Extra {
     /// Commanded values, which are the coordinates of their letters.
     pub positions: [f64; MAX_EXTRA],
-    /// Following errors.
     pub errors: [f64; MAX_EXTRA],
-    /// What LinuxCNC allows them.
     pub allowed: [f64; MAX_EXTRA],
     /// LinuxCNC's whole commanded pose, in which they are coordinates: `axis.L.pos-cmd`. Commands of
     /// joints are two cycles behind it, and smoothed.
@@ -84,7 +82,6 @@ impl Row {
     }
 }
 
-/// What the spindle does.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Spindle {
     /// It stands. The speed of its S word, 1/min; 0 where there was none.
@@ -98,7 +95,6 @@ pub enum Spindle {
     Unknown,
 }
 
-/// Kind of a move.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CommandedKind {
     /// G0, and moves for the change of a tool.
@@ -148,7 +144,6 @@ pub struct Commanded {
     pub line: u32,
     /// Number of the file that the line is in, 0 for the program.
     pub file: usize,
-    /// Kind.
     pub kind: CommandedKind,
     /// X Y Z A B C U V W of its end: machine units and degrees.
     pub end: World,
@@ -165,19 +160,16 @@ pub struct Commanded {
     pub tolerance: f64,
     /// Tool offset in effect, in LinuxCNC's letters.
     pub tool: World,
-    /// The spindle.
     pub spindle: Spindle,
     /// What the spindle asks of it, where it keeps to the spindle's places.
     pub thread: Option<Thread>,
 }
 
-/// Channel of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MessageKind {
     /// An error, which stops the program.
     Error,
-    /// A text for the operator.
     Text,
     /// `(MSG,...)` and the like in the program.
     Display,
@@ -214,11 +206,9 @@ impl Message {
     }
 }
 
-/// How a program ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Ending {
-    /// It ran to its end.
     Finished,
     /// The control stopped it; the messages say why.
     Stopped,
@@ -227,7 +217,6 @@ pub enum Ending {
 /// What is known after a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outcome {
-    /// How it ended.
     pub ending: Ending,
     /// Servo cycles from the start of the program to its end.
     pub cycles: u64,

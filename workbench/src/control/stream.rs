@@ -29,18 +29,15 @@ const LONGEST: usize = 1 << 16;
 pub enum Cause {
     /// The program came to its end.
     Finished,
-    /// LinuxCNC stopped it.
     Stopped,
     /// It could not be run; the text says why.
     NotJudged,
 }
 
-/// One record.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Record<'a> {
     /// The first one.
     Head {
-        /// Version of the records.
         version: u32,
         /// LinuxCNC that the library was built for.
         linuxcnc: String,
@@ -64,7 +61,6 @@ pub enum Record<'a> {
 pub struct Columns {
     /// Number of joints of legs and table, of both mechanisms where there are two.
     pub joints: usize,
-    /// Axes behind them.
     pub extra: ExtraAxes,
     /// Letters of a second mechanism.
     pub second: Option<Second>,

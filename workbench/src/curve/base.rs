@@ -29,7 +29,6 @@ pub enum Form {
     Explicit(Arc<Explicit>),
     /// Over a chord of a curve that two families make.
     Implicit(Arc<Families>, Chord),
-    /// A span of a spline.
     Spline(Arc<Spline>, usize),
     /// An arc of a drawing.
     Ellipse(Ellipse),
@@ -56,7 +55,6 @@ impl Explicit {
     }
 }
 
-/// A part of a curve.
 #[derive(Clone, Debug)]
 pub struct Part {
     /// How it is given.

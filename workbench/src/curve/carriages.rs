@@ -16,54 +16,37 @@ use std::ops::ControlFlow;
 /// Why joints give no path.
 #[derive(Debug, thiserror::Error)]
 pub enum CarriageError {
-    /// The keys.
     #[error("[carriages]: {0}")]
     Keys(String),
-    /// An expression.
     #[error("[carriages] laws_mm_or_deg {joint}: {error}")]
-    Expression {
-        /// Number of the joint.
-        joint: usize,
-        /// What is wrong.
-        error: ExpressionError,
-    },
-    /// No value at some time.
+    Expression { joint: usize, error: ExpressionError },
     #[error("[carriages] laws_mm_or_deg {joint}: at t = {t}: {trouble}")]
     Trouble {
-        /// Number of the joint.
         joint: usize,
         /// Seconds.
         t: f64,
-        /// What.
         trouble: Trouble,
     },
-    /// The joints have no pose.
     #[error("at t = {t}: {fault}")]
     Fault {
         /// Seconds.
         t: f64,
-        /// Why.
         fault: Fault,
     },
-    /// A limit of the machine.
     #[error("at t = {t}: {text}")]
     Leaves {
         /// Seconds.
         t: f64,
-        /// Which limit.
         text: String,
     },
-    /// The tool table.
     #[error(transparent)]
     Table(#[from] tools::TableError),
 }
 
-/// A place of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct CarriagePose {
     /// Seconds.
     pub t: f64,
-    /// Joint values.
     pub joints: Joints,
     /// x y z in machine units, a b c in degrees.
     pub pose: [f64; 6],
@@ -75,7 +58,7 @@ pub struct Place {
 ///
 /// # Errors
 /// See [`CarriageError`].
-pub fn taken(config: &MachineConfig, file: &PathFile) -> Result<Vec<Place>, CarriageError> {
+pub fn taken(config: &MachineConfig, file: &PathFile) -> Result<Vec<CarriagePose>, CarriageError> {
     let missing = || CarriageError::Keys("missing".into());
     let keys = file.carriages.as_ref().ok_or_else(missing)?;
     let laws = laws(config, file, keys)?;
@@ -98,7 +81,7 @@ pub fn taken(config: &MachineConfig, file: &PathFile) -> Result<Vec<Place>, Carr
         let found = found.map_err(|fault| CarriageError::Fault { t, fault })?;
         seed = found.pose;
         check(config, t, &seed, &tool)?;
-        all.push(Place { t, joints, pose: seed.to_degrees(), residual: found.residual });
+        all.push(CarriagePose { t, joints, pose: seed.to_degrees(), residual: found.residual });
     }
     Ok(all)
 }
@@ -163,13 +146,13 @@ fn check(
 }
 
 /// The places as CSV: seconds, joints, pose and residual.
-pub fn csv(config: &MachineConfig, places: &[Place]) -> String {
+pub fn csv(config: &MachineConfig, places: &[CarriagePose]) -> String {
     let count = config.joints.len();
     let mut header = vec!["t".to_string()];
     header.extend(joint_names(count));
     header.extend(coordinates());
     header.push("residual".to_string());
-    let row = |place: &Place| {
+    let row = |place: &CarriagePose| {
         let numbers = [place.t].into_iter().chain(place.joints.into_iter().take(count));
         numbers.chain(place.pose).chain([place.residual]).map(|x| x + 0.0).collect::<Vec<_>>()
     };

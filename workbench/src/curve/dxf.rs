@@ -21,24 +21,14 @@ const JOIN: f64 = 1e-3;
 /// A drawing whose curves cannot be taken.
 #[derive(Debug, thiserror::Error)]
 pub enum DxfError {
-    /// What the library says of the file.
     #[error("no DXF drawing: {0}")]
     Read(#[from] ::dxf::DxfError),
-    /// Not a drawing in ASCII form, or not all of it.
     #[error("{0}")]
     Form(String),
-    /// Keys and drawing do not fit together.
     #[error("[curve] {0}")]
     Keys(String),
-    /// An entity that is no curve.
     #[error("{name}: {text}")]
-    Entity {
-        /// The entity.
-        name: String,
-        /// What is wrong with it.
-        text: String,
-    },
-    /// Entities that cannot be joined.
+    Entity { name: String, text: String },
     #[error(transparent)]
     Join(#[from] JoinError),
 }

@@ -34,7 +34,6 @@ impl Ellipse {
         std::array::from_fn(|k| Taylor::constant(self.centre[k]) + cos * u[k] + sin * v[k])
     }
 
-    /// The place at an angle.
     fn place(&self, angle: f64) -> Vector3<f64> {
         let (sin, cos) = angle.sin_cos();
         self.centre + self.halves[0] * cos + self.halves[1] * sin

@@ -19,23 +19,13 @@ pub enum ExpressionError {
     /// Not the grammar: where, from 1, and what was expected.
     #[error("\"{text}\", character {at}: {expected}")]
     Malformed {
-        /// The expression.
         text: String,
         /// The character, from 1.
         at: usize,
-        /// What was expected.
         expected: String,
     },
-    /// A name that nothing gives a value.
     #[error("\"{text}\": the name {name} is unknown; known are {known}")]
-    Unknown {
-        /// The expression.
-        text: String,
-        /// The name.
-        name: String,
-        /// What may stand there.
-        known: String,
-    },
+    Unknown { text: String, name: String, known: String },
 }
 
 /// Why an expression has no value.
@@ -44,20 +34,10 @@ pub enum Trouble {
     /// A divisor is 0.
     #[error("\"{0}\" divides by 0")]
     Division(String),
-    /// A function has no real value there.
     #[error("\"{text}\" has no real value: {function} of {argument}")]
-    Complex {
-        /// The expression.
-        text: String,
-        /// The function.
-        function: &'static str,
-        /// Of what.
-        argument: f64,
-    },
-    /// No bound in a range however short.
+    Complex { text: String, function: &'static str, argument: f64 },
     #[error("the path has no bound there: a pole, a divisor of 0 or a jump of an angle")]
     Pole,
-    /// Larger than any number.
     #[error("\"{0}\" is larger than any number")]
     Overflow(String),
 }
@@ -94,7 +74,6 @@ impl Expression {
         Ok(Self { text: text.into(), tree })
     }
 
-    /// A number.
     pub fn constant(value: f64) -> Self {
         Self { text: value.to_string(), tree: Tree::Number(value) }
     }

@@ -12,7 +12,6 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The file.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PathFile {
@@ -21,7 +20,6 @@ pub struct PathFile {
     pub folder: PathBuf,
     /// Names that stand for numbers in all expressions.
     pub parameters: BTreeMap<String, f64>,
-    /// A curve.
     pub curve: Option<CurveKeys>,
     /// What goes on along it.
     pub laws: LawKeys,
@@ -29,7 +27,6 @@ pub struct PathFile {
     pub split: SplitKeys,
     /// How far a program may be from the curve.
     pub tolerance: Option<Tolerance>,
-    /// The program around the path.
     pub program: ProgramKeys,
     /// Laws of the joints, in place of a curve: the path of the tool is what comes out.
     pub carriages: Option<CarriageKeys>,
@@ -61,9 +58,7 @@ pub struct CurveKeys {
     pub length_mm: Option<Positive>,
     /// A CSV file with the columns x, y, z and perhaps weight: control points of a spline.
     pub points: Option<PathBuf>,
-    /// Degree of the spline.
     pub degree: Option<usize>,
-    /// Knots of the spline.
     pub knots: Option<Vec<f64>>,
     /// An SVG file: its paths.
     pub svg: Option<PathBuf>,
@@ -100,9 +95,7 @@ pub struct LawKeys {
     pub z_mm: Option<Formula>,
     /// Tilt A.
     pub a_deg: Option<Formula>,
-    /// Tilt B.
     pub b_deg: Option<Formula>,
-    /// Rotation C.
     pub c_deg: Option<Formula>,
     /// A vector along the tool axis, in place of the angles.
     pub normal: Option<[Formula; 3]>,
@@ -116,19 +109,13 @@ pub struct LawKeys {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SplitKeys {
-    /// That of X.
     pub t_x: Option<Formula>,
-    /// That of Y.
     pub t_y: Option<Formula>,
-    /// That of Z.
     pub t_z: Option<Formula>,
-    /// That of A.
     pub t_a: Option<Formula>,
-    /// That of B.
     pub t_b: Option<Formula>,
 }
 
-/// `[tolerance]`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tolerance {
@@ -145,7 +132,6 @@ impl Tolerance {
     }
 }
 
-/// `[carriages]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CarriageKeys {
@@ -155,7 +141,6 @@ pub struct CarriageKeys {
     pub laws_mm_or_deg: Vec<Formula>,
 }
 
-/// `[program]`.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProgramKeys {
@@ -163,13 +148,11 @@ pub struct ProgramKeys {
     pub title: Option<String>,
     /// T of the tool; without it the spindle is empty.
     pub tool: Option<u32>,
-    /// Speed of the spindle.
     pub spindle_rpm: Option<Positive>,
     /// X Y Z of the work's zero in the machine.
     pub zero_mm: [f64; 3],
     /// Straight lines, or arcs where the curve is as near to them.
     pub moves: Moves,
-    /// How feeds are written.
     pub feed: Feed,
     /// P of G64, how far LinuxCNC may round corners; without it chord_mm.
     pub blend_mm: Option<Positive>,
@@ -179,7 +162,6 @@ pub struct ProgramKeys {
     pub clear_x_mm: Option<f64>,
 }
 
-/// Kinds of moves.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Moves {
@@ -239,10 +221,8 @@ impl Visitor<'_> for FormulaVisitor {
 /// A path file that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PathFileError {
-    /// No file that can be read.
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
-    /// Not what a path file is: line and key are told.
     #[error(transparent)]
     Malformed(#[from] AtFile<toml::de::Error>),
 }

@@ -17,52 +17,23 @@ const DEGREE: usize = 3;
 /// A free-form curve that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum FreeError {
-    /// A row of a CSV file, or the file.
     #[error("{file}: {error}")]
-    Csv {
-        /// The file.
-        file: String,
-        /// What is wrong with it.
-        error: csv::Error,
-    },
-    /// A value that is no number.
+    Csv { file: String, error: csv::Error },
     #[error("{file}: row {row}: {text}")]
     Row {
-        /// The file.
         file: String,
         /// Its row, from 1.
         row: usize,
-        /// What is wrong with it.
         text: String,
     },
-    /// Points that make no spline.
     #[error("{file}: {error}")]
-    Spline {
-        /// The file.
-        file: String,
-        /// What is wrong with it.
-        error: SplineError,
-    },
-    /// A drawing.
+    Spline { file: String, error: SplineError },
     #[error("{file}: {error}")]
-    Svg {
-        /// The file.
-        file: String,
-        /// What is wrong with it.
-        error: SvgError,
-    },
-    /// A drawing.
+    Svg { file: String, error: SvgError },
     #[error("{file}: {error}")]
-    Dxf {
-        /// The file.
-        file: String,
-        /// What is wrong with it.
-        error: DxfError,
-    },
-    /// No file that can be read.
+    Dxf { file: String, error: DxfError },
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
-    /// Keys that do not fit together.
     #[error("{0}")]
     Keys(String),
 }
@@ -79,7 +50,6 @@ struct Row {
 /// A free-form curve.
 #[derive(Clone, Debug)]
 pub struct Free {
-    /// Its parts.
     pub parts: Vec<Part>,
     /// Whether it is a drawing in the plane, to which a law gives its height.
     pub is_plane: bool,

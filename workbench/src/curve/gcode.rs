@@ -11,7 +11,6 @@ use crate::read::tools;
 use kinematics::{Letter, MAX_EXTRA};
 use std::fmt::Write;
 
-/// Decimals of a feed.
 const FEED_DECIMALS: usize = 4;
 /// How much a held coordinate may be off, mm and degrees.
 const HELD: f64 = 1e-6;
@@ -21,30 +20,15 @@ const SYSTEM: [&str; 2] = ["P9", "G59.3"];
 /// What a machine cannot do.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
-    /// The machine holds a coordinate that the path moves.
     #[error("{file}: the machine holds {letter} at {held}; the path asks for {asked} at t = {t}")]
-    Held {
-        /// Its INI file.
-        file: String,
-        /// The coordinate.
-        letter: char,
-        /// Where it is.
-        held: f64,
-        /// Where the path wants it.
-        asked: f64,
-        /// There.
-        t: f64,
-    },
-    /// No such tool.
+    Held { file: String, letter: char, held: f64, asked: f64, t: f64 },
     #[error("[program] tool: {tool} is not in the machine's tool table")]
     NoTool {
         /// T.
         tool: u32,
     },
-    /// The tool table.
     #[error(transparent)]
     Table(#[from] tools::TableError),
-    /// Neither of the two keys, where one is needed, or both.
     #[error("[program]: {0}")]
     Clear(&'static str),
 }
@@ -155,7 +139,6 @@ impl<'a> Writer<'a> {
         !self.moves.is_empty()
     }
 
-    /// Lines so far.
     pub fn lines(&self) -> u32 {
         self.lines
     }
@@ -165,12 +148,10 @@ impl<'a> Writer<'a> {
         self.at.map(|value| value.unwrap_or(0.0))
     }
 
-    /// The keys that it follows.
     pub fn keys(&self) -> &'a ProgramKeys {
         self.keys
     }
 
-    /// A line as it is.
     pub fn line(&mut self, text: &str) {
         self.text.push_str(text);
         self.text.push('\n');

@@ -10,7 +10,6 @@ use winnow::error::{ContextError, StrContext, StrContextValue};
 use winnow::prelude::*;
 use winnow::token::{any, one_of, take_while};
 
-/// Functions of one argument.
 pub(super) const FUNCTIONS: [(&str, Unary); 13] = [
     ("sin", Unary::Sin),
     ("cos", Unary::Cos),

@@ -95,7 +95,6 @@ impl Families {
     }
 }
 
-/// The box of one point.
 fn alone(point: &Vector3<f64>) -> [Interval; 3] {
     std::array::from_fn(|k| Interval::point(point[k]))
 }

@@ -24,31 +24,23 @@ const APART_DEG: f64 = 0.5;
 /// Why a job cannot be done.
 #[derive(Debug, thiserror::Error)]
 pub enum JobError {
-    /// The keys.
     #[error("{0}")]
     Keys(&'static str),
-    /// An operation.
     #[error(transparent)]
     Operation(#[from] OperationError),
-    /// The program's keys.
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// A limit of the machine.
     #[error("[[operation]] {number}, {name}: {text}")]
     Leaves {
         /// The operation, from 1.
         number: usize,
-        /// Its kind.
         name: &'static str,
-        /// Which limit.
         text: String,
     },
-    /// A tool, or a pose out of reach.
     #[error("[[operation]] {number}: {fault}")]
     Fault {
         /// The operation, from 1.
         number: usize,
-        /// Why.
         fault: Fault,
     },
 }
@@ -67,7 +59,6 @@ pub struct Done {
 /// A job that a machine can do.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The program.
     pub program: String,
     /// Every operation but changes of the tool.
     pub done: Vec<Done>,

@@ -11,15 +11,12 @@ const ONE_PLACE: f64 = 1e-6;
 /// Entities that cannot be joined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum JoinError {
-    /// More than two ends at one place.
     #[error("at X {x:.6} Y {y:.6} Z {z:.6} meet ends of {names}: which way the tool goes from there is not said; name the entities of one way in dxf_handles", x = at.x, y = at.y, z = at.z)]
     Branch {
         /// The place, mm.
         at: Vector3<f64>,
-        /// Whose ends.
         names: String,
     },
-    /// A gap that makes no line.
     #[error(transparent)]
     Line(#[from] SplineError),
 }

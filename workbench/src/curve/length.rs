@@ -89,19 +89,16 @@ impl Lengths {
         Ok(Self { nodes })
     }
 
-    /// The length at the end.
     pub(super) fn end(&self) -> f64 {
         self.nodes[self.nodes.len() - 1][1]
     }
 
-    /// The length at a parameter.
     pub(super) fn at(&self, part: &Part, at: f64) -> Result<f64, Trouble> {
         let next = self.nodes.partition_point(|node| node[0] <= at).clamp(1, self.nodes.len() - 1);
         let [from, length] = self.nodes[next - 1];
         Ok(length + between(part, [from, at])?)
     }
 
-    /// The parameter at a length.
     pub(super) fn parameter(&self, part: &Part, length: f64) -> Result<f64, Trouble> {
         let next = self.nodes.partition_point(|node| node[1] < length);
         let next = next.clamp(1, self.nodes.len() - 1);

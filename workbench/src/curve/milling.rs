@@ -84,7 +84,6 @@ pub struct Helix {
     /// Change of the level in one turn; below 0 it goes down.
     pitch_mm: f64,
     turns: Positive,
-    /// Level at the start.
     level_mm: f64,
     clear_mm: f64,
     feed_mm_per_min: Positive,
@@ -97,7 +96,6 @@ impl Rows {
         (gaps as usize + 1, self.width_mm / gaps)
     }
 
-    /// There and back.
     pub(super) fn there_and_back(&self) -> Vec<Step> {
         let mut pen = self.zigzag();
         pen.level(self.clear_mm);
@@ -157,7 +155,6 @@ impl Rows {
 }
 
 impl Circle {
-    /// Its moves.
     pub(super) fn moves(&self) -> Vec<Step> {
         let mut pen = Pen::new(self.plane, self.feed_mm_per_min);
         let [u, v] = self.centre_mm;
@@ -179,7 +176,6 @@ fn spiral(pen: &mut Pen, [u, v]: [f64; 2], level: f64, growth: f64, angle: f64, 
 }
 
 impl Pocket {
-    /// Its moves.
     pub(super) fn moves(&self, chord: f64) -> Vec<Step> {
         let mut pen = Pen::new(self.plane, self.feed_mm_per_min);
         let (centre, radius) = (self.centre_mm, self.radius_mm.0);
@@ -197,7 +193,6 @@ impl Pocket {
 }
 
 impl Spiral {
-    /// Its moves.
     pub(super) fn moves(&self, chord: f64) -> Vec<Step> {
         let mut pen = Pen::new(self.plane, self.feed_mm_per_min);
         pen.enter(self.clear_mm, self.centre_mm, self.level_mm);
@@ -209,7 +204,6 @@ impl Spiral {
 }
 
 impl Helix {
-    /// Its moves.
     pub(super) fn moves(&self, chord: f64) -> Vec<Step> {
         let mut pen = Pen::new(self.plane, self.feed_mm_per_min);
         let ([u, v], radius) = (self.centre_mm, self.radius_mm.0);

@@ -10,21 +10,16 @@ use crate::curve::pen::{Change, Step};
 use crate::curve::turning::{Drill, Plunge, Turn};
 use serde::Deserialize;
 
-/// One operation.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Operation {
-    /// Rows there and back.
     Zigzag(Rows),
     /// Rows one way, lifted on the way back.
     Loop(Rows),
-    /// A circle.
     Circle(Circle),
-    /// A round pocket.
     Pocket(Pocket),
     /// A pocket with straight sides: a zigzag, then around.
     BoxPocket(Rows),
-    /// A flat spiral.
     Spiral(Spiral),
     /// A helix, cylindrical or conical.
     Helix(Helix),
@@ -34,11 +29,9 @@ pub enum Operation {
     Plunge(Plunge),
     /// A hole.
     Drill(Drill),
-    /// A tool.
     Tool(Change),
 }
 
-/// An operation that is none.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("[[operation]] {number}, {name}: {text}")]
 pub struct OperationError {

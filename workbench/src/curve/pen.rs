@@ -23,7 +23,6 @@ pub enum Plane {
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Change {
-    /// Where.
     pub park_mm: [f64; 3],
     /// T.
     pub tool: Option<u32>,
@@ -46,7 +45,6 @@ pub enum Step {
         end: [f64; 2],
         /// The level at the end; without one it stays.
         level: Option<f64>,
-        /// The centre.
         centre: [f64; 2],
         /// G3.
         is_left: bool,
@@ -55,7 +53,6 @@ pub enum Step {
         /// Feed per minute.
         feed: f64,
     },
-    /// A change of the tool.
     Tool(Change),
 }
 

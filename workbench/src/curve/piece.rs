@@ -6,7 +6,6 @@ use crate::curve::planes::PLANES;
 use crate::curve::whole::{Curve, CurveError};
 use std::f64::consts::PI;
 
-/// Decimals of a word.
 pub(super) const DECIMALS: usize = 6;
 /// What rounding to them does to a place, mm: half a unit in each of three words.
 pub(super) const ROUNDING: f64 = 1e-6;
@@ -50,7 +49,6 @@ impl Wanted {
 /// One move.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
-    /// The part of the curve.
     pub part: usize,
     /// First and last parameter.
     pub range: [f64; 2],

@@ -22,11 +22,8 @@ const GAP: f64 = 1e-6;
 /// A path that a machine can take.
 #[derive(Clone, Debug)]
 pub struct Route {
-    /// The curve.
     pub curve: Curve,
-    /// Its pieces.
     pub pieces: Vec<Piece>,
-    /// The program.
     pub program: String,
     /// Places and joints, one row for the end of every piece and for every start.
     pub rows: Vec<Row>,

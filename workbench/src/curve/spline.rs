@@ -6,47 +6,23 @@ use crate::curve::taylor::Taylor;
 /// A spline that cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SplineError {
-    /// Too few points.
     #[error("a spline of degree {degree} needs {} points or more; found {points}", degree + 1)]
-    Points {
-        /// Its degree.
-        degree: usize,
-        /// How many points there are.
-        points: usize,
-    },
-    /// Another number of knots.
+    Points { degree: usize, points: usize },
     #[error("expected {expected} knots, one for each point and {more} more; found {found}", more = expected - points)]
-    Knots {
-        /// How many there must be.
-        expected: usize,
-        /// How many points there are.
-        points: usize,
-        /// How many knots there are.
-        found: usize,
-    },
-    /// Knots that fall.
+    Knots { expected: usize, points: usize, found: usize },
     #[error("knot {0} is smaller than that before it")]
     Order(usize),
-    /// Knots that leave no range.
     #[error("the knots leave no range: its ends are both {0}")]
     NoRange(f64),
-    /// Another number of weights.
     #[error("expected {points} weights, one for each point; found {found}")]
-    Weights {
-        /// How many points there are.
-        points: usize,
-        /// How many weights there are.
-        found: usize,
-    },
+    Weights { points: usize, found: usize },
     /// A weight that is 0 or less.
     #[error("weight {value} of point {point}: expected more than 0")]
     Weight {
         /// The point, from 1.
         point: usize,
-        /// The weight.
         value: f64,
     },
-    /// A knot so often that the curve has a gap.
     #[error("knot {0} repeats more often than the degree: the curve has a gap there")]
     Gap(f64),
     /// Degree 0.

@@ -13,43 +13,24 @@ use svgtypes::{Length, LengthUnit, PathParser, PathSegment, Transform, ViewBox};
 /// An SVG file whose paths cannot be taken.
 #[derive(Debug, thiserror::Error)]
 pub enum SvgError {
-    /// No XML.
     #[error(transparent)]
     Xml(#[from] roxmltree::Error),
-    /// A path's data, or a transform.
     #[error("line {line}: {attribute}: {error}")]
-    Attribute {
-        /// Line of the file.
-        line: u32,
-        /// The attribute.
-        attribute: &'static str,
-        /// What is wrong.
-        error: svgtypes::Error,
-    },
-    /// What would be drawn at another place, or not be cut.
+    Attribute { line: u32, attribute: &'static str, error: svgtypes::Error },
     #[error("line {line}: {text}")]
     Untaken {
-        /// Line of the file.
         line: u32,
         /// What it is, and the way out.
         text: String,
     },
-    /// No path in it.
     #[error("no path")]
     NoPath,
-    /// No size.
     #[error(
         "[curve] svg_unit_mm: missing, and width, height and viewBox of the drawing do not give the size of its unit in mm, cm, in, pt or pc; a drawing in mm has 1, one in pixels 25.4/96 = 0.26458333"
     )]
     NoUnit,
-    /// Points that make no curve.
     #[error("line {line}: {error}")]
-    Spline {
-        /// Line of the file.
-        line: u32,
-        /// What is wrong.
-        error: SplineError,
-    },
+    Spline { line: u32, error: SplineError },
 }
 
 /// What holds paths that are not drawn where they stand.

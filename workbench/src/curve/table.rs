@@ -15,7 +15,6 @@ use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
 pub struct Row {
     /// The place.
     pub node: Node,
-    /// Joint values.
     pub joints: Joints,
     /// Their rates per second, where the node has a rate.
     pub rates: Option<Joints>,

@@ -25,7 +25,6 @@ const LITTLE_TURN: f64 = 0.996_194_698_091_745_5;
 const FEW: usize = 4;
 /// Steps before a curve counts as endless.
 const STEPS: usize = 200_000;
-/// Bisections of a chord.
 const BISECTIONS: usize = 200;
 
 /// Where t has a largest or smallest value along the curve.
@@ -33,7 +32,6 @@ const BISECTIONS: usize = 200;
 pub struct Turning {
     /// x and y, mm.
     pub at: [f64; 2],
-    /// t there.
     pub t: f64,
 }
 
@@ -53,7 +51,6 @@ pub struct Wanted {
 /// A curve that was followed.
 #[derive(Clone, Debug)]
 pub struct Trace {
-    /// Its parts.
     pub parts: Vec<Part>,
     /// Where t turns back.
     pub turnings: Vec<Turning>,
@@ -64,40 +61,14 @@ pub struct Trace {
 /// Why a curve cannot be followed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TraceError {
-    /// An expression has no value.
     #[error("near x {:.6} y {:.6} t {t:.6}: {trouble}", .at[0], .at[1])]
-    Trouble {
-        /// x and y.
-        at: [f64; 2],
-        /// t.
-        t: f64,
-        /// What.
-        trouble: Trouble,
-    },
-    /// No point of both families at the start.
+    Trouble { at: [f64; 2], t: f64, trouble: Trouble },
     #[error("the families have no real branch near start_mm [{}, {}] at t = {t}: give a start that lies on both curves", .at[0], .at[1])]
-    NoBranch {
-        /// x and y.
-        at: [f64; 2],
-        /// t.
-        t: f64,
-    },
-    /// Branches meet, or the families touch.
+    NoBranch { at: [f64; 2], t: f64 },
     #[error("singular point near x {:.6} y {:.6} t {t:.6}: the curves of both families touch or branches cross there; end the range of t before it, or choose another start", .at[0], .at[1])]
-    Singular {
-        /// x and y.
-        at: [f64; 2],
-        /// t.
-        t: f64,
-    },
-    /// No end after many steps.
+    Singular { at: [f64; 2], t: f64 },
     #[error("the curve has no end within {STEPS} steps; it is at x {:.6} y {:.6} t {t:.6}: set the range of t, or length_mm", .at[0], .at[1])]
-    Endless {
-        /// x and y.
-        at: [f64; 2],
-        /// t.
-        t: f64,
-    },
+    Endless { at: [f64; 2], t: f64 },
 }
 
 /// The way along the curve.

@@ -16,7 +16,6 @@ pub struct Turn {
     /// Z of the face, and of the shoulder.
     face_mm: f64,
     shoulder_mm: f64,
-    /// Fillet at the shoulder.
     #[serde(default)]
     fillet_mm: f64,
     /// Largest depth of a loop.
@@ -73,7 +72,6 @@ const LEAVE: f64 = 1.0;
 const BEFORE: f64 = 2.0;
 
 impl Turn {
-    /// Its moves.
     pub(super) fn moves(&self) -> Vec<Step> {
         // The plane of G18: first Z, then X; loops stay in it.
         let mut pen = Pen::new(Plane::Zx, self.feed_mm_per_min);
@@ -123,7 +121,6 @@ impl Turn {
 }
 
 impl Plunge {
-    /// Its moves.
     pub(super) fn moves(&self) -> Vec<Step> {
         let mut pen = Pen::new(Plane::Yz, self.feed_mm_per_min);
         let mut rapid = [None; 6];
@@ -137,7 +134,6 @@ impl Plunge {
 }
 
 impl Drill {
-    /// Its moves.
     pub(super) fn moves(&self) -> Vec<Step> {
         let mut pen = Pen::new(Plane::Xy, self.feed_mm_per_min);
         let (a, b) = (self.a_deg.to_radians(), self.b_deg.to_radians());

@@ -28,40 +28,23 @@ pub struct Here {
 /// A curve that cannot be made or evaluated.
 #[derive(Debug, thiserror::Error)]
 pub enum CurveError {
-    /// A key is missing or does not fit the others.
     #[error("{0}")]
     Keys(String),
-    /// An expression of a key.
     #[error("{key}: {error}")]
-    Expression {
-        /// The key.
-        key: String,
-        /// What is wrong with it.
-        error: ExpressionError,
-    },
-    /// No value at some t.
+    Expression { key: String, error: ExpressionError },
     #[error("at t = {t}: {trouble}")]
-    Trouble {
-        /// Where.
-        t: f64,
-        /// What.
-        trouble: Trouble,
-    },
-    /// The families cannot be followed.
+    Trouble { t: f64, trouble: Trouble },
     #[error(transparent)]
     Trace(#[from] TraceError),
-    /// A free-form curve cannot be read.
     #[error(transparent)]
     Free(#[from] FreeError),
 }
 
-/// A curve.
 #[derive(Clone, Debug)]
 pub struct Curve {
     /// Its parts, in order; each begins where the one before ends, or the tool is lifted between.
     pub parts: Vec<Part>,
     lengths: Vec<Lengths>,
-    /// The laws along it.
     pub laws: Laws,
     /// Its arc length in mm: in x and y of families, in space of free-form curves.
     pub length: f64,

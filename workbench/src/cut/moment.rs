@@ -18,7 +18,6 @@ use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 /// A machine with its drives and its cutter.
 #[derive(Clone, Debug)]
 pub struct Subject<'a> {
-    /// The machine.
     pub config: &'a MachineConfig,
     /// Its masses and springs.
     pub model: Model,
@@ -31,7 +30,6 @@ pub struct Subject<'a> {
 /// Three servo cycles, the middle one of which is judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
-    /// Line of the program.
     pub line: u32,
     /// Poses, machine units and degrees.
     pub poses: [[f64; 6]; 3],
@@ -48,7 +46,6 @@ pub struct Moment {
 /// What is known of a moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// Line of the program.
     pub line: u32,
     /// The pose, machine units and degrees.
     pub pose: [f64; 6],
@@ -67,13 +64,10 @@ pub struct Judged {
 /// Why a moment cannot be judged.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 pub enum NoMoment {
-    /// The machine cannot stand there.
     #[error(transparent)]
     Fault(#[from] Fault),
-    /// The legs do not hold the platform.
     #[error("a singular pose: the legs do not hold the platform")]
     Singular,
-    /// The angles do not say how the platform turns.
     #[error("at B of 90 degrees A and C turn about one axis: forces are not known there")]
     Angles,
 }

@@ -23,10 +23,8 @@ const BATCH: usize = 1024;
 /// the feed to rounding.
 const FASTER: f64 = 1.001;
 
-/// What one line asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OfLine {
-    /// Servo cycles.
     pub cycles: u64,
     /// Largest feed per tooth, mm.
     pub chip: f64,
@@ -43,16 +41,13 @@ pub struct OfLine {
 /// The largest value of its kind, and where.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Peak {
-    /// The value.
     pub value: f64,
     /// The moment.
     pub judged: Judged,
 }
 
-/// What a pass has found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
-    /// By line.
     pub lines: BTreeMap<u32, OfLine>,
     /// Largest feed per tooth, force on the tool, deflection, lag by inertia.
     pub peaks: [Option<Peak>; 4],

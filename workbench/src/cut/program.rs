@@ -7,7 +7,6 @@ use crate::stability::path::Stop;
 use kinematics::{Pose, Vector3};
 use std::collections::BTreeMap;
 
-/// A line that cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// Its largest feed, machine units per second; infinite where the spindle sets it.
@@ -19,10 +18,8 @@ pub struct Line {
 /// Why a program cuts nothing that is known.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoCut {
-    /// It only goes fast.
     #[error("the program has no feed moves")]
     NoFeed,
-    /// There was no S word.
     #[error(
         "line {0}: the tool cuts without a spindle speed (an S word names one); name one with --rpm"
     )]
@@ -35,10 +32,8 @@ pub enum NoCut {
     /// G96: the speed follows from the place.
     #[error("line {0}: G96 makes the spindle speed depend on the place; name one with --rpm")]
     Surface(u32),
-    /// LinuxCNC does not say.
     #[error("line {0}: the spindle speed is not known there; name one with --rpm")]
     Unknown(u32),
-    /// A line of a loop or of a subroutine, or one of the same number in another file.
     #[error("line {0}: it cuts at several spindle speeds; name one with --rpm")]
     Several(u32),
 }

@@ -19,12 +19,10 @@ const UM: f64 = 1e3;
 /// N mm per N m.
 const MM_PER_M: f64 = 1e3;
 
-/// The answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// The machine's INI file.
     pub machine: PathBuf,
-    /// The program.
     pub program: PathBuf,
     /// Whether every drive can do it and every feed move is stable; none where that was not looked at
     /// throughout and nothing else is wrong.
@@ -59,22 +57,18 @@ pub struct Report {
     pub stability: Stability,
     /// The lines that come nearest to what the machine can do, the worst first.
     pub worst_lines: Vec<LineReport>,
-    /// Every line that cuts.
     pub lines: Vec<LineReport>,
 }
 
 /// A largest value, and where.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Most {
-    /// The value.
     pub value: f64,
-    /// Line of the program.
     pub line: u32,
     /// X Y Z A B C there, machine units and degrees.
     pub pose: [f64; 6],
 }
 
-/// A drive.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Drive {
     /// Its joint.
@@ -83,7 +77,6 @@ pub struct Drive {
     pub unit: &'static str,
     /// The load that is largest by its amount, towards growing joint values.
     pub load: f64,
-    /// Line of the program.
     pub line: u32,
     /// X Y Z A B C there.
     pub pose: [f64; 6],
@@ -97,12 +90,10 @@ pub struct Drive {
     pub share: Option<f64>,
 }
 
-/// Stability.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Stability {
     /// Places that were looked at.
     pub places: usize,
-    /// Feed moves of the program.
     pub feed_moves: usize,
     /// Largest depth that was looked at, mm.
     pub deepest_mm: f64,
@@ -118,10 +109,8 @@ pub struct Stability {
     pub margin: f64,
 }
 
-/// A line that cuts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LineReport {
-    /// The line.
     pub line: u32,
     /// The largest of its drive's share and the depth of cut over the limit: beyond 1 it cannot be cut.
     pub share: f64,
@@ -136,7 +125,6 @@ pub struct LineReport {
     pub force_n: Option<f64>,
     /// The drive with the largest share of what it can do.
     pub drive: Option<String>,
-    /// That share.
     pub drive_share: Option<f64>,
     /// How far the mean cutting force moves the tool, um.
     pub deflection_um: Option<f64>,
@@ -155,7 +143,6 @@ pub struct LineReport {
 pub struct Looked {
     /// Stop, limit depth, and the rest.
     pub places: Vec<(Stop, Depth, Place)>,
-    /// Feed moves of the program.
     pub feed_moves: usize,
     /// Largest depth that was looked at, mm.
     pub deepest: f64,

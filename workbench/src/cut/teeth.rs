@@ -17,7 +17,6 @@ pub const HARMONICS: usize = ANGLES / 10;
 /// Forces on the tool at even angles of a pitch, in the frame of [`crate::dynamics::milling::frame`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Teeth {
-    /// Number of them.
     pub count: u16,
     /// N for each mm of feed per tooth.
     per_chip: Vec<Vector3<f64>>,
@@ -61,7 +60,6 @@ impl Teeth {
         self.per_chip.iter().zip(&self.edge).map(move |(force, edge)| force * chip + edge)
     }
 
-    /// Their mean.
     pub fn mean(&self, chip: f64) -> Vector3<f64> {
         self.forces(chip).sum::<Vector3<f64>>() / ANGLES as f64
     }

@@ -15,7 +15,6 @@ const MM_PER_M: f64 = 1e3;
 pub struct Capacity {
     /// Largest force, N, or torque of an arm, N mm.
     pub most: Option<f64>,
-    /// Its motor.
     pub motor: Option<Motor>,
 }
 

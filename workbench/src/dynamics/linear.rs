@@ -39,7 +39,6 @@ pub struct Ellipse {
 }
 
 impl Ellipse {
-    /// Of a covariance.
     pub fn of(covariance: &Matrix3<f64>) -> Self {
         let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
         let (mean, half) = ((a + c) / 2.0, ((a - c) / 2.0).hypot(b));

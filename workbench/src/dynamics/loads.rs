@@ -15,7 +15,6 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 /// What acts on the tool tip, machine axes: N and N mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
-    /// Force on the tool.
     pub force: Vector3<f64>,
     /// Moment about the tip.
     pub moment: Vector3<f64>,
@@ -24,7 +23,6 @@ pub struct Wrench {
 /// How a machine moves at a moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moving {
-    /// The pose.
     pub pose: Pose,
     /// Tool vector of the machine, machine units.
     pub tool: Vector3<f64>,

@@ -3,7 +3,6 @@
 
 use nalgebra::Vector3;
 
-/// A mode of vibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
     /// Angular frequency without damping, rad/s.

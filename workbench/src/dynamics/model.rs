@@ -12,10 +12,8 @@ const GRAVITY: f64 = 9806.65;
 /// Tonnes per kilogram.
 const T_PER_KG: f64 = 1e-3;
 
-/// t mm² per kg m².
 const T_MM2_PER_KG_M2: f64 = 1e3;
 
-/// The platform as a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// Mass, t.
@@ -29,7 +27,6 @@ pub struct Body {
 /// A leg as spring, damper and masses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
-    /// Its spring.
     pub spring: Spring,
     /// Along the leg, N s/mm; 0 where damping is given as a ratio.
     pub damping: f64,
@@ -41,7 +38,6 @@ pub struct Leg {
     pub drive: Option<f64>,
 }
 
-/// A table axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TableAxis {
     /// Which coordinate it takes: 0, 1, 2 for X, Y, Z.

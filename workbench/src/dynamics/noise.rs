@@ -134,12 +134,10 @@ impl Noise {
         DMatrix::from_fn(self.states.nrows(), 3, |_, _| StandardNormal.sample(&mut self.random))
     }
 
-    /// The force now.
     pub fn force(&self) -> Vector3<f64> {
         Vector3::from_fn(|k, _| self.sigma[k] * self.states[(0, k)])
     }
 
-    /// A step later.
     pub fn step(&mut self) {
         let normal = self.normal();
         let added = &self.gain * normal;

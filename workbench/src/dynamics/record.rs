@@ -30,7 +30,6 @@ impl Record {
         }
     }
 
-    /// Mean displacement.
     pub fn mean(&self) -> Vector3<f64> {
         self.tip.iter().sum::<Vector3<f64>>() / self.tip.len() as f64
     }

@@ -26,7 +26,6 @@ const MOST_STEPS: f64 = 2e7;
 /// A force on the tool tip.
 #[derive(Clone, Debug)]
 pub enum Force {
-    /// None.
     None,
     /// One that does not change, N.
     Steady(Vector3<f64>),
@@ -56,26 +55,20 @@ impl Force {
 /// Why a simulation ends before its time.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Ended {
-    /// The machine cannot stand where it is moved to.
     #[error(transparent)]
     Fault(#[from] Fault),
-    /// The legs do not hold the platform.
     #[error("a singular pose: the legs do not hold the platform")]
     Singular,
-    /// It would take too long.
     #[error(
         "{steps:.0} steps: {warm_up:.3} s until the start is forgotten, and {seconds} s, are more than \
          {MOST_STEPS:.0} steps; name more damping, lower frequencies or fewer seconds"
     )]
     Long {
-        /// All of them.
         steps: f64,
         /// Seconds until the start is forgotten.
         warm_up: f64,
-        /// Seconds after it.
         seconds: f64,
     },
-    /// The motion grows beyond all bounds.
     #[error("{0:.4} s: the motion grows beyond all bounds")]
     Unbound(f64),
 }
@@ -83,7 +76,6 @@ pub enum Ended {
 /// Times of a simulation, seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Times {
-    /// One step.
     pub step: f64,
     /// Until the start is forgotten.
     pub warm_up: f64,

@@ -117,7 +117,6 @@ impl<'a> Simulation<'a> {
         Drives::at(self.config, &mut self.at, pose, tool, self.is_turning)
     }
 
-    /// At rest at a pose.
     pub fn resting(&self, pose: &Pose, drives: &Drives) -> Motion {
         let rotation = pose.rotation();
         let of_tip = self.model.body.centre - tip(self.config, &self.tool);

@@ -31,11 +31,8 @@ const STEP: f64 = 1e-5;
 /// A machine at a pose as a system that vibrates; N, mm, s, t, radians.
 #[derive(Clone, Debug)]
 pub struct Structure {
-    /// Mass.
     pub mass: DMatrix<f64>,
-    /// Damping.
     pub damping: DMatrix<f64>,
-    /// Stiffness.
     pub stiffness: DMatrix<f64>,
     /// Displacement and turn of the tool tip relative to the work per coordinate, machine axes.
     pub tip: Matrix6xX<f64>,

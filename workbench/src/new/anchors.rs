@@ -21,7 +21,6 @@ impl Leg {
         Self::default().with(&key::BASE, &at)
     }
 
-    /// A rod from a carriage.
     fn slider(base: [f64; 3], guide: [f64; 3], platform: [f64; 3], rod: f64, side: f64) -> Self {
         let leg = Self::base(base).with(&key::GUIDE, &guide).with(&key::PLATFORM, &platform);
         leg.with(&key::ROD, &[rod]).with(&key::SIDE, &[side])

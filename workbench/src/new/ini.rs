@@ -2,7 +2,7 @@
 //! The INI file of a machine that is being made, with comments for who goes on with it.
 
 use crate::new::anchors::Leg;
-use crate::new::kinds::{Homing, Kind};
+use crate::new::kinds::{Homing, MachineKind};
 use crate::new::values::Values;
 use crate::proof::axis_box::AxisBox;
 use keys::{kind_name, leg as of_leg, machine as of_machine};
@@ -30,11 +30,9 @@ const LEAST_ERROR: [f64; 2] = [1.0, 0.5];
 pub struct Plan<'a> {
     /// Its name, that of its files.
     pub name: &'a str,
-    /// Its kind.
-    pub kind: &'static Kind,
+    pub kind: &'static MachineKind,
     /// What was given.
     pub values: &'a Values,
-    /// Its legs.
     pub legs: Vec<Leg>,
     /// Letters that the legs move.
     pub coordinates: String,
@@ -44,7 +42,6 @@ pub struct Plan<'a> {
     pub cardans: Vec<[f64; 3]>,
     /// Values of the joints at home.
     pub joints: Vec<f64>,
-    /// Limits of the axes.
     pub limits: Option<AxisBox>,
     /// Largest speed and acceleration of every joint.
     pub speeds: Vec<[f64; 2]>,
@@ -81,7 +78,6 @@ impl Plan<'_> {
         self.letters().iter().any(|letter| letter.is_angle())
     }
 
-    /// Number of all joints.
     pub fn all_joints(&self) -> usize {
         self.legs.len() + self.kind.table.len()
     }
@@ -92,7 +88,6 @@ impl Plan<'_> {
         [[self.values.number("feed") / 60.0, self.values.number("accel")], [turn, 10.0 * turn]]
     }
 
-    /// The file.
     pub fn text(&self) -> String {
         let parts = [
             self.head(),

@@ -30,16 +30,13 @@ pub enum Homing {
     BeyondHome,
 }
 
-/// A kind of machine.
 #[derive(Clone, Copy, Debug)]
-pub struct Kind {
-    /// Its name.
+pub struct MachineKind {
     pub name: &'static str,
     /// What it is, one line.
     pub text: &'static str,
     /// Where its frame is and what its pose means.
     pub frame: &'static str,
-    /// Kind of its legs.
     pub leg: leg::Kind,
     /// How many; 0: as many as the table of anchors has.
     pub legs: usize,
@@ -47,13 +44,10 @@ pub struct Kind {
     pub coordinates: &'static str,
     /// Letters that the table moves.
     pub table: &'static str,
-    /// Its own values.
     pub own: &'static [Parameter],
-    /// Its legs from these.
     pub anchors: fn(&Values) -> Vec<Leg>,
     /// The axis X Y Z along which home is looked for, 0 to 2.
     pub axis: usize,
-    /// Which way.
     pub way: Way,
     /// How its drives find their position.
     pub homing: Homing,
@@ -78,9 +72,8 @@ const PYRAMID_FRAME: &str = "World origin: the middle between the feet of the gu
 const RAILS_FRAME: &str = "World origin: in the middle of the carriages' travel and of the rails, Z up, rails along X. Pose: the spindle's nose. A joint value is the place of a carriage on its rail.";
 const LATHE_FRAME: &str = "World origin: between the rails where their carriages are at 0, Z along the rails and the spindle, X across them. Pose: the middle of the platform joints; the tool table carries where tips are from there. Where the spindle is in X and Y the kinematics need not know: the work offset (G54) has it, touched off.";
 
-/// All kinds.
-pub const KINDS: &[Kind] = &[
-    Kind {
+pub const KINDS: &[MachineKind] = &[
+    MachineKind {
         name: "hexapod",
         text: "six telescopic struts, X Y Z A B C",
         frame: IN_THE_MIDDLE,
@@ -106,7 +99,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "no",
     },
-    Kind {
+    MachineKind {
         name: "tripod",
         text: "three telescopic struts that meet in a point, X Y Z",
         frame: IN_THE_MIDDLE,
@@ -121,7 +114,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "struts",
         text: "telescopic struts between any anchors, from a table",
         frame: "World origin and frame: those of the table of anchors. Pose: the origin of its platform columns.",
@@ -136,7 +129,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "no",
     },
-    Kind {
+    MachineKind {
         name: "pentapod",
         text: "five struts from a wall to rings about the spindle, X Y Z A B",
         frame: "World origin: on the spindle axis at home as seen from above, Z along it. Pose: the spindle's nose; A and B tilt it. C is the spindle's own turn and held at 0.",
@@ -180,7 +173,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "linear-delta",
         text: "three carriages on upright rails, pairs of rods, X Y Z",
         frame: "World origin: the middle between the rails, Z up. Pose: the nozzle's tip. A joint value is the height of a carriage's joints over the zero of its rail.",
@@ -202,7 +195,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::AtEnd,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "rotary-delta",
         text: "three arms on turning drives, pairs of rods, X Y Z",
         frame: "World origin: the middle of the arms' axes, Z up. Pose: the middle of the effector joints, or the nose below them. A joint value is the angle of an arm in degrees: 0 level and outwards, positive with its end down.",
@@ -235,7 +228,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "triaglide",
         text: "three carriages on parallel level rails, pairs of rods, X Y Z",
         frame: RAILS_FRAME,
@@ -258,7 +251,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::BeyondHome,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "hexaglide",
         text: "six carriages on three parallel level rails, X Y Z A B C",
         frame: RAILS_FRAME,
@@ -299,7 +292,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "linapod",
         text: "six carriages on upright rails at three columns, X Y Z A B C",
         frame: "World origin: the middle between the columns, Z up. Pose: the spindle's nose. A joint value is the height of a carriage over the zero of its rail.",
@@ -323,7 +316,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "pyramid",
         text: "four carriages on the edges of a pyramid over a cross table, Z A B and X Y of the table",
         frame: PYRAMID_FRAME,
@@ -338,7 +331,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "pyramid-cross",
         text: "four carriages on the edges of a pyramid over a table, X Z A and Y of the table",
         frame: PYRAMID_FRAME,
@@ -353,7 +346,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::Absolute,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "four-rod-lathe",
         text: "lathe: two rails, two carriages on each, four rods, X Y Z B",
         frame: LATHE_FRAME,
@@ -374,7 +367,7 @@ pub const KINDS: &[Kind] = &[
         homing: Homing::BeyondHome,
         boxes: "yes",
     },
-    Kind {
+    MachineKind {
         name: "six-rod-lathe",
         text: "lathe: four rails, six carriages, six rods, X Y Z A B C",
         frame: LATHE_FRAME,
@@ -415,7 +408,7 @@ pub const KINDS: &[Kind] = &[
     },
 ];
 
-impl Kind {
+impl MachineKind {
     /// Everything that is asked of this kind, in the order of questions.
     pub fn parameters(&self) -> Vec<Parameter> {
         let tilts = self.coordinates.is_empty() || self.coordinates.contains(['A', 'B', 'C']);

@@ -5,7 +5,7 @@ use crate::check::findings::{Finding, Report};
 use crate::check::report::check;
 use crate::files::{AtFile, Folder, write_over, write_whole};
 use crate::new::ini::Plan;
-use crate::new::kinds::Kind;
+use crate::new::kinds::MachineKind;
 use crate::new::parameters::ANCHORS;
 use crate::new::values::{Refusal, Values};
 use crate::new::{home, limits, program, table};
@@ -23,8 +23,7 @@ use std::path::{Path, PathBuf};
 /// What is to be made.
 #[derive(Debug)]
 pub struct Order<'a> {
-    /// The kind.
-    pub kind: &'static Kind,
+    pub kind: &'static MachineKind,
     /// What was given.
     pub values: &'a Values,
     /// Name of the machine and of its files.
@@ -33,7 +32,6 @@ pub struct Order<'a> {
     pub folder: &'a Path,
 }
 
-/// What was made.
 #[derive(Debug)]
 pub struct Made {
     /// What `pkm check` says of it.
@@ -121,7 +119,7 @@ fn filled(
 ///
 /// # Errors
 /// As [`make`](fn@make).
-pub fn sketched(kind: &'static Kind, values: &Values) -> Result<MachineConfig, Refusal> {
+pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<MachineConfig, Refusal> {
     let order = Order { kind, values, name: kind.name, folder: Path::new("") };
     let mut plan = begun(&order)?;
     let (place, config) = home::found(&plan)?;
@@ -215,7 +213,7 @@ fn begun<'a>(order: &Order<'a>) -> Result<Plan<'a>, Refusal> {
 }
 
 /// The letters that the legs move.
-fn coordinates(kind: &Kind, values: &Values, legs: usize) -> Result<String, Refusal> {
+fn coordinates(kind: &MachineKind, values: &Values, legs: usize) -> Result<String, Refusal> {
     let letters = match (kind.coordinates, values.word("coordinates"), legs) {
         ("", "", 3) => "XYZ",
         ("", "", 5) => "XYZAB",

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a builder is asked for: one table for options, questions, help and defaults.
 
-/// What a value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measure {
     /// A length above 0.
@@ -32,7 +31,6 @@ pub enum Measure {
     Letters,
     /// Letters of X Y Z A B C, each with its smallest and largest value.
     Limits,
-    /// A file.
     File,
 }
 
@@ -50,9 +48,7 @@ pub enum Need {
 /// One value that a builder is asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// Name of the option.
     pub name: &'static str,
-    /// What it is.
     pub measure: Measure,
     /// Value of a machine in mm, as one would write it; empty: none. Where the value is needed it is an
     /// example, which questions offer.
@@ -97,7 +93,6 @@ pub const UNIT: Parameter = optional(
     "mm",
     "Unit of all lengths, and of the machine",
 );
-/// A table of anchors.
 pub const ANCHORS: Parameter = optional(
     "anchors",
     Measure::File,
@@ -118,7 +113,6 @@ pub const NOSE: Parameter = optional(
     "0",
     "From the plane of the platform joints to the spindle's nose, along the tool",
 );
-/// Where tools point to.
 pub const TOOL: Parameter = optional(
     "tool",
     Measure::Choice(&["down", "up"]),
@@ -175,7 +169,6 @@ pub const TURN: Parameter = optional(
     "8",
     "Largest speed of A, B and C, reached in a tenth of a second",
 );
-/// Whether boxes are proved.
 pub const BOXES: Parameter = optional(
     "boxes",
     Measure::Choice(&["yes", "no"]),
@@ -278,7 +271,6 @@ pub(super) const PLATFORM_LENGTH: Parameter = anchor(
 );
 
 impl Measure {
-    /// Names of its values.
     pub const fn values(self) -> &'static [&'static str] {
         match self {
             Self::Length | Self::Distance | Self::Place => &["LENGTH"],
@@ -311,7 +303,6 @@ impl Measure {
         )
     }
 
-    /// Its unit, where that of lengths is `length`.
     pub fn unit(self, length: &str) -> String {
         match self {
             Self::Feed => format!("{length}/min"),

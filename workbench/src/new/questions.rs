@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Asks for every value of a kind, with its unit, default and meaning.
 
-use crate::new::kinds::{KINDS, Kind};
+use crate::new::kinds::{KINDS, MachineKind};
 use crate::new::parameters::{ANCHORS, Need, Parameter, UNIT};
 use crate::new::values::{MM_PER_INCH, check, default};
 use std::collections::BTreeMap;
@@ -12,9 +12,7 @@ pub type Given = BTreeMap<&'static str, Vec<String>>;
 
 /// Where questions are asked and answered.
 pub struct Dialogue<'a> {
-    /// Where answers come from.
     pub answers: &'a mut dyn BufRead,
-    /// Where questions go to.
     pub questions: &'a mut dyn Write,
 }
 
@@ -23,7 +21,7 @@ impl Dialogue<'_> {
     ///
     /// # Errors
     /// The answers have ended.
-    pub fn kind(&mut self) -> io::Result<&'static Kind> {
+    pub fn kind(&mut self) -> io::Result<&'static MachineKind> {
         for kind in KINDS {
             writeln!(self.questions, "  {:<15} {}", kind.name, kind.text)?;
         }
@@ -40,7 +38,7 @@ impl Dialogue<'_> {
     ///
     /// # Errors
     /// The answers have ended.
-    pub fn values(&mut self, kind: &Kind) -> io::Result<Given> {
+    pub fn values(&mut self, kind: &MachineKind) -> io::Result<Given> {
         writeln!(self.questions, "{}: {}. Enter takes what is in brackets.", kind.name, kind.text)?;
         let mut given = Given::new();
         for parameter in kind.parameters() {

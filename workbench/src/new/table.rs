@@ -9,7 +9,6 @@ use keys::{Key, Need, of_leg};
 use kinematics::leg::Kind;
 use std::path::Path;
 
-/// Most legs of a machine.
 const MOST: usize = kinematics::MAX_LEGS;
 
 /// The keys that a leg of this kind needs: each of their numbers is a column.

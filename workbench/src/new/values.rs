@@ -17,15 +17,12 @@ const LEAST: f64 = 1e-6;
 /// Why no machine is made.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
-    /// What was given is wrong in itself.
     #[error("{0}")]
     Input(String),
-    /// No such machine can work.
     #[error("{0}")]
     Misfit(String),
 }
 
-/// One value.
 #[derive(Clone, Debug, PartialEq)]
 enum Value {
     Numbers(Vec<f64>),

@@ -9,24 +9,12 @@
 use crate::limits;
 use crate::program::findings::{Break, LeastMargin, Preflight, Rule};
 use crate::program::flight::Flight;
-use crate::program::follow::{advance, arm};
+use crate::program::follow::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance, arm};
 use crate::program::motion::Move;
 use crate::proof::between::{Approach, approach};
 use crate::proof::reach::Reach;
 use crate::read::machine::MachineConfig;
 use kinematics::{Body, Fault, Part, Pose, Vector3};
-
-/// A piece of a move is halved until it is this short, as a share of the machine's size.
-const SHORTEST: f64 = 1e-6;
-
-/// Halving ends here at the latest.
-const MOST_HALVINGS: i32 = 40;
-
-/// Least margins are told within this share of the distance.
-const ACCURACY: f64 = 0.01;
-
-/// Poses looked at on a move that breaks the limit, for how far it leaves it.
-const SAMPLES: usize = 33;
 
 /// Follows the moves of a program with every mechanism of a machine.
 pub struct Flights<'a> {

@@ -21,19 +21,19 @@ use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vect
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size: far
 /// below what any machine resolves.
-const SHORTEST: f64 = 1e-6;
+pub(super) const SHORTEST: f64 = 1e-6;
 
 /// Halving ends here at the latest: numbers have no more digits.
-const MOST_HALVINGS: i32 = 40;
+pub(super) const MOST_HALVINGS: i32 = 40;
 
 /// Least margins are told within this share of the limit's range.
-const ACCURACY: f64 = 0.01;
+pub(super) const ACCURACY: f64 = 0.01;
 
 /// The same of the conditioning, whose bound is one of first order.
 const CONDITIONING_ACCURACY: f64 = 0.05;
 
 /// Poses looked at on a move that breaks a limit, for how far it leaves it.
-const SAMPLES: usize = 33;
+pub(super) const SAMPLES: usize = 33;
 
 /// One limit of one part over a piece.
 #[derive(Clone, Copy, Debug)]

@@ -61,7 +61,6 @@ enum Stretch {
 /// at the nodes, for a depth of 1.
 #[derive(Clone, Debug)]
 struct Cut {
-    /// Displacements from the state.
     from_state: DMatrix<f64>,
     /// Displacements from `d`.
     from_cut: DMatrix<f64>,
@@ -232,7 +231,6 @@ impl Cut {
 
 /// One mode on the nodes after the first: its displacements from what moves it.
 struct Solved {
-    /// From forces at the nodes.
     from_force: DMatrix<f64>,
     /// From the displacement at the start.
     from_place: DVector<f64>,

@@ -21,7 +21,6 @@ pub struct Crossing {
     pub stiffness: f64,
 }
 
-/// One term of a receptance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Term {
     /// 1/t; of either sign where force and thickness have different directions.

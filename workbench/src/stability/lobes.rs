@@ -13,7 +13,6 @@ use nalgebra::{Complex, ComplexField, Matrix2, Matrix2x3, Matrix3x2, Rotation3, 
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// A limit of stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limit {
     /// Depth of cut, mm.
@@ -22,7 +21,6 @@ pub struct Limit {
     pub omega: f64,
 }
 
-/// A point of a lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LobePoint {
     /// Spindle speed, 1/min.

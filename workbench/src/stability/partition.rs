@@ -16,7 +16,6 @@ const HALVINGS: [usize; 2] = [6, 40];
 /// The curve ends at this many times the highest resonance.
 const BEYOND: f64 = 1e3;
 
-/// A point of a boundary.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Angular frequency of the root on the imaginary axis, rad/s.

@@ -13,9 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// A place of a path where the tool cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
-    /// Line of the program.
     pub line: u32,
-    /// Pose there.
     pub pose: Pose,
     /// Tool vector, spindle offset included.
     pub tool: Vector3<f64>,

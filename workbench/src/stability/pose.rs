@@ -17,16 +17,12 @@ use std::f64::consts::PI;
 /// Why a study does not say how a machine cuts.
 #[derive(Debug, thiserror::Error)]
 pub enum NoSetup {
-    /// Masses, springs or dampers are missing.
     #[error(transparent)]
     Lacking(#[from] Lacking),
-    /// No process.
     #[error("the study has neither [cutting], a milling cutter, nor [turning]")]
     Process,
-    /// Two of them.
     #[error("the study has both [cutting] and [turning]; leave one of them out")]
     Both,
-    /// A spindle that cannot be calculated.
     #[error(transparent)]
     Spindle(#[from] NoSpindle),
 }
@@ -34,16 +30,12 @@ pub enum NoSetup {
 /// Why a machine does not vibrate at a pose, or not in a way that is known.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 pub enum NoModes {
-    /// It is not there.
     #[error(transparent)]
     Fault(#[from] Fault),
-    /// Something moves that nothing holds.
     #[error("a singular pose: the legs do not hold the platform")]
     Free,
-    /// No cutter plane.
     #[error(transparent)]
     Feed(#[from] AlongAxis),
-    /// A mode that loses nothing.
     #[error(
         "a mode at {0:.3} Hz has no damping; name damping_n_s_per_mm or damping_ratio of [legs]"
     )]
@@ -55,7 +47,6 @@ pub enum NoModes {
 pub struct Setup<'a> {
     config: &'a MachineConfig,
     model: Model,
-    /// The process.
     pub process: Process,
     turning: Option<Turning>,
     nose: Option<Nose>,
@@ -151,7 +142,6 @@ impl<'a> Setup<'a> {
         worst.unwrap_or_default()
     }
 
-    /// Rows with the feed of [`Setup::worst_feed`].
     pub fn at_worst_feed(&self, rows: &[Row]) -> Vec<Row> {
         turned(rows, self.worst_feed(rows))
     }

@@ -14,7 +14,6 @@ pub struct Response {
     pub cutting: Complex<f64>,
     /// The same without cutting, G.
     pub free: Complex<f64>,
-    /// Each term of G.
     pub terms: Vec<Complex<f64>>,
 }
 

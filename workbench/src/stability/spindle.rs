@@ -31,34 +31,18 @@ struct Support {
 /// A spindle that cannot be calculated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoSpindle {
-    /// A bearing beside the shaft.
     #[error("[[spindle.bearings]] at_mm = {at}: the shaft is {length} mm long")]
-    Beside {
-        /// Its place.
-        at: f64,
-        /// Length of the shaft.
-        length: f64,
-    },
-    /// Two bearings at one place.
+    Beside { at: f64, length: f64 },
     #[error("[[spindle.bearings]] at_mm = {0} twice: expected two places")]
     Together(f64),
-    /// A bore as wide as its cylinder.
     #[error("[[spindle.sections]] bore_mm = {bore}: the cylinder has a diameter of {outer} mm")]
-    Bore {
-        /// Its diameter.
-        bore: f64,
-        /// That of the cylinder.
-        outer: f64,
-    },
-    /// No cylinders.
+    Bore { bore: f64, outer: f64 },
     #[error("[spindle] has no [[spindle.sections]]")]
     Empty,
-    /// Modes that are none.
     #[error("[spindle] modes = 0: expected 1 or more")]
     Modeless,
 }
 
-/// A mode of the shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShaftMode {
     /// Angular frequency, rad/s.
@@ -77,7 +61,6 @@ impl ShaftMode {
     }
 }
 
-/// What the nose yields.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nose {
     /// Displacement per force at the nose, at rest, mm/N.

@@ -9,19 +9,14 @@ use crate::study::file::Study;
 /// Why a study describes no loop.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoLoop {
-    /// Nothing moves.
     #[error("the study names no [[links]] and no [spindle]: nothing yields between tool and work")]
     Nothing,
-    /// No lag.
     #[error("the study names no time_constant_ms of [lag]")]
     Lag,
-    /// An overhang that nothing depends on.
     #[error("an overhang is given, and the study has neither [overhang] nor [spindle]")]
     Overhang,
-    /// `[overhang]` has no link to change.
     #[error("[overhang] changes the first of [[links]], and the study names none")]
     Link,
-    /// A spindle that cannot be calculated.
     #[error(transparent)]
     Spindle(#[from] NoSpindle),
 }
@@ -33,7 +28,6 @@ pub struct Adjustment {
     pub overhang: Option<f64>,
     /// The loop.
     pub lag: Lag,
-    /// Names of its terms.
     pub names: Vec<String>,
 }
 

@@ -100,7 +100,6 @@ impl Body {
         self.rays().map(|(angle, ray)| angle * ray.inside.iter().map(piece).sum::<f64>()).sum()
     }
 
-    /// Positions looked at.
     pub fn looked(&self) -> usize {
         self.rays().map(|(_, ray)| ray.looked).sum()
     }
@@ -186,7 +185,6 @@ pub fn obj(unit: &str, (points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>
 pub struct Counted {
     /// Volume of the cells whose middles are within the limits.
     pub volume: f64,
-    /// Points of the grid.
     pub points: usize,
 }
 

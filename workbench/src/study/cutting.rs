@@ -50,10 +50,8 @@ impl TryFrom<f64> for Half {
 /// A cutter that cannot cut.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoCut {
-    /// No teeth.
     #[error("teeth = 0: a cutter has one at least")]
     Teeth,
-    /// Teeth that leave before they enter.
     #[error(
         "entry_deg = {0}, exit_deg = {1}: expected a tooth that enters before it leaves; a slot \
          is from 0 to 180, half immersion up milling from 0 to 90, down milling from 90 to 180"
@@ -134,7 +132,6 @@ pub struct Turning {
 pub struct Link {
     /// What it is called in tables and plots.
     pub name: String,
-    /// Mass.
     pub mass_kg: Positive,
     /// Force per speed.
     pub damping_n_s_per_mm: Positive,
@@ -156,7 +153,6 @@ pub struct LagKeys {
 pub struct Chip {
     /// The factor c; 1.4 is printed.
     pub factor: Positive,
-    /// Chip ratio ζ.
     pub ratio: Positive,
     /// Tensile strength σ_b of the work.
     pub strength_n_per_mm2: Positive,

@@ -18,11 +18,9 @@ use std::fmt;
 use std::io;
 use std::path::Path;
 
-/// The file.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct Study {
-    /// The platform as a body.
     pub platform: Option<Platform>,
     /// A random force on the tool.
     pub force: Option<Force>,
@@ -30,7 +28,6 @@ pub struct Study {
     pub cutting: Option<Cutting>,
     /// How it runs.
     pub milling: Option<Milling>,
-    /// The legs.
     pub legs: Legs,
     /// The joints of the table under the workpiece.
     pub table: Table,
@@ -131,7 +128,6 @@ pub struct Table {
     pub screw_efficiency: Option<Share>,
 }
 
-/// `[limits]`.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
@@ -172,10 +168,8 @@ pub struct Law {
 /// A study that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    /// No file that can be read.
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
-    /// No study: line and key are told.
     #[error(transparent)]
     Malformed(#[from] AtFile<toml::de::Error>),
 }
@@ -183,35 +177,14 @@ pub enum StudyError {
 /// A study that does not have what is asked of it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Lacking {
-    /// A key.
     #[error("the study names no {key} of [{section}]{}", if *.section == "table" { ", which the machine has" } else { "" })]
-    Key {
-        /// Its section.
-        section: &'static str,
-        /// The key.
-        key: &'static str,
-    },
-    /// Two keys of which one has to be left out.
+    Key { section: &'static str, key: &'static str },
     #[error("the study names both {} and {} of [{section}]; leave one of them out", .keys[0], .keys[1])]
-    Both {
-        /// Their section.
-        section: &'static str,
-        /// The keys.
-        keys: [&'static str; 2],
-    },
-    /// A list of another length than the machine has legs or axes.
+    Both { section: &'static str, keys: [&'static str; 2] },
     #[error("{key}: expected one number, or {expected} of them; found {found}")]
-    Length {
-        /// Its key.
-        key: &'static str,
-        /// How many there are.
-        expected: usize,
-        /// How many the list has.
-        found: usize,
-    },
+    Length { key: &'static str, expected: usize, found: usize },
 }
 
-/// No share of a whole.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected more than 0, and 1 at most")]
 pub struct NoShare(f64);
@@ -232,7 +205,6 @@ impl TryFrom<f64> for Share {
 /// One positive number for all of them, or one for each.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Each {
-    /// For all.
     Same(f64),
     /// In order.
     Own(Vec<f64>),

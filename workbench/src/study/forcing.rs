@@ -9,10 +9,8 @@ use serde::Deserialize;
 /// A random force that is none.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoForce {
-    /// Nothing acts.
     #[error("sigma_n: expected a force along X, Y or Z")]
     Nothing,
-    /// A spectrum of two kinds, or of none.
     #[error("expected either corner_hz or band_hz with band_quality")]
     Spectrum,
 }
@@ -41,7 +39,6 @@ pub enum Band {
     Corner(f64),
     /// About a frequency in Hz, of the width frequency/quality.
     About {
-        /// Hz.
         hz: f64,
         /// Frequency over width.
         quality: f64,
@@ -105,7 +102,6 @@ pub struct Milling {
     pub speed_rpm: Positive,
     /// Feed per tooth.
     pub feed_mm: Positive,
-    /// Diameter of the cutter.
     pub diameter_mm: Positive,
     /// Angle of its helix; 0 where it is missing.
     pub helix_deg: Option<Helix>,

@@ -9,7 +9,6 @@ use serde::Deserialize;
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Platform {
-    /// Its mass.
     pub mass_kg: Positive,
     /// Its centre of mass in the platform frame.
     pub centre_mm: Place,
@@ -75,16 +74,12 @@ pub struct Inertia(pub Matrix3<f64>);
 /// Why no body has a tensor of inertia.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoBody {
-    /// A number is none.
     #[error("expected finite numbers")]
     NotFinite,
-    /// It is no tensor of inertia.
     #[error("expected a symmetric tensor; found {0} and {1} on either side of the diagonal")]
     Asymmetric(f64, f64),
-    /// A body that is light to turn about some axis, or not to turn at all.
     #[error("no body has it: a principal moment of inertia is {0:.6}, expected more than 0")]
     NotPositive(f64),
-    /// x² + y² is at most (y² + z²) + (z² + x²).
     #[error(
         "no body has it: of the principal moments of inertia {0:.6}, {1:.6} and {2:.6} the largest \
          is more than the sum of the others; are products of inertia entered with their sign?"

@@ -53,7 +53,6 @@ pub struct Rod {
 }
 
 impl<'a> View<'a> {
-    /// Of this machine.
     pub fn new(config: &'a MachineConfig, points: Vec<Vector3<f64>>, diameter: f64) -> Self {
         Self { config, points, diameter }
     }

@@ -21,7 +21,6 @@ use nalgebra::{SMatrix, SVector};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
-use std::f64::consts::PI;
 
 /// Pose coordinates by joints: X Y Z in machine units, A B C in degrees, per joint unit.
 pub type Gain = SMatrix<f64, 6, MAX_JOINTS>;
@@ -76,7 +75,7 @@ impl Sensitivity {
         let Some(inverse) = rows::inverse(&(weights * scaled), moved) else { return Ok(None) };
         let mut gain = inverse * weights;
         for k in 3..6 {
-            gain.row_mut(k).scale_mut(180.0 / PI / length);
+            gain.row_mut(k).scale_mut(1_f64.to_degrees() / length);
         }
         let values = rows::singular_values(&scaled, moved);
         Ok(Some(Self {
@@ -112,7 +111,7 @@ impl Sensitivity {
 fn scaled(jacobian: &Rows, length: f64) -> Rows {
     let mut scaled = *jacobian;
     for k in 3..6 {
-        scaled.column_mut(k).scale_mut(180.0 / PI / length);
+        scaled.column_mut(k).scale_mut(1_f64.to_degrees() / length);
     }
     scaled
 }
@@ -126,7 +125,6 @@ fn weights(config: &MachineConfig, at: &At) -> SMatrix<f64, MAX_JOINTS, MAX_JOIN
 /// What random errors of the joints did to the pose, by the core's forward kinematics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawn {
-    /// Poses drawn.
     pub count: usize,
     /// Standard deviation of each coordinate: X Y Z in machine units, A B C in degrees.
     pub sigma: [f64; 6],
@@ -179,7 +177,6 @@ pub enum Kind {
 /// A singular pose near a region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Singular {
-    /// Kind.
     pub kind: Kind,
     /// Place.
     pub pose: [f64; 6],
@@ -330,7 +327,6 @@ pub struct Point {
     pub pose: [f64; 6],
     /// Rates of the pose, per second.
     pub rate: [f64; 6],
-    /// Joint values.
     pub joints: Joints,
     /// Joint units per second.
     pub rates: Joints,
@@ -343,10 +339,8 @@ pub struct Point {
 /// Where a motion ends early: a time in seconds, and why.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum End {
-    /// The pose is out of reach.
     #[error("at {0:.3} s: {1}")]
     Reach(f64, Fault),
-    /// The legs do not hold the platform.
     #[error("at {0:.3} s: a singular pose")]
     Singular(f64),
 }

@@ -9,7 +9,6 @@ use std::f64::consts::PI;
 /// A plane through the place where the rays begin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
-    /// Name for people.
     pub name: String,
     /// Unit vectors across and up.
     pub axes: [Vector3<f64>; 2],
@@ -40,7 +39,6 @@ impl Plane {
 /// What rays in a plane see.
 #[derive(Clone, Debug)]
 pub struct Slice {
-    /// The plane.
     pub plane: Plane,
     /// Where the rays begin.
     pub from: Vector3<f64>,
@@ -67,7 +65,6 @@ impl Slice {
         Self { plane, from, rays }
     }
 
-    /// Area of all pieces.
     pub fn area(&self) -> f64 {
         let angle = 2.0 * PI / self.rays.len() as f64;
         let piece = |[from, to]: &[f64; 2]| (to * to - from * from) / 2.0;

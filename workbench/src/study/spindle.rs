@@ -11,13 +11,11 @@ use serde::Deserialize;
 pub struct Spindle {
     /// Young's modulus of the shaft.
     pub youngs_n_per_mm2: Positive,
-    /// Its density.
     pub density_kg_per_m3: Positive,
     /// Damping ratio of the shaft itself, added to what the bearings dissipate.
     pub damping_ratio: NotNegative,
     /// Its cylinders from the rear end on; the last one is the overhang that commands change.
     pub sections: Vec<Section>,
-    /// Its two bearings.
     pub bearings: [Bearing; 2],
     /// How many modes are used.
     #[serde(default = "three")]
@@ -32,11 +30,8 @@ fn three() -> u8 {
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Section {
-    /// Length.
     pub length_mm: Positive,
-    /// Outer diameter.
     pub diameter_mm: Positive,
-    /// Diameter of its bore.
     #[serde(default)]
     pub bore_mm: NotNegative,
 }

@@ -23,9 +23,7 @@ const HALVINGS: usize = 48;
 /// What a position breaks first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Border {
-    /// The limit.
     pub limit: Limit,
-    /// Of what.
     pub part: Part,
     /// Whether it is the lower end of the range that is left.
     pub is_low: bool,
@@ -57,7 +55,6 @@ impl Border {
         Self { limit, part, is_low, is_between: false }
     }
 
-    /// Name of its kind.
     pub const fn kind(&self) -> &'static str {
         match (self.limit, self.is_low) {
             _ if self.is_between => "the other mechanism too near",
@@ -93,41 +90,19 @@ impl fmt::Display for Border {
 /// Why there is no workspace to look at.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoWorkspace {
-    /// A machine without X, Y or Z.
     #[error("no joint moves {0}: there is no space to look at")]
     Held(char),
-    /// Home is out of reach.
     #[error(transparent)]
     Home(#[from] Fault),
-    /// Axes of another machine.
     #[error("{key}: expected {expected} axes; found {found}")]
-    Axes {
-        /// The key of the study.
-        key: String,
-        /// One a leg.
-        expected: usize,
-        /// How many the study has.
-        found: usize,
-    },
-    /// A leg whose turns are limited about nobody knows what.
+    Axes { key: String, expected: usize, found: usize },
     #[error("{end}_pyramid_deg: leg {leg} has no axis; name {end}_axes")]
-    NoAxis {
-        /// Base or platform.
-        end: &'static str,
-        /// The leg.
-        leg: usize,
-    },
-    /// A leg whose turns the machine's file limits about one axis, and the study about another.
+    NoAxis { end: &'static str, leg: usize },
     #[error(
         "{end}_axes: leg {leg} has a pyramid in the machine's file, about another axis; name that axis, \
          or leave {end}_axes out"
     )]
-    OtherAxis {
-        /// Base or platform.
-        end: &'static str,
-        /// The leg.
-        leg: usize,
-    },
+    OtherAxis { end: &'static str, leg: usize },
 }
 
 /// The limits of a machine, and the orientations in which a position has to keep them.
@@ -153,7 +128,6 @@ struct Other<'a> {
 /// Where the other one of two mechanisms may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stand {
-    /// At home.
     Home,
     /// At home, and in every corner of its axis limits that it can take, one after another.
     Anywhere,
@@ -178,7 +152,6 @@ pub struct Ray {
     pub limit: Border,
     /// What stands at the ends of the other pieces, one each for their beginning and their end.
     pub others: Vec<[Border; 2]>,
-    /// Positions looked at.
     pub looked: usize,
 }
 

@@ -36,7 +36,6 @@ pub struct Data {
     problems: Vec<String>,
 }
 
-/// A mechanism.
 #[derive(Serialize)]
 struct Mechanism {
     scene: Scene,
@@ -46,15 +45,12 @@ struct Mechanism {
     limits: BTreeMap<String, Named>,
     /// The tool vector without a tool.
     tool: [f64; 3],
-    /// Shapes of parts.
     shapes: Vec<Shape>,
 }
 
-/// A shape from a file.
 #[derive(Serialize)]
 struct Shape {
     part: &'static str,
-    /// Name of the file.
     name: String,
     scale: f64,
     place: [f64; 6],
@@ -69,7 +65,6 @@ struct Named {
     unit: String,
 }
 
-/// A program on the machine.
 #[derive(Serialize)]
 struct Program {
     name: String,
@@ -94,7 +89,6 @@ struct Curves {
     values: Columns<f32>,
 }
 
-/// A curve.
 #[derive(Serialize)]
 struct Curve {
     /// The picture that it belongs to.
@@ -128,7 +122,6 @@ impl<T> Columns<T> {
 }
 
 impl Data {
-    /// Of a machine alone.
     pub fn new(config: &MachineConfig, is_live: bool) -> Self {
         let stem = config.file.file_stem().unwrap_or_default();
         let shapes: Vec<Result<Shape, String>> = config.models.iter().map(Shape::read).collect();
@@ -194,7 +187,6 @@ impl Data {
         self
     }
 
-    /// As JSON.
     pub fn json(&self) -> String {
         serde_json::to_string(self).expect("numbers and names")
     }

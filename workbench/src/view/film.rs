@@ -35,33 +35,22 @@ const SCHEME: &str = "data:image/png;base64,";
 /// Why there are no frames, or no video.
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
-    /// Nothing to draw with.
     #[error(
         "no browser is there to draw with (looked for {}): install chromium, or name one by --browser",
         BROWSERS.join(", ")
     )]
     NoBrowser,
-    /// A program that cannot be started.
     #[error("{}: cannot be started: {error}", program.display())]
-    NotStarted {
-        /// Its file.
-        program: PathBuf,
-        /// Why.
-        error: io::Error,
-    },
-    /// The browser ended without the frames.
+    NotStarted { program: PathBuf, error: io::Error },
     #[error("{} drew {found} of {wanted} frames; it may lack WebGL: {told}", browser.display())]
     NoFrames {
         /// The browser's file.
         browser: PathBuf,
-        /// Frames that came.
         found: usize,
-        /// Frames asked for.
         wanted: usize,
         /// The last line that it wrote.
         told: String,
     },
-    /// The browser does not end.
     #[error(
         "{} has not drawn {wanted} frames in {} s, and was ended: --browser-seconds allows more, --size makes them \
          smaller",
@@ -71,15 +60,11 @@ pub enum FilmError {
     Hangs {
         /// The browser's file.
         browser: PathBuf,
-        /// Frames asked for.
         wanted: usize,
-        /// How long it had.
         patience: Duration,
     },
-    /// ffmpeg ended with an error.
     #[error("ffmpeg made no video: {0}")]
     NoVideo(String),
-    /// Files of this computer.
     #[error("{0}")]
     File(#[from] io::Error),
 }
@@ -87,7 +72,6 @@ pub enum FilmError {
 /// How frames are drawn.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// The browser.
     pub browser: PathBuf,
     /// The page's file; beside it the browser keeps its own.
     pub page: PathBuf,

@@ -14,7 +14,6 @@ const STYLE: &str = include_str!("../../../page/built/page.css");
 const CODE: &str = include_str!("../../../page/built/page.js");
 const KINEMATICS: &[u8] = include_bytes!("../../../page/built/kinematics.wasm");
 
-/// The file.
 pub fn page(data: &Data) -> String {
     let parts = [
         ("<!--style-->", format!("<style>{STYLE}</style>")),

@@ -68,7 +68,6 @@ impl Walk {
         Self { x, covered: 0.0, length, contraction: 1.0, corrections: 0, renewed: false }
     }
 
-    /// One more step.
     #[inline(always)]
     fn go(&mut self, step: &[f64; 6]) {
         let length = norm(step);
@@ -359,7 +358,6 @@ mod tests {
         }
     }
 
-    /// A step of the joints from those of the place.
     fn joint_step(rng: &mut Pcg64, machine: &Mechanism<6>, place: Place) -> Option<JointStep> {
         let from = machine.joints_at(&place).ok()?;
         // A common part, which the platform may follow, and one of each leg's own; random

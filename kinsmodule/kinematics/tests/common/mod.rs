@@ -18,7 +18,6 @@ pub const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
 pub const NO_OFFSET: PerLeg = [0.0; 8];
 
-/// Draws a pose.
 pub type Sample = Box<dyn Fn(&mut Pcg64) -> Pose>;
 
 /// A machine with the region of poses it is declared for.

@@ -38,7 +38,6 @@ impl AddAssign for Outcome {
     }
 }
 
-/// One of a kind.
 fn one(count: fn(&mut Outcome) -> &mut usize) -> Outcome {
     let mut outcome = Outcome::default();
     *count(&mut outcome) = 1;
@@ -62,7 +61,6 @@ pub fn judged_with_path(case: &Case, tracker: &Tracker, joints: &Joints, seed: &
     }
 }
 
-/// What an answer is.
 fn answered(
     case: &Case,
     tracker: &Tracker,

@@ -12,7 +12,6 @@ const FIRST: usize = 3;
 /// How many of them turn: they have a point.
 const ROTARY: usize = 3;
 
-/// Pins of one axis.
 #[repr(C)]
 struct LinkPins {
     carries: Pin<i32>,

@@ -32,7 +32,6 @@ pub struct GuardLegPins {
     platform_pyramid: [Pin<f64>; 2],
 }
 
-/// What the guard shows.
 #[repr(C)]
 pub struct GuardOutputs {
     pub conditioning: Pin<f64>,
@@ -46,7 +45,6 @@ pub struct GuardOutputs {
     limit_reason: Pin<i32>,
 }
 
-/// What the guard is given.
 #[repr(C)]
 pub struct GuardInputs {
     conditioning_limit: Pin<f64>,

@@ -146,7 +146,6 @@ impl Tool {
         }
     }
 
-    /// The offset in effect.
     pub fn offset(&self) -> Vector3<f64> {
         self.offset
     }
@@ -168,7 +167,6 @@ impl Tool {
         self.of_machine = if self.is_bare { Vector3::zeros() } else { offset };
     }
 
-    /// Takes an offset at once.
     pub fn take(&mut self, offset: Vector3<f64>) {
         self.set(offset);
         self.change = Change::None;

@@ -10,7 +10,6 @@ pub(super) struct Path {
     /// The machine's pose at the beginning, and the tool vector that it belongs to.
     pub(super) pose: Pose,
     pub(super) tool: Vector3<f64>,
-    /// How the platform travels.
     pub(super) travel: Vector3<f64>,
     pub(super) from: Vector3<f64>,
     pub(super) to: Vector3<f64>,

@@ -13,7 +13,6 @@ use libm::sqrt;
 /// the next, even 3° from the dead point of a rod.
 const PARTS: u32 = 64;
 
-/// Places surveyed in one cycle.
 const PLACES_PER_CYCLE: u32 = 4;
 
 /// Linear solves that forward may take for a place, so that a cycle's work stays a small part of
@@ -68,7 +67,6 @@ impl JointRates {
 #[derive(Clone, Copy)]
 pub(super) struct Survey {
     pub(super) path: Path,
-    /// The next place.
     next: u32,
     rates: [JointRates; MAX_JOINTS],
 }

@@ -43,7 +43,6 @@ const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 pub struct RunResult {
     /// Configuration.
     pub config: String,
-    /// Program.
     pub program: String,
     /// Motions of the program.
     pub moves: u64,
@@ -53,7 +52,6 @@ pub struct RunResult {
     pub seconds: f64,
     /// Kind and text from LinuxCNC's error channel.
     pub messages: Vec<(String, String)>,
-    /// Faults that the module counted.
     pub fault_count: u64,
     /// Hash of the geometry that the module froze.
     pub geometry_hash: u32,
@@ -63,11 +61,9 @@ pub struct RunResult {
     pub motion_tmax_ns: f64,
     /// Whether the run went to its end without a message.
     pub ok: bool,
-    /// Why not.
     pub error: Option<String>,
 }
 
-/// Most joints of LinuxCNC.
 const MOST_JOINTS: usize = 16;
 
 /// Reads a trace of this machine.

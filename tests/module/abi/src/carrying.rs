@@ -12,9 +12,7 @@ use kinematics::{
 
 /// What an axis carries, as on its pin.
 pub const WORK: i32 = 1;
-/// The tool.
 pub const TOOL: i32 = 2;
-/// The base of the legs.
 pub const LEGS: i32 = 3;
 /// The letters that can carry something.
 const LETTERS: [&str; 6] = ["a", "b", "c", "u", "v", "w"];
@@ -25,7 +23,6 @@ pub struct Carrying {
     pub machine: Parallel,
     /// Places of the axes among [`POSE_LETTERS`], in joint order.
     pub axes: Vec<usize>,
-    /// What they carry.
     pub given: ChainGeometry,
 }
 
@@ -68,7 +65,6 @@ impl Carrying {
         Chain::freeze(&self.given, &axes, &layout, self.machine.size()).unwrap()
     }
 
-    /// The tool vector.
     pub fn tool(&self) -> Vector3<f64> {
         let [x, y, z] = self.machine.tool;
         Vector3::new(x, y, z + self.machine.spindle_offset)
@@ -107,7 +103,6 @@ fn wire(module: &Module, i: usize, link: &LinkGeometry) {
     }
 }
 
-/// A random vector.
 fn three(random: &mut Random, size: f64) -> Vector {
     std::array::from_fn(|_| random.within(size))
 }

@@ -17,7 +17,6 @@ pub enum Control {
     Alone(Subject),
     /// One with axes that carry something; poses of the mechanism, and the axes.
     Carrying(Subject, Box<Carrying>),
-    /// Two mechanisms.
     Pair(&'static str, Box<Two>),
 }
 
@@ -58,7 +57,6 @@ pub fn on_one_guide() -> Control {
 }
 
 impl Control {
-    /// For messages.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Alone(subject) | Self::Carrying(subject, _) => subject.name,
@@ -74,7 +72,6 @@ impl Control {
         }
     }
 
-    /// All joints.
     pub fn joints(&self) -> usize {
         let of_mechanisms: usize = self.mechanisms().iter().map(|machine| machine.joints()).sum();
         match self {

@@ -7,7 +7,6 @@ use crate::module::{Joints, Module, Pose};
 /// Modes of the motion controller while the machine is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Joint mode.
     Free,
     /// World mode, jogging.
     Teleop,
@@ -67,7 +66,6 @@ pub struct Controller<'a> {
     kinematics: i32,
     wanted_kinematics: i32,
     home: Pose,
-    /// The commanded pose.
     pub command: Pose,
     is_command_known: bool,
     feedback: Pose,
@@ -80,7 +78,6 @@ pub struct Controller<'a> {
     pub request: Option<[f64; 3]>,
     /// Commanded joint positions after the interpolators, cycle by cycle.
     pub positions: Vec<Joints>,
-    /// Refusals of inverse.
     pub refusals: Vec<i32>,
 }
 

@@ -8,7 +8,6 @@ use crate::random::Random;
 /// A machine of six struts.
 #[derive(Clone, Debug)]
 pub struct Hexapod {
-    /// Base anchors.
     pub base: [Vector; 6],
     /// Platform anchors, in the platform.
     pub platform: [Vector; 6],
@@ -18,9 +17,7 @@ pub struct Hexapod {
     pub platform_axis: [Vector; 6],
     /// Screw lead of all struts.
     pub lead: f64,
-    /// Spindle offset.
     pub spindle_offset: f64,
-    /// Tool offset.
     pub tool_offset: f64,
     /// Reference pose; without one the correction is genhexkins' literal arcsin.
     pub home: Option<Pose>,

@@ -208,7 +208,6 @@ impl Module {
         self.monitor();
     }
 
-    /// What the module has printed.
     pub fn messages(&self) -> Vec<Message> {
         self.world.messages()
     }

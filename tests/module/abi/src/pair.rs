@@ -8,7 +8,6 @@ use crate::subjects::{Subject, subjects};
 
 /// Two machines, and the letters of the second one's angles.
 pub struct Two {
-    /// The first.
     pub first: Subject,
     /// The second, in its own coordinates.
     pub second: Subject,
@@ -73,7 +72,6 @@ impl Two {
         pose
     }
 
-    /// The load parameters.
     pub fn parameters(&self) -> Vec<(&'static str, String)> {
         let [legs, coordinates, _] = self.second.machine.parameters();
         let mut all = self.first.machine.parameters().to_vec();
@@ -128,7 +126,6 @@ impl Two {
         module.set("second.spindle-offset", *spindle_offset);
     }
 
-    /// The joints of both.
     pub fn joints(&self, first: &Joints, second: &Joints) -> Joints {
         let (of_first, of_second) = (self.first.machine.joints(), self.second.machine.joints());
         let mut joints = [0.0; 16];

@@ -8,7 +8,6 @@ use crate::module::{Module, Pose};
 /// The letters of a pose, in its order.
 pub const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
-/// One leg.
 #[derive(Clone, Debug)]
 pub struct Leg {
     /// Base anchor; of a slider the guide's point with the carriage at 0, of a crank the hip.
@@ -22,20 +21,17 @@ pub struct Leg {
 /// What belongs to a leg of each kind.
 #[derive(Clone, Debug)]
 pub enum Kind {
-    /// Telescopic strut.
     Strut {
         /// Fixed axis of the base joint.
         base_axis: Vector,
         /// Fixed axis of the platform joint, in the platform.
         platform_axis: Vector,
-        /// Screw lead.
         lead: f64,
     },
     /// Rod on a carriage.
     Slider {
         /// Direction of the guide, any length.
         guide: Vector,
-        /// Length of the rod.
         rod: f64,
         /// Branch.
         side: i32,
@@ -46,16 +42,12 @@ pub enum Kind {
         axis: Vector,
         /// From the hip to the arm's end at 0 degrees.
         arm: Vector,
-        /// Length of the rod.
         rod: f64,
         /// Branch.
         side: i32,
     },
     /// Telescopic strut to a ring about the tool axis.
-    Ring {
-        /// Radius of the ring.
-        radius: f64,
-    },
+    Ring { radius: f64 },
 }
 
 impl Kind {
@@ -116,7 +108,6 @@ impl Leg {
     }
 }
 
-/// A parallel machine.
 #[derive(Clone, Debug)]
 pub struct Parallel {
     /// Legs in joint order.
@@ -127,11 +118,8 @@ pub struct Parallel {
     pub table: &'static str,
     /// Point of the platform that held and table letters are about.
     pub centre: Vector,
-    /// Reference pose.
     pub home: Option<Pose>,
-    /// Tool offset.
     pub tool: Vector,
-    /// Spindle offset.
     pub spindle_offset: f64,
 }
 

@@ -30,7 +30,6 @@ pub struct Line {
 }
 
 impl Line {
-    /// Pose in a cycle.
     #[must_use]
     pub fn at(&self, cycle: usize) -> Pose {
         std::array::from_fn(|k| self.start[k] + cycle as f64 * self.step[k])
@@ -64,7 +63,6 @@ impl Line {
 /// What forward did on lines through singular poses.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Sequences {
-    /// Lines that pass one.
     pub lines: usize,
     /// Lines with a refusal because the commanded motion had passed it.
     pub passed: usize,

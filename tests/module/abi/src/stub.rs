@@ -26,7 +26,6 @@ pub enum PinDir {
     In,
     /// Written by the module.
     Out,
-    /// Both.
     Io,
     /// No pin but a parameter, which only the module writes.
     ReadOnly,
@@ -39,7 +38,6 @@ pub enum PinDir {
 pub struct Pin {
     /// Full HAL name.
     pub name: String,
-    /// Type.
     pub kind: PinType,
     /// Direction.
     pub dir: PinDir,
@@ -78,9 +76,7 @@ impl Pin {
 /// A message the module printed, with RTAPI's level (1 = error).
 #[derive(Clone, Debug)]
 pub struct Message {
-    /// RTAPI level.
     pub level: i32,
-    /// Formatted text.
     pub text: String,
 }
 
@@ -223,7 +219,6 @@ impl World {
         }
     }
 
-    /// Forgets the messages.
     pub fn clear_messages(&self) {
         // SAFETY: pointer alive as long as self.
         unsafe { (stub().messages_clear)(self.0.as_ptr()) }

@@ -12,9 +12,7 @@ use crate::random::Random;
 
 /// A machine with the poses of its workspace.
 pub struct Subject {
-    /// For messages.
     pub name: &'static str,
-    /// The machine.
     pub machine: Parallel,
     /// A random pose of the workspace.
     pub sample: fn(&mut Random) -> Pose,
@@ -91,7 +89,6 @@ fn slider(base: Vector, platform: Vector, guide: Vector, rod: f64, side: i32) ->
 
 const UP: Vector = [0.0, 0.0, 1.0];
 
-/// Reference pose of both lathes.
 const LATHE_HOME: Pose = pose([0.0, 450.0, 1000.0, 0.0, 0.0, 0.0]);
 
 /// The four-rod lathe of Kuznetsov, Dmytriev, Dinevych; dimensions of configs/four-rod-lathe.
@@ -107,7 +104,6 @@ pub fn four_rod_lathe() -> Parallel {
     Parallel::new(legs, "XYZB", LATHE_HOME)
 }
 
-/// A pose of its workspace.
 pub fn four_rod_lathe_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 450.0, 1000.0, 0.0, 0.0, 0.0], [120.0, 70.0, 400.0, 0.0, 20.0, 0.0])
 }
@@ -191,7 +187,6 @@ pub fn three_struts(bx: f64, cx: f64, cy: f64, home: Pose) -> Parallel {
     Parallel::new(legs, "XYZ", home)
 }
 
-/// The tripod of configs/tripod.
 pub fn tripod() -> Parallel {
     three_struts(10.0, 5.0, 7.071, pose([5.0, 1.768, 3.06, 0.0, 0.0, 0.0]))
 }
@@ -276,7 +271,6 @@ pub fn sample_pentapod() -> Parallel {
     Parallel { home, ..pentapod(PENTAPOD_BASE, PENTAPOD_RINGS) }
 }
 
-/// A pose of its workspace.
 pub fn pentapod_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0; 6], [80.0, 80.0, 80.0, 12.0, 10.0, 0.0])
 }

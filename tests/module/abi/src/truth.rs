@@ -63,7 +63,6 @@ pub struct Followed {
     pub margin: f64,
     /// Length of the platform's path.
     pub length: f64,
-    /// Steps taken.
     pub steps: f64,
 }
 
@@ -199,12 +198,10 @@ impl Truth {
         unsafe { (library().fold_at)(&mut self.machine, pose.as_ptr()) }
     }
 
-    /// Its size.
     pub fn size(&self) -> f64 {
         self.machine.size
     }
 
-    /// Number of its joints.
     pub fn joints(&self) -> usize {
         let tables = self.machine.letters.iter().filter(|kind| **kind == 2.0).count();
         self.machine.legs as usize + tables

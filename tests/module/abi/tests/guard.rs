@@ -231,7 +231,6 @@ struct Drive<'a> {
     acceleration: f64,
 }
 
-/// What a run showed.
 #[derive(Default)]
 struct Run {
     cycles: usize,

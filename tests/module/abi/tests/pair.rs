@@ -520,7 +520,6 @@ struct Move {
 /// What LinuxCNC's queue holds besides the whole move.
 #[derive(Clone, Copy, Debug)]
 enum Queue {
-    /// The move alone.
     Alone,
     /// A return to the point at this share behind the move.
     ThenBack(f64),

@@ -8,7 +8,6 @@ use abi_tests::sequences::run::Run;
 use abi_tests::sequences::setups::{Setup, drop_ins, random_machine, shipped};
 use std::collections::BTreeMap;
 
-/// Cycles of a sequence.
 const CYCLES: usize = 2_000;
 
 /// Failures that are printed whole.

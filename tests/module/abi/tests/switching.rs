@@ -336,7 +336,6 @@ struct Controller<'a> {
 }
 
 impl<'a> Controller<'a> {
-    /// Homed at a pose.
     fn at(module: &'a Module, pose: &Pose) -> Self {
         let joints = module.inverse(pose).expect("a pose of the workspace");
         let mut controller = Self { module, worlds: [*pose; 2], joints };

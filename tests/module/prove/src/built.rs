@@ -23,7 +23,6 @@ pub struct Symbol {
     pub address: u64,
     /// Its length in bytes.
     pub size: u64,
-    /// Whether it is code.
     pub is_code: bool,
     /// Whether others see it.
     pub is_exported: bool,
@@ -41,7 +40,6 @@ pub enum Pointer {
 /// A piece of memory as the loader maps it.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
-    /// First address.
     pub address: u64,
     /// Whether it may be written.
     pub is_writable: bool,
@@ -156,7 +154,6 @@ impl Built {
         self.symbols.iter().find(|s| s.is_code && s.address == address && s.size > 0)
     }
 
-    /// The function of this name.
     pub fn function_named(&self, name: &str) -> Option<&Symbol> {
         self.symbols.iter().find(|s| s.is_code && s.name == name && s.size > 0)
     }

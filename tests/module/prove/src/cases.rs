@@ -73,11 +73,9 @@ pub enum Aim {
 /// One call.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Index of the machine.
     pub machine: usize,
     /// The function.
     pub call: Call,
-    /// What for.
     pub aim: Aim,
     /// Pose to ask for, or seed.
     pub pose: Pose,

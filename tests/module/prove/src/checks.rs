@@ -6,12 +6,10 @@ use crate::contract::{Contract, Entry, Provider, Version, When};
 use crate::graph::{Graph, Reached};
 use std::collections::BTreeSet;
 
-/// One check.
 #[derive(Clone, Debug)]
 pub struct Check {
     /// What is looked at.
     pub name: String,
-    /// What was found.
     pub found: String,
     /// What is allowed.
     pub bound: String,

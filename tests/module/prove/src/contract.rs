@@ -58,7 +58,6 @@ pub enum Hal {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Import {
-    /// Its name.
     pub name: String,
     /// Who defines it.
     #[serde(default)]
@@ -90,7 +89,6 @@ pub struct Version {
 pub struct Contract {
     /// Functions that others call.
     pub entry: Vec<Entry>,
-    /// Exported data.
     pub data: Vec<String>,
     /// Symbols of other libraries.
     pub import: Vec<Import>,

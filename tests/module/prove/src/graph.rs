@@ -40,7 +40,6 @@ impl<'a> Graph<'a> {
         Self { built, walked: BTreeMap::new(), deepest: BTreeMap::new() }
     }
 
-    /// The function at an address.
     pub fn walked(&mut self, address: u64) -> &Walked {
         self.walked.entry(address).or_insert_with(|| {
             self.built.function(address).map(|f| walk(self.built, f)).unwrap_or_default()

@@ -27,7 +27,6 @@ pub struct Call {
 pub struct Walked {
     /// Deepest stack of its own, its return address aside.
     pub depth: u64,
-    /// What it calls.
     pub calls: Vec<Call>,
     /// Functions whose address it takes.
     pub taken: BTreeSet<u64>,
@@ -44,13 +43,11 @@ enum Value {
     Unknown,
     /// What the loader puts in.
     Loaded(Pointer),
-    /// An address in this library.
     Address(u64),
     /// An entry of the jump table at this address.
     Entry(u64),
     /// Where an entry of this jump table leads.
     Target(u64),
-    /// The stack at this depth.
     Stack(i64),
 }
 
@@ -79,7 +76,6 @@ const CLOBBERED: [Register; 9] = [
 /// Rounds after which a walk is given up: none of a real function comes near.
 const MOST_STEPS: usize = 4_000_000;
 
-/// Walks through a function.
 pub fn walk(built: &Built, function: &Symbol) -> Walked {
     let mut walker = Walker {
         built,

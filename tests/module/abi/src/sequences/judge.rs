@@ -118,7 +118,6 @@ fn names_leg(code: i32) -> bool {
     matches!(code, -24 | -26 | -27 | -28)
 }
 
-/// The judge of one machine.
 pub struct Judge {
     /// The machine.
     pub system: System,
@@ -407,7 +406,6 @@ impl Judge {
         }
     }
 
-    /// Counts a verdict.
     pub fn count(&mut self, what: &'static str) {
         *self.counts.entry(what).or_default() += 1;
     }

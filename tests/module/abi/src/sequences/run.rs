@@ -68,7 +68,6 @@ struct Plan {
 
 /// What a run was, and why it failed.
 pub struct Outcome {
-    /// Cycles run.
     pub cycles: usize,
     /// Cycles in which something was excused.
     pub excused: usize,
@@ -85,7 +84,6 @@ enum Caller {
     Command,
 }
 
-/// A run of one machine.
 pub struct Run<'a> {
     setup: &'a Setup,
     module: Module,
@@ -355,7 +353,6 @@ impl<'a> Run<'a> {
         self.command = next;
     }
 
-    /// The machine follows.
     fn follow(&mut self) {
         self.recent *= 0.8;
         if self.enabled {
@@ -1217,7 +1214,6 @@ impl Plan {
         }
     }
 
-    /// Stops by its ramp.
     fn stop(&mut self) {
         if self.speed > 0.0 {
             let ramp = self.most / RAMP;

@@ -15,7 +15,6 @@ use crate::subjects::{
 
 /// A machine, and how LinuxCNC has it.
 pub struct Setup {
-    /// For messages.
     pub name: String,
     /// What the module is loaded for.
     pub control: Control,

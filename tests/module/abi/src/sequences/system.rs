@@ -10,9 +10,7 @@ use crate::truth::{Followed, Look, Platform, Truth};
 /// Where the machine is.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
-    /// Pose of each mechanism.
     pub poses: [Platform; 2],
-    /// All joints.
     pub joints: Joints,
 }
 
@@ -33,7 +31,6 @@ pub struct System {
     bodies: Vec<Body>,
     /// Places in LinuxCNC's pose of axes beside the mechanism, in joint order.
     extra: Vec<usize>,
-    /// Reference pose.
     pub reference: [Platform; 2],
 }
 
@@ -43,7 +40,6 @@ fn letters_of(machine: &Parallel) -> Vec<usize> {
 }
 
 impl System {
-    /// The machine of a control.
     pub fn new(control: &Control) -> Self {
         let machines = control.mechanisms();
         let mut first_joint = 0;
@@ -87,7 +83,6 @@ impl System {
         }
     }
 
-    /// Number of joints.
     pub fn joints(&self) -> usize {
         self.bodies.iter().map(|body| body.truth.joints()).sum::<usize>() + self.extra.len()
     }
@@ -253,7 +248,6 @@ impl System {
         looks.reduce(least).expect("a mechanism")
     }
 
-    /// Signs of the determinants.
     pub fn signs(&self, state: &State) -> [i32; 2] {
         let mut signs = [1; 2];
         for ((sign, body), pose) in signs.iter_mut().zip(&self.bodies).zip(&state.poses) {

@@ -17,7 +17,6 @@ use prove::cases::{Aim, Call, Case, all, machines, searching, unmonitored};
 use prove::monitored::{
     begin_forward, begin_jog, change_tool, make_busy, move_on, pass_singular, passing_pose,
 };
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -42,26 +41,14 @@ fn head() -> String {
 # SPDX-License-Identifier: GPL-2.0-or-later
 #
 # Written by `make counts-write`: the instructions that were counted, times {MARGIN}. `make counts`
-# fails above them. `worst` of forward is {MAX_ITERATIONS} solves at their dearest.
+# fails above them. Of each call the typical number and the worst, which of forward is {MAX_ITERATIONS} solves at their
+# dearest.
 "
     )
 }
 
-/// A row of counts.toml.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Bound {
-    machine: String,
-    call: String,
-    typical: u64,
-    worst: u64,
-}
-
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Bounds {
-    bound: Vec<Bound>,
-}
+/// Bounds by machine and call: typical and worst.
+type Bounds = BTreeMap<String, BTreeMap<String, [u64; 2]>>;
 
 /// What was counted of one function on one machine.
 #[derive(Clone, Debug, Default)]
@@ -389,16 +376,12 @@ fn path() -> PathBuf {
 
 fn write((machines, table): &(Vec<Control>, Table)) -> Result<ExitCode, String> {
     let wide = |count: u64| (count as f64 * MARGIN).ceil() as u64;
-    let bound = table
-        .iter()
-        .map(|((machine, call), found)| Bound {
-            machine: machines[*machine].name().into(),
-            call: call.name().into(),
-            typical: wide(found.typical),
-            worst: wide(found.bound()),
-        })
-        .collect();
-    let text = toml::to_string(&Bounds { bound }).map_err(|e| e.to_string())?;
+    let mut bounds = Bounds::new();
+    for ((machine, call), found) in table {
+        let of_machine = bounds.entry(machines[*machine].name().into()).or_default();
+        of_machine.insert(call.name().into(), [found.typical, found.bound()].map(wide));
+    }
+    let text = toml::to_string(&bounds).map_err(|e| e.to_string())?;
     std::fs::write(path(), format!("{}\n{text}", head())).map_err(|e| e.to_string())?;
     show(machines, table);
     Ok(ExitCode::SUCCESS)
@@ -436,7 +419,7 @@ fn judge((machines, table): &(Vec<Control>, Table)) -> Result<ExitCode, String> 
     let text = std::fs::read_to_string(path()).map_err(|e| e.to_string())?;
     let bounds: Bounds = toml::from_str(&text).map_err(|e| format!("counts.toml: {e}"))?;
     let names: Vec<&str> = machines.iter().map(|machine| machine.name()).collect();
-    let complaints = complaints(&names, table, &bounds.bound);
+    let complaints = complaints(&names, table, &bounds);
     for complaint in &complaints {
         println!("counts: {complaint}");
     }
@@ -445,19 +428,18 @@ fn judge((machines, table): &(Vec<Control>, Table)) -> Result<ExitCode, String> 
 }
 
 /// What is above its bound, or has none.
-fn complaints(machines: &[&str], table: &Table, bounds: &[Bound]) -> Vec<String> {
+fn complaints(machines: &[&str], table: &Table, bounds: &Bounds) -> Vec<String> {
     let mut complaints = Vec::new();
     for ((machine, call), found) in table {
         let (machine, call) = (machines[*machine], call.name());
         complaints.extend(found.dearer.iter().map(|case| {
             format!("{call}, {machine}: a call of {case}: more than its solves explain")
         }));
-        let Some(bound) = bounds.iter().find(|b| b.machine == machine && b.call == call) else {
+        let Some(&[typical, worst]) = bounds.get(machine).and_then(|calls| calls.get(call)) else {
             complaints.push(format!("{call}, {machine}: no bound; run `make counts-write`"));
             continue;
         };
-        let pairs =
-            [("typically", found.typical, bound.typical), ("at worst", found.bound(), bound.worst)];
+        let pairs = [("typically", found.typical, typical), ("at worst", found.bound(), worst)];
         for (when, count, most) in pairs.into_iter().filter(|(_, count, most)| count > most) {
             complaints.push(format!(
                 "{call}, {machine}: {when} {count} instructions where {most} are allowed: make it \
@@ -497,8 +479,8 @@ mod tests {
         table
     }
 
-    fn bound(typical: u64, worst: u64) -> Vec<Bound> {
-        vec![Bound { machine: "m".into(), call: "forward".into(), typical, worst }]
+    fn bound(typical: u64, worst: u64) -> Bounds {
+        [("m".into(), [("forward".into(), [typical, worst])].into())].into()
     }
 
     #[test]
@@ -515,13 +497,13 @@ mod tests {
         let mut cases = row();
         cases.push((case(Aim::Typical, MAX_ITERATIONS, 0), 90));
         let table = of(&cases);
-        let complaints = |bounds: &[Bound]| complaints(&["m"], &table, bounds);
+        let complaints = |bounds: &Bounds| complaints(&["m"], &table, bounds);
         let most = 170 + u64::from(MAX_ITERATIONS) * 14;
         assert_eq!(complaints(&bound(90, most)), Vec::<String>::new());
         for (bounds, word) in [
             (bound(89, most), "typically"),
             (bound(90, most - 1), "at worst"),
-            (vec![], "no bound"),
+            (Bounds::new(), "no bound"),
         ] {
             let told = complaints(&bounds);
             assert!(told.len() == 1 && told[0].contains(word), "{told:?}");
