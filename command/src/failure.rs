@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The one way of an error to the terminal.
 
-use super::output;
 use std::error::Error;
 use std::fmt::{self, Display};
 use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
+use std::sync::Mutex;
 use workbench::read::diagnostic::{Severity, rendered};
 use workbench::read::error::MachineError;
 use workbench::read::ini::IniError;
@@ -18,6 +18,14 @@ impl<E: Error + Send + Sync + 'static> From<E> for Failure {
     fn from(error: E) -> Self {
         Self(Box::new(error))
     }
+}
+
+/// What was reported on standard error.
+static ERRORS: Mutex<Vec<String>> = Mutex::new(vec![]);
+
+/// Returns what was reported on standard error since the last call, for programs.
+pub fn reported() -> Vec<String> {
+    std::mem::take(&mut *ERRORS.lock().expect("nobody panics with it"))
 }
 
 /// What the grammar of the command line lets pass.
@@ -101,7 +109,8 @@ pub fn tell_error(error: &(impl Display + ?Sized)) {
 
 fn tell_lines(text: &str) {
     let plain = anstream::adapter::strip_str(text).to_string();
-    output::keep_error(plain.strip_prefix("pkm: ").unwrap_or(&plain));
+    let error = plain.strip_prefix("pkm: ").unwrap_or(&plain).into();
+    ERRORS.lock().expect("nobody panics with it").push(error);
     // Nothing is left to do where standard error is closed as well.
     let _ = writeln!(anstream::stderr(), "{text}");
 }
