@@ -4,7 +4,6 @@
 use std::error::Error;
 use std::fmt::{self, Display};
 use std::io::{self, ErrorKind, Write};
-use std::path::PathBuf;
 use std::sync::Mutex;
 use workbench::read::diagnostic::{Severity, rendered};
 use workbench::read::error::MachineError;
@@ -37,11 +36,6 @@ struct Refused(String);
 pub fn refused(text: impl Into<String>) -> Failure {
     Refused(text.into()).into()
 }
-
-/// A program in which the machine stays where it is.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: the program moves nothing; expected a block such as G1 X10 F600", .0.display())]
-pub struct MovesNothing(pub PathBuf);
 
 /// An error at a place that has no type of its own: a pose, a line of standard input.
 #[derive(Debug, thiserror::Error)]

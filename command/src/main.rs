@@ -44,7 +44,7 @@ mod workspace;
 
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use failure::{Failure, MovesNothing};
+use failure::Failure;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use kinematics::{Letter, Pose};
 use std::ffi::OsString;
@@ -56,7 +56,7 @@ use std::time::Duration;
 use workbench::files::{leave_nothing, open, write_whole};
 use workbench::program::beside;
 use workbench::program::motion::{self, Move};
-use workbench::program::preflight::has_deletable;
+use workbench::program::preflight::{JudgeError, has_deletable};
 use workbench::read::ini::decimal;
 use workbench::read::machine::MachineConfig;
 use workbench::study::file::Study;
@@ -148,6 +148,16 @@ pub enum Verdict {
     Misfit,
     /// Not all could be judged.
     Unjudged,
+}
+
+impl From<Option<bool>> for Verdict {
+    fn from(fits: Option<bool>) -> Self {
+        match fits {
+            Some(true) => Self::Fits,
+            Some(false) => Self::Misfit,
+            None => Self::Unjudged,
+        }
+    }
 }
 
 impl Verdict {
@@ -345,7 +355,7 @@ fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
     };
     tell_deleted(program, &files)?;
     match moves.iter().all(|step| step.stays(config)) {
-        true => Err(MovesNothing(program.into()).into()),
+        true => Err(JudgeError::MovesNothing(program.into()).into()),
         false => Ok(moves),
     }
 }

@@ -18,3 +18,5 @@ pub mod random_program;
 pub mod replay;
 pub mod start;
 pub mod travel;
+pub mod verdict;
+mod words;
