@@ -19,4 +19,5 @@ pub mod replay;
 pub mod start;
 pub mod travel;
 pub mod verdict;
+pub mod whole;
 mod words;
