@@ -5,6 +5,7 @@ use std::error::Error;
 use std::fmt::{self, Display};
 use std::io::{self, ErrorKind, Write};
 use std::sync::Mutex;
+use workbench::files::AtPlace;
 use workbench::read::diagnostic::{Severity, rendered};
 use workbench::read::error::MachineError;
 use workbench::read::ini::IniError;
@@ -37,14 +38,6 @@ pub fn refused(text: impl Into<String>) -> Failure {
     Refused(text.into()).into()
 }
 
-/// An error at a place that has no type of its own: a pose, a line of standard input.
-#[derive(Debug, thiserror::Error)]
-#[error("{place}: {error}")]
-struct At {
-    place: String,
-    error: Box<dyn Error + Send + Sync>,
-}
-
 impl Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
@@ -54,7 +47,7 @@ impl Display for Failure {
 impl Failure {
     /// An error with its place.
     pub fn at(place: impl Display, error: impl Error + Send + Sync + 'static) -> Self {
-        At { place: place.to_string(), error: Box::new(error) }.into()
+        AtPlace::new(place, error).into()
     }
 
     /// The result of writing to standard output, whose reader may have gone away.

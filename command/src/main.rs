@@ -46,7 +46,6 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::Failure;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use kinematics::{Letter, Pose};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -57,6 +56,7 @@ use workbench::files::{leave_nothing, open, write_whole};
 use workbench::program::beside;
 use workbench::program::motion::{self, Move};
 use workbench::program::preflight::{JudgeError, has_deletable};
+use workbench::read::columns::in_words;
 use workbench::read::ini::decimal;
 use workbench::read::machine::MachineConfig;
 use workbench::study::file::Study;
@@ -465,12 +465,6 @@ impl StudyFile {
     fn read(&self) -> Result<Study, Failure> {
         Ok(self.study.as_deref().map_or(Ok(Study::default()), Study::read)?)
     }
-}
-
-/// A pose as a block of a program would name it.
-fn in_words(pose: &Pose) -> String {
-    let word = |(letter, value): (&Letter, f64)| format!("{}{:.4}", letter.name(), value + 0.0);
-    Letter::ALL.iter().zip(pose.to_degrees()).map(word).collect::<Vec<_>>().join(" ")
 }
 
 impl Cli {

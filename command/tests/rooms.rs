@@ -23,7 +23,7 @@ const ROOMS: [(&str, &[&str]); 20] = [
     ("curve", &["files", "limits", "program", "proof", "read", "study"]),
     ("dynamics", &["dense", "read", "rows", "study"]),
     ("stability", &["dense", "dynamics", "read", "study"]),
-    ("cut", &["control", "dynamics", "program", "read", "stability", "study"]),
+    ("cut", &["control", "dynamics", "files", "program", "read", "stability", "study"]),
     ("calibrate", &["files", "limits", "proof", "read"]),
     ("view", &["control", "files", "limits", "program", "read", "scene"]),
     ("draw", &["curve", "cut", "dynamics", "files", "program", "read", "stability", "study"]),

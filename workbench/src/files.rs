@@ -3,6 +3,8 @@
 //! read is replaced unless that is meant.
 
 use std::collections::BTreeSet;
+use std::error::Error;
+use std::fmt::Display;
 use std::fs::{self, File, Permissions};
 use std::io::{self, BufWriter, IsTerminal, Read, Write};
 use std::mem;
@@ -19,6 +21,21 @@ pub struct AtFile<E> {
     pub file: PathBuf,
     /// What.
     pub error: E,
+}
+
+/// An error at a place that has no type: a pose, a line of standard input.
+#[derive(Debug, thiserror::Error)]
+#[error("{place}: {error}")]
+pub struct AtPlace {
+    place: String,
+    error: Box<dyn Error + Send + Sync>,
+}
+
+impl AtPlace {
+    /// Puts a place before an error.
+    pub fn new(place: impl Display, error: impl Error + Send + Sync + 'static) -> Self {
+        Self { place: place.to_string(), error: Box::new(error) }
+    }
 }
 
 /// Gives an error its file.
