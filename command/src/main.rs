@@ -58,7 +58,7 @@ use workbench::program::motion::{self, Move};
 use workbench::program::preflight::{JudgeError, has_deletable};
 use workbench::read::columns::in_words;
 use workbench::read::ini::decimal;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::{MachineConfig, OneMechanism};
 use workbench::study::file::Study;
 
 /// Steps of a progress bar.
@@ -259,18 +259,14 @@ impl MachineFile {
     }
 
     /// Of what the file describes, the one that is meant.
-    fn meant(&self, mut config: MachineConfig) -> Result<MachineConfig, Failure> {
-        let second = config.second.take();
-        let file = self.machine.display();
-        match (self.mechanism, second) {
-            (Some(2), Some(second)) => return Ok(*second),
-            (Some(2), None) => return Err(self.has_one()),
-            (None, Some(_)) => failure::tell_error(&format!(
-                "{file} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second"
-            )),
-            _ => {}
+    fn meant(&self, config: MachineConfig) -> Result<MachineConfig, Failure> {
+        if self.mechanism.is_none() && config.second.is_some() {
+            failure::tell_error(&format!(
+                "{} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second",
+                self.machine.display()
+            ));
         }
-        Ok(config)
+        Ok(config.mechanism(self.mechanism.unwrap_or(1))?)
     }
 
     /// Everything that the file describes.
@@ -286,16 +282,9 @@ impl MachineFile {
     ) -> Result<(&'a MachineConfig, Option<&'a MachineConfig>), Failure> {
         match (number, whole.second.as_deref()) {
             (Some(2), Some(second)) => Ok((second, Some(whole))),
-            (Some(2), None) => Err(self.has_one()),
+            (Some(2), None) => Err(OneMechanism(self.machine.clone()).into()),
             (_, second) => Ok((whole, second)),
         }
-    }
-
-    fn has_one(&self) -> Failure {
-        failure::refused(format!(
-            "--mechanism 2: {} has one mechanism; second= in [KINS]KINEMATICS gives another",
-            self.machine.display()
-        ))
     }
 
     /// Both mechanisms, of which the first has the second beside it, or the one that is named.

@@ -56,6 +56,11 @@ impl<T, E> Locate<T, E> for Result<T, E> {
 /// Where the files are that were read, links followed.
 static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
+/// Begins a new task, which may replace the files that were read before.
+pub fn forget_read() {
+    READ.lock().expect("nobody panics with it").clear();
+}
+
 /// Bytes of the largest file that is read: a program of ten million lines has half of them.
 const MOST_BYTES: u64 = 1 << 30;
 

@@ -47,7 +47,8 @@ const BUSY_TRIES: usize = 100;
 const BUSY_PAUSE: Duration = Duration::from_millis(10);
 
 /// How a program is run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Options {
     /// Seconds of the machine's time.
     pub most_seconds: f64,
@@ -71,10 +72,12 @@ pub struct Options {
     /// Runs the program with all rights of the user: for a kernel that cannot confine it.
     pub unconfined: bool,
     /// The machine's own HAL files in place of the simulated machine's, and its own way of homing.
+    #[serde(skip)]
     pub own: Option<OwnFiles>,
     /// Seconds of a processor that the whole run may take.
     pub most_in_all: f64,
     /// Ends the run within a second, once it is set.
+    #[serde(skip)]
     pub stop: Arc<AtomicBool>,
 }
 
