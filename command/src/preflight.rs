@@ -4,7 +4,7 @@
 use super::failure::{Failure, refused, tell_error};
 use super::run::{Control, Progress};
 use super::{MachineFile, Verdict, output, report, told};
-use serde::Serialize;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use workbench::control::process::Options;
 use workbench::control::row::Row;
@@ -58,14 +58,6 @@ pub struct Judging {
     /// Seconds of reading without a move after which a program counts as endless
     #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_work)]
     patience: f64,
-}
-
-/// A program of several that could not be judged at all.
-#[derive(Serialize)]
-struct Unread {
-    machine: String,
-    program: String,
-    error: String,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -151,9 +143,9 @@ fn run_all(
                 let error = failure.to_string();
                 tell_error(&failure);
                 let machine = config.file.display().to_string();
-                let unread = Unread { machine, program: name.clone(), error };
-                list.push((Verdict::Unjudged, serde_json::to_value(&unread)?));
-                table.push((name, Verdict::Unjudged, unread.error));
+                let unread = json!({ "machine": machine, "program": name, "error": error });
+                list.push((Verdict::Unjudged, unread));
+                table.push((name, Verdict::Unjudged, error));
             }
         }
     }

@@ -350,30 +350,21 @@ fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
     told.collect()
 }
 
-/// What breaks, and how.
+/// Returns the part that leaves a limit, and a sentence about it.
 fn sentence(config: &MachineConfig, limit: Rule, joint: usize, peak: &Peak) -> (String, String) {
     let Peak { value, limit: most, .. } = peak;
     let joint = Part::Joint(joint);
-    match limit {
-        Rule::Limit(limit) => {
-            let (part, unit) =
-                (limits::part(config, limit, joint), limits::unit(config, limit, joint));
-            let text = format!(
-                "{part} goes beyond {most} {unit}, in this program up to {value:.4} {unit}"
-            );
-            (part, text)
+    let of = if let Rule::Limit(limit) = limit { limit } else { Limit::JointRange };
+    let (part, unit) = (limits::part(config, of, joint), limits::unit(config, of, joint));
+    let text = match limit {
+        Rule::Limit(_) => {
+            format!("{part} goes beyond {most} {unit}, in this program up to {value:.4} {unit}")
         }
-        Rule::FollowingError | Rule::Control | Rule::Mechanisms | Rule::Path => {
-            let limit = Limit::JointRange;
-            let (part, unit) =
-                (limits::part(config, limit, joint), limits::unit(config, limit, joint));
-            let text = format!(
-                "{part} lags behind its command by {value:.4} {unit}, where LinuxCNC allows \
-                 {most:.4} {unit}"
-            );
-            (part, text)
-        }
-    }
+        _ => format!(
+            "{part} lags behind its command by {value:.4} {unit}, where LinuxCNC allows {most:.4} {unit}"
+        ),
+    };
+    (part, text)
 }
 
 /// What LinuxCNC says where it stops the program.
