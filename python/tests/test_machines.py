@@ -134,7 +134,7 @@ def test_what_starts_the_command_needs_it_and_preflight_does_not(monkeypatch):
         (["--report", "page.html"], "--report: no option of preflight in Python"),
         (["--mechanism", "2"], "tripod.ini has one mechanism"),
         (["--mechanism", "3"], "mechanism"),
-        (["--hal", "no-such.hal"], "no-such.hal"),
+        pytest.param(["--hal", "no-such.hal"], "no-such.hal", marks=needs_linuxcnc),
     ],
 )
 def test_options_of_preflight_that_are_wrong_are_named(words, text):
