@@ -9,7 +9,6 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::fmt::Write;
 use std::fs;
 use std::hint::black_box;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
@@ -136,10 +135,7 @@ fn memory() -> Option<f64> {
 fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
     let options = Options { block: Some(offset.block()), ..Options::default() };
     let mut lines = 0;
-    let mut see = |row: &Row| {
-        lines = lines.max(row.line);
-        ControlFlow::Continue(())
-    };
+    let mut see = |row: &Row| lines = lines.max(row.line);
     let (judged, seconds) = seconds_of(|| judge(config, program, &options, &mut see).unwrap());
     let machine = match judged.found.time {
         Time::Judged(timing) => timing.seconds,

@@ -5,14 +5,12 @@ use super::failure::{Failure, refused, tell_error};
 use super::{Bar, MachineFile, Verdict, output, told};
 use serde_json::{Value, json};
 use std::io::Write;
-use workbench::check::between::{self, Between};
 use workbench::check::findings::Report;
 use workbench::check::fixes::{fixed, machine};
-use workbench::check::report::check;
 use workbench::check::suggestion::{axis_lines, tilt_table};
 use workbench::files::write_over;
-use workbench::program::start::{Start, start};
-use workbench::read::diagnostic::{Severity, rendered};
+use workbench::program::whole::checked;
+use workbench::read::diagnostic::rendered;
 use workbench::read::edit::difference;
 use workbench::read::machine::MachineConfig;
 
@@ -66,59 +64,33 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if arguments.fix {
         return propose(arguments, &config);
     }
-    let mut fits = true;
-    let mut mechanisms = vec![];
-    for mechanism in config.mechanisms() {
-        let bar = Bar::new("looking for boxes of poses");
-        let mut report = check(mechanism, |share| bar.set(share))?;
-        drop(bar);
-        // Both mechanisms are one machine of LinuxCNC's.
-        if !mechanism.place.is_second {
-            try_start(arguments, &config, &mut report)?;
-        }
-        fits &= report.fits();
-        mechanisms.push(of_report(&report));
-        // A reader that has gone away does not change the verdict.
-        let heading = config.second.as_ref().map(|_| match mechanism.place.is_second {
+    let bar = Bar::spinner("reading the machine");
+    let whole = checked::<Failure>(&config, !arguments.no_start, |what, share| match share {
+        Some(share) => bar.set(share),
+        None => bar.next(what.into()),
+    })?;
+    drop(bar);
+    for report in &whole.mechanisms {
+        let heading = config.second.as_ref().map(|_| match report.config.place.is_second {
             true => "\nThe second mechanism\n",
             false => "The first mechanism\n",
         });
-        let told = write(&report, heading.unwrap_or_default());
+        // A reader that has gone away does not change the verdict.
+        let told = write(report, heading.unwrap_or_default());
         Failure::unless_unread(told.map_err(Failure::from))?;
     }
-    let between = between::check(&config)?;
-    if let Some(between) = &between {
-        fits &= between.fits();
-        Failure::unless_unread(write_between(between).map_err(Failure::from))?;
+    if let Some(between) = &whole.between {
+        let told = write_found(between, "\nBetween the two\n");
+        Failure::unless_unread(told.map_err(Failure::from))?;
     }
-    let between = between
-        .map(|Between { facts, findings }| json!({ "facts": named(&facts), "findings": findings }));
-    output::answer(
-        &json!({ "machine": config.file, "mechanisms": mechanisms, "between": between }),
-    )?;
-    Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
-}
-
-/// The start in virtual time, as a row and, where LinuxCNC refuses the machine, an error.
-fn try_start(
-    arguments: &Arguments,
-    config: &MachineConfig,
-    report: &mut Report,
-) -> Result<(), Failure> {
-    let not_tried = |reason: &str| Start { fact: format!("not tried: {reason}"), error: None };
-    let started = if arguments.no_start {
-        not_tried("--no-start")
-    } else if !report.fits() {
-        not_tried("the errors come first")
-    } else {
-        let _bar = Bar::spinner("starting the machine in virtual time");
-        start(config)?
-    };
-    report.fact("start", started.fact);
-    if let Some(error) = started.error {
-        report.finding(Severity::Error, error);
-    }
-    Ok(())
+    output::answer(&json!({
+        "machine": config.file,
+        "mechanisms": whole.mechanisms.iter().map(of_report).collect::<Vec<_>>(),
+        "between": whole.between.as_ref().map(
+            |found| json!({ "facts": named(&found.facts), "findings": found.findings }),
+        ),
+    }))?;
+    Ok(Some(whole.fits()).into())
 }
 
 /// What was found of a mechanism, for programs.
@@ -147,18 +119,9 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
     let fixed = fixed(config, |what| bar.say(what.into()))
         .map_err(|error| Failure::at(config.file.display(), error))?;
     let new = machine(&config.file, &fixed.text)?;
-    let mut findings = vec![];
-    let mut fits = fixed.left.is_empty();
     bar.say("checking what is proposed".into());
-    for mechanism in new.mechanisms() {
-        let report = check(mechanism, |_| ())?;
-        fits &= report.fits();
-        findings.extend(report.findings);
-    }
-    if let Some(between) = between::check(&new)? {
-        fits &= between.fits();
-        findings.extend(between.findings);
-    }
+    let whole = checked::<Failure>(&new, false, |_, _| ())?;
+    let findings = whole.findings();
     drop(bar);
     for text in &fixed.left {
         tell_error(&format!("{}: {text}", config.file.display()));
@@ -182,16 +145,17 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
     for finding in &findings {
         let _ = writeln!(anstream::stderr(), "\n{}", rendered(finding.severity, &finding.problem));
     }
-    Ok(if fits { Verdict::Fits } else { Verdict::Misfit })
+    Ok(Some(fixed.left.is_empty() && whole.fits()).into())
 }
 
-fn write_between(between: &Between) -> std::io::Result<()> {
+/// Writes facts and findings below a heading.
+fn write_found(report: &Report, heading: &str) -> std::io::Result<()> {
     let (mut facts, mut out) = (output::facts(), output::people());
-    writeln!(facts, "\nBetween the two")?;
-    for (name, value) in &between.facts {
+    write!(facts, "{heading}")?;
+    for (name, value) in &report.facts {
         writeln!(facts, "  {name:<14} {value}")?;
     }
-    for finding in &between.findings {
+    for finding in &report.findings {
         writeln!(out, "\n{}", rendered(finding.severity, &finding.problem))?;
     }
     out.flush()
@@ -199,17 +163,10 @@ fn write_between(between: &Between) -> std::io::Result<()> {
 
 fn write(report: &Report, heading: &str) -> std::io::Result<()> {
     let config = &report.config;
-    let (mut facts, mut out) = (output::facts(), output::people());
-    write!(facts, "{heading}")?;
-    writeln!(facts, "{}", config.file.display())?;
-    for (name, value) in &report.facts {
-        writeln!(facts, "  {name:<14} {value}")?;
-    }
-    for finding in &report.findings {
-        writeln!(out, "\n{}", rendered(finding.severity, &finding.problem))?;
-    }
+    write_found(report, &format!("{heading}{}\n", config.file.display()))?;
+    let mut out = output::people();
     if output::is_quiet() {
-        return out.flush();
+        return Ok(());
     }
     if let Some(limits) = &report.suggestion {
         let limited = if report.is_whole { "its axis limits" } else { "these limits" };

@@ -3,31 +3,18 @@
 
 use super::failure::{Failure, refused};
 use super::run::{Control, Progress};
+use super::stability::depth;
 use super::stability::program::Job;
-use super::stability::{WORTH, depth};
-use super::{Bar, Verdict, in_words, output};
+use super::{Verdict, in_words, output};
 use draw::cut::of_cut;
 use kinematics::Pose;
-use std::collections::BTreeMap;
 use std::io::Write;
-use std::ops::ControlFlow;
-use std::path::{self, PathBuf};
-use workbench::control::process;
-use workbench::control::row::Ending;
-use workbench::cut::moment::{NoMoment, Subject};
-use workbench::cut::pass::{Found, Pass};
-use workbench::cut::place::half_steps;
-use workbench::cut::program::{Line, lines, stops};
-use workbench::cut::report::{Drive, LineReport, Looked, Most, Report, Run, Stability, report};
-use workbench::cut::teeth::Teeth;
-use workbench::dynamics::capacity::Capacity;
-use workbench::dynamics::model::Model;
+use std::path::{Path, PathBuf};
+use workbench::cut::judge::Cut;
+use workbench::cut::report::{Drive, LineReport, Most, Report};
 use workbench::files::{Locate, write_whole};
-use workbench::program::motion::Move;
 use workbench::read::machine::MachineConfig;
-use workbench::stability::path::{Path, Stop};
-use workbench::stability::pose::Setup;
-use workbench::study::file::{Lacking, Study};
+use workbench::study::file::Study;
 
 /// What a program asks of a machine while it cuts
 ///
@@ -67,110 +54,25 @@ pub struct Arguments {
     control: Control,
 }
 
-/// Without --deepest, depths up to this many times the depth of cut are looked at.
-const DEEPEST: f64 = 20.0;
-
-/// Lines of the program, by their numbers.
-type Lines = BTreeMap<u32, Line>;
-
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.job.machine.read_unchained("the cut")?;
-    let study = Study::read(&arguments.job.study)?;
-    let (subject, depth) = subject(&config, &study).at(&arguments.job.study)?;
-    let setup = Setup::new(&config, &study).at(&arguments.job.study)?;
-    let moves = arguments.job.moves(&config)?;
-    let lines = lines(&moves).at(&arguments.job.program)?;
-    let (stops, feed_moves) =
-        stops(&config, &moves, arguments.job.places as usize).at(&arguments.job.program)?;
-    let deepest = arguments.deepest.unwrap_or(DEEPEST * depth);
-    let at = |stop: usize| {
-        let Stop { line, pose, .. } = &stops[stop];
-        format!("{}: line {line}: {}", arguments.job.program.display(), in_words(pose))
-    };
-    let path = Path::new(&setup, &stops, deepest).map_err(|(k, e)| Failure::at(at(k), e))?;
-    path.check(f64::INFINITY).map_err(|(k, error)| Failure::at(at(k), error))?;
-    let (found, ran) = passed(arguments, &subject, &lines, &moves)?;
-    let bar = Bar::new("limit depths");
-    let depths = path.depths(|share| bar.set(share));
-    drop(bar);
-    let steps = half_steps(&config);
-    let mut places = vec![];
-    for (k, (stop, limit)) in stops.iter().zip(depths).enumerate() {
-        let chip = match found.lines.get(&stop.line) {
-            Some(line) => line.chip,
-            // Made one move with its neighbours: at the most that was seen.
-            None => found.peaks[0].as_ref().map_or(0.0, |peak| peak.value),
-        };
-        let place = subject.look(stop, chip, steps.as_deref());
-        places.push((*stop, limit, place.map_err(|error| Failure::at(at(k), error))?));
-    }
-    let looked = Looked { places, feed_moves, deepest };
-    let program = arguments.job.program.clone();
-    let answer = report(&subject, program, depth, &lines, &found, &looked, &ran);
-    write(arguments, &config, &answer)?;
-    Ok(match answer.fits {
-        Some(true) => Verdict::Fits,
-        Some(false) => Verdict::Misfit,
-        None => Verdict::Unjudged,
-    })
-}
-
-/// What the study says of machine and cutter, and the depth of cut.
-fn subject<'a>(config: &'a MachineConfig, study: &Study) -> Result<(Subject<'a>, f64), Lacking> {
-    let lacks = |key| Lacking::Key { section: "cutting", key };
-    let cutter = study.cutting.as_ref().ok_or_else(|| lacks("teeth"))?;
-    let depth = cutter.depth_mm.ok_or_else(|| lacks("depth_mm"))?;
-    let model = Model::of(config, study)?;
-    let drives = Capacity::of(config, study)?;
-    let teeth = Teeth::of(cutter, study.milling.as_ref(), depth);
-    Ok((Subject { config, model, drives, teeth }, depth))
-}
-
-/// Runs the program and judges its moments; its moves alone where LinuxCNC cannot run it.
-fn passed(
-    arguments: &Arguments,
-    subject: &Subject,
-    lines: &Lines,
-    moves: &[Move],
-) -> Result<(Found, Run), Failure> {
-    let program = &arguments.job.program;
-    let failed = |(line, error): (u32, NoMoment)| {
-        Failure::at(format!("{}: line {line}", program.display()), error)
-    };
-    let mut pass = Pass::new(subject, lines);
-    let mut error = None;
-    let mut progress = Progress::new(subject.config, program)?;
-    let outcome = process::run(subject.config, program, &arguments.control.options(), |row| {
-        progress.see(row);
-        error = pass.see(row).err();
-        if error.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
+    let Arguments { job, deepest, control, .. } = arguments;
+    let config = job.machine.read_unchained("the cut")?;
+    let study = Study::read(&job.study)?;
+    let cut = Cut::new(&config, &study).at(&job.study)?;
+    let moves = job.moves(&config)?;
+    let mut progress = Progress::new(&config, &job.program)?;
+    let (options, places) = (control.options(), job.places as usize);
+    let answer =
+        cut.judge(&job.program, &moves, &options, places, *deepest, |step| progress.show(step))?;
     drop(progress);
-    if let Some(error) = error {
-        return Err(failed(error));
-    }
-    Ok(match outcome {
-        Ok(outcome) => {
-            let found = pass.finish().map_err(failed)?;
-            let errors = outcome.messages.iter().filter(|message| message.is_error());
-            let told: Vec<&str> = errors.map(|message| message.text.as_str()).collect();
-            let run = match outcome.ending {
-                Ending::Finished => Run::Finished(outcome.seconds),
-                Ending::Stopped => Run::Stopped(outcome.seconds, told.join("; ")),
-            };
-            (found, run)
-        }
-        Err(why) => {
-            let found = Pass::new(subject, lines).of_moves(moves).map_err(failed)?;
-            (found, Run::NotJudged(why.to_string()))
-        }
-    })
+    write(arguments, &config, &answer)?;
+    Ok(answer.fits.into())
 }
 
 fn write(arguments: &Arguments, config: &MachineConfig, answer: &Report) -> Result<(), Failure> {
     if let Some(file) = &arguments.report {
         let names = [name(&arguments.job.program)?, name(&config.file)?];
-        write_whole(file, &of_cut(answer, names, &why(answer), &notes(answer))?)?;
+        write_whole(file, &of_cut(answer, names)?)?;
     }
     output::answer(answer)?;
     let mut out = output::people();
@@ -179,67 +81,9 @@ fn write(arguments: &Arguments, config: &MachineConfig, answer: &Report) -> Resu
     Ok(())
 }
 
-fn name(file: &path::Path) -> Result<&str, Failure> {
+fn name(file: &Path) -> Result<&str, Failure> {
     let name = file.file_name().and_then(|name| name.to_str());
     name.ok_or_else(|| refused(format!("{}: expected a file name in UTF-8", file.display())))
-}
-
-/// The verdict in a sentence.
-fn why(answer: &Report) -> String {
-    let above = answer.drives.iter().find(|drive| drive.share.is_some_and(|share| share > 1.0));
-    if let Some(Drive { name, load, unit, line, share, .. }) = above {
-        let share = share.unwrap_or_default();
-        return format!(
-            "{name} has to do {load:.1} {unit} in line {line}, {share:.3} of what it can."
-        );
-    }
-    let stability = &answer.stability;
-    if !(stability.margin > 1.0) {
-        let (limit, line) = (stability.stable_to_mm, stability.line);
-        return format!(
-            "In line {line} a cut chatters beyond {limit:.4} mm, and {} mm are cut.",
-            answer.depth_mm
-        );
-    }
-    match (&answer.stopped, &answer.not_judged) {
-        (Some(why), _) => format!("LinuxCNC stops the program: {why}."),
-        (_, Some(why)) => format!("Time and inertia are not judged: {why}."),
-        _ if answer.fits.is_none() => {
-            "Nothing that was looked at is beyond its limit; not everything was looked at.".into()
-        }
-        _ => "Every drive can do what is asked of it, and every place looked at is stable.".into(),
-    }
-}
-
-/// What is not known.
-fn notes(answer: &Report) -> Vec<String> {
-    let mut notes = vec![
-        "Where the tool is in the work: every feed move counts as a cut of the study's immersion and depth."
-            .to_string(),
-        WORTH.replace('\n', " "),
-    ];
-    let Stability { places, feed_moves, .. } = answer.stability;
-    notes.push("Stability and vibration between the ends of a move.".into());
-    if places < feed_moves {
-        let rest = feed_moves - places;
-        notes.push(format!(
-            "Stability and vibration of {rest} feed moves: --places {feed_moves} looks at all."
-        ));
-    }
-    if answer.drives.iter().any(|drive| drive.share.is_none()) {
-        notes.push(
-            "What some drives can do: the study names neither max_force_n, max_torque_n_m nor \
-             motor_torque_n_m for them."
-                .into(),
-        );
-    }
-    if answer.resolution_um.is_none() {
-        notes.push("The drives' steps: not every [JOINT_N] has a SCALE.".into());
-    }
-    if let Some(why) = &answer.not_judged {
-        notes.push(format!("Time and inertia: {why}."));
-    }
-    notes
 }
 
 fn tell(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
@@ -267,9 +111,9 @@ fn tell(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
     tell_drives(out, &answer.drives)?;
     tell_stability(out, answer)?;
     tell_lines(out, answer)?;
-    writeln!(out, "\n{}", why(answer))?;
+    writeln!(out, "\n{}", answer.why())?;
     writeln!(out, "\nnot known:")?;
-    for note in notes(answer) {
+    for note in answer.notes() {
         writeln!(out, "  {note}")?;
     }
     Ok(())

@@ -26,6 +26,7 @@ use workbench::dynamics::response::frequencies;
 use workbench::dynamics::run::{Ended, Follower, Force, Times, standing};
 use workbench::dynamics::structure::{Structure, legs};
 use workbench::files::{Locate, csv, open, write_whole};
+use workbench::program::preflight::JudgeError;
 use workbench::proof::axis_box;
 use workbench::read::machine::MachineConfig;
 use workbench::study::file::{Lacking, Study};
@@ -316,7 +317,7 @@ impl Subject<'_> {
         let outcome = outcome?;
         let record = follower.finish()?;
         if record.tip.is_empty() {
-            return Err(super::failure::MovesNothing(program.into()).into());
+            return Err(JudgeError::MovesNothing(program.into()).into());
         }
         let verdict = match outcome.ending {
             Ending::Finished => Verdict::Fits,

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The one way of an error to the terminal.
 
-use super::output;
 use std::error::Error;
 use std::fmt::{self, Display};
 use std::io::{self, ErrorKind, Write};
-use std::path::PathBuf;
+use std::sync::Mutex;
+use workbench::files::AtPlace;
 use workbench::read::diagnostic::{Severity, rendered};
 use workbench::read::error::MachineError;
 use workbench::read::ini::IniError;
@@ -20,6 +20,14 @@ impl<E: Error + Send + Sync + 'static> From<E> for Failure {
     }
 }
 
+/// What was reported on standard error.
+static ERRORS: Mutex<Vec<String>> = Mutex::new(vec![]);
+
+/// Returns what was reported on standard error since the last call, for programs.
+pub fn reported() -> Vec<String> {
+    std::mem::take(&mut *ERRORS.lock().expect("nobody panics with it"))
+}
+
 /// What the grammar of the command line lets pass.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -28,19 +36,6 @@ struct Refused(String);
 /// Refuses arguments or standard input, in a sentence.
 pub fn refused(text: impl Into<String>) -> Failure {
     Refused(text.into()).into()
-}
-
-/// A program in which the machine stays where it is.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: the program moves nothing; expected a block such as G1 X10 F600", .0.display())]
-pub struct MovesNothing(pub PathBuf);
-
-/// An error at a place that has no type of its own: a pose, a line of standard input.
-#[derive(Debug, thiserror::Error)]
-#[error("{place}: {error}")]
-struct At {
-    place: String,
-    error: Box<dyn Error + Send + Sync>,
 }
 
 impl Display for Failure {
@@ -52,7 +47,7 @@ impl Display for Failure {
 impl Failure {
     /// An error with its place.
     pub fn at(place: impl Display, error: impl Error + Send + Sync + 'static) -> Self {
-        At { place: place.to_string(), error: Box::new(error) }.into()
+        AtPlace::new(place, error).into()
     }
 
     /// The result of writing to standard output, whose reader may have gone away.
@@ -101,7 +96,8 @@ pub fn tell_error(error: &(impl Display + ?Sized)) {
 
 fn tell_lines(text: &str) {
     let plain = anstream::adapter::strip_str(text).to_string();
-    output::keep_error(plain.strip_prefix("pkm: ").unwrap_or(&plain));
+    let error = plain.strip_prefix("pkm: ").unwrap_or(&plain).into();
+    ERRORS.lock().expect("nobody panics with it").push(error);
     // Nothing is left to do where standard error is closed as well.
     let _ = writeln!(anstream::stderr(), "{text}");
 }

@@ -2,12 +2,16 @@
 //! `pkm filter`.
 
 use super::failure::{Failure, refused, tell_error};
-use super::preflight::{Judgement, judgement};
-use super::{MachineFile, Verdict, output};
+use super::run::Progress;
+use super::{Verdict, output};
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
+use workbench::control::process::Options;
 use workbench::files::read;
+use workbench::program::findings::Time;
+use workbench::program::verdict::judge;
+use workbench::read::machine::MachineConfig;
 
 /// What LinuxCNC calls the file of the machine that runs.
 const INI: &str = "INI_FILE_NAME";
@@ -51,20 +55,25 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     // Promised by earlier versions.
     let _ = arguments.path_is_enough;
     let program = &arguments.program;
-    let file = machine.clone();
     let text = read(program)?;
-    let judgement = judgement(&MachineFile { machine, mechanism: None }, program)?;
-    let (verdict, reasons) = match judgement {
-        Judgement::Fits => (Verdict::Fits, vec![]),
-        Judgement::NotJudged(cause) => {
-            (Verdict::Unjudged, vec![format!("{} is not judged: {cause}", program.display())])
+    let config = MachineConfig::read(&machine)?;
+    let mut progress = Progress::of_filter(&config, program)?;
+    // Who opens a program does not wait for the search for another work offset.
+    let judged =
+        judge(&config, program, &Options::default(), false, &mut |step| progress.show(step))?;
+    let reasons = match (judged.fits, &judged.found.time) {
+        (Some(true), _) => vec![],
+        (None, Time::NotJudged(cause)) => {
+            vec![format!("{} is not judged: {cause}", program.display())]
         }
-        Judgement::Misfit(reasons) => {
+        _ => {
             let head = format!("{} does not fit the machine\n", program.display());
-            (Verdict::Misfit, [vec![head], reasons].concat())
+            let breaks = judged.found.breaks.iter().map(|told| judged.sentence(told));
+            [head].into_iter().chain(breaks).collect()
         }
     };
-    output::answer(&json!({ "machine": file, "program": program, "reasons": reasons }))?;
+    let verdict = judged.fits.into();
+    output::answer(&json!({ "machine": machine, "program": program, "reasons": reasons }))?;
     for reason in &reasons {
         tell_error(reason);
     }

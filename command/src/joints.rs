@@ -3,12 +3,11 @@
 
 use super::failure::Failure;
 use super::input::RowFile;
-use super::poses::PoseWords;
+use super::poses::{PoseWords, Tool};
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
-use kinematics::{Pose, Vector3};
+use kinematics::Pose;
 use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::machine::MachineConfig;
 
 /// Joint values of poses (inverse kinematics)
 ///
@@ -28,22 +27,6 @@ pub struct Arguments {
     rows: RowFile,
     #[command(flatten)]
     tool: Tool,
-}
-
-/// The tool in the spindle.
-#[derive(clap::Args, Clone, Debug)]
-pub struct Tool {
-    /// Tool offset X Y Z, as G43 would set it
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
-    tool: Option<Vec<f64>>,
-}
-
-impl Tool {
-    /// The tool vector, spindle offset included.
-    pub fn vector(&self, config: &MachineConfig) -> Vector3<f64> {
-        let given = self.tool.as_deref().unwrap_or(&[0.0; 3]);
-        config.spindle + Vector3::from_fn(|k, _| given[k])
-    }
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {

@@ -44,9 +44,8 @@ mod workspace;
 
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use failure::{Failure, MovesNothing};
+use failure::Failure;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use kinematics::{Letter, Pose};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -56,9 +55,10 @@ use std::time::Duration;
 use workbench::files::{leave_nothing, open, write_whole};
 use workbench::program::beside;
 use workbench::program::motion::{self, Move};
-use workbench::program::preflight::has_deletable;
+use workbench::program::preflight::{JudgeError, has_deletable};
+use workbench::read::columns::in_words;
 use workbench::read::ini::decimal;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::{MachineConfig, OneMechanism};
 use workbench::study::file::Study;
 
 /// Steps of a progress bar.
@@ -148,6 +148,16 @@ pub enum Verdict {
     Misfit,
     /// Not all could be judged.
     Unjudged,
+}
+
+impl From<Option<bool>> for Verdict {
+    fn from(fits: Option<bool>) -> Self {
+        match fits {
+            Some(true) => Self::Fits,
+            Some(false) => Self::Misfit,
+            None => Self::Unjudged,
+        }
+    }
 }
 
 impl Verdict {
@@ -249,18 +259,14 @@ impl MachineFile {
     }
 
     /// Of what the file describes, the one that is meant.
-    fn meant(&self, mut config: MachineConfig) -> Result<MachineConfig, Failure> {
-        let second = config.second.take();
-        let file = self.machine.display();
-        match (self.mechanism, second) {
-            (Some(2), Some(second)) => return Ok(*second),
-            (Some(2), None) => return Err(self.has_one()),
-            (None, Some(_)) => failure::tell_error(&format!(
-                "{file} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second"
-            )),
-            _ => {}
+    fn meant(&self, config: MachineConfig) -> Result<MachineConfig, Failure> {
+        if self.mechanism.is_none() && config.second.is_some() {
+            failure::tell_error(&format!(
+                "{} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second",
+                self.machine.display()
+            ));
         }
-        Ok(config)
+        Ok(config.mechanism(self.mechanism.unwrap_or(1))?)
     }
 
     /// Everything that the file describes.
@@ -276,16 +282,9 @@ impl MachineFile {
     ) -> Result<(&'a MachineConfig, Option<&'a MachineConfig>), Failure> {
         match (number, whole.second.as_deref()) {
             (Some(2), Some(second)) => Ok((second, Some(whole))),
-            (Some(2), None) => Err(self.has_one()),
+            (Some(2), None) => Err(OneMechanism(self.machine.clone()).into()),
             (_, second) => Ok((whole, second)),
         }
-    }
-
-    fn has_one(&self) -> Failure {
-        failure::refused(format!(
-            "--mechanism 2: {} has one mechanism; second= in [KINS]KINEMATICS gives another",
-            self.machine.display()
-        ))
     }
 
     /// Both mechanisms, of which the first has the second beside it, or the one that is named.
@@ -345,7 +344,7 @@ fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
     };
     tell_deleted(program, &files)?;
     match moves.iter().all(|step| step.stays(config)) {
-        true => Err(MovesNothing(program.into()).into()),
+        true => Err(JudgeError::MovesNothing(program.into()).into()),
         false => Ok(moves),
     }
 }
@@ -455,12 +454,6 @@ impl StudyFile {
     fn read(&self) -> Result<Study, Failure> {
         Ok(self.study.as_deref().map_or(Ok(Study::default()), Study::read)?)
     }
-}
-
-/// A pose as a block of a program would name it.
-fn in_words(pose: &Pose) -> String {
-    let word = |(letter, value): (&Letter, f64)| format!("{}{:.4}", letter.name(), value + 0.0);
-    Letter::ALL.iter().zip(pose.to_degrees()).map(word).collect::<Vec<_>>().join(" ")
 }
 
 impl Cli {

@@ -3,7 +3,7 @@
 //! output, remarks and progress on standard error. Set once, from the command line.
 
 use super::Verdict;
-use super::failure::Failure;
+use super::failure::{self, Failure};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::ffi::OsString;
@@ -46,9 +46,6 @@ static CHOSEN: OnceLock<Chosen> = OnceLock::new();
 
 /// What is to be told as JSON at the end.
 static ANSWER: Mutex<Option<Answer>> = Mutex::new(None);
-
-/// What was told on standard error meanwhile.
-static ERRORS: Mutex<Vec<String>> = Mutex::new(vec![]);
 
 enum Answer {
     /// Fields of the one object.
@@ -175,19 +172,12 @@ fn object(verdict: Verdict, fields: Map<String, Value>) -> Value {
     Value::Object(all)
 }
 
-/// Keeps what was told on standard error for programs.
-pub fn keep_error(text: &str) {
-    if is_json() {
-        ERRORS.lock().expect("nobody panics with it").push(text.into());
-    }
-}
-
 /// Tells programs what was found, when the verdict is known: one value, also where nothing was found.
 pub fn finish(verdict: Verdict) -> Result<(), Failure> {
     if !is_json() {
         return Ok(());
     }
-    let errors: Vec<String> = std::mem::take(&mut *ERRORS.lock().expect("nobody panics with it"));
+    let errors = failure::reported();
     let value = match ANSWER.lock().expect("nobody panics with it").take() {
         Some(Answer::List(list)) => Value::Array(list),
         Some(Answer::Fields(mut fields)) => {

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused};
 use super::input::RowFile;
-use super::joints::Tool;
+use super::poses::Tool;
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
 use kinematics::Pose;

@@ -3,7 +3,6 @@
 
 use super::failure::{Failure, refused};
 use super::input::{Program, RowFile};
-use super::joints::Tool;
 use super::{Bar, moves, output, rows};
 use kinematics::{Letter, POSE_LETTERS, Pose, Vector3};
 use std::path::{Path, PathBuf};
@@ -30,6 +29,22 @@ pub struct Source {
     period: Option<f64>,
     #[command(flatten)]
     tool: Tool,
+}
+
+/// The tool in the spindle.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Tool {
+    /// Tool offset X Y Z, as G43 would set it
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    tool: Option<Vec<f64>>,
+}
+
+impl Tool {
+    /// The tool vector, spindle offset included.
+    pub fn vector(&self, config: &MachineConfig) -> Vector3<f64> {
+        let given = self.tool.as_deref().unwrap_or(&[0.0; 3]);
+        config.spindle + Vector3::from_fn(|k, _| given[k])
+    }
 }
 
 /// A pose, home where none is given.

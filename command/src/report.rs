@@ -1,50 +1,73 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the page of `pkm preflight --report` tells.
+//! The page of `pkm preflight --report`.
 
+use super::failure::Failure;
+use draw::margins::figures;
 use draw::over::Mark;
-use draw::page::LimitRow;
+use draw::page::{LimitRow, Report, of_program};
 use kinematics::{Limit, Margin};
 use workbench::limits;
 use workbench::program::course::{Abscissa, Thinned};
-use workbench::program::findings::{Break, LeastMargin, Preflight, Range, Rule, Time};
-use workbench::read::machine::MachineConfig;
+use workbench::program::findings::{Break, LeastMargin, Range, Rule, Time};
+use workbench::program::verdict::ProgramVerdict;
 
-/// Names a line of a file, for what breaks or comes nearest to a limit.
-type PlaceOf<'a> = &'a dyn Fn(Rule, usize, u32) -> String;
+/// Most warnings that the page repeats above its plots; its copy of the answer has more.
+const MOST_NOTES: usize = 20;
 
-/// The breaks, with their places on the axis of the plots. `block` says what is in a line.
-pub fn marks(
-    config: &MachineConfig,
-    found: &Preflight,
-    course: &Thinned,
-    place: PlaceOf,
-    block: impl Fn(&Break) -> String,
-) -> Vec<Mark> {
+/// Returns the page, with plots along `course`.
+pub fn page(verdict: &ProgramVerdict, course: &Thinned) -> Result<String, Failure> {
+    let (marks, rows) = (marks(verdict, course), rows(verdict));
+    let help = verdict.offset.as_ref().map(|found| {
+        let words = format!(
+            "The program fits with another work offset: {}. Clamp the workpiece there, and once before \
+             the program run:",
+            found.checked()
+        );
+        (words, found.block.clone())
+    });
+    let notes = verdict.warnings.iter().map(|caution| verdict.caution(caution));
+    Ok(of_program(&Report {
+        program: &verdict.program,
+        machine: &verdict.machine,
+        fits: verdict.fits,
+        why: why(verdict, &rows),
+        notes: notes.take(MOST_NOTES).collect(),
+        help,
+        rows,
+        marks: &marks,
+        figures: &figures(verdict.config, course, &marks)?,
+        text: &verdict.text(),
+    }))
+}
+
+/// Returns the breaks, with their places on the axis of the plots.
+fn marks(verdict: &ProgramVerdict, course: &Thinned) -> Vec<Mark> {
     let mark = |told: &Break| Mark {
-        place: place(told.limit, told.file, told.line),
-        block: block(told),
+        place: verdict.place(told.file, told.line),
+        block: verdict.block(told).unwrap_or_default().into(),
         text: format!("{}: {}", told.limit.name(), told.text),
         at: match course.abscissa {
             Abscissa::Seconds => told.seconds,
             Abscissa::Length => None,
         }
-        .or_else(|| course.place(config, told.line, &told.pose)),
+        .or_else(|| course.place(verdict.config, told.line, &told.pose)),
         pose: told.pose,
     };
-    found.breaks.iter().map(mark).collect()
+    verdict.found.breaks.iter().map(mark).collect()
 }
 
-/// All limits that the program was judged by.
-pub fn rows(config: &MachineConfig, found: &Preflight, place: PlaceOf) -> Vec<LimitRow> {
-    let limits = Limit::ALL.into_iter().filter_map(|limit| row(config, found, limit, place));
-    limits.chain(following_error(config, found, place)).chain(control(found, place)).collect()
+/// Returns all limits that the program was judged by.
+fn rows(verdict: &ProgramVerdict) -> Vec<LimitRow> {
+    let limits = Limit::ALL.into_iter().filter_map(|limit| row(verdict, limit));
+    limits.chain(following_error(verdict)).chain(control(verdict)).collect()
 }
 
 /// What the figures of a program that LinuxCNC stopped hold for.
 const TO_THE_STOP: &str = "up to the stop";
 
 /// A limit without figures.
-fn bare(found: &Preflight, limit: Rule, meaning: &str, place: PlaceOf) -> LimitRow {
+fn bare(verdict: &ProgramVerdict, limit: Rule, meaning: &str) -> LimitRow {
+    let found = &verdict.found;
     let own = |(number, told): (usize, &Break)| (told.limit == limit).then_some(number);
     let breaks: Vec<usize> = (1..).zip(&found.breaks).filter_map(own).collect();
     let first = breaks.first().map(|number| &found.breaks[number - 1]);
@@ -55,21 +78,16 @@ fn bare(found: &Preflight, limit: Rule, meaning: &str, place: PlaceOf) -> LimitR
         allowed: String::new(),
         used: String::new(),
         margin: String::new(),
-        line: first.map_or(String::new(), |told| place(limit, told.file, told.line)),
+        line: first.map_or(String::new(), |told| verdict.place(told.file, told.line)),
         breaks,
         is_judged: !limit.is_of_time() || found.time.is_whole(),
     }
 }
 
-fn row(
-    config: &MachineConfig,
-    found: &Preflight,
-    limit: Limit,
-    place: PlaceOf,
-) -> Option<LimitRow> {
-    let mut row = bare(found, limit.into(), limits::meaning(limit), place);
-    match found.margins.iter().find(|margin| margin.limit == limit) {
-        Some(least) => fill(&mut row, config, found, (least, place)),
+fn row(verdict: &ProgramVerdict, limit: Limit) -> Option<LimitRow> {
+    let mut row = bare(verdict, limit.into(), limits::meaning(limit));
+    match verdict.found.margins.iter().find(|margin| margin.limit == limit) {
+        Some(least) => fill(&mut row, verdict, least),
         // Reach has no size.
         None if !row.breaks.is_empty() => row.used = "beyond it".into(),
         // A limit that the machine has, of a motion that nobody saw.
@@ -79,18 +97,14 @@ fn row(
     Some(row)
 }
 
-fn fill(
-    row: &mut LimitRow,
-    config: &MachineConfig,
-    found: &Preflight,
-    (least, place): (&LeastMargin, PlaceOf),
-) {
+fn fill(row: &mut LimitRow, verdict: &ProgramVerdict, least: &LeastMargin) {
+    let ProgramVerdict { config, found, .. } = verdict;
     let LeastMargin { limit, value, unit, part, line, file, of } = least;
     row.part = part.clone();
     row.margin = format!("{value:.3} {unit}").trim_end().into();
     let worst = match line {
         0 => "before the program".into(),
-        _ => place(*limit, *file, *line),
+        _ => verdict.place(*file, *line),
     };
     row.line = match row.line.as_str() {
         first if first.is_empty() || first == worst => worst,
@@ -117,35 +131,36 @@ fn say_how_far(row: &mut LimitRow) {
 }
 
 /// Where a drive comes nearest to what LinuxCNC allows it to lag.
-fn following_error(config: &MachineConfig, found: &Preflight, place: PlaceOf) -> Option<LimitRow> {
-    let Time::Judged(timing) = &found.time else { return None };
+fn following_error(verdict: &ProgramVerdict) -> Option<LimitRow> {
+    let Time::Judged(timing) = &verdict.found.time else { return None };
     let lagging = timing.following_errors.iter().enumerate();
     let lagging = lagging.filter(|(_, peak)| peak.limit.is_finite());
     let (joint, worst) = lagging.max_by(|a, b| a.1.share().total_cmp(&b.1.share()))?;
-    let unit = config.unit_of(joint);
+    let unit = verdict.config.unit_of(joint);
     let meaning = "how far a drive may lag behind its command";
     let mut row = LimitRow {
         part: worst.joint.clone(),
         allowed: format!("at most {:.3} {unit}", worst.limit),
         used: format!("{:.3} {unit}", worst.value),
         margin: format!("{:.3} {unit}", worst.limit - worst.value),
-        line: place(Rule::FollowingError, 0, worst.place.line),
-        ..bare(found, Rule::FollowingError, meaning, place)
+        line: verdict.place(0, worst.place.line),
+        ..bare(verdict, Rule::FollowingError, meaning)
     };
     say_how_far(&mut row);
     Some(row)
 }
 
 /// What LinuxCNC stops at, if it does.
-fn control(found: &Preflight, place: PlaceOf) -> Option<LimitRow> {
+fn control(verdict: &ProgramVerdict) -> Option<LimitRow> {
     let meaning = "the control's own checks, which stop a program with a message";
-    let row = bare(found, Rule::Control, meaning, place);
+    let row = bare(verdict, Rule::Control, meaning);
     let said = || LimitRow { allowed: "no error".into(), used: "stopped".into(), ..row.clone() };
     (!row.breaks.is_empty()).then(said)
 }
 
 /// Why the program fits or does not, in a sentence for everybody.
-pub fn why(found: &Preflight, rows: &[LimitRow], place: PlaceOf) -> String {
+fn why(verdict: &ProgramVerdict, rows: &[LimitRow]) -> String {
+    let found = &verdict.found;
     let Some(first) = found.breaks.first() else {
         if let Time::NotJudged(cause) = &found.time {
             return format!(
@@ -167,7 +182,7 @@ pub fn why(found: &Preflight, rows: &[LimitRow], place: PlaceOf) -> String {
     };
     format!(
         "The machine cannot run this program as it is: in {}, {}. {rest}",
-        place(first.limit, first.file, first.line),
+        verdict.place(first.file, first.line),
         first.text
     )
 }

@@ -12,6 +12,7 @@ use workbench::control::row::{Ending, Message, MessageKind, Outcome, Row};
 use workbench::control::trace::Trace;
 use workbench::files::open;
 use workbench::program::done::Done;
+use workbench::program::verdict::Step;
 use workbench::read::machine::MachineConfig;
 
 /// Runs a program by LinuxCNC itself, without hardware and faster than the machine
@@ -59,13 +60,6 @@ pub struct Control {
     /// refuses that, and a kernel that cannot do so runs nothing
     #[arg(long)]
     unconfined: bool,
-}
-
-impl Default for Control {
-    fn default() -> Self {
-        let Options { most_seconds: most_time, most_standstill, .. } = Options::default();
-        Self { most_time, most_standstill, hal: vec![], unconfined: false }
-    }
 }
 
 impl Control {
@@ -161,6 +155,20 @@ impl Progress {
     /// In the words of LinuxCNC's filters, on standard error.
     pub fn of_filter(config: &MachineConfig, program: &Path) -> Result<Self, Failure> {
         Ok(Self { is_filter: true, ..Self::new(config, program)? })
+    }
+
+    /// Shows a step to a verdict.
+    pub fn show(&mut self, step: Step) {
+        match step {
+            Step::Row(row) | Step::Trial(row) => self.see(row),
+            Step::Search(kind, share) => {
+                if share == 0.0 {
+                    self.bar.next(kind.into());
+                    self.done.restart();
+                }
+                self.bar.set(share);
+            }
+        }
     }
 
     /// A servo cycle.

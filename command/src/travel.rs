@@ -2,8 +2,7 @@
 //! `pkm travel`.
 
 use super::failure::Failure;
-use super::joints::Tool;
-use super::poses::PoseWords;
+use super::poses::{PoseWords, Tool};
 use super::{MachineFile, Verdict, output, told};
 use kinematics::Vector3;
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 //! `pkm view`.
 
 use super::failure::{Failure, refused, tell_error};
-use super::preflight::{self, Judging};
+use super::preflight::{Judging, judged};
 use super::{Bar, MachineFile, Verdict, output, told};
 use serde_json::json;
 use std::io::Write;
@@ -175,7 +175,7 @@ fn of_program(
     let data = Data::new(config, false);
     let text = read(program)?;
     let (mut track, mut course) = (Track::new(config), Course::new(config));
-    let answer = preflight::judged(config, judging, program, &mut |row| {
+    let answer = judged(config, judging, program, |row| {
         track.see(config, row);
         course.see(row);
     });
@@ -192,5 +192,5 @@ fn of_program(
     let words = [program.display().to_string(), String::from_utf8_lossy(&text).into_owned()];
     let report = serde_json::to_value(&answer)?;
     let data = data.with_program(config, words, &track, Some(&course.finish()), report);
-    Ok((data, answer.verdict()))
+    Ok((data, answer.fits.into()))
 }

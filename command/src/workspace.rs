@@ -2,7 +2,7 @@
 //! `pkm workspace`.
 
 use super::failure::{Failure, refused};
-use super::joints::Tool;
+use super::poses::Tool;
 use super::{Bar, MachineFile, StudyFile, Verdict, output};
 use draw::plot::Plot;
 use draw::workspace::of_workspace;

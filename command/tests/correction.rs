@@ -150,7 +150,7 @@ const HEXAPOD: [&str; 6] = ["JOINT_0", "JOINT_1", "JOINT_2", "JOINT_3", "JOINT_4
 fn judged(config: &MachineConfig, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();
-    let judged = judge(config, &file, &Options::default(), &mut |_| ControlFlow::Continue(()));
+    let judged = judge(config, &file, &Options::default(), &mut |_| ());
     let found = judged.unwrap().found;
     assert!(found.time.is_whole(), "{:?}", found.time);
     found

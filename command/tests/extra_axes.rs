@@ -4,7 +4,6 @@
 use crate::control::{run, run_text};
 use crate::shipped::{config, folder};
 use kinematics::Pose;
-use std::ops::ControlFlow;
 use workbench::control::process::Options;
 use workbench::control::row::{Ending, Row};
 use workbench::program::motion;
@@ -76,8 +75,7 @@ fn preflight_judges_their_ranges_speeds_and_limits() {
     let judged = |text: &str| {
         let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
         std::fs::write(&file, text).unwrap();
-        let see = &mut |_: &Row| ControlFlow::Continue(());
-        judge(&config, file.path(), &Options::default(), see).unwrap().found
+        judge(&config, file.path(), &Options::default(), &mut |_| ()).unwrap().found
     };
     let good = judged("G21 G90 G61\nG0 W300 C90\nG1 F3000 C-45 W800\nM2\n");
     assert!(good.breaks.is_empty(), "{:?}", good.breaks);

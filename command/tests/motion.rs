@@ -248,8 +248,7 @@ fn loops_without_an_end_end() {
     let options = Options { most_moves: 1000, most_work: 3.0, ..Options::default() };
     let told = |body: &str| {
         std::fs::write(&program, format!("F100\nO1 while [1]\n{body}\nO1 endwhile\nM2\n")).unwrap();
-        let judged =
-            judge(&config, &program, &options, &mut |_| std::ops::ControlFlow::Continue(()));
+        let judged = judge(&config, &program, &options, &mut |_| ());
         match judged {
             Ok(judged) => format!("{:?}", judged.found.time),
             Err(error) => error.to_string(),
@@ -279,8 +278,7 @@ fn places_in_two_files(main: &str, away: &str) -> Vec<(f64, u32, usize)> {
     let file = folder.path().join("away.ngc");
     std::fs::write(&file, format!("o<away> sub\n{away}\no<away> endsub\nM2\n")).unwrap();
     let steps = moves(&config, &program, None).unwrap();
-    let judged =
-        judge(&config, &program, &Options::default(), &mut |_| std::ops::ControlFlow::Continue(()));
+    let judged = judge(&config, &program, &Options::default(), &mut |_| ());
     assert_eq!(judged.unwrap().files, [program, file]);
     steps[1..].iter().map(|step: &Move| (step.end[0].round(), step.line, step.file)).collect()
 }
@@ -322,8 +320,7 @@ fn off_path(text: &str) -> Vec<(u32, String)> {
     let program = folder.path().join("p.ngc");
     std::fs::write(&program, text).unwrap();
     let config = config(&crate::shipped::folder("hexapod").join("hexapod.tbl"));
-    let judged =
-        judge(&config, &program, &Options::default(), &mut |_| std::ops::ControlFlow::Continue(()));
+    let judged = judge(&config, &program, &Options::default(), &mut |_| ());
     let found = judged.unwrap().found;
     found.breaks.into_iter().map(|found| (found.line, found.text)).collect()
 }

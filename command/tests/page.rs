@@ -5,7 +5,7 @@ use crate::commands::Bench;
 use crate::shipped::config;
 use draw::margins::{Figure, figures};
 use draw::over::Mark;
-use draw::page::{Report, Verdict, of_program};
+use draw::page::{Report, of_program};
 use kinematics::{MAX_JOINTS, Pose};
 use std::fs;
 use workbench::control::row::{Beside, Extra, Flags, Row};
@@ -64,7 +64,7 @@ fn whole(figures: &[Figure], marks: &[Mark]) -> String {
     of_program(&Report {
         program: "surface.ngc",
         machine: "hexapod.ini",
-        verdict: Verdict::Misfit,
+        fits: Some(false),
         why: "A drive cannot follow.".into(),
         notes: vec![],
         help: None,

@@ -12,7 +12,7 @@ use std::time::Instant;
 use workbench::limits;
 use workbench::program::findings::Preflight;
 use workbench::program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
-use workbench::program::offset::{self, Offset, Poses};
+use workbench::program::offset::{self, Offset};
 use workbench::proof::axis_box::range;
 use workbench::proof::reach::Reach;
 use workbench::read::machine::MachineConfig;
@@ -389,16 +389,20 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     let mut config = MachineConfig::read(&ini).unwrap();
     (config.program.tool_table, config.program.parameter_file) = (None, None);
     let moves = motion::moves(&config, &program, None).unwrap();
-    assert!(!follow(&config, &moves).fits() && Poses::of(&config, &moves).may_turn(&config));
+    assert!(!follow(&config, &moves).fits() && follow(&config, &moves).poses.may_turn(&config));
     // 189 mm long where X and Y have 160 each: no shift will do, the diagonal will.
-    assert_eq!(offset::shift(&config, &Poses::of(&config, &moves), |_| ()).unwrap(), None);
-    let offset = offset::turn(&config, &Poses::of(&config, &moves), |_| ()).unwrap().unwrap();
+    assert_eq!(
+        offset::shift(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap(),
+        None
+    );
+    let offset =
+        offset::turn(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap().unwrap();
     assert!(offset.turn != 0.0, "{offset:?}");
     let found = refitted(&config, &program, &offset);
     assert!(found.fits(), "{offset:?} {:?}", found.breaks);
     // A tilted platform would not be turned with the workpiece.
     let hexapod = crate::shipped::config("hexapod");
-    let tilted = Poses::of(&hexapod, &[rapid(1, [0.0, 0.0, 220.0, 5.0, 0.0, 0.0])]);
+    let tilted = follow(&hexapod, &[rapid(1, [0.0, 0.0, 220.0, 5.0, 0.0, 0.0])]).poses;
     assert!(!tilted.may_turn(&hexapod));
 }
 
@@ -431,14 +435,19 @@ fn random_programs_fit_where_they_are_put() {
             if follow(&config, &moves).fits() {
                 continue;
             }
-            let (offset, count) =
-                match offset::shift(&config, &Poses::of(&config, &moves), |_| ()).unwrap() {
-                    Some(offset) => (Some(offset), &mut shifted),
-                    None => (
-                        offset::turn(&config, &Poses::of(&config, &moves), |_| ()).unwrap(),
-                        &mut turned,
-                    ),
-                };
+            let (offset, count) = match offset::shift(
+                &config,
+                &follow(&config, &moves).poses,
+                &mut |_| true,
+            )
+            .unwrap()
+            {
+                Some(offset) => (Some(offset), &mut shifted),
+                None => (
+                    offset::turn(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap(),
+                    &mut turned,
+                ),
+            };
             let Some(offset) = offset else { continue };
             *count += 1;
             let found = refitted(&config, &program, &offset);

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fs;
-use std::ops::ControlFlow;
 use workbench::control::process::Options;
 use workbench::program::findings::Preflight;
 use workbench::program::preflight::judge;
@@ -45,8 +44,7 @@ fn judged(case: &Case) -> Preflight {
     let program = folder.path().join("p.ngc");
     fs::write(&program, format!("{}\nM2\n", case.program)).unwrap();
     let config = MachineConfig::read(&ini).unwrap();
-    let see = &mut |_: &_| ControlFlow::Continue(());
-    judge(&config, &program, &Options::default(), see).unwrap().found
+    judge(&config, &program, &Options::default(), &mut |_| ()).unwrap().found
 }
 
 #[test]

@@ -22,6 +22,9 @@ VERSION: str
 class MachineError(ValueError):
     """An INI file, a study or a set of dimensions that describes no machine, with places and ways out."""
 
+class CommandFailed(RuntimeError):
+    """A call that does as a subcommand of `pkm` ended without an answer (exit status 2); the text says why."""
+
 class Refused(ValueError):
     """A pose or joint values without an answer."""
 
@@ -42,6 +45,16 @@ class _Cause(TypedDict):
 
 def cause(code: int) -> _Cause:
     """What a code means. KeyError where it is none; 0 is success."""
+
+def preflight(
+    machine: str | PathLike[str], program: str | PathLike[str], mechanism: int | None, trace: str | None, options: str
+) -> str:
+    """The answer of `pkm preflight` as JSON. `options` is an object of JSON: hal, unconfined, most_moves, most_seconds,
+    most_standstill and most_work (--patience).
+
+    LinuxCNC runs in processes of its own; other threads of Python run meanwhile. Where the handler of a signal raises, as
+    that of Ctrl-C does, the run ends within a second or two, its processes and its folder are gone, and the exception is
+    raised."""
 
 class Answer:
     """What a batch answered."""

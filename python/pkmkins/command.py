@@ -1,24 +1,40 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What needs LinuxCNC or files of measurements: the command `pkm`, whose answers docs/json.md describes."""
+"""What needs LinuxCNC or files of measurements, as subcommands of `pkm` do it; docs/json.md describes the answers."""
 
+import argparse
 import json
 import os
 import shutil
 import subprocess
-from pathlib import Path
 
-
-class CommandFailed(RuntimeError):
-    """`pkm` is missing, or ended without an answer (exit status 2); the text is what it said."""
+from ._core import CommandFailed
+from ._core import preflight as preflight_json
 
 
 def preflight(machine, program, *options):
     """Whether a program fits a machine: the answer of `pkm preflight --format json` as a dictionary.
 
-    `machine` and `program` are files, `options` further words of the command line. `fits` is True, False,
-    or None where that could not be judged.
+    `machine` and `program` are files, `options` further words of the command line, all but --report. `fits` is True,
+    False, or None where that could not be judged.
     """
-    return asked("preflight", machine, program, *options)
+    parser = argparse.ArgumentParser(add_help=False, exit_on_error=False, argument_default=argparse.SUPPRESS)
+    parser.add_argument("--mechanism", type=int, choices=(1, 2), default=None)
+    parser.add_argument("--trace", default=None)
+    parser.add_argument("--hal", action="append")
+    parser.add_argument("--unconfined", action="store_true")
+    parser.add_argument("--most-moves", type=int)
+    parser.add_argument("--most-time", type=float, dest="most_seconds")
+    parser.add_argument("--most-standstill", type=float)
+    parser.add_argument("--patience", type=float, dest="most_work")
+    try:
+        given, unknown = parser.parse_known_args(list(map(str, options)))
+    except argparse.ArgumentError as error:
+        raise CommandFailed(str(error)) from None
+    if unknown:
+        raise CommandFailed(f"{unknown[0]}: no option of preflight in Python; the command pkm has all options")
+    given = vars(given)
+    answer = preflight_json(machine, program, given.pop("mechanism"), given.pop("trace"), json.dumps(given))
+    return {"version": 1, "command": "preflight", **json.loads(answer), "errors": []}
 
 
 def calibrate(machine, *files):
@@ -40,8 +56,7 @@ def pkm():
 
 def asked(*words):
     """The answer of a subcommand of `pkm` as a dictionary, as docs/json.md describes it."""
-    words = [os.fspath(word) if isinstance(word, Path) else str(word) for word in words]
-    run = subprocess.run([pkm(), "--format", "json", *words], capture_output=True, text=True)
+    run = subprocess.run([pkm(), "--format", "json", *map(str, words)], capture_output=True, text=True)
     try:
         answer = json.loads(run.stdout)
     except json.JSONDecodeError:

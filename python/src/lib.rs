@@ -2,7 +2,7 @@
 //! The compiled half of the Python package `pkmkins`: the core and the studies of `pkm` on arrays of numpy.
 //!
 //! `machine` is the class that Python sees; what its methods compute stands in `kinematics` and `studies`;
-//! `sections` writes the text of a machine that has no file. `arrays` takes arrays apart, `batch` asks row by
+//! `program` judges programs; `sections` writes the text of a machine that has no file. `arrays` takes arrays apart, `batch` asks row by
 //! row on all cores, `refusal` turns errors into exceptions. Signatures, shapes and units are documented in
 //! `pkmkins/_core.pyi`.
 
@@ -10,6 +10,7 @@ mod arrays;
 mod batch;
 mod kinematics;
 mod machine;
+mod program;
 mod refusal;
 mod sections;
 mod studies;
@@ -24,7 +25,9 @@ mod _core {
     #[pymodule_export]
     use crate::machine::Machine;
     #[pymodule_export]
-    use crate::refusal::{MachineError, Refused, cause};
+    use crate::program::preflight;
+    #[pymodule_export]
+    use crate::refusal::{CommandFailed, MachineError, Refused, cause};
     #[pymodule_export]
     use crate::studies::{Sensitivity, Stiffness, Workspace};
 

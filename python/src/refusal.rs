@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Refusals as exceptions: of a machine that its file does not describe, and of a pose.
+//! Refusals as exceptions: of a machine that its file does not describe, of a pose, and of a subcommand.
 
 use kinematics::{CAUSES, Cause, Fault};
-use pyo3::exceptions::{PyKeyError, PyValueError};
+use pyo3::exceptions::{PyKeyError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -11,6 +11,12 @@ pyo3::create_exception!(
     MachineError,
     PyValueError,
     "An INI file, a study or a set of dimensions that describes no machine, with places and ways out."
+);
+pyo3::create_exception!(
+    pkmkins,
+    CommandFailed,
+    PyRuntimeError,
+    "A call that does as a subcommand of `pkm` ended without an answer (exit status 2); the text says why."
 );
 pyo3::create_exception!(
     pkmkins,
@@ -40,6 +46,11 @@ pub fn refused(py: Python<'_>, fault: &Fault) -> PyErr {
 /// What is wrong with a machine, in the words of `pkm`.
 pub fn machine_error(error: impl ToString) -> PyErr {
     MachineError::new_err(error.to_string())
+}
+
+/// Why a call that does as a subcommand of `pkm` has no answer.
+pub fn failed(error: impl ToString) -> PyErr {
+    CommandFailed::new_err(error.to_string())
 }
 
 fn of_code(code: i32) -> Option<Cause> {

@@ -1,16 +1,24 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Machines from files, texts, legs and dimensions; studies of them."""
 
+import contextlib
 import json
+import os
+import signal
 import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
 
 import numpy as np
 import pkmkins
 import pytest
 from conftest import OTHERS, ROOT, ini, needs_linuxcnc
 from pkmkins import Machine, MachineError, machine_of
-from pkmkins.command import pkm
+from pkmkins.command import asked, pkm
 
+ROSETTE = ROOT / "configs" / "tripod" / "programs" / "rosette.ngc"
 DRAWING = {
     "base_radius": 400, "base_half_angle": 12, "platform_radius": 180, "platform_half_angle": 15, "strut": (550, 850), "tool": "up"
 }
@@ -109,17 +117,90 @@ def test_sensitivity_is_the_inverse_of_the_jacobian(hexapod):
     np.testing.assert_allclose(found.gain.values @ jacobian, np.eye(6), atol=1e-10)
 
 
-def test_preflight_needs_the_command(monkeypatch, hexapod):
+def test_what_starts_the_command_needs_it_and_preflight_does_not(monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("PKM", raising=False)
     with pytest.raises(pkmkins.CommandFailed, match="not in PATH"):
-        pkmkins.preflight(ini("hexapod"), ROOT / "configs/hexapod/programs/none.ngc")
+        pkmkins.calibrate(ini("hexapod"), "no-such.log")
+    with pytest.raises(pkmkins.CommandFailed, match="no-such.ngc: No such file"):
+        pkmkins.preflight(ini("hexapod"), "no-such.ngc")
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--most-moves", "few"], "most-moves"),
+        (["--most-moves", "-1"], "-1"),
+        (["--report", "page.html"], "--report: no option of preflight in Python"),
+        (["--mechanism", "2"], "tripod.ini has one mechanism"),
+        (["--mechanism", "3"], "mechanism"),
+        pytest.param(["--hal", "no-such.hal"], "no-such.hal", marks=needs_linuxcnc),
+    ],
+)
+def test_options_of_preflight_that_are_wrong_are_named(words, text):
+    with pytest.raises(pkmkins.CommandFailed, match=text):
+        pkmkins.preflight(ini("tripod"), ROSETTE, *words)
 
 
 @needs_linuxcnc
-def test_preflight_answers_as_the_command_does():
-    program = ROOT / "configs" / "tripod" / "programs" / "rosette.ngc"
-    found = pkmkins.preflight(ini("tripod"), program)
-    assert found["fits"] is True, found
-    with pytest.raises(pkmkins.CommandFailed, match="no-such.ngc"):
-        pkmkins.preflight(ini("tripod"), "no-such.ngc")
+@pytest.mark.parametrize(("name", "program"), [("tripod", ROSETTE), ("hexapod", "far.ngc")])
+def test_preflight_answers_as_the_command_does(name, program, tmp_path):
+    far = tmp_path / "far.ngc"
+    far.write_text("G21 G90 M52 P1\nG1 F600 X5000\n/ G1 X0\nM2\n")
+    program, trace = tmp_path / program, tmp_path / "trace.csv"
+    words = ["--trace", trace, "--most-time", "3600"]
+    assert pkmkins.preflight(ini(name), program, *words) == asked("preflight", ini(name), program, *words)
+    # Twice: what was written or read once is no input of the next call.
+    assert pkmkins.preflight(ini(name), program, *words)["fits"] is (name == "tripod")
+    assert trace.exists()
+
+
+ENDLESS = "G21 G90 M52 P1 F6000\nO1 while [1]\nG1 X1\nG1 X0\nO1 endwhile\nM2\n"
+READING = "O1 while [1]\nO1 endwhile\nM2\n"
+
+
+@needs_linuxcnc
+@pytest.mark.parametrize("text", [ENDLESS, READING])
+@pytest.mark.parametrize("is_whole_group", [False, True])
+def test_ctrl_c_ends_preflight_and_leaves_no_process_and_no_folder(tmp_path, text, is_whole_group):
+    program, folder = tmp_path / "endless.ngc", tmp_path / "tmp"
+    program.write_text(text)
+    folder.mkdir()
+    code = "import sys, pkmkins; pkmkins.preflight(sys.argv[1], sys.argv[2], '--patience', '1000')"
+    words = [sys.executable, "-c", code, ini("hexapod"), program]
+    environment = os.environ | {"TMPDIR": str(folder)}
+    run = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while not any("pkm-control" in process for process in processes_of(folder)):
+        assert run.poll() is None
+        time.sleep(0.05)
+    time.sleep(0.5)
+    (os.killpg if is_whole_group else os.kill)(run.pid, signal.SIGINT)
+    said = run.communicate(timeout=20)[1]
+    assert run.returncode == -signal.SIGINT and "KeyboardInterrupt" in said, said
+    assert processes_of(folder) == [] and list(folder.iterdir()) == []
+
+
+def processes_of(folder):
+    """Command lines that name a folder."""
+    lines = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        # Others end meanwhile.
+        with contextlib.suppress(OSError):
+            lines.append(file.read_text(errors="replace"))
+    return [line for line in lines if str(folder) in line]
+
+
+@needs_linuxcnc
+def test_other_threads_run_during_preflight():
+    counted, done = [0], threading.Event()
+
+    def count():
+        while not done.wait(0.001):
+            counted[0] += 1
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    pkmkins.preflight(ini("tripod"), ROSETTE)
+    done.set()
+    thread.join()
+    assert counted[0] > 20

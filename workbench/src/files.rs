@@ -3,6 +3,8 @@
 //! read is replaced unless that is meant.
 
 use std::collections::BTreeSet;
+use std::error::Error;
+use std::fmt::Display;
 use std::fs::{self, File, Permissions};
 use std::io::{self, BufWriter, IsTerminal, Read, Write};
 use std::mem;
@@ -17,6 +19,21 @@ use tempfile::{NamedTempFile, TempDir};
 pub struct AtFile<E> {
     pub file: PathBuf,
     pub error: E,
+}
+
+/// An error at a place that has no type: a pose, a line of standard input.
+#[derive(Debug, thiserror::Error)]
+#[error("{place}: {error}")]
+pub struct AtPlace {
+    place: String,
+    error: Box<dyn Error + Send + Sync>,
+}
+
+impl AtPlace {
+    /// Puts a place before an error.
+    pub fn new(place: impl Display, error: impl Error + Send + Sync + 'static) -> Self {
+        Self { place: place.to_string(), error: Box::new(error) }
+    }
 }
 
 /// Gives an error its file.
@@ -36,6 +53,11 @@ impl<T, E> Locate<T, E> for Result<T, E> {
 
 /// Where the files are that were read, links followed.
 static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// Begins a new task, which may replace the files that were read before.
+pub fn forget_read() {
+    READ.lock().expect("nobody panics with it").clear();
+}
 
 /// Bytes of the largest file that is read: a program of ten million lines has half of them.
 const MOST_BYTES: u64 = 1 << 30;

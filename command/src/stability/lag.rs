@@ -13,6 +13,7 @@ use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use workbench::files::{Locate, csv, write_whole};
+use workbench::stability::WORTH;
 use workbench::stability::lag::{Crossing, Lag};
 use workbench::stability::response::{Response, unwrapped};
 use workbench::stability::system::Adjustment;
@@ -142,7 +143,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     for (adjustment, answer) in own.iter().zip(&answers) {
         tell(&mut out, &adjustment.name(), answer)?;
     }
-    writeln!(out, "{}", super::WORTH)?;
+    writeln!(out, "{WORTH}")?;
     out.flush()?;
     let is_stable = answers.iter().all(|answer| answer.at.unstable == 0);
     Ok(if is_stable { Verdict::Fits } else { Verdict::Misfit })

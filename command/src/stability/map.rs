@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 use workbench::files::{csv, write_whole};
 use workbench::proof::axis_box;
+use workbench::stability::WORTH;
 use workbench::stability::floquet::fast_enough;
 use workbench::study::file::Study;
 use workbench::study::workspace::Workspace;
@@ -169,7 +170,7 @@ fn tell(machine: &std::path::Path, places: &[Place], rpm: Option<f64>) -> Result
         let Some(Place { position: [x, y, z], depth }) = place else { continue };
         writeln!(out, "  {name:<6} {depth:10.4} mm at X{x:.3} Y{y:.3} Z{z:.3}")?;
     }
-    writeln!(out, "{}", super::WORTH)?;
+    writeln!(out, "{WORTH}")?;
     out.flush()?;
     let shown = |Place { position, depth }: &Place| json!({ "position": position, "limit_depth_mm": depth });
     output::answer(&json!({

@@ -55,11 +55,6 @@ fn setup<'a>(config: &'a MachineConfig, study: &Study, file: &Path) -> Result<Se
     Ok(Setup::new(config, study).at(file)?)
 }
 
-/// What every answer ends with.
-pub const WORTH: &str = "Damping and cutting coefficients are those of the study: the limits are about \
-                     proportional to damping\nand inverse to the coefficients, and the answer is as \
-                     good as they are.";
-
 /// Lengths, speeds and stiffnesses of the command line are below this.
 const LARGEST: f64 = 1e9;
 

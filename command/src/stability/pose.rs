@@ -14,6 +14,7 @@ use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::PathBuf;
 use workbench::files::{csv, write_whole};
+use workbench::stability::WORTH;
 use workbench::stability::bands::{Band, Loss, bands};
 use workbench::stability::floquet::{Period, fast_enough};
 use workbench::stability::lobes::{Limit, Lobes};
@@ -372,7 +373,7 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
             writeln!(out, "    at --depth the largest multiplier is {multiplier:.5}")?;
         }
     }
-    writeln!(out, "{}", super::WORTH)?;
+    writeln!(out, "{WORTH}")?;
     Ok(())
 }
 

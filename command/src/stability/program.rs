@@ -14,6 +14,7 @@ use workbench::cut::program;
 use workbench::files::{Locate, csv, open, write_whole};
 use workbench::program::motion::{self, Move, MoveKind, Spindle};
 use workbench::read::machine::MachineConfig;
+use workbench::stability::WORTH;
 use workbench::stability::path::{Best, Depth, Path, Stop};
 use workbench::study::file::Study;
 
@@ -257,6 +258,6 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
             at_least(depth)
         )?;
     }
-    writeln!(out, "{}", super::WORTH)?;
+    writeln!(out, "{WORTH}")?;
     Ok(())
 }

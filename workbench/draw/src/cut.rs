@@ -3,7 +3,7 @@
 
 use crate::lines::Line;
 use crate::margins::Figure;
-use crate::page::{drawing, page};
+use crate::page::{drawing, page, verdict};
 use crate::plot::DrawError;
 use crate::strips::{Strip, Strips, drawn_strips};
 use crate::thin::{highest, lowest};
@@ -13,42 +13,22 @@ use workbench::cut::report::{Drive, LineReport, Most, Report};
 /// Shares are drawn up to here: a single one would hide all others.
 const MOST_SHARE: f64 = 2.0;
 
-/// The page; `program` and `machine` are names, `why` is the verdict in a sentence, `notes` are what is
-/// not known.
+/// Returns the page; `program` and `machine` are names.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_cut(
-    report: &Report,
-    [program, machine]: [&str; 2],
-    why: &str,
-    notes: &[String],
-) -> Result<String, DrawError> {
+pub fn of_cut(report: &Report, [program, machine]: [&str; 2]) -> Result<String, DrawError> {
     let figures = figures(report)?;
     let body = html! {
-        (verdict(report, why))
+        (verdict(report.fits, ["The machine can cut the program", "The machine cannot cut the program"], &report.why()))
         (peaks(report))
         (drives(&report.drives))
         (worst(&report.worst_lines))
         h2 { "What is not known" }
-        ul { @for note in notes { li { (note) } } }
+        ul { @for note in report.notes() { li { (note) } } }
         @for figure in &figures { (drawing(figure)) }
     };
     Ok(page(&format!("Cutting {program} on {machine}"), &body))
-}
-
-fn verdict(report: &Report, why: &str) -> Markup {
-    let [sign, words, class] = match report.fits {
-        Some(true) => ["\u{2713}", "The machine can cut the program", "fits"],
-        Some(false) => ["\u{2717}", "The machine cannot cut the program", "misfit"],
-        None => ["?", "Not judged", "open"],
-    };
-    html! {
-        div class={ "verdict " (class) } role="status" {
-            h2 { span aria-hidden="true" { (sign) " " } (words) }
-            p { (why) }
-        }
-    }
 }
 
 fn row(name: &str, meaning: &str, value: &str, place: &str) -> Markup {

@@ -31,28 +31,6 @@ svg text[font-weight] { paint-order: stroke; stroke: #fff; stroke-width: 4px }
 /// Most lines of the command's answer that the page repeats.
 const MOST_LINES: usize = 400;
 
-/// Whether a program fits a machine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// All limits are kept.
-    Fits,
-    /// A limit is broken.
-    Misfit,
-    /// What was judged is kept, but not everything could be judged.
-    NotJudged,
-}
-
-impl Verdict {
-    /// A sign that needs no colour, what is said, and the class of the style.
-    const fn shown(self) -> [&'static str; 3] {
-        match self {
-            Self::Fits => ["\u{2713}", "The program fits the machine", "fits"],
-            Self::Misfit => ["\u{2717}", "The program does not fit the machine", "misfit"],
-            Self::NotJudged => ["?", "Not judged", "open"],
-        }
-    }
-}
-
 /// One limit, as the table shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LimitRow {
@@ -82,8 +60,8 @@ pub struct Report<'a> {
     pub program: &'a str,
     /// Name of the machine.
     pub machine: &'a str,
-    /// The verdict.
-    pub verdict: Verdict,
+    /// The verdict; none where not everything could be judged.
+    pub fits: Option<bool>,
     /// Why, in a sentence.
     pub why: String,
     /// What could not be judged, and what to look at: sentences.
@@ -103,7 +81,7 @@ pub struct Report<'a> {
 /// The page about a program.
 pub fn of_program(report: &Report) -> String {
     let body = html! {
-        (verdict(report))
+        (verdict(report.fits, ["The program fits the machine", "The program does not fit the machine"], &report.why))
         (breaks(report.marks))
         (table(&report.rows))
         (advice(report))
@@ -133,12 +111,17 @@ pub fn page(title: &str, body: &Markup) -> String {
     page.into_string()
 }
 
-fn verdict(report: &Report) -> Markup {
-    let [sign, words, class] = report.verdict.shown();
+/// Returns a verdict, in the words of `yes` or `no`, and why; the sign needs no colour.
+pub fn verdict(fits: Option<bool>, [yes, no]: [&str; 2], why: &str) -> Markup {
+    let [sign, words, class] = match fits {
+        Some(true) => ["\u{2713}", yes, "fits"],
+        Some(false) => ["\u{2717}", no, "misfit"],
+        None => ["?", "Not judged", "open"],
+    };
     html! {
         div class={ "verdict " (class) } role="status" {
             h2 { span aria-hidden="true" { (sign) " " } (words) }
-            p { (report.why) }
+            p { (why) }
         }
     }
 }
@@ -252,7 +235,7 @@ mod tests {
         Report {
             program: "<b>.ngc",
             machine: "m.ini",
-            verdict: Verdict::Misfit,
+            fits: Some(false),
             why: "a < b & c > d".into(),
             notes: vec!["times".into()],
             help: Some(("run".into(), "G10".into())),
@@ -314,8 +297,7 @@ mod tests {
     #[test]
     fn what_is_not_judged_is_no_fit() {
         let cause = "LinuxCNC is not installed";
-        let open =
-            Report { verdict: Verdict::NotJudged, why: cause.into(), ..report(&[], &[], "") };
+        let open = Report { fits: None, why: cause.into(), ..report(&[], &[], "") };
         let page = of_program(&open);
         assert!(page.contains("class=\"verdict open\"") && page.contains(cause), "{page}");
         assert!(page.contains("? </span>Not judged") && !page.contains("fits the machine"));

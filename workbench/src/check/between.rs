@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How near two mechanisms of a machine come to each other, at home and within their axis limits.
 
-use crate::check::findings::Finding;
+use crate::check::findings::Report;
 use crate::check::suggestion::shown_pose;
 use crate::check::wiring::at_key;
 use crate::limits;
@@ -9,7 +9,6 @@ use crate::proof::axis_box;
 use crate::proof::reach::Reach;
 use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
-use crate::read::ini::IniError;
 use crate::read::machine::MachineConfig;
 use kinematics::Gap;
 use rand::{Rng, SeedableRng};
@@ -18,41 +17,21 @@ use rand_pcg::Pcg64;
 /// Pairs of poses drawn from the axis limits.
 const DRAWN: usize = 20_000;
 
-/// What was found between two mechanisms.
-#[derive(Clone, Debug, Default)]
-pub struct Between {
-    /// Names and values, one line each.
-    pub facts: Vec<(String, String)>,
-    /// What does not fit, or may not.
-    pub findings: Vec<Finding>,
-}
-
-impl Between {
-    /// Whether nothing is wrong.
-    pub fn fits(&self) -> bool {
-        self.findings.iter().all(|finding| finding.severity == Severity::Warning)
-    }
-
-    fn finding(&mut self, severity: Severity, error: IniError) {
-        self.findings.push(Finding { severity, problem: *error.0 });
-    }
-}
-
 /// Looks at the two mechanisms of a machine together; `None` where it has one.
 ///
 /// # Errors
 /// A mechanism cannot be at its reference pose.
-pub fn check(config: &MachineConfig) -> Result<Option<Between>, MachineError> {
+pub fn check(config: &MachineConfig) -> Result<Option<Report>, MachineError> {
     let Some(second) = config.second.as_deref() else { return Ok(None) };
     let configs = [config, second];
     let refused =
         |i: usize| move |fault| MachineError::of_geometry(&config.ini, &configs[i].place, fault);
     let one = config.machine.at(&config.home_pose(), &config.spindle).map_err(refused(0))?;
     let other = second.machine.at(&second.home_pose(), &second.spindle).map_err(refused(1))?;
-    let mut found = Between::default();
+    let mut found = Report::new(config);
     let gap = Gap::between(&one, &other);
     let told = |gap: &Gap| shown(configs, gap);
-    found.facts.push(("nearest parts".into(), format!("{} at home", told(&gap))));
+    found.fact("nearest parts", format!("{} at home", told(&gap)));
     let least = limits::least_distance_between(config);
     if gap.distance < least {
         let text = format!("{}, and {} have to be kept", told(&gap), limits::shown(least));
@@ -61,10 +40,7 @@ pub fn check(config: &MachineConfig) -> Result<Option<Between>, MachineError> {
     if let Some((gap, poses)) = nearest(configs) {
         let [one, other] = [0, 1].map(|i| shown_pose(configs[i], &poses[i]));
         let (apart, place) = (told(&gap), format!("{one} and {other}"));
-        found.facts.push((
-            String::new(),
-            format!("{apart}, the least seen in the axis limits of both, at {place}"),
-        ));
+        found.fact("", format!("{apart}, the least seen in the axis limits of both, at {place}"));
         if config.mechanism_clearance.is_none() {
             let (severity, text) = match gap.distance < least {
                 true => (

@@ -19,6 +19,8 @@ use std::ops::ControlFlow;
 use std::os::fd::OwnedFd;
 use std::path::{self, Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -45,7 +47,8 @@ const BUSY_TRIES: usize = 100;
 const BUSY_PAUSE: Duration = Duration::from_millis(10);
 
 /// How a program is run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Options {
     /// Seconds of the machine's time.
     pub most_seconds: f64,
@@ -69,9 +72,13 @@ pub struct Options {
     /// Runs the program with all rights of the user: for a kernel that cannot confine it.
     pub unconfined: bool,
     /// The machine's own HAL files in place of the simulated machine's, and its own way of homing.
+    #[serde(skip)]
     pub own: Option<OwnFiles>,
     /// Seconds of a processor that the whole run may take.
     pub most_in_all: f64,
+    /// Ends the run within a second, once it is set.
+    #[serde(skip)]
+    pub stop: Arc<AtomicBool>,
 }
 
 /// A script of Tcl that carries out the machine's own HAL files, called with the INI file of the run, the
@@ -103,6 +110,7 @@ impl Default for Options {
             unconfined: false,
             own: None,
             most_in_all: f64::INFINITY,
+            stop: Arc::default(),
         }
     }
 }
@@ -353,7 +361,7 @@ impl<'a> Run<'a> {
     ) -> Result<Outcome, NotJudged> {
         let from = self.records.take().expect("a run is watched once");
         let most = [options.most_work, options.most_in_all];
-        let pulse = Pulse::new(from, self.milltask.id(), most);
+        let pulse = Pulse::new(from, self.milltask.id(), most, options.stop.clone());
         let mut records = Records::new(
             BufReader::with_capacity(1 << 16, pulse),
             Columns {
@@ -562,6 +570,7 @@ impl<'a> Watch<'a> {
             io::ErrorKind::TimedOut => NotJudged::Endless(self.line),
             io::ErrorKind::WouldBlock => NotJudged::Rests(MOST_REST.as_secs(), self.line),
             io::ErrorKind::QuotaExceeded => NotJudged::Slow(self.options.most_in_all),
+            io::ErrorKind::ConnectionAborted => NotJudged::Interrupted,
             _ => error.into(),
         }
     }

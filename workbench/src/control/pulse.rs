@@ -4,6 +4,8 @@
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::fs;
 use std::io::{self, PipeReader, Read};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Between two looks.
@@ -27,16 +29,24 @@ pub struct Pulse {
     work: f64,
     sign: Instant,
     most_rest: Duration,
+    stop: Arc<AtomicBool>,
 }
 
 impl Pulse {
-    /// The pipe that this process writes to, and the seconds of a processor that it may work in between and in all.
-    pub fn new(pipe: PipeReader, process: u32, [most_work, most_in_all]: [f64; 2]) -> Self {
+    /// Reads the pipe that a process writes to, which may work so many seconds of a processor in between and in all,
+    /// until `stop` is set.
+    pub fn new(
+        pipe: PipeReader,
+        process: u32,
+        [most_work, most_in_all]: [f64; 2],
+        stop: Arc<AtomicBool>,
+    ) -> Self {
         Self {
             pipe,
             process,
             most_work,
             most_in_all,
+            stop,
             work: 0.0,
             sign: Instant::now(),
             most_rest: MOST_REST,
@@ -44,6 +54,9 @@ impl Pulse {
     }
 
     fn has_something(&self) -> io::Result<bool> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(io::ErrorKind::ConnectionAborted.into());
+        }
         let mut ready = [PollFd::new(&self.pipe, PollFlags::IN)];
         match poll(&mut ready, Some(&LOOK)) {
             Ok(count) => Ok(count > 0),
@@ -87,13 +100,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_process_that_rests_is_not_one_that_works_without_end() {
+    fn a_process_that_rests_works_without_end_or_is_stopped_is_reported_as_such() {
         // This one works less than it waits; the other end of its pipe stays open.
         let (pipe, _open) = io::pipe().unwrap();
-        let pulse = Pulse::new(pipe, std::process::id(), [f64::INFINITY; 2]);
+        let stop: Arc<AtomicBool> = Arc::default();
+        let pulse = Pulse::new(pipe, std::process::id(), [f64::INFINITY; 2], stop.clone());
         let mut pulse = Pulse { most_rest: Duration::ZERO, ..pulse };
         assert_eq!(pulse.read(&mut [0]).unwrap_err().kind(), io::ErrorKind::WouldBlock);
         pulse.most_work = -1.0;
         assert_eq!(pulse.read(&mut [0]).unwrap_err().kind(), io::ErrorKind::TimedOut);
+        stop.store(true, Ordering::Relaxed);
+        assert_eq!(pulse.read(&mut [0]).unwrap_err().kind(), io::ErrorKind::ConnectionAborted);
     }
 }

@@ -31,6 +31,11 @@ impl Done {
         Self { all: all.max(1), highest: 0, in_order: all > 0 }
     }
 
+    /// Begins the program once more.
+    pub fn restart(&mut self) {
+        self.highest = 0;
+    }
+
     /// A line that moves; 0 is none.
     pub fn see(&mut self, line: u32) {
         self.in_order &= line == 0 || line >= self.highest;

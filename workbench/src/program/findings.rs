@@ -319,17 +319,6 @@ impl Time {
 }
 
 impl Preflight {
-    /// Whether the program moves nothing.
-    pub fn is_still(&self) -> bool {
-        self.is_still
-    }
-
-    /// Why LinuxCNC stops the program before anything moves: line, number of the file, LinuxCNC's words.
-    pub fn never_starts(&self) -> Option<(u32, usize, &str)> {
-        let stop = self.breaks.iter().find(|told| told.limit == Rule::Control)?;
-        self.is_still.then_some((stop.line, stop.file, stop.text.as_str()))
-    }
-
     /// Whether the program keeps all limits, as far as they were judged.
     pub fn fits(&self) -> bool {
         self.breaks.is_empty()

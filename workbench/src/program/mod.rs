@@ -18,3 +18,6 @@ pub mod random_program;
 pub mod replay;
 pub mod start;
 pub mod travel;
+pub mod verdict;
+pub mod whole;
+mod words;

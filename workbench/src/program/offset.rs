@@ -94,17 +94,6 @@ impl Default for Poses {
 }
 
 impl Poses {
-    /// Those of all moves, from `[TRAJ]HOME` on.
-    pub fn of(config: &MachineConfig, moves: &[Move]) -> Self {
-        let mut poses = Self::default();
-        let mut from = config.start;
-        for step in moves {
-            poses.see(&from, step);
-            from = step.end;
-        }
-        poses
-    }
-
     /// Adds those of a move.
     pub(super) fn see(&mut self, from: &[f64; 6], step: &Move) {
         // What runs before the program does not follow its offset.
@@ -145,28 +134,33 @@ impl Poses {
     }
 }
 
-/// A shift under which the poses looked at fit; `progress` is told the share that is done.
+/// Searches for an offset under which the poses looked at fit. The last argument receives the share that is done, and
+/// returns whether the search goes on.
+pub type Search =
+    fn(&MachineConfig, &Poses, &mut dyn FnMut(f64) -> bool) -> Result<Option<Offset>, Fault>;
+
+/// Searches for a shift, see [`Search`].
 ///
 /// # Errors
 /// A tool vector that the machine cannot take.
 pub fn shift(
     config: &MachineConfig,
     poses: &Poses,
-    mut progress: impl FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Option<Offset>, Fault> {
-    Ok(Search::new(config, poses, 0.0)?.from(0.0, 3, &mut progress))
+    Ok(Compass::new(config, poses, 0.0)?.from(0.0, 3, progress))
 }
 
-/// A shift and turn under which the poses looked at fit; `progress` is told the share that is done.
+/// Searches for a shift and turn, see [`Search`].
 ///
 /// # Errors
 /// A tool vector that the machine cannot take.
 pub fn turn(
     config: &MachineConfig,
     poses: &Poses,
-    mut progress: impl FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Option<Offset>, Fault> {
-    let search = Search::new(config, poses, ROUNDED * config.machine.size())?;
+    let search = Compass::new(config, poses, ROUNDED * config.machine.size())?;
     let mut starts = STARTS_DEG.into_iter().enumerate();
     let all = STARTS_DEG.len() as f64;
     Ok(starts.find_map(|(n, start)| {
@@ -177,7 +171,7 @@ pub fn turn(
 /// Shift x y z and turn, about the middle of the program.
 type Shift = [f64; 4];
 
-struct Search<'a> {
+struct Compass<'a> {
     config: &'a MachineConfig,
     /// Without those of the axes, which leave room for a turn.
     limits: Limits,
@@ -190,7 +184,7 @@ struct Search<'a> {
     room: f64,
 }
 
-impl<'a> Search<'a> {
+impl<'a> Compass<'a> {
     fn new(config: &'a MachineConfig, poses: &'a Poses, room: f64) -> Result<Self, Fault> {
         let reach =
             |tool: &[f64; 3]| Reach::with_tool(config, config.spindle + Vector3::from(*tool));
@@ -208,15 +202,20 @@ impl<'a> Search<'a> {
     }
 
     /// Searches from a turn on, over X Y Z and with four `steps` over the turn as well.
-    fn from(&self, turn: f64, steps: usize, progress: &mut dyn FnMut(f64)) -> Option<Offset> {
+    fn from(
+        &self,
+        turn: f64,
+        steps: usize,
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Option<Offset> {
         let size = self.config.machine.size();
         let mut at = [0.0, 0.0, 0.0, turn];
         let mut lack = self.lack(&at);
         let mut step = STEPS[0];
         for n in 0..MOST {
             let halved = (STEPS[0] / step).ln() / (STEPS[0] / STEPS[1]).ln();
-            progress(halved.max(n as f64 / MOST as f64));
-            if lack == 0.0 || step < STEPS[1] {
+            let goes_on = progress(halved.max(n as f64 / MOST as f64));
+            if !goes_on || lack == 0.0 || step < STEPS[1] {
                 break;
             }
             let near = (0..2 * steps).map(|n| {

@@ -69,13 +69,26 @@ pub enum JudgeError {
     /// A file of the program cannot be read.
     #[error(transparent)]
     File(#[from] AtFile<io::Error>),
+    /// LinuxCNC stops the program before anything moves.
+    #[error("{}:{line}: {text}", .file.display())]
+    NeverStarts {
+        /// Its file.
+        file: PathBuf,
+        /// Line in which it stops.
+        line: u32,
+        /// LinuxCNC's words.
+        text: String,
+    },
+    /// The machine stays where it is.
+    #[error("{}: the program moves nothing; expected a block such as G1 X10 F600", .0.display())]
+    MovesNothing(PathBuf),
 }
 
 /// Judges a program: LinuxCNC runs it, every move is followed over its whole length, and every servo cycle is
 /// judged. Where LinuxCNC stops at a limit, it runs the program again with its limits open, for what
 /// lies behind; and where lines begin with `/`, once more with these.
 ///
-/// `see` is shown every servo cycle of the first run, and ends it where it breaks.
+/// `see` receives every servo cycle of the first run.
 ///
 /// # Errors
 /// LinuxCNC does not come to a first move; a file cannot be read; a tool that the machine cannot take.
@@ -83,13 +96,12 @@ pub fn judge(
     config: &MachineConfig,
     program: &Path,
     options: &Options,
-    see: &mut (dyn FnMut(&Row) -> ControlFlow<()> + Send),
+    see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<Judged, JudgeError> {
     let mut judged = judge_once(config, program, options, see)?;
     if options.block_delete && has_deletable(&judged.files)? {
         let kept = Options { block_delete: false, ..options.clone() };
-        let Judged { found: mut other, files } =
-            judge_once(config, program, &kept, &mut |_| ControlFlow::Continue(()))?;
+        let Judged { found: mut other, files } = judge_once(config, program, &kept, &mut |_| ())?;
         // It may call other subroutines, and in another order.
         let numbers: Vec<usize> = files.into_iter().map(|file| judged.number_of(file)).collect();
         let renumber = |file: &mut usize| *file = numbers.get(*file).copied().unwrap_or(0);
@@ -104,18 +116,17 @@ fn judge_once(
     config: &MachineConfig,
     program: &Path,
     options: &Options,
-    see: &mut (dyn FnMut(&Row) -> ControlFlow<()> + Send),
+    see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<Judged, JudgeError> {
-    let Followed { found, files, mut time } = followed(config, program, options, see)?;
+    let (mut judged, mut time) = followed(config, program, options, see)?;
     let is_stopped = matches!(&time, Time::Judged(timing) if timing.ending == Ending::Stopped);
-    let mut judged = Judged { found, files };
     if is_stopped {
         let open = Options { open_limits: true, ..options.clone() };
-        let beyond = followed(config, program, &open, &mut |_| ControlFlow::Continue(()))?;
+        let (beyond, without) = followed(config, program, &open, &mut |_| ())?;
         // Without its limits LinuxCNC comes at least as far.
         if beyond.found.moves >= judged.found.moves {
-            (judged.found, judged.files) = (beyond.found, beyond.files);
-            if let (Time::Judged(timing), Time::Judged(other)) = (&mut time, beyond.time) {
+            judged = beyond;
+            if let (Time::Judged(timing), Time::Judged(other)) = (&mut time, without) {
                 for (used, other) in timing.extra.iter_mut().zip(other.extra) {
                     *used = [used[0].min(other[0]), used[1].max(other[1])];
                 }
@@ -130,19 +141,13 @@ fn judge_once(
 const BATCH: usize = 256;
 const BATCHES: usize = 64;
 
-struct Followed {
-    found: Preflight,
-    files: Vec<PathBuf>,
-    time: Time,
-}
-
 /// Runs a program; beside it its moves are followed.
 fn followed(
     config: &MachineConfig,
     program: &Path,
     options: &Options,
-    see: &mut (dyn FnMut(&Row) -> ControlFlow<()> + Send),
-) -> Result<Followed, JudgeError> {
+    see: &mut (dyn FnMut(&Row) + Send),
+) -> Result<(Judged, Time), JudgeError> {
     // One of two mechanisms is judged by what both do.
     let is_half = config.place.is_of_pair && config.second.is_none();
     let read = is_half.then(|| MachineConfig::read(&config.file).ok()).flatten();
@@ -176,7 +181,8 @@ fn followed(
                     loads.see(row);
                     cycles.see(row);
                 }
-                see(row)
+                see(row);
+                ControlFlow::Continue(())
             }
         });
         // Whoever follows has gone only where it has failed.
@@ -210,7 +216,7 @@ fn followed(
         Ok(_) if is_half => Time::NotJudged(NotJudged::HalfOfPair.to_string()),
         Ok(outcome) => Time::Judged(Timing::of(config, demands, outcome)),
     };
-    Ok(Followed { found, files, time })
+    Ok((Judged { found, files }, time))
 }
 
 /// Returns whether lines of these files begin with `/`.
@@ -344,30 +350,21 @@ fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
     told.collect()
 }
 
-/// What breaks, and how.
+/// Returns the part that leaves a limit, and a sentence about it.
 fn sentence(config: &MachineConfig, limit: Rule, joint: usize, peak: &Peak) -> (String, String) {
     let Peak { value, limit: most, .. } = peak;
     let joint = Part::Joint(joint);
-    match limit {
-        Rule::Limit(limit) => {
-            let (part, unit) =
-                (limits::part(config, limit, joint), limits::unit(config, limit, joint));
-            let text = format!(
-                "{part} goes beyond {most} {unit}, in this program up to {value:.4} {unit}"
-            );
-            (part, text)
+    let of = if let Rule::Limit(limit) = limit { limit } else { Limit::JointRange };
+    let (part, unit) = (limits::part(config, of, joint), limits::unit(config, of, joint));
+    let text = match limit {
+        Rule::Limit(_) => {
+            format!("{part} goes beyond {most} {unit}, in this program up to {value:.4} {unit}")
         }
-        Rule::FollowingError | Rule::Control | Rule::Mechanisms | Rule::Path => {
-            let limit = Limit::JointRange;
-            let (part, unit) =
-                (limits::part(config, limit, joint), limits::unit(config, limit, joint));
-            let text = format!(
-                "{part} lags behind its command by {value:.4} {unit}, where LinuxCNC allows \
-                 {most:.4} {unit}"
-            );
-            (part, text)
-        }
-    }
+        _ => format!(
+            "{part} lags behind its command by {value:.4} {unit}, where LinuxCNC allows {most:.4} {unit}"
+        ),
+    };
+    (part, text)
 }
 
 /// What LinuxCNC says where it stops the program.

@@ -50,7 +50,7 @@ pub struct Start {
 }
 
 impl Start {
-    fn not_tried(reason: impl std::fmt::Display) -> Self {
+    pub(super) fn not_tried(reason: impl std::fmt::Display) -> Self {
         Self { fact: format!("not tried: {reason}"), error: None }
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Names of columns in tables of poses and joints.
+//! Names of columns in tables of poses and joints, and a pose in words.
 
-use kinematics::Letter;
+use kinematics::{Letter, Pose};
 
 /// Those of the coordinates of a pose: x y z a b c.
 pub fn coordinates() -> Vec<String> {
@@ -11,4 +11,10 @@ pub fn coordinates() -> Vec<String> {
 /// Those of joint values.
 pub fn joint_names(count: usize) -> Vec<String> {
     (0..count).map(|i| format!("joint_{i}")).collect()
+}
+
+/// Returns a pose as a block of a program would name it.
+pub fn in_words(pose: &Pose) -> String {
+    let word = |(letter, value): (&Letter, f64)| format!("{}{:.4}", letter.name(), value + 0.0);
+    Letter::ALL.iter().zip(pose.to_degrees()).map(word).collect::<Vec<_>>().join(" ")
 }

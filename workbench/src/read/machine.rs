@@ -145,6 +145,11 @@ pub struct MachineConfig {
     pub refused_boxes: Option<MachineError>,
 }
 
+/// A second mechanism of a machine that has one.
+#[derive(Debug, thiserror::Error)]
+#[error("--mechanism 2: {} has one mechanism; second= in [KINS]KINEMATICS gives another", .0.display())]
+pub struct OneMechanism(pub PathBuf);
+
 impl MachineConfig {
     /// Reads a machine from its INI file.
     ///
@@ -278,6 +283,18 @@ impl MachineConfig {
     /// Its mechanisms, the first one first.
     pub fn mechanisms(&self) -> impl Iterator<Item = &Self> {
         std::iter::once(self).chain(self.second.as_deref())
+    }
+
+    /// Returns one mechanism alone, the first or, for 2, the second.
+    ///
+    /// # Errors
+    /// The machine has one mechanism.
+    pub fn mechanism(mut self, number: u8) -> Result<Self, OneMechanism> {
+        match (number, self.second.take()) {
+            (2, Some(second)) => Ok(*second),
+            (2, None) => Err(OneMechanism(self.file)),
+            _ => Ok(self),
+        }
     }
 
     /// Name of the machine's unit of length.

@@ -4,6 +4,11 @@
 //! `lag`, `partition`, `two` and `response` treat masses on springs under a force that lags behind
 //! (paper 002); `process` and what follows it, cutting that meets the surface of the tooth before.
 
+/// What every answer ends with: how good it is.
+pub const WORTH: &str = "Damping and cutting coefficients are those of the study: the limits are about \
+                     proportional to damping\nand inverse to the coefficients, and the answer is as \
+                     good as they are.";
+
 pub mod bands;
 pub mod chip;
 pub mod floquet;

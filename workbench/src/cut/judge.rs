@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A program judged as it cuts, from its moves to the report.
+
+use crate::control::process::{self, Options};
+use crate::control::row::Ending;
+use crate::cut::moment::{NoMoment, Subject};
+use crate::cut::pass::{Found, Pass};
+use crate::cut::place::half_steps;
+use crate::cut::program::{Line, lines, stops};
+use crate::cut::report::{Looked, Report, Run, report};
+use crate::cut::teeth::Teeth;
+use crate::dynamics::capacity::Capacity;
+use crate::dynamics::model::Model;
+use crate::files::AtPlace;
+use crate::program::motion::Move;
+use crate::program::verdict::Step;
+use crate::read::columns::in_words;
+use crate::read::machine::MachineConfig;
+use crate::stability::path::{self, Stop};
+use crate::stability::pose::{NoSetup, Setup};
+use crate::study::file::{Lacking, Study};
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Mutex;
+
+/// Unless another one is asked for, depths up to this many times the depth of cut are looked at.
+const DEEPEST: f64 = 20.0;
+
+/// Lines of the program, by their numbers.
+type Lines = BTreeMap<u32, Line>;
+
+/// A machine and its cutter, as a study describes them.
+pub struct Cut<'a> {
+    subject: Subject<'a>,
+    setup: Setup<'a>,
+    /// Depth of cut, mm.
+    depth: f64,
+}
+
+impl<'a> Cut<'a> {
+    /// Prepares a machine and its cutter.
+    ///
+    /// # Errors
+    /// The study lacks a value, or see [`NoSetup`].
+    pub fn new(config: &'a MachineConfig, study: &Study) -> Result<Self, NoSetup> {
+        let lacks = |key| Lacking::Key { section: "cutting", key };
+        let cutter = study.cutting.as_ref().ok_or_else(|| lacks("teeth"))?;
+        let depth = cutter.depth_mm.ok_or_else(|| lacks("depth_mm"))?;
+        let model = Model::of(config, study)?;
+        let drives = Capacity::of(config, study)?;
+        let teeth = Teeth::of(cutter, study.milling.as_ref(), depth);
+        let subject = Subject { config, model, drives, teeth };
+        Ok(Self { subject, setup: Setup::new(config, study)?, depth })
+    }
+
+    /// Judges a program, its stability at so many places of it, up to the depth `deepest` in mm. `show` receives the
+    /// progress.
+    ///
+    /// # Errors
+    /// What is wrong, behind its place in the program.
+    pub fn judge(
+        &self,
+        program: &Path,
+        moves: &[Move],
+        options: &Options,
+        most_places: usize,
+        deepest: Option<f64>,
+        mut show: impl FnMut(Step) + Send,
+    ) -> Result<Report, AtPlace> {
+        let Self { subject, setup, depth } = self;
+        let no_cut = |error| AtPlace::new(program.display(), error);
+        let lines = lines(moves).map_err(no_cut)?;
+        let (stops, feed_moves) = stops(subject.config, moves, most_places).map_err(no_cut)?;
+        let at = |Stop { line, pose, .. }: &Stop| {
+            format!("{}: line {line}: {}", program.display(), in_words(pose))
+        };
+        let deepest = deepest.unwrap_or(DEEPEST * depth);
+        let path = path::Path::new(setup, &stops, deepest);
+        let path = path.map_err(|(k, error)| AtPlace::new(at(&stops[k]), error))?;
+        path.check(f64::INFINITY).map_err(|(k, error)| AtPlace::new(at(&stops[k]), error))?;
+        let (found, ran) = self.passed(program, moves, options, &lines, &mut show)?;
+        let show = Mutex::new(|share| show(Step::Search("limit depths", share)));
+        let shown = |share| show.lock().expect("nobody panics with it")(share);
+        shown(0.0);
+        let depths = path.depths(shown);
+        let steps = half_steps(subject.config);
+        let mut places = vec![];
+        for (stop, limit) in stops.iter().zip(depths) {
+            let chip = match found.lines.get(&stop.line) {
+                Some(line) => line.chip,
+                // Made one move with its neighbours: at the most that was seen.
+                None => found.peaks[0].as_ref().map_or(0.0, |peak| peak.value),
+            };
+            let place = subject.look(stop, chip, steps.as_deref());
+            places.push((*stop, limit, place.map_err(|error| AtPlace::new(at(stop), error))?));
+        }
+        let looked = Looked { places, feed_moves, deepest };
+        Ok(report(subject, program.into(), *depth, &lines, &found, &looked, &ran))
+    }
+
+    /// Runs a program and judges its moments; its moves alone where LinuxCNC cannot run it.
+    fn passed(
+        &self,
+        program: &Path,
+        moves: &[Move],
+        options: &Options,
+        lines: &Lines,
+        show: &mut impl FnMut(Step),
+    ) -> Result<(Found, Run), AtPlace> {
+        let Subject { config, .. } = self.subject;
+        let failed = |(line, error): (u32, NoMoment)| {
+            AtPlace::new(format!("{}: line {line}", program.display()), error)
+        };
+        let mut pass = Pass::new(&self.subject, lines);
+        let mut error = None;
+        let outcome = process::run(config, program, options, |row| {
+            show(Step::Row(row));
+            error = pass.see(row).err();
+            if error.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        if let Some(error) = error {
+            return Err(failed(error));
+        }
+        Ok(match outcome {
+            Ok(outcome) => {
+                let found = pass.finish().map_err(failed)?;
+                let errors = outcome.messages.iter().filter(|message| message.is_error());
+                let told: Vec<&str> = errors.map(|message| message.text.as_str()).collect();
+                let run = match outcome.ending {
+                    Ending::Finished => Run::Finished(outcome.seconds),
+                    Ending::Stopped => Run::Stopped(outcome.seconds, told.join("; ")),
+                };
+                (found, run)
+            }
+            Err(why) => {
+                let pass = Pass::new(&self.subject, lines);
+                let found = pass.of_moves(moves).map_err(failed)?;
+                (found, Run::NotJudged(why.to_string()))
+            }
+        })
+    }
+}

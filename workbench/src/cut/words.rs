@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The answer about a program in sentences.
+
+use crate::cut::report::{Drive, Report, Stability};
+use crate::stability::WORTH;
+
+impl Report {
+    /// Returns the verdict in a sentence.
+    pub fn why(&self) -> String {
+        let above = self.drives.iter().find(|drive| drive.share.is_some_and(|share| share > 1.0));
+        if let Some(Drive { name, load, unit, line, share, .. }) = above {
+            let share = share.unwrap_or_default();
+            return format!(
+                "{name} has to do {load:.1} {unit} in line {line}, {share:.3} of what it can."
+            );
+        }
+        let stability = &self.stability;
+        if !(stability.margin > 1.0) {
+            let (limit, line) = (stability.stable_to_mm, stability.line);
+            return format!(
+                "In line {line} a cut chatters beyond {limit:.4} mm, and {} mm are cut.",
+                self.depth_mm
+            );
+        }
+        match (&self.stopped, &self.not_judged) {
+            (Some(why), _) => format!("LinuxCNC stops the program: {why}."),
+            (_, Some(why)) => format!("Time and inertia are not judged: {why}."),
+            _ if self.fits.is_none() => {
+                "Nothing that was looked at is beyond its limit; not everything was looked at."
+                    .into()
+            }
+            _ => "Every drive can do what is asked of it, and every place looked at is stable."
+                .into(),
+        }
+    }
+
+    /// Returns what is not known.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = vec![
+            "Where the tool is in the work: every feed move counts as a cut of the study's immersion and depth."
+                .to_string(),
+            WORTH.replace('\n', " "),
+        ];
+        let Stability { places, feed_moves, .. } = self.stability;
+        notes.push("Stability and vibration between the ends of a move.".into());
+        if places < feed_moves {
+            let rest = feed_moves - places;
+            notes.push(format!(
+                "Stability and vibration of {rest} feed moves: --places {feed_moves} looks at all."
+            ));
+        }
+        if self.drives.iter().any(|drive| drive.share.is_none()) {
+            notes.push(
+                "What some drives can do: the study names neither max_force_n, max_torque_n_m nor \
+                 motor_torque_n_m for them."
+                    .into(),
+            );
+        }
+        if self.resolution_um.is_none() {
+            notes.push("The drives' steps: not every [JOINT_N] has a SCALE.".into());
+        }
+        if let Some(why) = &self.not_judged {
+            notes.push(format!("Time and inertia: {why}."));
+        }
+        notes
+    }
+}

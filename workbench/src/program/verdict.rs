@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The verdict on a program, from its file to a value: what LinuxCNC makes of it, warnings, and where it does not fit
+//! another work offset with which it does.
+
+use crate::check::cautions::{Caution, cautions, once};
+use crate::control::process::Options;
+use crate::control::refusal::NotJudged;
+use crate::control::row::Row;
+use crate::files::{self, AtFile, open};
+use crate::program::findings::{Preflight, Rule, Time};
+use crate::program::offset::{self, Offset};
+use crate::program::preflight::{self, JudgeError, Judged};
+use crate::read::machine::MachineConfig;
+use serde::Serialize;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// The verdict on a program; docs/json.md describes its JSON.
+#[derive(Clone, Debug, Serialize)]
+pub struct ProgramVerdict<'a> {
+    /// The machine.
+    #[serde(skip)]
+    pub config: &'a MachineConfig,
+    /// Its file, as it was named.
+    pub machine: String,
+    /// File of the program, as it was named.
+    pub program: String,
+    /// Files that lines belong to, by the numbers of their findings; the first one is the program.
+    pub files: Vec<PathBuf>,
+    #[serde(skip)]
+    pub(super) texts: Vec<String>,
+    /// Unknown where nothing that was judged breaks, and not all was judged.
+    pub fits: Option<bool>,
+    /// All findings.
+    #[serde(flatten)]
+    pub found: Preflight,
+    /// Warnings, each once.
+    pub warnings: Vec<Caution>,
+    /// Another work offset, under which the program fits.
+    pub offset: Option<Suggestion>,
+}
+
+/// A work offset that was checked, and the block that sets it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Suggestion {
+    /// The offset.
+    #[serde(flatten)]
+    pub offset: Offset,
+    /// The block.
+    pub block: String,
+    /// Whether LinuxCNC ran the program with it.
+    time_judged: bool,
+}
+
+impl Suggestion {
+    /// Returns how much of the program was checked with it.
+    pub const fn checked(&self) -> &'static str {
+        match self.time_judged {
+            true => "checked, with the whole program",
+            false => "what was judged of it was checked; not all of it was",
+        }
+    }
+}
+
+/// Progress of a verdict.
+#[derive(Clone, Copy, Debug)]
+pub enum Step<'a> {
+    /// A servo cycle of the program.
+    Row(&'a Row),
+    /// The kind of search for another work offset, and the share of it that is done.
+    Search(&'static str, f64),
+    /// A servo cycle of the program under the offset that was found.
+    Trial(&'a Row),
+}
+
+/// Receives the progress of a verdict.
+pub type Show<'a> = &'a mut (dyn FnMut(Step) + Send);
+
+/// Judges a program. Where it does not fit and `searches` is set, the search for another work offset follows.
+///
+/// # Errors
+/// See [`JudgeError`].
+pub fn judge<'a>(
+    config: &'a MachineConfig,
+    program: &Path,
+    options: &Options,
+    searches: bool,
+    show: Show,
+) -> Result<ProgramVerdict<'a>, JudgeError> {
+    // Reported before LinuxCNC starts, in the system's words.
+    open(program)?;
+    let Judged { found, files } =
+        preflight::judge(config, program, options, &mut |row| show(Step::Row(row)))?;
+    if found.is_still {
+        if let Some(stop) = found.breaks.iter().find(|told| told.limit == Rule::Control) {
+            let (file, line) = (files[stop.file].clone(), stop.line.max(1));
+            return Err(JudgeError::NeverStarts { file, line, text: stop.text.clone() });
+        }
+        if found.fits() {
+            return Err(JudgeError::MovesNothing(program.into()));
+        }
+    }
+    let text = |file: &PathBuf| Ok(String::from_utf8_lossy(&files::read(file)?).into_owned());
+    let texts = files.iter().map(text).collect::<Result<Vec<_>, AtFile<io::Error>>>()?;
+    let mut warnings = cautions(config, &config.ini, &texts);
+    warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
+    warnings.extend(found.off_path.iter().map(|off| Caution {
+        line: Some(off.line),
+        file: off.file,
+        text: off.text.clone(),
+    }));
+    let fits = match (&found.time, found.fits()) {
+        (_, false) => Some(false),
+        (Time::Judged(_), true) => Some(true),
+        (Time::NotJudged(_), true) => None,
+    };
+    let offset = match searches && may_shift(config, &found) {
+        true => offset(config, program, options, &found, show)?,
+        false => None,
+    };
+    if options.stop.load(Ordering::Relaxed) {
+        return Err(NotJudged::Interrupted.into());
+    }
+    Ok(ProgramVerdict {
+        config,
+        machine: config.file.display().to_string(),
+        program: program.display().to_string(),
+        files,
+        texts,
+        fits,
+        found,
+        warnings: once(warnings),
+        offset,
+    })
+}
+
+fn tilted((file, line): (usize, u32)) -> Caution {
+    let text = "the tool offset changes while the platform is tilted: the program waits while \
+                pkmkins moves it";
+    Caution { line: Some(line), file, text: text.into() }
+}
+
+/// Returns whether another work offset may help. Another place does not make a program slower, two mechanisms have two
+/// places, and the search knows the machine's own poses alone.
+fn may_shift(config: &MachineConfig, found: &Preflight) -> bool {
+    found.breaks.iter().any(|told| !told.limit.is_of_time())
+        && config.second.is_none()
+        && config.chain.is_empty()
+}
+
+/// Searches for a work offset that LinuxCNC and the whole check confirm: a shift where one will do, else one that is
+/// turned as well.
+fn offset(
+    config: &MachineConfig,
+    program: &Path,
+    options: &Options,
+    found: &Preflight,
+    show: Show,
+) -> Result<Option<Suggestion>, JudgeError> {
+    let mut confirmed = |kind, search: offset::Search| -> Result<_, JudgeError> {
+        let goes_on = &mut |share| {
+            show(Step::Search(kind, share));
+            !options.stop.load(Ordering::Relaxed)
+        };
+        let Some(offset) = search(config, &found.poses, goes_on)? else { return Ok(None) };
+        let block = offset.block();
+        let shifted = Options { block: Some(block.clone()), ..options.clone() };
+        // Under another offset LinuxCNC may refuse the program: cutter radii, arcs.
+        let judged =
+            preflight::judge(config, program, &shifted, &mut |row| show(Step::Trial(row))).ok();
+        let found = judged.map(|judged| judged.found).filter(Preflight::fits);
+        Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
+    };
+    match confirmed("looking for another work offset", offset::shift)? {
+        None if found.poses.may_turn(config) => {
+            confirmed("looking for a turned work offset", offset::turn)
+        }
+        shifted => Ok(shifted),
+    }
+}

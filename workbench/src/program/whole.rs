@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! A machine checked as a whole: each mechanism, its start in virtual time, and both mechanisms together.
+
+use crate::check::between;
+use crate::check::findings::{Finding, Report};
+use crate::check::report::check;
+use crate::files::AtFile;
+use crate::program::start::{Start, start};
+use crate::read::diagnostic::Severity;
+use crate::read::error::MachineError;
+use crate::read::machine::MachineConfig;
+use std::io;
+
+/// What was found of a machine.
+#[derive(Debug)]
+pub struct Whole {
+    /// Its mechanisms.
+    pub mechanisms: Vec<Report>,
+    /// Both of two together.
+    pub between: Option<Report>,
+}
+
+impl Whole {
+    fn reports(&self) -> impl Iterator<Item = &Report> {
+        self.mechanisms.iter().chain(&self.between)
+    }
+
+    /// Returns whether nothing is wrong.
+    pub fn fits(&self) -> bool {
+        self.reports().all(Report::fits)
+    }
+
+    /// Returns all findings.
+    pub fn findings(&self) -> Vec<&Finding> {
+        self.reports().flat_map(|report| &report.findings).collect()
+    }
+}
+
+/// Checks a machine, with a start in virtual time where `starts` is set. `show` receives what is being done, and the
+/// share of it that is done where that is known.
+///
+/// # Errors
+/// The file describes no machine, or a file of the start cannot be written.
+pub fn checked<E: From<MachineError> + From<AtFile<io::Error>>>(
+    config: &MachineConfig,
+    starts: bool,
+    mut show: impl FnMut(&'static str, Option<f64>),
+) -> Result<Whole, E> {
+    let mut mechanisms = vec![];
+    for mechanism in config.mechanisms() {
+        let looking = "looking for boxes of poses";
+        show(looking, None);
+        let mut report = check(mechanism, |share| show(looking, Some(share)))?;
+        // Both mechanisms are one machine of LinuxCNC's.
+        if !mechanism.place.is_second {
+            let started = if !starts {
+                Start::not_tried("--no-start")
+            } else if !report.fits() {
+                Start::not_tried("the errors come first")
+            } else {
+                show("starting the machine in virtual time", None);
+                start(config)?
+            };
+            report.fact("start", started.fact);
+            if let Some(error) = started.error {
+                report.finding(Severity::Error, error);
+            }
+        }
+        mechanisms.push(report);
+    }
+    Ok(Whole { mechanisms, between: between::check(config)? })
+}

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The verdict on a program in words.
+
+use crate::check::cautions::Caution;
+use crate::control::row::{Ending, Message};
+use crate::program::findings::{Break, LineLoad, Range, Time, Timing};
+use crate::program::offset::Offset;
+use crate::program::verdict::{ProgramVerdict, Suggestion};
+use kinematics::Letter;
+
+/// Steps of coordinates that are shown.
+const PLACES: f64 = 1e-4;
+
+/// Least share of the programmed feed that three digits show.
+const LEAST_FEED: f64 = 1e-3;
+
+impl ProgramVerdict<'_> {
+    /// Names a line: its number, behind the name of its file where that is not the program.
+    pub fn place(&self, file: usize, line: u32) -> String {
+        match file {
+            0 => format!("line {line}"),
+            _ => format!("{}, line {line}", self.files[file].display()),
+        }
+    }
+
+    /// Returns what stands in the line of a break.
+    pub fn block(&self, told: &Break) -> Option<&str> {
+        let number = (told.line as usize).checked_sub(1)?;
+        self.texts[told.file].lines().nth(number).map(str::trim)
+    }
+
+    /// Returns a caution with its place.
+    pub fn caution(&self, Caution { line, file, text }: &Caution) -> String {
+        line.map_or(String::new(), |line| self.place(*file, line) + ": ") + text
+    }
+
+    /// Returns the verdict with all facts and findings.
+    pub fn text(&self) -> String {
+        let verdict = match (self.fits, self.warnings.is_empty()) {
+            (Some(true), true) => "The program fits the machine.",
+            (Some(true), false) => "The program fits the machine; look at the warnings.",
+            (Some(false), _) => "The program does not fit the machine.",
+            (None, _) => "What was judged of the program fits the machine; not all of it was.",
+        };
+        format!("{}{}\n{verdict}\n", self.facts(), self.findings())
+    }
+
+    /// Returns what does not fit, and what would.
+    pub fn findings(&self) -> String {
+        let unit = self.config.length_unit();
+        let mut text = String::new();
+        for told in &self.found.breaks {
+            text += &format!("\nerror: {}", self.sentence(told));
+        }
+        for caution in &self.warnings {
+            text += &format!("\nwarning: {}\n", self.caution(caution));
+        }
+        text += &self.shown();
+        if let Some(suggestion) = &self.offset {
+            let Suggestion { offset: Offset { shift: [x, y, z], turn }, block, .. } = suggestion;
+            let how = match *turn {
+                0.0 => format!("shifted by X {x} Y {y} Z {z} {unit}"),
+                _ => format!(
+                    "turned by {turn} degrees about Z and then shifted by X {x} Y {y} Z {z} {unit}"
+                ),
+            };
+            text += &format!(
+                "\nhelp: the program fits with its work offset {how}: {}.\n  \
+                 Clamp the workpiece there, and once before the program run:\n  {block}\n",
+                suggestion.checked()
+            );
+        }
+        text
+    }
+
+    /// Returns what the program takes of the machine, and how much is to spare.
+    fn facts(&self) -> String {
+        let found = &self.found;
+        let mut text = format!("{} on {}\n", self.program, self.machine);
+        let mut row = |name: &str, value: String| text += &format!("  {name:<18} {value}\n");
+        let unit = self.config.length_unit();
+        row("moves", format!("{}, {:.1} {unit} long", found.moves, found.length));
+        row("time", found.time.text("not judged"));
+        let is_stopped =
+            matches!(&found.time, Time::Judged(timing) if timing.ending == Ending::Stopped);
+        let to_the_stop = if is_stopped { " (up to the stop)" } else { "" };
+        for margin in &found.margins {
+            let how_far = if margin.limit.is_of_time() { to_the_stop } else { "" };
+            let place = match margin.line {
+                0 => format!("{}, before the program", margin.part),
+                line => format!("{}, {}", margin.part, self.place(margin.file, line)),
+            };
+            let side = if margin.value < 0.0 { "beyond" } else { "to spare" };
+            let amount = format!("{:.4} {}", margin.value.abs(), margin.unit);
+            row(margin.limit.name(), format!("{} {side}: {place}{how_far}", amount.trim_end()));
+        }
+        for range in &found.ranges {
+            row(&range.part, range.text());
+        }
+        if let Time::Judged(timing) = &found.time
+            && let Some(least) = timing.lines.iter().min_by(|a, b| a.factor.total_cmp(&b.factor))
+        {
+            row("feed", self.feed(least) + to_the_stop);
+        }
+        if !found.fits() {
+            let share = 100.0 * found.runnable;
+            row("runs", format!("{share:.1} % of the path before the first limit"));
+        }
+        text
+    }
+
+    /// Returns what LinuxCNC shows to the operator of a program that it runs to its end.
+    fn shown(&self) -> String {
+        let Time::Judged(timing) = &self.found.time else { return String::new() };
+        let shown = timing.messages.iter().filter(|_| timing.ending == Ending::Finished);
+        let note = |Message { text, line, file, seconds, .. }: &Message| {
+            let place = self.place(*file, *line);
+            format!("\nnote: {place}, after {seconds:.1} s: LinuxCNC shows: {text}\n")
+        };
+        shown.map(note).collect()
+    }
+
+    /// Returns the largest feed that the joint speeds allow.
+    fn feed(&self, LineLoad { line, file, factor }: &LineLoad) -> String {
+        let times = match *factor < LEAST_FEED {
+            true => format!("less than {LEAST_FEED}"),
+            false => format!("{factor:.3}"),
+        };
+        let place = self.place(*file, *line);
+        format!("joint speeds allow {times} times the programmed one, in {place}")
+    }
+
+    /// Returns the verdict in a few words, for a table.
+    pub fn summary(&self) -> String {
+        let found = &self.found;
+        let Some(first) = found.breaks.first() else { return found.time.text("time not judged") };
+        let more = match found.breaks.len() - 1 {
+            0 => String::new(),
+            more => format!(", and {more} more"),
+        };
+        format!("{}: {}{more}", self.place(first.file, first.line), first.limit.name())
+    }
+
+    /// Returns a break in a sentence, with its line and pose.
+    pub fn sentence(&self, told: &Break) -> String {
+        let second = self.config.second.as_deref();
+        let mechanism = second.filter(|_| told.of_second).unwrap_or(self.config);
+        let words: Vec<String> = Letter::ALL
+            .iter()
+            .zip(told.pose)
+            // Letters of another mechanism, or of nothing.
+            .filter(|(letter, _)| {
+                !mechanism.place.is_of_pair || !mechanism.machine.layout().is_held(**letter)
+            })
+            .map(|(letter, value)| {
+                // What rounds to 0 has no sign.
+                let value = (value / PLACES).round() * PLACES + 0.0;
+                format!("{}{value:.4}", mechanism.place.letter(*letter))
+            })
+            .collect();
+        let block = self.block(told).map_or(String::new(), |block| format!("  {block}\n"));
+        let more = match told.moves {
+            0 | 1 => String::new(),
+            moves => format!(", the first of {moves}"),
+        };
+        format!(
+            "{}: {}: {}\n{block}  at {}{more}\n",
+            self.place(told.file, told.line),
+            told.limit.name(),
+            told.text,
+            words.join(" ")
+        )
+    }
+}
+
+impl Range {
+    /// Returns what a program uses of an axis or joint.
+    fn text(&self) -> String {
+        let Self { unit, used, allowed, .. } = self;
+        let end = |end: f64| if end.is_finite() { end.to_string() } else { "any".into() };
+        let [least, most] = allowed.map(end);
+        // No -0, and no -0.000 of what rounds to 0.
+        let [low, high] = used.map(|value| (value * 1e3).round() / 1e3 + 0.0);
+        format!("{low:.3} to {high:.3} of {least} to {most} {unit}")
+    }
+}
+
+impl Time {
+    /// Returns the duration, or behind `not_judged` why there is none.
+    fn text(&self, not_judged: &str) -> String {
+        match self {
+            Self::NotJudged(cause) => format!("{not_judged}: {cause}"),
+            Self::Judged(Timing { seconds, ending: Ending::Finished, .. }) => {
+                format!("{seconds:.1} s")
+            }
+            Self::Judged(Timing { seconds, .. }) => {
+                format!("{seconds:.1} s, then LinuxCNC stops it")
+            }
+        }
+    }
+}
