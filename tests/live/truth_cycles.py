@@ -28,8 +28,9 @@ NEAR = 2e-4
 CHORDS = 3e-4
 # Cycles around a change of the tool offset in which the platform may still be moved.
 AROUND = 20
-# Share by which ranges of joints, which preflight gives to first order, may exceed those of the cycles.
-COARSE = 0.02
+# Share by which ranges of joints, which preflight gives to first order for a whole move, may exceed those of the cycles:
+# 4.7 % were seen, of a compensated move that turns the platform as well.
+COARSE = 0.05
 # How far, in machine units and degrees, the last cycle may be from the end that LinuxCNC reports: its message
 # has six decimals, of an inch at most.
 ENDING = 3e-5

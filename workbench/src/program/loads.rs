@@ -156,6 +156,8 @@ pub struct Loads<'a> {
     before: Place,
     /// Whether the drives were on in the last row.
     was_on: bool,
+    /// Tool offsets in effect in the last row with the drives on.
+    tools: Option<[[f64; 3]; 2]>,
     /// Rows up to this cycle are no motion of the program.
     tool_moves_to: u64,
     /// File and line that are judged, and their largest share of a speed limit.
@@ -184,6 +186,7 @@ impl<'a> Loads<'a> {
             ranges: vec![[f64::INFINITY, f64::NEG_INFINITY]; config.extra.len()],
             before: Place::default(),
             was_on: false,
+            tools: None,
             tool_moves_to: 0,
             line: ((0, 0), 0.0),
             lines: BTreeMap::new(),
@@ -206,7 +209,8 @@ impl<'a> Loads<'a> {
         }
         self.was_on = true;
         self.note_place(row);
-        if row.flags.tool_busy {
+        let tools = [row.tool, row.second.tool];
+        if self.tools.replace(tools).is_some_and(|before| before != tools) {
             let first = row.cycle.saturating_sub(AROUND_TOOL_OFFSETS);
             self.judge_before(first);
             self.waiting.clear();
@@ -438,16 +442,19 @@ mod tests {
     fn cycles_about_a_moving_tool_offset_are_no_speed_of_the_program() {
         let config = config();
         let mut rows = rows(&ramp(0.001));
-        for busy in 35..38 {
-            rows[busy].flags.tool_busy = true;
+        for (moving, row) in rows.iter_mut().enumerate().skip(35) {
+            row.tool[0] = moving.min(37) as f64;
         }
         let found = judged(&config, &rows);
         // Rows 30 to 42 are left out; nothing moves in the others.
         assert_eq!(found.speed.peaks[0].value, 0.0);
         assert_eq!(found.acceleration.peaks[0].value, 0.0);
-        rows[35].flags.tool_busy = false;
-        rows[36].flags.tool_busy = false;
-        // Six cycles before the first busy one are motion of the program.
+        // The module is busy before it moves the offset, while the program comes to rest.
+        for row in &mut rows[35..37] {
+            row.flags.tool_busy = true;
+            row.tool[0] = 0.0;
+        }
+        // Six cycles before the first change are motion of the program.
         assert_near(judged(&config, &rows).speed.peaks[0].value, 2.0);
     }
 
