@@ -3,7 +3,7 @@
 # Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-virtual test-aside test-live ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-random truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
+.PHONY: help demo pictures getting-started calibration-demo test built test-machines test-programs test-virtual test-aside test-live ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-random truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module pins virtual header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -29,6 +29,8 @@ HALLIB := /usr/share/linuxcnc/hallib
 # Its folders that end in _lib are linked into a user's nc_files by LinuxCNC's configuration picker.
 NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
+# What reads the INI file for hal/pkmkins.tcl, which looks for it there.
+PINS := target/host/pkmkins-pins
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
 SUBROUTINES := $(wildcard subroutines/*.ngc subroutines/*.inc)
 # The picker shows what lies below it as machines to copy.
@@ -49,6 +51,7 @@ VIRTUAL_SOURCES := $(wildcard workbench/virtual/*.cc workbench/virtual/*.h) work
 CONFIGS := $(wildcard $(foreach kind,ini tbl toml tcl xml,configs/*/*.$(kind)) configs/*/programs/*.ngc \
     configs/*/paths/*.toml configs/*/calibration/*)
 PLACES = $(SO)=$(MODULES)/pkmkins.so \
+    $(PINS)=$(VIEWER_BIN)/pkmkins-pins \
     $(foreach f,$(VIRTUAL),$(f)=$(MODULES)/$(notdir $(f))) \
     $(foreach f,$(HAL_FILES),$(f)=$(HALLIB)/$(notdir $(f))) \
     $(foreach f,$(SUBROUTINES),$(f)=$(NGC_LIB)/$(notdir $(f))) \
@@ -58,6 +61,7 @@ PLACES = $(SO)=$(MODULES)/pkmkins.so \
     $(foreach f,$(CONFIGS),$(f)=$(EXAMPLES)/$(f:configs/%=%)) \
     $(foreach f,$(wildcard configs/*/README.md),$(f)=$(EXAMPLES)/$(f:configs/%.md=%)) \
     $(foreach f,$(VIEWERS),$(f).1=$(MANUALS)/man1/$(notdir $(f)).1) \
+    kinsmodule/pins/pkmkins-pins.1=$(MANUALS)/man1/pkmkins-pins.1 \
     docs/pkmkins.9=$(MANUALS)/man9/pkmkins.9
 # Folders that are ours alone: none of them is left when it is empty.
 OUR_FOLDERS := $(NGC_LIB) $(VIEWER_SHARE) $(EXAMPLES)
@@ -225,7 +229,8 @@ site: setup-site
 	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
 
 ini-cases: install
-	tests/cases/ini/run.py
+	$(HOST_BUILD) --bin pkm
+	tests/cases/ini/run.py --pkm target/host/pkm
 	tests/live/pins_test.py
 	tests/live/card_test.py
 	tests/live/attach_test.py
@@ -317,7 +322,7 @@ check: setup site lint-scripts lint-crates
 	    @echo "pkmkins: this Rust has no cargo clippy: skipped")
 	$(WITH_CLIPPY) RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --lib --no-deps --quiet
 	$(MAKE) --no-print-directory header
-	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
+	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 viewer/pkmkins_causes.py
 
 # Python and shell.
 lint-scripts: setup-site
@@ -482,11 +487,16 @@ rust:
 module:
 	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
 
+# With the features that all of it has.
+pins: rust
+	$(HOST_BUILD) --bin pkmkins-pins
+
 # The module and its HAL files stand beside the library, which takes them before those that are installed.
-virtual: setup module
+virtual: setup module pins
 	@[ -e "$(VIRTUAL)" ] && [ -z "$$(find $(VIRTUAL_SOURCES) -newer "$(VIRTUAL)")" ] || \
 	    workbench/virtual/build.sh target/virtual
-	@cp $(SO) target/virtual/pkmkins.so && cp $(HAL_FILES) target/virtual
+	@cp $(SO) target/virtual/pkmkins.so && cp $(HAL_FILES) target/virtual && \
+	    cp $(PINS) target/virtual/pkmkins-pins.new && mv target/virtual/pkmkins-pins.new target/virtual/pkmkins-pins
 
 # The names that people depend on; a released one that has vanished is refused.
 names: setup module
@@ -562,7 +572,7 @@ TOOLS := target/tools/bin
 PACKAGING := $(TOOLS)/cargo-deb $(TOOLS)/cargo-about
 deb: setup module virtual $(PACKAGING)
 	@$(call INSTALLED,dpkg-dev lintian)
-	$(CARGO) build --profile deb $(LOCKED) --quiet --bin pkm
+	$(CARGO) build --profile deb $(LOCKED) --quiet --bin pkm --bin pkmkins-pins
 	packaging/build.sh $(TOOLS) $(VIRTUAL)
 
 # In a Debian that has nothing else; as root, with debootstrap.
