@@ -29,6 +29,8 @@ HALLIB := /usr/share/linuxcnc/hallib
 # Its folders that end in _lib are linked into a user's nc_files by LinuxCNC's configuration picker.
 NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
+# What reads the INI file for hal/pkmkins.tcl, which looks for it there.
+PINS := target/host/pkmkins-pins
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
 SUBROUTINES := $(wildcard subroutines/*.ngc subroutines/*.inc)
 # The picker shows what lies below it as machines to copy.
@@ -53,6 +55,7 @@ GENERATED := $(foreach end,xml tcl,$(patsubst %.ini,%-panel.$(end),$(wildcard co
 CONFIGS := $(sort $(GENERATED) $(wildcard $(foreach kind,ini tbl toml,configs/*/*.$(kind)) configs/*/programs/*.ngc \
     configs/*/paths/*.toml configs/*/calibration/*))
 PLACES = $(SO)=$(MODULES)/pkmkins.so \
+    $(PINS)=$(VIEWER_BIN)/pkmkins-pins \
     $(foreach f,$(VIRTUAL),$(f)=$(MODULES)/$(notdir $(f))) \
     $(foreach f,$(HAL_FILES),$(f)=$(HALLIB)/$(notdir $(f))) \
     $(foreach f,$(SUBROUTINES),$(f)=$(NGC_LIB)/$(notdir $(f))) \
@@ -62,6 +65,7 @@ PLACES = $(SO)=$(MODULES)/pkmkins.so \
     $(foreach f,$(CONFIGS),$(f)=$(EXAMPLES)/$(f:configs/%=%)) \
     $(foreach f,$(wildcard configs/*/README.md),$(f)=$(EXAMPLES)/$(f:configs/%.md=%)) \
     $(foreach f,$(VIEWERS),$(f).1=$(MANUALS)/man1/$(notdir $(f)).1) \
+    kinsmodule/pins/pkmkins-pins.1=$(MANUALS)/man1/pkmkins-pins.1 \
     docs/pkmkins.9=$(MANUALS)/man9/pkmkins.9
 # Folders that are ours alone: none of them is left when it is empty.
 OUR_FOLDERS := $(NGC_LIB) $(VIEWER_SHARE) $(EXAMPLES)
@@ -139,7 +143,7 @@ demo:
 	@[ -f "configs/$(MACHINE)/$(MACHINE).ini" ] || [ -f "$(MACHINE)" ] || { \
 	    echo "pkmkins: no machine $(MACHINE): name an INI file, or one of:" $(notdir $(wildcard configs/*)); exit 2; }
 	@tools/progress.sh "building and installing" $(MAKE) --no-print-directory --jobs=2 \
-	    BINS="pkm judge" install
+	    BINS="$(BINS) judge" install
 	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
 
 # The component that plays the true machine is for this alone: it goes again at the end.
@@ -159,7 +163,7 @@ BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 test: rust
 	@echo "pkmkins: several tests run at once; what one says is shown when it is over"
 	$(BESIDE)=3 PACKAGES="$(PACKAGES) $(SCREEN_PACKAGES) $(SITE_PACKAGES) $(PAGE_PACKAGES)" \
-	    BINS="pkm judge header" setup-more ini-cases generated
+	    BINS="$(BINS) judge header" setup-more ini-cases generated
 	$(BESIDE)=4 test-machines test-programs test-virtual test-aside
 
 # By one run of apt, in `setup`, which comes first; the rest finds nothing to install.
@@ -223,7 +227,8 @@ site: setup-site generated
 	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
 
 ini-cases: install
-	tests/cases/ini/run.py
+	$(HOST_BUILD) --bin pkm
+	tests/cases/ini/run.py --pkm target/host/pkm
 	tests/live/pins_test.py
 	tests/live/card_test.py
 	tests/live/attach_test.py
@@ -276,7 +281,7 @@ wheel-env: wheel
 	    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
 
 # Everything of it: the search, Dask, the notebooks.
-test-wheel: wheel-env virtual generated
+test-wheel: wheel-env virtual
 	PKM=$(CURDIR)/target/host/pkm PKM_VIRTUAL_LIBRARY=$(CURDIR)/$(VIRTUAL) build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
 
 # The same with the Python of another Debian, as root, with debootstrap: make test-wheel-debian SUITE=trixie
@@ -313,7 +318,7 @@ check: setup site lint-scripts lint-crates
 	    @echo "pkmkins: this Rust has no cargo clippy: skipped")
 	$(WITH_CLIPPY) RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --lib --no-deps --quiet
 	$(MAKE) --no-print-directory header
-	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 hal/pkmkins.tcl viewer/pkmkins_causes.py
+	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 viewer/pkmkins_causes.py
 
 # Python and shell.
 lint-scripts: setup-site
@@ -397,7 +402,7 @@ truth-live: install
 
 PROGRAMS := 10000
 # On what is built: nothing is installed.
-guard: virtual generated
+guard: virtual
 	PKM_VIRTUAL_LIBRARY=$(VIRTUAL) tests/virtual/guarded.py --programs $(PROGRAMS)
 
 # Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
@@ -471,7 +476,7 @@ rust:
 
 # The panels of the machines and some of their programs, beside their INI files. Needs nothing of LinuxCNC: where a
 # compiler is there, pkm is built while the rest is being installed. BINS: what is wanted beside it, in the same run.
-BINS := pkm
+BINS := pkm pkmkins-pins
 generated: $(if $(shell command -v cc),rust,setup)
 	$(HOST_BUILD) $(BINS:%=--bin %)
 	tools/generate.sh $(PKM)
@@ -481,10 +486,11 @@ module:
 	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
 
 # The module and its HAL files stand beside the library, which takes them before those that are installed.
-virtual: setup module
+virtual: setup module generated
 	@[ -e "$(VIRTUAL)" ] && [ -z "$$(find $(VIRTUAL_SOURCES) -newer "$(VIRTUAL)")" ] || \
 	    workbench/virtual/build.sh target/virtual
-	@cp $(SO) target/virtual/pkmkins.so && cp $(HAL_FILES) target/virtual
+	@cp $(SO) target/virtual/pkmkins.so && cp $(HAL_FILES) target/virtual && \
+	    cp $(PINS) target/virtual/pkmkins-pins.new && mv target/virtual/pkmkins-pins.new target/virtual/pkmkins-pins
 
 # The names that people depend on; a released one that has vanished is refused.
 names: setup module
@@ -502,7 +508,7 @@ MAY_CHANGE = if [ -z "$(DESTDIR)" ]; then \
 AS_ROOT = root="$(SUDO)"; [ -z "$(DESTDIR)" ] || root=""
 
 # A new file that is renamed: a module that is being mapped is never half-written.
-install: virtual generated
+install: virtual
 	@$(call MAY_CHANGE,installing)
 	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB), $(DESTDIR)$(NGC_LIB) and beside them"
 	@$(AS_ROOT); for pair in $(PLACES); do \
@@ -560,7 +566,7 @@ TOOLS := target/tools/bin
 PACKAGING := $(TOOLS)/cargo-deb $(TOOLS)/cargo-about
 deb: setup module virtual $(PACKAGING)
 	@$(call INSTALLED,dpkg-dev lintian)
-	$(CARGO) build --profile deb $(LOCKED) --quiet --bin pkm
+	$(CARGO) build --profile deb $(LOCKED) --quiet --bin pkm --bin pkmkins-pins
 	packaging/build.sh $(TOOLS) $(VIRTUAL)
 
 # In a Debian that has nothing else; as root, with debootstrap.

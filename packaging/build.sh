@@ -81,8 +81,11 @@ cargo fetch --locked --quiet
 lay_out() { make --no-print-directory -s -o setup -o module -o virtual -o generated -o pkm-built "$@"; }
 
 tools/generate.sh target/deb/pkm
-lay_out install DESTDIR="$stage/pkmkins" ${1:+VIRTUAL="$*"}
-documents pkmkins kinsmodule/linuxcnc "$revision"
+lay_out install PINS=target/deb/pkmkins-pins DESTDIR="$stage/pkmkins" ${1:+VIRTUAL="$*"}
+# cargo-deb takes symbols out of the module alone.
+strip "$stage/pkmkins/usr/bin/pkmkins-pins"
+# It has the libraries of the module as well.
+documents pkmkins kinsmodule/pins "$revision"
 set --
 [ "$series" = 2.9 ] || set -- --variant "$series"
 CARGO_TARGET_DIR=target/module packed pkmkins usr/lib/linuxcnc/modules/pkmkins.so "$revision" "$@"

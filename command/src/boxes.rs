@@ -5,12 +5,12 @@ use super::failure::{Failure, tell_error};
 use super::{Bar, MachineFile, Verdict, output, told};
 use serde::Serialize;
 use serde_json::json;
-use workbench::check::boxes::refused;
 use workbench::check::fixes::rewritten;
 use workbench::files::write_over;
 use workbench::proof::boxes as proof;
 use workbench::proof::one_to_one::Doubt;
 use workbench::read::boxes::{self, BoxSection};
+use workbench::read::error::MachineError;
 use workbench::read::machine::MachineConfig;
 
 /// Finds and proves boxes of poses for the start without a seed
@@ -75,8 +75,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     .to_string();
     let (mut boxes, mut sections) = (vec![], String::new());
     for mechanism in config.mechanisms() {
-        for refused in refused(mechanism, "looking for others") {
-            tell_error(&refused);
+        for refused in mechanism.refused_boxes.iter().flat_map(MachineError::in_file) {
+            tell_error(refused);
         }
         let answer = match of_mechanism(mechanism) {
             Ok(answer) => answer,

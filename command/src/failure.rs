@@ -6,7 +6,7 @@ use std::fmt::{self, Display};
 use std::io::{self, ErrorKind, Write};
 use std::sync::Mutex;
 use workbench::files::AtPlace;
-use workbench::read::diagnostic::{Severity, rendered};
+use workbench::read::diagnostic::{Severity, of_machine, rendered};
 use workbench::read::error::MachineError;
 use workbench::read::ini::IniError;
 
@@ -74,7 +74,7 @@ impl Failure {
     /// Tells it on standard error: marked in the text where it is of an INI file.
     pub fn tell(&self) {
         if let Some(error) = self.0.downcast_ref::<IniError>() {
-            tell_lines(&marked(error));
+            tell_lines(&rendered(Severity::Error, &error.0));
         } else if let Some(error) = self.0.downcast_ref::<MachineError>() {
             tell_lines(&of_machine(error));
         } else if self.0.is::<io::Error>()
@@ -100,16 +100,4 @@ fn tell_lines(text: &str) {
     ERRORS.lock().expect("nobody panics with it").push(error);
     // Nothing is left to do where standard error is closed as well.
     let _ = writeln!(anstream::stderr(), "{text}");
-}
-
-fn marked(error: &IniError) -> String {
-    rendered(Severity::Error, &error.0)
-}
-
-fn of_machine(error: &MachineError) -> String {
-    match error {
-        MachineError::Ini(errors) => errors.iter().map(marked).collect::<Vec<_>>().join("\n\n"),
-        MachineError::Geometry(_, _, Some(section)) => marked(section),
-        MachineError::Geometry(_, _, None) => format!("pkm: {error}"),
-    }
 }

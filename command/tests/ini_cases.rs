@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Good and bad INI files: the list that hal/pkmkins.tcl is held to as well.
+//! Good and bad INI files: the list that a start of LinuxCNC is held to as well, by tests/cases/ini/run.py.
 
 use serde::Deserialize;
 use std::path::{Path, PathBuf};

@@ -28,6 +28,7 @@ fn make(target: &str, place: &Path, root: &Path) {
         .args(["-s", "-o", "setup", "-o", "module", "-o", "virtual", "-o", "generated", target])
         .arg(format!("DESTDIR={}", root.display()))
         .arg(format!("SO={}", file("libpkmkins.so")))
+        .arg(format!("PINS={}", file("pkmkins-pins")))
         .arg(format!("VIRTUAL={}", file("libpkmkins-virtual-2.9.so")))
         // A make that runs these tests hands its own switches on.
         .env_remove("MAKEFLAGS")
@@ -40,7 +41,7 @@ fn make(target: &str, place: &Path, root: &Path) {
 #[test]
 fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() {
     let place = tempfile::tempdir().unwrap();
-    for name in ["libpkmkins.so", "libpkmkins-virtual-2.9.so"] {
+    for name in ["libpkmkins.so", "libpkmkins-virtual-2.9.so", "pkmkins-pins"] {
         fs::write(place.path().join(name), name).unwrap();
     }
     shipped::configs();
@@ -67,6 +68,7 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
         "usr/share/linuxcnc/hallib/pkmkins_vfd_modbus.tcl",
         "usr/share/linuxcnc/hallib/pkmkins_coolant.tcl",
         "usr/share/linuxcnc/ncfiles/pkmkins_lib/my_own.ngc",
+        "usr/bin/pkmkins-pins",
         "usr/bin/pkmkins-vismach",
         "usr/bin/pkmkins-panel",
         "usr/bin/pkm-live",
@@ -79,6 +81,7 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
         "usr/share/man/man9/pkmkins.9",
         "usr/share/man/man1/pkm-live.1",
         "usr/share/man/man1/pkmkins-panel.1",
+        "usr/share/man/man1/pkmkins-pins.1",
         "usr/share/man/man1/pkmkins-vismach.1",
     ]
     .map(String::from)
@@ -108,6 +111,7 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
     let mode = |file: &str| fs::metadata(root.join(file)).unwrap().permissions().mode() & 0o777;
     assert_eq!(mode("usr/lib/linuxcnc/modules/pkmkins.so"), 0o644);
     assert_eq!(mode("usr/bin/pkm-live"), 0o755);
+    assert_eq!(mode("usr/bin/pkmkins-pins"), 0o755);
     assert_eq!(mode("usr/share/pkmkins/virtual/build.sh"), 0o755);
     // Of a LinuxCNC that was there before.
     fs::write(root.join("usr/lib/linuxcnc/modules/libpkmkins-virtual-2.8.so"), "").unwrap();

@@ -45,6 +45,7 @@ mod panel;
 mod path;
 mod path_refusals;
 mod pictures;
+mod pins;
 mod preflight;
 mod random_program;
 mod reading;

@@ -122,6 +122,24 @@ std::string set(const std::string &name, const std::string &text) {
     return assign(*pin.where, pin.type, text) ? "" : name + " takes no value " + text;
 }
 
+bool get(const std::string &name, std::string &text) {
+    const auto found = all().find(name);
+    if (found == all().end()) {
+        return false;
+    }
+    const void *value = *found->second.where;
+    char number[32] = "";
+    switch (found->second.type) {
+    case HAL_BIT: text = *static_cast<const bool *>(value) ? "TRUE" : "FALSE"; return true;
+    case HAL_FLOAT: std::snprintf(number, sizeof number, "%.7g", *static_cast<const double *>(value)); break;
+    case HAL_S32: std::snprintf(number, sizeof number, "%d", *static_cast<const int *>(value)); break;
+    case HAL_U32: std::snprintf(number, sizeof number, "%u", *static_cast<const unsigned *>(value)); break;
+    default: return false;
+    }
+    text = number;
+    return true;
+}
+
 std::string names_like(const std::string &pattern) {
     std::string names;
     for (const auto &pin : all()) {

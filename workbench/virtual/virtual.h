@@ -28,6 +28,8 @@ template <typename T> T *find(const std::string &name);
 void *find_any(const std::string &name);
 // As halcmd does it; why it cannot be done, empty where it is done.
 std::string set(const std::string &name, const std::string &text);
+// The value of a pin or parameter as halcmd prints it; false where there is none.
+bool get(const std::string &name, std::string &text);
 std::string new_signal(const std::string &name, const std::string &type);
 std::string set_signal(const std::string &name, const std::string &text);
 // Names of pins, separated by blanks, that match a shell pattern.

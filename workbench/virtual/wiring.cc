@@ -3,7 +3,7 @@
 // words separated by tabs:
 //
 //     load FILE NAME=VALUE...    addf FUNCTION    setp PIN VALUE    net SIGNAL PIN    newsig SIGNAL TYPE
-//     sets SIGNAL VALUE    unlinkp PIN    list pin PATTERN    done
+//     sets SIGNAL VALUE    unlinkp PIN    list pin PATTERN    getp PIN    done
 //
 // They come on standard input from wiring.tcl; each is answered by a line on standard output, ok or error.
 
@@ -89,12 +89,16 @@ std::string step(const std::string &line) {
     if (verb == "list") {
         return "ok " + pins::names_like(second);
     }
+    if (std::string value; verb == "getp" && pins::get(first, value)) {
+        return "ok " + value;
+    }
     const std::string refused = verb == "addf"     ? thread::add(first)
                                 : verb == "setp"   ? pins::set(first, second)
                                 : verb == "net"    ? pins::net(first, second)
                                 : verb == "newsig" ? pins::new_signal(first, second)
                                 : verb == "sets"   ? pins::set_signal(first, second)
                                 : verb == "unlinkp" ? pins::unlink(first)
+                                : verb == "getp"    ? "there is no pin or parameter " + first
                                 : verb == "done"   ? ""
                                                    : "this cannot be done: " + line;
     return refused.empty() ? "ok" : "error: " + refused;

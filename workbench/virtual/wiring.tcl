@@ -79,10 +79,18 @@ proc hal {verb args} {
         "loadrt *" { return [wiring::loadrt {*}$args] }
         "net *" { return [wiring::net {*}$args] }
         "show pin" { return [wiring::show [lindex $args 1]] }
-        "setp *" - "list pin" { return [wiring::ask $verb {*}$args] }
+        "setp *" - "getp *" - "list pin" { return [wiring::ask $verb {*}$args] }
         "addf *" { return [wiring::ask addf [lindex $args 0]] }
     }
     error "the HAL files do more than is known here: hal $verb $args"
+}
+
+# Without the program that limits the time of pkmkins-pins: the kernel lets a run start few programs, and the time of
+# a run is limited anyway.
+rename exec wiring::exec
+proc exec args {
+    if {[file tail [lindex $args end-2]] eq "pkmkins-pins"} { set args [lrange $args end-2 end] }
+    return [wiring::exec {*}$args]
 }
 
 # As haltcl has them: the commands of HAL by themselves, and `setp` with an expression.
@@ -97,6 +105,7 @@ proc wiring::value {section key default} {
 
 proc wiring::main {ini beside folder args} {
     variable modules [concat [lsort -unique [lmap file $args {file dirname $file}]] [list $beside $folder]]
+    set ::env(INI_FILE_NAME) $ini
     parse $ini
     hal loadrt {*}[value TRAJ TPMOD tpmod]
     hal loadrt {*}[value EMCMOT HOMEMOD homemod]

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Every case of cases.toml through the real haltcl and the real module, in HAL alone.
 
-    tests/cases/ini/run.py [--only TEXT]
+    tests/cases/ini/run.py --pkm target/host/pkm [--only TEXT]
 
 LinuxCNC itself is not started: `pkmkins` with the load parameters of the case and `motmod` are
-loaded and pkmkins.tcl, as installed, reads the INI file of the case. Prints one line a case and a
-closing line; exit code 1 if any fails.
+loaded and pkmkins.tcl, as installed, sets the module up from the INI file of the case. A file that is
+refused has to be refused in the words of `pkm check`, and every way in which pkmkins-pins can fail has to
+leave the pins as they were. Prints one line a case and a closing line; exit code 1 if any fails.
 """
 
 import argparse
@@ -27,7 +28,11 @@ import ini_edit  # noqa: E402
 from unprivileged import (clear_hal, is_unprivileged, lost_its_start, only_one,  # noqa: E402
                           rerun_unprivileged)
 
-SCRIPT = "/usr/share/linuxcnc/hallib/pkmkins.tcl"
+SCRIPT = Path("/usr/share/linuxcnc/hallib/pkmkins.tcl")
+PROGRAM = "/usr/bin/pkmkins-pins"
+HEADING = "pkmkins: the machine is not set up, LinuxCNC does not start:\n"
+# pkm, copied there for the user who runs this.
+PKM = REPOSITORY / "given/pkm"
 REALTIME = "/usr/lib/linuxcnc/realtime"
 LOAD = """\
 loadrt tpmod
@@ -110,12 +115,13 @@ class Session:
     def __exit__(self, *_):
         clear_hal()
 
-    def read_ini(self, text):
-        """Result of pkmkins.tcl for this INI text."""
-        ini = self.folder / "case.ini"
+    def read_ini(self, text, script=SCRIPT, name="case.ini"):
+        """Result of pkmkins.tcl for this INI text, in a file of this name."""
+        ini = self.folder / name
+        ini.parent.mkdir(exist_ok=True)
         ini.write_text(text)
         environment = {**os.environ, "INI_FILE_NAME": str(ini)}
-        return run("haltcl", "-i", str(ini), SCRIPT, env=environment)
+        return run("haltcl", "-i", str(ini), str(script), env=environment)
 
     def frozen(self):
         """geometry-ok and geometry-hash after the module had time to freeze the geometry."""
@@ -133,23 +139,32 @@ def all_pins():
     return halcmd("-s", "show", "pin", "pkmkins.*")
 
 
-def lacking(case, message):
+def lacking(names, message):
     """Complaint about the strings that a message should name and does not, or None."""
-    absent = [name for name in case.keys["names"] if name not in message]
+    absent = [name for name in names if name not in message]
     return f"the message lacks {absent}: {message.strip()!r}" if absent else None
 
 
-def check_error(session, case):
+def differing(session, message):
+    """Complaint about a message that is not that of `pkm check`, or None."""
+    told = run(str(PKM), "check", "--no-start", str(session.folder / "case.ini"))
+    shown = message.partition(HEADING)[2].strip()
+    # What `pkm check` finds of a machine that it can read stands on standard output, among other things.
+    is_same = shown and (shown == told.stderr.strip() or shown in told.stdout)
+    return None if is_same else f"LinuxCNC shows {message!r}, and pkm check {told.stderr!r}"
+
+
+def check_refused(session, case):
     """Reason why a case that must be refused fails, or None."""
     if not session.loaded:
-        return lacking(case, session.log.read_text())
+        return lacking(case.keys["names"], session.log.read_text())
     before = all_pins()
     result = session.read_ini(case.text)
     if result.returncode == 0:
         return "was accepted"
     if all_pins() != before:
         return "refused, but pins have changed"
-    return lacking(case, result.stderr)
+    return lacking(case.keys["names"], result.stderr) or differing(session, result.stderr)
 
 
 def check_frozen(session, case, shipped):
@@ -160,8 +175,6 @@ def check_frozen(session, case, shipped):
     if result.returncode != 0:
         return f"was refused: {result.stderr.strip()!r}"
     good, found = session.frozen()
-    if case.keys["expect"] == "bad geometry":
-        return "geometry was accepted" if good else lacking(case, session.log.read_text())
     if not good:
         return f"geometry was refused: {session.log.read_text().strip()!r}"
     if "same" not in case.keys:
@@ -182,8 +195,8 @@ def listed_cases(only):
             yield Case(keys, base, ini_edit.edited(base, keys.get("edit", [])))
 
 
-def report(case, reason):
-    print(f"FAIL {case.name}: {reason}" if reason else f"PASS {case.name}", flush=True)
+def report(name, reason):
+    print(f"FAIL {name}: {reason}" if reason else f"PASS {name}", flush=True)
     return reason is None
 
 
@@ -200,7 +213,7 @@ def run_refused(folder, cases):
     for setup, group in groupby(sorted(cases, key=lambda c: c.setup), key=lambda c: c.setup):
         with Session(folder, setup) as session:
             for case in group:
-                yield report(case, check_error(session, case))
+                yield report(case.name, check_refused(session, case))
 
 
 def run_frozen(folder, cases):
@@ -208,21 +221,92 @@ def run_frozen(folder, cases):
     hashes = {text: shipped_hash(folder, text) for text in compared}
     for case in cases:
         with Session(folder, case.setup) as session:
-            yield report(case, check_frozen(session, case, hashes.get(case.shipped)))
+            yield report(case.name, check_frozen(session, case, hashes.get(case.shipped)))
+
+
+class Broken(NamedTuple):
+    """How pkmkins-pins fails: a shell script in its place, or none, and what the message names."""
+    script: str
+    names: tuple
+    mode: int = 0o755
+
+
+# The script is called as pkmkins-pins is, and {0} is that.
+BROKEN = {
+    "missing": Broken("", ("No such file",)),
+    "not executable": Broken("exit 0", ("Permission denied",), 0o644),
+    "killed": Broken("kill -9 $$", ("kill",)),
+    "crashed": Broken("echo panicked >&2; exit 101", ("panicked",)),
+    "silent": Broken("exit 0", ("not printed all",)),
+    "a refusal without a word": Broken("exit 1", ("has not read",)),
+    "without an end": Broken('{0} "$1" | head -n 100', ("not printed all",)),
+    "text behind the end": Broken('{0} "$1"; echo end of text', ('prints "end of text"',)),
+    "a warning": Broken('echo beware >&2; {0} "$1"', ('prints "beware"',)),
+    "a command for a value": Broken('{0} "$1" | sed "s/^pin home.x .*/pin home.x [exit 0]/"', ("[exit 0]",)),
+    "another version": Broken('{0} "$1" | sed "s/^version .*/version 0.9.12/"', ("0.9.12", "of version")),
+    "too slow": Broken("sleep 20", ("sending signal TERM",)),
+    "a pin too many": Broken('{0} "$1" | sed "s/^pin home.x/pin home.q/"', ("no pin pkmkins.home.q",)),
+    "another value": Broken('{0} "$1" | sed "s/^ini TRAJ HOME=.*/ini TRAJ HOME=1 2 3/"', ("has changed", "HOME")),
+    "a key more": Broken('{0} "$1" | sed "s/^end$/ini PKM CENTRE=1 2 3\\nend/"', ("has changed", "CENTRE")),
+    "a section less": Broken('{0} "$1" | grep -v "^ini LEG_3"', ("has changed", "LEG_3")),
+}
+
+# Characters that Tcl, a shell or `exec` would act on.
+STRANGE = "a b $HOME [exit 3] {x \"q' \\n ~ ; |cat <x >y"
+
+
+def check_broken(session, text, broken):
+    """Reason why a pkmkins-pins that fails is not refused as it has to be, or None."""
+    beside = session.folder / "beside"
+    beside.mkdir(exist_ok=True)
+    program, script = beside / "pkmkins-pins", beside / SCRIPT.name
+    program.unlink(missing_ok=True)
+    if broken.script:
+        program.write_text(f"#!/bin/sh\n{broken.script.replace('{0}', PROGRAM)}\n")
+        program.chmod(broken.mode)
+    script.write_text(SCRIPT.read_text().replace(PROGRAM, str(beside / "nowhere"))
+                      .replace("longest 10", "longest 1"))
+    before = all_pins()
+    result = session.read_ini(text, script)
+    if result.returncode == 0:
+        return "was accepted"
+    if all_pins() != before:
+        return "refused, but pins have changed"
+    return lacking((HEADING, *broken.names), result.stderr)
+
+
+def check_strange(session, text):
+    """Reason why a file in a folder with a strange name is not read, or None."""
+    result = session.read_ini(text, name=f"{STRANGE}/{STRANGE}.ini")
+    return f"was refused: {result.stderr!r}" if result.returncode != 0 else None
+
+
+def run_programs(folder, only):
+    """pkmkins-pins in every way in which it can fail; at last an INI file whose name is not evaluated."""
+    text = (REPOSITORY / "configs/hexapod/hexapod.ini").read_text()
+    with Session(folder, setup_of(text)) as session:
+        for name, broken in BROKEN.items():
+            if only in name:
+                yield report(f"pkmkins-pins: {name}", check_broken(session, text, broken))
+        if only in STRANGE:
+            yield report(f"a file {STRANGE}", check_strange(session, text))
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--only", default="", help="run the cases whose name contains this")
-    only = arguments.parse_args().only
+    arguments.add_argument("--pkm", required=True, help="the command, whose messages are compared")
+    options = arguments.parse_args()
+    only = options.only
     if not is_unprivileged():
-        return rerun_unprivileged("tests/cases/ini/run.py", ["--only", only], timeout=300)
+        return rerun_unprivileged("tests/cases/ini/run.py", ["--only", only, "--pkm", options.pkm], timeout=300,
+                                  given=(options.pkm,))
     with only_one(), tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         cases = list(listed_cases(only))
-        refused = [case for case in cases if case.keys["expect"] == "error"]
-        others = [case for case in cases if case.keys["expect"] != "error"]
-        results = [*run_refused(folder, refused), *run_frozen(folder, others)]
+        refused = [case for case in cases if case.keys["expect"] != "ok"]
+        others = [case for case in cases if case.keys["expect"] == "ok"]
+        results = [*run_refused(folder, refused), *run_frozen(folder, others), *run_programs(folder, only)]
     print(f"{sum(results)} passed, {len(results) - sum(results)} failed")
     return 0 if results and all(results) else 1
 

@@ -2,7 +2,6 @@
 //! What a user should know of a machine before it moves.
 
 pub mod between;
-pub mod boxes;
 pub mod cautions;
 mod direction;
 mod display;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Whether a machine's INI file describes a machine that fits together, and what was understood of it.
 
-use crate::check::boxes;
 use crate::check::direction;
 use crate::check::display;
 use crate::check::drives;
@@ -37,13 +36,8 @@ use crate::read::tools::Tool;
 pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report, MachineError> {
     let mut report = Report::new(config);
     structure(&mut report, config)?;
-    let way = format!(
-        "pkm boxes --write {} proves and writes the boxes again, once the geometry is right; until then the \
-         module refuses it",
-        config.file.display()
-    );
-    for error in boxes::refused(config, &way) {
-        report.finding(Severity::Error, error);
+    for error in config.refused_boxes.iter().flat_map(MachineError::in_file) {
+        report.finding(Severity::Error, error.clone());
     }
     let tools = table::read(&mut report, config);
     understood(&mut report, config, &tools)?;

@@ -50,15 +50,23 @@ proc drives::hal {frames verb args} {
         setp { if {![is_strange [lindex $args 0]]} { ask ::hal setp {*}$args } }
         addf { ask ::hal addf [lindex $args 0] }
         unlinkp { if {![is_strange [lindex $args 0]]} { ask wiring::ask unlinkp {*}$args } }
-        getp {
-            set name [lindex $args 0]
-            if {![is_strange $name] && [ask ::hal list pin $name] eq ""} {
-                mistake "there is no pin or parameter $name"
-            }
-        }
+        getp { if {![is_strange [lindex $args 0]]} { return [ask ::hal getp [lindex $args 0]] } }
         newsig - sets { ask wiring::ask $verb {*}$args }
     }
     return $answer
+}
+
+# Starts pkmkins-pins for pkmkins.tcl, and no other program.
+proc drives::exec {args} {
+    if {[file tail [lindex $args end-2]] ne "pkmkins-pins"} { error "exec: no program is started in virtual time" }
+    return [::exec {*}$args]
+}
+
+rename drives::make_box drives::make_plain_box
+proc drives::make_box {} {
+    variable box
+    make_plain_box
+    interp alias $box exec {} drives::exec
 }
 
 proc drives::failed {number message options} {

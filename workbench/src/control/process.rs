@@ -9,7 +9,7 @@ use crate::control::scratch::Scratch;
 use crate::control::stream::{Cause, Columns, Record, Records, VERSION};
 use crate::files::Locate;
 use crate::read::machine::MachineConfig;
-use crate::read::places::MODULES;
+use crate::read::places::{BIN, MODULES};
 use command_fds::{CommandFdExt, FdMapping};
 use std::env;
 use std::ffi::OsString;
@@ -30,6 +30,8 @@ const COMPILED: &str = "/var/lib/pkmkins";
 const LIBRARY: (&str, &str) = ("libpkmkins-virtual-", ".so");
 const MILLTASK: &str = "/usr/bin/milltask";
 const TCL: &str = "/usr/bin/tclsh";
+/// Reads the INI file for pkmkins.tcl; one that is not installed yet is beside the library.
+const PINS: &str = "pkmkins-pins";
 /// Prints what LinuxCNC was built as.
 const VERSIONS: &str = "/usr/bin/linuxcnc_var";
 
@@ -341,7 +343,7 @@ impl<'a> Run<'a> {
                 .map(Into::into)
                 .collect(),
             writes: scratch.path().into(),
-            starts: vec![control, TCL.into()],
+            starts: vec![control, TCL.into(), beside.join(PINS), Path::new(BIN).join(PINS)],
         };
         let rights = (!options.unconfined).then_some(rights);
         let ((milltask, wiring), keeper) = confined::start(rights, move || {

@@ -65,11 +65,19 @@ pub fn check(sections: &[BoxSection], hash: u32) -> Result<(), Fault> {
     Ok(())
 }
 
-/// The refusal of a box, at its section.
-pub(super) fn refused(ini: &Ini, place: &Place, fault: Fault) -> MachineError {
+/// Returns the refusal of a box, at its line; `hash` is that of the machine.
+pub(super) fn refused(ini: &Ini, place: &Place, fault: Fault, hash: u32) -> MachineError {
     let name = place.box_section(fault.value as usize);
-    let section = ini.refuse_section(&name, &fault.to_string());
-    MachineError::Geometry(ini.file().into(), fault, Some(section))
+    let expected = format!(
+        "proved for another geometry than this one, {hash:#010x}: pkm boxes --write {} proves and writes the boxes \
+         again, once the geometry is right; until then LinuxCNC does not start",
+        ini.file().display()
+    );
+    let error = match ini.first(&name, workspace_box::GEOMETRY.name) {
+        Some(entry) if fault.cause == Cause::BoxOfOther => ini.refuse(entry, &expected),
+        _ => ini.refuse_section(&name, &fault.to_string()),
+    };
+    MachineError::Geometry(ini.file().into(), fault, Some(error))
 }
 
 fn row(letter: Letter) -> String {

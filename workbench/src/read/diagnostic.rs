@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Problems of a file as people read them: the line, the part that is meant, and a way out.
 
-use crate::read::ini::Problem;
+use crate::read::error::MachineError;
+use crate::read::ini::{IniError, Problem};
 use annotate_snippets::{AnnotationKind, Level, Origin, Renderer, Snippet};
 
 /// How much a finding weighs.
@@ -12,6 +13,15 @@ pub enum Severity {
     Error,
     /// Something may not be meant so.
     Warning,
+}
+
+/// Returns why an INI file describes no machine, in colours: every error with its line.
+pub fn of_machine(error: &MachineError) -> String {
+    let marked = |IniError(problem): &IniError| rendered(Severity::Error, problem);
+    match error.in_file() {
+        [] => format!("pkm: {error}"),
+        errors => errors.iter().map(marked).collect::<Vec<_>>().join("\n\n"),
+    }
 }
 
 /// A problem with its line, in colours; who prints takes them away where they do not belong.

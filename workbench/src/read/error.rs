@@ -34,6 +34,14 @@ impl MachineError {
         };
         Self::Geometry(ini.file().into(), fault, section)
     }
+
+    /// Returns the errors that have a place in the file.
+    pub fn in_file(&self) -> &[IniError] {
+        match self {
+            MachineError::Ini(errors) => errors,
+            MachineError::Geometry(_, _, section) => section.as_slice(),
+        }
+    }
 }
 
 impl fmt::Display for MachineError {

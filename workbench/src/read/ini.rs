@@ -373,6 +373,23 @@ impl Ini {
         Some(self.entries[place].value.as_str()).filter(|value| !value.is_empty())
     }
 
+    /// Returns section, key and value of every line that LinuxCNC's haltcl reads, in the order of the file. It joins no
+    /// lines, and a comment with `;` and a `=` is a key.
+    pub fn as_haltcl(&self) -> impl Iterator<Item = (&str, &str, &str)> {
+        let mut section = "";
+        self.expanded().unwrap_or(&self.text).split('\n').filter_map(move |line| {
+            let line = line.trim();
+            if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+                section = name;
+                return None;
+            }
+            let (key, value) = line.split_once('=')?;
+            let key = key.trim_end();
+            let is_key = !key.is_empty() && !key.contains('#');
+            is_key.then_some((section, key, value.trim_start()))
+        })
+    }
+
     /// The text with the files it includes, as LinuxCNC's start script makes it; `None` where
     /// it includes none.
     pub fn expanded(&self) -> Option<&str> {

@@ -2,7 +2,7 @@
 //! A machine as its INI file describes it: the geometry for the core, and what only
 //! host tools use (cones, limits, speeds).
 //!
-//! The rules are those of hal/pkmkins.tcl; tests/cases/ini/cases.toml holds both to one list.
+//! What is refused here does not start in LinuxCNC: hal/pkmkins.tcl runs `pkmkins-pins`, which reads with it.
 
 use crate::read::boxes::{self, BoxSection};
 use crate::read::chain;
@@ -173,7 +173,16 @@ impl MachineConfig {
     /// # Errors
     /// One of the values, or the geometry is refused.
     pub fn from_ini(ini: &Ini) -> Result<Self, MachineError> {
-        let config = Self::from_ini_without_boxes(ini)?;
+        refuse_identity(ini)?;
+        Self::loaded(ini)
+    }
+
+    /// As [`MachineConfig::from_ini`], also of a machine that LinuxCNC starts in the identity: its geometry is the same.
+    ///
+    /// # Errors
+    /// One of the values, or the geometry is refused.
+    pub fn loaded(ini: &Ini) -> Result<Self, MachineError> {
+        let config = Self::loaded_without_boxes(ini)?;
         let refused = config.mechanisms().find_map(|mechanism| mechanism.refused_boxes.clone());
         refused.map_or(Ok(config), Err)
     }
@@ -183,6 +192,11 @@ impl MachineConfig {
     /// # Errors
     /// One of the values, or the geometry is refused.
     pub fn from_ini_without_boxes(ini: &Ini) -> Result<Self, MachineError> {
+        refuse_identity(ini)?;
+        Self::loaded_without_boxes(ini)
+    }
+
+    fn loaded_without_boxes(ini: &Ini) -> Result<Self, MachineError> {
         let load = load(ini)?;
         let second = Place::second(&load).zip(load.of_second());
         let legs = load.layout.legs() + second.as_ref().map_or(0, |(_, own)| own.layout.legs());
@@ -223,7 +237,7 @@ impl MachineConfig {
         let boxes = boxes::read(ini, load, &place).map_err(MachineError::from);
         let boxes = boxes.and_then(|boxes| {
             let checked = boxes::check(&boxes, hash);
-            checked.map(|()| boxes).map_err(|fault| boxes::refused(ini, &place, fault))
+            checked.map(|()| boxes).map_err(|fault| boxes::refused(ini, &place, fault, hash))
         });
         let (boxes, refused_boxes) = match boxes {
             Ok(boxes) => (boxes, None),
@@ -407,19 +421,26 @@ impl MachineConfig {
     }
 }
 
+/// What LinuxCNC's modules call the load parameter that chooses the kinematics to start in.
+const SPARM: &str = "sparm=";
+
+/// Refuses a machine that LinuxCNC starts in the identity.
+fn refuse_identity(ini: &Ini) -> Result<(), IniError> {
+    let entry = ini.first("KINS", "KINEMATICS");
+    let given = entry.filter(|entry| entry.words().any(|word| word.starts_with(SPARM)));
+    given.map_or(Ok(()), |entry| Err(ini.refuse(entry, IDENTITY_FIRST)))
+}
+
 /// The load parameters in `[KINS]KINEMATICS`.
-fn load(ini: &Ini) -> Result<Load, IniError> {
+pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
     let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]";
     let entry = ini.require("KINS", "KINEMATICS", expected)?;
     let mut words = entry.value.split_ascii_whitespace();
     if words.next() != Some("pkmkins") {
         return Err(ini.refuse(entry, expected));
     }
-    if words.clone().any(|word| word.starts_with("sparm=")) {
-        return Err(ini.refuse(entry, IDENTITY_FIRST));
-    }
     let mut given: [Option<&[u8]>; PARAMETERS.len()] = [None; PARAMETERS.len()];
-    for word in words {
+    for word in words.filter(|word| !word.starts_with(SPARM)) {
         let place = word
             .split_once('=')
             .and_then(|(name, text)| Some((PARAMETERS.iter().position(|p| *p == name)?, text)));
@@ -459,19 +480,21 @@ fn check_joints(ini: &Ini, load: &Load) -> Result<(), IniError> {
 /// LinuxCNC takes no program word with a letter that is missing here, so that nothing
 /// could ever bring that coordinate back to 0. A letter too many does no harm.
 fn check_coordinates(ini: &Ini, load: &Load) -> Result<(), IniError> {
-    let moved = || {
-        let letters = Letter::ALL.into_iter().filter(|letter| !load.layout.is_held(*letter));
-        let second = load.second().into_iter().flat_map(Second::places).map(|k| POSE_LETTERS[k]);
-        letters.map(Letter::name).chain(second).chain(load.extra.letters())
-    };
-    let wanted: String = moved().collect();
+    let wanted: String = moved_letters(load).collect();
     let expected = format!("expected the letters {wanted} that [KINS]KINEMATICS moves");
     let entry = ini.require("TRAJ", "COORDINATES", &expected)?;
     let given = entry.value.to_ascii_uppercase();
-    match moved().find(|letter| !given.contains(*letter)) {
+    match moved_letters(load).find(|letter| !given.contains(*letter)) {
         None => Ok(()),
         Some(letter) => Err(ini.refuse(entry, &format!("{expected}, {letter} is missing"))),
     }
+}
+
+/// Letters that the machine moves: those of the platform, the table, a second mechanism and extra axes.
+pub(super) fn moved_letters(load: &Load) -> impl Iterator<Item = char> {
+    let letters = Letter::ALL.into_iter().filter(|letter| !load.layout.is_held(*letter));
+    let second = load.second().into_iter().flat_map(Second::places).map(|k| POSE_LETTERS[k]);
+    letters.map(Letter::name).chain(second).chain(load.extra.letters())
 }
 
 /// What only a second mechanism has.

@@ -14,6 +14,7 @@ pub mod legs;
 pub mod machine;
 pub mod models;
 pub mod near;
+pub mod pins;
 pub mod place;
 pub mod places;
 pub mod tools;

@@ -29,6 +29,18 @@ use leg::LegPins;
 use maker::{Pose6, Vector, read};
 use workspace_box::BoxPins;
 
+/// The version as one number: a million for each major one, a thousand for each minor one.
+const VERSION: u32 = 1_000_000 * number(env!("CARGO_PKG_VERSION_MAJOR"))
+    + 1000 * number(env!("CARGO_PKG_VERSION_MINOR"))
+    + number(env!("CARGO_PKG_VERSION_PATCH"));
+
+const fn number(text: &str) -> u32 {
+    match u32::from_str_radix(text, 10) {
+        Ok(number) => number,
+        Err(_) => panic!("a version is made of numbers"),
+    }
+}
+
 /// Pins of one joint.
 #[repr(C)]
 struct JointPins {
@@ -77,6 +89,7 @@ pub struct Pins {
     fault_leg: Pin<i32>,
     fault_count: Pin<u32>,
     fault_reset: Pin<bool>,
+    version: Pin<u32>,
     chain: ChainPins,
     pub jog: JogPins,
     pub guard: GuardPins,
@@ -237,7 +250,8 @@ impl Pins {
         }
         make.one(&mut self.fault, Out, text!["pkmkins.fault"], 0)?;
         make.one(&mut self.fault_leg, Out, text!["pkmkins.fault-leg"], -1)?;
-        make.one(&mut self.fault_count, Out, text!["pkmkins.fault-count"], 0)
+        make.one(&mut self.fault_count, Out, text!["pkmkins.fault-count"], 0)?;
+        make.one(&mut self.version, Out, text!["pkmkins.version"], VERSION)
     }
 
     /// What enters the joint values as the pins give it now, the tool aside.

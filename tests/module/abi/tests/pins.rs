@@ -8,6 +8,23 @@ use std::collections::BTreeMap;
 
 type Kind = (PinType, PinDir);
 
+/// The version of all crates: `hal/pkmkins.tcl` takes it apart again.
+const VERSION: f64 = {
+    let [major, minor, patch] = [
+        env!("CARGO_PKG_VERSION_MAJOR"),
+        env!("CARGO_PKG_VERSION_MINOR"),
+        env!("CARGO_PKG_VERSION_PATCH"),
+    ];
+    1e6 * number(major) + 1e3 * number(minor) + number(patch)
+};
+
+const fn number(text: &str) -> f64 {
+    match u32::from_str_radix(text, 10) {
+        Ok(number) => number as f64,
+        Err(_) => panic!("a version is made of numbers"),
+    }
+}
+
 /// Pins there is one of, with what they hold before anything is set.
 const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("screw-lead", Float, In, 0.0),
@@ -39,6 +56,7 @@ const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("fault-leg", S32, Out, -1.0),
     ("fault-count", U32, Out, 0.0),
     ("fault-reset", Bit, In, 0.0),
+    ("version", U32, Out, VERSION),
     ("residual", Float, Out, 0.0),
     ("assembly", S32, Out, 0.0),
     ("conditioning", Float, Out, 0.0),
