@@ -5,8 +5,8 @@
 //! −(t²) and `2^3^2` is 2^9. Angles of functions are in radians.
 
 use crate::curve::grammar::{self, Binary, FUNCTIONS, Tree, Unary};
-use crate::curve::taylor::Taylor;
 use crate::proof::interval::Interval;
+use crate::proof::jet::Taylor;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -187,7 +187,7 @@ impl Expression {
             Binary::Times => a * b,
             Binary::Over if is_zero(&b) => return Err(Trouble::Division(self.text.clone())),
             Binary::Over => a / b,
-            Binary::Angle => Taylor::angle(a, b),
+            Binary::Angle => Taylor::angle(&a, &b),
             Binary::Power => return self.power(a, b),
         })
     }
