@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The keys of the INI file as dictionaries of Tcl, as a section of the manual page and as a page of tables.
 
-use keys::{
-    KINDS, Key, Need, ROW, Range, chain, joint, kind_name, leg, machine, of_leg, second,
-    workspace_box,
-};
+use keys::{Key, Need, ROW, Range, chain, joint, leg, machine, of_leg, second, workspace_box};
+use kinematics::leg::Kind;
 use std::fmt::Write as _;
 
 /// The dictionaries that pkmkins.tcl reads with.
@@ -25,8 +23,8 @@ pub fn dictionaries() -> String {
     put("joint_keys", &mut joint::ALL.iter().copied());
     put("box_keys", &mut workspace_box::ALL.iter().copied());
     text.push_str("    variable leg_keys {\n");
-    for kind in KINDS {
-        let _ = writeln!(text, "        {} {{", kind_name(*kind));
+    for kind in Kind::ALL {
+        let _ = writeln!(text, "        {} {{", kind.name());
         of_leg(*kind).for_each(|key| text.push_str(&entry(key, "            ")));
         text.push_str("        }\n");
     }
@@ -150,8 +148,8 @@ fn paragraph(key: &Key) -> String {
 /// What a key is, which numbers it takes, and what goes without it.
 fn sentence(key: &Key) -> String {
     let mut text = String::new();
-    if key.kinds != KINDS {
-        let kinds: Vec<&str> = key.kinds.iter().map(|kind| kind_name(*kind)).collect();
+    if key.kinds != Kind::ALL {
+        let kinds: Vec<&str> = key.kinds.iter().map(|kind| kind.name()).collect();
         let _ = write!(text, "({}) ", kinds.join(", "));
     }
     text.push_str(key.text);
