@@ -439,7 +439,7 @@ fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
     let home = Pose::from_degrees(geometry.home.unwrap_or_default());
     let at = machine.at(&home, &Vector3::zeros());
     let lead = |(i, leg): (usize, &LegGeometry)| {
-        let LegKind::Strut(strut) = leg.kind else { return 0.0 };
+        let strut = leg.kind.screw();
         let Ok(at) = &at else { return strut.lead };
         let n = at.segments()[i].span().normalize();
         let base = Vector3::from(strut.base_axis);
