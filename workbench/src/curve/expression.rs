@@ -321,6 +321,8 @@ mod tests {
             ("ln(t - 2)", "ln of 0"),
             ("(t-2)^-1", "divides by 0"),
             ("exp(1e9)", "larger than any number"),
+            ("sqrt(exp(1e9) - exp(1e9))", "larger than any number"),
+            ("(exp(1e9) - exp(1e9))^t^0.5", "larger than any number"),
         ] {
             let expression = Expression::parse(text, &["t"], &numbers()).unwrap();
             let told = expression.at(&[Taylor::constant(2.0)]).unwrap_err().to_string();
