@@ -24,5 +24,7 @@ grep -l 'Makes programs/' configs/*/paths/*.toml | while read -r path; do
 done
 cd "$made"
 find configs -type f | while read -r file; do
+    # git does not have a folder of programs that are all made.
+    mkdir -p "$OLDPWD/$(dirname "$file")"
     cmp -s "$file" "$OLDPWD/$file" || mv "$file" "$OLDPWD/$file"
 done

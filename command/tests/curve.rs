@@ -108,7 +108,7 @@ fn points_tangents_and_lengths_of_a_circle_of_two_pencils_are_those_of_its_close
         let here = curve.at(part, at).unwrap();
         close(here.pose[0].value.middle(), *x);
         close(here.pose[1].value.middle(), *y);
-        let by_t = |k: usize| here.pose[k].first.middle() / here.t.first.middle();
+        let by_t = |k: usize| here.pose[k].first().middle() / here.t.first().middle();
         close(by_t(0), *dx);
         close(by_t(1), *dy);
         close(curve.length_at(part, at).unwrap(), *s);
@@ -137,7 +137,7 @@ fn length_in_space(curve: &Curve) -> f64 {
     let [a, b] = curve.parts[0].range;
     let speed = |k: usize| {
         let here = curve.at(0, a + (b - a) * k as f64 / STEPS as f64).unwrap();
-        here.pose[..3].iter().map(|x| x.first.middle().powi(2)).sum::<f64>().sqrt()
+        here.pose[..3].iter().map(|x| x.first().middle().powi(2)).sum::<f64>().sqrt()
     };
     let weight = |k: usize| if k % 2 == 1 { 4.0 } else { 2.0 };
     let inner: f64 = (1..STEPS).map(|k| weight(k) * speed(k)).sum();

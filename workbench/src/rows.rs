@@ -4,7 +4,7 @@
 
 use crate::read::legs::{drive_rate, platform_anchor};
 use crate::read::machine::MachineConfig;
-use kinematics::{At, Fault, LegKind, Letter, MAX_JOINTS, Matrix3, Pose, Vector3};
+use kinematics::{At, Fault, Letter, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::SMatrix;
 
 /// Joints by coordinates of the pose; rows beyond the last joint, and columns of coordinates that
@@ -83,7 +83,7 @@ pub(crate) fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
 pub(crate) fn gains_in_mm(config: &MachineConfig, at: &At) -> Vec<f64> {
     let mut gains = gains(config, at);
     for (gain, leg) in gains.iter_mut().zip(config.geometry.legs()) {
-        if let LegKind::Crank(_) = leg.kind {
+        if leg.kind.is_angular() {
             *gain = gain.to_degrees() / config.units_per_mm;
         }
     }

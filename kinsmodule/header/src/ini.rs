@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The keys of the INI file as a section of the manual page and as a page of tables.
 
-use keys::{
-    KINDS, Key, Need, ROW, Range, chain, joint, kind_name, leg, machine, second, workspace_box,
-};
+use keys::{Key, Need, ROW, Range, chain, joint, leg, machine, second, workspace_box};
+use kinematics::leg::Kind;
 use std::fmt::Write as _;
 
 /// Sections of the INI file: their names, what they are for, their keys, and the same of a box's rows.
@@ -89,8 +88,8 @@ fn paragraph(key: &Key) -> String {
 /// What a key is, which numbers it takes, and what goes without it.
 fn sentence(key: &Key) -> String {
     let mut text = String::new();
-    if key.kinds != KINDS {
-        let kinds: Vec<&str> = key.kinds.iter().map(|kind| kind_name(*kind)).collect();
+    if key.kinds != Kind::ALL {
+        let kinds: Vec<&str> = key.kinds.iter().map(|kind| kind.name()).collect();
         let _ = write!(text, "({}) ", kinds.join(", "));
     }
     text.push_str(key.text);

@@ -12,9 +12,6 @@ use kinematics::{Carries, MAX_ITERATIONS};
 /// Name of the key with row L of a box's matrix, in front of the letter; one number a leg.
 pub const ROW: &str = "ROW_";
 
-/// Every kind of leg.
-pub const KINDS: &[Kind] = &[Kind::Strut, Kind::Slider, Kind::Crank, Kind::Ring];
-
 /// Those whose legs end at a point of the platform.
 const POINTED: &[Kind] = &[Kind::Strut, Kind::Slider, Kind::Crank];
 
@@ -135,7 +132,7 @@ const fn key(text: &'static str) -> Key {
         range: Any,
         unit: "",
         absent: None,
-        kinds: KINDS,
+        kinds: Kind::ALL,
         text,
     }
 }
@@ -297,16 +294,6 @@ pub fn hash(text: &str) -> Option<u32> {
     u32::from_str_radix(digits, radix).ok().filter(|_| is_digits)
 }
 
-/// Name of a kind of leg, as the load parameter `legs=` has it.
-pub const fn kind_name(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Strut => "strut",
-        Kind::Slider => "slider",
-        Kind::Crank => "crank",
-        Kind::Ring => "ring",
-    }
-}
-
 /// Words of what an axis carries.
 const CARRIED: &[&str] = &[Carries::ALL[0].name(), Carries::ALL[1].name(), Carries::ALL[2].name()];
 
@@ -345,11 +332,33 @@ mod tests {
     }
 
     #[test]
-    fn the_load_parameters_know_the_names_of_kinds() {
-        for kind in KINDS {
-            let legs = format!("{}:1", kind_name(*kind));
-            let load = kinematics::Load::parse(Some(legs.as_bytes()), Some(b"X"), None).unwrap();
-            assert_eq!(load.kinds(), [*kind]);
+    fn every_kind_of_leg_is_wherever_a_new_one_has_to_be_added() {
+        let names = Kind::ALL.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", ");
+        let text = |file: &str| {
+            let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../");
+            std::fs::read_to_string(format!("{root}{file}")).unwrap()
+        };
+        for file in ["kinematics/src/load_error.rs", "linuxcnc/src/load.rs"] {
+            assert!(text(&format!("kinsmodule/{file}")).contains(&names), "{file} lists the kinds");
+        }
+        for kind in Kind::ALL {
+            let ends = [leg::PLATFORM, leg::EFFECTOR].map(|key| key.kinds.contains(kind));
+            assert!(ends[0] != ends[1], "{kind:?} ends at a point or on a ring");
+            let geometry = format!("{kind:?}Geometry");
+            for (file, word) in [
+                ("docs/pkmkins.9", &format!("\n.B {}\n", kind.name())),
+                ("tests/cases/ini/cases.toml", &format!("legs={}:", kind.name())),
+                ("kinsmodule/kinematics/src/certificate.rs", &geometry),
+                ("kinsmodule/kinematics/tests/common/random.rs", &geometry),
+                ("page/core/src/described.rs", &geometry),
+                ("tests/module/abi/src/sequences/setups.rs", &format!("Kind::{kind:?}")),
+                (
+                    "tests/module/abi/tests/pins.rs",
+                    &format!("{}: OfKind", kind.name().to_uppercase()),
+                ),
+            ] {
+                assert!(text(file).contains(word), "{file} has no {word:?}");
+            }
         }
     }
 

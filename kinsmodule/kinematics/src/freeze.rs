@@ -7,7 +7,7 @@ use crate::fault::{Cause, Fault};
 use crate::geometry::{FARTHEST, Geometry};
 use crate::lanes::Lanes3;
 use crate::layout::{MAX_LEGS, PerLeg};
-use crate::leg::{Leg, LegKind, StrutGeometry};
+use crate::leg::{Leg, LegKind};
 use crate::letters::Letter;
 use crate::mechanism::{Chart, Mechanism};
 use crate::nut::Nut;
@@ -78,7 +78,7 @@ impl Frozen<'_> {
         for i in 0..N {
             mechanism.legs[i] =
                 leg(i).kind.checked().map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
-            mechanism.moving |= mechanism.legs[i] != Leg::Strut;
+            mechanism.moving |= !leg(i).kind.stands();
         }
         mechanism.slides = mechanism.ring.iter().any(|radius| *radius > 0.0);
         mechanism.moving |= mechanism.slides;
@@ -122,10 +122,7 @@ impl Frozen<'_> {
         let mut size = 0.0_f64;
         for (i, leg) in self.geometry.legs().iter().enumerate() {
             let longest = leg.lengths().into_iter().fold(0.0, f64::max);
-            let lead = match leg.kind {
-                LegKind::Strut(strut) => strut.lead.abs(),
-                _ => 0.0,
-            };
+            let lead = leg.kind.screw().lead.abs();
             if !(longest.max(lead) <= LONGEST) {
                 return Err(Fault::of_leg(Cause::LengthTooLarge, i, longest.max(lead)));
             }
@@ -200,10 +197,7 @@ impl Frozen<'_> {
 
     /// The screws, if any leg has a lead.
     fn nut<const N: usize>(&self) -> Result<Option<Nut<N>>, Fault> {
-        let struts = core::array::from_fn(|i| match self.geometry.lane(i).kind {
-            LegKind::Strut(strut) => strut,
-            _ => StrutGeometry::default(),
-        });
+        let struts: [_; N] = core::array::from_fn(|i| self.geometry.lane(i).kind.screw());
         if struts.iter().all(|s| s.lead == 0.0) {
             return Ok(None);
         }
@@ -323,6 +317,7 @@ impl<const N: usize> Mechanism<N> {
 mod tests {
     use super::*;
     use crate::geometry::LegGeometry;
+    use crate::leg::StrutGeometry;
     use crate::letters::Letters;
 
     /// Struts from far below to these platform anchors, which are 2, 2, 4 and 4 from their middle.

@@ -213,14 +213,11 @@ fn legs_of(text: &[u8]) -> Result<([Kind; MAX_LEGS], usize), LoadError> {
         let (Some(kind), Some(count), None) = (parts.next(), parts.next(), parts.next()) else {
             return Err(LoadError::LegsMalformed);
         };
-        let kind = match kind {
-            b"strut" => Kind::Strut,
-            b"slider" => Kind::Slider,
-            b"crank" => Kind::Crank,
-            b"ring" => Kind::Ring,
-            b"" => return Err(LoadError::LegsMalformed),
-            _ => return Err(LoadError::KindUnknown),
-        };
+        if kind.is_empty() {
+            return Err(LoadError::LegsMalformed);
+        }
+        let known = Kind::ALL.iter().find(|known| known.name().as_bytes() == kind);
+        let kind = *known.ok_or(LoadError::KindUnknown)?;
         let count = number(count).ok_or(LoadError::LegsMalformed)?;
         for place in kinds.iter_mut().skip(sum).take(count) {
             *place = kind;
@@ -340,7 +337,7 @@ mod tests {
     fn every_reason_names_what_to_write() {
         for (error, told) in [
             (LoadError::LegsMalformed, "legs="),
-            (LoadError::KindUnknown, "strut, slider, crank, ring"),
+            (LoadError::KindUnknown, "kinds of legs"),
             (LoadError::LegsWrong, "one to eight"),
             (LoadError::CoordinatesWrong, "coordinates="),
             (LoadError::TooManyCoordinates, "coordinates="),

@@ -5,7 +5,7 @@
 use crate::geometry::{Geometry, LegGeometry};
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, times, wide};
 use crate::layout::{MAX_LEGS, PerLeg};
-use crate::leg::{LegKind, direction};
+use crate::leg::direction;
 use crate::segment::Segment;
 use crate::trig::{DEGREES, broad_arcs};
 use nalgebra::{Matrix3, Vector3};
@@ -85,7 +85,9 @@ impl Watch {
             let mut joints = [Joints::NONE, Joints::NONE];
             let [base, platform] = &mut joints;
             for (i, (span, leg)) in spans.iter().zip(legs).enumerate() {
-                let [at_base, at_platform] = axes(&leg.kind);
+                let screw = leg.kind.screw();
+                let [at_base, at_platform] = [screw.base_axis, screw.platform_axis]
+                    .map(|axis| direction(&axis).unwrap_or_default());
                 base.set(i, *span, at_base);
                 platform.set(i, rotation.tr_mul(span), at_platform);
             }
@@ -339,16 +341,6 @@ fn share_anchor(one: &LegGeometry, other: &LegGeometry) -> bool {
     let meet = |a: &[f64; 3], b: &[f64; 3], fixed: [bool; 2]| a == b && fixed == [true; 2];
     meet(&one.platform, &other.platform, [one, other].map(is_point))
         || meet(&one.base, &other.base, [one, other].map(|leg| leg.kind.stands()))
-}
-
-/// Fixed axes of the joints at base and platform.
-fn axes(kind: &LegKind) -> [Vector3<f64>; 2] {
-    match kind {
-        LegKind::Strut(strut) => {
-            [strut.base_axis, strut.platform_axis].map(|axis| direction(&axis).unwrap_or_default())
-        }
-        LegKind::Slider(_) | LegKind::Crank(_) | LegKind::Ring(_) => [Vector3::zeros(); 2],
-    }
 }
 
 #[cfg(test)]

@@ -3,14 +3,15 @@
 
 use crate::arrows::{SIGN, WIDTH, along_sight, arrow};
 use crate::key::{Key, Sign};
-use crate::machine::{GUIDE, LEG};
+use crate::machine::{GUIDE, LEG, rail_or_arm};
 use crate::plot::DrawError;
 use crate::sheet::{AROUND, Area, Chart, Frame, drawn_on, path_axes, span};
 use crate::style::{BLUE, GREEN, NAME, PURPLE, TITLE, VERMILLION, letters_at, width_of};
-use kinematics::{At, LegKind, Letter, POSE_LETTERS, Vector3};
+use kinematics::{At, Letter, POSE_LETTERS, Segment, Vector3};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use workbench::read::direction::ToolDirection;
+use workbench::read::legs::drive_rate;
 use workbench::read::machine::MachineConfig;
 
 /// Share of the largest side that arrows have: of the axes of base, of those of the platform, of joints and tool.
@@ -211,18 +212,9 @@ impl Drawing {
 
     /// The rail of a carriage, or an arm.
     fn guide(&mut self, config: &MachineConfig, leg: usize, lower: &Vector3<f64>) {
-        let geometry = &config.geometry.legs()[leg];
-        let foot = Vector3::from(geometry.base);
-        match geometry.kind {
-            LegKind::Slider(slider) => {
-                let way = Vector3::from(slider.guide).normalize();
-                let ends = [config.joints[leg].min, config.joints[leg].max];
-                let ends = ends.map(|value| foot + way * (value + config.offsets[leg]));
-                self.lines.push((ends, GUIDE.stroke_width(5)));
-            }
-            LegKind::Crank(_) => self.lines.push(([foot, *lower], GUIDE.stroke_width(6))),
-            _ => {}
-        }
+        let width = if config.geometry.legs()[leg].kind.is_angular() { 6 } else { 5 };
+        let rail = rail_or_arm(config, leg, lower);
+        self.lines.extend(rail.map(|ends| (ends, GUIDE.stroke_width(width))));
     }
 
     /// Which way the lower end or the strut goes as the joint grows.
@@ -233,15 +225,11 @@ impl Drawing {
         [lower, upper]: [&Vector3<f64>; 2],
         length: f64,
     ) {
-        let geometry = &config.geometry.legs()[leg];
-        let (from, way) = match geometry.kind {
-            LegKind::Slider(slider) => (*lower, Vector3::from(slider.guide)),
-            LegKind::Crank(crank) => {
-                let arm = lower - Vector3::from(geometry.base);
-                (*lower, Vector3::from(crank.axis).cross(&arm))
-            }
+        let segment = Segment { base: *lower, platform: *upper };
+        let (from, way) = match drive_rate(&config.geometry.legs()[leg], &segment) {
+            Some(way) => (*lower, way),
             // From the middle on, where no joint hides it.
-            _ => (lower + (upper - lower) * 0.4, upper - lower),
+            None => (lower + (upper - lower) * 0.4, upper - lower),
         };
         let to = from + way.normalize() * length;
         self.arrows.push(Arrow { from, to, colour: GREEN, width: WIDTH, name: "" });
@@ -320,8 +308,7 @@ impl Drawing {
 
 /// Whether the lower ends of all legs are fixed.
 fn is_fixed(config: &MachineConfig) -> bool {
-    let is_strut = |kind: &LegKind| matches!(kind, LegKind::Strut(_) | LegKind::Ring(_));
-    config.geometry.legs().iter().all(|leg| is_strut(&leg.kind))
+    config.geometry.legs().iter().all(|leg| leg.kind.stands())
 }
 
 /// The line around joints that are in a plane across one of the axes; none where they are in no such plane.

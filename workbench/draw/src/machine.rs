@@ -3,7 +3,7 @@
 
 use crate::space::{Part, ball, course, line, plate};
 use crate::style::PALE;
-use kinematics::{LegKind, Pose, Vector3};
+use kinematics::{LegGeometry, Pose, Vector3};
 use plotters::prelude::*;
 use workbench::read::machine::MachineConfig;
 
@@ -30,23 +30,13 @@ pub(super) fn at_pose(config: &MachineConfig, pose: &Pose) -> Drawn {
     for (from, to) in lower.iter().zip(&upper) {
         parts.extend(line(*from, *to, LEG.stroke_width(4)));
     }
-    for (i, leg) in config.geometry.legs().iter().enumerate().take(config.legs()) {
-        let hip = Vector3::from(leg.base);
-        match leg.kind {
-            LegKind::Slider(slider) => {
-                let way = Vector3::from(slider.guide).normalize();
-                let end = |value: f64| hip + way * (value + config.offsets[i]);
-                let [low, high] = [config.joints[i].min, config.joints[i].max].map(end);
-                if [low, high].iter().all(|end| end.iter().all(|x| x.is_finite())) {
-                    parts.extend(line(low, high, GUIDE.stroke_width(6)));
-                    places.extend([low, high]);
-                }
-            }
-            LegKind::Crank(_) => {
-                parts.extend(line(hip, lower[i], GUIDE.stroke_width(7)));
-                places.push(hip);
-            }
-            _ => {}
+    for (i, leg) in legs.iter().enumerate() {
+        let rail = rail_or_arm(config, i, &leg.base);
+        let is_finite = |ends: &[Vector3<f64>; 2]| ends.iter().flatten().all(|x| x.is_finite());
+        if let Some([from, to]) = rail.filter(is_finite) {
+            let width = if config.geometry.legs()[i].kind.is_angular() { 7 } else { 6 };
+            parts.extend(line(from, to, GUIDE.stroke_width(width)));
+            places.extend([from, to]);
         }
     }
     let around = ring(&upper);
@@ -60,6 +50,23 @@ pub(super) fn at_pose(config: &MachineConfig, pose: &Pose) -> Drawn {
     }
     places.push(pose.position);
     Drawn { parts, places }
+}
+
+/// Returns the ends of the rail that carries the lower end of a leg, or those of its arm.
+pub(super) fn rail_or_arm(
+    config: &MachineConfig,
+    leg: usize,
+    lower: &Vector3<f64>,
+) -> Option<[Vector3<f64>; 2]> {
+    let LegGeometry { base, kind, .. } = config.geometry.legs()[leg];
+    let foot = Vector3::from(base);
+    match kind.guide().map(|guide| Vector3::from(guide).normalize()) {
+        Some(way) => {
+            let ends = [config.joints[leg].min, config.joints[leg].max];
+            Some(ends.map(|value| foot + way * (value + config.offsets[leg])))
+        }
+        None => (!kind.stands()).then_some([foot, *lower]),
+    }
 }
 
 /// Places in the order in which they are seen from above, around their middle.

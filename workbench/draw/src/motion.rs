@@ -7,7 +7,7 @@ use crate::sample::Sample;
 use crate::sheet::TIME;
 use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::tool_path::{isometric, tool_path};
-use kinematics::{LegKind, MAX_JOINTS};
+use kinematics::MAX_JOINTS;
 use workbench::program::path::{Along, along};
 use workbench::read::joints::{Group, JointKind};
 use workbench::read::machine::MachineConfig;
@@ -45,8 +45,7 @@ pub fn all(config: &MachineConfig, samples: &[Sample]) -> Result<Vec<Plot>, Draw
 }
 
 fn has_lead(config: &MachineConfig) -> bool {
-    let lead = |kind| matches!(kind, LegKind::Strut(strut) if strut.lead != 0.0);
-    config.geometry.legs().iter().any(|leg| lead(leg.kind))
+    config.geometry.legs().iter().any(|leg| leg.kind.screw().lead != 0.0)
 }
 
 /// Values, changes along the path and speeds of joints of one kind.

@@ -119,11 +119,8 @@ impl Model {
             moved.for_each(|axis| add(Quantity::Platform(leg, axis), tolerance.anchor));
             add(Quantity::Length(leg), tolerance.length);
         }
-        let lead = geometry
-            .legs()
-            .iter()
-            .filter_map(lead_of)
-            .fold(0.0, |most: f64, lead| most.max(lead.abs()));
+        let leads = geometry.legs().iter().map(|leg| leg.kind.screw().lead.abs());
+        let lead = leads.fold(0.0, f64::max);
         if tolerance.lead * lead > 0.0 {
             add(Quantity::Lead, tolerance.lead * lead);
         }
@@ -186,7 +183,10 @@ impl Model {
             match parameter.quantity {
                 Quantity::Base(i, axis) => of(&mut legs[i]).base[axis] += change,
                 Quantity::Platform(i, axis) => of(&mut legs[i]).platform[axis] += change,
-                Quantity::Length(i) => lengthen(of(&mut legs[i]), &mut offsets[i], *change),
+                // What has no rod is longer by its offset.
+                Quantity::Length(i) => {
+                    *of(&mut legs[i]).kind.rod().unwrap_or(&mut offsets[i]) += change;
+                }
                 Quantity::Lead => legs.iter_mut().flatten().for_each(|leg| turn_more(leg, *change)),
                 Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..) => {}
             }
@@ -252,22 +252,6 @@ impl Model {
 /// A leg that the machine has.
 fn of(leg: &mut Option<LegGeometry>) -> &mut LegGeometry {
     leg.as_mut().expect("places are made of the legs that there are")
-}
-
-/// The lead of a strut.
-fn lead_of(leg: &LegGeometry) -> Option<f64> {
-    match leg.kind {
-        LegKind::Strut(strut) => Some(strut.lead),
-        LegKind::Slider(_) | LegKind::Crank(_) | LegKind::Ring(_) => None,
-    }
-}
-
-fn lengthen(leg: &mut LegGeometry, offset: &mut f64, change: f64) {
-    match &mut leg.kind {
-        LegKind::Strut(_) | LegKind::Ring(_) => *offset += change,
-        LegKind::Slider(slider) => slider.rod += change,
-        LegKind::Crank(crank) => crank.rod += change,
-    }
 }
 
 /// A lead keeps its hand, and a strut without one stays so.

@@ -118,17 +118,13 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
         if model.offsets[n] != offsets[n] {
             edit(leg::OFFSET.name, decimal(offsets[n]));
         }
-        match (&old.kind, &new.kind) {
-            (LegKind::Slider(old), LegKind::Slider(new)) if old.rod != new.rod => {
-                edit(leg::ROD.name, decimal(new.rod))
-            }
-            (LegKind::Crank(old), LegKind::Crank(new)) if old.rod != new.rod => {
-                edit(leg::ROD.name, decimal(new.rod))
-            }
-            (LegKind::Strut(old), LegKind::Strut(new)) if old.lead != new.lead => {
-                edit(leg::LEAD.name, decimal(new.lead))
-            }
-            _ => {}
+        let [rod, drawn] = [new.kind, old.kind].map(|mut kind| kind.rod().copied());
+        if let Some(rod) = rod.filter(|_| rod != drawn) {
+            edit(leg::ROD.name, decimal(rod));
+        }
+        let lead = new.kind.screw().lead;
+        if lead != old.kind.screw().lead {
+            edit(leg::LEAD.name, decimal(lead));
         }
     }
     edits

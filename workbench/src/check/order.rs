@@ -6,7 +6,7 @@ use crate::check::findings::Report;
 use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::machine::MachineConfig;
-use kinematics::{At, LegGeometry, LegKind, Vector3};
+use kinematics::{At, Vector3};
 
 /// Distance of a joint from the middle, as a share of the farthest one's, below which it has no direction; and
 /// the narrowest a ring of joints may be beside its width: guides in a line have no order around anything.
@@ -55,13 +55,8 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
 
 /// Whether carriages run across, where they stand beside and behind each other, and around nothing.
 fn has_level_guides(config: &MachineConfig) -> bool {
-    let is_level = |leg: &LegGeometry| match leg.kind {
-        LegKind::Slider(slider) => {
-            slider.guide[2].abs() < LEVEL * Vector3::from(slider.guide).norm()
-        }
-        _ => false,
-    };
-    config.geometry.legs().iter().any(is_level)
+    let is_level = |guide: [f64; 3]| guide[2].abs() < LEVEL * Vector3::from(guide).norm();
+    config.geometry.legs().iter().filter_map(|leg| leg.kind.guide()).any(is_level)
 }
 
 /// Directions from the middle of points that stand around it, seen from above, degrees from 0 to 360.

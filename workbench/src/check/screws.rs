@@ -109,12 +109,12 @@ fn name(config: &MachineConfig, screw: &Screw) -> usize {
 }
 
 fn screws(config: &MachineConfig, at: &At) -> Vec<Screw> {
-    let strut = |(leg, geometry): (usize, &kinematics::LegGeometry)| match geometry.kind {
-        LegKind::Strut(strut) if strut.lead != 0.0 => {
+    let strut = |(leg, geometry): (usize, &kinematics::LegGeometry)| {
+        let strut = geometry.kind.screw();
+        (strut.lead != 0.0).then(|| {
             let along = at.segments()[leg].span().normalize();
-            Some(Screw { leg, lead: strut.lead, is_opposite: is_opposite(&strut, &along) })
-        }
-        _ => None,
+            Screw { leg, lead: strut.lead, is_opposite: is_opposite(&strut, &along) }
+        })
     };
     config.geometry.legs().iter().enumerate().filter_map(strut).collect()
 }

@@ -3,9 +3,9 @@
 
 use crate::curve::piece::{Arc, Piece, ROUNDING, Wanted, speed_change};
 use crate::curve::planes::PLANES;
-use crate::curve::taylor::Taylor;
 use crate::curve::whole::{Curve, CurveError};
 use crate::proof::interval::Interval;
+use crate::proof::jet::Taylor;
 use std::f64::consts::PI;
 
 /// Largest turn of one arc: an arc whose ends lie near each other may be taken for a short one.
@@ -137,13 +137,13 @@ impl Near {
             let [radial_at, axial_at, _] = self.errors(&middle.pose);
             let most = |at: Taylor, over: Taylor| {
                 at.value.magnitude()
-                    + at.first.magnitude() * half
-                    + 0.5 * over.second.magnitude() * half * half
+                    + at.first().magnitude() * half
+                    + 0.5 * over.second().magnitude() * half * half
             };
             let error = most(radial_at, radial).hypot(most(axial_at, axial));
             let goes_on = match self.turn > 0.0 {
-                true => angle.first.low > 0.0,
-                false => angle.first.high < 0.0,
+                true => angle.first().low > 0.0,
+                false => angle.first().high < 0.0,
             };
             if error <= allowed && goes_on && self.keeps_angles(&whole.pose) {
                 return Ok(true);
@@ -164,7 +164,7 @@ impl Near {
         let x = pose[first] - Taylor::constant(self.centre[0]);
         let y = pose[second] - Taylor::constant(self.centre[1]);
         let (c, s) = (self.middle[0], self.middle[1]);
-        let angle = Taylor::angle(y * c - x * s, x * c + y * s);
+        let angle = Taylor::angle(&(y * c - x * s), &(x * c + y * s));
         let radial = (x.squared() + y.squared()).sqrt() - Taylor::constant(self.radius);
         let axial = pose[across] - Taylor::constant(self.across[0]) - angle * self.across[1];
         [radial, axial, angle]

@@ -5,8 +5,8 @@ use crate::curve::ellipse::Ellipse;
 use crate::curve::expression::{Expression, Trouble};
 use crate::curve::implicit::{Chord, Families};
 use crate::curve::spline::Spline;
-use crate::curve::taylor::Taylor;
 use crate::proof::interval::Interval;
+use crate::proof::jet::Taylor;
 use std::sync::Arc;
 
 /// Of how many coordinates the arc length of a curve is: x and y of a family, all of a curve in
@@ -73,7 +73,7 @@ impl Part {
         let zero = Taylor::constant(0.0);
         Ok(match &self.form {
             Form::Explicit(explicit) => {
-                let t = Taylor::variable(over);
+                let t = Taylor::variable(over, 0);
                 let [x, y] = explicit.at(t)?;
                 Some(Place { at: [x, y, zero], t })
             }
@@ -81,11 +81,11 @@ impl Part {
                 chord.at(families, over)?.map(|[x, y, t]| Place { at: [x, y, zero], t })
             }
             Form::Spline(spline, span) => {
-                let t = Taylor::variable(over);
+                let t = Taylor::variable(over, 0);
                 Some(Place { at: spline.at(*span, t), t })
             }
             Form::Ellipse(ellipse) => {
-                let t = Taylor::variable(over);
+                let t = Taylor::variable(over, 0);
                 Some(Place { at: ellipse.at(t), t })
             }
         })
@@ -102,7 +102,7 @@ impl Part {
     /// Speed of the arc length at a point.
     pub(super) fn speed(&self, at: f64) -> Result<f64, Trouble> {
         let Some(place) = self.at(Interval::point(at))? else { return Ok(f64::NAN) };
-        let squares = place.at[..self.dimensions()].iter().map(|x| x.first.middle().powi(2));
+        let squares = place.at[..self.dimensions()].iter().map(|x| x.first().middle().powi(2));
         Ok(squares.sum::<f64>().sqrt())
     }
 }

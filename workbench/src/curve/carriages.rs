@@ -4,9 +4,9 @@
 
 use crate::curve::expression::{Expression, ExpressionError, Trouble};
 use crate::curve::file::{CarriageKeys, PathFile};
-use crate::curve::taylor::Taylor;
 use crate::files;
 use crate::limits;
+use crate::proof::jet::Taylor;
 use crate::read::columns::{coordinates, joint_names};
 use crate::read::machine::MachineConfig;
 use crate::read::tools;

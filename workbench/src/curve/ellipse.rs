@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Arcs of circles and ellipses in space.
 
-use crate::curve::taylor::Taylor;
+use crate::proof::jet::Taylor;
 use nalgebra::Vector3;
 
 /// centre + cos φ · first + sin φ · second, where φ goes from one angle to the other while t goes
@@ -65,7 +65,7 @@ mod tests {
         );
         let ellipse = Ellipse { over: [4.0, 5.0], ..Ellipse::new(centre, halves, [0.0, TAU]) };
         for k in 0..=8 {
-            let at = ellipse.at(Taylor::variable(Interval::point(4.0 + f64::from(k) / 8.0)));
+            let at = ellipse.at(Taylor::variable(Interval::point(4.0 + f64::from(k) / 8.0), 0));
             let [x, y, z] = at.map(|x| x.value.middle());
             // Some ten roundings of numbers up to 10.
             let off = ((x - 1.0) / 5.0).powi(2) + ((y - 2.0) / 3.0).powi(2) - 1.0;

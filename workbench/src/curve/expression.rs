@@ -5,8 +5,8 @@
 //! −(t²) and `2^3^2` is 2^9. Angles of functions are in radians.
 
 use crate::curve::grammar::{self, Binary, FUNCTIONS, Tree, Unary};
-use crate::curve::taylor::Taylor;
 use crate::proof::interval::Interval;
+use crate::proof::jet::Taylor;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -166,7 +166,7 @@ impl Expression {
             Binary::Times => a * b,
             Binary::Over if is_zero(&b) => return Err(Trouble::Division(self.text.clone())),
             Binary::Over => a / b,
-            Binary::Angle => Taylor::angle(a, b),
+            Binary::Angle => Taylor::angle(&a, &b),
             Binary::Power => return self.power(a, b),
         })
     }
@@ -300,6 +300,8 @@ mod tests {
             ("ln(t - 2)", "ln of 0"),
             ("(t-2)^-1", "divides by 0"),
             ("exp(1e9)", "larger than any number"),
+            ("sqrt(exp(1e9) - exp(1e9))", "larger than any number"),
+            ("(exp(1e9) - exp(1e9))^t^0.5", "larger than any number"),
         ] {
             let expression = Expression::parse(text, &["t"], &numbers()).unwrap();
             let told = expression.at(&[Taylor::constant(2.0)]).unwrap_err().to_string();

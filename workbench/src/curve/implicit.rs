@@ -3,8 +3,8 @@
 //! intersection make a curve (paper 000), and pieces of that curve over their chords, proved.
 
 use crate::curve::expression::{Expression, Trouble};
-use crate::curve::taylor::Taylor;
 use crate::proof::interval::Interval;
+use crate::proof::jet::Taylor;
 use nalgebra::{Matrix3, Vector3};
 
 /// Newton's steps to a point near by.
@@ -31,11 +31,8 @@ impl Families {
     /// Both functions along a direction from every point of a box: value, first and second
     /// derivative.
     fn along(&self, at: [Interval; 3], direction: [Interval; 3]) -> Result<[Taylor; 2], Trouble> {
-        let mut slots: [Taylor; 3] = std::array::from_fn(|k| Taylor {
-            value: at[k],
-            first: direction[k],
-            second: Interval::ZERO,
-        });
+        let mut slots: [Taylor; 3] =
+            std::array::from_fn(|k| Taylor::new(at[k], direction[k], Interval::ZERO));
         slots[2] = slots[2] * self.t_unit;
         Ok([self.both[0].at(&slots)?, self.both[1].at(&slots)?])
     }
@@ -54,7 +51,7 @@ impl Families {
         for k in 0..3 {
             let unit = |i| if i == k { Interval::point(1.0) } else { Interval::ZERO };
             let [alpha, beta] = self.along(at, std::array::from_fn(unit))?;
-            (gradients[0][k], gradients[1][k]) = (alpha.first, beta.first);
+            (gradients[0][k], gradients[1][k]) = (alpha.first(), beta.first());
             values = [alpha.value, beta.value];
         }
         Ok((values, gradients))
@@ -220,11 +217,7 @@ impl Proof<'_> {
         };
         let first = solved([Interval::ZERO, Interval::ZERO, Interval::point(1.0)]);
         let bent = self.families.along(at, first)?;
-        let second = solved([-bent[0].second, -bent[1].second, Interval::ZERO]);
-        Ok(Some(std::array::from_fn(|k| Taylor {
-            value: at[k],
-            first: first[k],
-            second: second[k],
-        })))
+        let second = solved([-bent[0].second(), -bent[1].second(), Interval::ZERO]);
+        Ok(Some(std::array::from_fn(|k| Taylor::new(at[k], first[k], second[k]))))
     }
 }

@@ -3,8 +3,8 @@
 
 use crate::curve::base::Place;
 use crate::curve::expression::{Expression, Trouble};
-use crate::curve::taylor::Taylor;
 use crate::proof::interval::Interval;
+use crate::proof::jet::Taylor;
 
 /// Names in laws, in order: the parameter, the arc length in mm, its share of the whole, and the
 /// coordinates in mm.
@@ -65,8 +65,8 @@ impl Laws {
 
 fn leaning([x, y, z]: [Taylor; 3]) -> [Taylor; 3] {
     let degrees = 180.0 / std::f64::consts::PI;
-    let a = Taylor::angle(-y, (x.squared() + z.squared()).sqrt());
-    [a * degrees, Taylor::angle(x, z) * degrees, Taylor::constant(0.0)]
+    let a = Taylor::angle(&-y, &(x.squared() + z.squared()).sqrt());
+    [a * degrees, Taylor::angle(&x, &z) * degrees, Taylor::constant(0.0)]
 }
 
 /// The arc length over a range: between its values at the ends, with the speed of the curve.
@@ -75,15 +75,15 @@ pub(super) fn length(place: &Place, dimensions: usize, ends: [f64; 2]) -> Taylor
         let of = |x| of(x).squared();
         place.at[..dimensions].iter().map(of).fold(Interval::ZERO, |sum, x| sum + x)
     };
-    let speed = square(|x| x.first).sqrt();
+    let speed = square(|x| x.first()).sqrt();
     // |ds'| is at most |r''|, also where the speed is 0.
-    let most = square(|x| x.second).sqrt().magnitude();
+    let most = square(|x| x.second()).sqrt().magnitude();
     let second = match speed.low > 0.0 {
         true => {
-            let products = place.at[..dimensions].iter().map(|x| x.first * x.second);
+            let products = place.at[..dimensions].iter().map(|x| x.first() * x.second());
             products.fold(Interval::ZERO, |sum, x| sum + x) / speed
         }
         false => Interval::about(0.0, most),
     };
-    Taylor { value: Interval::new(ends[0], ends[1]), first: speed, second }
+    Taylor::new(Interval::new(ends[0], ends[1]), speed, second)
 }

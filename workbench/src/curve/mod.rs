@@ -30,7 +30,6 @@ pub mod route_error;
 pub mod spline;
 pub mod svg;
 pub mod table;
-pub mod taylor;
 pub mod trace;
 pub mod turning;
 pub mod whole;

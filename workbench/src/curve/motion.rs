@@ -49,7 +49,7 @@ pub fn nodes(curve: &Curve, pieces: &[Piece], pace: &Pace) -> Result<Vec<[Node; 
 /// See [`CurveError`].
 pub fn node(curve: &Curve, part: usize, at: f64, pace: &Pace) -> Result<Node, CurveError> {
     let here = curve.at(part, at)?;
-    let slope = here.pose.map(|x| x.first.middle());
+    let slope = here.pose.map(|x| x.first().middle());
     let speed = norm(&slope[..3]);
     let [from, to] = curve.parts[part].range;
     let moves = speed * (to - from) > STANDS * (curve.length + 1.0);

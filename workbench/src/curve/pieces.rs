@@ -123,11 +123,11 @@ fn need(
         let Some(here) = curve.over(part, Interval::new(at(k), at(k + 1)))? else {
             return Ok(None);
         };
-        let bent = |k: usize| here.pose[k].second.magnitude();
+        let bent = |k: usize| here.pose[k].second().magnitude();
         place = place.max((0..3).map(|k| bent(k).powi(2)).sum::<f64>().sqrt());
         angle = (3..6).map(bent).fold(angle, f64::max);
         for (slope, x) in slopes.iter_mut().zip(here.pose) {
-            *slope = slope.max(x.first.magnitude());
+            *slope = slope.max(x.first().magnitude());
         }
     }
     let sag = (to - from).powi(2) / 8.0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Rational B-splines in space, by de Boor's algorithm with derivatives.
 
-use crate::curve::taylor::Taylor;
+use crate::proof::jet::Taylor;
 
 /// A spline that cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -180,7 +180,7 @@ mod tests {
     const ROUNDING: f64 = 1e-13;
 
     fn point(t: f64) -> Taylor {
-        Taylor::variable(Interval::point(t))
+        Taylor::variable(Interval::point(t), 0)
     }
 
     #[test]
@@ -194,7 +194,7 @@ mod tests {
             let off = (a.hypot(b) - 10.0).abs().max((z.value.middle() - 3.0).abs());
             assert!(off < ROUNDING, "{off}");
             // Tangents stand square to radii.
-            assert!((a * x.first.middle() + b * y.first.middle()).abs() < 1e-12);
+            assert!((a * x.first().middle() + b * y.first().middle()).abs() < 1e-12);
         }
     }
 
@@ -214,8 +214,8 @@ mod tests {
             let [before, after] = [0, 1].map(|k| spline.at(pair[k].0, point(pair[1].1[0])));
             for (a, b) in before.iter().zip(after) {
                 assert!((a.value.middle() - b.value.middle()).abs() < 1e-13);
-                assert!((a.first.middle() - b.first.middle()).abs() < 1e-12);
-                assert!((a.second.middle() - b.second.middle()).abs() < 1e-10);
+                assert!((a.first().middle() - b.first().middle()).abs() < 1e-12);
+                assert!((a.second().middle() - b.second().middle()).abs() < 1e-10);
             }
         }
     }

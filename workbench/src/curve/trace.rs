@@ -264,7 +264,7 @@ impl Walk<'_> {
     fn turning(&self, part: &Part) -> f64 {
         let slope = |at: f64| {
             let place = part.at(Interval::point(at)).ok().flatten();
-            place.map_or(f64::NAN, |place| place.t.first.middle())
+            place.map_or(f64::NAN, |place| place.t.first().middle())
         };
         let rises = slope(part.range[0]) > 0.0;
         bisected(part.range, |at| (slope(at) > 0.0) == rises)

@@ -8,9 +8,9 @@ use crate::curve::free::{FreeError, check_keys, free};
 use crate::curve::implicit::Families;
 use crate::curve::laws::{self, Laws, NAMES, SPEED_NAMES, Tilt};
 use crate::curve::length::Lengths;
-use crate::curve::taylor::Taylor;
 use crate::curve::trace::{TraceError, Turning, Wanted, trace};
 use crate::proof::interval::Interval;
+use crate::proof::jet::Taylor;
 use std::sync::Arc;
 
 /// Halvings of a range that may hold a pole: 1e-12 of it is left.

@@ -4,7 +4,6 @@
 use crate::read::joints::JointKind;
 use crate::read::machine::MachineConfig;
 use crate::study::file::{Each, Lacking, Study};
-use kinematics::LegKind;
 use std::f64::consts::TAU;
 
 /// N mm per N m.
@@ -92,8 +91,6 @@ fn of(key: &'static str, value: &Option<Each>, count: usize) -> Result<Vec<f64>,
 
 /// Lead of a strut's own screw, mm.
 fn lead(config: &MachineConfig, leg: usize) -> Option<f64> {
-    match config.geometry.legs()[leg].kind {
-        LegKind::Strut(strut) if strut.lead != 0.0 => Some(strut.lead / config.units_per_mm),
-        _ => None,
-    }
+    let lead = config.geometry.legs()[leg].kind.screw().lead;
+    (lead != 0.0).then(|| lead / config.units_per_mm)
 }

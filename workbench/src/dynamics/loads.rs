@@ -9,7 +9,7 @@ use crate::dynamics::chart::Chart;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::{LegAt, leg_mass, legs, stiffness, tip};
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, Joints, LegKind, MAX_JOINTS, Matrix3, Pose, Vector3};
+use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// What acts on the tool tip, machine axes: N and N mm.
@@ -170,11 +170,9 @@ fn drives(
     along: &[f64],
 ) -> Vec<f64> {
     let of_leg = legs.iter().zip(along).enumerate().map(|(i, (leg, force))| {
-        let acceleration = match config.geometry.legs()[i].kind {
-            LegKind::Crank(_) => moving.joints[i].to_radians(),
-            LegKind::Strut(_) | LegKind::Slider(_) | LegKind::Ring(_) => {
-                moving.joints[i] / config.units_per_mm
-            }
+        let acceleration = match config.geometry.legs()[i].kind.is_angular() {
+            true => moving.joints[i].to_radians(),
+            false => moving.joints[i] / config.units_per_mm,
         };
         force * leg.signed_gain + model.legs[i].drive.unwrap_or(0.0) * acceleration
     });

@@ -21,7 +21,7 @@ use crate::read::machine::MachineConfig;
 use crate::rows::{self, joint_rows, length_rows};
 use crate::study::file::Screw;
 use crate::study::springs::Spring;
-use kinematics::{At, Fault, LegKind, Pose, Vector3};
+use kinematics::{At, Fault, Pose, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, RowDVector};
 
 /// Step of the differences of rows, radians or share of the radius: their error is the square of it,
@@ -278,7 +278,7 @@ pub fn geometric(
 
 /// Whether a leg is a strut whose nut turns.
 pub(crate) fn has_lead(config: &MachineConfig, leg: usize) -> bool {
-    matches!(config.geometry.legs()[leg].kind, LegKind::Strut(strut) if strut.lead != 0.0)
+    config.geometry.legs()[leg].kind.screw().lead != 0.0
 }
 
 /// Second derivatives of the corrections for turning nuts, by central differences of their rows.

@@ -5,7 +5,7 @@ use crate::new::anchors::Leg;
 use crate::new::kinds::{Homing, MachineKind};
 use crate::new::values::Values;
 use crate::proof::axis_box::AxisBox;
-use keys::{kind_name, leg as of_leg, machine as of_machine};
+use keys::{leg as of_leg, machine as of_machine};
 use kinematics::Letter;
 use kinematics::leg;
 use std::fmt::Write;
@@ -185,7 +185,7 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
     /// What moves, and how fast.
     fn machine(&self) -> String {
         let letters: String = self.letters().iter().map(|letter| letter.name()).collect();
-        let kind = kind_name(self.kind.leg);
+        let kind = self.kind.leg.name();
         let table = match self.kind.table {
             "" => String::new(),
             table => format!(" table={table}"),

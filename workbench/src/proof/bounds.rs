@@ -173,7 +173,7 @@ impl Reach<'_> {
     /// Least cosines of the angles between a strut and the planes square to its cardan axes,
     /// when it turns by these angles.
     pub(super) fn cardan(&self, i: usize, middle: &Middle, turns: [f64; 2]) -> Option<[f64; 2]> {
-        let LegKind::Strut(strut) = self.config.geometry.legs()[i].kind else { return None };
+        let strut = self.config.geometry.legs()[i].kind.screw();
         let n = middle.legs[i].n;
         let axes = [
             Vector3::from(strut.base_axis).normalize(),

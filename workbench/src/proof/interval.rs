@@ -178,9 +178,16 @@ impl Interval {
         }
     }
 
-    /// What is below 0 counts as 0.
+    /// What is below 0 counts as 0, and what is not known stays so.
+    pub fn positive(self) -> Self {
+        let positive = |x: f64| if x < 0.0 { 0.0 } else { x };
+        Self::new(positive(self.low), positive(self.high))
+    }
+
+    /// Square roots of what is not negative.
     pub fn sqrt(self) -> Self {
-        Self::outward(self.low.max(0.0).sqrt(), self.high.max(0.0).sqrt(), 1.0)
+        let Self { low, high } = self.positive();
+        Self::outward(low.sqrt(), high.sqrt(), 1.0)
     }
 
     /// A function of the C library that never falls.

@@ -1,47 +1,57 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Bounds of third derivatives, by interval arithmetic.
+//! Derivatives of functions, by interval arithmetic: the only automatic differentiation of the host.
 //!
-//! A [`Jet`] holds a function of N coordinates over a box: its value, all first and second derivatives, and of the
-//! third ones ∂_k ∂_k ∂_j f, each as an interval that holds it for every point of the box. Products and
-//! compositions need no others, and what several third derivatives have in common is computed once.
+//! A [`Jet`] holds a function of N coordinates over a box: its value, all first and second derivatives, and where
+//! its order is 3, of the third ones ∂_k ∂_k ∂_j f, each as an interval that holds it for every point of the box.
+//! Products and compositions need no others, and what several third derivatives have in common is computed once.
+//! Over one point all intervals are numbers but for rounding, which each operation adds to their width.
 
-use crate::proof::interval::Interval;
-use std::ops::{Add, AddAssign, Mul, Neg, Sub};
+use crate::proof::interval::{Interval, QUARTER_TURN};
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// Derivatives up to the third in N coordinates.
+/// Derivatives up to the second or third in N coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Jet<const N: usize> {
-    value: Interval,
+pub struct Jet<const N: usize, const ORDER: usize> {
+    /// Value.
+    pub value: Interval,
     first: [Interval; N],
     /// By two coordinates in either order.
     second: [[Interval; N]; N],
-    /// Twice by the first coordinate and once by the second one.
+    /// Twice by the first coordinate and once by the second one; zeros where the order is 2.
     third: [[Interval; N]; N],
 }
 
-impl<const N: usize> Jet<N> {
-    /// A constant.
+/// A function of one parameter with its first two derivatives.
+pub type Taylor = Jet<1, 2>;
+
+impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
+    /// A number.
     pub const fn constant(x: f64) -> Self {
-        Self::of(Interval::point(x))
+        Self::held(Interval::point(x))
     }
 
-    const fn of(value: Interval) -> Self {
+    /// Numbers that do not depend on the coordinates.
+    pub const fn held(value: Interval) -> Self {
         let zeros = [[Interval::ZERO; N]; N];
         Self { value, first: [Interval::ZERO; N], second: zeros, third: zeros }
     }
 
-    /// A number in `x`: the coordinate with this place, or a constant.
-    pub const fn variable(x: Interval, place: Option<usize>) -> Self {
-        let mut jet = Self::of(x);
-        if let Some(k) = place {
-            jet.first[k] = Interval::point(1.0);
-        }
+    /// The coordinate with this place.
+    pub const fn variable(x: Interval, place: usize) -> Self {
+        let mut jet = Self::held(x);
+        jet.first[place] = Interval::point(1.0);
         jet
     }
 
+    /// Where nothing is known.
+    const fn unknown() -> Self {
+        let all = [[Interval::ALL; N]; N];
+        Self { value: Interval::ALL, first: [Interval::ALL; N], second: all, third: all }
+    }
+
     /// The same as a function of M coordinates: where among them its own are, if they are.
-    pub fn among<const M: usize>(&self, places: [Option<usize>; N]) -> Jet<M> {
-        let mut jet = Jet::of(self.value);
+    pub fn among<const M: usize>(&self, places: [Option<usize>; N]) -> Jet<M, ORDER> {
+        let mut jet = Jet::held(self.value);
         let own = || places.iter().enumerate().filter_map(|(k, place)| Some((k, (*place)?)));
         for (k, p) in own() {
             jet.first[p] = self.first[k];
@@ -64,22 +74,24 @@ impl<const N: usize> Jet<N> {
         self.first[j]
     }
 
-    /// A jet with this value, and with derivatives that are functions of the numbers of their coordinates.
-    fn with(
+    /// A jet with this value, and with derivatives that are functions of the numbers of their coordinates; the
+    /// third ones first of the number of the one that counts twice.
+    fn with<T: Fn(usize) -> Interval>(
         value: Interval,
         first: impl Fn(usize) -> Interval,
         second: impl Fn(usize, usize) -> Interval,
-        third: impl Fn(usize, usize) -> Interval,
+        third: impl Fn(usize) -> T,
     ) -> Self {
-        let mut jet = Self::of(value);
+        let mut jet = Self::held(value);
         for k in 0..N {
             jet.first[k] = first(k);
             for j in 0..=k {
                 jet.second[k][j] = second(k, j);
                 jet.second[j][k] = jet.second[k][j];
             }
-            for j in 0..N {
-                jet.third[k][j] = third(k, j);
+            if ORDER > 2 {
+                let third = third(k);
+                jet.third[k] = std::array::from_fn(third);
             }
         }
         jet
@@ -99,7 +111,9 @@ impl<const N: usize> Jet<N> {
             self.first[k] = of(self.first[k], o.first[k]);
             for j in 0..N {
                 self.second[k][j] = of(self.second[k][j], o.second[k][j]);
-                self.third[k][j] = of(self.third[k][j], o.third[k][j]);
+                if ORDER > 2 {
+                    self.third[k][j] = of(self.third[k][j], o.third[k][j]);
+                }
             }
         }
     }
@@ -110,17 +124,20 @@ impl<const N: usize> Jet<N> {
         self.beside(o, |x, y| x + y * factor)
     }
 
-    /// The function of this value, given its derivatives of order 0 to 3 there.
-    fn composed(&self, [value, d1, d2, d3]: [Interval; 4]) -> Self {
+    /// The function of this value, given its derivatives from order 0 to that of the jet.
+    fn composed(&self, derivatives: &[Interval]) -> Self {
         let Self { first: f, second: ff, third: fff, .. } = self;
-        let twice = f.map(|f| d2 * (f + f));
-        let squares: [Interval; N] = std::array::from_fn(|k| d2 * ff[k][k] + d3 * f[k].squared());
+        let (d1, d2) = (derivatives[1], derivatives[2]);
         let product = |k: usize, j: usize| if k == j { f[k].squared() } else { f[k] * f[j] };
         Self::with(
-            value,
+            derivatives[0],
             |k| d1 * f[k],
             |k, j| d1 * ff[k][j] + d2 * product(k, j),
-            |k, j| d1 * fff[k][j] + squares[k] * f[j] + twice[k] * ff[k][j],
+            |k| {
+                let square = d2 * ff[k][k] + derivatives[3] * f[k].squared();
+                let twice = d2 * (f[k] + f[k]);
+                move |j| d1 * fff[k][j] + square * f[j] + twice * ff[k][j]
+            },
         )
     }
 
@@ -128,33 +145,31 @@ impl<const N: usize> Jet<N> {
     fn product(&self, o: &Self) -> Self {
         let Self { value: a, first: f, second: ff, third: fff } = self;
         let Self { value: b, first: g, second: gg, third: ggg } = o;
-        let (two_f, two_g) = (f.map(|x| x + x), g.map(|x| x + x));
         Self::with(
             *a * *b,
             |k| *a * g[k] + f[k] * *b,
             |k, j| {
-                let mixed = if k == j { f[k] * two_g[k] } else { f[k] * g[j] + f[j] * g[k] };
+                let mixed = if k == j { f[k] * (g[k] + g[k]) } else { f[k] * g[j] + f[j] * g[k] };
                 *a * gg[k][j] + mixed + ff[k][j] * *b
             },
-            |k, j| {
-                let ends = *a * ggg[k][j] + fff[k][j] * *b;
-                let once = f[j] * gg[k][k] + ff[k][k] * g[j];
-                ends + once + (two_f[k] * gg[k][j] + ff[k][j] * two_g[k])
+            |k| {
+                let (two_f, two_g) = (f[k] + f[k], g[k] + g[k]);
+                move |j| {
+                    let ends = *a * ggg[k][j] + fff[k][j] * *b;
+                    let once = f[j] * gg[k][k] + ff[k][k] * g[j];
+                    ends + once + (two_f * gg[k][j] + ff[k][j] * two_g)
+                }
             },
         )
     }
 
-    /// Square root; unbounded where the value may be 0 or less.
+    /// Square root; its derivatives are unbounded where the value may be 0 or less.
     pub fn sqrt(&self) -> Self {
-        let x = self.value;
-        if !(x.low > 0.0) {
-            return self.composed([Interval::ALL; 4]);
-        }
-        let (root, over) = (x.sqrt(), x.inverse());
+        let (root, over) = (self.value.sqrt(), self.value.inverse());
         let first = root.inverse() * 0.5;
         let second = first * over * -0.5;
         let third = second * over * -1.5;
-        self.composed([root, first, second, third])
+        self.composed(&[root, first, second, third])
     }
 
     /// 1 / self; unbounded where the value may be 0.
@@ -163,49 +178,158 @@ impl<const N: usize> Jet<N> {
         let square = over.squared();
         let second = square * over * 2.0;
         let third = square.squared() * -6.0;
-        self.composed([over, -square, second, third])
+        self.composed(&[over, -square, second, third])
     }
 
     /// Its square.
     pub fn squared(&self) -> Self {
         let Self { value: x, first: f, second: ff, third: fff } = self;
-        let two_f = f.map(|x| x + x);
         let twice = |x: Interval| x + x;
         Self::with(
             x.squared(),
-            |k| *x * two_f[k],
+            |k| *x * twice(f[k]),
             |k, j| twice(*x * ff[k][j] + if k == j { f[k].squared() } else { f[k] * f[j] }),
-            |k, j| twice(*x * fff[k][j] + ff[k][k] * f[j] + two_f[k] * ff[k][j]),
+            |k| {
+                let two_f = twice(f[k]);
+                move |j| twice(*x * fff[k][j] + ff[k][k] * f[j] + two_f * ff[k][j])
+            },
         )
     }
 
-    /// Sine and cosine of an angle in radians.
-    pub fn sincos(&self) -> (Self, Self) {
+    /// Sine of an angle in radians.
+    pub fn sin(&self) -> Self {
         let (s, c) = (self.value.sin(), self.value.cos());
-        (self.composed([s, c, -s, -c]), self.composed([c, -s, -c, s]))
+        self.composed(&[s, c, -s, -c])
     }
 
-    /// Angle of the direction (x, y), up to a constant; unbounded where the directions
-    /// fill more than a half plane.
+    /// Cosine of an angle in radians.
+    pub fn cos(&self) -> Self {
+        let (s, c) = (self.value.sin(), self.value.cos());
+        self.composed(&[c, -s, -c, s])
+    }
+
+    /// Arc tangent in radians.
+    pub fn atan(&self) -> Self {
+        let square = self.value.squared();
+        let first = (square + Interval::point(1.0)).inverse();
+        let second = self.value * first.squared() * -2.0;
+        let third = (square * 6.0 - Interval::point(2.0)) * first.squared() * first;
+        self.composed(&[self.value.rising(f64::atan), first, second, third])
+    }
+
+    /// Angle of the direction (x, y) in radians, from −π to π in the middle of the box; unbounded where the
+    /// directions fill more than a half plane.
     pub fn angle(y: &Self, x: &Self) -> Self {
-        // Tangent of the angle from the middle direction: the constant left out is its angle.
+        // Tangent of the angle from the middle direction.
         let (a, b) = (x.value.middle(), y.value.middle());
         let along = (*x * a).and(y, b);
         if !(along.value.low > 0.0) {
-            return x.composed([Interval::ALL; 4]);
+            return Self::unknown();
         }
-        let tangent = &(*y * a).and(x, -b) * &along.inverse();
-        let z = tangent.value;
-        let first = (z.squared() + Interval::point(1.0)).inverse();
-        let square = first.squared();
-        let second = z * square * -2.0;
-        let third = (z.squared() * 6.0 - Interval::point(2.0)) * square * first;
-        let value = z.rising(f64::atan);
-        tangent.composed([value, first, second, third])
+        let tangent = (*y * a).and(x, -b) / along;
+        tangent.atan() + Self::held(Interval::of_function(b.atan2(a)))
     }
 }
 
-impl<const N: usize> Add for Jet<N> {
+/// What curves are made of beside.
+impl Taylor {
+    /// A function with this value and these derivatives.
+    pub const fn new(value: Interval, first: Interval, second: Interval) -> Self {
+        Self { value, first: [first], second: [[second]], third: [[Interval::ZERO]] }
+    }
+
+    /// First derivative.
+    pub const fn first(&self) -> Interval {
+        self.first[0]
+    }
+
+    /// Second derivative.
+    pub const fn second(&self) -> Interval {
+        self.second[0][0]
+    }
+
+    /// The number that it is, where it does not change, to the nearest of `f64`.
+    pub fn as_constant(&self) -> Option<f64> {
+        let is_held = self.first() == Interval::ZERO && self.second() == Interval::ZERO;
+        (is_held && self.value.is_thin()).then(|| self.value.middle())
+    }
+
+    /// Its power of an integer.
+    pub fn powi(self, n: i32) -> Self {
+        let x = self.value;
+        let power = |n: i32| if n == 0 { Interval::point(1.0) } else { x.powi(n) };
+        let (order, whole) = (f64::from(n), power(n));
+        match n {
+            0 => Self::constant(1.0),
+            1 => self,
+            _ => {
+                let second = power(n - 2) * (order * (order - 1.0));
+                self.composed(&[whole, power(n - 1) * order, second])
+            }
+        }
+    }
+
+    /// Its power of a number that is no integer.
+    pub fn powf(self, n: f64) -> Self {
+        let power = |n: f64| match n > 0.0 {
+            true => self.value.positive().rising(|x| x.powf(n)),
+            false => self.value.positive().rising(|x| x.powf(-n)).inverse(),
+        };
+        self.composed(&[power(n), power(n - 1.0) * n, power(n - 2.0) * (n * (n - 1.0))])
+    }
+
+    /// Its exponential.
+    pub fn exp(self) -> Self {
+        let value = self.value.rising(f64::exp);
+        self.composed(&[value, value, value])
+    }
+
+    /// Natural logarithm.
+    pub fn ln(self) -> Self {
+        let over = self.value.inverse();
+        self.composed(&[self.value.positive().rising(f64::ln), over, -over.squared()])
+    }
+
+    /// Hyperbolic sine.
+    pub fn sinh(self) -> Self {
+        let sinh = self.value.rising(f64::sinh);
+        self.composed(&[sinh, self.value.cosh(), sinh])
+    }
+
+    /// Hyperbolic cosine.
+    pub fn cosh(self) -> Self {
+        let cosh = self.value.cosh();
+        self.composed(&[cosh, self.value.rising(f64::sinh), cosh])
+    }
+
+    /// Hyperbolic tangent.
+    pub fn tanh(self) -> Self {
+        let tanh = self.value.rising(f64::tanh);
+        let first = Interval::point(1.0) - tanh.squared();
+        self.composed(&[tanh, first, tanh * first * -2.0])
+    }
+
+    /// Inverse of the hyperbolic sine.
+    pub fn asinh(self) -> Self {
+        let over = (self.value.squared() + Interval::point(1.0)).sqrt().inverse();
+        let second = -(self.value * over.powi(3));
+        self.composed(&[self.value.rising(f64::asinh), over, second])
+    }
+
+    /// Arc sine in radians.
+    pub fn asin(self) -> Self {
+        let over = (Interval::point(1.0) - self.value.squared()).sqrt().inverse();
+        let value = self.value.rising(|x| x.clamp(-1.0, 1.0).asin());
+        self.composed(&[value, over, self.value * over.powi(3)])
+    }
+
+    /// Arc cosine in radians.
+    pub fn acos(self) -> Self {
+        Self::held(QUARTER_TURN) - self.asin()
+    }
+}
+
+impl<const N: usize, const ORDER: usize> Add for Jet<N, ORDER> {
     type Output = Self;
     #[inline]
     fn add(self, o: Self) -> Self {
@@ -213,21 +337,21 @@ impl<const N: usize> Add for Jet<N> {
     }
 }
 
-impl<const N: usize> AddAssign<&Self> for Jet<N> {
+impl<const N: usize, const ORDER: usize> AddAssign<&Self> for Jet<N, ORDER> {
     #[inline]
     fn add_assign(&mut self, o: &Self) {
         self.change(o, |x, y| x + y);
     }
 }
 
-impl<const N: usize> Neg for Jet<N> {
+impl<const N: usize, const ORDER: usize> Neg for Jet<N, ORDER> {
     type Output = Self;
     fn neg(self) -> Self {
-        self * -1.0
+        self.beside(&self, |x, _| -x)
     }
 }
 
-impl<const N: usize> Sub for Jet<N> {
+impl<const N: usize, const ORDER: usize> Sub for Jet<N, ORDER> {
     type Output = Self;
     #[inline]
     fn sub(self, o: Self) -> Self {
@@ -235,7 +359,7 @@ impl<const N: usize> Sub for Jet<N> {
     }
 }
 
-impl<const N: usize> Mul<f64> for Jet<N> {
+impl<const N: usize, const ORDER: usize> Mul<f64> for Jet<N, ORDER> {
     type Output = Self;
     #[inline]
     fn mul(self, factor: f64) -> Self {
@@ -243,10 +367,17 @@ impl<const N: usize> Mul<f64> for Jet<N> {
     }
 }
 
-impl<const N: usize> Mul for &Jet<N> {
-    type Output = Jet<N>;
-    fn mul(self, o: Self) -> Jet<N> {
-        self.product(o)
+impl<const N: usize, const ORDER: usize> Mul for Jet<N, ORDER> {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        self.product(&o)
+    }
+}
+
+impl<const N: usize, const ORDER: usize> Div for Jet<N, ORDER> {
+    type Output = Self;
+    fn div(self, o: Self) -> Self {
+        Self { value: self.value / o.value, ..self.product(&o.inverse()) }
     }
 }
 
@@ -255,9 +386,9 @@ mod tests {
     use super::*;
 
     /// A function of two numbers that uses everything a jet can do.
-    fn jets(x: Jet<2>, y: Jet<2>) -> Jet<2> {
-        let (s, c) = (&x * &y).sincos();
-        &(s + Jet::constant(2.0)).sqrt() * &(c + Jet::constant(3.0)).inverse()
+    fn jets(x: Jet<2, 3>, y: Jet<2, 3>) -> Jet<2, 3> {
+        let (s, c) = ((x * y).sin(), (x * y).cos());
+        (s + Jet::constant(2.0)).sqrt() * (c + Jet::constant(3.0)).inverse()
             + Jet::angle(&(y + s), &(x.squared() + Jet::constant(1.0)))
     }
 
@@ -278,7 +409,7 @@ mod tests {
         let xxx = (d(2., 0.) - 2. * d(1., 0.) + 2. * d(-1., 0.) - d(-2., 0.)) / (2.0 * H * H * H);
         let at = |w: f64, j: usize| {
             let i = |v: f64| Interval::new(v - w, v + w);
-            jets(Jet::variable(i(x), Some(0)), Jet::variable(i(y), Some(1))).third(0, j)
+            jets(Jet::variable(i(x), 0), Jet::variable(i(y), 1)).third(0, j)
         };
         for (j, expected) in [(0, xxx), (1, xxy)] {
             let exact = at(0.0, j);
@@ -291,9 +422,53 @@ mod tests {
 
     #[test]
     fn what_may_divide_by_zero_is_unbounded() {
-        let x = Jet::<1>::variable(Interval::new(-1.0, 1.0), Some(0));
+        let x = Jet::<1, 3>::variable(Interval::new(-1.0, 1.0), 0);
         assert_eq!(x.inverse().third(0, 0).magnitude(), f64::INFINITY);
         assert_eq!(x.sqrt().third(0, 0).magnitude(), f64::INFINITY);
         assert_eq!(Jet::angle(&x, &x).third(0, 0).magnitude(), f64::INFINITY);
+    }
+
+    /// A function of one number that uses everything.
+    fn taylor(t: Taylor) -> Taylor {
+        let one = Taylor::constant(1.0);
+        let waves = t.sin() * t.cos() + (t.squared() + one).sqrt().ln() / (one + t.exp());
+        let powers = t.powi(3) * t.powf(0.7) + t.inverse() + t.powi(-2);
+        let hyperbolic = t.sinh() * 0.1 + t.cosh() * 0.2 + t.tanh() + t.asinh();
+        let half = t * 0.5;
+        let arcs =
+            half.asin() + half.acos() * 2.0 + t.atan() + Taylor::angle(&t.sin(), &(t.cos() * 0.5));
+        waves + powers - hyperbolic + arcs
+    }
+
+    fn plain_of_one(t: f64) -> f64 {
+        let waves = t.sin() * t.cos() + (t * t + 1.0).sqrt().ln() / (1.0 + t.exp());
+        let powers = t.powi(3) * t.powf(0.7) + 1.0 / t + 1.0 / (t * t);
+        let hyperbolic = 0.1 * t.sinh() + 0.2 * t.cosh() + t.tanh() + t.asinh();
+        let h = 0.5 * t;
+        let arcs = h.asin() + 2.0 * h.acos() + t.atan() + t.sin().atan2(0.5 * t.cos());
+        waves + powers - hyperbolic + arcs
+    }
+
+    #[test]
+    fn derivatives_by_one_parameter_are_those_of_differences_and_hold_them_over_a_range() {
+        const H: f64 = 1e-4;
+        let t = 0.8;
+        let at = taylor(Taylor::variable(Interval::point(t), 0));
+        let first = (plain_of_one(t + H) - plain_of_one(t - H)) / (2.0 * H);
+        let second = (plain_of_one(t + H) - 2.0 * plain_of_one(t) + plain_of_one(t - H)) / (H * H);
+        assert!((at.value.middle() - plain_of_one(t)).abs() < 1e-14, "{at:?}");
+        // Truncation H² times a derivative of some tens; rounding 1e-16/H².
+        assert!((at.first().middle() - first).abs() < 1e-5, "{at:?} {first}");
+        assert!((at.second().middle() - second).abs() < 1e-5, "{at:?} {second}");
+        let wide = taylor(Taylor::variable(Interval::about(t, 0.01), 0));
+        for n in -10..=10 {
+            let at = taylor(Taylor::variable(Interval::point(t + 1e-3 * f64::from(n)), 0));
+            for (wide, at) in
+                [(wide.value, at.value), (wide.first(), at.first()), (wide.second(), at.second())]
+            {
+                assert!(wide.contains(at.middle()), "{wide:?} {at:?}");
+            }
+        }
+        assert!(wide.second().magnitude() < 100.0, "{wide:?}");
     }
 }

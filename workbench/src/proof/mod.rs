@@ -10,7 +10,7 @@ pub mod cell;
 pub mod choose;
 pub mod conditioning;
 pub mod interval;
-mod jet;
+pub mod jet;
 pub mod one_to_one;
 pub mod reach;
 mod regular;

@@ -22,7 +22,7 @@
 //! equations of the legs, written here once more.
 
 use crate::proof::interval::Interval;
-use crate::proof::jet::Jet;
+use crate::proof::jet;
 use crate::read::boxes::Claim;
 use kinematics::{
     BOX_TOLERANCE, Fault, Geometry, LAST_STEP, LegGeometry, LegKind, Letter, MAX_BOX_STEPS,
@@ -40,6 +40,9 @@ const RADIANS: f64 = std::f64::consts::PI / 180.0;
 
 /// Square matrix over X … C; rows and columns of coordinates that are not active are 0.
 pub type Matrix = SMatrix<f64, 6, 6>;
+
+/// Functions of so many coordinates with all derivatives that a proof needs.
+type Jet<const N: usize> = jet::Jet<N, 3>;
 
 /// Legs by coordinates.
 pub type Rows = SMatrix<f64, 8, 6>;
@@ -351,11 +354,14 @@ impl<'a> Prover<'a> {
         let range = |n: usize| Interval::new(cell.low[n], cell.high[n]);
         let angles = [3, 4, 5].map(place);
         // In degrees, as the box.
-        let angle = |k: usize| Jet::variable(range(k + 3), angles[k].map(|_| k)) * RADIANS;
+        let angle = |k: usize| match angles[k] {
+            Some(_) => Jet::variable(range(k + 3), k) * RADIANS,
+            None => Jet::held(range(k + 3)) * RADIANS,
+        };
         let rotation = rotation([angle(0), angle(1), angle(2)]);
         let reference = times(&rotation, self.geometry.centre);
         let point = std::array::from_fn(|n| match place(n) {
-            Some(place) => Jet::variable(range(n), Some(place)) + reference[n].among(angles),
+            Some(place) => Jet::variable(range(n), place) + reference[n].among(angles),
             // Legs do not see coordinates that are held, or the table's.
             None => Jet::constant(0.0),
         });
@@ -384,7 +390,7 @@ impl<'a> Prover<'a> {
                     return length;
                 }
                 let over = length.inverse();
-                let n = anchor.each_ref().map(|w| w * &over);
+                let n = anchor.map(|w| w * over);
                 let axes = [strut.base_axis, strut.platform_axis].map(unit);
                 let turn = torsion(&n, &axes[0], &times(rotation, axes[1]), *angles);
                 length.and(&turn, lead / std::f64::consts::TAU)
@@ -433,7 +439,7 @@ fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
     let home = Pose::from_degrees(geometry.home.unwrap_or_default());
     let at = machine.at(&home, &Vector3::zeros());
     let lead = |(i, leg): (usize, &LegGeometry)| {
-        let LegKind::Strut(strut) = leg.kind else { return 0.0 };
+        let strut = leg.kind.screw();
         let Ok(at) = &at else { return strut.lead };
         let n = at.segments()[i].span().normalize();
         let base = Vector3::from(strut.base_axis);
@@ -458,18 +464,18 @@ fn torsion<const N: usize>(
     let sine = dot(n, &cross);
     let of_both: Jet<N> = dot_fixed(platform_axis, base_axis).among(angles);
     let platform_axis = platform_axis.each_ref().map(|axis| axis.among(angles));
-    let cosine = of_both - &dot_fixed(n, base_axis) * &dot(&platform_axis, n);
+    let cosine = of_both - dot_fixed(n, base_axis) * dot(&platform_axis, n);
     Jet::angle(&sine, &cosine)
 }
 
 /// Rz(C) Ry(B) Rx(A), rows first.
 fn rotation<const N: usize>([a, b, c]: [Jet<N>; 3]) -> [[Jet<N>; 3]; 3] {
-    let ((sa, ca), (sb, cb), (sc, cc)) = (&a.sincos(), &b.sincos(), &c.sincos());
-    let (cs, ss) = (&(cc * sb), &(sc * sb));
+    let ([sa, sb, sc], [ca, cb, cc]) = ([a, b, c].map(|x| x.sin()), [a, b, c].map(|x| x.cos()));
+    let (cs, ss) = (cc * sb, sc * sb);
     [
         [cc * cb, cs * sa - sc * ca, cs * ca + sc * sa],
         [sc * cb, ss * sa + cc * ca, ss * ca - cc * sa],
-        [-*sb, cb * sa, cb * ca],
+        [-sb, cb * sa, cb * ca],
     ]
 }
 
@@ -479,7 +485,7 @@ fn times<const N: usize>(rotation: &[[Jet<N>; 3]; 3], v: [f64; 3]) -> [Jet<N>; 3
 
 fn dot<const N: usize>(a: &[Jet<N>; 3], b: &[Jet<N>; 3]) -> Jet<N> {
     let product = |k: usize| {
-        if std::ptr::eq(a, b) { a[k].squared() } else { &a[k] * &b[k] }
+        if std::ptr::eq(a, b) { a[k].squared() } else { a[k] * b[k] }
     };
     let mut sum = product(0);
     sum += &product(1);

@@ -2,11 +2,11 @@
 //! A machine with one tool: what it can take at a pose, and how its legs change from there.
 
 use crate::limits::beyond_axes;
-use crate::read::legs::platform_anchor;
+use crate::read::legs::{drive_rate, platform_anchor};
 use crate::read::machine::MachineConfig;
 use kinematics::{
-    At, Fault, Jacobian, Joints, LegGeometry, LegKind, Letter, Limits, Margin, Matrix3, Pose,
-    Segment, Vector3,
+    At, Fault, Jacobian, Joints, LegGeometry, Letter, Limits, Margin, Matrix3, Pose, Segment,
+    Vector3,
 };
 use std::f64::consts::PI;
 
@@ -135,7 +135,7 @@ impl<'a> Reach<'a> {
                 [true, true, true] => anchors.sum::<Vector3<f64>>() / legs.len() as f64,
                 _ => centre,
             },
-            is_geared: legs.iter().any(|leg| lead(leg) != 0.0),
+            is_geared: legs.iter().any(|leg| leg.kind.screw().lead != 0.0),
         })
     }
 
@@ -269,14 +269,7 @@ impl<'a> Reach<'a> {
         middle: &Middle,
     ) -> [Vector3<f64>; 6] {
         let leg = &self.config.geometry.legs()[i];
-        let per_joint = match leg.kind {
-            LegKind::Strut(_) | LegKind::Ring(_) => return *motions,
-            LegKind::Slider(slider) => Vector3::from(slider.guide).normalize(),
-            LegKind::Crank(crank) => {
-                let arm = segment.base - Vector3::from(leg.base);
-                Vector3::from(crank.axis).normalize().cross(&arm) * RADIANS
-            }
-        };
+        let Some(per_joint) = drive_rate(leg, segment) else { return *motions };
         std::array::from_fn(|k| {
             let unit = if k < 3 { 1.0 } else { 1.0 / RADIANS };
             motions[k] - per_joint * (middle.gradient[(i, k)] * unit)
@@ -332,14 +325,6 @@ impl Ring {
         let outward = beside.try_normalize(0.0)?;
         let along = axis.cross(&outward);
         Some(Self { radius, rho: radius + beside.norm(), outward, along })
-    }
-}
-
-/// Lead of a strut's screw; 0 where there is none.
-pub(super) fn lead(leg: &LegGeometry) -> f64 {
-    match leg.kind {
-        LegKind::Strut(strut) => strut.lead,
-        _ => 0.0,
     }
 }
 

@@ -12,7 +12,7 @@
 //! platform at every pose of the cell.
 
 use crate::proof::bounds::SecondDerivatives;
-use crate::proof::reach::{LegMiddle, Middle, ROUNDING, Reach, Spread, lead};
+use crate::proof::reach::{LegMiddle, Middle, ROUNDING, Reach, Spread};
 use kinematics::{At, MAX_LEGS, Vector3};
 use nalgebra::{Matrix6, SMatrix, Vector6};
 use std::f64::consts::PI;
@@ -223,7 +223,7 @@ impl Reach<'_> {
         // From the control point to the one that the rows are about.
         let lever = middle.rotation * (self.tool + self.about);
         let legs = self.config.geometry.legs().iter().enumerate();
-        for (i, _) in legs.filter(|(_, leg)| lead(leg) != 0.0) {
+        for (i, _) in legs.filter(|(_, leg)| leg.kind.screw().lead != 0.0) {
             let part = |k: usize| Vector3::from_fn(|m, _| of_twist[(i, k + m)]);
             let (force, moment) = (part(0), part(3) - lever.cross(&part(0)));
             for k in (0..3).filter(|k| self.active[*k]) {
@@ -245,7 +245,7 @@ impl Reach<'_> {
     ) -> Option<Rows> {
         let mut rest = Rows::zeros();
         for (i, second_derivative) in seconds.iter().enumerate() {
-            let lead = lead(&self.config.geometry.legs()[i]);
+            let lead = self.config.geometry.legs()[i].kind.screw().lead;
             if lead == 0.0 {
                 continue;
             }

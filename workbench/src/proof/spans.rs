@@ -11,7 +11,7 @@
 
 use crate::proof::bounds::SecondDerivatives;
 use crate::proof::reach::{LegMiddle, Middle, RADIANS, ROUNDING, Reach, Spread};
-use kinematics::{LegKind, Limit, Margin, Part, Vector3};
+use kinematics::{Limit, Margin, Part, Vector3};
 use std::ops::ControlFlow;
 
 /// A value over a cell, or on a way run through in two units of time.
@@ -189,8 +189,8 @@ impl Reach<'_> {
 
     /// Ends of the turns about the fixed axis of a cardan joint and across it, degrees.
     fn turns(&self, lean: &Lean, is_platform: bool) -> Option<[[f64; 2]; 2]> {
-        let LegKind::Strut(strut) = self.config.geometry.legs()[lean.i].kind else { return None };
-        let axis = if is_platform { strut.platform_axis } else { strut.base_axis };
+        let screw = self.config.geometry.legs()[lean.i].kind.screw();
+        let axis = if is_platform { screw.platform_axis } else { screw.base_axis };
         let axis = Vector3::from(axis).try_normalize(0.0)?;
         let home = &self.home[lean.i];
         let zero = (home - axis * axis.dot(home)).try_normalize(0.0)?;

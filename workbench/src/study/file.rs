@@ -11,7 +11,6 @@ use crate::study::forcing::{Force, Milling};
 use crate::study::masses::Platform;
 use crate::study::number::{Positive, Ratio};
 use crate::study::spindle::Spindle;
-use kinematics::{LegKind, Vector3};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
@@ -279,11 +278,9 @@ impl Study {
         )?;
         let unit = |(i, value): (usize, f64)| {
             let travel = value * 1e-3 * config.units_per_mm;
-            match config.geometry.legs().get(i).map(|leg| leg.kind) {
-                Some(LegKind::Crank(crank)) => {
-                    (travel / Vector3::from(crank.arm).norm()).to_degrees()
-                }
-                _ => travel,
+            match config.geometry.legs().get(i).filter(|leg| leg.kind.is_angular()) {
+                Some(leg) => (travel / leg.kind.lengths()[1]).to_degrees(),
+                None => travel,
             }
         };
         Ok(all.map(|values| values.into_iter().enumerate().map(unit).collect()))

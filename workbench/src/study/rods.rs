@@ -8,7 +8,7 @@
 
 use crate::read::legs::platform_anchor;
 use crate::read::machine::MachineConfig;
-use kinematics::{Fault, LegKind, Nearest, Pose, Segment, Vector3};
+use kinematics::{Fault, Nearest, Pose, Segment, Vector3};
 
 /// What is asked of a machine at every pose.
 pub struct View<'a> {
@@ -89,10 +89,7 @@ impl<'a> View<'a> {
     }
 
     fn guide(&self, leg: usize) -> Option<Vector3<f64>> {
-        match self.config.geometry.legs()[leg].kind {
-            LegKind::Slider(slider) => Some(Vector3::from(slider.guide)),
-            _ => None,
-        }
+        self.config.geometry.legs()[leg].kind.guide().map(Vector3::from)
     }
 
     /// Names of the numbers of [`Rods::values`].

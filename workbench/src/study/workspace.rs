@@ -12,7 +12,7 @@ use crate::read::joints::JointKind;
 use crate::read::machine::MachineConfig;
 use crate::study::file;
 use kinematics::{
-    At, Cause, Fault, Gap, LegKind, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,
+    At, Cause, Fault, Gap, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,
 };
 use std::f64::consts::PI;
 use std::fmt;
@@ -402,10 +402,9 @@ fn pyramid<'s>(
     }
     let Some(most) = most else { return Ok(&[]) };
     for (leg, (limits, geometry)) in limits.iter_mut().zip(config.geometry.legs()).enumerate() {
-        let own = match (geometry.kind, end) {
-            (LegKind::Strut(strut), End::Base) => strut.base_axis,
-            (LegKind::Strut(strut), End::Platform) => strut.platform_axis,
-            _ => [0.0; 3],
+        let own = match end {
+            End::Base => geometry.kind.screw().base_axis,
+            End::Platform => geometry.kind.screw().platform_axis,
         };
         let axis = given.get(leg).unwrap_or(&own);
         if axis == &[0.0; 3] {

@@ -37,17 +37,37 @@ use slider::Slider;
 /// the dead point joint speeds grow beyond twenty times the platform's.
 pub const LEAST_DRIVE: f64 = 0.05;
 
-/// A kind of leg, as the load parameter `legs=` names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+macro_rules! kinds {
+    ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
+        /// A kind of leg, as the load parameter `legs=` names it.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Kind {
+            $($(#[$doc])* $kind,)*
+        }
+
+        impl Kind {
+            /// Every kind of leg.
+            pub const ALL: &[Self] = &[$(Self::$kind),*];
+
+            /// Returns the name in the load parameter `legs=`.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+        }
+    };
+}
+
+kinds! {
     /// Telescopic strut.
-    Strut,
+    Strut = "strut",
     /// Rod of fixed length on a carriage.
-    Slider,
+    Slider = "slider",
     /// Rod of fixed length on a turning arm.
-    Crank,
+    Crank = "crank",
     /// Telescopic strut to a ring about the tool axis.
-    Ring,
+    Ring = "ring",
 }
 
 /// What the integrator wrote for one leg, by kind.
@@ -67,11 +87,39 @@ pub enum LegKind {
 impl LegKind {
     /// Whether a joint value is an angle.
     pub const fn is_angular(&self) -> bool {
-        matches!(self, LegKind::Crank(_))
+        match self {
+            LegKind::Crank(_) => true,
+            LegKind::Strut(_) | LegKind::Slider(_) | LegKind::Ring(_) => false,
+        }
+    }
+
+    /// Returns lead and axes of a strut's screw, and zeros for the kinds without a screw.
+    pub fn screw(&self) -> StrutGeometry {
+        match self {
+            LegKind::Strut(strut) => *strut,
+            LegKind::Slider(_) | LegKind::Crank(_) | LegKind::Ring(_) => StrutGeometry::default(),
+        }
+    }
+
+    /// Returns the direction of the straight guide on which the lower end runs, of any length.
+    pub const fn guide(&self) -> Option<[f64; 3]> {
+        match self {
+            LegKind::Slider(slider) => Some(slider.guide),
+            LegKind::Strut(_) | LegKind::Crank(_) | LegKind::Ring(_) => None,
+        }
+    }
+
+    /// Returns the length of the rod; `None` for the kinds whose length is the joint value.
+    pub const fn rod(&mut self) -> Option<&mut f64> {
+        match self {
+            LegKind::Slider(slider) => Some(&mut slider.rod),
+            LegKind::Crank(crank) => Some(&mut crank.rod),
+            LegKind::Strut(_) | LegKind::Ring(_) => None,
+        }
     }
 
     /// Lengths of rod and arm, or radius of the ring; 0 for what the kind does not have.
-    pub(crate) fn lengths(&self) -> [f64; 2] {
+    pub fn lengths(&self) -> [f64; 2] {
         match self {
             LegKind::Strut(_) => [0.0; 2],
             LegKind::Slider(s) => [s.rod, 0.0],
@@ -120,7 +168,10 @@ impl LegKind {
 
     /// Whether the base anchor stands still.
     pub const fn stands(&self) -> bool {
-        matches!(self, LegKind::Strut(_) | LegKind::Ring(_))
+        match self {
+            LegKind::Strut(_) | LegKind::Ring(_) => true,
+            LegKind::Slider(_) | LegKind::Crank(_) => false,
+        }
     }
 
     /// The checked leg; what its ring does is no matter of the joint, see [`Self::ring_radius`].

@@ -6,7 +6,7 @@
 //! and hold positions, speeds and cones to the limits of the INI file.
 
 use draw::sample::Sample;
-use kinematics::{Fault, Joints, LegKind, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
+use kinematics::{Fault, Joints, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
@@ -475,11 +475,9 @@ fn joint_checks(config: &MachineConfig, found: &Deviations) -> Vec<Check> {
 /// Joint units per machine unit of a residual, which is a length: at the end of an arm
 /// one degree is a length too.
 fn per_length(config: &MachineConfig, kind: JointKind) -> f64 {
-    let arms = config.geometry.legs().iter().filter_map(|leg| match leg.kind {
-        LegKind::Crank(crank) => Some(Vector3::from(crank.arm).norm().to_radians()),
-        LegKind::Strut(_) | LegKind::Slider(_) | LegKind::Ring(_) => None,
-    });
-    if kind == JointKind::Arm { arms.map(f64::recip).fold(0.0, f64::max) } else { 1.0 }
+    let arms = config.geometry.legs().iter().filter(|leg| leg.kind.is_angular());
+    let per_length = arms.map(|leg| leg.kind.lengths()[1].to_radians().recip());
+    if kind == JointKind::Arm { per_length.fold(0.0, f64::max) } else { 1.0 }
 }
 
 fn limit_checks(
