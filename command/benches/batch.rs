@@ -39,7 +39,7 @@ fn main() {
     let inverse = || {
         let mut joints = vec![[0.0; MAX_JOINTS]; rows.len()];
         rows.par_iter().zip(&mut joints).for_each(|(row, joints)| {
-            machine.inverse_into(&Pose::from_degrees(*row), tool, joints).unwrap();
+            *joints = machine.inverse(&Pose::from_degrees(*row), tool).unwrap();
         });
         joints
     };

@@ -119,7 +119,7 @@ fn chain(case: &Case, bytes: &mut Bytes) {
         let most = if (3..6).contains(&k) { 1e-9 } else { THERE_AND_BACK * largest };
         assert!((back[k] - world[k]).abs() <= most, "letter {k}: {back:?} of {world:?}, {given:?}");
     }
-    for frame in chain.frames(&own, &world) {
+    for frame in chain.frames(&Pose::from_degrees(own), &world) {
         assert!(is_rotation(&frame), "{frame} at {world:?}, {given:?}");
     }
     let shift = chain.tool_shift(&world, &tool);

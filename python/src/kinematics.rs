@@ -26,7 +26,9 @@ pub fn inverse(
 ) -> PyResult<Answer> {
     let joints = config.joints.len();
     let ask = |_: &mut (), _, row: &[f64], answer: &mut [f64]| {
-        config.machine.inverse_into(&pose(row), tool, answer)
+        let found = config.machine.inverse(&pose(row), tool)?;
+        answer.iter_mut().zip(found).for_each(|(joint, value)| *joint = value);
+        Ok(())
     };
     each(py, poses, joints, || (), ask).answer(py, poses, &[joints])
 }

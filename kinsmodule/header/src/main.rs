@@ -25,6 +25,7 @@ fn write_all(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let bindings = cbindgen::Builder::new()
         .with_config(config)
         .with_src(root.join("kinsmodule/linuxcnc/src/abi.rs"))
+        .with_src(root.join("kinsmodule/linuxcnc/src/component.rs"))
         .with_after_include(enumeration())
         .generate()?;
     let mut text = Vec::new();

@@ -319,7 +319,6 @@ impl At<'_> {
 
     /// As [`At::ahead`], for the cycles of a motion: in each the present place and one ahead, also
     /// where the motion begins or turns. The latency has to make room for [`Sight::OLDEST`] cycles.
-    #[inline(never)]
     pub fn ahead_in_turn(
         &mut self,
         sight: &mut Sight,
@@ -352,7 +351,6 @@ impl At<'_> {
     }
 
     /// What is not allowed at a pose, at rest.
-    #[inline(never)]
     pub fn here(&mut self, tool: &Vector3<f64>, limits: &Limits, pose: &Pose) -> Option<Fault> {
         match self.move_to(pose, tool) {
             Ok(()) => refused(self, limits).map(|(fault, _)| fault),

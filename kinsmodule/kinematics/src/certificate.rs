@@ -88,7 +88,6 @@ pub(crate) struct Motion<const N: usize> {
 /// # Errors
 /// Where the ball is too large for any statement: it reaches a leg of no length, or a
 /// strut that points along one of its joint axes, or the edge of the nut correction.
-#[inline]
 pub(crate) fn lipschitz_constant<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -162,7 +161,6 @@ fn of_nut<const N: usize>(
 }
 
 /// What takes the place of s₁² where the platform anchors of legs `i` and `i + 1` slide.
-#[cold]
 fn slipping<const N: usize>(
     rings: &Rings<'_, N>,
     placed: &Placed<N>,
@@ -184,7 +182,6 @@ fn slipping<const N: usize>(
 
 /// What the motion adds to the first Newton step: the chord deviation of the residuals between the
 /// ends of the step.
-#[inline]
 pub(crate) fn chord_deviation<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -201,7 +198,6 @@ pub(crate) fn chord_deviation<const N: usize>(
 
 /// How far the residual of leg `i` leaves the straight line between its ends at most; infinite where
 /// the tool axis may come to the base anchor.
-#[inline]
 pub(crate) fn leg_chord_deviation<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -219,7 +215,6 @@ pub(crate) fn leg_chord_deviation<const N: usize>(
 /// What the motion adds to h: how far the rows turn with the anchors, in the ball of
 /// radius `rho`. Infinite where a rod may come to its dead point; `margin` tells how far
 /// each rod is from there.
-#[inline]
 pub(crate) fn row_change<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -252,7 +247,6 @@ pub(crate) fn row_change<const N: usize>(
 
 impl<const N: usize> Mechanism<N> {
     /// How far leg `i` is on its side at native joint value `q`; `None` for a strut.
-    #[inline]
     pub fn margin(&self, placed: &Placed<N>, i: usize, q: f64) -> Option<f64> {
         let leg = &self.legs[i];
         leg.margin(leg.transmission(q, &(placed.span.get(i) / placed.length[i])))

@@ -399,7 +399,6 @@ impl Letter {
     ///
     /// # Errors
     /// The cause of the letter, [`Cause::HeldX`] to [`Cause::HeldC`].
-    #[inline]
     pub fn check_held(self, value: f64, size: f64) -> Result<(), Fault> {
         let unit = if self.is_angle() { 1.0 } else { size };
         if value.abs() <= HELD_TOLERANCE * unit {

@@ -59,7 +59,6 @@ impl Frozen<'_> {
             active,
             holds: Letter::ALL.iter().any(|letter| layout.is_held(*letter)),
             moving: false,
-            plain: false,
             legs: [Leg::Strut; N],
             base,
             arms: Lanes3::from_fn(|i| Vector3::from(leg(i).platform) - reference),
@@ -82,8 +81,6 @@ impl Frozen<'_> {
         }
         mechanism.slides = mechanism.ring.iter().any(|radius| *radius > 0.0);
         mechanism.moving |= mechanism.slides;
-        // What the legs move no table does: these are all joints.
-        mechanism.plain = layout.legs() == N && active == [true; 6] && !mechanism.moving;
         self.refuse_far(size)?;
         mechanism.bound_anchors(angles);
         if let Some(home) = self.geometry.home {
@@ -240,7 +237,6 @@ impl<const N: usize> Mechanism<N> {
 
     /// Where the reference pose puts the platform, with the fold fixed there. A call of its own: its
     /// stack is free again for what follows.
-    #[inline(never)]
     fn place_of(&mut self, home: [f64; 6]) -> Result<Place, Fault> {
         let pose = Pose::from_degrees(home);
         pose.check().map_err(|_| Fault::from(Cause::HomeNotFinite))?;
@@ -277,7 +273,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// The legs at a pose without a tool, from moving base anchor to platform anchor.
-    #[inline(never)]
     pub fn spans_at(&self, pose: &Pose) -> Result<[Vector3<f64>; MAX_LEGS], Fault> {
         let place = self.placement(pose, &pose.trigonometry(), &Vector3::zeros()).place;
         let anchors = self.moved_anchors(&self.joints_at(&place)?)?;
@@ -291,7 +286,6 @@ impl<const N: usize> Mechanism<N> {
 
     /// The legs at a place, from where their joints put the moving base anchors. A call of its own, as
     /// [`Self::place_of`].
-    #[inline(never)]
     fn place_driven(&self, place: &Place, placed: &mut Placed<N>) -> Result<(), Fault> {
         let anchors = self.moved_anchors(&self.joints_at(place)?)?;
         self.place(&anchors, place, placed);

@@ -102,12 +102,6 @@ pub(crate) fn scaled(v: &[f64x2; 3], by: f64x2) -> [f64x2; 3] {
     [v[0] * by, v[1] * by, v[2] * by]
 }
 
-/// Whether all lanes are finite.
-#[inline(always)]
-pub(crate) fn are_finite<const N: usize>(lanes: &[f64; N]) -> bool {
-    are_within(lanes, f64::MAX)
-}
-
 /// Whether no lane is beyond ±`limit`; NaN is.
 #[inline(always)]
 pub(crate) fn are_within<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
@@ -224,9 +218,9 @@ mod tests {
     }
 
     #[test]
-    fn each_lane_alone_decides_whether_all_are_finite_within_or_above() {
+    fn each_lane_alone_decides_whether_all_are_within_or_above() {
         let lanes = [1.0, -2.0, 0.5, 1.5, -1.0, 0.0];
-        assert!(are_finite(&lanes) && are_within(&lanes, 2.0) && are_above(&lanes, -2.5));
+        assert!(are_within(&lanes, 2.0) && are_above(&lanes, -2.5));
         // Nothing is above itself, but it is within itself.
         assert!(!are_within(&lanes, 1.75) && !are_above(&lanes, -2.0));
         let changed = |place: usize, value: f64| {
@@ -237,7 +231,7 @@ mod tests {
         for place in 0..6 {
             for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
                 let lanes = changed(place, bad);
-                assert!(!are_finite(&lanes) && !are_within(&lanes, 2.0), "{place}: {bad}");
+                assert!(!are_within(&lanes, 2.0), "{place}: {bad}");
                 assert_eq!(are_above(&lanes, -2.5), bad == f64::INFINITY, "{place}: {bad}");
             }
             assert!(!are_within(&changed(place, 2.25), 2.0), "{place}");

@@ -82,6 +82,5 @@ pub use pose::Pose;
 pub use second::Second;
 pub use segment::Segment;
 pub use side::Side;
-pub use spheres::Meeting;
 pub use text::{Piece, Text};
 pub use watch::{Cones, Nearest, Turns, Watch};

@@ -21,8 +21,6 @@ pub struct Load {
     pub extra: ExtraAxes,
     boxes: usize,
     second: Option<Beside>,
-    /// Whether the mechanism is alone: no extra axis, no second mechanism.
-    is_plain: bool,
     is_identity_first: bool,
 }
 
@@ -58,7 +56,6 @@ impl Load {
             extra: ExtraAxes::NONE,
             boxes: 0,
             second: None,
-            is_plain: true,
             is_identity_first: false,
         })
     }
@@ -85,7 +82,7 @@ impl Load {
             coordinates.and_then(Letters::parse).ok_or(LoadError::SecondCoordinates)?;
         let angles = Letters::parse(angles.unwrap_or(b"")).ok_or(LoadError::SecondAngles)?;
         let letters = Second::new(count, coordinates, angles, &self.layout)?;
-        Ok(Self { second: Some(Beside { kinds, letters, boxes: 0 }), is_plain: false, ..self })
+        Ok(Self { second: Some(Beside { kinds, letters, boxes: 0 }), ..self })
     }
 
     /// With as many boxes of the second mechanism's workspace as `text` says; `None` or empty = none.
@@ -110,7 +107,7 @@ impl Load {
         if of_second.any(|taken| extra.has(taken)) {
             return Err(LoadError::AxisTaken);
         }
-        Ok(Self { extra, is_plain: self.is_plain && extra.is_empty(), ..self })
+        Ok(Self { extra, ..self })
     }
 
     /// With as many boxes of the workspace as `text` says; `None` or empty = none.
@@ -163,12 +160,6 @@ impl Load {
         self.layout.joints() + self.second().map_or(0, |second| second.layout().joints())
     }
 
-    /// Whether the mechanism is alone: no extra axis, no second mechanism.
-    #[inline(always)]
-    pub fn is_plain(&self) -> bool {
-        self.is_plain
-    }
-
     /// Letters of the second mechanism.
     pub fn second(&self) -> Option<&Second> {
         self.second.as_ref().map(|second| &second.letters)
@@ -179,7 +170,7 @@ impl Load {
         let Beside { kinds, letters, boxes } = self.second?;
         let (layout, extra) = (*letters.layout(), ExtraAxes::NONE);
         let is_identity_first = self.is_identity_first;
-        Some(Self { kinds, layout, extra, boxes, second: None, is_plain: true, is_identity_first })
+        Some(Self { kinds, layout, extra, boxes, second: None, is_identity_first })
     }
 
     /// Places in LinuxCNC's pose that belong neither to legs nor to table of the first mechanism.
@@ -276,7 +267,7 @@ mod tests {
         let pair = first.with_second(given(b"slider:3"), given(b"XZB"), given(b"c")).unwrap();
         let pair = pair.with_axes(given(b"VA")).unwrap().with_second_boxes(given(b"2")).unwrap();
         assert_eq!((pair.joints(), pair.first_extra_joint(), pair.layout.joints()), (9, 7, 4));
-        assert!(pair.other_places().eq([7, 3, 6, 8, 5]) && !pair.is_plain());
+        assert!(pair.other_places().eq([7, 3, 6, 8, 5]));
         let second = pair.of_second().unwrap();
         let alone = Load::parse(given(b"slider:3"), given(b"XZB"), None).unwrap();
         assert_eq!(second, alone.with_boxes(given(b"2")).unwrap());

@@ -10,7 +10,7 @@ use crate::layout::{Joints, Layout, MAX_JOINTS, PerLeg};
 use crate::mechanism::Mechanism;
 use crate::nut::Nut;
 use crate::pose::Pose;
-use crate::spheres::{Meeting, Spheres, Which};
+use crate::spheres::{Spheres, Which};
 use crate::watch::Watch;
 use nalgebra::Vector3;
 
@@ -109,7 +109,6 @@ impl Machine {
 
     /// Whether nut corrections are the literal arcsin: a geometry without a reference pose is
     /// frozen like that, until [`Machine::fold_at`].
-    #[inline]
     pub fn is_literal(&self) -> bool {
         each!(self, m => m.nut.as_ref().is_some_and(Nut::is_literal))
     }
@@ -158,54 +157,20 @@ impl Machine {
     ///
     /// # Errors
     /// A [`Fault`] of the pose group; nothing is returned in part.
-    #[inline(never)]
+    #[inline(always)]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
+        let Some(three) = self.joints_of_three(pose, tool) else {
+            return each!(self, m => m.inverse(pose, tool));
+        };
         let mut joints = [0.0; MAX_JOINTS];
-        self.inverse_inlined(&pose.to_degrees(), pose, tool, &mut joints)?;
+        joints.iter_mut().zip(three).for_each(|(joint, value)| *joint = value);
         Ok(joints)
     }
 
-    /// As [`Machine::inverse`], into the first of `joints`; those beyond the machine's, and
-    /// all after an error, are left alone. A `Result` of many values is copied about.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`].
-    #[inline(never)]
-    pub fn inverse_into(
-        &self,
-        pose: &Pose,
-        tool: &Vector3<f64>,
-        joints: &mut [f64],
-    ) -> Result<(), Fault> {
-        self.inverse_inlined(&pose.to_degrees(), pose, tool, joints)
-    }
-
-    /// As [`Machine::inverse_into`], a part of what calls it, for those who count nanoseconds and have the
-    /// pose in machine units and degrees as well.
-    ///
-    /// # Errors
-    /// As [`Machine::inverse`].
+    /// Returns the joint values of three legs that move X, Y and Z, in closed form; `None` if undecided.
     #[inline(always)]
-    pub fn inverse_inlined(
-        &self,
-        degrees: &[f64; 6],
-        pose: &Pose,
-        tool: &Vector3<f64>,
-        joints: &mut [f64],
-    ) -> Result<(), Fault> {
-        match (self.joints_of_three(degrees, tool), joints.first_chunk_mut()) {
-            (Some(three), Some(joints)) => *joints = three,
-            _ => each!(self, m => m.inverse(pose, tool, joints))?,
-        }
-        Ok(())
-    }
-
-    /// Joint values of a pose (machine units, degrees) of three legs that move X, Y and Z, in less time
-    /// than by the general method; `None` where that has to tell.
-    #[inline(always)]
-    pub fn joints_of_three(&self, degrees: &[f64; 6], tool: &Vector3<f64>) -> Option<[f64; 3]> {
-        let [x, y, z, a, b, c] = *degrees;
-        self.spheres()?.joints(&Vector3::new(x, y, z), &Vector3::new(a, b, c), tool)
+    pub fn joints_of_three(&self, pose: &Pose, tool: &Vector3<f64>) -> Option<[f64; 3]> {
+        self.spheres()?.joints(&pose.position, &pose.angles, tool)
     }
 
     /// Whether a tool vector may be computed with.
@@ -235,48 +200,15 @@ impl Machine {
         tool: &Vector3<f64>,
         solver: &Solver,
     ) -> Result<Solution, Fault> {
-        let mut solution = Solution::NONE;
-        self.forward_into(joints, seed, tool, solver, &mut solution)?;
-        Ok(solution)
-    }
-
-    /// As [`Machine::forward`], into `solution`, which an error leaves alone; see
-    /// [`Machine::inverse_into`].
-    ///
-    /// # Errors
-    /// As [`Machine::forward`].
-    pub fn forward_into(
-        &self,
-        joints: &Joints,
-        seed: &Pose,
-        tool: &Vector3<f64>,
-        solver: &Solver,
-        solution: &mut Solution,
-    ) -> Result<(), Fault> {
         if solver.method == Method::Certified
-            && let Some(joints) = joints.first_chunk()
-            && let Some(Meeting { point, residual }) =
-                self.meeting(joints, &seed.position, tool, solver)
+            && let Some(spheres) = self.spheres()
+            && let (Some(joints), Ok(())) = (joints.first_chunk(), solver.check())
+            && let near = Which::Near(&seed.position)
+            && let Some(met) = spheres.meeting(joints, near, tool, solver.criterion(self.size()))
         {
-            *solution = Solution::of_spheres(point, residual);
-            return Ok(());
+            return Ok(Solution::of_spheres(met));
         }
-        each!(self, m => m.forward(joints, seed, tool, solver, solution))
-    }
-
-    /// Where the spheres of three legs meet, if that is certainly the pose connected with a seed that is
-    /// at `seed`, in less time than [`Machine::forward_into`]; `None` where that has to tell.
-    #[inline(always)]
-    pub fn meeting(
-        &self,
-        joints: &[f64; 3],
-        seed: &Vector3<f64>,
-        tool: &Vector3<f64>,
-        solver: &Solver,
-    ) -> Option<Meeting> {
-        let spheres = self.spheres()?;
-        solver.check().ok()?;
-        spheres.meeting(joints, Which::Near(seed), tool, solver.criterion(self.size()))
+        each!(self, m => m.forward(joints, seed, tool, solver))
     }
 
     #[inline(always)]
@@ -287,14 +219,8 @@ impl Machine {
         }
     }
 
-    /// Whether the joint values alone determine the pose on either side of the singular ones: three legs
-    /// that move X, Y and Z and nothing else, see [`Machine::pose_beside`].
-    pub fn needs_no_seed(&self) -> bool {
-        self.spheres().is_some()
-    }
-
-    /// Pose of joint values on that side of the singular poses on which `reference` is, of a machine
-    /// that [needs no seed](Machine::needs_no_seed): any motion from there that passes no singular pose
+    /// Returns the pose of joint values on that side of the singular poses on which `reference` is, of three
+    /// legs that move X, Y and Z and nothing else: any motion from there that passes no singular pose
     /// leads to it, and to no other one. `None` of other machines, and next to a singular pose, at a dead
     /// point and out of reach, which forward refuses.
     pub fn pose_beside(&self, joints: &Joints, reference: &Pose, solver: &Solver) -> Option<Pose> {

@@ -45,8 +45,6 @@ pub(crate) struct Mechanism<const N: usize> {
     /// Whether any leg is not a strut: its base anchor moves, its length bends, or its platform
     /// anchor slides.
     pub moving: bool,
-    /// Whether every lane is a strut of its own, and they move all six coordinates.
-    pub plain: bool,
     pub legs: [Leg; N],
     /// Base anchors in base.
     pub base: Lanes3<N>,
@@ -118,24 +116,15 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// Refuses a tool vector that no pose may be computed with.
-    #[inline]
-    pub fn check_tool(&self, tool: &Vector3<f64>) -> Result<(), Fault> {
-        if self.within_reach(tool).all() {
-            return Ok(());
-        }
-        let largest = tool.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
-        match tool.iter().all(|v| v.is_finite()) {
-            true => Err(Fault::with_value(Cause::ToolTooLong, largest)),
-            false => Err(Cause::ToolNotFinite.into()),
-        }
-    }
-
-    /// Whether a tool vector is neither too long nor NaN, as a mask: both lanes have to say so.
     #[inline(always)]
-    pub fn within_reach(&self, tool: &Vector3<f64>) -> f64x2 {
-        let most = both(FARTHEST * self.size);
-        let plane = f64x2::new([tool.x, tool.y]).abs().simd_le(most);
-        plane & both(tool.z).abs().simd_le(most)
+    pub fn check_tool(&self, tool: &Vector3<f64>) -> Result<(), Fault> {
+        if !tool.iter().all(|value| value.is_finite()) {
+            return Err(Cause::ToolNotFinite.into());
+        }
+        match tool.amax() {
+            most if most <= FARTHEST * self.size => Ok(()),
+            most => Err(Fault::with_value(Cause::ToolTooLong, most)),
+        }
     }
 
     /// The reference point in base, legs and table together, for a pose with rotation `r`:
@@ -198,7 +187,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// Refuses a leg without a direction.
-    #[inline]
     pub fn refuse_short(&self, i: usize, length: f64) -> Result<(), Fault> {
         if length > self.least_length() {
             return Ok(());
@@ -215,7 +203,6 @@ impl<const N: usize> Mechanism<N> {
         self.short_leg(*length)
     }
 
-    #[cold]
     fn short_leg(&self, length: [f64; N]) -> Result<(), Fault> {
         for (i, l) in length.iter().enumerate() {
             self.refuse_short(i, *l)?;
@@ -224,7 +211,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// Torsion of every leg, if any leg has a lead.
-    #[inline]
     pub fn torsion(&self, n: &Lanes3<N>, r: &Matrix3<f64>) -> Result<Option<Torsion<N>>, Fault> {
         let Some(nut) = &self.nut else { return Ok(None) };
         let torsion = nut.torsion(n, r);

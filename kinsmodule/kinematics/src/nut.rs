@@ -104,6 +104,7 @@ pub(crate) struct Rates {
 
 impl<const N: usize> Nut<N> {
     /// From axes (checked to be finite, not yet to be non-zero) and leads.
+    #[inline(always)]
     pub fn new(
         base_axis: &[[f64; 3]; N],
         platform_axis: &[[f64; 3]; N],
@@ -159,6 +160,7 @@ impl<const N: usize> Nut<N> {
     }
 
     /// Takes back what a pose has fixed. What the axes hold of h changes no arcsin.
+    #[inline(always)]
     pub fn unfold(&mut self) {
         self.fold = Fold::Literal;
     }
@@ -368,7 +370,6 @@ impl<const N: usize> Torsion<N> {
     }
 
     /// The strut that points most closely along a joint axis.
-    #[cold]
     pub fn along_axis(&self) -> Fault {
         let mut worst = (0, f64::INFINITY);
         for i in 0..N {
@@ -380,7 +381,6 @@ impl<const N: usize> Torsion<N> {
     }
 
     /// The strut that has turned most.
-    #[cold]
     fn beyond(&self) -> Fault {
         let mut most = (0, 0.0);
         for i in 0..N {
@@ -393,7 +393,6 @@ impl<const N: usize> Torsion<N> {
 
     /// Why nothing is certain about these torsions: they are too large, or a strut is too near to
     /// one of its joint axes.
-    #[cold]
     pub fn uncertain(&self) -> Fault {
         // Beside an axis a step changes a torsion by any amount.
         let clear = (0..N).all(|i| self.room(i) > NEAR_AXIS);

@@ -4,16 +4,11 @@
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{both, pair};
-use crate::trig::{
-    MAX_ANGLE_DEG, RADIANS, arc, arcs, short_sincos, short_sincos_of_one, sincos, sincos_of_one,
-};
-use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use crate::trig::{MAX_ANGLE_DEG, RADIANS, arc, arcs, sincos, sincos_of_one};
+use core::f64::consts::FRAC_PI_2;
 use libm::{atan2, sqrt};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
-
-/// Angles up to which sines and cosines are short polynomials, in radians.
-pub(crate) const FLAT: f64 = FRAC_PI_4;
 
 /// cos B below which rounding decides C.
 const GIMBAL_COS: f64 = 1e-12;
@@ -46,10 +41,11 @@ impl Pose {
 
     /// Whether all six components are finite.
     pub fn is_finite(&self) -> bool {
-        self.within(f64::MAX).all()
+        self.position.iter().chain(&self.angles).all(|value| value.is_finite())
     }
 
     /// Orientation: base from platform.
+    #[inline(always)]
     pub fn rotation(&self) -> Matrix3<f64> {
         self.trigonometry().rotation()
     }
@@ -66,56 +62,17 @@ impl Pose {
     /// Refuses what no call may compute with.
     #[inline(always)]
     pub(crate) fn check(&self) -> Result<(), Fault> {
-        if self.within(MAX_ANGLE_DEG * RADIANS).all() {
-            return Ok(());
-        }
-        // A copy: registers, see `lanes`.
-        { *self }.refused()
-    }
-
-    /// Whether all is finite, and no angle beyond `most`, as a mask: both lanes have to say so.
-    #[inline(always)]
-    pub(crate) fn within(&self, most: f64) -> f64x2 {
-        let Self { position: p, angles: a } = self;
-        let finite = f64::MAX;
-        f64x2::new([p.x, p.y]).abs().simd_le(both(finite))
-            & f64x2::new([p.z, a.x]).abs().simd_le(f64x2::new([finite, most]))
-            & f64x2::new([a.y, a.z]).abs().simd_le(both(most))
-    }
-
-    #[cold]
-    fn refused(self) -> Result<(), Fault> {
         if !self.is_finite() {
             return Err(Cause::PoseNotFinite.into());
         }
-        for &angle in self.angles.iter() {
-            if !(angle.abs() <= MAX_ANGLE_DEG * RADIANS) {
-                return Err(Fault::with_value(Cause::AngleTooLarge, angle / RADIANS));
-            }
+        match self.angles.iter().find(|angle| !(angle.abs() <= MAX_ANGLE_DEG * RADIANS)) {
+            Some(angle) => Err(Fault::with_value(Cause::AngleTooLarge, angle / RADIANS)),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     #[inline(always)]
     pub(crate) fn trigonometry(&self) -> Trigonometry {
-        if self.within(FLAT).all() {
-            return self.flat_trigonometry();
-        }
-        { *self }.steep_trigonometry()
-    }
-
-    /// The same for angles up to [`FLAT`].
-    #[inline(always)]
-    pub(crate) fn flat_trigonometry(&self) -> Trigonometry {
-        let a = &self.angles;
-        let (sines, cosines) = short_sincos(f64x2::new([a.x, a.y]));
-        let ([sa, sb], [ca, cb]) = (sines.to_array(), cosines.to_array());
-        let [sc, cc] = short_sincos_of_one(a.z).to_array();
-        Trigonometry { sa, ca, sb, cb, sc, cc }
-    }
-
-    #[inline(never)]
-    fn steep_trigonometry(self) -> Trigonometry {
         let (sines, cosines) = sincos(f64x2::new([self.angles.x, self.angles.y]));
         let ([sa, sb], [ca, cb]) = (sines.to_array(), cosines.to_array());
         let [sc, cc] = sincos_of_one(self.angles.z);
@@ -201,7 +158,6 @@ fn angles_on_sheet(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, sheet: f6
 /// The same near |B| = 90°, where C keeps the seed's value. C is found first, and A and B from
 /// what it leaves of the rotation: together they give it back to rounding even where A and C are
 /// hardly told apart.
-#[inline(never)]
 fn angles_in_turn(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, cos_b: f64) -> Vector3<f64> {
     let (sin_c, cos_c) = if cos_b.abs() >= GIMBAL_COS {
         (r[(1, 0)] / cos_b, r[(0, 0)] / cos_b)
@@ -441,6 +397,7 @@ mod tests {
 
     #[test]
     fn steep_and_flat_angles_have_the_same_sines() {
+        use core::f64::consts::FRAC_PI_4;
         let (below, above) = (FRAC_PI_4, FRAC_PI_4 * (1.0 + f64::EPSILON));
         for axis in 0..3 {
             let at = |angle: f64| {

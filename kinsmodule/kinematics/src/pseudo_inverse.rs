@@ -62,6 +62,7 @@ impl<const N: usize> PseudoInverse<N> {
 
     /// `None` if an active column depends on the ones before it. Columns that are not
     /// active must hold zeros; their unknowns are 0.
+    #[inline(always)]
     pub fn new(columns: &[[f64; N]; 6], active: &[bool; 6]) -> Option<Self> {
         let mut inverse = Self::ZERO;
         let regular = inverse.renew(active, *columns);
@@ -134,7 +135,6 @@ impl<const N: usize> PseudoInverse<N> {
     }
 
     /// Frobenius norm of the (pseudo-)inverse of A.
-    #[inline]
     pub fn inverse_norm(&self) -> f64 {
         self.inverse_norm
     }

@@ -45,7 +45,6 @@ impl<const N: usize> Rings<'_, N> {
     }
 
     /// Turns the rings until their struts are shortest.
-    #[inline(never)]
     pub fn turn(&self, rotation: &Matrix3<f64>, placed: &mut Placed<N>) {
         for i in (0..N).step_by(2) {
             let seen = self.seen(rotation, placed, i);
@@ -61,7 +60,6 @@ impl<const N: usize> Rings<'_, N> {
 
     /// Takes from the second derivatives of the lengths what the rings' turning takes from them
     /// while the platform moves at `v` and turns at `omega`.
-    #[inline(never)]
     pub fn bend(
         &self,
         place: &Place,
@@ -83,7 +81,6 @@ impl<const N: usize> Rings<'_, N> {
     /// Within a ball of radius `reach` of poses, whose base anchors move by `travel` beside that:
     /// the largest r/ρ of leg `i`, and the largest speed of the platform's point that is at its base
     /// anchor. `None` where the tool axis may come to the base anchor.
-    #[inline]
     pub fn widened(
         &self,
         placed: &Placed<N>,
@@ -105,7 +102,6 @@ impl<const N: usize> Rings<'_, N> {
 
     /// r/ϱ of leg `i` where its base anchor may be nearer to the axis by `nearer`; `None` where the axis
     /// may come to it.
-    #[inline]
     pub fn ratio(&self, placed: &Placed<N>, i: usize, nearer: f64) -> Option<f64> {
         let i = i.min(N - 1);
         if !(self.radius[i] > 0.0) {

@@ -52,7 +52,6 @@ impl Side {
     ///
     /// The platform turns by no more than A, B and C change together, its reference point
     /// t − o + R (o + reference) goes no farther than t goes, twice o, and its lever turns.
-    #[inline]
     pub fn reaches(&self, pose: &Pose, tool: &Vector3<f64>) -> bool {
         let turn = (pose.angles - self.pose.angles).abs().sum();
         let retooled = (tool - self.tool).abs().sum();

@@ -152,7 +152,7 @@ pub(crate) enum Which<'a> {
 
 /// Where the spheres meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Meeting {
+pub(crate) struct Meeting {
     /// The control point.
     pub point: Vector3<f64>,
     /// Bound of what a leg is off by, see [`crate::Solution::residual`].
@@ -183,6 +183,7 @@ impl Sizes {
 impl Spheres {
     /// Of three legs that move X, Y and Z, and end at points. (The correction of a screw changes with the
     /// direction of its strut.)
+    #[inline(always)]
     pub fn of(machine: &Mechanism<4>) -> Option<Self> {
         let moves = machine.active == [true, true, true, false, false, false];
         if !(machine.count() == 3 && moves && machine.nut.is_none() && !machine.slides) {

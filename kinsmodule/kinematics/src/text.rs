@@ -122,7 +122,6 @@ impl<const LENGTH: usize> Text<LENGTH> {
     }
 
     // Called, not inlined: messages are rare, and the paths beside them short.
-    #[inline(never)]
     fn append(&mut self, text: &[u8]) {
         for byte in text {
             self.byte(*byte);
@@ -138,7 +137,6 @@ impl<const LENGTH: usize> Text<LENGTH> {
         }
     }
 
-    #[inline(never)]
     fn whole(&mut self, number: i64) {
         if number < 0 {
             self.byte(b'-');
@@ -161,7 +159,6 @@ impl<const LENGTH: usize> Text<LENGTH> {
         }
     }
 
-    #[inline(never)]
     fn number(&mut self, number: f64) {
         if number.is_nan() {
             return self.append(b"NaN");

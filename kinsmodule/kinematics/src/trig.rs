@@ -21,7 +21,6 @@ pub(crate) const MAX_ANGLE_DEG: f64 = 1e6;
 const SHORT: f64 = 0.03;
 
 /// atan2 for directions that mostly are next to (0, 1), where a short series is quicker.
-#[inline]
 pub(crate) fn arc(sine: f64, cosine: f64) -> f64 {
     // (0, 0) as well, whose quotient is none.
     if !(sine.abs() < SHORT * cosine) {
@@ -176,8 +175,13 @@ const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
 /// two calls of libm, which tells both where one is beyond.
 #[inline(always)]
 pub(crate) fn sincos(x: f64x2) -> (f64x2, f64x2) {
+    // The same bits as below: nothing waits for quarter turns that are none.
+    if x.abs().simd_le(both(FRAC_PI_4)).all() {
+        return short_sincos(x);
+    }
     if !x.abs().simd_le(both(FAR)).all() {
-        return far_sincos(x);
+        let [(s0, c0), (s1, c1)] = x.to_array().map(libm::sincos);
+        return (f64x2::new([s0, s1]), f64x2::new([c0, c1]));
     }
     let (rest, quarters) = within_an_octant(x);
     let (sines, cosines) = short_sincos(rest);
@@ -189,27 +193,14 @@ pub(crate) fn sincos(x: f64x2) -> (f64x2, f64x2) {
 /// Sine and cosine of any angle.
 #[inline(always)]
 pub(crate) fn sincos_of_one(x: f64) -> [f64; 2] {
-    // The same bits as below: nothing waits for quarter turns that are none.
     if x.abs() <= FRAC_PI_4 {
         return short_sincos_of_one(x).to_array();
     }
-    steep_sincos_of_one(x)
-}
-
-#[inline(never)]
-fn steep_sincos_of_one(x: f64) -> [f64; 2] {
     if !(x.abs() <= FAR) {
         return libm::sincos(x).into();
     }
     let (rest, quarters) = within_an_octant(both(x));
     turned(short_sincos_of_one(rest.to_array()[0]).to_array(), quarters.to_array()[0])
-}
-
-#[cold]
-#[inline(never)]
-fn far_sincos(x: f64x2) -> (f64x2, f64x2) {
-    let [(s0, c0), (s1, c1)] = x.to_array().map(libm::sincos);
-    (f64x2::new([s0, s1]), f64x2::new([c0, c1]))
 }
 
 /// Angles less whole quarter turns, and the number of these in the last bits.

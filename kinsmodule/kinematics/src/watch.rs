@@ -108,6 +108,7 @@ impl Watch {
 
     /// Angles of the legs' cones for an orientation of the platform; zeros where the
     /// machine has no reference pose.
+    #[inline(always)]
     pub fn cones(&self, rotation: &Matrix3<f64>, legs: &[Segment; MAX_LEGS]) -> Cones {
         let mut cones = Cones { base: [0.0; MAX_LEGS], platform: [0.0; MAX_LEGS] };
         let Some([base, platform]) = &self.joints else { return cones };
@@ -126,6 +127,7 @@ impl Watch {
     ///
     /// A cardan joint turns about the axis that is fixed in its body, and the leg then about one
     /// square to it: what the leg leaves of a right angle with the fixed axis is its angle across.
+    #[inline(always)]
     pub fn turns(&self, rotation: &Matrix3<f64>, legs: &[Segment; MAX_LEGS]) -> [Turns; 2] {
         let mut turns = [Turns { about: [f64::NAN; MAX_LEGS], across: [f64::NAN; MAX_LEGS] }; 2];
         let Some([base, platform]) = &self.joints else { return turns };

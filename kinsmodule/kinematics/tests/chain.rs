@@ -206,7 +206,9 @@ fn frames_of_tool_and_work_are_those_of_the_loop() {
             None => [platform * tool, work],
             Some(_) => [tool, platform * work],
         };
-        for (found, expected) in drawn.chain.frames(&machine, &at).iter().zip(expected) {
+        for (found, expected) in
+            drawn.chain.frames(&Pose::from_degrees(machine), &at).iter().zip(expected)
+        {
             // Some roundings of directions.
             assert!((found - expected.to_rotation_matrix().matrix()).norm() < 1e-13);
         }

@@ -126,7 +126,7 @@ fn the_closed_form_finds_the_pose_of_the_general_method_and_leaves_refusals_to_i
             let mut joints = case.joints(&pose);
             let at = case.machine.at(&pose, &NO_TOOL).expect("inverse reaches it");
             case.assert_joints_at(&at, &joints);
-            let three = case.machine.joints_of_three(&pose.to_degrees(), &NO_TOOL);
+            let three = case.machine.joints_of_three(&pose, &NO_TOOL);
             assert_eq!(three.as_ref(), joints.first_chunk(), "{}: {pose:?}", case.name);
             // Joints that no pose has, now and then.
             if uniform(&mut rng, 0.0, 1.0) < 0.1 {

@@ -13,7 +13,7 @@ use crate::guard;
 use crate::hal::{Direction, HalError, Pin};
 use crate::module::Module;
 use crate::pins::{FAR, Maker};
-use kinematics::{At, Body, Fault, Gap, Motion, Planner, Pose, text};
+use kinematics::{At, Body, Fault, Gap, Motion, Planner, Pose, World, text};
 
 /// Places before the last one, of which a cycle looks at one.
 const BETWEEN: u32 = 7;
@@ -74,8 +74,8 @@ pub struct Between {
     next: u32,
     /// Why the feed is inhibited, until no move is left to be made.
     inhibited: Option<Fault>,
-    /// Where both stand after the only move in LinuxCNC's queue, machine units and degrees.
-    end: Option<[[f64; 6]; 2]>,
+    /// Where both stand after the only move in LinuxCNC's queue.
+    end: Option<[World; 2]>,
 }
 
 struct Cycle<'a> {
@@ -98,7 +98,7 @@ impl Between {
     ///
     /// The end point is not forgotten by an abort, a refusal or a jog: no motion that [`Cycle::time_to_end`] takes
     /// for the move to it can follow these before another move is queued, and noted here.
-    pub fn note_queued(&mut self, poses: [[f64; 6]; 2]) {
+    pub fn note_queued(&mut self, poses: [World; 2]) {
         self.end = self.pins.in_position.get().then_some(poses);
     }
 
@@ -109,7 +109,6 @@ impl Between {
 
     /// One cycle, after both monitors. Returns what is too near now or ahead, and whether the feed is
     /// inhibited for it from this cycle on.
-    #[inline(never)]
     pub fn watch(&mut self, modules: [&Module; 2], seconds: f64) -> Option<(Fault, bool)> {
         let commanded = modules.map(Module::commanded);
         let before = core::mem::take(&mut self.before);
@@ -201,7 +200,7 @@ impl Cycle<'_> {
 
     /// Returns the time at the present speed until both stand, if the feed is inhibited now or `end` is the end of
     /// the queue; `None` where nothing moves, or nobody says how it brakes.
-    fn horizon(&self, seconds: f64, end: Option<&[[f64; 6]; 2]>) -> Option<f64> {
+    fn horizon(&self, seconds: f64, end: Option<&[World; 2]>) -> Option<f64> {
         let asked = &self.modules[0].pins.guard.asked;
         let latency = LATENCY * seconds;
         let planner = Planner {
@@ -235,7 +234,7 @@ impl Cycle<'_> {
     ///
     /// The end of the motion is where it goes straight on by `.distance-to-go`. That is another point on an arc until
     /// its end is near, in a jog, in a reversed run, and with external offsets, which `end` is without.
-    fn time_to_end(&self, end: &[[f64; 6]; 2], most: f64) -> Option<f64> {
+    fn time_to_end(&self, end: &[World; 2], most: f64) -> Option<f64> {
         let to_go = self.modules[0].pins.guard.asked.distance_to_go.get();
         let time = to_go / self.motions.iter().flatten().next()?.speed();
         if !(time < most) {

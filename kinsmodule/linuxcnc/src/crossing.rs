@@ -65,7 +65,6 @@ impl Crossing {
     }
 
     /// Returns whether both poses certainly are connected, as an earlier comparison shows.
-    #[inline]
     pub fn is_settled(&self, commanded: &Pose, found: &Pose, tool: &Vector3<f64>) -> bool {
         self.doubt.is_none()
             && self
@@ -76,9 +75,6 @@ impl Crossing {
 
     /// Looks in a refused cycle whether the commanded motion has passed a singular pose: forward finds no pose
     /// to compare then, and later one that fits the joints on the side of its last pose.
-    // Refused cycles are rare.
-    #[cold]
-    #[inline(never)]
     pub fn watch_refused(
         &mut self,
         machine: &Machine,

@@ -145,8 +145,6 @@ impl Guard {
     }
 
     /// One cycle. Returns why the feed is inhibited, or a jog is stopped, from this cycle on.
-    // A frame of its own: a cycle that freezes a geometry needs none of it.
-    #[inline(never)]
     pub fn run(&mut self, cycle: &Cycle<'_>) -> Option<Fault> {
         let pins = &cycle.pins.guard;
         let commanded = cycle.commanded;
@@ -229,8 +227,6 @@ impl Guard {
     }
 
     /// A cycle of a jog in world mode: what is, or lies ahead, beyond a limit; and why it is stopped.
-    // Most cycles never come here.
-    #[inline(never)]
     fn led(&mut self, cycle: &Cycle<'_>, at: &mut At<'_>) -> (Option<Fault>, Option<Fault>) {
         let guard = &cycle.pins.guard;
         let limits = guard.limits(cycle.pins, cycle.machine.layout());

@@ -171,20 +171,17 @@ impl<T: PinValue> Pin<T> {
 
     /// Makes this, which is no pin of its own, stand for another one: to be done before each use,
     /// because HAL moves the pointer of a pin that is netted.
-    #[inline]
     pub fn share(&self, other: &Self) {
         // SAFETY: both are in HAL memory, and only the thread that calls this uses this one.
         unsafe { self.0.get().write_volatile(other.0.get().read_volatile()) }
     }
 
-    #[inline]
     pub fn get(&self) -> T {
         // SAFETY: HAL keeps the pointer valid from creation on; volatile because other
         // threads write it.
         unsafe { T::read(self.0.get().read_volatile()) }
     }
 
-    #[inline]
     pub fn set(&self, value: T) {
         // SAFETY: as in `get`.
         unsafe { T::write(self.0.get().read_volatile(), value) }

@@ -48,16 +48,11 @@ impl Jog {
     }
 
     /// One cycle in which nothing is jogged, or what is jogged stands.
-    #[inline(always)]
     pub fn rest(&mut self, pins: &JogPins) {
         self.unshown += 1;
-        if self.unshown >= SHOWN_IN || self.is_stopped || pins.is_jogging() {
-            self.rested(pins);
+        if !(self.unshown >= SHOWN_IN || self.is_stopped || pins.is_jogging()) {
+            return;
         }
-    }
-
-    #[inline(never)]
-    fn rested(&mut self, pins: &JogPins) {
         if pins.is_jogging() {
             self.overdue = 0.0;
         } else {

@@ -4,9 +4,9 @@
 //! | file | what it holds |
 //! | --- | --- |
 //! | [`abi`], [`hal`] | what LinuxCNC calls; what this module calls |
-//! | [`load`], [`pins`] | the load parameters; the HAL pins |
+//! | [`component`], [`load`], [`pins`] | load and unload; the load parameters; the HAL pins |
+//! | [`control`], [`between`] | one mechanism or two behind one pose and one row of joints; how near two come to each other |
 //! | [`module`] | the state between calls of a mechanism, and the rules that go with it |
-//! | [`pair`], [`between`] | two mechanisms behind one pose and one row of joints; how near they come to each other |
 //! | [`calls`], [`crossing`] | the commanded pose of a cycle; whether the commanded motion has passed a singular pose |
 //! | [`start`], [`tool`], [`guard`] | the start without a seed; the change of the tool offset; the feed that the motion ahead allows |
 //!
@@ -19,13 +19,14 @@
 pub mod abi;
 mod between;
 mod calls;
+mod component;
+mod control;
 mod crossing;
 mod guard;
 mod hal;
 mod jog;
 mod load;
 mod module;
-mod pair;
 mod pins;
 mod start;
 mod tool;

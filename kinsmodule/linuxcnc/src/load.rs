@@ -32,133 +32,57 @@ impl Parameter {
     }
 }
 
-macro_rules! string_parameter {
-    ($name:ident, $upper:ident, $address:ident, $type:ident, $description:ident, $text:literal) => {
-        pub static $upper: Parameter = Parameter::new();
-        #[unsafe(no_mangle)]
-        #[allow(non_upper_case_globals)]
-        static $address: Shared<*mut c_void> = Shared((&raw const $upper).cast_mut().cast());
-        #[unsafe(no_mangle)]
-        #[allow(non_upper_case_globals)]
-        static $type: Shared<*const c_char> = Shared(c"s".as_ptr());
-        #[unsafe(no_mangle)]
-        #[allow(non_upper_case_globals)]
-        static $description: Shared<*const c_char> = Shared($text.as_ptr());
+/// Exports the parameters with what `rtapi_app` reads of each: address, type and description.
+macro_rules! string_parameters {
+    ($($name:ident: $text:literal;)*) => {
+        $(#[allow(non_upper_case_globals, reason = "the name of the parameter")]
+        static $name: Parameter = Parameter::new();
+
+        const _: () = {
+            #[unsafe(export_name = concat!("rtapi_info_address_", stringify!($name)))]
+            static ADDRESS: Shared<*mut c_void> = Shared((&raw const $name).cast_mut().cast());
+            #[unsafe(export_name = concat!("rtapi_info_type_", stringify!($name)))]
+            static TYPE: Shared<*const c_char> = Shared(c"s".as_ptr());
+            #[unsafe(export_name = concat!("rtapi_info_description_", stringify!($name)))]
+            static DESCRIPTION: Shared<*const c_char> = Shared($text.as_ptr());
+        };)*
+
+        /// How many load parameters there are.
+        pub const COUNT: usize = [$($text),*].len();
+
+        /// The load parameters, by name.
+        pub static PARAMETERS: [(&str, &Parameter); COUNT] = [$((stringify!($name), &$name)),*];
     };
 }
 
-string_parameter!(
-    legs,
-    LEGS,
-    rtapi_info_address_legs,
-    rtapi_info_type_legs,
-    rtapi_info_description_legs,
-    c"kinds and numbers of legs (strut, slider, crank, ring), such as strut:6 or slider:4"
-);
-string_parameter!(
-    coordinates,
-    COORDINATES,
-    rtapi_info_address_coordinates,
-    rtapi_info_type_coordinates,
-    rtapi_info_description_coordinates,
-    c"pose letters that the legs move; their order is that of the identity kinematics"
-);
-string_parameter!(
-    table,
-    TABLE,
-    rtapi_info_address_table,
-    rtapi_info_type_table,
-    rtapi_info_description_table,
-    c"serial axes under the workpiece, some of X Y Z"
-);
-
-string_parameter!(
-    axes,
-    AXES,
-    rtapi_info_address_axes,
-    rtapi_info_type_axes,
-    rtapi_info_description_axes,
-    c"joints behind legs and table that pass their coordinate through, some of X Y Z A B C U V W"
-);
-
-string_parameter!(
-    boxes,
-    BOXES,
-    rtapi_info_address_boxes,
-    rtapi_info_type_boxes,
-    rtapi_info_description_boxes,
-    c"number of workspace boxes in which a start without a seed searches"
-);
-
-string_parameter!(
-    second,
-    SECOND,
-    rtapi_info_address_second,
-    rtapi_info_type_second,
-    rtapi_info_description_second,
-    c"kinds and numbers of legs of a second mechanism, as legs"
-);
-
-string_parameter!(
-    second_coordinates,
-    SECOND_COORDINATES,
-    rtapi_info_address_second_coordinates,
-    rtapi_info_type_second_coordinates,
-    rtapi_info_description_second_coordinates,
-    c"coordinates that its legs move, as its own X Y Z A B C; U V W stand for X Y Z"
-);
-
-string_parameter!(
-    second_angles,
-    SECOND_ANGLES,
-    rtapi_info_address_second_angles,
-    rtapi_info_type_second_angles,
-    rtapi_info_description_second_angles,
-    c"letters of A B C that stand for its angles, in the order of second_coordinates"
-);
-
-string_parameter!(
-    second_boxes,
-    SECOND_BOXES,
-    rtapi_info_address_second_boxes,
-    rtapi_info_type_second_boxes,
-    rtapi_info_description_second_boxes,
-    c"number of its workspace boxes, as boxes"
-);
-
-string_parameter!(
-    sparm,
-    SPARM,
-    rtapi_info_address_sparm,
-    rtapi_info_type_sparm,
-    rtapi_info_description_sparm,
-    c"identityfirst: the identity kinematics are number 0, with which LinuxCNC starts"
-);
+string_parameters! {
+    legs: c"kinds and numbers of legs (strut, slider, crank, ring), such as strut:6 or slider:4";
+    coordinates: c"pose letters that the legs move; their order is that of the identity kinematics";
+    table: c"serial axes under the workpiece, some of X Y Z";
+    axes: c"joints behind legs and table that pass their coordinate through, some of X Y Z A B C U V W";
+    boxes: c"number of workspace boxes in which a start without a seed searches";
+    second: c"kinds and numbers of legs of a second mechanism, as legs";
+    second_coordinates: c"coordinates that its legs move, as its own X Y Z A B C; U V W stand for X Y Z";
+    second_angles: c"letters of A B C that stand for its angles, in the order of second_coordinates";
+    second_boxes: c"number of its workspace boxes, as boxes";
+    sparm: c"identityfirst: the identity kinematics are number 0, with which LinuxCNC starts";
+}
 
 #[unsafe(no_mangle)]
 #[allow(non_upper_case_globals)]
 static rtapi_info_license: Shared<*const c_char> = Shared(c"GPL".as_ptr());
 
-/// Names that LinuxCNC's own tools read from this section of a module.
+/// Puts names where LinuxCNC's own tools read what a module exports.
 macro_rules! exported_names {
-    ($($name:ident: $length:literal = $text:literal;)*) => {$(
+    ($($name:literal)*) => {$(const _: () = {
         #[unsafe(link_section = ".rtapi_export")]
         #[used]
-        static $name: [u8; $length] = *$text;
-    )*};
+        static NAME: [u8; $name.len()] = *$name;
+    };)*};
 }
 
 exported_names! {
-    EXPORT_FORWARD: 18 = b"kinematicsForward\0";
-    EXPORT_INVERSE: 18 = b"kinematicsInverse\0";
-    EXPORT_TYPE: 15 = b"kinematicsType\0";
-    EXPORT_SWITCHABLE: 21 = b"kinematicsSwitchable\0";
-    EXPORT_SWITCH: 17 = b"kinematicsSwitch\0";
-    EXPORT_TYPE_FLAGS: 20 = b"kinematicsTypeFlags\0";
-    EXPORT_SET_TOOL: 18 = b"kinematicsSetTool\0";
-    EXPORT_JACOBIAN: 19 = b"kinematicsJacobian\0";
-    EXPORT_TOOL_FRAME: 20 = b"kinematicsToolFrame\0";
-    EXPORT_WORK_FRAME: 20 = b"kinematicsWorkFrame\0";
-    EXPORT_MAIN: 15 = b"rtapi_app_main\0";
-    EXPORT_EXIT: 15 = b"rtapi_app_exit\0";
+    b"kinematicsForward\0" b"kinematicsInverse\0" b"kinematicsType\0" b"kinematicsSwitchable\0"
+    b"kinematicsSwitch\0" b"kinematicsTypeFlags\0" b"kinematicsSetTool\0" b"kinematicsJacobian\0"
+    b"kinematicsToolFrame\0" b"kinematicsWorkFrame\0" b"rtapi_app_main\0" b"rtapi_app_exit\0"
 }

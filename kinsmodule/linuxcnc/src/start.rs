@@ -21,22 +21,20 @@ impl Start {
         Self { boxes: [WorkspaceBox::EMPTY; MAX_BOXES], count: 0, search: None, idle: 0 }
     }
 
-    /// Whether the boxes of the pins can be taken for a geometry with this hash.
-    pub fn check(&self, pins: &Pins, load: &Load, hash: u32) -> Result<(), Fault> {
-        (0..load.boxes()).try_for_each(|k| checked(pins, load, k, hash).map(|_| ()))
-    }
-
-    /// Takes the boxes of the pins, or leaves the last ones.
-    ///
-    /// They are read twice, so that no second set of them needs room on the stack.
-    pub fn freeze(&mut self, pins: &Pins, load: &Load, hash: u32) -> Result<(), Fault> {
-        self.check(pins, load, hash)?;
-        (self.count, self.search, self.idle) = (0, None, 0);
-        for (k, place) in self.boxes.iter_mut().enumerate().take(load.boxes()) {
-            *place = checked(pins, load, k, hash)?;
+    /// Reads the boxes of the pins, if all can be computed with and belong to the geometry with this hash.
+    pub fn read(pins: &Pins, load: &Load, hash: u32) -> Result<Self, Fault> {
+        let mut start = Self { count: load.boxes(), ..Self::new() };
+        for (k, place) in start.boxes.iter_mut().enumerate().take(load.boxes()) {
+            let (given, of) = pins.workspace_box(k, &load.layout);
+            if !given.is_valid() {
+                return Err(Fault::with_value(Cause::BoxInvalid, k as f64));
+            }
+            if of != hash {
+                return Err(Fault::with_value(Cause::BoxOfOther, k as f64));
+            }
+            *place = given;
         }
-        self.count = load.boxes();
-        Ok(())
+        Ok(start)
     }
 
     /// Whether there are boxes to search.
@@ -85,16 +83,4 @@ impl Start {
     pub fn stop_searching(&mut self) {
         self.search = None;
     }
-}
-
-/// Box `k` of the pins, if it can be computed with and belongs to this geometry.
-fn checked(pins: &Pins, load: &Load, k: usize, hash: u32) -> Result<WorkspaceBox, Fault> {
-    let (given, of) = pins.workspace_box(k, &load.layout);
-    if !given.is_valid() {
-        return Err(Fault::with_value(Cause::BoxInvalid, k as f64));
-    }
-    if of != hash {
-        return Err(Fault::with_value(Cause::BoxOfOther, k as f64));
-    }
-    Ok(given)
 }

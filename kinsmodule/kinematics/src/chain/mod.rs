@@ -193,12 +193,13 @@ impl Chain {
     ///
     /// # Errors
     /// [`Cause::PoseNotFinite`], [`Cause::AngleTooLarge`].
+    #[inline(always)]
     pub fn to_machine(&self, world: &World, tool: &Vector3<f64>) -> Result<[f64; 6], Fault> {
-        self.check(world)?;
-        let pose = self.angles(world);
+        let own = self.checked(world)?;
         if self.is_empty() {
-            return Ok(pose.degrees);
+            return Ok(own);
         }
+        let pose = self.angles(world);
         let place = self.placed(world, tool, &pose, Varied::Nothing).at;
         let [_, _, _, a, b, c] = pose.degrees;
         Ok([place.x, place.y, place.z, a, b, c])
@@ -219,7 +220,7 @@ impl Chain {
         if self.is_empty() {
             return Ok(());
         }
-        self.check(world)?;
+        self.checked(world)?;
         let rotation = Pose::from_degrees(*machine).rotation();
         let position = Vector3::new(machine[0], machine[1], machine[2]);
         let mut tip = match &self.holder {
@@ -280,14 +281,14 @@ impl Chain {
         shift
     }
 
-    /// Orientations in base of the tool and of the work, at the machine's angles of `machine` (degrees)
-    /// and the values of the extra axes in `world`.
-    pub fn frames(&self, machine: &[f64; 6], world: &World) -> [Matrix3<f64>; 2] {
+    /// Returns the orientations in base of the tool and of the work, at a pose of the machine and the values
+    /// of the extra axes in `world`.
+    pub fn frames(&self, machine: &Pose, world: &World) -> [Matrix3<f64>; 2] {
         let of = |carried| {
             let links = self.of(carried);
             links.fold(Matrix3::identity(), |rotation, link| rotation * link.rotation(world))
         };
-        let platform = of(Carries::Legs) * Pose::from_degrees(*machine).rotation();
+        let platform = of(Carries::Legs) * machine.rotation();
         let [tool, work] = [of(Carries::Tool), of(Carries::Work)];
         match self.holder {
             None => [platform * tool, work],
@@ -295,18 +296,20 @@ impl Chain {
         }
     }
 
-    /// Refuses what no call may compute with.
-    fn check(&self, world: &World) -> Result<(), Fault> {
+    /// Returns the tool tip's part of LinuxCNC's pose, in which coordinates of extra axes are 0. Refuses what no
+    /// call may compute with.
+    #[inline(always)]
+    fn checked(&self, world: &World) -> Result<[f64; 6], Fault> {
+        let own = self.own(world);
         // U V W that are no axes are nobody's.
-        let of_machine = |place: usize| place < FIRST + 3 || self.is_extra(place);
-        let mut values = world.iter().enumerate().filter(|(place, _)| of_machine(*place));
-        if !values.all(|(_, value)| value.is_finite()) {
+        let mut extra = self.axes.places().filter_map(|place| world.get(place));
+        if !(own.iter().all(|value| value.is_finite()) && extra.all(|value| value.is_finite())) {
             return Err(Cause::PoseNotFinite.into());
         }
         let angles = self.links().iter().filter(|link| link.is_rotary());
         match angles.map(|link| link.value(world)).find(|angle| !(angle.abs() <= MAX_ANGLE_DEG)) {
             Some(angle) => Err(Fault::with_value(Cause::AngleTooLarge, angle)),
-            None => Ok(()),
+            None => Ok(own),
         }
     }
 
@@ -315,14 +318,16 @@ impl Chain {
         self.axes.has(place)
     }
 
-    /// The tool tip's part of LinuxCNC's pose: coordinates of extra axes are none of it.
+    #[inline(always)]
+    fn own(&self, world: &World) -> [f64; 6] {
+        core::array::from_fn(|place| match world.get(place) {
+            Some(value) if !self.is_extra(place) => *value,
+            _ => 0.0,
+        })
+    }
+
     fn angles(&self, world: &World) -> Angles {
-        let mut degrees = [0.0; 6];
-        for (place, (to, value)) in degrees.iter_mut().zip(world).enumerate() {
-            if !self.is_extra(place) {
-                *to = *value;
-            }
-        }
+        let degrees = self.own(world);
         let trigonometry = Pose::from_degrees(degrees).trigonometry();
         let rates = trigonometry.rate_map();
         let turns = core::array::from_fn(|i| rates.column(i).into_owned());

@@ -29,7 +29,6 @@ impl<const N: usize> Mechanism<N> {
 
     /// Largest error of a joint that the residuals amount to: of a strut's length, of the
     /// place of a carriage, of the end of an arm along its circle.
-    #[inline]
     pub(super) fn off(&self, target: &Target<N>, at: &Measured<N>) -> f64 {
         if !self.moving {
             return largest(&at.residual);
@@ -43,7 +42,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// The refusal of joints that contradict each other by `residual`, with the one that does.
-    #[cold]
     pub(super) fn inconsistent(&self, target: &Target<N>, start: &Place, residual: f64) -> Fault {
         let part = self.contradicting(target, start).map(MachinePart::Joint);
         Fault { cause: Cause::JointsInconsistent, part, value: residual }

@@ -236,7 +236,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// The same with new factorisations, from the walk's end in the chart about `place`.
-    #[inline(never)]
     fn converge_anew(
         &self,
         target: &Target<N>,
@@ -274,7 +273,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// The certificate of a pose at most `distance` from the middle of the ball.
-    #[inline]
     fn confirm(
         &self,
         target: &Target<N>,

@@ -32,23 +32,15 @@ use solver::Effort;
 const POSE_TOLERANCE: f64 = 1e-12;
 
 impl<const N: usize> Mechanism<N> {
-    #[inline]
     pub fn forward(
         &self,
         joints: &Joints,
         seed: &Pose,
         tool: &Vector3<f64>,
         solver: &Solver,
-        solution: &mut Solution,
-    ) -> Result<(), Fault> {
+    ) -> Result<Solution, Fault> {
         solver.check()?;
-        let held;
-        let seed = if self.holds {
-            held = self.held(seed, false)?;
-            &held
-        } else {
-            seed
-        };
+        let seed = &if self.holds { self.held(seed, false)? } else { *seed };
         seed.check().map_err(|fault| match fault.cause {
             Cause::PoseNotFinite => Cause::SeedMissing.into(),
             _ => fault,
@@ -95,19 +87,17 @@ impl<const N: usize> Mechanism<N> {
         let pose = self.pose_at(&end.place, joints, tool, seed, &trig);
         // What inverse would refuse must not become the next seed either.
         pose.check()?;
-        *solution = Solution {
+        Ok(Solution {
             pose,
             iterations: effort.spent,
             sub_steps: effort.sub_steps,
             residual,
             corrections: self.per_leg(&corrections),
             certificate,
-        };
-        Ok(())
+        })
     }
 
     /// The reason behind a refusal of the search.
-    #[cold]
     fn explained(&self, fault: Fault, target: &Target<N>, start: &Place, solver: &Solver) -> Fault {
         let redundant = self.layout.is_redundant();
         match fault.cause {
@@ -180,7 +170,6 @@ impl<const N: usize> Mechanism<N> {
 
     /// One certified ball if that reaches the target, certified tracking otherwise; `ahead` stands
     /// where the search starts.
-    #[inline]
     fn search(
         &self,
         target: &Target<N>,

@@ -64,7 +64,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// How the legs move between two targets; `None` where all are struts.
-    #[inline]
     pub(super) fn motion(&self, from: &Target<N>, to: &Target<N>) -> Option<Motion<N>> {
         if !self.moving {
             return None;
@@ -293,7 +292,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// The torsion of a machine that has any.
-    #[inline]
     pub(super) fn torsion_of<'a>(&self, at: &'a Measured<N>) -> Option<&'a Torsion<N>> {
         self.nut.is_some().then_some(&at.torsion)
     }
@@ -319,8 +317,6 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// Factors what the quick way does not. The columns are made anew: to keep them takes longer.
-    #[cold]
-    #[inline(never)]
     fn factor_flat(&self, at: &Measured<N>, place: &Place, inverse: &mut PseudoInverse<N>) -> bool {
         inverse.renew_by_columns(&self.active, &self.columns(at, place))
     }

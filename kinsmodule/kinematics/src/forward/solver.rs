@@ -2,11 +2,11 @@
 //! What forward is asked and what it answers: settings, solution, proof, and what one call may spend.
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::{are_within, both};
+use crate::lanes::are_within;
 use crate::layout::{MAX_LEGS, PerLeg};
 use crate::pose::Pose;
+use crate::spheres::Meeting;
 use nalgebra::Vector3;
-use wide::f64x2;
 
 /// Most linear solves that `limit_iterations` may allow.
 pub const MAX_ITERATIONS: u32 = 288;
@@ -84,18 +84,6 @@ impl Solver {
     /// Refuses settings that nothing can be computed with.
     #[inline(always)]
     pub(crate) fn check(&self) -> Result<(), Fault> {
-        let limits = f64x2::new([self.convergence_criterion, self.residual_limit]);
-        // The least number above 0.
-        let least = f64x2::new([f64::from_bits(1), 0.0]);
-        let sound = limits.simd_ge(least) & limits.simd_le(both(f64::MAX));
-        if sound.all() && (1..=MAX_ITERATIONS).contains(&self.limit_iterations) {
-            return Ok(());
-        }
-        { *self }.refused()
-    }
-
-    #[cold]
-    fn refused(self) -> Result<(), Fault> {
         if !(1..=MAX_ITERATIONS).contains(&self.limit_iterations) {
             let value = f64::from(self.limit_iterations);
             return Err(Fault::with_value(Cause::LimitIterationsInvalid, value));
@@ -122,26 +110,11 @@ impl Default for Solver {
 }
 
 impl Solution {
-    /// To be written by [`crate::Machine::forward_into`].
-    pub const NONE: Self = Self {
-        pose: Pose {
-            position: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
-            angles: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
-        },
-        iterations: 0,
-        sub_steps: 0,
-        residual: f64::NAN,
-        corrections: [0.0; MAX_LEGS],
-        certificate: Certificate::None,
-    };
-}
-
-impl Solution {
     /// Where three spheres meet.
     #[inline(always)]
-    pub(crate) fn of_spheres(position: Vector3<f64>, residual: f64) -> Self {
+    pub(crate) fn of_spheres(Meeting { point, residual }: Meeting) -> Self {
         Self {
-            pose: Pose { position, angles: Vector3::zeros() },
+            pose: Pose { position: point, angles: Vector3::zeros() },
             iterations: 1,
             sub_steps: 1,
             residual,
@@ -171,7 +144,6 @@ impl Effort {
     }
 
     /// Counts one linear solve.
-    #[inline]
     pub(super) fn spend(&mut self) -> Result<(), Fault> {
         if self.spent >= self.limit {
             return Err(Fault::with_value(Cause::TooManyIterations, f64::from(self.limit)));

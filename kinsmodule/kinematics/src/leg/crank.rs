@@ -71,7 +71,6 @@ impl Crank {
         Ok(Self { axis, along, across: [across, axis.cross(&across)], arm, rod, side, towards })
     }
 
-    #[inline]
     pub fn joint(&self, w: &Vector3<f64>) -> Result<f64, Refusal> {
         let [s, c] = self.arm_towards(w)?;
         Ok(arc_all_around(s, c) / RADIANS)
@@ -96,7 +95,6 @@ impl Crank {
     }
 
     /// Why an anchor at `apart` from the middle of the circle has no joint value.
-    #[cold]
     fn refused(&self, apart: Vector3<f64>, reach: f64, t: f64) -> Refusal {
         let squared = (reach - t) * (reach + t);
         if !(squared >= 0.0) {
@@ -117,7 +115,6 @@ impl Crank {
         from(from_axis + self.arm) - self.rod
     }
 
-    #[inline]
     pub fn drive(&self, q: f64) -> Result<Drive, Cause> {
         if !(q.abs() <= MAX_ANGLE_DEG) {
             return Err(Cause::JointAngleTooLarge);
@@ -128,13 +125,11 @@ impl Crank {
         Ok(Drive { displacement, length: self.rod, towards })
     }
 
-    #[inline]
     pub fn transmission(&self, q: f64, u: &Vector3<f64>) -> f64 {
         let [s, c] = sincos_of_one(q * RADIANS);
         u.dot(&((self.across[1] * c - self.across[0] * s) * RADIANS))
     }
 
-    #[inline]
     pub fn margin(&self, transmission: f64) -> f64 {
         -self.side * transmission / (self.arm * RADIANS)
     }
@@ -148,7 +143,6 @@ impl Crank {
         self.rod / self.arm
     }
 
-    #[inline]
     pub fn second_derivatives(&self, dq: f64) -> SecondDerivatives {
         let turn = (dq * RADIANS).abs();
         SecondDerivatives { turn, anchor: self.arm * turn * turn, length: 0.0 }

@@ -208,7 +208,6 @@ pub(crate) struct Drive {
 
 impl Leg {
     /// Native joint value for a platform anchor at `w` from the base anchor, |w| = `length`.
-    #[inline]
     pub fn joint(&self, w: &Vector3<f64>, length: f64) -> Result<f64, Refusal> {
         match self {
             Leg::Strut => Ok(strut::joint(length)),
@@ -218,7 +217,6 @@ impl Leg {
     }
 
     /// Where the native joint value `q` puts the moving base anchor, and the length it sets.
-    #[inline]
     pub fn drive(&self, q: f64) -> Result<Drive, Cause> {
         match self {
             Leg::Strut => strut::drive(q),
@@ -229,7 +227,6 @@ impl Leg {
 
     /// u · ∂c/∂q + ∂d/∂q at the native joint value `q`: speed of the platform anchor along
     /// `u`, the unit vector from moving base anchor to platform anchor, per joint rate.
-    #[inline]
     pub fn transmission(&self, q: f64, u: &Vector3<f64>) -> f64 {
         match self {
             Leg::Strut => strut::TRANSMISSION,
@@ -241,7 +238,6 @@ impl Leg {
     /// How far a leg is from its dead point: its `transmission`, positive on its side, as a share of
     /// the largest one; for a rod −side · cos of the angle between u and the motion of the
     /// lower end. `None` for a leg without dead point.
-    #[inline]
     pub fn margin(&self, transmission: f64) -> Option<f64> {
         match self {
             Leg::Strut => None,
@@ -265,7 +261,6 @@ impl Leg {
     }
 
     /// Second derivatives of the leg over any joint step of size `dq`.
-    #[inline]
     pub fn second_derivatives(&self, dq: f64) -> SecondDerivatives {
         match self {
             Leg::Strut | Leg::Slider(_) => SecondDerivatives::NONE,

@@ -52,7 +52,6 @@ impl Slider {
         Ok(Self { guide, rod, side, towards: guide * (-side / rod), least_square: least * least })
     }
 
-    #[inline]
     pub fn joint(&self, w: &Vector3<f64>) -> Result<f64, Refusal> {
         let along = self.guide.dot(w);
         let apart = w - self.guide * along;
@@ -64,7 +63,6 @@ impl Slider {
     }
 
     /// Why an anchor so far from the guide has no joint value.
-    #[cold]
     fn refused(&self, from_guide: f64) -> Result<f64, Refusal> {
         let squared = (self.rod - from_guide) * (self.rod + from_guide);
         if !(squared >= 0.0) {
@@ -73,17 +71,14 @@ impl Slider {
         Err((Cause::DeadPoint, sqrt(squared) / self.rod))
     }
 
-    #[inline]
     pub fn drive(&self, q: f64) -> Drive {
         Drive { displacement: self.guide * q, length: self.rod, towards: self.towards }
     }
 
-    #[inline]
     pub fn transmission(&self, u: &Vector3<f64>) -> f64 {
         u.dot(&self.guide)
     }
 
-    #[inline]
     pub fn margin(&self, transmission: f64) -> f64 {
         -self.side * transmission
     }

@@ -23,12 +23,10 @@ pub struct StrutGeometry {
 /// Speed of the platform anchor along the strut per joint rate.
 pub(super) const TRANSMISSION: f64 = 1.0;
 
-#[inline]
 pub(super) fn joint(length: f64) -> f64 {
     length
 }
 
-#[inline]
 pub(super) fn drive(q: f64) -> Result<Drive, Cause> {
     if !(q > 0.0) {
         return Err(Cause::JointNotPositive);

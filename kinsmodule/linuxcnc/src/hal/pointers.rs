@@ -50,13 +50,11 @@ macro_rules! pin_value {
                 code
             }
 
-            #[inline]
             unsafe fn read(pin: *mut Self) -> Self {
                 // SAFETY: passed on to the caller.
                 unsafe { pin.read_volatile() }
             }
 
-            #[inline]
             unsafe fn write(pin: *mut Self, value: Self) {
                 // SAFETY: passed on to the caller.
                 unsafe { pin.write_volatile(value) }

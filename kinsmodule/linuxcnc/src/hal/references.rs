@@ -61,14 +61,12 @@ macro_rules! pin_value {
                 unsafe { $call(component, direction, pin, value, c"%s".as_ptr(), name) }
             }
 
-            #[inline]
             unsafe fn read(pin: *mut Self) -> Self {
                 let read: fn($part) -> Self = $read;
                 // SAFETY: passed on to the caller.
                 read(unsafe { pin.cast::<$part>().read_volatile() })
             }
 
-            #[inline]
             unsafe fn write(pin: *mut Self, value: Self) {
                 let whole: fn(Self) -> $whole = $write;
                 // SAFETY: the caller vouches for the 64 bits of a pin.

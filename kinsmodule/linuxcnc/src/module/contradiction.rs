@@ -25,7 +25,6 @@ impl Contradiction {
     pub(super) const NONE: Self =
         Self { left: [0.0; MAX_JOINTS], is_on: false, is_settling: false, fault: None };
 
-    #[inline(always)]
     pub(super) fn is_on(&self) -> bool {
         self.is_on
     }
@@ -34,14 +33,12 @@ impl Contradiction {
 impl Module {
     /// Keeps what the joints differ by from those of the pose found for them: for the commanded joints, in
     /// joint mode, and for the present ones while the machine is off, which then become the commanded ones.
-    #[inline(always)]
     pub(super) fn note_contradiction(&mut self, joints: &Joints, found: &Pose, address: usize) {
         if self.layout().is_redundant() && (!self.handed.is_feedback(address) || self.is_off()) {
             self.contradiction = self.contradicted(joints, found).unwrap_or(Contradiction::NONE);
         }
     }
 
-    #[inline(never)]
     fn contradicted(&self, joints: &Joints, found: &Pose) -> Option<Contradiction> {
         let machine = &self.frozen.as_ref()?.machine;
         let mut own = machine.inverse(found, &self.tool.of_machine()).ok()?;
@@ -72,9 +69,6 @@ impl Module {
     ///
     /// # Errors
     /// `JointsInconsistent`, with the joint that differs most.
-    // Most machines never come here.
-    #[cold]
-    #[inline(never)]
     pub(super) fn contradicted_joints(&self, joints: &mut [f64]) -> Result<(), Fault> {
         // Also with `.machine-on` still low: LinuxCNC raises it after the cycle in which it begins to command.
         let Contradiction { left, fault, .. } = &self.contradiction;
@@ -86,19 +80,12 @@ impl Module {
     }
 
     /// Brings the joints nearer to those of the commanded pose, in a cycle of world mode.
-    #[inline(always)]
     pub(super) fn settle_contradiction(&mut self, is_commanded: bool, seconds: f64) {
         let Contradiction { is_on, fault, .. } = &self.contradiction;
         self.contradiction.is_settling = *is_on && is_commanded && fault.is_none();
-        if self.contradiction.is_settling {
-            self.contradiction_settled(seconds);
+        if !self.contradiction.is_settling {
+            return;
         }
-    }
-
-    // A frame of its own: a cycle that freezes a geometry needs none of it.
-    #[cold]
-    #[inline(never)]
-    fn contradiction_settled(&mut self, seconds: f64) {
         let limits = self.pins.limits(&self.load);
         let mut cycles = 0.0;
         for (left, limits) in self.contradiction.left.iter().zip(&limits) {

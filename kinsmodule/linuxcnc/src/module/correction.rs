@@ -19,33 +19,19 @@ pub(super) struct Correction {
 impl Correction {
     pub(super) const NONE: Self = Self { in_effect: [0.0; MAX_JOINTS], is_on: false };
 
-    /// Whether there is any.
-    #[inline(always)]
-    pub(super) fn is_on(&self) -> bool {
-        self.is_on
-    }
-
     /// Adds it to joint values of the kinematics.
-    #[inline(always)]
-    pub(super) fn add(&self, joints: &mut [f64]) {
-        if self.is_on {
-            self.added_to(joints);
+    pub(super) fn add(&self, joints: &mut Joints) {
+        // Without a correction every bit stays.
+        if !self.is_on {
+            return;
         }
-    }
-
-    // Most machines never come here.
-    #[inline(never)]
-    fn added_to(&self, joints: &mut [f64]) {
         joints.iter_mut().zip(&self.in_effect).for_each(|(joint, own)| *joint += own);
     }
 
     /// LinuxCNC's joint values without it.
-    #[inline(always)]
     pub(super) fn taken_from(&self, joints: &Joints) -> Joints {
         let mut own = *joints;
-        if self.is_on {
-            own.iter_mut().zip(&self.in_effect).for_each(|(joint, added)| *joint -= added);
-        }
+        own.iter_mut().zip(&self.in_effect).for_each(|(joint, added)| *joint -= added);
         own
     }
 }
@@ -53,18 +39,10 @@ impl Correction {
 impl Module {
     /// One cycle: brings the correction in effect nearer to the one asked for. One that is beyond its
     /// limit, or no number, changes nothing.
-    #[inline(always)]
     pub(super) fn advance_correction(&mut self, seconds: f64) {
         let mut pins = self.pins.corrections(self.load.layout.joints());
-        if self.correction.is_on || pins.any(CorrectionPins::is_allowed) {
-            self.correction_advanced(seconds);
-        }
-    }
-
-    // A frame of its own: a cycle that freezes a geometry needs none of it.
-    #[inline(never)]
-    fn correction_advanced(&mut self, seconds: f64) {
-        if self.kind != Kind::Machine {
+        let is_wanted = self.correction.is_on || pins.any(CorrectionPins::is_allowed);
+        if !is_wanted || self.kind != Kind::Machine {
             return;
         }
         let Correction { in_effect, is_on } = &mut self.correction;

@@ -3,10 +3,12 @@
 
 use super::Module;
 use super::contradiction::Contradiction;
+use super::extra::Carrying;
 use super::seeds::{Handed, Seeds};
 use crate::calls::Calls;
 use crate::crossing::Crossing;
 use crate::pins::Given;
+use crate::start::Start;
 use kinematics::{Cause, ChainGeometry, Fault, Machine, Pose};
 
 /// Calls of forward of which one looks at all pins of the geometry where no monitor does: that takes
@@ -19,17 +21,17 @@ pub(super) struct Frozen {
     pub(super) given: Given,
 }
 
-/// Whether a geometry that is offered is taken, or only looked at.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Taken {
-    Not,
-    InForce,
+/// What the pins offer, checked.
+struct Offered {
+    frozen: Frozen,
+    carrying: Carrying,
+    boxes: Start,
+    hash: u32,
 }
 
 impl Module {
     /// Reads the pins that ask for something, and freezes what has to be frozen before a
     /// kinematics call; `drop_in` returns whether the call may do so without `.apply`.
-    // Every call begins with it.
     #[inline(always)]
     pub(super) fn prepared(&mut self, drop_in: impl Fn() -> bool) -> Result<(), Fault> {
         if !self.is_monitored {
@@ -38,7 +40,7 @@ impl Module {
         self.machine_was_on |= self.pins.machine_on();
         self.watch_apply();
         if self.frozen.is_none() && !self.apply_used && drop_in() {
-            let result = self.freeze(Taken::InForce);
+            let result = self.freeze();
             if let Err(fault) = &result {
                 self.report_unmonitored(fault);
             }
@@ -48,7 +50,7 @@ impl Module {
     }
 
     /// Honours a rising edge of `.apply`. Of two mechanisms none does that by itself: both are frozen
-    /// together, see [`crate::pair`].
+    /// together, see [`crate::control`].
     pub(super) fn watch_apply(&mut self) {
         let apply = self.pins.apply();
         let rising = apply && !self.apply_was;
@@ -64,11 +66,8 @@ impl Module {
     /// Freezes what the pins offer, with the machine off.
     pub fn take_offered(&mut self) {
         self.note_offered();
-        let result = if self.pins.machine_on() {
-            Err(Cause::ApplyWhileOn.into())
-        } else {
-            self.freeze(Taken::InForce)
-        };
+        let result =
+            if self.pins.machine_on() { Err(Cause::ApplyWhileOn.into()) } else { self.freeze() };
         if let Err(fault) = result {
             self.refuse_offered(&fault);
         }
@@ -79,9 +78,6 @@ impl Module {
         (self.apply_was, self.apply_used) = (true, true);
     }
 
-    // A frame of its own, which is gone while a geometry is frozen.
-    #[cold]
-    #[inline(never)]
     fn refuse_offered(&mut self, fault: &Fault) {
         self.record(fault);
         self.report_unmonitored(fault);
@@ -94,36 +90,35 @@ impl Module {
 
     /// Whether the pins hold a geometry that can be frozen; nothing is. A refusal is recorded.
     pub fn checks_offered(&mut self) -> bool {
-        let checked = self.freeze(Taken::Not);
+        let checked = self.offered().map(|_| ());
+        self.pins.geometry_ok.set(checked.is_ok());
         if let Err(fault) = &checked {
             self.refuse_offered(fault);
         }
         checked.is_ok()
     }
 
+    /// Returns what the pins offer, checked.
+    fn offered(&self) -> Result<Offered, Fault> {
+        let (given, chain) = (self.pins.given(&self.load), self.pins.chain(&self.load));
+        let hash = chain.hash(&self.load.extra, given.geometry.hash());
+        ChainGeometry::check_holder(chain.holder)?;
+        let machine = given.checked()?;
+        let carrying = Carrying::freeze(chain, &self.load, machine.size())?;
+        let boxes = Start::read(self.pins, &self.load, hash)?;
+        Ok(Offered { frozen: Frozen { machine, given }, carrying, boxes, hash })
+    }
+
     /// Takes the geometry of the pins, or leaves the last good one in force.
-    ///
-    /// A trial is the same function: frames of two that freeze would stand side by side.
-    fn freeze(&mut self, taken: Taken) -> Result<(), Fault> {
-        let given = self.pins.given(&self.load);
-        let hash = self.offered_hash(given.geometry.hash());
-        let holder = ChainGeometry::check_holder(self.pins.holder());
-        let checked = holder.and_then(|()| given.checked()).and_then(|machine| {
-            self.check_chain(machine.size())?;
-            match taken {
-                Taken::Not => self.start.check(self.pins, &self.load, hash)?,
-                Taken::InForce => self.start.freeze(self.pins, &self.load, hash)?,
-            }
-            Ok(machine)
-        });
-        self.pins.geometry_ok.set(checked.is_ok());
-        let machine = checked?;
-        if taken == Taken::Not {
-            return Ok(());
-        }
+    fn freeze(&mut self) -> Result<(), Fault> {
+        let offered = self.offered();
+        self.pins.geometry_ok.set(offered.is_ok());
+        let Offered { frozen: Frozen { machine, given }, carrying, boxes, hash } = offered?;
         self.pins.geometry_hash.set(hash);
         self.pins.geometry_changed.set(false);
-        self.take_chain(machine.size());
+        self.start = boxes;
+        self.tool.set_bare(carrying.chain.is_bare());
+        self.carrying = carrying;
         let tool = self.requested_tool(given.spindle_offset);
         if machine.check_tool(&tool).is_ok() {
             self.tool.take(tool);
@@ -147,7 +142,6 @@ impl Module {
 
     /// What the monitor shows in every cycle where it runs: shown by one of [`WATCHED_EVERY`] calls of
     /// forward, the first one after a geometry was frozen among them.
-    #[inline(always)]
     pub(super) fn watch_seldom(&mut self) {
         if self.until_watched > 0 {
             self.until_watched -= 1;
@@ -159,7 +153,6 @@ impl Module {
     }
 
     /// Shows whether the pins differ from the frozen values.
-    #[inline(never)]
     pub(super) fn watch_geometry(&self) {
         // NaN on a pin counts as a change: a frozen geometry holds none.
         let changed = self.frozen.as_ref().is_some_and(|frozen| {

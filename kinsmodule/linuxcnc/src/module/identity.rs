@@ -2,8 +2,7 @@
 //! The identity kinematics, in which each joint is a letter, and the switch to and from them.
 
 use super::Module;
-use super::forward::joints_of;
-use kinematics::{Cause, Fault, Jacobian, Joints, Letter, Load, MAX_JOINTS, Pose, World};
+use kinematics::{Cause, Fault, Joints, Letter, Load, MAX_JOINTS, Pose, World};
 
 /// Kinematics in force.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -43,19 +42,19 @@ pub struct Asked {
 }
 
 impl Module {
-    /// Changes the kinematics: 0 the machine, 1 identity, or the other way round. Where it is refused, nothing changes.
-    pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
+    /// Returns what a switch to the kinematics of a number leads to: 0 the machine, 1 identity, or the other
+    /// way round. Nothing changes; a refusal is recorded.
+    pub fn grant_switch(&mut self, number: i32) -> Result<Asked, Fault> {
         let asked = self.asked(number);
-        let asked = self.switch_granted(asked)?;
-        self.switch_to(asked);
-        Ok(())
+        if let Err(fault) = &asked {
+            self.report_unmonitored(fault);
+        }
+        self.recorded(asked)
     }
 
-    /// What a switch leads to. Nothing changes.
-    ///
     /// In doubt about the pose there is none: after the switch back LinuxCNC's planner would go on from what
     /// it had in the identity kinematics, because it refuses a pose of NaN.
-    pub fn asked(&self, number: i32) -> Result<Asked, Fault> {
+    fn asked(&self, number: i32) -> Result<Asked, Fault> {
         let kind = self.kind_of(number)?;
         if let Some(cause) = self.crossing.doubt() {
             return Err(cause.into());
@@ -63,14 +62,6 @@ impl Module {
         let is_back = kind == Kind::Machine && kind != self.kind;
         let pose = if is_back { self.pose_after_identity()? } else { None };
         Ok(Asked { kind, pose })
-    }
-
-    /// Records why a switch is refused, if it is.
-    pub fn switch_granted(&mut self, asked: Result<Asked, Fault>) -> Result<Asked, Fault> {
-        if let Err(fault) = &asked {
-            self.report_unmonitored(fault);
-        }
-        self.recorded(asked)
     }
 
     /// Switches.
@@ -105,12 +96,8 @@ impl Module {
         Ok(Some(machine.forward(&joints, &last, &self.tool.of_machine(), &solver)?.pose))
     }
 
-    /// The kinematics of a number, if the module has them.
-    pub fn kind_numbered(&self, number: i32) -> Option<Kind> {
-        self.kind_of(number).ok()
-    }
-
-    fn kind_of(&self, number: i32) -> Result<Kind, Fault> {
+    /// Returns the kinematics of a number.
+    pub fn kind_of(&self, number: i32) -> Result<Kind, Fault> {
         match Kind::numbered(number, &self.load) {
             Some(Kind::Identity) if !self.load.has_identity() => {
                 Err(Cause::IdentityImpossible.into())
@@ -120,25 +107,36 @@ impl Module {
         }
     }
 
-    /// Identity kinematics: pose (degrees) of the joints, shown on the pins.
-    pub fn identity_forward(&mut self, joints: &[f64], pose: &mut [f64; 6]) -> Result<(), Fault> {
-        let joints = &joints_of(joints);
-        self.begin_forward();
-        let result = self.identity_pose(joints);
-        let given = Pose::from_degrees(*pose);
-        self.pins.fwd_kins_fail.set(result.is_err());
-        *pose = self.recorded(result)?;
+    /// Returns LinuxCNC's pose in which each joint is its letter, 0 at those that no joint moves.
+    pub(super) fn identity_forward(
+        &mut self,
+        joints: &Joints,
+        extra: &[f64],
+        seed: &World,
+    ) -> Result<World, Fault> {
+        let bad = joints.iter().enumerate().find(|(_, value)| !value.is_finite());
+        self.pins.fwd_kins_fail.set(bad.is_some());
+        if let Some((i, value)) = bad {
+            let fault = Fault::of_joint(Cause::JointNotFinite, self.layout(), i, *value);
+            return self.recorded(Err(fault));
+        }
+        let mut pose = [0.0; 6];
+        for (letter, value) in self.layout().joint_letters().into_iter().flatten().zip(joints) {
+            pose.get_mut(letter.index()).into_iter().for_each(|place| *place = *value);
+        }
         self.identity_joints = Some(*joints);
-        self.pins.show_pose(*pose);
-        self.track_machine(joints, &given);
-        Ok(())
+        self.pins.show_pose(pose);
+        let mut world = *seed;
+        world.iter_mut().zip(pose).for_each(|(to, value)| *to = value);
+        self.write_extra(extra, &mut world);
+        self.track_machine(joints, &self.seed_in(seed));
+        Ok(world)
     }
 
     /// Follows the joints with the machine's pose, so that it is known after the switch back.
     ///
     /// Joints that close no platform leave it where it was. After homing, joints at the reference pose begin
     /// anew, or in a drop-in at LinuxCNC's seed `given`, which is `[TRAJ]HOME` then.
-    #[inline(never)]
     fn track_machine(&mut self, joints: &Joints, given: &Pose) {
         let joints = self.correction.taken_from(joints);
         let (tool, solver) = (self.tool.of_machine(), self.pins.solver());
@@ -163,75 +161,30 @@ impl Module {
         }
     }
 
-    /// The same with the joints of extra axes, which pass through.
-    pub fn identity_forward_of(
-        &mut self,
-        joints: &[f64],
-        extra: &[f64],
-        world: &mut World,
-    ) -> Result<(), Fault> {
-        let mut pose = [0.0; 6];
-        self.identity_forward(joints, &mut pose)?;
-        for (to, value) in world.iter_mut().zip(pose) {
-            *to = value;
+    /// Returns the joints of LinuxCNC's pose, each the value of its letter.
+    pub(super) fn identity_inverse(&mut self, world: &World) -> Result<Joints, Fault> {
+        let extra = &self.load.extra;
+        // Others of U V W are nobody's.
+        let mut own = world.iter().enumerate().filter(|(place, _)| *place < 6 || extra.has(*place));
+        if !own.all(|(_, value)| value.is_finite()) {
+            return Err(Cause::PoseNotFinite.into());
         }
-        self.write_extra(extra, world);
-        Ok(())
-    }
-
-    /// Each joint at its letter's place, 0 at those that no joint moves.
-    fn identity_pose(&self, joints: &Joints) -> Result<[f64; 6], Fault> {
-        let mut world = [0.0; 6];
-        if let Some(i) = joints.iter().position(|v| !v.is_finite()) {
-            return Err(Fault::of_joint(Cause::JointNotFinite, self.layout(), i, joints[i]));
-        }
-        for (letter, value) in self.layout().joint_letters().into_iter().flatten().zip(joints) {
-            if let Some(place) = world.get_mut(letter.index()) {
-                *place = *value;
-            }
-        }
-        Ok(world)
-    }
-
-    /// Identity kinematics: joint j is the pose's (degrees) j-th letter.
-    pub fn identity_inverse(&mut self, pose: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
-        if !pose.iter().all(|v| v.is_finite()) {
-            return self.recorded(Err(Cause::PoseNotFinite.into()));
-        }
-        let held = self.refuse_held(pose);
-        self.recorded(held)?;
-        let letters = self.layout().joint_letters().into_iter().flatten();
-        let mut commanded = [0.0; MAX_JOINTS];
-        for ((joint, kept), letter) in joints.iter_mut().zip(&mut commanded).zip(letters) {
-            *joint = pose.get(letter.index()).copied().unwrap_or(0.0);
-            *kept = *joint;
-        }
-        if self.calls.takes_command() {
-            self.identity_joints = Some(commanded);
-        }
-        Ok(())
-    }
-
-    /// Refuses a value for a letter that no joint moves: nothing would bring it back to 0.
-    fn refuse_held(&self, pose: &[f64; 6]) -> Result<(), Fault> {
-        // Before a geometry is known rounding is that of one machine unit.
+        // Nothing would bring a value back to 0 for a letter that no joint moves. Before a geometry is known
+        // rounding is that of one machine unit.
         let size = self.frozen.as_ref().map_or(1.0, |frozen| frozen.machine.size());
-        for (letter, value) in Letter::ALL.into_iter().zip(pose) {
-            if self.layout().is_held(letter) {
+        for (letter, value) in Letter::ALL.into_iter().zip(world) {
+            if self.layout().is_held(letter) && !extra.has(letter.index()) {
                 letter.check_held(*value, size)?;
             }
         }
-        Ok(())
-    }
-
-    /// ∂q/∂(x … c) of the identity kinematics.
-    pub fn identity_jacobian(&self) -> Jacobian {
-        let mut jacobian = Jacobian::zeros();
-        for (i, letter) in self.layout().joint_letters().into_iter().flatten().enumerate() {
-            if let Some(place) = jacobian.get_mut((i, letter.index())) {
-                *place = 1.0;
-            }
+        let mut joints = [0.0; MAX_JOINTS];
+        let letters = self.layout().joint_letters().into_iter().flatten();
+        for (joint, letter) in joints.iter_mut().zip(letters) {
+            *joint = world.get(letter.index()).copied().unwrap_or(0.0);
         }
-        jacobian
+        if self.calls.takes_command() {
+            self.identity_joints = Some(joints);
+        }
+        Ok(joints)
     }
 }

@@ -25,7 +25,9 @@ use contradiction::Contradiction;
 use correction::Correction;
 use extra::Carrying;
 use freezing::Frozen;
-use kinematics::{Cause, Fault, Jacobian, Joints, Layout, Load, Machine, Pose, Vector3};
+use kinematics::{
+    Cause, Fault, Joints, Layout, Load, MAX_JOINTS, Machine, Matrix3, Pose, Vector3, World,
+};
 use report::Reports;
 use seeds::{Handed, Seeds};
 use tool_offset::SentTool;
@@ -41,8 +43,6 @@ pub struct Module {
     /// Whether the monitor runs. It then reports the faults and moves the tool offset.
     is_monitored: bool,
     frozen: Option<Frozen>,
-    /// A geometry is frozen, without extra axes and with the work in base.
-    is_plain: bool,
     carrying: Carrying,
     apply_was: bool,
     /// Once `.apply` was used, no call freezes by itself.
@@ -93,7 +93,6 @@ impl Module {
             place,
             is_monitored: false,
             frozen: None,
-            is_plain: false,
             carrying: Carrying::new(load.extra),
             apply_was: false,
             apply_used: false,
@@ -120,10 +119,6 @@ impl Module {
             until_watched: 0,
             turn: 0,
         }
-    }
-
-    pub fn kind(&self) -> Kind {
-        self.kind
     }
 
     pub fn layout(&self) -> &Layout {
@@ -159,88 +154,116 @@ impl Module {
         &self.load
     }
 
-    /// Joints of a pose in degrees, written to `joints`; left alone after an error.
+    /// Returns the joints of legs and table at a pose of LinuxCNC.
     ///
     /// Changes nothing that a later call would depend on, so that LinuxCNC may ask for end
     /// points of queued moves at any time; the first call of all freezes the geometry.
     #[inline(always)]
-    pub fn inverse(&mut self, degrees: &[f64; 6], joints: &mut [f64]) -> Result<(), Fault> {
+    pub fn inverse(&mut self, world: &World) -> Result<Joints, Fault> {
+        if self.kind == Kind::Identity {
+            let result = self.identity_inverse(world);
+            return self.recorded(result);
+        }
         let timed = self.is_monitored && self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
-        let pose = Pose::from_degrees(*degrees);
-        let result = match self.prepared(|| !is_zero(degrees)) {
+        let prepared = self.prepared(|| !is_zero(world));
+        let tool = self.tool_in_effect();
+        let pose = self.carrying.pose_of(world, &tool.unwrap_or(self.tool.offset()));
+        let result = match prepared {
             Ok(()) if self.pose_is_unknown => Err(Cause::PoseUnknown.into()),
-            Ok(()) => self.joints_of(degrees, &pose, joints),
+            Ok(()) => tool.and_then(|tool| self.joints_at(&pose?, &tool)),
             Err(fault) => Err(fault),
         };
-        self.calls.note_inverse(&pose);
+        if self.calls.awaits_command() {
+            self.carrying.note(world);
+        }
+        self.calls.note_inverse(&pose.unwrap_or(NO_POSE));
         if timed {
             self.guard.timed_inverse(nanoseconds().wrapping_sub(begin));
         }
-        self.answered(result)
-    }
-
-    /// The end of a call of inverse.
-    #[inline(always)]
-    fn answered(&mut self, result: Result<(), Fault>) -> Result<(), Fault> {
-        let Err(fault) = result else {
-            self.refused = false;
-            return Ok(());
-        };
-        if !(self.refused && is_consequence(fault.cause)) {
-            self.record(&fault);
+        match &result {
+            Ok(_) => self.refused = false,
+            // The NaN of a refused forward: its cause is the one to report.
+            Err(Fault { cause: Cause::PoseNotFinite | Cause::PoseUnknown, .. }) if self.refused => {
+            }
+            Err(fault) => self.record(fault),
         }
-        Err(fault)
+        result
     }
 
+    /// Returns the joints of the machine's pose, with what LinuxCNC's have beside those of the kinematics.
     #[inline(always)]
-    fn joints_of(&self, degrees: &[f64; 6], pose: &Pose, joints: &mut [f64]) -> Result<(), Fault> {
-        let (frozen, tool) = (self.frozen()?, self.tool.of_machine());
-        let request = self.requested_tool(frozen.given.spindle_offset);
-        if self.tool.has(&request) {
-            frozen.machine.inverse_inlined(degrees, pose, &tool, joints)?;
-            return self.add_to(joints);
+    fn joints_at(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
+        let tool = self.carrying.chain.machine_tool(tool);
+        let mut joints = self.frozen()?.machine.inverse(pose, &tool)?;
+        self.correction.add(&mut joints);
+        if self.contradiction.is_on() {
+            self.contradicted_joints(&mut joints)?;
         }
-        let tool = self.tool_instead_of(frozen, request)?;
-        let found = frozen.machine.inverse(&{ *pose }, &tool)?;
-        for (joint, value) in joints.iter_mut().zip(found) {
-            *joint = value;
-        }
-        self.add_to(joints)
+        Ok(joints)
     }
 
-    /// Adds to joint values of the kinematics what LinuxCNC's have beside them.
-    #[inline(always)]
-    fn add_to(&self, joints: &mut [f64]) -> Result<(), Fault> {
-        self.correction.add(joints);
-        if self.contradiction.is_on() { self.contradicted_joints(joints) } else { Ok(()) }
+    /// Returns ∂q/∂(x … w) of legs and table, joint units per machine unit and per degree, row by row.
+    pub fn jacobian(&self, world: &World) -> Result<[World; MAX_JOINTS], Fault> {
+        let mut rows = [World::default(); MAX_JOINTS];
+        if self.kind == Kind::Identity {
+            let letters = self.layout().joint_letters().into_iter().flatten();
+            for (row, letter) in rows.iter_mut().zip(letters) {
+                row.get_mut(letter.index()).into_iter().for_each(|rate| *rate = 1.0);
+            }
+            return Ok(rows);
+        }
+        let (chain, tool) = (&self.carrying.chain, self.tool_in_effect()?);
+        let pose = self.carrying.pose_of(world, &tool)?;
+        let at = self.frozen()?.machine.at(&pose, &chain.machine_tool(&tool))?;
+        let (jacobian, rates) = (at.pose_jacobian()?, chain.rates(world, &tool));
+        for (to, row) in rows.iter_mut().zip(jacobian.row_iter()) {
+            for (to, column) in to.iter_mut().zip(rates.column_iter()) {
+                *to = row.iter().zip(column.iter()).map(|(value, rate)| value * rate).sum();
+            }
+        }
+        Ok(rows)
     }
 
-    /// Pose of the joints for the tool frame: no state changes, no fault is recorded.
-    pub fn pose_of(&self, joints: &Joints) -> Result<Pose, Fault> {
+    /// Returns the orientations of tool and work in base: no state changes, no fault is recorded.
+    ///
+    /// No joint turns a tool in the identity kinematics, whatever the letters of the pose say.
+    pub fn frames(&self, joints: &[f64], extra: &[f64]) -> Result<[Matrix3<f64>; 2], Fault> {
+        if self.kind == Kind::Identity {
+            return Ok([Matrix3::identity(); 2]);
+        }
         let machine = &self.frozen()?.machine;
         let seed = self.seeds.last().or(self.reference()).ok_or(Cause::SeedMissing)?;
         let tool = self.carrying.chain.machine_tool(&self.tool_in_effect()?);
-        let joints = self.correction.taken_from(joints);
-        Ok(machine.forward(&joints, &seed, &tool, &self.pins.solver())?.pose)
+        let joints = self.correction.taken_from(&joints_of(joints));
+        let pose = machine.forward(&joints, &seed, &tool, &self.pins.solver())?.pose;
+        let mut world = [0.0; 9];
+        self.write_extra(extra, &mut world);
+        Ok(self.carrying.chain.frames(&pose, &world))
     }
 
-    /// ∂q/∂(x … c), joint units per machine unit and per degree, row by row.
-    pub fn jacobian(&self, pose: &Pose) -> Result<Jacobian, Fault> {
-        let tool = self.tool_in_effect()?;
-        self.frozen()?.machine.at(pose, &tool)?.pose_jacobian()
+    /// Returns whether a joint turns the work: that of an axis which carries it, or the platform's.
+    pub fn turns_work(&self) -> bool {
+        self.kind == Kind::Machine && !self.carrying.chain.is_empty()
     }
+}
+
+/// Where a call has none.
+const NO_POSE: Pose = Pose {
+    position: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
+    angles: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
+};
+
+/// Returns joint values, 0 beyond the last one.
+fn joints_of(given: &[f64]) -> Joints {
+    let mut joints = [0.0; MAX_JOINTS];
+    joints.iter_mut().zip(given).for_each(|(joint, value)| *joint = *value);
+    joints
 }
 
 /// The clock, read only where it is needed: calls take some tens of nanoseconds.
 fn nanoseconds_if(wanted: bool) -> i64 {
     if wanted { nanoseconds() } else { 0 }
-}
-
-/// Whether a refusal of inverse may follow from one of forward, whose cause is then the one to
-/// report.
-fn is_consequence(cause: Cause) -> bool {
-    matches!(cause, Cause::PoseNotFinite | Cause::PoseUnknown)
 }
 
 fn is_zero(values: &[f64]) -> bool {

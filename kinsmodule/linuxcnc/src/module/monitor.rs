@@ -11,7 +11,6 @@ const SHOWN_IN: u32 = 16;
 impl Module {
     /// One cycle: honours `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
     /// shows what only people read, and reports faults to the operator.
-    #[inline(always)]
     pub fn monitor(&mut self, seconds: f64) {
         self.is_monitored = true;
         self.start.count_cycle();
@@ -76,7 +75,6 @@ impl Module {
         self.guard.stops_jogs()
     }
 
-    #[inline(never)]
     pub(super) fn show_assembly(&self) {
         let sign = self.seeds.last().and_then(|pose| {
             let machine = &self.frozen.as_ref()?.machine;

@@ -26,12 +26,10 @@
 //! pose.
 
 use super::{Kind, Module, is_zero};
+use crate::control::AllJoints;
 use crate::hal::nanoseconds;
 use crate::tool::shift;
 use kinematics::{Cause, Fault, Joints, Pose, Solution, Vector3, World};
-
-/// Joints of both mechanisms and of extra axes.
-pub type AllJoints = [f64; 16];
 
 /// Kinds of forward calls that LinuxCNC makes (feedback, command), distinguished by where they keep
 /// their pose.
@@ -74,13 +72,11 @@ impl Seeds {
     }
 
     /// Returns the pose that forward found for this caller in its last call, if that succeeded.
-    #[inline(always)]
     pub(super) fn of(&self, address: usize) -> Option<&Pose> {
         self.callers.iter().flatten().find(|c| c.address == address).map(|c| &c.pose)
     }
 
     /// Returns the pose that the next call of this caller starts from, if one is known.
-    #[inline(always)]
     fn start(&self, address: usize) -> Option<&Pose> {
         self.of(address).or(self.last.as_ref())
     }
@@ -91,8 +87,6 @@ impl Seeds {
     }
 
     /// Records a good pose.
-    // Where it is called: a pose that is passed in memory is written in threes and read in pairs.
-    #[inline(always)]
     pub(super) fn remember(&mut self, address: usize, pose: Pose) {
         self.last = Some(pose);
         let mut free = 0;
@@ -164,7 +158,6 @@ impl Handed {
 impl Module {
     /// Compares the seed of a forward call with what the module wrote; returns whether joints were homed in
     /// between.
-    #[inline(always)]
     pub fn was_homed_before(&mut self, world: &World) -> bool {
         let address = &raw const *world as usize;
         *self.handed.address.get_or_insert(address) == address
@@ -172,7 +165,6 @@ impl Module {
     }
 
     /// Keeps what a forward call has written.
-    #[inline(always)]
     pub fn note_handed(&mut self, world: &World, is_good: bool) {
         let address = &raw const *world as usize;
         if *self.handed.address.get_or_insert(address) == address {
@@ -185,8 +177,7 @@ impl Module {
     /// LinuxCNC's planner refuses the NaN that forward writes for them and keeps the pose from before joint
     /// mode. On entering MDI it asks inverse for that pose: all joints would jump there. A refusal at that
     /// moment is no better, as LinuxCNC's empty interpolators then command 0 to every joint for a cycle.
-    #[inline(always)]
-    pub fn note_command(&mut self, joints: &[f64], address: usize, is_good: bool) {
+    pub fn note_command(&mut self, joints: &AllJoints, address: usize, is_good: bool) {
         let is_feedback = self.handed.is_feedback(address);
         if is_good {
             if self.handed.standing.is_some() && (!is_feedback || self.is_off()) {
@@ -194,27 +185,22 @@ impl Module {
             }
         } else if !is_feedback
             && self.pins.machine_on()
-            && self.kind() == Kind::Machine
+            && self.kind == Kind::Machine
             && joints.iter().all(|joint| joint.is_finite())
         {
-            let mut standing = [0.0; 16];
-            standing.iter_mut().zip(joints).for_each(|(to, joint)| *to = *joint);
-            self.handed.standing = Some((standing, false));
+            self.handed.standing = Some((*joints, false));
         }
     }
 
     /// Returns whether inverse has no pose to go on from, because forward has refused the commanded joints.
-    #[inline(always)]
     pub fn is_standing(&self) -> bool {
-        self.handed.standing.is_some() && self.kind() == Kind::Machine
+        self.handed.standing.is_some() && self.kind == Kind::Machine
     }
 
     /// Returns the refused joints to the first call for a commanded pose, so that they stand still.
     ///
     /// # Errors
     /// `PoseUnknown` to every other call: LinuxCNC then switches the machine off, or refuses the move.
-    #[cold]
-    #[inline(never)]
     pub fn stand(&mut self) -> Result<AllJoints, Fault> {
         let is_commanded = self.calls.takes_command();
         match &mut self.handed.standing {
@@ -227,15 +213,20 @@ impl Module {
     }
 
     /// Drops the poses, as joints were homed.
-    #[cold]
     pub fn forget_poses(&mut self) {
         self.seeds.forget();
         self.start.stop_searching();
     }
 
+    /// Records that forward was refused: LinuxCNC may hand its NaN over to inverse.
+    pub fn note_refusal(&mut self, address: usize) {
+        self.seeds.refuse(address);
+        self.refused = true;
+        self.pins.fwd_kins_fail.set(true);
+    }
+
     /// Counts a call of forward, whatever becomes of it, and drops the poses where LinuxCNC had ceased to call
     /// it, as it does while a joint is not homed.
-    #[inline(always)]
     pub(super) fn begin_forward(&mut self) {
         if self.start.resumes() {
             self.forget_poses();
@@ -246,7 +237,6 @@ impl Module {
     /// Drops the poses of a drop-in that was refused before a pause, and now stands at LinuxCNC's `[TRAJ]HOME`.
     ///
     /// A homing after a refusal shows in nothing else where no monitor counts the cycles.
-    #[cold]
     pub(super) fn forget_before_pause(
         &mut self,
         joints: &Joints,
@@ -268,16 +258,15 @@ impl Module {
         }
     }
 
-    /// Returns the pose that forward starts from. `given` is LinuxCNC's seed in degrees.
-    #[inline(always)]
+    /// Returns the pose that forward starts from. `given` is LinuxCNC's seed.
     pub(super) fn start_for(
         &mut self,
         (joints, address): (&Joints, usize),
-        given: &[f64; 6],
+        given: &Pose,
         tool: &Vector3<f64>,
     ) -> Result<Pose, Fault> {
         if self.handed.refused_at.is_some() {
-            self.forget_before_pause(joints, &Pose::from_degrees(*given), tool);
+            self.forget_before_pause(joints, given, tool);
         }
         match self.seeds.start(address) {
             Some(pose) => Ok(*pose),
@@ -286,15 +275,13 @@ impl Module {
     }
 
     /// Returns the pose to start from where none is known.
-    #[cold]
-    #[inline(never)]
     fn first_start(
         &mut self,
         joints: &Joints,
-        given: &[f64; 6],
+        given: &Pose,
         tool: &Vector3<f64>,
     ) -> Result<Pose, Fault> {
-        let given = Some(Pose::from_degrees(*given)).filter(Pose::is_finite);
+        let given = Some(*given).filter(Pose::is_finite);
         let is_set = !is_zero(joints);
         if is_set && self.start.has_boxes() {
             let Some(frozen) = &self.frozen else { return Err(Cause::NoGeometry.into()) };
@@ -329,23 +316,23 @@ impl Module {
     /// every start; joints that were homed are not. Zeros are no seed; then it is the pose found.
     /// Inverse never fixes the folds: LinuxCNC may ask it for the end point of a move that is not
     /// made.
-    #[cold]
-    #[inline(never)]
     pub(super) fn solve_first(
         &mut self,
         joints: &Joints,
         seed: &Pose,
         tool: &Vector3<f64>,
-        solution: &mut Solution,
-    ) -> Result<(), Fault> {
+    ) -> Result<Solution, Fault> {
         let solver = self.pins.solver();
         let machine = &mut self.frozen.as_mut().ok_or(Cause::NoGeometry)?.machine;
         let is_known = !is_zero(&seed.to_degrees());
         let mut folded = is_known.then(|| machine.fold_at(seed, tool).ok()).flatten();
-        if let Err(fault) = machine.forward_into(joints, seed, tool, &solver, solution) {
-            machine.unfold();
-            return Err(fault);
-        }
+        let solution = match machine.forward(joints, seed, tool, &solver) {
+            Ok(solution) => solution,
+            Err(fault) => {
+                machine.unfold();
+                return Err(fault);
+            }
+        };
         if folded.is_none() {
             folded = machine.fold_at(&solution.pose, tool).ok();
         }
@@ -353,6 +340,6 @@ impl Module {
             self.reports.add(self.place.counted(&doubt));
             self.report_unmonitored(&doubt);
         }
-        Ok(())
+        Ok(solution)
     }
 }

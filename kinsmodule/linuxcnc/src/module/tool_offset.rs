@@ -71,17 +71,6 @@ impl Module {
         if self.tool.has(&request) {
             return Ok(tool);
         }
-        self.tool_instead_of(frozen, request)
-    }
-
-    /// The tool offset to compute with where it is not the one requested.
-    #[inline(never)]
-    pub(super) fn tool_instead_of(
-        &self,
-        frozen: &Frozen,
-        request: Vector3<f64>,
-    ) -> Result<Vector3<f64>, Fault> {
-        let tool = self.tool.offset();
         frozen.machine.check_tool(&request)?;
         if self.is_off() || self.kind == Kind::Identity {
             return Ok(request);
@@ -116,8 +105,6 @@ impl Module {
 
     /// Brings the tool offset nearer to the one requested. Shows the one that belongs to the pose
     /// and joints of this cycle: LinuxCNC's request changes after forward and inverse.
-    // A frame of its own: a cycle that freezes a geometry needs none of it.
-    #[inline(never)]
     pub(super) fn advance_tool(&mut self, commanded: Option<Pose>, seconds: f64) {
         let of_this_cycle = self.tool.offset();
         self.was_switched = false;
@@ -176,17 +163,11 @@ impl Module {
     }
 
     /// Takes the tool offset that forward has to use.
-    #[inline(always)]
     pub(super) fn retool_for_forward(&mut self) -> Result<(), Fault> {
         let request = self.requested_tool(self.frozen()?.given.spindle_offset);
         if self.tool.has(&request) {
             return Ok(());
         }
-        self.retool_if_asked(request)
-    }
-
-    #[inline(never)]
-    fn retool_if_asked(&mut self, request: Vector3<f64>) -> Result<(), Fault> {
         let usable = self.frozen()?.machine.check_tool(&request).is_ok();
         // LinuxCNC goes on from the pose that it gets now: in joint mode, on entering teleop mode, and after
         // a switch of the kinematics. The change then ends at once, and no joint moves.

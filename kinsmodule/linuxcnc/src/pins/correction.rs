@@ -29,7 +29,6 @@ impl CorrectionPins {
     }
 
     /// Whether there may be one.
-    #[inline(always)]
     pub fn is_allowed(&self) -> bool {
         self.limit.get() != 0.0
     }
@@ -45,7 +44,6 @@ impl CorrectionPins {
     }
 
     /// What the limits of the joint leave to its motion.
-    #[inline(never)]
     pub(super) fn room_in(&self, limits: JointLimits) -> JointLimits {
         let (bound, rate) = (self.bound(), positive(self.rate.get()));
         JointLimits {

@@ -46,7 +46,6 @@ impl JogPins {
     }
 
     /// Whether LinuxCNC jogs.
-    #[inline(always)]
     pub fn is_jogging(&self) -> bool {
         self.jogging.get()
     }

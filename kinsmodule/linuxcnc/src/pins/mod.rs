@@ -278,11 +278,6 @@ impl Pins {
         self.chain.given(load)
     }
 
-    /// Where the control point of the resting tool holder is, if the work is on the platform.
-    pub fn holder(&self) -> Option<[f64; 3]> {
-        self.chain.holder()
-    }
-
     /// Whether the pins give what was frozen of the chain.
     pub fn give_chain(&self, frozen: &ChainGeometry, load: &Load) -> bool {
         self.chain.give(frozen, load)

@@ -151,7 +151,6 @@ impl Tool {
     }
 
     /// The tool vector of the machine's poses.
-    #[inline(always)]
     pub fn of_machine(&self) -> Vector3<f64> {
         self.of_machine
     }
@@ -178,7 +177,6 @@ impl Tool {
     }
 
     /// Whether this offset is in effect.
-    #[inline(always)]
     pub fn has(&self, request: &Vector3<f64>) -> bool {
         *request == self.offset
     }

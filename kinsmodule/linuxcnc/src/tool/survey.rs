@@ -90,8 +90,6 @@ impl Survey {
     }
 
     /// The rates at the next place, if the machine can be there.
-    // A frame of its own: a cycle that freezes a geometry needs none of it.
-    #[inline(never)]
     fn visit(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
         let Path { tool, travel, .. } = &self.path;
         let part = 1.0 / f64::from(PARTS);

@@ -101,7 +101,7 @@ fn frames_of_tool_and_work_are_those_of_the_chain() {
             let joints = module.inverse(&world).expect("a pose of the workspace");
             module.forward(&joints, &world).expect("its own joints");
             let own = chain.to_machine(&world, &machine.tool()).unwrap();
-            let [tool, work] = chain.frames(&own, &world);
+            let [tool, work] = chain.frames(&kinematics::Pose::from_degrees(own), &world);
             for (found, expected) in
                 [(module.tool_frame(&joints), tool), (module.work_frame(&joints), work)]
             {

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! The mechanism, or two of them behind one pose of nine letters and one row of joints.
+//!
+//! A call comes here in LinuxCNC's terms: its pose, and the joints of the whole machine. Each mechanism
+//! is a [`Module`], which knows nothing of another one: frozen, certified and guarded for itself. Forward
+//! and inverse succeed where both do, and write nothing otherwise; both geometries are frozen or none is;
+//! feed is inhibited where one asks for it, and scaled as the slower one needs it.
+//!
+//! Inverse is `#[inline(always)]` from here down to the core. In one frame the pose stays in registers; each
+//! function of its own passes it through memory, and waits for that longer than it computes. Everything else
+//! is left to the compiler.
+
+use crate::between::Between;
+use crate::module::Module;
+use kinematics::{
+    Cause, Fault, Letter, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, Matrix3, Second as SecondLetters, World,
+};
+
+/// EMCMOT_MAX_JOINTS.
+pub const MOST_JOINTS: usize = 16;
+
+/// Joints of legs and table, of a second mechanism and of extra axes, in this order; 0 beyond the last one.
+pub type AllJoints = [f64; MOST_JOINTS];
+
+// The letters of a table are none of an extra axis. A second mechanism shares the legs with the first, and
+// a letter of its own is none of an extra axis.
+const _: () = assert!(MAX_JOINTS <= MOST_JOINTS && MAX_LEGS + MAX_EXTRA <= MOST_JOINTS);
+
+/// All that LinuxCNC controls.
+pub struct Control {
+    pub first: Module,
+    pub second: Option<Second>,
+}
+
+/// A second mechanism, and what is between it and the first.
+pub struct Second {
+    pub module: Module,
+    pub letters: SecondLetters,
+    pub between: Between,
+}
+
+impl Control {
+    /// Returns the number of all joints.
+    pub fn joints(&self) -> usize {
+        self.first.load().joints()
+    }
+
+    /// Replaces the seed in `world` by the pose of the joints. Its address distinguishes the kinds of call.
+    ///
+    /// A refusal makes the coordinates that the machine moves NaN: LinuxCNC ignores the result in some
+    /// places, and only NaN stops it safely. Before homing they stay: that is not yet a failure, and
+    /// LinuxCNC would pass NaN on to its planner.
+    pub fn forward(&mut self, joints: &AllJoints, world: &mut World) -> Result<(), Fault> {
+        let address = &raw const *world as usize;
+        if self.first.was_homed_before(world) {
+            self.first.forget_poses();
+            if let Some(Second { module, .. }) = &mut self.second {
+                module.forget_poses();
+            }
+        }
+        let result = self.pose_of(joints, world, address);
+        if let Ok(pose) = &result {
+            *world = *pose;
+        }
+        self.first.note_handed(world, result.is_ok());
+        self.first.note_command(joints, address, result.is_ok());
+        if result.is_err_and(|fault| fault.cause != Cause::NotHomed) {
+            self.refuse(world);
+        }
+        result.map(|_| ())
+    }
+
+    /// Returns the pose of the joints that is connected with the last ones, or with the seed.
+    fn pose_of(
+        &mut self,
+        joints: &AllJoints,
+        seed: &World,
+        address: usize,
+    ) -> Result<World, Fault> {
+        self.begin();
+        let [of_first, of_second, extra] = self.parts(joints);
+        let Some(second) = &mut self.second else {
+            return self.first.forward(of_first, extra, seed, address);
+        };
+        let [own, other] = second.worlds(seed);
+        let Second { module, letters, .. } = second;
+        let first = self.first.forward(of_first, extra, &own, address);
+        let second = module.forward(of_second, &[], &other, address);
+        // That joints are not homed yet counts only where nothing else is wrong.
+        let result = match (first, second) {
+            (Err(Fault { cause: Cause::NotHomed, .. }), Err(fault)) | (Err(fault), _) => Err(fault),
+            (Ok(_), Err(fault)) => Err(fault),
+            (Ok(mut world), Ok([pose @ .., _, _, _])) => {
+                letters.put(&pose, &mut world);
+                Ok(world)
+            }
+        };
+        if result.is_err_and(|fault| fault.cause != Cause::NotHomed) {
+            // The pose of the one that has found its own is NaN as well.
+            self.first.note_refusal(address);
+            module.note_refusal(address);
+        }
+        result
+    }
+
+    /// Makes the coordinates that the machine moves NaN.
+    pub fn refuse(&self, world: &mut World) {
+        let layout = &self.first.load().layout;
+        let own = Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter));
+        let second = self.second.iter().flat_map(|second| second.letters.places());
+        for place in own.map(Letter::index).chain(second) {
+            world.get_mut(place).into_iter().for_each(|value| *value = f64::NAN);
+        }
+    }
+
+    /// Returns the joints of a pose.
+    #[inline(always)]
+    pub fn inverse(&mut self, world: &World) -> Result<AllJoints, Fault> {
+        if self.first.is_standing() && world.iter().all(|value| value.is_finite()) {
+            return self.first.stand();
+        }
+        self.begin();
+        let mut joints = [0.0; MOST_JOINTS];
+        let of_first = match &mut self.second {
+            None => self.first.inverse(world)?,
+            Some(second) => {
+                let [own, other] = second.worlds(world);
+                if !self.first.awaits_command() {
+                    second.between.note_queued([own, other]);
+                }
+                // Every call is a call of both.
+                let of_second = second.module.inverse(&other);
+                let of_first = self.first.inverse(&own)?;
+                let behind = joints.iter_mut().skip(self.first.load().layout.joints());
+                behind.zip(of_second?).for_each(|(joint, value)| *joint = value);
+                of_first
+            }
+        };
+        let load = self.first.load();
+        let own = joints.iter_mut().zip(of_first).take(load.layout.joints());
+        own.for_each(|(joint, value)| *joint = value);
+        let extra = joints.iter_mut().skip(load.first_extra_joint()).zip(load.extra.places());
+        for (joint, place) in extra {
+            *joint = world.get(place).copied().unwrap_or(0.0);
+        }
+        Ok(joints)
+    }
+
+    /// Returns a row for each joint: its rates with LinuxCNC's nine letters, degrees for angles.
+    pub fn jacobian(&self, world: &World) -> Result<[World; MOST_JOINTS], Fault> {
+        self.share_pins();
+        let load = self.first.load();
+        let mut rows = [World::default(); MOST_JOINTS];
+        let worlds = self.second.as_ref().map(|second| second.worlds(world));
+        let of_first = self.first.jacobian(worlds.as_ref().map_or(world, |[own, _]| own))?;
+        rows.iter_mut().zip(of_first).for_each(|(row, own)| *row = own);
+        if let (Some(Second { module, letters, .. }), Some([_, other])) = (&self.second, &worlds) {
+            // A letter that the first one holds is the second one's, an extra axis', or nobody's.
+            for row in &mut rows {
+                let letters = Letter::ALL.into_iter().zip(row.iter_mut());
+                let held = letters.filter(|(letter, _)| load.layout.is_held(*letter));
+                held.for_each(|(_, value)| *value = 0.0);
+            }
+            let own = rows.iter_mut().skip(load.layout.joints()).zip(module.jacobian(other)?);
+            for (row, [values @ .., _, _, _]) in own.take(module.load().layout.joints()) {
+                *row = [0.0; 9];
+                letters.put(&values, row);
+            }
+        }
+        let extra = rows.iter_mut().skip(load.first_extra_joint()).zip(load.extra.places());
+        extra.filter_map(|(row, place)| row.get_mut(place)).for_each(|rate| *rate = 1.0);
+        Ok(rows)
+    }
+
+    /// Returns the orientations of tool and work in base. A second mechanism has none of its own in LinuxCNC.
+    pub fn frames(&self, joints: &AllJoints) -> Result<[Matrix3<f64>; 2], Fault> {
+        let [own, _, extra] = self.parts(joints);
+        self.first.frames(own, extra)
+    }
+
+    /// Changes the kinematics of both mechanisms, or of none.
+    pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
+        self.share_pins();
+        let first = self.first.grant_switch(number)?;
+        if let Some(Second { module, .. }) = &mut self.second {
+            let second = module.grant_switch(number)?;
+            module.switch_to(second);
+        }
+        self.first.switch_to(first);
+        Ok(())
+    }
+
+    /// Takes the tool offset that LinuxCNC has in effect, as a request. U V W are for the second mechanism.
+    pub fn request_tool(&mut self, [x, y, z, .., u, v, w]: &World) {
+        self.first.request_tool([*x, *y, *z]);
+        if let Some(Second { module, .. }) = &mut self.second {
+            module.request_tool([*u, *v, *w]);
+        }
+    }
+
+    /// Runs the monitors at the end of a cycle, and asks of LinuxCNC what either asks for.
+    pub fn monitor(&mut self, seconds: f64) {
+        self.begin();
+        self.first.monitor(seconds);
+        let Some(Second { module, between, .. }) = &mut self.second else { return };
+        module.monitor(seconds);
+        let near = between.watch([&self.first, &*module], seconds);
+        let (first, second) = (self.first.pins, module.pins);
+        let inhibits = [self.first.inhibits_feed(), module.inhibits_feed()];
+        first.feed_inhibit.set(inhibits[0] || inhibits[1] || between.inhibits_feed());
+        first.jog.stop.set(self.first.stops_jogs() || module.stops_jogs());
+        first.tool_busy.set(first.tool_busy.get() || second.tool_busy.get());
+        first.geometry_changed.set(first.geometry_changed.get() || second.geometry_changed.get());
+        let (shown, of_second) = (&first.guard.shown, &second.guard.shown);
+        shown.feed_scale.set(shown.feed_scale.get().min(of_second.feed_scale.get()));
+        shown.limit_of_either(of_second);
+        if let Some((fault, is_inhibited)) = near {
+            shown.limit_if_none(&fault);
+            if is_inhibited {
+                self.first.record(&fault);
+            }
+        }
+    }
+
+    /// Lets the second mechanism use the pins that both have in common.
+    #[inline(always)]
+    fn share_pins(&self) {
+        if let Some(Second { module, .. }) = &self.second {
+            module.pins.share(self.first.pins);
+        }
+    }
+
+    /// Freezes both geometries that are offered, or none. (A single mechanism does that itself.)
+    #[inline(always)]
+    fn begin(&mut self) {
+        self.share_pins();
+        let Some(Second { module: second, .. }) = &mut self.second else { return };
+        if !self.first.is_offered() {
+            return;
+        }
+        if self.first.pins.machine_on() {
+            second.note_offered();
+            return self.first.take_offered();
+        }
+        // Both are checked, so that the faults of both are reported.
+        let is_good = self.first.checks_offered() & second.checks_offered();
+        for mechanism in [&mut self.first, second] {
+            if is_good {
+                mechanism.take_offered();
+            } else {
+                mechanism.note_offered();
+                mechanism.pins.geometry_ok.set(false);
+            }
+        }
+    }
+
+    /// Returns the joints of the first mechanism, of the second and of the extra axes.
+    fn parts<'a>(&self, joints: &'a AllJoints) -> [&'a [f64]; 3] {
+        let load = self.first.load();
+        let (own, extra) =
+            joints.split_at_checked(load.first_extra_joint()).unwrap_or((joints, &[]));
+        let (first, second) = own.split_at_checked(load.layout.joints()).unwrap_or((own, &[]));
+        [first, second, extra]
+    }
+}
+
+impl Second {
+    /// Returns LinuxCNC's pose as either mechanism has it: the first one without the letters of the second,
+    /// which has its own X Y Z A B C.
+    fn worlds(&self, world: &World) -> [World; 2] {
+        let mut own = *world;
+        for place in self.letters.places() {
+            own.get_mut(place).into_iter().for_each(|value| *value = 0.0);
+        }
+        let [x, y, z, a, b, c] = self.letters.pose_of(world);
+        [own, [x, y, z, a, b, c, 0.0, 0.0, 0.0]]
+    }
+}
