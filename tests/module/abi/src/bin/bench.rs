@@ -23,6 +23,9 @@ use std::time::Instant;
 /// Poses a batch: enough for the clock, few enough to stay in the cache.
 const POSES: usize = 500;
 
+/// Servo steps from the pose of a case to the one beside it and back: enough for the clock.
+const STEPS: usize = 10;
+
 /// Batches of each measurement; the tenth fastest of them is reported: what else runs on the computer only
 /// adds to the others.
 const BATCHES: usize = 101;
@@ -69,8 +72,10 @@ enum Seed {
 
 struct Case {
     pose: Pose,
-    near: Pose,
     joints: Joints,
+    /// A pose one servo step away, and its joints.
+    near: Pose,
+    near_joints: Joints,
 }
 
 /// Hexapods, beside genhexkins.
@@ -161,7 +166,9 @@ fn case(subject: &Subject, module: &Module, random: &mut Random) -> Case {
     let pose = (subject.sample)(random);
     let joints = module.inverse(&pose).expect("a pose of the workspace");
     let near = one_servo_step_from(&pose, subject.machine.size(), random);
-    Case { pose, near, joints }
+    // Beside the edge of the workspace there may be none.
+    let (near, near_joints) = module.inverse(&near).map_or((pose, joints), |own| (near, own));
+    Case { pose, joints, near, near_joints }
 }
 
 /// Mean nanoseconds of one call of `run` over all cases.
@@ -183,19 +190,33 @@ fn inverse_batch(module: &Module, cases: &[Case]) -> f64 {
     })
 }
 
+/// Mean nanoseconds of one call of forward. A seed that is not what the call before has written is for a machine
+/// that was homed, as LinuxCNC passes it: from there forward starts at home. Servo steps go on from the last pose.
 fn forward_batch(module: &Module, cases: &[Case], seed: Seed, home: &Pose) -> f64 {
     let (forward, _) = module.entry_points();
     // One variable for all calls, as LinuxCNC's status has.
     let mut world = *home;
-    timed(cases, |case| {
-        world = match seed {
-            Seed::ServoStep => case.near,
-            Seed::Home => *home,
-        };
+    let mut solve = |joints: &Joints, seed: Option<&Pose>| {
+        if let Some(seed) = seed {
+            world = *seed;
+        }
         // SAFETY: as above.
-        black_box(unsafe { forward(case.joints.as_ptr(), &mut world, &0, &mut 0) });
+        black_box(unsafe { forward(joints.as_ptr(), &mut world, &0, &mut 0) });
         black_box(&world);
-    })
+    };
+    if let Seed::Home = seed {
+        return timed(cases, |case| solve(&case.joints, Some(home)));
+    }
+    let mut spent = 0.0;
+    for case in cases {
+        solve(&case.near_joints, Some(&case.near));
+        // There and back.
+        let steps = [&case.joints, &case.near_joints].into_iter().cycle().take(STEPS);
+        let start = Instant::now();
+        steps.for_each(|joints| solve(black_box(joints), None));
+        spent += start.elapsed().as_nanos() as f64;
+    }
+    spent / (cases.len() * STEPS) as f64
 }
 
 fn median(values: &mut [f64]) -> f64 {
@@ -227,7 +248,7 @@ fn judged(module: &Module, subject: &Subject, cases: &[Case], seed: Seed) -> Out
     let mut result = Outcome::default();
     for case in cases {
         let start = match seed {
-            Seed::ServoStep => &case.near,
+            Seed::ServoStep => &module.forward(&case.near_joints, &case.near).unwrap_or(case.near),
             Seed::Home => &subject.home,
         };
         // The most since this reset: genhexkins solves again for the GUI's pins
@@ -369,9 +390,11 @@ fn cycle_batch(module: &Module, motions: &[Vec<(Pose, Joints)>]) -> [f64; 3] {
     let mut spent = [0.0; 3];
     let mut count = 0.0;
     for motion in motions {
+        let Some((mut world, begin)) = motion.first().copied() else { continue };
+        // To where the motion begins, from home.
+        module.forward_into(&begin, &mut world);
         for pair in motion.windows(2) {
-            let [(seed, joints), (pose, _)] = pair else { continue };
-            let mut world = *seed;
+            let [(_, joints), (pose, _)] = pair else { continue };
             let mut commanded: Joints = [0.0; 16];
             let start = Instant::now();
             black_box(module.forward_into(joints, &mut world));
