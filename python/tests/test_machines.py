@@ -166,12 +166,12 @@ def test_ctrl_c_ends_preflight_and_leaves_no_process_and_no_folder(tmp_path, tex
     program, folder = tmp_path / "endless.ngc", tmp_path / "tmp"
     program.write_text(text)
     folder.mkdir()
-    code = "import sys, pkmkins; pkmkins.preflight(sys.argv[1], sys.argv[2], '--patience', '1000')"
+    # A shell starts what runs in the background with SIGINT ignored.
+    code = ("import signal, sys, pkmkins; signal.signal(signal.SIGINT, signal.default_int_handler); "
+            "pkmkins.preflight(sys.argv[1], sys.argv[2], '--patience', '1000')")
     words = [sys.executable, "-c", code, ini("hexapod"), program]
     environment = os.environ | {"TMPDIR": str(folder)}
-    # A shell starts what runs in the background with SIGINT ignored.
-    run = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True,
-                           preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+    run = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
     while not any("pkm-control" in process for process in processes_of(folder)):
         assert run.poll() is None
         time.sleep(0.05)
