@@ -129,10 +129,13 @@ def compared(live, offline, is_stopped=False):
 def is_same_path(live, offline, is_stopped=False):
     """Whether the poses of all cycles that move are the same, wherever the machine stands between them: it does
     where an operator presses a button or LinuxCNC's task waits for a real clock, and joints come to rest there.
-    Where LinuxCNC stops the motion, what comes before is compared."""
+    Of a motion that LinuxCNC stops, what comes before is compared: all of it up to where the drives go off, as they
+    do at once, else up to where the machine begins to brake."""
     ours, theirs = (poses[1:][is_apart(poses[1:], poses[:-1])]
                     for poses in (trace.places[:, :len(AXES)] for trace in (live.until_off(), offline)))
-    if is_stopped:
+    if live.was_switched_off():
+        theirs = theirs[:len(ours)]
+    elif is_stopped:
         (_, end), (_, last) = before_stop((0, len(ours)), (0, len(theirs)))
         ours, theirs = ours[:end], theirs[:last]
     return len(ours) == len(theirs) and not is_apart(ours, theirs).any()
