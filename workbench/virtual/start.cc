@@ -38,8 +38,7 @@ const char *folder() { return value("PKMKINS_VIRTUAL_FOLDER"); }
 
 namespace {
 int (*run_python)(const char *) = nullptr;
-bool has_news = false;
-// Of LinuxCNC, for the driver.
+// Errors of LinuxCNC that the driver has not seen.
 std::deque<std::string> errors;
 // Cycles of milltask between two looks of the driver, which cost as much as several cycles each.
 constexpr int LOOK = 10;
@@ -65,15 +64,14 @@ void step() {
     if (!run_python) {
         start_driver();
     }
-    if (++waited >= LOOK || has_news) {
+    if (++waited >= LOOK || !errors.empty()) {
         waited = 0;
-        has_news = false;
         python("step()");
     }
 }
 }
 
-// NML::write(NMLmsg &): a message to the operator is recorded with its cycle, and wakes the driver.
+// NML::write(NMLmsg &): a message to the operator is recorded with its cycle, and an error wakes the driver.
 extern "C" __attribute__((visibility("default"))) int write_message(void *, NMLmsg *, int *) __asm__(
     "_ZN3NML5writeEP6NMLmsgPi");
 extern "C" int write_message(void *channel, NMLmsg *message, int *serial) {
@@ -92,7 +90,6 @@ extern "C" int write_message(void *channel, NMLmsg *message, int *serial) {
         return write(channel, message, serial);
     }
     // Nobody reads the channel, which would be full after some of them.
-    has_news = true;
     record::message(message->type - EMC_OPERATOR_ERROR_TYPE, text);
     return 0;
 }
