@@ -227,7 +227,6 @@ site: setup-site generated
 	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
 
 ini-cases: install
-	$(HOST_BUILD) --bin pkm
 	tests/cases/ini/run.py --pkm target/host/pkm
 	tests/live/pins_test.py
 	tests/live/card_test.py
