@@ -2,7 +2,7 @@
 //! `pkm boxes`.
 
 use super::failure::{Failure, tell_error};
-use super::{Bar, MachineFile, Verdict, output, told};
+use super::{Bar, MachineFile, Verdict, output, print_text};
 use serde::Serialize;
 use serde_json::json;
 use workbench::check::fixes::rewritten;
@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
                 continue;
             }
         };
-        Failure::unless_unread(told(&answer.text))?;
+        Failure::unless_unread(print_text(&answer.text))?;
         boxes.extend(answer.proved);
         if answer.is_there {
             continue;

@@ -2,7 +2,7 @@
 //! `pkm check`.
 
 use super::failure::{Failure, refused, tell_error};
-use super::{Bar, MachineFile, Verdict, output, told};
+use super::{Bar, MachineFile, Verdict, output, print_text};
 use serde_json::{Value, json};
 use std::io::Write;
 use workbench::check::findings::Report;
@@ -37,7 +37,7 @@ use workbench::read::machine::MachineConfig;
 /// Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 /// other at home and, seen, within the axis limits.
 ///
-/// Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2
+/// Exit status: 0 where all is well (there may be warnings), 1 where something does not fit, 2
 /// where the file describes no machine.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
@@ -76,12 +76,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             false => "The first mechanism\n",
         });
         // A reader that has gone away does not change the verdict.
-        let told = write(report, heading.unwrap_or_default());
-        Failure::unless_unread(told.map_err(Failure::from))?;
+        let written = write(report, heading.unwrap_or_default());
+        Failure::unless_unread(written.map_err(Failure::from))?;
     }
     if let Some(between) = &whole.between {
-        let told = write_found(between, "\nBetween the two\n");
-        Failure::unless_unread(told.map_err(Failure::from))?;
+        let written = write_found(between, "\nBetween the two\n");
+        Failure::unless_unread(written.map_err(Failure::from))?;
     }
     output::answer(&json!({
         "machine": config.file,
@@ -134,7 +134,7 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
     }
     let name = config.file.display().to_string();
     let difference = difference(old, &fixed.text, (&name, &name), AROUND);
-    Failure::unless_unread(told(&difference))?;
+    Failure::unless_unread(print_text(&difference))?;
     output::answer(&json!({
         "machine": config.file,
         "difference": difference,

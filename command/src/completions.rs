@@ -2,7 +2,7 @@
 //! `pkm completions`.
 
 use super::failure::Failure;
-use super::{Cli, Verdict, output, told};
+use super::{Cli, Verdict, output, print_text};
 use clap::CommandFactory;
 use clap_complete::Shell;
 use serde_json::json;
@@ -18,7 +18,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let mut text = vec![];
     clap_complete::generate(arguments.shell, &mut Cli::command(), "pkm", &mut text);
     let text = String::from_utf8_lossy(&text);
-    told(&text)?;
+    print_text(&text)?;
     output::answer(&json!({ "shell": arguments.shell.to_string(), "text": text }))?;
     Ok(Verdict::Fits)
 }

@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         }
         _ => {
             let head = format!("{} does not fit the machine\n", program.display());
-            let breaks = judged.found.breaks.iter().map(|told| judged.sentence(told));
+            let breaks = judged.found.breaks.iter().map(|broken| judged.sentence(broken));
             [head].into_iter().chain(breaks).collect()
         }
     };

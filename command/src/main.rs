@@ -322,12 +322,12 @@ impl MachineFile {
 fn write_out(text: &str, file: Option<&Path>) -> Result<(), Failure> {
     match file {
         Some(file) => Ok(write_whole(file, text)?),
-        None => told(text),
+        None => print_text(text),
     }
 }
 
 /// Writes text for people to standard output.
-fn told(text: &str) -> Result<(), Failure> {
+fn print_text(text: &str) -> Result<(), Failure> {
     let mut out = output::people();
     out.write_all(text.as_bytes())?;
     out.flush()?;

@@ -2,7 +2,7 @@
 //! `pkm measure`.
 
 use super::failure::{Failure, refused};
-use super::{Bar, MachineFile, Verdict, output, told};
+use super::{Bar, MachineFile, Verdict, output, print_text};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use workbench::calibrate::model::Tolerance;
@@ -92,7 +92,7 @@ fn read(
         (program, &program::text(config, &setup, &proposal, &name)),
         (table, &sheet::empty(config, &setup.gauge, &setup.objects, &proposal.stops)),
     )?;
-    told(&in_words(config, &setup, &proposal, &files))?;
+    print_text(&in_words(config, &setup, &proposal, &files))?;
     output::answer(&json!({
         "machine": config.file,
         "files": files,
@@ -111,7 +111,7 @@ fn probe(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failu
     write_both((&program, &found.program), (&hal, &found.hal))?;
     let tilts: Vec<String> =
         found.tilts.iter().map(|[a, b, c]| format!("A{a} B{b} C{c}")).collect();
-    told(&format!(
+    print_text(&format!(
         "{}\n  touches        {}, within all limits\n  tilts          {}\nwritten: {}, {}\n",
         config.file.display(),
         found.touches,

@@ -3,7 +3,7 @@
 
 use super::failure::{self, Failure, tell_error};
 use super::input::file_of_dash;
-use super::{Bar, Verdict, output, told};
+use super::{Bar, Verdict, output, print_text};
 use clap::{Arg, ArgMatches, Command};
 use serde_json::json;
 use std::io::{self, IsTerminal};
@@ -184,7 +184,7 @@ fn made(arguments: &Arguments) -> Result<(), Stop> {
         None => bar.next(what.into()),
     })?;
     drop(bar);
-    Failure::unless_unread(told(&text(&made, &order)))?;
+    Failure::unless_unread(print_text(&text(&made, &order)))?;
     let file = folder.join(format!("{name}.ini"));
     output::answer(&json!({
         "folder": folder,

@@ -2,7 +2,7 @@
 //! `pkm panel`.
 
 use super::failure::{Failure, refused};
-use super::{Verdict, output, told};
+use super::{Verdict, output, print_text};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use workbench::files::{Locate, write_whole};
@@ -49,6 +49,6 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     write_whole(&folder.join(&tcl), &wiring)?;
     let files = [folder.join(&xml), folder.join(&tcl)];
     output::answer(&json!({ "machine": config.file, "files": files }))?;
-    told(&format!("[DISPLAY]\nPYVCP = {xml}\n\n[HAL]\nPOSTGUI_HALFILE = {tcl}\n"))?;
+    print_text(&format!("[DISPLAY]\nPYVCP = {xml}\n\n[HAL]\nPOSTGUI_HALFILE = {tcl}\n"))?;
     Ok(Verdict::Fits)
 }

@@ -40,7 +40,7 @@ pub struct Tool {
 }
 
 impl Tool {
-    /// The tool vector, spindle offset included.
+    /// Returns the tool vector, spindle offset included.
     pub fn vector(&self, config: &MachineConfig) -> Vector3<f64> {
         let given = self.tool.as_deref().unwrap_or(&[0.0; 3]);
         config.spindle + Vector3::from_fn(|k, _| given[k])

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::run::{Control, Progress};
-use super::{MachineFile, Verdict, output, report, told};
+use super::{MachineFile, Verdict, output, print_text, report};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use workbench::control::process::Options;
@@ -106,7 +106,7 @@ fn run_one(
         write_whole(file, &report::page(&verdict, &course)?)?;
     }
     // A reader that has gone away does not change the verdict.
-    Failure::unless_unread(told(&to_people(&verdict)))?;
+    Failure::unless_unread(print_text(&to_people(&verdict)))?;
     output::answer(&verdict)?;
     Ok(verdict.fits.into())
 }
@@ -135,7 +135,7 @@ fn run_all(
             Ok(verdict) => {
                 let mut text = to_people(&verdict);
                 text += if text.is_empty() { "" } else { "\n" };
-                Failure::unless_unread(told(&text))?;
+                Failure::unless_unread(print_text(&text))?;
                 list.push((verdict.fits.into(), serde_json::to_value(&verdict)?));
                 table.push((name, verdict.fits.into(), verdict.summary()));
             }
@@ -149,7 +149,7 @@ fn run_all(
             }
         }
     }
-    Failure::unless_unread(told(&in_a_table(&table)))?;
+    Failure::unless_unread(print_text(&in_a_table(&table)))?;
     output::list(list);
     let worst = |(_, verdict, _): &(_, Verdict, _)| *verdict;
     Ok(table.iter().map(worst).max().unwrap_or(Verdict::Fits))

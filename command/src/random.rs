@@ -2,7 +2,7 @@
 //! `pkm random`.
 
 use super::failure::{Failure, refused, tell_error};
-use super::{MachineFile, Verdict, output, told};
+use super::{MachineFile, Verdict, output, print_text};
 use serde_json::json;
 use workbench::program::random_program::random_program;
 
@@ -38,7 +38,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     match random_program(&config, arguments.seed, seconds) {
         Ok(text) => {
-            told(&text)?;
+            print_text(&text)?;
             output::answer(&json!({ "machine": config.file, "program": text }))?;
             Ok(Verdict::Fits)
         }

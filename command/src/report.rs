@@ -42,16 +42,16 @@ pub fn page(verdict: &ProgramVerdict, course: &Thinned) -> Result<String, Failur
 
 /// Returns the breaks, with their places on the axis of the plots.
 fn marks(verdict: &ProgramVerdict, course: &Thinned) -> Vec<Mark> {
-    let mark = |told: &Break| Mark {
-        place: verdict.place(told.file, told.line),
-        block: verdict.block(told).unwrap_or_default().into(),
-        text: format!("{}: {}", told.limit.name(), told.text),
+    let mark = |broken: &Break| Mark {
+        place: verdict.place(broken.file, broken.line),
+        block: verdict.block(broken).unwrap_or_default().into(),
+        text: format!("{}: {}", broken.limit.name(), broken.text),
         at: match course.abscissa {
-            Abscissa::Seconds => told.seconds,
+            Abscissa::Seconds => broken.seconds,
             Abscissa::Length => None,
         }
-        .or_else(|| course.place(verdict.config, told.line, &told.pose)),
-        pose: told.pose,
+        .or_else(|| course.place(verdict.config, broken.line, &broken.pose)),
+        pose: broken.pose,
     };
     verdict.found.breaks.iter().map(mark).collect()
 }
@@ -68,7 +68,7 @@ const TO_THE_STOP: &str = "up to the stop";
 /// A limit without figures.
 fn bare(verdict: &ProgramVerdict, limit: Rule, meaning: &str) -> LimitRow {
     let found = &verdict.found;
-    let own = |(number, told): (usize, &Break)| (told.limit == limit).then_some(number);
+    let own = |(number, broken): (usize, &Break)| (broken.limit == limit).then_some(number);
     let breaks: Vec<usize> = (1..).zip(&found.breaks).filter_map(own).collect();
     let first = breaks.first().map(|number| &found.breaks[number - 1]);
     LimitRow {
@@ -78,7 +78,7 @@ fn bare(verdict: &ProgramVerdict, limit: Rule, meaning: &str) -> LimitRow {
         allowed: String::new(),
         used: String::new(),
         margin: String::new(),
-        line: first.map_or(String::new(), |told| verdict.place(told.file, told.line)),
+        line: first.map_or(String::new(), |broken| verdict.place(broken.file, broken.line)),
         breaks,
         is_judged: !limit.is_of_time() || found.time.is_whole(),
     }

@@ -3,7 +3,7 @@
 
 use super::failure::Failure;
 use super::poses::{PoseWords, Tool};
-use super::{MachineFile, Verdict, output, told};
+use super::{MachineFile, Verdict, output, print_text};
 use kinematics::Vector3;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             return Ok(Verdict::Misfit);
         }
     };
-    told(&in_words(&found))?;
+    print_text(&in_words(&found))?;
     output::answer(&json!({ "machine": config.file, "pose": stand.world, "travel": found }))?;
     Ok(match left_at(&found) {
         None => Verdict::Fits,

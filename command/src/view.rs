@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::preflight::{Judging, judged};
-use super::{Bar, MachineFile, Verdict, output, told};
+use super::{Bar, MachineFile, Verdict, output, print_text};
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         write_whole(file, &page)?;
     }
     if let (Some(file), None) = (&html, &arguments.html) {
-        Failure::unless_unread(told(&format!(
+        Failure::unless_unread(print_text(&format!(
             "{} is written: open it in a browser\n",
             file.display()
         )))?;

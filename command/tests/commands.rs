@@ -889,8 +889,8 @@ together. Hardware, and programs that HAL files start, are not run.
 Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
 other at home and, seen, within the axis limits.
 
-Exit status: 0 where all is well (warnings may be told), 1 where something does not fit, 2 where the
-file describes no machine.
+Exit status: 0 where all is well (there may be warnings), 1 where something does not fit, 2 where
+the file describes no machine.
 
 Usage: pkm check [OPTIONS] <MACHINE.ini>
 

@@ -10,7 +10,7 @@ fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../configs/{name}/{name}.ini"))
 }
 
-/// What is printed for the text of a file in a folder of its own.
+/// Returns what is printed for the text of a file in a folder of its own.
 fn text_of(text: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("machine.ini");

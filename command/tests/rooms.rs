@@ -64,7 +64,7 @@ fn uses() -> BTreeMap<File, BTreeSet<File>> {
     uses
 }
 
-/// What each file of the command uses of the others. What `main` and a `mod` give to all files below them is left out.
+/// Returns what each file of the command uses of the others. What `main` and a `mod` give to all files below them is left out.
 fn uses_of_command() -> BTreeMap<File, BTreeSet<File>> {
     let mut uses = BTreeMap::new();
     for entry in folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src")) {

@@ -48,7 +48,7 @@ pub fn machine_error(error: impl ToString) -> PyErr {
     MachineError::new_err(error.to_string())
 }
 
-/// Why a call that does as a subcommand of `pkm` has no answer.
+/// Makes an exception of why a call that does as a subcommand of `pkm` has no answer.
 pub fn failed(error: impl ToString) -> PyErr {
     CommandFailed::new_err(error.to_string())
 }

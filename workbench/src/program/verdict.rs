@@ -93,7 +93,7 @@ pub fn judge<'a>(
     let Judged { found, files } =
         preflight::judge(config, program, options, &mut |row| show(Step::Row(row)))?;
     if found.is_still {
-        if let Some(stop) = found.breaks.iter().find(|told| told.limit == Rule::Control) {
+        if let Some(stop) = found.breaks.iter().find(|broken| broken.limit == Rule::Control) {
             let (file, line) = (files[stop.file].clone(), stop.line.max(1));
             return Err(JudgeError::NeverStarts { file, line, text: stop.text.clone() });
         }
@@ -144,7 +144,7 @@ fn tilted((file, line): (usize, u32)) -> Caution {
 /// Returns whether another work offset may help. Another place does not make a program slower, two mechanisms have two
 /// places, and the search knows the machine's own poses alone.
 fn may_shift(config: &MachineConfig, found: &Preflight) -> bool {
-    found.breaks.iter().any(|told| !told.limit.is_of_time())
+    found.breaks.iter().any(|broken| !broken.limit.is_of_time())
         && config.second.is_none()
         && config.chain.is_empty()
 }

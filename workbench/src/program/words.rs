@@ -24,9 +24,9 @@ impl ProgramVerdict<'_> {
     }
 
     /// Returns what stands in the line of a break.
-    pub fn block(&self, told: &Break) -> Option<&str> {
-        let number = (told.line as usize).checked_sub(1)?;
-        self.texts[told.file].lines().nth(number).map(str::trim)
+    pub fn block(&self, broken: &Break) -> Option<&str> {
+        let number = (broken.line as usize).checked_sub(1)?;
+        self.texts[broken.file].lines().nth(number).map(str::trim)
     }
 
     /// Returns a caution with its place.
@@ -49,8 +49,8 @@ impl ProgramVerdict<'_> {
     pub fn findings(&self) -> String {
         let unit = self.config.length_unit();
         let mut text = String::new();
-        for told in &self.found.breaks {
-            text += &format!("\nerror: {}", self.sentence(told));
+        for broken in &self.found.breaks {
+            text += &format!("\nerror: {}", self.sentence(broken));
         }
         for caution in &self.warnings {
             text += &format!("\nwarning: {}\n", self.caution(caution));
@@ -142,12 +142,12 @@ impl ProgramVerdict<'_> {
     }
 
     /// Returns a break in a sentence, with its line and pose.
-    pub fn sentence(&self, told: &Break) -> String {
+    pub fn sentence(&self, broken: &Break) -> String {
         let second = self.config.second.as_deref();
-        let mechanism = second.filter(|_| told.of_second).unwrap_or(self.config);
+        let mechanism = second.filter(|_| broken.of_second).unwrap_or(self.config);
         let words: Vec<String> = Letter::ALL
             .iter()
-            .zip(told.pose)
+            .zip(broken.pose)
             // Letters of another mechanism, or of nothing.
             .filter(|(letter, _)| {
                 !mechanism.place.is_of_pair || !mechanism.machine.layout().is_held(**letter)
@@ -158,16 +158,16 @@ impl ProgramVerdict<'_> {
                 format!("{}{value:.4}", mechanism.place.letter(*letter))
             })
             .collect();
-        let block = self.block(told).map_or(String::new(), |block| format!("  {block}\n"));
-        let more = match told.moves {
+        let block = self.block(broken).map_or(String::new(), |block| format!("  {block}\n"));
+        let more = match broken.moves {
             0 | 1 => String::new(),
             moves => format!(", the first of {moves}"),
         };
         format!(
             "{}: {}: {}\n{block}  at {}{more}\n",
-            self.place(told.file, told.line),
-            told.limit.name(),
-            told.text,
+            self.place(broken.file, broken.line),
+            broken.limit.name(),
+            broken.text,
             words.join(" ")
         )
     }

@@ -227,7 +227,7 @@ impl Module {
 
     /// Returns the orientations of tool and work in base: no state changes, no fault is recorded.
     ///
-    /// No joint turns a tool in the identity kinematics, whatever the letters of the pose say.
+    /// Identity kinematics have no joint that turns a tool, whatever the letters of the pose say.
     pub fn frames(&self, joints: &[f64], extra: &[f64]) -> Result<[Matrix3<f64>; 2], Fault> {
         if self.kind == Kind::Identity {
             return Ok([Matrix3::identity(); 2]);
