@@ -229,8 +229,8 @@ causes! {
         "home the joint, or check its OFFSET and feedback scale";
     SeedMissing = -22, "the pose to start from is NaN or infinite, and no earlier pose is known",
         "home the machine";
-    JointAngleTooLarge = -23, "the joint value is beyond 1e6 degrees",
-        "home the joint, or check its OFFSET and feedback scale";
+    JointAngleTooLarge = -23, "the arm has turned by more than 180 degrees from its position at 0",
+        "jog the joint back, or check its OFFSET and feedback scale";
     SeedOutOfReach = -24, "the leg does not reach the pose to start from: its rod lacks the length shown (too long where negative)",
         "home the machine; if it is homed, check [TRAJ]HOME";
     DeadPoint = -26, "the rod of the leg stands nearly square to the motion of its lower end (dead point; cosine shown)",

@@ -18,12 +18,16 @@
 
 use super::{Drive, LEAST_DRIVE, Refusal, SecondDerivatives, direction, rod_length, side_sign};
 use crate::fault::Cause;
-use crate::trig::{MAX_ANGLE_DEG, RADIANS, arc_all_around, sincos_of_one};
+use crate::trig::{RADIANS, arc_all_around, sincos_of_one};
 use libm::sqrt;
 use nalgebra::Vector3;
 
 /// Arms nearer to their axis than this share of their length do not turn their end.
 const LEAST_ARM: f64 = 1e-6;
+
+/// Farthest that forward takes an arm from its position at 0, degrees. Inverse returns no angle beyond half a
+/// turn: the first cycle of world mode would command a whole turn back. The rest is for rounding.
+const MOST_TURNED: f64 = 180.0 + 1e-9;
 
 /// What belongs to a crank beside its two anchors; the base anchor is its hip, a point
 /// of the axis.
@@ -116,7 +120,7 @@ impl Crank {
     }
 
     pub fn drive(&self, q: f64) -> Result<Drive, Cause> {
-        if !(q.abs() <= MAX_ANGLE_DEG) {
+        if !(q.abs() <= MOST_TURNED) {
             return Err(Cause::JointAngleTooLarge);
         }
         let [s, c] = sincos_of_one(q * RADIANS);
