@@ -62,6 +62,11 @@ impl Calls {
         self.before.as_ref()
     }
 
+    /// Whether a pose has been commanded in this cycle.
+    pub fn has_commanded(&self) -> bool {
+        self.commanded.is_some()
+    }
+
     /// The monitor runs, after all calls of a cycle: the pose that was commanded in it.
     pub fn end_cycle(&mut self) -> Option<Pose> {
         // An inverse before the next forward is for the end point of a queued move.

@@ -90,12 +90,13 @@ impl Module {
     /// Honours a rising edge of `.fault-reset`.
     ///
     /// The operator confirms the pose found by it. Where the last call has found none, a pose that comes later is
-    /// still in doubt.
+    /// still in doubt. In world mode LinuxCNC commands a pose that is not the one found: it would go on from
+    /// there, so the doubt stays until the machine is off or in joint mode.
     pub(super) fn watch_reset(&mut self) {
         let reset = self.pins.fault_reset();
         if reset && !self.reset_was {
             self.pins.clear_fault();
-            if self.has_found {
+            if self.has_found && !self.calls.has_commanded() {
                 self.crossing.end_doubt();
             }
             self.reports.allow_repeats();

@@ -22,8 +22,8 @@
 //! Where no pose is known, forward starts from the pose that boxes or three spheres give without a seed,
 //! else from the reference pose, and in a drop-in without one from LinuxCNC's seed, which is `[TRAJ]HOME`
 //! then. A doubt about the pose ([`crate::crossing`]) outlives all of these events but three: the commanded
-//! motion comes back, `.fault-reset` rises while forward finds a pose, or the machine is homed to its reference
-//! pose.
+//! motion comes back, `.fault-reset` rises while forward finds a pose and none is commanded, or the machine is
+//! homed to its reference pose.
 
 use super::{Kind, Module, is_zero};
 use crate::control::AllJoints;

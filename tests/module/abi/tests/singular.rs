@@ -227,6 +227,21 @@ fn fault_reset_ends_no_doubt_while_there_is_no_pose_to_confirm() {
     assert_eq!([beyond.code(), beyond.code()], [Cause::SingularPassed.code(); 2]);
 }
 
+#[test]
+fn fault_reset_ends_no_doubt_in_world_mode_whatever_becomes_of_the_commanded_pose() {
+    let passed = Cause::SingularPassed.code();
+    for coordinate in [1e9, f64::NAN] {
+        let beyond = Beyond::singular();
+        beyond.module.set("fault-reset", 1.0);
+        let at = [coordinate; 9];
+        assert_eq!(beyond.feedback(), passed);
+        assert!(beyond.module.inverse_into(&at, &mut [0.0; 16]) < 0);
+        beyond.module.monitor();
+        // The machine goes off.
+        assert_eq!([beyond.code(), beyond.code()], [passed; 2], "{coordinate}");
+    }
+}
+
 /// A turn about Z, degrees a cycle.
 fn pose_of_c(step: f64) -> Pose {
     [0.0, 0.0, 0.0, 0.0, 0.0, step, 0.0, 0.0, 0.0]
