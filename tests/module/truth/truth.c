@@ -169,6 +169,9 @@ static void spanned(const struct machine *m, const ld p[6], ld r[3][3], int i, s
     }
 }
 
+// Margin of an arm, in degrees, to where inverse goes on with a whole turn less.
+static ld half_turn(ld q) { return (180 - fabsl(q)) / 4; }
+
 // Residual of the length of leg i, its row over D and omega, and the drive's cosine.
 static ld residual(const struct machine *m, const ld p[6], ld r[3][3], int i, ld q, ld row[6], ld *margin)
 {
@@ -203,6 +206,7 @@ static ld residual(const struct machine *m, const ld p[6], ld r[3][3], int i, ld
         f -= leg->rod;
         const ld speed = norm(move);
         *margin = fminl(*margin, fabsl(dot(u, move)) / speed / 0.08L);
+        if (leg->kind == CRANK) *margin = fminl(*margin, half_turn(q));
     }
     return f;
 }
@@ -373,6 +377,18 @@ static void narrow(const ld p[6], double *pose)
     for (int k = 0; k < 6; k++) pose[k] = (double)p[k];
 }
 
+EXPORT int truth_inverse(const struct machine *m, const double *pose, double *q, double *margin);
+
+// The rows at a pose whose joints go with it: near a dead point a drive moves far, and its rod turns as far.
+static void rows_along(const struct machine *m, const ld p[6], const double *q, ld j[LEGS][MOST])
+{
+    double pose[6], own[16], margin;
+    ld f[LEGS];
+    int n;
+    narrow(p, pose);
+    rows_at(m, p, truth_inverse(m, pose, own, &margin) ? q : own, f, j, &n);
+}
+
 // Smallest singular value of the rows and how near a singular pose is along its direction.
 static void look(const struct machine *m, const ld p[6], const double *q, struct fold *out)
 {
@@ -418,14 +434,13 @@ static void look(const struct machine *m, const ld p[6], const double *q, struct
     const ld h = 1e-5L * m->size;
     for (int e = 0; e < n; e++) {
         ld there[6], back[6], unit_e[MOST] = { 0 }, one[LEGS][MOST], other[LEGS][MOST], along = 0;
-        int same;
         unit_e[e] = 1;
         memcpy(there, p, sizeof there);
         memcpy(back, p, sizeof back);
         moved(m, there, unit_e, h);
         moved(m, back, unit_e, -h);
-        rows_at(m, there, q, f, one, &same);
-        rows_at(m, back, q, f, other, &same);
+        rows_along(m, there, q, one);
+        rows_along(m, back, q, other);
         for (int i = 0; i < (int)m->legs; i++)
             for (int c = 0; c < n; c++) along += u[i] * (one[i][c] - other[i][c]) * v[c];
         along /= 2 * h;
@@ -477,10 +492,12 @@ EXPORT int truth_inverse(const struct machine *m, const double *pose, double *q,
             const ld t = (dot(w, w) + dot(arm, arm) - rod * rod) / 2 - axial * dot(k, w);
             const ld most = hypotl(a, b);
             if (!(fabsl(t) < most)) return 1;
-            q[i] = (double)((atan2l(b, a) + leg->side * acosl(t / most)) / DEGREE);
+            // Within half a turn of the arm's position at 0.
+            q[i] = (double)remainderl((atan2l(b, a) + leg->side * acosl(t / most)) / DEGREE, 360);
             lower_end(leg, q[i], c, move);
             for (int e = 0; e < 3; e++) u[e] = w[e] - (c[e] - leg->base[e]);
             least = fminl(least, fabsl(dot(u, move)) / norm(u) / norm(move) / 0.08L);
+            least = fminl(least, half_turn(q[i]));
         }
     }
     int joint = (int)m->legs;

@@ -115,7 +115,7 @@ fn is_of_search(code: i32) -> bool {
 
 /// Whether a refusal names a leg at its end.
 fn names_leg(code: i32) -> bool {
-    matches!(code, -24 | -26 | -27 | -28)
+    matches!(code, -28..=-26 | -24 | -23)
 }
 
 pub struct Judge {

@@ -112,7 +112,8 @@ pub struct Run<'a> {
     identity: bool,
     reset: usize,
     feedback_refused: bool,
-    feedback_code: i32,
+    /// Of the last call of forward.
+    last_code: i32,
     command_verdict_right: bool,
     // The machine.
     noise: f64,
@@ -198,7 +199,7 @@ impl<'a> Run<'a> {
             identity: false,
             reset: 0,
             feedback_refused: true,
-            feedback_code: 0,
+            last_code: 0,
             command_verdict_right: false,
             noise,
             lag,
@@ -425,6 +426,7 @@ impl<'a> Run<'a> {
         let code = self.module.forward_into(&given, &mut self.poses[place]);
         let world = self.poses[place];
         let verdict = self.judged(code, injection, caller, &given, truth, &world);
+        self.last_code = code;
         if code < 0 {
             let kind = if injection.is_some() { "injected" } else { "machine's joints" };
             *self.counts.entry(format!("refusal {code} of {kind}")).or_default() += 1;
@@ -523,8 +525,6 @@ impl<'a> Run<'a> {
         (self.actual, self.command) = (actual, command);
         self.queue.clear();
         (self.judge.crossed, self.judge.held) = (false, false);
-        // Without a pose there is none to confirm: the machine has to be homed.
-        self.judge.strayed |= self.feedback_code < 0 && !matches!(self.feedback_code, -41 | -42);
         self.judge.count("confirmed by fault-reset");
     }
 
@@ -630,7 +630,6 @@ impl<'a> Run<'a> {
         let code = self.forward(Caller::Feedback, &joints, &truth);
         self.feedback_ok = code >= 0;
         self.feedback_refused = code < 0;
-        self.feedback_code = code;
     }
 
     fn is_at_rest(&self) -> bool {
@@ -941,7 +940,9 @@ impl<'a> Run<'a> {
         self.module.set("fault-reset", f64::from(u8::from(self.reset > 0)));
         let is_commanded = self.enabled && self.motion != Motion::Free && !self.identity;
         let quiet = !is_commanded && self.homed;
-        if self.reset == 1 && quiet && (self.judge.held || self.judge.crossed) {
+        // Without a pose there is none to confirm.
+        let finds = self.last_code >= 0 || matches!(self.last_code, -41 | -42);
+        if self.reset == 1 && quiet && finds && (self.judge.held || self.judge.crossed) {
             self.confirm();
         }
     }
