@@ -516,16 +516,18 @@ impl<'a> Run<'a> {
     }
 
     /// The operator has looked at the machine and says that the module's pose is its own, the one on which
-    /// its last good pose leads.
-    fn confirm(&mut self) {
-        let Some(good) = self.judge.good else { return };
+    /// its last good pose leads. Returns whether that pose is known: where its path ends at a singular pose, the
+    /// operator confirms nothing.
+    fn confirm(&mut self) -> bool {
+        let Some(good) = self.judge.good else { return false };
         let system = &self.setup.system;
         let led = [self.actual, self.command].map(|s| system.follow(&good, &s.joints).0);
-        let [Some(actual), Some(command)] = led else { return };
+        let [Some(actual), Some(command)] = led else { return false };
         (self.actual, self.command) = (actual, command);
         self.queue.clear();
         (self.judge.crossed, self.judge.held) = (false, false);
         self.judge.count("confirmed by fault-reset");
+        true
     }
 
     fn judged_identity(
@@ -937,14 +939,16 @@ impl<'a> Run<'a> {
             return;
         }
         self.reset -= 1;
-        self.module.set("fault-reset", f64::from(u8::from(self.reset > 0)));
         let is_commanded = self.enabled && self.motion != Motion::Free && !self.identity;
         let quiet = !is_commanded && self.homed;
         // Without a pose there is none to confirm.
         let finds = self.last_code >= 0 || matches!(self.last_code, -41 | -42);
-        if self.reset == 1 && quiet && finds && (self.judge.held || self.judge.crossed) {
-            self.confirm();
+        let confirms = self.reset == 1 && quiet && finds;
+        if confirms && (self.judge.held || self.judge.crossed) && !self.confirm() {
+            self.reset = 0;
+            return;
         }
+        self.module.set("fault-reset", f64::from(u8::from(self.reset > 0)));
     }
 
     // ---- what happens ----
