@@ -18,7 +18,7 @@ use workbench::program::findings::Time;
 use workbench::program::motion::LINUXCNC_PROGRAMS;
 use workbench::program::offset::Offset;
 use workbench::program::preflight::judge;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::stability::lobes::Lobes;
 use workbench::stability::map::StableMap;
 use workbench::stability::pose::Setup;
@@ -39,7 +39,7 @@ const STEPS: f64 = 300.0;
 const GRID: usize = 60;
 
 /// A raster about home: 50 units and 10 degrees either way, whatever is active.
-fn raster(config: &MachineConfig) -> Vec<Pose> {
+fn raster(config: &Mechanism) -> Vec<Pose> {
     let home = config.home_pose().to_degrees();
     let layout = config.machine.layout();
     let active = kinematics::Letter::ALL.map(|letter| !layout.is_held(letter));
@@ -66,7 +66,7 @@ fn one_by_one(machine: &Machine, poses: &[Pose], tool: &Vector3<f64>) {
     }
 }
 
-fn row(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
+fn row(config: &Mechanism, name: &str, cores: &[ThreadPool]) {
     let (machine, tool) = (&config.machine, &config.spindle);
     let poses = raster(config);
     let mut seconds = vec![Vec::new(); cores.len() + 1];
@@ -87,7 +87,7 @@ fn row(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
 }
 
 /// Rays and a grid over the whole workspace of a machine, level, as `pkm workspace` looks at it.
-fn looked_over(config: &MachineConfig, name: &str, cores: &[ThreadPool]) {
+fn looked_over(config: &Mechanism, name: &str, cores: &[ThreadPool]) {
     let workspace =
         Workspace::new(config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
     let from = config.home_pose().position;
@@ -132,7 +132,7 @@ fn memory() -> Option<f64> {
 }
 
 /// A program judged as `pkm preflight` does it.
-fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
+fn judged(config: &Mechanism, name: &str, program: &Path, offset: &Offset) {
     let options = Options { block: Some(offset.block()), ..Options::default() };
     let mut lines = 0;
     let mut see = |row: &Row| lines = lines.max(row.line);
@@ -156,7 +156,7 @@ const SIDE: usize = 100;
 
 /// Stability in the cut: lobes at a pose, unstable depths there, limit depths over many poses.
 fn stability(configs: &Path, cores: &[ThreadPool]) {
-    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let config = Mechanism::read(&configs.join("hexapod/hexapod.ini")).unwrap();
     let study = Study::read(&configs.join("hexapod/cutting.toml")).unwrap();
     let setup = Setup::new(&config, &study).unwrap();
     let (pose, tool) = (config.home_pose(), config.spindle);
@@ -234,7 +234,7 @@ fn seconds_of<T>(work: impl FnOnce() -> T) -> (T, f64) {
 }
 
 fn programs(configs: &Path) {
-    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let config = Mechanism::read(&configs.join("hexapod/hexapod.ini")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let long = folder.path().join("long.ngc");
     fs::write(&long, long_program()).unwrap();
@@ -262,7 +262,7 @@ fn main() {
     println!("| machine | within reach | one by one | {} |", columns.join(" | "));
     println!("|---|--:|--:|{}", "--:|".repeat(columns.len()));
     for name in ["hexapod", "six-rod-lathe", "pyramid"] {
-        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        let config = Mechanism::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
         row(&config, name, &cores);
     }
     let columns: Vec<String> = threads().map(|n| format!("threads: {n}")).collect();
@@ -270,7 +270,7 @@ fn main() {
     println!("| machine | positions | {} |", columns.join(" | "));
     println!("|---|--:|{}", "--:|".repeat(columns.len()));
     for name in ["hexapod", "six-rod-lathe", "linear-delta"] {
-        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        let config = Mechanism::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
         looked_over(&config, name, &cores);
     }
     println!("\nStability in the cut of the hexapod:\n");

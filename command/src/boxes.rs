@@ -11,7 +11,7 @@ use workbench::proof::boxes as proof;
 use workbench::proof::one_to_one::Doubt;
 use workbench::read::boxes::{self, BoxSection};
 use workbench::read::error::MachineError;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Finds and proves boxes of poses for the start without a seed
 ///
@@ -117,7 +117,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(verdict)
 }
 
-fn of_mechanism(config: &MachineConfig) -> Result<Answer, Unproved> {
+fn of_mechanism(config: &Mechanism) -> Result<Answer, Unproved> {
     let bar = Bar::new("proving boxes");
     match config.boxes.len() {
         0 => found(config, &bar),
@@ -125,7 +125,7 @@ fn of_mechanism(config: &MachineConfig) -> Result<Answer, Unproved> {
     }
 }
 
-fn found(config: &MachineConfig, bar: &Bar) -> Result<Answer, Unproved> {
+fn found(config: &Mechanism, bar: &Bar) -> Result<Answer, Unproved> {
     let found = proof::found(config, &|share| bar.set(share))?;
     let letters = config.machine.layout().coordinates().as_slice();
     let parameter = config.place.boxes_parameter();
@@ -145,7 +145,7 @@ fn found(config: &MachineConfig, bar: &Bar) -> Result<Answer, Unproved> {
     Ok(Answer { text, proved, sections, is_there: false })
 }
 
-fn proved(config: &MachineConfig, bar: &Bar) -> Result<Answer, Unproved> {
+fn proved(config: &Mechanism, bar: &Bar) -> Result<Answer, Unproved> {
     let (mut text, mut proved) = (String::new(), vec![]);
     for (k, section) in config.boxes.iter().enumerate() {
         let name = config.place.box_section(k);

@@ -14,7 +14,7 @@ use workbench::calibrate::rewrite;
 use workbench::calibrate::sheet::Sheet;
 use workbench::calibrate::study::{self, Agreement, Study, Wishes};
 use workbench::files::{write_over, write_whole};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// What was not used may be met worse than numbers and unknowns let expect, by this factor: the
 /// fifth that is held out has places of its own.
@@ -158,7 +158,7 @@ fn same_file(a: &std::path::Path, b: &std::path::Path) -> bool {
     real(a).is_some() && real(a) == real(b)
 }
 
-fn wishes(arguments: &Arguments, config: &MachineConfig) -> Result<Wishes, Failure> {
+fn wishes(arguments: &Arguments, config: &Mechanism) -> Result<Wishes, Failure> {
     let Arguments { tolerance, noise, lead, trigger, .. } = arguments;
     let threshold = arguments.threshold;
     for (name, value) in [("tolerance", *tolerance), ("noise", *noise), ("threshold", threshold)] {
@@ -183,11 +183,7 @@ fn wishes(arguments: &Arguments, config: &MachineConfig) -> Result<Wishes, Failu
 }
 
 /// The new file; nothing is written yet.
-fn new_text(
-    arguments: &Arguments,
-    config: &MachineConfig,
-    study: &Study,
-) -> Result<String, Failure> {
+fn new_text(arguments: &Arguments, config: &Mechanism, study: &Study) -> Result<String, Failure> {
     let new = rewrite::calibrated(config, &study.model, &study.found.changes)?;
     match arguments.boxes {
         true => Ok(rewrite::with_boxes(&config.file, &new)?),
@@ -195,7 +191,7 @@ fn new_text(
     }
 }
 
-fn in_words(config: &MachineConfig, study: &Study) -> String {
+fn in_words(config: &Mechanism, study: &Study) -> String {
     let Study { model, readings, found, .. } = study;
     let unit = config.length_unit();
     let mut text = format!("{}\n", config.file.display());
@@ -331,7 +327,7 @@ fn values(study: &Study) -> String {
 }
 
 /// Changes so large that they are not written unasked.
-fn beyond(arguments: &Arguments, config: &MachineConfig, study: &Study) -> Vec<String> {
+fn beyond(arguments: &Arguments, config: &Mechanism, study: &Study) -> Vec<String> {
     let unit = config.length_unit();
     let mut all = vec![];
     for (k, Parameter { quantity, deviation }) in study.model.parameters.iter().enumerate() {
@@ -351,7 +347,7 @@ fn beyond(arguments: &Arguments, config: &MachineConfig, study: &Study) -> Vec<S
     all
 }
 
-fn others(config: &MachineConfig, study: &Study) -> Vec<String> {
+fn others(config: &Mechanism, study: &Study) -> Vec<String> {
     let Study { found, readings, .. } = study;
     let unit = config.length_unit();
     let left_out = |outlier: &workbench::calibrate::fit::Outlier| {
@@ -414,7 +410,7 @@ fn expected_held_out(study: &Study) -> f64 {
     study.found.rms() * ((1.0 + r / (0.8 * n)) / (1.0 - r / n)).sqrt()
 }
 
-fn next(config: &MachineConfig, study: &Study, count: usize) -> Result<String, Failure> {
+fn next(config: &Mechanism, study: &Study, count: usize) -> Result<String, Failure> {
     let poses = study::next_poses(config, study, count)?;
     let mut text = "\n  to measure next, best first: tip X Y Z, A B C\n".to_string();
     for pose in poses {
@@ -426,7 +422,7 @@ fn next(config: &MachineConfig, study: &Study, count: usize) -> Result<String, F
 
 /// What was found, for programs.
 fn for_programs(
-    config: &MachineConfig,
+    config: &Mechanism,
     study: &Study,
     written: Option<&PathBuf>,
     concerns: &[String],

@@ -12,7 +12,7 @@ use workbench::files::write_over;
 use workbench::program::whole::checked;
 use workbench::read::diagnostic::rendered;
 use workbench::read::edit::difference;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Checks that a machine's INI file fits together
 ///
@@ -111,7 +111,7 @@ fn named(facts: &[(String, String)]) -> Vec<Value> {
 }
 
 /// The difference that puts the file right; what is left then decides whether it fits.
-fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failure> {
+fn propose(arguments: &Arguments, config: &Mechanism) -> Result<Verdict, Failure> {
     if arguments.machine.mechanism.is_some() {
         return Err(refused("--fix looks at the whole file: leave --mechanism out"));
     }

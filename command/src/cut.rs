@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use workbench::cut::judge::Cut;
 use workbench::cut::report::{Drive, LineReport, Most, Report};
 use workbench::files::{Locate, write_whole};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::file::Study;
 
 /// What a program asks of a machine while it cuts
@@ -69,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(answer.fits.into())
 }
 
-fn write(arguments: &Arguments, config: &MachineConfig, answer: &Report) -> Result<(), Failure> {
+fn write(arguments: &Arguments, config: &Mechanism, answer: &Report) -> Result<(), Failure> {
     if let Some(file) = &arguments.report {
         let names = [name(&arguments.job.program)?, name(&config.file)?];
         write_whole(file, &of_cut(answer, names)?)?;

@@ -28,7 +28,7 @@ use workbench::dynamics::structure::{Structure, legs};
 use workbench::files::{Locate, csv, open, write_whole};
 use workbench::program::preflight::JudgeError;
 use workbench::proof::axis_box;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::file::{Lacking, Study};
 use workbench::study::forcing::Force as Random;
 use workbench::study::map::Map;
@@ -121,7 +121,7 @@ enum Shake {
 /// A machine at a pose, and the files it is from.
 struct Subject<'a> {
     arguments: &'a Arguments,
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     study: &'a Study,
     model: Model,
     pose: Pose,

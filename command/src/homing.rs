@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use workbench::check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
 use workbench::files::{csv, write_whole};
 use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::view::data::Data;
 use workbench::view::page::page;
 use workbench::view::track::Track;
@@ -89,7 +89,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 }
 
 fn write(
-    config: &MachineConfig,
+    config: &Mechanism,
     homing: &Homing,
     order: &[Group],
     outcome: &Outcome,
@@ -154,7 +154,7 @@ fn write(
 }
 
 /// The joints of a sequence, and what each does.
-fn members(config: &MachineConfig, homing: &Homing, group: &Group) -> String {
+fn members(config: &Mechanism, homing: &Homing, group: &Group) -> String {
     let told = group.joints.iter().map(|i| {
         let way = match homing.joints[*i].way {
             Way::Search { switch, end: Some(end), .. } => {
@@ -171,7 +171,7 @@ fn members(config: &MachineConfig, homing: &Homing, group: &Group) -> String {
 }
 
 /// Cells of a moment without a pose stay empty.
-fn table(config: &MachineConfig, track: &[Moment]) -> String {
+fn table(config: &Mechanism, track: &[Moment]) -> String {
     let count = config.joints.len();
     let header = [
         vec!["t_s".into(), "sequence".into()],
@@ -197,7 +197,7 @@ fn table(config: &MachineConfig, track: &[Moment]) -> String {
 
 /// The way as the page has a program: a line for each sequence.
 fn on_page(
-    config: &MachineConfig,
+    config: &Mechanism,
     homing: &Homing,
     order: &[Group],
     track: &[Moment],

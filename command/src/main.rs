@@ -58,7 +58,7 @@ use workbench::program::motion::{self, Move};
 use workbench::program::preflight::{JudgeError, has_deletable};
 use workbench::read::columns::in_words;
 use workbench::read::ini::decimal;
-use workbench::read::machine::{MachineConfig, OneMechanism};
+use workbench::read::machine::{Mechanism, OneMechanism};
 use workbench::study::file::Study;
 
 /// Steps of a progress bar.
@@ -254,12 +254,12 @@ struct MachineFile {
 
 impl MachineFile {
     /// One mechanism: the one that is meant.
-    fn read(&self) -> Result<MachineConfig, Failure> {
-        self.meant(MachineConfig::read(&self.machine)?)
+    fn read(&self) -> Result<Mechanism, Failure> {
+        self.meant(Mechanism::read(&self.machine)?)
     }
 
     /// Of what the file describes, the one that is meant.
-    fn meant(&self, config: MachineConfig) -> Result<MachineConfig, Failure> {
+    fn meant(&self, config: Mechanism) -> Result<Mechanism, Failure> {
         if self.mechanism.is_none() && config.second.is_some() {
             failure::tell_error(&format!(
                 "{} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second",
@@ -270,16 +270,16 @@ impl MachineFile {
     }
 
     /// Everything that the file describes.
-    fn read_whole(&self) -> Result<MachineConfig, Failure> {
-        Ok(MachineConfig::read(&self.machine)?)
+    fn read_whole(&self) -> Result<Mechanism, Failure> {
+        Ok(Mechanism::read(&self.machine)?)
     }
 
     /// Of `whole`, the mechanism of this number, and the other one, if there are two.
     fn of<'a>(
         &self,
-        whole: &'a MachineConfig,
+        whole: &'a Mechanism,
         number: Option<u8>,
-    ) -> Result<(&'a MachineConfig, Option<&'a MachineConfig>), Failure> {
+    ) -> Result<(&'a Mechanism, Option<&'a Mechanism>), Failure> {
         match (number, whole.second.as_deref()) {
             (Some(2), Some(second)) => Ok((second, Some(whole))),
             (Some(2), None) => Err(OneMechanism(self.machine.clone()).into()),
@@ -288,16 +288,16 @@ impl MachineFile {
     }
 
     /// Both mechanisms, of which the first has the second beside it, or the one that is named.
-    fn read_all(&self) -> Result<MachineConfig, Failure> {
+    fn read_all(&self) -> Result<Mechanism, Failure> {
         match self.mechanism {
-            None => Ok(MachineConfig::read(&self.machine)?),
+            None => Ok(Mechanism::read(&self.machine)?),
             Some(_) => self.read(),
         }
     }
 
     /// The same, whatever the boxes in the file.
-    fn read_all_without_boxes(&self) -> Result<MachineConfig, Failure> {
-        let config = MachineConfig::read_without_boxes(&self.machine)?;
+    fn read_all_without_boxes(&self) -> Result<Mechanism, Failure> {
+        let config = Mechanism::read_without_boxes(&self.machine)?;
         match self.mechanism {
             None => Ok(config),
             Some(_) => self.meant(config),
@@ -305,7 +305,7 @@ impl MachineFile {
     }
 
     /// A machine whose pose is that of programs, for what knows no other.
-    fn read_unchained(&self, what: &str) -> Result<MachineConfig, Failure> {
+    fn read_unchained(&self, what: &str) -> Result<Mechanism, Failure> {
         let config = self.read()?;
         match config.chain.is_empty() {
             true => Ok(config),
@@ -335,11 +335,11 @@ fn print_text(text: &str) -> Result<(), Failure> {
 }
 
 /// The moves of a program, which has to move something.
-fn moves(config: &MachineConfig, program: &Path) -> Result<Vec<Move>, Failure> {
+fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
     // Said before LinuxCNC starts, in the system's words.
     open(program)?;
     let (moves, files) = match config.place.is_of_pair {
-        true => beside::moves_of(config, &MachineConfig::read(&config.file)?, program)?,
+        true => beside::moves_of(config, &Mechanism::read(&config.file)?, program)?,
         false => motion::read(config, program, None)?,
     };
     tell_deleted(program, &files)?;

@@ -13,7 +13,7 @@ use workbench::calibrate::{probing, program};
 use workbench::files::{read_text, write_whole};
 use workbench::program::motion::{Move, MoveKind, Spindle};
 use workbench::program::preflight::preflight;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Writes a program that stops where a gauge is to be read, and the table for the readings
 ///
@@ -76,7 +76,7 @@ fn files(arguments: &Arguments, endings: [&str; 2]) -> Result<[PathBuf; 2], Fail
 /// Program and table of a gauge that somebody reads.
 fn read(
     arguments: &Arguments,
-    config: &MachineConfig,
+    config: &Mechanism,
     tolerance: &Tolerance,
 ) -> Result<Verdict, Failure> {
     let files = files(arguments, ["ngc", "csv"])?;
@@ -103,7 +103,7 @@ fn read(
 }
 
 /// Program and HAL file of a probe.
-fn probe(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failure> {
+fn probe(arguments: &Arguments, config: &Mechanism) -> Result<Verdict, Failure> {
     let [program, hal] = files(arguments, ["ngc", "hal"])?;
     let log = with_ending(&arguments.output, "log");
     let log = log.file_name().unwrap_or_default().to_string_lossy();
@@ -144,7 +144,7 @@ fn write_both(first: (&Path, &str), second: (&Path, &str)) -> Result<(), Failure
 }
 
 /// Follows the way through the machine's limits, as preflight does.
-fn follow(config: &MachineConfig, setup: &Setup, proposal: &Proposal) -> Result<(), Failure> {
+fn follow(config: &Mechanism, setup: &Setup, proposal: &Proposal) -> Result<(), Failure> {
     let tool = setup.gauge.tool - config.spindle;
     let steps = proposal.ways.iter().flatten().chain(&proposal.home);
     let moves: Vec<Move> = steps.map(|step| moved(step, tool.into(), setup.feed / 60.0)).collect();
@@ -176,7 +176,7 @@ fn moved(step: &Step, tool: [f64; 3], feed: f64) -> Move {
 }
 
 fn in_words(
-    config: &MachineConfig,
+    config: &Mechanism,
     setup: &Setup,
     proposal: &Proposal,
     [program, table]: &[PathBuf; 2],

@@ -13,7 +13,7 @@ use workbench::curve::job::{self, Job, job};
 use workbench::curve::route::{Route, route};
 use workbench::curve::table::csv;
 use workbench::files::write_whole;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Programs along curves, and what they ask of the joints
 ///
@@ -121,7 +121,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 /// Laws of the joints in, path of the tool out.
 fn backwards(
     arguments: &Arguments,
-    config: &MachineConfig,
+    config: &Mechanism,
     file: &PathFile,
 ) -> Result<Verdict, Failure> {
     if arguments.output.is_some() {
@@ -140,7 +140,7 @@ fn backwards(
 }
 
 /// A program, and what is said of it, for programs.
-fn of_program(arguments: &Arguments, config: &MachineConfig, text: &str, told: &Value) -> Value {
+fn of_program(arguments: &Arguments, config: &Mechanism, text: &str, told: &Value) -> Value {
     let files: Vec<_> = [&arguments.output, &arguments.csv].into_iter().flatten().collect();
     let mut all = json!({
         "machine": config.file,
@@ -183,7 +183,7 @@ fn write(
 }
 
 /// Changes of the joints by operation (paper 003, figure 8).
-fn tell_job(config: &MachineConfig, job: &Job) {
+fn tell_job(config: &Mechanism, job: &Job) {
     let unit = config.length_unit();
     for (n, done) in job.done.iter().enumerate() {
         let Some(end) = done.along.last() else { continue };

@@ -8,7 +8,7 @@ use kinematics::{Letter, POSE_LETTERS, Pose, Vector3};
 use std::path::{Path, PathBuf};
 use workbench::program::replay::{duration_of_all, replay_seen};
 use workbench::read::columns::coordinates;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Poses of a program where nobody asks for more: beyond what pictures show. A hexapod's row has 1.7 kB, so
 /// that this is a table of 17 MB; every servo cycle of an hour would be one of 6 GB.
@@ -41,7 +41,7 @@ pub struct Tool {
 
 impl Tool {
     /// Returns the tool vector, spindle offset included.
-    pub fn vector(&self, config: &MachineConfig) -> Vector3<f64> {
+    pub fn vector(&self, config: &Mechanism) -> Vector3<f64> {
         let given = self.tool.as_deref().unwrap_or(&[0.0; 3]);
         config.spindle + Vector3::from_fn(|k, _| given[k])
     }
@@ -70,7 +70,7 @@ impl PoseWords {
     }
 
     /// X Y Z A B C.
-    pub fn read(&self, config: &MachineConfig) -> Result<[f64; 6], Failure> {
+    pub fn read(&self, config: &Mechanism) -> Result<[f64; 6], Failure> {
         let letters: String = Letter::ALL.iter().map(|letter| letter.name()).collect();
         let mut pose = config.home;
         for (place, value) in self.words(&letters)? {
@@ -123,7 +123,7 @@ pub struct At {
 
 impl At {
     /// Pose and tool vector, spindle offset included.
-    pub fn read(&self, config: &MachineConfig) -> Result<(Pose, Vector3<f64>), Failure> {
+    pub fn read(&self, config: &Mechanism) -> Result<(Pose, Vector3<f64>), Failure> {
         let pose = match self.pose.is_given() {
             true => Pose::from_degrees(self.pose.read(config)?),
             false => config.home_pose(),
@@ -157,7 +157,7 @@ pub struct Stops {
 
 impl Source {
     /// All poses.
-    pub fn read(&self, config: &MachineConfig) -> Result<Stops, Failure> {
+    pub fn read(&self, config: &Mechanism) -> Result<Stops, Failure> {
         let stops = match &self.program {
             Some(program) => self.of_program(config, program)?,
             None => self.of_input(config)?,
@@ -170,7 +170,7 @@ impl Source {
         }
     }
 
-    fn of_program(&self, config: &MachineConfig, program: &Path) -> Result<Stops, Failure> {
+    fn of_program(&self, config: &Mechanism, program: &Path) -> Result<Stops, Failure> {
         if let Some(period) = self.period.filter(|period| !(*period > 0.0 && period.is_finite())) {
             return Err(refused(format!("--period {period}: expected more than 0 seconds")));
         }
@@ -201,7 +201,7 @@ impl Source {
         Ok(Stops { stops, is_program: true, end })
     }
 
-    fn of_input(&self, config: &MachineConfig) -> Result<Stops, Failure> {
+    fn of_input(&self, config: &Mechanism) -> Result<Stops, Failure> {
         let tool = self.tool.vector(config);
         let mut stops = vec![];
         let instead = "a program, - for one on standard input";

@@ -14,7 +14,7 @@ use workbench::program::course::{Course, Thinned};
 use workbench::program::findings::{Preflight, Time};
 use workbench::program::motion;
 use workbench::program::verdict::{ProgramVerdict, Step, judge};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Checks before cutting that a program fits a machine
 ///
@@ -80,11 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     run_all(&config, arguments, &programs(&arguments.programs)?)
 }
 
-fn run_one(
-    config: &MachineConfig,
-    arguments: &Arguments,
-    program: &Path,
-) -> Result<Verdict, Failure> {
+fn run_one(config: &Mechanism, arguments: &Arguments, program: &Path) -> Result<Verdict, Failure> {
     let mut course = arguments.report.as_ref().map(|_| Course::new(config));
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(config, file)).transpose()?;
     let verdict = judged(config, &arguments.judging, program, |row| {
@@ -113,7 +109,7 @@ fn run_one(
 
 /// Whether the cycles come to what breaks first. LinuxCNC refuses some moves beforehand, before the motion comes
 /// near them: then the path shows it.
-fn shows_what_breaks(config: &MachineConfig, found: &Preflight, course: &Thinned) -> bool {
+fn shows_what_breaks(config: &Mechanism, found: &Preflight, course: &Thinned) -> bool {
     let of = |is_of_time| found.breaks.iter().find(|told| told.limit.is_of_time() == is_of_time);
     let (Some(path), Some(time)) = (of(false), of(true)) else { return true };
     found.time.is_whole()
@@ -123,7 +119,7 @@ fn shows_what_breaks(config: &MachineConfig, found: &Preflight, course: &Thinned
 
 /// Programs one after another; what is wrong with one does not keep the others from being judged.
 fn run_all(
-    config: &MachineConfig,
+    config: &Mechanism,
     arguments: &Arguments,
     programs: &[PathBuf],
 ) -> Result<Verdict, Failure> {
@@ -178,7 +174,7 @@ fn programs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 /// Judges a program and shows how far that is; `see` receives every servo cycle of it.
 pub fn judged<'a>(
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     judging: &Judging,
     program: &Path,
     mut see: impl FnMut(&Row) + Send,

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use workbench::files::Locate;
 use workbench::program::replay::{Visit, duration_of_all, replay_seen};
 use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Writes the joint values that a program asks for
 ///
@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
 }
 
-fn row(config: &MachineConfig, visit: &Visit) -> Vec<Option<f64>> {
+fn row(config: &Mechanism, visit: &Visit) -> Vec<Option<f64>> {
     let place = [visit.time, f64::from(visit.line)].into_iter().chain(visit.pose);
     place.chain(visit.joints.into_iter().take(config.joints.len())).map(Some).collect()
 }

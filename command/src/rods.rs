@@ -11,7 +11,7 @@ use draw::rods::of_rods;
 use kinematics::Vector3;
 use std::path::PathBuf;
 use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::rods::{Rods, View};
 
 /// Where the legs are along a program or a list of poses
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
 }
 
-fn write_rows(config: &MachineConfig, view: &View, seen: &[(Stop, Rods)]) -> Result<(), Failure> {
+fn write_rows(config: &Mechanism, view: &View, seen: &[(Stop, Rods)]) -> Result<(), Failure> {
     let names = [
         vec!["time".into(), "line".into()],
         coordinates(),

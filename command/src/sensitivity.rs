@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use workbench::files::write_whole;
 use workbench::program::replay::replay_seen;
 use workbench::proof::axis_box;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::file::{Lacking, Study};
 use workbench::study::sensitivity::{
     Kind, LENGTH_MM, Point, Sensitivity, along, csv, monte_carlo, near, ratios,
@@ -137,11 +137,7 @@ fn check(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-fn sigma(
-    arguments: &Arguments,
-    config: &MachineConfig,
-    study: &Study,
-) -> Result<Vec<f64>, Failure> {
+fn sigma(arguments: &Arguments, config: &Mechanism, study: &Study) -> Result<Vec<f64>, Failure> {
     let named = |lacking: Lacking| match &arguments.study.study {
         Some(file) => Failure::at(file.display(), lacking),
         None => lacking.into(),
@@ -166,7 +162,7 @@ struct Step {
 /// What is found along the motion, and why it ends early.
 fn motion(
     arguments: &Arguments,
-    config: &MachineConfig,
+    config: &Mechanism,
     study: &Study,
     tool: &Vector3<f64>,
     sigma: &[f64],
@@ -195,7 +191,7 @@ fn motion(
 
 /// One turn of the motion law, evenly spaced, and the time that is asked about.
 fn of_law(
-    config: &MachineConfig,
+    config: &Mechanism,
     study: &Study,
     tool: &Vector3<f64>,
     asked: Option<f64>,
@@ -215,10 +211,7 @@ fn of_law(
     Ok(times.into_iter().map(step).collect())
 }
 
-fn of_program(
-    config: &MachineConfig,
-    program: &Path,
-) -> Result<(Vec<Step>, Option<String>), Failure> {
+fn of_program(config: &Mechanism, program: &Path) -> Result<(Vec<Step>, Option<String>), Failure> {
     let moves = moves(config, program)?;
     let mut steps = vec![];
     let mut before = config.home;
@@ -232,7 +225,7 @@ fn of_program(
 
 fn tell(
     arguments: &Arguments,
-    config: &MachineConfig,
+    config: &Mechanism,
     pose: &Pose,
     tool: &Vector3<f64>,
     found: &Sensitivity,
@@ -316,7 +309,7 @@ fn tell(
 
 fn tell_ratios(
     arguments: &Arguments,
-    config: &MachineConfig,
+    config: &Mechanism,
     points: &[Point],
 ) -> Result<Value, Failure> {
     let Some(time) = arguments.ratios else { return Ok(Value::Null) };

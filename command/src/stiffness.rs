@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use workbench::files::{Locate, csv, write_whole};
 use workbench::proof::axis_box;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::file::Study;
 use workbench::study::map::Map;
 use workbench::study::springs::Springs;
@@ -89,7 +89,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 
 fn draw(
     arguments: &Arguments,
-    config: &MachineConfig,
+    config: &Mechanism,
     study: &Study,
     pose: &Pose,
     tool: &Vector3<f64>,
@@ -140,7 +140,7 @@ fn draw(
 
 /// Factor, and the smallest stiffness of translation and rotation, where that machine is one.
 fn sizes(
-    config: &MachineConfig,
+    config: &Mechanism,
     pose: &Pose,
     tool: &Vector3<f64>,
     springs: &Springs,
@@ -154,7 +154,7 @@ fn sizes(
 }
 
 fn tell(
-    config: &MachineConfig,
+    config: &Mechanism,
     pose: &Pose,
     found: &Stiffness,
     sizes: &[(f64, [f64; 2])],

@@ -10,7 +10,7 @@ use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::{BufRead, Write};
 use workbench::program::travel::{Side, Stand, Travel, letters, travel};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// How far the machine can go from a pose
 ///
@@ -91,7 +91,7 @@ fn left_at(found: &[Travel]) -> Option<String> {
     Some(limits.into_iter().collect::<Vec<_>>().join(", "))
 }
 
-fn serve(config: &MachineConfig) -> Result<(), Failure> {
+fn serve(config: &Mechanism) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     for line in std::io::stdin().lock().lines() {
         let answer = match answer(config, &line?) {
@@ -105,7 +105,7 @@ fn serve(config: &MachineConfig) -> Result<(), Failure> {
 }
 
 /// What is left, or why that cannot be said.
-fn answer(config: &MachineConfig, line: &str) -> Result<Vec<Travel>, String> {
+fn answer(config: &Mechanism, line: &str) -> Result<Vec<Travel>, String> {
     let Question { at, tools } = serde_json::from_str(line).map_err(|error| error.to_string())?;
     let count = config.mechanisms().count();
     if tools.len() != count {

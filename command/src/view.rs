@@ -11,7 +11,7 @@ use std::time::Duration;
 use workbench::files::{Folder, Locate, Whole, read, write_whole};
 use workbench::program::course::Course;
 use workbench::program::findings::Time;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::view::data::Data;
 use workbench::view::film::{self, Camera};
 use workbench::view::page::page;
@@ -130,7 +130,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 }
 
 /// Where the page goes, if it was asked for.
-fn html(arguments: &Arguments, config: &MachineConfig) -> Option<PathBuf> {
+fn html(arguments: &Arguments, config: &Mechanism) -> Option<PathBuf> {
     let is_drawn = arguments.video.is_some() || arguments.picture.is_some();
     let stem = config.file.file_stem().unwrap_or_default();
     let own = (!is_drawn).then(|| PathBuf::from(format!("{}.html", stem.to_string_lossy())));
@@ -168,7 +168,7 @@ fn draw(arguments: &Arguments, page: &str) -> Result<(), Failure> {
 
 /// A program that is refused is told, on the page as well.
 fn of_program(
-    config: &MachineConfig,
+    config: &Mechanism,
     judging: &Judging,
     program: &Path,
 ) -> Result<(Data, Verdict), Failure> {

@@ -13,7 +13,7 @@ use std::num::NonZero;
 use std::path::PathBuf;
 use std::time::Instant;
 use workbench::files::write_whole;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::body::{Body, Counted, Effort, counted, csv, obj};
 use workbench::study::file::Study;
 use workbench::study::slice::{Plane, Slice};
@@ -171,7 +171,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 
 fn workspace<'a>(
     arguments: &Arguments,
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     study: &Study,
 ) -> Result<Workspace<'a>, Failure> {
     let orientations = orientations(arguments, config)?;
@@ -181,7 +181,7 @@ fn workspace<'a>(
 /// Each of two mechanisms: alone, and with the other one at home and anywhere.
 fn both(
     arguments: &Arguments,
-    whole: &MachineConfig,
+    whole: &Mechanism,
     study: &Study,
     pool: &rayon::ThreadPool,
 ) -> Result<Verdict, Failure> {
@@ -238,7 +238,7 @@ fn both(
 /// What is left beside another mechanism.
 fn tell_beside(
     out: &mut impl Write,
-    config: &MachineConfig,
+    config: &Mechanism,
     seen: &Seen,
     name: &str,
 ) -> Result<Value, Failure> {
@@ -305,7 +305,7 @@ fn empty(from: &Vector3<f64>, limit: Border) -> Failure {
     ))
 }
 
-fn orientations(arguments: &Arguments, config: &MachineConfig) -> Result<Vec<[f64; 3]>, Failure> {
+fn orientations(arguments: &Arguments, config: &Mechanism) -> Result<Vec<[f64; 3]>, Failure> {
     match arguments.tilt {
         Some(tilt) if (0.0..90.0).contains(&tilt) => Ok(tilts(config, tilt, DIRECTIONS)),
         Some(tilt) => Err(refused(format!("--tilt {tilt}: expected 0 or more, and less than 90"))),
@@ -325,7 +325,7 @@ fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
 /// Tells people; what programs get.
 fn tell(
     out: &mut impl Write,
-    config: &MachineConfig,
+    config: &Mechanism,
     workspace: &Workspace,
     seen: &Seen,
 ) -> Result<Value, Failure> {

@@ -15,14 +15,14 @@ use workbench::proof::boxes::{found, prove as prove_telling};
 use workbench::proof::choose;
 use workbench::proof::one_to_one::{Doubt, Prover};
 use workbench::read::boxes::{self, BoxSection};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Distance of the pose found from the one that made the joints, as a share of the size:
 /// forward stops at 1e-12; conditioning and rounding of the joints are below 1e-9.
 const SAME: f64 = 1e-9;
 
 /// Any pose within the axis limits, table letters included; every fifth value is a limit.
-fn random_pose(config: &MachineConfig, rng: &mut Pcg64) -> Pose {
+fn random_pose(config: &Mechanism, rng: &mut Pcg64) -> Pose {
     let mut pose = [0.0; 6];
     for letter in kinematics::Letter::ALL {
         let (k, axis) = (letter.index(), &config.axes[letter.index()]);
@@ -39,7 +39,7 @@ fn random_pose(config: &MachineConfig, rng: &mut Pcg64) -> Pose {
 
 /// The pose, and the calls it took.
 fn searched(
-    config: &MachineConfig,
+    config: &Mechanism,
     regions: &[WorkspaceBox],
     joints: &Joints,
     tool: &Vector3<f64>,
@@ -55,7 +55,7 @@ fn searched(
     panic!("the search does not end")
 }
 
-fn regions(config: &MachineConfig) -> Vec<WorkspaceBox> {
+fn regions(config: &Mechanism) -> Vec<WorkspaceBox> {
     config.boxes.iter().map(|section| section.claim.region).collect()
 }
 
@@ -84,7 +84,7 @@ fn every_shipped_box_is_proved_and_holds_the_whole_workspace() {
 }
 
 /// What is told on the way never goes back, and ends with the whole box.
-fn prove(config: &MachineConfig, section: &BoxSection) -> Result<usize, Doubt> {
+fn prove(config: &Mechanism, section: &BoxSection) -> Result<usize, Doubt> {
     let last = Mutex::new(0.0);
     let cells = prove_telling(config, section, &|share: f64| {
         let mut last = last.lock().unwrap();
@@ -96,12 +96,12 @@ fn prove(config: &MachineConfig, section: &BoxSection) -> Result<usize, Doubt> {
     Ok(cells)
 }
 
-fn proved(config: &MachineConfig, section: &BoxSection) -> Result<String, Doubt> {
+fn proved(config: &Mechanism, section: &BoxSection) -> Result<String, Doubt> {
     Ok(format!("proved with {} cells", prove(config, section)?))
 }
 
 /// The numbers of the claim, and its norm at random poses and at faces and corners.
-fn sampled(config: &MachineConfig, section: &BoxSection) -> Result<String, Doubt> {
+fn sampled(config: &Mechanism, section: &BoxSection) -> Result<String, Doubt> {
     const SAMPLES: usize = 20_000;
     let prover = Prover::new(&config.machine, &config.geometry);
     // All that is checked before the first cell.

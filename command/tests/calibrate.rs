@@ -13,7 +13,7 @@ use workbench::calibrate::model::{Frame, Model, Quantity, Tolerance};
 use workbench::calibrate::observe::{rank, unseen};
 use workbench::calibrate::plan::{next_best, tip_deviation};
 use workbench::calibrate::reading::{Changed, Instrument, Measured, Reading};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 const MACHINE: &str = "lab-hexapod";
 
@@ -41,7 +41,7 @@ impl Dice {
     }
 }
 
-fn drawn(config: &MachineConfig, tolerance: &Tolerance) -> Model {
+fn drawn(config: &Mechanism, tolerance: &Tolerance) -> Model {
     Model::new(config.geometry, [0.0; 8], tolerance).unwrap()
 }
 
@@ -81,12 +81,7 @@ fn read(
     poses.iter().enumerate().map(reading).collect()
 }
 
-fn positions(
-    config: &MachineConfig,
-    truth: &Machine,
-    poses: &[Pose],
-    dice: &mut Dice,
-) -> Vec<Reading> {
+fn positions(config: &Mechanism, truth: &Machine, poses: &[Pose], dice: &mut Dice) -> Vec<Reading> {
     read(&config.machine, truth, poses, |pose| {
         Measured::Position(pose.position - TOOL + dice.vector(NOISE))
     })
@@ -94,7 +89,7 @@ fn positions(
 
 /// Largest distance between where the tip is and where the control takes it to be, over poses that
 /// were not measured.
-fn tip_error(control: &Machine, truth: &Machine, config: &MachineConfig) -> f64 {
+fn tip_error(control: &Machine, truth: &Machine, config: &Mechanism) -> f64 {
     let error = |pose: &Pose| (true_pose(control, truth, pose).position - pose.position).norm();
     at_tool::poses(config, &TOOL, 300, 77).iter().map(error).fold(0.0, f64::max)
 }
@@ -216,12 +211,7 @@ fn half_a_millimetre_becomes_two_micrometres_over_the_workspace() {
 
 /// Touches of a plate of holes, at several tilts: each hole at two heights of four walls, and the
 /// face beside it.
-fn touches(
-    config: &MachineConfig,
-    truth: &Machine,
-    plate: &Frame,
-    dice: &mut Dice,
-) -> Vec<Reading> {
+fn touches(config: &Mechanism, truth: &Machine, plate: &Frame, dice: &mut Dice) -> Vec<Reading> {
     let control = &config.machine;
     let mut readings = vec![];
     let mut group = 0;
@@ -424,7 +414,7 @@ fn chosen_poses_need_fewer_readings_than_random_ones() {
     assert!(needed[0] > 20, "{needed:?}");
 }
 
-fn measured_machine() -> (MachineConfig, Model, Vec<Reading>) {
+fn measured_machine() -> (Mechanism, Model, Vec<Reading>) {
     let config = shipped::config(MACHINE);
     let model = drawn(&config, &Tolerance::of_lengths(TOLERANCE)).with_frame(Frame::BASE);
     let mut dice = Dice::new(11);

@@ -13,7 +13,7 @@ use workbench::proof::axis_box::{AxisBox, at_tilt, range};
 use workbench::proof::cell::{Cell, Verdict};
 use workbench::proof::conditioning;
 use workbench::proof::reach::{Reach, Stop};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::read::tools::Tool;
 
 fn pose(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
@@ -25,7 +25,7 @@ fn pose(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
 }
 
 /// The machine with joint limits and cones that some of its poses leave.
-fn narrowed(rng: &mut Pcg64, machine: &str) -> MachineConfig {
+fn narrowed(rng: &mut Pcg64, machine: &str) -> Mechanism {
     let mut config = config(machine);
     for joint in &mut config.joints {
         let half = (joint.max - joint.min) * rng.random_range(0.02..0.4);

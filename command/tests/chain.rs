@@ -8,7 +8,7 @@ use std::fs;
 use workbench::control::row::{Ending, Row};
 use workbench::program::motion;
 use workbench::program::preflight::preflight;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 const TABLE: &str = "hexapod-rotary-table";
 const ON_PLATFORM: &str = "lathe-work-on-platform";
@@ -37,7 +37,7 @@ fn apart(a: &Joints, b: &Joints, count: usize) -> f64 {
 
 /// Carriages of a lathe whose turrets turn by A about an axis along Y at X -60 of the platform: the tip
 /// at A 0 is where the tool vector leads from the centre, and goes round that axis.
-fn by_the_turrets(config: &MachineConfig, row: &Row) -> Joints {
+fn by_the_turrets(config: &Mechanism, row: &Row) -> Joints {
     let [x, y, z, a, b, ..] = row.extra.world;
     let (tool, pivot) = (Vector3::from(row.tool), Vector3::new(-60.0, 0.0, 0.0));
     let tip = Vector3::new(x, y, z) - tool;
@@ -48,7 +48,7 @@ fn by_the_turrets(config: &MachineConfig, row: &Row) -> Joints {
 }
 
 /// Carriages of a lathe that carries the work: its point under the tip is brought to the resting tool.
-fn by_the_work(config: &MachineConfig, row: &Row) -> Joints {
+fn by_the_work(config: &Mechanism, row: &Row) -> Joints {
     let [x, y, z, _, b, ..] = row.extra.world;
     let tool = Vector3::from(row.tool);
     let tip_in_base = Vector3::new(60.0, 450.0, 1300.0) - tool;
@@ -59,7 +59,7 @@ fn by_the_work(config: &MachineConfig, row: &Row) -> Joints {
 
 /// Runs a program to its end; largest difference of the legs' joints from what the rows command by this
 /// inverse, smoothed, while the tool offset rests.
-fn off(machine: &str, program: &str, inverse: impl Fn(&MachineConfig, &Row) -> Joints) -> f64 {
+fn off(machine: &str, program: &str, inverse: impl Fn(&Mechanism, &Row) -> Joints) -> f64 {
     let (outcome, rows) = run(machine, &folder(machine).join("programs").join(program));
     assert_eq!(outcome.ending, Ending::Finished, "{:?}", outcome.messages);
     assert!(outcome.messages.is_empty(), "{:?}", outcome.messages);
@@ -87,7 +87,7 @@ fn the_carriages_follow_turrets_and_a_tilted_work_in_every_cycle() {
 
 /// Legs at the tip that the row commands on the work, by a formula of its own: the table turns the tip
 /// about Z of base, and the spindle goes with it.
-fn over_the_table(config: &MachineConfig, row: &Row) -> Joints {
+fn over_the_table(config: &Mechanism, row: &Row) -> Joints {
     let [x, y, z, a, b, c, ..] = row.extra.world;
     let tool = Vector3::from(row.tool);
     let tip = about_z(c) * (Vector3::new(x, y, z) - tool);
@@ -98,7 +98,7 @@ fn over_the_table(config: &MachineConfig, row: &Row) -> Joints {
 
 /// Distance from the programmed circle, in the work, of the tip that the smoothed commands of struts and
 /// table belong to: forward of the struts, turned back by the table.
-fn tip_of_commands(config: &MachineConfig, circle: &[&Row]) -> f64 {
+fn tip_of_commands(config: &Mechanism, circle: &[&Row]) -> f64 {
     let inner = circle.iter().filter(|row| (1.0..1079.0).contains(&row.extra.positions[0]));
     let off = inner.map(|row| {
         let (tool, world) = (Vector3::from(row.tool), row.extra.world);
@@ -271,7 +271,7 @@ fn slow_table(most: f64) -> (tempfile::TempDir, std::path::PathBuf) {
 fn the_guard_slows_the_table_down_where_the_struts_that_follow_it_would_be_too_fast() {
     const MOST: f64 = 25.0;
     let (copy, file) = slow_table(MOST);
-    let config = MachineConfig::read(&file).unwrap();
+    let config = Mechanism::read(&file).unwrap();
     let program = copy.path().join("turn.ngc");
     let text =
         |feed: &str| format!("G21 G90 G94 {feed}\nG1 X100 Y0 Z200 F600\nG1 C720 F3000\nM2\n");

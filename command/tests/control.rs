@@ -13,7 +13,7 @@ use std::time::Duration;
 use workbench::control::process::{self, Options};
 use workbench::control::refusal::NotJudged;
 use workbench::control::row::{Ending, MessageKind, Outcome, Row};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 fn programs(machine: &str) -> Vec<PathBuf> {
     let folder = fs::read_dir(shipped::folder(machine).join("programs")).unwrap();
@@ -460,7 +460,7 @@ fn startup_code_that_linuxcnc_refuses_is_named_with_its_line() {
         assert!(error.contains(words), "{error}");
     }
     let copy = Copy::new(with("G21 T1 M6"), SHORT);
-    let config = MachineConfig::read(&copy.file("hexapod.ini")).unwrap();
+    let config = Mechanism::read(&copy.file("hexapod.ini")).unwrap();
     let options = Options { most_work: 1.5, ..Options::default() };
     let program = copy.file("programs/p.ngc");
     let see = |_: &Row| ControlFlow::Continue(());

@@ -14,7 +14,7 @@ use workbench::program::findings::Preflight;
 use workbench::program::motion;
 use workbench::program::preflight::judge;
 use workbench::program::travel::{self, Stand};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// 100 µm at 1 µm/s, in millimetres.
 const LIMIT: f64 = 0.1;
@@ -25,7 +25,7 @@ const PERIOD: f64 = 1e-3;
 const SAME_MM: f64 = 1e-9;
 
 /// The hexapod with struts that may be corrected, of which strut 1 grows and strut 4 shrinks.
-fn warm_hexapod(folder: &Path) -> MachineConfig {
+fn warm_hexapod(folder: &Path) -> Mechanism {
     let source = shipped::folder("hexapod");
     let mut text = fs::read_to_string(source.join("hexapod.ini")).unwrap();
     for n in 0..6 {
@@ -38,7 +38,7 @@ fn warm_hexapod(folder: &Path) -> MachineConfig {
     let heat = "setp pkmkins.joint-correction.1 0.1\nsetp pkmkins.joint-correction.4 -0.1\n";
     fs::write(folder.join("heat.hal"), heat).unwrap();
     fs::copy(source.join("hexapod.tbl"), folder.join("hexapod.tbl")).unwrap();
-    MachineConfig::read(&folder.join("hexapod.ini")).unwrap()
+    Mechanism::read(&folder.join("hexapod.ini")).unwrap()
 }
 
 /// Cycles by which LinuxCNC's smoothing is late.
@@ -110,7 +110,7 @@ fn a_correction_of_100_um_comes_in_while_a_program_runs_and_the_pose_is_that_of_
 fn proofs_leave_room_for_what_may_be_corrected() {
     let folder = tempfile::tempdir().unwrap();
     let [plain, warm] = [shipped::config("hexapod"), warm_hexapod(folder.path())];
-    let ranges = |config: &MachineConfig| {
+    let ranges = |config: &Mechanism| {
         use kinematics::{Limit, Part};
         let of = |limit| limits::range(config, limit, Part::Joint(1)).unwrap();
         [of(Limit::JointRange), of(Limit::JointSpeed)]
@@ -120,12 +120,7 @@ fn proofs_leave_room_for_what_may_be_corrected() {
 }
 
 /// A shipped machine with `keys` in the place of the same keys, or added, in these sections of its INI file.
-fn changed(
-    machine: &str,
-    sections: &[&str],
-    keys: &[(&str, &str)],
-    folder: &Path,
-) -> MachineConfig {
+fn changed(machine: &str, sections: &[&str], keys: &[(&str, &str)], folder: &Path) -> Mechanism {
     let mut text = fs::read_to_string(shipped::ini(machine)).unwrap();
     for section in sections {
         let head = format!("[{section}]\n");
@@ -141,13 +136,13 @@ fn changed(
     fs::write(folder.join(&name), text).unwrap();
     let table = format!("{machine}.tbl");
     fs::copy(shipped::folder(machine).join(&table), folder.join(table)).unwrap();
-    MachineConfig::read(&folder.join(name)).unwrap()
+    Mechanism::read(&folder.join(name)).unwrap()
 }
 
 const HEXAPOD: [&str; 6] = ["JOINT_0", "JOINT_1", "JOINT_2", "JOINT_3", "JOINT_4", "JOINT_5"];
 
 /// As `pkm preflight` judges a program, path and time.
-fn judged(config: &MachineConfig, program: &str, folder: &Path) -> Preflight {
+fn judged(config: &Mechanism, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();
     let judged = judge(config, &file, &Options::default(), &mut |_| ());
@@ -237,7 +232,7 @@ fn a_table_axis_may_go_to_its_limit() {
     assert!(found.fits(), "{:?}", found.breaks);
 }
 
-fn judged_path(config: &MachineConfig, program: &str, folder: &Path) -> Preflight {
+fn judged_path(config: &Mechanism, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();
     shipped::follow(config, &motion::moves(config, &file, None).unwrap())

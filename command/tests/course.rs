@@ -7,10 +7,10 @@ use workbench::control::row::{Beside, Extra, Flags, Row};
 use workbench::program::course::{Abscissa, Course, MOST_SAMPLES};
 use workbench::program::loads::Motion;
 use workbench::program::motion::{Move, MoveKind, Spindle};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// A machine that stands at home with its drives on.
-fn standing(config: &MachineConfig) -> Row {
+fn standing(config: &Mechanism) -> Row {
     let at = config.machine.at(&config.home_pose(), &config.spindle).unwrap();
     Row {
         cycle: 0,

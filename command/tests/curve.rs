@@ -14,7 +14,7 @@ use workbench::curve::route::{Route, route};
 use workbench::curve::table::rows;
 use workbench::curve::whole::{Curve, CurveError};
 use workbench::program::motion::{Move, MoveKind, moves};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Positions of 100 mm by well-conditioned formulas; quadrature adds 1e-13 of a length.
 const EXACT: f64 = 1e-10;
@@ -472,7 +472,7 @@ fn carriages_of_a_cycloid_that_the_platform_follows_have_the_law_of_equation_9_c
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("biglide.ini");
     fs::write(&file, BIGLIDE).unwrap();
-    let config = MachineConfig::read(&file).unwrap();
+    let config = Mechanism::read(&file).unwrap();
     let found = route(&config, &PathFile::parse(CYCLOID).unwrap()).unwrap();
     assert!(found.rows.len() > 20);
     for row in &found.rows {
@@ -573,12 +573,12 @@ const KNOWN: [Known; 8] = [
 
 /// The program of a curve, and its moves as LinuxCNC's interpreter makes them: the first one ends
 /// where the curve begins.
-fn read_back(config: &MachineConfig, text: &str) -> (Route, Vec<[f64; 6]>) {
+fn read_back(config: &Mechanism, text: &str) -> (Route, Vec<[f64; 6]>) {
     read_back_file(config, &PathFile::parse(text).unwrap())
 }
 
 /// The same of a path file that names others.
-pub fn read_back_file(config: &MachineConfig, file: &PathFile) -> (Route, Vec<[f64; 6]>) {
+pub fn read_back_file(config: &Mechanism, file: &PathFile) -> (Route, Vec<[f64; 6]>) {
     let found = route(config, file).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("path.ngc");

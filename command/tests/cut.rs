@@ -16,7 +16,7 @@ use workbench::cut::program::Line;
 use workbench::cut::teeth::Teeth;
 use workbench::dynamics::capacity::Capacity;
 use workbench::dynamics::model::Model;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::file::Study;
 use workbench::study::sensitivity::Sensitivity;
 use workbench::study::springs::Springs;
@@ -37,7 +37,7 @@ const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 100.0);
 /// Rounding of products of matrices of a condition of a thousand.
 const ROUNDED: f64 = 1e-9;
 
-fn subject<'a>(config: &'a MachineConfig, text: &str) -> Subject<'a> {
+fn subject<'a>(config: &'a Mechanism, text: &str) -> Subject<'a> {
     let study = Study::parse(text).unwrap();
     let cutter = study.cutting.unwrap();
     Subject {

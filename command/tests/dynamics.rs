@@ -18,7 +18,7 @@ use workbench::dynamics::model::{Body, Model};
 use workbench::dynamics::shapes::squares;
 use workbench::dynamics::structure::{LegAt, Structure, body_mass, geometric};
 use workbench::proof::axis_box;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::file::Study;
 use workbench::study::springs::Springs;
 use workbench::study::stiffness::Stiffness;
@@ -103,7 +103,7 @@ pub const STRUTS: &str =
 /// The weight of the figures, mm/s².
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9810.0);
 
-pub fn model(config: &MachineConfig, platform: &str, legs: &str) -> Model {
+pub fn model(config: &Mechanism, platform: &str, legs: &str) -> Model {
     let text = format!("[platform]\n{platform}\n[legs]\n{legs}\n");
     let mut model = Model::of(config, &Study::parse(&text).unwrap()).unwrap();
     model.gravity = GRAVITY;
@@ -451,7 +451,7 @@ fn arms_yield_by_their_angle() {
         is_outwards.then_some((machine, geometry))
     });
     let (machine, geometry) = machine.unwrap();
-    let config = MachineConfig { machine, geometry, units_per_mm: 1.0, ..config("rotary-delta") };
+    let config = Mechanism { machine, geometry, units_per_mm: 1.0, ..config("rotary-delta") };
     let legs = format!(
         "rod_stiffness_n_per_um = {}\ndrive_stiffness_n_m_per_rad = {}\ndamping_ratio = 0.02\n",
         krod * 1e-3,

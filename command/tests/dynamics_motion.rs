@@ -26,7 +26,7 @@ use workbench::dynamics::run::{Force, Times, standing};
 use workbench::dynamics::simulation::Simulation;
 use workbench::dynamics::structure::Structure;
 use workbench::proof::axis_box;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::rows::rate_map;
 use workbench::study::file::Study;
 use workbench::study::springs::Spring;
@@ -167,7 +167,7 @@ fn halving_the_step_divides_the_error_of_a_top_by_sixteen() {
 }
 
 /// A machine with all that a simulation can have.
-fn shaken(machine: &str, geometric: bool, screw: &str) -> (MachineConfig, Model) {
+fn shaken(machine: &str, geometric: bool, screw: &str) -> (Mechanism, Model) {
     let config = config(machine);
     let legs = format!(
         "[legs]\nstiffness_n_per_um = 10\ndamping_n_s_per_mm = 0.8\nscrew = \"{screw}\"\n\
@@ -793,7 +793,7 @@ fn drives_of_a_moving_platform_bear_its_inertia() {
 #[test]
 fn a_motor_feels_the_force_of_its_drive_through_the_lead() {
     let hexapod = config("hexapod");
-    let of = |config: &MachineConfig, text: &str| {
+    let of = |config: &Mechanism, text: &str| {
         Capacity::of(config, &Study::parse(text).unwrap()).unwrap()
     };
     let text = "[legs]\nmax_force_n = 2000\nmotor_torque_n_m = 4\nscrew_efficiency = 0.9\n";

@@ -4,19 +4,16 @@
 use crate::shipped::{ini, with_programs};
 use workbench::check::homing_ways::{Group, Homing, sequences};
 use workbench::check::report::check;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// A shipped machine, its file changed, in a place of its own with its tool table.
-pub fn changed(
-    name: &str,
-    change: impl Fn(String) -> String,
-) -> (tempfile::TempDir, MachineConfig) {
+pub fn changed(name: &str, change: impl Fn(String) -> String) -> (tempfile::TempDir, Mechanism) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join(format!("{name}.ini"));
     std::fs::write(&file, change(std::fs::read_to_string(ini(name)).unwrap())).unwrap();
     std::fs::copy(ini(name).with_extension("tbl"), file.with_extension("tbl")).unwrap();
     with_programs(name, folder.path());
-    let config = MachineConfig::read(&file).unwrap();
+    let config = Mechanism::read(&file).unwrap();
     (folder, config)
 }
 
@@ -36,7 +33,7 @@ fn one_by_one(text: String) -> String {
 #[test]
 fn shipped_machines_that_search_switches_keep_their_limits_from_every_place_drawn() {
     for name in ["lab-hexapod", "linear-delta", "triaglide", "four-rod-lathe"] {
-        let config = MachineConfig::read(&ini(name)).unwrap();
+        let config = Mechanism::read(&ini(name)).unwrap();
         let homing = Homing::new(&config).unwrap().unwrap();
         assert!(homing.moves(), "{name}");
         let outcome = homing.judge(&homing.order());
@@ -47,7 +44,7 @@ fn shipped_machines_that_search_switches_keep_their_limits_from_every_place_draw
 #[test]
 fn the_way_ends_at_home() {
     for name in ["lab-hexapod", "linear-delta", "triaglide"] {
-        let config = MachineConfig::read(&ini(name)).unwrap();
+        let config = Mechanism::read(&ini(name)).unwrap();
         let homing = Homing::new(&config).unwrap().unwrap();
         let track = homing.track(&homing.order());
         let pose = track.last().unwrap().pose.unwrap();
@@ -83,7 +80,7 @@ fn an_order_is_written_as_home_sequence_of_every_joint() {
 
 #[test]
 fn joints_that_know_their_place_move_nothing() {
-    let config = MachineConfig::read(&ini("hexapod")).unwrap();
+    let config = Mechanism::read(&ini("hexapod")).unwrap();
     assert!(!Homing::new(&config).unwrap().unwrap().moves());
     // HOME_OFFSET is where each stands, and HOME elsewhere.
     let known = |text: String| {

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use workbench::read::error::MachineError;
 use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -135,25 +135,25 @@ fn judge(case: &Case, base: &Path) -> Option<String> {
         return Some(format!("{}: {missing:?} is not named in {message}", case.name));
     }
     let (same, config) = (case.same?, read.ok()?);
-    let is_same = config.hash == MachineConfig::read(base).unwrap().hash;
+    let is_same = config.hash == Mechanism::read(base).unwrap().hash;
     (same != is_same).then(|| format!("{}: same geometry as the base file's: {is_same}", case.name))
 }
 
 /// The base file with the edits of the case.
-fn read(case: &Case, base: &Path) -> Result<MachineConfig, MachineError> {
+fn read(case: &Case, base: &Path) -> Result<Mechanism, MachineError> {
     let text = std::fs::read_to_string(base).unwrap();
     let mut lines: Vec<String> = text.lines().map(Into::into).collect();
     for edit in &case.edit {
         apply(&mut lines, edit);
     }
-    MachineConfig::from_ini(&Ini::parse(base, &lines.join("\n"))?)
+    Mechanism::from_ini(&Ini::parse(base, &lines.join("\n"))?)
 }
 
 #[test]
 fn tilt_and_pyramids_are_read_leg_by_leg_and_no_limit_where_absent_or_0() {
     let base = root().join("configs/hexapod/hexapod.ini");
     let text = std::fs::read_to_string(&base).unwrap();
-    let config = |text: &str| MachineConfig::from_ini(&Ini::parse(&base, text).unwrap()).unwrap();
+    let config = |text: &str| Mechanism::from_ini(&Ini::parse(&base, text).unwrap()).unwrap();
     let plain = config(&text);
     assert_eq!(plain.tilt_limit, Some(30.0));
     assert_eq!(plain.base_pyramid, vec![None; 6]);

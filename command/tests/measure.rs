@@ -18,7 +18,7 @@ use workbench::calibrate::setup::Setup;
 use workbench::calibrate::shape;
 use workbench::calibrate::sheet;
 use workbench::calibrate::study::{self, Given, Wishes};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// A dial of 2 um on a plate, and where there is none to see X and Y, on two edges of it as well.
 fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {
@@ -51,7 +51,7 @@ fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {
 
 /// A machine built unlike its drawing, and how a gauge is read on it.
 struct Shop {
-    config: MachineConfig,
+    config: Mechanism,
     setup: Setup,
     proposal: Proposal,
     tolerance: f64,
@@ -307,7 +307,7 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
-    let new = MachineConfig::read(&folder.path().join("new.ini")).unwrap();
+    let new = Mechanism::read(&folder.path().join("new.ini")).unwrap();
     let (before, after) = (shop.error(&shop.config.machine), shop.error(&new.machine));
     assert!(after < 0.5 * before, "{before} {after}");
     // A gauge that scatters by four times what is stated of it.

@@ -7,14 +7,14 @@ use workbench::control::process::Options;
 use workbench::program::motion::{Move, MoveKind, Spindle, moves};
 use workbench::program::preflight::judge;
 use workbench::program::replay::duration;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Homing, which forward answers to some roundings of the machine's size, and inch and back.
 const ROUNDING_MM: f64 = 1e-9;
 
-fn config(tools: &Path) -> MachineConfig {
+fn config(tools: &Path) -> Mechanism {
     let ini = shipped::ini("hexapod");
-    let mut config = MachineConfig::read(&ini).unwrap();
+    let mut config = Mechanism::read(&ini).unwrap();
     config.program.tool_table = Some(tools.into());
     config.program.parameter_file = None;
     config
@@ -230,7 +230,7 @@ fn without_a_parameter_file_offsets_are_those_that_linuxcnc_keeps_beside_the_mac
     for line in ["", "PARAMETER_FILE =", "PARAMETER_FILE = own.var"] {
         let ini = folder.path().join("hexapod.ini");
         std::fs::write(&ini, text.replace("PARAMETER_FILE = hexapod.var", line)).unwrap();
-        let mut config = MachineConfig::read(&ini).unwrap();
+        let mut config = Mechanism::read(&ini).unwrap();
         config.program.tool_table = None;
         let steps = moves(&config, &program, None).unwrap();
         let expected = if line.ends_with("own.var") { 1.0 } else { 8.0 };
@@ -271,7 +271,7 @@ fn places_in_two_files(main: &str, away: &str) -> Vec<(f64, u32, usize)> {
     let path = folder.path().display();
     let head = format!("[RS274NGC]\nSUBROUTINE_PATH = {path}");
     std::fs::write(&ini, text.replacen("[RS274NGC]", &head, 1)).unwrap();
-    let mut config = MachineConfig::read(&ini).unwrap();
+    let mut config = Mechanism::read(&ini).unwrap();
     (config.program.tool_table, config.program.parameter_file) = (None, None);
     let program = folder.path().join("p.ngc");
     std::fs::write(&program, format!("{main}\nM2\n")).unwrap();

@@ -18,7 +18,7 @@ use workbench::new::table::columns;
 use workbench::new::values::Values;
 use workbench::panel::Panel;
 use workbench::proof::reach::Reach;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 const FIVE_STRUTS: &str = "\
 # Five struts that leave the turn about the tool free.
@@ -35,11 +35,11 @@ fn file(bench: &Bench, name: &str) -> PathBuf {
 }
 
 /// What a machine that was made has to be.
-fn assert_made(bench: &Bench, name: &str, words: &str) -> MachineConfig {
+fn assert_made(bench: &Bench, name: &str, words: &str) -> Mechanism {
     let told = bench.answer(&format!("new {words} --out {name}"), "");
     assert!(told.ends_with("exit 0\n"), "{words}: {told}");
     let ini = format!("{name}/{name}.ini");
-    let config = MachineConfig::read(&file(bench, &ini)).unwrap();
+    let config = Mechanism::read(&file(bench, &ini)).unwrap();
     assert_homes(&config, words);
     let panel = Panel::new(&config, name);
     for (end, text) in [("xml", panel.widgets), ("tcl", panel.wiring)] {
@@ -76,7 +76,7 @@ fn documented(name: &str) -> Vec<String> {
 
 /// A machine that the commands of the documentation make in an empty folder, with all that they show; the last
 /// one starts LinuxCNC, which live tests do.
-fn assert_documented(name: &str) -> MachineConfig {
+fn assert_documented(name: &str) -> Mechanism {
     let (place, commands) = (tempfile::tempdir().unwrap(), documented(name));
     let mut folder = place.path().to_path_buf();
     for command in &commands {
@@ -107,14 +107,14 @@ fn assert_documented(name: &str) -> MachineConfig {
     for file in made {
         assert!(folder.join(file).is_file(), "{name}: no {file}");
     }
-    let config = MachineConfig::read(&folder.join(format!("{name}.ini"))).unwrap();
+    let config = Mechanism::read(&folder.join(format!("{name}.ini"))).unwrap();
     assert_homes(&config, name);
     assert_holds_everywhere(&config);
     config
 }
 
 /// HOME of every joint is what the kinematics say, to all digits.
-fn assert_homes(config: &MachineConfig, words: &str) {
+fn assert_homes(config: &Mechanism, words: &str) {
     let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
     for (joint, wanted) in config.all_joints().zip(joints) {
         assert_eq!(joint.home.to_bits(), wanted.to_bits(), "{words}: {}", joint.name);
@@ -123,7 +123,7 @@ fn assert_homes(config: &MachineConfig, words: &str) {
 
 /// Poses drawn from the axis limits keep all limits, and neighbours of them ask no more of a drive than it
 /// can do where the tool goes at its largest speed along an axis.
-fn assert_holds_everywhere(config: &MachineConfig) {
+fn assert_holds_everywhere(config: &Mechanism) {
     let reach = Reach::new(config).unwrap();
     let mut rng = Pcg64::seed_from_u64(7);
     let moved = |k: usize| !config.machine.layout().is_held(kinematics::Letter::ALL[k]);
@@ -226,7 +226,7 @@ fn machines_on_rails_and_rings_are_made_and_run() {
     }
     let words = format!("{} --boxes no --tilt 8 --out tilted", example("linapod"));
     assert!(bench.answer(&format!("new {words}"), "").ends_with("exit 0\n"));
-    let config = MachineConfig::read(&file(&bench, "tilted/tilted.ini")).unwrap();
+    let config = Mechanism::read(&file(&bench, "tilted/tilted.ini")).unwrap();
     assert!(config.axes[3..].iter().all(|axis| axis.min == -8.0 && axis.max == 8.0));
 }
 
@@ -306,7 +306,7 @@ fn a_table_of_anchors_makes_the_machine_that_its_radii_make() {
     let bench = bench.with("arms.csv", &text);
     let words = "new rotary-delta --anchors arms.csv --angle -45 90 --out table";
     assert!(bench.answer(words, "").ends_with("exit 0\n"));
-    let again = MachineConfig::read(&file(&bench, "table/table.ini")).unwrap();
+    let again = Mechanism::read(&file(&bench, "table/table.ini")).unwrap();
     assert_eq!((again.hash, again.home), (made.hash, made.home));
 }
 

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use workbench::calibrate::model::{Model, Tolerance};
 use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::stiffness::with_platform;
 
 /// A power of two, so that sums lose few digits.
@@ -49,8 +49,8 @@ fn shifted_line(section: &str, line: &str) -> String {
     }
 }
 
-fn config(file: &Path, text: &str) -> MachineConfig {
-    MachineConfig::from_ini(&Ini::parse(file, text).unwrap()).unwrap()
+fn config(file: &Path, text: &str) -> Mechanism {
+    Mechanism::from_ini(&Ini::parse(file, text).unwrap()).unwrap()
 }
 
 fn assert_same(file: &Path, legs: usize, found: &Joints, expected: &Joints, shift: f64) {

@@ -10,7 +10,7 @@ use kinematics::{MAX_JOINTS, Pose};
 use std::fs;
 use workbench::control::row::{Beside, Extra, Flags, Row};
 use workbench::program::course::{Course, Sample, Thinned};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// What a limit line looks like: nothing else is black and as wide.
 const LIMIT: &str = "stroke=\"#000000\" stroke-width=\"3\"";
@@ -20,7 +20,7 @@ const MOST_BYTES: usize = 1_000_000;
 
 /// A run over a surface with these many lines of five cycles each, and a step in the middle that
 /// no drive can follow.
-fn surface(config: &MachineConfig, lines: u32) -> Thinned {
+fn surface(config: &Mechanism, lines: u32) -> Thinned {
     let mut course = Course::new(config);
     const CYCLES: u32 = 5;
     for cycle in 0..lines * CYCLES {

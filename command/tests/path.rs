@@ -6,7 +6,7 @@ use crate::shipped::{config, folder};
 use kinematics::{Joints, Pose, Vector3};
 use workbench::program::motion::{Move, moves};
 use workbench::program::path::{Along, along};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// A thousand steps added up, each with a rounding of a carriage position near 1500 mm.
 const SUM_MM: f64 = 1e-9;
@@ -14,7 +14,7 @@ const SUM_MM: f64 = 1e-9;
 const LATHES: [&str; 2] = ["four-rod-lathe", "six-rod-lathe"];
 
 /// The poses in forward's words, each found from the one before, and their joints.
-fn followed(config: &MachineConfig, poses: &[[f64; 6]]) -> Vec<([f64; 6], Joints)> {
+fn followed(config: &Mechanism, poses: &[[f64; 6]]) -> Vec<([f64; 6], Joints)> {
     let (tool, machine) = (Vector3::zeros(), &config.machine);
     let mut seed = Pose::from_degrees(poses[0]);
     let step = |pose: &[f64; 6]| {

@@ -15,7 +15,7 @@ use workbench::program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindl
 use workbench::program::offset::{self, Offset};
 use workbench::proof::axis_box::range;
 use workbench::proof::reach::Reach;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 pub fn rapid(line: u32, end: [f64; 6]) -> Move {
     Move {
@@ -105,7 +105,7 @@ fn a_move_with_good_ends_breaks_in_its_middle() {
     for machine in unchained() {
         let mut config = config(machine);
         let whole = range(&config);
-        let values = |config: &MachineConfig, pose: &[f64; 6]| {
+        let values = |config: &Mechanism, pose: &[f64; 6]| {
             Reach::new(config).unwrap().joints(pose).unwrap_or([f64::NAN; MAX_JOINTS])
         };
         // A joint that is farther out in the middle than at both ends, by a share of its range.
@@ -141,7 +141,7 @@ fn a_move_with_good_ends_breaks_in_its_middle() {
 
 /// The machine with limits that moves like this one come near to: the extremes of a few poses of
 /// it, or a bit beyond them.
-fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> MachineConfig {
+fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> Mechanism {
     let mut config = config(machine);
     let room = [0.0, 1e-6, 1e-4, 1e-2][rng.random_range(0..4)];
     let way = [config.home, ends[0], ends[1]];
@@ -180,7 +180,7 @@ fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> MachineConf
 
 /// Margin of the pose at a share of the move from `from`, looked at by itself, as a share of the
 /// range of the limit that is nearest: negative beyond it.
-fn margin(config: &MachineConfig, reach: &Reach, from: &[f64; 6], step: &Move, share: f64) -> f64 {
+fn margin(config: &Mechanism, reach: &Reach, from: &[f64; 6], step: &Move, share: f64) -> f64 {
     let pose = between(from, &step.end, share);
     let Ok(at) = reach.at(&pose) else { return -1.0 };
     let mut least = f64::INFINITY;
@@ -194,7 +194,7 @@ fn margin(config: &MachineConfig, reach: &Reach, from: &[f64; 6], step: &Move, s
 /// found. The poses looked at, and whether one was beyond.
 fn hunted(
     rng: &mut Pcg64,
-    config: &MachineConfig,
+    config: &Mechanism,
     reach: &Reach,
     from: &[f64; 6],
     step: &Move,
@@ -368,7 +368,7 @@ fn a_long_program_is_followed_quickly() {
 }
 
 /// Moves of a program that an offset found for it makes fit, checked as `pkm` does it.
-fn refitted(config: &MachineConfig, program: &Path, offset: &Offset) -> Preflight {
+fn refitted(config: &Mechanism, program: &Path, offset: &Offset) -> Preflight {
     follow(config, &motion::moves(config, program, Some(&offset.block())).unwrap())
 }
 
@@ -386,7 +386,7 @@ fn an_offset_that_is_found_makes_the_program_fit() {
         false => format!("{line}\n"),
     };
     fs::write(&ini, text.lines().map(line).collect::<String>()).unwrap();
-    let mut config = MachineConfig::read(&ini).unwrap();
+    let mut config = Mechanism::read(&ini).unwrap();
     (config.program.tool_table, config.program.parameter_file) = (None, None);
     let moves = motion::moves(&config, &program, None).unwrap();
     assert!(!follow(&config, &moves).fits() && follow(&config, &moves).poses.may_turn(&config));

@@ -10,7 +10,7 @@ use serde_json::Value;
 use std::process::Command;
 use workbench::proof::axis_box::range;
 use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::rods::View;
 
 /// Some roundings of lengths of 1e3.
@@ -69,7 +69,7 @@ fn upper(
     }
 }
 
-fn compare(config: &MachineConfig, scene: &Value, rng: &mut Pcg64) {
+fn compare(config: &Mechanism, scene: &Value, rng: &mut Pcg64) {
     let whole = range(config);
     let view = View::new(config, vec![], 0.0);
     let legs = scene["legs"].as_array().unwrap();
@@ -151,7 +151,7 @@ fn a_scene_names_the_files_with_shapes_and_a_line_that_says_no_shape_is_refused(
         ["a.stl", "a.step mm", "a.stl ft", "a.stl mm 1", "a.stl mm 1 2 3 4", "a.stl mm 1 2 nan"]
     {
         write(&format!("TABLE_MODEL = {wrong}"));
-        let refused = MachineConfig::read(&file).unwrap_err().to_string();
+        let refused = Mechanism::read(&file).unwrap_err().to_string();
         assert!(
             refused.contains("TABLE_MODEL") && refused.contains("FILE UNIT"),
             "{wrong}: {refused}"

@@ -7,13 +7,13 @@ use kinematics::{LEAST_DRIVE, Letter, Pose, Solver, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use workbench::proof::axis_box;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::file::{Law, Study};
 use workbench::study::sensitivity::{Kind, Sensitivity, monte_carlo, near, ratios};
 
 const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
-fn at(config: &MachineConfig, pose: &Pose) -> Sensitivity {
+fn at(config: &Mechanism, pose: &Pose) -> Sensitivity {
     Sensitivity::at(config, pose, &config.spindle, 100.0).unwrap().unwrap()
 }
 

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use workbench::program::findings::Preflight;
 use workbench::program::motion::Move;
 use workbench::program::preflight::preflight;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 pub const MACHINES: [&str; 18] = [
     "four-rod-lathe",
@@ -86,11 +86,11 @@ pub fn ini(machine: &str) -> PathBuf {
     folder(machine).join(format!("{machine}.ini"))
 }
 
-pub fn config(machine: &str) -> MachineConfig {
-    MachineConfig::read(&ini(machine)).unwrap()
+pub fn config(machine: &str) -> Mechanism {
+    Mechanism::read(&ini(machine)).unwrap()
 }
 
 /// Follows all moves of a program.
-pub fn follow(config: &MachineConfig, moves: &[Move]) -> Preflight {
+pub fn follow(config: &Mechanism, moves: &[Move]) -> Preflight {
     preflight(config, moves).unwrap()
 }

@@ -10,7 +10,7 @@ use std::fs;
 use workbench::check::report::check;
 use workbench::program::start::start;
 use workbench::read::diagnostic::Severity;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,7 +44,7 @@ fn answer(case: &Case) -> (Vec<String>, String) {
     for (name, text) in &case.files {
         fs::write(copy.path().join(name), text).unwrap();
     }
-    let config = match MachineConfig::read(&file) {
+    let config = match Mechanism::read(&file) {
         Ok(config) => config,
         Err(error) => return (vec![error.to_string()], "not read".into()),
     };

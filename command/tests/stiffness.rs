@@ -9,7 +9,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 use workbench::proof::axis_box;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::rows::{length_rows, rate_map};
 use workbench::study::file::{Screw, Study};
 use workbench::study::map::Map;
@@ -21,15 +21,15 @@ use workbench::study::stiffness::{Stiffness, with_platform};
 const STRUT: f64 = 1e4;
 const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
-fn springs(config: &MachineConfig, screw: Screw) -> Springs {
+fn springs(config: &Mechanism, screw: Screw) -> Springs {
     Springs { all: vec![Spring::Whole(STRUT); config.joints.len()], screw }
 }
 
-fn at(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> Stiffness {
+fn at(config: &Mechanism, pose: &Pose, tool: &Vector3<f64>) -> Stiffness {
     Stiffness::at(config, pose, tool, &springs(config, Screw::default())).unwrap().unwrap()
 }
 
-fn self_locking(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> Stiffness {
+fn self_locking(config: &Mechanism, pose: &Pose, tool: &Vector3<f64>) -> Stiffness {
     Stiffness::at(config, pose, tool, &springs(config, Screw::SelfLocking)).unwrap().unwrap()
 }
 

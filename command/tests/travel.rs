@@ -10,7 +10,7 @@ use serde_json::Value;
 use workbench::program::travel::{Stand, travel};
 use workbench::proof::axis_box::range;
 use workbench::proof::reach::Reach;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Poses looked at along a way.
 const LOOKS: u32 = 400;
@@ -20,7 +20,7 @@ const LOOKS: u32 = 400;
 const RESOLUTION: f64 = 1e-5;
 
 /// The machine with ranges of its axes that end nothing.
-fn free(machine: &str) -> MachineConfig {
+fn free(machine: &str) -> Mechanism {
     let mut config = config(machine);
     for axis in &mut config.programmed {
         (axis.min, axis.max) = (f64::NEG_INFINITY, f64::INFINITY);

@@ -16,7 +16,7 @@ use workbench::program::motion;
 use workbench::program::preflight::preflight;
 use workbench::program::replay::replay;
 use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::body::{Body, Effort};
 use workbench::study::file::Study;
 use workbench::study::workspace::{Stand, Workspace};
@@ -26,7 +26,7 @@ const LATHE: &str = "lathe-mirrored";
 /// Where forward of a mechanism's joints is from the commanded pose: LinuxCNC's joints come two cycles late.
 const LAG: usize = 2;
 
-fn second() -> MachineConfig {
+fn second() -> Mechanism {
     *config(LATHE).second.expect("a second mechanism")
 }
 
@@ -38,7 +38,7 @@ fn program(lines: &[&str]) -> tempfile::NamedTempFile {
     file
 }
 
-fn run_file(config: &MachineConfig, file: &Path) -> (Outcome, Vec<Row>) {
+fn run_file(config: &Mechanism, file: &Path) -> (Outcome, Vec<Row>) {
     let mut rows = vec![];
     let outcome = process::run(config, file, &Options::default(), |row| {
         rows.push(*row);
@@ -47,14 +47,14 @@ fn run_file(config: &MachineConfig, file: &Path) -> (Outcome, Vec<Row>) {
     (outcome.unwrap(), rows)
 }
 
-fn followed(config: &MachineConfig, file: &Path) -> Preflight {
+fn followed(config: &Mechanism, file: &Path) -> Preflight {
     let moves = motion::moves(config, file, None).unwrap();
     preflight(config, &moves).unwrap()
 }
 
 /// The first or second mechanism as the only one of a control of its own, with these extra axes, whose
 /// sections are those of the lathe with a counter-spindle.
-fn half(is_second: bool, axes: &str) -> MachineConfig {
+fn half(is_second: bool, axes: &str) -> Mechanism {
     let section = |text: &str, name: &str| {
         let begin = text.find(&format!("[{name}]\n")).unwrap();
         let length = text[begin + 1..].find("\n[").map_or(text.len() - begin, |end| end + 2);
@@ -89,7 +89,7 @@ fn half(is_second: bool, axes: &str) -> MachineConfig {
         let joint = section(&slide, "JOINT_5").replace("JOINT_5", &format!("JOINT_{}", 4 + n));
         text += &(joint + &section(&slide, "AXIS_W").replace("AXIS_W", &format!("AXIS_{letter}")));
     }
-    MachineConfig::from_ini(&Ini::parse(&ini(LATHE), &text).unwrap()).unwrap()
+    Mechanism::from_ini(&Ini::parse(&ini(LATHE), &text).unwrap()).unwrap()
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn a_machine_that_stands_too_near_may_move_away() {
     // At the limit by the guard's own stop, then away in another program: the clearance is widened instead.
     let text = std::fs::read_to_string(ini(LATHE)).unwrap();
     let wide = text.replace("MECHANISM_CLEARANCE = 150", "MECHANISM_CLEARANCE = 600");
-    let config = MachineConfig::from_ini(&Ini::parse(&ini(LATHE), &wide).unwrap()).unwrap();
+    let config = Mechanism::from_ini(&Ini::parse(&ini(LATHE), &wide).unwrap()).unwrap();
     let file = program(&["G1 W2700 Z950", "G1 W2800 Z900"]);
     let (outcome, _) = run_file(&config, file.path());
     assert_eq!(outcome.ending, Ending::Finished, "{:?}", outcome.messages);
@@ -240,7 +240,7 @@ fn limits_of_the_second_are_told_with_its_own_letters_and_numbers() {
     let at = narrow.find("[JOINT_5]").unwrap();
     let narrow = narrow[..at].to_string()
         + &narrow[at..].replacen("MAX_LIMIT = 3700", "MAX_LIMIT = 3200", 1);
-    let config = MachineConfig::from_ini(&Ini::parse(&ini(LATHE), &narrow).unwrap()).unwrap();
+    let config = Mechanism::from_ini(&Ini::parse(&ini(LATHE), &narrow).unwrap()).unwrap();
     let found = followed(&config, program(&["G1 W2750"]).path());
     let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
     assert_eq!((told.limit, told.part.as_str()), (Rule::Limit(Limit::JointRange), "carriage 5"));
@@ -406,7 +406,7 @@ fn check_looks_at_both_and_at_what_is_between_them() {
     );
     let text = std::fs::read_to_string(ini(LATHE)).unwrap();
     let checked = |text: &str| {
-        let config = MachineConfig::from_ini(&Ini::parse(&ini(LATHE), text).unwrap()).unwrap();
+        let config = Mechanism::from_ini(&Ini::parse(&ini(LATHE), text).unwrap()).unwrap();
         between::check(&config).unwrap().expect("two mechanisms")
     };
     // Without a clearance they meet where nothing stops them.

@@ -14,7 +14,7 @@ use workbench::curve::job::{Job, job};
 use workbench::curve::route::route;
 use workbench::program::motion::{Move, MoveKind, moves};
 use workbench::program::preflight::preflight;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 #[derive(Deserialize)]
 struct Golden {
@@ -201,7 +201,7 @@ pub fn subroutines() -> PathBuf {
 }
 
 /// The machine with the subroutines on its path, and these lines.
-pub fn prepared(machine: &str, more: &str) -> (TempDir, MachineConfig) {
+pub fn prepared(machine: &str, more: &str) -> (TempDir, Mechanism) {
     let folder = tempfile::tempdir().unwrap();
     for file in fs::read_dir(ini(machine).parent().unwrap()).unwrap() {
         let file = file.unwrap().path();
@@ -218,14 +218,14 @@ pub fn prepared(machine: &str, more: &str) -> (TempDir, MachineConfig) {
     );
     let text = fs::read_to_string(&file).unwrap().replacen("[RS274NGC]\n", &lines, 1);
     fs::write(&file, text).unwrap();
-    let config = MachineConfig::read(&file).unwrap();
+    let config = Mechanism::read(&file).unwrap();
     (folder, config)
 }
 
 /// What makes the G-codes.
 const CODES: &str = "#INCLUDE PLACE/remap.inc\n";
 
-pub fn read(config: &MachineConfig, text: &str) -> Vec<Move> {
+pub fn read(config: &Mechanism, text: &str) -> Vec<Move> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("path.ngc");
     fs::write(&file, text).unwrap();
@@ -332,7 +332,7 @@ fn a_zigzag_has_the_rows_and_the_length_of_its_closed_form() {
 }
 
 /// Where the small paths of the next test lie on each machine, mm.
-fn middle(config: &MachineConfig) -> [f64; 3] {
+fn middle(config: &Mechanism) -> [f64; 3] {
     let [x, y, z, ..] = config.home;
     [x, y, z].map(|value| value / config.units_per_mm)
 }
@@ -352,7 +352,7 @@ const SMALL: [&str; 11] = [
 ];
 
 /// A program as the command judges it, LinuxCNC's own cycles included.
-fn assert_passes(config: &MachineConfig, program: &Path) {
+fn assert_passes(config: &Mechanism, program: &Path) {
     let out = Command::new(env!("CARGO_BIN_EXE_pkm"))
         .args(["preflight".as_ref(), config.file.as_os_str(), program.as_os_str()])
         .output()

@@ -9,13 +9,13 @@ use rand_pcg::Pcg64;
 use std::path::Path;
 use std::process::{Command, Output};
 use workbench::proof::axis_box::range;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::rods::View;
 
 /// Some roundings of lengths of 1e3.
 const LENGTH: f64 = 1e-9;
 
-fn described(config: &MachineConfig) -> Described {
+fn described(config: &Mechanism) -> Described {
     let of = |value: fn(&workbench::read::joints::Joint) -> f64| -> Joints {
         std::array::from_fn(|i| config.joints.get(i).map_or(f64::INFINITY, value))
     };
@@ -29,7 +29,7 @@ fn numbers(described: &Described) -> Vec<f64> {
     numbers
 }
 
-fn mechanisms() -> impl Iterator<Item = MachineConfig> {
+fn mechanisms() -> impl Iterator<Item = Mechanism> {
     let all = MACHINES.map(config);
     let second: Vec<_> =
         all.iter().filter_map(|config| config.second.as_deref().cloned()).collect();

@@ -3,13 +3,13 @@
 
 use crate::shipped::config;
 use kinematics::{Limit, Part, Vector3};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::body::{Body, Effort, counted, csv, mesh_volume, obj};
 use workbench::study::file::Study;
 use workbench::study::slice::{Plane, Slice};
 use workbench::study::workspace::{Border, Workspace, tilts};
 
-fn level<'a>(config: &'a MachineConfig, study: &Study) -> Workspace<'a> {
+fn level<'a>(config: &'a Mechanism, study: &Study) -> Workspace<'a> {
     Workspace::new(config, config.spindle, vec![[0.0; 3]], study).unwrap()
 }
 

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PySlice;
 use workbench::limits;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// The six numbers of a pose, angles in degrees.
 pub const POSE: usize = 6;
@@ -20,7 +20,7 @@ pub fn pose(row: &[f64]) -> Pose {
 
 pub fn inverse(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Rows,
     tool: &Vector3<f64>,
 ) -> PyResult<Answer> {
@@ -45,7 +45,7 @@ pub enum Seeds<'py> {
 
 pub fn forward(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     joints: &Rows,
     seeds: &Seeds,
     tool: &Vector3<f64>,
@@ -81,7 +81,7 @@ pub fn forward(
 /// Asks the machine at every pose, moved from one to the next in the same memory.
 fn at_each(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Rows,
     tool: &Vector3<f64>,
     width: usize,
@@ -96,7 +96,7 @@ fn at_each(
 
 pub fn jacobian(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Rows,
     tool: &Vector3<f64>,
 ) -> PyResult<Answer> {
@@ -113,7 +113,7 @@ pub fn jacobian(
 
 pub fn conditioning(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Rows,
     tool: &Vector3<f64>,
 ) -> PyResult<Answer> {
@@ -161,7 +161,7 @@ impl Margins {
 
 pub fn margins(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Rows,
     tool: &Vector3<f64>,
 ) -> PyResult<Margins> {
@@ -193,7 +193,7 @@ pub fn margins(
 }
 
 /// The margins at home, where every machine has all of them.
-fn columns(config: &MachineConfig, all: &Limits) -> Vec<Margin> {
+fn columns(config: &Mechanism, all: &Limits) -> Vec<Margin> {
     let mut columns = vec![];
     if let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) {
         limits::each(&at, all, |margin| columns.push(margin));

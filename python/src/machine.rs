@@ -18,7 +18,7 @@ use workbench::new::kinds::KINDS;
 use workbench::new::make::sketched;
 use workbench::new::values::Values;
 use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::workspace::tilts;
 
 /// Directions of a tilt, and steps along a ray, as `pkm workspace` has them.
@@ -28,11 +28,11 @@ const STEPS: f64 = 300.0;
 /// A machine with its limits. It does not change, and any number of threads may ask it.
 #[pyclass(frozen, module = "pkmkins")]
 pub struct Machine {
-    config: MachineConfig,
+    config: Mechanism,
 }
 
 impl Machine {
-    fn of(config: MachineConfig) -> PyResult<Self> {
+    fn of(config: Mechanism) -> PyResult<Self> {
         let text = match (config.chain.is_empty(), &config.second) {
             (true, None) => return Ok(Self { config }),
             (false, _) => "axes of the machine carry work, tool or legs (CHAIN_L)",
@@ -70,14 +70,14 @@ impl Machine {
 
     #[staticmethod]
     fn from_ini(path: PathBuf) -> PyResult<Self> {
-        Self::of(MachineConfig::read(&path).map_err(machine_error)?)
+        Self::of(Mechanism::read(&path).map_err(machine_error)?)
     }
 
     #[staticmethod]
     #[pyo3(signature = (text, name="machine.ini"))]
     fn from_text(text: &str, name: &str) -> PyResult<Self> {
         let ini = Ini::parse(Path::new(name), text).map_err(machine_error)?;
-        Self::of(MachineConfig::from_ini(&ini).map_err(machine_error)?)
+        Self::of(Mechanism::from_ini(&ini).map_err(machine_error)?)
     }
 
     /// Of a kind of `pkm new` and its values as words, keyed as the command's options.

@@ -9,7 +9,7 @@ use kinematics::{Cause, Fault, Vector3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::body::{Body, Effort, counted};
 use workbench::study::file::Study;
 use workbench::study::sensitivity;
@@ -43,7 +43,7 @@ pub struct Stiffness {
 
 pub fn stiffness(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Rows,
     tool: &Vector3<f64>,
     study: &Study,
@@ -78,7 +78,7 @@ pub struct Sensitivity {
 
 pub fn sensitivity(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Rows,
     tool: &Vector3<f64>,
     length: f64,
@@ -130,7 +130,7 @@ pub struct Workspace {
 
 pub fn seen(
     py: Python<'_>,
-    config: &MachineConfig,
+    config: &Mechanism,
     tool: Vector3<f64>,
     orientations: Vec<[f64; 3]>,
     from: Vector3<f64>,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The limits of a machine's configuration as the core lists them, and what people call them.
 
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{At, Body, Joints, LEAST_DRIVE, Limit, Limits, MAX_LEGS, Margin, Part};
 use serde::Serializer;
 use std::ops::ControlFlow;
@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 pub const MEETING: f64 = 1e-3;
 
 /// The limits that a machine's file sets.
-pub fn of(config: &MachineConfig) -> Limits {
+pub fn of(config: &Mechanism) -> Limits {
     let mut limits = Limits {
         tilt: config.tilt_limit.unwrap_or(0.0),
         conditioning: config.conditioning_limit,
@@ -36,12 +36,12 @@ pub fn of(config: &MachineConfig) -> Limits {
 }
 
 /// The same without those of the axes, which are the machine's coordinates as programmed.
-pub fn beyond_axes(config: &MachineConfig) -> Limits {
+pub fn beyond_axes(config: &Mechanism) -> Limits {
     Limits { axis: Limits::NONE.axis, ..of(config) }
 }
 
 /// The same of the legs alone, of a pose that homing passes on its way to the switches.
-pub fn of_homing(config: &MachineConfig) -> Limits {
+pub fn of_homing(config: &Mechanism) -> Limits {
     let Limits { min, max, .. } = Limits::NONE;
     Limits { min, max, ..beyond_axes(config) }
 }
@@ -52,18 +52,18 @@ fn per_leg<T: Copy + Default>(values: &[Option<T>]) -> [T; MAX_LEGS] {
 
 /// What the centre lines of legs that share no anchor have to keep, machine units:
 /// `[PKM]ROD_CLEARANCE`, or without it what keeps them from meeting.
-fn least_distance(config: &MachineConfig) -> f64 {
+fn least_distance(config: &Mechanism) -> f64 {
     config.clearance.unwrap_or(MEETING * config.machine.size())
 }
 
 /// What the mechanisms of a machine have to keep of each other, machine units:
 /// `[PKM]MECHANISM_CLEARANCE`, or without it what keeps them from meeting.
-pub fn least_distance_between(config: &MachineConfig) -> f64 {
+pub fn least_distance_between(config: &Mechanism) -> f64 {
     config.mechanism_clearance.unwrap_or(MEETING * config.machine.size())
 }
 
 /// The distance of two parts, for people.
-pub fn between(configs: [&MachineConfig; 2], bodies: [Body; 2]) -> String {
+pub fn between(configs: [&Mechanism; 2], bodies: [Body; 2]) -> String {
     let name = |i: usize| match bodies[i] {
         Body::Leg(n) => format!("leg {}", configs[i].place.first_leg + n),
         Body::Platform => format!("the {} platform", ["first", "second"][i]),
@@ -99,7 +99,7 @@ pub fn meaning(limit: Limit) -> &'static str {
 }
 
 /// What a limit is about, for people.
-pub fn part(config: &MachineConfig, limit: Limit, part: Part) -> String {
+pub fn part(config: &Mechanism, limit: Limit, part: Part) -> String {
     let (first, joint) = (config.place.first_leg, |i: usize| config.joint(i).name.clone());
     let of_legs = |i: usize| match limit {
         Limit::BaseCone | Limit::BasePyramid => format!("the base joint of leg {}", first + i),
@@ -122,7 +122,7 @@ pub fn part(config: &MachineConfig, limit: Limit, part: Part) -> String {
 }
 
 /// Unit of a limit's value.
-pub fn unit(config: &MachineConfig, limit: Limit, part: Part) -> String {
+pub fn unit(config: &Mechanism, limit: Limit, part: Part) -> String {
     let joint = |suffix: &str| match part {
         Part::Joint(i) | Part::Leg(i) => {
             format!("{}{suffix}", config.unit_of(i))
@@ -145,7 +145,7 @@ pub fn unit(config: &MachineConfig, limit: Limit, part: Part) -> String {
 }
 
 /// The range of a margin, with its unit.
-pub fn bound(config: &MachineConfig, margin: &Margin) -> String {
+pub fn bound(config: &Mechanism, margin: &Margin) -> String {
     let unit = unit(config, margin.limit, margin.part);
     let value = match margin.range {
         [_, high] if is_either_way(margin.limit) => format!("{high}"),
@@ -156,7 +156,7 @@ pub fn bound(config: &MachineConfig, margin: &Margin) -> String {
 }
 
 /// What a margin allows, in words that tell a largest from a smallest value.
-pub fn allowed(config: &MachineConfig, margin: &Margin) -> String {
+pub fn allowed(config: &Mechanism, margin: &Margin) -> String {
     let side = match margin.range {
         _ if is_either_way(margin.limit) => "at most ",
         [low, high] if low.is_finite() && high.is_finite() => "",
@@ -168,7 +168,7 @@ pub fn allowed(config: &MachineConfig, margin: &Margin) -> String {
 
 /// Smallest and largest value that the machine's file allows a part; none where it has no such limit, or
 /// one for each of several directions.
-pub fn range(config: &MachineConfig, limit: Limit, part: Part) -> Option<[f64; 2]> {
+pub fn range(config: &Mechanism, limit: Limit, part: Part) -> Option<[f64; 2]> {
     let limits = of(config);
     let most = |value: f64| (value != 0.0).then_some([f64::NEG_INFINITY, value]);
     let least = |value: f64| (value != 0.0).then_some([value, f64::INFINITY]);
@@ -195,7 +195,7 @@ pub fn is_either_way(limit: Limit) -> bool {
 }
 
 /// A limit that is not kept, as a sentence.
-pub fn sentence(config: &MachineConfig, margin: &Margin) -> String {
+pub fn sentence(config: &Mechanism, margin: &Margin) -> String {
     let Margin { limit, part: of, value, .. } = *margin;
     let (name, unit, bound) =
         (part(config, limit, of), unit(config, limit, of), bound(config, margin));

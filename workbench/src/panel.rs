@@ -5,7 +5,7 @@
 //! `pyvcp.` in front.
 
 use crate::read::joints::Joint;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::Letter;
 use std::fmt::Write as _;
 
@@ -52,7 +52,7 @@ struct Bar {
 
 impl Panel {
     /// Of this machine, whose files begin with `name`.
-    pub fn new(config: &MachineConfig, name: &str) -> Self {
+    pub fn new(config: &Mechanism, name: &str) -> Self {
         let mut sheet = Sheet::default();
         sheet.open("pyvcp", "");
         sheet.pages(config);
@@ -124,7 +124,7 @@ impl Sheet {
     }
 
     /// Joints, and the cones that the machine has, on pages of their own.
-    fn pages(&mut self, config: &MachineConfig) {
+    fn pages(&mut self, config: &Mechanism) {
         let joints: Vec<usize> = (0..config.all_joints().count()).collect();
         let cones = cones(config);
         let pages: Vec<_> = joints.chunks(ROWS).collect();
@@ -168,7 +168,7 @@ impl Sheet {
     }
 
     /// Where a joint is in its range, and how far from the nearer end.
-    fn joint(&mut self, config: &MachineConfig, n: usize) {
+    fn joint(&mut self, config: &Mechanism, n: usize) {
         let Joint { name, min, max, .. } = config.joint(n);
         let (min, max) = (*min, *max);
         let edge = EDGE * (max - min);
@@ -194,7 +194,7 @@ impl Sheet {
         }
     }
 
-    fn travel(&mut self, config: &MachineConfig) {
+    fn travel(&mut self, config: &Mechanism) {
         self.open("labelframe", " text=\"Travel left from here\"");
         self.table("");
         self.row();
@@ -221,7 +221,7 @@ impl Sheet {
         self.close("labelframe");
     }
 
-    fn guard(&mut self, config: &MachineConfig) {
+    fn guard(&mut self, config: &Mechanism) {
         self.open("labelframe", " text=\"Guard\"");
         self.table("");
         for mechanism in config.mechanisms() {
@@ -270,7 +270,7 @@ impl Sheet {
         self.close("labelframe");
     }
 
-    fn kinematics(&mut self, config: &MachineConfig) {
+    fn kinematics(&mut self, config: &Mechanism) {
         self.open("labelframe", " text=\"Kinematics\"");
         self.table("");
         self.row();
@@ -315,7 +315,7 @@ impl Sheet {
         self.close("labelframe");
     }
 
-    fn wiring(&self, config: &MachineConfig, name: &str) -> String {
+    fn wiring(&self, config: &Mechanism, name: &str) -> String {
         // A user interface ends LinuxCNC where this file fails.
         let mut text = format!(
             "# Made by pkm panel from {name}.ini: what {name}-panel.xml shows.\n\
@@ -341,12 +341,12 @@ impl Sheet {
 }
 
 /// What names of pins of a mechanism begin with, and what names of its widgets end in.
-fn stem(mechanism: &MachineConfig) -> (&'static str, &'static str) {
+fn stem(mechanism: &Mechanism) -> (&'static str, &'static str) {
     if mechanism.place.is_second { ("pkmkins.second.", "-second") } else { ("pkmkins.", "") }
 }
 
 /// Letters that the machine moves, in LinuxCNC's order, and whether they are angles.
-fn letters(config: &MachineConfig) -> impl Iterator<Item = (char, bool)> {
+fn letters(config: &Mechanism) -> impl Iterator<Item = (char, bool)> {
     let own = config.mechanisms().flat_map(|mechanism| {
         let moved = |letter: &Letter| !mechanism.machine.layout().is_held(*letter);
         let place = |letter: Letter| mechanism.place.places[letter.index()];
@@ -358,7 +358,7 @@ fn letters(config: &MachineConfig) -> impl Iterator<Item = (char, bool)> {
 }
 
 /// Whether each joint can be a letter.
-fn has_identity(config: &MachineConfig) -> bool {
+fn has_identity(config: &Mechanism) -> bool {
     config.mechanisms().all(|mechanism| {
         let layout = mechanism.machine.layout();
         layout.legs() == layout.coordinates().as_slice().len()
@@ -366,8 +366,8 @@ fn has_identity(config: &MachineConfig) -> bool {
 }
 
 /// Name, pin and largest value of the angles that have a limit.
-fn cones(config: &MachineConfig) -> Vec<(String, String, f64)> {
-    let of = |mechanism: &MachineConfig| {
+fn cones(config: &Mechanism) -> Vec<(String, String, f64)> {
+    let of = |mechanism: &Mechanism| {
         let first = mechanism.place.first_leg;
         let ends = [("base", &mechanism.base_cone), ("platform", &mechanism.platform_cone)];
         let rows = ends.map(|(end, cones)| {
@@ -383,7 +383,7 @@ fn cones(config: &MachineConfig) -> Vec<(String, String, f64)> {
 }
 
 /// Digits of a value that an operator reads.
-fn digits(config: &MachineConfig, unit: &str) -> &'static str {
+fn digits(config: &Mechanism, unit: &str) -> &'static str {
     match unit {
         "degrees" => ".2f",
         _ if config.units_per_mm == 1.0 => ".1f",

@@ -3,7 +3,7 @@
 //! tip.
 
 use crate::read::legs::{drive_rate, platform_anchor};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{At, Fault, Letter, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::SMatrix;
 
@@ -22,7 +22,7 @@ pub(crate) const RANK_TOLERANCE: f64 = 1e-9;
 /// A leg's row is `[uᵀ (ρ × u)ᵀ]` with u along the leg and ρ from the control point to its
 /// anchor; A B C turn by the rate map of R = Rz Ry Rx. What a table or a guide takes of the
 /// motion of `CENTRE` does not reach the legs.
-pub fn length_rows(config: &MachineConfig, at: &At, tool: &Vector3<f64>) -> Rows {
+pub fn length_rows(config: &Mechanism, at: &At, tool: &Vector3<f64>) -> Rows {
     let layout = config.machine.layout();
     let centre = Vector3::from(config.geometry.centre);
     let lever = at.rotation() * (tool + centre);
@@ -58,7 +58,7 @@ pub fn length_rows(config: &MachineConfig, at: &At, tool: &Vector3<f64>) -> Rows
 ///
 /// # Errors
 /// As [`At::inverse_jacobian`].
-pub(crate) fn joint_rows(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
+pub(crate) fn joint_rows(config: &Mechanism, at: &At) -> Result<Rows, Fault> {
     let mut rows = at.inverse_jacobian()?;
     let angular = rows.fixed_columns::<3>(3) * rate_map(at.pose());
     rows.fixed_columns_mut::<3>(3).copy_from(&angular);
@@ -69,7 +69,7 @@ pub(crate) fn joint_rows(config: &MachineConfig, at: &At) -> Result<Rows, Fault>
 }
 
 /// By how much a leg gets longer, or a table axis moves, per joint unit.
-pub(crate) fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
+pub(crate) fn gains(config: &Mechanism, at: &At) -> Vec<f64> {
     let legs = config.geometry.legs().iter().zip(at.segments());
     let of_leg = legs.map(|(leg, segment)| {
         let along = segment.span().normalize();
@@ -80,7 +80,7 @@ pub(crate) fn gains(config: &MachineConfig, at: &At) -> Vec<f64> {
 }
 
 /// The same in mm, per mm or radian of the joint.
-pub(crate) fn gains_in_mm(config: &MachineConfig, at: &At) -> Vec<f64> {
+pub(crate) fn gains_in_mm(config: &Mechanism, at: &At) -> Vec<f64> {
     let mut gains = gains(config, at);
     for (gain, leg) in gains.iter_mut().zip(config.geometry.legs()) {
         if leg.kind.is_angular() {
@@ -91,7 +91,7 @@ pub(crate) fn gains_in_mm(config: &MachineConfig, at: &At) -> Vec<f64> {
 }
 
 /// The rows with zeros for coordinates that no joint moves.
-pub(crate) fn moved_columns(config: &MachineConfig, mut rows: Rows) -> Rows {
+pub(crate) fn moved_columns(config: &Mechanism, mut rows: Rows) -> Rows {
     for letter in Letter::ALL.into_iter().filter(|l| config.machine.layout().is_held(*l)) {
         rows.column_mut(letter.index()).fill(0.0);
     }
@@ -99,7 +99,7 @@ pub(crate) fn moved_columns(config: &MachineConfig, mut rows: Rows) -> Rows {
 }
 
 /// Coordinates that a joint moves.
-pub(crate) fn moved(config: &MachineConfig) -> Vec<Letter> {
+pub(crate) fn moved(config: &Mechanism) -> Vec<Letter> {
     let layout = config.machine.layout();
     Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter)).collect()
 }

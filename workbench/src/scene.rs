@@ -5,7 +5,7 @@
 //! pose, by two formulas that stand there.
 
 use crate::read::direction::ToolDirection;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::models::Model;
 use kinematics::{LegGeometry, LegKind, Letter, POSE_LETTERS, Vector3};
 use serde::Serialize;
@@ -198,7 +198,7 @@ pub struct Axis {
 }
 
 impl Scene {
-    pub fn new(config: &MachineConfig) -> Self {
+    pub fn new(config: &Mechanism) -> Self {
         let layout = config.machine.layout();
         let letters = |letters: &[Letter]| letters.iter().map(|letter| letter.name()).collect();
         let moved = Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter));
@@ -247,7 +247,7 @@ impl Scene {
 }
 
 impl ExtraAxis {
-    fn new(config: &MachineConfig, n: usize) -> Self {
+    fn new(config: &Mechanism, n: usize) -> Self {
         let extra = &config.extra[n];
         Self {
             letter: extra.letter,
@@ -260,7 +260,7 @@ impl ExtraAxis {
 }
 
 impl Link {
-    fn new(config: &MachineConfig, link: &kinematics::Link) -> Self {
+    fn new(config: &Mechanism, link: &kinematics::Link) -> Self {
         let n = config.extra_axes.places().position(|place| place == link.place);
         Self {
             letter: POSE_LETTERS[link.place],
@@ -283,7 +283,7 @@ impl Mesh {
 }
 
 impl Leg {
-    fn new(config: &MachineConfig, i: usize) -> Self {
+    fn new(config: &Mechanism, i: usize) -> Self {
         let LegGeometry { base, platform, kind } = config.geometry.legs()[i];
         Self {
             kind: Kind::of(&kind),
@@ -311,7 +311,7 @@ impl Kind {
 }
 
 impl Joint {
-    fn new(config: &MachineConfig, i: usize) -> Self {
+    fn new(config: &Mechanism, i: usize) -> Self {
         let joint = config.joint(i);
         Self {
             number: config.place.first_joint + i,

@@ -11,7 +11,7 @@ use super::Verdict;
 use super::failure::Failure;
 use std::path::Path;
 use workbench::files::Locate;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::stability::pose::Setup;
 use workbench::study::file::Study;
 
@@ -51,7 +51,7 @@ struct Speeds {
 }
 
 /// The machine with what its study says.
-fn setup<'a>(config: &'a MachineConfig, study: &Study, file: &Path) -> Result<Setup<'a>, Failure> {
+fn setup<'a>(config: &'a Mechanism, study: &Study, file: &Path) -> Result<Setup<'a>, Failure> {
     Ok(Setup::new(config, study).at(file)?)
 }
 

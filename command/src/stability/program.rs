@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use workbench::cut::program;
 use workbench::files::{Locate, csv, open, write_whole};
 use workbench::program::motion::{self, Move, MoveKind, Spindle};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::stability::WORTH;
 use workbench::stability::path::{Best, Depth, Path, Stop};
 use workbench::study::file::Study;
@@ -139,7 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 }
 
 /// Ends of the feed moves, as many as are asked for, and how many moves there are.
-fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, usize), Failure> {
+fn stops(arguments: &Arguments, config: &Mechanism) -> Result<(Vec<Stop>, usize), Failure> {
     let job = &arguments.job;
     let moves = job.moves(config)?;
     Ok(program::stops(config, &moves, job.places as usize).at(&job.program)?)
@@ -148,7 +148,7 @@ fn stops(arguments: &Arguments, config: &MachineConfig) -> Result<(Vec<Stop>, us
 impl Job {
     /// The program's moves at its spindle speeds, or all at the one that is given. Refused where an extra
     /// axis turns the work in the cut, or moves along with the tool: chip and speed are not known there.
-    pub fn moves(&self, config: &MachineConfig) -> Result<Vec<Move>, Failure> {
+    pub fn moves(&self, config: &Mechanism) -> Result<Vec<Move>, Failure> {
         // Said before LinuxCNC starts, in the system's words.
         open(&self.program)?;
         let (mut moves, files) = motion::read(config, &self.program, None)?;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use workbench::program::beside::moves_of;
 use workbench::program::motion::{self, LINUXCNC_PROGRAMS};
 use workbench::program::replay::{Replay, replay};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Prefix of programs that come with LinuxCNC.
 const LINUXCNC: &str = "linuxcnc:";
@@ -76,7 +76,7 @@ impl Case {
     /// # Errors
     /// A sentence, where the machine or program cannot be read, or a pose fails.
     pub fn run(&self, configs: &Path) -> Result<Outcome, String> {
-        let mut whole = MachineConfig::read(&self.ini(configs)).map_err(|e| e.to_string())?;
+        let mut whole = Mechanism::read(&self.ini(configs)).map_err(|e| e.to_string())?;
         // A case does not depend on what an earlier run left in the parameter file.
         whole.program.parameter_file = None;
         let config = match self.second {

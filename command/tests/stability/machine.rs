@@ -5,7 +5,7 @@ use super::{close, golden, row, rows};
 use crate::shipped::config;
 use kinematics::{Pose, Vector3};
 use nalgebra::ComplexField;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::stability::bands::{Loss, bands, first_limit};
 use workbench::stability::floquet::Period;
 use workbench::stability::lobes::Lobes;
@@ -199,7 +199,7 @@ fn along_a_path_the_least_depth_is_found_and_the_best_speed_keeps_the_most() {
 
 #[test]
 fn a_machine_without_what_is_asked_is_refused() {
-    fn refused(config: &MachineConfig, parts: &[&str]) -> NoSetup {
+    fn refused(config: &Mechanism, parts: &[&str]) -> NoSetup {
         Setup::new(config, &Study::parse(&parts.concat()).unwrap()).unwrap_err()
     }
     let config = config("hexapod");

@@ -20,7 +20,7 @@ use workbench::curve::job::Job;
 use workbench::curve::route::Route;
 use workbench::curve::table::Row;
 use workbench::read::joints::Joint;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 const CURVES: usize = 9;
 /// Places of the grid on which curves of a family are found, each way.
@@ -41,7 +41,7 @@ struct Level {
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_route(config: &MachineConfig, route: &Route) -> Result<Vec<Plot>, DrawError> {
+pub fn of_route(config: &Mechanism, route: &Route) -> Result<Vec<Plot>, DrawError> {
     let mut plots = vec![];
     let levels = levels(route);
     if !levels.is_empty() {
@@ -194,7 +194,7 @@ fn surfaces(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
 }
 
 /// What table and platform share, over the arc length.
-fn split(config: &MachineConfig, route: &Route) -> Result<[Plot; 2], DrawError> {
+fn split(config: &Mechanism, route: &Route) -> Result<[Plot; 2], DrawError> {
     let line = |name: &str, value: &dyn Fn(&Row) -> f64| Line {
         name: name.into(),
         points: route.rows.iter().map(|row| (row.node.s, value(row))).collect(),
@@ -214,7 +214,7 @@ fn split(config: &MachineConfig, route: &Route) -> Result<[Plot; 2], DrawError> 
     ])
 }
 
-fn joints(config: &MachineConfig, route: &Route) -> Result<Vec<Plot>, DrawError> {
+fn joints(config: &Mechanism, route: &Route) -> Result<Vec<Plot>, DrawError> {
     let mut plots = vec![];
     for group in config.groups() {
         let (name, unit) = (group.kind.plural(), group.unit);
@@ -251,10 +251,7 @@ fn joints(config: &MachineConfig, route: &Route) -> Result<Vec<Plot>, DrawError>
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_carriages(
-    config: &MachineConfig,
-    places: &[CarriagePose],
-) -> Result<Vec<Plot>, DrawError> {
+pub fn of_carriages(config: &Mechanism, places: &[CarriagePose]) -> Result<Vec<Plot>, DrawError> {
     let sample = |place: &CarriagePose| Sample {
         time: place.t,
         in_world: true,
@@ -276,7 +273,7 @@ pub fn of_carriages(
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_job(config: &MachineConfig, job: &Job) -> Result<Vec<Plot>, DrawError> {
+pub fn of_job(config: &Mechanism, job: &Job) -> Result<Vec<Plot>, DrawError> {
     let mut plots = vec![];
     for (n, done) in job.done.iter().enumerate() {
         for group in config.groups() {

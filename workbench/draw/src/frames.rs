@@ -12,7 +12,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use workbench::read::direction::ToolDirection;
 use workbench::read::legs::drive_rate;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Share of the largest side that arrows have: of the axes of base, of those of the platform, of joints and tool.
 const AXIS: f64 = 0.16;
@@ -111,7 +111,7 @@ struct Drawing {
 /// # Errors
 /// The drawing library refuses.
 pub fn of_machine(
-    config: &MachineConfig,
+    config: &Mechanism,
     home: &At,
     hands: &[Option<char>],
 ) -> Result<String, DrawError> {
@@ -164,7 +164,7 @@ fn sheet(
 }
 
 impl Drawing {
-    fn new(config: &MachineConfig, at: &At, hands: &[Option<char>]) -> Self {
+    fn new(config: &Mechanism, at: &At, hands: &[Option<char>]) -> Self {
         let legs = &at.segments()[..config.legs()];
         let mut drawing = Self { lines: vec![], arrows: vec![], joints: vec![] };
         let lower: Vec<_> = legs.iter().map(|leg| leg.base).collect();
@@ -203,7 +203,7 @@ impl Drawing {
         self.lines.extend(ring.windows(2).map(|line| ([line[0], line[1]], style)));
     }
 
-    fn tool(&mut self, config: &MachineConfig, from: Vector3<f64>, length: f64) {
+    fn tool(&mut self, config: &Mechanism, from: Vector3<f64>, length: f64) {
         let Some(direction) = tool_direction(config) else { return };
         let up = if direction == ToolDirection::Up { length } else { -length };
         let to = from + Vector3::z() * up;
@@ -211,7 +211,7 @@ impl Drawing {
     }
 
     /// The rail of a carriage, or an arm.
-    fn guide(&mut self, config: &MachineConfig, leg: usize, lower: &Vector3<f64>) {
+    fn guide(&mut self, config: &Mechanism, leg: usize, lower: &Vector3<f64>) {
         let width = if config.geometry.legs()[leg].kind.is_angular() { 6 } else { 5 };
         let rail = rail_or_arm(config, leg, lower);
         self.lines.extend(rail.map(|ends| (ends, GUIDE.stroke_width(width))));
@@ -220,7 +220,7 @@ impl Drawing {
     /// Which way the lower end or the strut goes as the joint grows.
     fn joint_arrow(
         &mut self,
-        config: &MachineConfig,
+        config: &Mechanism,
         leg: usize,
         [lower, upper]: [&Vector3<f64>; 2],
         length: f64,
@@ -307,7 +307,7 @@ impl Drawing {
 }
 
 /// Whether the lower ends of all legs are fixed.
-fn is_fixed(config: &MachineConfig) -> bool {
+fn is_fixed(config: &Mechanism) -> bool {
     config.geometry.legs().iter().all(|leg| leg.kind.stands())
 }
 
@@ -333,7 +333,7 @@ fn outline(joints: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
 }
 
 /// Zero of the platform's frame at home, which is level: docs/scene.md has the formula.
-fn platform_origin(config: &MachineConfig) -> Vector3<f64> {
+fn platform_origin(config: &Mechanism) -> Vector3<f64> {
     let centre = Vector3::from(config.geometry.centre);
     let moved = config.machine.layout().coordinates().as_slice();
     let pose = config.home_pose().position + centre;
@@ -341,14 +341,14 @@ fn platform_origin(config: &MachineConfig) -> Vector3<f64> {
 }
 
 /// Which way tools point; nothing where the file does not say it, or no tool is on the platform.
-fn tool_direction(config: &MachineConfig) -> Option<ToolDirection> {
+fn tool_direction(config: &Mechanism) -> Option<ToolDirection> {
     if config.chain.is_bare() {
         return None;
     }
     config.tool_direction.or(ToolDirection::of_length(config.spindle.z))
 }
 
-fn keys(config: &MachineConfig, hands: &[Option<char>]) -> Vec<Key> {
+fn keys(config: &Mechanism, hands: &[Option<char>]) -> Vec<Key> {
     let mut keys = vec![
         Key::new(Sign::Line(LEG.stroke_width(3)), "leg"),
         Key::new(Sign::Ball(BLUE), "base joint and number of a leg"),
@@ -380,7 +380,7 @@ fn keys(config: &MachineConfig, hands: &[Option<char>]) -> Vec<Key> {
     keys
 }
 
-fn other_joints(config: &MachineConfig) -> Vec<Key> {
+fn other_joints(config: &Mechanism) -> Vec<Key> {
     let legs = config.legs();
     let table = config.machine.layout().table().as_slice().iter().enumerate().map(|(k, letter)| {
         let name = letter.name();

@@ -8,7 +8,7 @@ use crate::style::{limit_style, line_style};
 use crate::thin::{bends, thin};
 use plotters::prelude::*;
 use workbench::read::joints::Group;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// One named line of a plot.
 pub(super) struct Line {
@@ -59,7 +59,7 @@ pub(super) fn without_stairs(chart: &Chart, points: &[(f64, f64)]) -> Vec<(f64, 
 
 /// One line for each joint of a group, from (abscissa, values of all joints).
 pub(super) fn lines<'a, const N: usize>(
-    config: &MachineConfig,
+    config: &Mechanism,
     group: &Group,
     rows: impl Iterator<Item = (f64, &'a [f64; N])> + Clone,
 ) -> Vec<Line> {

@@ -5,7 +5,7 @@ use crate::space::{Part, ball, course, line, plate};
 use crate::style::PALE;
 use kinematics::{LegGeometry, Pose, Vector3};
 use plotters::prelude::*;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
 
@@ -19,7 +19,7 @@ pub(super) struct Drawn {
 }
 
 /// The machine at a pose of its own; nothing where it cannot be there.
-pub(super) fn at_pose(config: &MachineConfig, pose: &Pose) -> Drawn {
+pub(super) fn at_pose(config: &Mechanism, pose: &Pose) -> Drawn {
     let nothing = Drawn { parts: vec![], places: vec![] };
     let Ok(at) = config.machine.at(pose, &config.spindle) else { return nothing };
     let legs = &at.segments()[..config.legs()];
@@ -54,7 +54,7 @@ pub(super) fn at_pose(config: &MachineConfig, pose: &Pose) -> Drawn {
 
 /// Returns the ends of the rail that carries the lower end of a leg, or those of its arm.
 pub(super) fn rail_or_arm(
-    config: &MachineConfig,
+    config: &Mechanism,
     leg: usize,
     lower: &Vector3<f64>,
 ) -> Option<[Vector3<f64>; 2]> {
@@ -79,7 +79,7 @@ fn ring(places: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
 }
 
 /// The corners of the limits of X, Y and Z where all are limited.
-pub(super) fn axis_box(config: &MachineConfig) -> Option<[Vector3<f64>; 2]> {
+pub(super) fn axis_box(config: &Mechanism) -> Option<[Vector3<f64>; 2]> {
     let low = Vector3::from_fn(|k, _| config.axes[k].min);
     let high = Vector3::from_fn(|k, _| config.axes[k].max);
     let is_limited = low.iter().chain(high.iter()).all(|end| end.is_finite());

@@ -13,7 +13,7 @@ use kinematics::Vector3;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use workbench::program::course::Thinned;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 const MOST_POINTS: usize = 5000;
 
@@ -51,7 +51,7 @@ const KEYS: u32 = 36;
 
 /// The path twice: in the machine with the limits of the axes, and closer.
 pub(super) fn in_its_room(
-    config: &MachineConfig,
+    config: &Mechanism,
     course: &Thinned,
     marks: &[Mark],
 ) -> Result<String, DrawError> {
@@ -162,7 +162,7 @@ fn stretches(shades: &[usize], shade: usize) -> Vec<[usize; 2]> {
 }
 
 /// The limits of X, Y and Z; where one has none, the path ends the box.
-fn limits(config: &MachineConfig, course: &Thinned) -> [Vector3<f64>; 2] {
+fn limits(config: &Mechanism, course: &Thinned) -> [Vector3<f64>; 2] {
     let ends: [[f64; 2]; 3] = std::array::from_fn(|k| {
         let (low, high) = span(course.samples.iter().flat_map(|sample| sample.poses[k]));
         let axis = config.axes[k];

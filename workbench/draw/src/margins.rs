@@ -11,7 +11,7 @@ use crate::thin::{envelope, highest, lowest};
 use kinematics::{Joints, Letter, Limit};
 use workbench::program::course::{Abscissa, Sample, Thinned};
 use workbench::read::joints::Group;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Rooms are drawn between here and 1.
 const LEAST_ROOM: f64 = -0.3;
@@ -35,7 +35,7 @@ pub struct Figure {
 /// # Errors
 /// As [`DrawError`].
 pub fn figures(
-    config: &MachineConfig,
+    config: &Mechanism,
     course: &Thinned,
     marks: &[Mark],
 ) -> Result<Vec<Figure>, DrawError> {
@@ -61,7 +61,7 @@ pub fn figures(
 
 /// What all figures of a page have in common.
 struct Sheet<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     course: &'a Thinned,
     marks: &'a [Mark],
 }

@@ -10,13 +10,13 @@ use crate::tool_path::{isometric, tool_path};
 use kinematics::MAX_JOINTS;
 use workbench::program::path::{Along, along};
 use workbench::read::joints::{Group, JointKind};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// All plots of a trace.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn all(config: &MachineConfig, samples: &[Sample]) -> Result<Vec<Plot>, DrawError> {
+pub fn all(config: &Mechanism, samples: &[Sample]) -> Result<Vec<Plot>, DrawError> {
     let world: Vec<&Sample> = samples.iter().filter(|s| s.in_world).collect();
     let unit = config.length_unit();
     let path = along(world.iter().map(|s| (s.pose, s.joints)));
@@ -44,13 +44,13 @@ pub fn all(config: &MachineConfig, samples: &[Sample]) -> Result<Vec<Plot>, Draw
     Ok(plots)
 }
 
-fn has_lead(config: &MachineConfig) -> bool {
+fn has_lead(config: &Mechanism) -> bool {
     config.geometry.legs().iter().any(|leg| leg.kind.screw().lead != 0.0)
 }
 
 /// Values, changes along the path and speeds of joints of one kind.
 fn of_group(
-    config: &MachineConfig,
+    config: &Mechanism,
     group: &Group,
     world: &[&Sample],
     path: &[Along],
@@ -79,7 +79,7 @@ fn of_group(
     ])
 }
 
-fn values(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
+fn values(config: &Mechanism, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
     let lines = lines(config, group, world.iter().map(|s| (time(world, s), &s.joints)));
     let limits = |i: &usize| config.joints[*i].range().to_vec();
     let Group { kind, unit, .. } = group;
@@ -100,7 +100,7 @@ fn with_limits(
     drawn_strips(&Strips::new(title, TIME, y, &strips), &strips)
 }
 
-fn changes(config: &MachineConfig, group: &Group, path: &[Along]) -> Result<String, DrawError> {
+fn changes(config: &Mechanism, group: &Group, path: &[Along]) -> Result<String, DrawError> {
     let title = format!("{}: change since the program's start", first_up(group.kind.plural()));
     let x = format!("length of the path in {}", config.length_unit());
     let y = format!("change of {} in {}", group.kind.quantity(), group.unit);
@@ -108,7 +108,7 @@ fn changes(config: &MachineConfig, group: &Group, path: &[Along]) -> Result<Stri
     drawn_apart(&title, &x, &y, lines(config, group, values))
 }
 
-fn corrections(config: &MachineConfig, world: &[&Sample], unit: &str) -> Result<String, DrawError> {
+fn corrections(config: &Mechanism, world: &[&Sample], unit: &str) -> Result<String, DrawError> {
     let groups = config.groups();
     let struts = groups.iter().filter(|group| group.kind == JointKind::Strut);
     let values = world.iter().map(|s| (time(world, s), &s.corrections));
@@ -116,7 +116,7 @@ fn corrections(config: &MachineConfig, world: &[&Sample], unit: &str) -> Result<
     drawn_apart("Nut corrections", TIME, &format!("correction in {unit}"), lines)
 }
 
-fn speeds(config: &MachineConfig, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
+fn speeds(config: &Mechanism, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
     let Group { kind, unit, .. } = group;
     let speeds: Vec<_> = world
         .windows(2)

@@ -6,18 +6,14 @@ use crate::lines::Line;
 use crate::plot::{DrawError, Plot};
 use crate::strips::Strip;
 use crate::thin::{thin, thin_low};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::rods::Rods;
 
 /// Pictures of the legs along a sequence of poses.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_rods(
-    config: &MachineConfig,
-    course: &Course,
-    rods: &[Rods],
-) -> Result<Vec<Plot>, DrawError> {
+pub fn of_rods(config: &Mechanism, course: &Course, rods: &[Rods]) -> Result<Vec<Plot>, DrawError> {
     let mut plots = vec![];
     for (file, caption, y, value, limit) in ANGLES {
         let strips: Vec<Strip> = (0..config.legs())
@@ -42,7 +38,7 @@ pub fn of_rods(
 type Angle = fn(&Rods, usize) -> Option<f64>;
 
 /// The largest value that the machine's file allows a leg.
-type Most = fn(&MachineConfig, usize) -> Option<f64>;
+type Most = fn(&Mechanism, usize) -> Option<f64>;
 
 /// Pictures of angles: file, caption, ordinate, value, limit.
 const ANGLES: [(&str, &str, &str, Angle, Most); 5] = [
@@ -104,7 +100,7 @@ fn between(course: &Course, rods: &[Rods]) -> Result<Plot, DrawError> {
     lines_over(course, "between.svg", "Angles between two legs", "angle in degrees", lines)
 }
 
-fn gaps(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Option<Plot>, DrawError> {
+fn gaps(config: &Mechanism, course: &Course, rods: &[Rods]) -> Result<Option<Plot>, DrawError> {
     let gaps = rods.iter().map(|rods| rods.nearest.map_or(f64::NAN, |n| n.distance));
     let points = thin_low(course.at.iter().copied().zip(gaps));
     if points.is_empty() {
@@ -115,7 +111,7 @@ fn gaps(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Option
     lines_over(course, "gaps.svg", "Least gap between two legs", &y, lines).map(Some)
 }
 
-fn traces(config: &MachineConfig, course: &Course, rods: &[Rods]) -> Result<Vec<Plot>, DrawError> {
+fn traces(config: &Mechanism, course: &Course, rods: &[Rods]) -> Result<Vec<Plot>, DrawError> {
     let count = rods.first().map_or(0, |rods| rods.points.len());
     let trace = |k: usize| {
         let line = |axis: usize| Line {

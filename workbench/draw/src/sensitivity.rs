@@ -11,7 +11,7 @@ use crate::thin::thin;
 use kinematics::Letter;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::sensitivity::{Point, Sensitivity};
 
 /// Pictures of what errors of the joints do: bars at one pose, and lines along a motion.
@@ -19,7 +19,7 @@ use workbench::study::sensitivity::{Point, Sensitivity};
 /// # Errors
 /// As [`DrawError`].
 pub fn of_sensitivity(
-    config: &MachineConfig,
+    config: &Mechanism,
     found: &Sensitivity,
     sigma: &[f64],
     points: &[Point],
@@ -55,7 +55,7 @@ pub fn of_sensitivity(
 /// What a line shows of a point of a motion.
 type Value<'a> = Box<dyn Fn(&Point) -> f64 + 'a>;
 
-fn of_motion(config: &MachineConfig, points: &[Point]) -> Result<Vec<Plot>, DrawError> {
+fn of_motion(config: &Mechanism, points: &[Point]) -> Result<Vec<Plot>, DrawError> {
     let unit = config.length_unit();
     let course = Course::in_time(points.iter().map(|point| point.time).collect());
     let draw = |file: &str, caption: &str, y: &str, lines: Vec<(String, Value)>| {

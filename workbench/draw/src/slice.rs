@@ -8,7 +8,7 @@ use crate::plot::DrawError;
 use crate::sheet::{Chart, Frame, path_axes};
 use crate::style::{BLUE, limit_style, line_style};
 use plotters::prelude::*;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::slice::Slice;
 use workbench::study::workspace::{Border, Ray};
 
@@ -16,7 +16,7 @@ use workbench::study::workspace::{Border, Ray};
 const INSIDE: f64 = 0.14;
 
 pub(super) fn sliced(
-    config: &MachineConfig,
+    config: &Mechanism,
     slice: &Slice,
     kinds: &Kinds,
 ) -> Result<String, DrawError> {
@@ -125,7 +125,7 @@ impl Sheet<'_> {
 }
 
 /// Corners of the limits of the axes in the plane, where it is spanned by two limited axes.
-fn axis_limits(config: &MachineConfig, slice: &Slice) -> Option<[(f64, f64); 4]> {
+fn axis_limits(config: &Mechanism, slice: &Slice) -> Option<[(f64, f64); 4]> {
     let range = |k: usize| {
         let axis = slice.plane.axes[k].iter().position(|part| *part == 1.0)?;
         let ends = [config.axes[axis].min, config.axes[axis].max];

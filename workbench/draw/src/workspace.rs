@@ -9,7 +9,7 @@ use crate::space::{Part, Space, edges, side};
 use crate::style::{area_colour, limit_style};
 use kinematics::Vector3;
 use plotters::prelude::*;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 use workbench::study::body::Body;
 use workbench::study::slice::Slice;
 use workbench::study::workspace::{Border, Ray};
@@ -27,7 +27,7 @@ const SIZE: (u32, u32) = (960, 720);
 /// # Errors
 /// As [`DrawError`].
 pub fn of_workspace(
-    config: &MachineConfig,
+    config: &Mechanism,
     body: &Body,
     slices: &[Slice],
 ) -> Result<Vec<Plot>, DrawError> {
@@ -51,7 +51,7 @@ pub fn of_workspace(
     Ok(plots)
 }
 
-fn solid(config: &MachineConfig, body: &Body, kinds: &Kinds) -> Result<String, DrawError> {
+fn solid(config: &Mechanism, body: &Body, kinds: &Kinds) -> Result<String, DrawError> {
     let mut parts = sides(body, kinds);
     let Drawn { parts: machine, mut places } = at_pose(config, &config.home_pose());
     parts.extend(machine);

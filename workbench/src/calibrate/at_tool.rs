@@ -4,7 +4,7 @@
 use super::model::{Model, Quantity, unit};
 use super::reading::{Changed, Posed};
 use crate::limits;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Letter, Limit, Margin, Part, Pose, Vector3};
 use nalgebra::{DMatrix, Matrix3};
 use rand::{Rng, SeedableRng};
@@ -79,17 +79,17 @@ pub(crate) fn largest(
 }
 
 /// Poses within the axis limits that the machine can take: sixty at most, always the same.
-pub fn workspace(config: &MachineConfig, tool: &Vector3<f64>) -> Vec<Pose> {
+pub fn workspace(config: &Mechanism, tool: &Vector3<f64>) -> Vec<Pose> {
     poses(config, tool, SAMPLES, 0)
 }
 
 /// Poses enough for a mean over the workspace, where errors grow towards its corners.
-pub(crate) fn whole_workspace(config: &MachineConfig, tool: &Vector3<f64>) -> Vec<Pose> {
+pub(crate) fn whole_workspace(config: &Mechanism, tool: &Vector3<f64>) -> Vec<Pose> {
     poses(config, tool, 5 * SAMPLES, 0)
 }
 
 /// Poses at random within the axis limits that the machine can take.
-pub fn poses(config: &MachineConfig, tool: &Vector3<f64>, count: usize, seed: u64) -> Vec<Pose> {
+pub fn poses(config: &Mechanism, tool: &Vector3<f64>, count: usize, seed: u64) -> Vec<Pose> {
     let mut random = Pcg64::seed_from_u64(seed);
     let letters = config.machine.layout().coordinates().as_slice();
     let mut draw = || {
@@ -124,7 +124,7 @@ pub(crate) enum Refused {
 
 impl Refused {
     /// What would be, as a sentence.
-    pub(crate) fn sentence(&self, config: &MachineConfig) -> String {
+    pub(crate) fn sentence(&self, config: &Mechanism) -> String {
         match self {
             Self::Limit(margin) => limits::sentence(config, margin),
             Self::Fault(fault) => fault.to_string(),
@@ -138,7 +138,7 @@ impl Refused {
 /// # Errors
 /// What it does not keep.
 pub(crate) fn programmable(
-    config: &MachineConfig,
+    config: &Mechanism,
     pose: &Pose,
     tool: &Vector3<f64>,
 ) -> Result<(), Refused> {
@@ -156,11 +156,11 @@ pub(crate) fn programmable(
 }
 
 /// Whether the machine can take a pose.
-pub(crate) fn is_legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> bool {
+pub(crate) fn is_legal(config: &Mechanism, pose: &Pose, tool: &Vector3<f64>) -> bool {
     legal(config, pose, tool).is_ok()
 }
 
-fn legal(config: &MachineConfig, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Refused> {
+fn legal(config: &Mechanism, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Refused> {
     let at = config.machine.at(pose, tool).map_err(Refused::Fault)?;
     at.check(&limits::beyond_axes(config)).map_err(Refused::Limit)
 }

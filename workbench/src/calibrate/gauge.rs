@@ -13,7 +13,7 @@
 use super::log;
 use super::model::Frame;
 use super::reading::{Instrument, Measured, Reading, Zero};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt;
@@ -121,12 +121,12 @@ pub struct Object {
 
 impl Gauge {
     /// A length of machine units in the unit of its readings.
-    pub(crate) fn shown(&self, config: &MachineConfig, length: f64) -> f64 {
+    pub(crate) fn shown(&self, config: &Mechanism, length: f64) -> f64 {
         length / (self.scale.in_mm() * config.units_per_mm)
     }
 
     /// A reading in machine units.
-    pub(crate) fn length(&self, config: &MachineConfig, reading: f64) -> f64 {
+    pub(crate) fn length(&self, config: &Mechanism, reading: f64) -> f64 {
         reading * self.scale.in_mm() * config.units_per_mm
     }
 
@@ -144,7 +144,7 @@ impl Gauge {
     /// As [`kinematics::Machine::inverse`].
     pub(crate) fn reading(
         &self,
-        config: &MachineConfig,
+        config: &Mechanism,
         object: &Object,
         at: [f64; 6],
         shown: f64,
@@ -180,7 +180,7 @@ impl Gauge {
     /// the unit of the readings. None where it could not show anything.
     pub(crate) fn expected(
         &self,
-        config: &MachineConfig,
+        config: &Mechanism,
         object: &Object,
         at: [f64; 6],
     ) -> Option<f64> {
@@ -198,7 +198,7 @@ impl Gauge {
     }
 
     /// How a residual of the estimator changes with a reading, in machine units per unit of the reading.
-    pub(crate) fn slope(&self, config: &MachineConfig, object: &Object, pose: &Pose) -> f64 {
+    pub(crate) fn slope(&self, config: &Mechanism, object: &Object, pose: &Pose) -> f64 {
         let rate = match self.axis(object) {
             Some(axis) if self.kind == Kind::Dial => (pose.rotation() * axis).dot(&normal(object)),
             _ => -1.0,

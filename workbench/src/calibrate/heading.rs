@@ -2,7 +2,7 @@
 //! Comment lines with which a file of measurements says what it belongs to: `# key value`.
 
 use super::log::BadLog;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::Vector3;
 
 const MARKS: [char; 2] = ['#', ';'];
@@ -62,7 +62,7 @@ pub(crate) fn finite(text: &str) -> Option<Vec<f64>> {
 ///
 /// # Errors
 /// As [`value`], and the hash of another geometry than the machine's.
-pub(crate) fn of_geometry(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
+pub(crate) fn of_geometry(config: &Mechanism, text: &str) -> Result<(), BadLog> {
     let expected = "a line \"# geometry HASH\", as pkmkins.geometry-hash shows it";
     let (line, word) = value(text, "geometry", expected)?;
     let own = config.hash;

@@ -18,7 +18,7 @@
 
 use super::plate::Plate;
 use super::reading::{Instrument, Measured, Reading};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{MAX_JOINTS, Pose, Solver, Vector3};
 
 /// First line of a log.
@@ -179,7 +179,7 @@ fn second_half(text: &str, number: i64) -> Option<(Vec<f64>, [f64; 3], u32)> {
 /// # Errors
 /// See [`BadLog`].
 pub(crate) fn readings(
-    config: &MachineConfig,
+    config: &Mechanism,
     plate: &Plate,
     text: &str,
     frame: usize,
@@ -227,7 +227,7 @@ pub(super) fn tilt(at: &[f64; 6]) -> [i64; 3] {
 }
 
 /// The pose at which LinuxCNC shows a tip: its own tool offsets do not hold the spindle's.
-pub(super) fn shown(config: &MachineConfig, at: [f64; 6], tool: &Vector3<f64>) -> Pose {
+pub(super) fn shown(config: &Mechanism, at: [f64; 6], tool: &Vector3<f64>) -> Pose {
     let mut pose = Pose::from_degrees(at);
     pose.position += tool - config.spindle;
     pose
@@ -258,7 +258,7 @@ fn measured(plate: &Plate, touch: &Touch) -> Result<Measured, BadLog> {
 }
 
 /// Pose, tool and joints of a touch that this machine can have logged.
-fn checked(config: &MachineConfig, touch: &Touch) -> Result<Taken, BadLog> {
+fn checked(config: &Mechanism, touch: &Touch) -> Result<Taken, BadLog> {
     let own = config.hash;
     if touch.geometry != own {
         return Err(touch.bad(format!(
@@ -287,7 +287,7 @@ fn checked(config: &MachineConfig, touch: &Touch) -> Result<Taken, BadLog> {
 
 /// Why joints and position of a touch do not agree.
 fn disagreement(
-    config: &MachineConfig,
+    config: &Mechanism,
     touch: &Touch,
     joints: &[f64; MAX_JOINTS],
     tool: &Vector3<f64>,

@@ -21,7 +21,7 @@ use super::log::{self, BadLog, Touch};
 use super::model::Frame;
 use super::plate::{Hole, Plate};
 use super::reading::Reading;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Pose, Vector3};
 use std::fmt;
 
@@ -42,7 +42,7 @@ const COLUMNS: usize = 9;
 /// # Errors
 /// See [`BadLog`].
 pub(crate) fn readings(
-    config: &MachineConfig,
+    config: &Mechanism,
     plate: &Plate,
     text: &str,
     frame: usize,
@@ -72,7 +72,7 @@ pub(crate) fn readings(
     })
 }
 
-fn of_machine(config: &MachineConfig, text: &str) -> Result<(), BadLog> {
+fn of_machine(config: &Mechanism, text: &str) -> Result<(), BadLog> {
     let own = config.file.file_name().unwrap_or_default().to_string_lossy();
     let expected = format!("a line \"# machine {own}\" above the points of PROBEOPEN");
     let (line, name) = heading::value(text, "machine", &expected)?;

@@ -10,7 +10,7 @@ use super::program::{name_in_comments, unit_word};
 use super::propose::{decimals, words};
 use super::setup::{LOOKS_AWAY, looks_away};
 use crate::files::{AtFile, Locate, as_comment, read_text};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Letter, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt::Write as _;
@@ -104,7 +104,7 @@ pub fn is_one(text: &str) -> bool {
 ///
 /// # Errors
 /// See [`NoProbing`].
-pub fn probing(config: &MachineConfig, file: &Path, log: &str) -> Result<Probing, NoProbing> {
+pub fn probing(config: &Mechanism, file: &Path, log: &str) -> Result<Probing, NoProbing> {
     if as_comment(log) != log {
         let text = format!(
             "{log:?}: no name for a log, which LinuxCNC reads between parentheses: name another --output"
@@ -123,7 +123,7 @@ pub fn probing(config: &MachineConfig, file: &Path, log: &str) -> Result<Probing
 }
 
 struct Maker<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     plate: Plate,
     frame: Frame,
     /// Tool vector, spindle offset included.
@@ -138,7 +138,7 @@ struct Maker<'a> {
 }
 
 impl<'a> Maker<'a> {
-    fn new(config: &'a MachineConfig, given: File, plate: Plate) -> Result<Self, BadProbing> {
+    fn new(config: &'a Mechanism, given: File, plate: Plate) -> Result<Self, BadProbing> {
         let scale = config.units_per_mm * if given.unit == Unit::Mm { 1.0 } else { 25.4 };
         let bad = |text: String| Err(BadProbing(text));
         for (key, value) in [
@@ -374,7 +374,7 @@ impl<'a> Maker<'a> {
 }
 
 /// A HAL file that holds the joints of the servo cycle in which the probe tripped, while it presses.
-fn hal(config: &MachineConfig) -> String {
+fn hal(config: &Mechanism) -> String {
     let joints = 0..config.joints.len();
     let names = joints.clone().map(|n| format!("latch-{n}")).collect::<Vec<_>>().join(",");
     let machine = name_in_comments(config);

@@ -5,11 +5,11 @@ use super::gauge::Kind;
 use super::propose::{Proposal, Step, decimals, words};
 use super::setup::Setup;
 use crate::files::as_comment;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use std::fmt::Write as _;
 
 /// The program of a proposal, whose readings go into the table of this name.
-pub fn text(config: &MachineConfig, setup: &Setup, proposal: &Proposal, table: &str) -> String {
+pub fn text(config: &Mechanism, setup: &Setup, proposal: &Proposal, table: &str) -> String {
     let gauge = &setup.gauge;
     let count = proposal.stops.len();
     let (machine, table) = (name_in_comments(config), as_comment(table));
@@ -35,16 +35,16 @@ pub fn text(config: &MachineConfig, setup: &Setup, proposal: &Proposal, table: &
 }
 
 /// The name of the machine's file.
-pub(crate) fn name_in_comments(config: &MachineConfig) -> String {
+pub(crate) fn name_in_comments(config: &Mechanism) -> String {
     as_comment(&config.file.file_name().unwrap_or_default().to_string_lossy())
 }
 
 /// G20 or G21.
-pub(crate) fn unit_word(config: &MachineConfig) -> &'static str {
+pub(crate) fn unit_word(config: &Mechanism) -> &'static str {
     if config.units_per_mm == 1.0 { "G21" } else { "G20" }
 }
 
-fn moves(config: &MachineConfig, setup: &Setup, steps: &[Step]) -> String {
+fn moves(config: &Mechanism, setup: &Setup, steps: &[Step]) -> String {
     let line = |step: &Step| match step.is_slow {
         true => format!("G1 {} F{}\n", words(config, &step.at), setup.feed),
         false => format!("G0 {}\n", words(config, &step.at)),

@@ -12,7 +12,7 @@ use super::reading::Changed;
 use super::setup::{Extent, Setup};
 use super::shape::{self, Shape};
 use super::sheet::Stop;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Letter, Vector3};
 use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
@@ -98,7 +98,7 @@ struct Route {
 
 /// What poses are made with.
 struct Maker<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     setup: &'a Setup,
     /// Letters that the machine moves, as numbers of X to C.
     free: Vec<usize>,
@@ -109,7 +109,7 @@ struct Maker<'a> {
 /// # Errors
 /// See [`NoProposal`].
 pub fn propose(
-    config: &MachineConfig,
+    config: &Mechanism,
     setup: &Setup,
     tolerance: &Tolerance,
     mut told: impl FnMut(f64),
@@ -511,12 +511,12 @@ fn of_machine(model: &Model, rows: &DMatrix<f64>) -> Vec<f64> {
 }
 
 /// Decimals of lengths and angles in programs.
-pub(crate) fn decimals(config: &MachineConfig) -> usize {
+pub(crate) fn decimals(config: &Mechanism) -> usize {
     if config.units_per_mm == 1.0 { 4 } else { 5 }
 }
 
 /// Words of the letters that the machine moves.
-pub(crate) fn words(config: &MachineConfig, at: &[f64; 6]) -> String {
+pub(crate) fn words(config: &Mechanism, at: &[f64; 6]) -> String {
     let layout = config.machine.layout();
     let decimals = decimals(config);
     let word =

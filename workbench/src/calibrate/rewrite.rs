@@ -9,7 +9,7 @@ use crate::read::boxes;
 use crate::read::edit::{self, Edit, Elsewhere, enter};
 use crate::read::error::MachineError;
 use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use keys::leg;
 use kinematics::{Fault, Geometry, LegKind, PerLeg};
 use std::path::Path;
@@ -36,7 +36,7 @@ pub enum RewriteError {
 /// # Errors
 /// See [`RewriteError`].
 pub fn calibrated(
-    config: &MachineConfig,
+    config: &Mechanism,
     model: &Model,
     changes: &[f64],
 ) -> Result<String, RewriteError> {
@@ -56,8 +56,8 @@ pub fn calibrated(
 ///
 /// # Errors
 /// It is none.
-pub(crate) fn read_back(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
-    MachineConfig::from_ini(&Ini::parse(file, text)?)
+pub(crate) fn read_back(file: &Path, text: &str) -> Result<Mechanism, MachineError> {
+    Mechanism::from_ini(&Ini::parse(file, text)?)
 }
 
 /// The text with boxes proved for its machine.
@@ -131,7 +131,7 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
 }
 
 /// HOME of the joints: the same pose, by the new geometry.
-fn of_home(config: &MachineConfig, model: &Model, changes: &[f64]) -> Result<Vec<Edit>, Fault> {
+fn of_home(config: &Mechanism, model: &Model, changes: &[f64]) -> Result<Vec<Edit>, Fault> {
     if model.number(Quantity::Length(0)).is_none() {
         return Ok(vec![]);
     }

@@ -5,7 +5,7 @@ use super::gauge::{Gauge, Kind, Object, Scale};
 use super::model::Frame;
 use super::plate::Unit;
 use crate::files::{AtFile, Locate, read_text};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Matrix3, Pose, Vector3};
 use serde::Deserialize;
 use std::io;
@@ -112,7 +112,7 @@ impl Setup {
     ///
     /// # Errors
     /// See [`SetupError`].
-    pub fn read(config: &MachineConfig, file: &Path) -> Result<Self, SetupError> {
+    pub fn read(config: &Mechanism, file: &Path) -> Result<Self, SetupError> {
         let text = read_text(file)?;
         let given: File = toml::from_str(&text).at(file)?;
         check(&given).at(file)?;
@@ -123,7 +123,7 @@ impl Setup {
     }
 
     /// Refuses a gauge that points where no tool of the machine does.
-    fn check_direction(&self, config: &MachineConfig) -> Result<(), BadSetup> {
+    fn check_direction(&self, config: &Mechanism) -> Result<(), BadSetup> {
         match config.tool_direction.filter(|it| it.contradicts(self.gauge.tool.z)) {
             None => Ok(()),
             Some(direction) => Err(BadSetup(format!(
@@ -236,7 +236,7 @@ impl File {
         self.expected.unwrap_or((self.range[0] + self.range[1]) / 2.0)
     }
 
-    fn in_machine(self, config: &MachineConfig) -> Setup {
+    fn in_machine(self, config: &Mechanism) -> Setup {
         let scale = config.units_per_mm * if self.unit == Unit::Mm { 1.0 } else { 25.4 };
         let expected = self.expected();
         let lengths = |values: [f64; 3]| Vector3::from(values) * scale;

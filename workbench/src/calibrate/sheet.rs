@@ -24,7 +24,7 @@ use super::log::BadLog;
 use super::model::Frame;
 use super::reading::Reading;
 use crate::files::csv;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Pose, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::fmt::Write as _;
@@ -115,7 +115,7 @@ fn is_comment(line: &str) -> bool {
 }
 
 /// The empty table of some poses.
-pub fn empty(config: &MachineConfig, gauge: &Gauge, objects: &[Object], stops: &[Stop]) -> String {
+pub fn empty(config: &Mechanism, gauge: &Gauge, objects: &[Object], stops: &[Stop]) -> String {
     let mut text = format!("{HEADER}\n# geometry {:#010x}\n", config.hash);
     let [low, high] = gauge.range;
     let [x, y, z] = gauge.tool.into();
@@ -182,7 +182,7 @@ impl Sheet {
     ///
     /// # Errors
     /// See [`BadLog`].
-    pub fn read(config: &MachineConfig, text: &str) -> Result<Self, BadLog> {
+    pub fn read(config: &Mechanism, text: &str) -> Result<Self, BadLog> {
         let comments: String = text
             .lines()
             .map(|line| if is_comment(line) { mended(line) } else { "" })
@@ -214,7 +214,7 @@ impl Sheet {
     /// A pose that the machine cannot take.
     pub(crate) fn readings(
         &self,
-        config: &MachineConfig,
+        config: &Mechanism,
         frame: usize,
         zero: usize,
         named: &str,

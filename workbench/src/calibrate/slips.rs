@@ -13,7 +13,7 @@ use super::log::BadLog;
 use super::model::Model;
 use super::reading::Reading;
 use super::sheet::{Row, Sheet, rounded};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -90,7 +90,7 @@ const CLOSELY: usize = 8;
 /// # Errors
 /// The fit's, or the slip.
 pub fn look(
-    config: &MachineConfig,
+    config: &Mechanism,
     model: &Model,
     readings: &[Reading],
     typed: &[Typed],
@@ -116,7 +116,7 @@ pub fn look(
 
 /// Whether readings fit with a slip undone, as well as without those that it is about.
 fn is_undone(
-    config: &MachineConfig,
+    config: &Mechanism,
     model: &Model,
     readings: &[Reading],
     table: &Typed,
@@ -172,7 +172,7 @@ fn linear(
 
 /// The numbers of a table, first those of the first run.
 fn numbers<'a>(
-    config: &MachineConfig,
+    config: &Mechanism,
     readings: &[Reading],
     table: &'a Typed,
     noise: f64,

@@ -17,7 +17,7 @@ use super::slips::{self, Typed};
 use super::table;
 use crate::files::{AtFile, Locate, read_text};
 use crate::read::ini::IniError;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
 use std::io;
@@ -147,11 +147,7 @@ impl From<AtFile<BadLog>> for ReadError {
 ///
 /// # Errors
 /// See [`ReadError`].
-pub fn read(
-    config: &MachineConfig,
-    files: &[PathBuf],
-    wishes: &Wishes,
-) -> Result<Given, ReadError> {
+pub fn read(config: &Mechanism, files: &[PathBuf], wishes: &Wishes) -> Result<Given, ReadError> {
     let plate = match &wishes.plate {
         Some(file) => Some(Plate::read(file, config.units_per_mm)?),
         None => None,
@@ -178,7 +174,7 @@ pub fn read(
 impl Given {
     fn add_file(
         &mut self,
-        config: &MachineConfig,
+        config: &Mechanism,
         file: &Path,
         text: &str,
         plate: Option<&Plate>,
@@ -193,7 +189,7 @@ impl Given {
 
     fn add_sheet(
         &mut self,
-        config: &MachineConfig,
+        config: &Mechanism,
         file: &Path,
         text: &str,
         number: usize,
@@ -222,7 +218,7 @@ impl Given {
     }
 
     /// Readings of tables count by the deviation that they state, beside the best of them.
-    fn weigh(&mut self, config: &MachineConfig, files: &[PathBuf]) -> Result<(), ReadError> {
+    fn weigh(&mut self, config: &Mechanism, files: &[PathBuf]) -> Result<(), ReadError> {
         let of = |typed: &Typed| typed.sheet.gauge.length(config, typed.sheet.deviation());
         let Some(best) = self.typed.iter().map(of).min_by(f64::total_cmp) else { return Ok(()) };
         let silent = (0..files.len()).find(|k| !self.typed.iter().any(|typed| typed.file == *k));
@@ -241,7 +237,7 @@ impl Given {
 }
 
 fn of_file(
-    config: &MachineConfig,
+    config: &Mechanism,
     file: &Path,
     text: &str,
     plate: Option<&Plate>,
@@ -294,7 +290,7 @@ fn kind(text: &str) -> Option<Format> {
 /// # Errors
 /// The slip, or a fit that there is none of.
 pub fn look_for_slips(
-    config: &MachineConfig,
+    config: &Mechanism,
     given: &Given,
     files: &[PathBuf],
 ) -> Result<(), SlipError> {
@@ -320,11 +316,7 @@ pub enum SlipError {
 ///
 /// # Errors
 /// See [`Misfit`].
-pub fn study(
-    config: &MachineConfig,
-    given: Given,
-    mut told: impl FnMut(f64),
-) -> Result<Study, Misfit> {
+pub fn study(config: &Mechanism, given: Given, mut told: impl FnMut(f64)) -> Result<Study, Misfit> {
     let Given { model, readings, instruments, noise, typed } = given;
     let found = fit(&model, &readings, noise)?;
     told(0.4);
@@ -452,7 +444,7 @@ fn drawn(model: &Model) -> DMatrix<f64> {
 /// # Errors
 /// No pose of it can be taken, or as [`kinematics::Machine::inverse`].
 pub fn shape(
-    config: &MachineConfig,
+    config: &Mechanism,
     model: &Model,
     readings: &[Reading],
     found: &Fit,
@@ -479,7 +471,7 @@ fn is_placed(reading: &Reading) -> bool {
 
 /// The tip by the drawing and by the readings, at home and where it is worst.
 fn at_tool(
-    config: &MachineConfig,
+    config: &Mechanism,
     model: &Model,
     readings: &[Reading],
     found: &Fit,
@@ -508,11 +500,7 @@ fn at_tool(
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
-pub fn next_poses(
-    config: &MachineConfig,
-    study: &Study,
-    count: usize,
-) -> Result<Vec<[f64; 6]>, Fault> {
+pub fn next_poses(config: &Mechanism, study: &Study, count: usize) -> Result<Vec<[f64; 6]>, Fault> {
     let Study { model, readings, found, .. } = study;
     let tool = readings.first().map_or(config.spindle, |reading| reading.tool);
     let changed = Changed::new(model, &found.changes)?;

@@ -18,7 +18,7 @@ use super::model::Frame;
 use super::plate::fitted;
 use super::reading::{Instrument, Measured, Reading};
 use crate::read::columns::coordinates;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
 
@@ -30,7 +30,7 @@ const ANGLES: [&str; 3] = ["tip_a", "tip_b", "tip_c"];
 /// # Errors
 /// See [`BadLog`].
 pub(crate) fn readings(
-    config: &MachineConfig,
+    config: &Mechanism,
     text: &str,
     frame: usize,
     named: &str,

@@ -9,7 +9,7 @@ use crate::proof::axis_box;
 use crate::proof::reach::Reach;
 use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::Gap;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -21,7 +21,7 @@ const DRAWN: usize = 20_000;
 ///
 /// # Errors
 /// A mechanism cannot be at its reference pose.
-pub fn check(config: &MachineConfig) -> Result<Option<Report>, MachineError> {
+pub fn check(config: &Mechanism) -> Result<Option<Report>, MachineError> {
     let Some(second) = config.second.as_deref() else { return Ok(None) };
     let configs = [config, second];
     let refused =
@@ -61,13 +61,13 @@ pub fn check(config: &MachineConfig) -> Result<Option<Report>, MachineError> {
     Ok(Some(found))
 }
 
-fn shown(configs: [&MachineConfig; 2], gap: &Gap) -> String {
+fn shown(configs: [&Mechanism; 2], gap: &Gap) -> String {
     let name = limits::between(configs, gap.bodies);
     format!("{name} is {} {}", limits::shown(gap.distance), configs[0].length_unit())
 }
 
 /// The nearest parts at poses drawn from the axis limits, which both mechanisms can take.
-fn nearest(configs: [&MachineConfig; 2]) -> Option<(Gap, [[f64; 6]; 2])> {
+fn nearest(configs: [&Mechanism; 2]) -> Option<(Gap, [[f64; 6]; 2])> {
     let mut rng = Pcg64::seed_from_u64(3);
     let reaches = [Reach::new(configs[0]).ok()?, Reach::new(configs[1]).ok()?];
     let within = configs.map(axis_box::range);

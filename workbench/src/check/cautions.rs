@@ -3,7 +3,7 @@
 //! cannot reduce, units left to the machine.
 
 use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use serde::Serialize;
 
 /// Spindle-synchronised motion, which takes its speed from the spindle.
@@ -25,7 +25,7 @@ pub struct Caution {
 
 /// What the texts of a program, of the files of its subroutines and of its machine's file make one look out
 /// for.
-pub fn cautions(config: &MachineConfig, ini: &Ini, texts: &[impl AsRef<str>]) -> Vec<Caution> {
+pub fn cautions(config: &Mechanism, ini: &Ini, texts: &[impl AsRef<str>]) -> Vec<Caution> {
     let mut found = vec![];
     let forced = ini.first("TRAJ", "NO_FORCE_HOMING").is_some_and(|entry| entry.value != "0");
     if forced {
@@ -135,7 +135,7 @@ mod tests {
     fn told(program: &str) -> Vec<(Option<u32>, String)> {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
         let ini = Ini::read(&file).unwrap();
-        let config = MachineConfig::from_ini(&ini).unwrap();
+        let config = Mechanism::from_ini(&ini).unwrap();
         let first = |text: String| text.split(' ').take(2).collect::<Vec<_>>().join(" ");
         cautions(&config, &ini, &[program]).into_iter().map(|c| (c.line, first(c.text))).collect()
     }
@@ -164,7 +164,7 @@ mod tests {
     fn files_of_subroutines_are_read_as_well() {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
         let ini = Ini::read(&file).unwrap();
-        let config = MachineConfig::from_ini(&ini).unwrap();
+        let config = Mechanism::from_ini(&ini).unwrap();
         let found =
             cautions(&config, &ini, &["G21 M52 P1\nO<s> call", "O<s> sub\nM52 P0\nO<s> endsub"]);
         assert_eq!(found.iter().map(|c| (c.file, c.line)).collect::<Vec<_>>(), [(1, Some(2))]);

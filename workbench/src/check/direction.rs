@@ -4,12 +4,12 @@
 use crate::read::diagnostic::Severity;
 use crate::read::direction::ToolDirection;
 use crate::read::ini::IniError;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::tools::Tool;
 
 /// Every tool whose length contradicts the direction that the file gives. Where the spindle's part makes up
 /// for it, the length can be the difference to a longer tool that lengths were measured with.
-pub(super) fn check(config: &MachineConfig, tools: &[Tool]) -> Vec<(Severity, IniError)> {
+pub(super) fn check(config: &Mechanism, tools: &[Tool]) -> Vec<(Severity, IniError)> {
     let Some(direction) = config.tool_direction else { return vec![] };
     let is_wrong = |tool: &&Tool| direction.contradicts(tool.offset.z);
     let finding = |tool: &Tool| {
@@ -22,12 +22,7 @@ pub(super) fn check(config: &MachineConfig, tools: &[Tool]) -> Vec<(Severity, In
     tools.iter().filter(is_wrong).map(finding).collect()
 }
 
-fn text(
-    config: &MachineConfig,
-    tool: &Tool,
-    direction: ToolDirection,
-    severity: Severity,
-) -> String {
+fn text(config: &Mechanism, tool: &Tool, direction: ToolDirection, severity: Severity) -> String {
     let (length, rule) = (-tool.offset.z, direction.rule(config.place.machine_section()));
     match severity {
         Severity::Error => format!(

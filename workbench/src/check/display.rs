@@ -4,7 +4,7 @@
 use crate::check::findings::Report;
 use crate::check::programs;
 use crate::read::diagnostic::Severity;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::Letter;
 
 /// Letters that move the tip along the picture's X, Y and Z: AXIS takes those of U, V and W for the same.
@@ -12,7 +12,7 @@ const PLACES: [(Letter, [char; 2]); 3] =
     [(Letter::X, ['X', 'U']), (Letter::Y, ['Y', 'V']), (Letter::Z, ['Z', 'W'])];
 
 /// Everything of it.
-pub(super) fn check(report: &mut Report, config: &MachineConfig) {
+pub(super) fn check(report: &mut Report, config: &Mechanism) {
     if programs::is_axis(&config.ini) {
         picture(report, config);
     }
@@ -20,7 +20,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) {
 }
 
 /// A picture of the path that leaves a letter out. Letters that turn count behind a `!` alone.
-fn picture(report: &mut Report, config: &MachineConfig) {
+fn picture(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("DISPLAY", "GEOMETRY") else { return };
     let given = entry.value.to_uppercase();
     let moved = PLACES.into_iter().filter(|(letter, _)| !config.machine.layout().is_held(*letter));
@@ -37,7 +37,7 @@ fn picture(report: &mut Report, config: &MachineConfig) {
 }
 
 /// A lathe that moves Y. User interfaces take the key, whatever its value, for yes.
-fn lathe(report: &mut Report, config: &MachineConfig) {
+fn lathe(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("DISPLAY", "LATHE") else { return };
     if entry.value.is_empty() || config.machine.layout().is_held(Letter::Y) {
         return;

@@ -4,7 +4,7 @@
 use crate::proof::axis_box::AxisBox;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{IniError, Problem};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::tools::Tool;
 
 /// One thing found.
@@ -20,7 +20,7 @@ pub struct Finding {
 /// What a check has found.
 #[derive(Clone, Debug)]
 pub struct Report {
-    pub config: MachineConfig,
+    pub config: Mechanism,
     /// Names and values, one line each.
     pub facts: Vec<(String, String)>,
     /// What does not fit, or may not.
@@ -40,7 +40,7 @@ pub struct Report {
 
 impl Report {
     /// Of a machine of which nothing is known yet.
-    pub(super) fn new(config: &MachineConfig) -> Self {
+    pub(super) fn new(config: &Mechanism) -> Self {
         Self {
             config: config.clone(),
             facts: vec![],

@@ -12,7 +12,7 @@ use crate::read::boxes;
 use crate::read::edit::{Edit, Elsewhere, entered, with_ends, with_sections};
 use crate::read::error::MachineError;
 use crate::read::ini::{Ini, IniError};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Letter};
 use std::path::Path;
 
@@ -50,7 +50,7 @@ pub struct Fixed {
 ///
 /// # Errors
 /// See [`FixError`].
-pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<Fixed, FixError> {
+pub fn fixed(config: &Mechanism, mut progress: impl FnMut(&str)) -> Result<Fixed, FixError> {
     let file = &config.file;
     progress("homes");
     let old = config.ini.editable()?;
@@ -70,12 +70,12 @@ pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<F
 ///
 /// # Errors
 /// It is none.
-pub fn machine(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
-    MachineConfig::from_ini_without_boxes(&Ini::parse(file, text)?)
+pub fn machine(file: &Path, text: &str) -> Result<Mechanism, MachineError> {
+    Mechanism::from_ini_without_boxes(&Ini::parse(file, text)?)
 }
 
 /// HOME of the joints, with all digits that the kinematics give, and of axes that have one.
-fn homes(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
+fn homes(config: &Mechanism) -> Result<Vec<Edit>, FixError> {
     let mut edits = vec![];
     for mechanism in config.mechanisms() {
         let wanted = mechanism.machine.inverse(&mechanism.home_pose(), &mechanism.spindle)?;
@@ -98,12 +98,12 @@ fn homes(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
     Ok(edits)
 }
 
-fn moved(config: &MachineConfig) -> impl Iterator<Item = Letter> {
+fn moved(config: &Mechanism) -> impl Iterator<Item = Letter> {
     Letter::ALL.into_iter().filter(|letter| !config.machine.layout().is_held(*letter))
 }
 
 /// Homing of all joints of legs together, where that keeps what the order of the file does not.
-fn homings(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
+fn homings(config: &Mechanism) -> Result<Vec<Edit>, FixError> {
     let mut edits = vec![];
     for mechanism in config.mechanisms() {
         let troubles = homing::check(&config.ini, mechanism)?;
@@ -121,7 +121,7 @@ fn homings(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
 }
 
 /// Axis limits that are proved, in the place of those of which most is out of reach, or which are missing.
-fn axes(config: &MachineConfig, mut text: String) -> Result<String, FixError> {
+fn axes(config: &Mechanism, mut text: String) -> Result<String, FixError> {
     for mechanism in config.mechanisms() {
         let report = report::check(mechanism, |_| ())?;
         let Some(limits) = suggested(mechanism, &report) else { continue };
@@ -146,7 +146,7 @@ fn axes(config: &MachineConfig, mut text: String) -> Result<String, FixError> {
 
 /// The proved limits, where those of the file are of little use. Where axes carry something, those that are
 /// proved are not those that programs say.
-fn suggested(config: &MachineConfig, report: &Report) -> Option<AxisBox> {
+fn suggested(config: &Mechanism, report: &Report) -> Option<AxisBox> {
     let axis = |letter: Letter| &config.programmed[letter.index()];
     let is_open = moved(config).any(|l| axis(l).min.is_infinite() || axis(l).max.is_infinite());
     let is_useless = report.taken.is_some_and(|taken| taken < MOST);
@@ -178,7 +178,7 @@ fn boxed(file: &Path, text: String) -> Result<Fixed, FixError> {
 /// They stand in an included file.
 pub fn rewritten(
     text: &str,
-    config: &MachineConfig,
+    config: &Mechanism,
     found: &[boxes::BoxSection],
 ) -> Result<String, Elsewhere> {
     let letters = config.machine.layout().coordinates().as_slice();

@@ -10,7 +10,7 @@ use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
 use crate::read::ini::{Ini, IniError};
 use crate::read::joints::JointKind;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::Letter;
 
 /// Largest difference of HOME of a joint and the kinematics at [TRAJ]HOME, as a share of the
@@ -25,7 +25,7 @@ const NEXT_TO_NOTHING: f64 = 5e-4;
 ///
 /// # Errors
 /// The machine cannot be at its home, or a value is no number.
-pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), MachineError> {
+pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), MachineError> {
     let ini = &*config.ini;
     homes(report, ini, config)?;
     for trouble in homing::check(ini, config)? {
@@ -34,7 +34,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), M
     Ok(())
 }
 
-fn tolerance(config: &MachineConfig, kind: JointKind) -> f64 {
+fn tolerance(config: &Mechanism, kind: JointKind) -> f64 {
     match kind {
         JointKind::Arm => HOME_TOLERANCE.to_degrees(),
         _ => HOME_TOLERANCE * config.machine.size(),
@@ -50,7 +50,7 @@ fn off(value: f64, unit: &str) -> String {
 }
 
 /// HOME of joints and axes against the kinematics and the limits.
-fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), MachineError> {
+fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), MachineError> {
     let joints = config
         .machine
         .inverse(&config.home_pose(), &config.spindle)
@@ -107,7 +107,7 @@ fn homes(report: &mut Report, ini: &Ini, config: &MachineConfig) -> Result<(), M
 }
 
 /// `[AXIS_L]HOME`, which only old versions of LinuxCNC read.
-fn axis_homes(report: &mut Report, ini: &Ini, config: &MachineConfig) {
+fn axis_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
         let (section, home) = (config.place.axis_section(letter), config.start[letter.index()]);
         let Ok(given) = ini.number_or(&section, "HOME", home) else { continue };
@@ -123,7 +123,7 @@ fn axis_homes(report: &mut Report, ini: &Ini, config: &MachineConfig) {
 }
 
 /// HOME of extra axes against the limits of joint and axis.
-fn extra_homes(report: &mut Report, ini: &Ini, config: &MachineConfig) {
+fn extra_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
     for (n, extra) in config.extra.iter().enumerate() {
         let (joint, axis) = (&extra.joint, &extra.axis);
         let (least, most) = (joint.min.max(axis.min), joint.max.min(axis.max));
@@ -145,11 +145,7 @@ fn severity(trouble: &Trouble) -> Severity {
     }
 }
 
-fn homing_problem(
-    ini: &Ini,
-    config: &MachineConfig,
-    trouble: &Trouble,
-) -> Result<IniError, IniError> {
+fn homing_problem(ini: &Ini, config: &Mechanism, trouble: &Trouble) -> Result<IniError, IniError> {
     Ok(match trouble {
         Trouble::LeftOut(i) => {
             let section = format!("JOINT_{i}");

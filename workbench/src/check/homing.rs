@@ -8,7 +8,7 @@
 use crate::check::sequence;
 use crate::limits;
 use crate::read::ini::{Ini, IniError};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Joints, MAX_JOINTS, Margin};
 
 /// Places looked at on the way of a sequence.
@@ -40,7 +40,7 @@ pub enum Trouble {
 ///
 /// # Errors
 /// A value that is no number.
-pub(crate) fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, IniError> {
+pub(crate) fn check(ini: &Ini, config: &Mechanism) -> Result<Vec<Trouble>, IniError> {
     // Its own, and those of extra axes, which stand behind a second mechanism's.
     let own = config.place.first_joint..config.place.first_joint + config.joints.len();
     let extra = config.guarded_joints()..config.guarded_joints() + config.extra.len();
@@ -66,7 +66,7 @@ pub(crate) fn check(ini: &Ini, config: &MachineConfig) -> Result<Vec<Trouble>, I
 
 /// A switch beyond the limits of its joint: of a machine's own joints, then those of its extra axes, the one at
 /// place `n`, which LinuxCNC counts as `i`.
-fn outside(config: &MachineConfig, (n, i): (usize, usize), joint: &Homing) -> Option<Trouble> {
+fn outside(config: &Mechanism, (n, i): (usize, usize), joint: &Homing) -> Option<Trouble> {
     let switch = joint.switch.filter(|_| joint.sequence.is_some())?;
     let (own, unit) = match config.joints.get(n) {
         Some(own) => (own, config.unit(own.kind)),
@@ -81,7 +81,7 @@ fn outside(config: &MachineConfig, (n, i): (usize, usize), joint: &Homing) -> Op
 
 /// Whether the way of all joints together, from HOME to their switches, keeps what the order of the file
 /// does not.
-pub(crate) fn is_kept_together(ini: &Ini, config: &MachineConfig) -> Result<bool, IniError> {
+pub(crate) fn is_kept_together(ini: &Ini, config: &Mechanism) -> Result<bool, IniError> {
     let first = config.place.first_joint;
     let mut joints: Vec<Homing> =
         (first..first + config.joints.len()).map(|i| homing(ini, i)).collect::<Result<_, _>>()?;
@@ -100,7 +100,7 @@ fn homing(ini: &Ini, i: usize) -> Result<Homing, IniError> {
     })
 }
 
-fn follow(config: &MachineConfig, joints: &[Homing], sequence: i64) -> Option<Trouble> {
+fn follow(config: &Mechanism, joints: &[Homing], sequence: i64) -> Option<Trouble> {
     let target = |i: usize| {
         let own = joints.get(i).filter(|j| j.sequence.is_some_and(|s| s.abs() == sequence.abs()));
         own.and_then(|joint| joint.switch)

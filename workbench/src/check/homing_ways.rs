@@ -13,7 +13,7 @@ use crate::limits;
 use crate::proof::axis_box;
 use crate::proof::reach::Reach;
 use crate::read::ini::{Ini, IniError};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Joints, Letter, Pose};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -103,7 +103,7 @@ pub struct Moment {
 
 #[derive(Clone, Debug)]
 pub struct Homing<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     pub joints: Vec<Joint>,
     /// Poses to begin from, and the joints there.
     starts: Vec<([f64; 6], Joints)>,
@@ -114,7 +114,7 @@ impl<'a> Homing<'a> {
     ///
     /// # Errors
     /// A value that is no number.
-    pub fn new(config: &'a MachineConfig) -> Result<Option<Self>, IniError> {
+    pub fn new(config: &'a Mechanism) -> Result<Option<Self>, IniError> {
         if !config.chain.is_empty() {
             return Ok(None);
         }
@@ -380,7 +380,7 @@ impl<'a> Homing<'a> {
     }
 }
 
-fn joint(ini: &Ini, config: &MachineConfig, i: usize) -> Result<Joint, IniError> {
+fn joint(ini: &Ini, config: &Mechanism, i: usize) -> Result<Joint, IniError> {
     let section = config.place.joint_section(i);
     let number = |key, default| ini.number_or(&section, key, default);
     let [search, latch] = [number("HOME_SEARCH_VEL", 0.0)?, number("HOME_LATCH_VEL", 0.0)?];
@@ -417,7 +417,7 @@ pub fn sequences(order: &[Group]) -> Vec<i64> {
 }
 
 /// A pose in the letters that the machine moves.
-pub fn shown(config: &MachineConfig, pose: &[f64; 6]) -> String {
+pub fn shown(config: &Mechanism, pose: &[f64; 6]) -> String {
     let moved = Letter::ALL.iter().filter(|letter| !config.machine.layout().is_held(**letter));
     let word =
         |letter: &Letter| format!("{}{:.2}", config.place.letter(*letter), pose[letter.index()]);
@@ -428,10 +428,7 @@ pub fn shown(config: &MachineConfig, pose: &[f64; 6]) -> String {
 ///
 /// # Errors
 /// A value that is no number.
-pub(crate) fn told(
-    ini: &Ini,
-    config: &MachineConfig,
-) -> Result<(String, Option<IniError>), IniError> {
+pub(crate) fn told(ini: &Ini, config: &Mechanism) -> Result<(String, Option<IniError>), IniError> {
     let Some(homing) = Homing::new(config)? else {
         return Ok(("not judged from elsewhere than HOME: axes carry something".into(), None));
     };

@@ -9,7 +9,7 @@
 //! once their drives stand still. The rank of their rows does.
 
 use crate::read::legs::platform_anchor;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::rows::{RANK_TOLERANCE, Rows};
 use kinematics::{Fault, Letter, Vector3};
 
@@ -22,7 +22,7 @@ const FREEDOMS: [i32; 3] = [1, 2, 3];
 ///
 /// # Errors
 /// As [`kinematics::Machine::at`].
-pub fn rows_at_home(config: &MachineConfig) -> Result<Rows, Fault> {
+pub fn rows_at_home(config: &Mechanism) -> Result<Rows, Fault> {
     let at = config.machine.at(&config.home_pose(), &config.spindle)?;
     let mut rows = Rows::zeros();
     for (i, leg) in config.geometry.legs().iter().enumerate() {
@@ -72,7 +72,7 @@ impl Structure {
     ///
     /// # Errors
     /// As [`rows_at_home`].
-    pub fn of(config: &MachineConfig) -> Result<Self, Fault> {
+    pub fn of(config: &Mechanism) -> Result<Self, Fault> {
         let rows = rows_at_home(config)?;
         let coordinates = config.machine.layout().coordinates();
         let (active, held): (Vec<Letter>, Vec<Letter>) =

@@ -7,7 +7,7 @@ use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
 use crate::read::joints::{Joint, JointKind};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Joints, Letter, Pose};
 
 /// Nanoseconds of servo cycles that machines have: from what a computer just keeps to what a drive still follows.
@@ -37,7 +37,7 @@ const STEP: [f64; 2] = [1e-4, 0.01];
 ///
 /// # Errors
 /// A value that is no number.
-pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     if !config.place.is_second {
         angles(report, config);
         letters(report, config);
@@ -68,7 +68,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
 
 /// The kinematics compute in degrees. LinuxCNC takes a name, in small or capital letters, or the number of units in a
 /// degree; `degrees` ends its start, and so does no such key.
-fn angles(report: &mut Report, config: &MachineConfig) {
+fn angles(report: &mut Report, config: &Mechanism) {
     let is_degree = config.ini.first("TRAJ", "ANGULAR_UNITS").is_some_and(|entry| {
         let value = entry.value.to_lowercase();
         ["deg", "degree"].contains(&value.as_str()) || value.parse() == Ok(1.0)
@@ -79,7 +79,7 @@ fn angles(report: &mut Report, config: &MachineConfig) {
     }
 }
 
-fn period(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+fn period(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     let [least, most] = PERIODS;
     let given = config.ini.first("EMCMOT", "SERVO_PERIOD");
     if let Some(entry) = given.filter(|entry| entry.value.trim().parse::<i64>().is_err()) {
@@ -98,7 +98,7 @@ fn period(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
 }
 
 /// How long LinuxCNC's task waits for motion, which takes a command in a servo cycle.
-fn answers(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+fn answers(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     const KEY: (&str, &str) = ("EMCMOT", "COMM_TIMEOUT");
     if config.ini.number_or(KEY.0, KEY.1, 1.0)? <= config.period {
         let text = "LinuxCNC's start ends here, for motion answers once in a servo cycle: expected seconds, mostly 1";
@@ -108,7 +108,7 @@ fn answers(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> 
 }
 
 /// How many spindles LinuxCNC's task sets up, and programs may name.
-fn spindles(report: &mut Report, config: &MachineConfig) {
+fn spindles(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("TRAJ", "SPINDLES") else { return };
     let count = entry.value.trim().parse::<usize>();
     if !count.is_ok_and(|count| (1..=SPINDLES).contains(&count)) {
@@ -120,7 +120,7 @@ fn spindles(report: &mut Report, config: &MachineConfig) {
 }
 
 /// Lengths that are declared as angles, or the other way round.
-fn kind(report: &mut Report, config: &MachineConfig, section: &str, joint: &Joint) {
+fn kind(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     let expected = if joint.kind == JointKind::Arm { "ANGULAR" } else { "LINEAR" };
     if let Some(entry) = config.ini.first(section, "TYPE").filter(|entry| entry.value != expected) {
         let text = format!("expected {expected}, as {} is", joint.name);
@@ -131,7 +131,7 @@ fn kind(report: &mut Report, config: &MachineConfig, section: &str, joint: &Join
 /// Following errors that LinuxCNC sets itself, or that stop nothing.
 fn following(
     report: &mut Report,
-    config: &MachineConfig,
+    config: &Mechanism,
     section: &str,
     joint: &Joint,
 ) -> Result<(), IniError> {
@@ -162,7 +162,7 @@ fn following(
 }
 
 /// Corrections that come in faster than the drive can accelerate: they have their whole speed in a cycle.
-fn ramp(report: &mut Report, config: &MachineConfig, section: &str, joint: &Joint) {
+fn ramp(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     let [_, rate] = joint.correction;
     let most = joint.max_acceleration * config.period / IN_A_CYCLE;
     if rate > most {
@@ -179,7 +179,7 @@ fn ramp(report: &mut Report, config: &MachineConfig, section: &str, joint: &Join
 /// Play that no drive has, or that is taken away where it has to be added.
 fn backlash(
     report: &mut Report,
-    config: &MachineConfig,
+    config: &Mechanism,
     Motor { section, joint, unit, turns }: &Motor,
 ) -> Result<(), IniError> {
     const KEY: &str = "BACKLASH";
@@ -203,7 +203,7 @@ fn backlash(
 
 /// Table axes that are slower than the coordinate that they follow one to one while the machine is level, or that end
 /// before it does.
-fn tables(report: &mut Report, config: &MachineConfig) {
+fn tables(report: &mut Report, config: &Mechanism) {
     let joints =
         config.joints[config.legs()..].iter().zip(config.machine.layout().table().as_slice());
     for (n, (joint, letter)) in joints.enumerate() {
@@ -227,7 +227,7 @@ fn tables(report: &mut Report, config: &MachineConfig) {
 }
 
 /// Extra axes that end before their coordinate does.
-fn extra(report: &mut Report, config: &MachineConfig) {
+fn extra(report: &mut Report, config: &Mechanism) {
     for (n, extra) in config.extra.iter().enumerate().filter(|_| !config.place.is_second) {
         let own = format!("JOINT_{}", config.guarded_joints() + n);
         let axis = format!("AXIS_{}", extra.letter);
@@ -239,7 +239,7 @@ fn extra(report: &mut Report, config: &MachineConfig) {
 /// Ends of a joint that its axis goes beyond.
 fn ends(
     report: &mut Report,
-    config: &MachineConfig,
+    config: &Mechanism,
     (joint, axis): (&str, &str),
     own: [f64; 2],
     of_axis: [f64; 2],
@@ -259,7 +259,7 @@ fn ends(
 }
 
 /// Letters that LinuxCNC takes for axes and that stand there by mistake, as those of a comment.
-fn letters(report: &mut Report, config: &MachineConfig) {
+fn letters(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("TRAJ", "COORDINATES") else { return };
     if !entry
         .value
@@ -272,7 +272,7 @@ fn letters(report: &mut Report, config: &MachineConfig) {
 }
 
 /// Speeds and accelerations of axes that LinuxCNC sets itself.
-fn defaults(report: &mut Report, config: &MachineConfig, section: &str) {
+fn defaults(report: &mut Report, config: &Mechanism, section: &str) {
     for key in ["MAX_VELOCITY", "MAX_ACCELERATION"] {
         if config.ini.first(section, key).is_none() {
             let text = "LinuxCNC takes 1, which is slow for most machines: give that of the tool";
@@ -282,7 +282,7 @@ fn defaults(report: &mut Report, config: &MachineConfig, section: &str) {
 }
 
 /// An axis that cannot turn round, of which LinuxCNC believes it can.
-fn wrapped(report: &mut Report, config: &MachineConfig, letter: Letter, section: &str) {
+fn wrapped(report: &mut Report, config: &Mechanism, letter: Letter, section: &str) {
     let Some(entry) = config.ini.first(section, "WRAPPED_ROTARY") else { return };
     let range = config.axes[letter.index()].max - config.axes[letter.index()].min;
     if range < 360.0 && !["0", "no", "false", "off"].contains(&entry.value.to_lowercase().as_str())
@@ -295,7 +295,7 @@ fn wrapped(report: &mut Report, config: &MachineConfig, letter: Letter, section:
 }
 
 /// An axis whose speed no joint comes near to.
-fn too_fast(report: &mut Report, config: &MachineConfig, letter: Letter, section: &str) {
+fn too_fast(report: &mut Report, config: &Mechanism, letter: Letter, section: &str) {
     let k = letter.index();
     let step = if letter.is_angle() { STEP[1] } else { STEP[0] * config.machine.size() };
     let joints = |way: f64| -> Option<Joints> {

@@ -2,7 +2,7 @@
 //! What moves the joints of a machine: those of its legs, and those of extra axes.
 
 use crate::read::joints::{Joint, JointKind};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 
 /// What moves a leg or an extra axis.
 pub(super) struct Motor<'a> {
@@ -15,7 +15,7 @@ pub(super) struct Motor<'a> {
 }
 
 /// All of a mechanism; extra axes, whose joints stand behind all others, are of the first.
-pub(super) fn of(config: &MachineConfig) -> Vec<Motor<'_>> {
+pub(super) fn of(config: &Mechanism) -> Vec<Motor<'_>> {
     let own = config.joints.iter().enumerate().map(|(i, joint)| Motor {
         section: config.place.joint_section(i),
         joint,

@@ -8,20 +8,20 @@ use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Margin, Nearest};
 
 /// Share of a limit that has to be left at home: less is mostly a slip, and no jog has room.
 const LEAST: f64 = 0.005;
 
 /// What is nearest at home: of the limits, and of the legs.
-pub(super) fn at_home(report: &mut Report, config: &MachineConfig) {
+pub(super) fn at_home(report: &mut Report, config: &Mechanism) {
     limit_at_home(report, config);
     legs_at_home(report, config);
 }
 
 /// The limit of which the smallest share is left at home.
-fn limit_at_home(report: &mut Report, config: &MachineConfig) {
+fn limit_at_home(report: &mut Report, config: &Mechanism) {
     let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) else { return };
     let mut nearest: Option<Margin> = None;
     limits::each(&at, &limits::of(config), |margin| {
@@ -47,14 +47,14 @@ fn limit_at_home(report: &mut Report, config: &MachineConfig) {
     }
 }
 
-fn shown_nearest(config: &MachineConfig, Nearest { distance, pair: [i, j] }: &Nearest) -> String {
+fn shown_nearest(config: &Mechanism, Nearest { distance, pair: [i, j] }: &Nearest) -> String {
     let (distance, unit) = (limits::shown(*distance), config.length_unit());
     let [i, j] = [i, j].map(|leg| config.place.first_leg + leg);
     format!("the centre lines of legs {i} and {j} are {distance} {unit} apart")
 }
 
 /// The nearest legs at home, and those whose distance is not judged.
-fn legs_at_home(report: &mut Report, config: &MachineConfig) {
+fn legs_at_home(report: &mut Report, config: &Mechanism) {
     let at = config.machine.at(&config.home_pose(), &config.spindle);
     let nearest = at.ok().and_then(|at| at.nearest());
     if let Some(nearest) = nearest {
@@ -75,7 +75,7 @@ fn legs_at_home(report: &mut Report, config: &MachineConfig) {
 }
 
 /// The nearest legs within the axis limits, and what nothing keeps them from.
-pub(super) fn seen(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
+pub(super) fn seen(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) {
     let Some((nearest, pose)) = &seen.nearest else { return };
     let (apart, place) = (shown_nearest(config, nearest), shown_pose(config, pose));
     report.more("nearest legs", format!("{apart}, the least seen in the axis limits, at {place}"));

@@ -7,7 +7,7 @@ use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::joints::Joint;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::At;
 
 /// Legs that have to be alike before another one is unlike them: of three legs, two beside each other and one
@@ -46,7 +46,7 @@ struct Quantity {
 }
 
 /// Tells the first leg that is unlike all others, by the first quantity that shows it.
-pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
+pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let found = quantities(config, at).into_iter().find_map(|quantity| {
         let leg = odd(&quantity.values, quantity.scale)?;
         Some((quantity, leg))
@@ -68,7 +68,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
 }
 
 /// Tells every key whose value one joint has for itself, where those of all other legs are alike.
-pub(super) fn keys(report: &mut Report, config: &MachineConfig) {
+pub(super) fn keys(report: &mut Report, config: &Mechanism) {
     let joints = &config.joints[..config.legs()];
     if joints.iter().any(|joint| joint.kind != joints[0].kind) {
         return;
@@ -102,7 +102,7 @@ fn apart(values: &[f64]) -> Option<usize> {
     })
 }
 
-fn quantities(config: &MachineConfig, at: &At) -> Vec<Quantity> {
+fn quantities(config: &Mechanism, at: &At) -> Vec<Quantity> {
     let (legs, size) = (config.geometry.legs(), config.machine.size());
     let unit = config.length_unit();
     let length = |name, keys, values| Quantity { name, unit, keys, scale: size, values };

@@ -5,7 +5,7 @@
 use crate::check::findings::Report;
 use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{At, Vector3};
 
 /// Distance of a joint from the middle, as a share of the farthest one's, below which it has no direction; and
@@ -19,7 +19,7 @@ const LEVEL: f64 = 0.5;
 const SAME_DEG: f64 = 1e-6;
 
 /// Tells the order of the legs seen from above.
-pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
+pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let segments = &at.segments()[..config.legs()];
     let bases: Vec<_> = segments.iter().map(|leg| leg.base).collect();
     let platform: Vec<_> = segments.iter().map(|leg| leg.platform).collect();
@@ -54,7 +54,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
 }
 
 /// Whether carriages run across, where they stand beside and behind each other, and around nothing.
-fn has_level_guides(config: &MachineConfig) -> bool {
+fn has_level_guides(config: &Mechanism) -> bool {
     let is_level = |guide: [f64; 3]| guide[2].abs() < LEVEL * Vector3::from(guide).norm();
     config.geometry.legs().iter().filter_map(|leg| leg.kind.guide()).any(is_level)
 }

@@ -26,14 +26,14 @@ use crate::check::wiring;
 use crate::check::workspace;
 use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::tools::Tool;
 
 /// Checks a machine, of two mechanisms one; `progress` is told the share of the work that is done.
 ///
 /// # Errors
 /// The file describes no machine.
-pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report, MachineError> {
+pub fn check(config: &Mechanism, progress: impl FnMut(f64)) -> Result<Report, MachineError> {
     let mut report = Report::new(config);
     structure(&mut report, config)?;
     for error in config.refused_boxes.iter().flat_map(MachineError::in_file) {
@@ -76,7 +76,7 @@ pub fn check(config: &MachineConfig, progress: impl FnMut(f64)) -> Result<Report
     Ok(report)
 }
 
-fn structure(report: &mut Report, config: &MachineConfig) -> Result<(), MachineError> {
+fn structure(report: &mut Report, config: &Mechanism) -> Result<(), MachineError> {
     let structure = Structure::of(config)
         .map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))?;
     let groups = config.groups();
@@ -96,11 +96,7 @@ fn structure(report: &mut Report, config: &MachineConfig) -> Result<(), MachineE
 }
 
 /// What was understood of machine and tools, so that a slip is seen.
-fn understood(
-    report: &mut Report,
-    config: &MachineConfig,
-    tools: &[Tool],
-) -> Result<(), MachineError> {
+fn understood(report: &mut Report, config: &Mechanism, tools: &[Tool]) -> Result<(), MachineError> {
     let at = config.machine.at(&config.home_pose(), &config.spindle);
     let at = at.map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))?;
     size::check(report, config, &at);

@@ -8,7 +8,7 @@ use crate::check::findings::Report;
 use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::leg::StrutGeometry;
 use kinematics::{At, LegKind, Vector3};
 
@@ -34,7 +34,7 @@ impl Screw {
 }
 
 /// The hand of every leg's screw at home: `R`, `L`, or `?` where the axes do not say it; nothing of legs without one.
-pub fn hands(config: &MachineConfig, at: &At) -> Vec<Option<char>> {
+pub fn hands(config: &Mechanism, at: &At) -> Vec<Option<char>> {
     let mut hands = vec![None; config.legs()];
     for screw in screws(config, at) {
         hands[screw.leg] =
@@ -44,7 +44,7 @@ pub fn hands(config: &MachineConfig, at: &At) -> Vec<Option<char>> {
 }
 
 /// Tells leads and hands, and where the hands differ.
-pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
+pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let is_strut = |leg: &kinematics::LegGeometry| matches!(leg.kind, LegKind::Strut(_));
     if !config.geometry.legs().iter().any(is_strut) {
         return;
@@ -83,7 +83,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
 }
 
 /// The section and key that a lead stands at.
-fn place_of_lead(config: &MachineConfig, leg: usize) -> (String, &'static str) {
+fn place_of_lead(config: &Mechanism, leg: usize) -> (String, &'static str) {
     let section = config.place.leg_section(leg);
     match config.ini.first(&section, "LEAD") {
         Some(_) => (section, "LEAD"),
@@ -92,7 +92,7 @@ fn place_of_lead(config: &MachineConfig, leg: usize) -> (String, &'static str) {
 }
 
 /// A lead that takes the strut through its travel in few turns.
-fn steep(report: &mut Report, config: &MachineConfig, screw: &Screw) {
+fn steep(report: &mut Report, config: &Mechanism, screw: &Screw) {
     let (joint, unit) = (&config.joints[screw.leg], config.length_unit());
     let text = format!(
         "{} turns through its {} {unit} of travel in {:.1} turns: expected {unit} a turn, as for all lengths",
@@ -104,11 +104,11 @@ fn steep(report: &mut Report, config: &MachineConfig, screw: &Screw) {
     report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
 }
 
-fn name(config: &MachineConfig, screw: &Screw) -> usize {
+fn name(config: &Mechanism, screw: &Screw) -> usize {
     config.place.first_leg + screw.leg
 }
 
-fn screws(config: &MachineConfig, at: &At) -> Vec<Screw> {
+fn screws(config: &Mechanism, at: &At) -> Vec<Screw> {
     let strut = |(leg, geometry): (usize, &kinematics::LegGeometry)| {
         let strut = geometry.kind.screw();
         (strut.lead != 0.0).then(|| {
@@ -130,7 +130,7 @@ fn is_opposite(strut: &StrutGeometry, along: &Vector3<f64>) -> Option<bool> {
 }
 
 /// Screws of one machine are mostly of one hand.
-fn differing(report: &mut Report, config: &MachineConfig, screws: &[Screw]) {
+fn differing(report: &mut Report, config: &Mechanism, screws: &[Screw]) {
     let of = |hand| screws.iter().filter(|screw| screw.is_right() == Some(hand)).count();
     let (right, left) = (of(true), of(false));
     if right == 0 || left == 0 {

@@ -8,7 +8,7 @@ use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 
 /// Share of a joint's range at its ends: a switch there is met from the other end, elsewhere from both.
 const END: f64 = 0.05;
@@ -21,7 +21,7 @@ const BEYOND: f64 = 0.9;
 ///
 /// # Errors
 /// A value that is no number.
-pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     // Of machines whose axes carry something homing is not followed.
     let homing = Homing::new(config)?;
     for (i, motor) in motors::of(config).into_iter().enumerate() {
@@ -35,7 +35,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
 
 /// Keys of a joint, each with what is wrong with it.
 fn of_joint(
-    config: &MachineConfig,
+    config: &Mechanism,
     motor: &Motor,
     share_closed: Option<f64>,
 ) -> Result<Vec<(&'static str, String)>, IniError> {

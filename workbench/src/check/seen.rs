@@ -5,7 +5,7 @@ use crate::limits;
 use crate::proof::axis_box::AxisBox;
 use crate::proof::conditioning;
 use crate::proof::reach::Reach;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Limit, Limits, Margin, Nearest};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -30,7 +30,7 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    pub(super) fn of(config: &MachineConfig, reach: &Reach, within: &AxisBox) -> Self {
+    pub(super) fn of(config: &Mechanism, reach: &Reach, within: &AxisBox) -> Self {
         let mut rng = Pcg64::seed_from_u64(1);
         let joints = vec![(f64::INFINITY, f64::NEG_INFINITY); config.joints.len()];
         let mut seen =
@@ -88,7 +88,7 @@ impl Seen {
 }
 
 /// A pose of the machine within the limits of the axes, and of those that carry something.
-fn drawn_pose(config: &MachineConfig, within: &AxisBox, rng: &mut Pcg64) -> [f64; 6] {
+fn drawn_pose(config: &Mechanism, within: &AxisBox, rng: &mut Pcg64) -> [f64; 6] {
     if config.chain.is_empty() {
         return within.at(std::array::from_fn(|_| rng.random()));
     }
@@ -109,7 +109,7 @@ fn drawn_pose(config: &MachineConfig, within: &AxisBox, rng: &mut Pcg64) -> [f64
 }
 
 /// Share of the poses of a box that the machine can take, seen.
-pub(super) fn taken(config: &MachineConfig, reach: &Reach, within: &AxisBox) -> f64 {
+pub(super) fn taken(config: &Mechanism, reach: &Reach, within: &AxisBox) -> f64 {
     let mut rng = Pcg64::seed_from_u64(2);
     let inside =
         (0..DRAWN).filter(|_| reach.check(&drawn_pose(config, within, &mut rng)).is_ok()).count();

@@ -5,7 +5,7 @@ use crate::check::findings::Report;
 use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::joints::JointKind;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{At, Vector3};
 
 /// How far the joints of base or platform stand apart, in metres, beyond which the unit is doubted. A wrong unit makes a machine
@@ -21,7 +21,7 @@ const FASTEST_M: f64 = 10.0;
 const METRES: f64 = 1e-3;
 
 /// Tells unit and size, and where they are none that machines have.
-pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
+pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let extent = extent(config, at);
     let metres = extent * (METRES / config.units_per_mm);
     let (unit, [x, y, z]) = (config.length_unit(), <[f64; 3]>::from(metres));
@@ -49,14 +49,14 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At) {
 }
 
 /// Width, depth and height of what holds the joints of all legs, machine units.
-fn extent(config: &MachineConfig, at: &At) -> Vector3<f64> {
+fn extent(config: &Mechanism, at: &At) -> Vector3<f64> {
     let segments = &at.segments()[..config.legs()];
     let bases = config.geometry.legs().iter().map(|leg| Vector3::from(leg.base));
     around(segments.iter().flat_map(|leg| [leg.base, leg.platform]).chain(bases))
 }
 
 /// How far the joints of base or platform stand apart, which no pose changes much.
-fn widest(config: &MachineConfig, at: &At) -> f64 {
+fn widest(config: &Mechanism, at: &At) -> f64 {
     let segments = &at.segments()[..config.legs()];
     let base = around(segments.iter().map(|leg| leg.base)).max();
     base.max(around(segments.iter().map(|leg| leg.platform)).max())
@@ -69,7 +69,7 @@ fn around(points: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
 }
 
 /// Drives that are faster than any, of which the first is told.
-fn speeds(report: &mut Report, config: &MachineConfig) {
+fn speeds(report: &mut Report, config: &Mechanism) {
     let is_length = |kind| kind != JointKind::Arm;
     let speed = |value: f64| value * METRES / config.units_per_mm;
     let mut joints = config.joints.iter().enumerate().filter(|(_, joint)| is_length(joint.kind));

@@ -6,7 +6,7 @@ use crate::check::programs;
 use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::Letter;
 
 /// By how many times the speed of the path may differ from what the axes give: less than a unit (an inch is 25.4 mm,
@@ -17,7 +17,7 @@ const OFF: f64 = 20.0;
 const LINEAR: &str = "LINEAR";
 
 /// Everything of it.
-pub(super) fn check(report: &mut Report, config: &MachineConfig) {
+pub(super) fn check(report: &mut Report, config: &Mechanism) {
     path(report, config);
     let moved = || Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
     for (kind, is_there) in [(LINEAR, true), ("ANGULAR", moved().any(|l| l.is_angle()))] {
@@ -28,7 +28,7 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) {
 }
 
 /// A speed of the path that nothing comes near to, or that holds everything back. LinuxCNC compares it with lengths alone.
-fn path(report: &mut Report, config: &MachineConfig) {
+fn path(report: &mut Report, config: &Mechanism) {
     const KEY: &str = "MAX_LINEAR_VELOCITY";
     let moved = Letter::ALL
         .into_iter()

@@ -3,10 +3,10 @@
 
 use crate::check::findings::Report;
 use crate::read::diagnostic::Severity;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 
 /// Everything of it.
-pub(super) fn check(report: &mut Report, config: &MachineConfig) {
+pub(super) fn check(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return };
     if let Some(rest) = comment(&entry.value) {
         let text = format!(

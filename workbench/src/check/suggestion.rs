@@ -2,11 +2,11 @@
 //! Axis limits that are proved, and what a smaller tilt gains, as text.
 
 use crate::proof::axis_box::AxisBox;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::Letter;
 use std::fmt::Write;
 
-pub(crate) fn shown_pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
+pub(crate) fn shown_pose(config: &Mechanism, pose: &[f64; 6]) -> String {
     let moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
     let word =
         |letter: &Letter| format!("{}{:.2}", config.place.letter(*letter), pose[letter.index()]);
@@ -14,7 +14,7 @@ pub(crate) fn shown_pose(config: &MachineConfig, pose: &[f64; 6]) -> String {
 }
 
 /// Tilts and widths of their boxes, as a table; empty where there are none.
-pub fn tilt_table(config: &MachineConfig, tilts: &[(f64, Option<AxisBox>)]) -> String {
+pub fn tilt_table(config: &Mechanism, tilts: &[(f64, Option<AxisBox>)]) -> String {
     let letters: Vec<Letter> = [Letter::X, Letter::Y, Letter::Z]
         .into_iter()
         .filter(|letter| !config.machine.layout().is_held(*letter))
@@ -38,7 +38,7 @@ pub fn tilt_table(config: &MachineConfig, tilts: &[(f64, Option<AxisBox>)]) -> S
 }
 
 /// The limits as lines of an INI file, of the coordinates that the machine moves.
-pub fn axis_lines(config: &MachineConfig, limits: &AxisBox) -> String {
+pub fn axis_lines(config: &Mechanism, limits: &AxisBox) -> String {
     let mut text = String::new();
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
         let (low, high) = (limits.low[letter.index()], limits.high[letter.index()]);

@@ -6,7 +6,7 @@ use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::tools::{self, Tool};
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ use std::collections::HashMap;
 const LONG: f64 = 2.0;
 
 /// The tools of the table, and what is wrong with them; none where it cannot be read.
-pub(super) fn read(report: &mut Report, config: &MachineConfig) -> Vec<Tool> {
+pub(super) fn read(report: &mut Report, config: &Mechanism) -> Vec<Tool> {
     let whole = |text: &str| at_key(&config.ini, "EMCIO", "TOOL_TABLE", text);
     let tools = match tools::read(config) {
         Ok(tools) => tools,
@@ -60,7 +60,7 @@ pub(super) fn read(report: &mut Report, config: &MachineConfig) -> Vec<Tool> {
 const POCKETS: usize = 1000;
 
 /// A line that LinuxCNC drops as a whole.
-fn dropped(config: &MachineConfig, tool: &Tool) -> Option<IniError> {
+fn dropped(config: &Mechanism, tool: &Tool) -> Option<IniError> {
     let word = tool.dropped_by.as_ref().filter(|_| !config.place.is_second)?;
     let text = format!(
         "LinuxCNC drops this line for the word {word}, and T{} is not found: expected words of T P X Y Z A B C U V W D I J Q, \
@@ -71,12 +71,7 @@ fn dropped(config: &MachineConfig, tool: &Tool) -> Option<IniError> {
 }
 
 /// What is wrong with a tool behind `count` others, of which the last with its number stands in the line `before`.
-fn of_tool(
-    config: &MachineConfig,
-    tool: &Tool,
-    count: usize,
-    before: Option<usize>,
-) -> Vec<IniError> {
+fn of_tool(config: &Mechanism, tool: &Tool, count: usize, before: Option<usize>) -> Vec<IniError> {
     let mut found = vec![];
     if let Some(line) = before {
         let text =

@@ -4,7 +4,7 @@
 use crate::check::findings::Report;
 use crate::limits;
 use crate::read::direction::ToolDirection;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::tools::Tool;
 use kinematics::{At, Vector3};
 
@@ -15,7 +15,7 @@ const NAMED: usize = 8;
 const ALONG: f64 = 0.7;
 
 /// Where the tips are, seen from the middle of the platform joints.
-pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At, tools: &[Tool]) {
+pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At, tools: &[Tool]) {
     if config.chain.is_bare() {
         let text = "not judged: an axis carries the tool, or the tools stand in base";
         return report.fact("tool tips", text);
@@ -33,13 +33,13 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig, at: &At, tools:
     report.fact("", advice(config, tools));
 }
 
-fn row(config: &MachineConfig, at: &At, tool: &Tool) -> String {
+fn row(config: &Mechanism, at: &At, tool: &Tool) -> String {
     format!("{} {}", tool.name(), place(config, at, &tool.offset))
 }
 
 /// From the middle of the platform joints to the tip, in base; home is level, so that the platform's axes are
 /// those of base.
-fn place(config: &MachineConfig, at: &At, offset: &Vector3<f64>) -> String {
+fn place(config: &Mechanism, at: &At, offset: &Vector3<f64>) -> String {
     let legs = config.geometry.legs();
     let middle = legs.iter().map(|leg| Vector3::from(leg.platform)).sum::<Vector3<f64>>()
         / legs.len() as f64;
@@ -66,7 +66,7 @@ fn place(config: &MachineConfig, at: &At, offset: &Vector3<f64>) -> String {
 }
 
 /// What to do with it.
-fn advice(config: &MachineConfig, tools: &[Tool]) -> String {
+fn advice(config: &Mechanism, tools: &[Tool]) -> String {
     if let Some(direction) = config.tool_direction {
         return format!(
             "TOOL_DIRECTION = {}: tools of {} length are {} the platform's reference point",

@@ -7,7 +7,7 @@ use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
 use crate::read::joints::JointKind;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::Letter;
 
 /// Seconds from standstill to the largest speed, beyond which the unit of the acceleration is doubted.
@@ -38,7 +38,7 @@ const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
 ///
 /// # Errors
 /// A value that is no number.
-pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     if !config.place.is_second {
         version(report, config);
         path(report, config)?;
@@ -74,12 +74,12 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) -> Result<(), I
     Ok(())
 }
 
-fn warn(report: &mut Report, config: &MachineConfig, (section, key): (&str, &str), text: &str) {
+fn warn(report: &mut Report, config: &Mechanism, (section, key): (&str, &str), text: &str) {
     report.finding(Severity::Warning, at_key(&config.ini, section, key, text));
 }
 
 /// Of another version LinuxCNC changes the file before it starts.
-fn version(report: &mut Report, config: &MachineConfig) {
+fn version(report: &mut Report, config: &Mechanism) {
     const KEY: (&str, &str) = ("EMC", "VERSION");
     if config.ini.first(KEY.0, KEY.1).is_none_or(|entry| entry.value != "1.1") {
         let text =
@@ -89,7 +89,7 @@ fn version(report: &mut Report, config: &MachineConfig) {
 }
 
 /// Where LinuxCNC goes before it asks for another tool.
-fn tool_change(report: &mut Report, config: &MachineConfig) {
+fn tool_change(report: &mut Report, config: &Mechanism) {
     const KEY: (&str, &str) = ("EMCIO", "TOOL_CHANGE_POSITION");
     let Some(entry) = config.ini.first(KEY.0, KEY.1) else { return };
     let numbers: Vec<f64> =
@@ -112,7 +112,7 @@ fn tool_change(report: &mut Report, config: &MachineConfig) {
 }
 
 /// An acceleration of the path that holds everything back.
-fn path(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
+fn path(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     const KEY: (&str, &str) = ("TRAJ", "MAX_LINEAR_ACCELERATION");
     let moved = Letter::ALL
         .into_iter()
@@ -130,7 +130,7 @@ fn path(report: &mut Report, config: &MachineConfig) -> Result<(), IniError> {
 }
 
 /// Legs as thin as none are.
-fn thin(report: &mut Report, config: &MachineConfig) {
+fn thin(report: &mut Report, config: &Mechanism) {
     let least = THIN * config.machine.size();
     if let Some(clearance) = config.clearance.filter(|clearance| *clearance < least) {
         let text = format!(
@@ -143,7 +143,7 @@ fn thin(report: &mut Report, config: &MachineConfig) {
 }
 
 /// Limits of angles in radians.
-fn angles(report: &mut Report, config: &MachineConfig) {
+fn angles(report: &mut Report, config: &Mechanism) {
     let cones = |key, of: &[Option<f64>]| {
         let is_small = |angle: &Option<f64>| angle.is_some_and(|angle| angle <= RADIANS);
         let leg = of.iter().position(is_small)?;
@@ -179,7 +179,7 @@ fn angles(report: &mut Report, config: &MachineConfig) {
 }
 
 /// Limits farther away than the machine is large.
-fn away(report: &mut Report, config: &MachineConfig, section: &str, limits: [f64; 2]) {
+fn away(report: &mut Report, config: &Mechanism, section: &str, limits: [f64; 2]) {
     let (size, unit) = (config.machine.size(), config.length_unit());
     for (key, limit) in ["MIN_LIMIT", "MAX_LIMIT"].into_iter().zip(limits) {
         if limit.is_finite() && limit.abs() > AWAY * size {
@@ -194,7 +194,7 @@ fn away(report: &mut Report, config: &MachineConfig, section: &str, limits: [f64
 }
 
 /// An acceleration of another unit than the speed.
-fn slow(report: &mut Report, config: &MachineConfig, section: &str, [speed, most]: [f64; 2]) {
+fn slow(report: &mut Report, config: &Mechanism, section: &str, [speed, most]: [f64; 2]) {
     let seconds = speed / most;
     if seconds.is_finite() && seconds > SLOW {
         let text = format!(

@@ -11,7 +11,7 @@ use crate::proof::axis_box::{self, AxisBox};
 use crate::proof::reach::{Reach, Stop};
 use crate::read::diagnostic::Severity;
 use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::tools::Tool;
 use kinematics::{Letter, Limit, Margin};
 
@@ -28,7 +28,7 @@ pub(super) const MOST: f64 = 0.5;
 pub(super) fn check(
     report: &mut Report,
     ini: &Ini,
-    config: &MachineConfig,
+    config: &Mechanism,
     table: Vec<Tool>,
     progress: impl FnMut(f64),
 ) {
@@ -74,7 +74,7 @@ pub(super) fn check(
 }
 
 /// How much of the axis limits is of use.
-fn axis_limits(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
+fn axis_limits(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) {
     let share = seen.taken as f64 / DRAWN as f64;
     report.taken = Some(share);
     let percent = 100.0 * share;
@@ -102,14 +102,14 @@ fn axis_limits(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Se
     report.finding(severity, first_axis(ini, config, &text));
 }
 
-fn first_axis(ini: &Ini, config: &MachineConfig, text: &str) -> crate::read::ini::IniError {
+fn first_axis(ini: &Ini, config: &Mechanism, text: &str) -> crate::read::ini::IniError {
     let letter = Letter::ALL.into_iter().find(|l| !config.machine.layout().is_held(*l));
     let section = config.place.axis_section(letter.unwrap_or(Letter::X));
     at_key(ini, &section, "MIN_LIMIT", text)
 }
 
 /// Coordinates without an end, which LinuxCNC lets run to where something else stops the machine.
-fn unlimited(report: &mut Report, ini: &Ini, config: &MachineConfig) {
+fn unlimited(report: &mut Report, ini: &Ini, config: &Mechanism) {
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
         let axis = &config.programmed[letter.index()];
         for (end, key) in [(axis.min, "MIN_LIMIT"), (axis.max, "MAX_LIMIT")] {
@@ -127,7 +127,7 @@ fn unlimited(report: &mut Report, ini: &Ini, config: &MachineConfig) {
 /// them, where tools change what the machine can take: where it tilts.
 fn with_tools(
     report: &mut Report,
-    config: &MachineConfig,
+    config: &Mechanism,
     table: Vec<Tool>,
     within: &AxisBox,
     suggested: &AxisBox,
@@ -171,7 +171,7 @@ fn spread(mut table: Vec<Tool>) -> Vec<Tool> {
 }
 
 /// What a smaller tilt gains in X Y Z, from the largest that the limits allow to none.
-fn tilts(config: &MachineConfig, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
+fn tilts(config: &Mechanism, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
     let ends = within.low[3..5].iter().chain(&within.high[3..5]);
     let most = ends.map(|angle| angle.abs()).fold(0.0, f64::max).min(tilt_of_both(config, within));
     if most == 0.0 {
@@ -192,7 +192,7 @@ fn tilts(config: &MachineConfig, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)
 }
 
 /// Largest angle that A and B may have together, a little below the end, where a proof has no room.
-fn tilt_of_both(config: &MachineConfig, within: &AxisBox) -> f64 {
+fn tilt_of_both(config: &Mechanism, within: &AxisBox) -> f64 {
     let Some(limit) = config.tilt_limit else { return f64::INFINITY };
     let both = (3..5).all(|k| within.high[k] > within.low[k]);
     // The tool axis tilts by acos(cos A cos B).
@@ -200,7 +200,7 @@ fn tilt_of_both(config: &MachineConfig, within: &AxisBox) -> f64 {
     (most * TILT_SHARE * 10.0).floor() / 10.0
 }
 
-fn worst_conditioning(report: &mut Report, ini: &Ini, config: &MachineConfig, seen: &Seen) {
+fn worst_conditioning(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) {
     let Some((value, pose)) = seen.worst else { return };
     let place = shown_pose(config, &pose);
     let text = format!("{value:.4} the worst found within the axis limits, at {place}");
@@ -215,7 +215,7 @@ fn worst_conditioning(report: &mut Report, ini: &Ini, config: &MachineConfig, se
     }
 }
 
-fn home_outside(report: &mut Report, ini: &Ini, config: &MachineConfig, stop: Stop) {
+fn home_outside(report: &mut Report, ini: &Ini, config: &Mechanism, stop: Stop) {
     let way = match stop {
         Stop::Limit(Margin { limit: Limit::Clearance, .. }) => {
             "see whether these legs have each other's anchors, or move [TRAJ]HOME"
@@ -229,7 +229,7 @@ fn home_outside(report: &mut Report, ini: &Ini, config: &MachineConfig, stop: St
     report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
 }
 
-fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
+fn shown_stop(config: &Mechanism, stop: Stop) -> String {
     match stop {
         Stop::Fault(fault) => fault.to_string(),
         Stop::Limit(margin) => limits::sentence(config, &margin),
@@ -237,7 +237,7 @@ fn shown_stop(config: &MachineConfig, stop: Stop) -> String {
 }
 
 /// What the poses within the axis limits ask of every joint.
-fn joint_ranges(report: &mut Report, config: &MachineConfig, seen: &Seen) {
+fn joint_ranges(report: &mut Report, config: &Mechanism, seen: &Seen) {
     for (joint, (low, high)) in config.joints.iter().zip(&seen.joints) {
         let unit = config.unit(joint.kind);
         let text = format!(

@@ -3,12 +3,12 @@
 
 use crate::limits;
 use crate::read::joints::Axis;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, World};
 
 /// The letters that the machine moves, with their places in LinuxCNC's pose and their limits.
-pub fn coordinates(config: &MachineConfig) -> Vec<(char, usize, Axis)> {
-    let of = |mechanism: &MachineConfig| {
+pub fn coordinates(config: &Mechanism) -> Vec<(char, usize, Axis)> {
+    let of = |mechanism: &Mechanism| {
         let moved = Letter::ALL.into_iter().filter(|l| !mechanism.machine.layout().is_held(*l));
         let of = |letter: Letter| {
             let place = mechanism.place.places[letter.index()];
@@ -22,7 +22,7 @@ pub fn coordinates(config: &MachineConfig) -> Vec<(char, usize, Axis)> {
 }
 
 /// LinuxCNC's pose after homing: extra axes stand where their joints are, whatever `[TRAJ]HOME` says.
-pub fn home(config: &MachineConfig) -> World {
+pub fn home(config: &Mechanism) -> World {
     let mut world = config.world_home;
     for (place, axis) in config.extra_axes.places().zip(&config.extra) {
         world[place] = axis.joint.home;
@@ -31,7 +31,7 @@ pub fn home(config: &MachineConfig) -> World {
 }
 
 /// The first limit that the machine violates at a pose without a tool, in words; `None` where it keeps all.
-pub fn violated(config: &MachineConfig, world: &World) -> Option<String> {
+pub fn violated(config: &Mechanism, world: &World) -> Option<String> {
     let beyond = coordinates(config)
         .into_iter()
         .find(|(_, place, axis)| !(axis.min..=axis.max).contains(&world[*place]));
@@ -59,7 +59,7 @@ pub fn violated(config: &MachineConfig, world: &World) -> Option<String> {
             ));
         }
     }
-    let of = |mechanism: &MachineConfig, pose: &[f64; 6]| {
+    let of = |mechanism: &Mechanism, pose: &[f64; 6]| {
         let at = mechanism.machine.at(&Pose::from_degrees(*pose), &mechanism.spindle);
         match at.map(|at| at.check(&limits::beyond_axes(mechanism))) {
             Ok(Ok(())) => None,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a run of the control tells: a row in every servo cycle, messages, and its end.
 
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Joints, MAX_EXTRA, Vector3, World};
 use serde::Serialize;
 
@@ -72,7 +72,7 @@ pub struct Row {
 impl Row {
     /// The machine's own pose (x y z in machine units, a b c in degrees), and the tool vector that it
     /// belongs to.
-    pub fn machine(&self, config: &MachineConfig) -> ([f64; 6], Vector3<f64>) {
+    pub fn machine(&self, config: &Mechanism) -> ([f64; 6], Vector3<f64>) {
         let tool = Vector3::from(self.tool);
         if config.chain.is_empty() {
             return (self.pose, tool);

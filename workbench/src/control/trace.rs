@@ -4,7 +4,7 @@
 use crate::control::row::Row;
 use crate::files::{AtFile, Locate, Whole};
 use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
 use std::ops::ControlFlow;
@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// A file with a row for every servo cycle; it takes its name when it is whole.
 pub struct Trace<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     out: Whole,
     file: &'a Path,
     /// The row that is being written.
@@ -25,7 +25,7 @@ impl<'a> Trace<'a> {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, AtFile<io::Error>> {
+    pub fn new(config: &'a Mechanism, file: &'a Path) -> Result<Self, AtFile<io::Error>> {
         let mut out = Whole::new(file)?;
         let joints = joint_names(config.all_joints().count());
         let errors = joints.iter().map(|name| format!("{name}_error"));

@@ -8,7 +8,7 @@ use crate::files;
 use crate::limits;
 use crate::proof::jet::Taylor;
 use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::tools;
 use kinematics::{Fault, Joints, MAX_JOINTS, Vector3};
 use std::ops::ControlFlow;
@@ -58,7 +58,7 @@ pub struct CarriagePose {
 ///
 /// # Errors
 /// See [`CarriageError`].
-pub fn taken(config: &MachineConfig, file: &PathFile) -> Result<Vec<CarriagePose>, CarriageError> {
+pub fn taken(config: &Mechanism, file: &PathFile) -> Result<Vec<CarriagePose>, CarriageError> {
     let missing = || CarriageError::Keys("missing".into());
     let keys = file.carriages.as_ref().ok_or_else(missing)?;
     let laws = laws(config, file, keys)?;
@@ -90,7 +90,7 @@ pub fn taken(config: &MachineConfig, file: &PathFile) -> Result<Vec<CarriagePose
 const MOST_PLACES: f64 = 3.6e6;
 
 fn laws(
-    config: &MachineConfig,
+    config: &Mechanism,
     file: &PathFile,
     keys: &CarriageKeys,
 ) -> Result<Vec<Expression>, CarriageError> {
@@ -106,7 +106,7 @@ fn laws(
     keys.laws_mm_or_deg.iter().enumerate().map(law).collect()
 }
 
-fn tool(config: &MachineConfig, file: &PathFile) -> Result<Vector3<f64>, CarriageError> {
+fn tool(config: &Mechanism, file: &PathFile) -> Result<Vector3<f64>, CarriageError> {
     let Some(number) = file.program.tool else { return Ok(config.spindle) };
     let all = tools::read(config)?;
     let found = all.iter().find(|tool| tool.number == i64::from(number));
@@ -115,7 +115,7 @@ fn tool(config: &MachineConfig, file: &PathFile) -> Result<Vector3<f64>, Carriag
 }
 
 /// Joint values at a time, within their limits.
-fn joints(config: &MachineConfig, laws: &[Expression], t: f64) -> Result<Joints, CarriageError> {
+fn joints(config: &Mechanism, laws: &[Expression], t: f64) -> Result<Joints, CarriageError> {
     let mut joints = [0.0; MAX_JOINTS];
     for (joint, law) in laws.iter().enumerate() {
         let found = law.at(&[Taylor::constant(t)]);
@@ -128,7 +128,7 @@ fn joints(config: &MachineConfig, laws: &[Expression], t: f64) -> Result<Joints,
 }
 
 fn check(
-    config: &MachineConfig,
+    config: &Mechanism,
     t: f64,
     pose: &kinematics::Pose,
     tool: &Vector3<f64>,
@@ -146,7 +146,7 @@ fn check(
 }
 
 /// The places as CSV: seconds, joints, pose and residual.
-pub fn csv(config: &MachineConfig, places: &[CarriagePose]) -> String {
+pub fn csv(config: &Mechanism, places: &[CarriagePose]) -> String {
     let count = config.joints.len();
     let mut header = vec!["t".to_string()];
     header.extend(joint_names(count));

@@ -6,7 +6,7 @@ use crate::curve::piece::{Arc, DECIMALS};
 use crate::curve::planes::PLANES;
 use crate::files::as_comment;
 use crate::program::motion::{Move, MoveKind, Spindle};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::tools;
 use kinematics::{Letter, MAX_EXTRA};
 use std::fmt::Write;
@@ -35,7 +35,7 @@ pub enum SetupError {
 
 /// A program being written.
 pub struct Writer<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     keys: &'a ProgramKeys,
     /// Offset of the tool, machine units.
     pub tool: [f64; 3],
@@ -68,7 +68,7 @@ impl<'a> Writer<'a> {
     /// # Errors
     /// See [`SetupError`].
     pub fn begin(
-        config: &'a MachineConfig,
+        config: &'a Mechanism,
         keys: &'a ProgramKeys,
         comments: &[String],
         blend: f64,
@@ -381,7 +381,7 @@ fn round(value: f64) -> f64 {
 
 /// A pose in work coordinates as motion has it: in machine units, with the tool's offset.
 pub(super) fn in_machine(
-    config: &MachineConfig,
+    config: &Mechanism,
     keys: &ProgramKeys,
     tool: &[f64; 3],
     pose: &[f64; 6],

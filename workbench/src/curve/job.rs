@@ -13,7 +13,7 @@ use crate::program::motion::{Move, MoveKind};
 use crate::program::path::{Along, along};
 use crate::program::preflight::preflight;
 use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Joints, Pose, Vector3};
 
 /// Largest distance of the places of a table, mm.
@@ -68,7 +68,7 @@ pub struct Job {
 ///
 /// # Errors
 /// See [`JobError`].
-pub fn job(config: &MachineConfig, file: &PathFile) -> Result<Job, JobError> {
+pub fn job(config: &Mechanism, file: &PathFile) -> Result<Job, JobError> {
     let tolerance = file.tolerance.ok_or(JobError::Keys("[tolerance] chord_mm: missing"))?;
     let blend = file.program.blend_mm.unwrap_or(tolerance.chord_mm).0;
     let title = file.program.title.clone().unwrap_or("Typical paths".into());
@@ -148,7 +148,7 @@ fn named(to: &[Option<f64>; 6]) -> ([f64; 6], Vec<usize>) {
 }
 
 fn check(
-    config: &MachineConfig,
+    config: &Mechanism,
     operations: &[Operation],
     parts: &[Part],
     moves: &[Move],
@@ -162,7 +162,7 @@ fn check(
 
 /// Places along moves, and the joints there.
 fn places(
-    config: &MachineConfig,
+    config: &Mechanism,
     moves: &[Move],
     range: std::ops::Range<usize>,
 ) -> Result<Vec<([f64; 6], Joints)>, Fault> {
@@ -194,7 +194,7 @@ fn places(
 }
 
 /// The places of all operations as CSV, machine units and degrees.
-pub fn csv(config: &MachineConfig, job: &Job) -> String {
+pub fn csv(config: &Mechanism, job: &Job) -> String {
     let count = config.joints.len();
     let mut header = ["operation", "kind", "length"].map(String::from).to_vec();
     header.extend(coordinates());

@@ -11,7 +11,7 @@ use crate::curve::table::{Row, rows};
 use crate::curve::whole::{Curve, CurveError};
 use crate::program::motion::Move;
 use crate::program::preflight::preflight;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 
 /// All coordinates.
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
@@ -35,7 +35,7 @@ pub struct Route {
 ///
 /// # Errors
 /// See [`RouteError`].
-pub fn route(config: &MachineConfig, file: &PathFile) -> Result<Route, RouteError> {
+pub fn route(config: &Mechanism, file: &PathFile) -> Result<Route, RouteError> {
     let curve = Curve::of(file)?;
     let missing = || CurveError::Keys("[tolerance] chord_mm: missing".into());
     let tolerance = file.tolerance.ok_or_else(missing)?;
@@ -134,7 +134,7 @@ fn begin(
 }
 
 /// Follows the program's moves against the limits of the machine.
-fn check(config: &MachineConfig, moves: &[Move], places: &[(u32, f64)]) -> Result<(), RouteError> {
+fn check(config: &Mechanism, moves: &[Move], places: &[(u32, f64)]) -> Result<(), RouteError> {
     let found = preflight(config, moves).map_err(|fault| RouteError::Fault {
         t: places.first().map_or(0.0, |place| place.1),
         fault,

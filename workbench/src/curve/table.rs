@@ -7,7 +7,7 @@ use crate::curve::motion::Node;
 use crate::curve::route_error::RouteError;
 use crate::files;
 use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
 
 /// A place of the path, and the machine there.
@@ -28,7 +28,7 @@ pub struct Row {
 /// # Errors
 /// A pose out of reach, or a joint that cannot be as fast.
 pub fn rows(
-    config: &MachineConfig,
+    config: &Mechanism,
     keys: &ProgramKeys,
     nodes: &[Node],
     tool: [f64; 3],
@@ -37,7 +37,7 @@ pub fn rows(
 }
 
 fn row(
-    config: &MachineConfig,
+    config: &Mechanism,
     keys: &ProgramKeys,
     node: &Node,
     tool: [f64; 3],
@@ -61,7 +61,7 @@ fn row(
     Ok(Row { node: node.clone(), joints: *at.joints(), rates, centre })
 }
 
-fn check_speeds(config: &MachineConfig, t: f64, rates: &Joints) -> Result<(), RouteError> {
+fn check_speeds(config: &Mechanism, t: f64, rates: &Joints) -> Result<(), RouteError> {
     let fast = config.joints.iter().zip(rates).find(|(joint, rate)| rate.abs() > joint.speed());
     match fast {
         None => Ok(()),
@@ -75,7 +75,7 @@ fn check_speeds(config: &MachineConfig, t: f64, rates: &Joints) -> Result<(), Ro
 }
 
 /// The rows as CSV: place, tangent, joints and rates, then the split of the path.
-pub fn csv(config: &MachineConfig, rows: &[Row]) -> String {
+pub fn csv(config: &Mechanism, rows: &[Row]) -> String {
     let count = config.joints.len();
     let mut header = ["t", "s"].map(String::from).to_vec();
     header.extend(coordinates());

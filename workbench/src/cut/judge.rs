@@ -15,7 +15,7 @@ use crate::files::AtPlace;
 use crate::program::motion::Move;
 use crate::program::verdict::Step;
 use crate::read::columns::in_words;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::stability::path::{self, Stop};
 use crate::stability::pose::{NoSetup, Setup};
 use crate::study::file::{Lacking, Study};
@@ -43,7 +43,7 @@ impl<'a> Cut<'a> {
     ///
     /// # Errors
     /// The study lacks a value, or see [`NoSetup`].
-    pub fn new(config: &'a MachineConfig, study: &Study) -> Result<Self, NoSetup> {
+    pub fn new(config: &'a Mechanism, study: &Study) -> Result<Self, NoSetup> {
         let lacks = |key| Lacking::Key { section: "cutting", key };
         let cutter = study.cutting.as_ref().ok_or_else(|| lacks("teeth"))?;
         let depth = cutter.depth_mm.ok_or_else(|| lacks("depth_mm"))?;

@@ -12,13 +12,13 @@ use crate::dynamics::loads::{Held, Loads, Moving, Wrench};
 use crate::dynamics::milling::frame;
 use crate::dynamics::model::Model;
 use crate::read::joints::JointKind;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 
 /// A machine with its drives and its cutter.
 #[derive(Clone, Debug)]
 pub struct Subject<'a> {
-    pub config: &'a MachineConfig,
+    pub config: &'a Mechanism,
     /// Its masses and springs.
     pub model: Model,
     /// What its drives can do.
@@ -74,7 +74,7 @@ pub enum NoMoment {
 
 impl Moment {
     /// How the machine moves: differences of the poses, and of the joint values that belong to them.
-    fn moving(&self, config: &MachineConfig) -> Result<Moving, Fault> {
+    fn moving(&self, config: &Mechanism) -> Result<Moving, Fault> {
         let period = config.period;
         let poses = self.poses.map(Pose::from_degrees);
         let of = |pose: &Pose| -> [f64; 6] {

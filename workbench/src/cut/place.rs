@@ -5,7 +5,7 @@
 use crate::cut::moment::{NoMoment, Subject, cutter_frame};
 use crate::cut::teeth::{HARMONICS, Teeth};
 use crate::dynamics::structure::Structure;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::stability::path::Stop;
 use crate::study::sensitivity::Sensitivity;
 use kinematics::Vector3;
@@ -26,7 +26,7 @@ pub struct Place {
 const SCALES: [&str; 4] = ["STEP_SCALE", "STEPGEN_SCALE", "SCALE", "INPUT_SCALE"];
 
 /// Half a step of every drive in joint units; `None` where one of them is not known.
-pub fn half_steps(config: &MachineConfig) -> Option<Vec<f64>> {
+pub fn half_steps(config: &Mechanism) -> Option<Vec<f64>> {
     let half = |joint: usize| {
         let section = config.place.joint_section(joint);
         let scale = SCALES.iter().find_map(|key| config.ini.first(&section, key))?;

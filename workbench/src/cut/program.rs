@@ -2,7 +2,7 @@
 //! Which lines of a program cut, and where stability is looked at.
 
 use crate::program::motion::{Move, MoveKind, Spindle};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::stability::path::Stop;
 use kinematics::{Pose, Vector3};
 use std::collections::BTreeMap;
@@ -76,11 +76,7 @@ pub fn lines(moves: &[Move]) -> Result<BTreeMap<u32, Line>, NoCut> {
 ///
 /// # Errors
 /// See [`NoCut`].
-pub fn stops(
-    config: &MachineConfig,
-    moves: &[Move],
-    most: usize,
-) -> Result<(Vec<Stop>, usize), NoCut> {
+pub fn stops(config: &Mechanism, moves: &[Move], most: usize) -> Result<(Vec<Stop>, usize), NoCut> {
     let all: Vec<[&Move; 2]> = cuts(moves).collect();
     if all.is_empty() {
         return Err(NoCut::NoFeed);

@@ -2,7 +2,7 @@
 //! What drives can do: force or torque of each, and the torque of its motor through the lead.
 
 use crate::read::joints::JointKind;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::study::file::{Each, Lacking, Study};
 use std::f64::consts::TAU;
 
@@ -47,7 +47,7 @@ impl Capacity {
     ///
     /// # Errors
     /// See [`Lacking`].
-    pub fn of(config: &MachineConfig, study: &Study) -> Result<Vec<Self>, Lacking> {
+    pub fn of(config: &Mechanism, study: &Study) -> Result<Vec<Self>, Lacking> {
         let legs = (0..config.legs()).collect::<Vec<_>>();
         let (given, own) = (&study.legs, &study.table);
         let arms = config.joints[..config.legs()].iter().filter(|j| j.kind == JointKind::Arm);
@@ -90,7 +90,7 @@ fn of(key: &'static str, value: &Option<Each>, count: usize) -> Result<Vec<f64>,
 }
 
 /// Lead of a strut's own screw, mm.
-fn lead(config: &MachineConfig, leg: usize) -> Option<f64> {
+fn lead(config: &Mechanism, leg: usize) -> Option<f64> {
     let lead = config.geometry.legs()[leg].kind.screw().lead;
     (lead != 0.0).then(|| lead / config.units_per_mm)
 }

@@ -6,7 +6,7 @@
 //! p = o + R(A, B, C) (s − c) for a point s of the platform, c the centre and o its place, what
 //! guides hold is kept exactly, and derivatives of any order are those of R.
 
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::rows::{Rows, rate_map};
 use kinematics::{At, Letter, Matrix3, Pose, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix3xX};
@@ -26,7 +26,7 @@ pub struct Chart {
 
 impl Chart {
     /// Of a machine that stands at a pose.
-    pub fn of(config: &MachineConfig, at: &At) -> Self {
+    pub fn of(config: &Mechanism, at: &At) -> Self {
         let letters = config.machine.layout().coordinates();
         let is_moved = |k: &usize| letters.contains(Letter::ALL[*k]);
         let centre = Vector3::from(config.geometry.centre) / config.units_per_mm;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What drives command at a moment: where the legs begin and how long they would be without force.
 
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{At, Fault, MAX_LEGS, Pose, Vector3};
 
 /// One leg, mm.
@@ -32,7 +32,7 @@ impl Drives {
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
     pub fn at(
-        config: &MachineConfig,
+        config: &Mechanism,
         at: &mut At,
         pose: &Pose,
         tool: &Vector3<f64>,

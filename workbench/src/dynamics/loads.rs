@@ -8,7 +8,7 @@
 use crate::dynamics::chart::Chart;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::{LegAt, leg_mass, legs, stiffness, tip};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -56,7 +56,7 @@ pub struct Loads {
 /// # Errors
 /// As [`kinematics::Machine::at`].
 pub fn loads(
-    config: &MachineConfig,
+    config: &Mechanism,
     model: &Model,
     moving: &Moving,
     wrench: &Wrench,
@@ -67,7 +67,7 @@ pub fn loads(
 
 /// A machine at a pose, ready for any motion and wrench there.
 pub struct Held<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     model: &'a Model,
     chart: Chart,
     legs: Vec<LegAt>,
@@ -86,7 +86,7 @@ impl<'a> Held<'a> {
     /// # Errors
     /// As [`kinematics::Machine::at`].
     pub fn at(
-        config: &'a MachineConfig,
+        config: &'a Mechanism,
         model: &'a Model,
         pose: &Pose,
         tool: &Vector3<f64>,
@@ -145,7 +145,7 @@ struct PlatformMotion {
 
 impl PlatformMotion {
     /// From those of the tool tip: the machine's centre stands at the tip less R of what lies between.
-    fn of(config: &MachineConfig, chart: &Chart, tip: &Vector3<f64>, moving: &Moving) -> Self {
+    fn of(config: &Mechanism, chart: &Chart, tip: &Vector3<f64>, moving: &Moving) -> Self {
         let per_mm = config.units_per_mm;
         let [x, y, z, a, b, c] = moving.rate;
         let omega = crate::rows::rate_map(&moving.pose) * Vector3::new(a, b, c);
@@ -162,7 +162,7 @@ impl PlatformMotion {
 }
 
 fn drives(
-    config: &MachineConfig,
+    config: &Mechanism,
     model: &Model,
     moving: &Moving,
     wrench: &Wrench,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Masses, springs and dampers of a machine, as its study names them: N, mm, s, t.
 
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::study::file::{Each, Lacking, Screw, Study};
 use crate::study::springs::{PER_UM, Spring, of_kinds, of_legs, one_of};
 use kinematics::{Letter, Matrix3, Vector3};
@@ -74,7 +74,7 @@ impl Model {
     ///
     /// # Errors
     /// See [`Lacking`].
-    pub fn of(config: &MachineConfig, study: &Study) -> Result<Self, Lacking> {
+    pub fn of(config: &Mechanism, study: &Study) -> Result<Self, Lacking> {
         let section = "platform";
         let lacks = |key| Lacking::Key { section, key };
         let platform = study.platform.as_ref().ok_or_else(|| lacks("mass_kg"))?;
@@ -110,7 +110,7 @@ impl Model {
     }
 }
 
-fn legs(config: &MachineConfig, study: &Study) -> Result<Vec<Leg>, Lacking> {
+fn legs(config: &Mechanism, study: &Study) -> Result<Vec<Leg>, Lacking> {
     let given = &study.legs;
     let count = config.legs();
     let each = |key: &'static str, value: &Option<Each>| {
@@ -134,7 +134,7 @@ fn legs(config: &MachineConfig, study: &Study) -> Result<Vec<Leg>, Lacking> {
     Ok((0..count).map(leg).collect())
 }
 
-fn drives(config: &MachineConfig, study: &Study) -> Result<Vec<Option<f64>>, Lacking> {
+fn drives(config: &Mechanism, study: &Study) -> Result<Vec<Option<f64>>, Lacking> {
     let given = &study.legs;
     let keys = ["drive_mass_kg", "drive_inertia_kg_m2"];
     let values = [&given.drive_mass_kg, &given.drive_inertia_kg_m2];
@@ -147,7 +147,7 @@ fn drives(config: &MachineConfig, study: &Study) -> Result<Vec<Option<f64>>, Lac
     }
 }
 
-fn table(config: &MachineConfig, study: &Study) -> Result<Vec<TableAxis>, Lacking> {
+fn table(config: &Mechanism, study: &Study) -> Result<Vec<TableAxis>, Lacking> {
     let letters = config.machine.layout().table().as_slice();
     if letters.is_empty() {
         return Ok(vec![]);

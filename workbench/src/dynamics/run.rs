@@ -9,7 +9,7 @@ use crate::dynamics::record::Record;
 use crate::dynamics::rotation::Motion;
 use crate::dynamics::simulation::Simulation;
 use crate::dynamics::structure::Structure;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Matrix3, Pose, Vector3};
 use std::f64::consts::TAU;
 
@@ -128,7 +128,7 @@ impl Going<'_> {
 /// # Errors
 /// See [`Ended`].
 pub fn standing(
-    config: &MachineConfig,
+    config: &Mechanism,
     model: &Model,
     (pose, tool): (&Pose, &Vector3<f64>),
     force: Force,
@@ -159,7 +159,7 @@ pub fn standing(
 
 /// A machine that follows the servo cycles of a program.
 pub struct Follower<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     model: Model,
     force: Option<Force>,
     /// Steps in a servo cycle.
@@ -173,7 +173,7 @@ pub struct Follower<'a> {
 
 impl<'a> Follower<'a> {
     /// Under a force too; `step` is the longest one in seconds.
-    pub fn new(config: &'a MachineConfig, model: &Model, force: Force, step: f64) -> Self {
+    pub fn new(config: &'a Mechanism, model: &Model, force: Force, step: f64) -> Self {
         Self {
             config,
             model: model.clone(),

@@ -18,14 +18,14 @@ use crate::dynamics::drives::Drives;
 use crate::dynamics::model::Model;
 use crate::dynamics::rotation::{Acceleration, Motion};
 use crate::dynamics::structure::{LegAt, Structure, has_lead, legs, tip};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::study::file::Screw;
 use kinematics::{At, Fault, Matrix3, Pose, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector6};
 
 /// A machine that is moved in time.
 pub struct Simulation<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     model: Model,
     at: At<'a>,
     tool: Vector3<f64>,
@@ -66,7 +66,7 @@ impl<'a> Simulation<'a> {
     /// # Errors
     /// As [`Structure::at`].
     pub fn new(
-        config: &'a MachineConfig,
+        config: &'a Mechanism,
         model: &Model,
         pose: &Pose,
         tool: &Vector3<f64>,

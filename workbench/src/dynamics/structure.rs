@@ -17,7 +17,7 @@ use crate::dynamics::chart::Chart;
 use crate::dynamics::model::{Body, Leg, Model};
 use crate::dynamics::shapes::Shapes;
 use crate::read::legs::{drive_rate, platform_anchor};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::rows::{self, joint_rows, length_rows};
 use crate::study::file::Screw;
 use crate::study::springs::Spring;
@@ -60,7 +60,7 @@ pub struct LegAt {
 }
 
 /// The tool tip in the platform frame, mm, by the tool vector in machine units.
-pub fn tip(config: &MachineConfig, tool: &Vector3<f64>) -> Vector3<f64> {
+pub fn tip(config: &Mechanism, tool: &Vector3<f64>) -> Vector3<f64> {
     -tool / config.units_per_mm
 }
 
@@ -69,7 +69,7 @@ pub fn tip(config: &MachineConfig, tool: &Vector3<f64>) -> Vector3<f64> {
 /// # Errors
 /// As [`At::inverse_jacobian`].
 pub fn legs(
-    config: &MachineConfig,
+    config: &Mechanism,
     at: &At,
     tool: &Vector3<f64>,
     screw: Screw,
@@ -107,7 +107,7 @@ impl Structure {
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
     pub fn at(
-        config: &MachineConfig,
+        config: &Mechanism,
         model: &Model,
         pose: &Pose,
         tool: &Vector3<f64>,
@@ -277,13 +277,13 @@ pub fn geometric(
 }
 
 /// Whether a leg is a strut whose nut turns.
-pub(crate) fn has_lead(config: &MachineConfig, leg: usize) -> bool {
+pub(crate) fn has_lead(config: &Mechanism, leg: usize) -> bool {
     config.geometry.legs()[leg].kind.screw().lead != 0.0
 }
 
 /// Second derivatives of the corrections for turning nuts, by central differences of their rows.
 fn nut_curvatures(
-    config: &MachineConfig,
+    config: &Mechanism,
     at: &At,
     tool: &Vector3<f64>,
 ) -> Result<Vec<DMatrix<f64>>, Fault> {

@@ -6,7 +6,7 @@ use crate::new::kinds::Way;
 use crate::new::values::Refusal;
 use crate::read::error::MachineError;
 use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use keys::leg as key;
 use kinematics::{Pose, Vector3, leg};
 use std::path::Path;
@@ -17,7 +17,7 @@ const PLACES: f64 = 50.0;
 /// A place and how good it is.
 struct Found {
     home: [f64; 3],
-    config: MachineConfig,
+    config: Mechanism,
     /// Smallest share of a drive's way from the end of its travel to the middle; below 0 beyond the end.
     share: f64,
     /// Of which leg, and its value.
@@ -29,7 +29,7 @@ struct Found {
 ///
 /// # Errors
 /// There is none that the drives can take, or the values make no machine.
-pub fn found(plan: &Plan) -> Result<([f64; 3], MachineConfig), Refusal> {
+pub fn found(plan: &Plan) -> Result<([f64; 3], Mechanism), Refusal> {
     let places = match plan.values.list::<3>("home") {
         Some(home) => vec![home],
         None => places(plan),
@@ -67,7 +67,7 @@ fn fault(error: &MachineError) -> String {
 fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
     let plan = Plan { home, ..plan.clone() };
     let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())?;
-    let config = MachineConfig::from_ini(&ini)?;
+    let config = Mechanism::from_ini(&ini)?;
     let refused = |fault| MachineError::of_geometry(&ini, &config.place, fault);
     let at =
         config.machine.at(&Pose::from_degrees(config.home), &config.spindle).map_err(refused)?;

@@ -10,7 +10,7 @@ use crate::new::values::Refusal;
 use crate::proof::axis_box::{self, AxisBox};
 use crate::proof::reach::{Reach, Stop};
 use crate::read::diagnostic::Severity;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Joints, Letter, leg};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -47,7 +47,7 @@ const BLENDED: f64 = 2.0;
 /// # Errors
 /// Home is out of limits, or there is no room about it.
 pub fn proved(
-    config: &MachineConfig,
+    config: &Mechanism,
     plan: &Plan,
     progress: impl FnMut(f64),
 ) -> Result<AxisBox, Refusal> {
@@ -91,7 +91,7 @@ pub fn proved(
 }
 
 /// Whether struts are as long as another unit makes them.
-fn is_of_two_units(config: &MachineConfig, plan: &Plan) -> bool {
+fn is_of_two_units(config: &Mechanism, plan: &Plan) -> bool {
     plan.kind.leg == leg::Kind::Strut && plan.range()[1] > AWAY * config.machine.size()
 }
 
@@ -101,7 +101,7 @@ fn asked(plan: &Plan, letter: Letter) -> Option<[f64; 2]> {
 }
 
 /// Limits of what does not move, or beside home.
-fn refuse_limits(config: &MachineConfig, plan: &Plan) -> Result<(), Refusal> {
+fn refuse_limits(config: &Mechanism, plan: &Plan) -> Result<(), Refusal> {
     for (letter, [low, high]) in plan.values.limits() {
         let (name, home) = (letter.name(), config.home[letter.index()]);
         let why = if !plan.letters().contains(letter) {
@@ -118,7 +118,7 @@ fn refuse_limits(config: &MachineConfig, plan: &Plan) -> Result<(), Refusal> {
 }
 
 /// That the limits asked for are not proved, with a pose that cannot be taken where one of the corners is such.
-fn unproved(config: &MachineConfig, reach: &Reach, plan: &Plan) -> Refusal {
+fn unproved(config: &Mechanism, reach: &Reach, plan: &Plan) -> Refusal {
     let limits = plan.values.limits();
     let words: Vec<String> =
         limits.iter().map(|(l, [low, high])| format!("{} {low} {high}", l.name())).collect();
@@ -150,7 +150,7 @@ fn tilt(plan: &Plan) -> Option<f64> {
 }
 
 /// What is less than the tilt that is asked for: findings for whoever reads the limits.
-pub fn short_of_tilt(config: &MachineConfig, plan: &Plan, limits: &AxisBox) -> Vec<Finding> {
+pub fn short_of_tilt(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> Vec<Finding> {
     let Some(tilt) = tilt(plan) else { return vec![] };
     let is_short = |letter: &Letter| {
         let k = letter.index();
@@ -171,13 +171,13 @@ pub fn short_of_tilt(config: &MachineConfig, plan: &Plan, limits: &AxisBox) -> V
     plan.letters().into_iter().filter(is_short).map(finding).collect()
 }
 
-fn is_narrow(config: &MachineConfig, part: &AxisBox, letter: Letter) -> bool {
+fn is_narrow(config: &Mechanism, part: &AxisBox, letter: Letter) -> bool {
     let k = letter.index();
     let least = if letter.is_angle() { NARROWEST[1] } else { NARROWEST[0] * config.machine.size() };
     !(part.high[k] - part.low[k] >= least)
 }
 
-fn shown(config: &MachineConfig, stop: Stop) -> String {
+fn shown(config: &Mechanism, stop: Stop) -> String {
     match stop {
         Stop::Fault(fault) => fault.to_string(),
         Stop::Limit(margin) => sentence(config, &margin),
@@ -185,7 +185,7 @@ fn shown(config: &MachineConfig, stop: Stop) -> String {
 }
 
 /// How far every coordinate alone can go from home; angles as far as wanted.
-fn extents(config: &MachineConfig, reach: &Reach, plan: &Plan) -> Result<AxisBox, Refusal> {
+fn extents(config: &Mechanism, reach: &Reach, plan: &Plan) -> Result<AxisBox, Refusal> {
     let mut extents = AxisBox { low: config.home, high: config.home };
     for letter in plan.letters() {
         let k = letter.index();
@@ -212,7 +212,7 @@ fn extents(config: &MachineConfig, reach: &Reach, plan: &Plan) -> Result<AxisBox
 }
 
 /// The end of a ray along a coordinate, and what stops it there.
-fn ray(config: &MachineConfig, reach: &Reach, k: usize, far: f64) -> (f64, Option<Stop>) {
+fn ray(config: &Mechanism, reach: &Reach, k: usize, far: f64) -> (f64, Option<Stop>) {
     let stop = |share: f64| {
         let mut pose = config.home;
         pose[k] += share * far;
@@ -232,7 +232,7 @@ fn ray(config: &MachineConfig, reach: &Reach, k: usize, far: f64) -> (f64, Optio
 
 /// Largest speed and acceleration that every joint needs within the limits: where the tool goes at its
 /// largest speed along X Y Z while all angles change at theirs, and accelerates as hard.
-pub fn speeds(config: &MachineConfig, plan: &Plan, limits: &AxisBox) -> Vec<[f64; 2]> {
+pub fn speeds(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> Vec<[f64; 2]> {
     let Ok(reach) = Reach::new(config) else { return vec![] };
     let mut rng = Pcg64::seed_from_u64(3);
     let mut most = vec![[0.0_f64; 2]; plan.all_joints()];
@@ -254,7 +254,7 @@ pub fn speeds(config: &MachineConfig, plan: &Plan, limits: &AxisBox) -> Vec<[f64
 /// The same at a pose; the second derivative along one way through it.
 fn at_pose(
     reach: &Reach,
-    config: &MachineConfig,
+    config: &Mechanism,
     plan: &Plan,
     pose: &[f64; 6],
     way: [f64; 6],
@@ -288,7 +288,7 @@ fn at_pose(
 
 /// Accelerations of the joints where the pose moves on along a way at the largest speeds.
 fn bends(
-    config: &MachineConfig,
+    config: &Mechanism,
     plan: &Plan,
     way: [f64; 6],
     joints: impl Fn(&[f64; 6], f64) -> Option<Joints>,
@@ -307,7 +307,7 @@ fn bends(
     Some((0..plan.all_joints()).map(bend).collect())
 }
 
-fn step_of(config: &MachineConfig, letter: Letter) -> f64 {
+fn step_of(config: &Mechanism, letter: Letter) -> f64 {
     if letter.is_angle() { STEP[1] } else { STEP[0] * config.machine.size() }
 }
 

@@ -14,7 +14,7 @@ use crate::proof::boxes;
 use crate::read::boxes::text as box_text;
 use crate::read::diagnostic::{Severity, rendered};
 use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Letter, Vector3};
 use std::fmt::Display;
 use std::io;
@@ -119,7 +119,7 @@ fn filled(
 ///
 /// # Errors
 /// As [`make`](fn@make).
-pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<MachineConfig, Refusal> {
+pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<Mechanism, Refusal> {
     let order = Order { kind, values, name: kind.name, folder: Path::new("") };
     let mut plan = begun(&order)?;
     let (place, config) = home::found(&plan)?;
@@ -130,7 +130,7 @@ pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<MachineCo
     plan.cardans = cardans(&config);
     let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())
         .map_err(|error| Refusal::Misfit(error.to_string()))?;
-    MachineConfig::from_ini(&ini).map_err(|error| Refusal::Misfit(error.to_string()))
+    Mechanism::from_ini(&ini).map_err(|error| Refusal::Misfit(error.to_string()))
 }
 
 /// Longest name of a machine: lines of its INI file and of its first program contain it, of which LinuxCNC reads 255
@@ -239,7 +239,7 @@ fn coordinates(kind: &MachineKind, values: &Values, legs: usize) -> Result<Strin
 }
 
 /// Axes of the base joints: level, and across the struts at home.
-fn cardans(config: &MachineConfig) -> Vec<[f64; 3]> {
+fn cardans(config: &Mechanism) -> Vec<[f64; 3]> {
     let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) else { return vec![] };
     let up = Vector3::z();
     let axis = |segment: &kinematics::Segment| {
@@ -252,13 +252,13 @@ fn cardans(config: &MachineConfig) -> Vec<[f64; 3]> {
 }
 
 /// The machine's file, written and read back.
-fn written(folder: &Path, plan: &Plan) -> Result<MachineConfig, Refusal> {
+fn written(folder: &Path, plan: &Plan) -> Result<Mechanism, Refusal> {
     let file = folder.join(format!("{}.ini", plan.name));
     write_over(&file, &plan.text())?;
-    MachineConfig::read(&file).map_err(|error| Refusal::Misfit(error.to_string()))
+    Mechanism::read(&file).map_err(|error| Refusal::Misfit(error.to_string()))
 }
 
-fn joints(config: &MachineConfig) -> Result<Vec<f64>, Refusal> {
+fn joints(config: &Mechanism) -> Result<Vec<f64>, Refusal> {
     let joints = config.machine.inverse(&config.home_pose(), &config.spindle);
     let joints = joints.map_err(|fault| Refusal::Misfit(format!("at home {fault}")))?;
     Ok(joints[..config.joints.len()].to_vec())
@@ -267,7 +267,7 @@ fn joints(config: &MachineConfig) -> Result<Vec<f64>, Refusal> {
 /// Proves boxes where they are wanted; what there is to say of them.
 fn with_boxes(
     plan: &mut Plan,
-    config: &MachineConfig,
+    config: &Mechanism,
     say: impl Fn(&str, Option<f64>) + Sync,
 ) -> String {
     let without = |why: &dyn Display| {
@@ -305,7 +305,7 @@ fn with_boxes(
 
 /// What `pkm check` says of the file, with the place that it will have.
 fn checked(
-    config: &MachineConfig,
+    config: &Mechanism,
     order: &Order,
     progress: impl FnMut(f64),
 ) -> Result<Report, Refusal> {
@@ -329,7 +329,7 @@ fn name_place(report: &mut Report, order: &Order) {
 }
 
 /// The limits of a machine that was made, letter by letter, for people.
-pub fn limit_lines(config: &MachineConfig) -> String {
+pub fn limit_lines(config: &Mechanism) -> String {
     let line = |letter: &Letter| {
         let axis = &config.axes[letter.index()];
         let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };

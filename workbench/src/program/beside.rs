@@ -7,7 +7,7 @@
 
 use crate::program::motion::{Beside, Move, MoveKind, ProgramError, read};
 use crate::program::replay::duration;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use std::path::{Path, PathBuf};
 
 /// Reads all moves of a program as this mechanism of a file with two makes them, and the names of its files; `whole`
@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// As [`read`].
 pub fn moves_of(
-    mechanism: &MachineConfig,
-    whole: &MachineConfig,
+    mechanism: &Mechanism,
+    whole: &Mechanism,
     program: &Path,
 ) -> Result<(Vec<Move>, Vec<PathBuf>), ProgramError> {
     let mut half = Half::new(mechanism, whole);
@@ -27,15 +27,15 @@ pub fn moves_of(
 
 /// Makes moves of one mechanism of moves of both.
 pub struct Half<'a> {
-    mechanism: &'a MachineConfig,
-    whole: &'a MachineConfig,
+    mechanism: &'a Mechanism,
+    whole: &'a Mechanism,
     /// Where both stand.
     at: [[f64; 6]; 2],
 }
 
 impl<'a> Half<'a> {
     /// Starts where both are at home.
-    pub fn new(mechanism: &'a MachineConfig, whole: &'a MachineConfig) -> Self {
+    pub fn new(mechanism: &'a Mechanism, whole: &'a Mechanism) -> Self {
         let second = whole.second.as_deref().unwrap_or(whole);
         Self { mechanism, whole, at: [whole.home, second.home] }
     }
@@ -61,7 +61,7 @@ impl<'a> Half<'a> {
 
 /// Seconds that a move of both takes.
 fn seconds(
-    [first, second]: [&MachineConfig; 2],
+    [first, second]: [&Mechanism; 2],
     [of_first, of_second]: [&[f64; 6]; 2],
     step: &Move,
     beside: &Beside,

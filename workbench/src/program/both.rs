@@ -13,7 +13,7 @@ use crate::program::follow::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance
 use crate::program::motion::Move;
 use crate::proof::between::{Approach, approach};
 use crate::proof::reach::Reach;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Body, Fault, Part, Pose, Vector3};
 
 /// Follows the moves of a program with every mechanism of a machine.
@@ -27,7 +27,7 @@ impl<'a> Flights<'a> {
     ///
     /// # Errors
     /// A spindle that a mechanism cannot take.
-    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+    pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
         let second = match config.second.as_deref() {
             None => None,
             Some(second) => {
@@ -42,7 +42,7 @@ impl<'a> Flights<'a> {
     ///
     /// # Errors
     /// A tool that a mechanism cannot take.
-    pub fn standing(config: &'a MachineConfig, end: &Move) -> Result<Self, Fault> {
+    pub fn standing(config: &'a Mechanism, end: &Move) -> Result<Self, Fault> {
         let own = end.of_second();
         let second = match config.second.as_deref().zip(own.as_ref()) {
             None => None,
@@ -100,7 +100,7 @@ impl Preflight {
 
 /// The distance of two mechanisms.
 struct Between<'a> {
-    configs: [&'a MachineConfig; 2],
+    configs: [&'a Mechanism; 2],
     reaches: [Reach<'a>; 2],
     tools: [Vector3<f64>; 2],
     at: [[f64; 6]; 2],
@@ -131,7 +131,7 @@ impl Leg<'_> {
 }
 
 impl<'a> Between<'a> {
-    fn new(configs: [&'a MachineConfig; 2]) -> Result<Self, Fault> {
+    fn new(configs: [&'a Mechanism; 2]) -> Result<Self, Fault> {
         Ok(Self {
             configs,
             reaches: [Reach::new(configs[0])?, Reach::new(configs[1])?],

@@ -11,7 +11,7 @@ use crate::control::row::Row;
 use crate::limits;
 use crate::program::loads::Motion;
 use crate::program::motion::Move;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{
     Joints, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3,
 };
@@ -111,7 +111,7 @@ pub struct Thinned {
 
 impl Thinned {
     /// Where the program comes nearest to a pose in a line; none where it does not come to the line.
-    pub fn place(&self, config: &MachineConfig, line: u32, pose: &[f64; 6]) -> Option<f64> {
+    pub fn place(&self, config: &Mechanism, line: u32, pose: &[f64; 6]) -> Option<f64> {
         let half_size = config.machine.size() / 2.0;
         let distance = |sample: &Sample| -> f64 {
             let parts = sample.pose.iter().zip(pose).enumerate();
@@ -137,7 +137,7 @@ impl Thinned {
 
 /// Takes a program as it runs.
 pub struct Course<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     limits: Limits,
     motion: Motion<MAX_JOINTS>,
     result: Thinned,
@@ -163,11 +163,11 @@ struct Moment {
 
 impl<'a> Course<'a> {
     /// Of nothing yet, in time.
-    pub fn new(config: &'a MachineConfig) -> Self {
+    pub fn new(config: &'a Mechanism) -> Self {
         Self::over(config, Abscissa::Seconds)
     }
 
-    fn over(config: &'a MachineConfig, abscissa: Abscissa) -> Self {
+    fn over(config: &'a Mechanism, abscissa: Abscissa) -> Self {
         let mut limits = limits::of(config);
         for (range, axis) in limits.axis.iter_mut().zip(&config.programmed) {
             *range = [axis.min, axis.max];
@@ -177,7 +177,7 @@ impl<'a> Course<'a> {
     }
 
     /// The path of moves from `[TRAJ]HOME` on: nothing is known of its time.
-    pub fn along(config: &'a MachineConfig, moves: &[Move]) -> Thinned {
+    pub fn along(config: &'a Mechanism, moves: &[Move]) -> Thinned {
         let mut course = Self::over(config, Abscissa::Length);
         let total: f64 = lengths(config, moves).map(|(_, length)| length).sum();
         let (mut before, mut extra) = (0.0, [0.0; MAX_EXTRA]);
@@ -330,7 +330,7 @@ fn shares(values: &Joints, limits: &Joints, count: usize) -> Joints {
 
 /// Starts and lengths of moves.
 fn lengths<'a>(
-    config: &MachineConfig,
+    config: &Mechanism,
     moves: &'a [Move],
 ) -> impl Iterator<Item = ([f64; 6], f64)> + 'a {
     moves.iter().scan(config.start, |at, step| {

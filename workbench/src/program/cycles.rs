@@ -11,7 +11,7 @@ use crate::program::findings::{Break, Place, Rule};
 use crate::program::motion::{Circle, ROUNDING};
 use crate::proof::between::approach;
 use crate::proof::reach::Reach;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{
     Fault, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3, World,
 };
@@ -31,13 +31,13 @@ pub struct Cycles<'a> {
     /// The tools for which the distance of two mechanisms is known.
     apart: Option<Apart<'a>>,
     path: Path,
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     beyond: Vec<Beyond>,
 }
 
 /// One mechanism.
 struct Judge<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     limits: Limits,
     of_second: bool,
     before: Option<([f64; 6], Vector3<f64>, [f64; MAX_EXTRA])>,
@@ -48,7 +48,7 @@ struct Judge<'a> {
 
 /// The distance of two mechanisms.
 struct Apart<'a> {
-    configs: [&'a MachineConfig; 2],
+    configs: [&'a Mechanism; 2],
     reaches: [Reach<'a>; 2],
     tools: [Vector3<f64>; 2],
 }
@@ -83,7 +83,7 @@ impl<'a> Cycles<'a> {
     ///
     /// # Errors
     /// A spindle that a mechanism cannot take.
-    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+    pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
         let second = config.second.as_deref();
         let machines = [Some(config), second].into_iter().flatten().enumerate();
         let apart = match second {
@@ -245,7 +245,7 @@ impl<'a> Cycles<'a> {
 }
 
 impl<'a> Judge<'a> {
-    fn new(config: &'a MachineConfig, of_second: bool) -> Self {
+    fn new(config: &'a Mechanism, of_second: bool) -> Self {
         const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
         let limits = limits::beyond_axes(config);
         let (axes, joints) = ([NONE; 6], [NONE; MAX_JOINTS]);

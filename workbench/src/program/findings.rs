@@ -4,7 +4,7 @@
 use crate::control::row::{Ending, Message};
 use crate::limits;
 use crate::program::offset::Poses;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Limit, Part};
 use serde::{Serialize, Serializer};
 
@@ -177,7 +177,7 @@ pub struct Range {
 
 impl Range {
     pub(super) fn of(
-        config: &MachineConfig,
+        config: &Mechanism,
         limit: Limit,
         part: Part,
         used: [f64; 2],

@@ -6,7 +6,7 @@ use crate::program::findings::{LeastMargin, Preflight};
 use crate::program::follow::{Course, Found, Leg, Pilot, length};
 use crate::program::motion::{Move, ROUNDING};
 use crate::proof::reach::Reach;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
 
 /// Follows the moves of a program one after the other, from `[TRAJ]HOME` on.
@@ -21,7 +21,7 @@ impl<'a> Flight<'a> {
     ///
     /// # Errors
     /// A spindle that the machine cannot take.
-    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+    pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
         Ok(Self { pilot: Pilot::new(config)?, number: 0, fault: None })
     }
 
@@ -29,7 +29,7 @@ impl<'a> Flight<'a> {
     ///
     /// # Errors
     /// A tool that the machine cannot take.
-    pub fn standing(config: &'a MachineConfig, end: &Move) -> Result<Self, Fault> {
+    pub fn standing(config: &'a Mechanism, end: &Move) -> Result<Self, Fault> {
         let mut pilot = Pilot::new(config)?;
         pilot.tool = config.spindle + Vector3::from(end.tool);
         pilot.reach = Reach::with_tool(config, pilot.tool)?;

@@ -16,7 +16,7 @@ use crate::proof::carried::Enclosure;
 use crate::proof::cell::Way;
 use crate::proof::reach::Reach;
 use crate::proof::spans;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World};
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size: far
@@ -134,7 +134,7 @@ impl Firsts {
 type Nearest = (f64, Part, (u32, usize));
 
 pub(super) struct Pilot<'a> {
-    pub(super) config: &'a MachineConfig,
+    pub(super) config: &'a Mechanism,
     pub(super) reach: Reach<'a>,
     pub(super) tool: Vector3<f64>,
     /// As programmed, and the values of the extra axes.
@@ -150,7 +150,7 @@ pub(super) struct Pilot<'a> {
 }
 
 impl<'a> Pilot<'a> {
-    pub(super) fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+    pub(super) fn new(config: &'a Mechanism) -> Result<Self, Fault> {
         Ok(Self {
             config,
             reach: Reach::new(config)?,
@@ -454,7 +454,7 @@ impl<'a> Pilot<'a> {
 }
 
 /// Where the angles of a machine count: half of its size.
-pub(super) fn arm(config: &MachineConfig) -> f64 {
+pub(super) fn arm(config: &Mechanism) -> f64 {
     config.machine.size() / 2.0
 }
 

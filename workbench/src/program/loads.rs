@@ -11,7 +11,7 @@
 use crate::control::row::Row;
 use crate::program::findings::{LineLoad, Peak, Place};
 use crate::read::joints::Joint;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{MAX_EXTRA, MAX_JOINTS};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -144,7 +144,7 @@ pub struct Demands {
 
 /// Adds up rows.
 pub struct Loads<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     /// By joint: the largest number that its commands are calculated from, beside themselves.
     scales: Vec<f64>,
     /// Rows with the drives on that are not judged yet, since a tool offset may move after them.
@@ -171,7 +171,7 @@ pub struct Loads<'a> {
 
 impl<'a> Loads<'a> {
     /// Before the first row.
-    pub fn new(config: &'a MachineConfig) -> Self {
+    pub fn new(config: &'a Mechanism) -> Self {
         let joints: &Vec<&Joint> = &config.all_joints().collect();
         let scale = |i| match config.unit_of(i) {
             "degrees" => HALF_TURN,
@@ -323,9 +323,9 @@ mod tests {
     /// Some hundred differences of numbers near 1000 over a thousandth of a second, twice.
     const ROUNDING: f64 = 1e-5;
 
-    fn config() -> MachineConfig {
+    fn config() -> Mechanism {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
-        MachineConfig::read(&file).unwrap()
+        Mechanism::read(&file).unwrap()
     }
 
     /// The first joint at these places, one a cycle, all others at rest.
@@ -348,7 +348,7 @@ mod tests {
         places.iter().enumerate().map(row).collect()
     }
 
-    fn judged(config: &MachineConfig, rows: &[Row]) -> Demands {
+    fn judged(config: &Mechanism, rows: &[Row]) -> Demands {
         let mut loads = Loads::new(config);
         rows.iter().for_each(|row| loads.see(row));
         loads.finish()
@@ -427,7 +427,7 @@ mod tests {
         let mut config = config();
         // A stop from 10 a second within a cycle, by differences of numbers near 500.
         let exact = 10_000.0;
-        let of = |config: &MachineConfig| judged(config, &rows(&ramp(0.001))).acceleration;
+        let of = |config: &Mechanism| judged(config, &rows(&ramp(0.001))).acceleration;
         let seen = of(&config).peaks[0].value;
         assert!(seen != exact && (seen - exact).abs() < 1e-6, "{}", seen - exact);
         config.joints[0].max_acceleration = seen - 1e-8;

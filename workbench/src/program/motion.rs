@@ -9,7 +9,7 @@ use crate::control::process::{Event, Options, run_with_moves};
 use crate::control::refusal::NotJudged;
 pub use crate::control::row::Spindle;
 use crate::control::row::{Arc, Commanded, CommandedKind, Ending, Outcome};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -86,7 +86,7 @@ impl Move {
     }
 
     /// Whether the machine is at home at its end, with all its axes, as far as LinuxCNC's rounding shows.
-    pub fn stays(&self, config: &MachineConfig) -> bool {
+    pub fn stays(&self, config: &Mechanism) -> bool {
         let slack = ROUNDING * config.machine.size();
         let at = |values: &[f64], home: &[f64]| {
             values.iter().zip(home).all(|(value, home)| (value - home).abs() <= slack)
@@ -122,7 +122,7 @@ pub enum ProgramError {
 /// # Errors
 /// As [`read`].
 pub fn moves(
-    config: &MachineConfig,
+    config: &Mechanism,
     program: &Path,
     block: Option<&str>,
 ) -> Result<Vec<Move>, ProgramError> {
@@ -139,7 +139,7 @@ pub fn moves(
 /// LinuxCNC cannot run the program, or stops it before its end for another reason than a pose that the machine
 /// cannot take; that pose is the end of the last move.
 pub fn read(
-    config: &MachineConfig,
+    config: &Mechanism,
     program: &Path,
     block: Option<&str>,
 ) -> Result<(Vec<Move>, Vec<PathBuf>), ProgramError> {
@@ -164,8 +164,8 @@ pub fn read(
 }
 
 /// Whether the machine can take the pose at the end of a move.
-fn is_reached(config: &MachineConfig, step: &Move) -> bool {
-    let reaches = |config: &MachineConfig, step: &Move| {
+fn is_reached(config: &Mechanism, step: &Move) -> bool {
+    let reaches = |config: &Mechanism, step: &Move| {
         let tool = config.spindle + Vector3::from(step.tool);
         let pose = config.carried(&step.end, &step.extra_end, &tool);
         let tool = config.chain.machine_tool(&tool);
@@ -187,7 +187,7 @@ fn stopped(program: &Path, outcome: &Outcome) -> ProgramError {
 
 /// Turns LinuxCNC's commands into straight moves of a machine.
 pub struct Translator<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     /// Axes of the program that move the tool or the work.
     axes: [bool; 6],
     /// Letters that move neither.
@@ -199,7 +199,7 @@ pub struct Translator<'a> {
 
 impl<'a> Translator<'a> {
     /// Starts before the first command.
-    pub fn new(config: &'a MachineConfig) -> Self {
+    pub fn new(config: &'a Mechanism) -> Self {
         let letters = axes(config);
         let moves = |k: usize| {
             let letter = POSE_LETTERS[config.place.places[k]];
@@ -383,7 +383,7 @@ impl Circle {
 }
 
 /// Letters that move no leg of the mechanism: of extra axes, and of another one.
-fn others(config: &MachineConfig) -> String {
+fn others(config: &Mechanism) -> String {
     let own = config.place.places;
     let is_own = |k: &usize| {
         let letter = own.iter().position(|place| place == k).map(|n| Letter::ALL[n]);
@@ -395,7 +395,7 @@ fn others(config: &MachineConfig) -> String {
 }
 
 /// Letters of the machine's axes.
-fn axes(config: &MachineConfig) -> String {
+fn axes(config: &Mechanism) -> String {
     let given = config.ini.first("TRAJ", "COORDINATES").map_or("", |entry| entry.value.as_str());
     let given = given.to_ascii_uppercase();
     POSE_LETTERS.into_iter().filter(|letter| given.contains(*letter)).collect()

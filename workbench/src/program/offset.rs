@@ -10,7 +10,7 @@ use crate::limits;
 use crate::program::motion::Move;
 use crate::proof::reach::Reach;
 use crate::read::joints::Axis;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Letter, Limits, Vector3};
 use serde::Serialize;
 
@@ -128,7 +128,7 @@ impl Poses {
 
     /// Whether the program may be turned: X and Y move and the platform stays level, so that every
     /// turn about Z cuts the same.
-    pub fn may_turn(&self, config: &MachineConfig) -> bool {
+    pub fn may_turn(&self, config: &Mechanism) -> bool {
         let moved = |letter| !config.machine.layout().is_held(letter);
         moved(Letter::X) && moved(Letter::Y) && self.is_level
     }
@@ -137,14 +137,14 @@ impl Poses {
 /// Searches for an offset under which the poses looked at fit. The last argument receives the share that is done, and
 /// returns whether the search goes on.
 pub type Search =
-    fn(&MachineConfig, &Poses, &mut dyn FnMut(f64) -> bool) -> Result<Option<Offset>, Fault>;
+    fn(&Mechanism, &Poses, &mut dyn FnMut(f64) -> bool) -> Result<Option<Offset>, Fault>;
 
 /// Searches for a shift, see [`Search`].
 ///
 /// # Errors
 /// A tool vector that the machine cannot take.
 pub fn shift(
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Poses,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Option<Offset>, Fault> {
@@ -156,7 +156,7 @@ pub fn shift(
 /// # Errors
 /// A tool vector that the machine cannot take.
 pub fn turn(
-    config: &MachineConfig,
+    config: &Mechanism,
     poses: &Poses,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Option<Offset>, Fault> {
@@ -172,7 +172,7 @@ pub fn turn(
 type Shift = [f64; 4];
 
 struct Compass<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     /// Without those of the axes, which leave room for a turn.
     limits: Limits,
     /// By the number of the tool.
@@ -185,7 +185,7 @@ struct Compass<'a> {
 }
 
 impl<'a> Compass<'a> {
-    fn new(config: &'a MachineConfig, poses: &'a Poses, room: f64) -> Result<Self, Fault> {
+    fn new(config: &'a Mechanism, poses: &'a Poses, room: f64) -> Result<Self, Fault> {
         let reach =
             |tool: &[f64; 3]| Reach::with_tool(config, config.spindle + Vector3::from(*tool));
         let reaches = poses.tools.iter().map(reach).collect::<Result<_, _>>()?;

@@ -20,7 +20,7 @@ use crate::program::findings::{
 };
 use crate::program::loads::{Beyond, Demands, Load, Loads};
 use crate::program::motion::{Move, ROUNDING, Translator};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Limit, Part};
 use std::cmp::Ordering;
 use std::io;
@@ -32,7 +32,7 @@ use std::sync::mpsc;
 ///
 /// # Errors
 /// A tool vector that the machine cannot take.
-pub fn preflight(config: &MachineConfig, moves: &[Move]) -> Result<Preflight, Fault> {
+pub fn preflight(config: &Mechanism, moves: &[Move]) -> Result<Preflight, Fault> {
     let mut flight = Flights::new(config)?;
     moves.iter().for_each(|step| flight.see(step));
     flight.finish()
@@ -93,7 +93,7 @@ pub enum JudgeError {
 /// # Errors
 /// LinuxCNC does not come to a first move; a file cannot be read; a tool that the machine cannot take.
 pub fn judge(
-    config: &MachineConfig,
+    config: &Mechanism,
     program: &Path,
     options: &Options,
     see: &mut (dyn FnMut(&Row) + Send),
@@ -113,7 +113,7 @@ pub fn judge(
 }
 
 fn judge_once(
-    config: &MachineConfig,
+    config: &Mechanism,
     program: &Path,
     options: &Options,
     see: &mut (dyn FnMut(&Row) + Send),
@@ -143,14 +143,14 @@ const BATCHES: usize = 64;
 
 /// Runs a program; beside it its moves are followed.
 fn followed(
-    config: &MachineConfig,
+    config: &Mechanism,
     program: &Path,
     options: &Options,
     see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<(Judged, Time), JudgeError> {
     // One of two mechanisms is judged by what both do.
     let is_half = config.place.is_of_pair && config.second.is_none();
-    let read = is_half.then(|| MachineConfig::read(&config.file).ok()).flatten();
+    let read = is_half.then(|| Mechanism::read(&config.file).ok()).flatten();
     let whole = read.as_ref().unwrap_or(config);
     let (sender, receiver) = mpsc::sync_channel::<Vec<Move>>(BATCHES);
     let mut half = is_half.then(|| Half::new(config, whole));
@@ -276,7 +276,7 @@ impl Preflight {
 
     /// The same with what LinuxCNC makes of the program: limits that it leaves in time are breaks as
     /// the others are, and so is what LinuxCNC stops at.
-    pub fn with_time(mut self, config: &MachineConfig, time: Time) -> Self {
+    pub fn with_time(mut self, config: &Mechanism, time: Time) -> Self {
         self.time = time;
         let Time::Judged(timing) = &self.time else { return self };
         for (limit, peaks) in
@@ -298,7 +298,7 @@ impl Preflight {
 }
 
 /// The least margin of the joints.
-fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMargin> {
+fn least(config: &Mechanism, limit: Limit, peaks: &[Peak]) -> Option<LeastMargin> {
     let margin = |(joint, peak): (usize, &Peak)| LeastMargin {
         limit: limit.into(),
         value: peak.limit - peak.value,
@@ -314,7 +314,7 @@ fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMa
 
 impl Timing {
     /// Judges a run.
-    pub fn of(config: &MachineConfig, demands: Demands, outcome: Outcome) -> Self {
+    pub fn of(config: &Mechanism, demands: Demands, outcome: Outcome) -> Self {
         let Demands { speed, acceleration, following, lines, extra, last, .. } = demands;
         let mut breaks = [
             breaks_of(config, Rule::Limit(Limit::JointSpeed), &speed),
@@ -340,7 +340,7 @@ impl Timing {
     }
 }
 
-fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
+fn breaks_of(config: &Mechanism, limit: Rule, load: &Load) -> Vec<Break> {
     let found = load.peaks.iter().zip(&load.beyond).enumerate();
     let told = found.filter_map(|(joint, (peak, beyond))| {
         let Beyond { place, lines } = (*beyond)?;
@@ -351,7 +351,7 @@ fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
 }
 
 /// Returns the part that leaves a limit, and a sentence about it.
-fn sentence(config: &MachineConfig, limit: Rule, joint: usize, peak: &Peak) -> (String, String) {
+fn sentence(config: &Mechanism, limit: Rule, joint: usize, peak: &Peak) -> (String, String) {
     let Peak { value, limit: most, .. } = peak;
     let joint = Part::Joint(joint);
     let of = if let Rule::Limit(limit) = limit { limit } else { Limit::JointRange };
@@ -392,13 +392,13 @@ mod tests {
     use crate::control::row::{Beside, Extra, Flags, Message, MessageKind};
     use kinematics::MAX_JOINTS;
 
-    fn config() -> MachineConfig {
+    fn config() -> Mechanism {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
-        MachineConfig::read(&file).unwrap()
+        Mechanism::read(&file).unwrap()
     }
 
     /// Half a second in line 4 in which strut 2 runs at this speed.
-    fn run(config: &MachineConfig, speed: f64, outcome: Outcome) -> Preflight {
+    fn run(config: &Mechanism, speed: f64, outcome: Outcome) -> Preflight {
         let mut loads = Loads::new(config);
         for cycle in 0..500 {
             let strut = 900.0 + speed * cycle as f64 * config.period;

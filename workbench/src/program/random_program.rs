@@ -4,7 +4,7 @@
 
 use crate::limits;
 use crate::read::joints::Axis;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{
     Joints, Letter, Limits, Link, MAX_EXTRA, MAX_JOINTS, POSE_LETTERS, Pose, Vector3, World,
 };
@@ -41,7 +41,7 @@ pub struct NoMove([f64; 6]);
 ///
 /// # Errors
 /// No legal move is found from some pose.
-pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result<String, NoMove> {
+pub fn random_program(config: &Mechanism, seed: u64, seconds: f64) -> Result<String, NoMove> {
     let mut walk = Walk {
         config,
         limits: limits::beyond_axes(config),
@@ -66,7 +66,7 @@ pub fn random_program(config: &MachineConfig, seed: u64, seconds: f64) -> Result
 }
 
 struct Walk<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     /// Without those of the axes, which are of the ends of moves.
     limits: Limits,
     rng: Pcg64,

@@ -8,7 +8,7 @@
 use crate::limits;
 use crate::program::motion::{Move, MoveKind};
 use crate::read::joints::Group;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{
     Certificate, Cones, Fault, Joints, Limits, MAX_EXTRA, Margin, PerLeg, Pose, Solution, Vector3,
     World,
@@ -125,7 +125,7 @@ impl std::error::Error for ReplayFault {}
 ///
 /// # Errors
 /// The first pose at which inverse or forward fails.
-pub fn replay(config: &MachineConfig, moves: &[Move], period: f64) -> Result<Replay, ReplayFault> {
+pub fn replay(config: &Mechanism, moves: &[Move], period: f64) -> Result<Replay, ReplayFault> {
     replay_seen(config, moves, period, |_| ())
 }
 
@@ -153,7 +153,7 @@ pub struct Visit {
 /// # Errors
 /// As [`replay`].
 pub fn replay_seen(
-    config: &MachineConfig,
+    config: &Mechanism,
     moves: &[Move],
     period: f64,
     mut see: impl FnMut(&Visit),
@@ -172,14 +172,14 @@ pub fn replay_seen(
 ///
 /// LinuxCNC's rule: the feed is that of X Y Z together where one of them moves, else that of U V W, else
 /// that of A B C together.
-pub fn duration(config: &MachineConfig, from: &[f64; 6], step: &Move) -> f64 {
+pub fn duration(config: &Mechanism, from: &[f64; 6], step: &Move) -> f64 {
     let mut delta = [0.0; 9];
     delta.iter_mut().zip(step.end.iter().zip(from)).for_each(|(d, (to, from))| *d = to - from);
     seconds(config, &delta, step)
 }
 
 /// The same of a move by these amounts of LinuxCNC's whole pose.
-fn seconds(config: &MachineConfig, delta: &World, step: &Move) -> f64 {
+fn seconds(config: &Mechanism, delta: &World, step: &Move) -> f64 {
     if let Some(seconds) = step.lasts {
         return seconds;
     }
@@ -209,13 +209,13 @@ fn seconds(config: &MachineConfig, delta: &World, step: &Move) -> f64 {
 }
 
 /// Seconds that all moves take, from `[TRAJ]HOME` on.
-pub fn duration_of_all(config: &MachineConfig, moves: &[Move]) -> f64 {
+pub fn duration_of_all(config: &Mechanism, moves: &[Move]) -> f64 {
     let starts = std::iter::once(config.start).chain(moves.iter().map(|step| step.end));
     starts.zip(moves).map(|(from, step)| duration(config, &from, step)).sum()
 }
 
 struct Player<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     /// Values of the extra axes.
     extra: [f64; MAX_EXTRA],
     limits: Limits,
@@ -234,7 +234,7 @@ struct Player<'a> {
 }
 
 impl<'a> Player<'a> {
-    fn new(config: &'a MachineConfig, period: f64, see: &'a mut dyn FnMut(&Visit)) -> Self {
+    fn new(config: &'a Mechanism, period: f64, see: &'a mut dyn FnMut(&Visit)) -> Self {
         let nowhere = At { value: 0.0, line: 0 };
         Self {
             config,
@@ -480,7 +480,7 @@ impl Replay {
     }
 
     /// Every limit of the machine that the program leaves, one sentence each.
-    pub fn violations(&self, config: &MachineConfig) -> Vec<String> {
+    pub fn violations(&self, config: &Mechanism) -> Vec<String> {
         let sentence = |(margin, line): &(Margin, u32)| {
             let Margin { limit, part, value, range: [low, high] } = *margin;
             let (name, unit) =
@@ -552,12 +552,12 @@ mod tests {
     use crate::program::motion::Spindle;
     use std::path::Path;
 
-    fn config_of(machine: &str) -> MachineConfig {
+    fn config_of(machine: &str) -> Mechanism {
         let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-        MachineConfig::read(&configs.join(machine).join(format!("{machine}.ini"))).unwrap()
+        Mechanism::read(&configs.join(machine).join(format!("{machine}.ini"))).unwrap()
     }
 
-    fn config() -> MachineConfig {
+    fn config() -> Mechanism {
         config_of("hexapod")
     }
 

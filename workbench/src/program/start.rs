@@ -14,7 +14,7 @@ use crate::control::row::{Ending, Message};
 use crate::files::{AtFile, Folder, write_whole};
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::joints::Axis;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::places::HALLIB;
 use crate::read::tools;
 use kinematics::POSE_LETTERS;
@@ -66,7 +66,7 @@ enum Tried {
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn start(config: &MachineConfig) -> Result<Start, AtFile<io::Error>> {
+pub fn start(config: &Mechanism) -> Result<Start, AtFile<io::Error>> {
     if !Path::new(HALLIB).is_dir() {
         return Ok(Start::not_tried("LinuxCNC is not installed here"));
     }
@@ -111,11 +111,7 @@ pub fn start(config: &MachineConfig) -> Result<Start, AtFile<io::Error>> {
     })
 }
 
-fn own_files(
-    config: &MachineConfig,
-    plan: &Plan,
-    entries: &[(Option<&Entry>, String)],
-) -> OwnFiles {
+fn own_files(config: &Mechanism, plan: &Plan, entries: &[(Option<&Entry>, String)]) -> OwnFiles {
     let folder = config.file.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
     let folder = folder.canonicalize().unwrap_or_else(|_| folder.into());
@@ -129,7 +125,7 @@ fn own_files(
 
 /// Why LinuxCNC refuses the machine, at the line that is responsible; `None` where the reason is not the machine.
 fn refused(
-    config: &MachineConfig,
+    config: &Mechanism,
     entries: &[(Option<&Entry>, String)],
     error: &NotJudged,
 ) -> Option<IniError> {
@@ -259,7 +255,7 @@ struct Program {
 }
 
 impl Program {
-    fn new(config: &MachineConfig, changes_tools: bool) -> Self {
+    fn new(config: &Mechanism, changes_tools: bool) -> Self {
         let mut program = Self { text: String::new(), lines: vec![] };
         let unit = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
         program.line(None, &format!("{unit} G17 G40 G49 G80 G90 G94"));
@@ -304,7 +300,7 @@ impl Program {
     }
 
     /// Why LinuxCNC stopped the program.
-    fn refusal(&self, config: &MachineConfig, messages: &[Message]) -> IniError {
+    fn refusal(&self, config: &Mechanism, messages: &[Message]) -> IniError {
         let ini = &*config.ini;
         let errors: Vec<&Message> = messages.iter().filter(|message| message.is_error()).collect();
         let texts: Vec<&str> = errors.iter().map(|message| message.text.as_str()).collect();
@@ -348,7 +344,7 @@ impl Program {
 }
 
 /// How far a coordinate can go from home within all limits, a little way in the direction that has room.
-fn way(config: &MachineConfig, place: usize, axis: &Axis) -> Option<f64> {
+fn way(config: &Mechanism, place: usize, axis: &Axis) -> Option<f64> {
     let turns = "ABC".contains(POSE_LETTERS[place]);
     let most = if turns { MOST_ANGLE } else { SHARE * config.machine.size() };
     let mut way = most.min(SHARE * (axis.max - axis.min));

@@ -8,7 +8,7 @@ use crate::program::both::Flights;
 use crate::program::findings::Break;
 use crate::program::motion::{Beside, Move, MoveKind, Spindle};
 use crate::read::joints::Axis;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
 use serde::Serialize;
 
@@ -64,7 +64,7 @@ struct Way {
 
 impl Stand {
     /// At `[TRAJ]HOME`, without a tool.
-    pub fn home(config: &MachineConfig) -> Self {
+    pub fn home(config: &Mechanism) -> Self {
         let mut world = [0.0; 9];
         for mechanism in config.mechanisms() {
             for letter in moved(mechanism) {
@@ -80,7 +80,7 @@ impl Stand {
     }
 
     /// The pose that this mechanism has in its own letters.
-    fn pose_of(&self, mechanism: &MachineConfig) -> [f64; 6] {
+    fn pose_of(&self, mechanism: &Mechanism) -> [f64; 6] {
         let mut pose = mechanism.start;
         for letter in moved(mechanism) {
             let k = letter.index();
@@ -90,10 +90,10 @@ impl Stand {
     }
 
     /// A move to here.
-    fn reached(&self, config: &MachineConfig) -> Move {
-        let offset = |config: &MachineConfig, i: usize| (self.tools[i] - config.spindle).into();
+    fn reached(&self, config: &Mechanism) -> Move {
+        let offset = |config: &Mechanism, i: usize| (self.tools[i] - config.spindle).into();
         let beside =
-            |second: &MachineConfig| Beside { end: self.pose_of(second), tool: offset(second, 1) };
+            |second: &Mechanism| Beside { end: self.pose_of(second), tool: offset(second, 1) };
         let mut extra_end = [0.0; MAX_EXTRA];
         let places = config.extra_axes.places();
         extra_end.iter_mut().zip(places).for_each(|(to, place)| *to = self.world[place]);
@@ -118,7 +118,7 @@ impl Stand {
 ///
 /// # Errors
 /// The machine cannot stand there.
-pub fn travel(config: &MachineConfig, stand: &Stand) -> Result<Vec<Travel>, Fault> {
+pub fn travel(config: &Mechanism, stand: &Stand) -> Result<Vec<Travel>, Fault> {
     stands(config, stand)?;
     let both = |way: &Way| {
         let [minus, plus] = [0, 1].map(|end| side(config, stand, way, end));
@@ -129,7 +129,7 @@ pub fn travel(config: &MachineConfig, stand: &Stand) -> Result<Vec<Travel>, Faul
 }
 
 /// Refuses a pose without joint values.
-fn stands(config: &MachineConfig, stand: &Stand) -> Result<(), Fault> {
+fn stands(config: &Mechanism, stand: &Stand) -> Result<(), Fault> {
     let step = stand.reached(config);
     for (i, mechanism) in config.mechanisms().enumerate() {
         let tool = stand.tools[i];
@@ -142,17 +142,17 @@ fn stands(config: &MachineConfig, stand: &Stand) -> Result<(), Fault> {
 }
 
 /// Coordinates that a mechanism moves.
-fn moved(mechanism: &MachineConfig) -> impl Iterator<Item = Letter> {
+fn moved(mechanism: &Mechanism) -> impl Iterator<Item = Letter> {
     let layout = *mechanism.machine.layout();
     Letter::ALL.into_iter().filter(move |letter| !layout.is_held(*letter))
 }
 
 /// Letters that have a way, in LinuxCNC's order.
-pub fn letters(config: &MachineConfig) -> String {
+pub fn letters(config: &Mechanism) -> String {
     ways(config).iter().map(|way| POSE_LETTERS[way.place]).collect()
 }
 
-fn ways(config: &MachineConfig) -> Vec<Way> {
+fn ways(config: &Mechanism) -> Vec<Way> {
     let mut ways: Vec<Way> = vec![];
     for mechanism in config.mechanisms() {
         for letter in moved(mechanism) {
@@ -188,12 +188,12 @@ fn of_axis(letter: char) -> String {
     format!("axis {letter}: {}", Limit::Axis.name())
 }
 
-fn unit(config: &MachineConfig, is_angle: bool) -> &'static str {
+fn unit(config: &Mechanism, is_angle: bool) -> &'static str {
     if is_angle { "degrees" } else { config.length_unit() }
 }
 
 /// What is left towards one end of a letter's range.
-fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<Side, Fault> {
+fn side(config: &Mechanism, stand: &Stand, way: &Way, end: usize) -> Result<Side, Fault> {
     let sign = [-1.0, 1.0][end];
     let free = (sign * (way.ends[end] - stand.world[way.place])).max(0.0);
     // A turn repeats everything but the letter's own range; of a length all is followed that has an end.
@@ -227,7 +227,7 @@ fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<
 /// What a straight move along a letter leaves first; the letter's own range is the way's, which may
 /// begin beyond it.
 fn first_break(
-    config: &MachineConfig,
+    config: &Mechanism,
     way: &Way,
     at: &Stand,
     next: &Stand,

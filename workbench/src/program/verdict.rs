@@ -10,7 +10,7 @@ use crate::files::{self, AtFile, open};
 use crate::program::findings::{Preflight, Rule, Time};
 use crate::program::offset::{self, Offset};
 use crate::program::preflight::{self, JudgeError, Judged};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use serde::Serialize;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ use std::sync::atomic::Ordering;
 pub struct ProgramVerdict<'a> {
     /// The machine.
     #[serde(skip)]
-    pub config: &'a MachineConfig,
+    pub config: &'a Mechanism,
     /// Its file, as it was named.
     pub machine: String,
     /// File of the program, as it was named.
@@ -82,7 +82,7 @@ pub type Show<'a> = &'a mut (dyn FnMut(Step) + Send);
 /// # Errors
 /// See [`JudgeError`].
 pub fn judge<'a>(
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     program: &Path,
     options: &Options,
     searches: bool,
@@ -143,7 +143,7 @@ fn tilted((file, line): (usize, u32)) -> Caution {
 
 /// Returns whether another work offset may help. Another place does not make a program slower, two mechanisms have two
 /// places, and the search knows the machine's own poses alone.
-fn may_shift(config: &MachineConfig, found: &Preflight) -> bool {
+fn may_shift(config: &Mechanism, found: &Preflight) -> bool {
     found.breaks.iter().any(|broken| !broken.limit.is_of_time())
         && config.second.is_none()
         && config.chain.is_empty()
@@ -152,7 +152,7 @@ fn may_shift(config: &MachineConfig, found: &Preflight) -> bool {
 /// Searches for a work offset that LinuxCNC and the whole check confirm: a shift where one will do, else one that is
 /// turned as well.
 fn offset(
-    config: &MachineConfig,
+    config: &Mechanism,
     program: &Path,
     options: &Options,
     found: &Preflight,

@@ -8,7 +8,7 @@ use crate::files::AtFile;
 use crate::program::start::{Start, start};
 use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use std::io;
 
 /// What was found of a machine.
@@ -42,7 +42,7 @@ impl Whole {
 /// # Errors
 /// The file describes no machine, or a file of the start cannot be written.
 pub fn checked<E: From<MachineError> + From<AtFile<io::Error>>>(
-    config: &MachineConfig,
+    config: &Mechanism,
     starts: bool,
     mut show: impl FnMut(&'static str, Option<f64>),
 ) -> Result<Whole, E> {

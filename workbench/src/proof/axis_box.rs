@@ -9,7 +9,7 @@
 
 use crate::proof::cell::{Cell, Verdict};
 use crate::proof::reach::{Reach, Stop};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Letter, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -98,7 +98,7 @@ impl AxisBox {
 }
 
 /// The limits of the axes, finite also where the file gives none.
-pub fn range(config: &MachineConfig) -> AxisBox {
+pub fn range(config: &Mechanism) -> AxisBox {
     let size = config.machine.size();
     let mut range = AxisBox { low: config.home, high: config.home };
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
@@ -119,7 +119,7 @@ pub fn range(config: &MachineConfig) -> AxisBox {
 /// # Errors
 /// Home itself is outside.
 pub fn find(
-    config: &MachineConfig,
+    config: &Mechanism,
     within: &AxisBox,
     tilted: Option<&AxisBox>,
     mut progress: impl FnMut(f64),
@@ -163,7 +163,7 @@ pub fn find(
 /// # Errors
 /// Home itself is outside.
 pub fn in_one_proof(
-    config: &MachineConfig,
+    config: &Mechanism,
     within: &AxisBox,
     asked: [bool; 6],
     enough: f64,
@@ -203,14 +203,14 @@ fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
 }
 
 /// Whether a box is proved with a tool offset.
-pub fn holds_with(config: &MachineConfig, tool: &Vector3<f64>, part: &AxisBox) -> bool {
+pub fn holds_with(config: &Mechanism, tool: &Vector3<f64>, part: &AxisBox) -> bool {
     Search::new(config, tool, part).is_ok_and(|mut search| search.is_inside(part))
 }
 
 /// The box in X Y Z with A and B up to `tilt` degrees either way from 0, C at home; `None` where
 /// none is proved about home. `steeper` is one that is proved for a larger tilt.
 pub fn at_tilt(
-    config: &MachineConfig,
+    config: &Mechanism,
     within: &AxisBox,
     tilt: f64,
     steeper: Option<&AxisBox>,
@@ -257,14 +257,14 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(config: &'a MachineConfig, tool: &Vector3<f64>, within: &AxisBox) -> Result<Self, Stop> {
+    fn new(config: &'a Mechanism, tool: &Vector3<f64>, within: &AxisBox) -> Result<Self, Stop> {
         let reach = Reach::with_tool(config, config.spindle + tool).map_err(Stop::Fault)?;
         reach.check(&config.home)?;
         Ok(Self { reach, within: *within, asked: [false; 6], left: ALL_CELLS })
     }
 
     /// With these shares of lengths and angles, and all of what is asked.
-    fn part(&self, config: &MachineConfig, shares: [f64; 2]) -> AxisBox {
+    fn part(&self, config: &Mechanism, shares: [f64; 2]) -> AxisBox {
         self.within.with_shares(&config.home, shares).with_ends(&self.within, self.asked)
     }
 
@@ -300,7 +300,7 @@ impl<'a> Search<'a> {
     }
 
     /// The largest share of the lengths that is proved with this share of the angles; 0: none.
-    fn lengths(&mut self, config: &MachineConfig, angles: f64) -> f64 {
+    fn lengths(&mut self, config: &Mechanism, angles: f64) -> f64 {
         if self.asked[..3] == [true; 3] {
             return f64::from(self.is_whole(&self.part(config, [1.0, angles])));
         }

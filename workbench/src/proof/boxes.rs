@@ -4,7 +4,7 @@
 use crate::proof::choose;
 use crate::proof::one_to_one::{Doubt, Prover};
 use crate::read::boxes::{BoxSection, Claim};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::MAX_BOXES;
 
 /// Most cells of one proof.
@@ -17,7 +17,7 @@ const WIDENED: f64 = 1e-3;
 ///
 /// # Errors
 /// A limit is missing.
-pub fn workspace(config: &MachineConfig) -> Result<([f64; 6], [f64; 6]), Doubt> {
+pub fn workspace(config: &Mechanism) -> Result<([f64; 6], [f64; 6]), Doubt> {
     let (mut low, mut high) = ([0.0; 6], [0.0; 6]);
     for letter in config.machine.layout().coordinates().as_slice() {
         let (k, axis) = (letter.index(), &config.axes[letter.index()]);
@@ -38,7 +38,7 @@ pub fn workspace(config: &MachineConfig) -> Result<([f64; 6], [f64; 6]), Doubt> 
 /// # Errors
 /// Why there are none.
 pub fn found(
-    config: &MachineConfig,
+    config: &Mechanism,
     told: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<(BoxSection, usize)>, Doubt> {
     let prover = Prover::new(&config.machine, &config.geometry);
@@ -59,7 +59,7 @@ pub fn found(
 /// # Errors
 /// It belongs to another geometry, or is not proved.
 pub fn prove(
-    config: &MachineConfig,
+    config: &Mechanism,
     section: &BoxSection,
     told: &(dyn Fn(f64) + Sync),
 ) -> Result<usize, Doubt> {

@@ -3,7 +3,7 @@
 //! and at the worst of a box of poses.
 
 use crate::proof::axis_box::AxisBox;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Pose};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -16,7 +16,7 @@ const BETTERED: usize = 400;
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
-pub fn at(config: &MachineConfig, pose: &[f64; 6]) -> Result<f64, Fault> {
+pub fn at(config: &Mechanism, pose: &[f64; 6]) -> Result<f64, Fault> {
     let at = config.machine.at(&Pose::from_degrees(*pose), &config.spindle)?;
     Ok(at.smallest_singular_value())
 }

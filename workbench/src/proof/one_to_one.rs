@@ -566,7 +566,7 @@ impl Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::machine::MachineConfig;
+    use crate::read::machine::Mechanism;
     use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
     use std::path::Path;
@@ -583,13 +583,13 @@ mod tests {
         "tripod",
     ];
 
-    fn config(name: &str) -> MachineConfig {
+    fn config(name: &str) -> Mechanism {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name);
-        MachineConfig::read(&folder.join(format!("{name}.ini"))).unwrap()
+        Mechanism::read(&folder.join(format!("{name}.ini"))).unwrap()
     }
 
     /// A random part of the axis limits, `share` of them wide.
-    fn cell(config: &MachineConfig, active: &[usize], share: f64, rng: &mut Pcg64) -> Cell {
+    fn cell(config: &Mechanism, active: &[usize], share: f64, rng: &mut Pcg64) -> Cell {
         let mut cell = Cell { low: [0.0; 6], high: [0.0; 6] };
         for &k in active {
             let (axis, width) = (&config.axes[k], config.axes[k].max - config.axes[k].min);

@@ -3,7 +3,7 @@
 
 use crate::limits::beyond_axes;
 use crate::read::legs::{drive_rate, platform_anchor};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{
     At, Fault, Jacobian, Joints, LegGeometry, Letter, Limits, Margin, Matrix3, Pose, Segment,
     Vector3,
@@ -27,7 +27,7 @@ pub enum Stop {
 
 /// A machine with one tool, as its cells see it.
 pub struct Reach<'a> {
-    pub(super) config: &'a MachineConfig,
+    pub(super) config: &'a Mechanism,
     /// Tool vector, spindle offset included.
     pub(super) tool: Vector3<f64>,
     /// Those of the pose, without axes.
@@ -100,7 +100,7 @@ impl<'a> Reach<'a> {
     ///
     /// # Errors
     /// Home cannot be taken.
-    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+    pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
         Self::with_tool(config, config.spindle)
     }
 
@@ -109,7 +109,7 @@ impl<'a> Reach<'a> {
     ///
     /// # Errors
     /// Home cannot be taken.
-    pub fn with_tool(config: &'a MachineConfig, tool: Vector3<f64>) -> Result<Self, Fault> {
+    pub fn with_tool(config: &'a Mechanism, tool: Vector3<f64>) -> Result<Self, Fault> {
         let tool = config.chain.machine_tool(&tool);
         let active = Letter::ALL.map(|l| config.machine.layout().coordinates().contains(l));
         let home = config.machine.at(&config.home_pose(), &config.spindle)?;
@@ -329,7 +329,7 @@ impl Ring {
 }
 
 /// Pairs of legs, lower number first, that share no anchor.
-pub fn pairs(config: &MachineConfig) -> Vec<[usize; 2]> {
+pub fn pairs(config: &Mechanism) -> Vec<[usize; 2]> {
     let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
     pairs.filter(|pair| config.machine.watch().is_watched(*pair)).collect()
 }

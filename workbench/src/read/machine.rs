@@ -61,13 +61,13 @@ pub struct Program {
 
 /// A machine with everything its INI file says that this crate uses; of two mechanisms the first one.
 #[derive(Clone, Debug)]
-pub struct MachineConfig {
+pub struct Mechanism {
     /// Which mechanism of the file it is.
     pub place: Place,
     /// Letters of a second mechanism.
     pub second_letters: Option<Second>,
     /// The second mechanism of the file as a machine in its own coordinates, if there is one.
-    pub second: Option<Box<MachineConfig>>,
+    pub second: Option<Box<Mechanism>>,
     /// Smallest distance of the legs and the platform of one of two mechanisms from those of the
     /// other, machine units, `[PKM]MECHANISM_CLEARANCE`.
     pub mechanism_clearance: Option<f64>,
@@ -141,7 +141,7 @@ pub struct MachineConfig {
     pub models: Vec<Model>,
     /// `[BOX_K]`: boxes for the start without a seed.
     pub boxes: Vec<BoxSection>,
-    /// Why there are none although the file names some, see [`MachineConfig::read_without_boxes`].
+    /// Why there are none although the file names some, see [`Mechanism::read_without_boxes`].
     pub refused_boxes: Option<MachineError>,
 }
 
@@ -150,7 +150,7 @@ pub struct MachineConfig {
 #[error("--mechanism 2: {} has one mechanism; second= in [KINS]KINEMATICS gives another", .0.display())]
 pub struct OneMechanism(pub PathBuf);
 
-impl MachineConfig {
+impl Mechanism {
     /// Reads a machine from its INI file.
     ///
     /// # Errors
@@ -163,7 +163,7 @@ impl MachineConfig {
     /// everything, or writes them again.
     ///
     /// # Errors
-    /// As [`MachineConfig::read`], but for the boxes.
+    /// As [`Mechanism::read`], but for the boxes.
     pub fn read_without_boxes(file: &Path) -> Result<Self, MachineError> {
         Self::from_ini_without_boxes(&Ini::read(file)?)
     }
@@ -177,7 +177,7 @@ impl MachineConfig {
         Self::loaded(ini)
     }
 
-    /// As [`MachineConfig::from_ini`], also of a machine that LinuxCNC starts in the identity: its geometry is the same.
+    /// As [`Mechanism::from_ini`], also of a machine that LinuxCNC starts in the identity: its geometry is the same.
     ///
     /// # Errors
     /// One of the values, or the geometry is refused.
@@ -187,7 +187,7 @@ impl MachineConfig {
         refused.map_or(Ok(config), Err)
     }
 
-    /// As [`MachineConfig::read_without_boxes`], from an INI file already read.
+    /// As [`Mechanism::read_without_boxes`], from an INI file already read.
     ///
     /// # Errors
     /// One of the values, or the geometry is refused.
@@ -383,7 +383,7 @@ impl MachineConfig {
         own.chain(self.extra.iter().map(|axis| &axis.joint))
     }
 
-    /// Joint `i` of [`MachineConfig::all_joints`].
+    /// Joint `i` of [`Mechanism::all_joints`].
     ///
     /// # Panics
     /// If there is none.

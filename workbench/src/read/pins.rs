@@ -6,7 +6,7 @@
 
 use crate::read::error::{MachineError, chain_section};
 use crate::read::ini::{Ini, decimal};
-use crate::read::machine::{MachineConfig, load, moved_letters};
+use crate::read::machine::{Mechanism, load, moved_letters};
 use crate::read::place::leg_section;
 use keys::{Key, Range, chain, joint, leg, machine, second, workspace_box};
 use kinematics::{LegKind, Letter, Load, POSE_LETTERS, Second};
@@ -36,10 +36,10 @@ const EXPANDED: &str = "expanded";
 /// Returns the text for a machine's INI file: the version, what has been read, the pins and an end mark.
 ///
 /// # Errors
-/// As [`MachineConfig::read`], of a file that LinuxCNC may start in the identity.
+/// As [`Mechanism::read`], of a file that LinuxCNC may start in the identity.
 pub fn printed(file: &Path, version: &str) -> Result<String, MachineError> {
     let ini = read(file)?;
-    let config = MachineConfig::loaded(&ini)?;
+    let config = Mechanism::loaded(&ini)?;
     let mut text = format!("version {version}\n");
     let patterns = COMPARED.map(|(section, key)| format!("{section} {key}")).join(" ");
     text += &format!("compared {patterns}\n");
@@ -82,7 +82,7 @@ struct Pins<'a> {
 }
 
 impl Pins<'_> {
-    fn all(&mut self, config: &MachineConfig, load: &Load) {
+    fn all(&mut self, config: &Mechanism, load: &Load) {
         self.section("PKM", machine::ALL, "");
         self.section("SECOND", second::ALL, "");
         for n in 0..config.guarded_joints() {
@@ -148,7 +148,7 @@ impl Pins<'_> {
         Some(values.expect("the reader has checked the value"))
     }
 
-    fn mechanism(&mut self, mechanism: &MachineConfig) {
+    fn mechanism(&mut self, mechanism: &Mechanism) {
         let place = &mechanism.place;
         for n in place.first_leg..place.first_leg + mechanism.legs() {
             self.section(&leg_section(n), leg::ALL, &n.to_string());
@@ -168,7 +168,7 @@ impl Pins<'_> {
 
     /// Prints the leads of struts. A pin lead.N of 0 stands for screw-lead, a key LEAD = 0 for none: where a leg has a
     /// LEAD, every strut gets its own.
-    fn leads(&mut self, config: &MachineConfig) {
+    fn leads(&mut self, config: &Mechanism) {
         let legs =
             || config.mechanisms().flat_map(|mechanism| mechanism.geometry.legs()).enumerate();
         if legs().all(|(n, _)| self.ini.all(&leg_section(n), leg::LEAD.name).is_empty()) {

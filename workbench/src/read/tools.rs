@@ -3,7 +3,7 @@
 
 use crate::files::{self, AtFile};
 use crate::read::ini::{Excerpt, IniError, Problem};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Letter, Vector3};
 use std::io;
 use std::path::PathBuf;
@@ -41,28 +41,22 @@ impl Tool {
     }
 
     /// What is wrong with its length along the platform's Z, in the table of this machine.
-    pub fn refuse_length(&self, config: &MachineConfig, expected: &str) -> IniError {
+    pub fn refuse_length(&self, config: &Mechanism, expected: &str) -> IniError {
         self.refuse(config, self.letters[2], self.name(), expected)
     }
 
     /// What is wrong with its line.
-    pub fn refuse_line(&self, config: &MachineConfig, expected: &str) -> IniError {
+    pub fn refuse_line(&self, config: &Mechanism, expected: &str) -> IniError {
         self.refuse(config, '\0', self.text.trim().into(), expected)
     }
 
     /// What is wrong with its diameter.
-    pub fn refuse_diameter(&self, config: &MachineConfig, expected: &str) -> IniError {
+    pub fn refuse_diameter(&self, config: &Mechanism, expected: &str) -> IniError {
         self.refuse(config, 'D', format!("T{} D{}", self.number, self.diameter), expected)
     }
 
     /// What is wrong with the word of a letter.
-    fn refuse(
-        &self,
-        config: &MachineConfig,
-        letter: char,
-        found: String,
-        expected: &str,
-    ) -> IniError {
+    fn refuse(&self, config: &Mechanism, letter: char, found: String, expected: &str) -> IniError {
         let is_it = |word: &&str| word.to_ascii_uppercase().starts_with(letter);
         let words = self.text.split(';').next().unwrap_or_default();
         let part = words.split_whitespace().find(is_it).map_or(0..words.len(), |word| {
@@ -118,7 +112,7 @@ pub enum BadTool {
 ///
 /// # Errors
 /// See [`TableError`].
-pub fn read(config: &MachineConfig) -> Result<Vec<Tool>, TableError> {
+pub fn read(config: &Mechanism) -> Result<Vec<Tool>, TableError> {
     let Some(file) = &config.program.tool_table else { return Ok(vec![]) };
     let bytes = files::read(file)?;
     let text = String::from_utf8_lossy(&bytes);

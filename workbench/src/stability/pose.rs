@@ -5,7 +5,7 @@ use crate::dynamics::milling::frame;
 use crate::dynamics::mode::Mode;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::Structure;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::stability::lobes::{Limit, Lobes};
 use crate::stability::process::{AlongAxis, Process, Row, milling_rows, turned, turning_rows};
 use crate::stability::spindle::{NoSpindle, Nose};
@@ -45,7 +45,7 @@ pub enum NoModes {
 /// A machine with what its study says of masses and cutting.
 #[derive(Clone, Debug)]
 pub struct Setup<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     model: Model,
     pub process: Process,
     turning: Option<Turning>,
@@ -60,7 +60,7 @@ impl<'a> Setup<'a> {
     ///
     /// # Errors
     /// See [`NoSetup`].
-    pub fn new(config: &'a MachineConfig, study: &Study) -> Result<Self, NoSetup> {
+    pub fn new(config: &'a Mechanism, study: &Study) -> Result<Self, NoSetup> {
         let process = match (&study.cutting, &study.turning) {
             (Some(cutting), None) => Process::from(cutting),
             (None, Some(turning)) => Process::from(turning),

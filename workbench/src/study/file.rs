@@ -5,7 +5,7 @@
 //! value without its unit is an unknown key.
 
 use crate::files::{AtFile, Locate, read_text};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
 use crate::study::forcing::{Force, Milling};
 use crate::study::masses::Platform;
@@ -270,7 +270,7 @@ impl Study {
     ///
     /// # Errors
     /// See [`Lacking`].
-    pub fn joint_sigma(&self, config: &MachineConfig) -> Result<Option<Vec<f64>>, Lacking> {
+    pub fn joint_sigma(&self, config: &Mechanism) -> Result<Option<Vec<f64>>, Lacking> {
         let all = self.of_joints(
             config,
             "joint_sigma_um",
@@ -289,7 +289,7 @@ impl Study {
     /// Values of legs, then of table axes; `None` where those of the legs are missing.
     fn of_joints(
         &self,
-        config: &MachineConfig,
+        config: &Mechanism,
         key: &'static str,
         [legs, table]: [&Option<Each>; 2],
     ) -> Result<Option<Vec<f64>>, Lacking> {

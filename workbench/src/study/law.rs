@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The motion law of a study, see [`crate::study::file::Law`], about the home of a machine.
 
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::study::file::Law;
 use kinematics::Letter;
 use std::f64::consts::TAU;
 
 impl Law {
     /// Pose and its rate at a time in seconds: machine units and degrees.
-    pub fn at(&self, config: &MachineConfig, time: f64) -> ([f64; 6], [f64; 6]) {
+    pub fn at(&self, config: &Mechanism, time: f64) -> ([f64; 6], [f64; 6]) {
         let period = self.period_s.0;
         let share = time / period;
         let (sin, cos) = (TAU * share).sin_cos();

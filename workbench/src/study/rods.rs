@@ -7,12 +7,12 @@
 //! atan2(u_y, u_x) about Z.
 
 use crate::read::legs::platform_anchor;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use kinematics::{Fault, Nearest, Pose, Segment, Vector3};
 
 /// What is asked of a machine at every pose.
 pub struct View<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     /// Points of the platform, in its frame, machine units.
     points: Vec<Vector3<f64>>,
     /// Diameter of the rods, machine units.
@@ -24,7 +24,7 @@ pub struct View<'a> {
 pub struct Rods {
     /// The legs.
     pub rods: Vec<Rod>,
-    /// Angles between legs, in the order of [`MachineConfig::pairs`].
+    /// Angles between legs, in the order of [`Mechanism::pairs`].
     pub between: Vec<f64>,
     /// The two legs that are nearest, and the gap between them: the distance of their centre
     /// lines without a diameter. `None` where all legs share an anchor.
@@ -53,7 +53,7 @@ pub struct Rod {
 }
 
 impl<'a> View<'a> {
-    pub fn new(config: &'a MachineConfig, points: Vec<Vector3<f64>>, diameter: f64) -> Self {
+    pub fn new(config: &'a Mechanism, points: Vec<Vector3<f64>>, diameter: f64) -> Self {
         Self { config, points, diameter }
     }
 

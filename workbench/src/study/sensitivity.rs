@@ -14,7 +14,7 @@
 use crate::files;
 use crate::proof::axis_box::AxisBox;
 use crate::read::columns::coordinates;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::rows::{self, Rows};
 use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
 use nalgebra::{SMatrix, SVector};
@@ -52,7 +52,7 @@ pub struct Sensitivity {
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
-pub(crate) fn jacobian(config: &MachineConfig, at: &At) -> Result<Rows, Fault> {
+pub(crate) fn jacobian(config: &Mechanism, at: &At) -> Result<Rows, Fault> {
     Ok(rows::moved_columns(config, at.pose_jacobian()?))
 }
 
@@ -62,7 +62,7 @@ impl Sensitivity {
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
     pub fn at(
-        config: &MachineConfig,
+        config: &Mechanism,
         pose: &Pose,
         tool: &Vector3<f64>,
         length: f64,
@@ -116,7 +116,7 @@ fn scaled(jacobian: &Rows, length: f64) -> Rows {
     scaled
 }
 
-fn weights(config: &MachineConfig, at: &At) -> SMatrix<f64, MAX_JOINTS, MAX_JOINTS> {
+fn weights(config: &Mechanism, at: &At) -> SMatrix<f64, MAX_JOINTS, MAX_JOINTS> {
     let gains = rows::gains(config, at);
     let value = |i: usize| gains.get(i).copied().unwrap_or(0.0);
     SMatrix::from_diagonal(&SVector::<f64, MAX_JOINTS>::from_fn(|i, _| value(i)))
@@ -136,7 +136,7 @@ pub struct Drawn {
 /// # Errors
 /// The pose, or one of those with an error, has no joint values or no pose.
 pub fn monte_carlo(
-    config: &MachineConfig,
+    config: &Mechanism,
     pose: &Pose,
     tool: &Vector3<f64>,
     sigma: &[f64],
@@ -198,7 +198,7 @@ pub struct Near {
 /// Looks along `rays` random rays from the middle of a region to `factor` times its border; a
 /// search finds what it meets, and proves nothing about the rest.
 pub fn near(
-    config: &MachineConfig,
+    config: &Mechanism,
     region: &AxisBox,
     tool: &Vector3<f64>,
     rays: usize,
@@ -302,7 +302,7 @@ impl Ray {
     }
 
     /// Conditioning; `None` where there are no joint values.
-    fn hold(&self, config: &MachineConfig, tool: &Vector3<f64>, reach: f64) -> Option<f64> {
+    fn hold(&self, config: &Mechanism, tool: &Vector3<f64>, reach: f64) -> Option<f64> {
         config
             .machine
             .at(&Pose::from_degrees(self.at(reach)), tool)
@@ -350,7 +350,7 @@ pub enum End {
 /// # Errors
 /// See [`End`].
 pub fn along(
-    config: &MachineConfig,
+    config: &Mechanism,
     time: f64,
     (pose, rate): (&[f64; 6], &[f64; 6]),
     tool: &Vector3<f64>,
@@ -375,7 +375,7 @@ pub fn along(
 }
 
 /// Points of a motion as CSV.
-pub fn csv(config: &MachineConfig, points: &[Point]) -> String {
+pub fn csv(config: &Mechanism, points: &[Point]) -> String {
     let count = config.joints.len();
     let named = |what: &str| coordinates().iter().map(|c| format!("{what}_{c}")).collect();
     let joints = |what: &str| (0..count).map(|i| format!("{what}_{i}")).collect::<Vec<_>>();

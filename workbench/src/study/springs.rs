@@ -2,7 +2,7 @@
 //! The springs of legs and table axes, as a study names them.
 
 use crate::read::joints::JointKind;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::study::file::{Each, Lacking, Legs, Screw, Study};
 
 /// N/mm per N/um.
@@ -50,7 +50,7 @@ impl Springs {
     ///
     /// # Errors
     /// See [`Lacking`].
-    pub fn of(config: &MachineConfig, study: &Study) -> Result<Self, Lacking> {
+    pub fn of(config: &Mechanism, study: &Study) -> Result<Self, Lacking> {
         let mut all = of_legs(config, &study.legs)?;
         let axes = config.joints.len() - config.legs();
         if axes > 0 {
@@ -67,7 +67,7 @@ impl Springs {
 ///
 /// # Errors
 /// See [`Lacking`].
-pub fn of_legs(config: &MachineConfig, given: &Legs) -> Result<Vec<Spring>, Lacking> {
+pub fn of_legs(config: &Mechanism, given: &Legs) -> Result<Vec<Spring>, Lacking> {
     let (whole, rod) = ("stiffness_n_per_um", "rod_stiffness_n_per_um");
     let is_given = [given.stiffness_n_per_um.is_some(), given.rod_stiffness_n_per_um.is_some()];
     one_of("legs", [whole, rod], is_given)?;
@@ -104,7 +104,7 @@ pub(crate) fn one_of(
 /// Values of every leg where those of straight joints and of arms have keys of their own, each for
 /// the legs of its kind; `None` for a leg whose key is missing.
 pub(crate) fn of_kinds(
-    config: &MachineConfig,
+    config: &Mechanism,
     keys: [&'static str; 2],
     values: [&Option<Each>; 2],
     scales: [f64; 2],

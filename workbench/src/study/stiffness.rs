@@ -10,7 +10,7 @@
 //! What guides or joints of the platform hold counts as rigid: there the compliance has no part,
 //! and K is not asked for.
 
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::rows::{self, Rows, joint_rows, length_rows};
 use crate::study::file::Screw;
 use crate::study::springs::Springs;
@@ -42,7 +42,7 @@ impl Stiffness {
     /// # Errors
     /// As [`Machine::inverse`].
     pub fn at(
-        config: &MachineConfig,
+        config: &Mechanism,
         pose: &Pose,
         tool: &Vector3<f64>,
         springs: &Springs,
@@ -58,7 +58,7 @@ impl Stiffness {
         Ok(Self::of_rows(config, pose, &rows, &n_per_mm))
     }
 
-    fn of_rows(config: &MachineConfig, pose: &Pose, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
+    fn of_rows(config: &Mechanism, pose: &Pose, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
         let moved = rows::moved(config).len();
         // Angles times a length of the machine: rows of one unit, for the test of their rank.
         let radius = config.machine.radius();
@@ -139,7 +139,7 @@ impl Ellipsoid {
 ///
 /// # Errors
 /// The core refuses that machine.
-pub fn with_platform(config: &MachineConfig, factor: f64) -> Result<MachineConfig, Fault> {
+pub fn with_platform(config: &Mechanism, factor: f64) -> Result<Mechanism, Fault> {
     let mut legs = config.geometry.legs().to_vec();
     for LegGeometry { platform, .. } in &mut legs {
         (platform[0], platform[1]) = (platform[0] * factor, platform[1] * factor);
@@ -148,7 +148,7 @@ pub fn with_platform(config: &MachineConfig, factor: f64) -> Result<MachineConfi
     let mut geometry = Geometry::of_layout(*layout, |i| legs[i]);
     (geometry.centre, geometry.home) = (config.geometry.centre, config.geometry.home);
     let machine = Machine::freeze(&geometry, &config.offsets)?;
-    Ok(MachineConfig { machine, geometry, ..config.clone() })
+    Ok(Mechanism { machine, geometry, ..config.clone() })
 }
 
 impl Stiffness {

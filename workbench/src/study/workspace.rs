@@ -9,7 +9,7 @@
 
 use crate::limits;
 use crate::read::joints::JointKind;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::study::file;
 use kinematics::{
     At, Cause, Fault, Gap, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,
@@ -107,7 +107,7 @@ pub enum NoWorkspace {
 
 /// The limits of a machine, and the orientations in which a position has to keep them.
 pub struct Workspace<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     /// With the joints' axes that the study names.
     machine: Machine,
     limits: Limits,
@@ -119,7 +119,7 @@ pub struct Workspace<'a> {
 
 /// Another mechanism on the same base, and where it stands.
 struct Other<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
     poses: Vec<Pose>,
     /// Smallest distance that is kept.
     clearance: f64,
@@ -177,7 +177,7 @@ impl<'a> Workspace<'a> {
     /// # Errors
     /// See [`NoWorkspace`].
     pub fn new(
-        config: &'a MachineConfig,
+        config: &'a Mechanism,
         tool: Vector3<f64>,
         orientations: Vec<[f64; 3]>,
         study: &file::Study,
@@ -211,8 +211,8 @@ impl<'a> Workspace<'a> {
     /// The other one cannot be at home.
     pub fn beside(
         mut self,
-        whole: &MachineConfig,
-        other: &'a MachineConfig,
+        whole: &Mechanism,
+        other: &'a Mechanism,
         stand: Stand,
     ) -> Result<Self, NoWorkspace> {
         other.machine.inverse(&other.home_pose(), &other.spindle)?;
@@ -329,7 +329,7 @@ fn corners_of(at: &At) -> [Vector3<f64>; 2] {
 }
 
 /// Every corner of a machine's axis limits: X Y Z in machine units, A B C in degrees.
-fn corners(config: &MachineConfig) -> Vec<[f64; 6]> {
+fn corners(config: &Mechanism) -> Vec<[f64; 6]> {
     let mut all = vec![config.home];
     for (k, axis) in config.axes.iter().enumerate() {
         let ends = [axis.min, axis.max].into_iter().filter(|end| end.is_finite());
@@ -386,7 +386,7 @@ enum End {
 /// Paper 004 gives turns for an axis square to the leg at home: there they are those of the core
 /// ([`At::turns`]), which hold for any axis.
 fn pyramid<'s>(
-    config: &MachineConfig,
+    config: &Mechanism,
     study: &'s file::Limits,
     end: End,
     limits: &mut [[f64; 2]],
@@ -428,7 +428,7 @@ fn is_along(one: &[f64; 3], other: &[f64; 3]) -> bool {
 
 /// Level, and tilted by an angle in `directions` directions about Z, without a turn about the
 /// tool: A B C in degrees; those that the machine can take.
-pub fn tilts(config: &MachineConfig, tilt: f64, directions: usize) -> Vec<[f64; 3]> {
+pub fn tilts(config: &Mechanism, tilt: f64, directions: usize) -> Vec<[f64; 3]> {
     let held = |letter| config.machine.layout().is_held(letter);
     let mut all = vec![[0.0; 3]];
     for k in 0..directions {

@@ -4,7 +4,7 @@
 use crate::files;
 use crate::limits;
 use crate::program::course::{Abscissa, Sample, Thinned};
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 use crate::read::models::Model;
 use crate::scene::Scene;
 use crate::view::track::{Point, Track, VALUES};
@@ -26,7 +26,7 @@ const MOST_BYTES: u64 = 20_000_000;
 pub struct Data {
     version: u32,
     title: String,
-    mechanisms: Vec<Mechanism>,
+    mechanisms: Vec<PageMechanism>,
     /// Whether the machine is shown as it runs.
     is_live: bool,
     program: Option<Program>,
@@ -37,7 +37,7 @@ pub struct Data {
 }
 
 #[derive(Serialize)]
-struct Mechanism {
+struct PageMechanism {
     scene: Scene,
     /// For the page's kinematics, 64-bit floating point numbers.
     numbers: String,
@@ -122,11 +122,11 @@ impl<T> Columns<T> {
 }
 
 impl Data {
-    pub fn new(config: &MachineConfig, is_live: bool) -> Self {
+    pub fn new(config: &Mechanism, is_live: bool) -> Self {
         let stem = config.file.file_stem().unwrap_or_default();
         let shapes: Vec<Result<Shape, String>> = config.models.iter().map(Shape::read).collect();
         let problems = shapes.iter().filter_map(|shape| shape.as_ref().err().cloned()).collect();
-        let mut mechanisms: Vec<_> = config.mechanisms().map(Mechanism::new).collect();
+        let mut mechanisms: Vec<_> = config.mechanisms().map(PageMechanism::new).collect();
         mechanisms[0].shapes = shapes.into_iter().filter_map(Result::ok).collect();
         Self {
             version: VERSION,
@@ -158,7 +158,7 @@ impl Data {
     /// Shows a program: its name and text, how it runs, and what preflight tells of it.
     pub fn with_program(
         mut self,
-        config: &MachineConfig,
+        config: &Mechanism,
         [name, text]: [String; 2],
         track: &Track,
         course: Option<&Thinned>,
@@ -198,8 +198,8 @@ fn rounded(value: f64) -> f64 {
     (value * PLACES).round() / PLACES
 }
 
-impl Mechanism {
-    fn new(config: &MachineConfig) -> Self {
+impl PageMechanism {
+    fn new(config: &Mechanism) -> Self {
         let limits = limits::of(config);
         let described = Described { geometry: config.geometry, offsets: config.offsets, limits };
         let mut bytes = vec![];
@@ -233,7 +233,7 @@ impl Shape {
 }
 
 /// Every limit that a part may have.
-fn named(config: &MachineConfig) -> BTreeMap<String, Named> {
+fn named(config: &Mechanism) -> BTreeMap<String, Named> {
     let letters = Letter::ALL.into_iter().map(Part::Axis);
     let joints = (0..config.joints.len()).map(Part::Joint);
     let legs = (0..config.legs()).map(Part::Leg);
@@ -282,7 +282,7 @@ fn key(limit: Limit, part: Part) -> String {
 }
 
 impl Curves {
-    fn new(config: &MachineConfig, course: &Thinned) -> Self {
+    fn new(config: &Mechanism, course: &Thinned) -> Self {
         let mut all =
             Self { names: vec![], values: Columns::new(&[], |value: &f32| value.to_le_bytes()) };
         let mut columns = vec![course.samples.iter().map(|sample| sample.at as f32).collect()];

@@ -6,7 +6,7 @@
 //! are thinned by it: so that a day takes as much memory as a minute. Times of lines are kept up to a number.
 
 use crate::control::row::Row;
-use crate::read::machine::MachineConfig;
+use crate::read::machine::Mechanism;
 
 /// Most points: a browser draws as many in every frame.
 pub const MOST_POINTS: usize = 20_000;
@@ -47,7 +47,7 @@ pub struct Track {
 
 impl Track {
     /// Of nothing yet.
-    pub fn new(config: &MachineConfig) -> Self {
+    pub fn new(config: &Mechanism) -> Self {
         let length = OF_SIZE * config.machine.size();
         let of = |is_angle| if is_angle { OF_ANGLE } else { length };
         let of_one = (0..VALUES).map(|k| of((3..6).contains(&k)));
@@ -65,7 +65,7 @@ impl Track {
     }
 
     /// Takes a servo cycle.
-    pub fn see(&mut self, config: &MachineConfig, row: &Row) {
+    pub fn see(&mut self, config: &Mechanism, row: &Row) {
         let at = row.cycle as f64 * self.period;
         let (pose, _) = row.machine(config);
         let mut values: Vec<f64> = pose.into_iter().chain(row.tool).collect();

@@ -9,7 +9,7 @@ use std::error::Error;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 const USAGE: &str = "usage: judge INI TRACE.csv RESULT.json OUT_DIR";
 
@@ -32,7 +32,7 @@ fn unjudged(error: &str) -> ExitCode {
 
 /// Whether every figure is as it must be.
 fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, Box<dyn Error>> {
-    let config = MachineConfig::read(ini)?;
+    let config = Mechanism::read(ini)?;
     let result = trace::read_result(result_file)?;
     let samples = trace::read_trace(&config, trace_file).map_err(|error| match &result.error {
         Some(reason) => format!("{error}; the run itself failed: {reason}"),

@@ -10,7 +10,7 @@ use maud::{Markup, html};
 use std::error::Error;
 use std::path::Path;
 use workbench::files::write_whole;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Writes plots and report.html into `folder`, which is made if needed.
 ///
@@ -20,7 +20,7 @@ use workbench::read::machine::MachineConfig;
 /// A file that cannot be written, or what cannot be drawn.
 pub fn write(
     folder: &Path,
-    config: &MachineConfig,
+    config: &Mechanism,
     samples: &[Sample],
     result: &RunResult,
     report: &Report,

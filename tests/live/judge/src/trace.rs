@@ -13,7 +13,7 @@ use std::path::Path;
 use workbench::check::mobility::Structure;
 use workbench::limits;
 use workbench::read::joints::{Group, JointKind};
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 /// Coarse joint commands against host inverse, in mm or degrees.
 const JOINT_TOLERANCE: f64 = 1e-9;
@@ -70,7 +70,7 @@ const MOST_JOINTS: usize = 16;
 ///
 /// # Errors
 /// A sentence naming file, line and what was expected.
-pub fn read_trace(config: &MachineConfig, file: &Path) -> Result<Vec<Sample>, String> {
+pub fn read_trace(config: &Mechanism, file: &Path) -> Result<Vec<Sample>, String> {
     let named = |error: &dyn fmt::Display| format!("{}: {error}", file.display());
     let mut reader = csv::Reader::from_path(file).map_err(|e| named(&e))?;
     let header = reader.headers().map_err(|e| named(&e))?;
@@ -96,7 +96,7 @@ pub fn read_trace(config: &MachineConfig, file: &Path) -> Result<Vec<Sample>, St
 
 /// Order of the values in a line; every machine has its own joints and struts.
 struct Columns<'a> {
-    config: &'a MachineConfig,
+    config: &'a Mechanism,
 }
 
 impl Columns<'_> {
@@ -292,7 +292,7 @@ impl fmt::Display for Report {
 /// # Errors
 /// A call of the host library that fails on a sampled pose or on sampled joints.
 pub fn judge(
-    config: &MachineConfig,
+    config: &Mechanism,
     samples: &[Sample],
     result: &RunResult,
 ) -> Result<Report, TraceFault> {
@@ -324,7 +324,7 @@ fn motor_offsets(world: &[Sample]) -> Joints {
     std::array::from_fn(|i| at.joints[i] - at.motors[i])
 }
 
-fn run_checks(config: &MachineConfig, world: &[Sample], result: &RunResult) -> Vec<Check> {
+fn run_checks(config: &Mechanism, world: &[Sample], result: &RunResult) -> Vec<Check> {
     let texts: Vec<String> =
         result.messages.iter().map(|(kind, text)| format!("{kind}: {}", text.trim())).collect();
     let messages = if texts.is_empty() { "none".to_string() } else { texts.join("; ") };
@@ -348,7 +348,7 @@ fn run_checks(config: &MachineConfig, world: &[Sample], result: &RunResult) -> V
     ]
 }
 
-fn structure_checks(config: &MachineConfig) -> Result<[Check; 2], Fault> {
+fn structure_checks(config: &Mechanism) -> Result<[Check; 2], Fault> {
     let structure = Structure::of(config)?;
     Ok([info("structure", structure.loops()), info("mobility at home", structure.mobility())])
 }
@@ -366,7 +366,7 @@ struct Deviations {
 }
 
 impl Deviations {
-    fn of(config: &MachineConfig, world: &[Sample], offsets: &Joints) -> Result<Self, TraceFault> {
+    fn of(config: &Mechanism, world: &[Sample], offsets: &Joints) -> Result<Self, TraceFault> {
         let mut most = Self {
             joints: [0.0; MAX_JOINTS],
             round_trip: 0.0,
@@ -385,7 +385,7 @@ impl Deviations {
     }
 
     /// Host forward of the sampled joints.
-    fn add(&mut self, config: &MachineConfig, sample: &Sample, seed: &Pose) -> Result<Pose, Fault> {
+    fn add(&mut self, config: &Mechanism, sample: &Sample, seed: &Pose) -> Result<Pose, Fault> {
         let (pose, tool) = (Pose::from_degrees(sample.pose), sample.tool());
         let asked = config.machine.at(&pose, &tool)?;
         widen(&mut self.joints, asked.joints(), &sample.joints);
@@ -400,7 +400,7 @@ impl Deviations {
     /// held to the one that the host finds to fit best.
     fn add_feedback(
         &mut self,
-        config: &MachineConfig,
+        config: &Mechanism,
         sample: &Sample,
         measured: &Joints,
     ) -> Result<(), Fault> {
@@ -424,7 +424,7 @@ fn widen(most: &mut Joints, a: &Joints, b: &Joints) {
 }
 
 fn kinematics_checks(
-    config: &MachineConfig,
+    config: &Mechanism,
     world: &[Sample],
     offsets: &Joints,
 ) -> Result<Vec<Check>, TraceFault> {
@@ -458,7 +458,7 @@ fn kinematics_checks(
 }
 
 /// Joints by kind, because their units differ.
-fn joint_checks(config: &MachineConfig, found: &Deviations) -> Vec<Check> {
+fn joint_checks(config: &Mechanism, found: &Deviations) -> Vec<Check> {
     let mut checks = vec![];
     for Group { kind, unit, joints } in config.groups() {
         let largest = |gaps: &Joints| joints.iter().fold(0.0, |m: f64, i| m.max(gaps[*i]));
@@ -474,14 +474,14 @@ fn joint_checks(config: &MachineConfig, found: &Deviations) -> Vec<Check> {
 
 /// Joint units per machine unit of a residual, which is a length: at the end of an arm
 /// one degree is a length too.
-fn per_length(config: &MachineConfig, kind: JointKind) -> f64 {
+fn per_length(config: &Mechanism, kind: JointKind) -> f64 {
     let arms = config.geometry.legs().iter().filter(|leg| leg.kind.is_angular());
     let per_length = arms.map(|leg| leg.kind.lengths()[1].to_radians().recip());
     if kind == JointKind::Arm { per_length.fold(0.0, f64::max) } else { 1.0 }
 }
 
 fn limit_checks(
-    config: &MachineConfig,
+    config: &Mechanism,
     samples: &[Sample],
     world: &[Sample],
     offsets: &Joints,
@@ -526,7 +526,7 @@ fn rates(positions: &[f64], period: f64) -> (f64, f64) {
 
 /// Limits of the poses during homing and in the program, beside those of joints and axes.
 fn pose_checks(
-    config: &MachineConfig,
+    config: &Mechanism,
     samples: &[Sample],
     world: &[Sample],
     offsets: &Joints,
@@ -547,7 +547,7 @@ fn pose_checks(
 
 /// Where the platform was before world mode: followed back from the pose that is known.
 fn homing_poses<'a>(
-    config: &MachineConfig,
+    config: &Mechanism,
     samples: &'a [Sample],
     offsets: &Joints,
 ) -> Result<Vec<(&'a Sample, Pose)>, TraceFault> {
@@ -570,16 +570,11 @@ struct Worst {
 }
 
 impl Worst {
-    fn new(config: &MachineConfig) -> Self {
+    fn new(config: &Mechanism) -> Self {
         Self { limits: limits::of_homing(config), margins: [None; Limit::ALL.len()] }
     }
 
-    fn add(
-        &mut self,
-        config: &MachineConfig,
-        pose: &Pose,
-        tool: &Vector3<f64>,
-    ) -> Result<(), Fault> {
+    fn add(&mut self, config: &Mechanism, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Fault> {
         let at = config.machine.at(pose, tool)?;
         limits::each(&at, &self.limits, |margin| {
             let worst = &mut self.margins[margin.limit.index()];
@@ -592,7 +587,7 @@ impl Worst {
         Ok(())
     }
 
-    fn checks(&self, config: &MachineConfig, when: &str) -> Vec<Check> {
+    fn checks(&self, config: &Mechanism, when: &str) -> Vec<Check> {
         let of = |margin: &Margin| {
             let Margin { limit, part, value, .. } = *margin;
             let unit = limits::unit(config, limit, part);
@@ -604,7 +599,7 @@ impl Worst {
     }
 }
 
-fn servo_check(config: &MachineConfig, result: &RunResult) -> Check {
+fn servo_check(config: &Mechanism, result: &RunResult) -> Check {
     let text = |ns: f64| format!("{:.1} us", ns / 1e3);
     let found = format!(
         "{} ({} of them motion and kinematics)",

@@ -6,7 +6,7 @@ use draw::sample::Sample;
 use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
 use workbench::read::joints::JointKind;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -22,23 +22,23 @@ fn ini(machine: &str) -> PathBuf {
     configs.join(machine).join(format!("{machine}.ini"))
 }
 
-fn config_of(machine: &str) -> MachineConfig {
-    MachineConfig::read(&ini(machine)).unwrap()
+fn config_of(machine: &str) -> Mechanism {
+    Mechanism::read(&ini(machine)).unwrap()
 }
 
-fn config() -> MachineConfig {
+fn config() -> Mechanism {
     config_of("hexapod")
 }
 
 /// How far the made-up trace moves from home: a smooth way out and back in X and Z, and a tilt.
 const HEXAPOD: [f64; 6] = [60.0, 0.0, -40.0, 20.0, 10.0, 0.0];
 
-fn samples(config: &MachineConfig) -> Vec<Sample> {
+fn samples(config: &Mechanism) -> Vec<Sample> {
     samples_by(config, HEXAPOD)
 }
 
 /// From rest to rest; drives without lag.
-fn samples_by(config: &MachineConfig, by: [f64; 6]) -> Vec<Sample> {
+fn samples_by(config: &Mechanism, by: [f64; 6]) -> Vec<Sample> {
     let cycles = 4000;
     let mut samples: Vec<Sample> = (0..cycles)
         .map(|k| {
@@ -55,7 +55,7 @@ fn samples_by(config: &MachineConfig, by: [f64; 6]) -> Vec<Sample> {
     samples
 }
 
-fn at(config: &MachineConfig, k: usize, pose: [f64; 6]) -> Sample {
+fn at(config: &Mechanism, k: usize, pose: [f64; 6]) -> Sample {
     let asked = Pose::from_degrees(pose);
     let tool = config.spindle + Vector3::from(TOOL);
     let joints = config.machine.inverse(&asked, &tool).unwrap();
@@ -74,7 +74,7 @@ fn at(config: &MachineConfig, k: usize, pose: [f64; 6]) -> Sample {
     }
 }
 
-fn result(config: &MachineConfig) -> RunResult {
+fn result(config: &Mechanism) -> RunResult {
     RunResult { ok: true, geometry_hash: config.hash, ..RunResult::default() }
 }
 
@@ -211,7 +211,7 @@ fn carriages_that_lag_apart_are_no_fault_of_a_redundant_machine() {
     assert_eq!(bad.map(|c| &c.name).collect::<Vec<_>>(), Vec::<&String>::new());
 }
 
-fn csv(config: &MachineConfig, samples: &[Sample]) -> String {
+fn csv(config: &Mechanism, samples: &[Sample]) -> String {
     let joints = config.joints.len();
     let struts = config.joints.iter().filter(|joint| joint.kind == JointKind::Strut).count();
     let mut text = String::from("t_s,phase,x,y,z,a,b,c");

@@ -21,7 +21,7 @@ use std::path::Path;
 use std::ptr::null_mut;
 use workbench::calibrate::model::Frame;
 use workbench::calibrate::plate::Plate;
-use workbench::read::machine::MachineConfig;
+use workbench::read::machine::Mechanism;
 
 const NAME: &CStr = c"pkmkins_truth";
 const IN: c_int = 16;
@@ -120,7 +120,7 @@ struct Pins {
 struct Truth {
     component: c_int,
     pins: *mut Pins,
-    config: MachineConfig,
+    config: Mechanism,
     plate: Plate,
     frame: Frame,
     last: Pose,
@@ -183,9 +183,9 @@ fn text(parameter: &Shared<*mut c_char>) -> Result<String, String> {
     Ok(unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned())
 }
 
-fn loaded() -> Result<(MachineConfig, Plate, Frame), Box<dyn Error>> {
+fn loaded() -> Result<(Mechanism, Plate, Frame), Box<dyn Error>> {
     let file = text(&MACHINE)?;
-    let config = MachineConfig::read(Path::new(&file))?;
+    let config = Mechanism::read(Path::new(&file))?;
     let plate = Plate::read(Path::new(&text(&PLATE)?), config.units_per_mm)?;
     let pose = text(&POSE)?;
     let numbers: Option<Vec<f64>> = pose.split(',').map(|word| word.parse().ok()).collect();
