@@ -15,7 +15,7 @@ use std::hint::black_box;
 use std::io::stdin;
 use std::path::Path;
 use std::time::Instant;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// Bytes of a number, and numbers of a pose.
 const NUMBER: usize = 8;
@@ -30,7 +30,7 @@ fn rows(file: &str) -> Vec<[f64; POSE]> {
 
 fn main() {
     let given: Vec<String> = std::env::args().skip(1).collect();
-    let config = Mechanism::read(Path::new(&given[0])).unwrap();
+    let config = MachineConfig::read(Path::new(&given[0])).unwrap().mechanism(1).unwrap();
     let (machine, tool) = (&config.machine, &config.spindle);
     let rows = rows(&given[1]);
     let seeds = rows.iter().map(|[x, y, z, a, b, c]| [x + 0.1, *y, *z, a + 0.01, *b, *c]);

@@ -18,7 +18,8 @@ use workbench::program::findings::Time;
 use workbench::program::motion::LINUXCNC_PROGRAMS;
 use workbench::program::offset::Offset;
 use workbench::program::preflight::judge;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 use workbench::stability::lobes::Lobes;
 use workbench::stability::map::StableMap;
 use workbench::stability::pose::Setup;
@@ -132,7 +133,7 @@ fn memory() -> Option<f64> {
 }
 
 /// A program judged as `pkm preflight` does it.
-fn judged(config: &Mechanism, name: &str, program: &Path, offset: &Offset) {
+fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
     let options = Options { block: Some(offset.block()), ..Options::default() };
     let mut lines = 0;
     let mut see = |row: &Row| lines = lines.max(row.line);
@@ -156,10 +157,10 @@ const SIDE: usize = 100;
 
 /// Stability in the cut: lobes at a pose, unstable depths there, limit depths over many poses.
 fn stability(configs: &Path, cores: &[ThreadPool]) {
-    let config = Mechanism::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
     let study = Study::read(&configs.join("hexapod/cutting.toml")).unwrap();
-    let setup = Setup::new(&config, &study).unwrap();
-    let (pose, tool) = (config.home_pose(), config.spindle);
+    let setup = Setup::new(config.first(), &study).unwrap();
+    let (pose, tool) = (config.first().home_pose(), config.first().spindle);
     let rows = setup.rows(&pose, &tool, &Vector3::x()).unwrap();
     let speeds: Vec<f64> =
         (0..SPEEDS).map(|k| 3000.0 + 15_000.0 * k as f64 / SPEEDS as f64).collect();
@@ -234,7 +235,7 @@ fn seconds_of<T>(work: impl FnOnce() -> T) -> (T, f64) {
 }
 
 fn programs(configs: &Path) {
-    let config = Mechanism::read(&configs.join("hexapod/hexapod.ini")).unwrap();
+    let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let long = folder.path().join("long.ngc");
     fs::write(&long, long_program()).unwrap();
@@ -262,16 +263,16 @@ fn main() {
     println!("| machine | within reach | one by one | {} |", columns.join(" | "));
     println!("|---|--:|--:|{}", "--:|".repeat(columns.len()));
     for name in ["hexapod", "six-rod-lathe", "pyramid"] {
-        let config = Mechanism::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
-        row(&config, name, &cores);
+        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        row(config.first(), name, &cores);
     }
     let columns: Vec<String> = threads().map(|n| format!("threads: {n}")).collect();
     println!("\nPositions of `pkm workspace`, every limit checked, in millions a second:\n");
     println!("| machine | positions | {} |", columns.join(" | "));
     println!("|---|--:|{}", "--:|".repeat(columns.len()));
     for name in ["hexapod", "six-rod-lathe", "linear-delta"] {
-        let config = Mechanism::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
-        looked_over(&config, name, &cores);
+        let config = MachineConfig::read(&configs.join(format!("{name}/{name}.ini"))).unwrap();
+        looked_over(config.first(), name, &cores);
     }
     println!("\nStability in the cut of the hexapod:\n");
     println!("| answer | {} |", columns.join(" | "));

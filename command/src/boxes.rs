@@ -11,7 +11,7 @@ use workbench::proof::boxes as proof;
 use workbench::proof::one_to_one::Doubt;
 use workbench::read::boxes::{self, BoxSection};
 use workbench::read::error::MachineError;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Finds and proves boxes of poses for the start without a seed
 ///
@@ -66,7 +66,7 @@ enum Unproved {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_all_without_boxes()?;
+    let config = arguments.machine.named(arguments.machine.read_without_boxes()?)?;
     let mut verdict = Verdict::Fits;
     let mut text = match arguments.write {
         true => config.ini.editable()?,
@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     .to_string();
     let (mut boxes, mut sections) = (vec![], String::new());
-    for mechanism in config.mechanisms() {
+    for mechanism in &config.mechanisms {
         for refused in mechanism.refused_boxes.iter().flat_map(MachineError::in_file) {
             tell_error(refused);
         }

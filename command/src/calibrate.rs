@@ -14,7 +14,7 @@ use workbench::calibrate::rewrite;
 use workbench::calibrate::sheet::Sheet;
 use workbench::calibrate::study::{self, Agreement, Study, Wishes};
 use workbench::files::{write_over, write_whole};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// What was not used may be met worse than numbers and unknowns let expect, by this factor: the
 /// fifth that is held out has places of its own.
@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_unchained("the log")?;
     let wishes = wishes(arguments, &config)?;
     if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
-        return Err(OwnFile(config.file).into());
+        return Err(OwnFile(config.file.clone()).into());
     }
     let given = study::read(&config, &arguments.files, &wishes)?;
     study::look_for_slips(&config, &given, &arguments.files)?;

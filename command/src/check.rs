@@ -12,7 +12,7 @@ use workbench::files::write_over;
 use workbench::program::whole::checked;
 use workbench::read::diagnostic::rendered;
 use workbench::read::edit::difference;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// Checks that a machine's INI file fits together
 ///
@@ -60,7 +60,7 @@ pub struct Arguments {
 const AROUND: usize = 3;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_all_without_boxes()?;
+    let config = arguments.machine.named(arguments.machine.read_without_boxes()?)?;
     if arguments.fix {
         return propose(arguments, &config);
     }
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     })?;
     drop(bar);
     for report in &whole.mechanisms {
-        let heading = config.second.as_ref().map(|_| match report.config.place.is_second {
+        let heading = (config.mechanisms.len() > 1).then(|| match report.config.place.is_second {
             true => "\nThe second mechanism\n",
             false => "The first mechanism\n",
         });
@@ -111,7 +111,7 @@ fn named(facts: &[(String, String)]) -> Vec<Value> {
 }
 
 /// The difference that puts the file right; what is left then decides whether it fits.
-fn propose(arguments: &Arguments, config: &Mechanism) -> Result<Verdict, Failure> {
+fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failure> {
     if arguments.machine.mechanism.is_some() {
         return Err(refused("--fix looks at the whole file: leave --mechanism out"));
     }

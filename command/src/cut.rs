@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use workbench::cut::judge::Cut;
 use workbench::cut::report::{Drive, LineReport, Most, Report};
 use workbench::files::{Locate, write_whole};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::file::Study;
 
 /// What a program asks of a machine while it cuts

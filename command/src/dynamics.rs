@@ -28,7 +28,7 @@ use workbench::dynamics::structure::{Structure, legs};
 use workbench::files::{Locate, csv, open, write_whole};
 use workbench::program::preflight::JudgeError;
 use workbench::proof::axis_box;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::file::{Lacking, Study};
 use workbench::study::forcing::Force as Random;
 use workbench::study::map::Map;
@@ -296,7 +296,7 @@ impl Subject<'_> {
         let mut ended = None;
         let mut progress = Progress::new(self.config, program)?;
         let options = self.arguments.control.options();
-        let outcome = process::run(self.config, program, &options, |row| {
+        let outcome = process::run(&self.config.clone().into(), program, &options, |row| {
             progress.see(row);
             let (pose, tool) = row.machine(self.config);
             match follower.see(&Pose::from_degrees(pose), &tool) {

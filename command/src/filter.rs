@@ -11,7 +11,7 @@ use workbench::control::process::Options;
 use workbench::files::read;
 use workbench::program::findings::Time;
 use workbench::program::verdict::judge;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// What LinuxCNC calls the file of the machine that runs.
 const INI: &str = "INI_FILE_NAME";
@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let _ = arguments.path_is_enough;
     let program = &arguments.program;
     let text = read(program)?;
-    let config = Mechanism::read(&machine)?;
+    let config = MachineConfig::read(&machine)?;
     let mut progress = Progress::of_filter(&config, program)?;
     // Who opens a program does not wait for the search for another work offset.
     let judged =

@@ -8,7 +8,6 @@ use serde_json::json;
 use std::path::PathBuf;
 use workbench::check::screws;
 use workbench::read::error::MachineError;
-use workbench::read::machine::Mechanism;
 
 /// A drawing of the machine with its frames and signs
 ///
@@ -31,7 +30,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let machine = &arguments.machine;
     // A file whose boxes are still those of another geometry is looked at all the same.
-    let config = machine.meant(Mechanism::read_without_boxes(&machine.machine)?)?;
+    let config = machine.meant(machine.read_without_boxes()?)?;
     let home = config.machine.at(&config.home_pose(), &config.spindle);
     let home =
         home.map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))?;

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use workbench::check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
 use workbench::files::{csv, write_whole};
 use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::view::data::Data;
 use workbench::view::page::page;
 use workbench::view::track::Track;
@@ -203,7 +203,8 @@ fn on_page(
     track: &[Moment],
     outcome: &Outcome,
 ) -> Data {
-    let mut way = Track::new(config);
+    let alone = config.clone().into();
+    let mut way = Track::new(&alone);
     for moment in track {
         if let Some(pose) = moment.pose {
             // Extra axes are homed by themselves and shown at home.
@@ -221,7 +222,7 @@ fn on_page(
         })
         .collect();
     let report = json!({"fits": outcome.broken == 0, "breaks": breaks, "warnings": [], "files": ["homing"], "time": {}});
-    Data::new(config, false).with_program(
+    Data::new(&alone, false).with_program(
         config,
         ["homing".into(), text.join("\n")],
         &way,

@@ -54,11 +54,12 @@ use std::sync::LazyLock;
 use std::time::Duration;
 use workbench::files::{leave_nothing, open, write_whole};
 use workbench::program::beside;
-use workbench::program::motion::{self, Move};
+use workbench::program::motion::Move;
 use workbench::program::preflight::{JudgeError, has_deletable};
 use workbench::read::columns::in_words;
-use workbench::read::ini::decimal;
-use workbench::read::machine::{Mechanism, OneMechanism};
+use workbench::read::ini::{Ini, decimal};
+use workbench::read::machine::{Lenient, MachineConfig, OneMechanism};
+use workbench::read::mechanism::Mechanism;
 use workbench::study::file::Study;
 
 /// Steps of a progress bar.
@@ -253,14 +254,14 @@ struct MachineFile {
 }
 
 impl MachineFile {
-    /// One mechanism: the one that is meant.
+    /// Reads one mechanism: the one that is meant.
     fn read(&self) -> Result<Mechanism, Failure> {
-        self.meant(Mechanism::read(&self.machine)?)
+        self.meant(self.read_whole()?)
     }
 
-    /// Of what the file describes, the one that is meant.
-    fn meant(&self, config: Mechanism) -> Result<Mechanism, Failure> {
-        if self.mechanism.is_none() && config.second.is_some() {
+    /// Returns the mechanism that is meant.
+    fn meant(&self, config: MachineConfig) -> Result<Mechanism, Failure> {
+        if self.mechanism.is_none() && config.mechanisms.len() > 1 {
             failure::tell_error(&format!(
                 "{} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second",
                 self.machine.display()
@@ -269,39 +270,34 @@ impl MachineFile {
         Ok(config.mechanism(self.mechanism.unwrap_or(1))?)
     }
 
-    /// Everything that the file describes.
-    fn read_whole(&self) -> Result<Mechanism, Failure> {
-        Ok(Mechanism::read(&self.machine)?)
+    /// Reads everything that the file describes.
+    fn read_whole(&self) -> Result<MachineConfig, Failure> {
+        Ok(MachineConfig::read(&self.machine)?)
     }
 
-    /// Of `whole`, the mechanism of this number, and the other one, if there are two.
-    fn of<'a>(
-        &self,
-        whole: &'a Mechanism,
-        number: Option<u8>,
-    ) -> Result<(&'a Mechanism, Option<&'a Mechanism>), Failure> {
-        match (number, whole.second.as_deref()) {
-            (Some(2), Some(second)) => Ok((second, Some(whole))),
-            (Some(2), None) => Err(OneMechanism(self.machine.clone()).into()),
-            (_, second) => Ok((whole, second)),
-        }
+    /// Reads everything, whatever the boxes in the file.
+    fn read_without_boxes(&self) -> Result<MachineConfig, Failure> {
+        Ok(MachineConfig::leniently(&Ini::read(&self.machine)?, Some(Lenient::Boxes))?)
     }
 
-    /// Both mechanisms, of which the first has the second beside it, or the one that is named.
-    fn read_all(&self) -> Result<Mechanism, Failure> {
-        match self.mechanism {
-            None => Ok(Mechanism::read(&self.machine)?),
-            Some(_) => self.read(),
-        }
-    }
-
-    /// The same, whatever the boxes in the file.
-    fn read_all_without_boxes(&self) -> Result<Mechanism, Failure> {
-        let config = Mechanism::read_without_boxes(&self.machine)?;
+    /// Returns all mechanisms, or the one that is named.
+    fn named(&self, config: MachineConfig) -> Result<MachineConfig, Failure> {
         match self.mechanism {
             None => Ok(config),
-            Some(_) => self.meant(config),
+            Some(number) => Ok(config.mechanism(number)?.into()),
         }
+    }
+
+    /// Returns the mechanism of this number, and the other one, if there are two.
+    fn of<'a>(
+        &self,
+        whole: &'a MachineConfig,
+        number: Option<u8>,
+    ) -> Result<(&'a Mechanism, Option<&'a Mechanism>), Failure> {
+        let number = usize::from(number == Some(2));
+        let meant = whole.mechanisms.get(number);
+        let meant = meant.ok_or_else(|| OneMechanism(self.machine.clone()))?;
+        Ok((meant, whole.mechanisms.get(1 - number)))
     }
 
     /// A machine whose pose is that of programs, for what knows no other.
@@ -338,10 +334,11 @@ fn print_text(text: &str) -> Result<(), Failure> {
 fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
     // Said before LinuxCNC starts, in the system's words.
     open(program)?;
-    let (moves, files) = match config.place.is_of_pair {
-        true => beside::moves_of(config, &Mechanism::read(&config.file)?, program)?,
-        false => motion::read(config, program, None)?,
+    let whole = match config.second_letters {
+        Some(_) => MachineConfig::from_ini(&config.ini)?,
+        None => config.clone().into(),
     };
+    let (moves, files) = beside::moves_of(config, &whole, program)?;
     tell_deleted(program, &files)?;
     match moves.iter().all(|step| step.stays(config)) {
         true => Err(JudgeError::MovesNothing(program.into()).into()),

@@ -13,7 +13,7 @@ use workbench::calibrate::{probing, program};
 use workbench::files::{read_text, write_whole};
 use workbench::program::motion::{Move, MoveKind, Spindle};
 use workbench::program::preflight::preflight;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Writes a program that stops where a gauge is to be read, and the table for the readings
 ///
@@ -148,7 +148,7 @@ fn follow(config: &Mechanism, setup: &Setup, proposal: &Proposal) -> Result<(), 
     let tool = setup.gauge.tool - config.spindle;
     let steps = proposal.ways.iter().flatten().chain(&proposal.home);
     let moves: Vec<Move> = steps.map(|step| moved(step, tool.into(), setup.feed / 60.0)).collect();
-    match preflight(config, &moves)?.breaks.first() {
+    match preflight(std::slice::from_ref(config), &moves)?.breaks.first() {
         None => Ok(()),
         Some(found) => {
             Err(refused(format!("the way to the poses leaves the limits: {}", found.text)))

@@ -7,7 +7,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use workbench::files::{Locate, write_whole};
 use workbench::panel::Panel;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// The operator's panel of a machine, for AXIS and other user interfaces of LinuxCNC
 ///
@@ -29,7 +29,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = Mechanism::read(&arguments.machine)?;
+    let config = MachineConfig::read(&arguments.machine)?;
     let name = config.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     if let Some(odd) = name.chars().find(|c| !(c.is_alphanumeric() || "-_.+".contains(*c))) {
         return Err(refused(format!(

@@ -13,7 +13,7 @@ use workbench::curve::job::{self, Job, job};
 use workbench::curve::route::{Route, route};
 use workbench::curve::table::csv;
 use workbench::files::write_whole;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Programs along curves, and what they ask of the joints
 ///

@@ -14,7 +14,8 @@ use workbench::program::course::{Course, Thinned};
 use workbench::program::findings::{Preflight, Time};
 use workbench::program::motion;
 use workbench::program::verdict::{ProgramVerdict, Step, judge};
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 
 /// Checks before cutting that a program fits a machine
 ///
@@ -61,8 +62,8 @@ pub struct Judging {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_all()?;
-    if config.second.is_some() && arguments.report.is_some() {
+    let config = arguments.machine.named(arguments.machine.read_whole()?)?;
+    if config.mechanisms.len() > 1 && arguments.report.is_some() {
         let text = "--report shows one mechanism: --mechanism 1 or 2 says which";
         return Err(refused(text));
     }
@@ -80,8 +81,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     run_all(&config, arguments, &programs(&arguments.programs)?)
 }
 
-fn run_one(config: &Mechanism, arguments: &Arguments, program: &Path) -> Result<Verdict, Failure> {
-    let mut course = arguments.report.as_ref().map(|_| Course::new(config));
+fn run_one(
+    config: &MachineConfig,
+    arguments: &Arguments,
+    program: &Path,
+) -> Result<Verdict, Failure> {
+    let mut course = arguments.report.as_ref().map(|_| Course::new(config.first()));
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(config, file)).transpose()?;
     let verdict = judged(config, &arguments.judging, program, |row| {
         if let Some(course) = &mut course {
@@ -94,10 +99,11 @@ fn run_one(config: &Mechanism, arguments: &Arguments, program: &Path) -> Result<
     trace.map_or(Ok(()), |trace| trace.finish(is_judged))?;
     if let Some(file) = &arguments.report {
         let course = course.filter(|_| is_judged).map(Course::finish);
-        let shown = course.filter(|course| shows_what_breaks(config, &verdict.found, course));
+        let shown =
+            course.filter(|course| shows_what_breaks(config.first(), &verdict.found, course));
         let course = match shown {
             Some(course) => course,
-            None => Course::along(config, &motion::moves(config, program, None)?),
+            None => Course::along(config.first(), &motion::moves(config, program, None)?),
         };
         write_whole(file, &report::page(&verdict, &course)?)?;
     }
@@ -119,7 +125,7 @@ fn shows_what_breaks(config: &Mechanism, found: &Preflight, course: &Thinned) ->
 
 /// Programs one after another; what is wrong with one does not keep the others from being judged.
 fn run_all(
-    config: &Mechanism,
+    config: &MachineConfig,
     arguments: &Arguments,
     programs: &[PathBuf],
 ) -> Result<Verdict, Failure> {
@@ -174,7 +180,7 @@ fn programs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 /// Judges a program and shows how far that is; `see` receives every servo cycle of it.
 pub fn judged<'a>(
-    config: &'a Mechanism,
+    config: &'a MachineConfig,
     judging: &Judging,
     program: &Path,
     mut see: impl FnMut(&Row) + Send,

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use workbench::files::Locate;
 use workbench::program::replay::{Visit, duration_of_all, replay_seen};
 use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Writes the joint values that a program asks for
 ///

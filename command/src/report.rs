@@ -35,7 +35,7 @@ pub fn page(verdict: &ProgramVerdict, course: &Thinned) -> Result<String, Failur
         help,
         rows,
         marks: &marks,
-        figures: &figures(verdict.config, course, &marks)?,
+        figures: &figures(verdict.config.first(), course, &marks)?,
         text: &verdict.text(),
     }))
 }
@@ -50,7 +50,7 @@ fn marks(verdict: &ProgramVerdict, course: &Thinned) -> Vec<Mark> {
             Abscissa::Seconds => broken.seconds,
             Abscissa::Length => None,
         }
-        .or_else(|| course.place(verdict.config, broken.line, &broken.pose)),
+        .or_else(|| course.place(verdict.config.first(), broken.line, &broken.pose)),
         pose: broken.pose,
     };
     verdict.found.breaks.iter().map(mark).collect()
@@ -111,9 +111,9 @@ fn fill(row: &mut LimitRow, verdict: &ProgramVerdict, least: &LeastMargin) {
         first => format!("{first}, worst in {worst}"),
     };
     let Rule::Limit(limit) = *limit else { return };
-    let Some(range) = limits::range(config, limit, *of) else { return };
+    let Some(range) = limits::range(config.first(), limit, *of) else { return };
     let margin = Margin { limit, part: *of, value: f64::NAN, range };
-    row.allowed = limits::allowed(config, &margin);
+    row.allowed = limits::allowed(config.first(), &margin);
     let whole = found.ranges.iter().find(|range| range.part == *part);
     let used = match (range, whole.filter(|_| limit == Limit::Axis || limit == Limit::JointRange)) {
         (_, Some(Range { used: [low, high], .. })) => format!("{low:.3} to {high:.3}"),
@@ -136,7 +136,7 @@ fn following_error(verdict: &ProgramVerdict) -> Option<LimitRow> {
     let lagging = timing.following_errors.iter().enumerate();
     let lagging = lagging.filter(|(_, peak)| peak.limit.is_finite());
     let (joint, worst) = lagging.max_by(|a, b| a.1.share().total_cmp(&b.1.share()))?;
-    let unit = verdict.config.unit_of(joint);
+    let unit = verdict.config.first().unit_of(joint);
     let meaning = "how far a drive may lag behind its command";
     let mut row = LimitRow {
         part: worst.joint.clone(),

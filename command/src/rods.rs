@@ -11,7 +11,7 @@ use draw::rods::of_rods;
 use kinematics::Vector3;
 use std::path::PathBuf;
 use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::rods::{Rods, View};
 
 /// Where the legs are along a program or a list of poses

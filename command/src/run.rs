@@ -13,7 +13,7 @@ use workbench::control::trace::Trace;
 use workbench::files::open;
 use workbench::program::done::Done;
 use workbench::program::verdict::Step;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::FileFacts;
 
 /// Runs a program by LinuxCNC itself, without hardware and faster than the machine
 ///
@@ -86,7 +86,7 @@ struct Answer<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_all()?;
+    let config = arguments.machine.named(arguments.machine.read_whole()?)?;
     open(&arguments.program)?;
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
     let mut progress = Progress::new(&config, &arguments.program)?;
@@ -147,13 +147,13 @@ const STRIDE: u64 = 1000;
 
 impl Progress {
     /// Hidden where standard error is no terminal.
-    pub fn new(config: &Mechanism, program: &Path) -> Result<Self, Failure> {
+    pub fn new(config: &FileFacts, program: &Path) -> Result<Self, Failure> {
         let (bar, done) = (Bar::spinner("running"), Done::of(program)?);
         Ok(Self { bar, period: config.period, done, is_filter: false })
     }
 
     /// In the words of LinuxCNC's filters, on standard error.
-    pub fn of_filter(config: &Mechanism, program: &Path) -> Result<Self, Failure> {
+    pub fn of_filter(config: &FileFacts, program: &Path) -> Result<Self, Failure> {
         Ok(Self { is_filter: true, ..Self::new(config, program)? })
     }
 

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use workbench::files::write_whole;
 use workbench::program::replay::replay_seen;
 use workbench::proof::axis_box;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::file::{Lacking, Study};
 use workbench::study::sensitivity::{
     Kind, LENGTH_MM, Point, Sensitivity, along, csv, monte_carlo, near, ratios,

@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use workbench::files::{Locate, csv, write_whole};
 use workbench::proof::axis_box;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::file::Study;
 use workbench::study::map::Map;
 use workbench::study::springs::Springs;

@@ -10,7 +10,7 @@ use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::{BufRead, Write};
 use workbench::program::travel::{Side, Stand, Travel, letters, travel};
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// How far the machine can go from a pose
 ///
@@ -54,7 +54,7 @@ enum Answer {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_all()?;
+    let config = arguments.machine.named(arguments.machine.read_whole()?)?;
     if arguments.serve {
         return Failure::unless_unread(serve(&config)).map(|()| Verdict::Fits);
     }
@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     for (place, value) in arguments.pose.words(&letters(&config))? {
         stand.world[place] = value;
     }
-    stand.tools[0] = arguments.tool.vector(&config);
+    stand.tools[0] = arguments.tool.vector(config.first());
     let found = match travel(&config, &stand) {
         Ok(found) => found,
         Err(fault) => {
@@ -91,7 +91,7 @@ fn left_at(found: &[Travel]) -> Option<String> {
     Some(limits.into_iter().collect::<Vec<_>>().join(", "))
 }
 
-fn serve(config: &Mechanism) -> Result<(), Failure> {
+fn serve(config: &MachineConfig) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     for line in std::io::stdin().lock().lines() {
         let answer = match answer(config, &line?) {
@@ -105,9 +105,9 @@ fn serve(config: &Mechanism) -> Result<(), Failure> {
 }
 
 /// What is left, or why that cannot be said.
-fn answer(config: &Mechanism, line: &str) -> Result<Vec<Travel>, String> {
+fn answer(config: &MachineConfig, line: &str) -> Result<Vec<Travel>, String> {
     let Question { at, tools } = serde_json::from_str(line).map_err(|error| error.to_string())?;
-    let count = config.mechanisms().count();
+    let count = config.mechanisms.len();
     if tools.len() != count {
         return Err(format!("tools: expected {count} of them, found {}", tools.len()));
     }

@@ -11,7 +11,7 @@ use std::time::Duration;
 use workbench::files::{Folder, Locate, Whole, read, write_whole};
 use workbench::program::course::Course;
 use workbench::program::findings::Time;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 use workbench::view::data::Data;
 use workbench::view::film::{self, Camera};
 use workbench::view::page::page;
@@ -96,7 +96,7 @@ fn pixels(text: &str) -> Result<usize, String> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_all()?;
+    let config = arguments.machine.named(arguments.machine.read_whole()?)?;
     let (data, verdict) = match &arguments.program {
         None => (Data::new(&config, arguments.live), Verdict::Fits),
         Some(program) => of_program(&config, &arguments.judging, program)?,
@@ -130,7 +130,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 }
 
 /// Where the page goes, if it was asked for.
-fn html(arguments: &Arguments, config: &Mechanism) -> Option<PathBuf> {
+fn html(arguments: &Arguments, config: &MachineConfig) -> Option<PathBuf> {
     let is_drawn = arguments.video.is_some() || arguments.picture.is_some();
     let stem = config.file.file_stem().unwrap_or_default();
     let own = (!is_drawn).then(|| PathBuf::from(format!("{}.html", stem.to_string_lossy())));
@@ -168,13 +168,13 @@ fn draw(arguments: &Arguments, page: &str) -> Result<(), Failure> {
 
 /// A program that is refused is told, on the page as well.
 fn of_program(
-    config: &Mechanism,
+    config: &MachineConfig,
     judging: &Judging,
     program: &Path,
 ) -> Result<(Data, Verdict), Failure> {
     let data = Data::new(config, false);
     let text = read(program)?;
-    let (mut track, mut course) = (Track::new(config), Course::new(config));
+    let (mut track, mut course) = (Track::new(config), Course::new(config.first()));
     let answer = judged(config, judging, program, |row| {
         track.see(config, row);
         course.see(row);
@@ -191,6 +191,6 @@ fn of_program(
     }
     let words = [program.display().to_string(), String::from_utf8_lossy(&text).into_owned()];
     let report = serde_json::to_value(&answer)?;
-    let data = data.with_program(config, words, &track, Some(&course.finish()), report);
+    let data = data.with_program(config.first(), words, &track, Some(&course.finish()), report);
     Ok((data, answer.fits.into()))
 }

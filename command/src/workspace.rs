@@ -13,7 +13,8 @@ use std::num::NonZero;
 use std::path::PathBuf;
 use std::time::Instant;
 use workbench::files::write_whole;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::body::{Body, Counted, Effort, counted, csv, obj};
 use workbench::study::file::Study;
 use workbench::study::slice::{Plane, Slice};
@@ -119,14 +120,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let threads = arguments.threads.map_or(0, NonZero::get);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let (meant, other) = match arguments.machine.mechanism {
-        None if whole.second.is_some() => return both(arguments, &whole, &study, &pool),
+        None if whole.mechanisms.len() > 1 => return both(arguments, &whole, &study, &pool),
         meant => arguments.machine.of(&whole, meant)?,
     };
     let mut workspace = workspace(arguments, meant, &study)?;
     if let Some(beside) = arguments.beside {
         let text = "--beside: the file has one mechanism; leave it out";
         let other = other.ok_or_else(|| refused(text))?;
-        workspace = workspace.beside(&whole, other, beside.stand())?;
+        workspace = workspace.beside(whole.first(), other, beside.stand())?;
     }
     let planes = planes(&arguments.plane)?;
     let from = match arguments.from.as_deref() {
@@ -181,7 +182,7 @@ fn workspace<'a>(
 /// Each of two mechanisms: alone, and with the other one at home and anywhere.
 fn both(
     arguments: &Arguments,
-    whole: &Mechanism,
+    whole: &MachineConfig,
     study: &Study,
     pool: &rayon::ThreadPool,
 ) -> Result<Verdict, Failure> {
@@ -213,7 +214,7 @@ fn both(
             (Beside::Anywhere, "beside_anywhere", "wherever the other one stands"),
         ] {
             let shared =
-                workspace(arguments, meant, study)?.beside(whole, other, beside.stand())?;
+                workspace(arguments, meant, study)?.beside(whole.first(), other, beside.stand())?;
             answer[key] = match shared.place_inside() {
                 Some(from) => {
                     let seen = pool.install(|| look(arguments, &shared, from, vec![]))?;

@@ -15,7 +15,7 @@ use workbench::proof::boxes::{found, prove as prove_telling};
 use workbench::proof::choose;
 use workbench::proof::one_to_one::{Doubt, Prover};
 use workbench::read::boxes::{self, BoxSection};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Distance of the pose found from the one that made the joints, as a share of the size:
 /// forward stops at 1e-12; conditioning and rounding of the joints are below 1e-9.
@@ -268,7 +268,10 @@ fn a_box_is_found_for_a_machine_that_has_none() {
     let ini = workbench::read::ini::Ini::parse(path, &text).unwrap();
     let load = kinematics::Load::parse(Some(b"crank:3"), Some(b"XYZ"), None);
     let load = load.unwrap().with_boxes(Some(b"1")).unwrap();
-    assert_eq!(boxes::read(&ini, &load, &config.place).unwrap(), std::slice::from_ref(section));
+    assert_eq!(
+        boxes::read(&ini, &load, &config.place, config.hash).unwrap(),
+        std::slice::from_ref(section)
+    );
 }
 
 /// Struts that nearly lie in the plane of the base at the lower end, and stand at the upper one.

@@ -13,7 +13,7 @@ use workbench::calibrate::model::{Frame, Model, Quantity, Tolerance};
 use workbench::calibrate::observe::{rank, unseen};
 use workbench::calibrate::plan::{next_best, tip_deviation};
 use workbench::calibrate::reading::{Changed, Instrument, Measured, Reading};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 const MACHINE: &str = "lab-hexapod";
 

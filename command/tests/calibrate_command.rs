@@ -16,7 +16,7 @@ use workbench::calibrate::model::{Frame, Model, Tolerance};
 use workbench::calibrate::plate::Plate;
 use workbench::calibrate::reading::Reading;
 use workbench::calibrate::study::{self, Given, Wishes};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 60.0);
 
@@ -154,7 +154,7 @@ fn a_log_becomes_a_file_with_the_true_geometry_and_a_difference_to_read() {
     assert_eq!(comments(&old), comments(&new));
     // The plate is probed again, with the new file.
     let file = folder.path().join("new.ini");
-    shop.config = Mechanism::read(&file).unwrap();
+    shop.config = crate::shipped::first_of(&file);
     let again = shop.log(&TILTS);
     fs::write(folder.path().join("again.log"), again).unwrap();
     let holes = |machine: &Path, log: &str| {
@@ -288,7 +288,7 @@ fn the_offset_of_the_spindle_is_no_part_of_the_tip_that_is_shown() {
     let file = folder.path().join("hexapod.ini");
     let text = fs::read_to_string(shipped::ini("hexapod")).unwrap();
     fs::write(&file, text.replace("[PKM]\n", "[PKM]\nSPINDLE_OFFSET = 20\n")).unwrap();
-    let mut shop = Shop { config: Mechanism::read(&file).unwrap(), ..Shop::new() };
+    let mut shop = Shop { config: crate::shipped::first_of(&file), ..Shop::new() };
     assert_eq!(shop.config.spindle.z, 20.0);
     let log = shop.log(&TILTS);
     let points = points(&log).replace("200.4 0 0 0.4", "220.4 0 0 0.4");

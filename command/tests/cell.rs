@@ -2,7 +2,7 @@
 //! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
 
 use crate::preflight::rapid;
-use crate::shipped::{MACHINES, cases, config, follow};
+use crate::shipped::{MACHINES, cases, config, follow, whole};
 use kinematics::{Letter, Limit};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -13,7 +13,7 @@ use workbench::proof::axis_box::{AxisBox, at_tilt, range};
 use workbench::proof::cell::{Cell, Verdict};
 use workbench::proof::conditioning;
 use workbench::proof::reach::{Reach, Stop};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::read::tools::Tool;
 
 fn pose(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
@@ -31,7 +31,7 @@ fn narrowed(rng: &mut Pcg64, machine: &str) -> Mechanism {
         let half = (joint.max - joint.min) * rng.random_range(0.02..0.4);
         (joint.min, joint.max) = (joint.home - half, joint.home + half);
     }
-    for cone in config.base_cone.iter_mut().chain(&mut config.platform_cone) {
+    for cone in config.angles.iter_mut().flat_map(|leg| &mut leg.cones) {
         *cone = Some(rng.random_range(5.0..40.0));
     }
     let at = config.machine.at(&config.home_pose(), &config.spindle).unwrap();
@@ -41,7 +41,7 @@ fn narrowed(rng: &mut Pcg64, machine: &str) -> Mechanism {
     config.tilt_limit = Some(rng.random_range(2.0..30.0));
     // Fixed axes are those of struts with a lead.
     if machine == "hexapod" {
-        for pyramid in config.base_pyramid.iter_mut().chain(&mut config.platform_pyramid) {
+        for pyramid in config.angles.iter_mut().flat_map(|leg| &mut leg.pyramids) {
             *pyramid = Some([rng.random_range(2.0..30.0), rng.random_range(2.0..30.0)]);
         }
     }
@@ -112,12 +112,12 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
     /// Poses drawn from each box.
     const POSES: usize = 20_000;
     for machine in MACHINES {
-        let config = config(machine);
-        for second in config.second.iter() {
-            let report = check(second, |_| ()).unwrap();
+        let (whole, config) = (whole(machine), config(machine));
+        for second in whole.mechanisms.iter().skip(1) {
+            let report = check(&whole, second, |_| ()).unwrap();
             assert!(report.fits(), "{machine}, second: {:?}", report.findings);
         }
-        let report = check(&config, |_| ()).unwrap();
+        let report = check(&whole, &config, |_| ()).unwrap();
         assert!(report.fits(), "{machine}: {:?}", report.findings);
         let limits = report.suggestion.unwrap();
         if config.chain.is_empty() {
@@ -199,9 +199,8 @@ fn a_limit_of_the_tilt_cuts_the_corners_of_boxes() {
 
 /// Puts the suggested limits into the machine, and goes from corner to corner of them with every tool.
 fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
-    let mut config = config(machine);
     // A mechanism alone: in corners of their limits two may meet.
-    config.second = None;
+    let mut config = config(machine);
     for (k, axis) in config.axes.iter_mut().enumerate() {
         (axis.min, axis.max) = (limits.low[k], limits.high[k]);
     }

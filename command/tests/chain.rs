@@ -8,7 +8,7 @@ use std::fs;
 use workbench::control::row::{Ending, Row};
 use workbench::program::motion;
 use workbench::program::preflight::preflight;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 const TABLE: &str = "hexapod-rotary-table";
 const ON_PLATFORM: &str = "lathe-work-on-platform";
@@ -169,8 +169,8 @@ fn the_tip_is_on_the_circle_of_the_work_in_every_cycle_while_the_table_turns() {
 fn preflight_proves_a_program_over_a_turning_table_and_finds_what_leaves_it() {
     let config = config(TABLE);
     let file = folder(TABLE).join("programs/turning-circle.ngc");
-    let moves = motion::moves(&config, &file, None).unwrap();
-    let found = preflight(&config, &moves).unwrap();
+    let moves = motion::moves(&config.clone().into(), &file, None).unwrap();
+    let found = preflight(std::slice::from_ref(&config), &moves).unwrap();
     assert!(found.breaks.is_empty(), "{:?}", found.breaks);
     // Where the table has turned by an eighth a strut is longer than at both ends of the turn: narrowed
     // to what lies between, it is left inside of the move.
@@ -178,8 +178,8 @@ fn preflight_proves_a_program_over_a_turning_table_and_finds_what_leaves_it() {
     let text = "G21 G90 G94\nG0 X100 Y0 Z200\nG1 C90 F3000\nM2\n";
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     fs::write(&file, text).unwrap();
-    let moves = motion::moves(&config, file.path(), None).unwrap();
-    assert!(preflight(&config, &moves).unwrap().breaks.is_empty());
+    let moves = motion::moves(&config.clone().into(), file.path(), None).unwrap();
+    assert!(preflight(std::slice::from_ref(&config), &moves).unwrap().breaks.is_empty());
     let joints = |c: f64| {
         let place = about_z(c) * Vector3::new(100.0, 0.0, 200.0);
         let pose = Pose::from_degrees([place.x, place.y, place.z, 0.0, 0.0, 0.0]);
@@ -193,7 +193,7 @@ fn preflight_proves_a_program_over_a_turning_table_and_finds_what_leaves_it() {
         })
         .unwrap();
     narrow.joints[strut].max = (middle[strut] + begin[strut].max(end[strut])) / 2.0;
-    let found = preflight(&narrow, &moves).unwrap();
+    let found = preflight(std::slice::from_ref(&narrow), &moves).unwrap();
     let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
     assert!(told.text.contains(&format!("strut {strut}")), "{}", told.text);
     assert_eq!(told.line, 3);
@@ -271,7 +271,7 @@ fn slow_table(most: f64) -> (tempfile::TempDir, std::path::PathBuf) {
 fn the_guard_slows_the_table_down_where_the_struts_that_follow_it_would_be_too_fast() {
     const MOST: f64 = 25.0;
     let (copy, file) = slow_table(MOST);
-    let config = Mechanism::read(&file).unwrap();
+    let config = crate::shipped::first_of(&file);
     let program = copy.path().join("turn.ngc");
     let text =
         |feed: &str| format!("G21 G90 G94 {feed}\nG1 X100 Y0 Z200 F600\nG1 C720 F3000\nM2\n");
@@ -279,14 +279,15 @@ fn the_guard_slows_the_table_down_where_the_struts_that_follow_it_would_be_too_f
         fs::write(&program, text(feed)).unwrap();
         let (mut last, mut fastest, mut least) = (None::<Joints>, 0.0_f64, 1.0_f64);
         let options = workbench::control::process::Options::default();
-        let outcome = workbench::control::process::run(&config, &program, &options, |row| {
-            if let Some(last) = last.filter(|_| row.extra.world[5] > 0.0) {
-                fastest = fastest.max(apart(&row.joints, &last, 6) / config.period);
-                least = least.min(row.feed);
-            }
-            last = Some(row.joints);
-            std::ops::ControlFlow::Continue(())
-        });
+        let outcome =
+            workbench::control::process::run(&config.clone().into(), &program, &options, |row| {
+                if let Some(last) = last.filter(|_| row.extra.world[5] > 0.0) {
+                    fastest = fastest.max(apart(&row.joints, &last, 6) / config.period);
+                    least = least.min(row.feed);
+                }
+                last = Some(row.joints);
+                std::ops::ControlFlow::Continue(())
+            });
         (outcome.unwrap(), fastest, least)
     };
     let (outcome, guarded, least) = fastest("M52 P1");

@@ -6,8 +6,7 @@ use std::path::Path;
 use workbench::check::findings::Report;
 use workbench::check::report::check;
 use workbench::read::diagnostic::Severity;
-use workbench::read::ini::Ini;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// The hexapod after a change of its file, without its box, HOME of its joints as the kinematics
 /// have it.
@@ -18,8 +17,9 @@ fn hexapod(change: impl Fn(&str) -> String) -> Report {
     let text = format!("{before}{after}").replace(" boxes=1", "");
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("hexapod.ini");
-    let config = Mechanism::from_ini(&Ini::parse(&file, &text).unwrap()).unwrap();
-    let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
+    let config = crate::shipped::machine_of(&file, &text);
+    let first = config.first();
+    let joints = first.machine.inverse(&first.home_pose(), &first.spindle).unwrap();
     let homed = (0..6).fold(text, |text, i| {
         let heading = format!("[JOINT_{i}]\nTYPE = LINEAR\nHOME = ");
         let (before, after) = text.split_once(&heading).unwrap();
@@ -32,7 +32,8 @@ fn hexapod(change: impl Fn(&str) -> String) -> Report {
         std::fs::copy(shipped, folder.path().join(name)).unwrap();
     }
     with_programs("hexapod", folder.path());
-    check(&Mechanism::read(&file).unwrap(), |_| ()).unwrap()
+    let config = MachineConfig::read(&file).unwrap();
+    check(&config, config.first(), |_| ()).unwrap()
 }
 
 fn without_clearance(text: &str) -> String {
@@ -118,7 +119,8 @@ fn a_tool_without_a_length_is_proved_as_no_tool_is() {
     let file = folder.path().join("four-rod-lathe.ini");
     std::fs::copy(ini("four-rod-lathe"), &file).unwrap();
     std::fs::write(file.with_extension("tbl"), "T1 P1 Z0\n").unwrap();
-    let report = check(&Mechanism::read(&file).unwrap(), |_| ()).unwrap();
+    let config = MachineConfig::read(&file).unwrap();
+    let report = check(&config, config.first(), |_| ()).unwrap();
     assert!(report.is_whole, "the case is about limits that are proved as a whole");
     let told = report.facts.iter().find(|(name, _)| name.starts_with("T1")).unwrap();
     assert!(told.1.ends_with("; proved for those below"), "{told:?}");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every shipped configuration agrees with itself.
 
-use crate::shipped::{MACHINES, config, configs, folder};
+use crate::shipped::{MACHINES, configs, folder, whole};
 use kinematics::Cones;
 
 /// Agreement of [JOINT_N]HOME with inverse([TRAJ]HOME): the printed digits of the INI file, in
@@ -23,7 +23,7 @@ fn all_machines_are_tested() {
 fn joint_home_is_inverse_of_the_machine_home() {
     let mut wrong = vec![];
     for name in MACHINES {
-        for config in config(name).mechanisms() {
+        for config in whole(name).mechanisms {
             let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
             for (i, (joint, limits)) in joints.iter().zip(&config.joints).enumerate() {
                 let off = (joint - limits.home).abs();
@@ -40,7 +40,7 @@ fn joint_home_is_inverse_of_the_machine_home() {
 #[test]
 fn home_is_inside_the_limits_and_the_middle_of_the_cones() {
     for name in MACHINES {
-        for config in config(name).mechanisms() {
+        for config in whole(name).mechanisms {
             for (i, joint) in config.joints.iter().enumerate() {
                 assert!((joint.min..=joint.max).contains(&joint.home), "{}: joint {i}", name);
             }
@@ -51,7 +51,7 @@ fn home_is_inside_the_limits_and_the_middle_of_the_cones() {
                 config.machine.at(&config.home_pose(), &config.spindle).unwrap().cones();
             for i in 0..config.legs() {
                 assert!(base[i].max(platform[i]) < HOME_CONE_DEG, "{}: leg {i}", name);
-                assert!(config.base_cone[i].is_some(), "{}: [LEG_{i}]BASE_CONE", name);
+                assert!(config.angles[i].cones[0].is_some(), "{}: [LEG_{i}]BASE_CONE", name);
             }
         }
     }

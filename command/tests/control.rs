@@ -13,7 +13,6 @@ use std::time::Duration;
 use workbench::control::process::{self, Options};
 use workbench::control::refusal::NotJudged;
 use workbench::control::row::{Ending, MessageKind, Outcome, Row};
-use workbench::read::machine::Mechanism;
 
 fn programs(machine: &str) -> Vec<PathBuf> {
     let folder = fs::read_dir(shipped::folder(machine).join("programs")).unwrap();
@@ -24,7 +23,7 @@ fn programs(machine: &str) -> Vec<PathBuf> {
 
 pub fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     let mut rows = vec![];
-    let config = shipped::config(machine);
+    let config = shipped::whole(machine);
     let outcome = process::run(&config, program, &Options::default(), |row| {
         rows.push(*row);
         ControlFlow::Continue(())
@@ -35,7 +34,7 @@ pub fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
 pub fn run_text(machine: &str, text: &str, options: &Options) -> Result<Outcome, NotJudged> {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     fs::write(&file, text).unwrap();
-    process::run(&shipped::config(machine), file.path(), options, |_| ControlFlow::Continue(()))
+    process::run(&shipped::whole(machine), file.path(), options, |_| ControlFlow::Continue(()))
 }
 
 // What becomes of all programs, and that every cycle has a row, tests/live/truth.py looks at.
@@ -460,11 +459,12 @@ fn startup_code_that_linuxcnc_refuses_is_named_with_its_line() {
         assert!(error.contains(words), "{error}");
     }
     let copy = Copy::new(with("G21 T1 M6"), SHORT);
-    let config = Mechanism::read(&copy.file("hexapod.ini")).unwrap();
+    let config = crate::shipped::first_of(&copy.file("hexapod.ini"));
     let options = Options { most_work: 1.5, ..Options::default() };
     let program = copy.file("programs/p.ngc");
     let see = |_: &Row| ControlFlow::Continue(());
-    let refusal = process::run(&config, &program, &options, see).unwrap_err().to_string();
+    let refusal =
+        process::run(&config.clone().into(), &program, &options, see).unwrap_err().to_string();
     assert!(
         refusal.contains("STARTUP_CODE = G21 T1 M6: ") && refusal.contains("forever"),
         "{refusal}"

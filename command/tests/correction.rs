@@ -14,7 +14,7 @@ use workbench::program::findings::Preflight;
 use workbench::program::motion;
 use workbench::program::preflight::judge;
 use workbench::program::travel::{self, Stand};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// 100 µm at 1 µm/s, in millimetres.
 const LIMIT: f64 = 0.1;
@@ -38,7 +38,7 @@ fn warm_hexapod(folder: &Path) -> Mechanism {
     let heat = "setp pkmkins.joint-correction.1 0.1\nsetp pkmkins.joint-correction.4 -0.1\n";
     fs::write(folder.join("heat.hal"), heat).unwrap();
     fs::copy(source.join("hexapod.tbl"), folder.join("hexapod.tbl")).unwrap();
-    Mechanism::read(&folder.join("hexapod.ini")).unwrap()
+    crate::shipped::first_of(&folder.join("hexapod.ini"))
 }
 
 /// Cycles by which LinuxCNC's smoothing is late.
@@ -65,7 +65,7 @@ fn a_correction_of_100_um_comes_in_while_a_program_runs_and_the_pose_is_that_of_
     fs::write(&file, program()).unwrap();
     let mut rows: Vec<Row> = vec![];
     let options = Options { hal: vec![folder.path().join("heat.hal")], ..Options::default() };
-    let outcome = process::run(&config, &file, &options, |row| {
+    let outcome = process::run(&config.clone().into(), &file, &options, |row| {
         rows.push(*row);
         ControlFlow::Continue(())
     })
@@ -136,7 +136,7 @@ fn changed(machine: &str, sections: &[&str], keys: &[(&str, &str)], folder: &Pat
     fs::write(folder.join(&name), text).unwrap();
     let table = format!("{machine}.tbl");
     fs::copy(shipped::folder(machine).join(&table), folder.join(table)).unwrap();
-    Mechanism::read(&folder.join(name)).unwrap()
+    crate::shipped::first_of(&folder.join(name))
 }
 
 const HEXAPOD: [&str; 6] = ["JOINT_0", "JOINT_1", "JOINT_2", "JOINT_3", "JOINT_4", "JOINT_5"];
@@ -145,7 +145,7 @@ const HEXAPOD: [&str; 6] = ["JOINT_0", "JOINT_1", "JOINT_2", "JOINT_3", "JOINT_4
 fn judged(config: &Mechanism, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();
-    let judged = judge(config, &file, &Options::default(), &mut |_| ());
+    let judged = judge(&config.clone().into(), &file, &Options::default(), &mut |_| ());
     let found = judged.unwrap().found;
     assert!(found.time.is_whole(), "{:?}", found.time);
     found
@@ -186,7 +186,8 @@ fn a_path_is_judged_by_the_range_that_the_correction_leaves() {
     let strut = found.ranges.iter().find(|range| range.part == "strut 0").unwrap();
     assert_eq!(strut.allowed, [840.0, 960.0]);
     // What is left for jogs, as `pkm travel` reports it.
-    let travel = travel::travel(&config, &Stand::home(&config)).unwrap();
+    let whole = config.clone().into();
+    let travel = travel::travel(&whole, &Stand::home(&whole)).unwrap();
     let up = travel.iter().find(|way| way.letter == 'Z').unwrap().plus.clone();
     assert!(up.stop.unwrap().starts_with("strut"), "{travel:?}");
 }
@@ -235,5 +236,5 @@ fn a_table_axis_may_go_to_its_limit() {
 fn judged_path(config: &Mechanism, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();
-    shipped::follow(config, &motion::moves(config, &file, None).unwrap())
+    shipped::follow(config, &motion::moves(&config.clone().into(), &file, None).unwrap())
 }

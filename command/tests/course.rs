@@ -7,7 +7,7 @@ use workbench::control::row::{Beside, Extra, Flags, Row};
 use workbench::program::course::{Abscissa, Course, MOST_SAMPLES};
 use workbench::program::loads::Motion;
 use workbench::program::motion::{Move, MoveKind, Spindle};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// A machine that stands at home with its drives on.
 fn standing(config: &Mechanism) -> Row {

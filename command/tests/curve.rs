@@ -14,7 +14,7 @@ use workbench::curve::route::{Route, route};
 use workbench::curve::table::rows;
 use workbench::curve::whole::{Curve, CurveError};
 use workbench::program::motion::{Move, MoveKind, moves};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Positions of 100 mm by well-conditioned formulas; quadrature adds 1e-13 of a length.
 const EXACT: f64 = 1e-10;
@@ -472,7 +472,7 @@ fn carriages_of_a_cycloid_that_the_platform_follows_have_the_law_of_equation_9_c
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("biglide.ini");
     fs::write(&file, BIGLIDE).unwrap();
-    let config = Mechanism::read(&file).unwrap();
+    let config = crate::shipped::first_of(&file);
     let found = route(&config, &PathFile::parse(CYCLOID).unwrap()).unwrap();
     assert!(found.rows.len() > 20);
     for row in &found.rows {
@@ -589,7 +589,7 @@ pub fn read_back_file(config: &Mechanism, file: &PathFile) -> (Route, Vec<[f64; 
     };
     let text: Vec<String> = found.program.lines().map(each).collect();
     fs::write(&file, text.join("\n")).unwrap();
-    let moves = moves(config, &file, None).unwrap();
+    let moves = moves(&config.clone().into(), &file, None).unwrap();
     let first = moves.iter().position(|step| step.kind == MoveKind::Feed).unwrap();
     let last = moves.iter().rposition(|step| step.kind == MoveKind::Feed).unwrap();
     let in_work = |step: &Move| {

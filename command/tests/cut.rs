@@ -16,7 +16,7 @@ use workbench::cut::program::Line;
 use workbench::cut::teeth::Teeth;
 use workbench::dynamics::capacity::Capacity;
 use workbench::dynamics::model::Model;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::file::Study;
 use workbench::study::sensitivity::Sensitivity;
 use workbench::study::springs::Springs;

@@ -17,7 +17,7 @@ fn on_drives(files: &[&str], machine: &str, joint: impl Fn(usize) -> String) -> 
         });
         format!("{text}\n{machine}")
     });
-    let report = check(&config, |_| ()).unwrap();
+    let report = check(&config.clone().into(), &config, |_| ()).unwrap();
     report.findings.iter().map(|finding| finding.problem.message()).collect()
 }
 
@@ -66,7 +66,7 @@ fn speeds_of_homing_that_linuxcnc_refuses_and_searches_the_wrong_way_are_told() 
             assert!(text.contains(from), "{from}");
             text.replacen(from, to, 1)
         });
-        let report = check(&config, |_| ()).unwrap();
+        let report = check(&config.clone().into(), &config, |_| ()).unwrap();
         let texts = report.findings.iter().map(|finding| finding.problem.message());
         texts.collect::<Vec<String>>().join("\n")
     };

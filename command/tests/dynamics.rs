@@ -12,13 +12,14 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Deserialize;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 use std::sync::LazyLock;
 use workbench::dynamics::chart::Chart;
 use workbench::dynamics::model::{Body, Model};
 use workbench::dynamics::shapes::squares;
 use workbench::dynamics::structure::{LegAt, Structure, body_mass, geometric};
 use workbench::proof::axis_box;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::file::Study;
 use workbench::study::springs::Springs;
 use workbench::study::stiffness::Stiffness;
@@ -451,7 +452,8 @@ fn arms_yield_by_their_angle() {
         is_outwards.then_some((machine, geometry))
     });
     let (machine, geometry) = machine.unwrap();
-    let config = Mechanism { machine, geometry, units_per_mm: 1.0, ..config("rotary-delta") };
+    let mut config = Mechanism { machine, geometry, ..config("rotary-delta") };
+    Arc::make_mut(&mut config.facts).units_per_mm = 1.0;
     let legs = format!(
         "rod_stiffness_n_per_um = {}\ndrive_stiffness_n_m_per_rad = {}\ndamping_ratio = 0.02\n",
         krod * 1e-3,

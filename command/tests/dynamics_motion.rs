@@ -26,7 +26,7 @@ use workbench::dynamics::run::{Force, Times, standing};
 use workbench::dynamics::simulation::Simulation;
 use workbench::dynamics::structure::Structure;
 use workbench::proof::axis_box;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::rows::rate_map;
 use workbench::study::file::Study;
 use workbench::study::springs::Spring;

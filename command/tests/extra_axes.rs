@@ -2,7 +2,7 @@
 //! Extra axes in LinuxCNC itself, in virtual time.
 
 use crate::control::{run, run_text};
-use crate::shipped::{config, folder};
+use crate::shipped::{config, folder, whole};
 use kinematics::Pose;
 use workbench::control::process::Options;
 use workbench::control::row::{Ending, Row};
@@ -59,10 +59,10 @@ fn a_block_of_an_extra_axis_alone_takes_its_time() {
     let config = config(LATHE);
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     std::fs::write(file.path(), "G21 G90 G94\nG1 Z950 F3000\nG0 W500\nG1 W400\nM2\n").unwrap();
-    let moves = motion::moves(&config, file.path(), None).unwrap();
+    let moves = motion::moves(&config.clone().into(), file.path(), None).unwrap();
     let home = config.extra[1].joint.home;
     // At [TRAJ]MAX_LINEAR_VELOCITY, which is less than the axis can do.
-    let rapid = (500.0 - home).abs() / config.max_linear_velocity;
+    let rapid = (500.0 - home).abs() / config.max_velocity[0];
     let found = replay(&config, &moves, 0.001).unwrap();
     // 50 mm of Z and 100 mm of W at 50 mm/s come on top.
     assert!((found.time - rapid - 3.0).abs() < 0.002, "{} {rapid}", found.time);
@@ -75,7 +75,7 @@ fn preflight_judges_their_ranges_speeds_and_limits() {
     let judged = |text: &str| {
         let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
         std::fs::write(&file, text).unwrap();
-        judge(&config, file.path(), &Options::default(), &mut |_| ()).unwrap().found
+        judge(&config.clone().into(), file.path(), &Options::default(), &mut |_| ()).unwrap().found
     };
     let good = judged("G21 G90 G61\nG0 W300 C90\nG1 F3000 C-45 W800\nM2\n");
     assert!(good.breaks.is_empty(), "{:?}", good.breaks);
@@ -104,7 +104,7 @@ fn moves_in_which_the_work_turns_or_goes_along_with_the_tool_are_marked() {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     let lines = ["G0 C90", "G0 W300", "G1 F500 Z990", "G1 Z980 W310", "G1 W320", "G1 C0", "G1 X-1"];
     std::fs::write(&file, format!("G21 G90\n{}\nM2\n", lines.join("\n"))).unwrap();
-    let moves = motion::moves(&config(LATHE), file.path(), None).unwrap();
+    let moves = motion::moves(&whole(LATHE), file.path(), None).unwrap();
     let marked: Vec<u32> = moves.iter().filter(|step| step.extra).map(|step| step.line).collect();
     assert_eq!(marked, [2, 5, 7]);
     let end = moves.last().expect("moves").end;

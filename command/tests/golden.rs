@@ -8,7 +8,6 @@ use kinematics::{
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
-use workbench::read::machine::Mechanism;
 
 /// Rows carry 16 digits of lengths near 1000: some roundings of 1e-13.
 const LENGTH_TOLERANCE_MM: f64 = 1e-9;
@@ -198,7 +197,7 @@ fn pose_jacobian_gives_the_golden_rows() {
 fn shipped_configurations_are_the_golden_machines() {
     for golden in golden() {
         let ini = format!("configs/{0}/{0}.ini", golden.name);
-        let config = Mechanism::read(&root().join(ini)).unwrap();
+        let config = crate::shipped::first_of(&root().join(ini));
         assert_eq!(config.geometry, golden.geometry, "{}", golden.name);
     }
 }

@@ -5,7 +5,8 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use workbench::read::error::MachineError;
 use workbench::read::ini::Ini;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -135,29 +136,31 @@ fn judge(case: &Case, base: &Path) -> Option<String> {
         return Some(format!("{}: {missing:?} is not named in {message}", case.name));
     }
     let (same, config) = (case.same?, read.ok()?);
-    let is_same = config.hash == Mechanism::read(base).unwrap().hash;
+    let is_same = config.first().hash == crate::shipped::first_of(base).hash;
     (same != is_same).then(|| format!("{}: same geometry as the base file's: {is_same}", case.name))
 }
 
 /// The base file with the edits of the case.
-fn read(case: &Case, base: &Path) -> Result<Mechanism, MachineError> {
+fn read(case: &Case, base: &Path) -> Result<MachineConfig, MachineError> {
     let text = std::fs::read_to_string(base).unwrap();
     let mut lines: Vec<String> = text.lines().map(Into::into).collect();
     for edit in &case.edit {
         apply(&mut lines, edit);
     }
-    Mechanism::from_ini(&Ini::parse(base, &lines.join("\n"))?)
+    MachineConfig::from_ini(&Ini::parse(base, &lines.join("\n"))?)
 }
 
 #[test]
 fn tilt_and_pyramids_are_read_leg_by_leg_and_no_limit_where_absent_or_0() {
     let base = root().join("configs/hexapod/hexapod.ini");
     let text = std::fs::read_to_string(&base).unwrap();
-    let config = |text: &str| Mechanism::from_ini(&Ini::parse(&base, text).unwrap()).unwrap();
+    let config = |text: &str| crate::shipped::machine_of(&base, text).mechanism(1).unwrap();
     let plain = config(&text);
     assert_eq!(plain.tilt_limit, Some(30.0));
-    assert_eq!(plain.base_pyramid, vec![None; 6]);
-    assert_eq!(plain.platform_pyramid, vec![None; 6]);
+    let of = |config: &Mechanism, end: usize| -> Vec<_> {
+        config.angles.iter().map(|leg| leg.pyramids[end]).collect()
+    };
+    assert_eq!([0, 1].map(|end| of(&plain, end)), [vec![None; 6], vec![None; 6]]);
     let limited = text
         .replace("TILT_LIMIT = 30\n", "TILT_LIMIT = 20\n")
         .replace("[LEG_2]\n", "[LEG_2]\nBASE_PYRAMID = 50 40\n")
@@ -165,8 +168,8 @@ fn tilt_and_pyramids_are_read_leg_by_leg_and_no_limit_where_absent_or_0() {
     let found = config(&limited);
     assert_eq!(found.tilt_limit, Some(20.0));
     let only = |leg: usize, turns| (0..6).map(|i| (i == leg).then_some(turns)).collect::<Vec<_>>();
-    assert_eq!(found.base_pyramid, only(2, [50.0, 40.0]));
-    assert_eq!(found.platform_pyramid, only(5, [35.5, 25.0]));
+    assert_eq!(of(&found, 0), only(2, [50.0, 40.0]));
+    assert_eq!(of(&found, 1), only(5, [35.5, 25.0]));
     for none in ["", "TILT_LIMIT = 0\n"] {
         assert_eq!(config(&limited.replace("TILT_LIMIT = 20\n", none)).tilt_limit, None);
     }

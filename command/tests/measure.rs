@@ -18,7 +18,7 @@ use workbench::calibrate::setup::Setup;
 use workbench::calibrate::shape;
 use workbench::calibrate::sheet;
 use workbench::calibrate::study::{self, Given, Wishes};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// A dial of 2 um on a plate, and where there is none to see X and Y, on two edges of it as well.
 fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {
@@ -307,7 +307,7 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
-    let new = Mechanism::read(&folder.path().join("new.ini")).unwrap();
+    let new = crate::shipped::first_of(&folder.path().join("new.ini"));
     let (before, after) = (shop.error(&shop.config.machine), shop.error(&new.machine));
     assert!(after < 0.5 * before, "{before} {after}");
     // A gauge that scatters by four times what is stated of it.

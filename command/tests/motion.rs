@@ -3,20 +3,21 @@
 
 use crate::shipped;
 use std::path::Path;
+use std::sync::Arc;
 use workbench::control::process::Options;
 use workbench::program::motion::{Move, MoveKind, Spindle, moves};
 use workbench::program::preflight::judge;
 use workbench::program::replay::duration;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Homing, which forward answers to some roundings of the machine's size, and inch and back.
 const ROUNDING_MM: f64 = 1e-9;
 
 fn config(tools: &Path) -> Mechanism {
     let ini = shipped::ini("hexapod");
-    let mut config = Mechanism::read(&ini).unwrap();
-    config.program.tool_table = Some(tools.into());
-    config.program.parameter_file = None;
+    let mut config = crate::shipped::first_of(&ini);
+    let program = &mut Arc::make_mut(&mut config.facts).program;
+    (program.tool_table, program.parameter_file) = (Some(tools.into()), None);
     config
 }
 
@@ -27,7 +28,7 @@ fn run(text: &str, block: Option<&str>) -> Result<Vec<Move>, String> {
     std::fs::write(&program, text).unwrap();
     std::fs::write(&tools, "T1 P1 Z25.5 D6\nT7 P3 X1.5 Z40 D3\n").unwrap();
     let config = config(&tools);
-    let mut moves = moves(&config, &program, block).map_err(|e| e.to_string())?;
+    let mut moves = moves(&config.clone().into(), &program, block).map_err(|e| e.to_string())?;
     assert_eq!(moves[0].line, 0);
     assert_end(&moves[0], config.start);
     moves.remove(0);
@@ -138,8 +139,8 @@ fn run_on(machine: &str, text: &str) -> Result<Vec<Move>, String> {
     let program = folder.path().join("p.ngc");
     std::fs::write(&program, text).unwrap();
     let mut config = crate::shipped::config(machine);
-    config.program.parameter_file = None;
-    moves(&config, &program, None).map_err(|error| error.to_string())
+    Arc::make_mut(&mut config.facts).program.parameter_file = None;
+    moves(&config.clone().into(), &program, None).map_err(|error| error.to_string())
 }
 
 /// A reader that is not the control knows neither the position nor the tool after a change.
@@ -214,9 +215,9 @@ fn a_parameter_file_out_of_order_is_named() {
     std::fs::write(&program, "G0 X1\nM2\n").unwrap();
     std::fs::write(&file, "5161\t0.0\n5221\t1.0\n5220\t1\n").unwrap();
     let mut config = config(folder.path());
-    config.program.tool_table = None;
-    config.program.parameter_file = Some(file);
-    let error = moves(&config, &program, None).unwrap_err().to_string();
+    let facts = Arc::make_mut(&mut config.facts);
+    (facts.program.tool_table, facts.program.parameter_file) = (None, Some(file));
+    let error = moves(&config.clone().into(), &program, None).unwrap_err().to_string();
     assert!(error.contains("Parameter file out of order"), "{error}");
 }
 
@@ -230,9 +231,9 @@ fn without_a_parameter_file_offsets_are_those_that_linuxcnc_keeps_beside_the_mac
     for line in ["", "PARAMETER_FILE =", "PARAMETER_FILE = own.var"] {
         let ini = folder.path().join("hexapod.ini");
         std::fs::write(&ini, text.replace("PARAMETER_FILE = hexapod.var", line)).unwrap();
-        let mut config = Mechanism::read(&ini).unwrap();
-        config.program.tool_table = None;
-        let steps = moves(&config, &program, None).unwrap();
+        let mut config = crate::shipped::first_of(&ini);
+        Arc::make_mut(&mut config.facts).program.tool_table = None;
+        let steps = moves(&config.clone().into(), &program, None).unwrap();
         let expected = if line.ends_with("own.var") { 1.0 } else { 8.0 };
         let off = steps.last().unwrap().end[0] - expected;
         assert!(off.abs() <= ROUNDING_MM, "{line:?}: {steps:?}");
@@ -244,11 +245,11 @@ fn loops_without_an_end_end() {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("p.ngc");
     let mut config = config(folder.path());
-    config.program.tool_table = None;
+    Arc::make_mut(&mut config.facts).program.tool_table = None;
     let options = Options { most_moves: 1000, most_work: 3.0, ..Options::default() };
     let told = |body: &str| {
         std::fs::write(&program, format!("F100\nO1 while [1]\n{body}\nO1 endwhile\nM2\n")).unwrap();
-        let judged = judge(&config, &program, &options, &mut |_| ());
+        let judged = judge(&config.clone().into(), &program, &options, &mut |_| ());
         match judged {
             Ok(judged) => format!("{:?}", judged.found.time),
             Err(error) => error.to_string(),
@@ -271,14 +272,15 @@ fn places_in_two_files(main: &str, away: &str) -> Vec<(f64, u32, usize)> {
     let path = folder.path().display();
     let head = format!("[RS274NGC]\nSUBROUTINE_PATH = {path}");
     std::fs::write(&ini, text.replacen("[RS274NGC]", &head, 1)).unwrap();
-    let mut config = Mechanism::read(&ini).unwrap();
-    (config.program.tool_table, config.program.parameter_file) = (None, None);
+    let mut config = crate::shipped::first_of(&ini);
+    let facts = Arc::make_mut(&mut config.facts);
+    (facts.program.tool_table, facts.program.parameter_file) = (None, None);
     let program = folder.path().join("p.ngc");
     std::fs::write(&program, format!("{main}\nM2\n")).unwrap();
     let file = folder.path().join("away.ngc");
     std::fs::write(&file, format!("o<away> sub\n{away}\no<away> endsub\nM2\n")).unwrap();
-    let steps = moves(&config, &program, None).unwrap();
-    let judged = judge(&config, &program, &Options::default(), &mut |_| ());
+    let steps = moves(&config.clone().into(), &program, None).unwrap();
+    let judged = judge(&config.clone().into(), &program, &Options::default(), &mut |_| ());
     assert_eq!(judged.unwrap().files, [program, file]);
     steps[1..].iter().map(|step: &Move| (step.end[0].round(), step.line, step.file)).collect()
 }
@@ -320,7 +322,7 @@ fn off_path(text: &str) -> Vec<(u32, String)> {
     let program = folder.path().join("p.ngc");
     std::fs::write(&program, text).unwrap();
     let config = config(&crate::shipped::folder("hexapod").join("hexapod.tbl"));
-    let judged = judge(&config, &program, &Options::default(), &mut |_| ());
+    let judged = judge(&config.clone().into(), &program, &Options::default(), &mut |_| ());
     let found = judged.unwrap().found;
     found.breaks.into_iter().map(|found| (found.line, found.text)).collect()
 }

@@ -18,7 +18,7 @@ use workbench::new::table::columns;
 use workbench::new::values::Values;
 use workbench::panel::Panel;
 use workbench::proof::reach::Reach;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 const FIVE_STRUTS: &str = "\
 # Five struts that leave the turn about the tool free.
@@ -39,9 +39,9 @@ fn assert_made(bench: &Bench, name: &str, words: &str) -> Mechanism {
     let told = bench.answer(&format!("new {words} --out {name}"), "");
     assert!(told.ends_with("exit 0\n"), "{words}: {told}");
     let ini = format!("{name}/{name}.ini");
-    let config = Mechanism::read(&file(bench, &ini)).unwrap();
+    let config = crate::shipped::first_of(&file(bench, &ini));
     assert_homes(&config, words);
-    let panel = Panel::new(&config, name);
+    let panel = Panel::new(&config.clone().into(), name);
     for (end, text) in [("xml", panel.widgets), ("tcl", panel.wiring)] {
         let written = fs::read_to_string(file(bench, &format!("{name}/{name}-panel.{end}")));
         assert_eq!(written.unwrap(), text, "{words}");
@@ -107,7 +107,7 @@ fn assert_documented(name: &str) -> Mechanism {
     for file in made {
         assert!(folder.join(file).is_file(), "{name}: no {file}");
     }
-    let config = Mechanism::read(&folder.join(format!("{name}.ini"))).unwrap();
+    let config = crate::shipped::first_of(&folder.join(format!("{name}.ini")));
     assert_homes(&config, name);
     assert_holds_everywhere(&config);
     config
@@ -116,7 +116,7 @@ fn assert_documented(name: &str) -> Mechanism {
 /// HOME of every joint is what the kinematics say, to all digits.
 fn assert_homes(config: &Mechanism, words: &str) {
     let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
-    for (joint, wanted) in config.all_joints().zip(joints) {
+    for (joint, wanted) in config.joints.iter().zip(joints) {
         assert_eq!(joint.home.to_bits(), wanted.to_bits(), "{words}: {}", joint.name);
     }
 }
@@ -140,7 +140,7 @@ fn assert_holds_everywhere(config: &Mechanism) {
             let time = 1e-4;
             next[k] += time * config.axes[k].max_velocity;
             let (here, next) = (at(pose).unwrap(), at(next).unwrap());
-            for (i, joint) in config.all_joints().enumerate() {
+            for (i, joint) in config.joints.iter().enumerate() {
                 let speed = (next[i] - here[i]).abs() / time;
                 assert!(speed <= joint.max_velocity, "{}: {speed}", joint.name);
             }
@@ -188,7 +188,7 @@ fn a_name_that_makes_lines_too_long_for_linuxcnc_is_refused() {
 fn the_documented_delta_in_inches_is_made_and_runs() {
     let config = assert_documented("my-delta");
     assert_eq!(config.units_per_mm, 1.0 / 25.4);
-    assert!((config.max_linear_velocity - 600.0 / 60.0).abs() < 1e-12);
+    assert!((config.max_velocity[0] - 600.0 / 60.0).abs() < 1e-12);
 }
 
 #[test]
@@ -226,7 +226,7 @@ fn machines_on_rails_and_rings_are_made_and_run() {
     }
     let words = format!("{} --boxes no --tilt 8 --out tilted", example("linapod"));
     assert!(bench.answer(&format!("new {words}"), "").ends_with("exit 0\n"));
-    let config = Mechanism::read(&file(&bench, "tilted/tilted.ini")).unwrap();
+    let config = crate::shipped::first_of(&file(&bench, "tilted/tilted.ini"));
     assert!(config.axes[3..].iter().all(|axis| axis.min == -8.0 && axis.max == 8.0));
 }
 
@@ -306,7 +306,7 @@ fn a_table_of_anchors_makes_the_machine_that_its_radii_make() {
     let bench = bench.with("arms.csv", &text);
     let words = "new rotary-delta --anchors arms.csv --angle -45 90 --out table";
     assert!(bench.answer(words, "").ends_with("exit 0\n"));
-    let again = Mechanism::read(&file(&bench, "table/table.ini")).unwrap();
+    let again = crate::shipped::first_of(&file(&bench, "table/table.ini"));
     assert_eq!((again.hash, again.home), (made.hash, made.home));
 }
 

@@ -8,8 +8,7 @@ use kinematics::{Joints, Pose};
 use std::fs;
 use std::path::Path;
 use workbench::calibrate::model::{Model, Tolerance};
-use workbench::read::ini::Ini;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::stiffness::with_platform;
 
 /// A power of two, so that sums lose few digits.
@@ -50,7 +49,7 @@ fn shifted_line(section: &str, line: &str) -> String {
 }
 
 fn config(file: &Path, text: &str) -> Mechanism {
-    Mechanism::from_ini(&Ini::parse(file, text).unwrap()).unwrap()
+    crate::shipped::machine_of(file, text).mechanism(1).unwrap()
 }
 
 fn assert_same(file: &Path, legs: usize, found: &Joints, expected: &Joints, shift: f64) {

@@ -10,7 +10,7 @@ use kinematics::{MAX_JOINTS, Pose};
 use std::fs;
 use workbench::control::row::{Beside, Extra, Flags, Row};
 use workbench::program::course::{Course, Sample, Thinned};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// What a limit line looks like: nothing else is black and as wide.
 const LIMIT: &str = "stroke=\"#000000\" stroke-width=\"3\"";

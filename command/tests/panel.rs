@@ -3,7 +3,7 @@
 //! tests/viewer/screens.py.
 
 use crate::commands::Bench;
-use crate::shipped::{MACHINES, config, ini};
+use crate::shipped::{MACHINES, ini, whole};
 use std::collections::BTreeSet;
 use std::fs;
 use workbench::panel::Panel;
@@ -26,7 +26,7 @@ fn the_shipped_machines_show_their_panels() {
 #[test]
 fn every_widget_with_a_pin_is_fed_once_and_every_pin_feeds_a_widget() {
     for machine in MACHINES {
-        let Panel { widgets, wiring } = Panel::new(&config(machine), machine);
+        let Panel { widgets, wiring } = Panel::new(&whole(machine), machine);
         let names: Vec<&str> = widgets
             .split("halpin=\"")
             .skip(1)
@@ -48,15 +48,15 @@ fn every_widget_with_a_pin_is_fed_once_and_every_pin_feeds_a_widget() {
 
 #[test]
 fn a_joint_stands_in_its_range_with_its_margin_and_a_cone_ends_where_the_file_says() {
-    let Panel { widgets, wiring } = Panel::new(&config("hexapod"), "hexapod");
+    let Panel { widgets, wiring } = Panel::new(&whole("hexapod"), "hexapod");
     assert!(widgets.contains("halpin=\"joint-5\" min_=\"390\" max_=\"1410\""), "{widgets}");
     assert!(widgets.contains("halpin=\"base-angle-5\" min_=\"0\" max_=\"40\""), "{widgets}");
     assert!(wiring.contains("\n    pkmkins.margin.5 margin-5\n"), "{wiring}");
     assert!(wiring.contains("start hexapod.ini {x y z a b c}\n"), "{wiring}");
     // Six struts move five coordinates: no joint can be a letter.
-    let table = Panel::new(&config("hexapod-rotary-table"), "hexapod-rotary-table");
+    let table = Panel::new(&whole("hexapod-rotary-table"), "hexapod-rotary-table");
     assert!(wiring.contains("::switch\n") && !table.wiring.contains("::switch\n"));
-    let pair = Panel::new(&config("lathe-mirrored"), "lathe-mirrored").wiring;
+    let pair = Panel::new(&whole("lathe-mirrored"), "lathe-mirrored").wiring;
     assert!(pair.contains("pkmkins.second.conditioning conditioning-second"), "{pair}");
     assert!(pair.contains("{x y z b c u v w}"), "{pair}");
 }
@@ -80,7 +80,7 @@ fn both_files_are_written_beside_the_machine_or_into_a_folder_and_nothing_where_
         "{answer}"
     );
     assert_eq!(odd.files(), files);
-    let hyphens = Panel::new(&config("hexapod"), "hexa--pod");
+    let hyphens = Panel::new(&whole("hexapod"), "hexa--pod");
     assert!(!hyphens.widgets.contains("hexa--pod"));
     assert!(bench.answer("panel none.ini", "").ends_with("exit 2\n"));
     assert_eq!(bench.files(), before);

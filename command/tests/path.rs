@@ -6,7 +6,7 @@ use crate::shipped::{config, folder};
 use kinematics::{Joints, Pose, Vector3};
 use workbench::program::motion::{Move, moves};
 use workbench::program::path::{Along, along};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// A thousand steps added up, each with a rounding of a carriage position near 1500 mm.
 const SUM_MM: f64 = 1e-9;
@@ -40,7 +40,7 @@ fn end(path: &[Along]) -> &Along {
 fn carriages_come_back_over_every_circle_of_the_lathe() {
     let config = config("four-rod-lathe");
     let program = folder("four-rod-lathe").join("programs/circles.ngc");
-    let moves = moves(&config, &program, None).unwrap();
+    let moves = moves(&config.clone().into(), &program, None).unwrap();
     let text = std::fs::read_to_string(&program).unwrap();
     let is_circle = |line: &str| line.starts_with("G2 ") || line.starts_with("G3 ");
     let circles: Vec<u32> =

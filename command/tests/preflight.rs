@@ -8,6 +8,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 use workbench::limits;
 use workbench::program::findings::Preflight;
@@ -15,7 +16,7 @@ use workbench::program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindl
 use workbench::program::offset::{self, Offset};
 use workbench::proof::axis_box::range;
 use workbench::proof::reach::Reach;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 pub fn rapid(line: u32, end: [f64; 6]) -> Move {
     Move {
@@ -44,7 +45,7 @@ fn every_shipped_program_fits_its_machine() {
         let config = config(machine);
         let programs = fs::read_dir(folder(machine).join("programs")).unwrap();
         for program in programs.map(|entry| entry.unwrap().path()) {
-            let moves = motion::moves(&config, &program, None).unwrap();
+            let moves = motion::moves(&config.clone().into(), &program, None).unwrap();
             let found = follow(&config, &moves);
             assert!(found.fits(), "{}: {:?}", program.display(), found.breaks);
             assert_eq!(found.runnable, 1.0, "{}", program.display());
@@ -169,8 +170,9 @@ fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> Mechanism {
         (joint.min, joint.max) = (low - range, high + range);
     }
     let widened = |angle: f64| Some(angle * (1.0 + room) + 1e-3);
-    config.base_cone = base.into_iter().map(widened).collect();
-    config.platform_cone = platform.into_iter().map(widened).collect();
+    for ((leg, base), platform) in config.angles.iter_mut().zip(base).zip(platform) {
+        leg.cones = [base, platform].map(widened);
+    }
     config.tilt_limit = widened(tilt);
     // Machines whose legs all meet have no distance.
     config.clearance = distance.is_finite().then_some(distance * (1.0 - room));
@@ -294,8 +296,7 @@ fn a_singular_pose_between_is_never_missed() {
         for joint in &mut config.joints {
             (joint.min, joint.max) = (-1e9, 1e9);
         }
-        config.base_cone.fill(None);
-        config.platform_cone.fill(None);
+        config.angles.iter_mut().for_each(|leg| leg.cones = [None; 2]);
         (config.conditioning_limit, config.clearance) = (1e-9, Some(1e-9));
         config.axes[3..].iter_mut().for_each(|axis| (axis.min, axis.max) = (-180.0, 180.0));
         // Only reach and singular poses are left to break.
@@ -354,7 +355,7 @@ fn a_long_program_is_followed_quickly() {
     let program = Path::new(LINUXCNC_PROGRAMS).join("3D_Chips.ngc");
     let config = config("hexapod");
     let offset = Offset { shift: [0.0, 0.0, 140.0], turn: 0.0 };
-    let moves = motion::moves(&config, &program, Some(&offset.block())).unwrap();
+    let moves = motion::moves(&config.clone().into(), &program, Some(&offset.block())).unwrap();
     let start = Instant::now();
     let found = follow(&config, &moves);
     let time = start.elapsed().as_secs_f64();
@@ -369,7 +370,7 @@ fn a_long_program_is_followed_quickly() {
 
 /// Moves of a program that an offset found for it makes fit, checked as `pkm` does it.
 fn refitted(config: &Mechanism, program: &Path, offset: &Offset) -> Preflight {
-    follow(config, &motion::moves(config, program, Some(&offset.block())).unwrap())
+    follow(config, &motion::moves(&config.clone().into(), program, Some(&offset.block())).unwrap())
 }
 
 #[test]
@@ -380,15 +381,16 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     let text = "G21 G90\nG55\nG0 X0 Y0 Z0\nG92 X1 Y2 Z3\nG1 X190 F3000\nG1 Y22\nG92.1\nM2\n";
     fs::write(&program, text).unwrap();
     let ini = folder.path().join("linear-delta.ini");
-    let text = fs::read_to_string(config("linear-delta").file).unwrap();
+    let text = fs::read_to_string(&config("linear-delta").file).unwrap();
     let line = |line: &str| match line.starts_with("RS274NGC_STARTUP_CODE") {
         true => "RS274NGC_STARTUP_CODE = G10 L2 P2 X-90 Y-30 Z50 R10 G55\n".into(),
         false => format!("{line}\n"),
     };
     fs::write(&ini, text.lines().map(line).collect::<String>()).unwrap();
-    let mut config = Mechanism::read(&ini).unwrap();
-    (config.program.tool_table, config.program.parameter_file) = (None, None);
-    let moves = motion::moves(&config, &program, None).unwrap();
+    let mut config = crate::shipped::first_of(&ini);
+    let facts = Arc::make_mut(&mut config.facts);
+    (facts.program.tool_table, facts.program.parameter_file) = (None, None);
+    let moves = motion::moves(&config.clone().into(), &program, None).unwrap();
     assert!(!follow(&config, &moves).fits() && follow(&config, &moves).poses.may_turn(&config));
     // 189 mm long where X and Y have 160 each: no shift will do, the diagonal will.
     assert_eq!(
@@ -431,7 +433,7 @@ fn random_programs_fit_where_they_are_put() {
             }
             text += "M2\n";
             fs::write(&program, &text).unwrap();
-            let moves = motion::moves(&config, &program, None).unwrap();
+            let moves = motion::moves(&config.clone().into(), &program, None).unwrap();
             if follow(&config, &moves).fits() {
                 continue;
             }

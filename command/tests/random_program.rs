@@ -14,7 +14,7 @@ fn a_random_program_stays_within_the_limits_of_its_machine() {
         let text = random_program(&config, 7, 60.0).unwrap();
         let program = folder.path().join("random.ngc");
         std::fs::write(&program, &text).unwrap();
-        let moves = motion::moves(&config, &program, None).unwrap();
+        let moves = motion::moves(&config.clone().into(), &program, None).unwrap();
         let replay =
             replay(&config, &moves, 0.01).unwrap_or_else(|fault| panic!("{name}: {fault}"));
         assert_eq!(replay.violations(&config), [""; 0], "{name}");

@@ -10,7 +10,6 @@ use std::fs;
 use workbench::control::process::Options;
 use workbench::program::findings::Preflight;
 use workbench::program::preflight::judge;
-use workbench::read::machine::Mechanism;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -43,8 +42,8 @@ fn judged(case: &Case) -> Preflight {
     fs::write(&ini, lines.join("\n") + "\n").unwrap();
     let program = folder.path().join("p.ngc");
     fs::write(&program, format!("{}\nM2\n", case.program)).unwrap();
-    let config = Mechanism::read(&ini).unwrap();
-    judge(&config, &program, &Options::default(), &mut |_| ()).unwrap().found
+    let config = crate::shipped::first_of(&ini);
+    judge(&config.clone().into(), &program, &Options::default(), &mut |_| ()).unwrap().found
 }
 
 #[test]

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The scene, read as a viewer reads it: JSON alone, and two rigid formulas.
 
-use crate::shipped::{MACHINES, config, ini};
+use crate::shipped::{MACHINES, config, ini, whole};
 use kinematics::{Matrix3, Pose, Vector3};
 use nalgebra::{Rotation3, Unit};
 use rand::{Rng, SeedableRng};
@@ -10,7 +10,8 @@ use serde_json::Value;
 use std::process::Command;
 use workbench::proof::axis_box::range;
 use workbench::read::ini::Ini;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::rods::View;
 
 /// Some roundings of lengths of 1e3.
@@ -98,10 +99,9 @@ fn compare(config: &Mechanism, scene: &Value, rng: &mut Pcg64) {
 fn both_ends_of_every_leg_follow_from_the_scene_the_joints_and_the_pose() {
     let mut rng = Pcg64::seed_from_u64(20);
     for machine in MACHINES {
-        let config = config(machine);
-        compare(&config, &scene(&ini(machine), &[]), &mut rng);
-        if let Some(second) = &config.second {
-            compare(second, &scene(&ini(machine), &["--mechanism", "2"]), &mut rng);
+        for (n, mechanism) in whole(machine).mechanisms.iter().enumerate() {
+            let number = (n + 1).to_string();
+            compare(mechanism, &scene(&ini(machine), &["--mechanism", &number]), &mut rng);
         }
     }
 }
@@ -151,7 +151,7 @@ fn a_scene_names_the_files_with_shapes_and_a_line_that_says_no_shape_is_refused(
         ["a.stl", "a.step mm", "a.stl ft", "a.stl mm 1", "a.stl mm 1 2 3 4", "a.stl mm 1 2 nan"]
     {
         write(&format!("TABLE_MODEL = {wrong}"));
-        let refused = Mechanism::read(&file).unwrap_err().to_string();
+        let refused = MachineConfig::read(&file).unwrap_err().to_string();
         assert!(
             refused.contains("TABLE_MODEL") && refused.contains("FILE UNIT"),
             "{wrong}: {refused}"

@@ -7,7 +7,7 @@ use kinematics::{LEAST_DRIVE, Letter, Pose, Solver, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use workbench::proof::axis_box;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::file::{Law, Study};
 use workbench::study::sensitivity::{Kind, Sensitivity, monte_carlo, near, ratios};
 

@@ -8,7 +8,9 @@ use std::sync::LazyLock;
 use workbench::program::findings::Preflight;
 use workbench::program::motion::Move;
 use workbench::program::preflight::preflight;
-use workbench::read::machine::Mechanism;
+use workbench::read::ini::Ini;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 
 pub const MACHINES: [&str; 18] = [
     "four-rod-lathe",
@@ -86,11 +88,27 @@ pub fn ini(machine: &str) -> PathBuf {
     folder(machine).join(format!("{machine}.ini"))
 }
 
+/// A machine with all its mechanisms.
+pub fn whole(machine: &str) -> MachineConfig {
+    MachineConfig::read(&ini(machine)).unwrap()
+}
+
+/// The first mechanism of a machine.
 pub fn config(machine: &str) -> Mechanism {
-    Mechanism::read(&ini(machine)).unwrap()
+    first_of(&ini(machine))
+}
+
+/// The first mechanism of a file.
+pub fn first_of(file: &Path) -> Mechanism {
+    MachineConfig::read(file).unwrap().mechanism(1).unwrap()
+}
+
+/// The machine of a text.
+pub fn machine_of(file: &Path, text: &str) -> MachineConfig {
+    MachineConfig::from_ini(&Ini::parse(file, text).unwrap()).unwrap()
 }
 
 /// Follows all moves of a program.
 pub fn follow(config: &Mechanism, moves: &[Move]) -> Preflight {
-    preflight(config, moves).unwrap()
+    preflight(std::slice::from_ref(config), moves).unwrap()
 }

@@ -2,7 +2,7 @@
 //! Mistakes that LinuxCNC refuses at its start: none of them fits together, and what starts is not refused.
 
 use crate::ini_cases::{Edit, apply};
-use crate::shipped::{MACHINES, cases_of, config, copied};
+use crate::shipped::{MACHINES, cases_of, copied, whole};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use std::fs;
 use workbench::check::report::check;
 use workbench::program::start::start;
 use workbench::read::diagnostic::Severity;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,11 +44,11 @@ fn answer(case: &Case) -> (Vec<String>, String) {
     for (name, text) in &case.files {
         fs::write(copy.path().join(name), text).unwrap();
     }
-    let config = match Mechanism::read(&file) {
+    let config = match MachineConfig::read(&file) {
         Ok(config) => config,
         Err(error) => return (vec![error.to_string()], "not read".into()),
     };
-    let report = match check(&config, |_| ()) {
+    let report = match check(&config, config.first(), |_| ()) {
         Ok(report) => report,
         Err(error) => return (vec![error.to_string()], "not judged".into()),
     };
@@ -84,7 +84,7 @@ fn what_linuxcnc_refuses_at_its_start_does_not_fit_together() {
 fn every_shipped_machine_starts() {
     let failures: Vec<_> = MACHINES
         .into_par_iter()
-        .map(|machine| (machine, start(&config(machine)).unwrap()))
+        .map(|machine| (machine, start(&whole(machine)).unwrap()))
         .filter(|(_, start)| start.error.is_some() || !start.fact.starts_with("switched on"))
         .collect();
     assert!(failures.is_empty(), "{failures:?}");

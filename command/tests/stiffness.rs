@@ -9,7 +9,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 use workbench::proof::axis_box;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::rows::{length_rows, rate_map};
 use workbench::study::file::{Screw, Study};
 use workbench::study::map::Map;

@@ -2,7 +2,7 @@
 //! Travel left, beside poses looked at one after the other.
 
 use crate::commands::Bench;
-use crate::shipped::{config, unchained};
+use crate::shipped::{self, unchained, whole};
 use kinematics::{Letter, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -10,7 +10,7 @@ use serde_json::Value;
 use workbench::program::travel::{Stand, travel};
 use workbench::proof::axis_box::range;
 use workbench::proof::reach::Reach;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// Poses looked at along a way.
 const LOOKS: u32 = 400;
@@ -20,9 +20,9 @@ const LOOKS: u32 = 400;
 const RESOLUTION: f64 = 1e-5;
 
 /// The machine with ranges of its axes that end nothing.
-fn free(machine: &str) -> Mechanism {
-    let mut config = config(machine);
-    for axis in &mut config.programmed {
+fn free(machine: &str) -> MachineConfig {
+    let mut config = whole(machine);
+    for axis in &mut config.mechanisms[0].programmed {
         (axis.min, axis.max) = (f64::NEG_INFINITY, f64::INFINITY);
     }
     config
@@ -30,9 +30,10 @@ fn free(machine: &str) -> Mechanism {
 
 #[test]
 fn a_long_way_is_followed_to_its_end() {
-    let mut config = config("triaglide");
-    config.programmed[0].max = 1e5;
-    config.joints.iter_mut().for_each(|joint| joint.max = 9000.0);
+    let mut config = whole("triaglide");
+    let first = &mut config.mechanisms[0];
+    first.programmed[0].max = 1e5;
+    first.joints.iter_mut().for_each(|joint| joint.max = 9000.0);
     let found = travel(&config, &Stand::home(&config)).unwrap();
     let plus = &found[0].plus;
     // From the middle of the guides, as far as the carriages in front go.
@@ -46,11 +47,11 @@ fn up_to_the_place_told_every_pose_keeps_all_limits_and_just_behind_it_one_does_
     let mut stopped = 0;
     for machine in unchained() {
         let config = free(machine);
-        if config.place.is_of_pair {
+        if config.mechanisms.len() > 1 {
             continue;
         }
-        let whole = range(&self::config(machine));
-        let reach = Reach::new(&config).unwrap();
+        let whole = range(&shipped::config(machine));
+        let reach = Reach::new(config.first()).unwrap();
         for _ in 0..3 {
             let pose = whole.at(std::array::from_fn(|_| rng.random()));
             if reach.check(&pose).is_err() {
@@ -61,7 +62,7 @@ fn up_to_the_place_told_every_pose_keeps_all_limits_and_just_behind_it_one_does_
             for found in travel(&config, &stand).unwrap() {
                 let own = |l: &Letter| l.name() == found.letter;
                 let Some(letter) = Letter::ALL.into_iter().find(own) else { continue };
-                if config.machine.layout().is_held(letter) {
+                if config.first().machine.layout().is_held(letter) {
                     // An extra axis, which only its own range ends.
                     continue;
                 }
@@ -77,7 +78,7 @@ fn up_to_the_place_told_every_pose_keeps_all_limits_and_just_behind_it_one_does_
                         let way = left * f64::from(n) / f64::from(LOOKS);
                         assert!(at(way).is_ok(), "{machine}: {found:?} at {way}");
                     }
-                    let unit = if k < 3 { config.machine.size() } else { 360.0 };
+                    let unit = if k < 3 { config.first().machine.size() } else { 360.0 };
                     let behind = (1..=20).map(|n| left + f64::from(n) * RESOLUTION * unit);
                     // A limit that is only touched is told as well.
                     stopped += usize::from(behind.map(at).any(|seen| seen.is_err()));
@@ -92,7 +93,7 @@ fn up_to_the_place_told_every_pose_keeps_all_limits_and_just_behind_it_one_does_
 
 #[test]
 fn a_letter_beyond_its_own_range_can_go_back_and_no_further() {
-    let config = config("hexapod");
+    let config = whole("hexapod");
     let mut stand = Stand::home(&config);
     stand.world[2] = 401.0;
     let found = travel(&config, &stand).unwrap();
@@ -107,7 +108,7 @@ fn a_letter_beyond_its_own_range_can_go_back_and_no_further() {
 #[test]
 fn a_second_mechanism_ends_the_way_of_the_first() {
     let mut config = free("lathe-mirrored");
-    for axis in &mut config.second.as_mut().unwrap().programmed {
+    for axis in &mut config.mechanisms[1].programmed {
         (axis.min, axis.max) = (f64::NEG_INFINITY, f64::INFINITY);
     }
     let found = travel(&config, &Stand::home(&config)).unwrap();
@@ -119,10 +120,10 @@ fn a_second_mechanism_ends_the_way_of_the_first() {
 
 #[test]
 fn a_table_that_turns_without_end_is_followed_for_a_turn() {
-    let config = config("hexapod-rotary-table");
+    let config = whole("hexapod-rotary-table");
     let mut stand = Stand::home(&config);
     stand.world[0] = 100.0;
-    stand.tools[0] = config.spindle + Vector3::z() * 40.0;
+    stand.tools[0] = config.first().spindle + Vector3::z() * 40.0;
     let found = travel(&config, &stand).unwrap();
     let table = found.iter().find(|way| way.letter == 'C').unwrap();
     assert_eq!((table.minus.left, table.plus.left), (Some(36000.0), Some(36000.0)));

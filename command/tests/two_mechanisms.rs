@@ -2,7 +2,7 @@
 //! Machines with two mechanisms: read, run in LinuxCNC in virtual time, and followed.
 
 use crate::control::run;
-use crate::shipped::{config, folder, ini};
+use crate::shipped::{config, folder, ini, machine_of, whole};
 use kinematics::{Cause, Gap, Limit, Pose, Vector3};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -15,8 +15,8 @@ use workbench::program::findings::{Preflight, Rule};
 use workbench::program::motion;
 use workbench::program::preflight::preflight;
 use workbench::program::replay::replay;
-use workbench::read::ini::Ini;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::body::{Body, Effort};
 use workbench::study::file::Study;
 use workbench::study::workspace::{Stand, Workspace};
@@ -27,7 +27,7 @@ const LATHE: &str = "lathe-mirrored";
 const LAG: usize = 2;
 
 fn second() -> Mechanism {
-    *config(LATHE).second.expect("a second mechanism")
+    whole(LATHE).mechanism(2).unwrap()
 }
 
 /// A program of these lines, which begins with both at home.
@@ -38,7 +38,7 @@ fn program(lines: &[&str]) -> tempfile::NamedTempFile {
     file
 }
 
-fn run_file(config: &Mechanism, file: &Path) -> (Outcome, Vec<Row>) {
+fn run_file(config: &MachineConfig, file: &Path) -> (Outcome, Vec<Row>) {
     let mut rows = vec![];
     let outcome = process::run(config, file, &Options::default(), |row| {
         rows.push(*row);
@@ -47,14 +47,14 @@ fn run_file(config: &Mechanism, file: &Path) -> (Outcome, Vec<Row>) {
     (outcome.unwrap(), rows)
 }
 
-fn followed(config: &Mechanism, file: &Path) -> Preflight {
+fn followed(config: &MachineConfig, file: &Path) -> Preflight {
     let moves = motion::moves(config, file, None).unwrap();
-    preflight(config, &moves).unwrap()
+    preflight(&config.mechanisms, &moves).unwrap()
 }
 
 /// The first or second mechanism as the only one of a control of its own, with these extra axes, whose
 /// sections are those of the lathe with a counter-spindle.
-fn half(is_second: bool, axes: &str) -> Mechanism {
+fn half(is_second: bool, axes: &str) -> MachineConfig {
     let section = |text: &str, name: &str| {
         let begin = text.find(&format!("[{name}]\n")).unwrap();
         let length = text[begin + 1..].find("\n[").map_or(text.len() - begin, |end| end + 2);
@@ -89,7 +89,7 @@ fn half(is_second: bool, axes: &str) -> Mechanism {
         let joint = section(&slide, "JOINT_5").replace("JOINT_5", &format!("JOINT_{}", 4 + n));
         text += &(joint + &section(&slide, "AXIS_W").replace("AXIS_W", &format!("AXIS_{letter}")));
     }
-    Mechanism::from_ini(&Ini::parse(&ini(LATHE), &text).unwrap()).unwrap()
+    machine_of(&ini(LATHE), &text)
 }
 
 #[test]
@@ -100,10 +100,10 @@ fn the_second_is_read_as_an_ordinary_machine_in_its_own_coordinates() {
     assert_eq!(second.joints[0].name, "carriage 4");
     assert_eq!([second.axes[0].max, second.axes[2].min, second.axes[4].max], [120.0, 2200.0, 20.0]);
     assert!(first.axes[5].max.is_infinite(), "C is the second one's");
-    let alone = half(true, "");
+    let alone = half(true, "").mechanism(1).unwrap();
     assert_eq!(alone.geometry, second.geometry);
     assert_eq!((alone.axes, alone.home), (second.axes.clone(), second.home));
-    assert_eq!(alone.base_cone, second.base_cone);
+    assert_eq!(alone.angles, second.angles);
 }
 
 #[test]
@@ -146,7 +146,7 @@ const MEETING: [&str; 3] = ["G1 Z1350 W2600", "G1 W2250", "G1 W2600"];
 #[test]
 fn the_guard_stops_both_before_they_meet() {
     let file = program(&MEETING);
-    let (outcome, rows) = run_file(&config(LATHE), file.path());
+    let (outcome, rows) = run_file(&whole(LATHE), file.path());
     assert_eq!(outcome.ending, Ending::Stopped);
     let errors: Vec<&str> = outcome
         .messages
@@ -169,7 +169,7 @@ fn a_machine_that_stands_too_near_may_move_away() {
     // At the limit by the guard's own stop, then away in another program: the clearance is widened instead.
     let text = std::fs::read_to_string(ini(LATHE)).unwrap();
     let wide = text.replace("MECHANISM_CLEARANCE = 150", "MECHANISM_CLEARANCE = 600");
-    let config = Mechanism::from_ini(&Ini::parse(&ini(LATHE), &wide).unwrap()).unwrap();
+    let config = machine_of(&ini(LATHE), &wide);
     let file = program(&["G1 W2700 Z950", "G1 W2800 Z900"]);
     let (outcome, _) = run_file(&config, file.path());
     assert_eq!(outcome.ending, Ending::Finished, "{:?}", outcome.messages);
@@ -177,7 +177,7 @@ fn a_machine_that_stands_too_near_may_move_away() {
 
 #[test]
 fn preflight_names_line_and_pair_where_they_meet() {
-    let config = config(LATHE);
+    let config = whole(LATHE);
     let found = followed(&config, program(&MEETING).path());
     let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
     assert_eq!((told.limit, told.line), (Rule::Mechanisms, 4));
@@ -194,14 +194,14 @@ fn preflight_names_line_and_pair_where_they_meet() {
 
 #[test]
 fn the_least_distance_is_that_of_a_search_along_the_program() {
-    let config = config(LATHE);
+    let config = whole(LATHE);
     let second = second();
     let moves =
         motion::moves(&config, &folder(LATHE).join("programs/long-part.ngc"), None).unwrap();
-    let found = preflight(&config, &moves).unwrap();
+    let found = preflight(&config.mechanisms, &moves).unwrap();
     let told = found.margins.iter().find(|margin| margin.limit == Rule::Mechanisms).unwrap().value;
     let mut least = f64::INFINITY;
-    let (mut from, mut beside_from) = (config.home, second.home);
+    let (mut from, mut beside_from) = (config.first().home, second.home);
     for step in &moves {
         let beside = step.second.expect("both");
         for n in 0..=200 {
@@ -210,8 +210,9 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
                 Pose::from_degrees(std::array::from_fn(|k| from[k] + share * (to[k] - from[k])))
             };
             let one = config
+                .first()
                 .machine
-                .at(&at(&from, &step.end), &(config.spindle + Vector3::from(step.tool)));
+                .at(&at(&from, &step.end), &(config.first().spindle + Vector3::from(step.tool)));
             let other = second
                 .machine
                 .at(&at(&beside_from, &beside.end), &(second.spindle + Vector3::from(beside.tool)));
@@ -231,7 +232,7 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
 
 #[test]
 fn limits_of_the_second_are_told_with_its_own_letters_and_numbers() {
-    let config = config(LATHE);
+    let config = whole(LATHE);
     let found = followed(&config, program(&["G1 W3050", "G1 W2600 C25"]).path());
     let told: Vec<(&str, u32)> = found.breaks.iter().map(|b| (b.part.as_str(), b.line)).collect();
     assert!(told.contains(&("axis W", 3)) && told.contains(&("axis C", 4)), "{told:?}");
@@ -240,7 +241,7 @@ fn limits_of_the_second_are_told_with_its_own_letters_and_numbers() {
     let at = narrow.find("[JOINT_5]").unwrap();
     let narrow = narrow[..at].to_string()
         + &narrow[at..].replacen("MAX_LIMIT = 3700", "MAX_LIMIT = 3200", 1);
-    let config = Mechanism::from_ini(&Ini::parse(&ini(LATHE), &narrow).unwrap()).unwrap();
+    let config = machine_of(&ini(LATHE), &narrow);
     let found = followed(&config, program(&["G1 W2750"]).path());
     let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
     assert_eq!((told.limit, told.part.as_str()), (Rule::Limit(Limit::JointRange), "carriage 5"));
@@ -248,9 +249,9 @@ fn limits_of_the_second_are_told_with_its_own_letters_and_numbers() {
 
 #[test]
 fn each_makes_the_moves_of_a_program_in_the_same_time() {
-    let config = config(LATHE);
+    let config = whole(LATHE);
     let file = folder(LATHE).join("programs/long-part.ngc");
-    let seconds = [&config, &second()].map(|mechanism| {
+    let seconds = [config.first(), &second()].map(|mechanism| {
         let moves = moves_of(mechanism, &config, &file).unwrap().0;
         replay(mechanism, &moves, 0.001).unwrap().time
     });
@@ -262,9 +263,9 @@ fn each_makes_the_moves_of_a_program_in_the_same_time() {
 /// Blocks in which one mechanism stands last as long for it.
 #[test]
 fn one_that_stands_waits_for_the_other() {
-    let config = config(LATHE);
+    let config = whole(LATHE);
     let file = program(&["G1 W2700", "G1 Z900", "G0 U-60 C5", "G1 X10 U0 W2600 C0", "G1 B3"]);
-    let found = [&config, &second()].map(|mechanism| {
+    let found = [config.first(), &second()].map(|mechanism| {
         let moves = moves_of(mechanism, &config, file.path()).unwrap().0;
         replay(mechanism, &moves, 0.001).unwrap()
     });
@@ -279,7 +280,7 @@ fn one_that_stands_waits_for_the_other() {
 /// is found, though the block after it would lead them apart.
 #[test]
 fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
-    let (config, second) = (config(LATHE), second());
+    let (config, second) = (whole(LATHE), second());
     let file = program(&["G1 Z1350 W2600 C20", "G43.1 U300", "G1 W3100"]);
     let found = followed(&config, file.path());
     let between = |told: &&workbench::program::findings::Break| told.limit == Rule::Mechanisms;
@@ -287,7 +288,7 @@ fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
     assert_eq!(told.part, "the distance of leg 1 and leg 4");
     let tilted = Pose::from_degrees([0.0, 450.0, 2600.0, 0.0, 20.0, 0.0]);
     let one = Pose::from_degrees([0.0, 450.0, 1350.0, 0.0, 0.0, 0.0]);
-    let one = config.machine.at(&one, &config.spindle).unwrap();
+    let one = config.first().machine.at(&one, &config.first().spindle).unwrap();
     let distances = [0.0, 300.0].map(|x| {
         let tool = second.spindle + Vector3::new(x, 0.0, 0.0);
         Gap::between(&one, &second.machine.at(&tilted, &tool).unwrap()).distance
@@ -393,9 +394,9 @@ fn workspace_shows_each_alone_and_beside_the_other() {
 
 #[test]
 fn check_looks_at_both_and_at_what_is_between_them() {
-    let config = config(LATHE);
-    for mechanism in config.mechanisms() {
-        assert!(check(mechanism, |_| ()).unwrap().fits());
+    let config = whole(LATHE);
+    for mechanism in &config.mechanisms {
+        assert!(check(&config, mechanism, |_| ()).unwrap().fits());
     }
     let found = between::check(&config).unwrap().expect("two mechanisms");
     assert!(found.fits() && found.findings.is_empty(), "{:?}", found.findings);
@@ -406,7 +407,7 @@ fn check_looks_at_both_and_at_what_is_between_them() {
     );
     let text = std::fs::read_to_string(ini(LATHE)).unwrap();
     let checked = |text: &str| {
-        let config = Mechanism::from_ini(&Ini::parse(&ini(LATHE), text).unwrap()).unwrap();
+        let config = machine_of(&ini(LATHE), text);
         between::check(&config).unwrap().expect("two mechanisms")
     };
     // Without a clearance they meet where nothing stops them.
@@ -419,13 +420,13 @@ fn check_looks_at_both_and_at_what_is_between_them() {
         !wide.fits() && told.section == "TRAJ" && told.expected.contains("leg 1 and leg 4"),
         "{told:?}"
     );
-    assert!(between::check(&crate::shipped::config("four-rod-lathe")).unwrap().is_none());
+    assert!(between::check(&whole("four-rod-lathe")).unwrap().is_none());
 }
 
 #[test]
 fn half_of_the_machine_is_not_run() {
     let refused =
-        process::run(&second(), program(&["G1 Z2500"]).path(), &Options::default(), |_| {
+        process::run(&second().into(), program(&["G1 Z2500"]).path(), &Options::default(), |_| {
             ControlFlow::Continue(())
         });
     assert!(refused.unwrap_err().to_string().contains("both mechanisms"));
@@ -455,5 +456,5 @@ fn two_controls_run_the_two_halves_with_their_headstocks_at_once() {
         assert!(slide < 701.0, "the headstock slides: {slide}");
     }
     // What two controls do not have: anyone who sees both, and a program for both.
-    assert!(halves.iter().all(|half| half.second.is_none()));
+    assert!(halves.iter().all(|half| half.mechanisms.len() == 1));
 }

@@ -14,7 +14,7 @@ use workbench::curve::job::{Job, job};
 use workbench::curve::route::route;
 use workbench::program::motion::{Move, MoveKind, moves};
 use workbench::program::preflight::preflight;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 #[derive(Deserialize)]
 struct Golden {
@@ -218,7 +218,7 @@ pub fn prepared(machine: &str, more: &str) -> (TempDir, Mechanism) {
     );
     let text = fs::read_to_string(&file).unwrap().replacen("[RS274NGC]\n", &lines, 1);
     fs::write(&file, text).unwrap();
-    let config = Mechanism::read(&file).unwrap();
+    let config = crate::shipped::first_of(&file);
     (folder, config)
 }
 
@@ -229,7 +229,8 @@ pub fn read(config: &Mechanism, text: &str) -> Vec<Move> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("path.ngc");
     fs::write(&file, text).unwrap();
-    let mut all = moves(config, &file, None).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let mut all = moves(&config.clone().into(), &file, None)
+        .unwrap_or_else(|error| panic!("{error}\n{text}"));
     let mut last = config.home;
     all.retain(|step| {
         let moves = step.end.iter().zip(&last).any(|(a, b)| (a - b).abs() > WORD);
@@ -430,8 +431,12 @@ fn subroutines_pass_preflight_and_of_remapped_codes_the_path_does() {
         // LinuxCNC in virtual time runs no remapped codes; their moves are followed.
         let (_folder, config) = prepared(typical.machine, CODES);
         fs::write(&file, typical.with_body(&program, typical.code)).unwrap();
-        let read = moves(&config, &file, None).unwrap();
-        assert!(preflight(&config, &read).unwrap().fits(), "{}", typical.code);
+        let read = moves(&config.clone().into(), &file, None).unwrap();
+        assert!(
+            preflight(std::slice::from_ref(&config), &read).unwrap().fits(),
+            "{}",
+            typical.code
+        );
     }
 }
 

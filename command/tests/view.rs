@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What the page is given, and what its kinematics answer. tests/page opens it in a browser.
 
-use crate::shipped::{MACHINES, config, ini};
+use crate::shipped::{MACHINES, config, ini, whole};
 use kinematics::{Joints, Limits, MAX_JOINTS, Pose, Vector3};
 use page_core::{Described, Drawn};
 use rand::{Rng, SeedableRng};
@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 use std::path::Path;
 use std::process::{Command, Output};
 use workbench::proof::axis_box::range;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::rods::View;
 
 /// Some roundings of lengths of 1e3.
@@ -30,10 +30,7 @@ fn numbers(described: &Described) -> Vec<f64> {
 }
 
 fn mechanisms() -> impl Iterator<Item = Mechanism> {
-    let all = MACHINES.map(config);
-    let second: Vec<_> =
-        all.iter().filter_map(|config| config.second.as_deref().cloned()).collect();
-    all.into_iter().chain(second)
+    MACHINES.into_iter().flat_map(|machine| whole(machine).mechanisms)
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 use crate::shipped::config;
 use kinematics::{Limit, Part, Vector3};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::body::{Body, Effort, counted, csv, mesh_volume, obj};
 use workbench::study::file::Study;
 use workbench::study::slice::{Plane, Slice};
@@ -220,7 +220,7 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     assert_eq!(told.to_string(), "platform_axes: expected 6 axes; found 1");
     // A pyramid of the file is about the file's axis, which no study moves.
     let mut limited = config.clone();
-    limited.platform_pyramid[4] = Some([30.0, 30.0]);
+    limited.angles[4].pyramids[1] = Some([30.0, 30.0]);
     assert!(Workspace::new(&limited, config.spindle, vec![tilt], &named).is_ok());
     let text = format!("{text}platform_axes = [{}]\n", ["[1, 0, 0]"; 6].join(", "));
     let other = Study::parse(&text).unwrap();

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PySlice;
 use workbench::limits;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// The six numbers of a pose, angles in degrees.
 pub const POSE: usize = 6;

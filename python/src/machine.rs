@@ -18,7 +18,8 @@ use workbench::new::kinds::KINDS;
 use workbench::new::make::sketched;
 use workbench::new::values::Values;
 use workbench::read::ini::Ini;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::workspace::tilts;
 
 /// Directions of a tilt, and steps along a ray, as `pkm workspace` has them.
@@ -32,9 +33,10 @@ pub struct Machine {
 }
 
 impl Machine {
-    fn of(config: Mechanism) -> PyResult<Self> {
-        let text = match (config.chain.is_empty(), &config.second) {
-            (true, None) => return Ok(Self { config }),
+    fn of(machine: MachineConfig) -> PyResult<Self> {
+        let config = machine.first();
+        let text = match (config.chain.is_empty(), config.second_letters) {
+            (true, None) => return Ok(Self { config: config.clone() }),
             (false, _) => "axes of the machine carry work, tool or legs (CHAIN_L)",
             (_, Some(_)) => "the machine has two mechanisms (second=)",
         };
@@ -70,14 +72,14 @@ impl Machine {
 
     #[staticmethod]
     fn from_ini(path: PathBuf) -> PyResult<Self> {
-        Self::of(Mechanism::read(&path).map_err(machine_error)?)
+        Self::of(MachineConfig::read(&path).map_err(machine_error)?)
     }
 
     #[staticmethod]
     #[pyo3(signature = (text, name="machine.ini"))]
     fn from_text(text: &str, name: &str) -> PyResult<Self> {
         let ini = Ini::parse(Path::new(name), text).map_err(machine_error)?;
-        Self::of(Mechanism::from_ini(&ini).map_err(machine_error)?)
+        Self::of(MachineConfig::from_ini(&ini).map_err(machine_error)?)
     }
 
     /// Of a kind of `pkm new` and its values as words, keyed as the command's options.

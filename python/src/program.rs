@@ -13,7 +13,7 @@ use workbench::control::trace::Trace;
 use workbench::files;
 use workbench::program::findings::Time;
 use workbench::program::verdict::{Step, judge};
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// Time between two looks for signals, such as Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
@@ -60,9 +60,9 @@ pub fn preflight(
     let options: Options = serde_json::from_str(options).map_err(failed)?;
     interruptible(py, &options.stop, || {
         files::forget_read();
-        let mut config = Mechanism::read(&machine)?;
+        let mut config = MachineConfig::read(&machine)?;
         if let Some(number) = mechanism {
-            config = config.mechanism(number)?;
+            config = config.mechanism(number)?.into();
         }
         let mut trace = trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
         let verdict = judge(&config, &program, &options, true, &mut |step| {

@@ -9,7 +9,7 @@ use kinematics::{Cause, Fault, Vector3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::body::{Body, Effort, counted};
 use workbench::study::file::Study;
 use workbench::study::sensitivity;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The limits of a machine's configuration as the core lists them, and what people call them.
 
-use crate::read::machine::Mechanism;
-use kinematics::{At, Body, Joints, LEAST_DRIVE, Limit, Limits, MAX_LEGS, Margin, Part};
+use crate::read::mechanism::{LegAngles, Mechanism};
+use kinematics::{At, Body, Joints, LEAST_DRIVE, Limit, Limits, Margin, Part};
 use serde::Serializer;
 use std::ops::ControlFlow;
 
@@ -28,10 +28,11 @@ pub fn of(config: &Mechanism) -> Limits {
     joints(&mut limits.max, |joint| joint.range()[1]);
     joints(&mut limits.speed, |joint| joint.speed());
     joints(&mut limits.acceleration, |joint| joint.max_acceleration);
-    limits.base_cone = per_leg(&config.base_cone);
-    limits.platform_cone = per_leg(&config.platform_cone);
-    limits.base_pyramid = per_leg(&config.base_pyramid);
-    limits.platform_pyramid = per_leg(&config.platform_pyramid);
+    for (i, LegAngles { cones, pyramids }) in config.angles.iter().enumerate() {
+        [limits.base_cone[i], limits.platform_cone[i]] = cones.map(Option::unwrap_or_default);
+        [limits.base_pyramid[i], limits.platform_pyramid[i]] =
+            pyramids.map(Option::unwrap_or_default);
+    }
     limits
 }
 
@@ -46,17 +47,13 @@ pub fn of_homing(config: &Mechanism) -> Limits {
     Limits { min, max, ..beyond_axes(config) }
 }
 
-fn per_leg<T: Copy + Default>(values: &[Option<T>]) -> [T; MAX_LEGS] {
-    std::array::from_fn(|i| values.get(i).copied().flatten().unwrap_or_default())
-}
-
 /// What the centre lines of legs that share no anchor have to keep, machine units:
 /// `[PKM]ROD_CLEARANCE`, or without it what keeps them from meeting.
 fn least_distance(config: &Mechanism) -> f64 {
     config.clearance.unwrap_or(MEETING * config.machine.size())
 }
 
-/// What the mechanisms of a machine have to keep of each other, machine units:
+/// Returns the distance that two mechanisms, of which `config` is the first, have to keep, machine units:
 /// `[PKM]MECHANISM_CLEARANCE`, or without it what keeps them from meeting.
 pub fn least_distance_between(config: &Mechanism) -> f64 {
     config.mechanism_clearance.unwrap_or(MEETING * config.machine.size())

@@ -5,7 +5,8 @@
 //! `pyvcp.` in front.
 
 use crate::read::joints::Joint;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::Letter;
 use std::fmt::Write as _;
 
@@ -52,7 +53,7 @@ struct Bar {
 
 impl Panel {
     /// Of this machine, whose files begin with `name`.
-    pub fn new(config: &Mechanism, name: &str) -> Self {
+    pub fn new(config: &MachineConfig, name: &str) -> Self {
         let mut sheet = Sheet::default();
         sheet.open("pyvcp", "");
         sheet.pages(config);
@@ -124,8 +125,8 @@ impl Sheet {
     }
 
     /// Joints, and the cones that the machine has, on pages of their own.
-    fn pages(&mut self, config: &Mechanism) {
-        let joints: Vec<usize> = (0..config.all_joints().count()).collect();
+    fn pages(&mut self, config: &MachineConfig) {
+        let joints: Vec<_> = config.all_joints().enumerate().collect();
         let cones = cones(config);
         let pages: Vec<_> = joints.chunks(ROWS).collect();
         let of_cones: Vec<_> = cones.chunks(ROWS).collect();
@@ -143,8 +144,8 @@ impl Sheet {
             for heading in ["", "in its range", "to its end"] {
                 self.label(heading);
             }
-            for n in page {
-                self.joint(config, *n);
+            for (n, (one, i)) in page {
+                self.joint(config, *n, one.joint(*i), one.unit_of(*i));
             }
             self.close("table");
         }
@@ -168,13 +169,12 @@ impl Sheet {
     }
 
     /// Where a joint is in its range, and how far from the nearer end.
-    fn joint(&mut self, config: &Mechanism, n: usize) {
-        let Joint { name, min, max, .. } = config.joint(n);
-        let (min, max) = (*min, *max);
+    fn joint(&mut self, config: &MachineConfig, n: usize, joint: &Joint, unit: &str) {
+        let (min, max) = (joint.min, joint.max);
         let edge = EDGE * (max - min);
-        let format = digits(config, config.unit_of(n));
+        let format = digits(config, unit);
         self.row();
-        self.label(name);
+        self.label(&joint.name);
         self.bar(&Bar {
             widget: format!("joint-{n}"),
             pin: format!("joint.{n}.pos-fb"),
@@ -194,7 +194,7 @@ impl Sheet {
         }
     }
 
-    fn travel(&mut self, config: &Mechanism) {
+    fn travel(&mut self, config: &MachineConfig) {
         self.open("labelframe", " text=\"Travel left from here\"");
         self.table("");
         self.row();
@@ -221,10 +221,10 @@ impl Sheet {
         self.close("labelframe");
     }
 
-    fn guard(&mut self, config: &Mechanism) {
+    fn guard(&mut self, config: &MachineConfig) {
         self.open("labelframe", " text=\"Guard\"");
         self.table("");
-        for mechanism in config.mechanisms() {
+        for mechanism in &config.mechanisms {
             let (stem, own) = stem(mechanism);
             let limit = mechanism.conditioning_limit;
             self.row();
@@ -270,7 +270,7 @@ impl Sheet {
         self.close("labelframe");
     }
 
-    fn kinematics(&mut self, config: &Mechanism) {
+    fn kinematics(&mut self, config: &MachineConfig) {
         self.open("labelframe", " text=\"Kinematics\"");
         self.table("");
         self.row();
@@ -282,7 +282,7 @@ impl Sheet {
                 "halpin=\"kinematics\" choices=\"['machine','joints']\" orient=\"'h'\"",
             );
         }
-        for mechanism in config.mechanisms() {
+        for mechanism in &config.mechanisms {
             let (stem, own) = stem(mechanism);
             self.row();
             self.lamp(
@@ -315,7 +315,7 @@ impl Sheet {
         self.close("labelframe");
     }
 
-    fn wiring(&self, config: &Mechanism, name: &str) -> String {
+    fn wiring(&self, config: &MachineConfig, name: &str) -> String {
         // A user interface ends LinuxCNC where this file fails.
         let mut text = format!(
             "# Made by pkm panel from {name}.ini: what {name}-panel.xml shows.\n\
@@ -346,44 +346,42 @@ fn stem(mechanism: &Mechanism) -> (&'static str, &'static str) {
 }
 
 /// Letters that the machine moves, in LinuxCNC's order, and whether they are angles.
-fn letters(config: &Mechanism) -> impl Iterator<Item = (char, bool)> {
-    let own = config.mechanisms().flat_map(|mechanism| {
+fn letters(config: &MachineConfig) -> impl Iterator<Item = (char, bool)> {
+    let own = config.mechanisms.iter().flat_map(|mechanism| {
         let moved = |letter: &Letter| !mechanism.machine.layout().is_held(*letter);
         let place = |letter: Letter| mechanism.place.places[letter.index()];
         Letter::ALL.into_iter().filter(moved).map(place).collect::<Vec<_>>()
     });
-    let mut places: Vec<usize> = own.chain(config.extra_axes.places()).collect();
+    let mut places: Vec<usize> = own.chain(config.first().extra_axes.places()).collect();
     places.sort_unstable();
     places.into_iter().map(|place| (kinematics::POSE_LETTERS[place], (3..6).contains(&place)))
 }
 
 /// Whether each joint can be a letter.
-fn has_identity(config: &Mechanism) -> bool {
-    config.mechanisms().all(|mechanism| {
+fn has_identity(config: &MachineConfig) -> bool {
+    config.mechanisms.iter().all(|mechanism| {
         let layout = mechanism.machine.layout();
         layout.legs() == layout.coordinates().as_slice().len()
     })
 }
 
 /// Name, pin and largest value of the angles that have a limit.
-fn cones(config: &Mechanism) -> Vec<(String, String, f64)> {
+fn cones(config: &MachineConfig) -> Vec<(String, String, f64)> {
     let of = |mechanism: &Mechanism| {
-        let first = mechanism.place.first_leg;
-        let ends = [("base", &mechanism.base_cone), ("platform", &mechanism.platform_cone)];
-        let rows = ends.map(|(end, cones)| {
-            let row = |(i, most): (usize, &Option<f64>)| {
-                let n = first + i;
-                Some((format!("{end} {n}"), format!("{end}-angle.{n}"), (*most)?))
-            };
-            cones.iter().enumerate().filter_map(row).collect::<Vec<_>>()
-        });
-        rows.concat()
+        let row = |k: usize, end: &str, i: usize| {
+            let (n, most) = (mechanism.place.first_leg + i, mechanism.angles[i].cones[k]?);
+            Some((format!("{end} {n}"), format!("{end}-angle.{n}"), most))
+        };
+        let rows = |(k, end)| {
+            (0..mechanism.legs()).filter_map(move |i| row(k, end, i)).collect::<Vec<_>>()
+        };
+        [(0, "base"), (1, "platform")].map(rows).concat()
     };
-    config.mechanisms().flat_map(of).collect()
+    config.mechanisms.iter().flat_map(of).collect()
 }
 
 /// Digits of a value that an operator reads.
-fn digits(config: &Mechanism, unit: &str) -> &'static str {
+fn digits(config: &MachineConfig, unit: &str) -> &'static str {
     match unit {
         "degrees" => ".2f",
         _ if config.units_per_mm == 1.0 => ".1f",

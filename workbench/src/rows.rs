@@ -3,7 +3,7 @@
 //! tip.
 
 use crate::read::legs::{drive_rate, platform_anchor};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{At, Fault, Letter, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::SMatrix;
 

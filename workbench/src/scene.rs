@@ -5,7 +5,7 @@
 //! pose, by two formulas that stand there.
 
 use crate::read::direction::ToolDirection;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::read::models::Model;
 use kinematics::{LegGeometry, LegKind, Letter, POSE_LETTERS, Vector3};
 use serde::Serialize;
@@ -236,7 +236,7 @@ impl Scene {
             extra_axes: (0..config.extra.len()).map(|n| ExtraAxis::new(config, n)).collect(),
             chain: config.chain.links().iter().map(|link| Link::new(config, link)).collect(),
             holder: config.chain.holder().map(|holder| (*holder).into()),
-            is_of_pair: config.place.is_of_pair,
+            is_of_pair: config.second_letters.is_some(),
         }
     }
 
@@ -251,7 +251,7 @@ impl ExtraAxis {
         let extra = &config.extra[n];
         Self {
             letter: extra.letter,
-            joint: config.guarded_joints() + n,
+            joint: config.place.first_extra_joint + n,
             home: config.extra_home()[n],
             min: extra.axis.min,
             max: extra.axis.max,
@@ -264,7 +264,7 @@ impl Link {
         let n = config.extra_axes.places().position(|place| place == link.place);
         Self {
             letter: POSE_LETTERS[link.place],
-            joint: config.guarded_joints() + n.expect("what carries is an extra axis"),
+            joint: config.place.first_extra_joint + n.expect("what carries is an extra axis"),
             carries: link.carries.name().to_ascii_lowercase(),
             is_rotary: link.is_rotary(),
             axis: link.axis.into(),
@@ -285,13 +285,14 @@ impl Mesh {
 impl Leg {
     fn new(config: &Mechanism, i: usize) -> Self {
         let LegGeometry { base, platform, kind } = config.geometry.legs()[i];
+        let [base_cone, platform_cone] = config.angles[i].cones;
         Self {
             kind: Kind::of(&kind),
             base,
             platform,
             offset: config.offsets[i],
-            base_cone: config.base_cone[i],
-            platform_cone: config.platform_cone[i],
+            base_cone,
+            platform_cone,
         }
     }
 }

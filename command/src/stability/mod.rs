@@ -11,7 +11,7 @@ use super::Verdict;
 use super::failure::Failure;
 use std::path::Path;
 use workbench::files::Locate;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::stability::pose::Setup;
 use workbench::study::file::Study;
 

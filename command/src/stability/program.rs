@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use workbench::cut::program;
 use workbench::files::{Locate, csv, open, write_whole};
 use workbench::program::motion::{self, Move, MoveKind, Spindle};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::stability::WORTH;
 use workbench::stability::path::{Best, Depth, Path, Stop};
 use workbench::study::file::Study;
@@ -151,7 +151,7 @@ impl Job {
     pub fn moves(&self, config: &Mechanism) -> Result<Vec<Move>, Failure> {
         // Said before LinuxCNC starts, in the system's words.
         open(&self.program)?;
-        let (mut moves, files) = motion::read(config, &self.program, None)?;
+        let (mut moves, files) = motion::read(&config.clone().into(), &self.program, None)?;
         tell_deleted(&self.program, &files)?;
         if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
             let (file, line) = (self.program.display(), step.line);

@@ -3,10 +3,11 @@
 
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use workbench::program::beside::moves_of;
 use workbench::program::motion::{self, LINUXCNC_PROGRAMS};
 use workbench::program::replay::{Replay, replay};
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 /// Prefix of programs that come with LinuxCNC.
 const LINUXCNC: &str = "linuxcnc:";
@@ -76,20 +77,20 @@ impl Case {
     /// # Errors
     /// A sentence, where the machine or program cannot be read, or a pose fails.
     pub fn run(&self, configs: &Path) -> Result<Outcome, String> {
-        let mut whole = Mechanism::read(&self.ini(configs)).map_err(|e| e.to_string())?;
+        let mut whole = MachineConfig::read(&self.ini(configs)).map_err(|e| e.to_string())?;
         // A case does not depend on what an earlier run left in the parameter file.
-        whole.program.parameter_file = None;
-        let config = match self.second {
-            true => whole.second.as_deref().ok_or("no second mechanism")?,
-            false => &whole,
-        };
+        for mechanism in &mut whole.mechanisms {
+            Arc::make_mut(&mut mechanism.facts).program.parameter_file = None;
+        }
+        let number = usize::from(self.second);
+        let config = whole.mechanisms.get(number).ok_or("no second mechanism")?;
         let program = self.program(configs);
         let block = self.work_offset.map(|[x, y, z, a, b, c]| {
             format!("G10 L2 P1 X{x:.12} Y{y:.12} Z{z:.12} A{a:.12} B{b:.12} C{c:.12}")
         });
-        let moves = match whole.second {
+        let moves = match whole.second_letters {
             Some(_) => moves_of(config, &whole, &program).map(|(moves, _)| moves),
-            None => motion::moves(config, &program, block.as_deref()),
+            None => motion::moves(&whole, &program, block.as_deref()),
         };
         let moves = moves.map_err(|e| e.to_string())?;
         let replay =

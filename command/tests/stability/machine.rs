@@ -5,7 +5,7 @@ use super::{close, golden, row, rows};
 use crate::shipped::config;
 use kinematics::{Pose, Vector3};
 use nalgebra::ComplexField;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::stability::bands::{Loss, bands, first_limit};
 use workbench::stability::floquet::Period;
 use workbench::stability::lobes::Lobes;

@@ -20,7 +20,7 @@ use workbench::curve::job::Job;
 use workbench::curve::route::Route;
 use workbench::curve::table::Row;
 use workbench::read::joints::Joint;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 const CURVES: usize = 9;
 /// Places of the grid on which curves of a family are found, each way.

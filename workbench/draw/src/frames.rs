@@ -12,7 +12,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use workbench::read::direction::ToolDirection;
 use workbench::read::legs::drive_rate;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Share of the largest side that arrows have: of the axes of base, of those of the platform, of joints and tool.
 const AXIS: f64 = 0.16;
@@ -394,7 +394,7 @@ fn other_joints(config: &Mechanism) -> Vec<Key> {
         let carries = link.map_or("by itself".into(), |link| {
             format!("carries the {}", link.carries.name().to_ascii_lowercase())
         });
-        (config.guarded_joints() + k, format!("axis {}, {carries}", POSE_LETTERS[place]))
+        (config.place.first_extra_joint + k, format!("axis {}, {carries}", POSE_LETTERS[place]))
     });
     table
         .chain(extra)

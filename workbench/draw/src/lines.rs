@@ -8,7 +8,7 @@ use crate::style::{limit_style, line_style};
 use crate::thin::{bends, thin};
 use plotters::prelude::*;
 use workbench::read::joints::Group;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// One named line of a plot.
 pub(super) struct Line {

@@ -5,7 +5,7 @@ use crate::space::{Part, ball, course, line, plate};
 use crate::style::PALE;
 use kinematics::{LegGeometry, Pose, Vector3};
 use plotters::prelude::*;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
 

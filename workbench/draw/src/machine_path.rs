@@ -13,7 +13,7 @@ use kinematics::Vector3;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use workbench::program::course::Thinned;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 const MOST_POINTS: usize = 5000;
 

@@ -11,7 +11,7 @@ use crate::thin::{envelope, highest, lowest};
 use kinematics::{Joints, Letter, Limit};
 use workbench::program::course::{Abscissa, Sample, Thinned};
 use workbench::read::joints::Group;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Rooms are drawn between here and 1.
 const LEAST_ROOM: f64 = -0.3;

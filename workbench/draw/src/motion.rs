@@ -10,7 +10,7 @@ use crate::tool_path::{isometric, tool_path};
 use kinematics::MAX_JOINTS;
 use workbench::program::path::{Along, along};
 use workbench::read::joints::{Group, JointKind};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// All plots of a trace.
 ///

@@ -6,7 +6,7 @@ use crate::lines::Line;
 use crate::plot::{DrawError, Plot};
 use crate::strips::Strip;
 use crate::thin::{thin, thin_low};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::rods::Rods;
 
 /// Pictures of the legs along a sequence of poses.
@@ -61,14 +61,14 @@ const ANGLES: [(&str, &str, &str, Angle, Most); 5] = [
         "Legs from their direction at home, at the base",
         "angle in degrees",
         |r, i| Some(r.rods[i].base_cone),
-        |config, i| config.base_cone[i],
+        |config, i| config.angles[i].cones[0],
     ),
     (
         "platform-cones.svg",
         "Legs from their direction at home, at the platform",
         "angle in degrees",
         |r, i| Some(r.rods[i].platform_cone),
-        |config, i| config.platform_cone[i],
+        |config, i| config.angles[i].cones[1],
     ),
     (
         "guide-angles.svg",

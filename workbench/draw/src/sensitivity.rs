@@ -11,7 +11,7 @@ use crate::thin::thin;
 use kinematics::Letter;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::sensitivity::{Point, Sensitivity};
 
 /// Pictures of what errors of the joints do: bars at one pose, and lines along a motion.

@@ -8,7 +8,7 @@ use crate::plot::DrawError;
 use crate::sheet::{Chart, Frame, path_axes};
 use crate::style::{BLUE, limit_style, line_style};
 use plotters::prelude::*;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::slice::Slice;
 use workbench::study::workspace::{Border, Ray};
 

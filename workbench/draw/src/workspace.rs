@@ -9,7 +9,7 @@ use crate::space::{Part, Space, edges, side};
 use crate::style::{area_colour, limit_style};
 use kinematics::Vector3;
 use plotters::prelude::*;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 use workbench::study::body::Body;
 use workbench::study::slice::Slice;
 use workbench::study::workspace::{Border, Ray};

@@ -4,7 +4,7 @@
 use super::model::{Model, Quantity, unit};
 use super::reading::{Changed, Posed};
 use crate::limits;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Letter, Limit, Margin, Part, Pose, Vector3};
 use nalgebra::{DMatrix, Matrix3};
 use rand::{Rng, SeedableRng};

@@ -13,7 +13,7 @@
 use super::log;
 use super::model::Frame;
 use super::reading::{Instrument, Measured, Reading, Zero};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt;

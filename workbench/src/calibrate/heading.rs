@@ -2,7 +2,7 @@
 //! Comment lines with which a file of measurements says what it belongs to: `# key value`.
 
 use super::log::BadLog;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::Vector3;
 
 const MARKS: [char; 2] = ['#', ';'];

@@ -18,7 +18,7 @@
 
 use super::plate::Plate;
 use super::reading::{Instrument, Measured, Reading};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{MAX_JOINTS, Pose, Solver, Vector3};
 
 /// First line of a log.

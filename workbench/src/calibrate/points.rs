@@ -21,7 +21,7 @@ use super::log::{self, BadLog, Touch};
 use super::model::Frame;
 use super::plate::{Hole, Plate};
 use super::reading::Reading;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Pose, Vector3};
 use std::fmt;
 

@@ -10,7 +10,7 @@ use super::program::{name_in_comments, unit_word};
 use super::propose::{decimals, words};
 use super::setup::{LOOKS_AWAY, looks_away};
 use crate::files::{AtFile, Locate, as_comment, read_text};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Letter, Pose, Vector3};
 use serde::Deserialize;
 use std::fmt::Write as _;

@@ -12,7 +12,7 @@ use super::reading::Changed;
 use super::setup::{Extent, Setup};
 use super::shape::{self, Shape};
 use super::sheet::Stop;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Letter, Vector3};
 use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};

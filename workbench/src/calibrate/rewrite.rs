@@ -9,7 +9,8 @@ use crate::read::boxes;
 use crate::read::edit::{self, Edit, Elsewhere, enter};
 use crate::read::error::MachineError;
 use crate::read::ini::Ini;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use keys::leg;
 use kinematics::{Fault, Geometry, LegKind, PerLeg};
 use std::path::Path;
@@ -57,7 +58,7 @@ pub fn calibrated(
 /// # Errors
 /// It is none.
 pub(crate) fn read_back(file: &Path, text: &str) -> Result<Mechanism, MachineError> {
-    Mechanism::from_ini(&Ini::parse(file, text)?)
+    Ok(MachineConfig::from_ini(&Ini::parse(file, text)?)?.first().clone())
 }
 
 /// The text with boxes proved for its machine.

@@ -5,7 +5,7 @@ use super::gauge::{Gauge, Kind, Object, Scale};
 use super::model::Frame;
 use super::plate::Unit;
 use crate::files::{AtFile, Locate, read_text};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Matrix3, Pose, Vector3};
 use serde::Deserialize;
 use std::io;

@@ -24,7 +24,7 @@ use super::log::BadLog;
 use super::model::Frame;
 use super::reading::Reading;
 use crate::files::csv;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Pose, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::fmt::Write as _;

@@ -17,7 +17,7 @@ use super::slips::{self, Typed};
 use super::table;
 use crate::files::{AtFile, Locate, read_text};
 use crate::read::ini::IniError;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
 use std::io;

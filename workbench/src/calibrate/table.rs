@@ -18,7 +18,7 @@ use super::model::Frame;
 use super::plate::fitted;
 use super::reading::{Instrument, Measured, Reading};
 use crate::read::columns::coordinates;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Pose, Vector3};
 use nalgebra::{DMatrix, DVector};
 

@@ -9,7 +9,8 @@ use crate::proof::axis_box;
 use crate::proof::reach::Reach;
 use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::Gap;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -21,18 +22,20 @@ const DRAWN: usize = 20_000;
 ///
 /// # Errors
 /// A mechanism cannot be at its reference pose.
-pub fn check(config: &Mechanism) -> Result<Option<Report>, MachineError> {
-    let Some(second) = config.second.as_deref() else { return Ok(None) };
-    let configs = [config, second];
-    let refused =
-        |i: usize| move |fault| MachineError::of_geometry(&config.ini, &configs[i].place, fault);
-    let one = config.machine.at(&config.home_pose(), &config.spindle).map_err(refused(0))?;
-    let other = second.machine.at(&second.home_pose(), &second.spindle).map_err(refused(1))?;
-    let mut found = Report::new(config);
+pub fn check(config: &MachineConfig) -> Result<Option<Report>, MachineError> {
+    let [first, second] = config.mechanisms.as_slice() else { return Ok(None) };
+    let configs = [first, second];
+    let at_home = configs.map(|config| {
+        let at = config.machine.at(&config.home_pose(), &config.spindle);
+        at.map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))
+    });
+    let [one, other] = at_home;
+    let (one, other) = (one?, other?);
+    let mut found = Report::new(first);
     let gap = Gap::between(&one, &other);
     let told = |gap: &Gap| shown(configs, gap);
     found.fact("nearest parts", format!("{} at home", told(&gap)));
-    let least = limits::least_distance_between(config);
+    let least = limits::least_distance_between(first);
     if gap.distance < least {
         let text = format!("{}, and {} have to be kept", told(&gap), limits::shown(least));
         found.finding(Severity::Error, at_key(&config.ini, "TRAJ", "HOME", &text));

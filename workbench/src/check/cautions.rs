@@ -2,8 +2,7 @@
 //! What a program or a machine says that no limit shows: the guard switched off, feeds that it
 //! cannot reduce, units left to the machine.
 
-use crate::read::ini::Ini;
-use crate::read::machine::Mechanism;
+use crate::read::machine::FileFacts;
 use serde::Serialize;
 
 /// Spindle-synchronised motion, which takes its speed from the spindle.
@@ -25,14 +24,15 @@ pub struct Caution {
 
 /// What the texts of a program, of the files of its subroutines and of its machine's file make one look out
 /// for.
-pub fn cautions(config: &Mechanism, ini: &Ini, texts: &[impl AsRef<str>]) -> Vec<Caution> {
+pub fn cautions(config: &FileFacts, texts: &[impl AsRef<str>]) -> Vec<Caution> {
     let mut found = vec![];
-    let forced = ini.first("TRAJ", "NO_FORCE_HOMING").is_some_and(|entry| entry.value != "0");
+    let forced =
+        config.ini.first("TRAJ", "NO_FORCE_HOMING").is_some_and(|entry| entry.value != "0");
     if forced {
         let text = "[TRAJ]NO_FORCE_HOMING lets programs start before homing, when no pose is known";
         found.push(Caution { line: None, file: 0, text: text.into() });
     }
-    if ini.first("HAL", "HALUI").is_some() {
+    if config.ini.first("HAL", "HALUI").is_some() {
         let text = "what the pins of [HAL]HALUI ask for while the program runs is not judged";
         found.push(Caution { line: None, file: 0, text: text.into() });
     }
@@ -130,14 +130,14 @@ fn plain(word: String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::machine::MachineConfig;
     use std::path::Path;
 
     fn told(program: &str) -> Vec<(Option<u32>, String)> {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
-        let ini = Ini::read(&file).unwrap();
-        let config = Mechanism::from_ini(&ini).unwrap();
+        let config = MachineConfig::read(&file).unwrap();
         let first = |text: String| text.split(' ').take(2).collect::<Vec<_>>().join(" ");
-        cautions(&config, &ini, &[program]).into_iter().map(|c| (c.line, first(c.text))).collect()
+        cautions(&config, &[program]).into_iter().map(|c| (c.line, first(c.text))).collect()
     }
 
     #[test]
@@ -163,10 +163,8 @@ mod tests {
     #[test]
     fn files_of_subroutines_are_read_as_well() {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
-        let ini = Ini::read(&file).unwrap();
-        let config = Mechanism::from_ini(&ini).unwrap();
-        let found =
-            cautions(&config, &ini, &["G21 M52 P1\nO<s> call", "O<s> sub\nM52 P0\nO<s> endsub"]);
+        let config = MachineConfig::read(&file).unwrap();
+        let found = cautions(&config, &["G21 M52 P1\nO<s> call", "O<s> sub\nM52 P0\nO<s> endsub"]);
         assert_eq!(found.iter().map(|c| (c.file, c.line)).collect::<Vec<_>>(), [(1, Some(2))]);
     }
 }

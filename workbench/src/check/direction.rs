@@ -4,7 +4,7 @@
 use crate::read::diagnostic::Severity;
 use crate::read::direction::ToolDirection;
 use crate::read::ini::IniError;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::read::tools::Tool;
 
 /// Every tool whose length contradicts the direction that the file gives. Where the spindle's part makes up

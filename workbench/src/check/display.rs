@@ -4,7 +4,7 @@
 use crate::check::findings::Report;
 use crate::check::programs;
 use crate::read::diagnostic::Severity;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::Letter;
 
 /// Letters that move the tip along the picture's X, Y and Z: AXIS takes those of U, V and W for the same.

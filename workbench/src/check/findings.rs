@@ -4,7 +4,7 @@
 use crate::proof::axis_box::AxisBox;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{IniError, Problem};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::read::tools::Tool;
 
 /// One thing found.

@@ -12,7 +12,8 @@ use crate::read::boxes;
 use crate::read::edit::{Edit, Elsewhere, entered, with_ends, with_sections};
 use crate::read::error::MachineError;
 use crate::read::ini::{Ini, IniError};
-use crate::read::machine::Mechanism;
+use crate::read::machine::{Lenient, MachineConfig};
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Letter};
 use std::path::Path;
 
@@ -50,7 +51,7 @@ pub struct Fixed {
 ///
 /// # Errors
 /// See [`FixError`].
-pub fn fixed(config: &Mechanism, mut progress: impl FnMut(&str)) -> Result<Fixed, FixError> {
+pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<Fixed, FixError> {
     let file = &config.file;
     progress("homes");
     let old = config.ini.editable()?;
@@ -70,14 +71,14 @@ pub fn fixed(config: &Mechanism, mut progress: impl FnMut(&str)) -> Result<Fixed
 ///
 /// # Errors
 /// It is none.
-pub fn machine(file: &Path, text: &str) -> Result<Mechanism, MachineError> {
-    Mechanism::from_ini_without_boxes(&Ini::parse(file, text)?)
+pub fn machine(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
+    MachineConfig::leniently(&Ini::parse(file, text)?, Some(Lenient::Boxes))
 }
 
 /// HOME of the joints, with all digits that the kinematics give, and of axes that have one.
-fn homes(config: &Mechanism) -> Result<Vec<Edit>, FixError> {
+fn homes(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
     let mut edits = vec![];
-    for mechanism in config.mechanisms() {
+    for mechanism in &config.mechanisms {
         let wanted = mechanism.machine.inverse(&mechanism.home_pose(), &mechanism.spindle)?;
         let least = DIGITS * mechanism.machine.size().max(1.0);
         for (i, (joint, wanted)) in mechanism.joints.iter().zip(wanted).enumerate() {
@@ -103,9 +104,9 @@ fn moved(config: &Mechanism) -> impl Iterator<Item = Letter> {
 }
 
 /// Homing of all joints of legs together, where that keeps what the order of the file does not.
-fn homings(config: &Mechanism) -> Result<Vec<Edit>, FixError> {
+fn homings(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
     let mut edits = vec![];
-    for mechanism in config.mechanisms() {
+    for mechanism in &config.mechanisms {
         let troubles = homing::check(&config.ini, mechanism)?;
         let is_order = |trouble: &Trouble| !matches!(trouble, Trouble::Switch(..));
         if !troubles.iter().any(is_order) || !homing::is_kept_together(&config.ini, mechanism)? {
@@ -121,9 +122,9 @@ fn homings(config: &Mechanism) -> Result<Vec<Edit>, FixError> {
 }
 
 /// Axis limits that are proved, in the place of those of which most is out of reach, or which are missing.
-fn axes(config: &Mechanism, mut text: String) -> Result<String, FixError> {
-    for mechanism in config.mechanisms() {
-        let report = report::check(mechanism, |_| ())?;
+fn axes(config: &MachineConfig, mut text: String) -> Result<String, FixError> {
+    for mechanism in &config.mechanisms {
+        let report = report::check(config, mechanism, |_| ())?;
         let Some(limits) = suggested(mechanism, &report) else { continue };
         let of = |letter: Letter, ends: [f64; 6]| ends[letter.index()];
         for letter in moved(mechanism) {
@@ -160,7 +161,7 @@ fn suggested(config: &Mechanism, report: &Report) -> Option<AxisBox> {
 fn boxed(file: &Path, text: String) -> Result<Fixed, FixError> {
     let config = machine(file, &text)?;
     let mut fixed = Fixed { text, left: vec![] };
-    for mechanism in config.mechanisms().filter(|mechanism| mechanism.refused_boxes.is_some()) {
+    for mechanism in config.mechanisms.iter().filter(|one| one.refused_boxes.is_some()) {
         match proof::found(mechanism, &|_| ()) {
             Ok(found) => {
                 let sections: Vec<_> = found.into_iter().map(|(section, _)| section).collect();

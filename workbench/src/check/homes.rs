@@ -10,7 +10,7 @@ use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
 use crate::read::ini::{Ini, IniError};
 use crate::read::joints::JointKind;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::Letter;
 
 /// Largest difference of HOME of a joint and the kinematics at [TRAJ]HOME, as a share of the
@@ -26,7 +26,7 @@ const NEXT_TO_NOTHING: f64 = 5e-4;
 /// # Errors
 /// The machine cannot be at its home, or a value is no number.
 pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), MachineError> {
-    let ini = &*config.ini;
+    let ini = &config.ini;
     homes(report, ini, config)?;
     for trouble in homing::check(ini, config)? {
         report.finding(severity(&trouble), homing_problem(ini, config, &trouble)?);
@@ -132,7 +132,7 @@ fn extra_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
                 "{} is outside of its limits as joint and as [AXIS_{}], {least} to {most}",
                 joint.name, extra.letter
             );
-            let section = format!("JOINT_{}", config.guarded_joints() + n);
+            let section = format!("JOINT_{}", config.place.first_extra_joint + n);
             report.finding(Severity::Error, at_key(ini, &section, "HOME", &text));
         }
     }

@@ -8,7 +8,7 @@
 use crate::check::sequence;
 use crate::limits;
 use crate::read::ini::{Ini, IniError};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Joints, MAX_JOINTS, Margin};
 
 /// Places looked at on the way of a sequence.
@@ -43,7 +43,7 @@ pub enum Trouble {
 pub(crate) fn check(ini: &Ini, config: &Mechanism) -> Result<Vec<Trouble>, IniError> {
     // Its own, and those of extra axes, which stand behind a second mechanism's.
     let own = config.place.first_joint..config.place.first_joint + config.joints.len();
-    let extra = config.guarded_joints()..config.guarded_joints() + config.extra.len();
+    let extra = (config.place.first_extra_joint..).take(config.extra.len());
     let numbers: Vec<usize> = own.chain(extra).collect();
     let joints: Vec<Homing> = numbers.iter().map(|i| homing(ini, *i)).collect::<Result<_, _>>()?;
     let mut troubles: Vec<Trouble> = numbers

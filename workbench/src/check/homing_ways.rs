@@ -13,7 +13,7 @@ use crate::limits;
 use crate::proof::axis_box;
 use crate::proof::reach::Reach;
 use crate::read::ini::{Ini, IniError};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Joints, Letter, Pose};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

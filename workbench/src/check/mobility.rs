@@ -9,7 +9,7 @@
 //! once their drives stand still. The rank of their rows does.
 
 use crate::read::legs::platform_anchor;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::rows::{RANK_TOLERANCE, Rows};
 use kinematics::{Fault, Letter, Vector3};
 

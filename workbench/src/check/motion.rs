@@ -7,7 +7,7 @@ use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
 use crate::read::joints::{Joint, JointKind};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Joints, Letter, Pose};
 
 /// Nanoseconds of servo cycles that machines have: from what a computer just keeps to what a drive still follows.
@@ -228,8 +228,8 @@ fn tables(report: &mut Report, config: &Mechanism) {
 
 /// Extra axes that end before their coordinate does.
 fn extra(report: &mut Report, config: &Mechanism) {
-    for (n, extra) in config.extra.iter().enumerate().filter(|_| !config.place.is_second) {
-        let own = format!("JOINT_{}", config.guarded_joints() + n);
+    for (n, extra) in config.extra.iter().enumerate() {
+        let own = format!("JOINT_{}", config.place.first_extra_joint + n);
         let axis = format!("AXIS_{}", extra.letter);
         let (joint, limits) = (&extra.joint, extra.axis);
         ends(report, config, (&own, &axis), [joint.min, joint.max], [limits.min, limits.max]);

@@ -2,7 +2,7 @@
 //! What moves the joints of a machine: those of its legs, and those of extra axes.
 
 use crate::read::joints::{Joint, JointKind};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 
 /// What moves a leg or an extra axis.
 pub(super) struct Motor<'a> {
@@ -22,11 +22,11 @@ pub(super) fn of(config: &Mechanism) -> Vec<Motor<'_>> {
         unit: config.unit(joint.kind),
         turns: joint.kind == JointKind::Arm,
     });
-    let extra = (config.guarded_joints()..).zip(&config.extra).map(|(i, axis)| Motor {
+    let extra = (config.place.first_extra_joint..).zip(&config.extra).map(|(i, axis)| Motor {
         section: format!("JOINT_{i}"),
         joint: &axis.joint,
         unit: axis.unit(config.length_unit()),
         turns: axis.is_rotary(),
     });
-    own.chain(extra.filter(|_| !config.place.is_second)).collect()
+    own.chain(extra).collect()
 }

@@ -8,7 +8,7 @@ use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::Ini;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Margin, Nearest};
 
 /// Share of a limit that has to be left at home: less is mostly a slip, and no jog has room.

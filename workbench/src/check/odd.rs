@@ -7,7 +7,7 @@ use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::joints::Joint;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::At;
 
 /// Legs that have to be alike before another one is unlike them: of three legs, two beside each other and one

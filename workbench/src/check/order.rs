@@ -5,7 +5,7 @@
 use crate::check::findings::Report;
 use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{At, Vector3};
 
 /// Distance of a joint from the middle, as a share of the farthest one's, below which it has no direction; and

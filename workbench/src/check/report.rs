@@ -26,14 +26,19 @@ use crate::check::wiring;
 use crate::check::workspace;
 use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use crate::read::tools::Tool;
 
 /// Checks a machine, of two mechanisms one; `progress` is told the share of the work that is done.
 ///
 /// # Errors
 /// The file describes no machine.
-pub fn check(config: &Mechanism, progress: impl FnMut(f64)) -> Result<Report, MachineError> {
+pub fn check(
+    whole: &MachineConfig,
+    config: &Mechanism,
+    progress: impl FnMut(f64),
+) -> Result<Report, MachineError> {
     let mut report = Report::new(config);
     structure(&mut report, config)?;
     for error in config.refused_boxes.iter().flat_map(MachineError::in_file) {
@@ -54,7 +59,7 @@ pub fn check(config: &Mechanism, progress: impl FnMut(f64)) -> Result<Report, Ma
     if !config.place.is_second {
         speeds::check(&mut report, config);
         startup::check(&mut report, config);
-        tool_change::check(&mut report, config);
+        tool_change::check(&mut report, whole);
         display::check(&mut report, config);
         for (severity, error) in wiring::check(&config.ini)? {
             report.finding(severity, error);

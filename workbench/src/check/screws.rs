@@ -8,7 +8,7 @@ use crate::check::findings::Report;
 use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::leg::StrutGeometry;
 use kinematics::{At, LegKind, Vector3};
 

@@ -8,7 +8,7 @@ use crate::check::wiring::at_key;
 use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 
 /// Share of a joint's range at its ends: a switch there is met from the other end, elsewhere from both.
 const END: f64 = 0.05;

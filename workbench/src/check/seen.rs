@@ -5,7 +5,7 @@ use crate::limits;
 use crate::proof::axis_box::AxisBox;
 use crate::proof::conditioning;
 use crate::proof::reach::Reach;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Limit, Limits, Margin, Nearest};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

@@ -5,7 +5,7 @@ use crate::check::findings::Report;
 use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::joints::JointKind;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{At, Vector3};
 
 /// How far the joints of base or platform stand apart, in metres, beyond which the unit is doubted. A wrong unit makes a machine

@@ -6,7 +6,7 @@ use crate::check::programs;
 use crate::check::wiring::at_key;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, Ini};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::Letter;
 
 /// By how many times the speed of the path may differ from what the axes give: less than a unit (an inch is 25.4 mm,
@@ -36,7 +36,7 @@ fn path(report: &mut Report, config: &Mechanism) {
         .map(|letter| config.axes[letter.index()].max_velocity);
     let (fastest, squares) =
         moved.fold((0.0_f64, 0.0), |(most, sum), speed| (most.max(speed), sum + speed * speed));
-    let (limit, unit) = (config.max_linear_velocity, config.length_unit());
+    let (limit, unit) = (config.max_velocity[0], config.length_unit());
     if fastest == 0.0 {
         return;
     }

@@ -3,7 +3,7 @@
 
 use crate::check::findings::Report;
 use crate::read::diagnostic::Severity;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 
 /// Everything of it.
 pub(super) fn check(report: &mut Report, config: &Mechanism) {

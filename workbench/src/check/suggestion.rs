@@ -2,7 +2,7 @@
 //! Axis limits that are proved, and what a smaller tilt gains, as text.
 
 use crate::proof::axis_box::AxisBox;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::Letter;
 use std::fmt::Write;
 

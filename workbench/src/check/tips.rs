@@ -4,7 +4,7 @@
 use crate::check::findings::Report;
 use crate::limits;
 use crate::read::direction::ToolDirection;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::read::tools::Tool;
 use kinematics::{At, Vector3};
 

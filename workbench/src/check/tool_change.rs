@@ -5,7 +5,7 @@ use crate::check::findings::Report;
 use crate::check::world;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::{Entry, decimal};
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
 use kinematics::World;
 use std::fs;
 
@@ -15,7 +15,7 @@ const SECTION: &str = "EMCIO";
 const G30: usize = 5181;
 
 /// Everything of it.
-pub(super) fn check(report: &mut Report, config: &Mechanism) {
+pub(super) fn check(report: &mut Report, config: &MachineConfig) {
     let mut start = world::home(config);
     // In LinuxCNC's order.
     if let Some(entry) = is_on(config, "TOOL_CHANGE_QUILL_UP") {
@@ -38,11 +38,11 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) {
     position(report, config, start);
 }
 
-fn is_on<'a>(config: &'a Mechanism, key: &str) -> Option<&'a Entry> {
+fn is_on<'a>(config: &'a MachineConfig, key: &str) -> Option<&'a Entry> {
     config.ini.first(SECTION, key).filter(|entry| entry.value.trim().parse() != Ok(0))
 }
 
-fn position(report: &mut Report, config: &Mechanism, start: World) {
+fn position(report: &mut Report, config: &MachineConfig, start: World) {
     let Some(entry) = config.ini.first(SECTION, "TOOL_CHANGE_POSITION") else { return };
     let words: Vec<&str> = entry.value.split_whitespace().collect();
     // Numbers up to the first word that is none, as LinuxCNC reads them.
@@ -75,7 +75,7 @@ fn position(report: &mut Report, config: &Mechanism, start: World) {
 
 fn reached(
     report: &mut Report,
-    config: &Mechanism,
+    config: &MachineConfig,
     entry: &Entry,
     at: &World,
     way: &str,
@@ -88,7 +88,7 @@ fn reached(
 }
 
 /// The pose of G30; LinuxCNC takes 0 for what the file of parameters does not have.
-fn stored(config: &Mechanism) -> World {
+fn stored(config: &MachineConfig) -> World {
     let file = config.program.parameter_file.as_deref();
     let text = file.and_then(|file| fs::read_to_string(file).ok()).unwrap_or_default();
     let value = |number: usize| {

@@ -7,7 +7,7 @@ use crate::limits;
 use crate::read::diagnostic::Severity;
 use crate::read::ini::IniError;
 use crate::read::joints::JointKind;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::{LegAngles, Mechanism};
 use kinematics::Letter;
 
 /// Seconds from standstill to the largest speed, beyond which the unit of the acceleration is doubted.
@@ -144,19 +144,19 @@ fn thin(report: &mut Report, config: &Mechanism) {
 
 /// Limits of angles in radians.
 fn angles(report: &mut Report, config: &Mechanism) {
-    let cones = |key, of: &[Option<f64>]| {
-        let is_small = |angle: &Option<f64>| angle.is_some_and(|angle| angle <= RADIANS);
-        let leg = of.iter().position(is_small)?;
-        Some((config.place.leg_section(leg), key, of[leg]?))
-    };
-    let least = |of: &[Option<[f64; 2]>]| -> Vec<Option<f64>> {
-        of.iter().map(|both| both.map(|[about, across]| about.min(across))).collect()
+    let small = |key, of: fn(&LegAngles) -> Option<f64>| {
+        let mut angles = config.angles.iter().map(of).enumerate();
+        let is_small = |(leg, angle): (usize, Option<f64>)| {
+            Some((leg, angle.filter(|angle| *angle <= RADIANS)?))
+        };
+        let (leg, angle) = angles.find_map(is_small)?;
+        Some((config.place.leg_section(leg), key, angle))
     };
     let found = [
-        cones("BASE_CONE", &config.base_cone),
-        cones("PLATFORM_CONE", &config.platform_cone),
-        cones("BASE_PYRAMID", &least(&config.base_pyramid)),
-        cones("PLATFORM_PYRAMID", &least(&config.platform_pyramid)),
+        small("BASE_CONE", |leg| leg.cones[0]),
+        small("PLATFORM_CONE", |leg| leg.cones[1]),
+        small("BASE_PYRAMID", |leg| leg.pyramids[0].map(|[about, across]| about.min(across))),
+        small("PLATFORM_PYRAMID", |leg| leg.pyramids[1].map(|[about, across]| about.min(across))),
         config
             .tilt_limit
             .filter(|most| *most <= RADIANS)

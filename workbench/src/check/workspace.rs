@@ -11,7 +11,7 @@ use crate::proof::axis_box::{self, AxisBox};
 use crate::proof::reach::{Reach, Stop};
 use crate::read::diagnostic::Severity;
 use crate::read::ini::Ini;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::read::tools::Tool;
 use kinematics::{Letter, Limit, Margin};
 

@@ -3,11 +3,12 @@
 
 use crate::limits;
 use crate::read::joints::Axis;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, World};
 
 /// The letters that the machine moves, with their places in LinuxCNC's pose and their limits.
-pub fn coordinates(config: &Mechanism) -> Vec<(char, usize, Axis)> {
+pub fn coordinates(config: &MachineConfig) -> Vec<(char, usize, Axis)> {
     let of = |mechanism: &Mechanism| {
         let moved = Letter::ALL.into_iter().filter(|l| !mechanism.machine.layout().is_held(*l));
         let of = |letter: Letter| {
@@ -16,22 +17,24 @@ pub fn coordinates(config: &Mechanism) -> Vec<(char, usize, Axis)> {
         };
         moved.map(of).collect::<Vec<_>>()
     };
-    let extra = config.extra_axes.places().zip(&config.extra);
+    let first = config.first();
+    let extra = first.extra_axes.places().zip(&first.extra);
     let extra = extra.map(|(place, axis)| (axis.letter, place, axis.axis));
-    config.mechanisms().flat_map(of).chain(extra).collect()
+    config.mechanisms.iter().flat_map(of).chain(extra).collect()
 }
 
 /// LinuxCNC's pose after homing: extra axes stand where their joints are, whatever `[TRAJ]HOME` says.
-pub fn home(config: &Mechanism) -> World {
+pub fn home(config: &MachineConfig) -> World {
+    let first = config.first();
     let mut world = config.world_home;
-    for (place, axis) in config.extra_axes.places().zip(&config.extra) {
+    for (place, axis) in first.extra_axes.places().zip(&first.extra) {
         world[place] = axis.joint.home;
     }
     world
 }
 
 /// The first limit that the machine violates at a pose without a tool, in words; `None` where it keeps all.
-pub fn violated(config: &Mechanism, world: &World) -> Option<String> {
+pub fn violated(config: &MachineConfig, world: &World) -> Option<String> {
     let beyond = coordinates(config)
         .into_iter()
         .find(|(_, place, axis)| !(axis.min..=axis.max).contains(&world[*place]));
@@ -43,14 +46,14 @@ pub fn violated(config: &Mechanism, world: &World) -> Option<String> {
         ));
     }
     let mut pose: [f64; 6] = std::array::from_fn(|k| world[k]);
-    let second = config.second_letters;
-    let others = config.extra_axes.places().chain(second.iter().flat_map(|second| second.places()));
+    let (first, second) = (config.first(), config.second_letters);
+    let others = first.extra_axes.places().chain(second.iter().flat_map(|second| second.places()));
     for place in others.collect::<Vec<_>>() {
         pose.get_mut(place).into_iter().for_each(|value| *value = 0.0);
     }
     let mut extra = [0.0; MAX_EXTRA];
-    extra.iter_mut().zip(config.extra_of(world)).for_each(|(to, value)| *to = value);
-    for (axis, value) in config.extra.iter().zip(extra) {
+    extra.iter_mut().zip(first.extra_of(world)).for_each(|(to, value)| *to = value);
+    for (axis, value) in first.extra.iter().zip(extra) {
         if !(axis.joint.min..=axis.joint.max).contains(&value) {
             let value = limits::shown(value);
             return Some(format!(
@@ -59,20 +62,15 @@ pub fn violated(config: &Mechanism, world: &World) -> Option<String> {
             ));
         }
     }
-    let of = |mechanism: &Mechanism, pose: &[f64; 6]| {
-        let at = mechanism.machine.at(&Pose::from_degrees(*pose), &mechanism.spindle);
+    let poses = [pose, second.map_or(pose, |letters| letters.pose_of(world))];
+    config.mechanisms.iter().zip(poses).find_map(|(mechanism, pose)| {
+        let own = mechanism.carried(&pose, &extra, &mechanism.spindle);
+        let at =
+            own.and_then(|own| mechanism.machine.at(&Pose::from_degrees(own), &mechanism.spindle));
         match at.map(|at| at.check(&limits::beyond_axes(mechanism))) {
             Ok(Ok(())) => None,
             Ok(Err(margin)) => Some(limits::sentence(mechanism, &margin)),
             Err(fault) => Some(fault.to_string()),
         }
-    };
-    match config.carried(&pose, &extra, &config.spindle) {
-        Ok(own) => of(config, &own),
-        Err(fault) => Some(fault.to_string()),
-    }
-    .or_else(|| {
-        let (own, letters) = config.second.as_deref().zip(second)?;
-        of(own, &letters.pose_of(world))
     })
 }

@@ -8,7 +8,7 @@ use crate::control::row::{Commanded, Ending, Message, Outcome, Row};
 use crate::control::scratch::Scratch;
 use crate::control::stream::{Cause, Columns, Record, Records, VERSION};
 use crate::files::Locate;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
 use crate::read::places::{BIN, MODULES};
 use command_fds::{CommandFdExt, FdMapping};
 use std::env;
@@ -133,7 +133,7 @@ pub enum Event<'a> {
 /// # Errors
 /// Why nothing is known of its motion.
 pub fn run(
-    config: &Mechanism,
+    config: &MachineConfig,
     program: &Path,
     options: &Options,
     mut see: impl FnMut(&Row) -> ControlFlow<()>,
@@ -149,12 +149,12 @@ pub fn run(
 /// # Errors
 /// As [`run`].
 pub fn run_with_moves(
-    config: &Mechanism,
+    config: &MachineConfig,
     program: &Path,
     options: &Options,
     see: impl FnMut(Event<'_>) -> ControlFlow<()>,
 ) -> Result<Outcome, NotJudged> {
-    if config.place.is_of_pair && config.second.is_none() {
+    if config.is_half() {
         return Err(NotJudged::HalfOfPair);
     }
     let installed = installed()?;
@@ -196,7 +196,7 @@ const WAITING: [&str; 4] = ["M6", "M06", "M66", "G38"];
 
 /// Names the startup code where it is the reason why a run ended before its program: LinuxCNC executes it before
 /// the machine is on, and its messages name neither the key nor the line.
-fn at_startup_code(config: &Mechanism, error: NotJudged) -> NotJudged {
+fn at_startup_code(config: &MachineConfig, error: NotJudged) -> NotJudged {
     let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return error };
     let block: String = entry.value.to_uppercase().split_whitespace().collect();
     let contains = |text: &str, words: &[&str]| words.iter().any(|words| text.contains(words));
@@ -268,7 +268,7 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn start(
-        config: &Mechanism,
+        config: &MachineConfig,
         scratch: &'a Scratch,
         library: &Path,
         program: &Path,
@@ -356,7 +356,7 @@ impl<'a> Run<'a> {
 
     fn watched(
         mut self,
-        config: &Mechanism,
+        config: &MachineConfig,
         installed: &str,
         options: &Options,
         mut see: impl FnMut(Event<'_>) -> ControlFlow<()>,
@@ -368,7 +368,7 @@ impl<'a> Run<'a> {
             BufReader::with_capacity(1 << 16, pulse),
             Columns {
                 joints: config.guarded_joints(),
-                extra: config.extra_axes,
+                extra: config.first().extra_axes,
                 second: config.second_letters,
             },
         );

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a run of the control tells: a row in every servo cycle, messages, and its end.
 
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Joints, MAX_EXTRA, Vector3, World};
 use serde::Serialize;
 
@@ -28,7 +28,7 @@ pub struct Extra {
     pub world: World,
 }
 
-/// A second mechanism in a servo cycle.
+/// A mechanism in a servo cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Beside {
     /// Commanded pose: X Y Z in machine units, A B C in degrees.
@@ -70,12 +70,21 @@ pub struct Row {
 }
 
 impl Row {
+    /// Returns the commanded pose of a mechanism in its own letters, and its tool offset.
+    pub fn of(&self, config: &Mechanism) -> Beside {
+        match config.place.is_second {
+            true => self.second,
+            false => Beside { pose: self.pose, tool: self.tool },
+        }
+    }
+
     /// The machine's own pose (x y z in machine units, a b c in degrees), and the tool vector that it
     /// belongs to.
     pub fn machine(&self, config: &Mechanism) -> ([f64; 6], Vector3<f64>) {
-        let tool = Vector3::from(self.tool);
+        let Beside { pose, tool } = self.of(config);
+        let tool = Vector3::from(tool);
         if config.chain.is_empty() {
-            return (self.pose, tool);
+            return (pose, tool);
         }
         let pose = config.chain.to_machine(&self.extra.world, &tool);
         (pose.unwrap_or([f64::NAN; 6]), config.chain.machine_tool(&tool))

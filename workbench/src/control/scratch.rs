@@ -3,7 +3,7 @@
 
 use crate::control::refusal::NotJudged;
 use crate::files::{self, AtFile, Folder, Locate, Whole};
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
 use crate::read::places::{OF_TCL, folders, is_of_tcl, named};
 use std::fs::{self, File};
 use std::io;
@@ -61,12 +61,12 @@ impl Scratch {
     ///
     /// # Errors
     /// A file cannot be read or written, or the INI file asks for what is not run.
-    pub fn new(config: &Mechanism, own: Option<&str>) -> Result<Self, NotJudged> {
+    pub fn new(config: &MachineConfig, own: Option<&str>) -> Result<Self, NotJudged> {
         refuse_others(config, own.is_some())?;
         Ok(Self::made(config, own)?)
     }
 
-    fn made(config: &Mechanism, own: Option<&str>) -> Result<Self, AtFile<io::Error>> {
+    fn made(config: &MachineConfig, own: Option<&str>) -> Result<Self, AtFile<io::Error>> {
         let folder = Folder::new()?;
         let tool_table = match &config.program.tool_table {
             Some(table) => copied(table, &folder.path().join("tools.tbl"))?,
@@ -148,7 +148,7 @@ impl Scratch {
     }
 
     /// The machine's INI file with the files and folders of the run; every joint homes at once, where it is.
-    fn ini_text(&self, config: &Mechanism) -> String {
+    fn ini_text(&self, config: &MachineConfig) -> String {
         let file = &from_root(config);
         let mut text = String::new();
         let mut section = String::new();
@@ -169,14 +169,14 @@ impl Scratch {
     }
 
     /// What stands at the head of a section.
-    fn added(&self, config: &Mechanism, section: &str) -> String {
+    fn added(&self, config: &MachineConfig, section: &str) -> String {
         let joint = section.strip_prefix("JOINT_").and_then(|n| n.parse::<usize>().ok());
         match (section, joint.and_then(|n| config.all_joints().nth(n))) {
             ("RS274NGC", _) => format!("PARAMETER_FILE = {}\n", self.parameters().display()),
             ("EMC", _) => format!("NML_FILE = {}/buffers.nml\n", self.path().display()),
-            (_, Some(joint)) if !self.homes => format!(
+            (_, Some((one, i))) if !self.homes => format!(
                 "HOME_OFFSET = {}\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n",
-                joint.home
+                one.joint(i).home
             ),
             _ => String::new(),
         }
@@ -199,11 +199,11 @@ impl Scratch {
 }
 
 /// The folder of the INI file, from the root on.
-fn folder_of(config: &Mechanism) -> PathBuf {
+fn folder_of(config: &MachineConfig) -> PathBuf {
     from_root(config).parent().unwrap_or(Path::new("/")).into()
 }
 
-fn from_root(config: &Mechanism) -> PathBuf {
+fn from_root(config: &MachineConfig) -> PathBuf {
     path::absolute(&config.file).unwrap_or_else(|_| config.file.clone())
 }
 
@@ -232,7 +232,7 @@ fn buffers() -> String {
 
 /// Refuses what would run other programs of the user's, whose part in the motion is not known, and what this
 /// LinuxCNC does not know.
-fn refuse_others(config: &Mechanism, leaves_halui: bool) -> Result<(), NotJudged> {
+fn refuse_others(config: &MachineConfig, leaves_halui: bool) -> Result<(), NotJudged> {
     let value = |section: &str, key: &str| config.ini.as_inivar(section, key);
     let remote = |file: &str| is_remote(&folder_of(config).join(file));
     let reasons = [

@@ -4,7 +4,7 @@
 use crate::control::row::Row;
 use crate::files::{AtFile, Locate, Whole};
 use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
 use std::ops::ControlFlow;
@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// A file with a row for every servo cycle; it takes its name when it is whole.
 pub struct Trace<'a> {
-    config: &'a Mechanism,
+    config: &'a MachineConfig,
     out: Whole,
     file: &'a Path,
     /// The row that is being written.
@@ -25,11 +25,11 @@ impl<'a> Trace<'a> {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn new(config: &'a Mechanism, file: &'a Path) -> Result<Self, AtFile<io::Error>> {
+    pub fn new(config: &'a MachineConfig, file: &'a Path) -> Result<Self, AtFile<io::Error>> {
         let mut out = Whole::new(file)?;
         let joints = joint_names(config.all_joints().count());
         let errors = joints.iter().map(|name| format!("{name}_error"));
-        let is_pair = config.second.is_some();
+        let is_pair = config.second_letters.is_some();
         let beside = |names: &[&str]| -> Vec<String> {
             names.iter().filter(|_| is_pair).map(ToString::to_string).collect()
         };
@@ -54,11 +54,11 @@ impl<'a> Trace<'a> {
     }
 
     fn write(&mut self, row: &Row) -> Result<(), AtFile<io::Error>> {
-        let (joints, extra) = (self.config.guarded_joints(), self.config.extra.len());
+        let (joints, extra) = (self.config.guarded_joints(), self.config.first().extra.len());
         let time = row.cycle as f64 * self.config.period;
         let [x, y, z, a, b, c] = row.pose;
         let mut pose = [x, y, z, a, b, c, 0.0, 0.0, 0.0];
-        for (place, value) in self.config.extra_axes.places().zip(row.extra.positions) {
+        for (place, value) in self.config.first().extra_axes.places().zip(row.extra.positions) {
             pose.get_mut(place).into_iter().for_each(|coordinate| *coordinate = value);
         }
         let second = self.config.second_letters.as_ref();

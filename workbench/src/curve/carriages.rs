@@ -8,7 +8,7 @@ use crate::files;
 use crate::limits;
 use crate::proof::jet::Taylor;
 use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::read::tools;
 use kinematics::{Fault, Joints, MAX_JOINTS, Vector3};
 use std::ops::ControlFlow;

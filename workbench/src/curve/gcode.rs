@@ -6,7 +6,7 @@ use crate::curve::piece::{Arc, DECIMALS};
 use crate::curve::planes::PLANES;
 use crate::files::as_comment;
 use crate::program::motion::{Move, MoveKind, Spindle};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::read::tools;
 use kinematics::{Letter, MAX_EXTRA};
 use std::fmt::Write;

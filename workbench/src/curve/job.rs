@@ -13,7 +13,7 @@ use crate::program::motion::{Move, MoveKind};
 use crate::program::path::{Along, along};
 use crate::program::preflight::preflight;
 use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Joints, Pose, Vector3};
 
 /// Largest distance of the places of a table, mm.
@@ -153,7 +153,8 @@ fn check(
     parts: &[Part],
     moves: &[Move],
 ) -> Result<(), JobError> {
-    let found = preflight(config, moves).map_err(|fault| JobError::Fault { number: 1, fault })?;
+    let found = preflight(std::slice::from_ref(config), moves)
+        .map_err(|fault| JobError::Fault { number: 1, fault })?;
     let Some(first) = found.breaks.iter().min_by_key(|broken| broken.line) else { return Ok(()) };
     let at = parts.iter().rposition(|part| part.line <= first.line).unwrap_or(0);
     let (number, name, text) = (at + 1, operations[at].name(), first.text.clone());

@@ -11,7 +11,7 @@ use crate::curve::table::{Row, rows};
 use crate::curve::whole::{Curve, CurveError};
 use crate::program::motion::Move;
 use crate::program::preflight::preflight;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 
 /// All coordinates.
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
@@ -135,9 +135,8 @@ fn begin(
 
 /// Follows the program's moves against the limits of the machine.
 fn check(config: &Mechanism, moves: &[Move], places: &[(u32, f64)]) -> Result<(), RouteError> {
-    let found = preflight(config, moves).map_err(|fault| RouteError::Fault {
-        t: places.first().map_or(0.0, |place| place.1),
-        fault,
+    let found = preflight(std::slice::from_ref(config), moves).map_err(|fault| {
+        RouteError::Fault { t: places.first().map_or(0.0, |place| place.1), fault }
     })?;
     let Some(first) = found.breaks.iter().min_by_key(|broken| broken.line) else { return Ok(()) };
     let (line, text) = (first.line, first.text.clone());

@@ -7,7 +7,7 @@ use crate::curve::motion::Node;
 use crate::curve::route_error::RouteError;
 use crate::files;
 use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
 
 /// A place of the path, and the machine there.

@@ -15,7 +15,7 @@ use crate::files::AtPlace;
 use crate::program::motion::Move;
 use crate::program::verdict::Step;
 use crate::read::columns::in_words;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::stability::path::{self, Stop};
 use crate::stability::pose::{NoSetup, Setup};
 use crate::study::file::{Lacking, Study};
@@ -114,7 +114,7 @@ impl<'a> Cut<'a> {
         };
         let mut pass = Pass::new(&self.subject, lines);
         let mut error = None;
-        let outcome = process::run(config, program, options, |row| {
+        let outcome = process::run(&config.clone().into(), program, options, |row| {
             show(Step::Row(row));
             error = pass.see(row).err();
             if error.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

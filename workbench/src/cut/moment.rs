@@ -12,7 +12,7 @@ use crate::dynamics::loads::{Held, Loads, Moving, Wrench};
 use crate::dynamics::milling::frame;
 use crate::dynamics::model::Model;
 use crate::read::joints::JointKind;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 
 /// A machine with its drives and its cutter.

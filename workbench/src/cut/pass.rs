@@ -8,7 +8,7 @@ use crate::control::row::Row;
 use crate::cut::moment::{Judged, Moment, NoMoment, Subject};
 use crate::cut::program::{Line, cuts};
 use crate::program::motion::Move;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -197,7 +197,7 @@ impl<'a> Pass<'a> {
 /// The largest share that a coordinate's acceleration has of what the machine allows.
 fn acceleration(config: &Mechanism, [a, b, c]: &[[f64; 6]; 3]) -> f64 {
     let share = |k: usize| {
-        let limits = [config.max_linear_acceleration, config.max_angular_acceleration];
+        let limits = config.max_acceleration;
         (a[k] - 2.0 * b[k] + c[k]).abs() / limits[k / 3]
     };
     (0..6).map(share).fold(0.0, f64::max)

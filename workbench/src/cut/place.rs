@@ -5,7 +5,7 @@
 use crate::cut::moment::{NoMoment, Subject, cutter_frame};
 use crate::cut::teeth::{HARMONICS, Teeth};
 use crate::dynamics::structure::Structure;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::stability::path::Stop;
 use crate::study::sensitivity::Sensitivity;
 use kinematics::Vector3;

@@ -2,7 +2,7 @@
 //! Which lines of a program cut, and where stability is looked at.
 
 use crate::program::motion::{Move, MoveKind, Spindle};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::stability::path::Stop;
 use kinematics::{Pose, Vector3};
 use std::collections::BTreeMap;

@@ -2,7 +2,7 @@
 //! What drives can do: force or torque of each, and the torque of its motor through the lead.
 
 use crate::read::joints::JointKind;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::study::file::{Each, Lacking, Study};
 use std::f64::consts::TAU;
 

@@ -6,7 +6,7 @@
 //! p = o + R(A, B, C) (s − c) for a point s of the platform, c the centre and o its place, what
 //! guides hold is kept exactly, and derivatives of any order are those of R.
 
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::rows::{Rows, rate_map};
 use kinematics::{At, Letter, Matrix3, Pose, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix3xX};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What drives command at a moment: where the legs begin and how long they would be without force.
 
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{At, Fault, MAX_LEGS, Pose, Vector3};
 
 /// One leg, mm.

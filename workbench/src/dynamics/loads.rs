@@ -8,7 +8,7 @@
 use crate::dynamics::chart::Chart;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::{LegAt, leg_mass, legs, stiffness, tip};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

@@ -9,7 +9,7 @@ use crate::dynamics::record::Record;
 use crate::dynamics::rotation::Motion;
 use crate::dynamics::simulation::Simulation;
 use crate::dynamics::structure::Structure;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Matrix3, Pose, Vector3};
 use std::f64::consts::TAU;
 

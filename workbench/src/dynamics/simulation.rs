@@ -18,7 +18,7 @@ use crate::dynamics::drives::Drives;
 use crate::dynamics::model::Model;
 use crate::dynamics::rotation::{Acceleration, Motion};
 use crate::dynamics::structure::{LegAt, Structure, has_lead, legs, tip};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::study::file::Screw;
 use kinematics::{At, Fault, Matrix3, Pose, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector6};

@@ -17,7 +17,7 @@ use crate::dynamics::chart::Chart;
 use crate::dynamics::model::{Body, Leg, Model};
 use crate::dynamics::shapes::Shapes;
 use crate::read::legs::{drive_rate, platform_anchor};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::rows::{self, joint_rows, length_rows};
 use crate::study::file::Screw;
 use crate::study::springs::Spring;

@@ -6,7 +6,8 @@ use crate::new::kinds::Way;
 use crate::new::values::Refusal;
 use crate::read::error::MachineError;
 use crate::read::ini::Ini;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+
 use keys::leg as key;
 use kinematics::{Pose, Vector3, leg};
 use std::path::Path;
@@ -17,7 +18,7 @@ const PLACES: f64 = 50.0;
 /// A place and how good it is.
 struct Found {
     home: [f64; 3],
-    config: Mechanism,
+    config: MachineConfig,
     /// Smallest share of a drive's way from the end of its travel to the middle; below 0 beyond the end.
     share: f64,
     /// Of which leg, and its value.
@@ -29,7 +30,7 @@ struct Found {
 ///
 /// # Errors
 /// There is none that the drives can take, or the values make no machine.
-pub fn found(plan: &Plan) -> Result<([f64; 3], Mechanism), Refusal> {
+pub fn found(plan: &Plan) -> Result<([f64; 3], MachineConfig), Refusal> {
     let places = match plan.values.list::<3>("home") {
         Some(home) => vec![home],
         None => places(plan),
@@ -67,7 +68,8 @@ fn fault(error: &MachineError) -> String {
 fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
     let plan = Plan { home, ..plan.clone() };
     let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())?;
-    let config = Mechanism::from_ini(&ini)?;
+    let machine = MachineConfig::from_ini(&ini)?;
+    let config = machine.first();
     let refused = |fault| MachineError::of_geometry(&ini, &config.place, fault);
     let at =
         config.machine.at(&Pose::from_degrees(config.home), &config.spindle).map_err(refused)?;
@@ -84,7 +86,7 @@ fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
         leg::Kind::Slider | leg::Kind::Crank if share > 0.0 => at.smallest_singular_value(),
         _ => 1.0,
     };
-    Ok(Found { home, share, worst, score: share * firmness, config })
+    Ok(Found { home, share, worst, score: share * firmness, config: machine })
 }
 
 /// Places along the line through the middle of the legs, on round numbers.
@@ -148,8 +150,8 @@ fn reach(plan: &Plan) -> f64 {
 
 /// Says which leg is how far beyond its range, and what may help.
 fn beyond(plan: &Plan, found: &Found) -> String {
-    let joint = &found.config.joints[found.worst.0];
-    let unit = found.config.unit(joint.kind);
+    let joint = &found.config.first().joints[found.worst.0];
+    let unit = found.config.first().unit(joint.kind);
     let [x, y, z] = found.home;
     let value = found.worst.1;
     let is_given = plan.values.list::<3>("home").is_some();

@@ -10,7 +10,7 @@ use crate::new::values::Refusal;
 use crate::proof::axis_box::{self, AxisBox};
 use crate::proof::reach::{Reach, Stop};
 use crate::read::diagnostic::Severity;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Joints, Letter, leg};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

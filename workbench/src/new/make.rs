@@ -14,7 +14,8 @@ use crate::proof::boxes;
 use crate::read::boxes::text as box_text;
 use crate::read::diagnostic::{Severity, rendered};
 use crate::read::ini::Ini;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Letter, Vector3};
 use std::fmt::Display;
 use std::io;
@@ -64,7 +65,7 @@ pub fn make(order: &Order, say: impl Fn(&str, Option<f64>) + Sync) -> Result<Mad
     let (place, config) = home::found(&plan)?;
     plan.home = place;
     if plan.values.number("lead") != 0.0 {
-        plan.cardans = cardans(&config);
+        plan.cardans = cardans(config.first());
     }
     let folder = Folder::beside(order.folder)?;
     // Nobody knows the folder that becomes whole.
@@ -86,13 +87,13 @@ fn filled(
     let read = |plan: &Plan| written(folder, plan);
     write_whole(&folder.join(format!("{}.tbl", order.name)), program::tools())?;
     let config = read(&plan)?;
-    plan.joints = joints(&config)?;
+    plan.joints = joints(config.first())?;
     say(PROVING_LIMITS, None);
-    let found = limits::proved(&config, &plan, |share| say(PROVING_LIMITS, Some(share)))?;
-    plan.speeds = limits::speeds(&config, &plan, &found);
+    let found = limits::proved(config.first(), &plan, |share| say(PROVING_LIMITS, Some(share)))?;
+    plan.speeds = limits::speeds(config.first(), &plan, &found);
     plan.limits = Some(found);
     let config = read(&plan)?;
-    let boxes = with_boxes(&mut plan, &config, &say);
+    let boxes = with_boxes(&mut plan, config.first(), &say);
     let config = read(&plan)?;
     let at = |name: &str| folder.join(name);
     let panel = Panel::new(&config, order.name);
@@ -109,7 +110,7 @@ fn filled(
     // With all files in their places, which it looks for.
     say(CHECKING, None);
     let mut report = checked(&config, order, |share| say(CHECKING, Some(share)))?;
-    report.findings.extend(limits::short_of_tilt(&config, &plan, &found));
+    report.findings.extend(limits::short_of_tilt(config.first(), &plan, &found));
     name_place(&mut report, order);
     Ok(Made { report, boxes })
 }
@@ -119,7 +120,7 @@ fn filled(
 ///
 /// # Errors
 /// As [`make`](fn@make).
-pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<Mechanism, Refusal> {
+pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<MachineConfig, Refusal> {
     let order = Order { kind, values, name: kind.name, folder: Path::new("") };
     let mut plan = begun(&order)?;
     let (place, config) = home::found(&plan)?;
@@ -127,10 +128,10 @@ pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<Mechanism
         return Ok(config);
     }
     plan.home = place;
-    plan.cardans = cardans(&config);
+    plan.cardans = cardans(config.first());
     let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())
         .map_err(|error| Refusal::Misfit(error.to_string()))?;
-    Mechanism::from_ini(&ini).map_err(|error| Refusal::Misfit(error.to_string()))
+    MachineConfig::from_ini(&ini).map_err(|error| Refusal::Misfit(error.to_string()))
 }
 
 /// Longest name of a machine: lines of its INI file and of its first program contain it, of which LinuxCNC reads 255
@@ -252,10 +253,10 @@ fn cardans(config: &Mechanism) -> Vec<[f64; 3]> {
 }
 
 /// The machine's file, written and read back.
-fn written(folder: &Path, plan: &Plan) -> Result<Mechanism, Refusal> {
+fn written(folder: &Path, plan: &Plan) -> Result<MachineConfig, Refusal> {
     let file = folder.join(format!("{}.ini", plan.name));
     write_over(&file, &plan.text())?;
-    Mechanism::read(&file).map_err(|error| Refusal::Misfit(error.to_string()))
+    MachineConfig::read(&file).map_err(|error| Refusal::Misfit(error.to_string()))
 }
 
 fn joints(config: &Mechanism) -> Result<Vec<f64>, Refusal> {
@@ -305,11 +306,12 @@ fn with_boxes(
 
 /// What `pkm check` says of the file, with the place that it will have.
 fn checked(
-    config: &Mechanism,
+    config: &MachineConfig,
     order: &Order,
     progress: impl FnMut(f64),
 ) -> Result<Report, Refusal> {
-    let mut report = check(config, progress).map_err(|error| Refusal::Misfit(error.to_string()))?;
+    let mut report = check(config, config.first(), progress)
+        .map_err(|error| Refusal::Misfit(error.to_string()))?;
     name_place(&mut report, order);
     if report.fits() {
         return Ok(report);

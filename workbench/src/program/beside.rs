@@ -5,56 +5,50 @@
 //! one of them moves, else that of U V W, else that of A B C. Each mechanism by itself then has moves
 //! with the feed that comes to the same time.
 
-use crate::program::motion::{Beside, Move, MoveKind, ProgramError, read};
+use crate::program::motion::{Move, MoveKind, ProgramError, read};
 use crate::program::replay::duration;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use std::path::{Path, PathBuf};
 
-/// Reads all moves of a program as this mechanism of a file with two makes them, and the names of its files; `whole`
-/// is both.
+/// Reads all moves of a program as this mechanism of `whole` makes them, and the names of its files.
 ///
 /// # Errors
 /// As [`read`].
 pub fn moves_of(
     mechanism: &Mechanism,
-    whole: &Mechanism,
+    whole: &MachineConfig,
     program: &Path,
 ) -> Result<(Vec<Move>, Vec<PathBuf>), ProgramError> {
     let mut half = Half::new(mechanism, whole);
     let (all, files) = read(whole, program, None)?;
-    Ok((all.iter().map(|step| half.of(step)).collect(), files))
+    Ok((all.into_iter().map(|step| half.of(&step)).collect(), files))
 }
 
 /// Makes moves of one mechanism of moves of both.
 pub struct Half<'a> {
     mechanism: &'a Mechanism,
-    whole: &'a Mechanism,
-    /// Where both stand.
-    at: [[f64; 6]; 2],
+    whole: &'a MachineConfig,
+    /// Where each stands.
+    at: Vec<[f64; 6]>,
 }
 
 impl<'a> Half<'a> {
-    /// Starts where both are at home.
-    pub fn new(mechanism: &'a Mechanism, whole: &'a Mechanism) -> Self {
-        let second = whole.second.as_deref().unwrap_or(whole);
-        Self { mechanism, whole, at: [whole.home, second.home] }
+    /// Starts where all are at home.
+    pub fn new(mechanism: &'a Mechanism, whole: &'a MachineConfig) -> Self {
+        Self { mechanism, whole, at: whole.mechanisms.iter().map(|one| one.home).collect() }
     }
 
     /// The part of the mechanism in the next move.
     pub fn of(&mut self, step: &Move) -> Move {
-        let mut own = *step;
-        let (Some(beside), Some(second)) = (step.second, self.whole.second.as_deref()) else {
-            return own;
-        };
-        let [of_first, of_second] = self.at;
-        let seconds = seconds([self.whole, second], [&of_first, &of_second], step, &beside);
-        let from = if self.mechanism.place.is_second { of_second } else { of_first };
-        self.at = [step.end, beside.end];
-        if self.mechanism.place.is_second {
-            (own.end, own.tool) = (beside.end, beside.tool);
-        }
-        own.second = None;
-        lasting(&mut own, &from, seconds);
+        let [first, second] = self.whole.mechanisms.as_slice() else { return *step };
+        let each: Vec<Move> = step.of_each().collect();
+        let [one, other] = each.as_slice() else { return *step };
+        let seconds = seconds([first, second], [&self.at[0], &self.at[1]], [one, other]);
+        let number = usize::from(self.mechanism.place.is_second);
+        let mut own = each[number];
+        lasting(&mut own, &self.at[number], seconds);
+        self.at = vec![one.end, other.end];
         own
     }
 }
@@ -63,17 +57,15 @@ impl<'a> Half<'a> {
 fn seconds(
     [first, second]: [&Mechanism; 2],
     [of_first, of_second]: [&[f64; 6]; 2],
-    step: &Move,
-    beside: &Beside,
+    [one, other]: [&Move; 2],
 ) -> f64 {
     let moves = |from: &[f64; 6], to: &[f64; 6]| (0..3).any(|k| from[k] != to[k]);
-    let own = Move { end: beside.end, second: None, ..*step };
     // Where X Y Z move they set the feed, and the others only keep their limits.
-    let leads = moves(of_first, &step.end);
+    let leads = moves(of_first, &one.end);
     let rapid = |step: &Move| Move { kind: MoveKind::Rapid, ..*step };
-    let (lead, follow) = match leads || !moves(of_second, &beside.end) {
-        true => (*step, rapid(&own)),
-        false => (rapid(step), own),
+    let (lead, follow) = match leads || !moves(of_second, &other.end) {
+        true => (*one, rapid(other)),
+        false => (rapid(one), *other),
     };
     duration(first, of_first, &lead).max(duration(second, of_second, &follow))
 }

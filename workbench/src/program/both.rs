@@ -13,13 +13,13 @@ use crate::program::follow::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance
 use crate::program::motion::Move;
 use crate::proof::between::{Approach, approach};
 use crate::proof::reach::Reach;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Body, Fault, Part, Pose, Vector3};
 
 /// Follows the moves of a program with every mechanism of a machine.
 pub struct Flights<'a> {
-    first: Flight<'a>,
-    second: Option<(Flight<'a>, Between<'a>)>,
+    flights: Vec<Flight<'a>>,
+    between: Option<Between<'a>>,
 }
 
 impl<'a> Flights<'a> {
@@ -27,42 +27,29 @@ impl<'a> Flights<'a> {
     ///
     /// # Errors
     /// A spindle that a mechanism cannot take.
-    pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
-        let second = match config.second.as_deref() {
-            None => None,
-            Some(second) => {
-                let flight = Flight::new(second).map_err(|fault| second.place.counted(fault))?;
-                Some((flight, Between::new([config, second])?))
-            }
-        };
-        Ok(Self { first: Flight::new(config)?, second })
+    pub fn new(mechanisms: &'a [Mechanism]) -> Result<Self, Fault> {
+        Ok(Self {
+            flights: mechanisms.iter().map(Flight::new).collect::<Result<_, _>>()?,
+            between: Between::of(mechanisms)?,
+        })
     }
 
     /// Where a move has ended.
     ///
     /// # Errors
     /// A tool that a mechanism cannot take.
-    pub fn standing(config: &'a Mechanism, end: &Move) -> Result<Self, Fault> {
-        let own = end.of_second();
-        let second = match config.second.as_deref().zip(own.as_ref()) {
-            None => None,
-            Some((second, own)) => {
-                let flight = Flight::standing(second, own);
-                let mut between = Between::new([config, second])?;
-                between.stand(end);
-                Some((flight.map_err(|fault| second.place.counted(fault))?, between))
-            }
-        };
-        Ok(Self { first: Flight::standing(config, end)?, second })
+    pub fn standing(mechanisms: &'a [Mechanism], end: &Move) -> Result<Self, Fault> {
+        let ends = mechanisms.iter().zip(end.of_each());
+        let flights = ends.map(|(mechanism, end)| Flight::standing(mechanism, &end));
+        let mut between = Between::of(mechanisms)?;
+        between.iter_mut().for_each(|between| between.stand(end));
+        Ok(Self { flights: flights.collect::<Result<_, _>>()?, between })
     }
 
     /// Follows the next move.
     pub fn see(&mut self, step: &Move) {
-        if let Some((flight, between)) = &mut self.second {
-            between.see(step);
-            step.of_second().iter().for_each(|step| flight.see(step));
-        }
-        self.first.see(step);
+        self.between.iter_mut().for_each(|between| between.see(step));
+        self.flights.iter_mut().zip(step.of_each()).for_each(|(flight, step)| flight.see(&step));
     }
 
     /// What is known after the last move, see [`Flight::finish`].
@@ -70,20 +57,17 @@ impl<'a> Flights<'a> {
     /// # Errors
     /// A tool vector that a mechanism cannot take.
     pub fn finish(self) -> Result<Preflight, Fault> {
-        let mut found = self.first.finish()?;
-        if let Some((flight, between)) = self.second {
-            let second = between.configs[1];
-            let of_second = flight.finish().map_err(|fault| second.place.counted(fault))?;
-            found.add(of_second);
-            between.finish(&mut found)?;
-        }
+        let each = self.flights.into_iter().map(Flight::finish).collect::<Result<Vec<_>, _>>()?;
+        let all = each.into_iter().reduce(Preflight::with_second);
+        let mut found = all.expect("a machine has a mechanism");
+        self.between.map_or(Ok(()), |between| between.finish(&mut found))?;
         Ok(found)
     }
 }
 
 impl Preflight {
     /// Adds what the second mechanism does in the same moves.
-    fn add(&mut self, second: Self) {
+    fn with_second(mut self, second: Self) -> Self {
         self.pieces += second.pieces;
         self.is_still &= second.is_still;
         self.runnable = self.runnable.min(second.runnable);
@@ -95,6 +79,7 @@ impl Preflight {
                 self.tilted_tool_changes.push(change);
             }
         }
+        self
     }
 }
 
@@ -131,10 +116,13 @@ impl Leg<'_> {
 }
 
 impl<'a> Between<'a> {
-    fn new(configs: [&'a Mechanism; 2]) -> Result<Self, Fault> {
-        Ok(Self {
+    /// `None` of one mechanism.
+    fn of(mechanisms: &'a [Mechanism]) -> Result<Option<Self>, Fault> {
+        let [first, second] = mechanisms else { return Ok(None) };
+        let configs = [first, second];
+        Ok(Some(Self {
             configs,
-            reaches: [Reach::new(configs[0])?, Reach::new(configs[1])?],
+            reaches: [Reach::new(first)?, Reach::new(second)?],
             tools: configs.map(|config| config.spindle),
             at: configs.map(|config| config.home),
             clearance: limits::least_distance_between(configs[0]),
@@ -143,7 +131,7 @@ impl<'a> Between<'a> {
             least: None,
             broken: None,
             fault: None,
-        })
+        }))
     }
 
     /// Takes both to where a move has ended.

@@ -11,7 +11,7 @@ use crate::control::row::Row;
 use crate::limits;
 use crate::program::loads::Motion;
 use crate::program::motion::Move;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{
     Joints, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3,
 };

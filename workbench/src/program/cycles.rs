@@ -11,7 +11,8 @@ use crate::program::findings::{Break, Place, Rule};
 use crate::program::motion::{Circle, ROUNDING};
 use crate::proof::between::approach;
 use crate::proof::reach::Reach;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::{
     Fault, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3, World,
 };
@@ -31,7 +32,7 @@ pub struct Cycles<'a> {
     /// The tools for which the distance of two mechanisms is known.
     apart: Option<Apart<'a>>,
     path: Path,
-    config: &'a Mechanism,
+    config: &'a MachineConfig,
     beyond: Vec<Beyond>,
 }
 
@@ -39,7 +40,6 @@ pub struct Cycles<'a> {
 struct Judge<'a> {
     config: &'a Mechanism,
     limits: Limits,
-    of_second: bool,
     before: Option<([f64; 6], Vector3<f64>, [f64; MAX_EXTRA])>,
     /// Smallest and largest value of every axis as programmed, and of every joint.
     axes: [[f64; 2]; 6],
@@ -83,19 +83,17 @@ impl<'a> Cycles<'a> {
     ///
     /// # Errors
     /// A spindle that a mechanism cannot take.
-    pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
-        let second = config.second.as_deref();
-        let machines = [Some(config), second].into_iter().flatten().enumerate();
-        let apart = match second {
-            None => None,
-            Some(second) => {
-                let configs = [config, second];
-                let reaches = [Reach::new(config)?, Reach::new(second)?];
+    pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
+        let apart = match config.mechanisms.as_slice() {
+            [first, second] => {
+                let configs = [first, second];
+                let reaches = [Reach::new(first)?, Reach::new(second)?];
                 Some(Apart { configs, reaches, tools: configs.map(|config| config.spindle) })
             }
+            _ => None,
         };
         Ok(Self {
-            machines: machines.map(|(n, config)| Judge::new(config, n > 0)).collect(),
+            machines: config.mechanisms.iter().map(Judge::new).collect(),
             apart,
             path: Path::default(),
             config,
@@ -126,8 +124,8 @@ impl<'a> Cycles<'a> {
         }
         let mut found = vec![];
         let mut moved = false;
-        for judge in &mut self.machines {
-            let of_second = judge.of_second;
+        for (n, judge) in self.machines.iter_mut().enumerate() {
+            let of_second = n > 0;
             moved |= judge.see(row, |margin, fault| {
                 found.push((Rule::Limit(margin.limit), margin, fault, of_second));
             });
@@ -146,12 +144,11 @@ impl<'a> Cycles<'a> {
                 Some(fault) => Text::Fault(fault.to_string()),
                 None => Text::Bound(limits::sentence(config, &margin)),
             };
-            let pose = if of_second { row.second.pose } else { row.pose };
-            let place = Place { pose, ..place };
+            let place = Place { pose: row.of(config).pose, ..place };
             self.note(rule, (name, of_second), (place, step), -margin.room(), text);
         }
         if let Some((off, allowed)) = off
-            && off > allowed + OFF_PATH * self.config.machine.size()
+            && off > allowed + OFF_PATH * self.config.first().machine.size()
         {
             let part = (String::new(), false);
             self.note(Rule::Path, part, (place, step), off, Text::Path(allowed));
@@ -245,11 +242,11 @@ impl<'a> Cycles<'a> {
 }
 
 impl<'a> Judge<'a> {
-    fn new(config: &'a Mechanism, of_second: bool) -> Self {
+    fn new(config: &'a Mechanism) -> Self {
         const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
         let limits = limits::beyond_axes(config);
         let (axes, joints) = ([NONE; 6], [NONE; MAX_JOINTS]);
-        Self { config, limits, of_second, before: None, axes, joints }
+        Self { config, limits, before: None, axes, joints }
     }
 
     /// Widens what is used of the axes and joints. Joints go on for some cycles after the pose stands.
@@ -271,15 +268,8 @@ impl<'a> Judge<'a> {
 
     /// Shows what is beyond its limit; whether the mechanism has moved at all.
     fn see(&mut self, row: &Row, mut show: impl FnMut(Margin, Option<Fault>)) -> bool {
-        let (pose, tool) = match self.of_second {
-            false => row.machine(self.config),
-            true => (row.second.pose, Vector3::from(row.second.tool)),
-        };
-        let programmed = if self.of_second {
-            row.second.pose
-        } else {
-            self.config.told(&row.pose, &row.extra.positions)
-        };
+        let (pose, tool) = row.machine(self.config);
+        let programmed = self.config.told(&row.of(self.config).pose, &row.extra.positions);
         self.widen(row, &programmed);
         let now = (pose, tool, row.extra.positions);
         if self.before.replace(now) == Some(now) {
@@ -294,9 +284,7 @@ impl<'a> Judge<'a> {
                 show(margin, None);
             }
         }
-        if !self.of_second {
-            self.see_extra(row, slack, &mut show);
-        }
+        self.see_extra(row, slack, &mut show);
         match self.config.machine.at(&Pose::from_degrees(pose), &tool) {
             Ok(at) => limits::each(&at, &self.limits, |margin| {
                 if !(margin.room() >= -slack) {
@@ -309,7 +297,7 @@ impl<'a> Judge<'a> {
     }
 
     fn see_extra(&self, row: &Row, slack: f64, show: &mut impl FnMut(Margin, Option<Fault>)) {
-        let first = self.config.guarded_joints();
+        let first = self.config.joints.len();
         for (n, (axis, value)) in self.config.extra.iter().zip(row.extra.positions).enumerate() {
             let (joint, axis) = (&axis.joint, &axis.axis);
             let range = [joint.min.max(axis.min), joint.max.min(axis.max)];

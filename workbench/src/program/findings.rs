@@ -4,7 +4,7 @@
 use crate::control::row::{Ending, Message};
 use crate::limits;
 use crate::program::offset::Poses;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Limit, Part};
 use serde::{Serialize, Serializer};
 

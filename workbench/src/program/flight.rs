@@ -6,7 +6,7 @@ use crate::program::findings::{LeastMargin, Preflight};
 use crate::program::follow::{Course, Found, Leg, Pilot, length};
 use crate::program::motion::{Move, ROUNDING};
 use crate::proof::reach::Reach;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
 
 /// Follows the moves of a program one after the other, from `[TRAJ]HOME` on.
@@ -22,7 +22,8 @@ impl<'a> Flight<'a> {
     /// # Errors
     /// A spindle that the machine cannot take.
     pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
-        Ok(Self { pilot: Pilot::new(config)?, number: 0, fault: None })
+        let pilot = Pilot::new(config).map_err(|fault| config.place.counted(fault))?;
+        Ok(Self { pilot, number: 0, fault: None })
     }
 
     /// Where a move has ended.
@@ -30,11 +31,13 @@ impl<'a> Flight<'a> {
     /// # Errors
     /// A tool that the machine cannot take.
     pub fn standing(config: &'a Mechanism, end: &Move) -> Result<Self, Fault> {
-        let mut pilot = Pilot::new(config)?;
+        let mut flight = Self::new(config)?;
+        let pilot = &mut flight.pilot;
         pilot.tool = config.spindle + Vector3::from(end.tool);
-        pilot.reach = Reach::with_tool(config, pilot.tool)?;
+        pilot.reach =
+            Reach::with_tool(config, pilot.tool).map_err(|fault| config.place.counted(fault))?;
         (pilot.at, pilot.extra) = (end.end, end.extra_end);
-        Ok(Self { pilot, number: 0, fault: None })
+        Ok(flight)
     }
 
     /// Follows the next move.
@@ -54,7 +57,8 @@ impl<'a> Flight<'a> {
     /// # Errors
     /// A tool vector that the machine cannot take.
     pub fn finish(self) -> Result<Preflight, Fault> {
-        self.fault.map_or_else(|| Ok(self.pilot.finish()), Err)
+        let place = self.pilot.config.place;
+        self.fault.map_or_else(|| Ok(self.pilot.finish()), |fault| Err(place.counted(fault)))
     }
 }
 

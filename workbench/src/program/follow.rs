@@ -16,7 +16,7 @@ use crate::proof::carried::Enclosure;
 use crate::proof::cell::Way;
 use crate::proof::reach::Reach;
 use crate::proof::spans;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World};
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size: far

@@ -11,7 +11,8 @@
 use crate::control::row::Row;
 use crate::program::findings::{LineLoad, Peak, Place};
 use crate::read::joints::Joint;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::{MAX_EXTRA, MAX_JOINTS};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -144,7 +145,7 @@ pub struct Demands {
 
 /// Adds up rows.
 pub struct Loads<'a> {
-    config: &'a Mechanism,
+    config: &'a MachineConfig,
     /// By joint: the largest number that its commands are calculated from, beside themselves.
     scales: Vec<f64>,
     /// Rows with the drives on that are not judged yet, since a tool offset may move after them.
@@ -171,19 +172,19 @@ pub struct Loads<'a> {
 
 impl<'a> Loads<'a> {
     /// Before the first row.
-    pub fn new(config: &'a Mechanism) -> Self {
-        let joints: &Vec<&Joint> = &config.all_joints().collect();
-        let scale = |i| match config.unit_of(i) {
+    pub fn new(config: &'a MachineConfig) -> Self {
+        let joints = &config.all_joints().map(|(one, i)| one.joint(i)).collect::<Vec<_>>();
+        let scale = |(one, i): (&Mechanism, usize)| match one.unit_of(i) {
             "degrees" => HALF_TURN,
-            _ => config.machine.size(),
+            _ => config.first().machine.size(),
         };
         Self {
             config,
-            scales: (0..joints.len()).map(scale).collect(),
+            scales: config.all_joints().map(scale).collect(),
             waiting: VecDeque::new(),
             motion: Motion::START,
             extra: Motion::START,
-            ranges: vec![[f64::INFINITY, f64::NEG_INFINITY]; config.extra.len()],
+            ranges: vec![[f64::INFINITY, f64::NEG_INFINITY]; config.first().extra.len()],
             before: Place::default(),
             was_on: false,
             tools: None,
@@ -253,7 +254,8 @@ impl<'a> Loads<'a> {
     fn note_errors(&mut self, row: &Row) {
         let (place, count) = (self.end, self.config.guarded_joints());
         let own = row.errors.iter().zip(&row.allowed).take(count);
-        let extra = row.extra.errors.iter().zip(&row.extra.allowed).take(self.config.extra.len());
+        let extra =
+            row.extra.errors.iter().zip(&row.extra.allowed).take(self.config.first().extra.len());
         for (joint, (error, allowed)) in own.chain(extra).enumerate() {
             self.following.note(joint, error.abs(), *allowed, &place);
         }
@@ -289,7 +291,8 @@ impl<'a> Loads<'a> {
         let own = speeds.iter().zip(&accelerations).zip(&row.joints);
         let own = own.take(self.config.guarded_joints());
         let values = own.chain(extra[0].iter().zip(&extra[1]).zip(&row.extra.positions));
-        for (joint, (limits, (values, at))) in self.config.all_joints().zip(values).enumerate() {
+        for (joint, ((one, i), (values, at))) in self.config.all_joints().zip(values).enumerate() {
+            let limits = one.joint(i);
             let rounding = Rounding::of(*at, self.scales[joint], self.config.period);
             let speed = at_most(values.0.abs(), limits.speed(), rounding.speed);
             let acceleration =
@@ -323,9 +326,9 @@ mod tests {
     /// Some hundred differences of numbers near 1000 over a thousandth of a second, twice.
     const ROUNDING: f64 = 1e-5;
 
-    fn config() -> Mechanism {
+    fn config() -> MachineConfig {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
-        Mechanism::read(&file).unwrap()
+        MachineConfig::read(&file).unwrap()
     }
 
     /// The first joint at these places, one a cycle, all others at rest.
@@ -348,7 +351,7 @@ mod tests {
         places.iter().enumerate().map(row).collect()
     }
 
-    fn judged(config: &Mechanism, rows: &[Row]) -> Demands {
+    fn judged(config: &MachineConfig, rows: &[Row]) -> Demands {
         let mut loads = Loads::new(config);
         rows.iter().for_each(|row| loads.see(row));
         loads.finish()
@@ -392,7 +395,10 @@ mod tests {
         assert_near(speed.place.seconds, 0.038);
         let stop = &found.acceleration.peaks[0];
         assert_near(stop.value, 10_000.0);
-        assert_eq!((stop.place.line, stop.limit), (2, config.joints[0].max_acceleration));
+        assert_eq!(
+            (stop.place.line, stop.limit),
+            (2, config.mechanisms[0].joints[0].max_acceleration)
+        );
         assert_eq!(found.speed.peaks[1].value, 0.0);
         assert_eq!(found.last.line, 3);
     }
@@ -400,7 +406,7 @@ mod tests {
     #[test]
     fn a_limit_that_is_left_is_told_with_its_first_place_and_the_lines_that_leave_it() {
         let mut config = config();
-        config.joints[0].max_velocity = 8.5;
+        config.mechanisms[0].joints[0].max_velocity = 8.5;
         let found = judged(&config, &rows(&twice(&ramp(0.001), &ramp(0.001))));
         let beyond = found.speed.beyond[0].unwrap();
         assert_eq!(beyond.lines, 2);
@@ -412,13 +418,13 @@ mod tests {
     #[test]
     fn a_correction_may_come_on_top_of_the_speed() {
         let mut config = config();
-        config.joints[0].correction = [1.0, 2.0];
-        config.joints[0].max_velocity = 11.5;
+        config.mechanisms[0].joints[0].correction = [1.0, 2.0];
+        config.mechanisms[0].joints[0].max_velocity = 11.5;
         let found = judged(&config, &rows(&ramp(0.001))).speed;
         assert_eq!(found.peaks[0].limit, 9.5);
         // The tenth step is the first above 9.5 a second.
         assert_near(found.beyond[0].unwrap().place.seconds, 0.038);
-        config.joints[0].max_velocity = 12.5;
+        config.mechanisms[0].joints[0].max_velocity = 12.5;
         assert_eq!(judged(&config, &rows(&ramp(0.001))).speed.beyond[0], None);
     }
 
@@ -427,14 +433,14 @@ mod tests {
         let mut config = config();
         // A stop from 10 a second within a cycle, by differences of numbers near 500.
         let exact = 10_000.0;
-        let of = |config: &Mechanism| judged(config, &rows(&ramp(0.001))).acceleration;
+        let of = |config: &MachineConfig| judged(config, &rows(&ramp(0.001))).acceleration;
         let seen = of(&config).peaks[0].value;
         assert!(seen != exact && (seen - exact).abs() < 1e-6, "{}", seen - exact);
-        config.joints[0].max_acceleration = seen - 1e-8;
+        config.mechanisms[0].joints[0].max_acceleration = seen - 1e-8;
         let found = of(&config);
         assert_eq!((found.beyond[0], found.peaks[0].value), (None, seen - 1e-8));
         // One rounding of 500 over the square of a millisecond is 1e-7: 8 of them 4 times are 4e-6.
-        config.joints[0].max_acceleration = seen - 1e-5;
+        config.mechanisms[0].joints[0].max_acceleration = seen - 1e-5;
         assert!(of(&config).beyond[0].is_some());
     }
 
@@ -498,7 +504,7 @@ mod tests {
     #[test]
     fn every_line_tells_once_by_how_much_its_feed_may_be_multiplied() {
         let mut config = config();
-        config.joints[0].max_velocity = 20.0;
+        config.mechanisms[0].joints[0].max_velocity = 20.0;
         let found = judged(&config, &rows(&ramp(0.001)));
         let [only] = found.lines.as_slice() else { panic!("{:?}", found.lines) };
         assert_eq!(only.line, 2);

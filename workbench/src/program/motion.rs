@@ -9,7 +9,8 @@ use crate::control::process::{Event, Options, run_with_moves};
 use crate::control::refusal::NotJudged;
 pub use crate::control::row::Spindle;
 use crate::control::row::{Arc, Commanded, CommandedKind, Ending, Outcome};
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -79,10 +80,10 @@ pub struct Beside {
 }
 
 impl Move {
-    /// The move as the second mechanism sees it.
-    pub fn of_second(&self) -> Option<Self> {
-        let Beside { end, tool } = self.second?;
-        Some(Self { end, tool, second: None, ..*self })
+    /// Returns the move as each mechanism sees it.
+    pub fn of_each(&self) -> impl Iterator<Item = Self> {
+        let own = |Beside { end, tool }| Self { end, tool, second: None, ..*self };
+        [Self { second: None, ..*self }].into_iter().chain(self.second.map(own))
     }
 
     /// Whether the machine is at home at its end, with all its axes, as far as LinuxCNC's rounding shows.
@@ -91,11 +92,8 @@ impl Move {
         let at = |values: &[f64], home: &[f64]| {
             values.iter().zip(home).all(|(value, home)| (value - home).abs() <= slack)
         };
-        let second = config.second.as_deref().zip(self.second);
         let homes: Vec<f64> = config.extra.iter().map(|axis| axis.joint.home).collect();
-        at(&self.end, &config.start)
-            && at(&self.extra_end, &homes)
-            && second.is_none_or(|(config, own)| at(&own.end, &config.start))
+        at(&self.end, &config.start) && at(&self.extra_end, &homes)
     }
 }
 
@@ -122,7 +120,7 @@ pub enum ProgramError {
 /// # Errors
 /// As [`read`].
 pub fn moves(
-    config: &Mechanism,
+    config: &MachineConfig,
     program: &Path,
     block: Option<&str>,
 ) -> Result<Vec<Move>, ProgramError> {
@@ -139,7 +137,7 @@ pub fn moves(
 /// LinuxCNC cannot run the program, or stops it before its end for another reason than a pose that the machine
 /// cannot take; that pose is the end of the last move.
 pub fn read(
-    config: &Mechanism,
+    config: &MachineConfig,
     program: &Path,
     block: Option<&str>,
 ) -> Result<(Vec<Move>, Vec<PathBuf>), ProgramError> {
@@ -164,15 +162,13 @@ pub fn read(
 }
 
 /// Whether the machine can take the pose at the end of a move.
-fn is_reached(config: &Mechanism, step: &Move) -> bool {
-    let reaches = |config: &Mechanism, step: &Move| {
+fn is_reached(config: &MachineConfig, step: &Move) -> bool {
+    config.mechanisms.iter().zip(step.of_each()).all(|(config, step)| {
         let tool = config.spindle + Vector3::from(step.tool);
         let pose = config.carried(&step.end, &step.extra_end, &tool);
         let tool = config.chain.machine_tool(&tool);
         pose.is_ok_and(|pose| config.machine.at(&Pose::from_degrees(pose), &tool).is_ok())
-    };
-    let second = config.second.as_deref().zip(step.of_second());
-    reaches(config, step) && second.is_none_or(|(second, own)| reaches(second, &own))
+    })
 }
 
 fn stopped(program: &Path, outcome: &Outcome) -> ProgramError {
@@ -187,10 +183,10 @@ fn stopped(program: &Path, outcome: &Outcome) -> ProgramError {
 
 /// Turns LinuxCNC's commands into straight moves of a machine.
 pub struct Translator<'a> {
-    config: &'a Mechanism,
-    /// Axes of the program that move the tool or the work.
-    axes: [bool; 6],
-    /// Letters that move neither.
+    config: &'a MachineConfig,
+    /// Of each mechanism, the coordinates that a letter of the program sets.
+    set: Vec<[bool; 6]>,
+    /// Letters that move neither tool nor work of the first one.
     others: [bool; 9],
     /// Where the last command ended, in LinuxCNC's letters.
     at: World,
@@ -199,20 +195,18 @@ pub struct Translator<'a> {
 
 impl<'a> Translator<'a> {
     /// Starts before the first command.
-    pub fn new(config: &'a Mechanism) -> Self {
-        let letters = axes(config);
-        let moves = |k: usize| {
-            let letter = POSE_LETTERS[config.place.places[k]];
-            // A coordinate that a second mechanism holds has no letter.
-            let has_letter =
-                !config.place.is_second || !config.machine.layout().is_held(Letter::ALL[k]);
-            has_letter && letters.contains(letter) && !others(config).contains(letter)
+    pub fn new(config: &'a MachineConfig) -> Self {
+        let (letters, others) = (axes(config), others(config.first()));
+        let is_set = |mechanism: &Mechanism, letter| match config.second_letters {
+            // What one of two mechanisms holds may be a letter of the other.
+            Some(_) => !mechanism.machine.layout().is_held(letter),
+            None => letters.contains(letter.name()) && !others.contains(letter.name()),
         };
-        let letters = others(config);
+        let set = config.mechanisms.iter().map(|one| Letter::ALL.map(|letter| is_set(one, letter)));
         Self {
             config,
-            axes: std::array::from_fn(moves),
-            others: POSE_LETTERS.map(|letter| letters.contains(letter)),
+            set: set.collect(),
+            others: POSE_LETTERS.map(|letter| others.contains(letter)),
             at: [0.0; 9],
             line: 0,
         }
@@ -255,13 +249,19 @@ impl<'a> Translator<'a> {
     }
 
     fn straight(&self, commanded: &Commanded, end: &World) -> Move {
-        let config = self.config;
-        let own =
-            |k: usize| if self.axes[k] { end[config.place.places[k]] } else { config.start[k] };
         let [x, y, z, .., u, v, w] = commanded.tool;
+        let own = |(Mechanism { place, start, .. }, set): (&Mechanism, &[bool; 6])| Beside {
+            end: std::array::from_fn(|k| if set[k] { end[place.places[k]] } else { start[k] }),
+            tool: if place.is_second { [u, v, w] } else { [x, y, z] },
+        };
+        let mut each = self.config.mechanisms.iter().zip(&self.set).map(own);
+        let first = each.next().expect("a machine has a mechanism");
         let feed = if commanded.follows_spindle { f64::INFINITY } else { commanded.feed };
         let mut extra_end = [0.0; MAX_EXTRA];
-        extra_end.iter_mut().zip(config.extra_axes.places()).for_each(|(to, k)| *to = end[k]);
+        extra_end
+            .iter_mut()
+            .zip(self.config.first().extra_axes.places())
+            .for_each(|(to, k)| *to = end[k]);
         Move {
             kind: match commanded.kind {
                 CommandedKind::Rapid => MoveKind::Rapid,
@@ -269,19 +269,13 @@ impl<'a> Translator<'a> {
                 CommandedKind::Probe => MoveKind::Probe,
             },
             line: self.line,
-            end: std::array::from_fn(own),
+            end: first.end,
             feed,
             angular_feed: feed,
-            tool: if config.place.is_second { [u, v, w] } else { [x, y, z] },
+            tool: first.tool,
             file: commanded.file,
             extra: false,
-            second: config.second.as_deref().map(|second| {
-                let is_held = |k: usize| second.machine.layout().is_held(Letter::ALL[k]);
-                let own = |k: usize| {
-                    if is_held(k) { second.start[k] } else { end[second.place.places[k]] }
-                };
-                Beside { end: std::array::from_fn(own), tool: [u, v, w] }
-            }),
+            second: each.next(),
             lasts: None,
             extra_end,
             spindle: commanded.spindle,
@@ -391,11 +385,11 @@ fn others(config: &Mechanism) -> String {
     };
     let all = (0..POSE_LETTERS.len()).filter(|k| !is_own(k)).map(|k| POSE_LETTERS[k]);
     let extra: String = config.extra_axes.letters().collect();
-    all.filter(|letter| config.place.is_of_pair || extra.contains(*letter)).collect()
+    all.filter(|letter| config.second_letters.is_some() || extra.contains(*letter)).collect()
 }
 
 /// Letters of the machine's axes.
-fn axes(config: &Mechanism) -> String {
+fn axes(config: &MachineConfig) -> String {
     let given = config.ini.first("TRAJ", "COORDINATES").map_or("", |entry| entry.value.as_str());
     let given = given.to_ascii_uppercase();
     POSE_LETTERS.into_iter().filter(|letter| given.contains(*letter)).collect()

@@ -10,7 +10,7 @@ use crate::limits;
 use crate::program::motion::Move;
 use crate::proof::reach::Reach;
 use crate::read::joints::Axis;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Letter, Limits, Vector3};
 use serde::Serialize;
 

@@ -20,7 +20,8 @@ use crate::program::findings::{
 };
 use crate::program::loads::{Beyond, Demands, Load, Loads};
 use crate::program::motion::{Move, ROUNDING, Translator};
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Limit, Part};
 use std::cmp::Ordering;
 use std::io;
@@ -32,8 +33,8 @@ use std::sync::mpsc;
 ///
 /// # Errors
 /// A tool vector that the machine cannot take.
-pub fn preflight(config: &Mechanism, moves: &[Move]) -> Result<Preflight, Fault> {
-    let mut flight = Flights::new(config)?;
+pub fn preflight(mechanisms: &[Mechanism], moves: &[Move]) -> Result<Preflight, Fault> {
+    let mut flight = Flights::new(mechanisms)?;
     moves.iter().for_each(|step| flight.see(step));
     flight.finish()
 }
@@ -93,7 +94,7 @@ pub enum JudgeError {
 /// # Errors
 /// LinuxCNC does not come to a first move; a file cannot be read; a tool that the machine cannot take.
 pub fn judge(
-    config: &Mechanism,
+    config: &MachineConfig,
     program: &Path,
     options: &Options,
     see: &mut (dyn FnMut(&Row) + Send),
@@ -113,7 +114,7 @@ pub fn judge(
 }
 
 fn judge_once(
-    config: &Mechanism,
+    config: &MachineConfig,
     program: &Path,
     options: &Options,
     see: &mut (dyn FnMut(&Row) + Send),
@@ -143,18 +144,18 @@ const BATCHES: usize = 64;
 
 /// Runs a program; beside it its moves are followed.
 fn followed(
-    config: &Mechanism,
+    config: &MachineConfig,
     program: &Path,
     options: &Options,
     see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<(Judged, Time), JudgeError> {
     // One of two mechanisms is judged by what both do.
-    let is_half = config.place.is_of_pair && config.second.is_none();
-    let read = is_half.then(|| Mechanism::read(&config.file).ok()).flatten();
+    let is_half = config.is_half();
+    let read = is_half.then(|| MachineConfig::from_ini(&config.ini).ok()).flatten();
     let whole = read.as_ref().unwrap_or(config);
     let (sender, receiver) = mpsc::sync_channel::<Vec<Move>>(BATCHES);
-    let mut half = is_half.then(|| Half::new(config, whole));
-    let mut flights = Flights::new(config)?;
+    let mut half = is_half.then(|| Half::new(config.first(), whole));
+    let mut flights = Flights::new(&config.mechanisms)?;
     let run = move || -> Result<_, Fault> {
         let mut translator = Translator::new(whole);
         let (mut cycles, mut loads) = (Cycles::new(config)?, Loads::new(config));
@@ -203,7 +204,7 @@ fn followed(
     let (outcome, files, used, [beyond, off_path], demands) = ran?;
     let mut found = found?;
     // Ends of moves are told as programmed.
-    let rounding = ROUNDING * config.machine.size();
+    let rounding = ROUNDING * config.first().machine.size();
     for (range, [low, high]) in found.ranges.iter_mut().zip(used) {
         range.widen([low + rounding, high - rounding]);
     }
@@ -276,7 +277,7 @@ impl Preflight {
 
     /// The same with what LinuxCNC makes of the program: limits that it leaves in time are breaks as
     /// the others are, and so is what LinuxCNC stops at.
-    pub fn with_time(mut self, config: &Mechanism, time: Time) -> Self {
+    pub fn with_time(mut self, config: &MachineConfig, time: Time) -> Self {
         self.time = time;
         let Time::Judged(timing) = &self.time else { return self };
         for (limit, peaks) in
@@ -285,7 +286,8 @@ impl Preflight {
             self.margins.extend(least(config, limit, peaks));
         }
         self.breaks.extend(timing.breaks.iter().cloned());
-        let first = config.guarded_joints();
+        let config = config.first();
+        let first = config.joints.len();
         self.ranges.extend(config.extra.iter().zip(&timing.extra).enumerate().map(
             |(n, (axis, used))| {
                 let joint = &axis.joint;
@@ -298,23 +300,23 @@ impl Preflight {
 }
 
 /// The least margin of the joints.
-fn least(config: &Mechanism, limit: Limit, peaks: &[Peak]) -> Option<LeastMargin> {
-    let margin = |(joint, peak): (usize, &Peak)| LeastMargin {
+fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMargin> {
+    let margin = |((one, joint), peak): ((&Mechanism, usize), &Peak)| LeastMargin {
         limit: limit.into(),
         value: peak.limit - peak.value,
-        unit: limits::unit(config, limit, Part::Joint(joint)),
-        part: limits::part(config, limit, Part::Joint(joint)),
+        unit: limits::unit(one, limit, Part::Joint(joint)),
+        part: limits::part(one, limit, Part::Joint(joint)),
         of: Part::Joint(joint),
         line: peak.place.line,
         file: peak.place.file,
     };
-    let margins = peaks.iter().enumerate().map(margin);
+    let margins = config.all_joints().zip(peaks).map(margin);
     margins.min_by(|a, b| a.value.total_cmp(&b.value)).filter(|margin| margin.value.is_finite())
 }
 
 impl Timing {
     /// Judges a run.
-    pub fn of(config: &Mechanism, demands: Demands, outcome: Outcome) -> Self {
+    pub fn of(config: &MachineConfig, demands: Demands, outcome: Outcome) -> Self {
         let Demands { speed, acceleration, following, lines, extra, last, .. } = demands;
         let mut breaks = [
             breaks_of(config, Rule::Limit(Limit::JointSpeed), &speed),
@@ -340,9 +342,9 @@ impl Timing {
     }
 }
 
-fn breaks_of(config: &Mechanism, limit: Rule, load: &Load) -> Vec<Break> {
-    let found = load.peaks.iter().zip(&load.beyond).enumerate();
-    let told = found.filter_map(|(joint, (peak, beyond))| {
+fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
+    let found = config.all_joints().zip(load.peaks.iter().zip(&load.beyond));
+    let told = found.filter_map(|((config, joint), (peak, beyond))| {
         let Beyond { place, lines } = (*beyond)?;
         let (part, text) = sentence(config, limit, joint, peak);
         Some(Break::in_time(limit, part, &place, lines, text))
@@ -392,13 +394,13 @@ mod tests {
     use crate::control::row::{Beside, Extra, Flags, Message, MessageKind};
     use kinematics::MAX_JOINTS;
 
-    fn config() -> Mechanism {
+    fn config() -> MachineConfig {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
-        Mechanism::read(&file).unwrap()
+        MachineConfig::read(&file).unwrap()
     }
 
     /// Half a second in line 4 in which strut 2 runs at this speed.
-    fn run(config: &Mechanism, speed: f64, outcome: Outcome) -> Preflight {
+    fn run(config: &MachineConfig, speed: f64, outcome: Outcome) -> Preflight {
         let mut loads = Loads::new(config);
         for cycle in 0..500 {
             let strut = 900.0 + speed * cycle as f64 * config.period;
@@ -408,7 +410,7 @@ mod tests {
                 file: 0,
                 number: 0,
                 flags: Flags { on: true, ..Flags::default() },
-                pose: config.home,
+                pose: config.first().home,
                 joints: std::array::from_fn(|i| if i == 2 { strut } else { 900.0 }),
                 errors: [0.0; MAX_JOINTS],
                 allowed: [1.0; MAX_JOINTS],
@@ -419,7 +421,7 @@ mod tests {
             });
         }
         let timing = Timing::of(config, loads.finish(), outcome);
-        preflight(config, &[]).unwrap().with_time(config, Time::Judged(timing))
+        preflight(&config.mechanisms, &[]).unwrap().with_time(config, Time::Judged(timing))
     }
 
     fn finished() -> Outcome {
@@ -429,7 +431,7 @@ mod tests {
     #[test]
     fn a_joint_that_is_too_fast_breaks_the_program_and_one_that_is_not_tells_its_margin() {
         let config = config();
-        let most = config.joints[2].max_velocity;
+        let most = config.first().joints[2].max_velocity;
         let slow = run(&config, most / 2.0, finished());
         assert!(slow.fits(), "{:?}", slow.breaks);
         let margin = slow.margins.iter().find(|margin| margin.limit == Limit::JointSpeed).unwrap();
@@ -470,7 +472,7 @@ mod tests {
     #[test]
     fn time_that_is_not_judged_breaks_nothing() {
         let config = config();
-        let found = preflight(&config, &[]).unwrap();
+        let found = preflight(&config.mechanisms, &[]).unwrap();
         let told = found.with_time(&config, Time::NotJudged("no LinuxCNC".into()));
         assert!(told.fits() && told.time == Time::NotJudged("no LinuxCNC".into()));
     }

@@ -4,7 +4,7 @@
 
 use crate::limits;
 use crate::read::joints::Axis;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{
     Joints, Letter, Limits, Link, MAX_EXTRA, MAX_JOINTS, POSE_LETTERS, Pose, Vector3, World,
 };

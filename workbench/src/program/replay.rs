@@ -8,7 +8,7 @@
 use crate::limits;
 use crate::program::motion::{Move, MoveKind};
 use crate::read::joints::Group;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{
     Certificate, Cones, Fault, Joints, Limits, MAX_EXTRA, Margin, PerLeg, Pose, Solution, Vector3,
     World,
@@ -195,8 +195,8 @@ fn seconds(config: &Mechanism, delta: &World, step: &Move) -> f64 {
     let extra = config.extra_axes.places().zip(config.extra.iter().map(|extra| &extra.axis));
     let slowest_axis =
         own.chain(extra).map(|(k, axis)| delta[k].abs() / axis.max_velocity).fold(0.0, f64::max);
-    let limited = slowest_axis.max(linear / config.max_linear_velocity).max(if linear == 0.0 {
-        angular / config.max_angular_velocity
+    let limited = slowest_axis.max(linear / config.max_velocity[0]).max(if linear == 0.0 {
+        angular / config.max_velocity[1]
     } else {
         0.0
     });
@@ -550,11 +550,14 @@ impl Replay {
 mod tests {
     use super::*;
     use crate::program::motion::Spindle;
+    use crate::read::machine::MachineConfig;
     use std::path::Path;
+    use std::sync::Arc;
 
     fn config_of(machine: &str) -> Mechanism {
         let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-        Mechanism::read(&configs.join(machine).join(format!("{machine}.ini"))).unwrap()
+        let file = configs.join(machine).join(format!("{machine}.ini"));
+        MachineConfig::read(&file).unwrap().mechanism(1).unwrap()
     }
 
     fn config() -> Mechanism {
@@ -598,7 +601,7 @@ mod tests {
     #[test]
     fn short_moves_run_at_their_feed() {
         let mut config = config();
-        config.max_linear_velocity = 100.0;
+        Arc::make_mut(&mut config.facts).max_velocity[0] = 100.0;
         let chord = |n: u32| rapid(n, [0.05 * f64::from(n), 0.0, 250.0, 0.0, 0.0, 0.0], 0.0);
         let moves: Vec<Move> = (1..=1000).map(chord).collect();
         let mut poses: Vec<(f64, f64)> = vec![];
@@ -616,7 +619,8 @@ mod tests {
     #[test]
     fn limits_left_are_named_with_their_line() {
         let mut config = config();
-        (config.joints[3].max, config.axes[0].max, config.base_cone[0]) = (940.0, 10.0, Some(0.5));
+        (config.joints[3].max, config.axes[0].max) = (940.0, 10.0);
+        config.angles[0].cones[0] = Some(0.5);
         let moves = [rapid(7, [20.0, 0.0, 200.0, 0.0, 0.0, 0.0], 0.0)];
         let found = replay(&config, &moves, 1e-3).unwrap().violations(&config);
         let starts = ["line 7: strut 3 reaches", "line 7: axis X reaches 20.000 mm, above 10"];

@@ -14,7 +14,7 @@ use crate::control::row::{Ending, Message};
 use crate::files::{AtFile, Folder, write_whole};
 use crate::read::ini::{Entry, Ini, IniError};
 use crate::read::joints::Axis;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
 use crate::read::places::HALLIB;
 use crate::read::tools;
 use kinematics::POSE_LETTERS;
@@ -66,7 +66,7 @@ enum Tried {
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn start(config: &Mechanism) -> Result<Start, AtFile<io::Error>> {
+pub fn start(config: &MachineConfig) -> Result<Start, AtFile<io::Error>> {
     if !Path::new(HALLIB).is_dir() {
         return Ok(Start::not_tried("LinuxCNC is not installed here"));
     }
@@ -111,7 +111,11 @@ pub fn start(config: &Mechanism) -> Result<Start, AtFile<io::Error>> {
     })
 }
 
-fn own_files(config: &Mechanism, plan: &Plan, entries: &[(Option<&Entry>, String)]) -> OwnFiles {
+fn own_files(
+    config: &MachineConfig,
+    plan: &Plan,
+    entries: &[(Option<&Entry>, String)],
+) -> OwnFiles {
     let folder = config.file.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
     let folder = folder.canonicalize().unwrap_or_else(|_| folder.into());
@@ -125,11 +129,11 @@ fn own_files(config: &Mechanism, plan: &Plan, entries: &[(Option<&Entry>, String
 
 /// Why LinuxCNC refuses the machine, at the line that is responsible; `None` where the reason is not the machine.
 fn refused(
-    config: &Mechanism,
+    config: &MachineConfig,
     entries: &[(Option<&Entry>, String)],
     error: &NotJudged,
 ) -> Option<IniError> {
-    let ini = &*config.ini;
+    let ini = &config.ini;
     let is_of_virtual_time = |text: &str| {
         ["no substitute in virtual time", "undefined symbol", "time limit"]
             .iter()
@@ -255,7 +259,7 @@ struct Program {
 }
 
 impl Program {
-    fn new(config: &Mechanism, changes_tools: bool) -> Self {
+    fn new(config: &MachineConfig, changes_tools: bool) -> Self {
         let mut program = Self { text: String::new(), lines: vec![] };
         let unit = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
         program.line(None, &format!("{unit} G17 G40 G49 G80 G90 G94"));
@@ -267,7 +271,7 @@ impl Program {
             program.line(tried, &format!("G53 G1 {letter}{home:.9} F{feed:.6}"));
         }
         // What is wrong with a table is reported where it is read.
-        let tools = tools::read(config).unwrap_or_default();
+        let tools = tools::read(config.first()).unwrap_or_default();
         if let Some(tool) = tools.iter().find(|tool| changes_tools && tool.number > 0) {
             program.line(Some(Tried::Tool(tool.number)), &format!("T{} M6", tool.number));
         }
@@ -300,8 +304,8 @@ impl Program {
     }
 
     /// Why LinuxCNC stopped the program.
-    fn refusal(&self, config: &Mechanism, messages: &[Message]) -> IniError {
-        let ini = &*config.ini;
+    fn refusal(&self, config: &MachineConfig, messages: &[Message]) -> IniError {
+        let ini = &config.ini;
         let errors: Vec<&Message> = messages.iter().filter(|message| message.is_error()).collect();
         let texts: Vec<&str> = errors.iter().map(|message| message.text.as_str()).collect();
         let all = texts.join("; ");
@@ -344,9 +348,9 @@ impl Program {
 }
 
 /// How far a coordinate can go from home within all limits, a little way in the direction that has room.
-fn way(config: &Mechanism, place: usize, axis: &Axis) -> Option<f64> {
+fn way(config: &MachineConfig, place: usize, axis: &Axis) -> Option<f64> {
     let turns = "ABC".contains(POSE_LETTERS[place]);
-    let most = if turns { MOST_ANGLE } else { SHARE * config.machine.size() };
+    let most = if turns { MOST_ANGLE } else { SHARE * config.first().machine.size() };
     let mut way = most.min(SHARE * (axis.max - axis.min));
     for _ in 0..HALVES {
         for signed in [way, -way] {

@@ -8,7 +8,8 @@ use crate::program::both::Flights;
 use crate::program::findings::Break;
 use crate::program::motion::{Beside, Move, MoveKind, Spindle};
 use crate::read::joints::Axis;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
 use serde::Serialize;
 
@@ -64,19 +65,20 @@ struct Way {
 
 impl Stand {
     /// At `[TRAJ]HOME`, without a tool.
-    pub fn home(config: &Mechanism) -> Self {
+    pub fn home(config: &MachineConfig) -> Self {
         let mut world = [0.0; 9];
-        for mechanism in config.mechanisms() {
+        for mechanism in &config.mechanisms {
             for letter in moved(mechanism) {
                 let k = letter.index();
                 world[mechanism.place.places[k]] = mechanism.start[k];
             }
         }
-        for (place, axis) in config.extra_axes.places().zip(&config.extra) {
+        let first = config.first();
+        for (place, axis) in first.extra_axes.places().zip(&first.extra) {
             world[place] = axis.joint.home;
         }
-        let second = config.second.as_deref().map_or(config.spindle, |second| second.spindle);
-        Self { world, tools: [config.spindle, second] }
+        let last = config.mechanisms.last().unwrap_or(first);
+        Self { world, tools: [first.spindle, last.spindle] }
     }
 
     /// The pose that this mechanism has in its own letters.
@@ -90,24 +92,26 @@ impl Stand {
     }
 
     /// A move to here.
-    fn reached(&self, config: &Mechanism) -> Move {
-        let offset = |config: &Mechanism, i: usize| (self.tools[i] - config.spindle).into();
-        let beside =
-            |second: &Mechanism| Beside { end: self.pose_of(second), tool: offset(second, 1) };
+    fn reached(&self, config: &MachineConfig) -> Move {
+        let mut each = config.mechanisms.iter().zip(self.tools).map(|(mechanism, tool)| Beside {
+            end: self.pose_of(mechanism),
+            tool: (tool - mechanism.spindle).into(),
+        });
+        let Beside { end, tool } = each.next().expect("a machine has a mechanism");
         let mut extra_end = [0.0; MAX_EXTRA];
-        let places = config.extra_axes.places();
+        let places = config.first().extra_axes.places();
         extra_end.iter_mut().zip(places).for_each(|(to, place)| *to = self.world[place]);
         Move {
             kind: MoveKind::Rapid,
             line: 0,
-            end: self.pose_of(config),
+            end,
             feed: f64::INFINITY,
             angular_feed: f64::INFINITY,
-            tool: offset(config, 0),
+            tool,
             file: 0,
             extra: false,
             lasts: None,
-            second: config.second.as_deref().map(beside),
+            second: each.next(),
             extra_end,
             spindle: Spindle::Unknown,
         }
@@ -118,7 +122,7 @@ impl Stand {
 ///
 /// # Errors
 /// The machine cannot stand there.
-pub fn travel(config: &Mechanism, stand: &Stand) -> Result<Vec<Travel>, Fault> {
+pub fn travel(config: &MachineConfig, stand: &Stand) -> Result<Vec<Travel>, Fault> {
     stands(config, stand)?;
     let both = |way: &Way| {
         let [minus, plus] = [0, 1].map(|end| side(config, stand, way, end));
@@ -129,10 +133,9 @@ pub fn travel(config: &Mechanism, stand: &Stand) -> Result<Vec<Travel>, Fault> {
 }
 
 /// Refuses a pose without joint values.
-fn stands(config: &Mechanism, stand: &Stand) -> Result<(), Fault> {
+fn stands(config: &MachineConfig, stand: &Stand) -> Result<(), Fault> {
     let step = stand.reached(config);
-    for (i, mechanism) in config.mechanisms().enumerate() {
-        let tool = stand.tools[i];
+    for (mechanism, tool) in config.mechanisms.iter().zip(stand.tools) {
         let pose = mechanism.carried(&stand.pose_of(mechanism), &step.extra_end, &tool)?;
         let pose = Pose::from_degrees(pose);
         let counted = |fault| mechanism.place.counted(fault);
@@ -148,13 +151,13 @@ fn moved(mechanism: &Mechanism) -> impl Iterator<Item = Letter> {
 }
 
 /// Letters that have a way, in LinuxCNC's order.
-pub fn letters(config: &Mechanism) -> String {
+pub fn letters(config: &MachineConfig) -> String {
     ways(config).iter().map(|way| POSE_LETTERS[way.place]).collect()
 }
 
-fn ways(config: &Mechanism) -> Vec<Way> {
+fn ways(config: &MachineConfig) -> Vec<Way> {
     let mut ways: Vec<Way> = vec![];
-    for mechanism in config.mechanisms() {
+    for mechanism in &config.mechanisms {
         for letter in moved(mechanism) {
             let Axis { min, max, .. } = mechanism.programmed[letter.index()];
             let name = of_axis(mechanism.place.letter(letter));
@@ -167,7 +170,8 @@ fn ways(config: &Mechanism) -> Vec<Way> {
             });
         }
     }
-    for (place, extra) in config.extra_axes.places().zip(&config.extra) {
+    let first = config.first();
+    for (place, extra) in first.extra_axes.places().zip(&first.extra) {
         let of_joint = format!("{}: {}", extra.joint.name, Limit::JointRange.name());
         let name =
             |joint_ends: bool| if joint_ends { of_joint.clone() } else { of_axis(extra.letter) };
@@ -188,16 +192,16 @@ fn of_axis(letter: char) -> String {
     format!("axis {letter}: {}", Limit::Axis.name())
 }
 
-fn unit(config: &Mechanism, is_angle: bool) -> &'static str {
+fn unit(config: &MachineConfig, is_angle: bool) -> &'static str {
     if is_angle { "degrees" } else { config.length_unit() }
 }
 
 /// What is left towards one end of a letter's range.
-fn side(config: &Mechanism, stand: &Stand, way: &Way, end: usize) -> Result<Side, Fault> {
+fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<Side, Fault> {
     let sign = [-1.0, 1.0][end];
     let free = (sign * (way.ends[end] - stand.world[way.place])).max(0.0);
     // A turn repeats everything but the letter's own range; of a length all is followed that has an end.
-    let far = FAR * config.machine.size();
+    let far = FAR * config.first().machine.size();
     let followed = match way.is_angle {
         true => free.min(TURN),
         false => {
@@ -227,12 +231,12 @@ fn side(config: &Mechanism, stand: &Stand, way: &Way, end: usize) -> Result<Side
 /// What a straight move along a letter leaves first; the letter's own range is the way's, which may
 /// begin beyond it.
 fn first_break(
-    config: &Mechanism,
+    config: &MachineConfig,
     way: &Way,
     at: &Stand,
     next: &Stand,
 ) -> Result<Option<Break>, Fault> {
-    let mut flights = Flights::standing(config, &at.reached(config))?;
+    let mut flights = Flights::standing(&config.mechanisms, &at.reached(config))?;
     flights.see(&next.reached(config));
     let own = format!("axis {}", POSE_LETTERS[way.place]);
     let breaks = flights.finish()?.breaks.into_iter();

@@ -10,7 +10,7 @@ use crate::files::{self, AtFile, open};
 use crate::program::findings::{Preflight, Rule, Time};
 use crate::program::offset::{self, Offset};
 use crate::program::preflight::{self, JudgeError, Judged};
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ use std::sync::atomic::Ordering;
 pub struct ProgramVerdict<'a> {
     /// The machine.
     #[serde(skip)]
-    pub config: &'a Mechanism,
+    pub config: &'a MachineConfig,
     /// Its file, as it was named.
     pub machine: String,
     /// File of the program, as it was named.
@@ -82,7 +82,7 @@ pub type Show<'a> = &'a mut (dyn FnMut(Step) + Send);
 /// # Errors
 /// See [`JudgeError`].
 pub fn judge<'a>(
-    config: &'a Mechanism,
+    config: &'a MachineConfig,
     program: &Path,
     options: &Options,
     searches: bool,
@@ -103,7 +103,7 @@ pub fn judge<'a>(
     }
     let text = |file: &PathBuf| Ok(String::from_utf8_lossy(&files::read(file)?).into_owned());
     let texts = files.iter().map(text).collect::<Result<Vec<_>, AtFile<io::Error>>>()?;
-    let mut warnings = cautions(config, &config.ini, &texts);
+    let mut warnings = cautions(config, &texts);
     warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
     warnings.extend(found.off_path.iter().map(|off| Caution {
         line: Some(off.line),
@@ -143,16 +143,16 @@ fn tilted((file, line): (usize, u32)) -> Caution {
 
 /// Returns whether another work offset may help. Another place does not make a program slower, two mechanisms have two
 /// places, and the search knows the machine's own poses alone.
-fn may_shift(config: &Mechanism, found: &Preflight) -> bool {
+fn may_shift(config: &MachineConfig, found: &Preflight) -> bool {
     found.breaks.iter().any(|broken| !broken.limit.is_of_time())
-        && config.second.is_none()
-        && config.chain.is_empty()
+        && config.mechanisms.len() == 1
+        && config.first().chain.is_empty()
 }
 
 /// Searches for a work offset that LinuxCNC and the whole check confirm: a shift where one will do, else one that is
 /// turned as well.
 fn offset(
-    config: &Mechanism,
+    config: &MachineConfig,
     program: &Path,
     options: &Options,
     found: &Preflight,
@@ -163,7 +163,7 @@ fn offset(
             show(Step::Search(kind, share));
             !options.stop.load(Ordering::Relaxed)
         };
-        let Some(offset) = search(config, &found.poses, goes_on)? else { return Ok(None) };
+        let Some(offset) = search(config.first(), &found.poses, goes_on)? else { return Ok(None) };
         let block = offset.block();
         let shifted = Options { block: Some(block.clone()), ..options.clone() };
         // Under another offset LinuxCNC may refuse the program: cutter radii, arcs.
@@ -173,7 +173,7 @@ fn offset(
         Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
     };
     match confirmed("looking for another work offset", offset::shift)? {
-        None if found.poses.may_turn(config) => {
+        None if found.poses.may_turn(config.first()) => {
             confirmed("looking for a turned work offset", offset::turn)
         }
         shifted => Ok(shifted),

@@ -8,7 +8,7 @@ use crate::files::AtFile;
 use crate::program::start::{Start, start};
 use crate::read::diagnostic::Severity;
 use crate::read::error::MachineError;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
 use std::io;
 
 /// What was found of a machine.
@@ -42,15 +42,15 @@ impl Whole {
 /// # Errors
 /// The file describes no machine, or a file of the start cannot be written.
 pub fn checked<E: From<MachineError> + From<AtFile<io::Error>>>(
-    config: &Mechanism,
+    config: &MachineConfig,
     starts: bool,
     mut show: impl FnMut(&'static str, Option<f64>),
 ) -> Result<Whole, E> {
     let mut mechanisms = vec![];
-    for mechanism in config.mechanisms() {
+    for mechanism in &config.mechanisms {
         let looking = "looking for boxes of poses";
         show(looking, None);
-        let mut report = check(mechanism, |share| show(looking, Some(share)))?;
+        let mut report = check(config, mechanism, |share| show(looking, Some(share)))?;
         // Both mechanisms are one machine of LinuxCNC's.
         if !mechanism.place.is_second {
             let started = if !starts {

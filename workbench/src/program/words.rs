@@ -143,14 +143,14 @@ impl ProgramVerdict<'_> {
 
     /// Returns a break in a sentence, with its line and pose.
     pub fn sentence(&self, broken: &Break) -> String {
-        let second = self.config.second.as_deref();
-        let mechanism = second.filter(|_| broken.of_second).unwrap_or(self.config);
+        let mechanisms = &self.config.mechanisms;
+        let mechanism = mechanisms.get(1).filter(|_| broken.of_second).unwrap_or(&mechanisms[0]);
         let words: Vec<String> = Letter::ALL
             .iter()
             .zip(broken.pose)
             // Letters of another mechanism, or of nothing.
             .filter(|(letter, _)| {
-                !mechanism.place.is_of_pair || !mechanism.machine.layout().is_held(**letter)
+                mechanism.second_letters.is_none() || !mechanism.machine.layout().is_held(**letter)
             })
             .map(|(letter, value)| {
                 // What rounds to 0 has no sign.

@@ -9,7 +9,7 @@
 
 use crate::proof::cell::{Cell, Verdict};
 use crate::proof::reach::{Reach, Stop};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Letter, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

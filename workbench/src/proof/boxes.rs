@@ -4,7 +4,7 @@
 use crate::proof::choose;
 use crate::proof::one_to_one::{Doubt, Prover};
 use crate::read::boxes::{BoxSection, Claim};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::MAX_BOXES;
 
 /// Most cells of one proof.

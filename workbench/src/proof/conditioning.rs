@@ -3,7 +3,7 @@
 //! and at the worst of a box of poses.
 
 use crate::proof::axis_box::AxisBox;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Pose};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

@@ -566,7 +566,8 @@ impl Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::machine::Mechanism;
+    use crate::read::machine::MachineConfig;
+    use crate::read::mechanism::Mechanism;
     use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
     use std::path::Path;
@@ -585,7 +586,8 @@ mod tests {
 
     fn config(name: &str) -> Mechanism {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name);
-        Mechanism::read(&folder.join(format!("{name}.ini"))).unwrap()
+        let config = MachineConfig::read(&folder.join(format!("{name}.ini")));
+        config.unwrap().mechanism(1).unwrap()
     }
 
     /// A random part of the axis limits, `share` of them wide.

@@ -3,7 +3,7 @@
 
 use crate::limits::beyond_axes;
 use crate::read::legs::{drive_rate, platform_anchor};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{
     At, Fault, Jacobian, Joints, LegGeometry, Letter, Limits, Margin, Matrix3, Pose, Segment,
     Vector3,

@@ -29,12 +29,17 @@ pub struct BoxSection {
     pub geometry: u32,
 }
 
-/// The sections of a mechanism of a file: as many as `boxes=` or `second_boxes=` says; `load` is that of the
-/// mechanism.
+/// Reads the sections of a mechanism of a file: as many as `boxes=` or `second_boxes=` says; `load` and `hash` are
+/// those of the mechanism.
 ///
 /// # Errors
-/// A section or key is missing, unknown or malformed.
-pub fn read(ini: &Ini, load: &Load, place: &Place) -> Result<Vec<BoxSection>, IniError> {
+/// A section or key is missing, unknown or malformed, or a box is one that the module refuses.
+pub fn read(
+    ini: &Ini,
+    load: &Load,
+    place: &Place,
+    hash: u32,
+) -> Result<Vec<BoxSection>, MachineError> {
     let names: Vec<String> = (0..load.boxes()).map(|k| place.box_section(k)).collect();
     for name in ini.sections().filter(|name| name.starts_with(place.box_prefix())) {
         if !names.iter().any(|own| own == name) {
@@ -43,39 +48,31 @@ pub fn read(ini: &Ini, load: &Load, place: &Place) -> Result<Vec<BoxSection>, In
                 place.boxes_parameter(),
                 load.boxes()
             );
-            return Err(ini.refuse_section(name, &expected));
+            return Err(ini.refuse_section(name, &expected).into());
         }
     }
-    names.iter().map(|name| section(ini, name, load)).collect()
-}
-
-/// What the module refuses when it freezes the geometry.
-///
-/// # Errors
-/// A box holds no numbers to compute with, or belongs to another geometry.
-pub fn check(sections: &[BoxSection], hash: u32) -> Result<(), Fault> {
-    for (k, section) in sections.iter().enumerate() {
-        if !section.claim.region.is_valid() {
-            return Err(Fault::with_value(Cause::BoxInvalid, k as f64));
-        }
-        if section.geometry != hash {
-            return Err(Fault::with_value(Cause::BoxOfOther, k as f64));
-        }
+    let all = names.iter().map(|name| section(ini, name, load)).collect::<Result<Vec<_>, _>>()?;
+    for (k, section) in all.iter().enumerate() {
+        let cause = match section.claim.region.is_valid() {
+            false => Cause::BoxInvalid,
+            true if section.geometry != hash => Cause::BoxOfOther,
+            true => continue,
+        };
+        return Err(refused(ini, &names[k], Fault::with_value(cause, k as f64), hash));
     }
-    Ok(())
+    Ok(all)
 }
 
 /// Returns the refusal of a box, at its line; `hash` is that of the machine.
-pub(super) fn refused(ini: &Ini, place: &Place, fault: Fault, hash: u32) -> MachineError {
-    let name = place.box_section(fault.value as usize);
+fn refused(ini: &Ini, name: &str, fault: Fault, hash: u32) -> MachineError {
     let expected = format!(
         "proved for another geometry than this one, {hash:#010x}: pkm boxes --write {} proves and writes the boxes \
          again, once the geometry is right; until then LinuxCNC does not start",
         ini.file().display()
     );
-    let error = match ini.first(&name, workspace_box::GEOMETRY.name) {
+    let error = match ini.first(name, workspace_box::GEOMETRY.name) {
         Some(entry) if fault.cause == Cause::BoxOfOther => ini.refuse(entry, &expected),
-        _ => ini.refuse_section(&name, &fault.to_string()),
+        _ => ini.refuse_section(name, &fault.to_string()),
     };
     MachineError::Geometry(ini.file().into(), fault, Some(error))
 }

@@ -2,7 +2,7 @@
 //! Which way tools point, `TOOL_DIRECTION`: a key that changes nothing, and that lengths are checked with.
 
 use crate::read::ini::{Ini, IniError};
-use keys::{Key, machine as of_machine};
+use keys::machine as of_machine;
 
 /// Which way tools point along the platform's Z from its reference point, at A = B = C = 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,9 +78,9 @@ impl ToolDirection {
 pub(super) fn read(
     ini: &Ini,
     section: &str,
-    key: &Key,
     offset: Option<f64>,
 ) -> Result<Option<ToolDirection>, IniError> {
+    let key = &of_machine::TOOL_DIRECTION;
     let given = ini.word(section, key)?.map(|place| match key.range {
         keys::Range::Word(words) if words[place - 1] == ToolDirection::Up.name() => {
             ToolDirection::Up

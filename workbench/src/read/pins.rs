@@ -6,7 +6,8 @@
 
 use crate::read::error::{MachineError, chain_section};
 use crate::read::ini::{Ini, decimal};
-use crate::read::machine::{Mechanism, load, moved_letters};
+use crate::read::machine::{Lenient, MachineConfig, load, moved_letters};
+use crate::read::mechanism::Mechanism;
 use crate::read::place::leg_section;
 use keys::{Key, Range, chain, joint, leg, machine, second, workspace_box};
 use kinematics::{LegKind, Letter, Load, POSE_LETTERS, Second};
@@ -36,10 +37,10 @@ const EXPANDED: &str = "expanded";
 /// Returns the text for a machine's INI file: the version, what has been read, the pins and an end mark.
 ///
 /// # Errors
-/// As [`Mechanism::read`], of a file that LinuxCNC may start in the identity.
+/// As [`MachineConfig::read`], of a file that LinuxCNC may start in the identity.
 pub fn printed(file: &Path, version: &str) -> Result<String, MachineError> {
     let ini = read(file)?;
-    let config = Mechanism::loaded(&ini)?;
+    let config = MachineConfig::leniently(&ini, Some(Lenient::Identity))?;
     let mut text = format!("version {version}\n");
     let patterns = COMPARED.map(|(section, key)| format!("{section} {key}")).join(" ");
     text += &format!("compared {patterns}\n");
@@ -82,7 +83,7 @@ struct Pins<'a> {
 }
 
 impl Pins<'_> {
-    fn all(&mut self, config: &Mechanism, load: &Load) {
+    fn all(&mut self, config: &MachineConfig, load: &Load) {
         self.section("PKM", machine::ALL, "");
         self.section("SECOND", second::ALL, "");
         for n in 0..config.guarded_joints() {
@@ -92,13 +93,13 @@ impl Pins<'_> {
             let number = letter.to_ascii_lowercase().to_string();
             self.section(&chain_section(letter), chain::ALL, &number);
         }
-        for mechanism in config.mechanisms() {
+        for mechanism in &config.mechanisms {
             self.mechanism(mechanism);
         }
         self.leads(config);
         let [x, y, z, a, b, c, u, v, w] = config.world_home;
         self.letters("home", [x, y, z, a, b, c]);
-        if config.second.is_some() {
+        if config.second_letters.is_some() {
             self.letters("second.home", [u, v, w, 0.0, 0.0, 0.0]);
         }
         self.planner(load);
@@ -168,9 +169,8 @@ impl Pins<'_> {
 
     /// Prints the leads of struts. A pin lead.N of 0 stands for screw-lead, a key LEAD = 0 for none: where a leg has a
     /// LEAD, every strut gets its own.
-    fn leads(&mut self, config: &Mechanism) {
-        let legs =
-            || config.mechanisms().flat_map(|mechanism| mechanism.geometry.legs()).enumerate();
+    fn leads(&mut self, config: &MachineConfig) {
+        let legs = || config.mechanisms.iter().flat_map(|one| one.geometry.legs()).enumerate();
         if legs().all(|(n, _)| self.ini.all(&leg_section(n), leg::LEAD.name).is_empty()) {
             if let Some(lead) = self.values("PKM", &machine::SCREW_LEAD) {
                 self.pin(machine::SCREW_LEAD.pin, lead[0]);

@@ -10,14 +10,14 @@ use kinematics::{Fault, Letter, Load, POSE_LETTERS};
 const OWN: [usize; 6] = [6, 7, 8, 3, 4, 5];
 
 /// A mechanism of a file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Number of its first leg.
     pub first_leg: usize,
     /// Number of its first joint.
     pub first_joint: usize,
-    /// Whether the file has two.
-    pub is_of_pair: bool,
+    /// Number of the first joint of the extra axes, behind those of all mechanisms.
+    pub first_extra_joint: usize,
     /// Whether it is the second one.
     pub is_second: bool,
     /// Places of its X Y Z A B C among LinuxCNC's letters. Those of coordinates that a second one
@@ -26,27 +26,23 @@ pub struct Place {
 }
 
 impl Place {
-    /// Of the first mechanism, or of the only one.
-    pub(super) fn first(load: &Load) -> Self {
-        Self {
+    /// Returns the mechanisms of a file, with their load parameters as if each were alone.
+    pub(super) fn all(load: &Load) -> Vec<(Self, Load)> {
+        let first = Self {
             first_leg: 0,
             first_joint: 0,
-            is_of_pair: load.second().is_some(),
+            first_extra_joint: load.first_extra_joint(),
             is_second: false,
             places: [0, 1, 2, 3, 4, 5],
-        }
-    }
-
-    /// Of the second one of these load parameters.
-    pub(super) fn second(load: &Load) -> Option<Self> {
-        let second = load.second()?;
-        Some(Self {
+        };
+        let second = load.second().map(|second| Self {
             first_leg: load.layout.legs(),
             first_joint: load.layout.joints(),
-            is_of_pair: true,
             is_second: true,
             places: std::array::from_fn(|k| second.place(Letter::ALL[k]).unwrap_or(OWN[k])),
-        })
+            ..first
+        });
+        [(first, *load)].into_iter().chain(second.zip(load.of_second())).collect()
     }
 
     /// LinuxCNC's letter of one of its coordinates.

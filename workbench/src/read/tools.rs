@@ -3,7 +3,7 @@
 
 use crate::files::{self, AtFile};
 use crate::read::ini::{Excerpt, IniError, Problem};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Letter, Vector3};
 use std::io;
 use std::path::PathBuf;

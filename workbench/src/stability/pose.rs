@@ -5,7 +5,7 @@ use crate::dynamics::milling::frame;
 use crate::dynamics::mode::Mode;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::Structure;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::stability::lobes::{Limit, Lobes};
 use crate::stability::process::{AlongAxis, Process, Row, milling_rows, turned, turning_rows};
 use crate::stability::spindle::{NoSpindle, Nose};

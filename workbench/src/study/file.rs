@@ -5,7 +5,7 @@
 //! value without its unit is an unknown key.
 
 use crate::files::{AtFile, Locate, read_text};
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
 use crate::study::forcing::{Force, Milling};
 use crate::study::masses::Platform;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The motion law of a study, see [`crate::study::file::Law`], about the home of a machine.
 
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::study::file::Law;
 use kinematics::Letter;
 use std::f64::consts::TAU;

@@ -7,7 +7,7 @@
 //! atan2(u_y, u_x) about Z.
 
 use crate::read::legs::platform_anchor;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Nearest, Pose, Segment, Vector3};
 
 /// What is asked of a machine at every pose.

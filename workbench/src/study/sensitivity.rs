@@ -14,7 +14,7 @@
 use crate::files;
 use crate::proof::axis_box::AxisBox;
 use crate::read::columns::coordinates;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::rows::{self, Rows};
 use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
 use nalgebra::{SMatrix, SVector};

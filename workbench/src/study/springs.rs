@@ -2,7 +2,7 @@
 //! The springs of legs and table axes, as a study names them.
 
 use crate::read::joints::JointKind;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::study::file::{Each, Lacking, Legs, Screw, Study};
 
 /// N/mm per N/um.

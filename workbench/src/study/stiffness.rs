@@ -10,7 +10,7 @@
 //! What guides or joints of the platform hold counts as rigid: there the compliance has no part,
 //! and K is not asked for.
 
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::rows::{self, Rows, joint_rows, length_rows};
 use crate::study::file::Screw;
 use crate::study::springs::Springs;

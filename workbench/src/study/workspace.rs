@@ -9,7 +9,7 @@
 
 use crate::limits;
 use crate::read::joints::JointKind;
-use crate::read::machine::Mechanism;
+use crate::read::mechanism::Mechanism;
 use crate::study::file;
 use kinematics::{
     At, Cause, Fault, Gap, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,
@@ -204,14 +204,14 @@ impl<'a> Workspace<'a> {
         })
     }
 
-    /// Also keeps `[PKM]MECHANISM_CLEARANCE` from the other mechanism of `whole`, a file with two, at each
-    /// pose that it may stand at, without a tool.
+    /// Also keeps `[PKM]MECHANISM_CLEARANCE` from the other mechanism of a file with two, of which `first` is the
+    /// first, at each pose that it may stand at, without a tool.
     ///
     /// # Errors
     /// The other one cannot be at home.
     pub fn beside(
         mut self,
-        whole: &Mechanism,
+        first: &Mechanism,
         other: &'a Mechanism,
         stand: Stand,
     ) -> Result<Self, NoWorkspace> {
@@ -221,7 +221,7 @@ impl<'a> Workspace<'a> {
             poses.extend(corners(other).into_iter().map(Pose::from_degrees));
             poses.retain(|pose| other.machine.inverse(pose, &other.spindle).is_ok());
         }
-        let clearance = limits::least_distance_between(whole);
+        let clearance = limits::least_distance_between(first);
         self.other = Some(Other { config: other, poses, clearance });
         Ok(self)
     }

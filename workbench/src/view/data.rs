@@ -4,7 +4,8 @@
 use crate::files;
 use crate::limits;
 use crate::program::course::{Abscissa, Sample, Thinned};
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 use crate::read::models::Model;
 use crate::scene::Scene;
 use crate::view::track::{Point, Track, VALUES};
@@ -122,11 +123,12 @@ impl<T> Columns<T> {
 }
 
 impl Data {
-    pub fn new(config: &Mechanism, is_live: bool) -> Self {
+    pub fn new(config: &MachineConfig, is_live: bool) -> Self {
         let stem = config.file.file_stem().unwrap_or_default();
-        let shapes: Vec<Result<Shape, String>> = config.models.iter().map(Shape::read).collect();
+        let shapes: Vec<Result<Shape, String>> =
+            config.first().models.iter().map(Shape::read).collect();
         let problems = shapes.iter().filter_map(|shape| shape.as_ref().err().cloned()).collect();
-        let mut mechanisms: Vec<_> = config.mechanisms().map(PageMechanism::new).collect();
+        let mut mechanisms: Vec<_> = config.mechanisms.iter().map(PageMechanism::new).collect();
         mechanisms[0].shapes = shapes.into_iter().filter_map(Result::ok).collect();
         Self {
             version: VERSION,

@@ -6,7 +6,8 @@
 //! are thinned by it: so that a day takes as much memory as a minute. Times of lines are kept up to a number.
 
 use crate::control::row::Row;
-use crate::read::machine::Mechanism;
+use crate::read::machine::MachineConfig;
+use crate::read::mechanism::Mechanism;
 
 /// Most points: a browser draws as many in every frame.
 pub const MOST_POINTS: usize = 20_000;
@@ -47,13 +48,13 @@ pub struct Track {
 
 impl Track {
     /// Of nothing yet.
-    pub fn new(config: &Mechanism) -> Self {
-        let length = OF_SIZE * config.machine.size();
+    pub fn new(config: &MachineConfig) -> Self {
+        let length = OF_SIZE * config.first().machine.size();
         let of = |is_angle| if is_angle { OF_ANGLE } else { length };
         let of_one = (0..VALUES).map(|k| of((3..6).contains(&k)));
-        let of_extra = config.extra.iter().map(|extra| of(extra.is_rotary()));
+        let of_extra = config.first().extra.iter().map(|extra| of(extra.is_rotary()));
         let tolerance: Vec<f64> =
-            config.mechanisms().flat_map(|_| of_one.clone()).chain(of_extra).collect();
+            config.mechanisms.iter().flat_map(|_| of_one.clone()).chain(of_extra).collect();
         Self {
             period: config.period,
             thinner: Thinner::new(&tolerance),
@@ -65,14 +66,11 @@ impl Track {
     }
 
     /// Takes a servo cycle.
-    pub fn see(&mut self, config: &Mechanism, row: &Row) {
+    pub fn see(&mut self, config: &MachineConfig, row: &Row) {
         let at = row.cycle as f64 * self.period;
-        let (pose, _) = row.machine(config);
-        let mut values: Vec<f64> = pose.into_iter().chain(row.tool).collect();
-        if config.second.is_some() {
-            values.extend(row.second.pose.iter().chain(&row.second.tool));
-        }
-        values.extend(config.extra_of(&row.extra.world));
+        let of = |one: &Mechanism| row.machine(one).0.into_iter().chain(row.of(one).tool);
+        let mut values: Vec<f64> = config.mechanisms.iter().flat_map(of).collect();
+        values.extend(config.first().extra_of(&row.extra.world));
         self.take(at, row.line, values);
     }
 

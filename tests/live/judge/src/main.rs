@@ -9,7 +9,7 @@ use std::error::Error;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
 
 const USAGE: &str = "usage: judge INI TRACE.csv RESULT.json OUT_DIR";
 
@@ -32,14 +32,15 @@ fn unjudged(error: &str) -> ExitCode {
 
 /// Whether every figure is as it must be.
 fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, Box<dyn Error>> {
-    let config = Mechanism::read(ini)?;
+    let machine = MachineConfig::read(ini)?;
+    let config = machine.first();
     let result = trace::read_result(result_file)?;
-    let samples = trace::read_trace(&config, trace_file).map_err(|error| match &result.error {
+    let samples = trace::read_trace(config, trace_file).map_err(|error| match &result.error {
         Some(reason) => format!("{error}; the run itself failed: {reason}"),
         None => error,
     })?;
-    let judged = trace::judge(&config, &samples, &result)?;
-    page::write(folder, &config, &samples, &result, &judged)?;
+    let judged = trace::judge(config, &samples, &result)?;
+    page::write(folder, config, &samples, &result, &judged)?;
     // A reader that has gone away does not change the verdict.
     let _ = writeln!(std::io::stdout(), "{judged}report: {}", folder.join("report.html").display());
     Ok(judged.kept())

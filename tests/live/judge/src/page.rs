@@ -10,7 +10,7 @@ use maud::{Markup, html};
 use std::error::Error;
 use std::path::Path;
 use workbench::files::write_whole;
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Writes plots and report.html into `folder`, which is made if needed.
 ///

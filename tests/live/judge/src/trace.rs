@@ -13,7 +13,7 @@ use std::path::Path;
 use workbench::check::mobility::Structure;
 use workbench::limits;
 use workbench::read::joints::{Group, JointKind};
-use workbench::read::machine::Mechanism;
+use workbench::read::mechanism::Mechanism;
 
 /// Coarse joint commands against host inverse, in mm or degrees.
 const JOINT_TOLERANCE: f64 = 1e-9;
@@ -102,7 +102,7 @@ struct Columns<'a> {
 impl Columns<'_> {
     /// Joints of legs and table, of a second mechanism, which is not judged here, and of extra axes.
     fn joints(&self) -> impl Iterator<Item = usize> + use<> {
-        0..self.config.guarded_joints() + self.config.extra.len()
+        0..self.config.place.first_extra_joint + self.config.extra.len()
     }
 
     fn struts(&self) -> impl Iterator<Item = usize> {
@@ -163,7 +163,8 @@ impl Columns<'_> {
         for place in second {
             pose.get_mut(place).into_iter().for_each(|coordinate| *coordinate = 0.0);
         }
-        let extra = self.config.extra_axes.places().zip(&joints[self.config.guarded_joints()..]);
+        let extra =
+            self.config.extra_axes.places().zip(&joints[self.config.place.first_extra_joint..]);
         let gaps = extra.filter_map(|(place, joint)| {
             let coordinate = pose.get_mut(place)?;
             Some((std::mem::take(coordinate) - joint).abs())

@@ -6,7 +6,8 @@ use draw::sample::Sample;
 use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
 use workbench::read::joints::JointKind;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ fn ini(machine: &str) -> PathBuf {
 }
 
 fn config_of(machine: &str) -> Mechanism {
-    Mechanism::read(&ini(machine)).unwrap()
+    MachineConfig::read(&ini(machine)).unwrap().mechanism(1).unwrap()
 }
 
 fn config() -> Mechanism {
@@ -156,7 +157,7 @@ fn a_strut_beyond_its_limit_is_seen() {
 #[test]
 fn a_cone_left_in_the_program_is_seen() {
     let mut config = config();
-    config.base_cone[4] = Some(1.0);
+    config.angles[4].cones[0] = Some(1.0);
     let report = judge(&config, &samples(&config), &result(&config)).unwrap();
     let bad: Vec<_> = report.checks.iter().filter(|c| !c.kept).map(|c| c.name.as_str()).collect();
     assert_eq!(bad, ["base cone, program"]);

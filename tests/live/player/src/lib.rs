@@ -21,7 +21,8 @@ use std::path::Path;
 use std::ptr::null_mut;
 use workbench::calibrate::model::Frame;
 use workbench::calibrate::plate::Plate;
-use workbench::read::machine::Mechanism;
+use workbench::read::machine::MachineConfig;
+use workbench::read::mechanism::Mechanism;
 
 const NAME: &CStr = c"pkmkins_truth";
 const IN: c_int = 16;
@@ -185,7 +186,7 @@ fn text(parameter: &Shared<*mut c_char>) -> Result<String, String> {
 
 fn loaded() -> Result<(Mechanism, Plate, Frame), Box<dyn Error>> {
     let file = text(&MACHINE)?;
-    let config = Mechanism::read(Path::new(&file))?;
+    let config = MachineConfig::read(Path::new(&file))?.first().clone();
     let plate = Plate::read(Path::new(&text(&PLATE)?), config.units_per_mm)?;
     let pose = text(&POSE)?;
     let numbers: Option<Vec<f64>> = pose.split(',').map(|word| word.parse().ok()).collect();
