@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs thinned for plots: nothing that matters gets lost.
 
-use crate::shipped::config;
+use crate::shipped::{config, whole};
 use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
 use workbench::control::row::{Beside, Extra, Flags, Row};
 use workbench::program::course::{Abscissa, Course, MOST_SAMPLES};
 use workbench::program::loads::Motion;
 use workbench::program::motion::{Move, MoveKind, Spindle};
 use workbench::read::mechanism::Mechanism;
+use workbench::view::track::Track;
 
 /// A machine that stands at home with its drives on.
 fn standing(config: &Mechanism) -> Row {
@@ -140,4 +141,21 @@ fn the_path_of_moves_goes_by_its_length() {
     let found = Course::along(&config, &moves);
     let last = found.samples.last().unwrap();
     assert!(last.joints[0][0] > last.joints[0][1] && last.room() == f64::NEG_INFINITY);
+}
+
+#[test]
+fn course_and_track_of_the_second_of_two_mechanisms_are_its_own() {
+    let second = whole("lathe-mirrored").mechanism(2).unwrap();
+    let own = standing(&second);
+    let beside = Beside { pose: own.pose, tool: own.tool };
+    let mut row = Row { pose: [1.0; 6], joints: [7.0; MAX_JOINTS], second: beside, ..own };
+    row.joints[4..8].copy_from_slice(&own.joints[..4]);
+    let mut course = Course::new(&second);
+    course.see(&row);
+    let joints = course.finish().samples[0].joints;
+    assert_eq!([0, 1, 2, 3].map(|i| joints[i]), [0, 1, 2, 3].map(|i| [own.joints[i]; 2]));
+    let alone = second.into();
+    let mut track = Track::new(&alone);
+    track.see(&alone, &row);
+    assert_eq!(track.points()[0].values[..6], own.pose);
 }

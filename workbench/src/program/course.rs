@@ -215,17 +215,22 @@ impl<'a> Course<'a> {
     /// Takes a servo cycle.
     pub fn see(&mut self, row: &Row) {
         let at = row.cycle as f64 * self.config.period;
-        let [speeds, accelerations] = self.motion.next(row, &row.joints, self.config.period);
+        let own = |mut values: Joints| {
+            values.rotate_left(self.config.place.first_joint);
+            values
+        };
+        let [joints, errors, allowed] = [row.joints, row.errors, row.allowed].map(own);
+        let [speeds, accelerations] = self.motion.next(row, &joints, self.config.period);
         let count = self.config.joints.len();
         let shares = [
             (&speeds, &self.limits.speed),
             (&accelerations, &self.limits.acceleration),
-            (&row.errors, &row.allowed),
+            (&errors, &allowed),
         ]
         .map(|(values, limits)| shares(values, limits, count));
         let (machine, tool) = row.machine(self.config);
-        let pose = self.config.told(&row.pose, &row.extra.positions);
-        let (joints, feed) = (Some(row.joints), row.feed);
+        let pose = self.config.told(&row.of(self.config).pose, &row.extra.positions);
+        let (joints, feed) = (Some(joints), row.feed);
         self.take(&Moment { at, line: row.line, pose, machine, tool, joints, shares, feed });
     }
 
