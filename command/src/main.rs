@@ -280,6 +280,11 @@ impl MachineFile {
         Ok(MachineConfig::leniently(&Ini::read(&self.machine)?, Some(Lenient::Boxes))?)
     }
 
+    /// Reads all mechanisms, or the one that is named.
+    fn read_named(&self) -> Result<MachineConfig, Failure> {
+        self.named(self.read_whole()?)
+    }
+
     /// Returns all mechanisms, or the one that is named.
     fn named(&self, config: MachineConfig) -> Result<MachineConfig, Failure> {
         match self.mechanism {

@@ -62,7 +62,7 @@ pub struct Judging {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.named(arguments.machine.read_whole()?)?;
+    let config = arguments.machine.read_named()?;
     if config.mechanisms.len() > 1 && arguments.report.is_some() {
         let text = "--report shows one mechanism: --mechanism 1 or 2 says which";
         return Err(refused(text));

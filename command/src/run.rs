@@ -13,7 +13,7 @@ use workbench::control::trace::Trace;
 use workbench::files::open;
 use workbench::program::done::Done;
 use workbench::program::verdict::Step;
-use workbench::read::machine::FileFacts;
+use workbench::read::facts::FileFacts;
 
 /// Runs a program by LinuxCNC itself, without hardware and faster than the machine
 ///
@@ -86,7 +86,7 @@ struct Answer<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.named(arguments.machine.read_whole()?)?;
+    let config = arguments.machine.read_named()?;
     open(&arguments.program)?;
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
     let mut progress = Progress::new(&config, &arguments.program)?;

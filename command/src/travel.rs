@@ -54,7 +54,7 @@ enum Answer {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.named(arguments.machine.read_whole()?)?;
+    let config = arguments.machine.read_named()?;
     if arguments.serve {
         return Failure::unless_unread(serve(&config)).map(|()| Verdict::Fits);
     }

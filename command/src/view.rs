@@ -96,7 +96,7 @@ fn pixels(text: &str) -> Result<usize, String> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.named(arguments.machine.read_whole()?)?;
+    let config = arguments.machine.read_named()?;
     let (data, verdict) = match &arguments.program {
         None => (Data::new(&config, arguments.live), Verdict::Fits),
         Some(program) => of_program(&config, &arguments.judging, program)?,

@@ -2,7 +2,7 @@
 //! What a program or a machine says that no limit shows: the guard switched off, feeds that it
 //! cannot reduce, units left to the machine.
 
-use crate::read::machine::FileFacts;
+use crate::read::facts::FileFacts;
 use serde::Serialize;
 
 /// Spindle-synchronised motion, which takes its speed from the spindle.

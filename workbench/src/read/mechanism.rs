@@ -5,10 +5,10 @@ use crate::read::boxes::{self, BoxSection};
 use crate::read::chain;
 use crate::read::direction::{self, ToolDirection};
 use crate::read::error::{Errors, MachineError};
+use crate::read::facts::FileFacts;
 use crate::read::ini::Ini;
 use crate::read::joints::{Axis, ExtraAxis, Group, Joint, JointKind, axis, extra, joint};
 use crate::read::legs::leg_geometry;
-use crate::read::machine::FileFacts;
 use crate::read::models::{self, Model};
 use crate::read::place::Place;
 use keys::{leg as of_leg, machine as of_machine};
@@ -69,7 +69,7 @@ pub struct Mechanism {
     pub models: Vec<Model>,
     /// `[BOX_K]`: boxes for the start without a seed.
     pub boxes: Vec<BoxSection>,
-    /// Why there are none although the file names some, see [`Lenient::Boxes`](crate::read::machine::Lenient::Boxes).
+    /// Why there are none although the file names some, where the reader lets that pass.
     pub refused_boxes: Option<MachineError>,
 }
 

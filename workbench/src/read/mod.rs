@@ -8,6 +8,7 @@ pub mod diagnostic;
 pub mod direction;
 pub mod edit;
 pub mod error;
+pub mod facts;
 pub mod ini;
 pub mod joints;
 pub mod legs;
