@@ -71,12 +71,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     })?;
     drop(bar);
     for report in &whole.mechanisms {
-        let heading = (config.mechanisms.len() > 1).then(|| match report.config.place.is_second {
-            true => "\nThe second mechanism\n",
-            false => "The first mechanism\n",
-        });
+        let heading = match (config.mechanisms.len(), report.config.place.is_second) {
+            (1, _) => "",
+            (_, true) => "\nThe second mechanism\n",
+            (_, false) => "The first mechanism\n",
+        };
         // A reader that has gone away does not change the verdict.
-        let written = write(report, heading.unwrap_or_default());
+        let written = write(report, heading);
         Failure::unless_unread(written.map_err(Failure::from))?;
     }
     if let Some(between) = &whole.between {
