@@ -10,12 +10,12 @@
 //! and 0.01 degrees away. `RAYON_NUM_THREADS` limits the cores.
 
 use kinematics::{MAX_JOINTS, Pose};
+use machine::read::machine::MachineConfig;
 use rayon::prelude::*;
 use std::hint::black_box;
 use std::io::stdin;
 use std::path::Path;
 use std::time::Instant;
-use workbench::read::machine::MachineConfig;
 
 /// Bytes of a number, and numbers of a pose.
 const NUMBER: usize = 8;

@@ -4,6 +4,14 @@
 //! cutting. Times are printed, never asserted; what stays are the ratios of one run.
 
 use kinematics::{Machine, Pose, Vector3};
+use linuxcnc::process::Options;
+use linuxcnc::row::Row;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
+use program::findings::Time;
+use program::motion::LINUXCNC_PROGRAMS;
+use program::offset::Offset;
+use program::preflight::judge;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::fmt::Write;
@@ -12,20 +20,12 @@ use std::hint::black_box;
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
-use workbench::control::process::Options;
-use workbench::control::row::Row;
-use workbench::program::findings::Time;
-use workbench::program::motion::LINUXCNC_PROGRAMS;
-use workbench::program::offset::Offset;
-use workbench::program::preflight::judge;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
-use workbench::stability::lobes::Lobes;
-use workbench::stability::map::StableMap;
-use workbench::stability::pose::Setup;
-use workbench::study::body::{Body, Effort, counted};
-use workbench::study::file::Study;
-use workbench::study::workspace::Workspace;
+use studies::stability::lobes::Lobes;
+use studies::stability::map::StableMap;
+use studies::stability::pose::Setup;
+use studies::study::body::{Body, Effort, counted};
+use studies::study::file::Study;
+use studies::study::workspace::Workspace;
 
 /// Lines of the long program.
 const LINES: u32 = 1_000_000;

@@ -3,15 +3,15 @@
 
 use super::failure::{Failure, tell_error};
 use super::{Bar, MachineFile, Verdict, output, print_text};
+use check::fixes::rewritten;
+use machine::files::write_over;
+use machine::proof::boxes as proof;
+use machine::proof::one_to_one::Doubt;
+use machine::read::boxes::{self, BoxSection};
+use machine::read::error::MachineError;
+use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 use serde_json::json;
-use workbench::check::fixes::rewritten;
-use workbench::files::write_over;
-use workbench::proof::boxes as proof;
-use workbench::proof::one_to_one::Doubt;
-use workbench::read::boxes::{self, BoxSection};
-use workbench::read::error::MachineError;
-use workbench::read::mechanism::Mechanism;
 
 /// Finds and proves boxes of poses for the start without a seed
 ///

@@ -3,18 +3,18 @@
 
 use super::failure::{Failure, refused};
 use super::{Bar, MachineFile, Verdict, output};
+use calibrate::at_tool::{CONFIDENCE, Ellipsoid};
+use calibrate::model::{Parameter, Quantity, Tolerance};
+use calibrate::rewrite;
+use calibrate::sheet::Sheet;
+use calibrate::study::{self, Agreement, Study, Wishes};
+use machine::files::{write_over, write_whole};
+use machine::read::mechanism::Mechanism;
 use serde_json::{Value, json};
 use statrs::distribution::{ContinuousCDF, Normal};
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::PathBuf;
-use workbench::calibrate::at_tool::{CONFIDENCE, Ellipsoid};
-use workbench::calibrate::model::{Parameter, Quantity, Tolerance};
-use workbench::calibrate::rewrite;
-use workbench::calibrate::sheet::Sheet;
-use workbench::calibrate::study::{self, Agreement, Study, Wishes};
-use workbench::files::{write_over, write_whole};
-use workbench::read::mechanism::Mechanism;
 
 /// What was not used may be met worse than numbers and unknowns let expect, by this factor: the
 /// fifth that is held out has places of its own.
@@ -350,7 +350,7 @@ fn beyond(arguments: &Arguments, config: &Mechanism, study: &Study) -> Vec<Strin
 fn others(config: &Mechanism, study: &Study) -> Vec<String> {
     let Study { found, readings, .. } = study;
     let unit = config.length_unit();
-    let left_out = |outlier: &workbench::calibrate::fit::Outlier| {
+    let left_out = |outlier: &calibrate::fit::Outlier| {
         let name = &readings[outlier.reading].name;
         format!(
             "{name} is left out: {:.4} {unit} from what the others say, {:.0} standard deviations",

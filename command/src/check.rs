@@ -3,16 +3,16 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::{Bar, MachineFile, Verdict, output, print_text};
+use check::findings::Report;
+use check::fixes::{fixed, machine};
+use check::suggestion::{axis_lines, tilt_table};
+use machine::files::write_over;
+use machine::read::diagnostic::rendered;
+use machine::read::edit::difference;
+use machine::read::machine::MachineConfig;
+use program::whole::checked;
 use serde_json::{Value, json};
 use std::io::Write;
-use workbench::check::findings::Report;
-use workbench::check::fixes::{fixed, machine};
-use workbench::check::suggestion::{axis_lines, tilt_table};
-use workbench::files::write_over;
-use workbench::program::whole::checked;
-use workbench::read::diagnostic::rendered;
-use workbench::read::edit::difference;
-use workbench::read::machine::MachineConfig;
 
 /// Checks that a machine's INI file fits together
 ///

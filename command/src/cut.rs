@@ -8,13 +8,13 @@ use super::stability::program::Job;
 use super::{Verdict, in_words, output};
 use draw::cut::of_cut;
 use kinematics::Pose;
+use machine::files::{Locate, write_whole};
+use machine::read::mechanism::Mechanism;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use workbench::cut::judge::Cut;
-use workbench::cut::report::{Drive, LineReport, Most, Report};
-use workbench::files::{Locate, write_whole};
-use workbench::read::mechanism::Mechanism;
-use workbench::study::file::Study;
+use studies::cut::judge::Cut;
+use studies::cut::report::{Drive, LineReport, Most, Report};
+use studies::study::file::Study;
 
 /// What a program asks of a machine while it cuts
 ///

@@ -12,27 +12,27 @@ use super::{Bar, MachineFile, Verdict, in_words, output};
 use draw::dynamics::{of_deviation, of_map, of_response, of_spectrum, of_trace};
 use draw::plot::Plot;
 use kinematics::{Matrix3, Pose, Vector3};
+use linuxcnc::process;
+use linuxcnc::row::Ending;
+use machine::files::{Locate, csv, open, write_whole};
+use machine::proof::axis_box;
+use machine::read::mechanism::Mechanism;
+use program::preflight::JudgeError;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use workbench::control::process;
-use workbench::control::row::Ending;
-use workbench::dynamics::linear::Linear;
-use workbench::dynamics::milling::{Milling, frame};
-use workbench::dynamics::model::Model;
-use workbench::dynamics::noise::{Noise, Spectrum};
-use workbench::dynamics::record::Record;
-use workbench::dynamics::response::frequencies;
-use workbench::dynamics::run::{Ended, Follower, Force, Times, standing};
-use workbench::dynamics::structure::{Structure, legs};
-use workbench::files::{Locate, csv, open, write_whole};
-use workbench::program::preflight::JudgeError;
-use workbench::proof::axis_box;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::file::{Lacking, Study};
-use workbench::study::forcing::Force as Random;
-use workbench::study::map::Map;
-use workbench::study::workspace::Workspace;
+use studies::dynamics::linear::Linear;
+use studies::dynamics::milling::{Milling, frame};
+use studies::dynamics::model::Model;
+use studies::dynamics::noise::{Noise, Spectrum};
+use studies::dynamics::record::Record;
+use studies::dynamics::response::frequencies;
+use studies::dynamics::run::{Ended, Follower, Force, Times, standing};
+use studies::dynamics::structure::{Structure, legs};
+use studies::study::file::{Lacking, Study};
+use studies::study::forcing::Force as Random;
+use studies::study::map::Map;
+use studies::study::workspace::Workspace;
 
 /// A response goes on to this many times the highest natural frequency.
 const BEYOND: f64 = 1.5;
@@ -185,7 +185,7 @@ type OfNoise = (Matrix3<f64>, Vec<f64>, [f64; 3]);
 
 impl Subject<'_> {
     fn answer(&self) -> Option<Answer> {
-        let mode = |mode: &workbench::dynamics::mode::Mode| ModeAnswer {
+        let mode = |mode: &studies::dynamics::mode::Mode| ModeAnswer {
             hz: mode.omega / TAU,
             damping_ratio: mode.zeta,
             // One t is 1000 kg.

@@ -2,8 +2,8 @@
 //! Examples and further reading of every subcommand: one table for help and manual pages.
 
 use clap::Command;
-use workbench::new::kinds::KINDS;
-use workbench::new::parameters::{Measure, Need, Parameter};
+use new::kinds::KINDS;
+use new::parameters::{Measure, Need, Parameter};
 
 /// A page of help.
 pub struct Page {

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The one way of an error to the terminal.
 
+use machine::files::AtPlace;
+use machine::read::diagnostic::{Severity, of_machine, rendered};
+use machine::read::error::MachineError;
+use machine::read::ini::IniError;
 use std::error::Error;
 use std::fmt::{self, Display};
 use std::io::{self, ErrorKind, Write};
 use std::sync::Mutex;
-use workbench::files::AtPlace;
-use workbench::read::diagnostic::{Severity, of_machine, rendered};
-use workbench::read::error::MachineError;
-use workbench::read::ini::IniError;
 
 /// Why a subcommand gave no answer: any error, which has its place and tells what to do.
 #[derive(Debug)]

@@ -4,14 +4,14 @@
 use super::failure::{Failure, refused, tell_error};
 use super::run::Progress;
 use super::{Verdict, output};
+use linuxcnc::process::Options;
+use machine::files::read;
+use machine::read::machine::MachineConfig;
+use program::findings::Time;
+use program::verdict::judge;
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
-use workbench::control::process::Options;
-use workbench::files::read;
-use workbench::program::findings::Time;
-use workbench::program::verdict::judge;
-use workbench::read::machine::MachineConfig;
 
 /// What LinuxCNC calls the file of the machine that runs.
 const INI: &str = "INI_FILE_NAME";

@@ -3,11 +3,11 @@
 
 use super::failure::Failure;
 use super::{MachineFile, Verdict, output, write_out};
+use check::screws;
 use draw::frames::of_machine;
+use machine::read::error::MachineError;
 use serde_json::json;
 use std::path::PathBuf;
-use workbench::check::screws;
-use workbench::read::error::MachineError;
 
 /// A drawing of the machine with its frames and signs
 ///

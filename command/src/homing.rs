@@ -3,16 +3,16 @@
 
 use super::failure::{Failure, tell_error};
 use super::{Bar, MachineFile, Verdict, output};
+use check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
+use machine::files::{csv, write_whole};
+use machine::read::columns::{coordinates, joint_names};
+use machine::read::mechanism::Mechanism;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
-use workbench::check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
-use workbench::files::{csv, write_whole};
-use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::mechanism::Mechanism;
-use workbench::view::data::Data;
-use workbench::view::page::page;
-use workbench::view::track::Track;
+use view::data::Data;
+use view::page::page;
+use view::track::Track;
 
 /// Homing followed from wherever the machine was switched off, and an order in which it is safe
 ///

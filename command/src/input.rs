@@ -2,11 +2,11 @@
 //! What is read from standard input where the command line says `-`.
 
 use clap::builder::{OsStringValueParser, TypedValueParser};
+use machine::files::{Folder, read_all, write_whole};
 use std::ffi::OsStr;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::OnceLock;
-use workbench::files::{Folder, read_all, write_whole};
 
 /// What the command line calls it.
 pub const DASH: &str = "-";

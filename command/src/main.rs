@@ -42,6 +42,15 @@ mod vibration;
 mod view;
 mod workspace;
 
+use ::machine::files::{leave_nothing, open, write_whole};
+use ::machine::read::columns::in_words;
+use ::machine::read::ini::{Ini, decimal};
+use ::machine::read::machine::{Lenient, MachineConfig, OneMechanism};
+use ::machine::read::mechanism::Mechanism;
+use ::program::beside;
+use ::program::motion::Move;
+use ::program::preflight::{JudgeError, has_deletable};
+use ::studies::study::file::Study;
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::Failure;
@@ -52,15 +61,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::LazyLock;
 use std::time::Duration;
-use workbench::files::{leave_nothing, open, write_whole};
-use workbench::program::beside;
-use workbench::program::motion::Move;
-use workbench::program::preflight::{JudgeError, has_deletable};
-use workbench::read::columns::in_words;
-use workbench::read::ini::{Ini, decimal};
-use workbench::read::machine::{Lenient, MachineConfig, OneMechanism};
-use workbench::read::mechanism::Mechanism;
-use workbench::study::file::Study;
 
 /// Steps of a progress bar.
 const STEPS: u64 = 1000;

@@ -5,9 +5,9 @@ use super::examples::{Ending, ending};
 use super::failure::Failure;
 use super::{Cli, Verdict, output};
 use clap::CommandFactory;
+use machine::files::{Locate, write_whole};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use workbench::files::{Locate, write_whole};
 
 /// Writes the manual pages of pkm
 #[derive(clap::Args, Debug)]

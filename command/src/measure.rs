@@ -3,17 +3,17 @@
 
 use super::failure::{Failure, refused};
 use super::{Bar, MachineFile, Verdict, output, print_text};
+use ::program::motion::{Move, MoveKind, Spindle};
+use ::program::preflight::preflight;
+use calibrate::model::Tolerance;
+use calibrate::propose::{Proposal, Step, propose};
+use calibrate::setup::Setup;
+use calibrate::sheet;
+use calibrate::{probing, program};
+use machine::files::{read_text, write_whole};
+use machine::read::mechanism::Mechanism;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use workbench::calibrate::model::Tolerance;
-use workbench::calibrate::propose::{Proposal, Step, propose};
-use workbench::calibrate::setup::Setup;
-use workbench::calibrate::sheet;
-use workbench::calibrate::{probing, program};
-use workbench::files::{read_text, write_whole};
-use workbench::program::motion::{Move, MoveKind, Spindle};
-use workbench::program::preflight::preflight;
-use workbench::read::mechanism::Mechanism;
 
 /// Writes a program that stops where a gauge is to be read, and the table for the readings
 ///

@@ -5,16 +5,16 @@ use super::failure::{self, Failure, tell_error};
 use super::input::file_of_dash;
 use super::{Bar, Verdict, output, print_text};
 use clap::{Arg, ArgMatches, Command};
+use machine::read::diagnostic::rendered;
+use new::kinds::{KINDS, MachineKind};
+use new::make::{Made, Order, limit_lines, make};
+use new::parameters::{Measure, Need, Parameter};
+use new::questions::{Dialogue, Given};
+use new::table::columns;
+use new::values::{Refusal, Values};
 use serde_json::json;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
-use workbench::new::kinds::{KINDS, MachineKind};
-use workbench::new::make::{Made, Order, limit_lines, make};
-use workbench::new::parameters::{Measure, Need, Parameter};
-use workbench::new::questions::{Dialogue, Given};
-use workbench::new::table::columns;
-use workbench::new::values::{Refusal, Values};
-use workbench::read::diagnostic::rendered;
 
 const ABOUT: &str = "Makes a complete configuration of a machine from what a builder knows of it";
 

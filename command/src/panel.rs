@@ -3,11 +3,11 @@
 
 use super::failure::{Failure, refused};
 use super::{Verdict, output, print_text};
+use machine::files::{Locate, write_whole};
+use machine::read::machine::MachineConfig;
+use new::panel::Panel;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use workbench::files::{Locate, write_whole};
-use workbench::panel::Panel;
-use workbench::read::machine::MachineConfig;
 
 /// The operator's panel of a machine, for AXIS and other user interfaces of LinuxCNC
 ///

@@ -5,15 +5,15 @@ use super::failure::{Failure, refused};
 use super::{MachineFile, Verdict, output, write_out};
 use draw::curve::{of_carriages, of_job, of_route};
 use draw::plot::{DrawError, Plot};
+use machine::files::write_whole;
+use machine::read::mechanism::Mechanism;
+use paths::carriages;
+use paths::file::PathFile;
+use paths::job::{self, Job, job};
+use paths::route::{Route, route};
+use paths::table::csv;
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use workbench::curve::carriages;
-use workbench::curve::file::PathFile;
-use workbench::curve::job::{self, Job, job};
-use workbench::curve::route::{Route, route};
-use workbench::curve::table::csv;
-use workbench::files::write_whole;
-use workbench::read::mechanism::Mechanism;
 
 /// Programs along curves, and what they ask of the joints
 ///

@@ -7,7 +7,7 @@ use super::poses::Tool;
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
 use kinematics::Pose;
-use workbench::read::columns::{coordinates, joint_names};
+use machine::read::columns::{coordinates, joint_names};
 
 /// Poses of joint values (forward kinematics)
 ///

@@ -5,10 +5,10 @@ use super::failure::{Failure, refused};
 use super::input::{Program, RowFile};
 use super::{Bar, moves, output, rows};
 use kinematics::{Letter, POSE_LETTERS, Pose, Vector3};
+use machine::read::columns::coordinates;
+use machine::read::mechanism::Mechanism;
+use program::replay::{duration_of_all, replay_seen};
 use std::path::{Path, PathBuf};
-use workbench::program::replay::{duration_of_all, replay_seen};
-use workbench::read::columns::coordinates;
-use workbench::read::mechanism::Mechanism;
 
 /// Poses of a program where nobody asks for more: beyond what pictures show. A hexapod's row has 1.7 kB, so
 /// that this is a table of 17 MB; every servo cycle of an hour would be one of 6 GB.

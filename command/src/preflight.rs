@@ -4,18 +4,18 @@
 use super::failure::{Failure, refused, tell_error};
 use super::run::{Control, Progress};
 use super::{MachineFile, Verdict, output, print_text, report};
+use linuxcnc::process::Options;
+use linuxcnc::row::Row;
+use linuxcnc::trace::Trace;
+use machine::files::{Locate, write_whole};
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
+use program::course::{Course, Thinned};
+use program::findings::{Preflight, Time};
+use program::motion;
+use program::verdict::{ProgramVerdict, Step, judge};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use workbench::control::process::Options;
-use workbench::control::row::Row;
-use workbench::control::trace::Trace;
-use workbench::files::{Locate, write_whole};
-use workbench::program::course::{Course, Thinned};
-use workbench::program::findings::{Preflight, Time};
-use workbench::program::motion;
-use workbench::program::verdict::{ProgramVerdict, Step, judge};
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
 
 /// Checks before cutting that a program fits a machine
 ///

@@ -3,8 +3,8 @@
 
 use super::failure::{Failure, refused, tell_error};
 use super::{MachineFile, Verdict, output, print_text};
+use program::random_program::random_program;
 use serde_json::json;
-use workbench::program::random_program::random_program;
 
 /// Writes a program of random moves and tool changes that the machine can run
 ///

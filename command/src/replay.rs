@@ -7,11 +7,11 @@ use super::{Bar, MachineFile, Verdict, moves};
 use draw::motion;
 use draw::plot::Plot;
 use draw::sample::Sample;
+use machine::files::Locate;
+use machine::read::columns::{coordinates, joint_names};
+use machine::read::mechanism::Mechanism;
+use program::replay::{Visit, duration_of_all, replay_seen};
 use std::path::PathBuf;
-use workbench::files::Locate;
-use workbench::program::replay::{Visit, duration_of_all, replay_seen};
-use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::mechanism::Mechanism;
 
 /// Writes the joint values that a program asks for
 ///

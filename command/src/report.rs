@@ -6,10 +6,10 @@ use draw::margins::figures;
 use draw::over::Mark;
 use draw::page::{LimitRow, Report, of_program};
 use kinematics::{Limit, Margin};
-use workbench::limits;
-use workbench::program::course::{Abscissa, Thinned};
-use workbench::program::findings::{Break, LeastMargin, Range, Rule, Time};
-use workbench::program::verdict::ProgramVerdict;
+use machine::limits;
+use program::course::{Abscissa, Thinned};
+use program::findings::{Break, LeastMargin, Range, Rule, Time};
+use program::verdict::ProgramVerdict;
 
 /// Most warnings that the page repeats above its plots; its copy of the answer has more.
 const MOST_NOTES: usize = 20;

@@ -9,10 +9,10 @@ use draw::course::Course;
 use draw::plot::Plot;
 use draw::rods::of_rods;
 use kinematics::Vector3;
+use machine::read::columns::{coordinates, joint_names};
+use machine::read::mechanism::Mechanism;
 use std::path::PathBuf;
-use workbench::read::columns::{coordinates, joint_names};
-use workbench::read::mechanism::Mechanism;
-use workbench::study::rods::{Rods, View};
+use studies::study::rods::{Rods, View};
 
 /// Where the legs are along a program or a list of poses
 ///

@@ -6,10 +6,10 @@ use super::failure::{Failure, refused, tell_error};
 use super::input::RowFile;
 use super::output::{self, Table};
 use kinematics::Fault;
+use machine::files::open;
 use serde_json::json;
 use std::io::{Read, Write};
 use std::path::Path;
-use workbench::files::open;
 
 const INPUT: &str = "standard input";
 

@@ -3,17 +3,17 @@
 
 use super::failure::Failure;
 use super::{Bar, MachineFile, Verdict, output};
+use linuxcnc::process::{self, Options};
+use linuxcnc::row::{Ending, Message, MessageKind, Outcome, Row};
+use linuxcnc::trace::Trace;
+use machine::files::open;
+use machine::read::facts::FileFacts;
+use program::done::Done;
+use program::verdict::Step;
 use serde::Serialize;
 use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use workbench::control::process::{self, Options};
-use workbench::control::row::{Ending, Message, MessageKind, Outcome, Row};
-use workbench::control::trace::Trace;
-use workbench::files::open;
-use workbench::program::done::Done;
-use workbench::program::verdict::Step;
-use workbench::read::facts::FileFacts;
 
 /// Runs a program by LinuxCNC itself, without hardware and faster than the machine
 ///

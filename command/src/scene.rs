@@ -3,9 +3,9 @@
 
 use super::failure::Failure;
 use super::{MachineFile, Verdict, output, write_out};
+use machine::scene::Scene;
 use serde_json::json;
 use std::path::PathBuf;
-use workbench::scene::Scene;
 
 /// The machine as one JSON object, for viewers
 ///

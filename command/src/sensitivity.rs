@@ -7,15 +7,15 @@ use super::{Bar, MachineFile, StudyFile, Verdict, in_words, moves, output};
 use draw::plot::Plot;
 use draw::sensitivity::of_sensitivity;
 use kinematics::{Letter, Pose, Vector3};
+use machine::files::write_whole;
+use machine::proof::axis_box;
+use machine::read::mechanism::Mechanism;
+use program::replay::replay_seen;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use workbench::files::write_whole;
-use workbench::program::replay::replay_seen;
-use workbench::proof::axis_box;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::file::{Lacking, Study};
-use workbench::study::sensitivity::{
+use studies::study::file::{Lacking, Study};
+use studies::study::sensitivity::{
     Kind, LENGTH_MM, Point, Sensitivity, along, csv, monte_carlo, near, ratios,
 };
 

@@ -8,17 +8,17 @@ use draw::ellipsoid::of_ellipsoids;
 use draw::plot::Plot;
 use draw::stiffness::{of_platform_sizes, of_stiffness};
 use kinematics::{Pose, Vector3};
+use machine::files::{Locate, csv, write_whole};
+use machine::proof::axis_box;
+use machine::read::mechanism::Mechanism;
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
-use workbench::files::{Locate, csv, write_whole};
-use workbench::proof::axis_box;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::file::Study;
-use workbench::study::map::Map;
-use workbench::study::springs::Springs;
-use workbench::study::stiffness::{Ellipsoid, Stiffness, with_platform};
-use workbench::study::workspace::Workspace;
+use studies::study::file::Study;
+use studies::study::map::Map;
+use studies::study::springs::Springs;
+use studies::study::stiffness::{Ellipsoid, Stiffness, with_platform};
+use studies::study::workspace::Workspace;
 
 /// Factors of the platform's size that are compared.
 const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];

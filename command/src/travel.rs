@@ -5,12 +5,12 @@ use super::failure::Failure;
 use super::poses::{PoseWords, Tool};
 use super::{MachineFile, Verdict, output, print_text};
 use kinematics::Vector3;
+use machine::read::machine::MachineConfig;
+use program::travel::{Side, Stand, Travel, letters, travel};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::{BufRead, Write};
-use workbench::program::travel::{Side, Stand, Travel, letters, travel};
-use workbench::read::machine::MachineConfig;
 
 /// How far the machine can go from a pose
 ///

@@ -4,15 +4,15 @@
 use super::failure::Failure;
 use super::in_words;
 use kinematics::{Matrix3, Pose, Vector3};
+use machine::files::{csv, write_whole};
 use nalgebra::Complex;
 use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use workbench::dynamics::linear::Ellipse;
-use workbench::dynamics::record::Record;
-use workbench::dynamics::structure::Structure;
-use workbench::files::{csv, write_whole};
-use workbench::study::forcing::Force as Random;
+use studies::dynamics::linear::Ellipse;
+use studies::dynamics::record::Record;
+use studies::dynamics::structure::Structure;
+use studies::study::forcing::Force as Random;
 
 /// um per mm.
 pub const UM: f64 = 1e3;

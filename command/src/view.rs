@@ -4,18 +4,18 @@
 use super::failure::{Failure, refused, tell_error};
 use super::preflight::{Judging, judged};
 use super::{Bar, MachineFile, Verdict, output, print_text};
+use machine::files::{Folder, Locate, Whole, read, write_whole};
+use machine::read::machine::MachineConfig;
+use program::course::Course;
+use program::findings::Time;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use workbench::files::{Folder, Locate, Whole, read, write_whole};
-use workbench::program::course::Course;
-use workbench::program::findings::Time;
-use workbench::read::machine::MachineConfig;
-use workbench::view::data::Data;
-use workbench::view::film::{self, Camera};
-use workbench::view::page::page;
-use workbench::view::track::Track;
+use view::data::Data;
+use view::film::{self, Camera};
+use view::page::page;
+use view::track::Track;
 
 /// One page that shows the machine, and a program on it, in any browser
 ///

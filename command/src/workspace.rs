@@ -7,18 +7,18 @@ use super::{Bar, MachineFile, StudyFile, Verdict, output};
 use draw::plot::Plot;
 use draw::workspace::of_workspace;
 use kinematics::Vector3;
+use machine::files::write_whole;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::time::Instant;
-use workbench::files::write_whole;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::body::{Body, Counted, Effort, counted, csv, obj};
-use workbench::study::file::Study;
-use workbench::study::slice::{Plane, Slice};
-use workbench::study::workspace::{Border, Ray, Stand, Workspace, tilts};
+use studies::study::body::{Body, Counted, Effort, counted, csv, obj};
+use studies::study::file::Study;
+use studies::study::slice::{Plane, Slice};
+use studies::study::workspace::{Border, Ray, Stand, Workspace, tilts};
 
 /// Directions of a tilt.
 const DIRECTIONS: usize = 12;

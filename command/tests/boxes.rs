@@ -7,15 +7,15 @@ use kinematics::{
     Cause, Fault, Joints, MAX_BOX_STEPS, MAX_BOXES, Pose, Progress, STEPS_PER_CALL, Search, Solver,
     Vector3, WorkspaceBox,
 };
+use machine::proof::boxes::{found, prove as prove_telling};
+use machine::proof::choose;
+use machine::proof::one_to_one::{Doubt, Prover};
+use machine::read::boxes::{self, BoxSection};
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
 use std::sync::Mutex;
-use workbench::proof::boxes::{found, prove as prove_telling};
-use workbench::proof::choose;
-use workbench::proof::one_to_one::{Doubt, Prover};
-use workbench::read::boxes::{self, BoxSection};
-use workbench::read::mechanism::Mechanism;
 
 /// Distance of the pose found from the one that made the joints, as a share of the size:
 /// forward stops at 1e-12; conditioning and rounding of the joints are below 1e-9.
@@ -265,7 +265,7 @@ fn a_box_is_found_for_a_machine_that_has_none() {
     let letters = config.machine.layout().coordinates().as_slice();
     let text = boxes::text("BOX_0", section, letters, config.legs());
     let path = Path::new("rotary-delta.ini");
-    let ini = workbench::read::ini::Ini::parse(path, &text).unwrap();
+    let ini = machine::read::ini::Ini::parse(path, &text).unwrap();
     let load = kinematics::Load::parse(Some(b"crank:3"), Some(b"XYZ"), None);
     let load = load.unwrap().with_boxes(Some(b"1")).unwrap();
     assert_eq!(

@@ -2,18 +2,18 @@
 //! Calibration on machines whose truth is known.
 
 use crate::shipped::{self, cases};
+use calibrate::at_tool;
+use calibrate::fit::{Fit, Misfit, fit, held_out, residuals};
+use calibrate::model::{Frame, Model, Quantity, Tolerance};
+use calibrate::observe::{rank, unseen};
+use calibrate::plan::{next_best, tip_deviation};
+use calibrate::reading::{Changed, Instrument, Measured, Reading};
 use kinematics::{Machine, Pose, Solver, Vector3};
+use machine::read::mechanism::Mechanism;
 use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
-use workbench::calibrate::at_tool;
-use workbench::calibrate::fit::{Fit, Misfit, fit, held_out, residuals};
-use workbench::calibrate::model::{Frame, Model, Quantity, Tolerance};
-use workbench::calibrate::observe::{rank, unseen};
-use workbench::calibrate::plan::{next_best, tip_deviation};
-use workbench::calibrate::reading::{Changed, Instrument, Measured, Reading};
-use workbench::read::mechanism::Mechanism;
 
 const MACHINE: &str = "lab-hexapod";
 
@@ -48,7 +48,7 @@ fn drawn(config: &Mechanism, tolerance: &Tolerance) -> Model {
 /// What was built: every parameter of the machine off by its tolerance, frames where they are
 /// taken to be.
 fn built(model: &Model, dice: &mut Dice) -> Vec<f64> {
-    let draw = |parameter: &workbench::calibrate::model::Parameter| match parameter.quantity {
+    let draw = |parameter: &calibrate::model::Parameter| match parameter.quantity {
         Quantity::Frame(..) => 0.0,
         _ => parameter.deviation * dice.normal(),
     };

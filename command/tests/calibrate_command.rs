@@ -3,20 +3,20 @@
 //! what it refuses.
 
 use crate::shipped;
+use calibrate::fit::fit;
+use calibrate::log::HEADER;
+use calibrate::model::{Frame, Model, Tolerance};
+use calibrate::plate::Plate;
+use calibrate::reading::Reading;
+use calibrate::study::{self, Given, Wishes};
 use kinematics::{Machine, Pose, Solver, Vector3};
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use workbench::calibrate::fit::fit;
-use workbench::calibrate::log::HEADER;
-use workbench::calibrate::model::{Frame, Model, Tolerance};
-use workbench::calibrate::plate::Plate;
-use workbench::calibrate::reading::Reading;
-use workbench::calibrate::study::{self, Given, Wishes};
-use workbench::read::mechanism::Mechanism;
 
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 60.0);
 

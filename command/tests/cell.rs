@@ -3,18 +3,18 @@
 
 use crate::preflight::rapid;
 use crate::shipped::{MACHINES, cases, config, follow, whole};
+use check::mobility;
+use check::report::check;
 use kinematics::{Letter, Limit};
+use machine::proof::axis_box::{AxisBox, at_tilt, range};
+use machine::proof::cell::{Cell, Verdict};
+use machine::proof::conditioning;
+use machine::proof::reach::{Reach, Stop};
+use machine::read::mechanism::Mechanism;
+use machine::read::tools::Tool;
+use program::motion::Move;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use workbench::check::mobility;
-use workbench::check::report::check;
-use workbench::program::motion::Move;
-use workbench::proof::axis_box::{AxisBox, at_tilt, range};
-use workbench::proof::cell::{Cell, Verdict};
-use workbench::proof::conditioning;
-use workbench::proof::reach::{Reach, Stop};
-use workbench::read::mechanism::Mechanism;
-use workbench::read::tools::Tool;
 
 fn pose(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
     // Every third one at an end: there the bounds are nearest to what they bound.

@@ -4,11 +4,11 @@
 use crate::control::run;
 use crate::shipped::{config, folder};
 use kinematics::{Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
+use linuxcnc::row::{Ending, Row};
+use machine::read::mechanism::Mechanism;
+use program::motion;
+use program::preflight::preflight;
 use std::fs;
-use workbench::control::row::{Ending, Row};
-use workbench::program::motion;
-use workbench::program::preflight::preflight;
-use workbench::read::mechanism::Mechanism;
 
 const TABLE: &str = "hexapod-rotary-table";
 const ON_PLATFORM: &str = "lathe-work-on-platform";
@@ -278,16 +278,15 @@ fn the_guard_slows_the_table_down_where_the_struts_that_follow_it_would_be_too_f
     let fastest = |feed: &str| {
         fs::write(&program, text(feed)).unwrap();
         let (mut last, mut fastest, mut least) = (None::<Joints>, 0.0_f64, 1.0_f64);
-        let options = workbench::control::process::Options::default();
-        let outcome =
-            workbench::control::process::run(&config.clone().into(), &program, &options, |row| {
-                if let Some(last) = last.filter(|_| row.extra.world[5] > 0.0) {
-                    fastest = fastest.max(apart(&row.joints, &last, 6) / config.period);
-                    least = least.min(row.feed);
-                }
-                last = Some(row.joints);
-                std::ops::ControlFlow::Continue(())
-            });
+        let options = linuxcnc::process::Options::default();
+        let outcome = linuxcnc::process::run(&config.clone().into(), &program, &options, |row| {
+            if let Some(last) = last.filter(|_| row.extra.world[5] > 0.0) {
+                fastest = fastest.max(apart(&row.joints, &last, 6) / config.period);
+                least = least.min(row.feed);
+            }
+            last = Some(row.joints);
+            std::ops::ControlFlow::Continue(())
+        });
         (outcome.unwrap(), fastest, least)
     };
     let (outcome, guarded, least) = fastest("M52 P1");

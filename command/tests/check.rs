@@ -2,11 +2,11 @@
 //! What `pkm check` finds in a machine's file.
 
 use crate::shipped::{ini, with_programs};
+use check::findings::Report;
+use check::report::check;
+use machine::read::diagnostic::Severity;
+use machine::read::machine::MachineConfig;
 use std::path::Path;
-use workbench::check::findings::Report;
-use workbench::check::report::check;
-use workbench::read::diagnostic::Severity;
-use workbench::read::machine::MachineConfig;
 
 /// The hexapod after a change of its file, without its box, HOME of its joints as the kinematics
 /// have it.

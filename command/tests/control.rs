@@ -2,6 +2,9 @@
 //! LinuxCNC in virtual time, as `make install` has installed it.
 
 use crate::shipped;
+use linuxcnc::process::{self, Options};
+use linuxcnc::refusal::NotJudged;
+use linuxcnc::row::{Ending, MessageKind, Outcome, Row};
 use std::fs;
 use std::ops::ControlFlow;
 use std::os::unix::fs::PermissionsExt;
@@ -10,9 +13,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
-use workbench::control::process::{self, Options};
-use workbench::control::refusal::NotJudged;
-use workbench::control::row::{Ending, MessageKind, Outcome, Row};
 
 fn programs(machine: &str) -> Vec<PathBuf> {
     let folder = fs::read_dir(shipped::folder(machine).join("programs")).unwrap();

@@ -3,18 +3,18 @@
 
 use crate::shipped;
 use kinematics::{Joints, Limit, Pose, Vector3};
+use linuxcnc::process::{self, Options};
+use linuxcnc::row::{Ending, Row};
+use machine::limits;
+use machine::read::mechanism::Mechanism;
+use program::findings::Preflight;
+use program::motion;
+use program::preflight::judge;
+use program::travel::{self, Stand};
 use std::fmt::Write as _;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
-use workbench::control::process::{self, Options};
-use workbench::control::row::{Ending, Row};
-use workbench::limits;
-use workbench::program::findings::Preflight;
-use workbench::program::motion;
-use workbench::program::preflight::judge;
-use workbench::program::travel::{self, Stand};
-use workbench::read::mechanism::Mechanism;
 
 /// 100 µm at 1 µm/s, in millimetres.
 const LIMIT: f64 = 0.1;

@@ -3,12 +3,12 @@
 
 use crate::shipped::{config, whole};
 use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
-use workbench::control::row::{Beside, Extra, Flags, Row};
-use workbench::program::course::{Abscissa, Course, MOST_SAMPLES};
-use workbench::program::loads::Motion;
-use workbench::program::motion::{Move, MoveKind, Spindle};
-use workbench::read::mechanism::Mechanism;
-use workbench::view::track::Track;
+use linuxcnc::row::{Beside, Extra, Flags, Row};
+use machine::read::mechanism::Mechanism;
+use program::course::{Abscissa, Course, MOST_SAMPLES};
+use program::loads::Motion;
+use program::motion::{Move, MoveKind, Spindle};
+use view::track::Track;
 
 /// A machine that stands at home with its drives on.
 fn standing(config: &Mechanism) -> Row {

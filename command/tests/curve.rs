@@ -3,18 +3,18 @@
 
 use crate::shipped::config;
 use draw::curve::of_route;
+use machine::read::mechanism::Mechanism;
+use paths::carriages::taken;
+use paths::file::{PathFile, ProgramKeys};
+use paths::motion::{Pace, node};
+use paths::route::{Route, route};
+use paths::table::rows;
+use paths::whole::{Curve, CurveError};
+use program::motion::{Move, MoveKind, moves};
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::sync::LazyLock;
-use workbench::curve::carriages::taken;
-use workbench::curve::file::{PathFile, ProgramKeys};
-use workbench::curve::motion::{Pace, node};
-use workbench::curve::route::{Route, route};
-use workbench::curve::table::rows;
-use workbench::curve::whole::{Curve, CurveError};
-use workbench::program::motion::{Move, MoveKind, moves};
-use workbench::read::mechanism::Mechanism;
 
 /// Positions of 100 mm by well-conditioned formulas; quadrature adds 1e-13 of a length.
 const EXACT: f64 = 1e-10;

@@ -5,22 +5,22 @@
 use crate::commands::Bench;
 use crate::shipped::{config, folder};
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
+use linuxcnc::row::{Beside, Extra, Flags, Row};
+use machine::read::mechanism::Mechanism;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
 use std::process::Command;
-use workbench::control::row::{Beside, Extra, Flags, Row};
-use workbench::cut::moment::{Moment, Subject, cutter_frame};
-use workbench::cut::pass::Pass;
-use workbench::cut::program::Line;
-use workbench::cut::teeth::Teeth;
-use workbench::dynamics::capacity::Capacity;
-use workbench::dynamics::model::Model;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::file::Study;
-use workbench::study::sensitivity::Sensitivity;
-use workbench::study::springs::Springs;
-use workbench::study::stiffness::Stiffness;
+use studies::cut::moment::{Moment, Subject, cutter_frame};
+use studies::cut::pass::Pass;
+use studies::cut::program::Line;
+use studies::cut::teeth::Teeth;
+use studies::dynamics::capacity::Capacity;
+use studies::dynamics::model::Model;
+use studies::study::file::Study;
+use studies::study::sensitivity::Sensitivity;
+use studies::study::springs::Springs;
+use studies::study::stiffness::Stiffness;
 
 pub const STUDY: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
     inertia_kg_m2 = [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]\n\

@@ -4,11 +4,11 @@
 
 use crate::curve::{INTERPRETER, ZERO, distance, read_back_file, to_move};
 use crate::shipped::config;
+use paths::file::PathFile;
+use paths::route::{Route, route};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::fs;
 use tempfile::TempDir;
-use workbench::curve::file::PathFile;
-use workbench::curve::route::{Route, route};
 
 /// Words have six decimals: half a unit in each of three.
 const WORDS: f64 = 1e-6;
@@ -329,8 +329,7 @@ fn the_same_slot_as_an_svg_with_arcs_and_transforms_and_as_a_dxf_with_bulges_is_
 #[test]
 fn a_law_gives_the_height_of_a_plane_drawing_and_one_in_space_has_its_own() {
     let config = config("pyramid");
-    let with_law =
-        |file: &mut PathFile| file.laws.z_mm = Some(workbench::curve::file::Formula("-2*u".into()));
+    let with_law = |file: &mut PathFile| file.laws.z_mm = Some(paths::file::Formula("-2*u".into()));
     let (_a, mut file) = beside("a.dxf", &dxf(&[slot()]), "dxf = 'a.dxf'", "");
     with_law(&mut file);
     let (_, ends) = read_back_file(&config, &file);

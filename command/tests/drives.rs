@@ -2,7 +2,7 @@
 //! The HAL files for real drives, as `pkm check` carries them out.
 
 use crate::homing::changed;
-use workbench::check::report::check;
+use check::report::check;
 
 /// The hexapod on one of the drive files, as docs/drives.md has it.
 fn on_drives(files: &[&str], machine: &str, joint: impl Fn(usize) -> String) -> Vec<String> {

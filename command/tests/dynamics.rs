@@ -7,6 +7,8 @@ use kinematics::leg::CrankGeometry;
 use kinematics::{
     Geometry, LegGeometry, LegKind, Letters, MAX_LEGS, Machine, Matrix3, Pose, Vector3,
 };
+use machine::proof::axis_box;
+use machine::read::mechanism::Mechanism;
 use nalgebra::{Complex, DMatrix, RowDVector};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -14,15 +16,13 @@ use serde::Deserialize;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::sync::LazyLock;
-use workbench::dynamics::chart::Chart;
-use workbench::dynamics::model::{Body, Model};
-use workbench::dynamics::shapes::squares;
-use workbench::dynamics::structure::{LegAt, Structure, body_mass, geometric};
-use workbench::proof::axis_box;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::file::Study;
-use workbench::study::springs::Springs;
-use workbench::study::stiffness::Stiffness;
+use studies::dynamics::chart::Chart;
+use studies::dynamics::model::{Body, Model};
+use studies::dynamics::shapes::squares;
+use studies::dynamics::structure::{LegAt, Structure, body_mass, geometric};
+use studies::study::file::Study;
+use studies::study::springs::Springs;
+use studies::study::stiffness::Stiffness;
 
 /// Closed forms and figures of 13 digits; roundings of an eigenvalue, 1e-13 of the largest, which is
 /// thirty times the smallest.
@@ -336,7 +336,7 @@ fn struts_along_the_edges_of_a_cube_give_the_closed_frequencies() {
     let found: Vec<f64> = squares.iter().map(|square| square.sqrt() / TAU).collect();
     close(&found, &golden().cube_hz, CLOSED);
     // Without legs nothing holds it.
-    let (free, _) = workbench::dynamics::shapes::squares(&mass, &DMatrix::zeros(6, 6)).unwrap();
+    let (free, _) = studies::dynamics::shapes::squares(&mass, &DMatrix::zeros(6, 6)).unwrap();
     assert_eq!(free, [0.0; 6]);
 }
 
@@ -464,7 +464,7 @@ fn arms_yield_by_their_angle() {
     let structure = Structure::at(&config, &model, &pose, &NO_TOOL).unwrap();
     close(&hertz(&structure), &golden().delta_hz, CLOSED);
     let at = config.machine.at(&pose, &NO_TOOL).unwrap();
-    let found = workbench::dynamics::structure::legs(&config, &at, &NO_TOOL, model.screw).unwrap();
+    let found = studies::dynamics::structure::legs(&config, &at, &NO_TOOL, model.screw).unwrap();
     let along = model.legs[0].spring.along(found[0].gain);
     close(&[along], &[golden().delta_k_eff_n_per_mm], CLOSED);
 }

@@ -4,11 +4,11 @@
 use crate::control::{run, run_text};
 use crate::shipped::{config, folder, whole};
 use kinematics::Pose;
-use workbench::control::process::Options;
-use workbench::control::row::{Ending, Row};
-use workbench::program::motion;
-use workbench::program::preflight::judge;
-use workbench::program::replay::replay;
+use linuxcnc::process::Options;
+use linuxcnc::row::{Ending, Row};
+use program::motion;
+use program::preflight::judge;
+use program::replay::replay;
 
 const LATHE: &str = "lathe-counter-spindle";
 

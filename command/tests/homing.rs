@@ -2,9 +2,9 @@
 //! Homing from wherever a machine was switched off.
 
 use crate::shipped::{ini, with_programs};
-use workbench::check::homing_ways::{Group, Homing, sequences};
-use workbench::check::report::check;
-use workbench::read::mechanism::Mechanism;
+use check::homing_ways::{Group, Homing, sequences};
+use check::report::check;
+use machine::read::mechanism::Mechanism;
 
 /// A shipped machine, its file changed, in a place of its own with its tool table.
 pub fn changed(name: &str, change: impl Fn(String) -> String) -> (tempfile::TempDir, Mechanism) {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Good and bad INI files: the list that a start of LinuxCNC is held to as well, by tests/cases/ini/run.py.
 
+use machine::read::error::MachineError;
+use machine::read::ini::Ini;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use workbench::read::error::MachineError;
-use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

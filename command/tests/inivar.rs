@@ -2,12 +2,12 @@
 //! The INI reader beside LinuxCNC's own: `inivar`, and the start script's way with included files.
 
 use crate::shipped::configs;
+use machine::read::ini::Ini;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use workbench::read::ini::Ini;
 
 /// Files drawn, and keys asked for in each.
 const FILES: usize = 60;

@@ -4,10 +4,10 @@
 
 use crate::shipped::{cases, config};
 use kinematics::{LegKind, Pose, Vector3};
+use machine::proof::axis_box;
 use nalgebra::{Rotation3, Unit};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use workbench::proof::axis_box;
 
 /// Some ten roundings of lengths near 1000 mm, over a sine of 0.3 at least.
 const TOLERANCE_MM: f64 = 1e-9;

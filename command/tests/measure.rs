@@ -2,23 +2,23 @@
 //! Calibration by readings that somebody types, on machines whose truth is known.
 
 use crate::shipped::{self, cases};
+use calibrate::at_tool;
+use calibrate::fit::fit;
+use calibrate::gauge::{Gauge, Kind, Object};
+use calibrate::model::{Frame, Model, Tolerance};
+use calibrate::propose::{Proposal, propose};
+use calibrate::setup::Setup;
+use calibrate::shape;
+use calibrate::sheet;
+use calibrate::study::{self, Given, Wishes};
 use kinematics::{Machine, Pose, Solver, Vector3};
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use workbench::calibrate::at_tool;
-use workbench::calibrate::fit::fit;
-use workbench::calibrate::gauge::{Gauge, Kind, Object};
-use workbench::calibrate::model::{Frame, Model, Tolerance};
-use workbench::calibrate::propose::{Proposal, propose};
-use workbench::calibrate::setup::Setup;
-use workbench::calibrate::shape;
-use workbench::calibrate::sheet;
-use workbench::calibrate::study::{self, Given, Wishes};
-use workbench::read::mechanism::Mechanism;
 
 /// A dial of 2 um on a plate, and where there is none to see X and Y, on two edges of it as well.
 fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {

@@ -2,8 +2,8 @@
 //! What counting and the leg rows say about the shipped machines.
 
 use crate::shipped::config;
+use check::mobility::{Structure, rank, rows_at_home, singular_values};
 use kinematics::Letter::{self, A, B, C, X, Y, Z};
-use workbench::check::mobility::{Structure, rank, rows_at_home, singular_values};
 
 fn structure(machine: &str) -> Structure {
     Structure::of(&config(machine)).unwrap()

@@ -2,13 +2,13 @@
 //! The moves that LinuxCNC asks motion for: units, offsets, arcs, tools, files, the spindle and errors.
 
 use crate::shipped;
+use linuxcnc::process::Options;
+use machine::read::mechanism::Mechanism;
+use program::motion::{Move, MoveKind, Spindle, moves};
+use program::preflight::judge;
+use program::replay::duration;
 use std::path::Path;
 use std::sync::Arc;
-use workbench::control::process::Options;
-use workbench::program::motion::{Move, MoveKind, Spindle, moves};
-use workbench::program::preflight::judge;
-use workbench::program::replay::duration;
-use workbench::read::mechanism::Mechanism;
 
 /// Homing, which forward answers to some roundings of the machine's size, and inch and back.
 const ROUNDING_MM: f64 = 1e-9;

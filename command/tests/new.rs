@@ -4,21 +4,21 @@
 
 use crate::commands::Bench;
 use kinematics::Pose;
+use machine::proof::reach::Reach;
+use machine::read::mechanism::Mechanism;
+use new::kinds::KINDS;
+use new::make::{Order, make};
+use new::panel::Panel;
+use new::parameters::Need;
+use new::questions::Dialogue;
+use new::table::columns;
+use new::values::Values;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use snapbox::{assert_data_eq, str};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use workbench::new::kinds::KINDS;
-use workbench::new::make::{Order, make};
-use workbench::new::parameters::Need;
-use workbench::new::questions::Dialogue;
-use workbench::new::table::columns;
-use workbench::new::values::Values;
-use workbench::panel::Panel;
-use workbench::proof::reach::Reach;
-use workbench::read::mechanism::Mechanism;
 
 const FIVE_STRUTS: &str = "\
 # Five struts that leave the turn about the tool free.

@@ -3,11 +3,11 @@
 
 use crate::curve::ZERO;
 use crate::typical::{TYPICAL, prepared, read, subroutines};
+use program::motion::MoveKind;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use workbench::program::motion::MoveKind;
 
 /// Where LinuxCNC's packages put the parser.
 const TCL: &str = "/usr/lib/tcltk/linuxcnc";

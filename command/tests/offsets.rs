@@ -4,12 +4,12 @@
 
 use crate::commands::Bench;
 use crate::shipped::{MACHINES, ini};
+use calibrate::model::{Model, Tolerance};
 use kinematics::{Joints, Pose};
+use machine::read::mechanism::Mechanism;
 use std::fs;
 use std::path::Path;
-use workbench::calibrate::model::{Model, Tolerance};
-use workbench::read::mechanism::Mechanism;
-use workbench::study::stiffness::with_platform;
+use studies::study::stiffness::with_platform;
 
 /// A power of two, so that sums lose few digits.
 const OFFSET: f64 = 16.0;

@@ -7,10 +7,10 @@ use draw::margins::{Figure, figures};
 use draw::over::Mark;
 use draw::page::{Report, of_program};
 use kinematics::{MAX_JOINTS, Pose};
+use linuxcnc::row::{Beside, Extra, Flags, Row};
+use machine::read::mechanism::Mechanism;
+use program::course::{Course, Sample, Thinned};
 use std::fs;
-use workbench::control::row::{Beside, Extra, Flags, Row};
-use workbench::program::course::{Course, Sample, Thinned};
-use workbench::read::mechanism::Mechanism;
 
 /// What a limit line looks like: nothing else is black and as wide.
 const LIMIT: &str = "stroke=\"#000000\" stroke-width=\"3\"";

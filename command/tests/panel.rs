@@ -4,9 +4,9 @@
 
 use crate::commands::Bench;
 use crate::shipped::{MACHINES, ini, whole};
+use new::panel::Panel;
 use std::collections::BTreeSet;
 use std::fs;
-use workbench::panel::Panel;
 
 #[test]
 fn the_shipped_machines_show_their_panels() {

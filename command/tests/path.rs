@@ -4,9 +4,9 @@
 
 use crate::shipped::{config, folder};
 use kinematics::{Joints, Pose, Vector3};
-use workbench::program::motion::{Move, moves};
-use workbench::program::path::{Along, along};
-use workbench::read::mechanism::Mechanism;
+use machine::read::mechanism::Mechanism;
+use program::motion::{Move, moves};
+use program::path::{Along, along};
 
 /// A thousand steps added up, each with a rounding of a carriage position near 1500 mm.
 const SUM_MM: f64 = 1e-9;

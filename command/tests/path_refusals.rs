@@ -3,12 +3,12 @@
 //! no file left behind.
 
 use crate::shipped::folder;
+use paths::file::PathFile;
+use paths::route::route;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use workbench::curve::file::PathFile;
-use workbench::curve::route::route;
 
 /// A path file that is fine, of which each case changes something.
 const FINE: &str = "

@@ -5,11 +5,11 @@
 use crate::commands::Bench;
 use crate::shipped::{MACHINES, config, configs};
 use draw::curve::of_route;
+use paths::file::PathFile;
+use paths::route::route;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use workbench::curve::file::PathFile;
-use workbench::curve::route::route;
 
 /// Words of units; names of axes that have none say so.
 const UNITS: [&str; 7] =

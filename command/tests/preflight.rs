@@ -3,6 +3,13 @@
 
 use crate::shipped::{MACHINES, cases, config, folder, follow, unchained};
 use kinematics::{At, Limit, MAX_EXTRA, MAX_JOINTS, Pose, Vector3};
+use machine::limits;
+use machine::proof::axis_box::range;
+use machine::proof::reach::Reach;
+use machine::read::mechanism::Mechanism;
+use program::findings::Preflight;
+use program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
+use program::offset::{self, Offset};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -10,13 +17,6 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use workbench::limits;
-use workbench::program::findings::Preflight;
-use workbench::program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
-use workbench::program::offset::{self, Offset};
-use workbench::proof::axis_box::range;
-use workbench::proof::reach::Reach;
-use workbench::read::mechanism::Mechanism;
 
 pub fn rapid(line: u32, end: [f64; 6]) -> Move {
     Move {

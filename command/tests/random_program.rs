@@ -2,9 +2,9 @@
 //! Random programs: read by LinuxCNC's interpreter and replayed they stay in all limits.
 
 use crate::shipped::{MACHINES, config};
-use workbench::program::motion;
-use workbench::program::random_program::random_program;
-use workbench::program::replay::replay;
+use program::motion;
+use program::random_program::random_program;
+use program::replay::replay;
 
 #[test]
 fn a_random_program_stays_within_the_limits_of_its_machine() {

@@ -3,13 +3,13 @@
 
 use crate::ini_cases::{Edit, apply};
 use crate::shipped::{cases_of, copied};
+use linuxcnc::process::Options;
+use program::findings::Preflight;
+use program::preflight::judge;
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fs;
-use workbench::control::process::Options;
-use workbench::program::findings::Preflight;
-use workbench::program::preflight::judge;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

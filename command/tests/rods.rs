@@ -3,10 +3,10 @@
 
 use crate::shipped::{MACHINES, config};
 use kinematics::{Pose, Vector3};
+use machine::proof::axis_box;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use workbench::proof::axis_box;
-use workbench::study::rods::{Rods, View};
+use studies::study::rods::{Rods, View};
 
 /// Lengths near 1000 mm with some roundings of 1e-13.
 const LENGTH_MM: f64 = 1e-9;

@@ -3,16 +3,16 @@
 
 use crate::shipped::{MACHINES, config, ini, whole};
 use kinematics::{Matrix3, Pose, Vector3};
+use machine::proof::axis_box::range;
+use machine::read::ini::Ini;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use nalgebra::{Rotation3, Unit};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::Value;
 use std::process::Command;
-use workbench::proof::axis_box::range;
-use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::rods::View;
+use studies::study::rods::View;
 
 /// Some roundings of lengths of 1e3.
 const LENGTH: f64 = 1e-9;

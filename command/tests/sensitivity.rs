@@ -4,12 +4,12 @@
 
 use crate::shipped::{MACHINES, config};
 use kinematics::{LEAST_DRIVE, Letter, Pose, Solver, Vector3};
+use machine::proof::axis_box;
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use workbench::proof::axis_box;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::file::{Law, Study};
-use workbench::study::sensitivity::{Kind, Sensitivity, monte_carlo, near, ratios};
+use studies::study::file::{Law, Study};
+use studies::study::sensitivity::{Kind, Sensitivity, monte_carlo, near, ratios};
 
 const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 

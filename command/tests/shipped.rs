@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The shipped configurations.
 
+use machine::read::ini::Ini;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
+use program::findings::Preflight;
+use program::motion::Move;
+use program::preflight::preflight;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
-use workbench::program::findings::Preflight;
-use workbench::program::motion::Move;
-use workbench::program::preflight::preflight;
-use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
 
 pub const MACHINES: [&str; 18] = [
     "four-rod-lathe",

@@ -3,14 +3,14 @@
 
 use crate::ini_cases::{Edit, apply};
 use crate::shipped::{MACHINES, cases_of, copied, whole};
+use check::report::check;
+use machine::read::diagnostic::Severity;
+use machine::read::machine::MachineConfig;
+use program::start::start;
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
-use workbench::check::report::check;
-use workbench::program::start::start;
-use workbench::read::diagnostic::Severity;
-use workbench::read::machine::MachineConfig;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -4,18 +4,18 @@
 
 use crate::shipped::{MACHINES, config};
 use kinematics::{LegKind, Matrix3, Pose, Solver, Vector3};
+use machine::proof::axis_box;
+use machine::read::mechanism::Mechanism;
+use machine::rows::{length_rows, rate_map};
 use nalgebra::Matrix6;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
-use workbench::proof::axis_box;
-use workbench::read::mechanism::Mechanism;
-use workbench::rows::{length_rows, rate_map};
-use workbench::study::file::{Screw, Study};
-use workbench::study::map::Map;
-use workbench::study::sensitivity::Sensitivity;
-use workbench::study::springs::{Spring, Springs};
-use workbench::study::stiffness::{Stiffness, with_platform};
+use studies::study::file::{Screw, Study};
+use studies::study::map::Map;
+use studies::study::sensitivity::Sensitivity;
+use studies::study::springs::{Spring, Springs};
+use studies::study::stiffness::{Stiffness, with_platform};
 
 /// N/mm.
 const STRUT: f64 = 1e4;

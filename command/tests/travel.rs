@@ -4,13 +4,13 @@
 use crate::commands::Bench;
 use crate::shipped::{self, unchained, whole};
 use kinematics::{Letter, Vector3};
+use machine::proof::axis_box::range;
+use machine::proof::reach::Reach;
+use machine::read::machine::MachineConfig;
+use program::travel::{Stand, travel};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::Value;
-use workbench::program::travel::{Stand, travel};
-use workbench::proof::axis_box::range;
-use workbench::proof::reach::Reach;
-use workbench::read::machine::MachineConfig;
 
 /// Poses looked at along a way.
 const LOOKS: u32 = 400;

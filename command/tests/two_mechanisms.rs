@@ -3,23 +3,23 @@
 
 use crate::control::run;
 use crate::shipped::{config, folder, ini, machine_of, whole};
+use check::between;
+use check::report::check;
 use kinematics::{Cause, Gap, Limit, Pose, Vector3};
+use linuxcnc::process::{self, Options};
+use linuxcnc::row::{Ending, MessageKind, Outcome, Row};
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
+use program::beside::moves_of;
+use program::findings::{Preflight, Rule};
+use program::motion;
+use program::preflight::preflight;
+use program::replay::replay;
 use std::ops::ControlFlow;
 use std::path::Path;
-use workbench::check::between;
-use workbench::check::report::check;
-use workbench::control::process::{self, Options};
-use workbench::control::row::{Ending, MessageKind, Outcome, Row};
-use workbench::program::beside::moves_of;
-use workbench::program::findings::{Preflight, Rule};
-use workbench::program::motion;
-use workbench::program::preflight::preflight;
-use workbench::program::replay::replay;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::body::{Body, Effort};
-use workbench::study::file::Study;
-use workbench::study::workspace::{Stand, Workspace};
+use studies::study::body::{Body, Effort};
+use studies::study::file::Study;
+use studies::study::workspace::{Stand, Workspace};
 
 const LATHE: &str = "lathe-mirrored";
 
@@ -283,7 +283,7 @@ fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
     let (config, second) = (whole(LATHE), second());
     let file = program(&["G1 Z1350 W2600 C20", "G43.1 U300", "G1 W3100"]);
     let found = followed(&config, file.path());
-    let between = |told: &&workbench::program::findings::Break| told.limit == Rule::Mechanisms;
+    let between = |told: &&program::findings::Break| told.limit == Rule::Mechanisms;
     let told = found.breaks.iter().find(between).unwrap_or_else(|| panic!("{:?}", found.breaks));
     assert_eq!(told.part, "the distance of leg 1 and leg 4");
     let tilted = Pose::from_degrees([0.0, 450.0, 2600.0, 0.0, 20.0, 0.0]);

@@ -3,18 +3,18 @@
 //! every machine can run those that its work needs.
 
 use crate::shipped::{MACHINES, config, folder, ini, unchained};
+use machine::read::mechanism::Mechanism;
+use paths::file::PathFile;
+use paths::job::{Job, job};
+use paths::route::route;
+use program::motion::{Move, MoveKind, moves};
+use program::preflight::preflight;
 use serde::Deserialize;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 use tempfile::TempDir;
-use workbench::curve::file::PathFile;
-use workbench::curve::job::{Job, job};
-use workbench::curve::route::route;
-use workbench::program::motion::{Move, MoveKind, moves};
-use workbench::program::preflight::preflight;
-use workbench::read::mechanism::Mechanism;
 
 #[derive(Deserialize)]
 struct Golden {

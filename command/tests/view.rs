@@ -3,20 +3,20 @@
 
 use crate::shipped::{MACHINES, config, ini, whole};
 use kinematics::{Joints, Limits, MAX_JOINTS, Pose, Vector3};
+use machine::proof::axis_box::range;
+use machine::read::mechanism::Mechanism;
 use page_core::{Described, Drawn};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
 use std::process::{Command, Output};
-use workbench::proof::axis_box::range;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::rods::View;
+use studies::study::rods::View;
 
 /// Some roundings of lengths of 1e3.
 const LENGTH: f64 = 1e-9;
 
 fn described(config: &Mechanism) -> Described {
-    let of = |value: fn(&workbench::read::joints::Joint) -> f64| -> Joints {
+    let of = |value: fn(&machine::read::joints::Joint) -> f64| -> Joints {
         std::array::from_fn(|i| config.joints.get(i).map_or(f64::INFINITY, value))
     };
     let limits = Limits { max: of(|joint| joint.max), tilt: 12.5, ..Limits::NONE };

@@ -3,11 +3,11 @@
 
 use crate::shipped::config;
 use kinematics::{Limit, Part, Vector3};
-use workbench::read::mechanism::Mechanism;
-use workbench::study::body::{Body, Effort, counted, csv, mesh_volume, obj};
-use workbench::study::file::Study;
-use workbench::study::slice::{Plane, Slice};
-use workbench::study::workspace::{Border, Workspace, tilts};
+use machine::read::mechanism::Mechanism;
+use studies::study::body::{Body, Effort, counted, csv, mesh_volume, obj};
+use studies::study::file::Study;
+use studies::study::slice::{Plane, Slice};
+use studies::study::workspace::{Border, Workspace, tilts};
 
 fn level<'a>(config: &'a Mechanism, study: &Study) -> Workspace<'a> {
     Workspace::new(config, config.spindle, vec![[0.0; 3]], study).unwrap()

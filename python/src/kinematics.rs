@@ -4,12 +4,12 @@
 use crate::arrays::Rows;
 use crate::batch::{Answer, Found, each, in_order};
 use kinematics::{At, Fault, Limits, Margin, Pose, Vector3};
+use machine::limits;
+use machine::read::mechanism::Mechanism;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PySlice;
-use workbench::limits;
-use workbench::read::mechanism::Mechanism;
 
 /// The six numbers of a pose, angles in degrees.
 pub const POSE: usize = 6;

@@ -7,20 +7,20 @@ use crate::kinematics::{self as many, Margins, POSE, Seeds, pose};
 use crate::refusal::machine_error;
 use crate::sections::Parts;
 use crate::studies::{self, Look, Sensitivity, Stiffness, Workspace};
+use ::studies::study::workspace::tilts;
 use kinematics::{Letter, Vector3};
+use machine::read::ini::Ini;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
+use new::kinds::KINDS;
+use new::make::sketched;
+use new::values::Values;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::exceptions::{PyNotImplementedError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use workbench::new::kinds::KINDS;
-use workbench::new::make::sketched;
-use workbench::new::values::Values;
-use workbench::read::ini::Ini;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::workspace::tilts;
 
 /// Directions of a tilt, and steps along a ray, as `pkm workspace` has them.
 const DIRECTIONS: usize = 12;

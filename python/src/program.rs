@@ -2,18 +2,18 @@
 //! The verdict on a program, as `pkm preflight` gives it.
 
 use crate::refusal::failed;
+use linuxcnc::process::Options;
+use linuxcnc::trace::Trace;
+use machine::files;
+use machine::read::machine::MachineConfig;
+use program::findings::Time;
+use program::verdict::{Step, judge};
 use pyo3::prelude::*;
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
-use workbench::control::process::Options;
-use workbench::control::trace::Trace;
-use workbench::files;
-use workbench::program::findings::Time;
-use workbench::program::verdict::{Step, judge};
-use workbench::read::machine::MachineConfig;
 
 /// Time between two looks for signals, such as Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);

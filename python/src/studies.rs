@@ -6,16 +6,16 @@ use crate::batch::{Answer, each};
 use crate::kinematics::{POSE, pose};
 use crate::refusal::machine_error;
 use kinematics::{Cause, Fault, Vector3};
+use machine::read::mechanism::Mechanism;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::body::{Body, Effort, counted};
-use workbench::study::file::Study;
-use workbench::study::sensitivity;
-use workbench::study::springs::Springs;
-use workbench::study::stiffness;
-use workbench::study::workspace;
+use studies::study::body::{Body, Effort, counted};
+use studies::study::file::Study;
+use studies::study::sensitivity;
+use studies::study::springs::Springs;
+use studies::study::stiffness;
+use studies::study::workspace;
 
 /// A study from the text of its file.
 pub fn study(text: Option<&str>) -> PyResult<Study> {

@@ -6,19 +6,19 @@ use super::super::failure::Failure;
 use super::super::output;
 use draw::plot::Plot;
 use draw::stability::{of_overhangs, of_partitions, of_responses};
+use machine::files::{Locate, csv, write_whole};
 use nalgebra::{Complex, ComplexField};
 use serde::Serialize;
 use serde_json::json;
 use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use workbench::files::{Locate, csv, write_whole};
-use workbench::stability::WORTH;
-use workbench::stability::lag::{Crossing, Lag};
-use workbench::stability::response::{Response, unwrapped};
-use workbench::stability::system::Adjustment;
-use workbench::study::cutting::Chip;
-use workbench::study::file::Study;
+use studies::stability::WORTH;
+use studies::stability::lag::{Crossing, Lag};
+use studies::stability::response::{Response, unwrapped};
+use studies::stability::system::Adjustment;
+use studies::study::cutting::Chip;
+use studies::study::file::Study;
 
 /// Overhangs of the curve that is drawn.
 const OVERHANGS: usize = 200;

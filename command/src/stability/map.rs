@@ -8,18 +8,18 @@ use super::setup;
 use draw::plot::Plot;
 use draw::stability::of_depths;
 use kinematics::{Letter, Pose};
+use machine::files::{csv, write_whole};
+use machine::proof::axis_box;
 use rayon::prelude::*;
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
-use workbench::files::{csv, write_whole};
-use workbench::proof::axis_box;
-use workbench::stability::WORTH;
-use workbench::stability::floquet::fast_enough;
-use workbench::study::file::Study;
-use workbench::study::workspace::Workspace;
+use studies::stability::WORTH;
+use studies::stability::floquet::fast_enough;
+use studies::study::file::Study;
+use studies::study::workspace::Workspace;
 
 /// Where in the workspace how deep may be cut
 ///

@@ -9,11 +9,11 @@ mod spindle;
 
 use super::Verdict;
 use super::failure::Failure;
+use machine::files::Locate;
+use machine::read::mechanism::Mechanism;
 use std::path::Path;
-use workbench::files::Locate;
-use workbench::read::mechanism::Mechanism;
-use workbench::stability::pose::Setup;
-use workbench::study::file::Study;
+use studies::stability::pose::Setup;
+use studies::study::file::Study;
 
 /// How deep may be cut before it chatters
 ///

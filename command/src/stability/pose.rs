@@ -8,21 +8,21 @@ use super::{Speeds, setup};
 use draw::plot::Plot;
 use draw::stability::{of_lobes, of_stable_map, of_tip};
 use kinematics::Vector3;
+use machine::files::{csv, write_whole};
 use nalgebra::ComplexField;
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::PathBuf;
-use workbench::files::{csv, write_whole};
-use workbench::stability::WORTH;
-use workbench::stability::bands::{Band, Loss, bands};
-use workbench::stability::floquet::{Period, fast_enough};
-use workbench::stability::lobes::{Limit, Lobes};
-use workbench::stability::map::StableMap;
-use workbench::stability::pose::Setup;
-use workbench::stability::process::{Row, receptance, turned};
-use workbench::stability::semi;
-use workbench::study::file::Study;
+use studies::stability::WORTH;
+use studies::stability::bands::{Band, Loss, bands};
+use studies::stability::floquet::{Period, fast_enough};
+use studies::stability::lobes::{Limit, Lobes};
+use studies::stability::map::StableMap;
+use studies::stability::pose::Setup;
+use studies::stability::process::{Row, receptance, turned};
+use studies::stability::semi;
+use studies::study::file::Study;
 
 /// How deep may be cut at a pose, and at which spindle speed
 ///
@@ -226,7 +226,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(if answer.at.iter().all(is_stable) { Verdict::Fits } else { Verdict::Misfit })
 }
 
-fn speed(map: &StableMap, column: &workbench::stability::map::Column) -> Speed {
+fn speed(map: &StableMap, column: &studies::stability::map::Column) -> Speed {
     Speed { rpm: column.rpm, stable_to_mm: column.stable_to(map.most) }
 }
 

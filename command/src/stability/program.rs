@@ -4,19 +4,19 @@
 use super::super::failure::{Failure, refused};
 use super::super::{Bar, MachineFile, Verdict, in_words, output, tell_deleted};
 use super::{Speeds, setup};
+use ::program::motion::{self, Move, MoveKind, Spindle};
 use draw::plot::Plot;
 use draw::stability::of_path;
 use kinematics::Pose;
+use machine::files::{Locate, csv, open, write_whole};
+use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
-use workbench::cut::program;
-use workbench::files::{Locate, csv, open, write_whole};
-use workbench::program::motion::{self, Move, MoveKind, Spindle};
-use workbench::read::mechanism::Mechanism;
-use workbench::stability::WORTH;
-use workbench::stability::path::{Best, Depth, Path, Stop};
-use workbench::study::file::Study;
+use studies::cut::program;
+use studies::stability::WORTH;
+use studies::stability::path::{Best, Depth, Path, Stop};
+use studies::study::file::Study;
 
 /// Which line of a program comes nearest to chatter
 ///

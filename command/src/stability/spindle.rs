@@ -4,14 +4,14 @@
 use super::super::Verdict;
 use super::super::failure::{Failure, refused};
 use super::super::output;
+use machine::files::Locate;
 use serde::Serialize;
 use serde_json::json;
 use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::PathBuf;
-use workbench::files::Locate;
-use workbench::stability::spindle::{Nose, ShaftMode};
-use workbench::study::file::Study;
+use studies::stability::spindle::{Nose, ShaftMode};
+use studies::study::file::Study;
 
 /// What a shaft on two bearings yields at its nose
 ///

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Replay cases of tests/cases/replay.toml: a machine, a program, and what is expected of them.
 
+use machine::read::machine::MachineConfig;
+use program::beside::moves_of;
+use program::motion::{self, LINUXCNC_PROGRAMS};
+use program::replay::{Replay, replay};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use workbench::program::beside::moves_of;
-use workbench::program::motion::{self, LINUXCNC_PROGRAMS};
-use workbench::program::replay::{Replay, replay};
-use workbench::read::machine::MachineConfig;
 
 /// Prefix of programs that come with LinuxCNC.
 const LINUXCNC: &str = "linuxcnc:";

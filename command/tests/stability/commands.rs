@@ -7,7 +7,7 @@ use crate::shipped;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use workbench::stability::system::Adjustment;
+use studies::stability::system::Adjustment;
 
 fn example(name: &str) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
@@ -81,7 +81,7 @@ fn the_lag_of_paper_002_is_answered_drawn_and_written() {
 fn width_and_depth_of_the_chip_are_those_of_the_formulas() {
     let chip = |factor: f64| {
         let text = example("paper-002.toml").replace("factor = 1.4", &format!("factor = {factor}"));
-        workbench::study::file::Study::parse(&text).unwrap().chip.unwrap()
+        studies::study::file::Study::parse(&text).unwrap().chip.unwrap()
     };
     let widths = rows("dpartition", "chip_b_1p4_1p3");
     for (stiffness, expected) in [3823.0, 1526.0].into_iter().zip(widths) {
@@ -93,7 +93,7 @@ fn width_and_depth_of_the_chip_are_those_of_the_formulas() {
 
 #[test]
 fn the_first_link_yields_with_its_overhang_as_the_formula_says() {
-    let study = workbench::study::file::Study::parse(&example("paper-002.toml")).unwrap();
+    let study = studies::study::file::Study::parse(&example("paper-002.toml")).unwrap();
     for expected in rows("dpartition", "overhang_l_delta_k1_omega_K_T_3ms") {
         let stiffness = study.overhang.unwrap().stiffness(expected[0]);
         close(1.0 / stiffness, expected[1], 1e-12);

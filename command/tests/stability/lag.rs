@@ -3,9 +3,9 @@
 
 use super::{close, golden, number, row, rows};
 use nalgebra::{Complex, ComplexField, DMatrix};
-use workbench::stability::lag::{Crossing, Lag, Term};
-use workbench::stability::partition::{CHORD, Point, chordal, regions};
-use workbench::stability::response::unwrapped;
+use studies::stability::lag::{Crossing, Lag, Term};
+use studies::stability::partition::{CHORD, Point, chordal, regions};
+use studies::stability::response::unwrapped;
 
 /// Both are solutions of a polynomial with 16 digits; conditions are below 1e5.
 const CROSSING: f64 = 1e-9;

@@ -4,16 +4,16 @@
 use super::{close, golden, row, rows};
 use crate::shipped::config;
 use kinematics::{Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 use nalgebra::ComplexField;
-use workbench::read::mechanism::Mechanism;
-use workbench::stability::bands::{Loss, bands, first_limit};
-use workbench::stability::floquet::Period;
-use workbench::stability::lobes::Lobes;
-use workbench::stability::map::StableMap;
-use workbench::stability::path::{Path, Stop};
-use workbench::stability::pose::{NoModes, NoSetup, Setup};
-use workbench::stability::process::{Row, turned};
-use workbench::study::file::Study;
+use studies::stability::bands::{Loss, bands, first_limit};
+use studies::stability::floquet::Period;
+use studies::stability::lobes::Lobes;
+use studies::stability::map::StableMap;
+use studies::stability::path::{Path, Stop};
+use studies::stability::pose::{NoModes, NoSetup, Setup};
+use studies::stability::process::{Row, turned};
+use studies::study::file::Study;
 
 /// Two programs with 16 digits, through modes of a matrix whose condition is 1e5.
 const ZERO_ORDER: f64 = 1e-7;
@@ -152,7 +152,7 @@ fn a_spindle_adds_its_receptance_to_that_of_the_tip() {
     assert_eq!(both.len(), plain.len() + 2 * nose.modes.len());
     for omega in [0.0, 300.0, 4000.0] {
         let [a, b] =
-            [&plain, &both].map(|rows| workbench::stability::process::receptance(rows, omega));
+            [&plain, &both].map(|rows| studies::stability::process::receptance(rows, omega));
         let own: nalgebra::Complex<f64> = nose.terms().iter().map(|term| term.at(omega)).sum();
         // The same across the axis, nothing between and along.
         for i in 0..2 {

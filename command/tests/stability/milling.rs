@@ -4,13 +4,13 @@
 use super::{close, golden, number, rows};
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use std::f64::consts::{PI, TAU};
-use workbench::dynamics::mode::Mode;
-use workbench::stability::bands::first_limit;
-use workbench::stability::floquet::Period;
-use workbench::stability::lobes::Lobes;
-use workbench::stability::process::{Process, Row, milling_rows};
-use workbench::stability::semi;
-use workbench::study::file::Study;
+use studies::dynamics::mode::Mode;
+use studies::stability::bands::first_limit;
+use studies::stability::floquet::Period;
+use studies::stability::lobes::Lobes;
+use studies::stability::process::{Process, Row, milling_rows};
+use studies::stability::semi;
+use studies::study::file::Study;
 
 /// Both are converged to 1e-8; roundings of an eigenvalue.
 const MULTIPLIER: f64 = 1e-8;

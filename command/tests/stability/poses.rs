@@ -5,15 +5,15 @@
 use super::{close, golden, row, rows};
 use nalgebra::{Complex, ComplexField, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 use std::f64::consts::TAU;
-use workbench::dynamics::milling::frame;
-use workbench::dynamics::mode::Mode;
-use workbench::stability::bands::{bands, first_limit};
-use workbench::stability::floquet::Period;
-use workbench::stability::lag::{Lag, Term};
-use workbench::stability::lobes::{Limit, Lobes};
-use workbench::stability::process::{Process, Row, milling_rows, receptance};
-use workbench::stability::semi;
-use workbench::study::file::Study;
+use studies::dynamics::milling::frame;
+use studies::dynamics::mode::Mode;
+use studies::stability::bands::{bands, first_limit};
+use studies::stability::floquet::Period;
+use studies::stability::lag::{Lag, Term};
+use studies::stability::lobes::{Limit, Lobes};
+use studies::stability::process::{Process, Row, milling_rows, receptance};
+use studies::stability::semi;
+use studies::study::file::Study;
 
 /// Two ways to the zero of one function.
 const ZERO_ORDER: f64 = 1e-7;

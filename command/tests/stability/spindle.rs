@@ -3,9 +3,9 @@
 
 use super::close;
 use std::f64::consts::{PI, TAU};
-use workbench::stability::spindle::{NoSpindle, Nose};
-use workbench::study::file::Study;
-use workbench::study::spindle::Spindle;
+use studies::stability::spindle::{NoSpindle, Nose};
+use studies::study::file::Study;
+use studies::study::spindle::Spindle;
 
 /// Forces at the ends of elements: exact but for rounding, of a matrix whose condition is 1e10.
 const STATIC: f64 = 1e-6;

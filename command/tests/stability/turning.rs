@@ -4,11 +4,11 @@
 use super::{close, golden, row, rows};
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
-use workbench::dynamics::mode::Mode;
-use workbench::stability::floquet::Period;
-use workbench::stability::lobes::Lobes;
-use workbench::stability::process::{Process, Row, turning_rows};
-use workbench::study::file::Study;
+use studies::dynamics::mode::Mode;
+use studies::stability::floquet::Period;
+use studies::stability::lobes::Lobes;
+use studies::stability::process::{Process, Row, turning_rows};
+use studies::study::file::Study;
 
 /// k, natural frequency in rad/s, ζ, Kf.
 fn values() -> [f64; 4] {

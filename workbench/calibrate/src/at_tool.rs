@@ -3,9 +3,9 @@
 
 use super::model::{Model, Quantity, unit};
 use super::reading::{Changed, Posed};
-use crate::limits;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Letter, Limit, Margin, Part, Pose, Vector3};
+use machine::limits;
+use machine::read::mechanism::Mechanism;
 use nalgebra::{DMatrix, Matrix3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

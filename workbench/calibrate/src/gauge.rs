@@ -13,8 +13,8 @@
 use super::log;
 use super::model::Frame;
 use super::reading::{Instrument, Measured, Reading, Zero};
-use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 use serde::Deserialize;
 use std::fmt;
 

@@ -2,8 +2,8 @@
 //! Comment lines with which a file of measurements says what it belongs to: `# key value`.
 
 use super::log::BadLog;
-use crate::read::mechanism::Mechanism;
 use kinematics::Vector3;
+use machine::read::mechanism::Mechanism;
 
 const MARKS: [char; 2] = ['#', ';'];
 

@@ -18,8 +18,8 @@
 
 use super::plate::Plate;
 use super::reading::{Instrument, Measured, Reading};
-use crate::read::mechanism::Mechanism;
 use kinematics::{MAX_JOINTS, Pose, Solver, Vector3};
+use machine::read::mechanism::Mechanism;
 
 /// First line of a log.
 pub const HEADER: &str = "pkm calibration log 1";

@@ -2,8 +2,8 @@
 //! The plate with holes that the calibration program probes, and where it lies.
 
 use super::model::Frame;
-use crate::files::{AtFile, Locate, read_text};
 use kinematics::Vector3;
+use machine::files::{AtFile, Locate, read_text};
 use nalgebra::Matrix3;
 use serde::Deserialize;
 use std::io;

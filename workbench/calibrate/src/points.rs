@@ -21,8 +21,8 @@ use super::log::{self, BadLog, Touch};
 use super::model::Frame;
 use super::plate::{Hole, Plate};
 use super::reading::Reading;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 use std::fmt;
 
 /// How far a ball may be from where plate and place let expect it, in its diameters: half the way

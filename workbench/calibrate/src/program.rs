@@ -4,8 +4,8 @@
 use super::gauge::Kind;
 use super::propose::{Proposal, Step, decimals, words};
 use super::setup::Setup;
-use crate::files::as_comment;
-use crate::read::mechanism::Mechanism;
+use machine::files::as_comment;
+use machine::read::mechanism::Mechanism;
 use std::fmt::Write as _;
 
 /// The program of a proposal, whose readings go into the table of this name.

@@ -2,17 +2,17 @@
 //! The INI file with another geometry: every other line, comments and layout stay.
 
 use super::model::{Model, Quantity};
-use crate::files::{AtFile, Locate};
-use crate::proof::boxes::found;
-use crate::proof::one_to_one::Doubt;
-use crate::read::boxes;
-use crate::read::edit::{self, Edit, Elsewhere, enter};
-use crate::read::error::MachineError;
-use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
 use keys::leg;
 use kinematics::{Fault, Geometry, LegKind, PerLeg};
+use machine::files::{AtFile, Locate};
+use machine::proof::boxes::found;
+use machine::proof::one_to_one::Doubt;
+use machine::read::boxes;
+use machine::read::edit::{self, Edit, Elsewhere, enter};
+use machine::read::error::MachineError;
+use machine::read::ini::Ini;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::path::Path;
 
 /// Decimals of lengths in the file, in millimetres: a nanometre, a thousandth of what is measured.

@@ -4,9 +4,9 @@
 use super::gauge::{Gauge, Kind, Object, Scale};
 use super::model::Frame;
 use super::plate::Unit;
-use crate::files::{AtFile, Locate, read_text};
-use crate::read::mechanism::Mechanism;
 use kinematics::{Matrix3, Pose, Vector3};
+use machine::files::{AtFile, Locate, read_text};
+use machine::read::mechanism::Mechanism;
 use serde::Deserialize;
 use std::io;
 use std::path::Path;

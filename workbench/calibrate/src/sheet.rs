@@ -23,9 +23,9 @@ use super::heading;
 use super::log::BadLog;
 use super::model::Frame;
 use super::reading::Reading;
-use crate::files::csv;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Pose, Vector3};
+use machine::files::csv;
+use machine::read::mechanism::Mechanism;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::fmt::Write as _;
 

@@ -13,7 +13,7 @@ use super::log::BadLog;
 use super::model::Model;
 use super::reading::Reading;
 use super::sheet::{Row, Sheet, rounded};
-use crate::read::mechanism::Mechanism;
+use machine::read::mechanism::Mechanism;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 

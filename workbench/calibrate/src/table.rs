@@ -17,9 +17,9 @@ use super::log::{self, BadLog};
 use super::model::Frame;
 use super::plate::fitted;
 use super::reading::{Instrument, Measured, Reading};
-use crate::read::columns::coordinates;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Pose, Vector3};
+use machine::read::columns::coordinates;
+use machine::read::mechanism::Mechanism;
 use nalgebra::{DMatrix, DVector};
 
 const PLACE: [&str; 3] = ["tip_x", "tip_y", "tip_z"];

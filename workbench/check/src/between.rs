@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How near two mechanisms of a machine come to each other, at home and within their axis limits.
 
-use crate::check::findings::Report;
-use crate::check::suggestion::shown_pose;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::proof::axis_box;
-use crate::proof::reach::Reach;
-use crate::read::diagnostic::Severity;
-use crate::read::error::MachineError;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::suggestion::shown_pose;
+use crate::wiring::at_key;
 use kinematics::Gap;
+use machine::limits;
+use machine::proof::axis_box;
+use machine::proof::reach::Reach;
+use machine::read::diagnostic::Severity;
+use machine::read::error::MachineError;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 

@@ -2,7 +2,7 @@
 //! What a program or a machine says that no limit shows: the guard switched off, feeds that it
 //! cannot reduce, units left to the machine.
 
-use crate::read::facts::FileFacts;
+use machine::read::facts::FileFacts;
 use serde::Serialize;
 
 /// Spindle-synchronised motion, which takes its speed from the spindle.
@@ -130,11 +130,11 @@ fn plain(word: String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::machine::MachineConfig;
+    use machine::read::machine::MachineConfig;
     use std::path::Path;
 
     fn told(program: &str) -> Vec<(Option<u32>, String)> {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hexapod/hexapod.ini");
         let config = MachineConfig::read(&file).unwrap();
         let first = |text: String| text.split(' ').take(2).collect::<Vec<_>>().join(" ");
         cautions(&config, &[program]).into_iter().map(|c| (c.line, first(c.text))).collect()
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn files_of_subroutines_are_read_as_well() {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hexapod/hexapod.ini");
         let config = MachineConfig::read(&file).unwrap();
         let found = cautions(&config, &["G21 M52 P1\nO<s> call", "O<s> sub\nM52 P0\nO<s> endsub"]);
         assert_eq!(found.iter().map(|c| (c.file, c.line)).collect::<Vec<_>>(), [(1, Some(2))]);

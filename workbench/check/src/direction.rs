@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Tools of the table against the way that tools point, `TOOL_DIRECTION`.
 
-use crate::read::diagnostic::Severity;
-use crate::read::direction::ToolDirection;
-use crate::read::ini::IniError;
-use crate::read::mechanism::Mechanism;
-use crate::read::tools::Tool;
+use machine::read::diagnostic::Severity;
+use machine::read::direction::ToolDirection;
+use machine::read::ini::IniError;
+use machine::read::mechanism::Mechanism;
+use machine::read::tools::Tool;
 
 /// Every tool whose length contradicts the direction that the file gives. Where the spindle's part makes up
 /// for it, the length can be the difference to a longer tool that lengths were measured with.

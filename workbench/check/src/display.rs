@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What the user interface makes of the machine: which letters its picture has, and whether it takes it for a lathe.
 
-use crate::check::findings::Report;
-use crate::check::programs;
-use crate::read::diagnostic::Severity;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::programs;
 use kinematics::Letter;
+use machine::read::diagnostic::Severity;
+use machine::read::mechanism::Mechanism;
 
 /// Letters that move the tip along the picture's X, Y and Z: AXIS takes those of U, V and W for the same.
 const PLACES: [(Letter, [char; 2]); 3] =

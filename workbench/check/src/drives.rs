@@ -7,17 +7,17 @@
 //! out is not judged, with the reason. Which way a pin goes HAL knows only where its component is loaded:
 //! here it is known of motion, of PID loops and of inputs by their names.
 
-use crate::check::programs::{is_installed, is_program};
-use crate::files::{self, Folder};
-use crate::read::diagnostic::Severity;
-use crate::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
-use crate::read::places::{HALLIB, MODULES};
+use crate::programs::{is_installed, is_program};
+use machine::files::{self, Folder};
+use machine::read::diagnostic::Severity;
+use machine::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
+use machine::read::places::{HALLIB, MODULES};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const SCRIPT: &str = concat!(
-    include_str!("../read/ini.tcl"),
+    include_str!("../../machine/src/read/ini.tcl"),
     include_str!("hal_files.tcl"),
     "\ndrives::main {*}$argv\n"
 );
@@ -124,7 +124,7 @@ fn following_errors(ini: &Ini) -> Result<Vec<Found>, IniError> {
              LinuxCNC stops the machine: give more than that{}",
             if is_measured { "" } else { ", or the measured cycles as DELAY" }
         );
-        found.push((severity, crate::check::wiring::at_key(ini, &section, "FERROR", &text)));
+        found.push((severity, crate::wiring::at_key(ini, &section, "FERROR", &text)));
     }
     Ok(found)
 }
@@ -629,7 +629,7 @@ impl Judge<'_> {
                     "homing waits for {what}, and no HAL file has {pin} on a signal: with the files for drives \
                      of pkmkins [{section}]HOME_SWITCH_PIN names a switch"
                 );
-                let error = crate::check::wiring::at_key(self.ini, &section, key, &text);
+                let error = crate::wiring::at_key(self.ini, &section, key, &text);
                 self.found.push((Severity::Error, error));
             }
         }
@@ -646,7 +646,7 @@ impl Judge<'_> {
         } else {
             return Ok(());
         };
-        let error = crate::check::wiring::at_key(self.ini, section, "HOME_LATCH_VEL", text);
+        let error = crate::wiring::at_key(self.ini, section, "HOME_LATCH_VEL", text);
         self.found.push((Severity::Error, error));
         Ok(())
     }
@@ -666,7 +666,7 @@ impl Judge<'_> {
                 "the feedback of joint {n} is {pin}, which counts steps from 0 wherever the joint is at the start: \
                  expected homing by a switch (HOME_SEARCH_VEL, HOME_LATCH_VEL, HOME_OFFSET), or the pin of an absolute encoder"
             );
-            let error = crate::check::wiring::at_key(self.ini, section, KEY, &text);
+            let error = crate::wiring::at_key(self.ini, section, KEY, &text);
             self.found.push((Severity::Error, error));
         }
         Ok(())

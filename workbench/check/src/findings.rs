@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a check has found: facts, and what does not fit.
 
-use crate::proof::axis_box::AxisBox;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::{IniError, Problem};
-use crate::read::mechanism::Mechanism;
-use crate::read::tools::Tool;
+use machine::proof::axis_box::AxisBox;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::{IniError, Problem};
+use machine::read::mechanism::Mechanism;
+use machine::read::tools::Tool;
 
 /// One thing found.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

@@ -2,19 +2,19 @@
 //! What a check knows how to put right, as a new text of the file: HOMEs, axis limits, the order of homing and
 //! boxes. Comments and order stay, and nothing is written here.
 
-use crate::check::findings::Report;
-use crate::check::homing::{self, TOGETHER, Trouble};
-use crate::check::report;
-use crate::check::workspace::MOST;
-use crate::proof::axis_box::AxisBox;
-use crate::proof::boxes as proof;
-use crate::read::boxes;
-use crate::read::edit::{Edit, Elsewhere, entered, with_ends, with_sections};
-use crate::read::error::MachineError;
-use crate::read::ini::{Ini, IniError};
-use crate::read::machine::{Lenient, MachineConfig};
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::homing::{self, TOGETHER, Trouble};
+use crate::report;
+use crate::workspace::MOST;
 use kinematics::{Fault, Letter};
+use machine::proof::axis_box::AxisBox;
+use machine::proof::boxes as proof;
+use machine::read::boxes;
+use machine::read::edit::{Edit, Elsewhere, entered, with_ends, with_sections};
+use machine::read::error::MachineError;
+use machine::read::ini::{Ini, IniError};
+use machine::read::machine::{Lenient, MachineConfig};
+use machine::read::mechanism::Mechanism;
 use std::path::Path;
 
 /// Difference of HOME and the kinematics, as a share of the machine's size (of 1 degree for arms), that digits

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! HOME of joints and axes against the kinematics and the limits, and the order of homing.
 
-use crate::check::findings::Report;
-use crate::check::homing::{self, Trouble};
-use crate::check::sequence;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::read::diagnostic::Severity;
-use crate::read::error::MachineError;
-use crate::read::ini::{Ini, IniError};
-use crate::read::joints::JointKind;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::homing::{self, Trouble};
+use crate::sequence;
+use crate::wiring::at_key;
 use kinematics::Letter;
+use machine::limits;
+use machine::read::diagnostic::Severity;
+use machine::read::error::MachineError;
+use machine::read::ini::{Ini, IniError};
+use machine::read::joints::JointKind;
+use machine::read::mechanism::Mechanism;
 
 /// Largest difference of HOME of a joint and the kinematics at [TRAJ]HOME, as a share of the
 /// machine's size (of a radian for arms): some micrometres, so that four digits after the point

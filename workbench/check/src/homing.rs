@@ -5,11 +5,11 @@
 //! sequence from HOME to the switches at HOME_OFFSET and back, its joints together, all others
 //! at HOME: a sequence that moves some of the legs alone tilts the platform.
 
-use crate::check::sequence;
-use crate::limits;
-use crate::read::ini::{Ini, IniError};
-use crate::read::mechanism::Mechanism;
+use crate::sequence;
 use kinematics::{Joints, MAX_JOINTS, Margin};
+use machine::limits;
+use machine::read::ini::{Ini, IniError};
+use machine::read::mechanism::Mechanism;
 
 /// Places looked at on the way of a sequence.
 const STEPS: u32 = 50;

@@ -7,14 +7,14 @@
 //! switch by a little, backs off and comes again is left out. With a negative HOME_SEQUENCE the joints of
 //! a sequence wait at their switches for each other.
 
-use crate::check::sequence;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::proof::axis_box;
-use crate::proof::reach::Reach;
-use crate::read::ini::{Ini, IniError};
-use crate::read::mechanism::Mechanism;
+use crate::sequence;
+use crate::wiring::at_key;
 use kinematics::{Joints, Letter, Pose};
+use machine::limits;
+use machine::proof::axis_box;
+use machine::proof::reach::Reach;
+use machine::read::ini::{Ini, IniError};
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::collections::HashMap;

@@ -31,7 +31,7 @@ mod table;
 mod tips;
 mod tool_change;
 mod typos;
-pub(crate) mod usual;
+pub mod usual;
 pub mod wiring;
 mod workspace;
 pub mod world;

@@ -8,10 +8,10 @@
 //! come to 6 for any number of such legs: counting does not tell which motions the legs hold
 //! once their drives stand still. The rank of their rows does.
 
-use crate::read::legs::platform_anchor;
-use crate::read::mechanism::Mechanism;
-use crate::rows::{RANK_TOLERANCE, Rows};
 use kinematics::{Fault, Letter, Vector3};
+use machine::read::legs::platform_anchor;
+use machine::read::mechanism::Mechanism;
+use machine::rows::{RANK_TOLERANCE, Rows};
 
 /// Freedoms of a leg's joints: drive, cardan joint, spherical joint.
 const FREEDOMS: [i32; 3] = [1, 2, 3];

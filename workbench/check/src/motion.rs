@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What LinuxCNC's motion takes otherwise than it is meant: units, periods, and keys that are missing or beyond use.
 
-use crate::check::findings::Report;
-use crate::check::motors::{self, Motor};
-use crate::check::wiring::at_key;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::IniError;
-use crate::read::joints::{Joint, JointKind};
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::motors::{self, Motor};
+use crate::wiring::at_key;
 use kinematics::{Joints, Letter, Pose};
+use machine::read::diagnostic::Severity;
+use machine::read::ini::IniError;
+use machine::read::joints::{Joint, JointKind};
+use machine::read::mechanism::Mechanism;
 
 /// Nanoseconds of servo cycles that machines have: from what a computer just keeps to what a drive still follows.
 const PERIODS: [f64; 2] = [100_000.0, 10_000_000.0];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What moves the joints of a machine: those of its legs, and those of extra axes.
 
-use crate::read::joints::{Joint, JointKind};
-use crate::read::mechanism::Mechanism;
+use machine::read::joints::{Joint, JointKind};
+use machine::read::mechanism::Mechanism;
 
 /// What moves a leg or an extra axis.
 pub(super) struct Motor<'a> {

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Which legs, and which limit, are nearest.
 
-use crate::check::findings::Report;
-use crate::check::seen::Seen;
-use crate::check::suggestion::shown_pose;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::Ini;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::seen::Seen;
+use crate::suggestion::shown_pose;
+use crate::wiring::at_key;
 use kinematics::{Margin, Nearest};
+use machine::limits;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::Ini;
+use machine::read::mechanism::Mechanism;
 
 /// Share of a limit that has to be left at home: less is mostly a slip, and no jog has room.
 const LEAST: f64 = 0.005;

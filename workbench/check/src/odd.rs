@@ -2,13 +2,13 @@
 //! A leg unlike all others: a sign or a digit of one anchor is seen here, even where every HOME was made from it; and
 //! of its joint a limit that no other has.
 
-use crate::check::findings::Report;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::read::diagnostic::Severity;
-use crate::read::joints::Joint;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::wiring::at_key;
 use kinematics::At;
+use machine::limits;
+use machine::read::diagnostic::Severity;
+use machine::read::joints::Joint;
+use machine::read::mechanism::Mechanism;
 
 /// Legs that have to be alike before another one is unlike them: of three legs, two beside each other and one
 /// across are a layout of their own.

@@ -2,11 +2,11 @@
 //! In which order the legs stand around the base and around the platform: anchors of another leg are seen
 //! here.
 
-use crate::check::findings::Report;
-use crate::check::wiring::at_key;
-use crate::read::diagnostic::Severity;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::wiring::at_key;
 use kinematics::{At, Vector3};
+use machine::read::diagnostic::Severity;
+use machine::read::mechanism::Mechanism;
 
 /// Distance of a joint from the middle, as a share of the farthest one's, below which it has no direction; and
 /// the narrowest a ring of joints may be beside its width: guides in a line have no order around anything.

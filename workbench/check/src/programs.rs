@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The programs that LinuxCNC starts with a machine, and the files and folders that its user interface opens.
 
-use crate::check::wiring::at_key;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::{Entry, Ini, IniError};
-use crate::read::near;
-use crate::read::places::{self, BIN, HALLIB, MODULES, PARAMETERS, SHARE};
+use crate::wiring::at_key;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::{Entry, Ini, IniError};
+use machine::read::near;
+use machine::read::places::{self, BIN, HALLIB, MODULES, PARAMETERS, SHARE};
 use std::env;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};

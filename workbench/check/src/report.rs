@@ -1,34 +1,34 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Whether a machine's INI file describes a machine that fits together, and what was understood of it.
 
-use crate::check::direction;
-use crate::check::display;
-use crate::check::drives;
-use crate::check::findings::Report;
-use crate::check::homes;
-use crate::check::homing_ways;
-use crate::check::mobility::Structure;
-use crate::check::motion;
-use crate::check::odd;
-use crate::check::order;
-use crate::check::programs;
-use crate::check::screws;
-use crate::check::searches;
-use crate::check::size;
-use crate::check::speeds;
-use crate::check::startup;
-use crate::check::table;
-use crate::check::tips;
-use crate::check::tool_change;
-use crate::check::typos;
-use crate::check::usual;
-use crate::check::wiring;
-use crate::check::workspace;
-use crate::read::diagnostic::Severity;
-use crate::read::error::MachineError;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
-use crate::read::tools::Tool;
+use crate::direction;
+use crate::display;
+use crate::drives;
+use crate::findings::Report;
+use crate::homes;
+use crate::homing_ways;
+use crate::mobility::Structure;
+use crate::motion;
+use crate::odd;
+use crate::order;
+use crate::programs;
+use crate::screws;
+use crate::searches;
+use crate::size;
+use crate::speeds;
+use crate::startup;
+use crate::table;
+use crate::tips;
+use crate::tool_change;
+use crate::typos;
+use crate::usual;
+use crate::wiring;
+use crate::workspace;
+use machine::read::diagnostic::Severity;
+use machine::read::error::MachineError;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
+use machine::read::tools::Tool;
 
 /// Checks a machine, of two mechanisms one; `progress` is told the share of the work that is done.
 ///

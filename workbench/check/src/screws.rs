@@ -4,13 +4,13 @@
 //! The sign of a lead says the hand only together with the axes of the strut's two cardan joints: right-hand
 //! screws are positive where these are entered in opposite senses, as seen along the strut at the reference pose.
 
-use crate::check::findings::Report;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::read::diagnostic::Severity;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::wiring::at_key;
 use kinematics::leg::StrutGeometry;
 use kinematics::{At, LegKind, Vector3};
+use machine::limits;
+use machine::read::diagnostic::Severity;
+use machine::read::mechanism::Mechanism;
 
 /// Cosine of the angle between the two axes, as seen along the strut, below which senses are neither equal nor
 /// opposite: the axes are those of one joint turned by 60 degrees or more.

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How joints look for their switches: which way, how fast, and how they meet them again.
 
-use crate::check::findings::Report;
-use crate::check::homing_ways::Homing;
-use crate::check::motors::{self, Motor};
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::IniError;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::homing_ways::Homing;
+use crate::motors::{self, Motor};
+use crate::wiring::at_key;
+use machine::limits;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::IniError;
+use machine::read::mechanism::Mechanism;
 
 /// Share of a joint's range at its ends: a switch there is met from the other end, elsewhere from both.
 const END: f64 = 0.05;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Poses drawn from the axis limits, and what they show.
 
-use crate::limits;
-use crate::proof::axis_box::AxisBox;
-use crate::proof::conditioning;
-use crate::proof::reach::Reach;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Limit, Limits, Margin, Nearest};
+use machine::limits;
+use machine::proof::axis_box::AxisBox;
+use machine::proof::conditioning;
+use machine::proof::reach::Reach;
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::collections::BTreeMap;

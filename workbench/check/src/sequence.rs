@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The order in which LinuxCNC homes all joints, `HOME_SEQUENCE`, and which of them it never gets to.
 
-use crate::read::ini::{Ini, IniError};
+use machine::read::ini::{Ini, IniError};
 
 /// Of a joint that has none, as LinuxCNC reads it.
 const NONE: f64 = 999.0;

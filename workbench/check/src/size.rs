@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Unit and size of a machine: a file in millimetres that says inch, or the other way round, is seen here.
 
-use crate::check::findings::Report;
-use crate::check::wiring::at_key;
-use crate::read::diagnostic::Severity;
-use crate::read::joints::JointKind;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::wiring::at_key;
 use kinematics::{At, Vector3};
+use machine::read::diagnostic::Severity;
+use machine::read::joints::JointKind;
+use machine::read::mechanism::Mechanism;
 
 /// How far the joints of base or platform stand apart, in metres, beyond which the unit is doubted. A wrong unit makes a machine
 /// 25.4 times as large or small: one of 0.4 to 1 m, as most are, then is beyond 10 m or below 40 mm. Those that

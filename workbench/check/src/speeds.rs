@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Speeds of the path, `[TRAJ]`, beside those of the axes, and with which jogs of the user interface begin.
 
-use crate::check::findings::Report;
-use crate::check::programs;
-use crate::check::wiring::at_key;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::{Entry, Ini};
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use crate::programs;
+use crate::wiring::at_key;
 use kinematics::Letter;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::{Entry, Ini};
+use machine::read::mechanism::Mechanism;
 
 /// By how many times the speed of the path may differ from what the axes give: less than a unit (an inch is 25.4 mm,
 /// a minute 60 seconds), more than a machine that is tried out slowly.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The startup code of programs: how those are read that leave something to it, and what is no block.
 
-use crate::check::findings::Report;
-use crate::read::diagnostic::Severity;
-use crate::read::mechanism::Mechanism;
+use crate::findings::Report;
+use machine::read::diagnostic::Severity;
+use machine::read::mechanism::Mechanism;
 
 /// Everything of it.
 pub(super) fn check(report: &mut Report, config: &Mechanism) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Axis limits that are proved, and what a smaller tilt gains, as text.
 
-use crate::proof::axis_box::AxisBox;
-use crate::read::mechanism::Mechanism;
 use kinematics::Letter;
+use machine::proof::axis_box::AxisBox;
+use machine::read::mechanism::Mechanism;
 use std::fmt::Write;
 
 pub(crate) fn shown_pose(config: &Mechanism, pose: &[f64; 6]) -> String {

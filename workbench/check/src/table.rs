@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The tool table as LinuxCNC takes it.
 
-use crate::check::findings::Report;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::IniError;
-use crate::read::mechanism::Mechanism;
-use crate::read::tools::{self, Tool};
+use crate::findings::Report;
+use crate::wiring::at_key;
+use machine::limits;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::IniError;
+use machine::read::mechanism::Mechanism;
+use machine::read::tools::{self, Tool};
 use std::collections::HashMap;
 
 /// By how many times the machine's size (its largest length from an origin) a tool may be long, before its unit is doubted: a

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Where the tip of every tool is at home: a length with the wrong sign is seen here.
 
-use crate::check::findings::Report;
-use crate::limits;
-use crate::read::direction::ToolDirection;
-use crate::read::mechanism::Mechanism;
-use crate::read::tools::Tool;
+use crate::findings::Report;
 use kinematics::{At, Vector3};
+use machine::limits;
+use machine::read::direction::ToolDirection;
+use machine::read::mechanism::Mechanism;
+use machine::read::tools::Tool;
 
 /// Tools that are named one by one.
 const NAMED: usize = 8;

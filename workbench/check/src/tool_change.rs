@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Where LinuxCNC moves before a tool change: `[EMCIO]TOOL_CHANGE_POSITION`, TOOL_CHANGE_QUILL_UP and TOOL_CHANGE_AT_G30.
 
-use crate::check::findings::Report;
-use crate::check::world;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::{Entry, decimal};
-use crate::read::machine::MachineConfig;
+use crate::findings::Report;
+use crate::world;
 use kinematics::World;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::{Entry, decimal};
+use machine::read::machine::MachineConfig;
 use std::fs;
 
 const SECTION: &str = "EMCIO";

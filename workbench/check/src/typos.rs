@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Names that are near to one that LinuxCNC reads, and that nothing reads; sections that overwrite what Tcl reads.
 
-use crate::read::ini::{Ini, IniError};
-use crate::read::near;
-use crate::read::places::{OF_TCL, is_of_tcl};
+use machine::read::ini::{Ini, IniError};
+use machine::read::near;
+use machine::read::places::{OF_TCL, is_of_tcl};
 
 /// Every such section and key; keys of the sections that describe the machine are refused by the reader.
 pub(super) fn check(ini: &Ini) -> Vec<IniError> {

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Values that LinuxCNC takes as they are, and that are another unit's, another version's or of another machine.
 
-use crate::check::findings::Report;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::IniError;
-use crate::read::joints::JointKind;
-use crate::read::mechanism::{LegAngles, Mechanism};
+use crate::findings::Report;
+use crate::wiring::at_key;
 use kinematics::Letter;
+use machine::limits;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::IniError;
+use machine::read::joints::JointKind;
+use machine::read::mechanism::{LegAngles, Mechanism};
 
 /// Seconds from standstill to the largest speed, beyond which the unit of the acceleration is doubted.
 const SLOW: f64 = 5.0;
@@ -21,7 +21,7 @@ const THIN: f64 = 1e-3;
 
 /// By how many times the machine's size (its largest length from an origin) a limit may be away: a choice between what
 /// machines have and another unit, which is 25.4 times as far.
-pub(crate) const AWAY: f64 = 10.0;
+pub const AWAY: f64 = 10.0;
 
 /// Largest angle that radians have names for: no joint of a leg swings as little in degrees.
 const RADIANS: f64 = std::f64::consts::PI;

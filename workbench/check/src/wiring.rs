@@ -2,11 +2,11 @@
 //! What the files around a machine leave out that keeps it from harm: homing, HAL files that are there and in
 //! order, the module's monitor, and the way of its feed scale into motion.
 
-use crate::check::cautions::words;
-use crate::files;
-use crate::read::diagnostic::Severity;
-use crate::read::ini::{Entry, Ini, IniError};
-use crate::read::places::{self, HALLIB};
+use crate::cautions::words;
+use machine::files;
+use machine::read::diagnostic::Severity;
+use machine::read::ini::{Entry, Ini, IniError};
+use machine::read::places::{self, HALLIB};
 use std::path::{Path, PathBuf};
 
 /// Keys that name a file without which LinuxCNC, or AXIS, does not start.

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What the machine can take of its axis limits: conditioning, joint ranges, and the box that is proved.
 
-use crate::check::findings::Report;
-use crate::check::nearest;
-use crate::check::seen::{self, DRAWN, Seen};
-use crate::check::suggestion::shown_pose;
-use crate::check::wiring::at_key;
-use crate::limits;
-use crate::proof::axis_box::{self, AxisBox};
-use crate::proof::reach::{Reach, Stop};
-use crate::read::diagnostic::Severity;
-use crate::read::ini::Ini;
-use crate::read::mechanism::Mechanism;
-use crate::read::tools::Tool;
+use crate::findings::Report;
+use crate::nearest;
+use crate::seen::{self, DRAWN, Seen};
+use crate::suggestion::shown_pose;
+use crate::wiring::at_key;
 use kinematics::{Letter, Limit, Margin};
+use machine::limits;
+use machine::proof::axis_box::{self, AxisBox};
+use machine::proof::reach::{Reach, Stop};
+use machine::read::diagnostic::Severity;
+use machine::read::ini::Ini;
+use machine::read::mechanism::Mechanism;
+use machine::read::tools::Tool;
 
 /// Tilts of the table, as shares of the largest one within the axis limits.
 const TILTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -102,7 +102,7 @@ fn axis_limits(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) 
     report.finding(severity, first_axis(ini, config, &text));
 }
 
-fn first_axis(ini: &Ini, config: &Mechanism, text: &str) -> crate::read::ini::IniError {
+fn first_axis(ini: &Ini, config: &Mechanism, text: &str) -> machine::read::ini::IniError {
     let letter = Letter::ALL.into_iter().find(|l| !config.machine.layout().is_held(*l));
     let section = config.place.axis_section(letter.unwrap_or(Letter::X));
     at_key(ini, &section, "MIN_LIMIT", text)

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A pose of LinuxCNC's, in all its letters, against the limits of every mechanism and extra axis.
 
-use crate::limits;
-use crate::read::joints::Axis;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, World};
+use machine::limits;
+use machine::read::joints::Axis;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 
 /// The letters that the machine moves, with their places in LinuxCNC's pose and their limits.
 pub fn coordinates(config: &MachineConfig) -> Vec<(char, usize, Axis)> {

@@ -13,14 +13,14 @@ use crate::space::Space;
 use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::style::{BLUE, GREY, VERMILLION, limit_style};
 use kinematics::{MAX_LEGS, Vector3};
+use machine::read::joints::Joint;
+use machine::read::mechanism::Mechanism;
+use paths::base::{Form, Part};
+use paths::carriages::CarriagePose;
+use paths::job::Job;
+use paths::route::Route;
+use paths::table::Row;
 use plotters::prelude::*;
-use workbench::curve::base::{Form, Part};
-use workbench::curve::carriages::CarriagePose;
-use workbench::curve::job::Job;
-use workbench::curve::route::Route;
-use workbench::curve::table::Row;
-use workbench::read::joints::Joint;
-use workbench::read::mechanism::Mechanism;
 
 const CURVES: usize = 9;
 /// Places of the grid on which curves of a family are found, each way.

@@ -8,7 +8,7 @@ use crate::plot::DrawError;
 use crate::strips::{Strip, Strips, drawn_strips};
 use crate::thin::{highest, lowest};
 use maud::{Markup, html};
-use workbench::cut::report::{Drive, LineReport, Most, Report};
+use studies::cut::report::{Drive, LineReport, Most, Report};
 
 /// Shares are drawn up to here: a single one would hide all others.
 const MOST_SHARE: f64 = 2.0;

@@ -13,9 +13,9 @@ use kinematics::{Letter, Matrix3, Vector3};
 use nalgebra::Complex;
 use plotters::prelude::*;
 use std::f64::consts::TAU;
-use workbench::dynamics::linear::Ellipse;
-use workbench::dynamics::record::Record;
-use workbench::study::map::Map;
+use studies::dynamics::linear::Ellipse;
+use studies::dynamics::record::Record;
+use studies::study::map::Map;
 
 /// um per mm.
 const UM: f64 = 1e3;

@@ -8,7 +8,7 @@ use crate::style::{PALE, TITLE, letters_at, limit_style, line_style};
 use kinematics::Letter;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
-use workbench::study::stiffness::{Ellipsoid, Stiffness};
+use studies::study::stiffness::{Ellipsoid, Stiffness};
 
 /// A part of a stiffness as it is drawn: what a load does, whichever way it points.
 struct Loaded {

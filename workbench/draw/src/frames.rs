@@ -8,11 +8,11 @@ use crate::plot::DrawError;
 use crate::sheet::{AROUND, Area, Chart, Frame, drawn_on, path_axes, span};
 use crate::style::{BLUE, GREEN, NAME, PURPLE, TITLE, VERMILLION, letters_at, width_of};
 use kinematics::{At, Letter, POSE_LETTERS, Segment, Vector3};
+use machine::read::direction::ToolDirection;
+use machine::read::legs::drive_rate;
+use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
-use workbench::read::direction::ToolDirection;
-use workbench::read::legs::drive_rate;
-use workbench::read::mechanism::Mechanism;
 
 /// Share of the largest side that arrows have: of the axes of base, of those of the platform, of joints and tool.
 const AXIS: f64 = 0.16;

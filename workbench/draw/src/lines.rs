@@ -6,9 +6,9 @@ use crate::plot::DrawError;
 use crate::sheet::{Chart, Frame, axes, padded};
 use crate::style::{limit_style, line_style};
 use crate::thin::{bends, thin};
+use machine::read::joints::Group;
+use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
-use workbench::read::joints::Group;
-use workbench::read::mechanism::Mechanism;
 
 /// One named line of a plot.
 pub(super) struct Line {

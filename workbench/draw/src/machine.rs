@@ -4,8 +4,8 @@
 use crate::space::{Part, ball, course, line, plate};
 use crate::style::PALE;
 use kinematics::{LegGeometry, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
-use workbench::read::mechanism::Mechanism;
 
 pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
 

@@ -10,10 +10,10 @@ use crate::space::{Space, View, edges, project};
 use crate::style::{BLUE, ORANGE, RED, SMALL, mark_letters, width_of};
 use crate::thin::places_apart;
 use kinematics::Vector3;
+use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
-use workbench::program::course::Thinned;
-use workbench::read::mechanism::Mechanism;
+use program::course::Thinned;
 
 const MOST_POINTS: usize = 5000;
 

@@ -9,9 +9,9 @@ use crate::sheet::TIME;
 use crate::strips::{Strip, Strips, drawn_strips};
 use crate::thin::{envelope, highest, lowest};
 use kinematics::{Joints, Letter, Limit};
-use workbench::program::course::{Abscissa, Sample, Thinned};
-use workbench::read::joints::Group;
-use workbench::read::mechanism::Mechanism;
+use machine::read::joints::Group;
+use machine::read::mechanism::Mechanism;
+use program::course::{Abscissa, Sample, Thinned};
 
 /// Rooms are drawn between here and 1.
 const LEAST_ROOM: f64 = -0.3;

@@ -8,9 +8,9 @@ use crate::sheet::TIME;
 use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::tool_path::{isometric, tool_path};
 use kinematics::MAX_JOINTS;
-use workbench::program::path::{Along, along};
-use workbench::read::joints::{Group, JointKind};
-use workbench::read::mechanism::Mechanism;
+use machine::read::joints::{Group, JointKind};
+use machine::read::mechanism::Mechanism;
+use program::path::{Along, along};
 
 /// All plots of a trace.
 ///

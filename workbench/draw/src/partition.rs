@@ -8,7 +8,7 @@ use crate::sheet::{Chart, Frame, SIZE, axes};
 use crate::style::{BLUE, NAME, PALE, letters_at};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
-use workbench::stability::partition::{Point, Window, regions};
+use studies::stability::partition::{Point, Window, regions};
 
 /// Pixels from one stroke of the hatching to the next, and their length.
 const HATCH: [f64; 2] = [11.0, 8.0];

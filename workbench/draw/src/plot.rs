@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A picture that is ready: its name and its text.
 
+use machine::files::{AtFile, Locate, write_whole};
 use plotters::drawing::DrawingAreaErrorKind;
 use std::fs;
 use std::io;
 use std::path::Path;
-use workbench::files::{AtFile, Locate, write_whole};
 
 /// A plot: its file name and its SVG text.
 #[derive(Clone, Debug)]

@@ -6,8 +6,8 @@ use crate::lines::Line;
 use crate::plot::{DrawError, Plot};
 use crate::strips::Strip;
 use crate::thin::{thin, thin_low};
-use workbench::read::mechanism::Mechanism;
-use workbench::study::rods::Rods;
+use machine::read::mechanism::Mechanism;
+use studies::study::rods::Rods;
 
 /// Pictures of the legs along a sequence of poses.
 ///

@@ -9,10 +9,10 @@ use crate::strips::Strip;
 use crate::style::{FONT, NAME, PALE, SMALL, TITLE, area_colour, letters_at};
 use crate::thin::thin;
 use kinematics::Letter;
+use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
-use workbench::read::mechanism::Mechanism;
-use workbench::study::sensitivity::{Point, Sensitivity};
+use studies::study::sensitivity::{Point, Sensitivity};
 
 /// Pictures of what errors of the joints do: bars at one pose, and lines along a motion.
 ///

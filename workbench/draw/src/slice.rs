@@ -7,10 +7,10 @@ use crate::lines::without_stairs;
 use crate::plot::DrawError;
 use crate::sheet::{Chart, Frame, path_axes};
 use crate::style::{BLUE, limit_style, line_style};
+use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::slice::Slice;
-use workbench::study::workspace::{Border, Ray};
+use studies::study::slice::Slice;
+use studies::study::workspace::{Border, Ray};
 
 /// Of the area within.
 const INSIDE: f64 = 0.14;

@@ -11,12 +11,12 @@ use crate::style::{GREY, limit_style, line_style};
 use nalgebra::{Complex, ComplexField};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
-use workbench::stability::bands::{Band, Loss};
-use workbench::stability::lag::Lag;
-use workbench::stability::lobes::LobePoint;
-use workbench::stability::map::{Column, StableMap};
-use workbench::stability::response::{Response, unwrapped};
-use workbench::stability::system::Adjustment;
+use studies::stability::bands::{Band, Loss};
+use studies::stability::lag::Lag;
+use studies::stability::lobes::LobePoint;
+use studies::stability::map::{Column, StableMap};
+use studies::stability::response::{Response, unwrapped};
+use studies::stability::system::Adjustment;
 
 /// Windows reach to this many times the limit cutting stiffness.
 const BEYOND: f64 = 4.0;

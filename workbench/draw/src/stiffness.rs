@@ -6,7 +6,7 @@ use crate::lines::{Line, drawn_lines};
 use crate::plot::{DrawError, Plot};
 use crate::sheet::Frame;
 use kinematics::Letter;
-use workbench::study::map::Map;
+use studies::study::map::Map;
 
 /// Maps of the smallest stiffness of translation and of rotation in one plane.
 ///

@@ -8,11 +8,11 @@ use crate::slice::{Kinds, sliced};
 use crate::space::{Part, Space, edges, side};
 use crate::style::{area_colour, limit_style};
 use kinematics::Vector3;
+use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
-use workbench::read::mechanism::Mechanism;
-use workbench::study::body::Body;
-use workbench::study::slice::Slice;
-use workbench::study::workspace::{Border, Ray};
+use studies::study::body::Body;
+use studies::study::slice::Slice;
+use studies::study::workspace::{Border, Ray};
 
 /// Most sides of the body from pole to pole.
 const SIDES: usize = 60;

@@ -4,7 +4,7 @@
 //! Landlock decides which files are read, written and started, a filter of system calls (seccomp) everything else. Both
 //! bind a thread and the processes that it starts, and cannot be removed.
 
-use crate::control::refusal::NotJudged;
+use crate::refusal::NotJudged;
 use landlock::{
     ABI, Access, AccessFs, BitFlags, Ruleset, RulesetAttr, RulesetCreatedAttr, RulesetStatus,
     make_bitflags, path_beneath_rules,

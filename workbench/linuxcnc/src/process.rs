@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A run from its start to its end.
 
-use crate::control::confined::{self, Keeper, Rights};
-use crate::control::pulse::{MOST_REST, Pulse};
-use crate::control::refusal::NotJudged;
-use crate::control::row::{Commanded, Ending, Message, Outcome, Row};
-use crate::control::scratch::Scratch;
-use crate::control::stream::{Cause, Columns, Record, Records, VERSION};
-use crate::files::Locate;
-use crate::read::machine::MachineConfig;
-use crate::read::places::{BIN, MODULES};
+use crate::confined::{self, Keeper, Rights};
+use crate::pulse::{MOST_REST, Pulse};
+use crate::refusal::NotJudged;
+use crate::row::{Commanded, Ending, Message, Outcome, Row};
+use crate::scratch::Scratch;
+use crate::stream::{Cause, Columns, Record, Records, VERSION};
 use command_fds::{CommandFdExt, FdMapping};
+use machine::files::Locate;
+use machine::read::machine::MachineConfig;
+use machine::read::places::{BIN, MODULES};
 use std::env;
 use std::ffi::OsString;
 use std::fs::{self, File};

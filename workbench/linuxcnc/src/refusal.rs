@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Why LinuxCNC could not be run.
 
-use crate::files::AtFile;
-use crate::read::ini::IniError;
+use machine::files::AtFile;
+use machine::read::ini::IniError;
 use std::io;
 use std::path::PathBuf;
 

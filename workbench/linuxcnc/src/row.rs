@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a run of the control tells: a row in every servo cycle, messages, and its end.
 
-use crate::read::mechanism::Mechanism;
 use kinematics::{Joints, MAX_EXTRA, Vector3, World};
+use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 
 /// States of a servo cycle.

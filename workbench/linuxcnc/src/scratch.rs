@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The folder in which LinuxCNC runs: copies of what it writes, and an INI file that leads to them.
 
-use crate::control::refusal::NotJudged;
-use crate::files::{self, AtFile, Folder, Locate, Whole};
-use crate::read::machine::MachineConfig;
-use crate::read::places::{OF_TCL, folders, is_of_tcl, named};
+use crate::refusal::NotJudged;
+use machine::files::{self, AtFile, Folder, Locate, Whole};
+use machine::read::machine::MachineConfig;
+use machine::read::places::{OF_TCL, folders, is_of_tcl, named};
 use std::fs::{self, File};
 use std::io;
 use std::path::{self, Path, PathBuf};
 
-const DRIVER: &str = include_str!("../../virtual/driver.py");
+const DRIVER: &str = include_str!("../virtual/driver.py");
 const WIRING: &str =
-    concat!(include_str!("../read/ini.tcl"), include_str!("../../virtual/wiring.tcl"));
+    concat!(include_str!("../../machine/src/read/ini.tcl"), include_str!("../virtual/wiring.tcl"));
 /// Carries out the simulated machine's HAL files.
 const SIMULATED: &str = "\nwiring::main {*}$argv\n";
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The records that a run writes (workbench/virtual/record.cc describes them).
 
-use crate::control::row::{
+use crate::row::{
     Arc, Commanded, CommandedKind, Flags, Message, MessageKind, Row, Spindle, Thread,
 };
 use kinematics::{ExtraAxes, Second};

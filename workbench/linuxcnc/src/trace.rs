@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every servo cycle of a run, in a file.
 
-use crate::control::row::Row;
-use crate::files::{AtFile, Locate, Whole};
-use crate::read::columns::{coordinates, joint_names};
-use crate::read::machine::MachineConfig;
+use crate::row::Row;
+use machine::files::{AtFile, Locate, Whole};
+use machine::read::columns::{coordinates, joint_names};
+use machine::read::machine::MachineConfig;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
 use std::ops::ControlFlow;

@@ -14,7 +14,7 @@ pub type Rows = SMatrix<f64, MAX_JOINTS, 6>;
 /// Singular values below this share of the largest count as 0: far above the rounding of rows
 /// that depend on each other (1e-15), far below those of a pose that any machine is run at, and of a
 /// machine that the core accepts ([`kinematics::CERTAIN_AT_ALL`]).
-pub(crate) const RANK_TOLERANCE: f64 = 1e-9;
+pub const RANK_TOLERANCE: f64 = 1e-9;
 
 /// By how much each leg gets longer, and each table axis moves, per unit of X Y Z and per radian of
 /// A B C, without the correction for a turning nut. `tool` is that of `at`.
@@ -58,7 +58,7 @@ pub fn length_rows(config: &Mechanism, at: &At, tool: &Vector3<f64>) -> Rows {
 ///
 /// # Errors
 /// As [`At::inverse_jacobian`].
-pub(crate) fn joint_rows(config: &Mechanism, at: &At) -> Result<Rows, Fault> {
+pub fn joint_rows(config: &Mechanism, at: &At) -> Result<Rows, Fault> {
     let mut rows = at.inverse_jacobian()?;
     let angular = rows.fixed_columns::<3>(3) * rate_map(at.pose());
     rows.fixed_columns_mut::<3>(3).copy_from(&angular);
@@ -69,7 +69,7 @@ pub(crate) fn joint_rows(config: &Mechanism, at: &At) -> Result<Rows, Fault> {
 }
 
 /// By how much a leg gets longer, or a table axis moves, per joint unit.
-pub(crate) fn gains(config: &Mechanism, at: &At) -> Vec<f64> {
+pub fn gains(config: &Mechanism, at: &At) -> Vec<f64> {
     let legs = config.geometry.legs().iter().zip(at.segments());
     let of_leg = legs.map(|(leg, segment)| {
         let along = segment.span().normalize();
@@ -80,7 +80,7 @@ pub(crate) fn gains(config: &Mechanism, at: &At) -> Vec<f64> {
 }
 
 /// The same in mm, per mm or radian of the joint.
-pub(crate) fn gains_in_mm(config: &Mechanism, at: &At) -> Vec<f64> {
+pub fn gains_in_mm(config: &Mechanism, at: &At) -> Vec<f64> {
     let mut gains = gains(config, at);
     for (gain, leg) in gains.iter_mut().zip(config.geometry.legs()) {
         if leg.kind.is_angular() {
@@ -91,7 +91,7 @@ pub(crate) fn gains_in_mm(config: &Mechanism, at: &At) -> Vec<f64> {
 }
 
 /// The rows with zeros for coordinates that no joint moves.
-pub(crate) fn moved_columns(config: &Mechanism, mut rows: Rows) -> Rows {
+pub fn moved_columns(config: &Mechanism, mut rows: Rows) -> Rows {
     for letter in Letter::ALL.into_iter().filter(|l| config.machine.layout().is_held(*l)) {
         rows.column_mut(letter.index()).fill(0.0);
     }
@@ -99,13 +99,13 @@ pub(crate) fn moved_columns(config: &Mechanism, mut rows: Rows) -> Rows {
 }
 
 /// Coordinates that a joint moves.
-pub(crate) fn moved(config: &Mechanism) -> Vec<Letter> {
+pub fn moved(config: &Mechanism) -> Vec<Letter> {
     let layout = config.machine.layout();
     Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter)).collect()
 }
 
 /// Singular values of the rows over `moved` coordinates, largest first.
-pub(crate) fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
+pub fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
     let mut values: Vec<f64> = rows.singular_values().iter().copied().collect();
     values.sort_by(|a, b| b.total_cmp(a));
     values.truncate(moved);
@@ -113,7 +113,7 @@ pub(crate) fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
 }
 
 /// The pseudo-inverse of rows that hold `moved` coordinates; `None` at a singular pose.
-pub(crate) fn inverse(rows: &Rows, moved: usize) -> Option<SMatrix<f64, 6, MAX_JOINTS>> {
+pub fn inverse(rows: &Rows, moved: usize) -> Option<SMatrix<f64, 6, MAX_JOINTS>> {
     let values = singular_values(rows, moved);
     let (most, least) = (*values.first()?, *values.last()?);
     if !(least > RANK_TOLERANCE * most) {

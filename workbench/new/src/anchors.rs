@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Legs from what is measured on a drawing: the keys of their sections.
 
-use crate::new::values::Values;
+use crate::values::Values;
 use keys::{Key, leg as key};
 
 /// Digits after the point of an anchor: an atom's width in millimetres.

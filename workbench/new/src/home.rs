@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Where the platform stands at home: in the middle of its drives' travel, as the kinematics say.
 
-use crate::new::ini::Plan;
-use crate::new::kinds::Way;
-use crate::new::values::Refusal;
-use crate::read::error::MachineError;
-use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
+use crate::ini::Plan;
+use crate::kinds::Way;
+use crate::values::Refusal;
+use machine::read::error::MachineError;
+use machine::read::ini::Ini;
+use machine::read::machine::MachineConfig;
 
 use keys::leg as key;
 use kinematics::{Pose, Vector3, leg};
@@ -138,7 +138,7 @@ fn middle(plan: &Plan) -> [f64; 3] {
 
 /// How far the platform can be from there.
 fn reach(plan: &Plan) -> f64 {
-    let of_leg = |leg: &crate::new::anchors::Leg| {
+    let of_leg = |leg: &crate::anchors::Leg| {
         let [rod] = leg.numbers::<1>(&key::ROD);
         rod + Vector3::from(leg.numbers::<3>(&key::ARM)).norm()
     };

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The INI file of a machine that is being made, with comments for who goes on with it.
 
-use crate::new::anchors::Leg;
-use crate::new::kinds::{Homing, MachineKind};
-use crate::new::values::Values;
-use crate::proof::axis_box::AxisBox;
+use crate::anchors::Leg;
+use crate::kinds::{Homing, MachineKind};
+use crate::values::Values;
 use keys::{leg as of_leg, machine as of_machine};
 use kinematics::Letter;
 use kinematics::leg;
+use machine::proof::axis_box::AxisBox;
 use std::fmt::Write;
 
 /// What centre lines of legs keep, in diameters.

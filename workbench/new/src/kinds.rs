@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The machines that can be made, and which values make each of them.
 
-use crate::new::anchors::{self, Leg};
-use crate::new::parameters::*;
-use crate::new::values::Values;
+use crate::anchors::{self, Leg};
+use crate::parameters::*;
+use crate::values::Values;
 use kinematics::leg;
 
 /// Which way along the line through the middle of the legs the platform is.

@@ -12,6 +12,7 @@ pub mod ini;
 pub mod kinds;
 pub mod limits;
 pub mod make;
+pub mod panel;
 pub mod parameters;
 pub mod program;
 pub mod questions;

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Limits of the axes, proved, and what they ask of the drives.
 
-use crate::check::findings::Finding;
-use crate::check::usual::AWAY;
-use crate::check::wiring::at_key;
-use crate::limits::sentence;
-use crate::new::ini::Plan;
-use crate::new::values::Refusal;
-use crate::proof::axis_box::{self, AxisBox};
-use crate::proof::reach::{Reach, Stop};
-use crate::read::diagnostic::Severity;
-use crate::read::mechanism::Mechanism;
+use crate::ini::Plan;
+use crate::values::Refusal;
+use check::findings::Finding;
+use check::usual::AWAY;
+use check::wiring::at_key;
 use kinematics::{Joints, Letter, leg};
+use machine::limits::sentence;
+use machine::proof::axis_box::{self, AxisBox};
+use machine::proof::reach::{Reach, Stop};
+use machine::read::diagnostic::Severity;
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 

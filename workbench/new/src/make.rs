@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Makes the folder of a machine, whole or not at all.
 
-use crate::check::findings::{Finding, Report};
-use crate::check::report::check;
-use crate::files::{AtFile, Folder, write_over, write_whole};
-use crate::new::ini::Plan;
-use crate::new::kinds::MachineKind;
-use crate::new::parameters::ANCHORS;
-use crate::new::values::{Refusal, Values};
-use crate::new::{home, limits, program, table};
+use crate::ini::Plan;
+use crate::kinds::MachineKind;
 use crate::panel::Panel;
-use crate::proof::boxes;
-use crate::read::boxes::text as box_text;
-use crate::read::diagnostic::{Severity, rendered};
-use crate::read::ini::Ini;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
+use crate::parameters::ANCHORS;
+use crate::values::{Refusal, Values};
+use crate::{home, limits, program, table};
+use check::findings::{Finding, Report};
+use check::report::check;
 use kinematics::{Letter, Vector3};
+use machine::files::{AtFile, Folder, write_over, write_whole};
+use machine::proof::boxes;
+use machine::read::boxes::text as box_text;
+use machine::read::diagnostic::{Severity, rendered};
+use machine::read::ini::Ini;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};

@@ -4,10 +4,10 @@
 //! Two texts: the widgets, and which pin feeds each of them. Pins have the names of their widgets with
 //! `pyvcp.` in front.
 
-use crate::read::joints::Joint;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
 use kinematics::Letter;
+use machine::read::joints::Joint;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::fmt::Write as _;
 
 /// Within, near and beyond limits: told apart by those who see no red or no green, and in print.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What stands beside the INI file: a first program, the tool table and a page of next steps.
 
-use crate::new::ini::Plan;
-use crate::proof::axis_box::AxisBox;
+use crate::ini::Plan;
 use kinematics::Letter;
+use machine::proof::axis_box::AxisBox;
 use std::fmt::Write;
 
 /// Share of the largest speed that the first program moves at.

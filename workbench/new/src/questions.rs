@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Asks for every value of a kind, with its unit, default and meaning.
 
-use crate::new::kinds::{KINDS, MachineKind};
-use crate::new::parameters::{ANCHORS, Need, Parameter, UNIT};
-use crate::new::values::{MM_PER_INCH, check, default};
+use crate::kinds::{KINDS, MachineKind};
+use crate::parameters::{ANCHORS, Need, Parameter, UNIT};
+use crate::values::{MM_PER_INCH, check, default};
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, Write};
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Legs from a table of anchors, a CSV file with a line for every leg.
 
-use crate::files::read_text;
-use crate::new::anchors::Leg;
-use crate::new::values::{MOST as MOST_LENGTH, Refusal};
-use crate::read::ini::decimal;
+use crate::anchors::Leg;
+use crate::values::{MOST as MOST_LENGTH, Refusal};
 use keys::{Key, Need, of_leg};
 use kinematics::leg::Kind;
+use machine::files::read_text;
+use machine::read::ini::decimal;
 use std::path::Path;
 
 const MOST: usize = kinematics::MAX_LEGS;

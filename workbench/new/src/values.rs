@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What was given of a machine: every value of its kind's table, checked, with defaults.
 
-use crate::new::parameters::{ANCHORS, LIMITS, Measure, Need, Parameter, UNIT};
-use crate::read::ini::decimal;
+use crate::parameters::{ANCHORS, LIMITS, Measure, Need, Parameter, UNIT};
 use kinematics::Letter;
+use machine::read::ini::decimal;
 use std::collections::BTreeMap;
 
 /// Millimetres of an inch.

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Arcs, flat or as helices, that are proved to stay near a curve.
 
-use crate::curve::piece::{Arc, Piece, ROUNDING, Wanted, speed_change};
-use crate::curve::planes::PLANES;
-use crate::curve::whole::{Curve, CurveError};
-use crate::proof::interval::Interval;
-use crate::proof::jet::Taylor;
+use crate::piece::{Arc, Piece, ROUNDING, Wanted, speed_change};
+use crate::planes::PLANES;
+use crate::whole::{Curve, CurveError};
+use machine::proof::interval::Interval;
+use machine::proof::jet::Taylor;
 use std::f64::consts::PI;
 
 /// Largest turn of one arc: an arc whose ends lie near each other may be taken for a short one.

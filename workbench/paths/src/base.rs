@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Curves in parts, each over a range of its own parameter.
 
-use crate::curve::ellipse::Ellipse;
-use crate::curve::expression::{Expression, Trouble};
-use crate::curve::implicit::{Chord, Families};
-use crate::curve::spline::Spline;
-use crate::proof::interval::Interval;
-use crate::proof::jet::Taylor;
+use crate::ellipse::Ellipse;
+use crate::expression::{Expression, Trouble};
+use crate::implicit::{Chord, Families};
+use crate::spline::Spline;
+use machine::proof::interval::Interval;
+use machine::proof::jet::Taylor;
 use std::sync::Arc;
 
 /// Of how many coordinates the arc length of a curve is: x and y of a family, all of a curve in

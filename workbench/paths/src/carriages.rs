@@ -2,15 +2,15 @@
 //! The other way round: laws of the joints in, path of the tool out, by forward kinematics from each
 //! place to the next.
 
-use crate::curve::expression::{Expression, ExpressionError, Trouble};
-use crate::curve::file::{CarriageKeys, PathFile};
-use crate::files;
-use crate::limits;
-use crate::proof::jet::Taylor;
-use crate::read::columns::{coordinates, joint_names};
-use crate::read::mechanism::Mechanism;
-use crate::read::tools;
+use crate::expression::{Expression, ExpressionError, Trouble};
+use crate::file::{CarriageKeys, PathFile};
 use kinematics::{Fault, Joints, MAX_JOINTS, Vector3};
+use machine::files;
+use machine::limits;
+use machine::proof::jet::Taylor;
+use machine::read::columns::{coordinates, joint_names};
+use machine::read::mechanism::Mechanism;
+use machine::read::tools;
 use std::ops::ControlFlow;
 
 /// Why joints give no path.
@@ -99,7 +99,7 @@ fn laws(
         let text = format!("laws_mm_or_deg: expected {count}, one a joint; found {given}");
         return Err(CarriageError::Keys(text));
     }
-    let law = |(joint, law): (usize, &crate::curve::file::Formula)| {
+    let law = |(joint, law): (usize, &crate::file::Formula)| {
         Expression::parse(&law.0, &["t"], &file.parameters)
             .map_err(|error| CarriageError::Expression { joint, error })
     };

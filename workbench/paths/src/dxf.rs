@@ -2,11 +2,11 @@
 //! Curves of DXF drawings in their ASCII form: LINE, ARC, CIRCLE, ELLIPSE, LWPOLYLINE, POLYLINE and
 //! SPLINE, each as it is.
 
-use crate::curve::element::Element;
-use crate::curve::ellipse::Ellipse;
-use crate::curve::file::CurveKeys;
-use crate::curve::join::{JoinError, Strand, joined};
-use crate::curve::spline::{Spline, SplineError};
+use crate::element::Element;
+use crate::ellipse::Ellipse;
+use crate::file::CurveKeys;
+use crate::join::{JoinError, Strand, joined};
+use crate::spline::{Spline, SplineError};
 use ::dxf::entities::{Entity, EntityType};
 use ::dxf::enums::Units;
 use ::dxf::{Drawing, Point, Vector};

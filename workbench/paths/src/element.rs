@@ -2,9 +2,9 @@
 //! What drawings are made of: splines and arcs of ellipses, each as it is, none replaced by
 //! something near it.
 
-use crate::curve::base::{Form, Part};
-use crate::curve::ellipse::Ellipse;
-use crate::curve::spline::{Spline, SplineError};
+use crate::base::{Form, Part};
+use crate::ellipse::Ellipse;
+use crate::spline::{Spline, SplineError};
 use nalgebra::Vector3;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Arcs of circles and ellipses in space.
 
-use crate::proof::jet::Taylor;
+use machine::proof::jet::Taylor;
 use nalgebra::Vector3;
 
 /// centre + cos φ · first + sin φ · second, where φ goes from one angle to the other while t goes
@@ -54,7 +54,7 @@ impl Ellipse {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::proof::interval::Interval;
+    use machine::proof::interval::Interval;
     use std::f64::consts::TAU;
 
     #[test]

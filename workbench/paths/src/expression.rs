@@ -4,9 +4,9 @@
 //! Numbers, names, `+ - * / ^`, parentheses and functions, as mathematics writes them: `-t^2` is
 //! −(t²) and `2^3^2` is 2^9. Angles of functions are in radians.
 
-use crate::curve::grammar::{self, Binary, FUNCTIONS, Tree, Unary};
-use crate::proof::interval::Interval;
-use crate::proof::jet::Taylor;
+use crate::grammar::{self, Binary, FUNCTIONS, Tree, Unary};
+use machine::proof::interval::Interval;
+use machine::proof::jet::Taylor;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 

@@ -2,15 +2,15 @@
 //! The path file: a TOML file with units in the keys, so that a value without its unit is an
 //! unknown key.
 
-use crate::curve::operation::Operation;
-use crate::files::{AtFile, Locate, read_text};
-use crate::study::number::Positive;
+use crate::operation::Operation;
+use machine::files::{AtFile, Locate, read_text};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
+use studies::study::number::Positive;
 
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]

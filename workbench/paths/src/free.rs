@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Free-form curves from files: control points as CSV, and paths of SVG and DXF drawings.
 
-use crate::curve::base::Part;
-use crate::curve::dxf::{self, DxfError};
-use crate::curve::element::{Element, parts, spans};
-use crate::curve::file::CurveKeys;
-use crate::curve::spline::{Spline, SplineError};
-use crate::curve::svg::{self, SvgError};
-use crate::files::{AtFile, read, read_text};
+use crate::base::Part;
+use crate::dxf::{self, DxfError};
+use crate::element::{Element, parts, spans};
+use crate::file::CurveKeys;
+use crate::spline::{Spline, SplineError};
+use crate::svg::{self, SvgError};
+use machine::files::{AtFile, read, read_text};
 use std::io;
 use std::path::Path;
 

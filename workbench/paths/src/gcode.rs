@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs for LinuxCNC, written line by line, with the moves that they make on a machine.
 
-use crate::curve::file::{Feed, ProgramKeys};
-use crate::curve::piece::{Arc, DECIMALS};
-use crate::curve::planes::PLANES;
-use crate::files::as_comment;
-use crate::program::motion::{Move, MoveKind, Spindle};
-use crate::read::mechanism::Mechanism;
-use crate::read::tools;
+use crate::file::{Feed, ProgramKeys};
+use crate::piece::{Arc, DECIMALS};
+use crate::planes::PLANES;
 use kinematics::{Letter, MAX_EXTRA};
+use machine::files::as_comment;
+use machine::read::mechanism::Mechanism;
+use machine::read::tools;
+use program::motion::{Move, MoveKind, Spindle};
 use std::fmt::Write;
 
 const FEED_DECIMALS: usize = 4;

@@ -2,9 +2,9 @@
 //! Two one-parametric families of curves, α(x, y, t) = 0 and β(x, y, t) = 0, whose points of
 //! intersection make a curve (paper 000), and pieces of that curve over their chords, proved.
 
-use crate::curve::expression::{Expression, Trouble};
-use crate::proof::interval::Interval;
-use crate::proof::jet::Taylor;
+use crate::expression::{Expression, Trouble};
+use machine::proof::interval::Interval;
+use machine::proof::jet::Taylor;
 use nalgebra::{Matrix3, Vector3};
 
 /// Newton's steps to a point near by.

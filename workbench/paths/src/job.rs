@@ -2,19 +2,19 @@
 //! A job of typical paths: its program, and what the joints do along every operation (paper 003,
 //! table 2: joints over the length of the path; figure 8: their changes by operation).
 
-use crate::curve::file::PathFile;
-use crate::curve::gcode::{SetupError, Writer};
-use crate::curve::operation::{Operation, OperationError};
-use crate::curve::pen::Step;
-use crate::curve::piece::Arc;
-use crate::curve::planes::PLANES;
-use crate::files;
-use crate::program::motion::{Move, MoveKind};
-use crate::program::path::{Along, along};
-use crate::program::preflight::preflight;
-use crate::read::columns::{coordinates, joint_names};
-use crate::read::mechanism::Mechanism;
+use crate::file::PathFile;
+use crate::gcode::{SetupError, Writer};
+use crate::operation::{Operation, OperationError};
+use crate::pen::Step;
+use crate::piece::Arc;
+use crate::planes::PLANES;
 use kinematics::{Fault, Joints, Pose, Vector3};
+use machine::files;
+use machine::read::columns::{coordinates, joint_names};
+use machine::read::mechanism::Mechanism;
+use program::motion::{Move, MoveKind};
+use program::path::{Along, along};
+use program::preflight::preflight;
 
 /// Largest distance of the places of a table, mm.
 const APART_MM: f64 = 1.0;

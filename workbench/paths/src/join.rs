@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Entities of a drawing, which have no order, joined end to end.
 
-use crate::curve::element::Element;
-use crate::curve::spline::SplineError;
+use crate::element::Element;
+use crate::spline::SplineError;
 use nalgebra::Vector3;
 
 /// Ends that are nearer than this are one place, mm; between others a line is drawn.

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Laws along a curve: height, tilts and speed by the parameter, by the arc length and by the place.
 
-use crate::curve::base::Place;
-use crate::curve::expression::{Expression, Trouble};
-use crate::proof::interval::Interval;
-use crate::proof::jet::Taylor;
+use crate::base::Place;
+use crate::expression::{Expression, Trouble};
+use machine::proof::interval::Interval;
+use machine::proof::jet::Taylor;
 
 /// Names in laws, in order: the parameter, the arc length in mm, its share of the whole, and the
 /// coordinates in mm.

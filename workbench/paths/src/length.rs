@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Arc length by Gauss-Legendre quadrature, and the place where it has a value by Newton's steps.
 
-use crate::curve::base::{Form, Part};
-use crate::curve::expression::Trouble;
+use crate::base::{Form, Part};
+use crate::expression::Trouble;
 
 /// Places and weights of the rule of ten points on −1 to 1, one half of them.
 const RULE: [[f64; 2]; 5] = [

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Milling of paper 003's table 2: rows, circles, pockets, spirals and helices.
 
-use crate::curve::pen::{Pen, Plane, Step};
-use crate::study::number::Positive;
+use crate::pen::{Pen, Plane, Step};
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
+use studies::study::number::Positive;
 
 /// Where an operation lies, and how fast it cuts.
 #[derive(Clone, Copy, Debug, Deserialize)]

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What happens at the ends of the pieces of a curve, and how long each takes.
 
-use crate::curve::piece::Piece;
-use crate::curve::whole::{Curve, CurveError, Here};
+use crate::piece::Piece;
+use crate::whole::{Curve, CurveError, Here};
 
 /// Below this share of its speed by the parameter along the whole curve the tip stands.
 const STANDS: f64 = 1e-9;

@@ -5,9 +5,9 @@
 //! arguments and the same moves. Places are in work coordinates, in mm: of a plane the two axes that
 //! G17, G18 and G19 turn (X Y, Z X, Y Z), and the level across it.
 
-use crate::curve::milling::{Circle, Helix, Pocket, Rows, Spiral};
-use crate::curve::pen::{Change, Step};
-use crate::curve::turning::{Drill, Plunge, Turn};
+use crate::milling::{Circle, Helix, Pocket, Rows, Spiral};
+use crate::pen::{Change, Step};
+use crate::turning::{Drill, Plunge, Turn};
 use serde::Deserialize;
 
 #[derive(Clone, Copy, Debug, Deserialize)]

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Moves of typical paths, in one of the planes that G17, G18 and G19 turn.
 
-use crate::curve::planes::PLANES;
-use crate::study::number::Positive;
+use crate::planes::PLANES;
 use serde::Deserialize;
+use studies::study::number::Positive;
 
 /// G17, G18 or G19.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]

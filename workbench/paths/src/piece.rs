@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One move of a program along a curve, and what it has to keep.
 
-use crate::curve::file::{Moves, Tolerance};
-use crate::curve::planes::PLANES;
-use crate::curve::whole::{Curve, CurveError};
+use crate::file::{Moves, Tolerance};
+use crate::planes::PLANES;
+use crate::whole::{Curve, CurveError};
 use std::f64::consts::PI;
 
 pub(super) const DECIMALS: usize = 6;

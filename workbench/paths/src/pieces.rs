@@ -5,11 +5,11 @@
 //! r″ is enclosed by interval arithmetic. Angles the same. An arc is proved by the distance
 //! from its centre, enclosed to second order over halves of the range.
 
-use crate::curve::arcs;
-use crate::curve::file::Moves;
-use crate::curve::piece::{Piece, ROUNDING, Wanted, speed_change};
-use crate::curve::whole::{Curve, CurveError};
-use crate::proof::interval::Interval;
+use crate::arcs;
+use crate::file::Moves;
+use crate::piece::{Piece, ROUNDING, Wanted, speed_change};
+use crate::whole::{Curve, CurveError};
+use machine::proof::interval::Interval;
 
 /// Parts of a range in which its derivatives are enclosed.
 const PARTS: usize = 8;

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! From a path file to a program and to what it asks of a machine.
 
-use crate::curve::file::{Feed, PathFile};
-use crate::curve::gcode::Writer;
-use crate::curve::motion::{Node, Pace, length, nodes, seconds};
-use crate::curve::piece::{Piece, Wanted};
-use crate::curve::pieces::pieces;
-use crate::curve::route_error::RouteError;
-use crate::curve::table::{Row, rows};
-use crate::curve::whole::{Curve, CurveError};
-use crate::program::motion::Move;
-use crate::program::preflight::preflight;
-use crate::read::mechanism::Mechanism;
+use crate::file::{Feed, PathFile};
+use crate::gcode::Writer;
+use crate::motion::{Node, Pace, length, nodes, seconds};
+use crate::piece::{Piece, Wanted};
+use crate::pieces::pieces;
+use crate::route_error::RouteError;
+use crate::table::{Row, rows};
+use crate::whole::{Curve, CurveError};
+use machine::read::mechanism::Mechanism;
+use program::motion::Move;
+use program::preflight::preflight;
 
 /// All coordinates.
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Why a path cannot be taken.
 
-use crate::curve::gcode::SetupError;
-use crate::curve::whole::CurveError;
+use crate::gcode::SetupError;
+use crate::whole::CurveError;
 use kinematics::Fault;
 
 /// A path that is none, or that the machine cannot take.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Rational B-splines in space, by de Boor's algorithm with derivatives.
 
-use crate::proof::jet::Taylor;
+use machine::proof::jet::Taylor;
 
 /// A spline that cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -173,7 +173,7 @@ fn clamped(degree: usize, count: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::proof::interval::Interval;
+    use machine::proof::interval::Interval;
     use std::f64::consts::FRAC_1_SQRT_2;
 
     /// Of some ten operations with numbers up to 10.

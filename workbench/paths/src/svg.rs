@@ -2,9 +2,9 @@
 //! Paths of SVG files: lines, Bézier curves and arcs of ellipses as they are, where the transforms of
 //! the drawing move them.
 
-use crate::curve::element::Element;
-use crate::curve::ellipse::Ellipse;
-use crate::curve::spline::SplineError;
+use crate::element::Element;
+use crate::ellipse::Ellipse;
+use crate::spline::SplineError;
 use kurbo::{Affine, Arc, Point, SvgArc, Vec2};
 use nalgebra::Vector3;
 use roxmltree::{Document, Node, ParsingOptions};

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a path asks of the joints: positions and rates, and how it is shared by table and platform.
 
-use crate::curve::file::ProgramKeys;
-use crate::curve::gcode::in_machine;
-use crate::curve::motion::Node;
-use crate::curve::route_error::RouteError;
-use crate::files;
-use crate::read::columns::{coordinates, joint_names};
-use crate::read::mechanism::Mechanism;
+use crate::file::ProgramKeys;
+use crate::gcode::in_machine;
+use crate::motion::Node;
+use crate::route_error::RouteError;
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
+use machine::files;
+use machine::read::columns::{coordinates, joint_names};
+use machine::read::mechanism::Mechanism;
 
 /// A place of the path, and the machine there.
 #[derive(Clone, Debug, PartialEq)]

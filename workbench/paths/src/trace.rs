@@ -6,10 +6,10 @@
 //! where Krawczyk's operator shows that over the chord the curve is one and has one tangent, so
 //! that no step can change to another branch, and none can pass a singular point.
 
-use crate::curve::base::{Form, Part};
-use crate::curve::expression::Trouble;
-use crate::curve::implicit::{Chord, Families};
-use crate::proof::interval::Interval;
+use crate::base::{Form, Part};
+use crate::expression::Trouble;
+use crate::implicit::{Chord, Families};
+use machine::proof::interval::Interval;
 use nalgebra::Vector3;
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Work on a lathe of paper 003's table 2: turning, plunging, drilling; drilling also on other machines.
 
-use crate::curve::pen::{Pen, Plane, Step};
-use crate::study::number::Positive;
+use crate::pen::{Pen, Plane, Step};
 use serde::Deserialize;
+use studies::study::number::Positive;
 
 /// Turning by loops, then along the contour: a step of a shaft, X being a radius.
 #[derive(Clone, Copy, Debug, Deserialize)]

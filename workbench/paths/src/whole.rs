@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A whole curve with its laws: poses of the tool tip, with derivatives, over every part of it.
 
-use crate::curve::base::{Explicit, Form, Part};
-use crate::curve::expression::{Expression, ExpressionError, Trouble};
-use crate::curve::file::{CurveKeys, Follow, Formula, PathFile};
-use crate::curve::free::{FreeError, check_keys, free};
-use crate::curve::implicit::Families;
-use crate::curve::laws::{self, Laws, NAMES, SPEED_NAMES, Tilt};
-use crate::curve::length::Lengths;
-use crate::curve::trace::{TraceError, Turning, Wanted, trace};
-use crate::proof::interval::Interval;
-use crate::proof::jet::Taylor;
+use crate::base::{Explicit, Form, Part};
+use crate::expression::{Expression, ExpressionError, Trouble};
+use crate::file::{CurveKeys, Follow, Formula, PathFile};
+use crate::free::{FreeError, check_keys, free};
+use crate::implicit::Families;
+use crate::laws::{self, Laws, NAMES, SPEED_NAMES, Tilt};
+use crate::length::Lengths;
+use crate::trace::{TraceError, Turning, Wanted, trace};
+use machine::proof::interval::Interval;
+use machine::proof::jet::Taylor;
 use std::sync::Arc;
 
 /// Halvings of a range that may hold a pole: 1e-12 of it is left.

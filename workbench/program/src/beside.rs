@@ -5,10 +5,10 @@
 //! one of them moves, else that of U V W, else that of A B C. Each mechanism by itself then has moves
 //! with the feed that comes to the same time.
 
-use crate::program::motion::{Move, MoveKind, ProgramError, read};
-use crate::program::replay::duration;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
+use crate::motion::{Move, MoveKind, ProgramError, read};
+use crate::replay::duration;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::path::{Path, PathBuf};
 
 /// Reads all moves of a program as this mechanism of `whole` makes them, and the names of its files.

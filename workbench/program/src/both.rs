@@ -6,15 +6,15 @@
 //! changes while a platform is tilted leads that platform along a line, which is followed as a move. Where
 //! both change in one block nobody knows which comes first, and only the end is judged.
 
-use crate::limits;
-use crate::program::findings::{Break, LeastMargin, Preflight, Rule};
-use crate::program::flight::Flight;
-use crate::program::follow::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance, arm};
-use crate::program::motion::Move;
-use crate::proof::between::{Approach, approach};
-use crate::proof::reach::Reach;
-use crate::read::mechanism::Mechanism;
+use crate::findings::{Break, LeastMargin, Preflight, Rule};
+use crate::flight::Flight;
+use crate::follow::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance, arm};
+use crate::motion::Move;
 use kinematics::{Body, Fault, Part, Pose, Vector3};
+use machine::limits;
+use machine::proof::between::{Approach, approach};
+use machine::proof::reach::Reach;
+use machine::read::mechanism::Mechanism;
 
 /// Follows the moves of a program with every mechanism of a machine.
 pub struct Flights<'a> {

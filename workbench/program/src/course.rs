@@ -5,16 +5,16 @@
 //! become one, and from then on stretches are twice as long. Of what every cycle tells, a sample
 //! keeps the extremes, so that a peak of one cycle is never lost. Margins of other limits than the
 //! ranges of axes and joints take longer to compute: they are those of one pose at the start of
-//! each stretch, as short as stretches were then. Whether a program keeps them is proved elsewhere ([`crate::program::preflight`]).
+//! each stretch, as short as stretches were then. Whether a program keeps them is proved elsewhere ([`crate::preflight`]).
 
-use crate::control::row::Row;
-use crate::limits;
-use crate::program::loads::Motion;
-use crate::program::motion::Move;
-use crate::read::mechanism::Mechanism;
+use crate::loads::Motion;
+use crate::motion::Move;
 use kinematics::{
     Joints, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3,
 };
+use linuxcnc::row::Row;
+use machine::limits;
+use machine::read::mechanism::Mechanism;
 use std::ops::ControlFlow;
 
 /// Most samples that are kept: several for each column of pixels of a wide plot.

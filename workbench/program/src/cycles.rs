@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What LinuxCNC's servo cycles show of the limits of a pose, and of the path.
 //!
-//! The moves of a program are proved as they are commanded ([`crate::program::flight`]). What the machine then does
+//! The moves of a program are proved as they are commanded ([`crate::flight`]). What the machine then does
 //! is not always that: corners are rounded, and a tap runs on until its spindle has stopped. So every
 //! cycle is judged as well, by the same list of limits, and compared with the path.
 
-use crate::control::row::{Commanded, CommandedKind, Row, Thread};
-use crate::limits;
-use crate::program::findings::{Break, Place, Rule};
-use crate::program::motion::{Circle, ROUNDING};
-use crate::proof::between::approach;
-use crate::proof::reach::Reach;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
+use crate::findings::{Break, Place, Rule};
+use crate::motion::{Circle, ROUNDING};
 use kinematics::{
     Fault, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3, World,
 };
+use linuxcnc::row::{Commanded, CommandedKind, Row, Thread};
+use machine::limits;
+use machine::proof::between::approach;
+use machine::proof::reach::Reach;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::collections::VecDeque;
 use std::mem::discriminant;
 
@@ -101,7 +101,7 @@ impl<'a> Cycles<'a> {
         })
     }
 
-    /// Takes the next move, which ends after that many steps of the program ([`crate::program::motion::Move`]).
+    /// Takes the next move, which ends after that many steps of the program ([`crate::motion::Move`]).
     pub fn take(&mut self, commanded: &Commanded, steps: usize) {
         let turns = (commanded.lost_turns > 0).then_some(Text::Turns(commanded.lost_turns));
         let thread = commanded.thread.filter(|thread| !(thread.needed() <= thread.fastest * SAME));
@@ -203,7 +203,7 @@ impl<'a> Cycles<'a> {
         });
     }
 
-    /// Returns what is used of the axes and joints, in the order of [`ranges`](crate::program::findings::Preflight::ranges).
+    /// Returns what is used of the axes and joints, in the order of [`ranges`](crate::findings::Preflight::ranges).
     pub fn used(&self) -> Vec<[f64; 2]> {
         self.machines.iter().flat_map(Judge::used).collect()
     }
@@ -258,7 +258,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Returns what is used, in the order of [`ranges`](crate::program::findings::Preflight::ranges).
+    /// Returns what is used, in the order of [`ranges`](crate::findings::Preflight::ranges).
     fn used(&self) -> impl Iterator<Item = [f64; 2]> {
         let layout = self.config.machine.layout();
         let axes = Letter::ALL.into_iter().zip(self.axes);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! How far a program is, for those who wait.
 
-use crate::files::{self, AtFile};
+use machine::files::{self, AtFile};
 use std::io;
 use std::path::Path;
 

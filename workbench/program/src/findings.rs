@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What is known of a program on a machine.
 
-use crate::control::row::{Ending, Message};
-use crate::limits;
-use crate::program::offset::Poses;
-use crate::read::mechanism::Mechanism;
+use crate::offset::Poses;
 use kinematics::{Limit, Part};
+use linuxcnc::row::{Ending, Message};
+use machine::limits;
+use machine::read::mechanism::Mechanism;
 use serde::{Serialize, Serializer};
 
 /// What a program has to keep.

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The moves of one mechanism followed one after the other, with the changes of its tool.
 
-use crate::limits;
-use crate::program::findings::{LeastMargin, Preflight};
-use crate::program::follow::{Course, Found, Leg, Pilot, length};
-use crate::program::motion::{Move, ROUNDING};
-use crate::proof::reach::Reach;
-use crate::read::mechanism::Mechanism;
+use crate::findings::{LeastMargin, Preflight};
+use crate::follow::{Course, Found, Leg, Pilot, length};
+use crate::motion::{Move, ROUNDING};
 use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
+use machine::limits;
+use machine::proof::reach::Reach;
+use machine::read::mechanism::Mechanism;
 
 /// Follows the moves of a program one after the other, from `[TRAJ]HOME` on.
 pub struct Flight<'a> {

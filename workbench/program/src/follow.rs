@@ -2,22 +2,22 @@
 //! A move, followed over its whole length.
 //!
 //! A move is straight in X Y Z A B C, angles included, as LinuxCNC's joints see it; where axes carry work,
-//! tool or legs it is a curve for the machine, which is enclosed ([`crate::proof::carried`]). A piece of it
-//! is a [`crate::proof::cell::Way`]: the values in its middle, their slopes and a bound of their second
+//! tool or legs it is a curve for the machine, which is enclosed ([`machine::proof::carried`]). A piece of it
+//! is a [`machine::proof::cell::Way`]: the values in its middle, their slopes and a bound of their second
 //! derivatives, which give their range over the piece. A piece that is not proved to keep a limit
 //! is halved, the earlier half first, until a pose is found beyond the limit or the piece is too
 //! short to matter: then the move touches the limit. So every limit has the first place where it
 //! breaks, and a move without one is proved to keep all of them everywhere.
 
-use crate::limits;
-use crate::program::findings::{Break, Preflight, Range, Time};
-use crate::program::offset::Poses;
-use crate::proof::carried::Enclosure;
-use crate::proof::cell::Way;
-use crate::proof::reach::Reach;
-use crate::proof::spans;
-use crate::read::mechanism::Mechanism;
+use crate::findings::{Break, Preflight, Range, Time};
+use crate::offset::Poses;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World};
+use machine::limits;
+use machine::proof::carried::Enclosure;
+use machine::proof::cell::Way;
+use machine::proof::reach::Reach;
+use machine::proof::spans;
+use machine::read::mechanism::Mechanism;
 
 /// A piece of a move is halved until it is this short, as a share of the machine's size: far
 /// below what any machine resolves.

@@ -8,12 +8,12 @@
 //! differences is at its limit (`Rounding`). Cycles in which pkmkins moves the joints for another tool
 //! offset are no speed of the program, neither are those with the drives off.
 
-use crate::control::row::Row;
-use crate::program::findings::{LineLoad, Peak, Place};
-use crate::read::joints::Joint;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
+use crate::findings::{LineLoad, Peak, Place};
 use kinematics::{MAX_EXTRA, MAX_JOINTS};
+use linuxcnc::row::Row;
+use machine::read::joints::Joint;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::collections::{BTreeMap, VecDeque};
 
 /// Cycles left out before and after those in which the tool offset moves: LinuxCNC's interpolator of
@@ -320,14 +320,14 @@ impl<'a> Loads<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::row::{Beside, Extra, Flags};
+    use linuxcnc::row::{Beside, Extra, Flags};
     use std::path::Path;
 
     /// Some hundred differences of numbers near 1000 over a thousandth of a second, twice.
     const ROUNDING: f64 = 1e-5;
 
     fn config() -> MachineConfig {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hexapod/hexapod.ini");
         MachineConfig::read(&file).unwrap()
     }
 

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The moves of a program, as LinuxCNC's task asks motion for them.
 //!
-//! LinuxCNC reads the program itself, in virtual time ([`crate::control`]): with the tool, the parameters and the
+//! LinuxCNC reads the program itself, in virtual time ([`linuxcnc`]): with the tool, the parameters and the
 //! position that it has on the machine. Its commands are straight and circular moves; circular ones are split here
 //! into short straight ones.
 
-use crate::control::process::{Event, Options, run_with_moves};
-use crate::control::refusal::NotJudged;
-pub use crate::control::row::Spindle;
-use crate::control::row::{Arc, Commanded, CommandedKind, Ending, Outcome};
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
+use linuxcnc::process::{Event, Options, run_with_moves};
+use linuxcnc::refusal::NotJudged;
+pub use linuxcnc::row::Spindle;
+use linuxcnc::row::{Arc, Commanded, CommandedKind, Ending, Outcome};
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};

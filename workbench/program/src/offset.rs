@@ -4,14 +4,14 @@
 //!
 //! A compass search over X Y Z and the turn lowers how far some poses of the program lack of a
 //! margin to joint ranges, cones, rod distance, conditioning, axis limits; whether the offset does
-//! is for [`crate::program::preflight`] to say, on the moves that LinuxCNC makes of it.
+//! is for [`crate::preflight`] to say, on the moves that LinuxCNC makes of it.
 
-use crate::limits;
-use crate::program::motion::Move;
-use crate::proof::reach::Reach;
-use crate::read::joints::Axis;
-use crate::read::mechanism::Mechanism;
+use crate::motion::Move;
 use kinematics::{Fault, Letter, Limits, Vector3};
+use machine::limits;
+use machine::proof::reach::Reach;
+use machine::read::joints::Axis;
+use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 
 /// Poses of the program that are looked at.

@@ -2,27 +2,25 @@
 //! Whether a program fits a machine: every move followed over its whole length, and what LinuxCNC
 //! makes of it in time.
 //!
-//! LinuxCNC reads the program and runs it in virtual time ([`crate::control`]). One move after the other is
+//! LinuxCNC reads the program and runs it in virtual time ([`linuxcnc`]). One move after the other is
 //! followed as motion is asked for it (`follow`), and every change of a tool: what is kept does not grow with the
-//! program. Every servo cycle is judged for what depends on time ([`crate::program::loads`]) and on the pose
-//! ([`crate::program::cycles`]).
+//! program. Every servo cycle is judged for what depends on time ([`crate::loads`]) and on the pose
+//! ([`crate::cycles`]).
 
-use crate::control::process::{Event, Options, run_with_moves};
-use crate::control::refusal::NotJudged;
-use crate::control::row::{Ending, Outcome, Row};
-use crate::files::{self, AtFile};
-use crate::limits;
-use crate::program::beside::Half;
-use crate::program::both::Flights;
-use crate::program::cycles::Cycles;
-use crate::program::findings::{
-    Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing,
-};
-use crate::program::loads::{Beyond, Demands, Load, Loads};
-use crate::program::motion::{Move, ROUNDING, Translator};
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
+use crate::beside::Half;
+use crate::both::Flights;
+use crate::cycles::Cycles;
+use crate::findings::{Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing};
+use crate::loads::{Beyond, Demands, Load, Loads};
+use crate::motion::{Move, ROUNDING, Translator};
 use kinematics::{Fault, Limit, Part};
+use linuxcnc::process::{Event, Options, run_with_moves};
+use linuxcnc::refusal::NotJudged;
+use linuxcnc::row::{Ending, Outcome, Row};
+use machine::files::{self, AtFile};
+use machine::limits;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::cmp::Ordering;
 use std::io;
 use std::ops::ControlFlow;
@@ -391,11 +389,11 @@ fn stop(outcome: &Outcome, last: &Place) -> Option<Break> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::row::{Beside, Extra, Flags, Message, MessageKind};
     use kinematics::MAX_JOINTS;
+    use linuxcnc::row::{Beside, Extra, Flags, Message, MessageKind};
 
     fn config() -> MachineConfig {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hexapod/hexapod.ini");
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hexapod/hexapod.ini");
         MachineConfig::read(&file).unwrap()
     }
 

@@ -2,12 +2,12 @@
 //! Programs of random moves that a machine can run: every straight line was followed
 //! beforehand, and its feed is one that all joints can keep up with.
 
-use crate::limits;
-use crate::read::joints::Axis;
-use crate::read::mechanism::Mechanism;
 use kinematics::{
     Joints, Letter, Limits, Link, MAX_EXTRA, MAX_JOINTS, POSE_LETTERS, Pose, Vector3, World,
 };
+use machine::limits;
+use machine::read::joints::Axis;
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;

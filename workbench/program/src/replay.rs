@@ -5,14 +5,14 @@
 //! Between its end points a move runs at constant speed; acceleration and blending
 //! are left out, so that speeds are upper bounds for straight pieces.
 
-use crate::limits;
-use crate::program::motion::{Move, MoveKind};
-use crate::read::joints::Group;
-use crate::read::mechanism::Mechanism;
+use crate::motion::{Move, MoveKind};
 use kinematics::{
     Certificate, Cones, Fault, Joints, Limits, MAX_EXTRA, Margin, PerLeg, Pose, Solution, Vector3,
     World,
 };
+use machine::limits;
+use machine::read::joints::Group;
+use machine::read::mechanism::Mechanism;
 use std::fmt;
 use std::ops::ControlFlow;
 
@@ -549,13 +549,13 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::program::motion::Spindle;
-    use crate::read::machine::MachineConfig;
+    use crate::motion::Spindle;
+    use machine::read::machine::MachineConfig;
     use std::path::Path;
     use std::sync::Arc;
 
     fn config_of(machine: &str) -> Mechanism {
-        let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+        let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
         let file = configs.join(machine).join(format!("{machine}.ini"));
         MachineConfig::read(&file).unwrap().mechanism(1).unwrap()
     }

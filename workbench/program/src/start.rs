@@ -5,19 +5,19 @@
 //! Only what LinuxCNC itself refuses is an error. Hardware, and programs that are not LinuxCNC's, do not run in virtual
 //! time: where the HAL files need them, the machine is started without them, and a failure is not judged.
 
-use crate::check::drives::{self, Plan};
-use crate::check::wiring::at_key;
-use crate::check::world;
-use crate::control::process::{self, Options, OwnFiles};
-use crate::control::refusal::NotJudged;
-use crate::control::row::{Ending, Message};
-use crate::files::{AtFile, Folder, write_whole};
-use crate::read::ini::{Entry, Ini, IniError};
-use crate::read::joints::Axis;
-use crate::read::machine::MachineConfig;
-use crate::read::places::HALLIB;
-use crate::read::tools;
+use check::drives::{self, Plan};
+use check::wiring::at_key;
+use check::world;
 use kinematics::POSE_LETTERS;
+use linuxcnc::process::{self, Options, OwnFiles};
+use linuxcnc::refusal::NotJudged;
+use linuxcnc::row::{Ending, Message};
+use machine::files::{AtFile, Folder, write_whole};
+use machine::read::ini::{Entry, Ini, IniError};
+use machine::read::joints::Axis;
+use machine::read::machine::MachineConfig;
+use machine::read::places::HALLIB;
+use machine::read::tools;
 use std::ffi::OsString;
 use std::io;
 use std::ops::ControlFlow;

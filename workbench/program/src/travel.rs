@@ -4,13 +4,13 @@
 //! The way to the end of the letter's range is followed as a move of a program is
 //! (`follow`): up to the place that is found every limit is proved to be kept.
 
-use crate::program::both::Flights;
-use crate::program::findings::Break;
-use crate::program::motion::{Beside, Move, MoveKind, Spindle};
-use crate::read::joints::Axis;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
+use crate::both::Flights;
+use crate::findings::Break;
+use crate::motion::{Beside, Move, MoveKind, Spindle};
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
+use machine::read::joints::Axis;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 
 /// The way is followed in as many parts: what lies behind the first limit is not looked at.

@@ -2,15 +2,15 @@
 //! The verdict on a program, from its file to a value: what LinuxCNC makes of it, warnings, and where it does not fit
 //! another work offset with which it does.
 
-use crate::check::cautions::{Caution, cautions, once};
-use crate::control::process::Options;
-use crate::control::refusal::NotJudged;
-use crate::control::row::Row;
-use crate::files::{self, AtFile, open};
-use crate::program::findings::{Preflight, Rule, Time};
-use crate::program::offset::{self, Offset};
-use crate::program::preflight::{self, JudgeError, Judged};
-use crate::read::machine::MachineConfig;
+use crate::findings::{Preflight, Rule, Time};
+use crate::offset::{self, Offset};
+use crate::preflight::{self, JudgeError, Judged};
+use check::cautions::{Caution, cautions, once};
+use linuxcnc::process::Options;
+use linuxcnc::refusal::NotJudged;
+use linuxcnc::row::Row;
+use machine::files::{self, AtFile, open};
+use machine::read::machine::MachineConfig;
 use serde::Serialize;
 use std::io;
 use std::path::{Path, PathBuf};

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A machine checked as a whole: each mechanism, its start in virtual time, and both mechanisms together.
 
-use crate::check::between;
-use crate::check::findings::{Finding, Report};
-use crate::check::report::check;
-use crate::files::AtFile;
-use crate::program::start::{Start, start};
-use crate::read::diagnostic::Severity;
-use crate::read::error::MachineError;
-use crate::read::machine::MachineConfig;
+use crate::start::{Start, start};
+use check::between;
+use check::findings::{Finding, Report};
+use check::report::check;
+use machine::files::AtFile;
+use machine::read::diagnostic::Severity;
+use machine::read::error::MachineError;
+use machine::read::machine::MachineConfig;
 use std::io;
 
 /// What was found of a machine.

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The verdict on a program in words.
 
-use crate::check::cautions::Caution;
-use crate::control::row::{Ending, Message};
-use crate::program::findings::{Break, LineLoad, Range, Time, Timing};
-use crate::program::offset::Offset;
-use crate::program::verdict::{ProgramVerdict, Suggestion};
+use crate::findings::{Break, LineLoad, Range, Time, Timing};
+use crate::offset::Offset;
+use crate::verdict::{ProgramVerdict, Suggestion};
+use check::cautions::Caution;
 use kinematics::Letter;
+use linuxcnc::row::{Ending, Message};
 
 /// Steps of coordinates that are shown.
 const PLACES: f64 = 1e-4;

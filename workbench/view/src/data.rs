@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What the page is given: the scene, the machine for its kinematics, names of limits, and a program.
 
-use crate::files;
-use crate::limits;
-use crate::program::course::{Abscissa, Sample, Thinned};
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
-use crate::read::models::Model;
-use crate::scene::Scene;
-use crate::view::track::{Point, Track, VALUES};
+use crate::track::{Point, Track, VALUES};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use kinematics::{Letter, Limit, Part};
+use machine::files;
+use machine::limits;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
+use machine::read::models::Model;
+use machine::scene::Scene;
 use page_core::Described;
+use program::course::{Abscissa, Sample, Thinned};
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The page: one file that needs no network, with its code, its kinematics and its data.
 
-use crate::view::data::Data;
+use crate::data::Data;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use flate2::Compression;

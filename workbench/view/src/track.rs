@@ -5,9 +5,9 @@
 //! than a tolerance. When there are too many points the tolerance is doubled, and the points that are there
 //! are thinned by it: so that a day takes as much memory as a minute. Times of lines are kept up to a number.
 
-use crate::control::row::Row;
-use crate::read::machine::MachineConfig;
-use crate::read::mechanism::Mechanism;
+use linuxcnc::row::Row;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 
 /// Most points: a browser draws as many in every frame.
 pub const MOST_POINTS: usize = 20_000;

@@ -5,11 +5,11 @@
 //! figures are as they must be; 1: at least one is not; 2: the run cannot be judged.
 
 use judge::{page, trace};
+use machine::read::machine::MachineConfig;
 use std::error::Error;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use workbench::read::machine::MachineConfig;
 
 const USAGE: &str = "usage: judge INI TRACE.csv RESULT.json OUT_DIR";
 

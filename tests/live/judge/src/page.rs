@@ -6,11 +6,11 @@ use draw::motion;
 use draw::page::page;
 use draw::plot::Plot;
 use draw::sample::Sample;
+use machine::files::write_whole;
+use machine::read::mechanism::Mechanism;
 use maud::{Markup, html};
 use std::error::Error;
 use std::path::Path;
-use workbench::files::write_whole;
-use workbench::read::mechanism::Mechanism;
 
 /// Writes plots and report.html into `folder`, which is made if needed.
 ///

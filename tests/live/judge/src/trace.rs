@@ -5,15 +5,15 @@
 //! tests/live/README.md. The checks recompute what the module did with the same core,
 //! and hold positions, speeds and cones to the limits of the INI file.
 
+use check::mobility::Structure;
 use draw::sample::Sample;
 use kinematics::{Fault, Joints, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
+use machine::limits;
+use machine::read::joints::{Group, JointKind};
+use machine::read::mechanism::Mechanism;
 use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
-use workbench::check::mobility::Structure;
-use workbench::limits;
-use workbench::read::joints::{Group, JointKind};
-use workbench::read::mechanism::Mechanism;
 
 /// Coarse joint commands against host inverse, in mm or degrees.
 const JOINT_TOLERANCE: f64 = 1e-9;

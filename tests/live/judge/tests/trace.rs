@@ -5,9 +5,9 @@
 use draw::sample::Sample;
 use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
-use workbench::read::joints::JointKind;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
+use machine::read::joints::JointKind;
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

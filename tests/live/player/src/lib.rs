@@ -13,16 +13,16 @@
 //!
 //! Only for simulation: files are read when it is loaded. In a cycle it allocates nothing.
 
+use calibrate::model::Frame;
+use calibrate::plate::Plate;
 use kinematics::{Joints, MAX_JOINTS, Pose, Solver, Vector3};
+use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use std::cell::UnsafeCell;
 use std::error::Error;
 use std::ffi::{CStr, CString, c_char, c_int, c_long, c_void};
 use std::path::Path;
 use std::ptr::null_mut;
-use workbench::calibrate::model::Frame;
-use workbench::calibrate::plate::Plate;
-use workbench::read::machine::MachineConfig;
-use workbench::read::mechanism::Mechanism;
 
 const NAME: &CStr = c"pkmkins_truth";
 const IN: c_int = 16;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A program judged as it cuts, from its moves to the report.
 
-use crate::control::process::{self, Options};
-use crate::control::row::Ending;
 use crate::cut::moment::{NoMoment, Subject};
 use crate::cut::pass::{Found, Pass};
 use crate::cut::place::half_steps;
@@ -11,14 +9,16 @@ use crate::cut::report::{Looked, Report, Run, report};
 use crate::cut::teeth::Teeth;
 use crate::dynamics::capacity::Capacity;
 use crate::dynamics::model::Model;
-use crate::files::AtPlace;
-use crate::program::motion::Move;
-use crate::program::verdict::Step;
-use crate::read::columns::in_words;
-use crate::read::mechanism::Mechanism;
 use crate::stability::path::{self, Stop};
 use crate::stability::pose::{NoSetup, Setup};
 use crate::study::file::{Lacking, Study};
+use linuxcnc::process::{self, Options};
+use linuxcnc::row::Ending;
+use machine::files::AtPlace;
+use machine::read::columns::in_words;
+use machine::read::mechanism::Mechanism;
+use program::motion::Move;
+use program::verdict::Step;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;

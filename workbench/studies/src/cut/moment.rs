@@ -11,9 +11,9 @@ use crate::dynamics::capacity::Capacity;
 use crate::dynamics::loads::{Held, Loads, Moving, Wrench};
 use crate::dynamics::milling::frame;
 use crate::dynamics::model::Model;
-use crate::read::joints::JointKind;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
+use machine::read::joints::JointKind;
+use machine::read::mechanism::Mechanism;
 
 /// A machine with its drives and its cutter.
 #[derive(Clone, Debug)]

@@ -4,12 +4,12 @@
 //! Of every few cycles of a line, the one with the largest acceleration is judged, with the largest
 //! speed among them. What is kept grows with the lines of the program, not with its cycles.
 
-use crate::control::row::Row;
 use crate::cut::moment::{Judged, Moment, NoMoment, Subject};
 use crate::cut::program::{Line, cuts};
-use crate::program::motion::Move;
-use crate::read::mechanism::Mechanism;
 use kinematics::Vector3;
+use linuxcnc::row::Row;
+use machine::read::mechanism::Mechanism;
+use program::motion::Move;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

@@ -5,10 +5,10 @@
 use crate::cut::moment::{NoMoment, Subject, cutter_frame};
 use crate::cut::teeth::{HARMONICS, Teeth};
 use crate::dynamics::structure::Structure;
-use crate::read::mechanism::Mechanism;
 use crate::stability::path::Stop;
 use crate::study::sensitivity::Sensitivity;
 use kinematics::Vector3;
+use machine::read::mechanism::Mechanism;
 use nalgebra::Complex;
 use std::f64::consts::TAU;
 

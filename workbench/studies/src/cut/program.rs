@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Which lines of a program cut, and where stability is looked at.
 
-use crate::program::motion::{Move, MoveKind, Spindle};
-use crate::read::mechanism::Mechanism;
 use crate::stability::path::Stop;
 use kinematics::{Pose, Vector3};
+use machine::read::mechanism::Mechanism;
+use program::motion::{Move, MoveKind, Spindle};
 use std::collections::BTreeMap;
 
 #[derive(Clone, Copy, Debug, PartialEq)]

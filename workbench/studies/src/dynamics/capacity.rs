@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What drives can do: force or torque of each, and the torque of its motor through the lead.
 
-use crate::read::joints::JointKind;
-use crate::read::mechanism::Mechanism;
 use crate::study::file::{Each, Lacking, Study};
+use machine::read::joints::JointKind;
+use machine::read::mechanism::Mechanism;
 use std::f64::consts::TAU;
 
 /// N mm per N m.

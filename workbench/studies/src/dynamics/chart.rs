@@ -6,9 +6,9 @@
 //! p = o + R(A, B, C) (s − c) for a point s of the platform, c the centre and o its place, what
 //! guides hold is kept exactly, and derivatives of any order are those of R.
 
-use crate::read::mechanism::Mechanism;
-use crate::rows::{Rows, rate_map};
 use kinematics::{At, Letter, Matrix3, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
+use machine::rows::{Rows, rate_map};
 use nalgebra::{DMatrix, DVector, Matrix3xX};
 
 /// The coordinates, and how points of the platform depend on them; mm and radians.
@@ -122,7 +122,7 @@ impl Chart {
         of_a * a + of_b * b
     }
 
-    /// Rows over X Y Z A B C of the tool tip (machine units and radians, see [`crate::rows`]) as
+    /// Rows over X Y Z A B C of the tool tip (machine units and radians, see [`machine::rows`]) as
     /// rows over these coordinates, per mm and radian; `tip` in the platform frame, mm.
     pub fn rows(&self, rows: &Rows, tip: &Vector3<f64>, units_per_mm: f64) -> DMatrix<f64> {
         let tip = self.displacement(tip);

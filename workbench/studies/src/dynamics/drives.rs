@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What drives command at a moment: where the legs begin and how long they would be without force.
 
-use crate::read::mechanism::Mechanism;
 use kinematics::{At, Fault, MAX_LEGS, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 
 /// One leg, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -8,8 +8,8 @@
 use crate::dynamics::chart::Chart;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::{LegAt, leg_mass, legs, stiffness, tip};
-use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// What acts on the tool tip, machine axes: N and N mm.
@@ -148,11 +148,11 @@ impl PlatformMotion {
     fn of(config: &Mechanism, chart: &Chart, tip: &Vector3<f64>, moving: &Moving) -> Self {
         let per_mm = config.units_per_mm;
         let [x, y, z, a, b, c] = moving.rate;
-        let omega = crate::rows::rate_map(&moving.pose) * Vector3::new(a, b, c);
+        let omega = machine::rows::rate_map(&moving.pose) * Vector3::new(a, b, c);
         let lever = moving.pose.rotation() * (chart.centre() - tip);
         let rate = chart.rates(&(Vector3::new(x, y, z) / per_mm + omega.cross(&lever)), &omega);
         let [x, y, z, a, b, c] = moving.acceleration;
-        let angular = crate::rows::rate_map(&moving.pose) * Vector3::new(a, b, c);
+        let angular = machine::rows::rate_map(&moving.pose) * Vector3::new(a, b, c);
         let turning = angular + chart.turning(&rate);
         let linear = Vector3::new(x, y, z) / per_mm
             + turning.cross(&lever)

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Masses, springs and dampers of a machine, as its study names them: N, mm, s, t.
 
-use crate::read::mechanism::Mechanism;
 use crate::study::file::{Each, Lacking, Screw, Study};
 use crate::study::springs::{PER_UM, Spring, of_kinds, of_legs, one_of};
 use kinematics::{Letter, Matrix3, Vector3};
+use machine::read::mechanism::Mechanism;
 
 /// Standard gravity, mm/s².
 const GRAVITY: f64 = 9806.65;

@@ -9,8 +9,8 @@ use crate::dynamics::record::Record;
 use crate::dynamics::rotation::Motion;
 use crate::dynamics::simulation::Simulation;
 use crate::dynamics::structure::Structure;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Matrix3, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 use std::f64::consts::TAU;
 
 /// Steps in a period of the fastest mode or force: the error of the fourth order is below a

@@ -18,9 +18,9 @@ use crate::dynamics::drives::Drives;
 use crate::dynamics::model::Model;
 use crate::dynamics::rotation::{Acceleration, Motion};
 use crate::dynamics::structure::{LegAt, Structure, has_lead, legs, tip};
-use crate::read::mechanism::Mechanism;
 use crate::study::file::Screw;
 use kinematics::{At, Fault, Matrix3, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector6};
 
 /// A machine that is moved in time.

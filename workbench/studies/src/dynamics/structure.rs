@@ -16,12 +16,12 @@
 use crate::dynamics::chart::Chart;
 use crate::dynamics::model::{Body, Leg, Model};
 use crate::dynamics::shapes::Shapes;
-use crate::read::legs::{drive_rate, platform_anchor};
-use crate::read::mechanism::Mechanism;
-use crate::rows::{self, joint_rows, length_rows};
 use crate::study::file::Screw;
 use crate::study::springs::Spring;
 use kinematics::{At, Fault, Pose, Vector3};
+use machine::read::legs::{drive_rate, platform_anchor};
+use machine::read::mechanism::Mechanism;
+use machine::rows::{self, joint_rows, length_rows};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, RowDVector};
 
 /// Step of the differences of rows, radians or share of the radius: their error is the square of it,

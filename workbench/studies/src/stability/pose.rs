@@ -5,13 +5,13 @@ use crate::dynamics::milling::frame;
 use crate::dynamics::mode::Mode;
 use crate::dynamics::model::Model;
 use crate::dynamics::structure::Structure;
-use crate::read::mechanism::Mechanism;
 use crate::stability::lobes::{Limit, Lobes};
 use crate::stability::process::{AlongAxis, Process, Row, milling_rows, turned, turning_rows};
 use crate::stability::spindle::{NoSpindle, Nose};
 use crate::study::cutting::Turning;
 use crate::study::file::{Lacking, Study};
 use kinematics::{Fault, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
 use std::f64::consts::PI;
 
 /// Why a study does not say how a machine cuts.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The body of a workspace: rays in all directions, its volume and surface, and a count on a grid.
 
-use crate::files;
 use crate::study::workspace::{Border, Ray, Workspace};
 use kinematics::Vector3;
+use machine::files;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -4,13 +4,13 @@
 //! Every value may be missing; a study that needs one says so. Units stand in the keys, so that a
 //! value without its unit is an unknown key.
 
-use crate::files::{AtFile, Locate, read_text};
-use crate::read::mechanism::Mechanism;
 use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
 use crate::study::forcing::{Force, Milling};
 use crate::study::masses::Platform;
 use crate::study::number::{Positive, Ratio};
 use crate::study::spindle::Spindle;
+use machine::files::{AtFile, Locate, read_text};
+use machine::read::mechanism::Mechanism;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The motion law of a study, see [`crate::study::file::Law`], about the home of a machine.
 
-use crate::read::mechanism::Mechanism;
 use crate::study::file::Law;
 use kinematics::Letter;
+use machine::read::mechanism::Mechanism;
 use std::f64::consts::TAU;
 
 impl Law {

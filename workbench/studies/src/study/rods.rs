@@ -6,9 +6,9 @@
 //! it points from base to platform, elevation = asin u_z above the XY plane, azimuth =
 //! atan2(u_y, u_x) about Z.
 
-use crate::read::legs::platform_anchor;
-use crate::read::mechanism::Mechanism;
 use kinematics::{Fault, Nearest, Pose, Segment, Vector3};
+use machine::read::legs::platform_anchor;
+use machine::read::mechanism::Mechanism;
 
 /// What is asked of a machine at every pose.
 pub struct View<'a> {

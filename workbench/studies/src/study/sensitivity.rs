@@ -11,12 +11,12 @@
 //! outer product of two vectors, of rank 1 wherever the machine stands, and become infinite where
 //! a coordinate of the path turns back; see [`ratios`].
 
-use crate::files;
-use crate::proof::axis_box::AxisBox;
-use crate::read::columns::coordinates;
-use crate::read::mechanism::Mechanism;
-use crate::rows::{self, Rows};
 use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
+use machine::files;
+use machine::proof::axis_box::AxisBox;
+use machine::read::columns::coordinates;
+use machine::read::mechanism::Mechanism;
+use machine::rows::{self, Rows};
 use nalgebra::{SMatrix, SVector};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;

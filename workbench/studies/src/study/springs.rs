@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The springs of legs and table axes, as a study names them.
 
-use crate::read::joints::JointKind;
-use crate::read::mechanism::Mechanism;
 use crate::study::file::{Each, Lacking, Legs, Screw, Study};
+use machine::read::joints::JointKind;
+use machine::read::mechanism::Mechanism;
 
 /// N/mm per N/um.
 pub(crate) const PER_UM: f64 = 1e3;

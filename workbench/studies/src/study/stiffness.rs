@@ -10,11 +10,11 @@
 //! What guides or joints of the platform hold counts as rigid: there the compliance has no part,
 //! and K is not asked for.
 
-use crate::read::mechanism::Mechanism;
-use crate::rows::{self, Rows, joint_rows, length_rows};
 use crate::study::file::Screw;
 use crate::study::springs::Springs;
 use kinematics::{Fault, Geometry, LegGeometry, MAX_JOINTS, Machine, Matrix3, Pose, Vector3};
+use machine::read::mechanism::Mechanism;
+use machine::rows::{self, Rows, joint_rows, length_rows};
 use nalgebra::{Matrix6, SMatrix, SVector};
 use std::f64::consts::PI;
 

@@ -7,13 +7,13 @@
 //! volume is the sum of the rays' pieces by their solid angles, islands and holes included, and
 //! once more, independently, a count on a grid.
 
-use crate::limits;
-use crate::read::joints::JointKind;
-use crate::read::mechanism::Mechanism;
 use crate::study::file;
 use kinematics::{
     At, Cause, Fault, Gap, Letter, Limit, Limits, Machine, Margin, Part, Pose, Vector3,
 };
+use machine::limits;
+use machine::read::joints::JointKind;
+use machine::read::mechanism::Mechanism;
 use std::f64::consts::PI;
 use std::fmt;
 
