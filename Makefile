@@ -45,7 +45,7 @@ VIEWER_MODULES := $(wildcard viewer/*.py)
 # LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed, whose
 # version is in the name. A package has one for each LinuxCNC that it serves, and what compiles another.
 VIRTUAL = target/virtual/libpkmkins-virtual-$(shell linuxcnc_var LINUXCNCVERSION).so
-VIRTUAL_SOURCES := $(wildcard workbench/virtual/*.cc workbench/virtual/*.h) workbench/virtual/build.sh
+VIRTUAL_SOURCES := $(wildcard workbench/linuxcnc/virtual/*.cc workbench/linuxcnc/virtual/*.h) workbench/linuxcnc/virtual/build.sh
 
 # The files of the configurations that pkm makes, which git does not have: panels, and programs of files in `paths`.
 GENERATED := $(foreach end,xml tcl,$(patsubst %.ini,%-panel.$(end),$(wildcard configs/*/*.ini))) \
@@ -487,7 +487,7 @@ module:
 # The module and its HAL files stand beside the library, which takes them before those that are installed.
 virtual: setup module generated
 	@[ -e "$(VIRTUAL)" ] && [ -z "$$(find $(VIRTUAL_SOURCES) -newer "$(VIRTUAL)")" ] || \
-	    workbench/virtual/build.sh target/virtual
+	    workbench/linuxcnc/virtual/build.sh target/virtual
 	@cp $(SO) target/virtual/pkmkins.so && cp $(HAL_FILES) target/virtual && \
 	    cp $(PINS) target/virtual/pkmkins-pins.new && mv target/virtual/pkmkins-pins.new target/virtual/pkmkins-pins
 
@@ -530,7 +530,7 @@ uninstall:
 # Apart from `install`: the computer that plans need not be the one that cuts.
 PKM := target/host/pkm
 pkm-built: builds-pkm
-	$(HOST_BUILD) $(foreach crate,pkm workbench draw,--config profile.host.package.$(crate).opt-level=3) --bin pkm
+	$(HOST_BUILD) $(foreach crate,pkm machine linuxcnc check program new calibrate studies paths view draw,--config profile.host.package.$(crate).opt-level=3) --bin pkm
 
 install-pkm: pkm-built
 	rm -rf build/pkm && $(PKM) man build/pkm/man

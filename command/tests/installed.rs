@@ -87,7 +87,7 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
     .map(String::from)
     .into();
     expected.extend(machines());
-    for entry in fs::read_dir(source().join("workbench/virtual")).unwrap() {
+    for entry in fs::read_dir(source().join("workbench/linuxcnc/virtual")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         // What pkm itself holds.
         if !["driver.py", "wiring.tcl"].contains(&name.as_str()) {

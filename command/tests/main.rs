@@ -51,7 +51,6 @@ mod random_program;
 mod reading;
 mod replay;
 mod rods;
-mod rooms;
 mod scene;
 mod sensitivity;
 mod shipped;

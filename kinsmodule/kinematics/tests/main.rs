@@ -11,7 +11,6 @@ mod common;
 mod dead_points;
 mod forward;
 mod held;
-mod import_order;
 mod jacobian;
 mod least_squares;
 mod legs;

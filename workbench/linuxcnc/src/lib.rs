@@ -3,7 +3,7 @@
 //! servo cycle, many times faster than the machine.
 //!
 //! The unmodified `milltask` and the modules of the configuration run in one process. The library of
-//! `workbench/virtual`, installed beside the module, stands in for HAL, RTAPI, the clock and the tool
+//! `workbench/linuxcnc/virtual`, installed beside the module, stands in for HAL, RTAPI, the clock and the tool
 //! changer; the drives and the spindle are those of hal/pkmkins_sim.tcl. Nothing of the machine that may
 //! run on this computer is touched, and the kernel lets a run write its own folder alone (`confined`).
 //!

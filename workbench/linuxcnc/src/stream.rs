@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The records that a run writes (workbench/virtual/record.cc describes them).
+//! The records that a run writes (workbench/linuxcnc/virtual/record.cc describes them).
 
 use crate::row::{
     Arc, Commanded, CommandedKind, Flags, Message, MessageKind, Row, Spindle, Thread,
