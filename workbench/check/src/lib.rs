@@ -1,5 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a user should know of a machine before it moves.
+//! Whether the files of a machine fit together, before it moves.
+//!
+//! - Input: a description of `machine`, with its INI file and HAL files.
+//! - Output: [`report`], what was understood, and [`findings`], mistakes with their severity and line; [`fixes`],
+//!   the file put right.
+//! - Uses: `machine`. HAL files are carried out on recorders ([`drives`]), nothing of them touches a HAL.
 
 pub mod between;
 pub mod cautions;

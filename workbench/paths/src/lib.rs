@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Paths given as curves: one-parametric families (paper 000), laws of height, tilt and speed, and
-//! free-form curves.
+//! Programs along curves: one-parametric families (paper 000), laws of height, tilt and speed, and free-form
+//! curves from splines, DXF and SVG drawings.
+//!
+//! - Input: a file that describes a path, and the machine that is to take it.
+//! - Output: a program of straight moves with a proved distance from the curve, and what it asks of the joints.
+//! - Uses: `machine`, `program` and `studies`.
 
 mod arcs;
 pub mod base;

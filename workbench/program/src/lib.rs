@@ -1,5 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Programs: what LinuxCNC makes of them, and whether they fit a machine.
+//! What a program asks of a machine, and the verdict whether it fits.
+//!
+//! - Input: a description of `machine`, a program, and LinuxCNC's run of it from `linuxcnc`: the moves as motion is
+//!   asked for them, and a row for every servo cycle.
+//! - Output: [`findings`], limits and peaks with their lines; [`verdict`] and its sentences; [`travel`] left;
+//!   joint values of [`replay`].
+//! - Uses: `machine`, `linuxcnc` and `check`.
 
 pub mod beside;
 pub mod both;
