@@ -13,7 +13,7 @@ use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 use serde_json::json;
 
-/// Finds and proves boxes of poses for the start without a seed
+/// Find and prove pose boxes for the start without a seed
 ///
 /// With boxes= in [KINS]KINEMATICS every [BOX_K] section of the file is proved again: that on its
 /// poses no two have the same joint values. Without, boxes that fill the axis limits are sought

@@ -27,7 +27,7 @@ const NO_SCALE: &str = "the scale of the drives (length per turn or per step), w
 /// A change by more of its deviations happens once in 16000 times.
 const FAR: f64 = 4.0;
 
-/// Finds a machine's true geometry from what it measured of itself
+/// Find a machine's true geometry from measurements
 ///
 /// Reads logs of the calibration program, which probes the holes of a plate (--plate), files of
 /// (PROBEOPEN) with the same touches, or tables of a tracker or ball-bar as CSV (columns

@@ -14,7 +14,7 @@ use program::whole::checked;
 use serde_json::{Value, json};
 use std::io::Write;
 
-/// Checks that a machine's INI file fits together
+/// Check that the files of a machine fit together
 ///
 /// Reads the file as LinuxCNC does, builds the machine as the module would, and tells what it understood:
 /// joints and mobility, geometry hash, unit and size, the order of the legs around the base, leads and

@@ -7,7 +7,7 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 use serde_json::json;
 
-/// Writes completions of pkm for a shell to standard output
+/// Print completions of pkm for a shell
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     /// The shell

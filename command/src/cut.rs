@@ -16,7 +16,7 @@ use studies::cut::judge::Cut;
 use studies::cut::report::{Drive, LineReport, Most, Report};
 use studies::study::file::Study;
 
-/// What a program asks of a machine while it cuts
+/// Compute forces, deflection and vibration while a program cuts
 ///
 /// Runs the program by LinuxCNC in virtual time and tells: time, feed per tooth, forces on the tool,
 /// force and motor torque of every drive by virtual work (cutting force, weight and inertia) against what

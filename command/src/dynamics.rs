@@ -37,7 +37,7 @@ use studies::study::workspace::Workspace;
 /// A response goes on to this many times the highest natural frequency.
 const BEYOND: f64 = 1.5;
 
-/// How a machine vibrates
+/// Compute how the machine vibrates
 ///
 /// Takes the platform as a rigid body on the springs and dampers of its legs from a study file and tells,
 /// at one pose: natural frequencies, damping ratios, and how each mode moves the tool tip. With --shake it

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// What LinuxCNC calls the file of the machine that runs.
 const INI: &str = "INI_FILE_NAME";
 
-/// Lets a program through into a user interface of LinuxCNC where it fits the machine
+/// Pass a program to the LinuxCNC GUI only if it fits
 ///
 /// For AXIS and the others, which run a filter on every file that they open. In the INI file:
 ///

@@ -9,7 +9,7 @@ use machine::read::error::MachineError;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// A drawing of the machine with its frames and signs
+/// Draw the machine with its frames and signs
 ///
 /// Draws the machine at [TRAJ]HOME in two views at one scale, as SVG: legs by their numbers at base
 /// and platform, the axes of base and platform, which way every joint's value grows, which way tools

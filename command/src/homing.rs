@@ -14,7 +14,7 @@ use view::data::Data;
 use view::page::page;
 use view::track::Track;
 
-/// Homing followed from wherever the machine was switched off, and an order in which it is safe
+/// Follow homing from every pose, and find a safe order
 ///
 /// Draws poses within the axis limits and follows the joints from each to their switches at HOME_OFFSET
 /// and to HOME, in the order of HOME_SEQUENCE and with the speeds of the file, by forward kinematics: how

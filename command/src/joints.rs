@@ -9,7 +9,7 @@ use super::{MachineFile, Verdict};
 use kinematics::Pose;
 use machine::read::columns::{coordinates, joint_names};
 
-/// Joint values of poses (inverse kinematics)
+/// Compute joint values of poses (inverse kinematics)
 ///
 /// Takes one pose (--pose), or CSV with a header that names x y z a b c from a file or standard
 /// input, and writes the joint values, a row for each pose. Machine units and degrees. Joint limits

@@ -100,9 +100,29 @@ fn with_whole_number(word: OsString) -> OsString {
     number.map_or(word, |number| number.to_string().into())
 }
 
-/// The grammar of the command line, with examples.
+/// Returns the grammar of the command line, with examples and with the subcommands in groups.
 fn grammar() -> clap::Command {
-    examples::documented(Cli::command(), "")
+    let command = examples::documented(Cli::command(), "");
+    let template = grouped(&command);
+    command.help_template(template)
+}
+
+/// Returns the template of the help, which lists the subcommands in their groups.
+fn grouped(command: &clap::Command) -> String {
+    let (header, literal) = (command.get_styles().get_header(), command.get_styles().get_literal());
+    let mut groups = String::new();
+    for (group, names) in GROUPS {
+        groups += &format!("{header}{group}:{header:#}\n");
+        for name in *names {
+            let about = command.find_subcommand(name).and_then(clap::Command::get_about);
+            let about = about.map(ToString::to_string).unwrap_or_default();
+            groups += &format!("  {literal}{name:<12}{literal:#} {about}\n");
+        }
+        groups.push('\n');
+    }
+    format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}{header}Options:{header:#}\n{{options}}\n{{after-help}}"
+    )
 }
 
 /// An error about a word that is no subcommand names those of whose names it is a word, as `lathe` of
@@ -172,54 +192,67 @@ impl Verdict {
     }
 }
 
-/// The table of the subcommands.
+/// The table of the subcommands, in the groups of the help.
 macro_rules! commands {
-    ($($variant:ident => $module:ident,)*) => {
+    ($($group:literal: { $($variant:ident => $module:ident,)* })*) => {
         #[derive(Debug, Subcommand)]
         enum Command {
-            $($variant($module::Arguments),)*
+            $($($variant($module::Arguments),)*)*
         }
 
         impl Command {
             fn run(&self) -> Result<Verdict, Failure> {
-                match self { $(Self::$variant(arguments) => $module::run(arguments),)* }
+                match self { $($(Self::$variant(arguments) => $module::run(arguments),)*)* }
             }
         }
+
+        /// Headings of the help, and the subcommands below each.
+        const GROUPS: &[(&str, &[&str])] = &[$(($group, &[$(stringify!($module)),*])),*];
     };
 }
 
 commands! {
-    New => new,
-    Check => check,
-    Homing => homing,
-    Preflight => preflight,
-    Filter => filter,
-    Joints => joints,
-    Pose => pose,
-    Run => run,
-    Replay => replay,
-    Path => path,
-    Scene => scene,
-    Frames => frames,
-    View => view,
-    Panel => panel,
-    Travel => travel,
-    Rods => rods,
-    Sensitivity => sensitivity,
-    Stiffness => stiffness,
-    Stability => stability,
-    Dynamics => dynamics,
-    Cut => cut,
-    Workspace => workspace,
-    Boxes => boxes,
-    Random => random,
-    Measure => measure,
-    Calibrate => calibrate,
-    Man => man,
-    Completions => completions,
+    "Machine": {
+        New => new,
+        Check => check,
+        Homing => homing,
+        Frames => frames,
+        View => view,
+        Panel => panel,
+        Boxes => boxes,
+    }
+    "Program": {
+        Preflight => preflight,
+        Run => run,
+        Travel => travel,
+        Filter => filter,
+        Path => path,
+        Replay => replay,
+        Random => random,
+    }
+    "Calibration": {
+        Measure => measure,
+        Calibrate => calibrate,
+    }
+    "Studies": {
+        Workspace => workspace,
+        Sensitivity => sensitivity,
+        Stiffness => stiffness,
+        Rods => rods,
+        Dynamics => dynamics,
+        Stability => stability,
+        Cut => cut,
+    }
+    "Files and shell": {
+        Joints => joints,
+        Pose => pose,
+        Scene => scene,
+        Man => man,
+        Completions => completions,
+    }
 }
 
-/// Knows before cutting whether a parallel machine and a program fit.
+/// Check parallel-kinematic machines and programs before cutting
 ///
 /// Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
 /// pkmkins runs in LinuxCNC. `pkm design` and `pkm compare`, which choose among machines before one is built,

@@ -9,7 +9,7 @@ use machine::files::{Locate, write_whole};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Writes the manual pages of pkm
+/// Write the manual pages of pkm
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     /// Folder for pkm.1, pkm-check.1 and the others; made if needed

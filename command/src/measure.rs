@@ -15,7 +15,7 @@ use machine::read::mechanism::Mechanism;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Writes a program that stops where a gauge is to be read, and the table for the readings
+/// Write a program that stops for gauge readings, and their table
 ///
 /// GAUGE.toml says what is measured with (a dial gauge in the spindle, a ball bar, a feeler gauge) and
 /// against what (planes and balls, about where they are); configs/hexapod/calibration has one of each.

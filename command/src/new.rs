@@ -16,9 +16,9 @@ use serde_json::json;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
-const ABOUT: &str = "Makes a complete configuration of a machine from what a builder knows of it";
+const ABOUT: &str = "Make a complete LinuxCNC configuration of a machine";
 
-const LONG: &str = "Makes a complete configuration of a machine from what a builder knows of it
+const LONG: &str = "Make a complete LinuxCNC configuration of a machine
 
 Writes a folder with an INI file, tool table, operator's panel, a first program and a page of next steps. \
 HOME of every joint comes from the kinematics, the axis limits are proved, and speeds of the drives follow \

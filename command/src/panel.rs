@@ -9,7 +9,7 @@ use new::panel::Panel;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// The operator's panel of a machine, for AXIS and other user interfaces of LinuxCNC
+/// Write the operator's panel for AXIS and other GUIs
 ///
 /// Writes NAME-panel.xml, a panel of PyVCP, and NAME-panel.tcl, which connects it, beside the INI file or
 /// into a folder, and tells the two lines that the INI file needs. The panel shows every joint in its

@@ -15,7 +15,7 @@ use paths::table::csv;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Programs along curves, and what they ask of the joints
+/// Write programs along curves, and what they ask of the joints
 ///
 /// Takes a curve from a TOML file: two one-parametric families, x = f(t) and y = g(t) or
 /// alpha(x, y, t) = 0 and beta(x, y, t) = 0, with laws of height, tilt and speed; or a free-form

@@ -9,7 +9,7 @@ use super::{MachineFile, Verdict};
 use kinematics::Pose;
 use machine::read::columns::{coordinates, joint_names};
 
-/// Poses of joint values (forward kinematics)
+/// Compute poses of joint values (forward kinematics)
 ///
 /// Takes the joint values of one pose (--joints), or CSV with a header that names joint_0 joint_1 ...
 /// from a file or standard input, and writes the poses X Y Z A B C. Machine units and

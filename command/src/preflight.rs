@@ -17,7 +17,7 @@ use program::verdict::{ProgramVerdict, Step, judge};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Checks before cutting that a program fits a machine
+/// Check before cutting that a program fits the machine
 ///
 /// LinuxCNC runs the program in virtual time, with the machine's tool table, parameters and startup
 /// code, from the HOME of its joints. Every move that it commands is examined over its whole length:

@@ -6,7 +6,7 @@ use super::{MachineFile, Verdict, output, print_text};
 use program::random_program::random_program;
 use serde_json::json;
 
-/// Writes a program of random moves and tool changes that the machine can run
+/// Write a program of random moves that the machine can run
 ///
 /// Straight moves within joint ranges and cones at feeds that all joints keep up with, tilted
 /// where the machine tilts, and changes of the tool offset: for soak tests of a machine or of its

@@ -13,7 +13,7 @@ use machine::read::mechanism::Mechanism;
 use program::replay::{Visit, duration_of_all, replay_seen};
 use std::path::PathBuf;
 
-/// Writes the joint values that a program asks for
+/// Write the joint values of a program
 ///
 /// LinuxCNC runs the program in virtual time, with the machine's tool table, parameters and
 /// startup code. Every move that it asks for is followed at its feed, without acceleration and

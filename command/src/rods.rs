@@ -14,7 +14,7 @@ use machine::read::mechanism::Mechanism;
 use std::path::PathBuf;
 use studies::study::rods::{Rods, View};
 
-/// Where the legs are along a program or a list of poses
+/// Report where the legs are along a program or list of poses
 ///
 /// Writes CSV to standard output, a row a pose: joint values, both ends of every leg (that at
 /// the base moves with its carriage or arm), its length, its elevation above the XY plane and its

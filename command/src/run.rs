@@ -15,7 +15,7 @@ use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-/// Runs a program by LinuxCNC itself, without hardware and faster than the machine
+/// Run a program in LinuxCNC without hardware, faster than the machine
 ///
 /// LinuxCNC's interpreter, planner and motion controller run in virtual time, with pkmkins, with drives
 /// that keep the joints' speeds and accelerations, and with a spindle that takes its time. Standard

@@ -7,7 +7,7 @@ use machine::scene::Scene;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// The machine as one JSON object, for viewers
+/// Write the machine as one JSON object, for viewers
 ///
 /// Has what is needed to draw the machine and to move the drawing: anchors, guides, arms, table,
 /// limits, cones, unit, and the geometry hash by which a viewer sees that the machine it looks at

@@ -25,7 +25,7 @@ const SIGMA_UM: f64 = 10.0;
 /// Poses of a motion law, one turn.
 const LAW_POSES: usize = 500;
 
-/// What errors of the joints do to the pose, and where singular poses are
+/// Compute what joint errors do to the pose, and near singularities
 ///
 /// At one pose: how far each coordinate moves per joint unit of each joint; how well the legs hold
 /// the platform (singular values of the Jacobian, angles times a length); the standard deviation

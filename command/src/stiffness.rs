@@ -23,7 +23,7 @@ use studies::study::workspace::Workspace;
 /// Factors of the platform's size that are compared.
 const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 
-/// How stiffly the legs hold the tool
+/// Compute how stiffly the legs hold the tool
 ///
 /// Takes the stiffness of every leg (joints, rod and drive in series, in one value or in two) and of
 /// the table's axes from a study file and tells, at one pose: the 6 by 6 matrix at the tool tip, the principal

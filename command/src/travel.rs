@@ -12,7 +12,7 @@ use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::{BufRead, Write};
 
-/// How far the machine can go from a pose
+/// Show how far the machine can move from a pose
 ///
 /// Along every letter by itself, both ways, with what ends the way: a joint, a cone, the axis limit. The
 /// way is followed as `pkm preflight` follows a move: up to the place told every limit is proved to be

@@ -17,7 +17,7 @@ use view::film::{self, Camera};
 use view::page::page;
 use view::track::Track;
 
-/// One page that shows the machine, and a program on it, in any browser
+/// Show the machine, and a program on it, as a page for browsers
 ///
 /// Writes one file that needs no network: the machine in 3D, to be turned, cut open and moved by
 /// its coordinates, with how near every limit is, and with its workspace. With a program also its

@@ -27,7 +27,7 @@ const SLICE_RAYS: usize = 720;
 /// Steps along a ray.
 const STEPS: f64 = 300.0;
 
-/// Where a machine can put its tool, and what limits it
+/// Compute where the tool can go, and what limits it
 ///
 /// Looks along rays from one place (home, or --from) for where a limit is broken: joint ranges,
 /// cones, ROD_CLEARANCE and reach of the INI file; of a study file the diameter of the rods, a

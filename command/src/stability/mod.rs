@@ -15,7 +15,7 @@ use std::path::Path;
 use studies::stability::pose::Setup;
 use studies::study::file::Study;
 
-/// How deep may be cut before it chatters
+/// Compute the depth of cut at which chatter starts
 ///
 /// `pose` asks it of a machine at a pose, `map` over a plane, `program` along a program. `lag`
 /// treats masses on springs under a cutting force that lags behind (paper 002), `spindle` a shaft
