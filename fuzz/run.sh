@@ -1,12 +1,12 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
 #
-# fuzz/run.sh MINUTES: runs each fuzz target with libFuzzer, on the stable toolchain; core, module and its
+# fuzz/run.sh [MINUTES]: runs each fuzz target with libFuzzer, on the stable toolchain; core, module and its
 # caller under AddressSanitizer. `src/short.rs` is what `make test` has of it.
 #
 # New inputs go to target/fuzz/corpus, and what a target does not survive to target/fuzz/artifacts.
 set -eu
-seconds=$((60 * ${1:?how many minutes}))
+seconds=$((60 * ${1:-10}))
 
 cd "$(dirname "$0")/.."
 root=$(pwd)

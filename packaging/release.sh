@@ -24,7 +24,7 @@ awk '/^## \[Unreleased\]/ { found = 1; next } /^## / { exit } found && NF { exit
     refuse "CHANGELOG.md has entries above [$version]: they are not in this release"
 grep -q "\"pkmkins $version\"" docs/pkmkins.9 || refuse "docs/pkmkins.9 names another version than $version"
 sed '/^#/d; s/ .*//' docs/names.txt | sort -u | while read -r of; do
-    grep -q "^## \[$of\]" CHANGELOG.md || refuse "docs/names.txt has names of $of, which CHANGELOG.md does not have: make names"
+    grep -q "^## \[$of\]" CHANGELOG.md || refuse "docs/names.txt has names of $of, which CHANGELOG.md does not have: cargo xtask names"
 done
 [ -f target/module/release/libpkmkins.so ] || refuse "the module is not built here: make release builds and tests first"
 ! tag=$(git rev-parse --quiet --verify "v$version^{commit}") || [ "$tag" = "$(git rev-parse HEAD)" ] ||
@@ -45,4 +45,4 @@ cp "build/bare/$oldest/srv/pkmkins/target/debian/"* "$out"
 for suite in $SUITES; do tests/deb/run.sh "$suite" "$out"; done
 git archive --format=tar.gz --prefix="pkmkins-$version/" --output="$out/pkmkins-$version.tar.gz" HEAD
 (cd "$out" && sha256sum -- * > SHA256SUMS.new && mv SHA256SUMS.new SHA256SUMS && cat SHA256SUMS)
-echo "release: $version of $(git rev-parse --short HEAD) is in $out; next: sign SHA256SUMS, tag v$version, make repository"
+echo "release: $version of $(git rev-parse --short HEAD) is in $out; next: sign SHA256SUMS, tag v$version, cargo xtask repository"

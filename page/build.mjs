@@ -40,7 +40,7 @@ async function check() {
     for (const file of FILES) {
       const [fresh, kept] = await Promise.all([folder, BUILT].map((at) => readFile(join(at, file))));
       if (!fresh.equals(kept)) {
-        throw new Error(`page/built/${file} is not what page/src gives: run make page`);
+        throw new Error(`page/built/${file} is not what page/src gives: run cargo xtask page`);
       }
     }
   } finally {

@@ -59,7 +59,7 @@ fn regions(config: &Mechanism) -> Vec<WorkspaceBox> {
     config.boxes.iter().map(|section| section.claim.region).collect()
 }
 
-/// Its proof takes 56,905 cells, six seconds of one processor: `make boxes` and the long tier make
+/// Its proof takes 56,905 cells, six seconds of one processor: `cargo xtask boxes` and the long tier make
 /// it, otherwise samples stand in.
 const DEAR: &str = "hexapod";
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Draws the pictures of the documentation by the commands that they show; `make pictures` calls it.
+# Draws the pictures of the documentation by the commands that they show; `cargo xtask pictures` calls it.
 #
 #     docs/pictures/make.sh PKM
 set -eu

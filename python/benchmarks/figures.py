@@ -259,7 +259,7 @@ def main():
     lines = [
         "# Figures of the Python package",
         "",
-        f"Written by `make python-figures`. Measured on {processor()}, Python {platform.python_version()}, numpy {np.__version__}.",
+        f"Written by `cargo xtask python-figures`. Measured on {processor()}, Python {platform.python_version()}, numpy {np.__version__}.",
         "Ratios hold elsewhere, times do not.",
         "",
         *of_rates(one, both),

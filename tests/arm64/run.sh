@@ -6,7 +6,7 @@
 #
 #     tests/arm64/run.sh [answers]      only the comparison
 #
-# Needs gcc-aarch64-linux-gnu, libc6-dev-arm64-cross and qemu-user-static (`make test-arm64` installs them), and the
+# Needs gcc-aarch64-linux-gnu, libc6-dev-arm64-cross and qemu-user-static (`cargo xtask test-arm64` installs them), and the
 # library of Rust for aarch64: that of rustup, so that one compiler builds for both, or Debian's. LinuxCNC's own
 # modules, beside which ours is tested, come from Debian's package for arm64. Packages are unpacked into target/tools
 # and not installed.

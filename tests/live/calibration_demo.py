@@ -8,7 +8,7 @@ The hexapod as drawn probes a plate with holes; what touches is pkmkins_truth, w
 built a little differently. `pkm calibrate` makes a new INI file of LinuxCNC's log; LinuxCNC starts
 with that one and probes again. Exit code 1 where the plate's holes are then still off.
 
-Live it takes minutes and needs the component in LinuxCNC's module folder (`make calibration-demo`
+Live it takes minutes and needs the component in LinuxCNC's module folder (`cargo xtask calibration-demo`
 puts it there). In virtual time (`--virtual`) it takes seconds, with the component where cargo builds it.
 """
 

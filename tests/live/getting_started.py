@@ -21,7 +21,7 @@ from unprivileged import REPOSITORY  # noqa: E402
 
 PAGE = REPOSITORY / "docs/getting-started.md"
 SECTION = "Three machines"
-BEGIN, END = "<!-- make getting-started writes what follows -->\n", "<!-- to here -->\n"
+BEGIN, END = "<!-- cargo xtask getting-started writes what follows -->\n", "<!-- to here -->\n"
 TIMES = "commands.json"
 
 

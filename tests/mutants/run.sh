@@ -1,14 +1,16 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Which changes of the core its tests do not notice: tests/mutants/run.sh CARGO_MUTANTS PART
+# Which changes of the core its tests do not notice: tests/mutants/run.sh [PART]
 #
+# Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
 # Three stages, for a small part of the tests notices most mutants within a second: first the unit
 # tests inside the core, then the quick tests from outside with few cases, then everything, each for
 # the mutants that survived. Ends in a table and in the mutants not noticed; fails where fewer than
 # LEAST of a hundred are noticed.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-tool=$1 part=$2
+tool=target/tools/bin/cargo-mutants part=${1:-0/1}
+[ -x $tool ] || cargo install --quiet --locked --root target/tools cargo-mutants@27.1.0
 out=build/mutants
 LEAST=90
 

@@ -4,7 +4,7 @@
 //
 //     tests/page/page_test.mjs PKM [--only TEXT] [--out FOLDER]
 //
-// Needs chromium and npm ci in the folder page. With --out it leaves a picture of every page.
+// First, whether page/built is what page/src gives. Needs chromium and npm ci in the folder page. With --out it leaves a picture of every page.
 import { spawnSync } from "node:child_process";
 import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
@@ -23,6 +23,7 @@ const option = (name) => {
 const PKM = resolve(process.argv[2]);
 const ONLY = option("--only") ?? "";
 const OUT = option("--out");
+if (spawnSync(process.execPath, [join(HOME, "page/build.mjs"), "--check"], { stdio: "inherit" }).status !== 0) process.exit(1);
 const FOLDER = mkdtempSync(join(tmpdir(), "pkmkins-page-test-"));
 
 // The page and pkm compute with the same code, so that the bits are the same.

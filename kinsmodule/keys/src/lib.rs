@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The keys of a machine's INI file that describe the kinematics, as one table.
 //!
-//! A new key goes here and nowhere else as a name: `make header` writes docs/keys.md and the section of docs/pkmkins.9
+//! A new key goes here and nowhere else as a name: `cargo xtask header` writes docs/keys.md and the section of docs/pkmkins.9
 //! from it, and the workbench reads with it, for `pkm` and for `pkmkins-pins`, which sets the pins.
 
 use Need::{Cardan, Needed, Optional, With};

@@ -2,7 +2,7 @@
 //! Certified forward at scale: over the shipped machines and random ones of every kind of
 //! leg, no call may return another pose than the one that is connected with its seed.
 //!
-//! `make certify` prints the tables.
+//! `cargo xtask certify` prints the tables.
 
 use crate::common::machines::{declared, genhexkins_tilted, wild};
 use crate::common::outcome::{Outcome, judged_with_path};

@@ -36,7 +36,7 @@ unsafe extern "C" {
     fn pkmkins_has_a_panic_path() -> !;
 }
 
-/// The language asks for one. No call to it is left in the built module, which `make prove`
+/// The language asks for one. No call to it is left in the built module, which `cargo xtask prove`
 /// checks and every load proves again. (Clippy sees the module beside the host's programs, whose std has one.)
 #[cfg_attr(not(clippy), panic_handler)]
 #[cfg_attr(clippy, expect(dead_code))]

@@ -19,9 +19,9 @@ trap 'rm -rf "$work"' EXIT
 
 say_and_fail() { echo "tests/module/c: $*" >&2; exit 1; }
 
-[ -f "$root/include/pkmkins.h" ] || say_and_fail "include/pkmkins.h is missing: run 'make header'"
+[ -f "$root/include/pkmkins.h" ] || say_and_fail "include/pkmkins.h is missing: run 'cargo xtask header'"
 [ -f "$headers/kinematics.h" ] || say_and_fail "$headers/kinematics.h is missing: install linuxcnc-uspace-dev"
-[ -f "$module" ] || say_and_fail "$module is missing: run 'make module'"
+[ -f "$module" ] || say_and_fail "$module is missing: run 'cargo xtask module'"
 
 # compile INCLUDE_FOLDER OUTPUT [FLAG...]: LinuxCNC's headers are not ours to warn about.
 compile() {

@@ -8,7 +8,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::Write;
 
-/// The page without code and data, and what is built from the folder `page` (`make page`).
+/// The page without code and data, and what is built from the folder `page` (`cargo xtask page`).
 const FRAME: &str = include_str!("../../../page/src/page.html");
 const STYLE: &str = include_str!("../../../page/built/page.css");
 const CODE: &str = include_str!("../../../page/built/page.js");

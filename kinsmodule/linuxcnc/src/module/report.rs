@@ -79,7 +79,7 @@ impl Module {
     }
 
     /// Shows a fault on the pins, and leaves its report to the monitor.
-    // Inlined into inverse, its table of jumps is one that `make prove` cannot follow.
+    // Inlined into inverse, its table of jumps is one that `cargo xtask prove` cannot follow.
     #[inline(never)]
     pub fn record(&mut self, fault: &Fault) {
         let fault = self.place.counted(fault);

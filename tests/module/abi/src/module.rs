@@ -83,7 +83,7 @@ pub struct Module {
 }
 
 impl Module {
-    /// The module under test: `PKMKINS_SO`, or what `make module` leaves.
+    /// The module under test: `PKMKINS_SO`, or what `cargo xtask module` leaves.
     /// # Panics
     /// If the file is missing or is not loaded with these parameters.
     pub fn pkmkins(parameters: &[(&str, &str)]) -> Module {
@@ -496,7 +496,7 @@ pub fn pkmkins_path() -> PathBuf {
         },
         PathBuf::from,
     );
-    assert!(path.exists(), "{} is missing: run `make module` first", path.display());
+    assert!(path.exists(), "{} is missing: run `cargo xtask module` first", path.display());
     path
 }
 

@@ -2,7 +2,7 @@
 //! Names that people depend on: none that was released vanishes unnoticed.
 //!
 //! `docs/names.txt` has a line for each: the version that brought it, its kind, and the name with what else is
-//! fixed of it. `make names` writes it. A line whose version stands in CHANGELOG.md is released.
+//! fixed of it. `cargo xtask names` writes it. A line whose version stands in CHANGELOG.md is released.
 
 use abi_tests::module::Module;
 use keys::{Key, chain, joint, leg, machine, second, workspace_box};
@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// The file, and the variable of the environment by which `make names` has it written.
+/// The file, and the variable of the environment by which `cargo xtask names` has it written.
 const FILE: &str = "docs/names.txt";
 const WRITE: &str = "PKMKINS_WRITE_NAMES";
 
@@ -147,13 +147,13 @@ fn no_released_name_vanishes_and_every_name_is_recorded() {
     }
     let listed: BTreeSet<String> = recorded.into_keys().collect();
     let differences: Vec<_> = now.symmetric_difference(&listed).collect();
-    assert!(differences.is_empty(), "make names writes {FILE} again: {differences:#?}");
+    assert!(differences.is_empty(), "cargo xtask names writes {FILE} again: {differences:#?}");
 }
 
 /// A name that was not released yet comes with the next version.
 fn write(now: &BTreeSet<String>, released: &BTreeMap<String, String>) {
     let mut file = String::from(
-        "# Names that people depend on, each with the version that brought it. `make names` writes this file.\n",
+        "# Names that people depend on, each with the version that brought it. `cargo xtask names` writes this file.\n",
     );
     for name in now {
         let version = released.get(name).map_or(env!("CARGO_PKG_VERSION"), String::as_str);

@@ -3,7 +3,7 @@
 //!
 //! [`built`] reads the file, [`walk`] follows every path through a function, [`graph`]
 //! what the functions of an entry point call, [`contract`] is what was promised, and
-//! [`checks`] compares the two. The file has to have its symbols, as `make module`
+//! [`checks`] compares the two. The file has to have its symbols, as `cargo xtask module`
 //! leaves it.
 //!
 //! Beside them what running it shows: [`cases`] are calls searched for to be dear, and

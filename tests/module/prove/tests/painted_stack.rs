@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The stack that calls really use, seen on paint: never more than the sum that `make prove`
+//! The stack that calls really use, seen on paint: never more than the sum that `cargo xtask prove`
 //! reads from the file.
 
 use abi_tests::module::{Jacobian, Joints, Module, Pose, pkmkins_path};

@@ -40,7 +40,7 @@ fn head() -> String {
         "\
 # SPDX-License-Identifier: GPL-2.0-or-later
 #
-# Written by `make counts-write`: the instructions that were counted, times {MARGIN}. `make counts`
+# Written by `cargo xtask counts write`: the instructions that were counted, times {MARGIN}. `cargo xtask counts`
 # fails above them. Of each call the typical number and the worst, which of forward is {MAX_ITERATIONS} solves at their
 # dearest.
 "
@@ -436,14 +436,14 @@ fn complaints(machines: &[&str], table: &Table, bounds: &Bounds) -> Vec<String> 
             format!("{call}, {machine}: a call of {case}: more than its solves explain")
         }));
         let Some(&[typical, worst]) = bounds.get(machine).and_then(|calls| calls.get(call)) else {
-            complaints.push(format!("{call}, {machine}: no bound; run `make counts-write`"));
+            complaints.push(format!("{call}, {machine}: no bound; run `cargo xtask counts write`"));
             continue;
         };
         let pairs = [("typically", found.typical, typical), ("at worst", found.bound(), worst)];
         for (when, count, most) in pairs.into_iter().filter(|(_, count, most)| count > most) {
             complaints.push(format!(
                 "{call}, {machine}: {when} {count} instructions where {most} are allowed: make it \
-                 cheaper, or run `make counts-write` and say why"
+                 cheaper, or run `cargo xtask counts write` and say why"
             ));
         }
     }

