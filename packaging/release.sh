@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Makes the files of a release of the last commit, into build/release; `make release` tests first.
+# Tests the last commit, whose tag is the version, and makes the files of its release, into build/release: `make release`.
 #
 #     packaging/release.sh
 #
@@ -15,21 +15,32 @@ SUITES="bookworm trixie"
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)
 out=$PWD/build/release
 
-refuse() { echo "release: $*" >&2; exit 1; }
-[ "$(id -u)" = 0 ] || refuse "only root can make a Debian: run this with sudo"
-[ -z "$(git status --porcelain)" ] || refuse "there are changes that are not committed: git status"
-grep -q "^## \[$version\] - [0-9-]*$" CHANGELOG.md ||
-    refuse "CHANGELOG.md has no heading [$version] with a date: cut it, or set the version in Cargo.toml"
+# missing TEXT: says what the release lacks; all of it, before anything runs.
+missing() { lacks=yes; echo "release: $*" >&2; }
+tag=v$version
+tagged() { git for-each-ref --format="%($1)" "refs/tags/$tag"; }
+[ "$(id -u)" = 0 ] || missing "only root can make a Debian: run this with sudo"
+[ -z "$(git status --porcelain)" ] || missing "there are changes that are not committed: git status"
+case $(tagged objecttype) in
+tag) [ "$(git rev-parse "$tag^{commit}")" = "$(git rev-parse HEAD)" ] ||
+    missing "$tag is not the last commit, and a published version never changes: set the next one in Cargo.toml" ;;
+commit) missing "the tag $tag is not annotated: git tag --delete $tag && git tag --annotate $tag" ;;
+*) missing "the last commit has no tag $tag: git tag --annotate $tag, or set the version in Cargo.toml" ;;
+esac
+date=$(tagged taggerdate:short)
+grep -qFx "## [$version] - ${date:=$(date +%F)}" CHANGELOG.md ||
+    missing "CHANGELOG.md has no section \"## [$version] - $date\", with the date of the tag, or today's for one to come"
 awk '/^## \[Unreleased\]/ { found = 1; next } /^## / { exit } found && NF { exit 1 }' CHANGELOG.md ||
-    refuse "CHANGELOG.md has entries above [$version]: they are not in this release"
-grep -q "\"pkmkins $version\"" docs/pkmkins.9 || refuse "docs/pkmkins.9 names another version than $version"
-sed '/^#/d; s/ .*//' docs/names.txt | sort -u | while read -r of; do
-    grep -q "^## \[$of\]" CHANGELOG.md || refuse "docs/names.txt has names of $of, which CHANGELOG.md does not have: cargo xtask names"
-done
-[ -f target/module/release/libpkmkins.so ] || refuse "the module is not built here: make release builds and tests first"
-! tag=$(git rev-parse --quiet --verify "v$version^{commit}") || [ "$tag" = "$(git rev-parse HEAD)" ] ||
-    refuse "v$version is already another commit: a released version never changes"
+    missing "CHANGELOG.md has entries above [$version]: they are not in this release"
+grep -q "\"pkmkins $version\"" docs/pkmkins.9 || missing "docs/pkmkins.9 names another version than $version"
+while read -r of; do
+    grep -q "^## \[$of\]" CHANGELOG.md || missing "docs/names.txt has names of $of, which CHANGELOG.md does not have: cargo xtask names"
+done <<END
+$(sed '/^#/d; s/ .*//' docs/names.txt | sort -u)
+END
+[ -z "${lacks:-}" ] || exit 1
 
+make --no-print-directory test
 rm -rf "$out"
 mkdir -p "$out"
 libraries=target/libraries
@@ -45,4 +56,4 @@ cp "build/bare/$oldest/srv/pkmkins/target/debian/"* "$out"
 for suite in $SUITES; do tests/deb/run.sh "$suite" "$out"; done
 git archive --format=tar.gz --prefix="pkmkins-$version/" --output="$out/pkmkins-$version.tar.gz" HEAD
 (cd "$out" && sha256sum -- * > SHA256SUMS.new && mv SHA256SUMS.new SHA256SUMS && cat SHA256SUMS)
-echo "release: $version of $(git rev-parse --short HEAD) is in $out; next: sign SHA256SUMS, tag v$version, cargo xtask repository"
+echo "release: $version of $(git rev-parse --short HEAD) is in $out; next: sign SHA256SUMS, push $tag, cargo xtask repository"
