@@ -28,6 +28,8 @@ wheel-env() {
     build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
 }
 
+## affected [COMMIT]: tests the crates that changes since COMMIT can affect (what is not pushed)
+affected() { virtually tools/affected.sh "$@"; }
 ## test-long: make test with ten times as many cases, every program live, 10,000 random programs with the guard on
 test-long() {
     make install
