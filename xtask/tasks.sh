@@ -56,8 +56,8 @@ test-arm64() {
     tests/arm64/run.sh "$@"
 }
 
-## test-page: the page of pkm view in a browser without a window; pictures in build/page
-test-page() { make setup-page generated && tests/page/page_test.mjs target/host/pkm --out build/page; }
+## test-page [--only TEXT]: the page of pkm view in a browser without a window; pictures in build/page
+test-page() { make setup-page generated && tests/page/page_test.mjs target/host/pkm --out build/page "$@"; }
 ## test-python: tests the package for Python as cargo builds it, with the system's Python
 test-python() {
     make setup
@@ -73,8 +73,8 @@ test-python() {
 test-wheel() { wheel-env; virtually build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests; }
 ## test-wheel-debian [SUITE]: tests the wheel with the Python of a Debian with nothing else (trixie); as root
 test-wheel-debian() { wheel; make generated; tests/wheel/run.sh "$@"; }
-## screens: every configuration in AXIS, and other user interfaces; pictures in build/screens
-screens() { make install setup-screen && tests/viewer/screens.py --out build/screens; }
+## screens [--only TEXT]: every configuration in AXIS, and other user interfaces; pictures in build/screens
+screens() { make install setup-screen && tests/viewer/screens.py --out build/screens "$@"; }
 ## calibration-demo: LinuxCNC probes a plate, is calibrated and probes again
 calibration-demo() {
     make install

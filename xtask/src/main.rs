@@ -27,8 +27,8 @@ fn main() -> ExitCode {
     let error = Command::new("bash")
         .args(["-euo", "pipefail", "xtask/tasks.sh"])
         .args(arguments)
-        // A make that runs this hands its own switches on.
-        .env_remove("MAKEFLAGS")
+        // In place of the switches of a make that runs this.
+        .env("MAKEFLAGS", "--no-print-directory")
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
         .exec();
     eprintln!("xtask: bash: {error}");
