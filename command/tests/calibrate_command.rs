@@ -2,7 +2,6 @@
 //! `pkm calibrate` on logs as the calibration program writes them: what it tells and writes, and
 //! what it refuses.
 
-use crate::shipped;
 use calibrate::fit::fit;
 use calibrate::log::HEADER;
 use calibrate::model::{Frame, Model, Tolerance};
@@ -17,6 +16,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use test_support::shipped;
 
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 60.0);
 
@@ -154,7 +154,7 @@ fn a_log_becomes_a_file_with_the_true_geometry_and_a_difference_to_read() {
     assert_eq!(comments(&old), comments(&new));
     // The plate is probed again, with the new file.
     let file = folder.path().join("new.ini");
-    shop.config = crate::shipped::first_of(&file);
+    shop.config = test_support::shipped::first_of(&file);
     let again = shop.log(&TILTS);
     fs::write(folder.path().join("again.log"), again).unwrap();
     let holes = |machine: &Path, log: &str| {
@@ -288,7 +288,7 @@ fn the_offset_of_the_spindle_is_no_part_of_the_tip_that_is_shown() {
     let file = folder.path().join("hexapod.ini");
     let text = fs::read_to_string(shipped::ini("hexapod")).unwrap();
     fs::write(&file, text.replace("[PKM]\n", "[PKM]\nSPINDLE_OFFSET = 20\n")).unwrap();
-    let mut shop = Shop { config: crate::shipped::first_of(&file), ..Shop::new() };
+    let mut shop = Shop { config: test_support::shipped::first_of(&file), ..Shop::new() };
     assert_eq!(shop.config.spindle.z, 20.0);
     let log = shop.log(&TILTS);
     let points = points(&log).replace("200.4 0 0 0.4", "220.4 0 0 0.4");

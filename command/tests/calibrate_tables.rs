@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm calibrate` on tables of a tracker and of a ball-bar: what they tell, and what is refused.
 
-use crate::shipped;
 use calibrate::at_tool;
 use calibrate::model::{Model, Tolerance};
 use kinematics::{Pose, Solver, Vector3};
@@ -10,6 +9,7 @@ use rand_pcg::Pcg64;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use test_support::shipped;
 
 const MACHINE: &str = "lab-hexapod";
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 60.0);

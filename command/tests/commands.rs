@@ -3,12 +3,12 @@
 //! `SNAPSHOTS=overwrite cargo test --profile host -p pkm commands::` writes the new ones here; `[..]`
 //! stands for places that rounding decides.
 
-use crate::shipped::{folder, with_programs};
 use snapbox::{assert_data_eq, str};
 use std::fs;
 use std::io::{Read, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use test_support::shipped::{folder, with_programs};
 
 const PKM: &str = env!("CARGO_BIN_EXE_pkm");
 

@@ -2,8 +2,8 @@
 //! `pkm dynamics` as it is used: outputs, and input that is refused without anything written.
 
 use crate::commands::Bench;
-use crate::shipped::folder;
 use std::fs;
+use test_support::shipped::folder;
 
 const STUDY: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
     [legs]\nstiffness_n_per_um = 5\ndamping_ratio = 0.05\n\

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm filter`, as a user interface of LinuxCNC runs it.
 
-use crate::shipped::folder;
 use std::path::Path;
 use std::process::{Command, Output};
+use test_support::shipped::folder;
 
 fn filtered(machine: Option<&Path>, program: &Path) -> Output {
     // As AXIS does it: by a shell, with the name in quotes.

@@ -4,9 +4,9 @@
 
 use crate::commands::Bench;
 use crate::scene::{lower, scene};
-use crate::shipped::{MACHINES, config, ini};
 use kinematics::{LegKind, Vector3};
 use std::path::Path;
+use test_support::shipped::{MACHINES, config, ini};
 
 const BASE: &str = "#0072B2";
 const PLATFORM: &str = "#D55E00";

@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Files of the configurations that git does not have, because pkm makes them.
 
-use crate::shipped::{configs, copied, folder};
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
+use test_support::shipped::{copied, folder, root};
 
 /// Returns the file with their sums.
 pub fn sums() -> PathBuf {
-    configs().join("../tests/cases/generated.sha256")
+    root().join("tests/cases/generated.sha256")
 }
 
 #[test]
 fn generated_files_have_the_sums_that_were_reviewed() {
-    let root = configs().join("..");
+    let script = root().join("tools/generate.sh");
+    assert!(Command::new(script).arg(env!("CARGO_BIN_EXE_pkm")).status().unwrap().success());
     let check = Command::new("sha256sum")
         .args(["--check", "--quiet", "tests/cases/generated.sha256"])
-        .current_dir(&root)
+        .current_dir(root())
         .output()
         .unwrap();
     assert!(

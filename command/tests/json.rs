@@ -2,10 +2,11 @@
 //! `--format json` of every subcommand, beside what docs/json.md says of it.
 
 use crate::commands::Bench;
-use crate::shipped::configs;
 use crate::{calibrate_command, cut, stability};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
+use test_support::CUT;
+use test_support::shipped::configs;
 
 /// A subcommand with its words; what stands on standard input; its exit code.
 type Case = (&'static str, &'static str, &'static str, u8);
@@ -95,15 +96,12 @@ fn bench() -> Bench {
         .with("holes.toml", HOLES)
         .with("laws.toml", LAWS)
         .with("law.toml", LAW)
-        .with("stable.toml", stability::commands::DELTA)
-        .with("study.toml", cut::STUDY)
+        .with("stable.toml", stability::DELTA)
+        .with("study.toml", CUT)
         .with("part.ngc", cut::PROGRAM)
         .with(
             "noise.toml",
-            &format!(
-                "{}[force]\nsigma_n = [3, 3, 1]\ncorner_hz = 150\nseconds = 0.2\n",
-                cut::STUDY
-            ),
+            &format!("{}[force]\nsigma_n = [3, 3, 1]\ncorner_hz = 150\nseconds = 0.2\n", CUT),
         )
         .with("log", &calibrate_command::log());
     let file = std::fs::read_to_string(bench.0.path().join("linear-delta.ini")).unwrap();

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Calibration by readings that somebody types, on machines whose truth is known.
 
-use crate::shipped::{self, cases};
 use calibrate::at_tool;
 use calibrate::fit::fit;
 use calibrate::gauge::{Gauge, Kind, Object};
@@ -19,6 +18,7 @@ use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use test_support::shipped::{self, cases};
 
 /// A dial of 2 um on a plate, and where there is none to see X and Y, on two edges of it as well.
 fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {
@@ -307,7 +307,7 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
-    let new = crate::shipped::first_of(&folder.path().join("new.ini"));
+    let new = test_support::shipped::first_of(&folder.path().join("new.ini"));
     let (before, after) = (shop.error(&shop.config.machine), shop.error(&new.machine));
     assert!(after < 0.5 * before, "{before} {after}");
     // A gauge that scatters by four times what is stated of it.

@@ -7,18 +7,14 @@ use kinematics::Pose;
 use machine::proof::reach::Reach;
 use machine::read::mechanism::Mechanism;
 use new::kinds::KINDS;
-use new::make::{Order, make};
 use new::panel::Panel;
 use new::parameters::Need;
-use new::questions::Dialogue;
 use new::table::columns;
-use new::values::Values;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use snapbox::{assert_data_eq, str};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 const FIVE_STRUTS: &str = "\
 # Five struts that leave the turn about the tool free.
@@ -39,7 +35,7 @@ fn assert_made(bench: &Bench, name: &str, words: &str) -> Mechanism {
     let told = bench.answer(&format!("new {words} --out {name}"), "");
     assert!(told.ends_with("exit 0\n"), "{words}: {told}");
     let ini = format!("{name}/{name}.ini");
-    let config = crate::shipped::first_of(&file(bench, &ini));
+    let config = test_support::shipped::first_of(&file(bench, &ini));
     assert_homes(&config, words);
     let panel = Panel::new(&config.clone().into(), name);
     for (end, text) in [("xml", panel.widgets), ("tcl", panel.wiring)] {
@@ -107,7 +103,7 @@ fn assert_documented(name: &str) -> Mechanism {
     for file in made {
         assert!(folder.join(file).is_file(), "{name}: no {file}");
     }
-    let config = crate::shipped::first_of(&folder.join(format!("{name}.ini")));
+    let config = test_support::shipped::first_of(&folder.join(format!("{name}.ini")));
     assert_homes(&config, name);
     assert_holds_everywhere(&config);
     config
@@ -226,7 +222,7 @@ fn machines_on_rails_and_rings_are_made_and_run() {
     }
     let words = format!("{} --boxes no --tilt 8 --out tilted", example("linapod"));
     assert!(bench.answer(&format!("new {words}"), "").ends_with("exit 0\n"));
-    let config = crate::shipped::first_of(&file(&bench, "tilted/tilted.ini"));
+    let config = test_support::shipped::first_of(&file(&bench, "tilted/tilted.ini"));
     assert!(config.axes[3..].iter().all(|axis| axis.min == -8.0 && axis.max == 8.0));
 }
 
@@ -306,7 +302,7 @@ fn a_table_of_anchors_makes_the_machine_that_its_radii_make() {
     let bench = bench.with("arms.csv", &text);
     let words = "new rotary-delta --anchors arms.csv --angle -45 90 --out table";
     assert!(bench.answer(words, "").ends_with("exit 0\n"));
-    let again = crate::shipped::first_of(&file(&bench, "table/table.ini"));
+    let again = test_support::shipped::first_of(&file(&bench, "table/table.ini"));
     assert_eq!((again.hash, again.home), (made.hash, made.home));
 }
 
@@ -520,43 +516,6 @@ exit 2
     assert!(!file(&bench, "struts").exists() && !file(&bench, "hexapod").exists());
 }
 
-#[test]
-fn questions_are_asked_again_until_they_are_answered_and_offer_what_the_table_has() {
-    let mut asked = vec![];
-    let mut answers = &b"inch\n\nlong\n-3\n6.5\n"[..];
-    let kind = KINDS.iter().find(|kind| kind.name == "linear-delta").unwrap();
-    let end = Dialogue { answers: &mut answers, questions: &mut asked }.values(kind);
-    assert_eq!(end.unwrap_err().kind(), std::io::ErrorKind::UnexpectedEof);
-    assert_data_eq!(
-        String::from_utf8(asked).unwrap(),
-        str![[r#"
-linear-delta: three carriages on upright rails, pairs of rods, X Y Z. Enter takes what is in brackets.
-Unit of all lengths, and of the machine
-  --unit (mm or inch) [mm]: CSV file with the anchors of every leg, in place of the dimensions that make them
-  --anchors (a file) []: From the middle of the base to the centre of a joint, seen from above
-  --base-radius (inch) [6.42]:   --base-radius long: expected a decimal number
-From the middle of the base to the centre of a joint, seen from above
-  --base-radius (inch) [6.42]:   --base-radius -3: expected more than 0
-From the middle of the base to the centre of a joint, seen from above
-  --base-radius (inch) [6.42]: From the middle of the platform to the centre of a joint
-  --platform-radius (inch) [1.3]: 
-"#]]
-    );
-}
-
-#[test]
-fn enter_at_every_question_makes_what_the_examples_make() {
-    for kind in KINDS.iter().filter(|kind| kind.legs != 0) {
-        let answers = "\n".repeat(kind.parameters().len());
-        let mut answers = answers.as_bytes();
-        let mut asked = vec![];
-        let given = Dialogue { answers: &mut answers, questions: &mut asked }.values(kind).unwrap();
-        for parameter in kind.parameters().iter().filter(|p| p.need != Need::Optional) {
-            assert_eq!(given[parameter.name].join(" "), parameter.default, "{}", kind.name);
-        }
-    }
-}
-
 /// On a terminal, as `script` makes one.
 #[test]
 fn on_a_terminal_everything_is_asked_for() {
@@ -577,23 +536,4 @@ fn on_a_terminal_everything_is_asked_for() {
     assert!(output.status.success(), "{told}");
     assert!(told.contains("Length of a rod") && told.contains("is made"), "{told}");
     assert!(folder.path().join("linear-delta/linear-delta.ini").exists());
-}
-
-#[test]
-fn of_long_work_the_share_that_is_done_is_told() {
-    let kind = KINDS.iter().find(|kind| kind.name == "linear-delta").unwrap();
-    let needed = kind.parameters().into_iter().filter(|p| p.need != Need::Optional);
-    let words = |text: &str| text.split_whitespace().map(String::from).collect();
-    let given = needed.map(|p| (p.name, words(p.default))).collect();
-    let values = Values::new(kind.name, &kind.parameters(), &given).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path().join("told");
-    let told = Mutex::new(vec![]);
-    let order = Order { kind, values: &values, name: "told", folder: &folder };
-    make(&order, |what, share| told.lock().unwrap().push((what.to_string(), share))).unwrap();
-    let told = told.into_inner().unwrap();
-    let own = told.iter().filter(|(what, _)| what == "proving axis limits");
-    let own: Vec<Option<f64>> = own.map(|(_, share)| *share).collect();
-    let is_rising = own[1..].is_sorted() && own.last().unwrap().is_some_and(|share| share <= 1.0);
-    assert!(own[0].is_none() && own.len() > 1 && is_rising, "{own:?}");
 }

@@ -3,13 +3,13 @@
 //! without it, its joint values aside.
 
 use crate::commands::Bench;
-use crate::shipped::{MACHINES, ini};
 use calibrate::model::{Model, Tolerance};
 use kinematics::{Joints, Pose};
 use machine::read::mechanism::Mechanism;
 use std::fs;
 use std::path::Path;
 use studies::study::stiffness::with_platform;
+use test_support::shipped::{MACHINES, ini};
 
 /// A power of two, so that sums lose few digits.
 const OFFSET: f64 = 16.0;
@@ -49,7 +49,7 @@ fn shifted_line(section: &str, line: &str) -> String {
 }
 
 fn config(file: &Path, text: &str) -> Mechanism {
-    crate::shipped::machine_of(file, text).mechanism(1).unwrap()
+    test_support::shipped::machine_of(file, text).mechanism(1).unwrap()
 }
 
 fn assert_same(file: &Path, legs: usize, found: &Joints, expected: &Joints, shift: f64) {

@@ -2,13 +2,11 @@
 //! What `pkm path` refuses, through the command itself: exit 2, the key or the t in the message, and
 //! no file left behind.
 
-use crate::shipped::folder;
-use paths::file::PathFile;
-use paths::route::route;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use test_support::shipped::folder;
 
 /// A path file that is fine, of which each case changes something.
 const FINE: &str = "
@@ -300,20 +298,4 @@ fn what_is_refused_names_the_key_or_t_ends_with_2_and_leaves_no_file() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n----\n"));
-}
-
-#[test]
-fn a_title_stays_one_comment_whatever_is_in_it() {
-    let config = crate::shipped::config("hexapod");
-    let plain = PathFile::parse(FINE).unwrap();
-    let lines = route(&config, &plain).unwrap().program.lines().count();
-    for title in ["x)\\nM68 E0 Q1 (", "a\\rM3 S1000", "py,import os", &"long ".repeat(200)] {
-        let text = format!("{FINE}title = \"{title}\"\n");
-        let program = route(&config, &PathFile::parse(&text).unwrap()).unwrap().program;
-        assert_eq!(program.lines().count(), lines, "{title}");
-        let first = program.lines().next().unwrap();
-        // LinuxCNC runs what stands behind ";py," without a blank, and reads 255 bytes of a line.
-        assert!(first.starts_with("; ") && first.len() < 255, "{first}");
-        assert!(!first.contains(['(', ')', '\r']), "{first}");
-    }
 }

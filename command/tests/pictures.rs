@@ -3,13 +3,13 @@
 //! inside the sheet and beside all else, axes have units, lines have keys, slices are closed.
 
 use crate::commands::Bench;
-use crate::shipped::{MACHINES, config, configs};
 use draw::curve::of_route;
 use paths::file::PathFile;
 use paths::route::route;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use test_support::shipped::{MACHINES, config, configs};
 
 /// Words of units; names of axes that have none say so.
 const UNITS: [&str; 7] =

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The scene, read as a viewer reads it: JSON alone, and two rigid formulas.
 
-use crate::shipped::{MACHINES, config, ini, whole};
 use kinematics::{Matrix3, Pose, Vector3};
 use machine::proof::axis_box::range;
 use machine::read::ini::Ini;
@@ -13,6 +12,7 @@ use rand_pcg::Pcg64;
 use serde_json::Value;
 use std::process::Command;
 use studies::study::rods::View;
+use test_support::shipped::{MACHINES, config, ini, whole};
 
 /// Some roundings of lengths of 1e3.
 const LENGTH: f64 = 1e-9;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Slips that integrators make: none may end in "fits together" without a word.
 
-use crate::ini_cases::{Edit, apply};
-use crate::shipped::{cases_of, copied};
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use test_support::edits::{Edit, apply};
+use test_support::shipped::{cases_of, copied};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

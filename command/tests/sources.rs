@@ -2,8 +2,8 @@
 //! Figures that the papers print and docs/sources.md says commands give.
 
 use crate::commands::Bench;
-use crate::shipped::folder;
 use std::fs;
+use test_support::shipped::folder;
 
 fn answer(words: &str, input: &str) -> String {
     let root = folder("..").display().to_string();

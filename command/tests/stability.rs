@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm stability` as it is used.
 
-use super::{close, golden, number, rows};
 use crate::commands::Bench;
-use crate::shipped;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use studies::stability::system::Adjustment;
+use test_support::shipped;
+use test_support::stability::{close, rows};
 
 fn example(name: &str) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
@@ -75,36 +74,6 @@ fn the_lag_of_paper_002_is_answered_drawn_and_written() {
     close(cells[2].parse().unwrap(), rest[1], 1e-12);
     let beyond = bench.answer("stability lag --study paper.toml --stiffness 6000", "");
     says(&beyond, 1, &["unstable roots         2", "settling time          never"]);
-}
-
-#[test]
-fn width_and_depth_of_the_chip_are_those_of_the_formulas() {
-    let chip = |factor: f64| {
-        let text = example("paper-002.toml").replace("factor = 1.4", &format!("factor = {factor}"));
-        studies::study::file::Study::parse(&text).unwrap().chip.unwrap()
-    };
-    let widths = rows("dpartition", "chip_b_1p4_1p3");
-    for (stiffness, expected) in [3823.0, 1526.0].into_iter().zip(widths) {
-        close(chip(1.4).width(stiffness), expected[0], 1e-12);
-        close(chip(1.3).width(stiffness), expected[1], 1e-12);
-    }
-    close(chip(1.4).depth(3823.0), number(golden("dpartition", "chip_t_opt_1p4")), 1e-12);
-}
-
-#[test]
-fn the_first_link_yields_with_its_overhang_as_the_formula_says() {
-    let study = studies::study::file::Study::parse(&example("paper-002.toml")).unwrap();
-    for expected in rows("dpartition", "overhang_l_delta_k1_omega_K_T_3ms") {
-        let stiffness = study.overhang.unwrap().stiffness(expected[0]);
-        close(1.0 / stiffness, expected[1], 1e-12);
-        close(stiffness, expected[2], 1e-12);
-        let own = Adjustment::of(&study, Some(expected[0])).unwrap().lag;
-        let limit = own.limit();
-        let crossing = limit.crossing.unwrap();
-        close(crossing.omega, expected[3], 1e-9);
-        close(crossing.stiffness, expected[4], 1e-9);
-        assert!(limit.is_certified);
-    }
 }
 
 #[test]

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm check` on a computer without LinuxCNC: what it could not look at it says, and takes for neither good nor bad.
 
-use crate::shipped;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use test_support::shipped;
 
 /// Where LinuxCNC is on this computer, if it is: in a mount namespace of its own the command finds nothing there.
 const HIDDEN: &str = "for folder in /usr/share/linuxcnc /usr/lib/linuxcnc; do \

@@ -22,7 +22,7 @@ import ini_edit
 LETTERS = "XYZABC"
 ALL_LETTERS = "XYZABCUVW"
 NC_FILES = Path("/usr/share/linuxcnc/ncfiles")
-# Read by command/tests/reading.rs as well.
+# Read by workbench/program/tests/reading.rs as well.
 READING = Path(__file__).resolve().parents[1] / "cases/reading/reading.toml"
 
 # Programs of LinuxCNC that are short enough, with the machine and the work offset that they run with.

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The shipped configurations.
 
+use machine::proof::axis_box::AxisBox;
 use machine::read::ini::Ini;
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
-use program::findings::Preflight;
-use program::motion::Move;
-use program::preflight::preflight;
+use rand::Rng;
+use rand_pcg::Pcg64;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::LazyLock;
 
 pub const MACHINES: [&str; 18] = [
@@ -44,13 +43,22 @@ pub fn cases(usual: usize) -> usize {
     (usual as f64 * factor).ceil() as usize
 }
 
-/// Returns the folder `configs`, with the files in it that pkm makes.
+/// Returns the folder of the sources.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Returns the folder `configs`. Panics where a file in it that pkm makes is missing.
 pub fn configs() -> &'static Path {
     static CONFIGS: LazyLock<PathBuf> = LazyLock::new(|| {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let script = root.join("tools/generate.sh");
-        assert!(Command::new(script).arg(env!("CARGO_BIN_EXE_pkm")).status().unwrap().success());
-        root.join("configs")
+        let sums = std::fs::read_to_string(root().join("tests/cases/generated.sha256")).unwrap();
+        for name in sums.lines().filter_map(|line| line.split_whitespace().nth(1)) {
+            assert!(
+                root().join(name).exists(),
+                "{name} is missing: `cargo xtask generated` writes it"
+            );
+        }
+        root().join("configs")
     });
     &CONFIGS
 }
@@ -67,7 +75,7 @@ pub fn with_programs(machine: &str, copy: &Path) {
 
 /// Returns the cases of a file in tests/cases, which has them as `[[case]]`.
 pub fn cases_of<T: serde::de::DeserializeOwned>(file: &str) -> Vec<T> {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases").join(file);
+    let file = root().join("tests/cases").join(file);
     let mut all: BTreeMap<String, Vec<T>> =
         toml::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
     all.remove("case").unwrap()
@@ -108,7 +116,10 @@ pub fn machine_of(file: &Path, text: &str) -> MachineConfig {
     MachineConfig::from_ini(&Ini::parse(file, text).unwrap()).unwrap()
 }
 
-/// Follows all moves of a program.
-pub fn follow(config: &Mechanism, moves: &[Move]) -> Preflight {
-    preflight(std::slice::from_ref(config), moves).unwrap()
+/// Draws a pose from a box. Every third value is at an end: there bounds are nearest to what they bound.
+pub fn drawn(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
+    part.at(std::array::from_fn(|_| match rng.random_range(0..3) {
+        0 => f64::from(rng.random_range(0..2_u8)),
+        _ => rng.random(),
+    }))
 }

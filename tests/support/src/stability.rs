@@ -1,42 +1,34 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Stability in the cut, against values computed elsewhere, closed forms, and itself in two ways.
+//! Values of stability in the cut, computed elsewhere.
 
-pub mod commands;
-mod lag;
-mod machine;
-mod milling;
-mod poses;
-mod spindle;
-mod turning;
-
-use std::path::Path;
+use crate::shipped::root;
 use std::sync::LazyLock;
 use toml::{Table, Value};
 
 /// The file of values; see its head for their origin.
 static GOLDEN: LazyLock<Table> = LazyLock::new(|| {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cutting_stability.toml");
+    let file = root().join("tests/cases/golden/stability.toml");
     std::fs::read_to_string(file).unwrap().parse().unwrap()
 });
 
-fn golden(section: &str, key: &str) -> &'static Value {
+pub fn golden(section: &str, key: &str) -> &'static Value {
     GOLDEN[section].get(key).unwrap_or_else(|| panic!("{section}.{key}"))
 }
 
-fn number(value: &Value) -> f64 {
+pub fn number(value: &Value) -> f64 {
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64)).unwrap()
 }
 
-fn row(value: &Value) -> Vec<f64> {
+pub fn row(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(number).collect()
 }
 
-fn rows(section: &str, key: &str) -> Vec<Vec<f64>> {
+pub fn rows(section: &str, key: &str) -> Vec<Vec<f64>> {
     golden(section, key).as_array().unwrap().iter().map(row).collect()
 }
 
 #[track_caller]
-fn close(found: f64, expected: f64, tolerance: f64) {
+pub fn close(found: f64, expected: f64, tolerance: f64) {
     let off = (found / expected - 1.0).abs();
     assert!(off < tolerance, "{found} {expected}: {off:e}");
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Calibration on machines whose truth is known.
 
-use crate::shipped::{self, cases};
 use calibrate::at_tool;
 use calibrate::fit::{Fit, Misfit, fit, held_out, residuals};
 use calibrate::model::{Frame, Model, Quantity, Tolerance};
@@ -14,6 +13,7 @@ use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
+use test_support::shipped::{self, cases};
 
 const MACHINE: &str = "lab-hexapod";
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What `pkm check` finds in a machine's file.
 
-use crate::shipped::{ini, with_programs};
 use check::findings::Report;
 use check::report::check;
 use machine::read::diagnostic::Severity;
 use machine::read::machine::MachineConfig;
 use std::path::Path;
+use test_support::shipped::{ini, with_programs};
 
 /// The hexapod after a change of its file, without its box, HOME of its joints as the kinematics
 /// have it.
@@ -17,7 +17,7 @@ fn hexapod(change: impl Fn(&str) -> String) -> Report {
     let text = format!("{before}{after}").replace(" boxes=1", "");
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("hexapod.ini");
-    let config = crate::shipped::machine_of(&file, &text);
+    let config = test_support::shipped::machine_of(&file, &text);
     let first = config.first();
     let joints = first.machine.inverse(&first.home_pose(), &first.spindle).unwrap();
     let homed = (0..6).fold(text, |text, i| {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Homing from wherever a machine was switched off.
 
-use crate::shipped::{ini, with_programs};
 use check::homing_ways::{Group, Homing, sequences};
 use check::report::check;
 use machine::read::mechanism::Mechanism;
+use test_support::shipped::{ini, with_programs};
 
 /// A shipped machine, its file changed, in a place of its own with its tool table.
 pub fn changed(name: &str, change: impl Fn(String) -> String) -> (tempfile::TempDir, Mechanism) {
@@ -13,7 +13,7 @@ pub fn changed(name: &str, change: impl Fn(String) -> String) -> (tempfile::Temp
     std::fs::write(&file, change(std::fs::read_to_string(ini(name)).unwrap())).unwrap();
     std::fs::copy(ini(name).with_extension("tbl"), file.with_extension("tbl")).unwrap();
     with_programs(name, folder.path());
-    let config = crate::shipped::first_of(&file);
+    let config = test_support::shipped::first_of(&file);
     (folder, config)
 }
 
@@ -33,7 +33,7 @@ fn one_by_one(text: String) -> String {
 #[test]
 fn shipped_machines_that_search_switches_keep_their_limits_from_every_place_drawn() {
     for name in ["lab-hexapod", "linear-delta", "triaglide", "four-rod-lathe"] {
-        let config = crate::shipped::first_of(&ini(name));
+        let config = test_support::shipped::first_of(&ini(name));
         let homing = Homing::new(&config).unwrap().unwrap();
         assert!(homing.moves(), "{name}");
         let outcome = homing.judge(&homing.order());
@@ -44,7 +44,7 @@ fn shipped_machines_that_search_switches_keep_their_limits_from_every_place_draw
 #[test]
 fn the_way_ends_at_home() {
     for name in ["lab-hexapod", "linear-delta", "triaglide"] {
-        let config = crate::shipped::first_of(&ini(name));
+        let config = test_support::shipped::first_of(&ini(name));
         let homing = Homing::new(&config).unwrap().unwrap();
         let track = homing.track(&homing.order());
         let pose = track.last().unwrap().pose.unwrap();
@@ -80,7 +80,7 @@ fn an_order_is_written_as_home_sequence_of_every_joint() {
 
 #[test]
 fn joints_that_know_their_place_move_nothing() {
-    let config = crate::shipped::first_of(&ini("hexapod"));
+    let config = test_support::shipped::first_of(&ini("hexapod"));
     assert!(!Homing::new(&config).unwrap().unwrap().moves());
     // HOME_OFFSET is where each stands, and HOME elsewhere.
     let known = |text: String| {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What counting and the leg rows say about the shipped machines.
 
-use crate::shipped::config;
 use check::mobility::{Structure, rank, rows_at_home, singular_values};
 use kinematics::Letter::{self, A, B, C, X, Y, Z};
+use machine::proof::conditioning;
+use test_support::shipped::MACHINES;
+use test_support::shipped::config;
 
 fn structure(machine: &str) -> Structure {
     Structure::of(&config(machine)).unwrap()
@@ -85,4 +87,20 @@ fn determinants_of_the_four_rods_are_those_of_an_independent_calculation() {
         // Half of the last printed digit, and as much for what was rounded before.
         assert!((det - expected).abs() < 1e-3, "{letters:?}: {det}");
     }
+}
+
+#[test]
+fn conditioning_is_the_singular_value_of_the_rows_at_home() {
+    for machine in MACHINES {
+        let config = config(machine);
+        let home = conditioning::at(&config, &config.home).unwrap();
+        // Rows about the centroid or CENTRE; those of `mobility` are about CENTRE.
+        assert!(home > 0.05 && home < 2.0, "{machine}: {home}");
+    }
+    // Three vertical rods at 120 degrees would give exactly 1 along Z; see the linear delta.
+    let delta = config("linear-delta");
+    let rows = rows_at_home(&delta).unwrap();
+    let least = singular_values(&rows, delta.machine.layout().coordinates().as_slice())[2];
+    let found = conditioning::at(&delta, &delta.home).unwrap();
+    assert!((least - found).abs() < 1e-12, "{least} {found}");
 }

@@ -2,7 +2,6 @@
 //! Boxes of the shipped configurations: proved, over the whole workspace, and enough to
 //! find every pose from the joints alone.
 
-use crate::shipped::{MACHINES, cases, config};
 use kinematics::{
     Cause, Fault, Joints, MAX_BOX_STEPS, MAX_BOXES, Pose, Progress, STEPS_PER_CALL, Search, Solver,
     Vector3, WorkspaceBox,
@@ -16,6 +15,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
 use std::sync::Mutex;
+use test_support::shipped::{MACHINES, cases, config};
 
 /// Distance of the pose found from the one that made the joints, as a share of the size:
 /// forward stops at 1e-12; conditioning and rounding of the joints are below 1e-9.

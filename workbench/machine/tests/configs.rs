@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every shipped configuration agrees with itself.
 
-use crate::shipped::{MACHINES, configs, folder, whole};
 use kinematics::Cones;
+use test_support::shipped::{MACHINES, configs, folder, whole};
 
 /// Agreement of [JOINT_N]HOME with inverse([TRAJ]HOME): the printed digits of the INI file, in
 /// mm, inches or degrees.

@@ -7,7 +7,7 @@ use kinematics::{
 };
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use std::path::{Path, PathBuf};
+use test_support::shipped::root;
 
 /// Rows carry 16 digits of lengths near 1000: some roundings of 1e-13.
 const LENGTH_TOLERANCE_MM: f64 = 1e-9;
@@ -127,10 +127,6 @@ impl From<SliderMachine> for Golden {
     }
 }
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
-
 fn machines<T: DeserializeOwned + Into<Golden>>(file: &str) -> impl Iterator<Item = Golden> {
     let text = std::fs::read_to_string(root().join("tests/cases/golden").join(file)).unwrap();
     let file: File<T> = toml::from_str(&text).unwrap();
@@ -197,7 +193,7 @@ fn pose_jacobian_gives_the_golden_rows() {
 fn shipped_configurations_are_the_golden_machines() {
     for golden in golden() {
         let ini = format!("configs/{0}/{0}.ini", golden.name);
-        let config = crate::shipped::first_of(&root().join(ini));
+        let config = test_support::shipped::first_of(&root().join(ini));
         assert_eq!(config.geometry, golden.geometry, "{}", golden.name);
     }
 }

@@ -7,6 +7,8 @@ use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use test_support::edits::{Edit, apply};
+use test_support::shipped;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -30,89 +32,11 @@ struct Case {
     names: Vec<String>,
 }
 
-/// What is done to a section or a key of a file.
-#[derive(Deserialize)]
-#[serde(from = "Written")]
-pub struct Edit {
-    section: String,
-    change: Change,
-}
-
-enum Change {
-    Key(String, Vec<String>),
-    Append(Vec<String>),
-    Remove,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Written {
-    Text(String),
-    Key { section: String, key: String, lines: Vec<String> },
-    Append { section: String, append: Vec<String> },
-}
-
-impl From<Written> for Edit {
-    fn from(written: Written) -> Self {
-        let text = match written {
-            Written::Key { section, key, lines } => {
-                return Self { section, change: Change::Key(key, lines) };
-            }
-            Written::Append { section, append } => {
-                return Self { section, change: Change::Append(append) };
-            }
-            Written::Text(text) => text,
-        };
-        let (section, rest) = text[1..].split_once(']').unwrap();
-        let lines = |text: &str| text.split('\n').map(String::from).collect();
-        let change = match (rest, rest.strip_prefix('+'), rest.split_once('=')) {
-            ("-", ..) => Change::Remove,
-            (_, Some(more), _) => Change::Append(lines(more)),
-            (_, None, Some((key, _))) => Change::Key(key.trim().into(), lines(rest)),
-            (key, None, None) => Change::Key(key.into(), vec![]),
-        };
-        Self { section: section.into(), change }
-    }
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
-
-fn is_key(line: &str, key: &str) -> bool {
-    line.split_once('=').is_some_and(|(name, _)| name.trim() == key)
-}
-
-/// First line of the section and first line after it.
-fn bounds(lines: &[String], section: &str) -> Option<(usize, usize)> {
-    let start = lines.iter().position(|line| line.trim() == format!("[{section}]"))?;
-    let length = lines[start + 1..].iter().position(|line| line.starts_with('['));
-    Some((start, length.map_or(lines.len(), |length| start + 1 + length)))
-}
-
-pub fn apply(lines: &mut Vec<String>, edit: &Edit) {
-    let (start, end) = bounds(lines, &edit.section).unwrap_or_else(|| {
-        lines.push(format!("[{}]", edit.section));
-        (lines.len() - 1, lines.len())
-    });
-    match &edit.change {
-        Change::Remove => drop(lines.drain(start..end)),
-        Change::Append(more) => drop(lines.splice(end..end, more.iter().cloned())),
-        Change::Key(key, new) => {
-            let mut body: Vec<String> = lines[start + 1..end].to_vec();
-            let place = body.iter().position(|line| is_key(line, key)).unwrap_or(body.len());
-            body.retain(|line| !is_key(line, key));
-            body.splice(place..place, new.iter().cloned());
-            lines.splice(start + 1..end, body);
-        }
-    }
-}
-
 #[test]
 fn every_case_is_read_or_refused_as_the_list_says() {
-    let text = std::fs::read_to_string(root().join("tests/cases/ini/cases.toml")).unwrap();
+    let text = std::fs::read_to_string(shipped::root().join("tests/cases/ini/cases.toml")).unwrap();
     let cases: Cases = toml::from_str(&text).unwrap();
-    let base = |case: &Case| root().join(case.base.as_ref().unwrap_or(&cases.base));
+    let base = |case: &Case| shipped::root().join(case.base.as_ref().unwrap_or(&cases.base));
     let failures: Vec<String> =
         cases.case.iter().filter_map(|case| judge(case, &base(case))).collect();
     assert!(failures.is_empty(), "{}", failures.join("\n"));
@@ -136,7 +60,7 @@ fn judge(case: &Case, base: &Path) -> Option<String> {
         return Some(format!("{}: {missing:?} is not named in {message}", case.name));
     }
     let (same, config) = (case.same?, read.ok()?);
-    let is_same = config.first().hash == crate::shipped::first_of(base).hash;
+    let is_same = config.first().hash == test_support::shipped::first_of(base).hash;
     (same != is_same).then(|| format!("{}: same geometry as the base file's: {is_same}", case.name))
 }
 
@@ -152,9 +76,9 @@ fn read(case: &Case, base: &Path) -> Result<MachineConfig, MachineError> {
 
 #[test]
 fn tilt_and_pyramids_are_read_leg_by_leg_and_no_limit_where_absent_or_0() {
-    let base = root().join("configs/hexapod/hexapod.ini");
+    let base = shipped::root().join("configs/hexapod/hexapod.ini");
     let text = std::fs::read_to_string(&base).unwrap();
-    let config = |text: &str| crate::shipped::machine_of(&base, text).mechanism(1).unwrap();
+    let config = |text: &str| test_support::shipped::machine_of(&base, text).mechanism(1).unwrap();
     let plain = config(&text);
     assert_eq!(plain.tilt_limit, Some(30.0));
     let of = |config: &Mechanism, end: usize| -> Vec<_> {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The INI reader beside LinuxCNC's own: `inivar`, and the start script's way with included files.
 
-use crate::shipped::configs;
 use machine::read::ini::Ini;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use test_support::shipped::configs;
 
 /// Files drawn, and keys asked for in each.
 const FILES: usize = 60;

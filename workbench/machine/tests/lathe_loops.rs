@@ -2,12 +2,12 @@
 //! Equations 4 and 5 of paper 003, each held to the core: where the loop of two rods puts its
 //! carriages, and where a rod meets its guide.
 
-use crate::shipped::{cases, config};
 use kinematics::{LegKind, Pose, Vector3};
 use machine::proof::axis_box;
 use nalgebra::{Rotation3, Unit};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
+use test_support::shipped::{cases, config};
 
 /// Some ten roundings of lengths near 1000 mm, over a sine of 0.3 at least.
 const TOLERANCE_MM: f64 = 1e-9;

@@ -4,10 +4,11 @@
 use machine::read::diagnostic::of_machine;
 use machine::read::pins::printed;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use test_support::shipped::root;
 
 fn shipped(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../configs/{name}/{name}.ini"))
+    root().join(format!("configs/{name}/{name}.ini"))
 }
 
 /// Returns what is printed for the text of a file in a folder of its own.

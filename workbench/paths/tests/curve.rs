@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Curves of one-parametric families: points, tangents, lengths, joints.
 
-use crate::shipped::config;
-use draw::curve::of_route;
+use kinematics::Pose;
 use machine::read::mechanism::Mechanism;
 use paths::carriages::taken;
 use paths::file::{PathFile, ProgramKeys};
@@ -15,6 +14,7 @@ use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::sync::LazyLock;
+use test_support::shipped::config;
 
 /// Positions of 100 mm by well-conditioned formulas; quadrature adds 1e-13 of a length.
 const EXACT: f64 = 1e-10;
@@ -344,13 +344,9 @@ fn what_linuxcnc_reads_of_a_program_ends_at_the_joints_of_the_figures() {
     let (_, ends) = read_back(&config, &text);
     let joints = |pose: &[f64; 6]| {
         // In the machine, where the work lies at 0.
-        let [x, y, z, a, b, c] = pose;
-        let words = format!(" {x} {y} {} {a} {b} {c}", z + ZERO);
-        let ini = crate::shipped::ini("pyramid");
-        let answer = crate::commands::Bench::new()
-            .answer(&format!("joints {} --pose{words}", ini.display()), "");
-        let value = |line: &str| line.split_once(" = ")?.1.parse::<f64>().ok();
-        answer.lines().filter_map(value).collect::<Vec<f64>>()
+        let [x, y, z, a, b, c] = *pose;
+        let pose = Pose::from_degrees([x, y, z + ZERO, a, b, c]);
+        config.machine.inverse(&pose, &config.spindle).unwrap()
     };
     let order = [4, 5, 0, 1, 2, 3];
     for (end, expected) in [
@@ -472,7 +468,7 @@ fn carriages_of_a_cycloid_that_the_platform_follows_have_the_law_of_equation_9_c
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("biglide.ini");
     fs::write(&file, BIGLIDE).unwrap();
-    let config = crate::shipped::first_of(&file);
+    let config = test_support::shipped::first_of(&file);
     let found = route(&config, &PathFile::parse(CYCLOID).unwrap()).unwrap();
     assert!(found.rows.len() > 20);
     for row in &found.rows {
@@ -857,18 +853,17 @@ fn laws_of_the_carriages_give_back_the_path_that_they_were_made_from() {
 }
 
 #[test]
-fn pictures_of_a_route_show_families_split_and_joints() {
-    let text = asked(CIRCLE, 0.01, "lines");
+fn a_title_stays_one_comment_whatever_is_in_it() {
     let config = config("pyramid");
-    let found = route(&config, &PathFile::parse(&text).unwrap()).unwrap();
-    let plots = of_route(&config, &found).unwrap();
-    let names: Vec<&str> = plots.iter().map(|plot| plot.file.as_str()).collect();
-    let expected = ["families-net.svg", "families-surfaces.svg", "split.svg", "split-tilts.svg"];
-    assert_eq!(names[..4], expected);
-    assert_eq!(
-        names[4..],
-        ["carriages.svg", "carriages-speeds.svg", "table-axes.svg", "table-axes-speeds.svg"]
-    );
-    // Nine parameters: their points are on the picture, beside that of the legend.
-    assert_eq!(plots[0].svg.matches("<circle").count(), 10);
+    let plain = PathFile::parse(CYCLOID).unwrap();
+    let lines = route(&config, &plain).unwrap().program.lines().count();
+    for title in ["x)\\nM68 E0 Q1 (", "a\\rM3 S1000", "py,import os", &"long ".repeat(200)] {
+        let text = format!("{CYCLOID}title = \"{title}\"\n");
+        let program = route(&config, &PathFile::parse(&text).unwrap()).unwrap().program;
+        assert_eq!(program.lines().count(), lines, "{title}");
+        let first = program.lines().next().unwrap();
+        // LinuxCNC runs what stands behind ";py," without a blank, and reads 255 bytes of a line.
+        assert!(first.starts_with("; ") && first.len() < 255, "{first}");
+        assert!(!first.contains(['(', ')', '\r']), "{first}");
+    }
 }

@@ -3,12 +3,12 @@
 //! LinuxCNC's interpreter.
 
 use crate::curve::{INTERPRETER, ZERO, distance, read_back_file, to_move};
-use crate::shipped::config;
 use paths::file::PathFile;
 use paths::route::{Route, route};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use std::fs;
 use tempfile::TempDir;
+use test_support::shipped::config;
 
 /// Words have six decimals: half a unit in each of three.
 const WORDS: f64 = 1e-6;

@@ -2,19 +2,19 @@
 //! Typical tool paths: as programs, as subroutines and as remapped codes they make the same moves, and
 //! every machine can run those that its work needs.
 
-use crate::shipped::{MACHINES, config, folder, ini, unchained};
+use linuxcnc::process::Options;
 use machine::read::mechanism::Mechanism;
 use paths::file::PathFile;
 use paths::job::{Job, job};
 use paths::route::route;
 use program::motion::{Move, MoveKind, moves};
-use program::preflight::preflight;
+use program::preflight::{judge, preflight};
 use serde::Deserialize;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::LazyLock;
 use tempfile::TempDir;
+use test_support::shipped::{MACHINES, config, folder, ini, root, unchained};
 
 #[derive(Deserialize)]
 struct Golden {
@@ -35,6 +35,7 @@ pub struct Typical {
 }
 
 const PYRAMID: [f64; 3] = [0.0, 0.0, 220.0];
+
 const LATHE: [f64; 3] = [0.0, 450.0, 1000.0];
 
 pub const TYPICAL: [Typical; 16] = [
@@ -197,7 +198,7 @@ fn level(program: &str) -> String {
 }
 
 pub fn subroutines() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../subroutines").canonicalize().unwrap()
+    root().join("subroutines").canonicalize().unwrap()
 }
 
 /// The machine with the subroutines on its path, and these lines.
@@ -218,7 +219,7 @@ pub fn prepared(machine: &str, more: &str) -> (TempDir, Mechanism) {
     );
     let text = fs::read_to_string(&file).unwrap().replacen("[RS274NGC]\n", &lines, 1);
     fs::write(&file, text).unwrap();
-    let config = crate::shipped::first_of(&file);
+    let config = test_support::shipped::first_of(&file);
     (folder, config)
 }
 
@@ -354,12 +355,9 @@ const SMALL: [&str; 11] = [
 
 /// A program as the command judges it, LinuxCNC's own cycles included.
 fn assert_passes(config: &Mechanism, program: &Path) {
-    let out = Command::new(env!("CARGO_BIN_EXE_pkm"))
-        .args(["preflight".as_ref(), config.file.as_os_str(), program.as_os_str()])
-        .output()
-        .unwrap();
-    let told = [out.stdout, out.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
-    assert_eq!(out.status.code(), Some(0), "{}: {}", program.display(), told.concat());
+    let found =
+        judge(&config.clone().into(), program, &Options::default(), &mut |_| ()).unwrap().found;
+    assert!(found.fits() && found.time.is_whole(), "{}: {:?}", program.display(), found.breaks);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Corrections of joints while LinuxCNC runs a program, in virtual time, and what limits leave to programs.
 
-use crate::shipped;
+use crate::preflight::follow;
 use kinematics::{Joints, Limit, Pose, Vector3};
 use linuxcnc::process::{self, Options};
 use linuxcnc::row::{Ending, Row};
@@ -15,6 +15,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
+use test_support::shipped;
 
 /// 100 µm at 1 µm/s, in millimetres.
 const LIMIT: f64 = 0.1;
@@ -38,7 +39,7 @@ fn warm_hexapod(folder: &Path) -> Mechanism {
     let heat = "setp pkmkins.joint-correction.1 0.1\nsetp pkmkins.joint-correction.4 -0.1\n";
     fs::write(folder.join("heat.hal"), heat).unwrap();
     fs::copy(source.join("hexapod.tbl"), folder.join("hexapod.tbl")).unwrap();
-    crate::shipped::first_of(&folder.join("hexapod.ini"))
+    test_support::shipped::first_of(&folder.join("hexapod.ini"))
 }
 
 /// Cycles by which LinuxCNC's smoothing is late.
@@ -136,7 +137,7 @@ fn changed(machine: &str, sections: &[&str], keys: &[(&str, &str)], folder: &Pat
     fs::write(folder.join(&name), text).unwrap();
     let table = format!("{machine}.tbl");
     fs::copy(shipped::folder(machine).join(&table), folder.join(table)).unwrap();
-    crate::shipped::first_of(&folder.join(name))
+    test_support::shipped::first_of(&folder.join(name))
 }
 
 const HEXAPOD: [&str; 6] = ["JOINT_0", "JOINT_1", "JOINT_2", "JOINT_3", "JOINT_4", "JOINT_5"];
@@ -236,5 +237,5 @@ fn a_table_axis_may_go_to_its_limit() {
 fn judged_path(config: &Mechanism, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();
-    shipped::follow(config, &motion::moves(&config.clone().into(), &file, None).unwrap())
+    follow(config, &motion::moves(&config.clone().into(), &file, None).unwrap())
 }

@@ -1,34 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs thinned for plots: nothing that matters gets lost.
 
-use crate::shipped::{config, whole};
 use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
-use linuxcnc::row::{Beside, Extra, Flags, Row};
-use machine::read::mechanism::Mechanism;
+use linuxcnc::row::{Beside, Flags, Row};
 use program::course::{Abscissa, Course, MOST_SAMPLES};
 use program::loads::Motion;
 use program::motion::{Move, MoveKind, Spindle};
-use view::track::Track;
-
-/// A machine that stands at home with its drives on.
-fn standing(config: &Mechanism) -> Row {
-    let at = config.machine.at(&config.home_pose(), &config.spindle).unwrap();
-    Row {
-        cycle: 0,
-        file: 0,
-        number: 0,
-        line: 1,
-        flags: Flags { on: true, tool_busy: false, held: false },
-        pose: config.home,
-        joints: *at.joints(),
-        errors: [0.0; MAX_JOINTS],
-        allowed: [1.0; MAX_JOINTS],
-        extra: Extra::default(),
-        second: Beside::default(),
-        tool: config.spindle.into(),
-        feed: 1.0,
-    }
-}
+use test_support::control::standing;
+use test_support::shipped::{config, whole};
 
 #[test]
 fn a_peak_of_one_cycle_in_a_million_survives() {
@@ -144,7 +123,7 @@ fn the_path_of_moves_goes_by_its_length() {
 }
 
 #[test]
-fn course_and_track_of_the_second_of_two_mechanisms_are_its_own() {
+fn the_course_of_the_second_of_two_mechanisms_is_its_own() {
     let second = whole("lathe-mirrored").mechanism(2).unwrap();
     let own = standing(&second);
     let beside = Beside { pose: own.pose, tool: own.tool };
@@ -154,8 +133,4 @@ fn course_and_track_of_the_second_of_two_mechanisms_are_its_own() {
     course.see(&row);
     let joints = course.finish().samples[0].joints;
     assert_eq!([0, 1, 2, 3].map(|i| joints[i]), [0, 1, 2, 3].map(|i| [own.joints[i]; 2]));
-    let alone = second.into();
-    let mut track = Track::new(&alone);
-    track.see(&alone, &row);
-    assert_eq!(track.points()[0].values[..6], own.pose);
 }

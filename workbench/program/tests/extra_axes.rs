@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Extra axes in LinuxCNC itself, in virtual time.
 
-use crate::control::{run, run_text};
-use crate::shipped::{config, folder, whole};
 use kinematics::Pose;
 use linuxcnc::process::Options;
 use linuxcnc::row::{Ending, Row};
 use program::motion;
 use program::preflight::judge;
 use program::replay::replay;
+use test_support::control::{run, run_text};
+use test_support::shipped::{config, folder, whole};
 
 const LATHE: &str = "lathe-counter-spindle";
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The moves that LinuxCNC asks motion for: units, offsets, arcs, tools, files, the spindle and errors.
 
-use crate::shipped;
 use linuxcnc::process::Options;
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, MoveKind, Spindle, moves};
@@ -9,13 +8,14 @@ use program::preflight::judge;
 use program::replay::duration;
 use std::path::Path;
 use std::sync::Arc;
+use test_support::shipped;
 
 /// Homing, which forward answers to some roundings of the machine's size, and inch and back.
 const ROUNDING_MM: f64 = 1e-9;
 
 fn config(tools: &Path) -> Mechanism {
     let ini = shipped::ini("hexapod");
-    let mut config = crate::shipped::first_of(&ini);
+    let mut config = test_support::shipped::first_of(&ini);
     let program = &mut Arc::make_mut(&mut config.facts).program;
     (program.tool_table, program.parameter_file) = (Some(tools.into()), None);
     config
@@ -127,7 +127,7 @@ fn axis_limits_slow_down_what_the_feed_would_allow() {
 fn an_inch_machine_gets_inches_whatever_the_program_speaks() {
     let steps = run_on("tripod", "G20 G0 X1\nG21\nG1 X50.8 F254\nM2\n").unwrap();
     let [_, inch, metric] = steps.as_slice() else { panic!("{steps:?}") };
-    let home = crate::shipped::config("tripod").home;
+    let home = test_support::shipped::config("tripod").home;
     assert_end(inch, [1.0, home[1], home[2], 0.0, 0.0, 0.0]);
     assert_end(metric, [2.0, home[1], home[2], 0.0, 0.0, 0.0]);
     assert!((metric.feed - 10.0 / 60.0).abs() < ROUNDING_MM);
@@ -138,7 +138,7 @@ fn run_on(machine: &str, text: &str) -> Result<Vec<Move>, String> {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("p.ngc");
     std::fs::write(&program, text).unwrap();
-    let mut config = crate::shipped::config(machine);
+    let mut config = test_support::shipped::config(machine);
     Arc::make_mut(&mut config.facts).program.parameter_file = None;
     moves(&config.clone().into(), &program, None).map_err(|error| error.to_string())
 }
@@ -160,7 +160,7 @@ fn a_tool_change_after_other_units_or_offsets_leaves_the_machine_where_it_is() {
     assert_end(&steps[1], end(50.8, 3.0));
     let steps = run("G10 L2 P2 Z30\nG55\nT1 M6\nG0 X1\nM2\n", None).unwrap();
     assert_end(steps.last().unwrap(), end(1.0, 0.0));
-    let home = crate::shipped::config("tripod").home;
+    let home = test_support::shipped::config("tripod").home;
     let steps = run_on("tripod", "G21\nT1 M6\nG0 X127 Y63.5\nM2\n").unwrap();
     assert_end(steps.last().unwrap(), [5.0, 2.5, home[2], 0.0, 0.0, 0.0]);
 }
@@ -224,14 +224,14 @@ fn a_parameter_file_out_of_order_is_named() {
 #[test]
 fn without_a_parameter_file_offsets_are_those_that_linuxcnc_keeps_beside_the_machine() {
     let folder = tempfile::tempdir().unwrap();
-    let text = std::fs::read_to_string(crate::shipped::ini("hexapod")).unwrap();
+    let text = std::fs::read_to_string(test_support::shipped::ini("hexapod")).unwrap();
     let program = folder.path().join("p.ngc");
     std::fs::write(&program, "G21 G54 G0 X1\nM2\n").unwrap();
     std::fs::write(folder.path().join("rs274ngc.var"), "5220\t1\n5221\t7\n").unwrap();
     for line in ["", "PARAMETER_FILE =", "PARAMETER_FILE = own.var"] {
         let ini = folder.path().join("hexapod.ini");
         std::fs::write(&ini, text.replace("PARAMETER_FILE = hexapod.var", line)).unwrap();
-        let mut config = crate::shipped::first_of(&ini);
+        let mut config = test_support::shipped::first_of(&ini);
         Arc::make_mut(&mut config.facts).program.tool_table = None;
         let steps = moves(&config.clone().into(), &program, None).unwrap();
         let expected = if line.ends_with("own.var") { 1.0 } else { 8.0 };
@@ -267,12 +267,13 @@ fn loops_without_an_end_end() {
 fn places_in_two_files(main: &str, away: &str) -> Vec<(f64, u32, usize)> {
     let folder = tempfile::tempdir().unwrap();
     let text =
-        std::fs::read_to_string(crate::shipped::folder("hexapod").join("hexapod.ini")).unwrap();
+        std::fs::read_to_string(test_support::shipped::folder("hexapod").join("hexapod.ini"))
+            .unwrap();
     let ini = folder.path().join("hexapod.ini");
     let path = folder.path().display();
     let head = format!("[RS274NGC]\nSUBROUTINE_PATH = {path}");
     std::fs::write(&ini, text.replacen("[RS274NGC]", &head, 1)).unwrap();
-    let mut config = crate::shipped::first_of(&ini);
+    let mut config = test_support::shipped::first_of(&ini);
     let facts = Arc::make_mut(&mut config.facts);
     (facts.program.tool_table, facts.program.parameter_file) = (None, None);
     let program = folder.path().join("p.ngc");
@@ -321,7 +322,7 @@ fn off_path(text: &str) -> Vec<(u32, String)> {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("p.ngc");
     std::fs::write(&program, text).unwrap();
-    let config = config(&crate::shipped::folder("hexapod").join("hexapod.tbl"));
+    let config = config(&test_support::shipped::folder("hexapod").join("hexapod.tbl"));
     let judged = judge(&config.clone().into(), &program, &Options::default(), &mut |_| ());
     let found = judged.unwrap().found;
     found.breaks.into_iter().map(|found| (found.line, found.text)).collect()

@@ -2,11 +2,11 @@
 //! What the carriages do along paths; the curves of the publications are pictures, these
 //! are the figures that must hold whatever the dimensions.
 
-use crate::shipped::{config, folder};
 use kinematics::{Joints, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, moves};
 use program::path::{Along, along};
+use test_support::shipped::{config, folder};
 
 /// A thousand steps added up, each with a rounding of a carriage position near 1500 mm.
 const SUM_MM: f64 = 1e-9;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs followed over their whole length, against what is found by looking at single poses.
 
-use crate::shipped::{MACHINES, cases, config, folder, follow, unchained};
 use kinematics::{At, Limit, MAX_EXTRA, MAX_JOINTS, Pose, Vector3};
 use machine::limits;
 use machine::proof::axis_box::range;
@@ -10,6 +9,7 @@ use machine::read::mechanism::Mechanism;
 use program::findings::Preflight;
 use program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
 use program::offset::{self, Offset};
+use program::preflight::preflight;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -17,6 +17,12 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
+use test_support::shipped::{MACHINES, cases, config, folder, unchained};
+
+/// Follows all moves of a program.
+pub fn follow(config: &Mechanism, moves: &[Move]) -> Preflight {
+    preflight(std::slice::from_ref(config), moves).unwrap()
+}
 
 pub fn rapid(line: u32, end: [f64; 6]) -> Move {
     Move {
@@ -387,7 +393,7 @@ fn an_offset_that_is_found_makes_the_program_fit() {
         false => format!("{line}\n"),
     };
     fs::write(&ini, text.lines().map(line).collect::<String>()).unwrap();
-    let mut config = crate::shipped::first_of(&ini);
+    let mut config = test_support::shipped::first_of(&ini);
     let facts = Arc::make_mut(&mut config.facts);
     (facts.program.tool_table, facts.program.parameter_file) = (None, None);
     let moves = motion::moves(&config.clone().into(), &program, None).unwrap();
@@ -403,7 +409,7 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     let found = refitted(&config, &program, &offset);
     assert!(found.fits(), "{offset:?} {:?}", found.breaks);
     // A tilted platform would not be turned with the workpiece.
-    let hexapod = crate::shipped::config("hexapod");
+    let hexapod = test_support::shipped::config("hexapod");
     let tilted = follow(&hexapod, &[rapid(1, [0.0, 0.0, 220.0, 5.0, 0.0, 0.0])]).poses;
     assert!(!tilted.may_turn(&hexapod));
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Random programs: read by LinuxCNC's interpreter and replayed they stay in all limits.
 
-use crate::shipped::{MACHINES, config};
 use program::motion;
 use program::random_program::random_program;
 use program::replay::replay;
+use test_support::shipped::{MACHINES, config};
 
 #[test]
 fn a_random_program_stays_within_the_limits_of_its_machine() {

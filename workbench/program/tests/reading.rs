@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs that mean something else to a reader that is not the control: LinuxCNC alone reads them.
 
-use crate::ini_cases::{Edit, apply};
-use crate::shipped::{cases_of, copied};
 use linuxcnc::process::Options;
 use program::findings::Preflight;
 use program::preflight::judge;
@@ -10,6 +8,8 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fs;
+use test_support::edits::{Edit, apply};
+use test_support::shipped::{cases_of, copied};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,7 +42,7 @@ fn judged(case: &Case) -> Preflight {
     fs::write(&ini, lines.join("\n") + "\n").unwrap();
     let program = folder.path().join("p.ngc");
     fs::write(&program, format!("{}\nM2\n", case.program)).unwrap();
-    let config = crate::shipped::first_of(&ini);
+    let config = test_support::shipped::first_of(&ini);
     judge(&config.clone().into(), &program, &Options::default(), &mut |_| ()).unwrap().found
 }
 

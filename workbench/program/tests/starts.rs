@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Mistakes that LinuxCNC refuses at its start: none of them fits together, and what starts is not refused.
 
-use crate::ini_cases::{Edit, apply};
-use crate::shipped::{MACHINES, cases_of, copied, whole};
 use check::report::check;
 use machine::read::diagnostic::Severity;
 use machine::read::machine::MachineConfig;
@@ -11,6 +9,8 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
+use test_support::edits::{Edit, apply};
+use test_support::shipped::{MACHINES, cases_of, copied, whole};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

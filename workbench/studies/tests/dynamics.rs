@@ -2,7 +2,6 @@
 //! Modes, receptance and geometric stiffness, against independent figures, closed forms and the
 //! stiffness study.
 
-use crate::shipped::{MACHINES, config};
 use kinematics::leg::CrankGeometry;
 use kinematics::{
     Geometry, LegGeometry, LegKind, Letters, MAX_LEGS, Machine, Matrix3, Pose, Vector3,
@@ -23,6 +22,7 @@ use studies::dynamics::structure::{LegAt, Structure, body_mass, geometric};
 use studies::study::file::Study;
 use studies::study::springs::Springs;
 use studies::study::stiffness::Stiffness;
+use test_support::shipped::{MACHINES, config};
 
 /// Closed forms and figures of 13 digits; roundings of an eigenvalue, 1e-13 of the largest, which is
 /// thirty times the smallest.

@@ -3,7 +3,6 @@
 //! independent figures.
 
 use crate::dynamics::{GENERAL, STRUTS, SYMMETRIC, TOOL, close, hexapod, model, with_tool};
-use crate::shipped::{MACHINES, cases, config};
 use kinematics::{Matrix3, Pose, Vector3};
 use machine::proof::axis_box;
 use machine::read::mechanism::Mechanism;
@@ -30,6 +29,7 @@ use studies::dynamics::simulation::Simulation;
 use studies::dynamics::structure::Structure;
 use studies::study::file::Study;
 use studies::study::springs::Spring;
+use test_support::shipped::{MACHINES, cases, config};
 
 #[derive(Deserialize)]
 struct File {

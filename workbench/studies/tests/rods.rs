@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Where the legs are, against independent figures and closed loops.
 
-use crate::shipped::{MACHINES, config};
 use kinematics::{Pose, Vector3};
 use machine::proof::axis_box;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use studies::study::rods::{Rods, View};
+use test_support::shipped::{MACHINES, config};
 
 /// Lengths near 1000 mm with some roundings of 1e-13.
 const LENGTH_MM: f64 = 1e-9;

@@ -2,7 +2,6 @@
 //! What errors of the joints do to the pose, against independent figures, differences of the core's
 //! forward kinematics, and draws.
 
-use crate::shipped::{MACHINES, config};
 use kinematics::{LEAST_DRIVE, Letter, Pose, Solver, Vector3};
 use machine::proof::axis_box;
 use machine::read::mechanism::Mechanism;
@@ -10,6 +9,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use studies::study::file::{Law, Study};
 use studies::study::sensitivity::{Kind, Sensitivity, monte_carlo, near, ratios};
+use test_support::shipped::{MACHINES, config};
 
 const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 

@@ -2,7 +2,6 @@
 //! Stiffness at the tool tip, against independent figures, the formulas of paper 004, differences
 //! of the core, and symmetry.
 
-use crate::shipped::{MACHINES, config};
 use kinematics::{LegKind, Matrix3, Pose, Solver, Vector3};
 use machine::proof::axis_box;
 use machine::read::mechanism::Mechanism;
@@ -16,6 +15,7 @@ use studies::study::map::Map;
 use studies::study::sensitivity::Sensitivity;
 use studies::study::springs::{Spring, Springs};
 use studies::study::stiffness::{Stiffness, with_platform};
+use test_support::shipped::{MACHINES, config};
 
 /// N/mm.
 const STRUT: f64 = 1e4;

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Workspaces against independent figures, two volumes, and symmetry.
 
-use crate::shipped::config;
+use kinematics::{Gap, Pose};
 use kinematics::{Limit, Part, Vector3};
 use machine::read::mechanism::Mechanism;
 use studies::study::body::{Body, Effort, counted, csv, mesh_volume, obj};
 use studies::study::file::Study;
 use studies::study::slice::{Plane, Slice};
+use studies::study::workspace::Stand;
 use studies::study::workspace::{Border, Workspace, tilts};
+use test_support::shipped::{config, whole};
 
 fn level<'a>(config: &'a Mechanism, study: &Study) -> Workspace<'a> {
     Workspace::new(config, config.spindle, vec![[0.0; 3]], study).unwrap()
@@ -227,7 +229,7 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     assert!(Workspace::new(&config, config.spindle, vec![tilt], &other).is_ok());
     let told = Workspace::new(&limited, config.spindle, vec![tilt], &other).err().unwrap();
     assert!(told.to_string().starts_with("platform_axes: leg 4 has a pyramid"), "{told}");
-    let rods = crate::shipped::config("linear-delta");
+    let rods = test_support::shipped::config("linear-delta");
     let told = Workspace::new(&rods, rods.spindle, vec![[0.0; 3]], &study).err().unwrap();
     assert_eq!(told.to_string(), "platform_pyramid_deg: leg 0 has no axis; name platform_axes");
 }
@@ -284,4 +286,49 @@ fn any_number_of_threads_sees_the_same() {
         })
     };
     assert_eq!(seen(1), seen(3));
+}
+
+#[test]
+fn a_workspace_beside_the_other_one_ends_where_the_clearance_is_lost() {
+    let first = config("lathe-mirrored");
+    let second = whole("lathe-mirrored").mechanism(2).unwrap();
+    let space =
+        |config| Workspace::new(config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
+    let home = first.home_pose().position;
+    let beside = [Stand::Home, Stand::Anywhere]
+        .map(|stand| space(&first).beside(&first, &second, stand).unwrap());
+    let alone = space(&first);
+    let exit = |space: &Workspace, way: Vector3<f64>| space.ray(&home, &way, 5.0);
+    // Carriages of both run on one rail, and Z moves one of them.
+    let gap = |one: &Pose, other: &Pose| {
+        let [one, other] = [(&first, one), (&second, other)]
+            .map(|(config, pose)| config.machine.at(pose, &config.spindle).unwrap());
+        Gap::between(&one, &other).distance
+    };
+    let ray = exit(&beside[0], Vector3::z());
+    let expected = gap(&first.home_pose(), &second.home_pose()) - 150.0;
+    assert!((ray.exit() - expected).abs() < 1e-6 && ray.limit.is_between, "{ray:?} {expected}");
+    assert!(exit(&alone, Vector3::z()).exit() > expected + 50.0);
+    assert_eq!(exit(&beside[0], -Vector3::z()), exit(&alone, -Vector3::z()));
+    // Wherever the other one stands is never more; from the far end of Z on, where that is inside.
+    let from = beside[1].place_inside().expect("a corner is clear of it");
+    let ray = beside[1].ray(&from, &Vector3::z(), 5.0);
+    let end = Pose { position: from + Vector3::z() * ray.exit(), angles: Vector3::zeros() };
+    let axes = &second.axes;
+    let corners = (0..16).map(|n| {
+        let side = |bit: usize, k: usize| if n >> bit & 1 == 0 { axes[k].min } else { axes[k].max };
+        Pose::from_degrees([side(0, 0), side(1, 1), side(2, 2), 0.0, side(3, 4), 0.0])
+    });
+    let reached = corners.filter(|pose| second.machine.inverse(pose, &second.spindle).is_ok());
+    let least = reached.map(|pose| gap(&end, &pose)).fold(f64::INFINITY, f64::min);
+    assert!((least - 150.0).abs() < 1e-6 && ray.limit.is_between, "{least} {ray:?}");
+    let volumes = [&alone, &beside[0], &beside[1]].map(|space| {
+        let effort = Effort { bands: 16, step: space.extent() / 100.0, grid: 8, progress: &|_| () };
+        Body::seen(space, from, &effort).unwrap().volume()
+    });
+    println!(
+        "alone {:.0}, beside the other at home {:.0}, anywhere {:.0}",
+        volumes[0], volumes[1], volumes[2]
+    );
+    assert!(volumes[0] > 1.05 * volumes[1] && volumes[1] > 1.05 * volumes[2], "{volumes:?}");
 }

@@ -3,11 +3,11 @@
 
 mod case;
 
-use crate::shipped::{MACHINES, cases_of, configs, folder};
 use case::{Case, Outcome};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use test_support::shipped::{MACHINES, cases_of, configs, folder};
 
 fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> =

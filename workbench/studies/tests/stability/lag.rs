@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Paper 002's two links, with the masses, dampings and stiffnesses printed there.
 
-use super::{close, golden, number, row, rows};
+use super::example;
 use nalgebra::{Complex, ComplexField, DMatrix};
 use studies::stability::lag::{Crossing, Lag, Term};
 use studies::stability::partition::{CHORD, Point, chordal, regions};
 use studies::stability::response::unwrapped;
+use studies::stability::system::Adjustment;
+use test_support::stability::{close, golden, number, row, rows};
 
 /// Both are solutions of a polynomial with 16 digits; conditions are below 1e5.
 const CROSSING: f64 = 1e-9;
+
 /// Closed forms: some roundings, and the square root of them where a curve is flat.
 const CLOSED: f64 = 1e-10;
 
@@ -350,4 +353,34 @@ fn many_terms_have_all_their_crossings_and_a_certified_limit() {
         assert!(found.iter().any(|found| is_it(&found)), "{seen:?}");
     }
     assert!(many.limit().is_certified);
+}
+
+#[test]
+fn width_and_depth_of_the_chip_are_those_of_the_formulas() {
+    let chip = |factor: f64| {
+        let text = example("paper-002.toml").replace("factor = 1.4", &format!("factor = {factor}"));
+        studies::study::file::Study::parse(&text).unwrap().chip.unwrap()
+    };
+    let widths = rows("dpartition", "chip_b_1p4_1p3");
+    for (stiffness, expected) in [3823.0, 1526.0].into_iter().zip(widths) {
+        close(chip(1.4).width(stiffness), expected[0], 1e-12);
+        close(chip(1.3).width(stiffness), expected[1], 1e-12);
+    }
+    close(chip(1.4).depth(3823.0), number(golden("dpartition", "chip_t_opt_1p4")), 1e-12);
+}
+
+#[test]
+fn the_first_link_yields_with_its_overhang_as_the_formula_says() {
+    let study = studies::study::file::Study::parse(&example("paper-002.toml")).unwrap();
+    for expected in rows("dpartition", "overhang_l_delta_k1_omega_K_T_3ms") {
+        let stiffness = study.overhang.unwrap().stiffness(expected[0]);
+        close(1.0 / stiffness, expected[1], 1e-12);
+        close(stiffness, expected[2], 1e-12);
+        let own = Adjustment::of(&study, Some(expected[0])).unwrap().lag;
+        let limit = own.limit();
+        let crossing = limit.crossing.unwrap();
+        close(crossing.omega, expected[3], 1e-9);
+        close(crossing.stiffness, expected[4], 1e-9);
+        assert!(limit.is_certified);
+    }
 }

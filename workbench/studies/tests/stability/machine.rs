@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The shipped hexapod: modes from its INI file and a study, stability from both.
 
-use super::{close, golden, row, rows};
-use crate::shipped::config;
+use super::example;
 use kinematics::{Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use nalgebra::ComplexField;
@@ -14,16 +13,21 @@ use studies::stability::path::{Path, Stop};
 use studies::stability::pose::{NoModes, NoSetup, Setup};
 use studies::stability::process::{Row, turned};
 use studies::study::file::Study;
+use test_support::shipped::config;
+use test_support::stability::{close, golden, row, rows};
 
 /// Two programs with 16 digits, through modes of a matrix whose condition is 1e5.
 const ZERO_ORDER: f64 = 1e-7;
+
 /// Depths at which a multiplier with an error of 1e-8 passes 1.
 const DEPTH: f64 = 1e-6;
 
 const LEGS: &str = "[legs]\nstiffness_n_per_um = 10\ndamping_n_s_per_mm = 0.8\n\
                     screw = \"self-locking\"\n";
+
 const PLATFORM: &str = "[platform]\nmass_kg = 25\ncentre_mm = [6, -4, 120]\ninertia_kg_m2 = \
                         [[0.46, 0.02, -0.01], [0.02, 0.43, 0.015], [-0.01, 0.015, 0.60]]\n";
+
 const CUTTING: &str = "[cutting]\nteeth = 2\nentry_deg = 90\nexit_deg = 180\n\
                        kt_n_per_mm2 = 700\nkr_n_per_mm2 = 210\n";
 
@@ -138,10 +142,7 @@ fn the_worst_feed_is_the_least_of_all_directions() {
 #[test]
 fn a_spindle_adds_its_receptance_to_that_of_the_tip() {
     let config = config("hexapod");
-    let spindle = std::fs::read_to_string(
-        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples/spindle.toml"),
-    )
-    .unwrap();
+    let spindle = example("spindle.toml");
     let text = [PLATFORM, LEGS, CUTTING, &spindle].concat();
     let with = Study::parse(&text).unwrap();
     let nose = with.spindle.as_ref().unwrap().nose().unwrap();

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The textbook case of milling: one mode in one direction, or the same mode in both.
 
-use super::{close, golden, number, rows};
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use std::f64::consts::{PI, TAU};
 use studies::dynamics::mode::Mode;
@@ -11,6 +10,7 @@ use studies::stability::lobes::Lobes;
 use studies::stability::process::{Process, Row, milling_rows};
 use studies::stability::semi;
 use studies::study::file::Study;
+use test_support::stability::{close, golden, number, rows};
 
 /// Both are converged to 1e-8; roundings of an eigenvalue.
 const MULTIPLIER: f64 = 1e-8;
@@ -176,7 +176,8 @@ fn limit_depths_are_those_of_an_independent_calculation() {
 fn the_floor_of_the_slot_is_that_of_an_independent_calculation() {
     let lobes = Lobes::new(&in_plane(&modes(true)), &process("1_down"), 5000.0);
     let floor = lobes.floor().unwrap();
-    let expected = super::row(golden("chatter", "milling_2dof_slot_floor_mm_omega"));
+    let expected =
+        test_support::stability::row(golden("chatter", "milling_2dof_slot_floor_mm_omega"));
     close(floor.depth, expected[0], ZERO_ORDER);
     close(floor.omega, expected[1], DEPTH);
 }

@@ -2,7 +2,6 @@
 //! The hexapod of paper 004 at its poses: modes assembled here from its struts, so that what is
 //! tested is cutting alone.
 
-use super::{close, golden, row, rows};
 use nalgebra::{Complex, ComplexField, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 use std::f64::consts::TAU;
 use studies::dynamics::milling::frame;
@@ -14,6 +13,7 @@ use studies::stability::lobes::{Limit, Lobes};
 use studies::stability::process::{Process, Row, milling_rows, receptance};
 use studies::stability::semi;
 use studies::study::file::Study;
+use test_support::stability::{close, golden, row, rows};
 
 /// Two ways to the zero of one function.
 const ZERO_ORDER: f64 = 1e-7;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A beam on two elastic supports, against closed forms.
 
-use super::close;
 use std::f64::consts::{PI, TAU};
 use studies::stability::spindle::{NoSpindle, Nose};
 use studies::study::file::Study;
 use studies::study::spindle::Spindle;
+use test_support::stability::close;
 
 /// Forces at the ends of elements: exact but for rounding, of a matrix whose condition is 1e10.
 const STATIC: f64 = 1e-6;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Turning with one mode, whose lobes have a closed form.
 
-use super::{close, golden, row, rows};
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 use studies::dynamics::mode::Mode;
@@ -9,6 +8,7 @@ use studies::stability::floquet::Period;
 use studies::stability::lobes::Lobes;
 use studies::stability::process::{Process, Row, turning_rows};
 use studies::study::file::Study;
+use test_support::stability::{close, golden, row, rows};
 
 /// k, natural frequency in rad/s, ζ, Kf.
 fn values() -> [f64; 4] {

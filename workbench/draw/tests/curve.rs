@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Pictures of curves as programs.
+
+use draw::curve::of_route;
+use paths::file::PathFile;
+use paths::route::route;
+use test_support::shipped::config;
+
+/// Two pencils of lines through the ends of a diameter meet on a circle.
+const CIRCLE: &str = "
+[parameters]
+R = 80
+[curve]
+alpha = 'y - t*(x + R)'
+beta = '(x - R) + t*y'
+start_mm = [80, 0]
+t = [0, 1]
+[laws]
+speed_mm_per_s = 20
+[tolerance]
+chord_mm = 0.01
+angle_deg = 0.02
+[program]
+moves = 'lines'
+zero_mm = [0, 0, 200]
+";
+
+#[test]
+fn pictures_of_a_route_show_families_split_and_joints() {
+    let config = config("pyramid");
+    let found = route(&config, &PathFile::parse(CIRCLE).unwrap()).unwrap();
+    let plots = of_route(&config, &found).unwrap();
+    let names: Vec<&str> = plots.iter().map(|plot| plot.file.as_str()).collect();
+    let expected = ["families-net.svg", "families-surfaces.svg", "split.svg", "split-tilts.svg"];
+    assert_eq!(names[..4], expected);
+    assert_eq!(
+        names[4..],
+        ["carriages.svg", "carriages-speeds.svg", "table-axes.svg", "table-axes-speeds.svg"]
+    );
+    // Nine parameters: their points are on the picture, beside that of the legend.
+    assert_eq!(plots[0].svg.matches("<circle").count(), 10);
+}

@@ -1,0 +1,7 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! All tests of the crate from outside in one program, which is linked once.
+
+mod curve;
+mod drawings;
+mod ngcgui;
+mod typical;

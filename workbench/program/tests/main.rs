@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! All tests of the crate from outside in one program, which is linked once.
+
+mod axis_limits;
+mod chain;
+mod correction;
+mod course;
+mod extra_axes;
+mod motion;
+mod path;
+mod preflight;
+mod random_program;
+mod reading;
+mod replay;
+mod starts;
+mod travel;
+mod two_mechanisms;

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm cut`: forces of the drives, deflection and chip against other ways to them, one pass that loses
+//! no peak, and the command as it is used.
+
+use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
+use linuxcnc::row::{Beside, Extra, Flags, Row};
+use machine::read::mechanism::Mechanism;
+use std::collections::BTreeMap;
+use studies::cut::moment::{Moment, Subject, cutter_frame};
+use studies::cut::pass::Pass;
+use studies::cut::program::Line;
+use studies::cut::teeth::Teeth;
+use studies::dynamics::capacity::Capacity;
+use studies::dynamics::model::Model;
+use studies::study::file::Study;
+use studies::study::sensitivity::Sensitivity;
+use studies::study::springs::Springs;
+use studies::study::stiffness::Stiffness;
+use test_support::CUT as STUDY;
+use test_support::shipped::config;
+
+const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 100.0);
+
+/// Rounding of products of matrices of a condition of a thousand.
+const ROUNDED: f64 = 1e-9;
+
+fn subject<'a>(config: &'a Mechanism, text: &str) -> Subject<'a> {
+    let study = Study::parse(text).unwrap();
+    let cutter = study.cutting.unwrap();
+    Subject {
+        config,
+        model: Model::of(config, &study).unwrap(),
+        drives: Capacity::of(config, &study).unwrap(),
+        teeth: Teeth::of(&cutter, study.milling.as_ref(), cutter.depth_mm.unwrap()),
+    }
+}
+
+/// A moment of a cut at rest.
+fn cut(pose: [f64; 6]) -> Moment {
+    let feed = Vector3::new(3.0, 2.0, 0.5);
+    Moment { line: 1, poses: [pose; 3], tool: TOOL, speed: 10.0, feed, rpm: Some(6000.0) }
+}
+
+#[track_caller]
+fn close(found: f64, expected: f64, size: f64) {
+    assert!((found - expected).abs() < ROUNDED * size, "{found} {expected}");
+}
+
+#[test]
+fn six_struts_of_one_slope_share_the_weight() {
+    let config = config("hexapod");
+    // A thread that takes its own torque turns nothing.
+    let text = STUDY.replace("max_force", "screw = \"self-locking\"\nmax_force");
+    let subject = subject(&config, &text);
+    let pose = [0.0, 0.0, 300.0, 0.0, 0.0, 0.0];
+    let judged = subject.judge(&Moment { rpm: None, ..cut(pose) }).unwrap();
+    let at = config.machine.at(&Pose::from_degrees(pose), &TOOL).unwrap();
+    let slope = at.segments()[0].span().normalize().z;
+    // 6 f nz = m g; all struts hang or stand alike.
+    for [low, high] in judged.drives {
+        close(low, 2.0 * 9.80665 / (6.0 * slope), 1.0);
+        assert_eq!(low, high);
+    }
+    assert_eq!((judged.chip, judged.force, judged.lag.norm()), (None, 0.0, 0.0));
+}
+
+#[test]
+fn a_drive_bears_what_virtual_work_asks_of_it_at_every_angle_of_the_cutter() {
+    let config = config("hexapod");
+    let subject = subject(&config, STUDY);
+    let place = [-80.0, 60.0, 350.0, 10.0, -20.0, 0.0];
+    let moment = cut(place);
+    let weight = subject.judge(&Moment { rpm: None, ..moment }).unwrap();
+    let judged = subject.judge(&moment).unwrap();
+    let pose = Pose::from_degrees(place);
+    let gain =
+        Sensitivity::at(&config, &pose, &TOOL, config.machine.radius()).unwrap().unwrap().gain;
+    let frame = cutter_frame(&moment.feed, &pose);
+    // 10 mm/s, two teeth, a hundred turns a second.
+    let chip = 0.05;
+    close(judged.chip.unwrap(), chip, 1.0);
+    for (i, [low, high]) in judged.drives.iter().enumerate() {
+        // A small motion dq of one drive moves the tip by gain dq: f dq + F gain dq = 0.
+        let work = |force: Vector3<f64>| -> f64 {
+            let force = frame * force;
+            weight.drives[i][0] - (0..3).map(|k| force[k] * gain[(k, i)]).sum::<f64>()
+        };
+        let all: Vec<f64> = subject.teeth.forces(chip).map(work).collect();
+        close(*low, all.iter().copied().fold(f64::INFINITY, f64::min), 100.0);
+        close(*high, all.iter().copied().fold(f64::NEG_INFINITY, f64::max), 100.0);
+        assert!(low < high);
+    }
+}
+
+#[test]
+fn the_tool_yields_by_the_compliance_of_the_stiffness_study() {
+    for (machine, place) in [
+        ("hexapod", [-80.0, 60.0, 350.0, 10.0, -20.0, 0.0]),
+        ("linear-delta", [20.0, -30.0, 40.0, 0.0, 0.0, 0.0]),
+        ("pyramid", [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    ] {
+        let config = config(machine);
+        let table = "[table]\nstiffness_n_per_um = 50\nmass_kg = 80\ndamping_ratio = 0.02\n";
+        let text = format!("{STUDY}{table}");
+        let place = if machine == "pyramid" { config.home } else { place };
+        let subject = subject(&config, &text);
+        let moment = Moment { tool: config.spindle, ..cut(place) };
+        let judged = subject.judge(&moment).unwrap();
+        let springs = Springs::of(&config, &Study::parse(&text).unwrap()).unwrap();
+        let pose = Pose::from_degrees(place);
+        let found = Stiffness::at(&config, &pose, &config.spindle, &springs).unwrap().unwrap();
+        let force = cutter_frame(&moment.feed, &pose) * subject.teeth.mean(judged.chip.unwrap());
+        let compliance = found.compliance.fixed_view::<3, 3>(0, 0).into_owned();
+        let expected = compliance * force;
+        assert!(expected.norm() > 1e-6, "{machine} {expected}");
+        let off = (judged.deflection - expected).norm();
+        assert!(off < ROUNDED * expected.norm(), "{machine} {} {expected}", judged.deflection);
+    }
+}
+
+#[test]
+fn inertia_moves_the_tool_as_the_force_that_speeds_it_up() {
+    let config = config("linear-delta");
+    let subject = subject(&config, STUDY);
+    // The platform turns nowhere: its inertia is a force -m a on any of its points.
+    let (period, acceleration) = (config.period, 3000.0);
+    let step = acceleration * period * period / 2.0;
+    let pose = |x: f64| [x, 0.0, 50.0, 0.0, 0.0, 0.0];
+    let poses = [pose(step), pose(0.0), pose(step)];
+    let judged = subject.judge(&Moment { poses, tool: config.spindle, ..cut(pose(0.0)) }).unwrap();
+    let springs = Springs::of(&config, &Study::parse(STUDY).unwrap()).unwrap();
+    let pose = Pose::from_degrees(pose(0.0));
+    let found = Stiffness::at(&config, &pose, &config.spindle, &springs).unwrap().unwrap();
+    let compliance = found.compliance.fixed_view::<3, 3>(0, 0).into_owned();
+    // 2 kg are 0.002 t.
+    let expected = compliance * Vector3::new(-0.002 * acceleration, 0.0, 0.0);
+    let off = (judged.lag - expected).norm();
+    // The second difference of places of 50 mm that differ by a nanometre and more.
+    assert!(off < 1e-6 * expected.norm(), "{} {expected}", judged.lag);
+}
+
+#[test]
+fn the_harmonics_of_the_teeth_add_up_to_their_force() {
+    let cutting = Study::parse(STUDY).unwrap().cutting.unwrap();
+    let teeth = Teeth::of(&cutting, None, 0.1);
+    let chip = 0.05;
+    let mean = teeth.mean(chip);
+    // A slot with two teeth has no steps: its force is one of the first two harmonics but for that along
+    // the axis, a half sine whose third harmonic is 2 %.
+    let parts: Vec<_> = (1..=20).map(|k| teeth.harmonic(chip, k)).collect();
+    let largest = teeth.forces(chip).map(|force| (force - mean).norm()).fold(0.0, f64::max);
+    let found = Teeth::swing(&parts);
+    assert!((found / largest - 1.0).abs() < 1e-2, "{found} {largest}");
+    // In the plane of a slot Ft = K h is a sine of twice the angle: h sin, h cos over half a turn.
+    let [kt, kr] = [700.0, 200.0].map(|k: f64| k * 0.1 * chip / 2.0);
+    let amplitude = parts[0].map(|part| part.re.hypot(part.im));
+    for k in [0, 1] {
+        close(amplitude[k], kt.hypot(kr), 1.0);
+    }
+}
+
+fn row(cycle: u64, x: f64) -> Row {
+    let joints: Joints = [0.0; MAX_JOINTS];
+    Row {
+        cycle,
+        file: 0,
+        number: 0,
+        line: 7,
+        flags: Flags { on: true, tool_busy: false, held: false },
+        pose: [x, 0.0, 50.0, 0.0, 0.0, 0.0],
+        joints,
+        errors: joints,
+        allowed: joints,
+        extra: Extra::default(),
+        second: Beside::default(),
+        tool: [0.0; 3],
+        feed: 1.0,
+    }
+}
+
+#[test]
+fn a_peak_of_one_cycle_is_not_lost_in_one_pass() {
+    let config = config("linear-delta");
+    let subject = subject(&config, STUDY);
+    let lines = BTreeMap::from([(7, Line { feed: 1000.0, rpm: 6000.0 })]);
+    // 10 mm/s, and once 1 um beside it: an acceleration of 2 m/s² in one cycle.
+    let x = |k: u64| 0.01 * k as f64 * config.period / 1e-3 + if k == 777 { 1e-3 } else { 0.0 };
+    let found = |bump: u64| {
+        let mut pass = Pass::new(&subject, &lines);
+        for k in 0..2000 {
+            let shift = if k == 777 { bump as f64 * 1e-3 - 1e-3 } else { 0.0 };
+            pass.see(&row(k, x(k) + shift)).unwrap();
+        }
+        pass.finish().unwrap()
+    };
+    let (calm, jerky) = (found(0), found(1));
+    assert!(calm.peaks[3].as_ref().unwrap().value < 1e-9);
+    let peak = jerky.peaks[3].as_ref().unwrap();
+    assert!(peak.value > 1e-4 && peak.judged.line == 7, "{}", peak.value);
+    assert!((peak.judged.pose[0] - x(777)).abs() < 1e-12);
+    // Every cycle counts as time, and one of ten is judged.
+    assert_eq!((jerky.lines[&7].cycles, jerky.cutting), (1998, 1998));
+    assert_eq!(jerky.judged, 200);
+}

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Stability in the cut, against values computed elsewhere, closed forms, and itself in two ways.
+
+mod lag;
+mod machine;
+mod milling;
+mod poses;
+mod spindle;
+mod turning;
+
+use test_support::shipped::root;
+
+/// Returns a study of docs/examples.
+pub fn example(name: &str) -> String {
+    std::fs::read_to_string(root().join("docs/examples").join(name)).unwrap()
+}
