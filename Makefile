@@ -69,7 +69,7 @@ PLACES = $(SO)=$(MODULES)/pkmkins.so \
     $(foreach f,$(wildcard configs/*/README.md),$(f)=$(EXAMPLES)/$(f:configs/%.md=%)) \
     $(foreach f,$(VIEWERS),$(f).1=$(MANUALS)/man1/$(notdir $(f)).1) \
     kinsmodule/pins/pkmkins-pins.1=$(MANUALS)/man1/pkmkins-pins.1 \
-    docs/pkmkins.9=$(MANUALS)/man9/pkmkins.9
+    docs/reference/pkmkins.9=$(MANUALS)/man9/pkmkins.9
 # Folders that are ours alone: none of them is left when it is empty.
 OUR_FOLDERS := $(NGC_LIB) $(VIEWER_SHARE) $(EXAMPLES)
 
@@ -201,7 +201,7 @@ check: setup site
 	$(call HAS,clippy,$(WITH_CLIPPY) $(CARGO) check $(LOCKED) --profile host --workspace --all-targets)
 	$(WITH_CLIPPY) RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --lib --no-deps --quiet
 	$(CARGO) xtask header
-	git diff --exit-code -- include docs/causes.md docs/keys.md docs/pkmkins.9 viewer/pkmkins_causes.py
+	git diff --exit-code -- include docs/reference/causes.md docs/reference/keys.md docs/reference/pkmkins.9 viewer/pkmkins_causes.py
 
 # What fails in front of tee fails the target.
 bench: private SHELL := /bin/bash
@@ -347,7 +347,7 @@ SUITE := bookworm
 test-deb:
 	tests/deb/run.sh $(SUITE)
 
-# See docs/upgrading.md for what a version promises.
+# See docs/reference/promises.md for what a version promises.
 release:
 	packaging/release.sh
 

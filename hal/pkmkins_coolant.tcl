@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A coolant pump that is switched off where it is too hot, for pkmkins. See docs/drives.md.
+# A coolant pump that is switched off where it is too hot, for pkmkins. See docs/guide/drives.md.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #

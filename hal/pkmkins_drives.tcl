@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What the HAL files for real drives have in common, for pkmkins; they source it. See docs/drives.md.
+# What the HAL files for real drives have in common, for pkmkins; they source it. See docs/guide/drives.md.
 #
 # Loads the kinematics and the motion controller, wires the chain of the emergency stop, enables, faults,
 # limit and home switches, and what is missing in the INI file is said before LinuxCNC starts.

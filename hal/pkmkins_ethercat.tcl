@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # EtherCAT drives that follow a position in every cycle (CiA 402, mode CSP), for pkmkins. See
-# docs/drives.md. Needs two components that LinuxCNC does not ship: lcec (linuxcnc-ethercat) and cia402
+# docs/guide/drives.md. Needs two components that LinuxCNC does not ship: lcec (linuxcnc-ethercat) and cia402
 # (hal-cia402).
 #
 # In the INI file, before LIB:pkmkins.tcl:

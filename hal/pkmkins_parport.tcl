@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Step and direction from a parallel port, made by LinuxCNC itself (stepgen), for pkmkins. See
-# docs/drives.md.
+# docs/guide/drives.md.
 #
 # In the INI file, before LIB:pkmkins.tcl:
 #

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A spindle on an inverter with an analogue input for its speed, for pkmkins. See docs/drives.md.
+# A spindle on an inverter with an analogue input for its speed, for pkmkins. See docs/guide/drives.md.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #

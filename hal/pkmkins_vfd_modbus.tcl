@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # A spindle on an inverter that takes its speed over a serial line (RS-485), for pkmkins: Huanyang's own
-# protocol, which LinuxCNC's hy_vfd speaks. See docs/drives.md, there of inverters with Modbus proper as well.
+# protocol, which LinuxCNC's hy_vfd speaks. See docs/guide/drives.md, there of inverters with Modbus proper as well.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #

@@ -87,7 +87,7 @@ strip "$stage/pkmkins/usr/bin/pkmkins-pins"
 # It has the libraries of the module as well.
 documents pkmkins kinsmodule/pins "$revision"
 set --
-[ "$series" = 2.9 ] || set -- --variant "$series"
+[ "$series" = "$(sed -n 's/^version = "\(.*\)"$/\1/p;T;q' workbench/linuxcnc/versions.toml)" ] || set -- --variant "$series"
 CARGO_TARGET_DIR=target/module packed pkmkins usr/lib/linuxcnc/modules/pkmkins.so "$revision" "$@"
 
 lay_out install-pkm PKM=target/deb/pkm DESTDIR="$stage/pkm" PREFIX=/usr

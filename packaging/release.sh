@@ -11,7 +11,7 @@ set -eu
 cd "$(dirname "$0")/.."
 
 # The oldest first.
-SUITES="bookworm trixie"
+SUITES=$(sed -n 's/^debian = \[\(.*\)\]$/\1/p;T;q' workbench/linuxcnc/versions.toml | tr -d '",')
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)
 out=$PWD/build/release
 
@@ -32,11 +32,11 @@ grep -qFx "## [$version] - ${date:=$(date +%F)}" CHANGELOG.md ||
     missing "CHANGELOG.md has no section \"## [$version] - $date\", with the date of the tag, or today's for one to come"
 awk '/^## \[Unreleased\]/ { found = 1; next } /^## / { exit } found && NF { exit 1 }' CHANGELOG.md ||
     missing "CHANGELOG.md has entries above [$version]: they are not in this release"
-grep -q "\"pkmkins $version\"" docs/pkmkins.9 || missing "docs/pkmkins.9 names another version than $version"
+grep -q "\"pkmkins $version\"" docs/reference/pkmkins.9 || missing "docs/reference/pkmkins.9 names another version than $version"
 while read -r of; do
-    grep -q "^## \[$of\]" CHANGELOG.md || missing "docs/names.txt has names of $of, which CHANGELOG.md does not have: cargo xtask names"
+    grep -q "^## \[$of\]" CHANGELOG.md || missing "docs/reference/names.txt has names of $of, which CHANGELOG.md does not have: cargo xtask names"
 done <<END
-$(sed '/^#/d; s/ .*//' docs/names.txt | sort -u)
+$(sed '/^#/d; s/ .*//' docs/reference/names.txt | sort -u)
 END
 [ -z "${lacks:-}" ] || exit 1
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Shapes from STL and OBJ files, as triangles: docs/scene.md."""
+"""Shapes from STL and OBJ files, as triangles: docs/reference/view.md."""
 
 import os
 import struct

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Why something was refused, in words, for a panel of PyVCP: docs/panel.md.
+"""Why something was refused, in words, for a panel of PyVCP: docs/guide/panel.md.
 
 PyVCP has no widget that shows a text from HAL. The panel's label therefore has a variable of its own,
 which this keeps up to date from pins that it reads by name.

@@ -5,7 +5,7 @@
     pkmkins_pins.py MACHINE.ini
 
 writes one object a line, 25 of them a second, to standard output, until LinuxCNC or the reader of that output
-ends; docs/live.md lists the fields. Without a running LinuxCNC it ends at once. It has a HAL component without pins,
+ends; docs/reference/view.md lists the fields. Without a running LinuxCNC it ends at once. It has a HAL component without pins,
 whose name is pkm-live and the number of the process. LinuxCNC ends it as it ends its other components, so that a
 program that outlives LinuxCNC starts it as a process of its own. It reads pins by name, writes nothing into HAL, and
 takes no message from LinuxCNC's operator interface.

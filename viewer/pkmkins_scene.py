@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A machine as `pkm scene` describes it, and where its parts are: docs/scene.md.
+"""A machine as `pkm scene` describes it, and where its parts are: docs/reference/view.md.
 
 No kinematics: lower ends of legs follow from joint values, upper ends from the pose.
 Vectors are tuples of three, machine units; angles are degrees.

@@ -87,7 +87,7 @@ calibration-demo() {
     tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration
 }
 
-## getting-started: runs the commands of docs/getting-started.md and writes their times there
+## getting-started: runs the commands of docs/guide/getting-started.md and writes their times there
 getting-started() {
     make install
     tests/live/live_test.py --only getting_started --out build/getting-started
@@ -158,7 +158,7 @@ virtual() { make virtual; }
 generated() { make generated; }
 ## header: writes the C header, the causes and the INI keys of the documents from their tables
 header() { cargo run "${host[@]}" --bin header -- .; }
-## names: writes docs/names.txt, the names that people depend on; refuses where a released one is gone
+## names: writes docs/reference/names.txt, the names that people depend on; refuses where a released one is gone
 names() { make setup module && PKMKINS_WRITE_NAMES=1 cargo test "${host[@]}" -p abi-tests --test abi released::; }
 ## page [--check]: builds the code of the page of pkm view, or compares it with what is there
 page() { make setup-page && node page/build.mjs "$@"; }

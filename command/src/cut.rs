@@ -30,7 +30,7 @@ use studies::study::file::Study;
 ///     [cutting]
 ///     depth_mm = 0.5               # and what `pkm stability pose` needs
 ///     [legs]
-///     max_force_n = 2000           # what each drive can do; docs/cut.md has all keys
+///     max_force_n = 2000           # what each drive can do; docs/studies/cut.md has all keys
 ///
 ///     pkm cut hexapod.ini part.ngc --study cut.toml --report part.html
 ///

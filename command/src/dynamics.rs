@@ -62,7 +62,7 @@ const BEYOND: f64 = 1.5;
 ///     corner_hz = 150                  # or band_hz and band_quality
 ///     seconds = 5
 ///
-/// docs/dynamics.md has all keys.
+/// docs/studies/dynamics.md has all keys.
 ///
 /// Exit status: 0, 1 where the legs do not hold the platform there or LinuxCNC stops the program, 2 where
 /// input or output failed.

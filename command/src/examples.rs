@@ -32,7 +32,7 @@ const PAGES: &[Page] = &[
             ("pkm preflight hexapod.ini part.ngc", "does a program fit it?"),
             ("pkm help preflight", "what a subcommand does, with its options"),
         ],
-        &["new", "check", "preflight", "docs/pkm.md", "docs/json.md"],
+        &["new", "check", "preflight", "docs/reference/pkm.md", "docs/reference/json.md"],
     ),
     page(
         "new",
@@ -49,7 +49,7 @@ const PAGES: &[Page] = &[
                 "struts between anchors of a table; - for standard input",
             ),
         ],
-        &["check", "view", "preflight", "docs/pkm.md"],
+        &["check", "view", "preflight", "docs/reference/pkm.md"],
     ),
     page(
         "check",
@@ -60,7 +60,7 @@ const PAGES: &[Page] = &[
             ("pkm check hexapod.ini --fix", "what would put the file right, as a diff"),
             ("pkm check hexapod.ini --fix --write", "writes that into the file"),
         ],
-        &["homing", "boxes", "preflight", "docs/pkm.md", "docs/drives.md"],
+        &["homing", "boxes", "preflight", "docs/reference/pkm.md", "docs/guide/drives.md"],
     ),
     page(
         "homing",
@@ -68,7 +68,7 @@ const PAGES: &[Page] = &[
             ("pkm homing hexapod.ini", "does the way home keep the limits of the legs?"),
             ("pkm homing hexapod.ini --html home.html", "shows the worst way in a browser"),
         ],
-        &["check", "view", "docs/homing.md"],
+        &["check", "view", "docs/guide/homing.md"],
     ),
     page(
         "preflight",
@@ -84,12 +84,12 @@ const PAGES: &[Page] = &[
                 "a program from standard input",
             ),
         ],
-        &["run", "filter", "view", "docs/preflight.md", "docs/json.md"],
+        &["run", "filter", "view", "docs/reference/preflight.md", "docs/reference/json.md"],
     ),
     page(
         "filter",
         &[("pkm filter part.ngc --machine hexapod.ini", "the program, if it fits the machine")],
-        &["preflight", "docs/preflight.md"],
+        &["preflight", "docs/reference/preflight.md"],
     ),
     page(
         "joints",
@@ -114,7 +114,7 @@ const PAGES: &[Page] = &[
             ("pkm run hexapod.ini part.ngc", "what LinuxCNC says, and how long it takes"),
             ("pkm run hexapod.ini part.ngc --trace part.csv", "every servo cycle as well"),
         ],
-        &["preflight", "replay", "docs/preflight.md"],
+        &["preflight", "replay", "docs/reference/preflight.md"],
     ),
     page(
         "replay",
@@ -136,17 +136,17 @@ const PAGES: &[Page] = &[
                 "with the joints",
             ),
         ],
-        &["preflight", "docs/paths.md"],
+        &["preflight", "docs/studies/paths.md"],
     ),
     page(
         "scene",
         &[("pkm scene hexapod.ini -o scene.json", "the machine for a viewer")],
-        &["view", "docs/scene.md"],
+        &["view", "docs/reference/view.md"],
     ),
     page(
         "frames",
         &[("pkm frames hexapod.ini -o frames.svg", "the drawing, for a browser or a printer")],
-        &["check", "view", "docs/frames.md"],
+        &["check", "view", "docs/guide/frames.md"],
     ),
     page(
         "view",
@@ -154,12 +154,12 @@ const PAGES: &[Page] = &[
             ("pkm view hexapod.ini part.ngc --html part.html", "a page with machine and program"),
             ("pkm view hexapod.ini part.ngc --video part.mp4", "a video of it"),
         ],
-        &["preflight", "scene", "docs/view.md"],
+        &["preflight", "scene", "docs/reference/view.md"],
     ),
     page(
         "panel",
         &[("pkm panel hexapod.ini", "the panel beside the INI file, and the lines that it needs")],
-        &["travel", "docs/panel.md"],
+        &["travel", "docs/guide/panel.md"],
     ),
     page(
         "travel",
@@ -167,7 +167,7 @@ const PAGES: &[Page] = &[
             ("pkm travel hexapod.ini", "how far the machine can go from home"),
             ("pkm travel hexapod.ini --pose X20 Z300 A5 --tool 0 0 80", "from a pose, with a tool"),
         ],
-        &["joints", "panel", "docs/panel.md"],
+        &["joints", "panel", "docs/guide/panel.md"],
     ),
     page(
         "rods",
@@ -176,7 +176,7 @@ const PAGES: &[Page] = &[
             ("pkm rods hexapod.ini part.ngc --period 0.001 > rods.csv", "in every servo cycle"),
             ("pkm rods hexapod.ini --rows poses.csv --study legs.toml", "at poses of one's own"),
         ],
-        &["replay", "workspace", "docs/pkm.md"],
+        &["replay", "workspace", "docs/studies/machine.md"],
     ),
     page(
         "sensitivity",
@@ -187,7 +187,7 @@ const PAGES: &[Page] = &[
                 "at a pose, and along a program",
             ),
         ],
-        &["stiffness", "calibrate", "docs/pkm.md"],
+        &["stiffness", "calibrate", "docs/studies/machine.md"],
     ),
     page(
         "stiffness",
@@ -198,7 +198,7 @@ const PAGES: &[Page] = &[
                 "at a pose, with maps through it",
             ),
         ],
-        &["dynamics", "sensitivity", "docs/pkm.md"],
+        &["dynamics", "sensitivity", "docs/studies/machine.md"],
     ),
     page(
         "stability",
@@ -208,7 +208,7 @@ const PAGES: &[Page] = &[
             "stability map",
             "stability program",
             "stability lag",
-            "docs/stability.md",
+            "docs/studies/stability.md",
         ],
     ),
     page(
@@ -223,7 +223,7 @@ const PAGES: &[Page] = &[
                 "at a pose, with its map of speeds",
             ),
         ],
-        &["stability map", "dynamics", "docs/stability.md"],
+        &["stability map", "dynamics", "docs/studies/stability.md"],
     ),
     page(
         "stability map",
@@ -231,7 +231,7 @@ const PAGES: &[Page] = &[
             "pkm stability map hexapod.ini --study cutting.toml --plane xy --grid 100 --plots plots",
             "over a plane through home",
         )],
-        &["stability pose", "docs/stability.md"],
+        &["stability pose", "docs/studies/stability.md"],
     ),
     page(
         "stability program",
@@ -239,7 +239,7 @@ const PAGES: &[Page] = &[
             "pkm stability program hexapod.ini part.ngc --study cutting.toml --csv depths.csv",
             "the line that comes nearest to chatter",
         )],
-        &["stability pose", "cut", "docs/stability.md"],
+        &["stability pose", "cut", "docs/studies/stability.md"],
     ),
     page(
         "stability lag",
@@ -247,12 +247,12 @@ const PAGES: &[Page] = &[
             "pkm stability lag --study cutting.toml --overhang 500 300 --plots plots",
             "two overhangs beside each other",
         )],
-        &["stability spindle", "docs/stability.md"],
+        &["stability spindle", "docs/studies/stability.md"],
     ),
     page(
         "stability spindle",
         &[("pkm stability spindle --study spindle.toml --overhang 32 90", "for two tools")],
-        &["stability lag", "docs/stability.md"],
+        &["stability lag", "docs/studies/stability.md"],
     ),
     page(
         "dynamics",
@@ -263,7 +263,7 @@ const PAGES: &[Page] = &[
                 "at a pose, under a random force",
             ),
         ],
-        &["stiffness", "stability", "docs/dynamics.md"],
+        &["stiffness", "stability", "docs/studies/dynamics.md"],
     ),
     page(
         "cut",
@@ -271,7 +271,7 @@ const PAGES: &[Page] = &[
             "pkm cut hexapod.ini part.ngc --study cut.toml --report part.html",
             "what a program asks of drives and tool, on a page",
         )],
-        &["preflight", "stability program", "docs/cut.md"],
+        &["preflight", "stability program", "docs/studies/cut.md"],
     ),
     page(
         "workspace",
@@ -286,7 +286,7 @@ const PAGES: &[Page] = &[
                 "of two mechanisms, with the other one at home",
             ),
         ],
-        &["check", "rods", "docs/pkm.md"],
+        &["check", "rods", "docs/studies/machine.md"],
     ),
     page(
         "boxes",
@@ -294,7 +294,7 @@ const PAGES: &[Page] = &[
             ("pkm boxes hexapod.ini", "proves the boxes of the file, or finds some"),
             ("pkm boxes hexapod.ini --write", "writes those that are found into it"),
         ],
-        &["check", "docs/start-without-a-seed.md"],
+        &["check", "docs/reference/start-without-a-seed.md"],
     ),
     page(
         "random",
@@ -307,7 +307,7 @@ const PAGES: &[Page] = &[
             "pkm measure hexapod.ini dial.toml -o dial",
             "dial.ngc, which stops at each pose, and dial.csv",
         )],
-        &["calibrate", "docs/calibration.md"],
+        &["calibrate", "docs/guide/calibration.md"],
     ),
     page(
         "calibrate",
@@ -318,7 +318,7 @@ const PAGES: &[Page] = &[
             ),
             ("pkm calibrate hexapod.ini dial.csv --write true.ini", "the same from typed readings"),
         ],
-        &["measure", "check", "sensitivity", "docs/calibration.md"],
+        &["measure", "check", "sensitivity", "docs/guide/calibration.md"],
     ),
     page("man", &[("pkm man pages", "pages/pkm.1 and one for each subcommand")], &["completions"]),
     page(
@@ -365,7 +365,7 @@ fn of_kind(name: &str) -> Ending {
     let words: String =
         needed.map(|parameter| format!(" --{} {}", parameter.name, value(parameter))).collect();
     let line = format!("pkm new {name}{words} my-{name}");
-    let see = ["new", "check", "docs/pkm.md"].map(reference).into();
+    let see = ["new", "check", "docs/reference/pkm.md"].map(reference).into();
     Ending { examples: vec![(line, "with what it needs".into())], see }
 }
 

@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// and platform, the axes of base and platform, which way every joint's value grows, which way tools
 /// point, the hands of screws, and what table and other axes do. Compare it with the machine: what
 /// is drawn is what the kinematics take the file to say. Machines that are long in Z, as lathes are,
-/// lie. docs/frames.md explains the signs.
+/// lie. docs/guide/frames.md explains the signs.
 ///
 /// Exit status: 0, or 2 where the file describes no machine or the output cannot be written.
 #[derive(clap::Args, Debug)]

@@ -21,7 +21,7 @@ use view::track::Track;
 /// many keep the cones, the tilt, the distance of legs and the conditioning on the way, and what the
 /// first of the others breaks. Then the order of fewest sequences that keeps them from all these poses is
 /// looked for, as lines of the INI file. What is said is seen at places on the way, not proved. That a
-/// joint passes its switch by a little, backs off and comes again is left out. docs/homing.md describes
+/// joint passes its switch by a little, backs off and comes again is left out. docs/guide/homing.md describes
 /// the ways of homing.
 ///
 /// Exit status: 0 where nothing was seen to break, 1 where something was, 2 where it is not judged.

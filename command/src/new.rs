@@ -23,7 +23,7 @@ const LONG: &str = "Make a complete LinuxCNC configuration of a machine
 Writes a folder with an INI file, tool table, operator's panel, a first program and a page of next steps. \
 HOME of every joint comes from the kinematics, the axis limits are proved, and speeds of the drives follow \
 from that of the tool. What is written has passed what pkm check asks. Without any option, on a terminal, \
-every value is asked for with its unit, its meaning and an example. docs/pkm.md describes it.
+every value is asked for with its unit, its meaning and an example. docs/reference/pkm.md describes it.
 
 Exit status: 0 where the folder is made, 1 where no such machine can work, with the reason, 2 where something \
 given is wrong or the folder is there already. Except with 0 nothing is written.";

@@ -11,14 +11,14 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::sync::{Mutex, OnceLock};
 
-/// Of every JSON value, which docs/json.md describes: raised where a field goes or changes its meaning.
+/// Of every JSON value, which docs/reference/json.md describes: raised where a field goes or changes its meaning.
 const VERSION: u32 = 1;
 
 /// Options that every subcommand has.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Settings {
-    /// Text for people, or one JSON value for programs, as docs/json.md describes it
+    /// Text for people, or one JSON value for programs, as docs/reference/json.md describes it
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     format: Format,
     /// Findings and results alone: no progress, and nothing about how it went

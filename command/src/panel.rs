@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// into a folder, and tells the two lines that the INI file needs. The panel shows every joint in its
 /// range, the cones, what the guard does, travel left along every letter, the kinematics in force, the
 /// geometry, and why something was refused. It has to be written again when limits or axes of the
-/// machine change. docs/panel.md describes it.
+/// machine change. docs/guide/panel.md describes it.
 ///
 /// Exit status: 0, or 2 where the file describes no machine or the output cannot be written.
 #[derive(clap::Args, Debug)]

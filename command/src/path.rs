@@ -58,7 +58,7 @@ use std::path::PathBuf;
 /// Typical paths are given as [[operation]], zigzag to drill.
 ///
 /// Expressions know + - * / ^, sin cos tan asin acos atan atan2 sinh cosh tanh asinh exp ln sqrt,
-/// pi and the names of [parameters]; their angles are radians. docs/paths.md lists all keys.
+/// pi and the names of [parameters]; their angles are radians. docs/studies/paths.md lists all keys.
 ///
 ///     pkm path pyramid.ini cycloid.toml -o cycloid.ngc --csv cycloid.csv
 ///

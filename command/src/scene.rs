@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// Has what is needed to draw the machine and to move the drawing: anchors, guides, arms, table,
 /// limits, cones, unit, and the geometry hash by which a viewer sees that the machine it looks at
 /// is another one. No kinematics are needed: lower ends of legs follow from joint values, upper
-/// ends from the pose. docs/scene.md has the fields and the two formulas.
+/// ends from the pose. docs/reference/view.md has the fields and the two formulas.
 ///
 /// Exit status: 0, or 2 where the file describes no machine or the output cannot be written.
 #[derive(clap::Args, Debug)]

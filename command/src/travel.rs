@@ -20,7 +20,7 @@ use std::io::{BufRead, Write};
 /// is left at the pose itself, nothing is left both ways.
 ///
 /// With --serve every line of standard input is a question and is answered with a line of JSON, until
-/// standard input ends: what a panel asks again and again. docs/panel.md describes both.
+/// standard input ends: what a panel asks again and again. docs/guide/panel.md describes both.
 ///
 /// Exit status: 0, 1 where the machine cannot stand at the pose, 2 where input or output failed.
 #[derive(clap::Args, Debug)]

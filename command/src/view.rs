@@ -23,7 +23,7 @@ use view::track::Track;
 /// its coordinates, with how near every limit is, and with its workspace. With a program also its
 /// path, coloured by how near a limit is, the machine at any time of it, what `pkm preflight` found
 /// as marks to click, and curves of joints, speeds and margins. The page computes with the same
-/// kinematics as the module. docs/view.md shows it.
+/// kinematics as the module. docs/reference/view.md shows it.
 ///
 /// A video and a picture are drawn by a browser without a window, chromium for example; the video is
 /// made by ffmpeg.

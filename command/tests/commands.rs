@@ -837,7 +837,7 @@ Options:
 
 Options of every command:
       --format <FORMAT>
-          Text for people, or one JSON value for programs, as docs/json.md describes it
+          Text for people, or one JSON value for programs, as docs/reference/json.md describes it
           
           [default: text]
           [possible values: text, json]
@@ -859,7 +859,7 @@ Examples:
   pkm help preflight
       what a subcommand does, with its options
 
-See also: pkm-new(1), pkm-check(1), pkm-preflight(1), docs/pkm.md, docs/json.md
+See also: pkm-new(1), pkm-check(1), pkm-preflight(1), docs/reference/pkm.md, docs/reference/json.md
 exit 0
 
 "#]]
@@ -921,7 +921,7 @@ Options:
 
 Options of every command:
       --format <FORMAT>
-          Text for people, or one JSON value for programs, as docs/json.md describes it
+          Text for people, or one JSON value for programs, as docs/reference/json.md describes it
           
           [default: text]
           [possible values: text, json]
@@ -947,7 +947,8 @@ Examples:
   pkm check hexapod.ini --fix --write
       writes that into the file
 
-See also: pkm(1), pkm-homing(1), pkm-boxes(1), pkm-preflight(1), docs/pkm.md, docs/drives.md
+See also: pkm(1), pkm-homing(1), pkm-boxes(1), pkm-preflight(1), docs/reference/pkm.md,
+docs/guide/drives.md
 exit 0
 
 "#]]

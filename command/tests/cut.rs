@@ -194,7 +194,7 @@ fn the_shipped_study_gives_the_figures_that_its_page_shows() {
     );
     let answer = Bench::new().answer(&words, "");
     assert!(answer.ends_with("exit 0\n"), "{answer}");
-    let page = fs::read_to_string(folder("../docs/cut.md")).unwrap();
+    let page = fs::read_to_string(folder("../docs/studies/cut.md")).unwrap();
     for line in
         answer.lines().skip(1).take(6).chain(answer.lines().filter(|l| l.contains("strut 5 ")))
     {

@@ -74,7 +74,7 @@ fn the_shipped_study_gives_the_frequencies_that_its_page_shows() {
         study.display()
     );
     let answer = bench.answer(&words, "");
-    let page = folder("../docs/dynamics.md");
+    let page = folder("../docs/studies/dynamics.md");
     let page = fs::read_to_string(page).unwrap();
     let modes: Vec<&str> =
         answer.lines().skip_while(|line| !line.starts_with("modes")).skip(1).take(6).collect();

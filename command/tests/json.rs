@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `--format json` of every subcommand, beside what docs/json.md says of it.
+//! `--format json` of every subcommand, beside what docs/reference/json.md says of it.
 
 use crate::commands::Bench;
 use crate::{calibrate_command, cut, stability};
@@ -146,7 +146,7 @@ fn places(value: &Value, at: &str, found: &mut BTreeMap<String, bool>) {
 
 /// Sections of the page by their subcommand, each with the places that its table documents.
 fn documented() -> BTreeMap<String, BTreeSet<String>> {
-    let page = include_str!("../../docs/json.md");
+    let page = include_str!("../../docs/reference/json.md");
     let mut sections: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     let mut name = String::new();
     for line in page.lines() {
@@ -170,8 +170,8 @@ fn words(text: &str) -> String {
     let file = |name: &str| folder.join(name).display().to_string();
     text.replace("HEXAPOD", &file("configs/hexapod/hexapod.ini"))
         .replace("PAIR", &file("configs/lathe-mirrored/lathe-mirrored.ini"))
-        .replace("PAPER", &file("docs/examples/paper-002.toml"))
-        .replace("SPINDLE", &file("docs/examples/spindle.toml"))
+        .replace("PAPER", &file("docs/studies/examples/paper-002.toml"))
+        .replace("SPINDLE", &file("docs/studies/examples/spindle.toml"))
         .replace("PLATE", &file("configs/hexapod/calibration/plate.toml"))
         .replace("DIAL", &file("configs/hexapod/calibration/dial.toml"))
         .replace("PROBE", &file("configs/hexapod/calibration/probe.toml"))

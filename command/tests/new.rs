@@ -57,9 +57,9 @@ fn assert_made(bench: &Bench, name: &str, words: &str) -> Mechanism {
     config
 }
 
-/// What docs/getting-started.md says of a machine: its commands, in their order.
+/// What docs/guide/getting-started.md says of a machine: its commands, in their order.
 fn documented(name: &str) -> Vec<String> {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/getting-started.md");
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/guide/getting-started.md");
     let page = fs::read_to_string(page).unwrap().replace("\\\n        ", "");
     let parts: Vec<&str> = page.split("\n### ").collect();
     let lines = |part: &str| -> Vec<String> {

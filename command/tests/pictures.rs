@@ -34,8 +34,8 @@ fn drawn() -> BTreeMap<String, String> {
     let hexapod = shared("configs/hexapod/hexapod.ini");
     let surface = shared("configs/hexapod/programs/five-axis-surface.ngc");
     let cutting = shared("configs/hexapod/cutting.toml");
-    let lag = shared("docs/examples/paper-002.toml");
-    let law = shared("docs/examples/paper-001.toml");
+    let lag = shared("docs/studies/examples/paper-002.toml");
+    let law = shared("docs/studies/examples/paper-001.toml");
     let few = "--bands 24 --grid 8";
     let commands = [
         format!("workspace {hexapod} {few} --plane xy --plane xz --plane 1,1,0"),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Figures that the papers print and docs/sources.md says commands give.
+//! Figures that the papers print and docs/studies/sources.md says commands give.
 
 use crate::commands::Bench;
 use std::fs;
@@ -15,7 +15,7 @@ fn answer(words: &str, input: &str) -> String {
 
 /// A command as the page has it.
 fn of_page(words: &'static str) -> &'static str {
-    let page = fs::read_to_string(folder("../docs/sources.md")).unwrap();
+    let page = fs::read_to_string(folder("../docs/studies/sources.md")).unwrap();
     assert!(page.contains(&format!("`pkm {words}`")), "{words}");
     words
 }
@@ -23,7 +23,7 @@ fn of_page(words: &'static str) -> &'static str {
 #[test]
 fn ratios_of_paper_001_come_out_at_its_time() {
     let words = of_page(
-        "sensitivity configs/lab-hexapod/lab-hexapod.ini --study docs/examples/paper-001.toml --law --ratios 2.8",
+        "sensitivity configs/lab-hexapod/lab-hexapod.ini --study docs/studies/examples/paper-001.toml --law --ratios 2.8",
     );
     let found = answer(&format!("{words} --draws 10 --rays 10"), "");
     assert!(found.contains("ratios of rates at 2.8 s"), "{found}");
@@ -58,7 +58,7 @@ fn struts_of_the_lab_hexapod_have_the_slopes_of_paper_001() {
 #[test]
 fn figures_of_papers_002_and_004_stand_in_what_the_commands_say() {
     for (words, told) in [
-        ("stability lag --study docs/examples/paper-002.toml", "4884.700 N/mm"),
+        ("stability lag --study docs/studies/examples/paper-002.toml", "4884.700 N/mm"),
         (
             "cut configs/hexapod/hexapod.ini configs/hexapod/programs/five-axis-surface.ngc \
              --study configs/hexapod/cut.toml",

@@ -9,7 +9,7 @@ use test_support::shipped;
 use test_support::stability::{close, rows};
 
 fn example(name: &str) -> String {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/studies/examples");
     fs::read_to_string(folder.join(name)).unwrap()
 }
 
@@ -366,7 +366,7 @@ fn a_line_that_cuts_at_several_speeds_is_judged_at_each_and_has_no_single_chip()
 #[test]
 fn the_examples_of_the_page_are_what_the_commands_answer() {
     let folder = shipped::folder("hexapod");
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/stability.md");
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/studies/stability.md");
     let page = fs::read_to_string(page).unwrap().replace('\n', " ");
     let mut bench = Bench::new().with("paper.toml", &example("paper-002.toml"));
     for file in ["hexapod.ini", "hexapod.tbl", "cutting.toml"] {

@@ -28,22 +28,22 @@ draw workspace $hexapod --bands 36 --grid 8 --plane xz -- workspace slice-xz
 draw workspace configs/linear-delta/linear-delta.ini --bands 36 --grid 8 -- workspace=workspace-linear-delta
 draw workspace configs/rotary-delta/rotary-delta.ini --bands 36 --grid 8 -- workspace=workspace-rotary-delta
 draw replay $hexapod $surface --period 0.05 -- struts tool-path-3d
-draw sensitivity $hexapod --study docs/examples/paper-001.toml --law --draws 100 --rays 50 -- sensitivity-position
+draw sensitivity $hexapod --study docs/studies/examples/paper-001.toml --law --draws 100 --rays 50 -- sensitivity-position
 draw stiffness $hexapod --study configs/hexapod/cutting.toml --pose 0 0 300 10 0 0 --tool 0 0 80 --grid 31 -- \
     ellipsoid-translation stiffness-translation-xz
 draw dynamics $hexapod --study configs/hexapod/dynamics.toml --shake noise -- spectrum
 draw stability pose $hexapod --study configs/hexapod/cutting.toml --pose -80 60 350 10 -20 0 --feed 1 0 0 --speeds 2500 7000 -- stable-depths
-draw stability lag --study docs/examples/paper-002.toml --overhang 150 -- overhang-150-partition-link=partition
+draw stability lag --study docs/studies/examples/paper-002.toml --overhang 150 -- overhang-150-partition-link=partition
 draw path configs/hexaglide/hexaglide.ini configs/hexaglide/paths/dome.toml -o "$drawn/dome.ngc" -- families-net
 
-# Frames and signs of every shipped machine, and of the one that docs/getting-started.md makes.
+# Frames and signs of every shipped machine, and of the one that docs/guide/getting-started.md makes.
 for folder in configs/*/; do
     machine=$(basename "$folder")
     echo "pkm frames $machine"
     "$pkm" frames "$folder$machine.ini" --output "docs/pictures/frames-$machine.svg" 2> "$drawn/answer" ||
         { cat "$drawn/answer" >&2; exit 1; }
 done
-made=$(sed -e ':line' -e '/\\$/{N;s/\\\n *//;b line' -e '}' docs/getting-started.md | sed -n 's/^    pkm \(new hexapod .*\) my-hexapod$/\1/p')
+made=$(sed -e ':line' -e '/\\$/{N;s/\\\n *//;b line' -e '}' docs/guide/getting-started.md | sed -n 's/^    pkm \(new hexapod .*\) my-hexapod$/\1/p')
 # shellcheck disable=SC2086  # words of commands have no spaces
 "$pkm" $made --out "$drawn/my-hexapod" > "$drawn/answer"
 "$pkm" frames "$drawn/my-hexapod/my-hexapod.ini" --output docs/pictures/frames-my-hexapod.svg

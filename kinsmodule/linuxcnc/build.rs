@@ -7,7 +7,7 @@ use std::{env, fs};
 /// Where LinuxCNC's development package puts its headers, unless told otherwise.
 const LINUXCNC_HEADERS: &str = "/usr/include/linuxcnc";
 
-/// Declared by a HAL whose pins are references with getters and setters: LinuxCNC 2.10.
+/// Declared by a HAL whose pins are references with getters and setters.
 const REFERENCES: &str = "hal_pin_new_real(";
 
 fn main() {
@@ -18,8 +18,8 @@ fn main() {
         Ok("references") => true,
         Ok("pointers") => false,
         Ok(other) => panic!(
-            "PKMKINS_HAL={other}: expected pointers (LinuxCNC 2.9) or references (LinuxCNC 2.10), or no \
-             PKMKINS_HAL: then {LINUXCNC_HEADERS}/hal.h says which"
+            "PKMKINS_HAL={other}: expected pointers or references, as workbench/linuxcnc/versions.toml lists \
+             for each LinuxCNC, or no PKMKINS_HAL: then {LINUXCNC_HEADERS}/hal.h says which"
         ),
         Err(_) => installed_has_references(),
     };
@@ -28,7 +28,7 @@ fn main() {
     }
 }
 
-/// Of a computer without LinuxCNC's headers nothing is known, and 2.9 is what people run.
+/// Returns false on a computer without LinuxCNC's headers: most users run a LinuxCNC with pointers.
 fn installed_has_references() -> bool {
     let folder = env::var("LINUXCNC_HEADERS").unwrap_or_else(|_| LINUXCNC_HEADERS.into());
     let header = Path::new(&folder).join("hal.h");

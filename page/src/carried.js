@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Where axes that carry work, tool or legs put them: the formulas of docs/scene.md.
+// Where axes that carry work, tool or legs put them: the formulas of docs/reference/view.md.
 import * as THREE from "three";
 import { vector } from "./parts.js";
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The page of `pkm view`: docs/view.md.
+// The page of `pkm view`: docs/reference/view.md.
 import * as THREE from "three";
 import { element, hexadecimal, shown } from "./elements.js";
 import { Kinematics, Refusal, key, least } from "./kinematics.js";

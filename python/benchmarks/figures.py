@@ -20,7 +20,7 @@ from pkmkins.design.engine import BATCH, Cluster, Processes, Serial, judged
 from pkmkins.design.search import design, sample
 
 ROOT = Path(__file__).resolve().parents[2]
-STUDY = ROOT / "docs" / "examples" / "design-hexapod.toml"
+STUDY = ROOT / "docs/studies/examples/design-hexapod.toml"
 POSES = 200_000
 TURNS = 15
 CANDIDATES = 240
@@ -224,7 +224,7 @@ def of_rates(one, both):
 def of_search(front, seconds):
     """The study with all its candidates."""
     return [
-        f"[design-hexapod.toml](../docs/examples/design-hexapod.toml) as it is, `pkm design --workers 2`: {front.judged} candidates in {seconds:.0f} s,",
+        f"[design-hexapod.toml](../docs/studies/examples/design-hexapod.toml) as it is, `pkm design --workers 2`: {front.judged} candidates in {seconds:.0f} s,",
         f"of which {front.fitting} keep their limits at the poses looked at; {len(front.machines)} are on the front.",
     ]
 

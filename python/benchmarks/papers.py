@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Writes build/design-papers.md: results of the shipped studies of what papers 001, 003 and 004 ask.
 
-docs/design-papers.md compares them with the papers. No times: the same on every computer.
+docs/studies/sources.md compares them with the papers. No times: the same on every computer.
 """
 
 import json
@@ -15,7 +15,7 @@ from pkmkins.design import Study
 from pkmkins.design.engine import Processes
 from pkmkins.design.search import design
 
-EXAMPLES = ROOT / "docs" / "examples"
+EXAMPLES = ROOT / "docs/studies/examples"
 NOTEBOOK = ROOT / "python" / "notebooks" / "stiffness-and-platform.ipynb"
 # Machines of a front that a table shows.
 ROWS = 8

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What needs LinuxCNC or files of measurements, as subcommands of `pkm` do it; docs/json.md describes the answers."""
+"""What needs LinuxCNC or files of measurements, as subcommands of `pkm` do it; docs/reference/json.md describes the answers."""
 
 import argparse
 import json
@@ -55,7 +55,7 @@ def pkm():
 
 
 def asked(*words):
-    """The answer of a subcommand of `pkm` as a dictionary, as docs/json.md describes it."""
+    """The answer of a subcommand of `pkm` as a dictionary, as docs/reference/json.md describes it."""
     run = subprocess.run([pkm(), "--format", "json", *map(str, words)], capture_output=True, text=True)
     try:
         answer = json.loads(run.stdout)

@@ -73,11 +73,12 @@ missing_dependency() {
 
 # A LinuxCNC whose interface the module was not built for.
 other_series() {
+    next=$(dpkg-deb --field "$pkmkins" Depends | sed 's/.*linuxcnc-uspace (<< \([^)]*\)~).*/\1/')
     rm -rf /srv/other && mkdir -p /srv/other/DEBIAN &&
-        printf '%s\n' 'Package: linuxcnc-uspace' 'Version: 1:2.10.0' "Architecture: $architecture" \
-            'Maintainer: nobody <nobody@localhost>' 'Description: stands for LinuxCNC 2.10' > /srv/other/DEBIAN/control &&
+        printf '%s\n' 'Package: linuxcnc-uspace' "Version: $next.0" "Architecture: $architecture" \
+            'Maintainer: nobody <nobody@localhost>' 'Description: stands for the next LinuxCNC' > /srv/other/DEBIAN/control &&
         dpkg-deb --build /srv/other /srv/other.deb && dpkg --install /srv/other.deb &&
-        refused "1:2.10~" dpkg --install "./$pkmkins" && ! installed pkmkins &&
+        refused "$next~" dpkg --install "./$pkmkins" && ! installed pkmkins &&
         dpkg --purge pkmkins linuxcnc-uspace && orderly
 }
 

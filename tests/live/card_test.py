@@ -6,7 +6,7 @@
 
 The live tests run the HAL files for cards of Mesa on this card (hm2_test), with stand-ins (`board/board.tcl`) for
 what it has not. Here hostmot2 is asked, for every pattern, for all parts that those files use. HAL alone runs.
-Prints a line for each pattern and a closing line; exit code 1 if any is not as docs/drives.md says.
+Prints a line for each pattern and a closing line; exit code 1 if any is not as docs/guide/drives.md says.
 """
 
 import re

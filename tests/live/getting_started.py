@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The commands of docs/getting-started.md, run as they stand there, and how long they take.
+"""The commands of docs/guide/getting-started.md, run as they stand there, and how long they take.
 
     tests/live/getting_started.py FOLDER
 
@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import run_live  # noqa: E402
 from unprivileged import REPOSITORY  # noqa: E402
 
-PAGE = REPOSITORY / "docs/getting-started.md"
+PAGE = REPOSITORY / "docs/guide/getting-started.md"
 SECTION = "Three machines"
 BEGIN, END = "<!-- cargo xtask getting-started writes what follows -->\n", "<!-- to here -->\n"
 TIMES = "commands.json"

@@ -71,8 +71,8 @@ def test_the_page_and_the_state_are_served(served):
 
 
 def pkmkins_fields():
-    """The fields that docs/live.md lists."""
-    rows = (REPOSITORY / "docs/live.md").read_text().split("## Events")[1].splitlines()
+    """The fields that docs/reference/view.md lists."""
+    rows = (REPOSITORY / "docs/reference/view.md").read_text().split("### Events")[1].split("\n## ")[0].splitlines()
     return [name for row in rows if row.startswith("| `") for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
 
 

@@ -6,7 +6,7 @@
 
 Moves and tool changes of `pkm random`, at four times their feeds, on the shipped drives and on drives of a
 fraction of their speed. Ends in a table; exit code 1 if a program does not run to its end, gives a
-message, or takes a joint beyond what docs/contract.md promises of its speed in any cycle.
+message, or takes a joint beyond what docs/develop/contract.md promises of its speed in any cycle.
 """
 
 import argparse

@@ -18,7 +18,7 @@ ls build/wheel/pkmkins-*.whl >/dev/null || { echo "wheel: none in build/wheel: c
 
 debian "$suite" "$root" python3-venv,ca-certificates
 mkdir -p "$root/srv/pkmkins"
-cp -a --parents build/wheel/pkmkins-*.whl target/host/pkm configs docs/examples python/requirements.txt python/tests \
+cp -a --parents build/wheel/pkmkins-*.whl target/host/pkm configs docs/studies/examples python/requirements.txt python/tests \
     python/notebooks "$root/srv/pkmkins"
 inside "$root" env PIP_CERT=/etc/ssl/certs/ca-certificates.crt sh -c '
     set -eu

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Writes into the source tree (first argument) what is made of tables: `include/pkmkins.h`,
-//! `docs/causes.md`, `docs/keys.md`, `viewer/pkmkins_causes.py`, and the keys of the INI file in
-//! `docs/pkmkins.9`.
+//! `docs/reference/causes.md`, `docs/reference/keys.md`, `viewer/pkmkins_causes.py`, and the keys of the INI file in
+//! `docs/reference/pkmkins.9`.
 //!
 //! All are committed; `make check` writes them again and fails if they change.
 
@@ -31,10 +31,10 @@ fn write_all(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let mut text = Vec::new();
     bindings.write(&mut text);
     keep(&root.join("include/pkmkins.h"), &String::from_utf8(text)?)?;
-    keep(&root.join("docs/causes.md"), &table())?;
-    keep(&root.join("docs/keys.md"), &ini::page())?;
+    keep(&root.join("docs/reference/causes.md"), &table())?;
+    keep(&root.join("docs/reference/keys.md"), &ini::page())?;
     keep(&root.join("viewer/pkmkins_causes.py"), &dictionary())?;
-    replace_block(&root.join("docs/pkmkins.9"), &ini::manual())?;
+    replace_block(&root.join("docs/reference/pkmkins.9"), &ini::manual())?;
     Ok(())
 }
 

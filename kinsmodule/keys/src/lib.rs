@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The keys of a machine's INI file that describe the kinematics, as one table.
 //!
-//! A new key goes here and nowhere else as a name: `cargo xtask header` writes docs/keys.md and the section of docs/pkmkins.9
+//! A new key goes here and nowhere else as a name: `cargo xtask header` writes docs/reference/keys.md and the section of docs/reference/pkmkins.9
 //! from it, and the workbench reads with it, for `pkm` and for `pkmkins-pins`, which sets the pins.
 
 use Need::{Cardan, Needed, Optional, With};
@@ -346,7 +346,7 @@ mod tests {
             assert!(ends[0] != ends[1], "{kind:?} ends at a point or on a ring");
             let geometry = format!("{kind:?}Geometry");
             for (file, word) in [
-                ("docs/pkmkins.9", &format!("\n.B {}\n", kind.name())),
+                ("docs/reference/pkmkins.9", &format!("\n.B {}\n", kind.name())),
                 ("tests/cases/ini/cases.toml", &format!("legs={}:", kind.name())),
                 ("kinsmodule/kinematics/src/certificate.rs", &geometry),
                 ("kinsmodule/kinematics/tests/common/random.rs", &geometry),

@@ -32,7 +32,7 @@ examples:
   pkm design study.toml --shard 3/64                    one part of a plain sample (Slurm, GNU parallel)
   pkm design study.toml --merge study-*-of-64.jsonl     the front of all parts
 
-docs/design-study.md describes the study file.
+docs/studies/design.md describes the study file.
 """
 
 

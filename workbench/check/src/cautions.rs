@@ -65,9 +65,12 @@ pub fn cautions(config: &FileFacts, texts: &[impl AsRef<str>]) -> Vec<Caution> {
     }
     // Who switches it off knows of it, and is told where.
     if !says_m52 {
-        let text = "the program does not say M52 P1: without it the guard cannot slow the feed down, \
-                    and LinuxCNC 2.9 loses it in the startup code";
-        found.push(Caution { line: None, file: 0, text: text.into() });
+        let text = format!(
+            "the program does not say M52 P1: without it the guard cannot slow the feed down, \
+             and LinuxCNC {} loses it in the startup code",
+            crate::linuxcnc()
+        );
+        found.push(Caution { line: None, file: 0, text });
     }
     if !names_units {
         let unit = config.length_unit();

@@ -113,9 +113,10 @@ fn axis_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
         let Ok(given) = ini.number_or(&section, "HOME", home) else { continue };
         if given != home {
             let text = format!(
-                "[TRAJ]HOME has {} at {home}, and LinuxCNC 2.9 does not read this one: expected the same, or \
+                "[TRAJ]HOME has {} at {home}, and LinuxCNC {} does not read this one: expected the same, or \
                  no such line",
-                config.place.letter(letter)
+                config.place.letter(letter),
+                crate::linuxcnc()
             );
             report.finding(Severity::Warning, at_key(ini, &section, "HOME", &text));
         }

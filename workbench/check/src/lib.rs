@@ -40,3 +40,10 @@ pub mod usual;
 pub mod wiring;
 mod workspace;
 pub mod world;
+
+/// Returns the LinuxCNC that findings name: the first version of the table.
+fn linuxcnc() -> &'static str {
+    let table = include_str!("../../linuxcnc/versions.toml");
+    let version = table.lines().find_map(|line| line.strip_prefix("version = "));
+    version.unwrap_or_default().trim_matches('"')
+}

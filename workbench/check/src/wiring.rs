@@ -110,8 +110,11 @@ fn cautions(ini: &Ini) -> Result<Vec<IniError>, IniError> {
     if let Some(entry) = ini.first("RS274NGC", "RS274NGC_STARTUP_CODE")
         && words(&entry.value).iter().any(|word| word == "M52")
     {
-        let text = "LinuxCNC 2.9 loses M52 in the startup code: begin every program with M52 P1";
-        found.push(ini.refuse(entry, text));
+        let text = format!(
+            "LinuxCNC {} loses M52 in the startup code: begin every program with M52 P1",
+            crate::linuxcnc()
+        );
+        found.push(ini.refuse(entry, &text));
     }
     Ok(found)
 }

@@ -4,7 +4,7 @@
 use crate::homing::changed;
 use check::report::check;
 
-/// The hexapod on one of the drive files, as docs/drives.md has it.
+/// The hexapod on one of the drive files, as docs/guide/drives.md has it.
 fn on_drives(files: &[&str], machine: &str, joint: impl Fn(usize) -> String) -> Vec<String> {
     let halfiles: String = files.iter().map(|file| format!("HALFILE = LIB:{file}\n")).collect();
     let (_folder, config) = changed("hexapod", |text| {

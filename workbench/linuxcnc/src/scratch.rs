@@ -239,7 +239,7 @@ fn refuse_others(config: &MachineConfig, leaves_halui: bool) -> Result<(), NotJu
         ("EMCIO", "DB_PROGRAM", "a program of its own keeps the tools"),
         ("PYTHON", "TOPLEVEL", "it would be run"),
         ("TASK", "TASK", "only milltask is run"),
-        ("TRAJ", "PLANNER_TYPE", "LinuxCNC 2.9 has one planner, 0"),
+        ("TRAJ", "PLANNER_TYPE", "only planner 0 is run"),
         ("EMC", "NML_FILE", "it names processes of other computers"),
     ];
     for (section, key, why) in reasons {

@@ -4,7 +4,7 @@
 #
 #     build.sh [FOLDER]     /var/lib/pkmkins, where pkm looks after the folder of LinuxCNC's modules
 #
-# A package has it for the LinuxCNC of Debian. With another 2.9 this makes it, once after each upgrade.
+# A package has it for the LinuxCNC of Debian. For another one this makes it, once after each upgrade.
 set -eu
 sources=$(dirname "$(realpath "$0")")
 folder=${1:-/var/lib/pkmkins}
@@ -23,7 +23,7 @@ if ! mkdir -p "$folder" || [ ! -w "$folder" ]; then
 fi
 
 version=$(linuxcnc_var LINUXCNCVERSION)
-# LinuxCNC 2.10 does not install the headers that milltask's messages are read by: there is no library for it.
+# Without the headers that milltask's messages are read by there is no library.
 [ -e /usr/include/linuxcnc/nml.hh ] || {
     echo "pkmkins: /usr/include/linuxcnc has no nml.hh: LinuxCNC $version does not run in virtual time, and pkm run" \
         "and pkm preflight judge nothing that depends on time"

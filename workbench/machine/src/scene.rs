@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a viewer needs to draw a machine, as one JSON object: docs/scene.md.
+//! What a viewer needs to draw a machine, as one JSON object: docs/reference/view.md.
 //!
 //! A viewer needs no kinematics: lower ends of legs follow from joint values, upper ends from the
 //! pose, by two formulas that stand there.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The operator's panel of a machine, for LinuxCNC's PyVCP: docs/panel.md.
+//! The operator's panel of a machine, for LinuxCNC's PyVCP: docs/guide/panel.md.
 //!
 //! Two texts: the widgets, and which pin feeds each of them. Pins have the names of their widgets with
 //! `pyvcp.` in front.

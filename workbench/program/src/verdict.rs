@@ -16,7 +16,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-/// The verdict on a program; docs/json.md describes its JSON.
+/// The verdict on a program; docs/reference/json.md describes its JSON.
 #[derive(Clone, Debug, Serialize)]
 pub struct ProgramVerdict<'a> {
     /// The machine.

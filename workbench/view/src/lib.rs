@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! One page that shows a machine, and a program on it, in any browser: docs/view.md.
+//! One page that shows a machine, and a program on it, in any browser: docs/reference/view.md.
 //!
 //! - Input: a description of `machine`, and LinuxCNC's run of a program.
 //! - Output: one HTML file with the page's own code, which is built from the folder `page`; frames and videos.

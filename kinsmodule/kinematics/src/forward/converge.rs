@@ -16,7 +16,7 @@ use libm::sqrt;
 
 /// Largest L d at which a pose at the distance d is the only one of its ball: 1 less what rounding may take. The computed
 /// pseudo-inverse times the rows departs from one by less than 0.01 (the tests of `pseudo_inverse`, and
-/// docs/certificate-rounding.md).
+/// docs/develop/certificate-rounding.md).
 const ALONE: f64 = 0.99;
 
 /// Solves after the first one within a ball.

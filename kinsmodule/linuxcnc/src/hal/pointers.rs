@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The HAL of LinuxCNC 2.9: a pin is a pointer to a value of its own type.
+//! A HAL with pointers: a pin is a pointer to a value of its own type.
 
 use super::PinValue;
 use core::ffi::{c_char, c_int};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The HAL of LinuxCNC 2.10: a pin is a reference to 64 bits, of which each type has its way to be read
+//! A HAL with references: a pin is a reference to 64 bits, of which each type has its way to be read
 //! and written.
 //!
 //! LinuxCNC's header has these ways as inline functions, which a library cannot import. They are

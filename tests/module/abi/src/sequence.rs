@@ -15,7 +15,7 @@ const BEYOND: f64 = 0.1;
 /// Cycles of a line before its singular pose that are followed.
 const BEFORE: usize = 500;
 
-/// Code of the refusal of a commanded motion that has passed a singular pose, as in docs/causes.md.
+/// Code of the refusal of a commanded motion that has passed a singular pose, as in docs/reference/causes.md.
 pub const PASSED: i32 = -41;
 
 /// Directions that are not of one coordinate.

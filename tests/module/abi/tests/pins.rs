@@ -257,7 +257,7 @@ fn in_manual(pin: &str) -> String {
 
 #[test]
 fn the_manual_names_every_pin() {
-    let manual = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/pkmkins.9");
+    let manual = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/reference/pkmkins.9");
     let manual = std::fs::read_to_string(manual).expect("the manual page");
     let names: Vec<&str> = manual.lines().filter(|line| line.starts_with(".B ")).collect();
     let is_named = |name: &str| {
@@ -270,7 +270,7 @@ fn the_manual_names_every_pin() {
         [("legs", "strut:3,slider:2,crank:2,ring:1"), ("coordinates", "ABC"), ("table", "XYZ")];
     let pins = Module::pkmkins(&all).pins().into_iter().map(|pin| pin.name);
     let lacking: Vec<String> = pins.filter(|pin| !is_named(&in_manual(pin))).collect();
-    assert!(lacking.is_empty(), "not in docs/pkmkins.9: {lacking:?}");
+    assert!(lacking.is_empty(), "not in docs/reference/pkmkins.9: {lacking:?}");
 }
 
 /// HAL_NAME_LEN of LinuxCNC 2.9; the stub takes whatever its own headers say.

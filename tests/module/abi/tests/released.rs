@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Names that people depend on: none that was released vanishes unnoticed.
 //!
-//! `docs/names.txt` has a line for each: the version that brought it, its kind, and the name with what else is
+//! `docs/reference/names.txt` has a line for each: the version that brought it, its kind, and the name with what else is
 //! fixed of it. `cargo xtask names` writes it. A line whose version stands in CHANGELOG.md is released.
 
 use abi_tests::module::Module;
@@ -12,7 +12,7 @@ use std::fs;
 use std::path::Path;
 
 /// The file, and the variable of the environment by which `cargo xtask names` has it written.
-const FILE: &str = "docs/names.txt";
+const FILE: &str = "docs/reference/names.txt";
 const WRITE: &str = "PKMKINS_WRITE_NAMES";
 
 /// Machines that have all pins among them.
@@ -58,7 +58,7 @@ fn pins() -> impl Iterator<Item = String> {
 
 /// Those that the module takes when it is loaded, as the manual's synopsis has them.
 fn parameters() -> Vec<String> {
-    let manual = text("docs/pkmkins.9");
+    let manual = text("docs/reference/pkmkins.9");
     let synopsis = manual.split(".PP").next().unwrap();
     let words = synopsis.split(|c: char| !(c.is_ascii_lowercase() || c == '_' || c == '='));
     words.filter_map(|word| Some(format!("parameter {}", word.strip_suffix('=')?))).collect()
@@ -98,7 +98,8 @@ fn header() -> Vec<String> {
 
 /// Fields of the JSON of every subcommand, from the page that a test compares with the command.
 fn fields() -> Vec<String> {
-    let (page, mut command, mut found) = (text("docs/json.md"), String::new(), Vec::new());
+    let (page, mut command, mut found) =
+        (text("docs/reference/json.md"), String::new(), Vec::new());
     for line in page.lines() {
         if let Some(heading) = line.strip_prefix("## ") {
             command = heading.replace(' ', "-").to_lowercase();
@@ -138,7 +139,7 @@ fn no_released_name_vanishes_and_every_name_is_recorded() {
     assert!(
         gone.is_empty(),
         "released names are gone: bring them back, or, for a new major version, take their lines out of \
-         {FILE} and name them in docs/upgrading.md:\n{}",
+         {FILE} and name them in docs/reference/promises.md:\n{}",
         gone.join("\n")
     );
     if std::env::var_os(WRITE).is_some() {

@@ -48,9 +48,9 @@ pub enum Provider {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Hal {
-    /// A pointer to a value of the pin's type: LinuxCNC 2.9, and still 2.10.
+    /// A pointer to a value of the pin's type.
     Pointers,
-    /// A reference to 64 bits with getters and setters: LinuxCNC 2.10.
+    /// A reference to 64 bits with getters and setters.
     References,
 }
 
@@ -76,6 +76,9 @@ pub struct Import {
 pub struct Version {
     /// Its first two numbers.
     pub version: String,
+    /// The Debians that ship it.
+    #[serde(default)]
+    pub debian: Vec<String>,
     /// What it offers; none: the module has no pins.
     #[serde(default)]
     pub hal: Vec<Hal>,
@@ -95,6 +98,12 @@ pub struct Contract {
     /// Versions of LinuxCNC that load the module.
     pub linuxcnc: Vec<Version>,
 }
+
+/// The promises of the module, and the LinuxCNCs that load it.
+pub const CONTRACT: &str = concat!(
+    include_str!("../contract.toml"),
+    include_str!("../../../../workbench/linuxcnc/versions.toml")
+);
 
 impl Contract {
     /// Reads the table.

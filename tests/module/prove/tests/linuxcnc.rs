@@ -2,11 +2,11 @@
 //! What the contract says of LinuxCNC, held to the one that is installed.
 
 use object::{Object, ObjectSymbol};
-use prove::contract::Contract;
+use prove::contract::{CONTRACT, Contract};
 use std::collections::BTreeSet;
 use std::process::Command;
 
-const CONTRACT: &str = include_str!("../contract.toml");
+const PACKAGES: &str = include_str!("../../../../kinsmodule/linuxcnc/Cargo.toml");
 
 /// The process that loads realtime modules, and the module that all others need.
 const EXPORTING: [&str; 2] = ["/usr/bin/rtapi_app", "/usr/lib/linuxcnc/modules/hal_lib.so"];
@@ -34,8 +34,20 @@ fn the_installed_linuxcnc_exports_what_the_contract_lists_for_its_version() {
     let installed = installed();
     let is_installed = |version: &str| installed.starts_with(&format!("{version}."));
     let version = contract.linuxcnc.iter().find(|v| is_installed(&v.version));
-    let version = version.unwrap_or_else(|| panic!("the contract has no LinuxCNC {installed}"));
+    let version = version.unwrap_or_else(|| panic!("versions.toml has no LinuxCNC {installed}"));
     let exported = exported();
     let missing: Vec<&String> = version.exports.iter().filter(|e| !exported.contains(*e)).collect();
     assert!(missing.is_empty(), "LinuxCNC {installed} does not export {missing:?}");
+}
+
+#[test]
+fn every_version_has_a_package_and_the_first_one_is_the_default() {
+    let contract = Contract::parse(CONTRACT).expect("a contract");
+    let (first, others) = contract.linuxcnc.split_first().expect("a version");
+    let first = format!("\ndepends = \"linuxcnc-uspace (>= {}.", first.version);
+    let others =
+        others.iter().map(|v| format!("[package.metadata.deb.variants.\"{}\"]", v.version));
+    for words in others.chain([first]) {
+        assert!(PACKAGES.contains(&words), "kinsmodule/linuxcnc/Cargo.toml has no {words}");
+    }
 }

@@ -5,11 +5,9 @@
 use abi_tests::module::pkmkins_path;
 use prove::built::Built;
 use prove::checks::{Check, checks};
-use prove::contract::Contract;
+use prove::contract::{CONTRACT, Contract};
 use std::path::PathBuf;
 use std::process::ExitCode;
-
-const CONTRACT: &str = include_str!("../../contract.toml");
 
 fn main() -> ExitCode {
     let path = std::env::args_os().nth(1).map_or_else(pkmkins_path, PathBuf::from);
