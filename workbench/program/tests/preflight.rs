@@ -17,7 +17,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use test_support::shipped::{MACHINES, cases, config, folder, unchained};
+use test_support::shipped::{MACHINES, cases, config, folder, unchained, whole};
 
 /// Follows all moves of a program.
 pub fn follow(config: &Mechanism, moves: &[Move]) -> Preflight {
@@ -48,11 +48,11 @@ fn between(from: &[f64; 6], to: &[f64; 6], share: f64) -> [f64; 6] {
 #[test]
 fn every_shipped_program_fits_its_machine() {
     for machine in MACHINES {
-        let config = config(machine);
+        let config = whole(machine);
         let programs = fs::read_dir(folder(machine).join("programs")).unwrap();
         for program in programs.map(|entry| entry.unwrap().path()) {
-            let moves = motion::moves(&config.clone().into(), &program, None).unwrap();
-            let found = follow(&config, &moves);
+            let moves = motion::moves(&config, &program, None).unwrap();
+            let found = preflight(&config.mechanisms, &moves).unwrap();
             assert!(found.fits(), "{}: {:?}", program.display(), found.breaks);
             assert_eq!(found.runnable, 1.0, "{}", program.display());
         }

@@ -4,20 +4,20 @@
 use program::motion;
 use program::random_program::random_program;
 use program::replay::replay;
-use test_support::shipped::{MACHINES, config};
+use test_support::shipped::{MACHINES, config, whole};
 
 #[test]
 fn a_random_program_stays_within_the_limits_of_its_machine() {
     let folder = tempfile::tempdir().unwrap();
-    for config in MACHINES.map(config) {
+    for whole in MACHINES.map(whole) {
+        let config = whole.first();
         let name = config.file.display();
-        let text = random_program(&config, 7, 60.0).unwrap();
+        let text = random_program(config, 7, 60.0).unwrap();
         let program = folder.path().join("random.ngc");
         std::fs::write(&program, &text).unwrap();
-        let moves = motion::moves(&config.clone().into(), &program, None).unwrap();
-        let replay =
-            replay(&config, &moves, 0.01).unwrap_or_else(|fault| panic!("{name}: {fault}"));
-        assert_eq!(replay.violations(&config), [""; 0], "{name}");
+        let moves = motion::moves(&whole, &program, None).unwrap();
+        let replay = replay(config, &moves, 0.01).unwrap_or_else(|fault| panic!("{name}: {fault}"));
+        assert_eq!(replay.violations(config), [""; 0], "{name}");
         assert!(replay.time >= 60.0 && replay.moves > 10, "{name}: {} moves", replay.moves);
         let changed = moves.iter().filter(|step| step.tool != [0.0; 3]).count();
         assert!(changed > 0, "{name}: no tool change");
