@@ -147,15 +147,13 @@ setup-more: setup
 
 # Real clocks and patience with what is on a screen: before everything else. Each of them shares out its work among
 # several machines.
+# Screens: struts, two mechanisms, an axis that carries the tool, cases beside the configurations, other user interfaces.
 test-machines: setup setup-page
 	tests/live/live_test.py --judge target/host/judge
 	tests/live/truth.py --live short --alone --out build/truth-live
-	tests/viewer/screens.py --only $(THREE)
+	tests/viewer/screens.py --only lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes,touch-off,under
 	tests/viewer/live_test.py
 	tests/page/page_test.mjs target/host/pkm --out build/page
-
-# Struts, two mechanisms, an axis that carries the tool, the cases beside the configurations, and other user interfaces.
-THREE := lab-hexapod,lathe-mirrored,two-turrets,filter,without,shapes,touch-off,under
 
 # Never before a machine that is live, which a priority alone does not make sure of.
 BEHIND := chrt --idle 0

