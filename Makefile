@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 #
-# What people type: `make help`. What contributors need beside it are the tasks of `cargo xtask help`; the other targets
+# `make help` lists the targets of users and maintainers, `cargo xtask help` the tasks of contributors. The other targets
 # here are steps of both. `make demo` and `make test` install what is missing with apt, and say so.
 
 .DELETE_ON_ERROR:
@@ -112,11 +112,11 @@ help:
 	@echo "make clean      removes target/ and build/"
 	@echo "cargo xtask help  everything else: single tests, generated files, measurements"
 
-# A name that is no target, as those that are tasks now.
+# Rejects an unknown name, such as a former target that is now a task.
 .DEFAULT:
 	@echo "pkmkins: there is no target $@; see make help and cargo xtask help" >&2; exit 2
 
-# A task as a target, for what a target needs.
+# Runs a task as a step of a target.
 xtask-%:
 	$(CARGO) xtask $*
 
@@ -201,7 +201,7 @@ check: setup site
 	$(CARGO) xtask header
 	git diff --exit-code -- include docs/reference/causes.md docs/reference/keys.md docs/reference/pkmkins.9 viewer/pkmkins_causes.py
 
-# What fails in front of tee fails the target.
+# With pipefail, a command that fails before tee fails the target.
 bench: private SHELL := /bin/bash
 bench: private .SHELLFLAGS := -o pipefail -c
 bench: setup module

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Tests the crates with files that have changed since a commit, and those that depend on them. Tests outside crates,
-# as those of LinuxCNC live, are in `make test` alone.
+# Tests the crates with files changed since a commit, and the crates that depend on them. Only `make test` runs tests
+# outside crates, such as the live ones.
 #
 #     tools/affected.sh [COMMIT]     the commit at which this branch left its upstream
 set -euo pipefail
@@ -22,7 +22,7 @@ done | sort -u)
 affected=$(for crate in $changed; do
     cargo tree --locked --workspace --invert "$crate" --prefix none --format '{p}' | sed -n 's/ v[^ ]* (\/.*//p'
 done)
-# The module has no tests of its own: those of the built file are in two crates, which cargo does not know to depend on it.
+# Two crates test the module's built file; cargo does not know that they depend on it.
 ! grep -qx pkmkins <<< "$affected" || affected+=$'\nabi-tests\nprove'
 mapfile -t crates < <(sort -u <<< "$affected" | grep -vxE 'pkmkins|xtask|')
 echo "affected: since $(git log -1 --format='%h, %s' "$since"): ${crates[*]}"

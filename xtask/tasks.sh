@@ -1,26 +1,26 @@
 #!/bin/bash
 # SPDX-License-Identifier: GPL-2.0-or-later
 # The tasks of `cargo xtask`, which runs `bash -euo pipefail xtask/tasks.sh TASK [ARGUMENT...]` in the root of the
-# repository. `cargo xtask help` shows the lines that begin with ##. What a task needs it has make build and install.
-# Where a function is called in front of &&, bash would not end at what fails in it.
+# repository and shows the lines that begin with ## as its help. make builds and installs what a task needs.
+# A function must not be called before &&: bash would then ignore failures inside it.
 
 host=(--profile host --locked --quiet)
 mkdir -p build
 
-# virtually COMMAND...: with the library for virtual time as it is built here; nothing is installed.
+# virtually COMMAND...: runs it with the library for virtual time that is built here; installs nothing.
 virtually() {
     make virtual
     PKM=$PWD/target/host/pkm PYTHONDONTWRITEBYTECODE=1 \
         PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so "$@"
 }
 
-# environment FOLDER: one of Python with what the package needs.
+# environment FOLDER: makes a Python environment with the libraries that the package needs.
 environment() {
     "${PYTHON:-python3}" -m venv "$1"
     "$1/bin/pip" install --quiet --require-hashes -r python/requirements.txt
 }
 
-# wheel-env: the wheel with all that it can use, in build/wheel/env.
+# wheel-env: installs the wheel and all optional libraries into build/wheel/env.
 wheel-env() {
     wheel
     rm -rf build/wheel/env
@@ -76,7 +76,7 @@ screens() { make install setup-screen && tests/viewer/screens.py --out build/scr
 calibration-demo() {
     make install
     cargo build "${host[@]}" --lib
-    # The component that plays the true machine is for this alone: it goes again at the end.
+    # Only this task needs the component that plays the true machine: remove it at the end.
     root=$([ "$(id -u)" = 0 ] || command -v sudo)
     player=/usr/lib/linuxcnc/modules/pkmkins_truth.so
     trap '$root rm -f $player' EXIT
