@@ -96,8 +96,13 @@ fn a_program_comes_from_standard_input() {
 fn every_example_of_the_help_is_a_command_that_is_understood() {
     let bench = Bench::new();
     let commands = |text: &str| -> Vec<String> {
-        let list = text.split("Commands:\n").nth(1).unwrap_or_default();
-        let list = list.split("\n\n").next().unwrap_or_default();
+        // pkm itself has them in groups.
+        let groups = |list: &str| list.split("Options:\n").next().unwrap().to_string();
+        let list = match (text.split_once("\nMachine:\n"), text.split_once("Commands:\n")) {
+            (Some((_, list)), _) => groups(list),
+            (None, Some((_, list))) => list.split("\n\n").next().unwrap().to_string(),
+            (None, None) => String::new(),
+        };
         let name = |line: &str| line.strip_prefix("  ")?.split(' ').next().map(String::from);
         list.lines().filter_map(name).filter(|name| !name.is_empty() && name != "help").collect()
     };

@@ -784,7 +784,7 @@ fn help_and_usage() {
     assert_data_eq!(
         bench.answer("--help", ""),
         str![[r#"
-Knows before cutting whether a parallel machine and a program fit.
+Check parallel-kinematic machines and programs before cutting
 
 Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
 pkmkins runs in LinuxCNC. `pkm design` and `pkm compare`, which choose among machines before one is
@@ -795,47 +795,45 @@ bad input, or a file that cannot be written.
 
 Usage: pkm [OPTIONS] <COMMAND>
 
-Commands:
-  new          Makes a complete configuration of a machine from what a builder knows of it
-  check        Checks that a machine's INI file fits together
-  homing       Homing followed from wherever the machine was switched off, and an order in which it
-               is safe
-  preflight    Checks before cutting that a program fits a machine
-  filter       Lets a program through into a user interface of LinuxCNC where it fits the machine
-  joints       Joint values of poses (inverse kinematics)
-  pose         Poses of joint values (forward kinematics)
-  run          Runs a program by LinuxCNC itself, without hardware and faster than the machine
-  replay       Writes the joint values that a program asks for
-  path         Programs along curves, and what they ask of the joints
-  scene        The machine as one JSON object, for viewers
-  frames       A drawing of the machine with its frames and signs
-  view         One page that shows the machine, and a program on it, in any browser
-  panel        The operator's panel of a machine, for AXIS and other user interfaces of LinuxCNC
-  travel       How far the machine can go from a pose
-  rods         Where the legs are along a program or a list of poses
-  sensitivity  What errors of the joints do to the pose, and where singular poses are
-  stiffness    How stiffly the legs hold the tool
-  stability    How deep may be cut before it chatters
-  dynamics     How a machine vibrates
-  cut          What a program asks of a machine while it cuts
-  workspace    Where a machine can put its tool, and what limits it
-  boxes        Finds and proves boxes of poses for the start without a seed
-  random       Writes a program of random moves and tool changes that the machine can run
-  measure      Writes a program that stops where a gauge is to be read, and the table for the
-               readings
-  calibrate    Finds a machine's true geometry from what it measured of itself
-  man          Writes the manual pages of pkm
-  completions  Writes completions of pkm for a shell to standard output
-  help         Print this message or the help of the given subcommand(s)
+Machine:
+  new          Make a complete LinuxCNC configuration of a machine
+  check        Check that the files of a machine fit together
+  homing       Follow homing from every pose, and find a safe order
+  frames       Draw the machine with its frames and signs
+  view         Show the machine, and a program on it, as a page for browsers
+  panel        Write the operator's panel for AXIS and other GUIs
+  boxes        Find and prove pose boxes for the start without a seed
+
+Program:
+  preflight    Check before cutting that a program fits the machine
+  run          Run a program in LinuxCNC without hardware, faster than the machine
+  travel       Show how far the machine can move from a pose
+  filter       Pass a program to the LinuxCNC GUI only if it fits
+  path         Write programs along curves, and what they ask of the joints
+  replay       Write the joint values of a program
+  random       Write a program of random moves that the machine can run
+
+Calibration:
+  measure      Write a program that stops for gauge readings, and their table
+  calibrate    Find a machine's true geometry from measurements
+
+Studies:
+  workspace    Compute where the tool can go, and what limits it
+  sensitivity  Compute what joint errors do to the pose, and near singularities
+  stiffness    Compute how stiffly the legs hold the tool
+  rods         Report where the legs are along a program or list of poses
+  dynamics     Compute how the machine vibrates
+  stability    Compute the depth of cut at which chatter starts
+  cut          Compute forces, deflection and vibration while a program cuts
+
+Files and shell:
+  joints       Compute joint values of poses (inverse kinematics)
+  pose         Compute poses of joint values (forward kinematics)
+  scene        Write the machine as one JSON object, for viewers
+  man          Write the manual pages of pkm
+  completions  Print completions of pkm for a shell
 
 Options:
-  -h, --help
-          Print help (see a summary with '-h')
-
-  -V, --version
-          Print version
-
-Options of every command:
       --format <FORMAT>
           Text for people, or one JSON value for programs, as docs/reference/json.md describes it
           
@@ -850,6 +848,13 @@ Options of every command:
           
           [default: auto]
           [possible values: auto, always, never]
+
+  -h, --help
+          Print help (see a summary with '-h')
+
+  -V, --version
+          Print version
+
 
 Examples:
   pkm check hexapod.ini
@@ -867,7 +872,7 @@ exit 0
     assert_data_eq!(
         bench.answer("check --help", ""),
         str![[r#"
-Checks that a machine's INI file fits together
+Check that the files of a machine fit together
 
 Reads the file as LinuxCNC does, builds the machine as the module would, and tells what it
 understood: joints and mobility, geometry hash, unit and size, the order of the legs around the
