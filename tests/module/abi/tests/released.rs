@@ -144,20 +144,22 @@ fn no_released_name_vanishes_and_every_name_is_recorded() {
     );
     if std::env::var_os(WRITE).is_some() {
         let kept = recorded.into_iter().filter(|(_, version)| released(version)).collect();
-        return write(&now, &kept);
+        let version = env!("CARGO_PKG_VERSION");
+        return write(&now, &kept, if released(version) { "next" } else { version });
     }
     let listed: BTreeSet<String> = recorded.into_keys().collect();
     let differences: Vec<_> = now.symmetric_difference(&listed).collect();
     assert!(differences.is_empty(), "cargo xtask names writes {FILE} again: {differences:#?}");
 }
 
-/// A name that was not released yet comes with the next version.
-fn write(now: &BTreeSet<String>, released: &BTreeMap<String, String>) {
+/// Writes the list. A new name comes with the version of the crates, or with `next` where that is released already:
+/// `cargo xtask names` has to run again when the version is raised.
+fn write(now: &BTreeSet<String>, released: &BTreeMap<String, String>, coming: &str) {
     let mut file = String::from(
         "# Names that people depend on, each with the version that brought it. `cargo xtask names` writes this file.\n",
     );
     for name in now {
-        let version = released.get(name).map_or(env!("CARGO_PKG_VERSION"), String::as_str);
+        let version = released.get(name).map_or(coming, String::as_str);
         file += &format!("{version} {name}\n");
     }
     let place = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..").join(FILE);
