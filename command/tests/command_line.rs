@@ -92,25 +92,26 @@ fn a_program_comes_from_standard_input() {
     assert_eq!(bench.files(), before);
 }
 
+/// Returns the subcommands that a help lists; that of pkm itself has them in groups.
+pub fn subcommands(help: &str) -> Vec<String> {
+    let list = match (help.split_once("\nMachine:\n"), help.split_once("Commands:\n")) {
+        (Some((_, list)), _) => list.split("Options:\n").next(),
+        (None, Some((_, list))) => list.split("\n\n").next(),
+        (None, None) => None,
+    };
+    let name = |line: &str| line.strip_prefix("  ")?.split(' ').next().map(String::from);
+    let names = list.unwrap_or_default().lines().filter_map(name);
+    names.filter(|name| !name.is_empty() && name != "help").collect()
+}
+
 #[test]
 fn every_example_of_the_help_is_a_command_that_is_understood() {
     let bench = Bench::new();
-    let commands = |text: &str| -> Vec<String> {
-        // pkm itself has them in groups.
-        let groups = |list: &str| list.split("Options:\n").next().unwrap().to_string();
-        let list = match (text.split_once("\nMachine:\n"), text.split_once("Commands:\n")) {
-            (Some((_, list)), _) => groups(list),
-            (None, Some((_, list))) => list.split("\n\n").next().unwrap().to_string(),
-            (None, None) => String::new(),
-        };
-        let name = |line: &str| line.strip_prefix("  ")?.split(' ').next().map(String::from);
-        list.lines().filter_map(name).filter(|name| !name.is_empty() && name != "help").collect()
-    };
     let mut seen = 0;
     let mut all: Vec<String> = vec![String::new()];
     while let Some(words) = all.pop() {
         let help = bench.answer(&format!("{words} --help"), "");
-        all.extend(commands(&help).iter().map(|name| format!("{words} {name}")));
+        all.extend(subcommands(&help).iter().map(|name| format!("{words} {name}")));
         let examples =
             help.split("Examples:\n").nth(1).unwrap_or_else(|| panic!("{words}: {help}"));
         assert!(examples.contains("\nSee also: "), "{words}: {help}");

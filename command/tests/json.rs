@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `--format json` of every subcommand, beside what docs/reference/json.md says of it.
 
+use crate::command_line::subcommands;
 use crate::commands::Bench;
 use crate::{calibrate_command, cut, stability};
 use serde_json::Value;
@@ -234,12 +235,7 @@ fn every_subcommand_answers_in_json_as_the_page_says() {
 #[test]
 fn no_subcommand_is_forgotten() {
     let bench = Bench::new();
-    let of = |words: &str| -> Vec<String> {
-        let help = bench.answer(words, "");
-        let list = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
-        let name = |line: &str| line.strip_prefix("  ")?.split(' ').next().map(String::from);
-        list.lines().filter_map(name).filter(|name| !name.is_empty() && name != "help").collect()
-    };
+    let of = |words: &str| subcommands(&bench.answer(words, ""));
     let mut all: Vec<String> =
         of("--help").into_iter().filter(|name| name != "stability").collect();
     all.extend(of("stability --help").iter().map(|name| format!("stability {name}")));

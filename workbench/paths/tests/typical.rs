@@ -3,6 +3,7 @@
 //! every machine can run those that its work needs.
 
 use linuxcnc::process::Options;
+use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use paths::file::PathFile;
 use paths::job::{Job, job};
@@ -355,8 +356,8 @@ const SMALL: [&str; 11] = [
 
 /// A program as the command judges it, LinuxCNC's own cycles included.
 fn assert_passes(config: &Mechanism, program: &Path) {
-    let found =
-        judge(&config.clone().into(), program, &Options::default(), &mut |_| ()).unwrap().found;
+    let whole = MachineConfig::read(&config.file).unwrap();
+    let found = judge(&whole, program, &Options::default(), &mut |_| ()).unwrap().found;
     assert!(found.fits() && found.time.is_whole(), "{}: {:?}", program.display(), found.breaks);
 }
 

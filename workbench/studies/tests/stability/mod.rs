@@ -10,7 +10,7 @@ mod turning;
 
 use test_support::shipped::root;
 
-/// Returns a study of docs/examples.
+/// Returns a study of docs/studies/examples.
 pub fn example(name: &str) -> String {
-    std::fs::read_to_string(root().join("docs/examples").join(name)).unwrap()
+    std::fs::read_to_string(root().join("docs/studies/examples").join(name)).unwrap()
 }
