@@ -591,6 +591,7 @@ fn read_pins() -> Vec<String> {
     let single = [
         "conditioning-limit",
         "rod-clearance",
+        "tilt-limit",
         "feed-floor",
         "max-override",
         "linear-acceleration",
@@ -601,7 +602,10 @@ fn read_pins() -> Vec<String> {
     ];
     let each = ["base-cone", "platform-cone", "min-limit", "max-limit", "max-velocity"];
     let of_leg = each.iter().map(|name| format!("{name}.3"));
-    single.iter().map(ToString::to_string).chain(of_leg).collect()
+    let pyramids = ["base", "platform"]
+        .iter()
+        .flat_map(|end| ["about", "across"].map(|way| format!("{end}-pyramid.3.{way}")));
+    single.iter().map(ToString::to_string).chain(of_leg).chain(pyramids).collect()
 }
 
 #[test]
