@@ -52,7 +52,7 @@ fn is_key(line: &str, key: &str) -> bool {
     line.split_once('=').is_some_and(|(name, _)| name.trim() == key)
 }
 
-/// First line of the section and first line after it.
+/// Returns the first line of the section and the first line after it.
 fn bounds(lines: &[String], section: &str) -> Option<(usize, usize)> {
     let start = lines.iter().position(|line| line.trim() == format!("[{section}]"))?;
     let length = lines[start + 1..].iter().position(|line| line.starts_with('['));

@@ -96,22 +96,22 @@ pub fn ini(machine: &str) -> PathBuf {
     folder(machine).join(format!("{machine}.ini"))
 }
 
-/// A machine with all its mechanisms.
+/// Returns a machine with all its mechanisms.
 pub fn whole(machine: &str) -> MachineConfig {
     MachineConfig::read(&ini(machine)).unwrap()
 }
 
-/// The first mechanism of a machine.
+/// Returns the first mechanism of a machine.
 pub fn config(machine: &str) -> Mechanism {
     first_of(&ini(machine))
 }
 
-/// The first mechanism of a file.
+/// Returns the first mechanism of a file.
 pub fn first_of(file: &Path) -> Mechanism {
     MachineConfig::read(file).unwrap().mechanism(1).unwrap()
 }
 
-/// The machine of a text.
+/// Returns the machine of a text.
 pub fn machine_of(file: &Path, text: &str) -> MachineConfig {
     MachineConfig::from_ini(&Ini::parse(file, text).unwrap()).unwrap()
 }

@@ -4,17 +4,10 @@
 use draw::curve::of_route;
 use paths::file::PathFile;
 use paths::route::route;
+use test_support::CIRCLE;
 use test_support::shipped::config;
 
-/// Two pencils of lines through the ends of a diameter meet on a circle.
-const CIRCLE: &str = "
-[parameters]
-R = 80
-[curve]
-alpha = 'y - t*(x + R)'
-beta = '(x - R) + t*y'
-start_mm = [80, 0]
-t = [0, 1]
+const LAWS: &str = "
 [laws]
 speed_mm_per_s = 20
 [tolerance]
@@ -28,7 +21,7 @@ zero_mm = [0, 0, 200]
 #[test]
 fn pictures_of_a_route_show_families_split_and_joints() {
     let config = config("pyramid");
-    let found = route(&config, &PathFile::parse(CIRCLE).unwrap()).unwrap();
+    let found = route(&config, &PathFile::parse(&format!("{CIRCLE}{LAWS}")).unwrap()).unwrap();
     let plots = of_route(&config, &found).unwrap();
     let names: Vec<&str> = plots.iter().map(|plot| plot.file.as_str()).collect();
     let expected = ["families-net.svg", "families-surfaces.svg", "split.svg", "split-tilts.svg"];

@@ -14,6 +14,7 @@ use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::sync::LazyLock;
+use test_support::CIRCLE;
 use test_support::shipped::config;
 
 /// Positions of 100 mm by well-conditioned formulas; quadrature adds 1e-13 of a length.
@@ -51,17 +52,6 @@ pub fn curve(text: &str) -> Result<Curve, CurveError> {
 fn refusal(text: &str) -> String {
     curve(text).unwrap_err().to_string()
 }
-
-/// Two pencils of lines through the ends of a diameter meet on a circle.
-pub const CIRCLE: &str = "
-[parameters]
-R = 80
-[curve]
-alpha = 'y - t*(x + R)'
-beta = '(x - R) + t*y'
-start_mm = [80, 0]
-t = [0, 1]
-";
 
 const LOXODROME: &str = "
 [parameters]
