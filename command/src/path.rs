@@ -140,7 +140,7 @@ fn backwards(
 }
 
 /// A program, and what is said of it, for programs.
-fn of_program(arguments: &Arguments, config: &Mechanism, text: &str, told: &Value) -> Value {
+fn of_program(arguments: &Arguments, config: &Mechanism, text: &str, found: &Value) -> Value {
     let files: Vec<_> = [&arguments.output, &arguments.csv].into_iter().flatten().collect();
     let mut all = json!({
         "machine": config.file,
@@ -148,8 +148,8 @@ fn of_program(arguments: &Arguments, config: &Mechanism, text: &str, told: &Valu
         "program": text,
         "files": files,
     });
-    if let (Some(all), Some(told)) = (all.as_object_mut(), told.as_object()) {
-        all.extend(told.clone());
+    if let (Some(all), Some(found)) = (all.as_object_mut(), found.as_object()) {
+        all.extend(found.clone());
     }
     all
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The targets without libFuzzer: what is kept, and inputs made of it at random. Nothing guides them, and nothing more
-//! has to be built for them. Crashes and endless loops are told by `cargo xtask fuzz` with their input.
+//! has to be built for them. Crashes and endless loops are reported by `cargo xtask fuzz` with their input.
 
 use crate::common::cases;
 use rand::{Rng, SeedableRng};

@@ -62,7 +62,7 @@ impl Calls {
         self.before.as_ref()
     }
 
-    /// Whether a pose has been commanded in this cycle.
+    /// Returns whether a pose has been commanded in this cycle.
     pub fn has_commanded(&self) -> bool {
         self.commanded.is_some()
     }

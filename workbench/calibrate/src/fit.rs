@@ -15,7 +15,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 /// How often an outlier is found in readings that have none.
 const FALSE_ALARM: f64 = 1e-3;
 
-/// Largest share of outliers that can be told from a machine unlike its drawing.
+/// Largest share of outliers that can be distinguished from a machine unlike its drawing.
 const MOST_OUTLIERS: f64 = 0.1;
 
 /// Share of a residual that is left to judge a reading by, at least: with less the machine follows
@@ -309,7 +309,7 @@ pub(crate) fn largest_by_chance(count: usize) -> f64 {
 }
 
 /// Root mean square of what a fit to the other readings says of those left out: groups of readings
-/// in turns, outliers not at all. `told` hears of each turn.
+/// in turns, outliers not at all. `progress` receives the share that is done.
 ///
 /// # Errors
 /// See [`Misfit`].
@@ -317,7 +317,7 @@ pub fn held_out(
     model: &Model,
     readings: &[Reading],
     found: &Fit,
-    mut told: impl FnMut(f64),
+    mut progress: impl FnMut(f64),
 ) -> Result<f64, Misfit> {
     let is_outlier = |i: usize| found.outliers.iter().any(|outlier| outlier.reading == i);
     let believed = || readings.iter().enumerate().filter(|(i, _)| !is_outlier(*i)).map(|(_, r)| r);
@@ -329,7 +329,7 @@ pub fn held_out(
             let changes = most_probable(model, &rest, &found.changes, found.noise)?;
             left.extend(residuals(model, &out, &changes)?.0.iter());
         }
-        told((fold + 1) as f64 / FOLDS as f64);
+        progress((fold + 1) as f64 / FOLDS as f64);
     }
     Ok(rms(&DVector::from_vec(left)))
 }

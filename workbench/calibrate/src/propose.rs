@@ -104,7 +104,7 @@ struct Maker<'a> {
     free: Vec<usize>,
 }
 
-/// Poses for a setup, for a machine that may be so far from its drawing; `told` hears how far it is.
+/// Poses for a setup, for a machine that may be so far from its drawing; `progress` receives the share that is done.
 ///
 /// # Errors
 /// See [`NoProposal`].
@@ -112,7 +112,7 @@ pub fn propose(
     config: &Mechanism,
     setup: &Setup,
     tolerance: &Tolerance,
-    mut told: impl FnMut(f64),
+    mut progress: impl FnMut(f64),
 ) -> Result<Proposal, NoProposal> {
     let layout = config.machine.layout();
     let letters = layout.coordinates().as_slice().iter().chain(layout.table().as_slice());
@@ -126,10 +126,11 @@ pub fn propose(
     if candidates.len() < wanted {
         return Err(NoProposal::TooFew { found: candidates.len(), wanted, tilt: setup.tilt });
     }
-    let (chosen, spread, [drawn, measured]) = maker.chosen(&candidates, tolerance, &mut told)?;
+    let (chosen, spread, [drawn, measured]) =
+        maker.chosen(&candidates, tolerance, &mut progress)?;
     let chosen: Vec<Candidate> = chosen.into_iter().map(|k| candidates[k].clone()).collect();
     let Route { stops, ways, home } = maker.ordered(chosen)?;
-    told(1.0);
+    progress(1.0);
     Ok(Proposal { stops, ways, home, spread, drawn, measured })
 }
 
@@ -331,7 +332,7 @@ impl Maker<'_> {
         &self,
         candidates: &[Candidate],
         tolerance: &Tolerance,
-        told: &mut impl FnMut(f64),
+        progress: &mut impl FnMut(f64),
     ) -> Result<(Vec<usize>, f64, [Shape; 2]), NoProposal> {
         let (config, gauge) = (self.config, &self.setup.gauge);
         let mut model = Model::new(config.geometry, config.offsets, tolerance)?;
@@ -375,7 +376,7 @@ impl Maker<'_> {
             known = known.resize_vertically(row + 1, 0.0);
             known.rows_mut(row, 1).copy_from(&own[best]);
             chosen.push(left[best]);
-            told(0.9 * chosen.len() as f64 / self.setup.count as f64);
+            progress(0.9 * chosen.len() as f64 / self.setup.count as f64);
         }
         let none = DMatrix::zeros(0, model.parameters.len());
         let of = |rows: &DMatrix<f64>| {

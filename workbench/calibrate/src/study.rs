@@ -312,16 +312,20 @@ pub enum SlipError {
     Misfit(#[from] Misfit),
 }
 
-/// Calibrates; `told` hears how far it is.
+/// Calibrates; `progress` receives the share that is done.
 ///
 /// # Errors
 /// See [`Misfit`].
-pub fn study(config: &Mechanism, given: Given, mut told: impl FnMut(f64)) -> Result<Study, Misfit> {
+pub fn study(
+    config: &Mechanism,
+    given: Given,
+    mut progress: impl FnMut(f64),
+) -> Result<Study, Misfit> {
     let Given { model, readings, instruments, noise, typed } = given;
     let found = fit(&model, &readings, noise)?;
-    told(0.4);
+    progress(0.4);
     let (as_drawn, holes) = as_drawn(&model, &readings, &found)?;
-    let held_out = held_out(&model, &readings, &found, |share| told(0.4 + 0.5 * share))?;
+    let held_out = held_out(&model, &readings, &found, |share| progress(0.4 + 0.5 * share))?;
     let unreachable = |fault| Misfit::Unreachable("the workspace".into(), fault);
     let at_tool = at_tool(config, &model, &readings, &found).map_err(unreachable)?;
     let shape = shape(config, &model, &readings, &found)?;
@@ -332,7 +336,7 @@ pub fn study(config: &Mechanism, given: Given, mut told: impl FnMut(f64)) -> Res
     ];
     let unseen = observe::unseen(&model, &used, &found.jacobian);
     let agreement = noise.map(|noise| agreement(&model, &readings, &found, noise));
-    told(1.0);
+    progress(1.0);
     Ok(Study {
         as_drawn,
         held_out,

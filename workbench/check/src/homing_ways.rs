@@ -428,7 +428,10 @@ pub fn shown(config: &Mechanism, pose: &[f64; 6]) -> String {
 ///
 /// # Errors
 /// A value that is no number.
-pub(crate) fn told(ini: &Ini, config: &Mechanism) -> Result<(String, Option<IniError>), IniError> {
+pub(crate) fn summary(
+    ini: &Ini,
+    config: &Mechanism,
+) -> Result<(String, Option<IniError>), IniError> {
     let Some(homing) = Homing::new(config)? else {
         return Ok(("not judged from elsewhere than HOME: axes carry something".into(), None));
     };

@@ -50,7 +50,7 @@ pub fn check(
     usual::check(&mut report, config)?;
     searches::check(&mut report, config)?;
     homes::check(&mut report, config)?;
-    let (fact, error) = homing_ways::told(&config.ini, config)?;
+    let (fact, error) = homing_ways::summary(&config.ini, config)?;
     report.fact("homing", fact);
     if let Some(error) = error {
         report.finding(Severity::Warning, error);

@@ -332,7 +332,7 @@ fn outline(joints: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
     Some(ring)
 }
 
-/// Zero of the platform's frame at home, which is level: docs/reference/view.md has the formula.
+/// Returns the zero of the platform's frame at home, which is level: docs/reference/view.md has the formula.
 fn platform_origin(config: &Mechanism) -> Vector3<f64> {
     let centre = Vector3::from(config.geometry.centre);
     let moved = config.machine.layout().coordinates().as_slice();

@@ -16,7 +16,7 @@ const LIMIT: &str = "stroke=\"#000000\" stroke-width=\"3\"";
 /// A page is read by a browser on a machine's controller.
 const MOST_BYTES: usize = 1_000_000;
 
-/// A run over a surface with these many lines of five cycles each, and a step in the middle that
+/// Returns a run over a surface with these many lines of five cycles each, and a step in the middle that
 /// no drive can follow.
 fn surface(config: &Mechanism, lines: u32) -> Thinned {
     let mut course = Course::new(config);

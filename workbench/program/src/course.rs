@@ -188,11 +188,11 @@ impl<'a> Course<'a> {
             // The end of a move is the start of the next one.
             for n in usize::from(number > 0)..=count as usize {
                 let share = n as f64 / count;
-                let told = std::array::from_fn(|k| from[k] + share * (step.end[k] - from[k]));
+                let programmed = std::array::from_fn(|k| from[k] + share * (step.end[k] - from[k]));
                 let values =
                     std::array::from_fn(|k| extra[k] + share * (step.extra_end[k] - extra[k]));
-                let machine = config.carried(&told, &values, &tool).unwrap_or([f64::NAN; 6]);
-                let pose = config.told(&told, &values);
+                let machine = config.carried(&programmed, &values, &tool).unwrap_or([f64::NAN; 6]);
+                let pose = config.reported_pose(&programmed, &values);
                 let tool = config.chain.machine_tool(&tool);
                 let at = config.machine.at(&Pose::from_degrees(machine), &tool);
                 course.take(&Moment {
@@ -229,7 +229,7 @@ impl<'a> Course<'a> {
         ]
         .map(|(values, limits)| shares(values, limits, count));
         let (machine, tool) = row.machine(self.config);
-        let pose = self.config.told(&row.of(self.config).pose, &row.extra.positions);
+        let pose = self.config.reported_pose(&row.of(self.config).pose, &row.extra.positions);
         let (joints, feed) = (Some(joints), row.feed);
         self.take(&Moment { at, line: row.line, pose, machine, tool, joints, shares, feed });
     }

@@ -269,7 +269,7 @@ impl<'a> Judge<'a> {
     /// Shows what is beyond its limit; whether the mechanism has moved at all.
     fn see(&mut self, row: &Row, mut show: impl FnMut(Margin, Option<Fault>)) -> bool {
         let (pose, tool) = row.machine(self.config);
-        let programmed = self.config.told(&row.of(self.config).pose, &row.extra.positions);
+        let programmed = self.config.reported_pose(&row.of(self.config).pose, &row.extra.positions);
         self.widen(row, &programmed);
         let now = (pose, tool, row.extra.positions);
         if self.before.replace(now) == Some(now) {

@@ -76,7 +76,7 @@ impl FileFacts {
         })
     }
 
-    /// Name of the machine's unit of length.
+    /// Returns the name of the machine's unit of length.
     pub fn length_unit(&self) -> &'static str {
         if self.units_per_mm == 1.0 { "mm" } else { "inch" }
     }
@@ -106,7 +106,7 @@ fn units_per_mm(ini: &Ini) -> Result<f64, IniError> {
     }
 }
 
-/// `[TRAJ]HOME` as LinuxCNC has it; a second mechanism needs all nine numbers.
+/// Reads `[TRAJ]HOME` as LinuxCNC does; a second mechanism needs all nine numbers.
 fn world_home(ini: &Ini, is_whole: bool) -> Result<[f64; 9], IniError> {
     let (least, expected) = match is_whole {
         true => (9, "expected 9 decimal numbers separated by blanks, X Y Z A B C U V W"),

@@ -216,8 +216,8 @@ impl Mechanism {
         self.extra_of(&self.world_home)
     }
 
-    /// What is told of a commanded pose of the tool: where axes carry something with their angles.
-    pub fn told(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> [f64; 6] {
+    /// Returns a commanded pose of the tool as reports show it: where axes carry something, with their angles.
+    pub fn reported_pose(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> [f64; 6] {
         if self.chain.is_empty() {
             return *pose;
         }

@@ -515,9 +515,8 @@ impl<'a> Run<'a> {
         self.judge.accepted(truth, given, world, reach)
     }
 
-    /// The operator has looked at the machine and says that the module's pose is its own, the one on which
-    /// its last good pose leads. Returns whether that pose is known: where its path ends at a singular pose, the
-    /// operator confirms nothing.
+    /// Confirms that the machine has the module's pose, the one to which its last good pose leads. Returns whether
+    /// that pose is known: where its path ends at a singular pose, the operator confirms nothing.
     fn confirm(&mut self) -> bool {
         let Some(good) = self.judge.good else { return false };
         let system = &self.setup.system;
