@@ -10,7 +10,7 @@ use machine::files::write_over;
 use machine::read::diagnostic::rendered;
 use machine::read::edit::difference;
 use machine::read::machine::MachineConfig;
-use program::whole::checked;
+use program::machine_check::checked;
 use serde_json::{Value, json};
 use std::io::Write;
 

@@ -7,7 +7,7 @@ use super::{Verdict, output};
 use linuxcnc::process::Options;
 use machine::files::read;
 use machine::read::machine::MachineConfig;
-use program::findings::Time;
+use program::report::Time;
 use program::verdict::judge;
 use serde_json::json;
 use std::io::Write;

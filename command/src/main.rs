@@ -47,7 +47,7 @@ use ::machine::read::columns::in_words;
 use ::machine::read::ini::{Ini, decimal};
 use ::machine::read::machine::{Lenient, MachineConfig, OneMechanism};
 use ::machine::read::mechanism::Mechanism;
-use ::program::beside;
+use ::program::mechanism_moves;
 use ::program::motion::Move;
 use ::program::preflight::{JudgeError, has_deletable};
 use ::studies::study::file::Study;
@@ -376,7 +376,7 @@ fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
         Some(_) => MachineConfig::from_ini(&config.ini)?,
         None => config.clone().into(),
     };
-    let (moves, files) = beside::moves_of(config, &whole, program)?;
+    let (moves, files) = mechanism_moves::moves_of(config, &whole, program)?;
     tell_deleted(program, &files)?;
     match moves.iter().all(|step| step.stays(config)) {
         true => Err(JudgeError::MovesNothing(program.into()).into()),

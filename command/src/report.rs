@@ -7,8 +7,8 @@ use draw::over::Mark;
 use draw::page::{LimitRow, Report, of_program};
 use kinematics::{Limit, Margin};
 use machine::limits;
-use program::course::{Abscissa, Thinned};
-use program::findings::{Break, LeastMargin, Range, Rule, Time};
+use program::report::{Break, LeastMargin, Range, Rule, Time};
+use program::timeline::{Abscissa, Thinned};
 use program::verdict::ProgramVerdict;
 
 /// Most warnings that the page repeats above its plots; its copy of the answer has more.

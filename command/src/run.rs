@@ -8,7 +8,7 @@ use linuxcnc::row::{Ending, Message, MessageKind, Outcome, Row};
 use linuxcnc::trace::Trace;
 use machine::files::open;
 use machine::read::facts::FileFacts;
-use program::done::Done;
+use program::progress::Done;
 use program::verdict::Step;
 use serde::Serialize;
 use std::io::Write;

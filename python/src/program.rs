@@ -6,7 +6,7 @@ use linuxcnc::process::Options;
 use linuxcnc::trace::Trace;
 use machine::files;
 use machine::read::machine::MachineConfig;
-use program::findings::Time;
+use program::report::Time;
 use program::verdict::{Step, judge};
 use pyo3::prelude::*;
 use std::error::Error;

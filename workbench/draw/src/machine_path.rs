@@ -13,7 +13,7 @@ use kinematics::Vector3;
 use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
-use program::course::Thinned;
+use program::timeline::Thinned;
 
 const MOST_POINTS: usize = 5000;
 

@@ -11,7 +11,7 @@ use crate::thin::{envelope, highest, lowest};
 use kinematics::{Joints, Letter, Limit};
 use machine::read::joints::Group;
 use machine::read::mechanism::Mechanism;
-use program::course::{Abscissa, Sample, Thinned};
+use program::timeline::{Abscissa, Sample, Thinned};
 
 /// Rooms are drawn between here and 1.
 const LEAST_ROOM: f64 = -0.3;

@@ -10,7 +10,7 @@ use crate::tool_path::{isometric, tool_path};
 use kinematics::MAX_JOINTS;
 use machine::read::joints::{Group, JointKind};
 use machine::read::mechanism::Mechanism;
-use program::path::{Along, along};
+use program::joint_curves::{Along, along};
 
 /// All plots of a trace.
 ///

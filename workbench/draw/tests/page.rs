@@ -7,7 +7,7 @@ use draw::page::{Report, of_program};
 use kinematics::{MAX_JOINTS, Pose};
 use linuxcnc::row::{Beside, Extra, Flags, Row};
 use machine::read::mechanism::Mechanism;
-use program::course::{Course, Sample, Thinned};
+use program::timeline::{Course, Sample, Thinned};
 use test_support::shipped::config;
 
 /// What a limit line looks like: nothing else is black and as wide.

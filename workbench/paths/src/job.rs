@@ -12,8 +12,8 @@ use kinematics::{Fault, Joints, Pose, Vector3};
 use machine::files;
 use machine::read::columns::{coordinates, joint_names};
 use machine::read::mechanism::Mechanism;
+use program::joint_curves::{Along, along};
 use program::motion::{Move, MoveKind};
-use program::path::{Along, along};
 use program::preflight::preflight;
 
 /// Largest distance of the places of a table, mm.

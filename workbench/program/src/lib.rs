@@ -7,23 +7,23 @@
 //!   joint values of [`replay`].
 //! - Uses: `machine`, `linuxcnc` and `check`.
 
-pub mod beside;
-pub mod both;
-pub mod course;
-pub mod cycles;
-pub mod done;
-pub mod findings;
-pub mod flight;
-mod follow;
+mod follow_move;
+pub mod joint_curves;
 pub mod loads;
+pub mod machine_check;
+pub mod machine_start;
+pub mod mechanism_moves;
 pub mod motion;
-pub mod offset;
-pub mod path;
+pub mod move_sequence;
 pub mod preflight;
+pub mod progress;
 pub mod random_program;
 pub mod replay;
-pub mod start;
+pub mod report;
+pub mod servo_cycles;
+pub mod timeline;
 pub mod travel;
+pub mod two_mechanisms;
 pub mod verdict;
-pub mod whole;
-mod words;
+mod verdict_text;
+pub mod work_offset;

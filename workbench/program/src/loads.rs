@@ -8,7 +8,7 @@
 //! differences is at its limit (`Rounding`). Cycles in which pkmkins moves the joints for another tool
 //! offset are no speed of the program, neither are those with the drives off.
 
-use crate::findings::{LineLoad, Peak, Place};
+use crate::report::{LineLoad, Peak, Place};
 use kinematics::{MAX_EXTRA, MAX_JOINTS};
 use linuxcnc::row::Row;
 use machine::read::joints::Joint;

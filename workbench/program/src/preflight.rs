@@ -5,14 +5,14 @@
 //! LinuxCNC reads the program and runs it in virtual time ([`linuxcnc`]). One move after the other is
 //! followed as motion is asked for it (`follow`), and every change of a tool: what is kept does not grow with the
 //! program. Every servo cycle is judged for what depends on time ([`crate::loads`]) and on the pose
-//! ([`crate::cycles`]).
+//! ([`crate::servo_cycles`]).
 
-use crate::beside::Half;
-use crate::both::Flights;
-use crate::cycles::Cycles;
-use crate::findings::{Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing};
 use crate::loads::{Beyond, Demands, Load, Loads};
+use crate::mechanism_moves::Half;
 use crate::motion::{Move, ROUNDING, Translator};
+use crate::report::{Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing};
+use crate::servo_cycles::Cycles;
+use crate::two_mechanisms::Flights;
 use kinematics::{Fault, Limit, Part};
 use linuxcnc::process::{Event, Options, run_with_moves};
 use linuxcnc::refusal::NotJudged;

@@ -4,9 +4,9 @@
 //! The way to the end of the letter's range is followed as a move of a program is
 //! (`follow`): up to the place that is found every limit is proved to be kept.
 
-use crate::both::Flights;
-use crate::findings::Break;
 use crate::motion::{Beside, Move, MoveKind, Spindle};
+use crate::report::Break;
+use crate::two_mechanisms::Flights;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
 use machine::read::joints::Axis;
 use machine::read::machine::MachineConfig;

@@ -2,9 +2,9 @@
 //! The verdict on a program, from its file to a value: what LinuxCNC makes of it, warnings, and where it does not fit
 //! another work offset with which it does.
 
-use crate::findings::{Preflight, Rule, Time};
-use crate::offset::{self, Offset};
 use crate::preflight::{self, JudgeError, Judged};
+use crate::report::{Preflight, Rule, Time};
+use crate::work_offset::{self, Offset};
 use check::cautions::{Caution, cautions, once};
 use linuxcnc::process::Options;
 use linuxcnc::refusal::NotJudged;
@@ -158,7 +158,7 @@ fn offset(
     found: &Preflight,
     show: Show,
 ) -> Result<Option<Suggestion>, JudgeError> {
-    let mut confirmed = |kind, search: offset::Search| -> Result<_, JudgeError> {
+    let mut confirmed = |kind, search: work_offset::Search| -> Result<_, JudgeError> {
         let goes_on = &mut |share| {
             show(Step::Search(kind, share));
             !options.stop.load(Ordering::Relaxed)
@@ -172,9 +172,9 @@ fn offset(
         let found = judged.map(|judged| judged.found).filter(Preflight::fits);
         Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
     };
-    match confirmed("looking for another work offset", offset::shift)? {
+    match confirmed("looking for another work offset", work_offset::shift)? {
         None if found.poses.may_turn(config.first()) => {
-            confirmed("looking for a turned work offset", offset::turn)
+            confirmed("looking for a turned work offset", work_offset::turn)
         }
         shifted => Ok(shifted),
     }

@@ -4,14 +4,14 @@
 mod axis_limits;
 mod chain;
 mod correction;
-mod course;
 mod extra_axes;
+mod joint_curves;
 mod motion;
-mod path;
 mod preflight;
 mod random_program;
 mod reading;
 mod replay;
 mod starts;
+mod timeline;
 mod travel;
 mod two_mechanisms;

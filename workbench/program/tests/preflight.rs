@@ -6,10 +6,10 @@ use machine::limits;
 use machine::proof::axis_box::range;
 use machine::proof::reach::Reach;
 use machine::read::mechanism::Mechanism;
-use program::findings::Preflight;
 use program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
-use program::offset::{self, Offset};
 use program::preflight::preflight;
+use program::report::Preflight;
+use program::work_offset::{self, Offset};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -400,11 +400,11 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     assert!(!follow(&config, &moves).fits() && follow(&config, &moves).poses.may_turn(&config));
     // 189 mm long where X and Y have 160 each: no shift will do, the diagonal will.
     assert_eq!(
-        offset::shift(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap(),
+        work_offset::shift(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap(),
         None
     );
     let offset =
-        offset::turn(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap().unwrap();
+        work_offset::turn(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap().unwrap();
     assert!(offset.turn != 0.0, "{offset:?}");
     let found = refitted(&config, &program, &offset);
     assert!(found.fits(), "{offset:?} {:?}", found.breaks);
@@ -443,19 +443,17 @@ fn random_programs_fit_where_they_are_put() {
             if follow(&config, &moves).fits() {
                 continue;
             }
-            let (offset, count) = match offset::shift(
-                &config,
-                &follow(&config, &moves).poses,
-                &mut |_| true,
-            )
-            .unwrap()
-            {
-                Some(offset) => (Some(offset), &mut shifted),
-                None => (
-                    offset::turn(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap(),
-                    &mut turned,
-                ),
-            };
+            let (offset, count) =
+                match work_offset::shift(&config, &follow(&config, &moves).poses, &mut |_| true)
+                    .unwrap()
+                {
+                    Some(offset) => (Some(offset), &mut shifted),
+                    None => (
+                        work_offset::turn(&config, &follow(&config, &moves).poses, &mut |_| true)
+                            .unwrap(),
+                        &mut turned,
+                    ),
+                };
             let Some(offset) = offset else { continue };
             *count += 1;
             let found = refitted(&config, &program, &offset);

@@ -2,8 +2,8 @@
 //! Programs that mean something else to a reader that is not the control: LinuxCNC alone reads them.
 
 use linuxcnc::process::Options;
-use program::findings::Preflight;
 use program::preflight::judge;
+use program::report::Preflight;
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeSet;

@@ -4,7 +4,7 @@
 use check::report::check;
 use machine::read::diagnostic::Severity;
 use machine::read::machine::MachineConfig;
-use program::start::start;
+use program::machine_start::start;
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;

@@ -12,7 +12,7 @@ use machine::read::mechanism::Mechanism;
 use machine::read::models::Model;
 use machine::scene::Scene;
 use page_core::Described;
-use program::course::{Abscissa, Sample, Thinned};
+use program::timeline::{Abscissa, Sample, Thinned};
 use serde::Serialize;
 use std::collections::BTreeMap;
 

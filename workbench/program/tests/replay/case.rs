@@ -2,7 +2,7 @@
 //! Replay cases of tests/cases/replay.toml: a machine, a program, and what is expected of them.
 
 use machine::read::machine::MachineConfig;
-use program::beside::moves_of;
+use program::mechanism_moves::moves_of;
 use program::motion::{self, LINUXCNC_PROGRAMS};
 use program::replay::{Replay, replay};
 use serde::Deserialize;

@@ -6,10 +6,10 @@
 //! changes while a platform is tilted leads that platform along a line, which is followed as a move. Where
 //! both change in one block nobody knows which comes first, and only the end is judged.
 
-use crate::findings::{Break, LeastMargin, Preflight, Rule};
-use crate::flight::Flight;
-use crate::follow::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance, arm};
+use crate::follow_move::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance, arm};
 use crate::motion::Move;
+use crate::move_sequence::Flight;
+use crate::report::{Break, LeastMargin, Preflight, Rule};
 use kinematics::{Body, Fault, Part, Pose, Vector3};
 use machine::limits;
 use machine::proof::between::{Approach, approach};

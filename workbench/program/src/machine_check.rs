@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A machine checked as a whole: each mechanism, its start in virtual time, and both mechanisms together.
 
-use crate::start::{Start, start};
+use crate::machine_start::{Start, start};
 use check::between;
 use check::findings::{Finding, Report};
 use check::report::check;

@@ -9,8 +9,8 @@
 //! short to matter: then the move touches the limit. So every limit has the first place where it
 //! breaks, and a move without one is proved to keep all of them everywhere.
 
-use crate::findings::{Break, Preflight, Range, Time};
-use crate::offset::Poses;
+use crate::report::{Break, Preflight, Range, Time};
+use crate::work_offset::Poses;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World};
 use machine::limits;
 use machine::proof::carried::Enclosure;

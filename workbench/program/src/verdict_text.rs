@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The verdict on a program in words.
 
-use crate::findings::{Break, LineLoad, Range, Time, Timing};
-use crate::offset::Offset;
+use crate::report::{Break, LineLoad, Range, Time, Timing};
 use crate::verdict::{ProgramVerdict, Suggestion};
+use crate::work_offset::Offset;
 use check::cautions::Caution;
 use kinematics::Letter;
 use linuxcnc::row::{Ending, Message};

@@ -4,8 +4,8 @@
 
 use kinematics::{Joints, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
+use program::joint_curves::{Along, along};
 use program::motion::{Move, moves};
-use program::path::{Along, along};
 use test_support::shipped::{config, folder};
 
 /// A thousand steps added up, each with a rounding of a carriage position near 1500 mm.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What is known of a program on a machine.
 
-use crate::offset::Poses;
+use crate::work_offset::Poses;
 use kinematics::{Limit, Part};
 use linuxcnc::row::{Ending, Message};
 use machine::limits;

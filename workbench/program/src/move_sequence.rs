@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The moves of one mechanism followed one after the other, with the changes of its tool.
 
-use crate::findings::{LeastMargin, Preflight};
-use crate::follow::{Course, Found, Leg, Pilot, length};
+use crate::follow_move::{Course, Found, Leg, Pilot, length};
 use crate::motion::{Move, ROUNDING};
+use crate::report::{LeastMargin, Preflight};
 use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
 use machine::limits;
 use machine::proof::reach::Reach;

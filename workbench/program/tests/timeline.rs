@@ -3,9 +3,9 @@
 
 use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
 use linuxcnc::row::{Beside, Flags, Row};
-use program::course::{Abscissa, Course, MOST_SAMPLES};
 use program::loads::Motion;
 use program::motion::{Move, MoveKind, Spindle};
+use program::timeline::{Abscissa, Course, MOST_SAMPLES};
 use test_support::control::standing;
 use test_support::shipped::{config, whole};
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What LinuxCNC's servo cycles show of the limits of a pose, and of the path.
 //!
-//! The moves of a program are proved as they are commanded ([`crate::flight`]). What the machine then does
+//! The moves of a program are proved as they are commanded ([`crate::move_sequence`]). What the machine then does
 //! is not always that: corners are rounded, and a tap runs on until its spindle has stopped. So every
 //! cycle is judged as well, by the same list of limits, and compared with the path.
 
-use crate::findings::{Break, Place, Rule};
 use crate::motion::{Circle, ROUNDING};
+use crate::report::{Break, Place, Rule};
 use kinematics::{
     Fault, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3, World,
 };
@@ -203,7 +203,7 @@ impl<'a> Cycles<'a> {
         });
     }
 
-    /// Returns what is used of the axes and joints, in the order of [`ranges`](crate::findings::Preflight::ranges).
+    /// Returns what is used of the axes and joints, in the order of [`ranges`](crate::report::Preflight::ranges).
     pub fn used(&self) -> Vec<[f64; 2]> {
         self.machines.iter().flat_map(Judge::used).collect()
     }
@@ -258,7 +258,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Returns what is used, in the order of [`ranges`](crate::findings::Preflight::ranges).
+    /// Returns what is used, in the order of [`ranges`](crate::report::Preflight::ranges).
     fn used(&self) -> impl Iterator<Item = [f64; 2]> {
         let layout = self.config.machine.layout();
         let axes = Letter::ALL.into_iter().zip(self.axes);
