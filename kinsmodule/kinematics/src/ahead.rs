@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Looking ahead along the present motion: which speed lets the machine brake before a
-//! joint has to be too fast or the legs hardly hold the platform, and what lies within the
+//! Looks ahead along the present motion: at which speed the machine can still brake before a
+//! joint exceeds its speed limit or the pose nears a singularity, and which limits lie within the
 //! braking distance.
 //!
-//! A place ahead is named by the time σ in which the motion would be there at its present
-//! speed, and speeds are multiples w of the present one. That needs no unit: lengths and
-//! angles of a pose go on together, as LinuxCNC's planner moves them. With at most w(σ)
+//! A sample ahead is identified by the time σ at which the motion would reach it at its present
+//! speed, and speeds are multiples w of the present speed. That needs no unit: lengths and
+//! angles of a pose advance together, as LinuxCNC's planner moves them. With at most w(σ)
 //! allowed at σ and a deceleration β (of w, per second), the speed now must satisfy
-//! w² ≤ w(σ)² + 2 β σ. Between two places looked at the right side is nearly straight, so that
-//! its least value is at one of them.
+//! w² ≤ w(σ)² + 2 β σ. Between two samples the right side is nearly straight, so its minimum is
+//! at one of them.
 
 use crate::at::At;
 use crate::corner::Corner;
@@ -21,54 +21,54 @@ use crate::trig::{RADIANS, sincos_of_one};
 use libm::sqrt;
 use nalgebra::Vector3;
 
-/// Places looked at ahead of the present one, and those before the last one.
+/// Number of samples ahead of the present pose.
 const PLACES: usize = 8;
 const BETWEEN: usize = PLACES - 1;
 
-/// Places ahead that a cycle looks at.
+/// Samples ahead that are evaluated in each cycle.
 const IN_TURN: u32 = 1;
 
-/// Change of direction within a cycle, as a share of the motion, up to which what was seen ahead
-/// before is still ahead: radians, where nothing but the direction changes.
+/// Largest change of direction in one cycle, as a share of the motion, up to which earlier samples
+/// remain valid: radians if only the direction changes.
 const SAME_DIRECTION: f64 = 0.02;
 
-/// Multiple of the least smallest singular value from which the machine slows.
+/// The machine slows down below this multiple of the smallest allowed singular value.
 const SLOW_FROM: f64 = 2.0;
 
-/// Share of a joint's speed limit that is used: what the places between those looked at, and a
-/// bend of the path that is not seen before it begins, may add.
+/// Share of a joint's speed limit that is used. The rest covers the path between samples and a
+/// bend that is not visible before it begins.
 const SPEED_SHARE: f64 = 0.98;
 
-/// Share of the accelerations that braking may count on: LinuxCNC's planner halves them where
+/// Share of the accelerations that braking may rely on: LinuxCNC's planner halves them where
 /// moves blend, and keeps cos 30° of them along an arc.
 const BRAKING_SHARE: f64 = 0.43;
 
-/// A path bends at most by this multiple of what the acceleration allows; more is a corner.
+/// A path bends by at most this multiple of what the acceleration allows; more is a corner.
 const SHARPEST_BEND: f64 = 2.0;
 
-/// Multiple of the braking distance that is looked at, so that a machine that gathers speed
-/// sees what comes before it has to brake.
+/// Multiple of the braking distance that is sampled, so that an accelerating machine detects a
+/// limit before it must brake for it.
 const FARTHER: f64 = 1.2;
 
-/// Speed below which nothing is known of the direction: sizes of the machine per second.
+/// Speed below which the direction is unknown: machine sizes per second.
 const AT_REST: f64 = 1e-6;
 
-/// Share of what the platform turns by below which X, Y, Z only move by rounding.
+/// X, Y, Z moving by less than this share of the rotation counts as rounding.
 const ROUNDED: f64 = 1e-6;
 
-/// What the planner can do, and is asked for.
+/// What the planner is able to do and what it is asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct Planner {
     /// Acceleration of the control point, machine units per s².
     pub linear: f64,
     /// Acceleration of A, B and C, degrees per s².
     pub angular: f64,
-    /// Speed that the program asks for, as a multiple of the present one.
+    /// Programmed speed, as a multiple of the present speed.
     pub requested: f64,
-    /// Seconds until an answer acts on the motion.
+    /// Seconds until a response affects the motion.
     pub latency: f64,
-    /// Of a motion that is led by hand: how many seconds sooner what needs braking is looked for. It
-    /// has to end before a limit of the pose; beyond one it may go where that gets better.
+    /// For a jogged motion: how many seconds earlier to look for limits. A jog must end before a pose
+    /// limit; beyond one it may move in the direction that improves.
     pub notice: Option<f64>,
 }
 
@@ -76,33 +76,33 @@ pub struct Planner {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     pose: [f64; 6],
-    /// Per second, machine units and degrees.
+    /// Per second, in machine units and degrees.
     rate: [f64; 6],
-    /// Unit vector that the linear part turns towards, and how fast, radians per second.
+    /// Unit vector towards which the linear part turns, and the turn rate in radians per second.
     normal: Vector3<f64>,
     turn: f64,
     speed: f64,
-    /// Rate of a move that ends while this one begins.
+    /// Rate of a move that is ending while this one begins.
     ending: Option<[f64; 6]>,
 }
 
-/// What lies ahead.
+/// Result of looking ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outlook {
     /// Largest speed allowed now, as a multiple of the present one.
     pub allowed: f64,
-    /// Largest speed that the machine can have gathered when an answer acts, as a multiple of the
-    /// present one.
+    /// Largest speed that the machine can have reached when a response takes effect, as a multiple of
+    /// the present one.
     pub gathered: f64,
-    /// What limits it, and the time at the present speed until there.
+    /// Fault that limits the speed, and the time until it is reached at the present speed.
     pub because: Option<(Fault, f64)>,
-    /// The first thing within the braking distance that is not allowed.
+    /// First fault within the braking distance.
     pub soon: Option<Fault>,
 }
 
 impl Motion {
-    /// Of the last three poses, oldest first, `period` seconds apart; `linear` is the
-    /// acceleration that tells a bend from a corner. `None` where the machine stands still.
+    /// Computes the motion from the last three poses, oldest first, `period` seconds apart; `linear` is
+    /// the acceleration that separates a bend from a corner. Returns `None` at rest.
     pub fn of(machine: &Machine, poses: [&Pose; 3], period: f64, linear: f64) -> Option<Self> {
         let [first, second, pose] = poses.map(Pose::to_degrees);
         let rate: [f64; 6] = core::array::from_fn(|k| (pose[k] - second[k]) / period);
@@ -125,15 +125,15 @@ impl Motion {
         if sideways > 0.0 && sideways <= SHARPEST_BEND * linear {
             motion.normal = bend / bend.norm();
             motion.turn = sideways / speed;
-            // The difference of two poses shows the direction half a period ago.
+            // The difference of two poses gives the direction half a period ago.
             motion.rate = motion.turned(motion.turn * period / 2.0);
             motion.normal = motion.normal_after(motion.turn * period / 2.0, &direction);
         }
         Some(motion)
     }
 
-    /// The move that begins at a corner: it goes straight on, and what is left of the one before it comes
-    /// on top of it where the machine is.
+    /// Returns the move that begins at a corner: it continues straight, and the rest of the previous
+    /// move is added to it at the present pose.
     pub fn beginning(&self, corner: &Corner) -> Self {
         Self {
             pose: self.pose,
@@ -145,31 +145,31 @@ impl Motion {
         }
     }
 
-    /// Speed as LinuxCNC's planner counts it, per second: of X, Y, Z in machine units, or of A, B,
-    /// C in degrees where these alone move.
+    /// Returns the speed as LinuxCNC's planner counts it, per second: of X, Y, Z in machine units, or of
+    /// A, B, C in degrees if only these move.
     pub fn speed(&self) -> f64 {
         self.speed
     }
 
-    /// The pose after `time` at the present speed, along the circle that the path now follows.
+    /// Computes the pose after `time` at the present speed, along the present osculating circle.
     pub fn pose_after(&self, time: f64) -> Pose {
         self.after(time).0
     }
 
-    /// How fast the motion surely brakes: the speed, as a multiple of the present one, falls by so much
-    /// a second. Infinite or NaN where the planner has no such limits.
+    /// Returns the guaranteed deceleration: the decrease of the speed, as a multiple of the present one,
+    /// per second. Infinite or NaN if the planner has no such limits.
     pub fn braking(&self, planner: &Planner) -> f64 {
         BRAKING_SHARE * self.acceleration(planner)
     }
 
-    /// Accelerations of the planner that let this motion brake by `braking`, a share of its speed per
-    /// second: where LinuxCNC's own motion is another one.
+    /// Returns planner accelerations that give this motion the deceleration `braking`, a share of its
+    /// speed per second. Needed if LinuxCNC's pose moves differently from the machine's.
     pub fn braked(&self, braking: f64, planner: &Planner) -> Planner {
         let angular = self.rate[3].abs().max(self.rate[4].abs()).max(self.rate[5].abs());
         Planner { linear: braking * self.linear().norm(), angular: braking * angular, ..*planner }
     }
 
-    /// The rate after its linear part has turned by an angle.
+    /// Rotates the linear part of the rate by an angle.
     fn turned(&self, angle: f64) -> [f64; 6] {
         let [sine, cosine] = sincos_of_one(angle);
         let speed = self.linear().norm();
@@ -189,8 +189,7 @@ impl Motion {
         Vector3::new(self.rate[0], self.rate[1], self.rate[2])
     }
 
-    /// Pose and rate after `time` at the present speed, along the circle that the path
-    /// now follows.
+    /// Computes pose and rate after `time` at the present speed, along the present osculating circle.
     fn after(&self, time: f64) -> (Pose, [f64; 6]) {
         let mut pose: [f64; 6] = core::array::from_fn(|k| self.pose[k] + self.rate[k] * time);
         let angle = self.turn * time;
@@ -205,54 +204,54 @@ impl Motion {
         (Pose::from_degrees(pose), self.turned(angle))
     }
 
-    /// Acceleration of the speed w that the planner keeps to at most, per second.
+    /// Returns the largest acceleration of the speed w that the planner uses, per second.
     fn acceleration(&self, planner: &Planner) -> f64 {
         let angular = self.rate[3].abs().max(self.rate[4].abs()).max(self.rate[5].abs());
         let share = |limit: f64, rate: f64| if rate > 0.0 { limit / rate } else { f64::INFINITY };
         let (linear, angular) =
             (share(planner.linear, self.linear().norm()), share(planner.angular, angular));
-        // Not `min`, which would take NaN for no limit.
+        // `min` would treat NaN as no limit.
         if linear.is_nan() || linear <= angular { linear } else { angular }
     }
 }
 
-/// Of A, B and C, degrees per second.
+/// Returns the norm of the rates of A, B and C, degrees per second.
 fn norm_of_angles(rate: &[f64; 6]) -> f64 {
     Vector3::new(rate[3], rate[4], rate[5]).norm()
 }
 
-/// What is seen at a place on the way.
+/// Result of one sample.
 #[derive(Clone, Copy, Debug)]
 struct View {
-    /// Largest speed at which no joint is too fast, and the joint.
+    /// Largest speed at which every joint keeps its speed limit, and the joint that determines it.
     joints: (f64, Option<Fault>),
-    /// The first limit of the pose that is not kept, and how far it is beyond that.
+    /// First violated pose limit, and by how much it is exceeded.
     refused: Option<(Fault, f64)>,
-    /// Whether that limit was kept, or broken by less, where the machine was when this was seen.
+    /// Whether that limit was kept, or violated by less, at the machine's pose when this was sampled.
     gets_worse: bool,
-    /// Whether the legs reach the place.
+    /// Whether the legs reach the sampled pose.
     is_reached: bool,
 }
 
-/// What was seen at the places ahead in the cycles before, so that a cycle looks at only one of them
-/// and where the machine is. What is used of it is at most [`Sight::OLDEST`] cycles old, and of a
-/// motion that has gone on in nearly the same direction since.
+/// Samples of earlier cycles, so that each cycle evaluates only the present pose and one pose ahead.
+/// A sample is used for at most [`Sight::OLDEST`] cycles, and only while the motion keeps nearly the
+/// same direction.
 #[derive(Clone, Debug)]
 pub struct Sight {
     between: [Option<View>; BETWEEN],
     there: Option<View>,
     singular_value: SingularValue,
-    /// That of the motion in the cycle before.
+    /// Rate of the motion in the previous cycle.
     rate: [f64; 6],
-    /// The place that is looked at next.
+    /// Index of the sample to evaluate next.
     next: usize,
 }
 
 impl Sight {
-    /// Largest age of a view, cycles.
+    /// Largest age of a sample, in cycles.
     pub const OLDEST: u8 = PLACES as u8 + 1;
 
-    /// Nothing is known.
+    /// No samples.
     pub const NONE: Self = Self {
         between: [None; BETWEEN],
         there: None,
@@ -261,7 +260,7 @@ impl Sight {
         next: 0,
     };
 
-    /// Forgets the place that was looked at longest ago, and says from which on to look.
+    /// Discards the oldest sample and returns the index to start from.
     fn begin_cycle(&mut self) -> usize {
         let due = self.next;
         match self.between.get_mut(due) {
@@ -272,8 +271,8 @@ impl Sight {
         due
     }
 
-    /// Keeps what is still true of a motion: all of it where it goes on in nearly the same direction,
-    /// speeds as multiples of the present one.
+    /// Keeps the samples that remain valid for a motion: all of them if its direction is nearly the
+    /// same, with speeds rescaled to the present one.
     fn turn_to(&mut self, motion: &Motion, radius: f64) {
         let length = |rate: &[f64; 6]| {
             let turn =
@@ -294,20 +293,20 @@ impl Sight {
     }
 }
 
-/// A look along a motion.
+/// One evaluation along a motion.
 struct Look<'a, 'b> {
     tool: &'a Vector3<f64>,
     limits: &'a Limits,
     motion: &'a Motion,
-    /// Time to the last place.
+    /// Time to the last sample.
     horizon: f64,
-    /// The machine at the place that was viewed last.
+    /// The machine at the pose sampled last.
     at: &'a mut At<'b>,
 }
 
 impl At<'_> {
-    /// Looks along a motion, at all of nine places. It moves the machine to one after the other, as
-    /// [`At::ahead_in_turn`] and [`At::here`] do to theirs.
+    /// Evaluates all nine samples along a motion. Moves the machine from one to the next, like
+    /// [`At::ahead_in_turn`] and [`At::here`].
     pub fn ahead(
         &mut self,
         (tool, limits): (&Vector3<f64>, &Limits),
@@ -317,8 +316,8 @@ impl At<'_> {
         self.look((&mut Sight::NONE.clone(), PLACES as u32), (tool, limits), motion, planner)
     }
 
-    /// As [`At::ahead`], for the cycles of a motion: in each the present place and one ahead, also
-    /// where the motion begins or turns. The latency has to make room for [`Sight::OLDEST`] cycles.
+    /// Like [`At::ahead`], for successive cycles of a motion: evaluates the present pose and one sample
+    /// ahead, also where the motion begins or turns. The latency must include [`Sight::OLDEST`] cycles.
     pub fn ahead_in_turn(
         &mut self,
         sight: &mut Sight,
@@ -350,7 +349,7 @@ impl At<'_> {
         look.outlook((sight, most), nothing, (braking, planner))
     }
 
-    /// What is not allowed at a pose, at rest.
+    /// Returns the first limit violated at a pose, at rest.
     pub fn here(&mut self, tool: &Vector3<f64>, limits: &Limits, pose: &Pose) -> Option<Fault> {
         match self.move_to(pose, tool) {
             Ok(()) => refused(self, limits).map(|(fault, _)| fault),
@@ -359,15 +358,15 @@ impl At<'_> {
     }
 }
 
-/// The first limit that is not kept, and how far the machine is beyond it, in its unit.
+/// Returns the first violated limit, and by how much it is exceeded, in its unit.
 fn refused(at: &At<'_>, limits: &Limits) -> Option<(Fault, f64)> {
     let margin = at.first_broken(limits)?;
     Some((margin.fault(at.layout())?, -margin.room()))
 }
 
 impl Look<'_, '_> {
-    /// Looks at `most` places at most beside the present one: the end of the way where nothing is
-    /// known of it, then those that are due. Fills in an outlook that knows nothing yet.
+    /// Evaluates at most `most` samples beside the present pose: first the end of the path if it is
+    /// unknown, then those that are due. Fills in an empty outlook.
     fn outlook(
         mut self,
         (sight, most): (&mut Sight, u32),
@@ -403,7 +402,7 @@ impl Look<'_, '_> {
             let mut time = self.horizon * share(k);
             let (mut allowed, mut because) = view.speed(&singular_value, share(k));
             if planner.notice.is_some() && view.gets_worse {
-                // The limit is somewhere since the last place where it is kept.
+                // The limit lies somewhere after the last sample that keeps it.
                 let fault = view.refused.map(|(fault, _)| fault);
                 (time, allowed, because) = (kept_until, 0.0, fault);
             } else {
@@ -412,7 +411,7 @@ impl Look<'_, '_> {
             let now = speed_before(allowed, braking, time - planner.latency);
             if !(now >= outlook.allowed) {
                 outlook.allowed = now;
-                // The legs are weak only further on: without the rest of the way they would not be.
+                // Only the pose farther ahead is near-singular: without the rest of the path there is no limit.
                 let nears =
                     allowed > 0.0 && because.is_some_and(|f| f.cause == Cause::ConditioningAhead);
                 let until = if nears { self.horizon } else { time };
@@ -426,8 +425,8 @@ impl Look<'_, '_> {
         outlook
     }
 
-    /// Looks at the present place. At a corner a joint may only be as fast as the ending move leaves
-    /// it; while that alone is the reason, nothing has to stop: it ends.
+    /// Evaluates the present pose. At a corner a joint may only use the speed that the ending move
+    /// leaves; if that is the only reason, nothing needs to stop, because that move ends.
     fn here(&mut self) -> View {
         let mut view = self.view(0.0);
         let rates = self
@@ -446,7 +445,7 @@ impl Look<'_, '_> {
         view
     }
 
-    /// Looks at the place at a share of the way.
+    /// Evaluates the pose at a share of the path.
     fn view(&mut self, share: f64) -> View {
         let (pose, rate) = self.motion.after(self.horizon * share);
         let moved = self.at.move_to(&pose, self.tool);
@@ -466,14 +465,14 @@ impl Look<'_, '_> {
         }
     }
 
-    /// Constraint rows of the place viewed last, where they are limited and the legs reach it.
+    /// Returns the constraint rows of the last sample if they are limited and the legs reach it.
     fn rows_of(&self, view: &View) -> Option<[[f64; 6]; MAX_LEGS]> {
         (self.limits.conditioning != 0.0 && view.is_reached).then(|| self.at.constraint_rows())
     }
 
-    /// How the smallest singular value changes to the place viewed last. Its exact value there is
-    /// needed only where what the rows change by might bring it near the limit: singular values
-    /// change by the norm of that at most (Weyl).
+    /// Computes how the smallest singular value changes up to the last sample. Its exact value is
+    /// needed only if the change of the rows could bring it near the limit: singular values change
+    /// by at most the norm of that change (Weyl).
     fn singular_value(
         &self,
         (rows, now): (Option<[[f64; 6]; MAX_LEGS]>, f64),
@@ -495,13 +494,13 @@ impl Look<'_, '_> {
     }
 }
 
-/// Share of the way at which place `k` lies.
+/// Returns the share of the path at sample `k`.
 fn share(k: usize) -> f64 {
     k as f64 / PLACES as f64
 }
 
 impl View {
-    /// The same, compared with what is seen where the machine is.
+    /// Compares the sample with the one at the machine's pose.
     fn after(mut self, here: &Self) -> Self {
         self.gets_worse = self.refused.is_some_and(|(fault, beyond)| {
             !here.refused.is_some_and(|(same, less)| {
@@ -511,7 +510,7 @@ impl View {
         self
     }
 
-    /// Largest speed here and what limits it.
+    /// Returns the largest speed at this sample and the fault that limits it.
     fn speed(&self, singular_value: &SingularValue, share: f64) -> (f64, Option<Fault>) {
         match singular_value.speed(share) {
             Some((slower, why)) if !(self.joints.0 <= slower) => (slower, Some(why)),
@@ -520,8 +519,8 @@ impl View {
     }
 }
 
-/// Largest speed at which no joint is too fast, as a multiple of that with these rates, and the
-/// joint.
+/// Returns the largest speed at which every joint keeps its limit, as a multiple of the speed with
+/// these rates, and the joint that determines it.
 fn joint_speed(rates: &Joints, limits: &Limits, layout: &Layout) -> (f64, Option<Fault>) {
     let mut slowest = (f64::INFINITY, None);
     for (i, (rate, limit)) in rates.iter().zip(&limits.speed).enumerate() {
@@ -538,20 +537,20 @@ fn joint_speed(rates: &Joints, limits: &Limits, layout: &Layout) -> (f64, Option
     (speed, joint.map(|(i, limit)| Fault::of_joint(Cause::JointTooFast, layout, i, limit)))
 }
 
-/// What a joint that moves at `ending` by one move leaves of its speed to another one, in the direction of
-/// `rate`. Of the share that is used, so that nothing is left where that is used up.
+/// Returns the part of a joint's speed limit that a move with rate `ending` leaves to another move in
+/// the direction of `rate`. Computed from the used share, so that nothing is left once that is used up.
 fn left_of(limit: f64, ending: f64, rate: f64) -> f64 {
     let used = if (ending > 0.0) == (rate > 0.0) { ending.abs() } else { 0.0 };
     limit - used / SPEED_SHARE
 }
 
-/// Speed now that becomes `allowed` by braking for a time at the present speed.
+/// Returns the speed now that becomes `allowed` by braking for a time at the present speed.
 fn speed_before(allowed: f64, braking: f64, time: f64) -> f64 {
     sqrt(allowed * allowed + 2.0 * braking * time.max(0.0))
 }
 
-/// How the smallest singular value changes along the way: slow from twice the limit on, if
-/// it gets worse. On the way out of such a pose the machine may move.
+/// Change of the smallest singular value along the path: the machine slows down below twice the
+/// limit if the value decreases. Away from a near-singular pose it may move freely.
 #[derive(Clone, Copy, Debug)]
 struct SingularValue {
     now: f64,
@@ -561,7 +560,7 @@ struct SingularValue {
 }
 
 impl SingularValue {
-    /// Speed at a share of the way, with its reason.
+    /// Returns the speed allowed at a share of the path, with its reason.
     fn speed(&self, share: f64) -> Option<(f64, Fault)> {
         if self.limit == 0.0 || self.change >= 0.0 {
             return None;
@@ -587,7 +586,7 @@ mod tests {
     const PERIOD: f64 = 1e-3;
     const RADIUS: f64 = 50.0;
 
-    /// Straight along X, then on a circle that turns to Y; A goes on all the while.
+    /// Goes straight along X, then along a circle towards Y, while A changes steadily.
     fn way(length: f64) -> Pose {
         let angle = length.max(0.0) / RADIUS;
         let [sine, cosine] = sincos_of_one(angle);
@@ -595,13 +594,13 @@ mod tests {
         Pose::from_degrees([x, RADIUS * (1.0 - cosine), 0.0, 0.1 * length, 0.0, 0.0])
     }
 
-    /// As seen after `length`, at 100 a second, by a machine that brakes with `linear`.
+    /// Returns the motion after `length`, at speed 100, for a machine that brakes with `linear`.
     fn seen(length: f64, linear: f64) -> Motion {
         let poses = [length - 0.2, length - 0.1, length].map(way);
         of(&poses, linear).expect("it moves")
     }
 
-    /// Three struts from the floor to one point.
+    /// Returns three struts from the floor to one point.
     fn geometry() -> Geometry {
         let strut = |base| LegGeometry::strut(base, [0.0; 3], StrutGeometry::default());
         let legs = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [5.0, 7.0, 0.0]].map(strut);
@@ -632,10 +631,10 @@ mod tests {
 
     #[test]
     fn a_circle_is_gone_on_along() {
-        // 100 a second on a radius of 50 take 200 a second².
+        // A speed of 100 on a radius of 50 needs an acceleration of 200.
         let motion = seen(10.0, 200.0);
         for time in [0.0, 0.05, 0.2, 0.5] {
-            // Chords of 0.1 are shorter than their arcs by 2e-7 of them, over a way of 50.
+            // Chords of 0.1 are shorter than their arcs by a share of 2e-7, over a path of 50.
             let error = apart(&motion, time, &way(10.0 + 100.0 * time));
             assert!(error < 2e-5, "{error} after {time} s");
             let (_, rate) = motion.after(time);
@@ -652,12 +651,12 @@ mod tests {
     fn a_straight_line_and_a_corner_are_gone_on_straight() {
         let motion = seen(-10.0, 200.0);
         assert!(apart(&motion, 0.05, &way(-5.0)) < 1e-9);
-        // Without a rounding there is no bend at all.
+        // Without rounding there is no bend.
         let exact = [1.0, 2.0, 3.0].map(|x| Pose::from_degrees([x, 0.0, 0.0, 0.0, 0.0, 0.0]));
         let motion = of(&exact, 200.0).expect("it moves");
         let later = Pose::from_degrees([1003.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert_eq!(apart(&motion, 1.0, &later), 0.0);
-        // What the acceleration could never have bent is a corner; a little more could.
+        // A bend beyond what the acceleration allows is a corner.
         assert!(seen(10.0, 200.0 / SHARPEST_BEND * 1.01).turn > 0.0);
         let corner = seen(10.0, 200.0 / SHARPEST_BEND * 0.99);
         assert_eq!(corner.turn, 0.0);
@@ -668,14 +667,14 @@ mod tests {
 
     #[test]
     fn speeds_before_a_place_are_those_of_even_braking() {
-        // From 5 to 3 with 8 a second takes a quarter of a second at a mean of 4.
+        // From 5 to 3 with 8 per second takes a quarter of a second at a mean of 4.
         assert_eq!(speed_before(3.0, 8.0, 1.0), 5.0);
         assert_eq!(speed_before(3.0, 8.0, -1.0), 3.0);
     }
 
     #[test]
     fn a_turn_alone_is_a_motion_from_a_millionth_of_the_machine_on() {
-        // Level machines have their size for a radius.
+        // For a level machine the radius is its size.
         let turned = |share: f64| {
             let angle = (share * AT_REST * PERIOD).to_degrees();
             let poses =
@@ -692,7 +691,7 @@ mod tests {
             let at = |k: f64| Pose::from_degrees(rate.map(|rate| k * PERIOD * rate));
             of(&[-2.0, -1.0, 0.0].map(at), 1.0).expect("it moves").speed()
         };
-        // Some roundings of poses over a period.
+        // A few roundings of poses, divided by a period.
         let same = |found: f64, expected: f64| (found - expected).abs() < 1e-12;
         assert!(same(moved([3.0, -4.0, 0.0, 60.0, 0.0, 0.0]), 5.0));
         assert!(same(moved([0.0, 0.0, 0.0, 6.0, -10.0, 8.0]), sqrt(200.0)));
@@ -721,9 +720,9 @@ mod tests {
             sight.turn_to(&straight(rate), RADIUS);
             sight.there.map(|view| view.joints.0)
         };
-        // At a radius of 50 a fiftieth of 10 is 0.2292 degrees.
+        // At a radius of 50, a fiftieth of 10 is 0.2292 degrees.
         assert!(kept(0.229, 1.0).is_some() && kept(0.2295, 1.0).is_none());
-        // Twice as fast, half as many times the present speed are allowed.
+        // Twice the speed halves the allowed multiple.
         assert_eq!(kept(0.0, 2.0), Some(1.5));
         assert_eq!(kept(0.0, -1.0), None);
     }
@@ -732,7 +731,7 @@ mod tests {
     fn the_singular_value_allows_its_part_of_the_speed_between_the_limit_and_twice_that() {
         let singular_value =
             SingularValue { now: 0.375, change: -0.25, limit: 0.125, requested: 4.0 };
-        // 0.25, 0.1875 and 0.125 of the singular value are left.
+        // Left of the singular value: 0.25, 0.1875 and 0.125.
         assert_eq!(singular_value.speed(0.5), None);
         let reported = |singular_value| Fault::with_value(Cause::ConditioningAhead, singular_value);
         assert_eq!(singular_value.speed(0.75), Some((2.0, reported(0.1875))));
@@ -778,7 +777,7 @@ mod tests {
             let planner = Planner { requested: 1.0, ..PLANNER };
             machine.nowhere().ahead((&Vector3::zeros(), &limits), &motion, &planner)
         };
-        // It falls by a fifth.
+        // The singular value decreases by a fifth.
         assert_eq!(look(0.49).soon.map(|fault| fault.cause), Some(Cause::ConditioningAhead));
         assert_eq!(look(0.3).soon, None);
     }
@@ -792,23 +791,23 @@ mod tests {
         };
         let free = look(&Limits::NONE, &PLANNER);
         assert_eq!((free.allowed, free.soon), (f64::INFINITY, None));
-        // No joint ever has to be faster than the platform with its 10 a second.
+        // No joint ever needs more speed than the platform's 10 per second.
         let slow = |most: f64| Limits { speed: [most; MAX_JOINTS], ..Limits::NONE };
         assert_eq!(look(&slow(10.3), &PLANNER).soon, None);
         let soon = look(&slow(0.5), &PLANNER).soon.expect("too fast");
         assert_eq!((soon.cause, soon.value), (Cause::JointTooFast, 0.5));
-        // The joints need some 2 now, and 6 after ten seconds towards −X, before which the
-        // machine cannot brake.
+        // The joints need about 2 now, and 6 after ten seconds towards −X: the machine cannot brake
+        // before that.
         let at_once = look(&slow(2.0), &PLANNER);
         let late = look(&slow(2.0), &Planner { latency: 10.0, ..PLANNER });
         assert!(at_once.allowed > 0.9 && at_once.allowed < 1.1, "{at_once:?}");
         assert!(late.allowed > 0.2 && late.allowed < 0.4, "{late:?}");
-        // Told by the last place but one that cannot be braked for: seven eighths of latency and
-        // 1.2 times the braking time.
+        // Found by the last but one sample for which it is too late to brake: seven eighths of the
+        // latency plus 1.2 times the braking time.
         let (fault, time) = late.because.expect("a reason");
         let expected = 0.875 * (10.0 + FARTHER / (2.0 * BRAKING_SHARE * 5.0));
         assert_eq!(fault.cause, Cause::JointTooFast);
-        // Some roundings of ten seconds.
+        // A few roundings of ten seconds.
         assert!((time - expected).abs() < 1e-14, "{time} {expected}");
     }
 }

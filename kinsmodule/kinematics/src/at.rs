@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// A machine at a pose that its legs reach, made by [`crate::Machine::at`].
 ///
-/// Joints and legs are computed at once, everything else when it is asked for first, and once.
+/// Joints and legs are computed immediately, everything else once on first use.
 pub struct At<'a> {
     legs: Lanes<'a>,
     watch: &'a Watch,
@@ -35,7 +35,7 @@ pub(crate) enum Lanes<'a> {
     Eight(LegsAt<'a, 8>),
 }
 
-/// Calls the same method on whichever legs there are.
+/// Calls the same method for either number of legs.
 macro_rules! each {
     ($at:expr, $legs:ident => $call:expr) => {
         match &$at.legs {
@@ -47,7 +47,7 @@ macro_rules! each {
 }
 
 impl<'a> At<'a> {
-    /// To be moved to a pose.
+    /// Creates a machine without a pose; call [`At::move_to`] before use.
     pub(crate) fn nowhere(legs: Lanes<'a>, watch: &'a Watch) -> Self {
         Self {
             legs,
@@ -61,8 +61,8 @@ impl<'a> At<'a> {
         }
     }
 
-    /// Takes another pose in the same memory; `tool` as in [`crate::Machine::inverse`]. After an
-    /// error it is at no pose.
+    /// Moves to another pose in the same memory; `tool` as in [`crate::Machine::inverse`]. After an
+    /// error no pose is set.
     ///
     /// # Errors
     /// As [`crate::Machine::inverse`].
@@ -81,58 +81,58 @@ impl<'a> At<'a> {
         Ok(())
     }
 
-    /// The pose.
+    /// Returns the pose.
     pub fn pose(&self) -> &Pose {
         &self.pose
     }
 
-    /// Numbers and letters of the machine.
+    /// Returns the numbers and letters of the machine.
     pub fn layout(&self) -> &Layout {
         each!(self, legs => &legs.machine.layout)
     }
 
-    /// [`crate::Machine::radius`].
+    /// Returns [`crate::Machine::radius`].
     pub(crate) fn radius(&self) -> f64 {
         each!(self, legs => legs.machine.radius)
     }
 
-    /// Joint values, as [`crate::Machine::inverse`].
+    /// Returns the joint values, as [`crate::Machine::inverse`] does.
     pub fn joints(&self) -> &Joints {
         &self.joints
     }
 
-    /// The legs: from moving base anchor to platform anchor, in base.
+    /// Returns the legs: from the moving base anchor to the platform anchor, in base coordinates.
     pub fn segments(&self) -> &[Segment; MAX_LEGS] {
         &self.segments
     }
 
-    /// Orientation of the platform: base from platform.
+    /// Returns the orientation of the platform: base from platform.
     pub fn rotation(&self) -> Matrix3<f64> {
         each!(self, legs => legs.placement.place.rotation)
     }
 
-    /// Length corrections by nut rotation, machine units; zeros without a lead.
+    /// Returns the length corrections for nut rotation, machine units; zeros without a lead.
     pub fn corrections(&self) -> PerLeg {
         each!(self, legs => legs.corrections())
     }
 
-    /// Inverse Jacobian: joint rates per unit twist, one row a joint.
+    /// Computes the inverse Jacobian: joint rates per unit twist, one row for each joint.
     ///
     /// Row i is `[uᵢᵀ (ρᵢ × uᵢ)ᵀ]` over uᵢ · ∂cᵢ/∂q + ∂dᵢ/∂q (see the module `leg`), for
     /// a strut plus the exact gradient of the nut correction, so that q̇ = J (v; ω), linear
     /// part first. Frames: v and ω in base axes; reference point = control point (tool
     /// tip). Units: columns 0–2 joint units per machine unit, 3–5 joint units per radian.
-    /// Held coordinates are not left out: the columns are the derivatives of the equations.
+    /// Held coordinates are included: the columns are the derivatives of the equations.
     ///
     /// # Errors
-    /// [`crate::Cause::DeadPoint`] so far away that a joint value swallows its leg.
+    /// [`crate::Cause::DeadPoint`] if a joint value is so large that its leg's length is lost in rounding.
     /// Source: paper 004 and LinuxCNC's genhexkins for struts without the nut term, paper
     /// 003 equations 14 to 17 (corrected) for rods.
     pub fn inverse_jacobian(&self) -> Result<Jacobian, Fault> {
         each!(self, legs => legs.inverse_jacobian())
     }
 
-    /// Inverse Jacobian in pose coordinates: ∂q / ∂(x, y, z, a, b, c), one row a joint.
+    /// Computes the inverse Jacobian in pose coordinates: ∂q / ∂(x, y, z, a, b, c), one row for each joint.
     ///
     /// Units: joint units per machine unit and per **degree**.
     ///
@@ -143,10 +143,10 @@ impl<'a> At<'a> {
         each!(self, legs => legs.pose_jacobian())
     }
 
-    /// Constraint rows `[uᵢᵀ (ρᵢ × uᵢ)ᵀ/r]` of the legs, one row a leg, without nut corrections:
+    /// Computes the constraint rows `[uᵢᵀ (ρᵢ × uᵢ)ᵀ/r]`, one for each leg, without nut corrections:
     /// speeds of the platform anchors along their legs per motion (v, r ω) of the platform about
-    /// the solver's reference point, r = [`crate::Machine::radius`]; columns of coordinates that the
-    /// legs do not move are 0, and for one or two active angles they are those of the angles.
+    /// the solver's reference point, r = [`crate::Machine::radius`]. Columns of coordinates that the
+    /// legs do not move are 0; for one or two active angles the columns refer to those angles.
     pub fn constraint_rows(&self) -> [[f64; 6]; MAX_LEGS] {
         let mut rows = [[0.0; 6]; MAX_LEGS];
         each!(self, legs => {
@@ -159,7 +159,7 @@ impl<'a> At<'a> {
         rows
     }
 
-    /// Per joint the largest rate for a unit velocity of the control point that does not turn.
+    /// Computes for each joint the largest rate for a unit velocity of the control point without rotation.
     ///
     /// # Errors
     /// As [`At::inverse_jacobian`].
@@ -167,8 +167,8 @@ impl<'a> At<'a> {
         each!(self, legs => legs.speed_ratios())
     }
 
-    /// Joint rates while the pose changes at `rate` per second: X, Y, Z in machine units, A, B, C
-    /// in **degrees**.
+    /// Computes joint rates while the pose changes at `rate` per second: X, Y, Z in machine units,
+    /// A, B, C in **degrees**.
     ///
     /// # Errors
     /// As [`At::inverse_jacobian`].
@@ -176,22 +176,20 @@ impl<'a> At<'a> {
         each!(self, legs => legs.rates(rate))
     }
 
-    /// Smallest singular value of the [constraint rows](At::constraint_rows) over the active
-    /// coordinates: the speed of the platform anchors along their legs, at least, for a unit motion
-    /// (v, r ω). No dimension; 0 where the legs do not hold the platform.
+    /// Computes the smallest singular value of the [constraint rows](At::constraint_rows) over the active
+    /// coordinates: the least speed of the platform anchors along their legs for a unit motion
+    /// (v, r ω). Dimensionless; 0 at a singular pose.
     pub fn smallest_singular_value(&self) -> f64 {
         each!(self, legs => legs.smallest_singular_value())
     }
 
-    /// Whether the smallest singular value is surely above `least`, in less work than it takes
-    /// itself.
+    /// Returns whether the smallest singular value is certainly above `least`, without computing it.
     pub(crate) fn is_surely_above(&self, least: f64) -> bool {
         each!(self, legs => legs.is_surely_above(least))
     }
 
-    /// Sign of det J over the active coordinates (1, −1, or 0 where it is singular or not
-    /// square): tells apart ways of assembling the machine, but not all of them.
-    /// Information, not a guard.
+    /// Returns the sign of det J over the active coordinates: 1, −1, or 0 if J is singular or not
+    /// square. Distinguishes some assembly modes, but not all. Information, not a guard.
     ///
     /// # Errors
     /// As [`At::inverse_jacobian`].
@@ -199,31 +197,31 @@ impl<'a> At<'a> {
         each!(self, legs => legs.assembly())
     }
 
-    /// How far a leg is from its dead point: |cos| of the angle between a rod and the motion of its
-    /// lower end, see [`crate::LEAST_DRIVE`]; `None` for a leg without one.
+    /// Returns how far a leg is from its dead point: |cos| of the angle between a rod and the motion of
+    /// its lower end, see [`crate::LEAST_DRIVE`]; `None` for a leg without a dead point.
     pub fn drive(&self, leg: usize) -> Option<f64> {
         each!(self, legs => legs.drive(leg))
     }
 
-    /// Angle between the tool axis, which is the platform's Z, and Z of base, degrees.
+    /// Computes the angle between the tool axis (the platform's Z) and Z of base, degrees.
     pub fn tilt(&self) -> f64 {
         let rotation = self.rotation();
         atan2(hypot(rotation[(0, 2)], rotation[(1, 2)]), rotation[(2, 2)]) * DEGREES
     }
 
-    /// Angles by which the legs have left their direction at the reference pose; zeros where the
-    /// machine has none.
+    /// Computes the angles between the legs and their directions at the reference pose; zeros if the
+    /// machine has no reference pose.
     pub fn cones(&self) -> Cones {
         once(&self.cones, || self.watch.cones(&self.rotation(), &self.segments))
     }
 
-    /// Turns of the legs in their cardan joints at base and platform, see [`Watch::turns`].
+    /// Computes the rotations of the legs in their cardan joints at base and platform, see [`Watch::turns`].
     pub fn turns(&self) -> [Turns; 2] {
         once(&self.turns, || self.watch.turns(&self.rotation(), &self.segments))
     }
 
-    /// Whether the tilt, and [`At::cones`] and [`At::turns`] at base and platform, are surely within these
-    /// degrees (0: no limit), in less work than they take.
+    /// Returns whether the tilt, [`At::cones`] and [`At::turns`] at base and platform are certainly within
+    /// these degrees (0: no limit), without computing them.
     pub(crate) fn surely_keeps(
         &self,
         tilt: f64,
@@ -233,12 +231,12 @@ impl<'a> At<'a> {
         self.watch.keeps((&self.rotation(), &self.segments), tilt, cones, pyramids)
     }
 
-    /// The two legs that are nearest to each other, of those that share no anchor.
+    /// Returns the two nearest legs among those that share no anchor.
     pub fn nearest(&self) -> Option<Nearest> {
         once(&self.nearest, || self.watch.nearest(&self.segments))
     }
 
-    /// The same where they are nearer than `most`; else any two, or none.
+    /// Like [`At::nearest`] if they are nearer than `most`; otherwise returns any pair or `None`.
     pub(crate) fn nearest_within(&self, most: f64) -> Option<Nearest> {
         self.watch.nearest_within(&self.segments, most)
     }

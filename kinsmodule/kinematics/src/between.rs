@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How near two mechanisms on one base come to each other.
+//! Distance between two mechanisms on one base.
 //!
-//! A mechanism is the centre lines of its legs, and its platform: the lines between every two of its
-//! platform anchors, which hold the edges of the polygon that the anchors span and its diagonals. What
-//! stands out beyond the anchors, a tool or a turret, is not seen.
+//! A mechanism is represented by the center lines of its legs and by the lines between every two
+//! platform anchors, which include the edges and diagonals of the anchors' polygon. Parts that
+//! protrude beyond the anchors, such as a tool or a turret, are not included.
 
 use crate::at::At;
 use crate::fault::{Cause, Fault};
@@ -12,7 +12,7 @@ use crate::layout::MAX_LEGS;
 use crate::segment::Segment;
 use nalgebra::Vector3;
 
-/// A part of a mechanism that another mechanism may meet.
+/// A part of a mechanism that could collide with the other mechanism.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Body {
     /// A leg, counted from 0 in its mechanism.
@@ -21,22 +21,22 @@ pub enum Body {
     Platform,
 }
 
-/// The parts of two mechanisms that are nearest to each other.
+/// The nearest parts of two mechanisms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// Of their centre lines, machine units.
+    /// Distance of their center lines, machine units.
     pub distance: f64,
-    /// Of the one and of the other.
+    /// The part of the first and of the second mechanism.
     pub bodies: [Body; 2],
 }
 
-/// Most lines of a mechanism.
+/// Largest number of lines of a mechanism.
 const LINES: usize = MAX_LEGS * (MAX_LEGS + 1) / 2;
 
 struct Lines {
     each: [(Body, Segment); LINES],
     count: usize,
-    /// Twice their middles, and their lengths.
+    /// Twice their midpoints, and their lengths.
     middle: Lanes3<LINES>,
     length: [f64; LINES],
 }
@@ -58,19 +58,19 @@ impl Lines {
 }
 
 impl Gap {
-    /// Of two mechanisms, each at a pose.
+    /// Computes the gap between two mechanisms, each at a pose.
     pub fn between(one: &At<'_>, other: &At<'_>) -> Self {
         Self::within(one, other, f64::INFINITY)
     }
 
-    /// The same where it is less than `most`; else `most`, in less time.
+    /// Like [`Gap::between`] if the gap is less than `most`; otherwise returns `most` sooner.
     pub fn within(one: &At<'_>, other: &At<'_>, most: f64) -> Self {
         let mut least = Self { distance: most, bodies: [Body::Platform; 2] };
         let theirs = Lines::of(other);
         each_body(one, |body, mine| {
             let (middle, length) = (wide(&(mine.base + mine.platform)), both(mine.span().norm()));
             for i in (0..LINES).step_by(2).take_while(|i| *i < theirs.count) {
-                // Twice the way between the middles, less what the halves reach.
+                // Twice the distance of the midpoints, less the half lengths.
                 let way = difference(&middle, &theirs.middle.pair(i));
                 let reach = length + pair(&theirs.length, i) + both(2.0 * least.distance);
                 let are_beyond = dot(&way, &way).simd_gt(reach * reach);
@@ -89,8 +89,8 @@ impl Gap {
         least
     }
 
-    /// The fault where they are too near, with the numbers of legs as a module counts them: those of
-    /// the other mechanism from `first_leg` on.
+    /// Returns the fault of a gap that is too small, with leg numbers as the module counts them: those of
+    /// the second mechanism start at `first_leg`.
     pub fn fault(&self, first_leg: usize) -> Fault {
         let (cause, value) = (Cause::MechanismsNear, self.distance);
         match self.bodies {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Start without a seed: the pose of joint values by boxes of poses on which inverse
-//! kinematics are one-to-one.
+//! Start without a seed: finds the pose for given joint values in boxes of poses on which the
+//! inverse kinematics are one-to-one.
 //!
 //! A [`WorkspaceBox`] B comes with a matrix M and the proof, made on the host, that in a
 //! scaled Euclidean norm ‖1 − M J(X)‖ ≤ c < 1 for every pose X of B, J = ∂q/∂X. Then for
@@ -10,15 +10,15 @@
 //! X ← P(X − M (inverse(X) − q)),   P: each coordinate clamped to B
 //! ```
 //!
-//! contracts by c (to clamp shortens no distance), so that it runs from everywhere to one
-//! pose X*. A pose in B with these joints does not move: it is X*, and there is no other
-//! one in B. If X* would still be moved outwards, B holds none. Either way B has answered
-//! after a number of steps that c gives beforehand (Banach).
+//! contracts by c (clamping increases no distance), so from any start it converges to one
+//! pose X*. A pose in B with these joints is a fixed point: it is X*, and B contains no other
+//! one. If the iteration would still move X* outwards, B contains none. Either way B is decided
+//! after a number of steps that c bounds in advance (Banach).
 //!
-//! The boxes are asked one after the other, so many steps a call. All must have answered:
-//! two boxes may hold a pose each, and then the joints alone cannot tell.
+//! The boxes are searched one after the other, with a limited number of steps per call. All must be
+//! decided: two boxes may contain a pose each, and then the joints alone do not determine the pose.
 //!
-//! Poses of boxes are those without tool and spindle offset, which move no leg.
+//! Poses in boxes are those without tool and spindle offset, which move no leg.
 
 use crate::fault::{Cause, Fault};
 use crate::forward::Solver;
@@ -28,29 +28,29 @@ use crate::machine::Machine;
 use crate::pose::Pose;
 use nalgebra::Vector3;
 
-/// Most boxes of a machine.
+/// Largest number of boxes of a machine.
 pub const MAX_BOXES: usize = 8;
 
-/// Most steps that a box may need: c up to 0.995.
+/// Largest number of steps that a box may need: c up to 0.995.
 pub const MAX_BOX_STEPS: u32 = 4096;
 
-/// Steps of one call of [`Machine::search`], in all boxes together: each costs one inverse,
-/// so that a call costs less than forward itself may. Most searches end within one call,
-/// which matters: LinuxCNC enters world mode right after homing, and asks for the pose then.
+/// Steps in one call of [`Machine::search`], over all boxes: each costs one inverse, so that a
+/// call costs less than forward may. Most searches end within one call, which matters because
+/// LinuxCNC enters world mode right after homing and asks for the pose then.
 pub const STEPS_PER_CALL: u32 = 384;
 
-/// Most linear solves for the exact pose in a box: Newton's method doubles the six digits
-/// that the steps leave.
+/// Largest number of linear solves for the exact pose in a box: Newton's method doubles the six
+/// digits that the steps provide.
 const REFINING: u32 = 12;
 
-/// How near to X* the steps of a box lead, as a share of its widths: what is left to the
-/// certified forward, and the slack at the faces of the box.
+/// Distance from X* that the steps of a box reach, as a share of its widths. The certified forward
+/// covers the rest; it is also the slack at the faces of the box.
 pub const BOX_TOLERANCE: f64 = 1e-6;
 
 /// A step shorter than this share of the widths is the last one.
 pub const LAST_STEP: f64 = 1e-11;
 
-/// A box of poses on which inverse kinematics were proved to be one-to-one.
+/// A box of poses on which the inverse kinematics were proved to be one-to-one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorkspaceBox {
     /// Lowest X … C of the control point without tool: machine units, degrees. Both ends
@@ -58,19 +58,18 @@ pub struct WorkspaceBox {
     pub low: [f64; 6],
     /// Highest X … C.
     pub high: [f64; 6],
-    /// M: pose coordinates (degrees) per joint unit, one row a coordinate.
+    /// M: pose coordinates (degrees) per joint unit, one row for each coordinate.
     pub matrix: [[f64; MAX_LEGS]; 6],
-    /// Steps after which the end is near enough from anywhere, 1 to [`MAX_BOX_STEPS`].
+    /// Steps after which the iteration is near enough from any start, 1 to [`MAX_BOX_STEPS`].
     pub steps: u32,
 }
 
 impl WorkspaceBox {
-    /// A box that holds nothing.
+    /// A box that contains nothing.
     pub const EMPTY: Self =
         Self { low: [0.0; 6], high: [0.0; 6], matrix: [[0.0; MAX_LEGS]; 6], steps: 1 };
 
-    /// Whether its numbers can be computed with: what is proved about them, only the host
-    /// can tell.
+    /// Returns whether its numbers are usable. Only the host can verify the proof about them.
     pub fn is_valid(&self) -> bool {
         let ends = self.low.iter().zip(&self.high);
         ends.clone().all(|(low, high)| low <= high && low.is_finite() && high.is_finite())
@@ -82,12 +81,12 @@ impl WorkspaceBox {
         core::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k]))
     }
 
-    /// Width of coordinate `k`.
+    /// Returns the width of coordinate `k`.
     fn width(&self, k: usize) -> f64 {
         self.high[k] - self.low[k]
     }
 
-    /// Whether the pose is in the box, give or take the tolerance.
+    /// Returns whether the pose is in the box, within the tolerance.
     pub fn holds(&self, pose: &Pose) -> bool {
         let pose = pose.to_degrees();
         (0..6).all(|k| {
@@ -101,26 +100,26 @@ impl WorkspaceBox {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Search {
     joints: Joints,
-    /// Number of the box being asked.
+    /// Index of the box being searched.
     index: usize,
-    /// Where the steps have led within it.
+    /// Current point of the iteration in it.
     at: [f64; 6],
     /// Steps taken within it.
     steps: u32,
-    /// Pose without tool that a box has answered with.
+    /// Pose without tool that a box has produced.
     found: Option<Pose>,
 }
 
-/// What [`Machine::search`] answers.
+/// Result of [`Machine::search`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress {
-    /// Not yet done: call again.
+    /// Not finished: call again.
     Searching(Search),
-    /// The one pose in the boxes.
+    /// The only pose in the boxes.
     Found(Pose),
 }
 
-/// Where a box stands after some steps.
+/// State of a box after some steps.
 enum Answer {
     Open,
     Absent,
@@ -128,7 +127,7 @@ enum Answer {
 }
 
 impl Search {
-    /// For the pose of `joints`.
+    /// Starts a search for the pose of `joints`.
     pub fn new(joints: &Joints, boxes: &[WorkspaceBox]) -> Self {
         let at = boxes.first().map_or([0.0; 6], WorkspaceBox::middle);
         Self { joints: *joints, index: 0, at, steps: 0, found: None }
@@ -136,15 +135,15 @@ impl Search {
 }
 
 impl Machine {
-    /// Goes on with a search, by at most [`STEPS_PER_CALL`] steps.
+    /// Continues a search by at most [`STEPS_PER_CALL`] steps.
     ///
     /// The pose found is that of the control point with the tool vector `tool`. It is
-    /// exact, and proved to be the only one in the boxes, as far as these were proved for
+    /// exact, and the only one in the boxes, provided that these were proved for
     /// this geometry.
     ///
     /// # Errors
     /// [`Cause::OutsideBoxes`], [`Cause::TwoPoses`] or a joint that is not finite; also
-    /// what inverse or forward refuse within a box.
+    /// any refusal of inverse or forward within a box.
     pub fn search(
         &self,
         mut search: Search,
@@ -167,7 +166,7 @@ impl Machine {
         search.ended(tool)
     }
 
-    /// Steps within one box, as many as are still allowed.
+    /// Takes the remaining allowed steps in one box.
     fn ask(
         &self,
         asked: &WorkspaceBox,
@@ -200,7 +199,7 @@ impl Machine {
         Ok(Answer::Open)
     }
 
-    /// −M (inverse(X) − q).
+    /// Computes −M (inverse(X) − q).
     fn box_step(&self, asked: &WorkspaceBox, search: &Search) -> Result<[f64; 6], Fault> {
         let joints = self.inverse(&Pose::from_degrees(search.at), &Vector3::zeros())?;
         let mut off = [0.0; MAX_LEGS];
@@ -209,7 +208,7 @@ impl Machine {
         Ok(asked.matrix.each_ref().map(|row| -inner(row, &off)))
     }
 
-    /// The exact pose where the steps have led to, if it is in the box.
+    /// Computes the exact pose at the end of the steps, if it is in the box.
     fn refined(
         &self,
         asked: &WorkspaceBox,
@@ -228,7 +227,7 @@ impl Machine {
 }
 
 impl Search {
-    /// Keeps a pose, unless a neighbouring box had it already.
+    /// Stores a pose, unless a neighboring box has already produced it.
     fn add(&mut self, pose: &Pose, machine: &Machine) -> Result<(), Fault> {
         if let Some(first) = &self.found {
             let apart = first.distance(pose, machine.radius());
@@ -248,13 +247,13 @@ impl Search {
 
     fn ended(&self, tool: &Vector3<f64>) -> Result<Progress, Fault> {
         let mut pose = self.found.ok_or(Fault::from(Cause::OutsideBoxes))?;
-        // The joints place t − o + R o, whatever the tool o.
+        // The joints determine t − o + R o, independent of the tool o.
         pose.position += tool - pose.rotation() * tool;
         Ok(Progress::Found(pose))
     }
 }
 
-/// Clamping without the panic of `f64::clamp`.
+/// Clamps without the panic of `f64::clamp`.
 trait ClampTo {
     fn clamp_to(self, low: f64, high: f64) -> f64;
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The certificate: on which ball about a pose the legs determine the pose.
+//! The certificate: the ball around a pose in which the legs determine the pose.
 //!
 //! Chart at a pose (p₀, R₀): X = (p₀ + v, exp([ω]) R₀), with norm ‖(v, r ω)‖ and r
-//! the platform radius; where not all of A, B, C are active, the active angles take the
-//! place of ω. A platform anchor moves with |Ds| ≤ s₁ and |D²s| ≤ s₂, so within a ball
+//! the platform radius; if not all of A, B, C are active, the active angles replace
+//! ω. A platform anchor moves with |Ds| ≤ s₁ and |D²s| ≤ s₂, so within a ball
 //! of radius ρ a leg of length l has
 //!
 //! ```text
@@ -17,37 +17,36 @@
 //! joint path to the target stays inside (Newton-Kantorovich). Steps turn the platform
 //! by Cayley's formula instead of exp: a smaller turn by at most |ω|³/12, which the
 //! margin between 0.4 and 1/2 covers. With more legs than coordinates J⁻¹ is the
-//! pseudo-inverse: what is proved is the one pose that all legs fit. Joints that contradict
-//! each other by |F| have a least-squares pose instead, which may lie about L d ‖J⁻¹‖ |F|
-//! beside it (d = distance from the centre of the ball); the residual limit bounds |F|.
+//! pseudo-inverse, and the certificate covers the one pose that fits all legs. Joints that contradict
+//! each other by |F| have a least-squares pose instead, which may differ by about L d ‖J⁻¹‖ |F|
+//! (d = distance from the center of the ball); the residual limit bounds |F|.
 //!
-//! **Moving base anchors** (carriages, cranks) turn the rows while the joints move. Their
-//! mean displacement is taken along by the platform, which changes no leg; what is left
+//! **Moving base anchors** (carriages, cranks) rotate the rows while the joints move. The platform
+//! is shifted by their mean displacement, which changes no leg; the remainder
 //! is the travel δ of each anchor, |δ'| ≤ δ over a step of unit time, |c''| its second derivative, and
-//! |d''| that of the length that the joint sets (0 for all but a kind whose length is not
-//! linear in q; no row depends on d). Seen from the platform taken along, a gradient
-//! changes by s₁δ/l_min at most, and a residual at a fixed place leaves the straight line
-//! between its ends by (δ²/l_min + |c''| + |d''|)/8 = b. So
+//! |d''| that of the length set by the joint (0 except for a kind whose length is not
+//! linear in q; no row depends on d). Relative to the shifted platform, a gradient
+//! changes by at most s₁δ/l_min, and a residual at a fixed pose differs from the straight line
+//! between its ends by at most (δ²/l_min + |c''| + |d''|)/8 = b. So
 //!
 //! ```text
 //! h = L η + ‖J⁻¹‖_F √Σ(s₁δ/l_min)²,   η = first step + ‖J⁻¹‖_F √Σb²
 //! ```
 //!
-//! takes the place of L η: η + Lρ²/2 + (h − Lη)ρ ≤ ρ for ρ = 2η and h ≤ 1/2, at every
-//! moment of the step.
+//! replaces L η: η + Lρ²/2 + (h − Lη)ρ ≤ ρ for ρ = 2η and h ≤ 1/2, throughout the step.
 //!
 //! **Rings** (module `leg::ring`): the platform anchor slides on a circle of radius r whose axis is
-//! the distance ϱ from the base anchor, and takes (r/ϱ)(e · y)²/l from the second derivative, y the
-//! speed of the platform's point at the base anchor. With B the distance of that from the reference
-//! point, |y| ≤ Y = √(1 + ((B + ρ)/radius)²) in the ball, and ϱ falls by Yρ at most. The two parts have
-//! opposite signs, so that
+//! at distance ϱ from the base anchor. This subtracts (r/ϱ)(e · y)²/l from the second derivative, with y
+//! the velocity of the platform's point at the base anchor. With B the distance of that point from the
+//! reference point, |y| ≤ Y = √(1 + ((B + ρ)/radius)²) in the ball, and ϱ decreases by at most Yρ. The
+//! two parts have opposite signs, so that
 //!
 //! ```text
 //! |D²f| ≤ k = max(s₁², (r/ϱ_min) Y²)/l_min + s₂
 //! ```
 //!
-//! Where base anchors move beside it, a row changes by (s₁ + (r/ϱ_min) Y) δ/l_min, and a residual at a
-//! fixed place bends by max(1, r/ϱ_min) δ²/l_min.
+//! If base anchors also move, a row changes by (s₁ + (r/ϱ_min) Y) δ/l_min, and a residual at a
+//! fixed pose deviates by max(1, r/ϱ_min) δ²/l_min.
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{both, pair};
@@ -62,32 +61,32 @@ use nalgebra::Vector3;
 use wide::f64x2;
 
 /// Largest h = L η that counts as certified: Newton-Kantorovich allows 1/2, the rest
-/// covers what a sub-step leaves unconverged.
+/// covers the convergence error of a sub-step.
 pub const CERTIFIED: f64 = 0.4;
 
-/// A pose whose ball is smaller than this share of the size is too near a singular one.
+/// A pose whose ball is smaller than this share of the size counts as singular.
 pub const CERTAIN_AT_ALL: f64 = 1e-6;
 
-/// How the base anchors move while the joints go from one set of values to another in
-/// unit time, seen from a platform that is shifted along.
+/// Motion of the base anchors while the joints move from one set of values to another in
+/// unit time, relative to the shifted platform.
 #[derive(Clone, Copy)]
 pub(crate) struct Motion<const N: usize> {
-    /// Displacement that the platform is taken along by.
+    /// Displacement by which the platform is shifted.
     pub shift: Vector3<f64>,
-    /// Per leg how far the anchor moves apart from that.
+    /// Per leg, travel of the anchor relative to that.
     pub travel: [f64; N],
-    /// Per leg |c''| + |d''|, a length.
+    /// Per leg, |c''| + |d''|, a length.
     pub second: [f64; N],
-    /// Per leg the largest change of its margin while its direction stands still.
+    /// Per leg, the largest change of its margin while its direction is constant.
     pub turn: [f64; N],
 }
 
-/// L of the ball of radius `rho`: 1/L bounds the ball on which legs determine the pose;
-/// with `motion`, at every moment of it.
+/// Computes L of the ball of radius `rho`: 1/L bounds the ball on which the legs determine the pose;
+/// with `motion`, throughout the motion.
 ///
 /// # Errors
-/// Where the ball is too large for any statement: it reaches a leg of no length, or a
-/// strut that points along one of its joint axes, or the edge of the nut correction.
+/// A ball that is too large for any statement: it reaches a leg of zero length, a
+/// strut along one of its joint axes, or the limit of the nut correction.
 pub(crate) fn lipschitz_constant<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -104,7 +103,7 @@ pub(crate) fn lipschitz_constant<const N: usize>(
     Ok(inverse.inverse_norm() * sqrt(sum.reduce_add()))
 }
 
-/// k of legs `i` and `i + 1`: bound of the second derivative of their residuals within the
+/// Computes k of legs `i` and `i + 1`: bound of the second derivative of their residuals within the
 /// ball.
 #[inline(always)]
 fn curvature<const N: usize>(
@@ -124,7 +123,7 @@ fn curvature<const N: usize>(
     Ok(of_square * curved + s2 + of_nut(machine, torsion, i, rho, curved)?)
 }
 
-/// 1/l_min of legs `i` and `i + 1` within the ball.
+/// Computes 1/l_min of legs `i` and `i + 1` within the ball.
 #[inline(always)]
 fn most_curved<const N: usize>(
     machine: &Mechanism<N>,
@@ -145,7 +144,7 @@ fn most_curved<const N: usize>(
     Ok(both(1.0) / shortest)
 }
 
-/// What the nut adds to the curvature of legs `i` and `i + 1`.
+/// Computes the nut's part of the curvature of legs `i` and `i + 1`.
 #[inline(always)]
 fn of_nut<const N: usize>(
     machine: &Mechanism<N>,
@@ -160,7 +159,7 @@ fn of_nut<const N: usize>(
     nut.curvature(torsion, i, &ball).ok_or_else(|| torsion.uncertain())
 }
 
-/// What takes the place of s₁² where the platform anchors of legs `i` and `i + 1` slide.
+/// Computes the term that replaces s₁² if the platform anchors of legs `i` and `i + 1` slide.
 fn slipping<const N: usize>(
     rings: &Rings<'_, N>,
     placed: &Placed<N>,
@@ -169,7 +168,7 @@ fn slipping<const N: usize>(
     motion: Option<&Motion<N>>,
 ) -> Result<f64x2, Fault> {
     let of_leg = |leg: usize| {
-        // A bound that the compiler knows.
+        // The compiler knows this bound.
         let leg = leg.min(N - 1);
         let travel = motion.map_or(0.0, |motion| motion.travel[leg]);
         rings
@@ -180,8 +179,8 @@ fn slipping<const N: usize>(
     Ok(f64x2::new([of_leg(i)?, of_leg(i + 1)?]))
 }
 
-/// What the motion adds to the first Newton step: the chord deviation of the residuals between the
-/// ends of the step.
+/// Computes the motion's addition to the first Newton step: the chord deviation of the residuals
+/// between the ends of the step.
 pub(crate) fn chord_deviation<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -196,8 +195,8 @@ pub(crate) fn chord_deviation<const N: usize>(
     inverse.inverse_norm() * sqrt(sum)
 }
 
-/// How far the residual of leg `i` leaves the straight line between its ends at most; infinite where
-/// the tool axis may come to the base anchor.
+/// Bounds the deviation of the residual of leg `i` from the straight line between its ends; infinite if
+/// the tool axis may reach the base anchor.
 pub(crate) fn leg_chord_deviation<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -212,9 +211,9 @@ pub(crate) fn leg_chord_deviation<const N: usize>(
     (square / shortest.max(0.0) + motion.second[i]) / 8.0
 }
 
-/// What the motion adds to h: how far the rows turn with the anchors, in the ball of
-/// radius `rho`. Infinite where a rod may come to its dead point; `margin` tells how far
-/// each rod is from there.
+/// Computes the motion's addition to h: the rotation of the rows with the anchors, in the ball of
+/// radius `rho`. Infinite if a rod may reach its dead point; `margin` is the distance of
+/// each rod from it.
 pub(crate) fn row_change<const N: usize>(
     machine: &Mechanism<N>,
     placed: &Placed<N>,
@@ -246,13 +245,13 @@ pub(crate) fn row_change<const N: usize>(
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// How far leg `i` is on its side at native joint value `q`; `None` for a strut.
+    /// Computes the margin of leg `i` on its side at native joint value `q`; `None` for a strut.
     pub fn margin(&self, placed: &Placed<N>, i: usize, q: f64) -> Option<f64> {
         let leg = &self.legs[i];
         leg.margin(leg.transmission(q, &(placed.span.get(i) / placed.length[i])))
     }
 
-    /// Refuses rods at or beyond their dead point, at these joint values, and base anchors within the
+    /// Refuses rods at or beyond their dead point at these joint values, and base anchors within the
     /// cylinders over their rings.
     pub fn refuse_dead_points(&self, placed: &Placed<N>, joints: &[f64; N]) -> Result<(), Fault> {
         for i in 0..self.count() {
@@ -292,7 +291,7 @@ pub(crate) mod tests {
         Vector3::from_fn(|_, _| random(rng, -1.0, 1.0))
     }
 
-    /// A leg of a random kind from around `p`, which its platform anchor takes at `place`.
+    /// Creates a leg of a random kind from near `p`, the position of its platform anchor at the pose.
     fn leg(rng: &mut Pcg64, platform: Vector3<f64>, p: Vector3<f64>, screws: bool) -> LegGeometry {
         let c = vector(rng) * 500.0;
         let span = p - c;
@@ -324,7 +323,7 @@ pub(crate) mod tests {
         LegGeometry { base: c.into(), platform: platform.into(), kind }
     }
 
-    /// A random machine with its platform about one metre above the base, and the place.
+    /// Creates a random machine with its platform about one meter above the base, and the pose.
     pub(crate) fn machine(
         rng: &mut Pcg64,
         coordinates: &[u8],
@@ -348,7 +347,7 @@ pub(crate) mod tests {
         Some((mechanism, Place { centre, rotation, angles }))
     }
 
-    /// A direction in the chart, (v, r ω), of length 1; 0 where a coordinate is not active.
+    /// Creates a direction in the chart, (v, r ω), of length 1; 0 for inactive coordinates.
     pub(crate) fn unit(rng: &mut Pcg64, machine: &Mechanism<6>) -> [f64; 6] {
         let raw: [f64; 6] =
             core::array::from_fn(|k| if machine.active[k] { random(rng, -1.0, 1.0) } else { 0.0 });
@@ -356,7 +355,7 @@ pub(crate) mod tests {
         raw.map(|x| x / length)
     }
 
-    /// The place with coordinates `x` in the chart at `place`.
+    /// Computes the pose with coordinates `x` in the chart at `place`.
     pub(crate) fn at(machine: &Mechanism<6>, place: &Place, x: &[f64; 6]) -> Place {
         let centre = place.centre + Vector3::new(x[0], x[1], x[2]);
         let turn = Vector3::new(x[3], x[4], x[5]) / machine.radius;
@@ -368,7 +367,7 @@ pub(crate) mod tests {
         Place { centre, rotation, angles }
     }
 
-    /// Length and correction of every leg between `anchors` and the platform.
+    /// Computes length and correction of every leg between `anchors` and the platform.
     pub(crate) fn lengths(
         machine: &Mechanism<6>,
         anchors: &Lanes3<6>,
@@ -388,7 +387,7 @@ pub(crate) mod tests {
 
     pub(crate) const CHARTS: [&[u8]; 5] = [b"XYZABC", b"XYZAB", b"XYZCB", b"XYZB", b"XYZ"];
 
-    /// Second derivative of every leg's length at a point of the chart, by differences.
+    /// Computes the second derivative of every leg's length at a point of the chart, by differences.
     fn bending(
         machine: &Mechanism<6>,
         anchors: &Lanes3<6>,
@@ -396,7 +395,7 @@ pub(crate) mod tests {
         point: &[f64; 6],
         direction: &[f64; 6],
     ) -> Option<[f64; 6]> {
-        // Step in units of the ray: rounding 2e-13/5e-2² stays below 1e-10, of k's 1e-3.
+        // Step in units of the ray: the rounding error 2e-13/5e-2² stays below 1e-10, a share of 1e-3 of k.
         const STEP: f64 = 0.05;
         let lengths = |s: f64| {
             let x = core::array::from_fn(|k| point[k] + s * direction[k]);
@@ -406,7 +405,7 @@ pub(crate) mod tests {
         Some(core::array::from_fn(|i| (a[i] - 2.0 * b[i] + c[i]) / (STEP * STEP)))
     }
 
-    /// A machine whose legs' bounds are numbers to reckon with by hand, its legs at these lengths,
+    /// Creates a machine whose bounds are simple numbers, its legs at these lengths,
     /// and factors whose inverse has the norm √6 / 2.
     fn by_hand(length: [f64; 6]) -> (Mechanism<6>, Placed<6>, PseudoInverse<6>) {
         let mut rng = Pcg64::seed_from_u64(14);
@@ -425,12 +424,12 @@ pub(crate) mod tests {
         Motion { shift: Vector3::zeros(), travel, second: [0.4; 6], turn: [0.3; 6] }
     }
 
-    /// What the norm of the inverse makes of two legs with these numbers.
+    /// Returns the product of the inverse's norm and of two legs with these numbers.
     fn of_both(one: f64, other: f64) -> f64 {
         sqrt(6.0) / 2.0 * sqrt(one * one + other * other)
     }
 
-    // 1e-14: some roundings of numbers below 10.
+    // 1e-14: a few roundings of numbers below 10.
     fn assert_near(found: f64, expected: f64) {
         assert!((found - expected).abs() < 1e-14, "{found} {expected}");
     }
@@ -441,7 +440,7 @@ pub(crate) mod tests {
         // 2² / (10 − 2·1) + 0.25 and 2² / (18 − 2·1) + 0.25.
         let lipschitz = lipschitz_constant(&machine, &placed, None, &inverse, 1.0, None).unwrap();
         assert_near(lipschitz, of_both(0.75, 0.5));
-        // The same with 3 and 11 less of them.
+        // The same lengths less 3 and 11.
         let motion = motion([3.0, 11.0, 0.0, 0.0, 0.0, 0.0]);
         let lipschitz =
             lipschitz_constant(&machine, &placed, None, &inverse, 1.0, Some(&motion)).unwrap();
@@ -509,8 +508,8 @@ pub(crate) mod tests {
         let row_change =
             |rho, margin| row_change(&machine, &placed, &inverse, rho, &motion, |_| margin);
         assert_near(row_change(1.5, None), of_both(1.6, 2.0));
-        // Turns by (2·1.5 + 4)/5 + 0.3 and (2·1.5 + 3)/3 + 0.3 = 2.3, which the margin of a
-        // rod has to exceed.
+        // Rotates by (2·1.5 + 4)/5 + 0.3 and (2·1.5 + 3)/3 + 0.3 = 2.3, which the margin of a
+        // rod must exceed.
         assert_near(row_change(1.5, Some(2.31)), of_both(1.6, 2.0));
         assert_eq!(row_change(1.5, Some(2.29)), f64::INFINITY);
         assert_eq!(row_change(1.5, Some(f64::NAN)), f64::INFINITY);
@@ -523,14 +522,14 @@ pub(crate) mod tests {
     #[test]
     fn a_ring_bends_its_leg_by_its_share_of_the_distance_and_the_speed_at_the_base_anchor() {
         let (machine, placed, inverse) = by_hand([10.0, 18.0, 1e9, 1e9, 1e9, 1e9]);
-        // Base anchors 24 and 0 from the reference point, 13 from the axis of the first one's ring of
-        // radius 3; the other leg has none.
+        // Base anchors at 24 and 0 from the reference point, the first at 13 from the axis of its ring of
+        // radius 3; the other leg has no ring.
         let radii = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let machine = Mechanism { ring: radii, slides: true, per_radius: 0.2, ..machine };
         let mut placed = Placed { rho: [13.0; 6], ..placed };
         placed.arms.set(0, Vector3::new(0.0, 24.0, 0.0));
         placed.span.set(0, Vector3::zeros());
-        // (24 + 1)/5 for the turn beside 1 for the way: 26 the square of the speed Y.
+        // (24 + 1)/5 for the rotation and 1 for the translation: 26 is the square of the speed Y.
         let (lipschitz, y) = (
             |rho, motion| lipschitz_constant(&machine, &placed, None, &inverse, rho, motion),
             sqrt(26.0),
@@ -538,7 +537,7 @@ pub(crate) mod tests {
         let ratio = 3.0 / (13.0 - y);
         let expected = of_both(ratio * 26.0 / 8.0 + 0.25, 0.5);
         assert_near(lipschitz(1.0, None).unwrap(), expected);
-        // The base anchor moves beside it by 0.5: 25.5/5 about the reference point.
+        // The base anchor moves by a further 0.5: 25.5/5 about the reference point.
         let mut moved = motion([0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let y = sqrt(1.0 + 5.1 * 5.1);
         let ratio = 3.0 / (13.0 - y - 0.5);
@@ -546,14 +545,14 @@ pub(crate) mod tests {
         assert_near(lipschitz(1.0, Some(&moved)).unwrap(), expected);
         let change = row_change(&machine, &placed, &inverse, 1.0, &moved, |_| None);
         assert_near(change, of_both((2.0 + ratio * y) * 0.5 / 7.5, 0.0));
-        // While the platform stands still the base anchor's own way counts: 13 less 2 is more than the
-        // radius, 4 less 2 is not.
+        // With the platform at rest, the base anchor's own travel counts: 13 less 2 exceeds the
+        // radius, 4 less 2 does not.
         moved.travel[0] = 2.0;
         assert_near(leg_chord_deviation(&machine, &placed, &moved, 0), (4.0 / 8.0 + 0.4) / 8.0);
         placed.rho[0] = 4.0;
         let widened = (3.0 / 2.0 * 4.0 / 8.0 + 0.4) / 8.0;
         assert_near(leg_chord_deviation(&machine, &placed, &moved, 0), widened);
-        // A ball that the tool axis comes to the base anchor in says nothing.
+        // No statement is possible about a ball in which the tool axis may reach the base anchor.
         let fault = Fault::of_leg(Cause::AxisAtAnchor, 0, 4.0);
         let lipschitz = lipschitz_constant(&machine, &placed, None, &inverse, 1.0, None);
         assert_eq!(lipschitz, Err(fault));
@@ -565,7 +564,7 @@ pub(crate) mod tests {
     fn no_direction_in_the_ball_bends_a_leg_on_a_ring_more_than_the_bound_says_and_some_nearly() {
         for coordinates in CHARTS {
             let mut rng = Pcg64::seed_from_u64(41);
-            // Of legs that the ring bends most, and of those that bend as struts do.
+            // Legs whose curvature comes mostly from the ring, and legs that behave as struts.
             let (mut largest, mut checked) = ([0.0_f64; 2], [0; 2]);
             for _ in 0..8000 {
                 let Some((machine, place)) = machine(&mut rng, coordinates, false) else {
@@ -612,7 +611,7 @@ pub(crate) mod tests {
             let placed = machine.placed(&machine.moved_anchors(&joints).unwrap(), &place);
             assert_eq!(machine.refuse_dead_points(&placed, &joints), Ok(()));
             // A crank's margin depends on its joint value: half a turn away it is on the other
-            // side, unless the offset says that this is where it was.
+            // side, unless the offset defines that as its original side.
             for i in (0..6).filter(|i| matches!(machine.legs[*i], crate::leg::Leg::Crank(_))) {
                 let mut turned = joints;
                 turned[i] -= 180.0;
@@ -646,7 +645,7 @@ pub(crate) mod tests {
                 let placed = machine.placed(&anchors, &place);
                 let torsion = machine.torsion(&placed.directions(), &place.rotation);
                 let Ok(torsion) = torsion else { continue };
-                // Differences reach a little beyond the point where they are taken.
+                // The differences use points slightly beyond the one where they are taken.
                 let away = random(&mut rng, 0.0, rho - 0.06);
                 let ray = unit(&mut rng, &machine);
                 let point = ray.map(|x| x * away);
@@ -662,7 +661,7 @@ pub(crate) mod tests {
                     let Ok(k) = bound(&machine, torsion.as_ref()) else { continue };
                     let of_length = bound(&bare, None).unwrap();
                     largest[0] = largest[0].max(length[i].abs() / of_length);
-                    // 1e-9: rounding of the differences, of nut terms of 1e-5 and more.
+                    // 1e-9: rounding of the differences, for nut terms of 1e-5 and more.
                     if k - of_length > 1e-5 {
                         let nut = (both[i] - length[i]).abs() - 1e-9;
                         largest[1] = largest[1].max(nut / (k - of_length));

@@ -1,27 +1,28 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Corners that LinuxCNC rounds by letting a move begin while the one before it still ends.
+//! Corners that LinuxCNC rounds by starting a move while the previous one is still ending.
 //!
-//! The platform then moves by the sum v₁ w₁ + v₂ w₂. LinuxCNC counts both speeds together: it reports
-//! v₁ + v₂. What the ending move did alone, w₁ per unit of its speed, is known from the cycles before.
-//! So both speeds and the direction of the beginning move can be told apart from its first cycle on, long
+//! The platform then moves by the sum v₁ w₁ + v₂ w₂. LinuxCNC adds both speeds: it reports
+//! v₁ + v₂. The direction w₁ of the ending move, per unit of its speed, is known from earlier cycles.
+//! Both speeds and the direction of the beginning move therefore follow from its first cycle, long
 //! before it is fast.
 //!
-//! A speed counts X, Y, Z where they move, else A, B, C: the part of w that is counted has length 1.
-//! Of the sum r and its speed c, q = r − c w₁ = v₂ (w₂ − w₁). With both counted alike, |q|² = −2 v₂ q·w₁.
+//! A speed counts X, Y, Z if they move, otherwise A, B, C: the counted part of w has length 1.
+//! For the sum r with its speed c, q = r − c w₁ = v₂ (w₂ − w₁). If both count the same letters,
+//! |q|² = −2 v₂ q·w₁.
 
 use libm::sqrt;
 
 /// Rate of a pose: X, Y, Z in machine units, A, B, C in degrees, per second.
 type Rate = [f64; 6];
 
-/// Share of the speed up to which a rate differs by rounding.
+/// Share of the speed below which two rates differ only by rounding.
 const ROUNDED: f64 = 1e-6;
 
-/// Share of the reported speed that a motion without a corner keeps: chords of arcs are shorter than
-/// the arcs by less.
+/// Share of the reported speed that a motion without a corner has at least: chords of arcs are
+/// shorter than the arcs by less.
 const WHOLE: f64 = 1.0 - 1e-4;
 
-/// Two moves at once.
+/// Two simultaneous moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
     /// Rate of the move that ends. It brakes as fast as LinuxCNC lets it.
@@ -30,40 +31,40 @@ pub struct Corner {
     pub beginning: Rate,
     /// Speed of the move that begins, as LinuxCNC counts it.
     pub speed: f64,
-    /// What it has gained of it in this cycle.
+    /// Increase of that speed in this cycle.
     pub gained: f64,
-    /// Whether the speed that LinuxCNC reports as requested is still that of the move that ends: the
-    /// slower of the two is not told of.
+    /// Whether the requested speed that LinuxCNC reports is still that of the ending move: it reports
+    /// only the faster of the two.
     pub hides_request: bool,
 }
 
 impl Corner {
-    /// Whether the beginning move may be faster than `allowed` after some more cycles, and the share of its
-    /// unknown speed that would keep it from that is not known.
+    /// Returns whether the beginning move may exceed `allowed` after `cycles` more cycles. Its requested
+    /// speed may still be unknown.
     pub fn may_outrun(&self, allowed: f64, cycles: f64) -> bool {
         self.hides_request && !(self.speed + cycles * self.gained < allowed)
     }
 }
 
-/// What is remembered of the move that goes on.
+/// State kept about the move that continues.
 #[derive(Clone, Copy, Debug)]
 pub struct Straight {
     /// Its rates per unit of its speed: LinuxCNC's and the machine's.
     along: Option<[Rate; 2]>,
-    /// Its speed in the cycle before, where another one has begun, and that of the other.
+    /// Its speed in the previous cycle if another move has begun, and the speed of that move.
     left: f64,
     begun: f64,
-    /// In this cycle it has ended, somewhere between two cycles.
+    /// Whether it ended in this cycle, between two servo periods.
     is_over: bool,
 }
 
 impl Straight {
-    /// Nothing is known.
+    /// No move is known.
     pub const NONE: Self = Self { along: None, left: f64::INFINITY, begun: 0.0, is_over: false };
 
-    /// A cycle: the rates of LinuxCNC's pose and of the machine's, which are one unless an axis carries
-    /// something, and the mean speed that LinuxCNC reports. Returns the two moves of a corner, as the
-    /// machine makes them.
+    /// Processes a cycle: the rates of LinuxCNC's pose and of the machine's (equal unless an axis carries
+    /// something), and the mean speed that LinuxCNC reports. Returns the two moves of a corner, as the
+    /// machine performs them.
     pub fn corner(&mut self, rates: [&Rate; 2], speed: f64) -> Option<Corner> {
         if !(speed > 0.0 && speed.is_finite()) {
             *self = Self::NONE;
@@ -96,8 +97,8 @@ impl Straight {
         Some(corner)
     }
 
-    /// Where the ending move brakes to nothing in the next cycle, the beginning one is the one that goes on:
-    /// it may round the next corner at once.
+    /// Makes the beginning move the continuing one if the ending move stops in the next cycle, because it
+    /// may round the next corner immediately.
     fn follow(&mut self, rests: [Rate; 2], beginning: f64, left: f64) {
         let is_last = 2.0 * left <= self.left && self.left.is_finite();
         (self.left, self.begun) = (left, beginning);
@@ -108,7 +109,7 @@ impl Straight {
     }
 }
 
-/// Speed of the beginning move: v₂.
+/// Computes the speed of the beginning move, v₂.
 fn beginning_speed(rate: &Rate, along: &Rate, speed: f64) -> Option<f64> {
     let ([r, turns], [w, turned]) = (parts(rate), parts(along));
     let moved = dot(&w, &w) > 0.0;
@@ -122,20 +123,20 @@ fn beginning_speed(rate: &Rate, along: &Rate, speed: f64) -> Option<f64> {
     if norm(&aside) > ROUNDED * speed {
         return alike(&r, &w, speed);
     }
-    // The places go on in one line: they turn back, or what begins has none.
+    // The positions continue in one line: the move reverses, or the beginning one has no X Y Z.
     let rest = core::array::from_fn::<f64, 3, _>(|k| turns[k] - still * turned[k]);
     let gap = speed - still;
     Some(if norm(&rest) > ROUNDED * speed { gap } else { gap / 2.0 })
 }
 
-/// v₂ of a sum whose parts are counted alike.
+/// Computes v₂ of a sum whose parts count the same letters.
 fn alike(r: &[f64; 3], w: &[f64; 3], speed: f64) -> Option<f64> {
     let q = core::array::from_fn::<f64, 3, _>(|k| r[k] - speed * w[k]);
     let towards = dot(&q, w);
     (towards < 0.0).then(|| -dot(&q, &q) / (2.0 * towards))
 }
 
-/// A rate's speed: of X, Y, Z, or of A, B, C where these alone move.
+/// Computes a rate's speed: of X, Y, Z, or of A, B, C if only these move.
 fn counted(rate: &Rate, speed: f64) -> f64 {
     let [places, turns] = parts(rate);
     let length = norm(&places);
@@ -160,13 +161,13 @@ mod tests {
     use super::*;
 
     impl Straight {
-        /// Of a machine whose pose is LinuxCNC's.
+        /// Processes a cycle of a machine whose pose is LinuxCNC's.
         fn plain(&mut self, rate: &Rate, speed: f64) -> Option<Corner> {
             self.corner([rate; 2], speed)
         }
     }
 
-    /// What is told of v₁ w₁ + v₂ w₂, after w₁ alone.
+    /// Returns the corner found for v₁ w₁ + v₂ w₂, after w₁ alone.
     fn told(w: [Rate; 2], v: [f64; 2]) -> Option<Corner> {
         let mut straight = Straight::NONE;
         assert_eq!(straight.plain(&w[0].map(|w| 7.0 * w), 7.0), None);
@@ -186,7 +187,7 @@ mod tests {
         {
             for v in [[40.0, 0.5], [20.0, 20.0], [0.5, 40.0]] {
                 let corner = told(w, v).expect("a corner");
-                // Roundings of speeds of 40 over the shares that the differences leave of them.
+                // Rounding of speeds of 40, divided by their share of the differences.
                 assert!((corner.speed - v[1]).abs() < 1e-11, "{corner:?} {v:?}");
                 for k in 0..6 {
                     assert!((corner.ending[k] - v[0] * w[0][k]).abs() < 1e-11, "{corner:?}");
@@ -205,7 +206,7 @@ mod tests {
         ];
         let mut straight = Straight::NONE;
         assert_eq!(straight.plain(&w[0], 1.0), None);
-        // One brakes by 1 a cycle and the other gains it; the last cycle has half of what was left.
+        // One move brakes by 1 per cycle and the other gains it; in the last cycle half of it is left.
         for k in 0..2 {
             let speeds = (1..10).map(|n| [10.0 - f64::from(n), f64::from(n)]);
             for (n, v) in speeds.chain([[0.25, 10.0]]).enumerate() {
@@ -258,7 +259,7 @@ mod tests {
             assert_eq!(straight.plain(&w, speed), None);
             assert_eq!(straight.plain(&w.map(|w| w / 2.0), 1.0), None);
         }
-        // Faster than what is reported: another motion than LinuxCNC's planner's.
+        // Faster than reported: a motion that is not from LinuxCNC's planner.
         let mut straight = Straight::NONE;
         assert_eq!(straight.plain(&w, 1.0), None);
         assert_eq!(straight.plain(&[f64::NAN; 6], 1.0), None);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Extra axes: serial joints behind those of legs and table, whose coordinates pass through.
+//! Extra axes: serial joints after those of legs and table, whose coordinates pass through.
 
 use crate::layout::Layout;
 use crate::letters::Letter;
@@ -8,27 +8,27 @@ use crate::load_error::LoadError;
 /// Letters of LinuxCNC's pose, in its order.
 pub const POSE_LETTERS: [char; 9] = ['X', 'Y', 'Z', 'A', 'B', 'C', 'U', 'V', 'W'];
 
-/// Most extra axes: of nine letters the legs move one at least.
+/// Largest number of extra axes: the legs move at least one of nine letters.
 pub const MAX_EXTRA: usize = POSE_LETTERS.len() - 1;
 
 /// Extra axes, in joint order. Each is a joint whose value is the coordinate of its letter; legs,
-/// table and the pose of the tool know nothing of it.
+/// table and tool pose do not depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExtraAxes {
     places: [u8; MAX_EXTRA],
     count: usize,
-    /// A bit for each place.
+    /// One bit for each index.
     set: u16,
 }
 
 impl ExtraAxes {
-    /// None.
+    /// No extra axes.
     pub const NONE: Self = Self { places: [0; MAX_EXTRA], count: 0, set: 0 };
 
-    /// From text such as `CW`, upper or lower case, for a machine with this layout.
+    /// Parses text such as `CW`, upper or lower case, for a machine with this layout.
     ///
     /// # Errors
-    /// [`LoadError::AxesWrong`] for what is no letter of a pose or stands twice,
+    /// [`LoadError::AxesWrong`] for a character that is not a pose letter or occurs twice,
     /// [`LoadError::AxisTaken`] for a letter that legs or table move.
     pub fn parse(text: &[u8], layout: &Layout) -> Result<Self, LoadError> {
         let mut axes = Self::NONE;
@@ -48,34 +48,34 @@ impl ExtraAxes {
         Ok(axes)
     }
 
-    /// How many.
+    /// Returns the number of extra axes.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Whether there is none.
+    /// Returns whether there are no extra axes.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Whether one has this place among [`POSE_LETTERS`].
+    /// Returns whether an extra axis has this index among [`POSE_LETTERS`].
     pub fn has(&self, place: usize) -> bool {
         self.set.checked_shr(place as u32).is_some_and(|bits| bits & 1 == 1)
     }
 
-    /// Their places among [`POSE_LETTERS`], in joint order.
+    /// Returns their indices among [`POSE_LETTERS`], in joint order.
     pub fn places(&self) -> impl Iterator<Item = usize> + '_ {
         self.places.iter().take(self.count).map(|place| usize::from(*place))
     }
 
-    /// Their letters, in joint order.
+    /// Returns their letters, in joint order.
     pub fn letters(&self) -> impl Iterator<Item = char> + '_ {
         self.places().filter_map(|place| POSE_LETTERS.get(place)).copied()
     }
 }
 
-/// Place of a capital among [`POSE_LETTERS`]. By ranges: a search makes a table of jumps, and what those
-/// lead to is hard to prove of the built module.
+/// Returns the index of a capital among [`POSE_LETTERS`]. Uses ranges: a search would compile to a
+/// jump table, whose targets are hard to verify in the built module.
 fn place_of(letter: u8) -> Option<usize> {
     let (first, begin) = match letter {
         b'X'..=b'Z' => (b'X', 0),

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! From the geometry as given to a machine that cannot be wrong: every check is here,
-//! and is made once.
+//! Freezes a geometry as given into a checked machine: every check is here and runs once.
 
 use crate::certificate::{CERTAIN_AT_ALL, lipschitz_constant};
 use crate::fault::{Cause, Fault};
@@ -21,10 +20,10 @@ use nalgebra::Vector3;
 /// Anchors nearer than this share of the size count as one point.
 const SAME_POINT: f64 = 1e-9;
 
-/// Largest number for a length: products of ten of them are still within f64's range.
+/// Largest length: products of ten of them are still within f64's range.
 const LONGEST: f64 = 1e30;
 
-/// What a machine is frozen from.
+/// Input from which a machine is frozen.
 pub(crate) struct Frozen<'a> {
     pub geometry: &'a Geometry,
     /// Per leg, in joint units.
@@ -32,7 +31,7 @@ pub(crate) struct Frozen<'a> {
 }
 
 impl Frozen<'_> {
-    /// The checked machine in N lanes.
+    /// Builds the checked machine in N lanes.
     pub fn mechanism<const N: usize>(&self) -> Result<Mechanism<N>, Fault> {
         self.refuse_not_finite()?;
         let layout = *self.geometry.layout();
@@ -89,7 +88,7 @@ impl Frozen<'_> {
         Ok(mechanism)
     }
 
-    /// Leg whose values lane `i` holds.
+    /// Returns the leg whose values lane `i` contains.
     fn lane(&self, i: usize) -> usize {
         if i < self.geometry.layout().legs() { i } else { 0 }
     }
@@ -114,7 +113,7 @@ impl Frozen<'_> {
         centroid
     }
 
-    /// Largest length of all legs; refuses lengths that cannot be computed with.
+    /// Returns the largest length of all legs; refuses unusable lengths.
     fn size(&self) -> Result<f64, Fault> {
         let mut size = 0.0_f64;
         for (i, leg) in self.geometry.legs().iter().enumerate() {
@@ -128,7 +127,7 @@ impl Frozen<'_> {
         Ok(size)
     }
 
-    /// Refuses what is so far away that joints would lose their digits without a word.
+    /// Refuses offsets and distances so large that joints would silently lose precision.
     fn refuse_far(&self, size: f64) -> Result<(), Fault> {
         for (i, (leg, offset)) in self.geometry.legs().iter().zip(self.offset).enumerate() {
             let most = if leg.kind.is_angular() { MAX_ANGLE_DEG } else { FARTHEST * size };
@@ -143,9 +142,9 @@ impl Frozen<'_> {
         Ok(())
     }
 
-    /// Root mean square distance of the platform anchors from their centroid. A ring of radius r,
-    /// whose centre counts for that, adds r (r + |b|), b its base anchor: its strut bends by the square
-    /// of the way to there over the square of this radius (module `certificate`).
+    /// Computes the root mean square distance of the platform anchors from their centroid. A ring of radius r,
+    /// represented by its center, adds r (r + |b|), b its base anchor: the curvature of its strut grows with the
+    /// square of that distance divided by the square of this radius (module `certificate`).
     fn radius(&self, centroid: &Vector3<f64>, size: f64, chart: Chart) -> Result<f64, Fault> {
         let legs = self.geometry.legs();
         let arm = |i: usize| Vector3::from(self.geometry.lane(i).platform) - centroid;
@@ -158,7 +157,7 @@ impl Frozen<'_> {
         if chart == Chart::Level {
             return Ok(if is_point { size } else { radius });
         }
-        // Platform anchors on one line leave the rotation about that line free.
+        // With all platform anchors on one line, the rotation about that line is free.
         let mut spread = 0.0_f64;
         for i in 0..legs.len() {
             for j in 0..i {
@@ -171,8 +170,8 @@ impl Frozen<'_> {
         Ok(radius)
     }
 
-    /// Two equal legs constrain the same motion twice; of struts that end at points, the anchors
-    /// tell.
+    /// Refuses two equal legs, which constrain the same motion twice; for struts that end at points, equal
+    /// anchors suffice.
     fn refuse_coincident(&self, size: f64) -> Result<(), Fault> {
         let legs = self.geometry.legs();
         let apart = |a: &[f64; 3], b: &[f64; 3]| (Vector3::from(*a) - Vector3::from(*b)).norm();
@@ -192,7 +191,7 @@ impl Frozen<'_> {
         Ok(())
     }
 
-    /// The screws, if any leg has a lead.
+    /// Builds the screws if any leg has a lead.
     fn nut<const N: usize>(&self) -> Result<Option<Nut<N>>, Fault> {
         let struts: [_; N] = core::array::from_fn(|i| self.geometry.lane(i).kind.screw());
         if struts.iter().all(|s| s.lead == 0.0) {
@@ -208,11 +207,11 @@ impl Frozen<'_> {
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Bounds of the platform anchors' derivatives in the chart with `angles` active angles.
+    /// Bounds the platform anchors' derivatives in the chart with `angles` active angles.
     fn bound_anchors(&mut self, angles: usize) {
-        // Axes of two angles are square to each other: the platform turns at |ω| = |(α', β')|, and
+        // The axes of two angles are perpendicular: the platform rotates at |ω| = |(α', β')|, and
         // with both axes and their normal as a frame an anchor's second derivative is its arm times
-        // [[-β'², 0, 0], [2 α'β', -α'², 0], [0, 0, -1]], α'² + β'² = 1, whose norm is (1 + √2)/2 at most.
+        // [[-β'², 0, 0], [2 α'β', -α'², 0], [0, 0, -1]], α'² + β'² = 1, whose norm is at most (1 + √2)/2.
         let (turn, bend) = match self.chart {
             Chart::Group => (1.0, 1.0),
             Chart::Angles if angles == 1 => (1.0, 1.0),
@@ -235,8 +234,8 @@ impl<const N: usize> Mechanism<N> {
         self.refuse_free_at(&place)
     }
 
-    /// Where the reference pose puts the platform, with the fold fixed there. A call of its own: its
-    /// stack is free again for what follows.
+    /// Returns the platform's pose at the reference pose, with the fold fixed there. A separate function, so
+    /// that its stack is released before the next step.
     fn place_of(&mut self, home: [f64; 6]) -> Result<Place, Fault> {
         let pose = Pose::from_degrees(home);
         pose.check().map_err(|_| Fault::from(Cause::HomeNotFinite))?;
@@ -260,7 +259,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(place)
     }
 
-    /// Fixes the fold of the nut correction at a pose that is no reference pose.
+    /// Fixes the fold of the nut correction at a pose other than a reference pose.
     pub fn fold_at(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<Fault>, Fault> {
         let pose = self.held(pose, false)?;
         pose.check()?;
@@ -272,7 +271,7 @@ impl<const N: usize> Mechanism<N> {
         nut.fold_at(&placed.directions(), &place.rotation)
     }
 
-    /// The legs at a pose without a tool, from moving base anchor to platform anchor.
+    /// Returns the legs at a pose without tool, from moving base anchor to platform anchor.
     pub fn spans_at(&self, pose: &Pose) -> Result<[Vector3<f64>; MAX_LEGS], Fault> {
         let place = self.placement(pose, &pose.trigonometry(), &Vector3::zeros()).place;
         let anchors = self.moved_anchors(&self.joints_at(&place)?)?;
@@ -284,7 +283,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(spans)
     }
 
-    /// The legs at a place, from where their joints put the moving base anchors. A call of its own, as
+    /// Computes the legs at a pose from the moving base anchors of its joint values. A separate function, like
     /// [`Self::place_of`].
     fn place_driven(&self, place: &Place, placed: &mut Placed<N>) -> Result<(), Fault> {
         let anchors = self.moved_anchors(&self.joints_at(place)?)?;
@@ -292,7 +291,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
-    /// Refuses a layout whose legs leave the platform free at `place`.
+    /// Refuses a layout whose legs do not constrain the platform at `place`.
     fn refuse_free_at(&self, place: &Place) -> Result<(), Fault> {
         let mut placed = Placed::ZERO;
         self.place_driven(place, &mut placed)?;
@@ -314,7 +313,7 @@ mod tests {
     use crate::leg::StrutGeometry;
     use crate::letters::Letters;
 
-    /// Struts from far below to these platform anchors, which are 2, 2, 4 and 4 from their middle.
+    /// Platform anchors of struts from far below, at distances 2, 2, 4 and 4 from their center.
     const PLATFORM: [[f64; 3]; 6] = [
         [12.0, 0.0, 7.0],
         [8.0, 0.0, 7.0],
@@ -339,7 +338,7 @@ mod tests {
         Frozen { geometry: &geometry, offset: &PerLeg::default() }.mechanism()
     }
 
-    /// Struts to these platform anchors, the last one 1030.8 from the origin at its base.
+    /// Returns struts to these platform anchors; the base of the last one is 1030.8 from the origin.
     fn struts_to(platform: [[f64; 3]; 6]) -> [LegGeometry; 6] {
         core::array::from_fn(|i| {
             strut([100.0 * i as f64, -30.0 * (i * i) as f64, -500.0], platform[i])
@@ -348,7 +347,7 @@ mod tests {
 
     #[test]
     fn bounds_of_the_anchors_are_those_of_the_chart_at_numbers_by_hand() {
-        // A radius of √((4 + 4 + 16 + 16)/6); the axis of the one of two angles turns with the other.
+        // A radius of √((4 + 4 + 16 + 16)/6); the axis of one of two angles rotates with the other.
         let radius_squared = 40.0 / 6.0;
         for (coordinates, turns, bends) in [
             ("XYZABC", 1.0, 1.0),
@@ -357,7 +356,7 @@ mod tests {
             ("XYZ", 0.0, 0.0),
         ] {
             let machine = frozen::<6>(&struts_to(PLATFORM), coordinates, None).expect("a machine");
-            // Some roundings of numbers below 10.
+            // A few roundings of numbers below 10.
             assert!((machine.radius * machine.radius - radius_squared).abs() < 1e-14);
             for (i, arm) in [2.0, 2.0, 4.0, 4.0, 0.0, 0.0].into_iter().enumerate() {
                 let s1 = sqrt(1.0 + turns * arm * arm / radius_squared);
@@ -405,7 +404,7 @@ mod tests {
             frozen::<6>(&struts_to(core::array::from_fn(anchor)), "XYZABC", None).map(|_| ())
         };
         assert_eq!(on_a_line(0.0), degenerate(0.0));
-        // The largest parallelogram of the anchors has 21.7 times this, against 1e-9 · 1030.8².
+        // The largest parallelogram of the anchors is 21.7 times this; the limit is 1e-9 · 1030.8².
         assert!(on_a_line(4e-5).is_err_and(|fault| fault.cause == Cause::PlatformDegenerate));
         assert_eq!(on_a_line(6e-5), Ok(()));
         let points = |apart: f64, coordinates: &str| {
@@ -414,14 +413,14 @@ mod tests {
         };
         let turning = |apart| points(apart, "XYZB").map(|_| ());
         assert_eq!(turning(0.0), degenerate(0.0));
-        // One anchor of six beside the others: a radius of √5/6 of that, against 1e-9 · 1030.8.
+        // One of six anchors differs from the others: a radius of √5/6 of that; the limit is 1e-9 · 1030.8.
         assert!(turning(2e-6).is_err_and(|fault| fault.cause == Cause::PlatformDegenerate));
         assert_eq!(turning(4e-6), Ok(()));
-        // What never turns needs no radius, and takes its size instead.
+        // A platform that never rotates needs no radius; its size is used instead.
         let level = points(2e-6, "XYZ").expect("a machine");
         assert_eq!(level.radius, level.size);
         let level = points(4e-6, "XYZ").expect("a machine");
-        // Some roundings of a number below 1e-5.
+        // A few roundings of a number below 1e-5.
         assert!((level.radius - sqrt(5.0) / 6.0 * 4e-6).abs() < 1e-20, "{}", level.radius);
     }
 
@@ -435,20 +434,20 @@ mod tests {
             legs[5].base[0] += 100.0;
             frozen::<6>(&legs, "XYZABC", None).map(|_| ())
         };
-        // 500 and a little to the farthest anchor.
+        // Slightly more than 500 to the farthest anchor.
         assert_eq!(apart(4e-7), Err(Fault::of_legs(Cause::LegsCoincide, [4, 1], 0.0)));
         assert_eq!(apart(6e-7), Ok(()));
     }
 
     #[test]
     fn a_home_so_near_to_a_singular_pose_that_nothing_is_certain_is_refused() {
-        // Three struts to one point, which they no longer hold where it is in their plane.
+        // Three struts to one point, which they no longer constrain if it is in their plane.
         let at = |height: f64| {
             let bases = [[500.0, 0.0, 0.0], [-250.0, 433.0, 0.0], [-250.0, -433.0, 0.0]];
             let home = Some([0.0, 0.0, height, 0.0, 0.0, 0.0]);
             frozen::<4>(&bases.map(|base| strut(base, [0.0; 3])), "XYZ", home).map(|_| ())
         };
-        // ‖J⁻¹‖ is 500/(√3 · height), √Σk² is √3/500: one over the height, against 1e-6 of 500.
+        // ‖J⁻¹‖ is 500/(√3 · height), √Σk² is √3/500: 1/height; the limit is 1e-6 of 500.
         assert_eq!(at(4e-4), Err(Cause::SingularAtHome.into()));
         assert_eq!(at(6e-4), Ok(()));
     }

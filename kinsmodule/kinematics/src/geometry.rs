@@ -7,15 +7,14 @@ use crate::letters::Letters;
 use crate::load_error::LoadError;
 use nalgebra::Vector3;
 
-/// Largest tool offset, joint offset, distance of the centre and of what a chain refers to, in sizes of the
-/// machine: with
-/// more the rounding of f64 would take from joints and poses what the solver promises,
-/// 1e6 · 2⁻⁵³ = 1e-10 of the size.
+/// Largest tool offset, joint offset, and distance of the center and of a chain's points, in sizes of the
+/// machine. With more, rounding would exceed the precision that the solver promises for joints and
+/// poses: 1e6 · 2⁻⁵³ = 1e-10 of the size.
 pub(crate) const FARTHEST: f64 = 1e6;
 
-/// Lengths of struts up to here need no check of what is made of them: their fourth powers are still
-/// within f64's range, and leads and offsets are bounded where a machine is frozen. Where products of
-/// more of them leave it, comparisons refuse.
+/// Strut lengths up to this need no overflow checks: their fourth powers are still within f64's range,
+/// and leads and offsets are bounded when a machine is frozen. Products of more lengths that overflow
+/// are refused by comparisons.
 pub(crate) const HUGE: f64 = 1e70;
 
 /// One leg as given.
@@ -23,14 +22,14 @@ pub(crate) const HUGE: f64 = 1e70;
 pub struct LegGeometry {
     /// Base anchor in base, machine units.
     pub base: [f64; 3],
-    /// Platform anchor, or the centre of its ring, in the platform frame, machine units.
+    /// Platform anchor, or the center of its ring, in the platform frame, machine units.
     pub platform: [f64; 3],
-    /// Kind and what belongs to it.
+    /// Kind, with its parameters.
     pub kind: LegKind,
 }
 
 impl LegGeometry {
-    /// Fills the places of legs that a machine does not have.
+    /// Fills unused leg entries.
     const NONE: Self = Self {
         base: [0.0; 3],
         platform: [0.0; 3],
@@ -41,13 +40,13 @@ impl LegGeometry {
         }),
     };
 
-    /// A strut. Without a lead its axes move no joint, so that they do not enter the hash: only
-    /// limits of its cardan joints ask for them.
+    /// Creates a strut. Without a lead its axes affect no joint and do not enter the hash: only
+    /// limits of its cardan joints use them.
     pub fn strut(base: [f64; 3], platform: [f64; 3], strut: StrutGeometry) -> Self {
         Self { base, platform, kind: LegKind::Strut(strut) }
     }
 
-    /// Whether every value is finite.
+    /// Returns whether every value is finite.
     pub(crate) fn is_finite(&self) -> bool {
         let finite = |v: &[f64]| v.iter().all(|x| x.is_finite());
         let mut all = finite(&self.base) && finite(&self.platform);
@@ -55,32 +54,32 @@ impl LegGeometry {
         all
     }
 
-    /// Lengths that count for the size: of the anchors from the origins of their frames, of
-    /// rod and arm. Guides may cross in the origin, where all anchors then are.
+    /// Returns the lengths that determine the size: of the anchors from the origins of their frames, of
+    /// rod and arm. Guides may intersect in the origin, and then all base anchors are there.
     pub(crate) fn lengths(&self) -> [f64; 4] {
         let [rod, arm] = self.kind.lengths();
         [Vector3::from(self.base).norm(), Vector3::from(self.platform).norm(), rod, arm]
     }
 }
 
-/// A machine as given: what [`crate::Machine::freeze`] checks.
+/// A machine as given: input of [`crate::Machine::freeze`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
     /// Numbers of legs and coordinates, and their letters.
     layout: Layout,
     legs: [LegGeometry; MAX_LEGS],
-    /// Point of the platform at which held X, Y, Z are held, and whose X, Y, Z a table
-    /// takes over; platform frame, machine units.
+    /// Point of the platform whose held X, Y, Z are 0, and whose X, Y, Z a table
+    /// replaces; platform frame, machine units.
     pub centre: [f64; 3],
     /// Reference pose (x, y, z, a, b, c), machine units and degrees; it fixes the
-    /// fold of the nut correction, and there the legs must hold the platform. `None`:
+    /// fold of the nut correction, and must not be singular. `None`:
     /// the correction is the literal arcsin, until [`crate::Machine::fold_at`].
     pub home: Option<[f64; 6]>,
 }
 
 impl Geometry {
-    /// A machine of these legs, in joint order, with `coordinates` for its platform and
-    /// `table` under the workpiece; centre 0, no reference pose.
+    /// Creates a machine from these legs, in joint order, with `coordinates` for its platform and
+    /// `table` under the workpiece; center 0, no reference pose.
     ///
     /// # Errors
     /// As [`Layout::new`].
@@ -93,7 +92,7 @@ impl Geometry {
         Ok(Self::of_layout(layout, |i| legs.get(i).copied().unwrap_or(LegGeometry::NONE)))
     }
 
-    /// As [`Geometry::new`], leg by leg.
+    /// Creates a machine leg by leg, like [`Geometry::new`].
     pub fn of_layout(layout: Layout, leg: impl Fn(usize) -> LegGeometry) -> Self {
         let mut legs = [LegGeometry::NONE; MAX_LEGS];
         for (i, place) in legs.iter_mut().enumerate().take(layout.legs()) {
@@ -102,29 +101,29 @@ impl Geometry {
         Self { layout, legs, centre: [0.0; 3], home: None }
     }
 
-    /// Numbers and letters.
+    /// Returns numbers and letters.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Legs in joint order.
+    /// Returns the legs in joint order.
     pub fn legs(&self) -> &[LegGeometry] {
         self.legs.get(..self.layout.legs()).unwrap_or(&self.legs)
     }
 
-    /// Leg `lane`; beyond the last leg the first one stands in.
+    /// Returns leg `lane`; lanes beyond the last leg repeat the first one.
     pub(crate) fn lane(&self, lane: usize) -> &LegGeometry {
         self.legs().get(lane).unwrap_or(&self.legs[0])
     }
 
-    /// FNV-1a (32 bit) over the little-endian bits of the values as given, −0 as +0.
+    /// Computes FNV-1a (32 bit) over the little-endian bits of the values as given, −0 as +0.
     ///
     /// Order: per leg its base anchor and platform anchor after its kind (strut 1,
     /// slider 2, crank 3, ring 4), then for a strut base axis, platform axis (zeros without a
     /// lead) and lead; for a slider guide, rod and side; for a crank axis, rod, side and
-    /// arm; for a ring its radius. After the legs the centre, the reference pose if there is one, and the
+    /// arm; for a ring its radius. After the legs the center, the reference pose if there is one, and the
     /// letters of coordinates and table (X = 0 … C = 5). Joint offsets, tool and solver
-    /// settings do not enter.
+    /// settings are not included.
     pub fn hash(&self) -> u32 {
         let mut hash = Fnv1a::new();
         for leg in self.legs() {
@@ -158,7 +157,7 @@ impl Fnv1a {
 
     pub(crate) fn add(&mut self, values: &[f64]) {
         for v in values {
-            // −0 + 0 = +0: the sign of zero changes no joint.
+            // −0 + 0 = +0: the sign of zero affects no joint.
             for byte in (v + 0.0).to_bits().to_le_bytes() {
                 self.0 = (self.0 ^ u32::from(byte)).wrapping_mul(0x0100_0193);
             }

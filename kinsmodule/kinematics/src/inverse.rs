@@ -12,10 +12,10 @@ use crate::placed::{Place, Placed};
 use crate::pose::{Pose, Trigonometry};
 use nalgebra::Vector3;
 
-/// A pose as the legs see it.
+/// Platform pose from which the legs are computed.
 pub(crate) struct Placement {
     pub place: Place,
-    /// The reference point in base, legs and table together.
+    /// Reference point in base, as moved by legs and table together.
     pub point: Vector3<f64>,
 }
 
@@ -40,7 +40,7 @@ impl<const N: usize> Mechanism<N> {
         self.all_joints(&legs, &placement.point)
     }
 
-    /// Lengths of struts, nut corrections included; `None` where the general way has to tell.
+    /// Computes the lengths of struts, including nut corrections; `None` if the general method must decide.
     #[inline(always)]
     fn lengths(&self, place: &Place) -> Option<[f64; N]> {
         match &self.nut {
@@ -49,7 +49,7 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Lengths of struts without nut corrections; `None` where any has none, or a huge one.
+    /// Computes the lengths of struts without nut corrections; `None` if any is zero or huge.
     #[inline(always)]
     fn struts(&self, place: &Place) -> Option<[f64; N]> {
         let mut length = [0.0; N];
@@ -60,8 +60,8 @@ impl<const N: usize> Mechanism<N> {
         between(&length, self.least_length(), HUGE).all().then_some(length)
     }
 
-    /// Lengths of struts with their corrections; `None` as well where any has no torsion, or a large
-    /// one.
+    /// Computes the lengths of struts with their corrections; `None` also if any torsion is undefined or
+    /// large.
     #[inline(always)]
     fn corrected_struts(&self, nut: &Nut<N>, place: &Place) -> Option<[f64; N]> {
         let mut length = [0.0; N];
@@ -103,7 +103,7 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Where a pose puts the platform.
+    /// Computes the platform's pose.
     #[inline(always)]
     pub(crate) fn placement(
         &self,
@@ -119,8 +119,8 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Legs from their base anchors at joint value 0, and the nut corrections there; hands over the
-    /// torsion that they come from.
+    /// Computes the legs from their base anchors at joint value 0 and the nut corrections there, and passes on
+    /// the torsion from which they are computed.
     #[inline(always)]
     pub(crate) fn corrected(
         &self,
@@ -142,7 +142,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(nut.corrections(&torsion))
     }
 
-    /// A rod may start at its platform anchor, a strut may not.
+    /// Refuses struts of zero length. (A rod's base anchor may coincide with its platform anchor.)
     fn refuse_short_struts(&self, placed: &Placed<N>) -> Result<(), Fault> {
         for i in 0..self.count() {
             if self.legs[i] == Leg::Strut {
@@ -157,7 +157,7 @@ impl<const N: usize> Mechanism<N> {
         self.rings().map_or(Ok(()), |rings| rings.refuse_within(placed, self.count()))
     }
 
-    /// Joint values of the legs at a place.
+    /// Computes the joint values of the legs at a pose.
     #[inline(always)]
     pub(crate) fn joints_at(&self, place: &Place) -> Result<[f64; N], Fault> {
         let mut placed = Placed::ZERO;
@@ -182,7 +182,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(self.joints_of_lengths(&joints))
     }
 
-    /// Joint values of native ones, which are the lengths of struts.
+    /// Converts native joint values, which are strut lengths, to joint values.
     #[inline(always)]
     fn joints_of_lengths(&self, native: &[f64; N]) -> [f64; N] {
         let mut joints = [0.0; N];
@@ -192,7 +192,7 @@ impl<const N: usize> Mechanism<N> {
         joints
     }
 
-    /// Native joint values where not all legs are struts.
+    /// Computes the native joint values if not all legs are struts.
     fn native_joints(&self, placed: &Placed<N>, joints: &mut [f64; N]) -> Result<(), Fault> {
         for i in 0..N {
             joints[i] = self.legs[i]
@@ -202,13 +202,13 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
-    /// Where the joints put the moving base anchors.
+    /// Computes the positions of the moving base anchors.
     #[inline(always)]
     pub(crate) fn moved_anchors(&self, joints: &[f64; N]) -> Result<Lanes3<N>, Fault> {
         Ok(self.target(joints)?.anchors)
     }
 
-    /// Per-leg values for the outside.
+    /// Converts lanes to per-leg values for callers.
     pub(crate) fn per_leg(&self, lanes: &[f64; N]) -> PerLeg {
         let mut out = [0.0; MAX_LEGS];
         for i in 0..N.min(MAX_LEGS) {
@@ -229,7 +229,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
 
-    /// Struts between random anchors that move everything, with screws or without.
+    /// Creates struts between random anchors that move all coordinates, with or without screws.
     #[inline(always)]
     fn struts<const N: usize>(rng: &mut Pcg64, screws: bool) -> Mechanism<N> {
         let mut vector = |size: f64| core::array::from_fn(|_| random(rng, -size, size));
@@ -242,7 +242,7 @@ mod tests {
         let mut geometry = Geometry::new(&legs, Letters::XYZABC, Letters::NONE).unwrap();
         let offset = core::array::from_fn(|i| 10.0 * i as f64);
         let frozen = |geometry: &Geometry| Frozen { geometry, offset: &offset }.mechanism();
-        // Corrections fold as a home says, or as the arcsin does where there is none.
+        // Corrections fold at a home, or use the arcsin without one.
         let home = random(rng, 0.0, 1.0) < 0.5;
         geometry.home = home.then_some([0.0, 0.0, 900.0, 0.0, 0.0, 0.0]);
         let settled = frozen(&geometry);
@@ -250,8 +250,8 @@ mod tests {
         settled.or_else(|_| frozen(&geometry)).expect("a machine")
     }
 
-    /// The joints of inverse and those of the leg by leg way, which shares nothing with the quick
-    /// one but the anchors' places, say the same; how often they say that nothing is wrong.
+    /// Checks that inverse and the leg-by-leg method, which share only the anchor positions, return the
+    /// same joints or refusals; returns how often neither refuses.
     fn compare<const N: usize>(rng: &mut Pcg64) -> usize {
         let mut sound = 0;
         for round in 0..400 {
@@ -259,7 +259,7 @@ mod tests {
             let machine = struts::<N>(rng, screws);
             let mut value = |size: f64| random(rng, -size, size);
             let tool = Vector3::from_fn(|_, _| value(50.0));
-            // Within 45 degrees and far beyond; and so far away that lengths are not known.
+            // Within 45 degrees and far beyond; and so far away that lengths overflow.
             let far = if round % 10 == 0 { 1e75 } else { 900.0 };
             let most = if round % 5 == 0 { 3.0 } else { 0.9 };
             let pose = Pose {
@@ -272,8 +272,8 @@ mod tests {
             assert_eq!(result.err(), expected.err());
             sound += usize::from(result.is_ok());
             for (quick, expected) in result.iter().flatten().zip(expected.iter().flatten()) {
-                // Roundings of lengths of some 1000 (1e-13 each), and of arcs that a strut next
-                // to its joint axis (1e-3) makes 1000 times as large.
+                // Rounding of lengths of about 1000 (1e-13 each), and of arcs, amplified by up to 1000 for a strut
+                // next to its joint axis (1e-3).
                 let same = (quick - expected).abs() <= 1e-9 + 1e-15 * expected.abs();
                 assert!(same, "{quick} {expected}");
             }

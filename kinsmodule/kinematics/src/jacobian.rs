@@ -16,7 +16,7 @@ pub type Jacobian = SMatrix<f64, MAX_JOINTS, 6>;
 const MIN_COS_B: f64 = 1e-6;
 
 impl<const N: usize> LegsAt<'_, N> {
-    /// Rows per unit twist about the control point.
+    /// Computes the rows per unit twist about the control point.
     pub fn inverse_jacobian(&self) -> Result<Jacobian, Fault> {
         let (machine, legs) = (self.machine, self.gradients()?);
         // A twist about the control point moves the reference point by v + ω × lever.
@@ -43,7 +43,7 @@ impl<const N: usize> LegsAt<'_, N> {
 
     pub fn pose_jacobian(&self) -> Result<Jacobian, Fault> {
         let mut jacobian = self.inverse_jacobian()?;
-        // Where A or C is held there is nothing to tell apart.
+        // If A or C is held, the coordinates remain independent.
         if self.machine.chart == Chart::Group && !(self.trig.cb.abs() >= MIN_COS_B) {
             return Err(Fault::with_value(Cause::TiltNearRightAngle, self.trig.cb));
         }
@@ -67,7 +67,7 @@ impl<const N: usize> LegsAt<'_, N> {
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Sign of the determinant of the active columns.
+    /// Computes the sign of the determinant of the active columns.
     pub fn sign_of(&self, columns: &[[f64; N]; 6]) -> i32 {
         let mut square = [[0.0; MAX_LEGS]; MAX_LEGS];
         let active = columns.iter().zip(self.active).filter(|(_, active)| *active);
@@ -80,12 +80,12 @@ impl<const N: usize> Mechanism<N> {
     }
 }
 
-/// Sign of the determinant of the first `m` rows and columns.
+/// Computes the sign of the determinant of the first `m` rows and columns.
 fn sign_of_determinant(mut a: [[f64; MAX_LEGS]; MAX_LEGS], m: usize) -> i32 {
     let m = m.min(MAX_LEGS);
     let mut sign = 1;
     for k in 0..m {
-        // Row by row exchange instead of a pivot search: no index depends on data.
+        // Exchanges rows one by one instead of searching for a pivot: no index depends on data.
         for i in k + 1..m {
             if a[i][k].abs() > a[k][k].abs() {
                 a.swap(i, k);
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     fn sign<const M: usize>(rows: [[f64; M]; M]) -> i32 {
-        // What lies beyond the first rows and columns must not count.
+        // Entries beyond the first rows and columns must have no effect.
         let mut a = [[7.0; MAX_LEGS]; MAX_LEGS];
         for (to, row) in a.iter_mut().zip(rows) {
             to[..M].copy_from_slice(&row);
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(sign([[2.0, 3.0], [1.0, 1.0]]), -1);
         assert_eq!(sign([[1.0, 2.0], [1.0, 2.0]]), 0);
         assert_eq!(sign([[0.0; 3]; 3]), 0);
-        // Thrice the first row and one: a determinant of 2·(5·7 − 4·8), and of −2·(…).
+        // Three times the first row plus one: a determinant of 2·(5·7 − 4·8), and of −2·(…).
         assert_eq!(sign([[2.0, 4.0, 6.0], [6.0, 17.0, 22.0], [2.0, 12.0, 13.0]]), 1);
         assert_eq!(sign([[2.0, 4.0, 6.0], [2.0, 12.0, 13.0], [6.0, 17.0, 22.0]]), -1);
     }

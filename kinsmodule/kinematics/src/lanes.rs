@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One vector per leg, stored as three arrays: loops over legs then use vector units.
 //!
-//! Comments refer to these reasons of the processor by name:
+//! Comments refer to these processor effects by name:
 //!
-//! - **Registers.** A value whose address is passed to a function has to be in memory, also where the
-//!   call is not made. A copy passed instead leaves the value in registers.
-//! - **Pairs.** A load that spans two earlier stores waits for both. What is written in pairs is read in
+//! - **Registers.** A value whose address is passed to a function must be in memory, even if the
+//!   call is not executed. Passing a copy leaves the value in registers.
+//! - **Pairs.** A load that spans two earlier stores waits for both. Values written in pairs are read in
 //!   the same pairs.
-//! - **Overlap.** Long chains of operations that do not depend on each other run at the same time. They
-//!   do in a loop of their own, where nothing stands between them.
-//! - **Known length.** A copy whose length is known is some moves; any other is a call.
+//! - **Overlap.** Long independent chains of operations run at the same time if they are in a separate
+//!   loop without other work between them.
+//! - **Known length.** A copy of known length compiles to a few moves; any other is a call.
 
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
-/// Lanes i and i + 1, i even. Two doubles fill the vector registers that every 64-bit
-/// machine has, and a compiler left to itself packs them less well.
+/// Loads lanes i and i + 1, i even. Two doubles fill the vector registers that every 64-bit
+/// machine has; automatic vectorization packs them less well.
 #[inline(always)]
 pub(crate) fn pair<const N: usize>(lanes: &[f64; N], i: usize) -> f64x2 {
     f64x2::new([lanes[i], lanes[i + 1]])
@@ -27,13 +27,13 @@ pub(crate) fn put<const N: usize>(lanes: &mut [f64; N], i: usize, values: f64x2)
     [lanes[i], lanes[i + 1]] = values.to_array();
 }
 
-/// The same number in both lanes.
+/// Returns the same number in both lanes.
 #[inline(always)]
 pub(crate) fn both(value: f64) -> f64x2 {
     f64x2::splat(value)
 }
 
-/// The same vector in both lanes.
+/// Returns the same vector in both lanes.
 #[inline(always)]
 pub(crate) fn wide(v: &Vector3<f64>) -> [f64x2; 3] {
     [both(v.x), both(v.y), both(v.z)]
@@ -49,14 +49,14 @@ pub(crate) fn cross(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Scalar product over all lanes, in two interleaved sums.
+/// Computes the scalar product over all lanes, in two interleaved sums.
 #[inline(always)]
 pub(crate) fn inner<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     let [even, odd] = products(a, b);
     even + odd
 }
 
-/// Sums of the products of even and odd lanes.
+/// Computes the sums of the products of even and odd lanes.
 #[inline(always)]
 fn products<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; 2] {
     let mut sums = pair(a, 0) * pair(b, 0);
@@ -66,14 +66,14 @@ fn products<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; 2] {
     sums.to_array()
 }
 
-/// The scalar products of two vectors with a third one.
+/// Computes the scalar products of two vectors with a third one.
 #[inline(always)]
 pub(crate) fn inners<const N: usize>(a: [&[f64; N]; 2], b: &[f64; N]) -> f64x2 {
     let [one, other] = a.map(|a| products(a, b));
     f64x2::new([one[0], other[0]]) + f64x2::new([one[1], other[1]])
 }
 
-/// M v with the same matrix in both lanes.
+/// Computes M v with the same matrix in both lanes.
 #[inline(always)]
 pub(crate) fn times(m: &Matrix3<f64>, v: &[f64x2; 3]) -> [f64x2; 3] {
     let row = |i| both(m[(i, 0)]) * v[0] + both(m[(i, 1)]) * v[1] + both(m[(i, 2)]) * v[2];
@@ -90,7 +90,7 @@ pub(crate) fn difference(a: &[f64x2; 3], b: &[f64x2; 3]) -> [f64x2; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// The two lanes in the other order.
+/// Swaps the two lanes.
 #[inline(always)]
 pub(crate) fn swapped(lanes: f64x2) -> f64x2 {
     let [one, other] = lanes.to_array();
@@ -102,7 +102,7 @@ pub(crate) fn scaled(v: &[f64x2; 3], by: f64x2) -> [f64x2; 3] {
     [v[0] * by, v[1] * by, v[2] * by]
 }
 
-/// Whether no lane is beyond ±`limit`; NaN is.
+/// Returns whether all lanes are within ±`limit`; false for NaN.
 #[inline(always)]
 pub(crate) fn are_within<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
     let mut within = pair(lanes, 0).abs().simd_le(both(limit));
@@ -112,7 +112,7 @@ pub(crate) fn are_within<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
     within.all()
 }
 
-/// Largest absolute value of the lanes; NaN if any is.
+/// Returns the largest absolute value of the lanes; NaN if any is NaN.
 #[inline(always)]
 pub(crate) fn largest<const N: usize>(lanes: &[f64; N]) -> f64 {
     let mut most = f64x2::ZERO;
@@ -122,7 +122,7 @@ pub(crate) fn largest<const N: usize>(lanes: &[f64; N]) -> f64 {
         most = stays.select(most, lanes);
     }
     let [even, odd] = most.to_array();
-    // A NaN in either place is not below the other.
+    // A NaN on either side makes the comparison false.
     if even <= odd {
         odd
     } else if odd <= even {
@@ -132,7 +132,7 @@ pub(crate) fn largest<const N: usize>(lanes: &[f64; N]) -> f64 {
     }
 }
 
-/// Whether all lanes are above a limit; NaN is not.
+/// Returns whether all lanes are above a limit; false for NaN.
 #[inline(always)]
 pub(crate) fn are_above<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
     let mut above = pair(lanes, 0).simd_gt(both(limit));
@@ -142,9 +142,9 @@ pub(crate) fn are_above<const N: usize>(lanes: &[f64; N], limit: f64) -> bool {
     above.all()
 }
 
-/// Whether all lanes are above `least`, and the sums of even and of odd ones at most `most`, as a
-/// mask: both lanes of it have to say so. NaN is not. With a `least` of 0 or more no lane alone is
-/// beyond `most` either.
+/// Compares: all lanes above `least`, and the sums of even and of odd lanes at most `most`. Returns a
+/// mask that is true if both its lanes are; false for NaN. With `least` >= 0, no single lane
+/// exceeds `most` either.
 #[inline(always)]
 pub(crate) fn between<const N: usize>(lanes: &[f64; N], least: f64, most: f64) -> f64x2 {
     let mut sum = pair(lanes, 0);
@@ -176,7 +176,7 @@ impl<const N: usize> Lanes3<N> {
         lanes
     }
 
-    /// Components of vectors i and i + 1, i even.
+    /// Loads the components of vectors i and i + 1, i even.
     #[inline(always)]
     pub fn pair(&self, i: usize) -> [f64x2; 3] {
         [pair(&self.x, i), pair(&self.y, i), pair(&self.z, i)]
@@ -221,7 +221,7 @@ mod tests {
     fn each_lane_alone_decides_whether_all_are_within_or_above() {
         let lanes = [1.0, -2.0, 0.5, 1.5, -1.0, 0.0];
         assert!(are_within(&lanes, 2.0) && are_above(&lanes, -2.5));
-        // Nothing is above itself, but it is within itself.
+        // A value equal to its limit is within it, but not above it.
         assert!(!are_within(&lanes, 1.75) && !are_above(&lanes, -2.0));
         let changed = |place: usize, value: f64| {
             let mut changed = lanes;

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Numbers and letters of a machine: which joints there are, and which coordinates of
-//! the pose they move.
+//! Numbers and letters of a machine: its joints, and the pose coordinates that they move.
 
 use crate::fault::{Cause, Fault, MachinePart};
 use crate::letters::{Letter, Letters};
 use crate::load_error::LoadError;
 
-/// Most legs of a machine.
+/// Largest number of legs of a machine.
 pub const MAX_LEGS: usize = 8;
 
-/// Most joints of a machine: legs, then X, Y and Z of a table.
+/// Largest number of joints of a machine: legs, then X, Y and Z of a table.
 pub const MAX_JOINTS: usize = MAX_LEGS + 3;
 
 /// Joint values: legs in order, then table axes; 0 beyond the last joint.
@@ -18,7 +17,7 @@ pub type Joints = [f64; MAX_JOINTS];
 /// One number for each leg; 0 beyond the last leg.
 pub type PerLeg = [f64; MAX_LEGS];
 
-/// Numbers and letters of a machine, in themselves consistent.
+/// Numbers and letters of a machine, checked for consistency.
 ///
 /// Joints are the legs in order, then the table axes. Coordinates that neither the
 /// platform nor the table moves are held at 0.
@@ -30,11 +29,11 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Of `legs` legs that move the platform along `coordinates`, and serial axes under
+    /// Creates the layout of `legs` legs that move the platform along `coordinates`, and serial axes under
     /// the workpiece for the letters of `table`.
     ///
     /// # Errors
-    /// No leg or too many, no coordinate or more of them than legs, a table letter that
+    /// No leg or too many, no coordinate or more coordinates than legs, a table letter that
     /// is an angle, a letter in both.
     pub fn new(legs: usize, coordinates: Letters, table: Letters) -> Result<Self, LoadError> {
         if !(1..=MAX_LEGS).contains(&legs) {
@@ -55,44 +54,44 @@ impl Layout {
         Ok(Self { legs, coordinates, table })
     }
 
-    /// Number of legs.
+    /// Returns the number of legs.
     pub fn legs(&self) -> usize {
         self.legs
     }
 
-    /// Number of joints: legs and table axes.
+    /// Returns the number of joints: legs and table axes.
     pub fn joints(&self) -> usize {
         self.legs + self.table.len()
     }
 
-    /// Coordinates that the legs move; joint j of the identity kinematics is the j-th
-    /// letter. For the machine itself their order means nothing.
+    /// Returns the coordinates that the legs move; joint j of the identity kinematics is the j-th
+    /// letter. Their order has no other effect.
     pub fn coordinates(&self) -> &Letters {
         &self.coordinates
     }
 
-    /// Coordinates of the table axes, in joint order.
+    /// Returns the coordinates of the table axes, in joint order.
     pub fn table(&self) -> &Letters {
         &self.table
     }
 
-    /// Whether no joint moves the coordinate: its value is always 0.
+    /// Returns whether no joint moves the coordinate, so that its value is always 0.
     pub fn is_held(&self, letter: Letter) -> bool {
         !self.coordinates.contains(letter) && !self.table.contains(letter)
     }
 
-    /// Whether legs exceed coordinates, so that joint values can contradict each other.
+    /// Returns whether legs exceed coordinates, so that joint values can contradict each other.
     pub fn is_redundant(&self) -> bool {
         self.legs > self.coordinates.len()
     }
 
-    /// Joint `i` by its name: that of a leg, or that of a table axis.
+    /// Returns what joint `i` moves: a leg, or a table axis.
     pub fn joint(&self, i: usize) -> MachinePart {
         let axis = i.checked_sub(self.legs).and_then(|k| self.table.as_slice().get(k));
         axis.map_or(MachinePart::Joint(i as u8), |l| MachinePart::TableAxis(i as u8, *l))
     }
 
-    /// The letter of every joint for the identity kinematics; `None` where a joint has none.
+    /// Returns the letter of every joint for the identity kinematics; `None` if a joint has none.
     pub fn joint_letters(&self) -> Option<impl Iterator<Item = Letter> + '_> {
         let both = [&self.coordinates, &self.table];
         (!self.is_redundant()).then(|| both.into_iter().flat_map(|l| l.as_slice()).copied())
@@ -100,7 +99,7 @@ impl Layout {
 }
 
 impl Fault {
-    /// A refusal that names joint `joint` (counted from 0) of a machine of this layout.
+    /// Creates a refusal that names joint `joint` (counted from 0) of a machine with this layout.
     pub fn of_joint(cause: Cause, layout: &Layout, joint: usize, value: f64) -> Self {
         Self { cause, part: Some(layout.joint(joint)), value }
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The legs of a machine at a pose, in its lanes: what [`crate::At`] is made of.
+//! The legs of a machine at a pose, in its lanes: the implementation of [`crate::At`].
 
 use crate::fault::{Cause, Fault};
 use crate::inverse::Placement;
@@ -23,11 +23,11 @@ pub(crate) struct LegsAt<'a, const N: usize> {
     pub trig: Trigonometry,
     pub placement: Placement,
     pub corrections: [f64; N],
-    /// Joint values of the legs, and where they put the moving base anchors.
+    /// Joint values of the legs, and the moving base anchors at these.
     pub target: Target<N>,
     /// The legs from there.
     pub placed: Placed<N>,
-    /// Means something on machines with a nut only.
+    /// Meaningful only on machines with a nut.
     torsion: Torsion<N>,
     gradients: Cell<Option<Result<[Gradient; N], Fault>>>,
     singular_value: Cell<Option<f64>>,
@@ -42,7 +42,7 @@ pub(crate) struct Gradient {
     pub moment: Vector3<f64>,
 }
 
-/// What a cell holds, computed where it holds nothing yet.
+/// Returns the content of a cell, computing it first if it is empty.
 pub(crate) fn once<T: Copy>(cell: &Cell<Option<T>>, compute: impl FnOnce() -> T) -> T {
     match cell.get() {
         Some(value) => value,
@@ -55,7 +55,7 @@ pub(crate) fn once<T: Copy>(cell: &Cell<Option<T>>, compute: impl FnOnce() -> T)
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// To be moved to a pose.
+    /// Creates legs without a pose; call [`LegsAt::move_to`] before use.
     pub(crate) fn nowhere(&self) -> LegsAt<'_, N> {
         LegsAt {
             machine: self,
@@ -73,7 +73,7 @@ impl<const N: usize> Mechanism<N> {
 }
 
 impl<const N: usize> LegsAt<'_, N> {
-    /// Takes another pose in the same memory.
+    /// Moves to another pose in the same memory.
     pub(crate) fn move_to(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<(), Fault> {
         let machine = self.machine;
         pose.check()?;
@@ -95,7 +95,7 @@ impl<const N: usize> LegsAt<'_, N> {
         Ok(())
     }
 
-    /// Joint values of legs and table.
+    /// Returns the joint values of legs and table.
     pub fn all_joints(&self) -> Result<Joints, Fault> {
         self.machine.all_joints(&self.target.joints, &self.placement.point)
     }
@@ -113,29 +113,29 @@ impl<const N: usize> LegsAt<'_, N> {
         }
     }
 
-    /// From the control point to the reference point, in base.
+    /// Returns the vector from the control point to the reference point, in base.
     pub fn lever(&self) -> Vector3<f64> {
         self.placement.place.rotation * (self.tool + self.machine.reference)
     }
 
-    /// Torsion of the legs, if any has a lead.
+    /// Returns the torsion of the legs, if any has a lead.
     pub fn torsion(&self) -> Option<&Torsion<N>> {
         self.machine.nut.is_some().then_some(&self.torsion)
     }
 
-    /// Speed of the platform anchor along the leg per joint rate.
+    /// Computes the speed of the platform anchor along the leg per joint rate.
     fn transmission(&self, i: usize, n: &Vector3<f64>) -> f64 {
         self.machine.legs[i].transmission(self.target.joints[i] + self.machine.offset[i], n)
     }
 
-    /// How far leg `i` is from its dead point, see [`crate::leg`]; `None` where it has none.
+    /// Returns how far leg `i` is from its dead point, see [`crate::leg`]; `None` if it has none.
     pub fn drive(&self, i: usize) -> Option<f64> {
         let machine = self.machine;
         (i < machine.count())
             .then(|| machine.margin(&self.placed, i, self.target.joints[i] + machine.offset[i]))?
     }
 
-    /// Gradients of the legs' joint values.
+    /// Computes the gradients of the legs' joint values.
     pub fn gradients(&self) -> Result<[Gradient; N], Fault> {
         once(&self.gradients, || self.find_gradients())
     }
@@ -146,7 +146,7 @@ impl<const N: usize> LegsAt<'_, N> {
         let mut rates = [0.0; N];
         for (i, rate) in rates.iter_mut().enumerate() {
             *rate = 1.0 / self.transmission(i, &n.get(i));
-            // So far away that a joint value swallows its leg.
+            // A joint value is so large that the leg's length is lost in rounding.
             if !rate.is_finite() {
                 return Err(Fault::of_leg(Cause::DeadPoint, i, 0.0));
             }
@@ -171,7 +171,7 @@ impl<const N: usize> LegsAt<'_, N> {
         Ok(ratios)
     }
 
-    /// Joint rates while the pose changes at `rate` per second, angles in degrees.
+    /// Computes joint rates while the pose changes at `rate` per second, angles in degrees.
     pub fn rates(&self, rate: &[f64; 6]) -> Result<Joints, Fault> {
         let machine = self.machine;
         let [vx, vy, vz, a, b, c] = *rate;
@@ -190,8 +190,8 @@ impl<const N: usize> LegsAt<'_, N> {
         Ok(rates)
     }
 
-    /// Rates of the legs' joints while the reference point moves at `v` and the platform turns at
-    /// `omega`: the gradients' products with both, in less work than the gradients take.
+    /// Computes the rates of the legs' joints while the reference point moves at `v` and the platform rotates at
+    /// `omega`: the products of the gradients with both, with less work than the gradients.
     fn leg_rates(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> Result<[f64; N], Fault> {
         let (v, omega) = (wide(v), wide(omega));
         let mut rates = [0.0; N];
@@ -210,7 +210,7 @@ impl<const N: usize> LegsAt<'_, N> {
             let n = self.placed.directions();
             for i in 0..N {
                 let per_rate = 1.0 / self.transmission(i, &n.get(i));
-                // So far away that a joint value swallows its leg.
+                // A joint value is so large that the leg's length is lost in rounding.
                 if !per_rate.is_finite() {
                     return Err(Fault::of_leg(Cause::DeadPoint, i, 0.0));
                 }
@@ -220,7 +220,7 @@ impl<const N: usize> LegsAt<'_, N> {
         Ok(rates)
     }
 
-    /// Unit constraint rows without nut corrections, column by column, see
+    /// Computes the unit constraint rows without nut corrections, column by column, see
     /// [`Mechanism::to_chart`].
     pub fn constraint_columns(&self) -> [[f64; N]; 6] {
         self.machine.charted_rows(&self.placed, None, &self.placement.place)

@@ -17,12 +17,12 @@ impl Letter {
     /// X Y Z A B C.
     pub const ALL: [Letter; 6] = [Self::X, Self::Y, Self::Z, Self::A, Self::B, Self::C];
 
-    /// Place in a pose: X = 0 … C = 5.
+    /// Returns its index in a pose: X = 0 … C = 5.
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The letter itself, upper case.
+    /// Returns the letter itself, upper case.
     pub const fn name(self) -> char {
         match self {
             Self::X => 'X',
@@ -34,13 +34,13 @@ impl Letter {
         }
     }
 
-    /// Whether it is an angle.
+    /// Returns whether it is an angle.
     pub const fn is_angle(self) -> bool {
         self.index() >= 3
     }
 }
 
-/// Some letters, each at most once, in the order written.
+/// A list of letters without repetition, in the order written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Letters {
     all: [Letter; 6],
@@ -48,14 +48,14 @@ pub struct Letters {
 }
 
 impl Letters {
-    /// None.
+    /// No letters.
     pub const NONE: Self = Self { all: [Letter::X; 6], count: 0 };
 
     /// X Y Z A B C.
     pub const XYZABC: Self = Self { all: Letter::ALL, count: 6 };
 
-    /// From text such as `XYZB`, upper or lower case; `None` if a character is no
-    /// letter of the pose, or stands twice.
+    /// Parses text such as `XYZB`, upper or lower case; `None` if a character is not a
+    /// letter of the pose or is repeated.
     pub fn parse(text: &[u8]) -> Option<Self> {
         let mut letters = Self::NONE;
         for character in text {
@@ -67,29 +67,29 @@ impl Letters {
             *letters.all.get_mut(letters.count)? = letter;
             letters.count += 1;
         }
-        // What stands beyond the last letter must not tell two equal lists apart.
+        // Entries beyond the last letter must not make two equal lists differ.
         for rest in letters.all.iter_mut().skip(letters.count) {
             *rest = Letter::X;
         }
         Some(letters)
     }
 
-    /// In the order written.
+    /// Returns the letters in the order written.
     pub fn as_slice(&self) -> &[Letter] {
         self.all.get(..self.count).unwrap_or(&self.all)
     }
 
-    /// Whether `letter` is one of them.
+    /// Returns whether `letter` is one of them.
     pub fn contains(&self, letter: Letter) -> bool {
         self.as_slice().contains(&letter)
     }
 
-    /// How many.
+    /// Returns the number of letters.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Whether there is none.
+    /// Returns whether there are no letters.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }

@@ -4,13 +4,13 @@
 //! Pure functions of (machine, input); no allocation, no unsafe code, no state
 //! between calls. The same code runs in LinuxCNC's servo thread and on the host.
 //!
-//! Data flows one way: [`Geometry`] (what the integrator wrote) is checked once by
-//! [`Machine::freeze`]; a [`Machine`] then answers [`Machine::inverse`],
-//! [`Machine::forward`] and [`Machine::at`], which gives all else about a pose.
+//! Data flows one way: a [`Geometry`] (as the integrator wrote it) is checked once by
+//! [`Machine::freeze`]; the resulting [`Machine`] provides [`Machine::inverse`],
+//! [`Machine::forward`] and [`Machine::at`] for everything else about a pose.
 //!
-//! Frames: *base* is the machine frame that G-code poses are given in; *platform*
+//! Frames: *base* is the machine frame of G-code poses; *platform*
 //! moves with the tool. Lengths are in the machine's own unit (mm, inch or m: no
-//! constant of this crate has a length in it), angles in radians.
+//! constant of this crate contains a length), angles in radians.
 #![no_std]
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The one list of limits of a machine, and how far a pose is from each of them.
+//! The list of all limits of a machine, and the margins of a pose to them.
 
 use crate::at::At;
 use crate::fault::{Cause, Fault};
@@ -9,9 +9,9 @@ use crate::letters::Letter;
 use crate::watch::{Cones, Nearest, Turns};
 use core::ops::ControlFlow;
 
-/// Smallest singular value at which a machine has to stand where the integrator says nothing: some
-/// motion then moves no anchor along its leg by more than a twentieth of its own way. The shipped
-/// machines stay above four times that.
+/// Default of the smallest singular value at which a machine must stop: below it some
+/// motion moves no anchor along its leg by more than a twentieth of the motion. The shipped
+/// machines stay above four times this value.
 pub const CONDITIONING_LIMIT: f64 = 0.05;
 
 /// A kind of limit.
@@ -19,19 +19,19 @@ pub const CONDITIONING_LIMIT: f64 = 0.05;
 pub enum Limit {
     /// Range of a pose coordinate.
     Axis,
-    /// A leg has to reach its platform anchor.
+    /// A leg must reach its platform anchor.
     Reach,
     /// Range of a joint value.
     JointRange,
     /// Distance of a rod from its dead point.
     DeadPoint,
-    /// Angle of a leg from its direction at the reference pose, as its base joint sees it.
+    /// Angle of a leg from its direction at the reference pose, at its base joint.
     BaseCone,
-    /// The same as its platform joint sees it.
+    /// Angle of a leg from its direction at the reference pose, at its platform joint.
     PlatformCone,
-    /// Turns of a leg about the fixed axis of its base joint and across it.
+    /// Rotation of a leg about the fixed axis of its base joint and across it.
     BasePyramid,
-    /// The same of its platform joint.
+    /// Rotation of a leg about the fixed axis of its platform joint and across it.
     PlatformPyramid,
     /// Angle between tool axis and Z of base.
     Tilt,
@@ -63,12 +63,12 @@ impl Limit {
         Self::JointAcceleration,
     ];
 
-    /// Place in [`Limit::ALL`].
+    /// Returns its index in [`Limit::ALL`].
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// What people call it.
+    /// Returns its name in messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Axis => "axis range",
@@ -88,7 +88,7 @@ impl Limit {
     }
 }
 
-// Arrays of one value a limit are indexed by it.
+// Arrays with one value per limit are indexed by it.
 const _: () = {
     let mut i = 0;
     while i < Limit::ALL.len() {
@@ -97,7 +97,7 @@ const _: () = {
     }
 };
 
-/// What a limit is about.
+/// The part of the machine that a margin refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// The machine as a whole.
@@ -112,36 +112,36 @@ pub enum Part {
     Legs([usize; 2]),
 }
 
-/// A value beside the range that it has to stay within.
+/// A value with its allowed range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margin {
-    /// Which limit.
+    /// The limit.
     pub limit: Limit,
-    /// Of what.
+    /// The part of the machine.
     pub part: Part,
     /// In units of the range.
     pub value: f64,
-    /// Smallest and largest allowed value; infinite where there is none. Machine units, degrees,
-    /// joint units, or no dimension, by limit.
+    /// Smallest and largest allowed value; infinite without a limit. Machine units, degrees,
+    /// joint units, or dimensionless, depending on the limit.
     pub range: [f64; 2],
 }
 
 impl Margin {
-    /// Distance to the nearer end of the range, negative beyond it; NaN where anything is NaN.
+    /// Returns the distance to the nearer end of the range, negative beyond it; NaN if anything is NaN.
     pub fn room(&self) -> f64 {
         let [low, high] = [self.value - self.range[0], self.range[1] - self.value];
         if low.is_nan() || low < high { low } else { high }
     }
 
-    /// Whether the value is within its range; NaN is not.
+    /// Returns whether the value is within its range; false for NaN.
     pub fn is_kept(&self) -> bool {
         self.value >= self.range[0] && self.value <= self.range[1]
     }
 
-    /// What the room is a share of: mostly the range where it has two ends, else its one end.
+    /// Returns the scale of the share: usually the range if it has two ends, otherwise its one end.
     pub fn scale(&self) -> f64 {
         match (self.limit, self.range) {
-            // A singular value of unit rows, and a distance that may be large beside its limit.
+            // A singular value of unit rows, and a distance that may be large compared with its limit.
             (Limit::Conditioning, _) => 1.0,
             (Limit::Clearance, [low, _]) => self.value.max(low),
             (_, [low, high]) if low.is_finite() && high.is_finite() => high - low,
@@ -149,8 +149,8 @@ impl Margin {
         }
     }
 
-    /// The room as a share of its range: 0 at the limit, negative beyond it, infinite where there is
-    /// no limit, or nothing that may move; minus infinity where anything is NaN.
+    /// Returns the distance to the limit as a share of the range: 0 at the limit, negative beyond it, infinite
+    /// without a limit or if nothing can move; minus infinity if anything is NaN.
     pub fn share(&self) -> f64 {
         let (room, scale) = (self.room(), self.scale());
         if room == f64::INFINITY || (scale == 0.0 && room >= 0.0) {
@@ -160,8 +160,8 @@ impl Margin {
         if share.is_nan() { f64::NEG_INFINITY } else { share }
     }
 
-    /// That of a pose which [`crate::Machine::at`] refuses: out of reach by the value, or a rod at
-    /// its dead point. NaN where the refusal has another cause.
+    /// Returns the margin of a pose that [`crate::Machine::at`] refuses: out of reach by the value, or a rod at
+    /// its dead point. NaN if the refusal has another cause.
     pub fn of_fault(fault: &Fault) -> Self {
         let part = fault.number().map_or(Part::Whole, |leg| Part::Leg(usize::from(leg)));
         match fault.cause {
@@ -179,7 +179,7 @@ impl Margin {
         Self { limit: Limit::DeadPoint, part, value, range: [LEAST_DRIVE, f64::INFINITY] }
     }
 
-    /// What the monitor reports where this is not kept; `None` for what it leaves to others.
+    /// Returns the monitor's fault for a violated limit; `None` for limits that it does not monitor.
     pub(crate) fn fault(&self, layout: &Layout) -> Option<Fault> {
         let cause = match self.limit {
             Limit::JointRange => Cause::JointLimitAhead,
@@ -220,22 +220,22 @@ pub struct Limits {
     pub base_cone: PerLeg,
     /// Cones of the platform joints, degrees; 0 = no limit.
     pub platform_cone: PerLeg,
-    /// Turns in the base joints about the fixed axis and across it, either way, degrees; 0 = no
+    /// Rotation at the base joints about the fixed axis and across it, either way, degrees; 0 = no
     /// limit.
     pub base_pyramid: [[f64; 2]; MAX_LEGS],
-    /// The same in the platform joints.
+    /// Rotation at the platform joints about the fixed axis and across it.
     pub platform_pyramid: [[f64; 2]; MAX_LEGS],
     /// Tilt of the tool axis, degrees; 0 = no limit.
     pub tilt: f64,
-    /// Smallest singular value of the constraint rows; 0 = no limit. The monitor has the machine
-    /// stand there, and slows it from twice that.
+    /// Smallest singular value of the constraint rows; 0 = no limit. The monitor stops the machine
+    /// there, and slows it down below twice that value.
     pub conditioning: f64,
     /// Smallest distance of legs that share no anchor; 0 = no limit.
     pub clearance: f64,
 }
 
 impl Limits {
-    /// None is set.
+    /// No limit is set.
     pub const NONE: Self = Self {
         axis: [[f64::NEG_INFINITY, f64::INFINITY]; 6],
         min: [f64::NEG_INFINITY; MAX_JOINTS],
@@ -251,7 +251,7 @@ impl Limits {
         clearance: 0.0,
     };
 
-    /// Visits the margins of joint values, those of the first `count` joints.
+    /// Visits the margins of joint values, for the first `count` joints.
     pub fn joints<B>(
         &self,
         values: &Joints,
@@ -266,7 +266,7 @@ impl Limits {
         ControlFlow::Continue(())
     }
 
-    /// Visits the margins of joint speeds, those of the first `count` joints.
+    /// Visits the margins of joint speeds, for the first `count` joints.
     pub fn speeds<B>(
         &self,
         rates: &Joints,
@@ -276,7 +276,7 @@ impl Limits {
         either_way(Limit::JointSpeed, rates, &self.speed, count, visit)
     }
 
-    /// Visits the margins of joint accelerations, those of the first `count` joints.
+    /// Visits the margins of joint accelerations, for the first `count` joints.
     pub fn accelerations<B>(
         &self,
         accelerations: &Joints,
@@ -301,12 +301,12 @@ fn either_way<B>(
 }
 
 impl At<'_> {
-    /// Visits the margins of all limits that are set, of the pose alone: those of joint speeds and
-    /// accelerations belong to a motion, see [`Limits::speeds`]. Reach was shown when the machine
-    /// took the pose, see [`Margin::of_fault`]. What has no limit is not computed.
+    /// Visits the margins of all set limits of the pose itself; joint speeds and
+    /// accelerations belong to a motion, see [`Limits::speeds`]. Reach was checked when the machine
+    /// moved to the pose, see [`Margin::of_fault`]. Values without a limit are not computed.
     ///
-    /// A limit on a joint without the axis or the reference pose that it needs has the value NaN,
-    /// which is not kept.
+    /// A limit on a joint without the axis or the reference pose that it needs has the value NaN
+    /// and counts as violated.
     pub fn margins<B>(
         &self,
         limits: &Limits,
@@ -330,11 +330,11 @@ impl At<'_> {
         Margin { limit: Limit::Conditioning, part: Part::Whole, value, range }
     }
 
-    /// Whether the pose keeps all limits of [`At::margins`]. What is surely kept is not measured, so
-    /// that this takes less work than a fold over the margins.
+    /// Checks all limits of [`At::margins`]. Limits that are certainly kept are not evaluated, so this takes
+    /// less work than a fold over the margins.
     ///
     /// # Errors
-    /// The first margin in the order of the list that is not kept.
+    /// The first violated limit, in the order of the list.
     pub fn check(&self, limits: &Limits) -> Result<(), Margin> {
         if let Some(broken) = self.first_broken(limits) {
             return Err(broken);
@@ -346,7 +346,7 @@ impl At<'_> {
         if margin.is_kept() { Ok(()) } else { Err(margin) }
     }
 
-    /// The first limit in the order of the list that is not kept; conditioning aside.
+    /// Returns the first violated limit in the order of the list, except conditioning.
     pub(crate) fn first_broken(&self, limits: &Limits) -> Option<Margin> {
         let visit = |margin: Margin| match margin.is_kept() {
             true => ControlFlow::Continue(()),
@@ -366,7 +366,7 @@ impl At<'_> {
         self.margins_of_place(limits, visit).break_value().or_else(leans).or_else(near)
     }
 
-    /// Those of axes, joints and dead points.
+    /// Visits the margins of axes, joints and dead points.
     fn margins_of_place<B>(
         &self,
         limits: &Limits,
@@ -385,7 +385,7 @@ impl At<'_> {
         ControlFlow::Continue(())
     }
 
-    /// Those of cones, pyramids and tilt.
+    /// Visits the margins of cones, pyramids and tilt.
     fn margins_of_angles<B>(
         &self,
         limits: &Limits,

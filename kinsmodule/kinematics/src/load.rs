@@ -11,13 +11,13 @@ use crate::letters::Letters;
 use crate::load_error::LoadError;
 use crate::second::Second;
 
-/// What the load parameters ask for.
+/// Requested configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
     kinds: [Kind; MAX_LEGS],
     /// Numbers and letters.
     pub layout: Layout,
-    /// Axes behind legs and table, those of a second mechanism included.
+    /// Axes after legs and table, including those of a second mechanism.
     pub extra: ExtraAxes,
     boxes: usize,
     second: Option<Beside>,
@@ -33,11 +33,11 @@ struct Beside {
 }
 
 impl Load {
-    /// From the texts of the parameters; `None` or empty = default
+    /// Parses the load parameters; `None` or empty = default
     /// (`legs=strut:6 coordinates=XYZABC`, no table).
     ///
     /// # Errors
-    /// The [`LoadError`] of the first parameter that does not fit.
+    /// The [`LoadError`] of the first invalid parameter.
     pub fn parse(
         legs: Option<&[u8]>,
         coordinates: Option<&[u8]>,
@@ -60,11 +60,11 @@ impl Load {
         })
     }
 
-    /// With a second mechanism of these legs, coordinates and letters of its angles, see [`Second`];
-    /// no legs: none. To be asked for before the extra axes.
+    /// Adds a second mechanism with these legs, coordinates and letters of its angles, see [`Second`];
+    /// without legs, none. Must be called before the extra axes are added.
     ///
     /// # Errors
-    /// As [`Load::parse`] and [`Second::new`]; [`LoadError::SecondAlone`] where one of the others is
+    /// As [`Load::parse`] and [`Second::new`]; [`LoadError::SecondAlone`] if coordinates or angles are
     /// given without legs.
     pub fn with_second(
         self,
@@ -85,10 +85,10 @@ impl Load {
         Ok(Self { second: Some(Beside { kinds, letters, boxes: 0 }), ..self })
     }
 
-    /// With as many boxes of the second mechanism's workspace as `text` says; `None` or empty = none.
+    /// Sets the number of workspace boxes of the second mechanism; `None` or empty = none.
     ///
     /// # Errors
-    /// [`LoadError::BoxesWrong`]; [`LoadError::SecondAlone`] where there is no second mechanism.
+    /// [`LoadError::BoxesWrong`]; [`LoadError::SecondAlone`] without a second mechanism.
     pub fn with_second_boxes(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
         let boxes = boxes_of(text)?;
         let Some(second) = self.second else {
@@ -97,7 +97,7 @@ impl Load {
         Ok(Self { second: Some(Beside { boxes, ..second }), ..self })
     }
 
-    /// With the extra axes that `text` names; `None` or empty = none.
+    /// Adds the extra axes that `text` names; `None` or empty = none.
     ///
     /// # Errors
     /// As [`ExtraAxes::parse`].
@@ -110,7 +110,7 @@ impl Load {
         Ok(Self { extra, ..self })
     }
 
-    /// With as many boxes of the workspace as `text` says; `None` or empty = none.
+    /// Sets the number of workspace boxes; `None` or empty = none.
     ///
     /// # Errors
     /// [`LoadError::BoxesWrong`].
@@ -118,12 +118,12 @@ impl Load {
         Ok(Self { boxes: boxes_of(text)?, ..self })
     }
 
-    /// With what LinuxCNC's modules call `sparm`: `identityfirst` makes the identity kinematics
-    /// number 0 and those of the machine number 1; `None` or empty = the other way round. To be asked
-    /// for last.
+    /// Applies the parameter `sparm` of LinuxCNC's modules: `identityfirst` makes the identity kinematics
+    /// number 0 and those of the machine number 1; `None` or empty = the reverse. Must be called
+    /// last.
     ///
     /// # Errors
-    /// [`LoadError::SparmUnknown`] of another text; [`LoadError::IdentityImpossible`].
+    /// [`LoadError::SparmUnknown`] for other text; [`LoadError::IdentityImpossible`].
     pub fn with_sparm(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
         match given(text) {
             None => Ok(self),
@@ -133,39 +133,39 @@ impl Load {
         }
     }
 
-    /// Whether the identity kinematics are number 0, with which LinuxCNC starts.
+    /// Returns whether the identity kinematics are number 0, with which LinuxCNC starts.
     pub fn is_identity_first(&self) -> bool {
         self.is_identity_first
     }
 
-    /// Whether there are identity kinematics: a letter for each joint.
+    /// Returns whether identity kinematics exist, with a letter for each joint.
     pub fn has_identity(&self) -> bool {
         let of_second =
             self.second().is_none_or(|second| second.layout().joint_letters().is_some());
         of_second && self.layout.joint_letters().is_some()
     }
 
-    /// Number of boxes for the start without a seed.
+    /// Returns the number of boxes for the start without a seed.
     pub fn boxes(&self) -> usize {
         self.boxes
     }
 
-    /// Number of joints: legs, table, legs of a second mechanism and extra axes.
+    /// Returns the number of joints: legs, table, legs of a second mechanism and extra axes.
     pub fn joints(&self) -> usize {
         self.first_extra_joint() + self.extra.len()
     }
 
-    /// Number of the first joint of the extra axes, or what it would be.
+    /// Returns the number of the first joint of the extra axes, or the number it would have.
     pub fn first_extra_joint(&self) -> usize {
         self.layout.joints() + self.second().map_or(0, |second| second.layout().joints())
     }
 
-    /// Letters of the second mechanism.
+    /// Returns the letters of the second mechanism.
     pub fn second(&self) -> Option<&Second> {
         self.second.as_ref().map(|second| &second.letters)
     }
 
-    /// The second mechanism as if it were alone.
+    /// Returns the configuration of the second mechanism alone.
     pub fn of_second(&self) -> Option<Self> {
         let Beside { kinds, letters, boxes } = self.second?;
         let (layout, extra) = (*letters.layout(), ExtraAxes::NONE);
@@ -173,12 +173,12 @@ impl Load {
         Some(Self { kinds, layout, extra, boxes, second: None, is_identity_first })
     }
 
-    /// Places in LinuxCNC's pose that belong neither to legs nor to table of the first mechanism.
+    /// Returns the indices in LinuxCNC's pose that belong neither to legs nor to table of the first mechanism.
     pub fn other_places(&self) -> impl Iterator<Item = usize> + '_ {
         self.extra.places().chain(self.second().into_iter().flat_map(Second::places))
     }
 
-    /// Kind of every leg, in joint order.
+    /// Returns the kind of every leg, in joint order.
     pub fn kinds(&self) -> &[Kind] {
         self.kinds.get(..self.layout.legs()).unwrap_or(&self.kinds)
     }
@@ -195,7 +195,7 @@ fn boxes_of(text: Option<&[u8]>) -> Result<usize, LoadError> {
     }
 }
 
-/// Kinds of the legs and their number.
+/// Parses the kinds of the legs and their number.
 fn legs_of(text: &[u8]) -> Result<([Kind; MAX_LEGS], usize), LoadError> {
     let mut kinds = [Kind::Strut; MAX_LEGS];
     let mut sum = 0;
@@ -218,7 +218,7 @@ fn legs_of(text: &[u8]) -> Result<([Kind; MAX_LEGS], usize), LoadError> {
     Ok((kinds, sum))
 }
 
-/// A count of one or two digits.
+/// Parses a count of one or two digits.
 fn number(text: &[u8]) -> Option<usize> {
     if text.is_empty() || text.len() > 2 || !text.iter().all(u8::is_ascii_digit) {
         return None;

@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Why load parameters are refused, and layouts that they ask for.
+//! Reasons why load parameters, and the layouts that they request, are refused.
 
 /// Why load parameters are refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadError {
     /// `legs` is not `KIND:COUNT[,KIND:COUNT]`.
     LegsMalformed,
-    /// A kind of leg that does not exist.
+    /// An unknown kind of leg.
     KindUnknown,
-    /// No leg, or more than the module drives.
+    /// No leg, or more than the module supports.
     LegsWrong,
-    /// `coordinates` holds another character than X Y Z A B C, one of them twice, or none.
+    /// `coordinates` is empty, repeats a letter, or contains a character other than X Y Z A B C.
     CoordinatesWrong,
     /// More coordinates than legs.
     TooManyCoordinates,
-    /// `table` holds another character than X Y Z, or one of them twice.
+    /// `table` repeats a letter or contains a character other than X Y Z.
     TableWrong,
     /// A letter in both `coordinates` and `table`.
     LetterTwice,
-    /// `axes` holds a character that is no letter of a pose, or one of them twice.
+    /// `axes` repeats a letter or contains a character that is not a pose letter.
     AxesWrong,
     /// A letter of `axes` that legs or table move.
     AxisTaken,
-    /// `boxes` or `second_boxes` is no number from 0 to [`crate::MAX_BOXES`].
+    /// `boxes` or `second_boxes` is not a number from 0 to [`crate::MAX_BOXES`].
     BoxesWrong,
-    /// Two mechanisms with no leg in the second one, or more legs together than the module drives.
+    /// The second mechanism has no legs, or both together have more than the module supports.
     LegsTogether,
-    /// `second_coordinates` holds another character than X Y Z A B C, one of them twice, none, or
-    /// more than the second mechanism has legs.
+    /// `second_coordinates` is empty, repeats a letter, contains a character other than X Y Z A B C, or has
+    /// more letters than the second mechanism has legs.
     SecondCoordinates,
     /// `second_angles` does not name as many of A B C as `second_coordinates` has angles, each once.
     SecondAngles,
@@ -37,12 +37,12 @@ pub enum LoadError {
     SecondAlone,
     /// `sparm` is neither empty nor `identityfirst`.
     SparmUnknown,
-    /// `sparm=identityfirst` where no letter belongs to each joint.
+    /// `sparm=identityfirst` although some joint has no letter.
     IdentityImpossible,
 }
 
 impl LoadError {
-    /// One sentence for people, with the way out.
+    /// Returns one sentence for the user, with the solution.
     pub const fn text(self) -> &'static str {
         match self {
             Self::LegsMalformed => {

@@ -25,13 +25,13 @@ pub struct Machine {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "without an allocator there is no box")]
 pub(crate) enum Lanes {
-    /// With the spheres of three legs that move X, Y and Z alone.
+    /// With the spheres if three legs move X, Y and Z alone.
     Four(Mechanism<4>, Option<Spheres>),
     Six(Mechanism<6>),
     Eight(Mechanism<8>),
 }
 
-/// Calls the same method on whichever mechanism a machine has.
+/// Calls the same method for either number of lanes.
 macro_rules! each {
     ($machine:expr, $mechanism:ident => $call:expr) => {
         each!(&$machine.lanes; $mechanism => $call)
@@ -47,10 +47,10 @@ macro_rules! each {
 pub(crate) use each;
 
 impl Machine {
-    /// Checks a geometry and computes what stays constant.
+    /// Checks a geometry and computes its constants.
     ///
-    /// `offset` is in joint units, one per leg (0 for a joint that reads its native
-    /// value). Work is bounded: no loop depends on the values.
+    /// `offset` is in joint units, one per leg (0 if the joint value is the native
+    /// value). The work is bounded: no loop depends on the values.
     ///
     /// # Errors
     /// A [`Fault`] with a cause of the geometry group, naming the leg.
@@ -73,7 +73,7 @@ impl Machine {
         Ok(machine)
     }
 
-    /// The machine at a pose; `tool` as in [`Machine::inverse`].
+    /// Returns the machine at a pose; `tool` as in [`Machine::inverse`].
     ///
     /// # Errors
     /// As [`Machine::inverse`].
@@ -83,8 +83,8 @@ impl Machine {
         Ok(at)
     }
 
-    /// To be moved to one pose after the other in the same memory, see [`At::move_to`]; until then
-    /// nothing that it says means anything.
+    /// Returns a machine without a pose, to be moved to one pose after the other in the same memory, see
+    /// [`At::move_to`]; its values are undefined until then.
     pub fn nowhere(&self) -> At<'_> {
         let legs = match &self.lanes {
             Lanes::Four(m, _) => at::Lanes::Four(m.nowhere()),
@@ -94,69 +94,69 @@ impl Machine {
         At::nowhere(legs, &self.watch)
     }
 
-    /// The machine with these fixed axes of its joints at base and platform, one a leg, in place of
-    /// those of its geometry: [`At::turns`] are seen about them. An empty list leaves the geometry's.
-    /// Nothing else changes, corrections least of all.
+    /// Replaces the fixed axes of the joints at base and platform, one for each leg: [`At::turns`] are
+    /// measured about them. An empty list keeps the geometry's axes.
+    /// Nothing else changes, in particular no corrections.
     pub fn with_joint_axes(mut self, axes: [&[[f64; 3]]; 2]) -> Self {
         self.watch.set_axes(axes);
         self
     }
 
-    /// What does not change about the legs and is needed to watch them.
+    /// Returns the constants of the legs that are needed to monitor them.
     pub fn watch(&self) -> &Watch {
         &self.watch
     }
 
-    /// Whether nut corrections are the literal arcsin: a geometry without a reference pose is
-    /// frozen like that, until [`Machine::fold_at`].
+    /// Returns whether nut corrections are the literal arcsin, as for a geometry frozen without a
+    /// reference pose, until [`Machine::fold_at`].
     pub fn is_literal(&self) -> bool {
         each!(self, m => m.nut.as_ref().is_some_and(Nut::is_literal))
     }
 
     /// Fixes the folds of nut corrections at a pose, as a reference pose does: there, and up to
-    /// a quarter turn of each strut from there, nothing changes; beyond, corrections go on where
-    /// the arcsin turns back. A later call fixes them anew.
+    /// a quarter turn of each strut from there, nothing changes; beyond, corrections continue where
+    /// the arcsin reverses. A later call fixes them again.
     ///
-    /// A strut may be so near to a quarter turn that rounding has decided which way it goes on:
-    /// the first such one comes as [`crate::Cause::FoldUndefined`], and the folds are fixed all the same.
+    /// If a strut is so near to a quarter turn that rounding determines its direction,
+    /// the first one is returned as [`crate::Cause::FoldUndefined`]; the folds are fixed nevertheless.
     ///
     /// # Errors
-    /// As [`Machine::inverse`], held coordinates aside; then nothing changes.
+    /// As [`Machine::inverse`], except for held coordinates; then nothing changes.
     pub fn fold_at(&mut self, pose: &Pose, tool: &Vector3<f64>) -> Result<Option<Fault>, Fault> {
         each!(&mut self.lanes; m => m.fold_at(pose, tool))
     }
 
-    /// Takes back what [`Machine::fold_at`] has fixed.
+    /// Reverts [`Machine::fold_at`].
     pub fn unfold(&mut self) {
         each!(&mut self.lanes; m => if let Some(nut) = &mut m.nut { nut.unfold() });
     }
 
-    /// Numbers and letters of the machine.
+    /// Returns numbers and letters of the machine.
     pub fn layout(&self) -> &Layout {
         each!(self, m => &m.layout)
     }
 
-    /// Largest length of the geometry (distance of an anchor from the origin of its frame,
-    /// rod, arm): what relative tolerances refer to. Machine units.
+    /// Returns the largest length of the geometry (distance of an anchor from the origin of its frame,
+    /// rod, arm), the reference of relative tolerances. Machine units.
     pub fn size(&self) -> f64 {
         each!(self, m => m.size)
     }
 
-    /// Root mean square distance of the platform anchors from their centroid: turns
-    /// an angle into a length in pose distances. Machine units. (The size, where all
+    /// Returns the root mean square distance of the platform anchors from their centroid, which converts
+    /// an angle to a length in pose distances. Machine units. (The size if all
     /// anchors are one point and no angle is active.)
     pub fn radius(&self) -> f64 {
         each!(self, m => m.radius)
     }
 
-    /// Joint values of a pose, in joint units (struts and sliders: length, cranks: degrees).
+    /// Computes the joint values of a pose, in joint units (struts and sliders: length, cranks: degrees).
     ///
     /// `tool` is the vector o in machine units: tool offsets x and y, and the sum of
     /// spindle and tool offset in z. It changes no joint at A = B = C = 0: legs and table
-    /// place the point D = t − o + R (o + centre).
+    /// position the point D = t − o + R (o + center).
     ///
     /// # Errors
-    /// A [`Fault`] of the pose group; nothing is returned in part.
+    /// A [`Fault`] of the pose group; no partial result is returned.
     #[inline(always)]
     pub fn inverse(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
         let Some(three) = self.joints_of_three(pose, tool) else {
@@ -173,7 +173,7 @@ impl Machine {
         self.spheres()?.joints(&pose.position, &pose.angles, tool)
     }
 
-    /// Whether a tool vector may be computed with.
+    /// Checks a tool vector.
     ///
     /// # Errors
     /// [`crate::Cause::ToolNotFinite`], [`crate::Cause::ToolTooLong`].
@@ -181,15 +181,15 @@ impl Machine {
         each!(self, m => m.check_tool(tool))
     }
 
-    /// Pose of the joint values that is connected with `seed`.
+    /// Computes the pose of the joint values that is connected with `seed`.
     ///
     /// `joints` in joint units; `tool` as in [`Machine::inverse`]. Angles of the result
-    /// are those nearest to the seed's, whole turns kept; held coordinates are 0, those of
-    /// the seed are not read.
+    /// are those nearest to the seed's, including whole turns; held coordinates are 0, and those of
+    /// the seed are ignored.
     ///
     /// # Errors
     /// A [`Fault`] of the joint, solver or settings group. With
-    /// [`crate::Method::Certified`] a pose is never returned unless it is proved to be the
+    /// [`crate::Method::Certified`] a pose is returned only if it is proved to be the
     /// connected one.
     ///
     /// Cost: at most `limit_iterations` linear solves and [`crate::MAX_SUB_STEPS`] sub-steps.
@@ -219,9 +219,9 @@ impl Machine {
         }
     }
 
-    /// Returns the pose of joint values on that side of the singular poses on which `reference` is, of three
+    /// Returns the pose of joint values on the same side of the singular poses as `reference`, for three
     /// legs that move X, Y and Z and nothing else: any motion from there that passes no singular pose
-    /// leads to it, and to no other one. `None` of other machines, and next to a singular pose, at a dead
+    /// leads to this pose and to no other. `None` for other machines, near a singular pose, at a dead
     /// point and out of reach, which forward refuses.
     pub fn pose_beside(&self, joints: &Joints, reference: &Pose, solver: &Solver) -> Option<Pose> {
         let spheres = self.spheres()?;
@@ -231,9 +231,9 @@ impl Machine {
         Some(Pose { position: met.point, angles: Vector3::zeros() })
     }
 
-    /// Largest [`Solution::residual`] that forward may return with these settings, machine
-    /// units: the residual limit where legs exceed coordinates, else what the convergence
-    /// criterion of the legs' lengths makes of a joint.
+    /// Returns the largest [`Solution::residual`] that forward may return with these settings, machine
+    /// units: the residual limit if legs exceed coordinates, otherwise the joint error that corresponds to
+    /// the convergence criterion of the legs' lengths.
     pub fn largest_residual(&self, solver: &Solver) -> f64 {
         each!(self, m => m.largest_residual(solver))
     }

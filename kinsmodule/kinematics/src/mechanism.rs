@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The checked machine in its lanes.
 //!
-//! Legs are stored in lanes, as many as the number of legs rounded up to 4, 6 or 8, so
+//! Legs are stored in lanes; their number is rounded up to 4, 6 or 8, so
 //! that loops over them have a fixed length. Lanes beyond the last leg are copies of the
-//! first one, which makes them harmless to compute with; what they contribute is
-//! dropped (rows and residuals of 0).
+//! first one, so that they are safe to compute with; their contribution is
+//! discarded (rows and residuals of 0).
 
 use crate::fault::{Cause, Fault};
 use crate::geometry::FARTHEST;
@@ -19,17 +19,17 @@ use crate::rings::Rings;
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
-/// Shortest leg that still has a direction, as a share of the size.
+/// Shortest leg length that still defines a direction, as a share of the size.
 const MIN_LENGTH: f64 = 1e-6;
 
-/// How the orientation of the platform is charted.
+/// Chart of the platform's orientation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Chart {
-    /// A, B and C are active: rotation vectors about the orientation at hand.
+    /// A, B and C are active: rotation vectors about the present orientation.
     Group,
-    /// One or two of them are: the angles themselves.
+    /// One or two of them are active: the angles themselves.
     Angles,
-    /// None of them is: the platform stays level.
+    /// None of them is active: the platform stays level.
     Level,
 }
 
@@ -38,26 +38,26 @@ pub(crate) enum Chart {
 pub(crate) struct Mechanism<const N: usize> {
     pub layout: Layout,
     pub chart: Chart,
-    /// Per coordinate X … C whether the legs move it.
+    /// Per coordinate X … C, whether the legs move it.
     pub active: [bool; 6],
-    /// Whether any coordinate is neither moved by the legs nor by a table.
+    /// Whether any coordinate is moved neither by the legs nor by a table.
     pub holds: bool,
-    /// Whether any leg is not a strut: its base anchor moves, its length bends, or its platform
+    /// Whether any leg is not a strut: its base anchor moves, its length is nonlinear, or its platform
     /// anchor slides.
     pub moving: bool,
     pub legs: [Leg; N],
     /// Base anchors in base.
     pub base: Lanes3<N>,
-    /// Platform anchors, or the centres of their rings, about the reference point.
+    /// Platform anchors, or the centers of their rings, about the reference point.
     pub arms: Lanes3<N>,
     /// Reference point of all solvers, in the platform frame: the centroid of the
     /// platform anchors, so that a long tool does not weaken the certificate; with a held
-    /// or table X, Y, Z the point that these are about.
+    /// or table X, Y, Z the point to which these refer.
     pub reference: Vector3<f64>,
     /// Joint = native value + correction − offset.
     pub offset: [f64; N],
     pub nut: Option<Nut<N>>,
-    /// Radii of the rings that platform anchors slide on; 0 for a point.
+    /// Radii of the rings on which platform anchors slide; 0 for a point.
     pub ring: [f64; N],
     /// Whether any of them slides.
     pub slides: bool,
@@ -67,8 +67,8 @@ pub(crate) struct Mechanism<const N: usize> {
     pub radius: f64,
     /// 1 over the radius.
     pub per_radius: f64,
-    /// Per leg √(1 + (|arm|/radius)²), 1 where nothing turns: bound of
-    /// the platform anchor's speed; of a ring its farthest point's.
+    /// Per leg √(1 + (|arm|/radius)²), 1 without rotation: bound of
+    /// the platform anchor's speed; for a ring, of its farthest point's.
     pub s1: [f64; N],
     /// Per leg |arm|/radius², (1 + √2)/2 times that with two active angles: bound of the platform
     /// anchor's second derivative.
@@ -78,13 +78,13 @@ pub(crate) struct Mechanism<const N: usize> {
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Number of legs; a bound that the compiler knows.
+    /// Returns the number of legs; the compiler knows its bound.
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.layout.legs().min(N)
     }
 
-    /// Where platform anchors slide; `None` where none does.
+    /// Returns the rings if any platform anchor slides.
     #[inline(always)]
     pub fn rings(&self) -> Option<Rings<'_, N>> {
         if !self.slides {
@@ -94,7 +94,7 @@ impl<const N: usize> Mechanism<N> {
         Some(Rings { radius: &self.ring, centre: &self.arms, per_radius })
     }
 
-    /// The pose with its held coordinates at 0; `strict` refuses those that ask for more.
+    /// Sets the held coordinates of a pose to 0; `strict` refuses other values.
     pub fn held(&self, pose: &Pose, strict: bool) -> Result<Pose, Fault> {
         let given = pose.to_degrees();
         let mut held = *pose;
@@ -115,7 +115,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(held)
     }
 
-    /// Refuses a tool vector that no pose may be computed with.
+    /// Refuses an unusable tool vector.
     #[inline(always)]
     pub fn check_tool(&self, tool: &Vector3<f64>) -> Result<(), Fault> {
         if !tool.iter().all(|value| value.is_finite()) {
@@ -127,8 +127,8 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// The reference point in base, legs and table together, for a pose with rotation `r`:
-    /// t − o + R (o + reference). The tool o changes nothing while R = 1.
+    /// Computes the reference point in base, as moved by legs and table together, for a pose with rotation `r`:
+    /// t − o + R (o + reference). The tool o has no effect while R = 1.
     #[inline(always)]
     pub fn point(
         &self,
@@ -139,7 +139,7 @@ impl<const N: usize> Mechanism<N> {
         position - tool + r * (tool + self.reference)
     }
 
-    /// The part of a point, or of a velocity, that the legs take.
+    /// Returns the part of a point, or of a velocity, that the legs move.
     #[inline(always)]
     pub fn of_legs(&self, mut v: Vector3<f64>) -> Vector3<f64> {
         for k in 0..3 {
@@ -150,7 +150,7 @@ impl<const N: usize> Mechanism<N> {
         v
     }
 
-    /// Legs between `anchors` (moving base anchors) and the platform at a place.
+    /// Computes the legs between `anchors` (moving base anchors) and the platform at a pose.
     #[inline(always)]
     pub fn placed(&self, anchors: &Lanes3<N>, place: &Place) -> Placed<N> {
         let mut placed = Placed::ZERO;
@@ -158,7 +158,7 @@ impl<const N: usize> Mechanism<N> {
         placed
     }
 
-    /// The same in a place that exists. One loop over all of it: registers, see `lanes`.
+    /// Computes the legs into `placed`. One loop over everything: registers, see `lanes`.
     #[inline(always)]
     pub fn place(&self, anchors: &Lanes3<N>, place: &Place, placed: &mut Placed<N>) {
         for i in (0..N).step_by(2) {
@@ -171,8 +171,8 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Arms of legs i and i + 1 in base, and their way from `anchors` (moving base anchors) to
-    /// the platform, or to the centres of their rings.
+    /// Computes the arms of legs i and i + 1 in base, and the vectors from `anchors` (moving base anchors) to
+    /// the platform, or to the centers of their rings.
     #[inline(always)]
     pub fn leg(&self, anchors: &Lanes3<N>, place: &Place, i: usize) -> [[f64x2; 3]; 2] {
         let arm = times(&place.rotation, &self.arms.pair(i));
@@ -180,7 +180,7 @@ impl<const N: usize> Mechanism<N> {
         [arm, [arm[0] + c[0] - x, arm[1] + c[1] - y, arm[2] + c[2] - z]]
     }
 
-    /// Shortest length at which a leg has a direction.
+    /// Returns the shortest length at which a leg has a direction.
     #[inline(always)]
     pub fn least_length(&self) -> f64 {
         MIN_LENGTH * self.size
@@ -210,7 +210,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
-    /// Torsion of every leg, if any leg has a lead.
+    /// Computes the torsion of every leg, if any leg has a lead.
     pub fn torsion(&self, n: &Lanes3<N>, r: &Matrix3<f64>) -> Result<Option<Torsion<N>>, Fault> {
         let Some(nut) = &self.nut else { return Ok(None) };
         let torsion = nut.torsion(n, r);
@@ -218,7 +218,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(Some(torsion))
     }
 
-    /// Rows of the length constraints at a place of the platform: one column per lane
+    /// Computes the rows of the length constraints at a pose of the platform: one column per lane
     /// array, linear part first, about the reference point; the last three per radian.
     #[inline(always)]
     pub fn rows(&self, placed: &Placed<N>, torsion: Option<&Torsion<N>>) -> [[f64; N]; 6] {
@@ -240,7 +240,7 @@ impl<const N: usize> Mechanism<N> {
         columns
     }
 
-    /// The rows in the chart at a place, see [`Self::to_chart`].
+    /// Computes the rows in the chart at a pose, see [`Self::to_chart`].
     #[inline(always)]
     pub fn charted_rows(
         &self,
@@ -253,7 +253,7 @@ impl<const N: usize> Mechanism<N> {
         columns
     }
 
-    /// Columns of the chart from those of the twist: active coordinates only, angular ones
+    /// Converts columns of the twist to columns of the chart: active coordinates only, angular ones
     /// per unit of radius·angle; the lanes beyond the last leg are 0.
     #[inline(always)]
     pub fn to_chart(&self, columns: &mut [[f64; N]; 6], place: &Place) {
@@ -279,7 +279,7 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Angular columns per rate of A, B, C instead of ω.
+    /// Converts angular columns from ω to rates of A, B, C.
     fn of_angles(&self, columns: &mut [[f64; N]; 6], place: &Place) {
         let map = Pose { position: place.centre, angles: place.angles }.trigonometry().rate_map();
         let of_twist = *columns;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Nut rotation: a strut whose screw and nut are held by cardan joints only is
-//! turned about its own axis by a change of pose, and the thread turns that torsion
-//! into length the motor did not command.
+//! Nut rotation: in a strut whose screw and nut are supported only by cardan joints,
+//! a change of pose rotates the nut about the strut's axis, and the thread converts this torsion
+//! to length that the motor did not command.
 //!
 //! Source: paper 004 (Novikov, Strutynsky, Kyrychenko 2011), equation 1, in its
 //! closed and continuous form. With the unit vectors n (strut, base to platform),
@@ -14,10 +14,10 @@
 //! ```
 //!
 //! φ₀ is 0 or π, whichever is nearer to φ at the reference pose. Within ±90° of φ₀
-//! this equals the published arcsin (genhexkins); beyond, it stays continuous. As long as
-//! no pose has fixed φ₀, h follows the sign of C at every pose: that is the arcsin itself.
-//! Half a turn from φ₀ it would jump by a lead: torsions near to that are refused.
-//! lead > 0 is a right-hand screw if A and B were entered in opposite senses.
+//! this equals the published arcsin (genhexkins); beyond, it stays continuous. Until
+//! a pose has fixed φ₀, h follows the sign of C at every pose, which is the arcsin itself.
+//! Half a turn from φ₀ it would jump by a lead: torsions near that are refused.
+//! lead > 0 is a right-hand screw if A and B were entered in opposite directions.
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times};
@@ -30,41 +30,41 @@ use wide::f64x2;
 /// Smallest 1 − α² and 1 − β²: nearer to a joint axis the torsion is undefined.
 pub const MIN_SIN_SQUARED: f64 = 1e-6;
 
-/// Smallest sine of the angle between a strut and a joint axis, widened by what a pose may change,
-/// for which a bound of the correction's derivatives is given: the root of [`MIN_SIN_SQUARED`].
+/// Smallest sine of the angle between a strut and a joint axis, reduced by the possible change of pose,
+/// for which the correction's derivatives are bounded: the root of [`MIN_SIN_SQUARED`].
 pub const LEAST_SINE_TO_AXIS: f64 = 1e-3;
 
-/// Largest |φ − φ₀|. At half a turn the correction jumps by a lead, which inverse cannot see
-/// without a memory. Ten degrees before it refuses: to step over these and those behind the jump,
-/// a screw would have to turn by 20° from one call to the next, which at a lead of 10 mm and a
+/// Largest |φ − φ₀|. At half a turn the correction jumps by a lead, which inverse cannot detect
+/// because it keeps no state. It refuses from ten degrees before: to skip over these and those beyond the
+/// jump, a screw would have to rotate by 20° from one call to the next, which at a lead of 10 mm and a
 /// period of 1 ms is 0.56 m/s of this joint alone.
 const MAX_TORSION: f64 = 170.0 / 180.0 * core::f64::consts::PI;
 
-/// Smallest |cos(φ − φ₀)| at the reference pose: nearer to a quarter turn the
-/// choice of φ₀ would hang on rounding.
+/// Smallest |cos(φ − φ₀)| at the reference pose: nearer to a quarter turn, rounding
+/// would determine φ₀.
 const MIN_FOLD_COS: f64 = 0.1;
 
-/// Squared sine of 10°, within which a joint axis is what makes torsions change fast.
+/// Squared sine of 10°, within which a joint axis is the cause of fast torsion changes.
 const NEAR_AXIS: f64 = 0.03;
 
-/// Where the continuous correction is folded.
+/// Origin of the fold of the continuous correction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fold {
-    /// By no pose: the published arcsin, h = sign C at each pose.
+    /// No pose: the published arcsin, h = sign C at each pose.
     Literal,
-    /// h fixed by one pose, leg by leg.
+    /// h fixed at one pose for each leg.
     Fixed,
 }
 
 /// The screws of all legs; legs without lead have `travel` 0 and zero axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Nut<const N: usize> {
-    /// Once the fold is fixed times h, which makes h S of S and h C of C.
+    /// Multiplied by h once the fold is fixed, so that S and C become h S and h C.
     base_axis: Lanes3<N>,
     platform_axis: Lanes3<N>,
-    /// lead / 2π, once the fold is fixed times h: length per radian of torsion.
+    /// lead / 2π, multiplied by h once the fold is fixed: length per radian of torsion.
     travel: [f64; N],
-    /// 1 for a leg without a screw, which gives it a torsion of 0; else 0.
+    /// 1 for a leg without a screw, which makes its torsion 0; otherwise 0.
     idle: [f64; N],
     fold: Fold,
 }
@@ -78,13 +78,13 @@ pub(crate) struct Torsion<const N: usize> {
     beta: [f64; N],
     sine: [f64; N],
     cosine: [f64; N],
-    /// h of the arcsin at this pose; 1 once the fold is fixed, as then the axes hold h.
+    /// h of the arcsin at this pose; 1 once the fold is fixed, because then the axes include h.
     hand: [f64; N],
     /// φ − φ₀, in (−π, π].
     from_fold: [f64; N],
 }
 
-/// What nut corrections come from: factor · atan2(sine, cosine).
+/// Components of nut corrections: factor · atan2(sine, cosine).
 #[repr(align(16))]
 pub(crate) struct Turns<const N: usize> {
     sine: [f64; N],
@@ -103,7 +103,7 @@ pub(crate) struct Rates {
 }
 
 impl<const N: usize> Nut<N> {
-    /// From axes (checked to be finite, not yet to be non-zero) and leads.
+    /// Creates the screws from axes (known to be finite, not yet to be non-zero) and leads.
     #[inline(always)]
     pub fn new(
         base_axis: &[[f64; 3]; N],
@@ -126,10 +126,10 @@ impl<const N: usize> Nut<N> {
         Ok(nut)
     }
 
-    /// Fixes φ₀ by a pose, given its strut directions and orientation. There, and up to a
+    /// Fixes φ₀ at a pose, given its strut directions and orientation. There, and up to a
     /// quarter turn from φ₀, the correction is the arcsin.
     ///
-    /// Found on the way, if any: a leg so near to a quarter turn that rounding may have chosen.
+    /// Returns a leg, if any, so near to a quarter turn that rounding may have determined φ₀.
     pub fn fold_at(
         &mut self,
         n: &Lanes3<N>,
@@ -154,18 +154,18 @@ impl<const N: usize> Nut<N> {
         Ok(doubt)
     }
 
-    /// Whether no pose has fixed φ₀.
+    /// Returns whether no pose has fixed φ₀.
     pub fn is_literal(&self) -> bool {
         self.fold == Fold::Literal
     }
 
-    /// Takes back what a pose has fixed. What the axes hold of h changes no arcsin.
+    /// Reverts the fold. The factor h in the axes does not change the arcsin.
     #[inline(always)]
     pub fn unfold(&mut self) {
         self.fold = Fold::Literal;
     }
 
-    /// Torsion of every leg; [`Self::refuse_along_axis`] says whether it means anything.
+    /// Computes the torsion of every leg; [`Self::refuse_along_axis`] checks whether it is defined.
     #[inline(always)]
     pub fn torsion(&self, n: &Lanes3<N>, rotation: &Matrix3<f64>) -> Torsion<N> {
         let mut torsion = Torsion::ZERO;
@@ -177,8 +177,8 @@ impl<const N: usize> Nut<N> {
         torsion
     }
 
-    /// Torsion of every leg after the platform has changed its orientation R to R + `change` R,
-    /// written to `torsion`: the arcs of small differences are what costs least.
+    /// Computes the torsion of every leg after the platform has changed its orientation R to R + `change` R,
+    /// into `torsion`: arcs of small differences are cheapest.
     #[inline(always)]
     pub fn torsion_from(
         &self,
@@ -204,10 +204,10 @@ impl<const N: usize> Nut<N> {
         }
     }
 
-    /// What the corrections of struts i and i + 1 come from, and where they mean anything:
+    /// Computes the components of the corrections of struts i and i + 1, and a mask of those that are defined:
     /// [`Self::torsion`] and [`Self::refuse_along_axis`] in one, for struts as vectors with
-    /// their lengths. S and C are l² times as large, which takes no division; where squares of the
-    /// lengths are beyond all numbers the mask says nothing.
+    /// their lengths. S and C are multiplied by l², which avoids a division; the mask is false if squares of the
+    /// lengths overflow.
     #[inline(always)]
     pub fn turn(
         &self,
@@ -233,7 +233,7 @@ impl<const N: usize> Nut<N> {
         (alpha * alpha).simd_le(most) & (beta * beta).simd_le(most)
     }
 
-    /// Lengths to add to struts i and i + 1, and a mask of those that are known: torsions of more
+    /// Computes the lengths to add to struts i and i + 1, and a mask of those that are known: torsions of more
     /// than 47° are not.
     #[inline(always)]
     pub fn correction(&self, i: usize, turns: &Turns<N>) -> (f64x2, f64x2) {
@@ -241,7 +241,7 @@ impl<const N: usize> Nut<N> {
         (pair(&turns.factor, i) * arcs, known)
     }
 
-    /// All of a torsion but platform axes, which it has, and arc.
+    /// Computes all of a torsion except the platform axes, which must be set, and the arc.
     #[inline(always)]
     fn project(&self, n: &Lanes3<N>, torsion: &mut Torsion<N>) {
         for i in (0..N).step_by(2) {
@@ -259,7 +259,7 @@ impl<const N: usize> Nut<N> {
         }
     }
 
-    /// Refuses a strut that points along one of its joint axes: it has no torsion.
+    /// Refuses a strut along one of its joint axes, for which the torsion is undefined.
     #[inline(always)]
     pub fn refuse_along_axis(&self, torsion: &Torsion<N>) -> Result<(), Fault> {
         for i in (0..N).step_by(2) {
@@ -273,7 +273,7 @@ impl<const N: usize> Nut<N> {
         Ok(())
     }
 
-    /// Refuses a strut that has no torsion, or is about to lose its sense.
+    /// Refuses a strut whose torsion is undefined or near its jump.
     #[inline(always)]
     pub fn refuse(&self, torsion: &Torsion<N>) -> Result<(), Fault> {
         self.refuse_along_axis(torsion)?;
@@ -285,7 +285,7 @@ impl<const N: usize> Nut<N> {
         Ok(())
     }
 
-    /// Lengths to add to the struts, in machine units.
+    /// Computes the lengths to add to the struts, in machine units.
     #[inline(always)]
     pub fn corrections(&self, torsion: &Torsion<N>) -> [f64; N] {
         let mut out = [0.0; N];
@@ -296,7 +296,7 @@ impl<const N: usize> Nut<N> {
         out
     }
 
-    /// Exact gradient of [`Self::corrections`] for legs i and i + 1 with the unit vectors
+    /// Computes the exact gradient of [`Self::corrections`] for legs i and i + 1 with the unit vectors
     /// `n`, 1/l = `curved`:
     ///
     /// ```text
@@ -311,17 +311,17 @@ impl<const N: usize> Nut<N> {
         let of_b = beta * of_n;
         let of_a = alpha * factor / (both(1.0) - alpha * alpha);
         let (a, b) = (self.base_axis.pair(i), torsion.platform_axis.pair(i));
-        // One product with n serves both axes.
+        // One product with n for both axes.
         let axes = sum(&scaled(&b, of_b * curved), &scaled(&a, -of_a * curved));
         Rates { along: cross(&axes, n), moment: sum(&scaled(n, of_n), &scaled(&b, -of_b)) }
     }
 
-    /// Bound of the correction's second derivative in the chart scaled by r, over the
-    /// ball of radius `rho`; `None` where the ball may reach a joint axis, or the
-    /// place where the correction folds.
+    /// Bounds the correction's second derivative in the chart scaled by r, over the
+    /// ball of radius `rho`; `None` if the ball may reach a joint axis, or the
+    /// pose where the correction folds.
     ///
     /// With κ = |lead|/2π, n' = s₁/l, n'' = s₂/l + 3n'², and θA, θB the angles of n from
-    /// the planes normal to the joint axes, widened by what the ball may turn them:
+    /// the planes normal to the joint axes, increased by their largest change in the ball:
     /// κ (3n'²/cos²θA + 3(n'+1/r)²/cos²θB + (tan θA + tan θB) n'' + 1/(r² cos θB)).
     #[inline(always)]
     pub fn curvature(&self, torsion: &Torsion<N>, i: usize, ball: &Ball) -> Option<f64x2> {
@@ -359,7 +359,7 @@ impl<const N: usize> Torsion<N> {
         from_fold: [0.0; N],
     };
 
-    /// Fills the arcs in. A loop of its own: overlap, see `lanes`.
+    /// Fills in the arcs. A loop of its own: overlap, see `lanes`.
     #[inline(always)]
     fn unfold(&mut self) {
         for i in (0..N).step_by(2) {
@@ -369,7 +369,7 @@ impl<const N: usize> Torsion<N> {
         }
     }
 
-    /// The strut that points most closely along a joint axis.
+    /// Returns the refusal of the strut most nearly along a joint axis.
     pub fn along_axis(&self) -> Fault {
         let mut worst = (0, f64::INFINITY);
         for i in 0..N {
@@ -380,7 +380,7 @@ impl<const N: usize> Torsion<N> {
         Fault::of_leg(Cause::StrutAlongAxis, worst.0, worst.1)
     }
 
-    /// The strut that has turned most.
+    /// Returns the refusal of the strut with the largest torsion.
     fn beyond(&self) -> Fault {
         let mut most = (0, 0.0);
         for i in 0..N {
@@ -391,15 +391,15 @@ impl<const N: usize> Torsion<N> {
         Fault::of_leg(Cause::TorsionTooLarge, most.0, most.1 * 180.0 / core::f64::consts::PI)
     }
 
-    /// Why nothing is certain about these torsions: they are too large, or a strut is too near to
+    /// Returns why these torsions are uncertain: they are too large, or a strut is too near to
     /// one of its joint axes.
     pub fn uncertain(&self) -> Fault {
-        // Beside an axis a step changes a torsion by any amount.
+        // Near an axis any step changes a torsion by an arbitrary amount.
         let clear = (0..N).all(|i| self.room(i) > NEAR_AXIS);
         if clear { self.beyond() } else { self.along_axis() }
     }
 
-    /// Squared sine of the angle between leg i and the nearer of its joint axes.
+    /// Returns the squared sine of the angle between leg i and the nearer of its joint axes.
     pub fn room(&self, i: usize) -> f64 {
         room(self.alpha[i], self.beta[i])
     }
@@ -413,7 +413,7 @@ fn room(alpha: f64, beta: f64) -> f64 {
     (1.0 - alpha * alpha).min(1.0 - beta * beta)
 }
 
-/// The ball about a pose over which a bound has to hold, for two legs.
+/// The ball around a pose in which a bound must be valid, for two legs.
 pub(crate) struct Ball {
     /// Radius of the ball, a length.
     pub rho: f64,
@@ -425,21 +425,21 @@ pub(crate) struct Ball {
     pub s2: f64x2,
 }
 
-/// Of angles asin|sine| that are widened.
+/// Bounds for angles asin|sine| after widening.
 struct Widened {
-    /// Whether they stay clear of a right angle.
+    /// Whether they stay below a right angle.
     allowed: f64x2,
     secant: f64x2,
     tan: f64x2,
 }
 
 impl Widened {
-    /// By `by` radians.
+    /// Widens by `by` radians.
     #[inline(always)]
     fn new(sine: f64x2, by: f64x2) -> Self {
         let sine = sine.abs();
         let cosine = (both(1.0) - sine * sine).sqrt();
-        // sin by ≤ by and cos by ≥ 1 − by²/2 keep trigonometry out of the servo path.
+        // sin by ≤ by and cos by ≥ 1 − by²/2 avoid trigonometry in the servo thread.
         let least = cosine * (both(1.0) - both(0.5) * by * by) - sine * by;
         let secant = both(1.0) / least;
         let most = sine + cosine * by;
@@ -447,7 +447,7 @@ impl Widened {
     }
 }
 
-/// Unit vector of an axis as given.
+/// Computes the unit vector of an axis as given.
 fn direction(given: &[f64; 3], leg: usize) -> Result<Vector3<f64>, Fault> {
     leg::direction(given).ok_or(Fault::of_leg(Cause::AxisZero, leg, 0.0))
 }
@@ -457,10 +457,10 @@ mod tests {
     use super::*;
     use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
-    /// Some roundings of numbers near 1.
+    /// A few roundings of numbers near 1.
     const ROUNDING: f64 = 1e-15;
 
-    /// Two equal screws of 2 a radian, and two legs without.
+    /// Creates two equal screws with a travel of 2 per radian, and two legs without screws.
     fn nut(fold: Fold) -> Nut<4> {
         Nut { travel: [2.0, 2.0, 0.0, 0.0], idle: [0.0, 0.0, 1.0, 1.0], fold, ..NONE }
     }
@@ -473,12 +473,12 @@ mod tests {
         fold: Fold::Fixed,
     };
 
-    /// n' = 0.1 and n'' = 0.05 + 3·0.1², on a platform of radius 10, over a way of 2: angles of
+    /// n' = 0.1 and n'' = 0.05 + 3·0.1², on a platform of radius 10, over a distance of 2: angles of
     /// a strut to its axes may change by sines of 0.2 at the base and 0.4 at the platform.
     const BALL: Ball =
         Ball { rho: 2.0, radius: 10.0, curved: f64x2::splat(0.1), s1: f64x2::ONE, s2: f64x2::HALF };
 
-    /// Sines 0.6 and 0.28, cosines 0.8 and 0.96. The ball widens them by 0.2 and 0.4, to cosines
+    /// Creates sines 0.6 and 0.28, cosines 0.8 and 0.96. The ball widens them by 0.2 and 0.4, to cosines
     /// of 0.8 · 0.98 − 0.6 · 0.2 and 0.96 · 0.92 − 0.28 · 0.4, and sines of 0.6 + 0.8 · 0.2 and
     /// 0.28 + 0.96 · 0.4.
     fn tilted(from_fold: f64) -> Torsion<4> {
@@ -503,7 +503,7 @@ mod tests {
 
     #[test]
     fn there_is_no_curvature_where_the_correction_may_fold() {
-        // So far torsions turn on a way of 2.
+        // Change of torsion over a distance of 2.
         let turn = 2.0 * 0.1 * (TANGENTS + 1.0 / COSINES[1]);
         for (fold, limit) in [(Fold::Fixed, 170.0 / 180.0 * PI), (Fold::Literal, FRAC_PI_2)] {
             let within = |torsion| nut(fold).curvature(&tilted(torsion), 0, &BALL).is_some();
@@ -517,8 +517,8 @@ mod tests {
 
     #[test]
     fn there_is_no_curvature_where_a_strut_may_meet_a_joint_axis() {
-        // One leg of the two and one of the axes, widened by 0.0002 and 0.0004 to a cosine of
-        // 0.001; torsions turn by less than π.
+        // One of the two legs and one of the axes, widened by 0.0002 and 0.0004 to a cosine of
+        // 0.001; torsions change by less than π.
         let ball = Ball { rho: 2e-3, ..BALL };
         let sine_of = |cosine: f64| sqrt(1.0 - cosine * cosine);
         for leg in 0..2 {
@@ -534,7 +534,7 @@ mod tests {
                 assert_eq!(bound.is_none(), is_met, "{leg}: {alpha} {beta}");
             }
         }
-        // Legs without a screw have no axes to meet.
+        // Legs without a screw have no joint axes to avoid.
         let idle = Torsion { alpha: [1.0; 4], beta: [1.0; 4], ..tilted(9.0) };
         assert_eq!(NONE.curvature(&idle, 0, &BALL).map(f64x2::to_array), Some([0.0; 2]));
     }
@@ -547,7 +547,7 @@ mod tests {
         assert!((torsion.room(0) - 0.64).abs() < ROUNDING);
         torsion.beta[1] = 0.8;
         assert!((torsion.room(1) - 0.36).abs() < ROUNDING);
-        // Sines of a little more and a little less than the smallest ones.
+        // Sines slightly larger and slightly smaller than the smallest allowed ones.
         let (far, near) = (sqrt(1.0 - 1.1e-6), sqrt(1.0 - 0.9e-6));
         for leg in 0..4 {
             for sign in [-1.0, 1.0] {
@@ -569,8 +569,8 @@ mod tests {
         let nut = Nut { base_axis: Lanes3::from_fn(axes), ..nut(Fold::Fixed) };
         let platform: [_; 4] = core::array::from_fn(|i| axes(i + 1));
         let nut = Nut { platform_axis: Lanes3::from_fn(|i| platform[i]), ..nut };
-        // Struts of different lengths, across both axes but for one of them, which leaves one or
-        // the other by this square of a sine.
+        // Struts of different lengths, perpendicular to both axes except one of them, whose squared sine
+        // to one or the other axis is this.
         let met = |leg: usize, axis: Vector3<f64>, room: f64| {
             let off = axes(leg).cross(&platform[leg]);
             let strut = (axis * sqrt(1.0 - room) + off * sqrt(room)) * 3.0;
@@ -597,7 +597,7 @@ mod tests {
 
     #[test]
     fn a_pose_near_a_quarter_turn_fixes_the_fold_and_its_cosine_is_told() {
-        // Axes across the strut, the platform's turned from the base's by an angle.
+        // Axes perpendicular to the strut, the platform's rotated from the base's by an angle.
         let up = Lanes3::<4>::from_fn(|_| Vector3::z());
         let folded = |angle: f64, lean: f64| {
             let platform = [libm::cos(angle), libm::sin(angle), lean];
@@ -631,7 +631,7 @@ mod tests {
             for k in -30..=30 {
                 let angle = 0.1 * f64::from(k);
                 let (one, other) = (corrections(one, angle), corrections(other, angle));
-                // Some roundings of numbers below 3.
+                // A few roundings of numbers below 3.
                 assert!((0..4).all(|i| (one[i] - other[i]).abs() < 4.0 * ROUNDING), "{angle}");
             }
         };
@@ -643,7 +643,7 @@ mod tests {
             assert_eq!(first.fold_at(&up, &turned(angle)), Ok(None));
             same(&nut, &first);
             assert!(!nut.is_literal());
-            // Twice, as a fold may be moved without being taken back.
+            // Twice, because a fold may be changed without being reverted.
             if angle > 0.0 {
                 nut.unfold();
                 assert!(nut.is_literal());

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where the platform is, and the legs there.
+//! The pose of the platform, and the legs there.
 
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, scaled, sum, times, wide};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
-/// Where the platform is: its reference point and orientation, in base. The order of
+/// Pose of the platform: its reference point and orientation, in base. The order of
 /// the fields is that of pairs, see `lanes`.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub(crate) struct Place {
     pub rotation: Matrix3<f64>,
     pub centre: Vector3<f64>,
-    /// A, B, C; kept up to date by [`crate::mechanism::Chart::Angles`] only.
+    /// A, B, C; updated only by [`crate::mechanism::Chart::Angles`].
     pub angles: Vector3<f64>,
 }
 
@@ -25,7 +25,7 @@ impl Place {
     };
 }
 
-/// How the platform moves from one place to another.
+/// Motion of the platform from one pose to another.
 pub(crate) struct Displacement {
     /// Of the reference point.
     pub shift: Vector3<f64>,
@@ -33,7 +33,7 @@ pub(crate) struct Displacement {
     pub change: Matrix3<f64>,
 }
 
-/// The legs at one place of the platform.
+/// The legs at one pose of the platform.
 #[derive(Clone, Copy)]
 pub(crate) struct Placed<const N: usize> {
     /// Arms in base: from the reference point to the platform anchors, which slide on rings.
@@ -41,8 +41,8 @@ pub(crate) struct Placed<const N: usize> {
     /// From moving base anchor to platform anchor.
     pub span: Lanes3<N>,
     pub length: [f64; N],
-    /// Distances of the base anchors from the axes of their rings; means something on machines
-    /// with rings only.
+    /// Distances of the base anchors from the axes of their rings; meaningful only on machines
+    /// with rings.
     pub rho: [f64; N],
 }
 
@@ -56,7 +56,7 @@ impl<const N: usize> Placed<N> {
         put(&mut self.length, i, dot(&span, &span).sqrt());
     }
 
-    /// The legs after the platform has moved, written to `placed`.
+    /// Computes the legs after the platform has moved, into `placed`.
     #[inline(always)]
     pub fn moved(&self, by: &Displacement, placed: &mut Self) {
         let shift = wide(&by.shift);
@@ -68,7 +68,7 @@ impl<const N: usize> Placed<N> {
         }
     }
 
-    /// Speeds of the lengths while the platform moves at `v` and turns at `omega`.
+    /// Computes the rates of the lengths while the platform moves at `v` and rotates at `omega`.
     #[inline(always)]
     pub fn length_rates(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
         let (v, omega) = (wide(v), wide(omega));
@@ -80,8 +80,8 @@ impl<const N: usize> Placed<N> {
         length_rates
     }
 
-    /// Second derivatives of the lengths while the platform moves at `v` and turns at `omega`,
-    /// both constant: u the speed of an arm's end, (|u|² − (n·u)²)/l + n·(ω × (ω × arm)).
+    /// Computes the second derivatives of the lengths while the platform moves at `v` and rotates at `omega`,
+    /// both constant: (|u|² − (n·u)²)/l + n·(ω × (ω × arm)), u the velocity of an arm's end.
     #[inline(always)]
     pub fn length_accelerations(&self, v: &Vector3<f64>, omega: &Vector3<f64>) -> [f64; N] {
         let (v, omega) = (wide(v), wide(omega));
@@ -97,7 +97,7 @@ impl<const N: usize> Placed<N> {
         accelerations
     }
 
-    /// Unit vectors along the legs, base to platform.
+    /// Computes the unit vectors along the legs, base to platform.
     #[inline(always)]
     pub fn directions(&self) -> Lanes3<N> {
         let mut n = Lanes3::ZERO;
@@ -107,10 +107,10 @@ impl<const N: usize> Placed<N> {
         n
     }
 
-    /// 1/l of legs i and i + 1.
+    /// Computes 1/l of legs i and i + 1.
     #[inline(always)]
     pub fn curved(&self, i: usize) -> f64x2 {
-        // A rod's platform anchor may stand on its base anchor: no direction, but no NaN.
+        // A rod's platform anchor may coincide with its base anchor: no direction, but no NaN.
         both(1.0) / pair(&self.length, i).fast_max(both(f64::MIN_POSITIVE))
     }
 }

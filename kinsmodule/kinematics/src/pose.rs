@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Poses as LinuxCNC gives them: position and the angles A, B, C with
+//! Poses in LinuxCNC's form: position and the angles A, B, C with
 //! R = Rz(C) Ry(B) Rx(A).
 
 use crate::fault::{Cause, Fault};
@@ -10,10 +10,10 @@ use libm::{atan2, sqrt};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
-/// cos B below which rounding decides C.
+/// cos B below which rounding would determine C.
 const GIMBAL_COS: f64 = 1e-12;
 
-/// Place of the control point and orientation of the platform, in base.
+/// Position of the control point and orientation of the platform, in base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Control point (tool tip) in base, in machine units.
@@ -23,7 +23,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// From (x, y, z, a, b, c), machine units and degrees.
+    /// Converts (x, y, z, a, b, c), machine units and degrees, to a pose.
     pub fn from_degrees(v: [f64; 6]) -> Self {
         // Pairs, see `lanes`.
         let [z, alpha] = (pair(&v, 2) * f64x2::new([1.0, RADIANS])).to_array();
@@ -31,7 +31,7 @@ impl Pose {
         Self { position: Vector3::new(v[0], v[1], z), angles: Vector3::new(alpha, beta, gamma) }
     }
 
-    /// (x, y, z, a, b, c), machine units and degrees.
+    /// Converts to (x, y, z, a, b, c), machine units and degrees.
     pub fn to_degrees(&self) -> [f64; 6] {
         let Self { position: p, angles: a } = self;
         let [z, alpha] = (f64x2::new([p.z, a.x]) / f64x2::new([1.0, RADIANS])).to_array();
@@ -39,27 +39,27 @@ impl Pose {
         [p.x, p.y, z, alpha, beta, gamma]
     }
 
-    /// Whether all six components are finite.
+    /// Returns whether all six components are finite.
     pub fn is_finite(&self) -> bool {
         self.position.iter().chain(&self.angles).all(|value| value.is_finite())
     }
 
-    /// Orientation: base from platform.
+    /// Computes the orientation: base from platform.
     #[inline(always)]
     pub fn rotation(&self) -> Matrix3<f64> {
         self.trigonometry().rotation()
     }
 
-    /// Distance of two poses, in length: ‖(Δp, radius · rotation angle)‖.
+    /// Computes the distance of two poses as a length: ‖(Δp, radius · rotation angle)‖.
     ///
-    /// `radius` turns an angle into a length; [`crate::Machine::radius`] is the one meant.
+    /// `radius` converts an angle to a length; normally [`crate::Machine::radius`].
     pub fn distance(&self, other: &Pose, radius: f64) -> f64 {
         let turn = rotation_vector(&(other.rotation() * self.rotation().transpose()));
         let move_ = other.position - self.position;
         sqrt(move_.norm_squared() + radius * radius * turn.norm_squared())
     }
 
-    /// Refuses what no call may compute with.
+    /// Refuses values that are not finite or too large.
     #[inline(always)]
     pub(crate) fn check(&self) -> Result<(), Fault> {
         if !self.is_finite() {
@@ -80,7 +80,7 @@ impl Pose {
     }
 }
 
-/// Sines and cosines of A, B, C: computed once per call.
+/// Sines and cosines of A, B, C, computed once per call.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Trigonometry {
     pub sa: f64,
@@ -92,10 +92,10 @@ pub(crate) struct Trigonometry {
 }
 
 impl Trigonometry {
-    /// Of angles of 0.
+    /// For angles of 0.
     pub const LEVEL: Self = Self { sa: 0.0, ca: 1.0, sb: 0.0, cb: 1.0, sc: 0.0, cc: 1.0 };
 
-    /// R = Rz(C) Ry(B) Rx(A).
+    /// Computes R = Rz(C) Ry(B) Rx(A).
     #[inline(always)]
     pub fn rotation(&self) -> Matrix3<f64> {
         let Self { sa, ca, sb, cb, sc, cc } = *self;
@@ -112,18 +112,18 @@ impl Trigonometry {
         )
     }
 
-    /// E with ω = E · (Ȧ, Ḃ, Ċ), ω in base axes; det E = cos B.
+    /// Computes E with ω = E · (Ȧ, Ḃ, Ċ), ω in base axes; det E = cos B.
     pub fn rate_map(&self) -> Matrix3<f64> {
         let Self { sb, cb, sc, cc, .. } = *self;
         Matrix3::new(cc * cb, -sc, 0.0, sc * cb, cc, 0.0, -sb, 0.0, 1.0)
     }
 }
 
-/// Angles A, B, C (radians) of `r` next to those of `seed`.
+/// Computes the angles A, B, C (radians) of `r` nearest to those of `seed`.
 ///
-/// Increments on the seed keep whole turns and pass ±180° without a jump. Of the two
-/// triples with this rotation (B and 180° − B) the one nearer to the seed is taken, so
-/// that B passes 90°.
+/// Increments from the seed keep whole turns and pass ±180° without a jump. Of the two
+/// triples with this rotation (B and 180° − B) the one nearer to the seed is returned, so
+/// that B can pass 90°.
 pub(crate) fn angles_near(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry) -> Vector3<f64> {
     let sheet = if trig.cb < 0.0 { -1.0 } else { 1.0 };
     let same = angles_on_sheet(r, seed, trig, sheet);
@@ -135,11 +135,11 @@ pub(crate) fn angles_near(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry) ->
     if away(&other) < away(&same) { other } else { same }
 }
 
-/// cos² B above which A, B and C are found each for itself: rounding then counts ten times in A and
-/// C at most, and nothing waits for a division that another one needs.
+/// cos² B above which A, B and C are computed independently: rounding is then amplified at most ten times
+/// in A and C, and no division waits for another one.
 const APART: f64 = 0.01;
 
-/// The triple whose cos B has the sign of `sheet`.
+/// Computes the triple whose cos B has the sign of `sheet`.
 fn angles_on_sheet(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, sheet: f64) -> Vector3<f64> {
     let square = r[(0, 0)] * r[(0, 0)] + r[(1, 0)] * r[(1, 0)];
     if !(square >= APART) {
@@ -155,9 +155,9 @@ fn angles_on_sheet(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, sheet: f6
     seed.angles + Vector3::new(a, b, c)
 }
 
-/// The same near |B| = 90°, where C keeps the seed's value. C is found first, and A and B from
-/// what it leaves of the rotation: together they give it back to rounding even where A and C are
-/// hardly told apart.
+/// Computes the angles near |B| = 90°, where C keeps the seed's value. C is computed first, then A and B from
+/// the remaining rotation: together they reproduce it to rounding even where A and C are
+/// almost indistinguishable.
 fn angles_in_turn(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, cos_b: f64) -> Vector3<f64> {
     let (sin_c, cos_c) = if cos_b.abs() >= GIMBAL_COS {
         (r[(1, 0)] / cos_b, r[(0, 0)] / cos_b)
@@ -176,7 +176,7 @@ fn angles_in_turn(r: &Matrix3<f64>, seed: &Pose, trig: &Trigonometry, cos_b: f64
     seed.angles + Vector3::new(a, b, c)
 }
 
-/// Rotation vector (axis times angle) of `r`, angle in [0, π].
+/// Computes the rotation vector (axis times angle) of `r`, angle in [0, π].
 pub(crate) fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     let twice_sin_axis =
         Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]);
@@ -188,7 +188,7 @@ pub(crate) fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     if angle < 1.0 {
         return twice_sin_axis * 0.5;
     }
-    // A half turn: the sine says nothing about the axis, R + Rᵀ does.
+    // At a half turn the sine does not determine the axis, but R + Rᵀ does.
     let symmetric = (r + r.transpose()) * 0.5 + Matrix3::identity();
     let mut axis = symmetric.column(0).into_owned();
     for i in 1..3 {
@@ -200,8 +200,8 @@ pub(crate) fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     axis * (angle / axis.norm())
 }
 
-/// What a rotation by about |ω| radians about ω (Cayley's formula) changes: C − 1, with C
-/// exactly orthogonal and never a larger turn than |ω|.
+/// Computes the change by a rotation of about |ω| radians about ω (Cayley's formula): C − 1, with C
+/// exactly orthogonal and its angle never larger than |ω|.
 #[inline(always)]
 pub(crate) fn cayley_change(w: &Vector3<f64>) -> Matrix3<f64> {
     let h = w * 0.5;
@@ -220,7 +220,7 @@ pub(crate) fn cayley_change(w: &Vector3<f64>) -> Matrix3<f64> {
     ) * k
 }
 
-/// Angular velocity of the rotation by Cayley's formula about `w` while `w` changes at `rate`.
+/// Computes the angular velocity of the rotation by Cayley's formula about `w` while `w` changes at `rate`.
 #[inline(always)]
 pub(crate) fn cayley_rate(w: &Vector3<f64>, rate: &Vector3<f64>) -> Vector3<f64> {
     let h = w * 0.5;
@@ -235,7 +235,7 @@ mod tests {
         Pose::from_degrees(v)
     }
 
-    /// 1e-12 rad: some hundred roundings of values near 1.
+    /// 1e-12 rad: a few hundred roundings of values near 1.
     const ANGLE: f64 = 1e-12;
 
     #[test]
@@ -295,7 +295,7 @@ mod tests {
             let got = angles_near(&target.rotation(), &last, &last.trigonometry());
             last = Pose { angles: got, ..last };
         }
-        // 1e-6: at B = 90 itself A and C share their sum by rounding over cos B.
+        // 1e-6: at B = 90 rounding divided by cos B distributes the sum of A and C.
         let expected = [3.0, 90.01, -2.0];
         for (a, b) in last.to_degrees()[3..].iter().zip(expected) {
             assert!((a - b).abs() < 1e-6, "{last:?}");
@@ -308,7 +308,7 @@ mod tests {
             for (from, to) in [(89.99, 90.01), (90.01, 89.99), (-89.99, -90.01), (269.9, 270.1)] {
                 let [seed, target] = [from, to].map(|b| pose([0.0, 0.0, 0.0, a, b, c]));
                 let got = angles_near(&target.rotation(), &seed, &seed.trigonometry());
-                // 1e-4: half of the least cos B.
+                // 1e-4: half of the smallest cos B.
                 assert!((got - target.angles).norm() < ANGLE / 1e-4, "{a} {from} {c}: {got:?}");
             }
         }
@@ -336,7 +336,7 @@ mod tests {
                     Ok(()) => assert!(k < 3, "{k}"),
                     Err(fault) => {
                         assert_eq!(fault, Fault::with_value(Cause::AngleTooLarge, fault.value));
-                        // Degrees, by way of radians.
+                        // Degrees, converted through radians.
                         let off = (fault.value - v[k]).abs();
                         assert!(k >= 3 && off < 1e6 * 4.0 * f64::EPSILON, "{k}: {fault:?}");
                     }
@@ -355,7 +355,7 @@ mod tests {
                 moved.angles[k] += by;
                 moved.rotation()
             };
-            // Differences: h² off, and rounding over h.
+            // Differences: an error of h², and rounding divided by h.
             let derivative = (moved(STEP) - moved(-STEP)) / (2.0 * STEP);
             let omega = at.trigonometry().rate_map().column(k).into_owned();
             assert!((omega.cross_matrix() * at.rotation() - derivative).norm() < 1e-9, "{k}");
@@ -372,11 +372,11 @@ mod tests {
                 let got = rotation_vector(rotation.matrix());
                 assert!((got - axis * angle).norm() < ANGLE, "{axis:?} {angle}: {got:?}");
             }
-            // So near to half a turn that the sine tells no axis: either way about it.
+            // So near to half a turn that the sine does not determine the axis: either direction about it.
             for off in [0.0, 1e-12, -1e-12] {
                 let half = nalgebra::Rotation3::new(axis * (core::f64::consts::PI + off));
                 let got = rotation_vector(half.matrix());
-                // What it is off, and rounding.
+                // The offset, and rounding.
                 assert!((got.norm() - core::f64::consts::PI).abs() < 2e-12, "{axis:?}: {got:?}");
                 assert!(got.cross(&axis).norm() < 1e-11, "{axis:?}: {got:?}");
             }
@@ -405,7 +405,7 @@ mod tests {
                 pose.angles[axis] = angle;
                 pose.rotation()
             };
-            // Two roundings of values below 1; below, some roundings of sines.
+            // Two roundings of values below 1; below the limit, a few roundings of sines.
             assert!((at(below) - at(above)).amax() <= 2.0 * f64::EPSILON);
             assert!(
                 (at(2.0) - nalgebra::Rotation3::new(Vector3::ith(axis, 2.0)).matrix()).amax()
@@ -418,7 +418,7 @@ mod tests {
     fn the_rate_of_cayleys_rotation_is_its_derivative() {
         let (w, rate) = (Vector3::new(0.3, -0.2, 0.5), Vector3::new(-0.4, 0.7, 0.1));
         let at = |t: f64| Matrix3::identity() + cayley_change(&(w + rate * t));
-        // Differences of step h: h² off, and rounding over h.
+        // Differences of step h: an error of h², and rounding divided by h.
         const STEP: f64 = 1e-5;
         let derivative = (at(STEP) - at(-STEP)) / (2.0 * STEP);
         let omega = cayley_rate(&w, &rate);

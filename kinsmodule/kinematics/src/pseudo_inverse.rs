@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Pseudo-inverse of an N × 6 matrix stored by columns, from its QR factors by triples of columns:
-//! Gram-Schmidt with the translations T and the turns U each as one.
+//! Gram-Schmidt with the translations T and the rotations U as one block each.
 //!
-//! U' = U − T S with S = (TᵀT)⁻¹ TᵀU stands across T, and the rows of the inverse are
-//! H = (U'ᵀU')⁻¹ U'ᵀ for the turns and (TᵀT)⁻¹ Tᵀ − S H for the translations. Three by three is
-//! inverted by cofactors: everything waits for two divisions, where a column at a time has six.
+//! U' = U − T S with S = (TᵀT)⁻¹ TᵀU is orthogonal to T, and the rows of the inverse are
+//! H = (U'ᵀU')⁻¹ U'ᵀ for the rotations and (TᵀT)⁻¹ Tᵀ − S H for the translations. The 3 × 3 blocks are
+//! inverted by cofactors: two divisions in sequence instead of six for column by column.
 //!
-//! Rounding grows with the third powers of the condition numbers of the triples. Where one is at
-//! all flat the factors are those of a column at a time (modified Gram-Schmidt), with rounding as
-//! the square, which Newton's method repairs at the next step.
+//! Rounding grows with the third power of the condition number of each triple. If one is nearly
+//! flat, the columns are factored one by one (modified Gram-Schmidt), with rounding
+//! proportional to the square, which Newton's method corrects at the next step.
 //!
 //! No pivot search and no index that depends on data: bounded time. Square and tall matrices
-//! alike. The inverse is solved for once: a servo step goes through it four times.
+//! alike. The inverse is computed once, because a servo step uses it four times.
 
 use crate::lanes::{both, inner, inners, pair, put};
 use wide::f64x2;
 
-/// A column this much smaller than the largest one counts as dependent.
+/// A column smaller than the largest one by this factor counts as dependent.
 const DEPENDENT: f64 = 1e-10;
 
-/// Three columns are flat below this share of the square of the volume that they would span at
-/// right angles: beyond it rounding is about that of a column at a time (the tests tell).
+/// Three columns count as flat if their squared volume is below this share of that of perpendicular
+/// columns: above it, rounding is about that of column by column (verified by the tests).
 const FLAT: f64 = 0.03;
 
 /// Pseudo-inverse of A.
@@ -37,31 +37,31 @@ type Triple<'a, const N: usize> = [&'a [f64; N]; 3];
 struct Gram {
     /// Cofactors of VᵀV: 00, 11, 22, 01, 12, 20.
     cofactors: [f64; 6],
-    /// 1 over its determinant: nothing that can wait for the division has to.
+    /// 1 over its determinant; only what depends on it waits for the division.
     over: f64,
     /// Squared lengths of the columns.
     squares: [f64; 3],
-    /// The determinant, which is the square of the volume that the columns span.
+    /// The determinant: the square of the volume that the columns span.
     volume: f64,
 }
 
-/// What factoring column by column works on.
+/// Working memory for factoring column by column.
 struct Work<const N: usize> {
     q: [[f64; N]; 6],
-    /// R above its diagonal of 1, row by row.
+    /// R above its unit diagonal, row by row.
     r: [[f64; 6]; 6],
     /// Squared lengths of the columns of Q.
     squares: [f64; 6],
-    /// Their inverses; 0 for a column that is not active.
+    /// Their inverses; 0 for an inactive column.
     weight: [f64; 6],
 }
 
 impl<const N: usize> PseudoInverse<N> {
-    /// To be filled.
+    /// Empty, to be filled.
     pub const ZERO: Self = Self { inverse: [[0.0; N]; 6], inverse_norm: 0.0 };
 
-    /// `None` if an active column depends on the ones before it. Columns that are not
-    /// active must hold zeros; their unknowns are 0.
+    /// Factors the columns; `None` if an active column depends on the ones before it. Inactive columns
+    /// must contain zeros; their unknowns are 0.
     #[inline(always)]
     pub fn new(columns: &[[f64; N]; 6], active: &[bool; 6]) -> Option<Self> {
         let mut inverse = Self::ZERO;
@@ -69,13 +69,13 @@ impl<const N: usize> PseudoInverse<N> {
         regular.unwrap_or_else(|| inverse.renew_by_columns(active, columns)).then_some(inverse)
     }
 
-    /// Factors columns in place of what was; false where [`Self::new`] gives `None`. `None` where
-    /// three of them are flat: then all is as it was, and [`Self::renew_by_columns`] has to.
+    /// Factors columns in place; `Some(false)` where [`Self::new`] returns `None`. Returns `None` if
+    /// three of them are flat: then nothing has changed, and [`Self::renew_by_columns`] must be used.
     #[inline(always)]
     pub fn renew(&mut self, active: &[bool; 6], columns: [[f64; N]; 6]) -> Option<bool> {
         let [a, b, c, d, e, f] = &columns;
         let (moves, turns) = ([a, b, c], [d, e, f]);
-        // A column that is not there counts as one of length 1 across the others.
+        // An inactive column counts as one of length 1, orthogonal to the others.
         let [i, j, k, l, m, n] = active.map(|active| if active { 0.0 } else { 1.0 });
         let of_moves = Gram::new(&moves, [i, j, k]);
         let shares = products(&moves, &turns).map(|column| of_moves.times(&column));
@@ -106,7 +106,7 @@ impl<const N: usize> PseudoInverse<N> {
         Some(is_regular(&[a, b, c, d, e, f]))
     }
 
-    /// Factors any columns in place of what was.
+    /// Factors any columns in place.
     pub fn renew_by_columns(&mut self, active: &[bool; 6], columns: &[[f64; N]; 6]) -> bool {
         let mut work = Work { q: *columns, r: [[0.0; 6]; 6], squares: [0.0; 6], weight: [0.0; 6] };
         for k in 0..6 {
@@ -123,7 +123,7 @@ impl<const N: usize> PseudoInverse<N> {
         self.inverse_norm = libm::sqrt(squares.iter().sum());
     }
 
-    /// Least-squares solution x of A x = b.
+    /// Computes the least-squares solution x of A x = b.
     #[inline(always)]
     pub fn solve(&self, b: &[f64; N]) -> [f64; 6] {
         let mut x = [0.0; 6];
@@ -134,18 +134,18 @@ impl<const N: usize> PseudoInverse<N> {
         x
     }
 
-    /// Frobenius norm of the (pseudo-)inverse of A.
+    /// Returns the Frobenius norm of the (pseudo-)inverse of A.
     pub fn inverse_norm(&self) -> f64 {
         self.inverse_norm
     }
 }
 
 impl<const N: usize> Work<N> {
-    /// Takes column k out of those after it.
+    /// Subtracts column k from those after it.
     fn orthogonalise(&mut self, k: usize, active: &[bool; 6]) {
         let column = self.q[k];
         let square = inner(&column, &column);
-        // One that is not there leaves the others alone.
+        // An inactive column leaves the others unchanged.
         let square = if active[k] { square } else { 1.0 };
         let weight = if active[k] { 1.0 / square } else { 0.0 };
         (self.squares[k], self.weight[k]) = (square, weight);
@@ -177,7 +177,7 @@ impl<const N: usize> Work<N> {
 }
 
 impl Gram {
-    /// Of columns that have `idle` added to their squares.
+    /// Computes the Gram matrix of columns that have `idle` added to their squares.
     #[inline(always)]
     fn new<const N: usize>([a, b, c]: &Triple<'_, N>, idle: [f64; 3]) -> Self {
         let [aa, ab] = inners([a, b], a).to_array();
@@ -196,7 +196,7 @@ impl Gram {
         Self { cofactors, over: 1.0 / volume, squares: [aa, bb, cc], volume }
     }
 
-    /// Whether the columns stand well apart from each other.
+    /// Returns whether the columns are far from linearly dependent.
     #[inline(always)]
     fn is_open(&self) -> bool {
         let [a, b, c] = self.squares;
@@ -214,7 +214,7 @@ impl Gram {
         ]
     }
 
-    /// The same for two vectors at once.
+    /// Multiplies two vectors at once.
     #[inline(always)]
     fn times_wide(&self, v: &[f64x2; 3]) -> [f64x2; 3] {
         let [aa, bb, cc, ab, bc, ca] = self.cofactors.map(both);
@@ -228,7 +228,7 @@ impl Gram {
     }
 }
 
-/// Tᵀ U, column by column.
+/// Computes Tᵀ U, column by column.
 #[inline(always)]
 fn products<const N: usize>([a, b, c]: &Triple<'_, N>, turns: &Triple<'_, N>) -> [[f64; 3]; 3] {
     let [d, e, f] = turns;
@@ -240,7 +240,7 @@ fn products<const N: usize>([a, b, c]: &Triple<'_, N>, turns: &Triple<'_, N>) ->
     [[ad, bd, cd], [ae, be, ce], [af, bf, cf]]
 }
 
-/// A column less its shares of three others.
+/// Subtracts from a column its shares of three others.
 #[inline(always)]
 fn across<const N: usize>(
     column: &[f64; N],
@@ -256,15 +256,15 @@ fn across<const N: usize>(
     rest
 }
 
-/// Whether no column has all but vanished, by the squares of what those before it left of them;
-/// columns that are not active count as 1, and the others have no unit either.
+/// Returns whether no column is nearly dependent on those before it, by the squares of their remainders;
+/// inactive columns count as 1 (the others are dimensionless, too).
 #[inline(always)]
 fn is_regular(squares: &[f64; 6]) -> bool {
     let (a, b, c) = (pair(squares, 0), pair(squares, 2), pair(squares, 4));
     let [even, odd] = a.fast_max(b).fast_max(c).to_array();
     let least =
         both(DEPENDENT * DEPENDENT) * f64x2::new([even, odd]).fast_max(f64x2::new([odd, even]));
-    // Whatever became of a NaN, it is not above anything.
+    // Any NaN makes a comparison false.
     (a.simd_gt(least) & b.simd_gt(least) & c.simd_gt(least)).all()
 }
 
@@ -276,7 +276,7 @@ mod tests {
     use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// Columns of a well-conditioned tall matrix without structure.
+    /// Returns the columns of a well-conditioned tall matrix without structure.
     fn tall() -> [[f64; 8]; 6] {
         core::array::from_fn(|k| {
             core::array::from_fn(|i| {
@@ -321,7 +321,7 @@ mod tests {
         }
     }
 
-    /// Largest element of M A − 1.
+    /// Returns the largest element of M A − 1.
     fn off(a: &[[f64; 6]; 6], inverse: &PseudoInverse<6>) -> f64 {
         let mut most = 0.0_f64;
         for (k, column) in a.iter().enumerate() {
@@ -338,7 +338,7 @@ mod tests {
         let mut draw = || rng.random::<f64>() * 2.0 - 1.0;
         let (mut refused, mut inverted, mut worst) = (0, 0, 0.0_f64);
         for n in 0..40_000 {
-            // A column of each triple in turn next to a combination of others, or one of them alone.
+            // In turn, one column of each triple next to a combination of others, or one of them alone.
             let mut a: [[f64; 6]; 6] = core::array::from_fn(|_| core::array::from_fn(|_| draw()));
             let mut nearest = 1.0_f64;
             for (k, others) in [(n % 3, 1 + n / 9 % 2), (3 + n / 3 % 3, 1 + n / 18 % 5)] {
@@ -359,8 +359,8 @@ mod tests {
                 }
             }
             match PseudoInverse::new(&a, &[true; 6]) {
-                // The margin of the certificates is a fifth: this takes a twentieth of it, a column
-                // at a time half as much. Beyond 1e6 the pose is refused.
+                // The margin of the certificates is a fifth: this takes a twentieth of it, column
+                // by column half as much. Beyond 1e6 the pose is refused.
                 Some(inverse) if inverse.inverse_norm() < 1.5e6 => {
                     worst = worst.max(off(&a, &inverse));
                     inverted += u32::from(nearest < 1e-4);
@@ -375,7 +375,7 @@ mod tests {
 
     #[test]
     fn three_columns_are_open_by_their_volume_whatever_their_lengths() {
-        // Columns of lengths 4, 3 and 2, the last two at an angle of this square of a sine.
+        // Columns of lengths 4, 3 and 2, the last two at an angle with this squared sine.
         let is_open = |square: f64| {
             let (sine, cosine) = (libm::sqrt(square), libm::sqrt(1.0 - square));
             let columns =
@@ -405,7 +405,7 @@ mod tests {
             };
             assert!(is_regular(1.1e-10) && !is_regular(0.9e-10), "{scale}");
         }
-        // Wherever the largest and the smallest are.
+        // For every position of the largest and the smallest.
         for (largest, smallest) in (0..36).map(|k| (k / 6, k % 6)).filter(|(a, b)| a != b) {
             let is_regular = |share: f64| {
                 let mut squares = [1e-4; 6];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Rings that turn freely about the tool axis, in lanes: where their struts end, see
+//! Rings that rotate freely about the tool axis, in lanes: the ends of their struts, see
 //! [`crate::leg::ring`].
 
 use crate::fault::{Cause, Fault};
@@ -9,30 +9,30 @@ use libm::{hypot, sqrt};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
-/// The rings of a machine; those of legs that end at a point have radius 0.
+/// The rings of a machine; legs that end at a point have radius 0.
 #[derive(Clone, Copy)]
 pub(crate) struct Rings<'a, const N: usize> {
     pub radius: &'a [f64; N],
-    /// Their centres about the reference point, in the platform frame.
+    /// Their centers about the reference point, in the platform frame.
     pub centre: &'a Lanes3<N>,
-    /// 1 over the platform radius, and 0 where the platform never turns.
+    /// 1 over the platform radius; 0 if the platform never rotates.
     pub per_radius: f64,
 }
 
-/// Two base anchors as their rings see them.
+/// Two base anchors relative to their rings.
 struct Seen {
-    /// From the reference point to the centres of the rings.
+    /// From the reference point to the centers of the rings.
     centre: [f64x2; 3],
     /// From the reference point to the base anchors.
     base: [f64x2; 3],
-    /// From the rings' axes to the base anchors, square to them.
+    /// From the rings' axes to the base anchors, perpendicular to the axes.
     outward: [f64x2; 3],
     /// The length of that.
     rho: f64x2,
 }
 
 impl<const N: usize> Rings<'_, N> {
-    /// Legs i and i + 1, which `placed` leaves anywhere on their rings, or at their centres.
+    /// Computes legs i and i + 1, which `placed` may have anywhere on their rings, or at their centers.
     #[inline(always)]
     fn seen(&self, rotation: &Matrix3<f64>, placed: &Placed<N>, i: usize) -> Seen {
         let centre = times(rotation, &self.centre.pair(i));
@@ -44,11 +44,11 @@ impl<const N: usize> Rings<'_, N> {
         Seen { centre, base, outward, rho: dot(&outward, &outward).sqrt() }
     }
 
-    /// Turns the rings until their struts are shortest.
+    /// Rotates the rings until their struts are shortest.
     pub fn turn(&self, rotation: &Matrix3<f64>, placed: &mut Placed<N>) {
         for i in (0..N).step_by(2) {
             let seen = self.seen(rotation, placed, i);
-            // Where the axis runs through the base anchor there is no direction to turn to.
+            // If the axis passes through the base anchor, the direction is undefined.
             let share =
                 seen.rho.simd_gt(both(0.0)).select(pair(self.radius, i) / seen.rho, both(0.0));
             let arm = sum(&seen.centre, &scaled(&seen.outward, share));
@@ -58,8 +58,8 @@ impl<const N: usize> Rings<'_, N> {
         }
     }
 
-    /// Takes from the second derivatives of the lengths what the rings' turning takes from them
-    /// while the platform moves at `v` and turns at `omega`.
+    /// Subtracts the effect of the rings' rotation from the second derivatives of the lengths
+    /// while the platform moves at `v` and rotates at `omega`.
     pub fn bend(
         &self,
         place: &Place,
@@ -78,9 +78,9 @@ impl<const N: usize> Rings<'_, N> {
         }
     }
 
-    /// Within a ball of radius `reach` of poses, whose base anchors move by `travel` beside that:
-    /// the largest r/ρ of leg `i`, and the largest speed of the platform's point that is at its base
-    /// anchor. `None` where the tool axis may come to the base anchor.
+    /// Bounds, within a ball of radius `reach` of poses, whose base anchors move by `travel` in addition:
+    /// the largest r/ρ of leg `i`, and the largest speed of the platform's point at its base
+    /// anchor. `None` if the tool axis may reach the base anchor.
     pub fn widened(
         &self,
         placed: &Placed<N>,
@@ -88,7 +88,7 @@ impl<const N: usize> Rings<'_, N> {
         reach: f64,
         travel: f64,
     ) -> Option<Widened> {
-        // A bound that the compiler knows.
+        // The compiler knows this bound.
         let i = i.min(N - 1);
         if !(self.radius[i] > 0.0) {
             return Some(Widened { ratio: 0.0, speed: 0.0 });
@@ -100,8 +100,8 @@ impl<const N: usize> Rings<'_, N> {
         Some(Widened { ratio, speed })
     }
 
-    /// r/ϱ of leg `i` where its base anchor may be nearer to the axis by `nearer`; `None` where the axis
-    /// may come to it.
+    /// Computes r/ϱ of leg `i` if its base anchor may be nearer to the axis by `nearer`; `None` if the axis
+    /// may reach it.
     pub fn ratio(&self, placed: &Placed<N>, i: usize, nearer: f64) -> Option<f64> {
         let i = i.min(N - 1);
         if !(self.radius[i] > 0.0) {
@@ -111,7 +111,7 @@ impl<const N: usize> Rings<'_, N> {
         (rho > 0.0).then(|| self.radius[i] / rho)
     }
 
-    /// Refuses poses whose base anchors stand within the cylinders over their rings.
+    /// Refuses poses whose base anchors are within the cylinders over their rings.
     pub fn refuse_within(&self, placed: &Placed<N>, count: usize) -> Result<(), Fault> {
         for i in 0..count.min(N) {
             if !(placed.rho[i] >= self.radius[i]) {
@@ -121,7 +121,7 @@ impl<const N: usize> Rings<'_, N> {
         Ok(())
     }
 
-    /// Distance of the ring's farthest point from the reference point.
+    /// Returns the distance of the ring's farthest point from the reference point.
     pub fn farthest(&self, i: usize) -> f64 {
         let i = i.min(N - 1);
         let centre = self.centre.get(i);
@@ -129,15 +129,15 @@ impl<const N: usize> Rings<'_, N> {
     }
 }
 
-/// The tool axis in base.
+/// Returns the tool axis in base.
 #[inline(always)]
 fn axis_of(rotation: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(rotation[(0, 2)], rotation[(1, 2)], rotation[(2, 2)])
 }
 
-/// What bounds the turning of a ring, see [`Rings::widened`].
+/// Bounds of a ring's rotation, see [`Rings::widened`].
 pub(crate) struct Widened {
-    /// Of radius and distance from the axis.
+    /// Radius divided by distance from the axis.
     pub ratio: f64,
     /// Per unit of motion in the chart.
     pub speed: f64,
@@ -147,16 +147,16 @@ pub(crate) struct Widened {
 mod tests {
     use super::*;
 
-    /// Some roundings of numbers below 20.
+    /// A few roundings of numbers below 20.
     const ROUNDING: f64 = 1e-14;
 
-    /// Rings of radius 3 that are 1 over the reference point, and points there.
+    /// Passes on rings of radius 3 that are 1 over the reference point, and points there.
     fn with_rings<T>(see: impl FnOnce(&Rings<4>) -> T) -> T {
         let centre = Lanes3::from_fn(|_| Vector3::new(0.0, 0.0, 1.0));
         see(&Rings { radius: &[3.0, 3.0, 0.0, 0.0], centre: &centre, per_radius: 0.5 })
     }
 
-    /// Legs from these base anchors, about a reference point in the origin.
+    /// Creates legs from these base anchors, about a reference point in the origin.
     fn legs(bases: [[f64; 3]; 4], rotation: &Matrix3<f64>) -> Placed<4> {
         let mut placed = Placed::ZERO;
         for (i, base) in bases.into_iter().enumerate() {
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn a_strut_ends_where_the_ring_is_nearest_whichever_point_it_was_at() {
-        // 3 + 4 from the axis and 3 below the ring: 3, 4, 5; and the same beside, 0.6 to 0.8.
+        // 3 + 4 from the axis and 3 below the ring: 3, 4, 5; then in the direction 0.6 to 0.8.
         let bases = [[7.0, 0.0, -2.0], [-4.2, 5.6, 4.0], [3.0, 0.0, 5.0], [0.0, 0.0, 3.0]];
         let mut placed = legs(bases, &Matrix3::identity());
         for _ in 0..2 {
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn the_axis_of_a_ring_is_that_of_a_tilted_platform() {
-        // Half a turn about X and Z alike: what was up is X.
+        // Half a turn about the bisector of X and Z: up becomes X.
         let tilted = Matrix3::new(0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0);
         let placed = legs([[-2.0, 0.0, 7.0], [4.0, 5.6, -4.2], [0.0; 3], [0.0; 3]], &tilted);
         for i in 0..2 {

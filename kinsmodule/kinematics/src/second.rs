@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A second mechanism beside the first one: its layout, and which letters of LinuxCNC's pose stand
-//! for its coordinates.
+//! A second mechanism beside the first one: its layout, and the letters of LinuxCNC's pose that
+//! represent its coordinates.
 //!
-//! The rule: U V W are its X Y Z. Its angles take free letters of A B C, one for one in the order in
-//! which both are written. Its joints stand behind those of the first mechanism, table included.
+//! The rule: U V W are its X Y Z. Its angles use free letters of A B C, one for each in the order in
+//! which both are written. Its joints follow those of the first mechanism and its table.
 
 use crate::layout::{Layout, MAX_LEGS};
 use crate::letters::{Letter, Letters};
 use crate::load_error::LoadError;
 
-/// What the load parameters say of the letters of a second mechanism.
+/// The letters of a second mechanism, from the load parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Second {
     layout: Layout,
-    /// Place in LinuxCNC's pose of each of X Y Z A B C; that of a held one means nothing.
+    /// Index in LinuxCNC's pose of each of X Y Z A B C; undefined for a held one.
     places: [u8; 6],
 }
 
 impl Second {
-    /// Of `legs` legs that move `coordinates`, whose angles have the letters `angles` of LinuxCNC's
-    /// pose, beside a first mechanism.
+    /// Creates the layout of `legs` legs that move `coordinates`, whose angles have the letters `angles` of
+    /// LinuxCNC's pose, beside a first mechanism.
     ///
     /// # Errors
-    /// As [`Layout::new`]; more legs together than a module drives, a number of `angles` that is not
-    /// that of the angles in `coordinates`, a letter that the first mechanism moves.
+    /// As [`Layout::new`]; more legs in total than a module supports, a number of `angles` that differs
+    /// from the number of angles in `coordinates`, a letter that the first mechanism moves.
     pub fn new(
         legs: usize,
         coordinates: Letters,
@@ -55,23 +55,23 @@ impl Second {
         Ok(Self { layout, places })
     }
 
-    /// Numbers and letters, as of a machine alone.
+    /// Returns numbers and letters, as for a separate machine.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Place in LinuxCNC's pose of one of its coordinates; `None` for one that it holds at 0.
+    /// Returns the index in LinuxCNC's pose of one of its coordinates; `None` for a held one.
     pub fn place(&self, letter: Letter) -> Option<usize> {
         let place = self.places.get(letter.index()).map(|place| usize::from(*place));
         place.filter(|_| !self.layout.is_held(letter))
     }
 
-    /// Places in LinuxCNC's pose of the coordinates that it moves.
+    /// Returns the indices in LinuxCNC's pose of the coordinates that it moves.
     pub fn places(&self) -> impl Iterator<Item = usize> + '_ {
         Letter::ALL.into_iter().filter_map(|letter| self.place(letter))
     }
 
-    /// Its own pose X … C in LinuxCNC's; held coordinates are 0.
+    /// Returns its own pose X … C from LinuxCNC's; held coordinates are 0.
     pub fn pose_of(&self, world: &[f64; 9]) -> [f64; 6] {
         let mut pose = [0.0; 6];
         for (value, letter) in pose.iter_mut().zip(Letter::ALL) {
@@ -81,7 +81,7 @@ impl Second {
         pose
     }
 
-    /// Puts its own pose into LinuxCNC's, and leaves what is not its own alone.
+    /// Writes its own pose into LinuxCNC's, leaving the other letters unchanged.
     pub fn put(&self, pose: &[f64; 6], world: &mut [f64; 9]) {
         for (value, letter) in pose.iter().zip(Letter::ALL) {
             if let Some(coordinate) = self.place(letter).and_then(|place| world.get_mut(place)) {

@@ -1,35 +1,35 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The centre line of a leg, and how near two of them come to each other.
+//! The center line of a leg, and the distance between two of them.
 
 use nalgebra::Vector3;
 
-/// Squared sine of the angle below which two lines count as parallel: taking an end for the
-/// nearest point then errs by less than the root of it, a ten thousandth of a leg.
+/// Squared sine of the angle below which two lines count as parallel: treating an end as the
+/// nearest point then causes an error below its root, a ten thousandth of a leg.
 const PARALLEL: f64 = 1e-8;
 
 /// One leg at a pose, in base, machine units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
-    /// Base anchor, or where carriage or arm have moved it to.
+    /// Base anchor, as moved by carriage or arm.
     pub base: Vector3<f64>,
     /// Platform anchor.
     pub platform: Vector3<f64>,
 }
 
 impl Segment {
-    /// From base to platform.
+    /// Returns the vector from base to platform.
     pub fn span(&self) -> Vector3<f64> {
         self.platform - self.base
     }
 
-    /// Smallest distance to another segment.
+    /// Computes the smallest distance to another segment.
     pub fn distance(&self, other: &Self) -> f64 {
         self.gap(other).norm()
     }
 
-    /// The shortest vector from another segment to this one.
+    /// Computes the shortest vector from another segment to this one.
     ///
-    /// Between the lines' nearest points where both lie within the segments, else the best of
+    /// Between the lines' nearest points if both are within the segments, otherwise the shortest one at
     /// the four ends.
     pub fn gap(&self, other: &Self) -> Vector3<f64> {
         let (d, e) = (self.platform - self.base, other.platform - other.base);
@@ -39,7 +39,7 @@ impl Segment {
         let s = (de * e.dot(&across) - ee * d.dot(&across)) / determinant;
         let t = (dd * e.dot(&across) - de * d.dot(&across)) / determinant;
         let inside = (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t);
-        // (Nearly) parallel lines have their nearest points anywhere: an end is as near.
+        // (Nearly) parallel lines are equally near everywhere: an end is as good.
         if inside && determinant > PARALLEL * dd * ee {
             return across + d * s - e * t;
         }
@@ -54,7 +54,7 @@ impl Segment {
         gap
     }
 
-    /// The shortest vector from this segment to a point.
+    /// Computes the shortest vector from this segment to a point.
     fn gap_to(&self, point: &Vector3<f64>) -> Vector3<f64> {
         let along = self.platform - self.base;
         let share = along.dot(&(point - self.base)) / along.norm_squared().max(f64::MIN_POSITIVE);
@@ -66,7 +66,7 @@ impl Segment {
 mod tests {
     use super::*;
 
-    /// The distance by stepping finely along both segments.
+    /// Finds the distance in small steps along both segments.
     fn by_search(one: &Segment, other: &Segment) -> f64 {
         let at = |s: &Segment, k: u32| s.base + (s.platform - s.base) * (f64::from(k) / 400.0);
         let mut least = f64::INFINITY;
@@ -86,10 +86,10 @@ mod tests {
             let one = Segment { base: point(0), platform: point(1) };
             let other = Segment { base: point(2), platform: point(3) };
             let (found, expected) = (one.distance(&other), by_search(&one, &other));
-            // The search only visits points 1/400 of at most 3.5 apart.
+            // The search only visits points that are 1/400 of at most 3.5 apart.
             assert!(found <= expected + 1e-12 && found > expected - 0.01, "{found} {expected}");
             assert!((found - other.distance(&one)).abs() < 1e-12);
-            // No end of one lies behind the plane through the other's nearest point.
+            // No end of either segment is behind the plane through the other's nearest point.
             let gap = one.gap(&other);
             let least = gap.dot(&one.base).min(gap.dot(&one.platform));
             let most = gap.dot(&other.base).max(gap.dot(&other.platform));
@@ -111,16 +111,16 @@ mod tests {
     fn gaps_are_the_vectors_between_the_nearest_points_at_numbers_by_hand() {
         let along_x = segment([-1.0, 0.0, 0.0], [3.0, 0.0, 0.0]);
         for (other, gap) in [
-            // Lines that pass each other within both, square and at 3 to 4.
+            // Lines that cross within both segments, perpendicular, 3 and 4 from the ends.
             (segment([2.0, -5.0, 2.0], [2.0, 1.0, 2.0]), [0.0, 0.0, -2.0]),
             (segment([-2.0, -4.0, -7.0], [4.0, 4.0, -7.0]), [0.0, 0.0, 7.0]),
-            // An end beside the middle of the other.
+            // An end beside the middle of the other segment.
             (segment([1.0, 2.0, 0.0], [4.0, 6.0, 0.0]), [0.0, -2.0, 0.0]),
             (segment([0.5, -8.0, 1.0], [0.5, -3.0, 1.0]), [0.0, 3.0, -1.0]),
-            // Two ends, 3 and 4 apart, before and behind.
+            // Two ends, offset by 3 and 4, on either side.
             (segment([6.0, 4.0, 0.0], [9.0, 9.0, 5.0]), [-3.0, -4.0, 0.0]),
             (segment([-9.0, 9.0, 5.0], [-4.0, 4.0, 0.0]), [3.0, -4.0, 0.0]),
-            // Parallel: beside each other, and one behind the other.
+            // Parallel: beside each other, and one after the other.
             (segment([-5.0, 1.0, 2.0], [7.0, 1.0, 2.0]), [0.0, -1.0, -2.0]),
             (segment([8.0, 0.0, 0.0], [5.0, 0.0, 0.0]), [-2.0, 0.0, 0.0]),
             // A point.
@@ -129,7 +129,7 @@ mod tests {
             let turned = |leg: &Segment| Segment { base: leg.platform, platform: leg.base };
             for one in [along_x, turned(&along_x)] {
                 for other in [other, turned(&other)] {
-                    // Some roundings of numbers below 10.
+                    // A few roundings of numbers below 10.
                     let expected = Vector3::from(gap);
                     let off = (one.gap(&other) - expected).norm();
                     assert!(off < 1e-14, "{other:?}: {:?}", one.gap(&other));

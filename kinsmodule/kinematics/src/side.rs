@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! On which side of the singular poses a pose stands.
+//! The side of the singular poses on which a pose is.
 //!
-//! Where a motion passes a singular pose the sign of det J changes. Joints beyond the fold belong to
-//! two poses that are near each other, the commanded one and its mirror image on the near side.
-//! Forward follows the joints, never passes a singular pose, and finds the mirror image: every answer
-//! of it is right, and the sequence is not the machine's motion. So commanded poses have to stay on
+//! When a motion passes a singular pose, the sign of det J changes. Joints beyond the fold belong to
+//! two nearby poses, the commanded one and its mirror image on the near side. Forward follows the
+//! joints, never passes a singular pose, and finds the mirror image: each of its results is a correct
+//! solution, but the sequence is not the machine's motion. Commanded poses must therefore stay on
 //! forward's side.
 //!
-//! The sign is not computed anew for every pose: it stays where J stays regular, on a ball of radius
-//! ρ with L(ρ) ρ < 1 (module `certificate`). There the base anchors stand still; here the joints
-//! follow the pose, and rods turn faster: a rod with the margin m (module `leg`) whose margin stays
-//! above m/2 moves its lower end by 2 s₁/m at most per unit of motion, which adds 2 s₁²/(m l) to its k.
+//! The sign is not recomputed for every pose: it is constant while J is regular, in a ball of radius
+//! ρ with L(ρ) ρ < 1 (module `certificate`). There the base anchors are fixed; here the joints
+//! follow the pose, and rods rotate faster: the lower end of a rod with margin m (module `leg`) moves, as long
+//! as the margin stays above m/2, by at most 2 s₁/m per unit of motion, which adds 2 s₁²/(m l) to its k.
 
 use crate::certificate::lipschitz_constant;
 use crate::fault::Fault;
@@ -23,35 +23,35 @@ use crate::pseudo_inverse::PseudoInverse;
 use libm::sqrt;
 use nalgebra::Vector3;
 
-/// Radius of the first ball to be tried, as a share of 1/L at its middle: L grows with the ball.
+/// Radius of the first ball to try, as a share of 1/L at its center: L grows with the ball.
 const FIRST_SHARE: f64 = 0.7;
 
-/// Balls to be tried, each half as large as the one before.
+/// Number of balls to try, each half as large as the one before.
 const TRIES: u32 = 4;
 
-/// The side of the singular poses on which a pose stands, and how far from it that is proved.
+/// The side of the singular poses on which a pose is, and the distance for which that is proved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Side {
     sign: i32,
     pose: Pose,
     tool: Vector3<f64>,
-    /// Length from the control point to the reference point.
+    /// Distance from the control point to the reference point.
     lever: f64,
     radius: f64,
     reach: f64,
 }
 
 impl Side {
-    /// Whether a singular pose lies between the two on any way: both signs of det J are known, and
+    /// Returns whether every path between the two passes a singular pose: both signs of det J are known and
     /// differ. Machines with more legs than coordinates have no such sign.
     pub fn opposes(&self, other: &Self) -> bool {
         self.sign * other.sign < 0
     }
 
-    /// Whether another pose is so near that it certainly stands on the same side.
+    /// Returns whether another pose is so near that it is certainly on the same side.
     ///
-    /// The platform turns by no more than A, B and C change together, its reference point
-    /// t − o + R (o + reference) goes no farther than t goes, twice o, and its lever turns.
+    /// The platform rotates by no more than A, B and C change in total; its reference point
+    /// t − o + R (o + reference) moves no farther than t, twice o, and the rotation of its lever together.
     pub fn reaches(&self, pose: &Pose, tool: &Vector3<f64>) -> bool {
         let turn = (pose.angles - self.pose.angles).abs().sum();
         let retooled = (tool - self.tool).abs().sum();
@@ -63,7 +63,7 @@ impl Side {
 }
 
 impl Machine {
-    /// The side on which a pose stands.
+    /// Computes the side on which a pose is.
     ///
     /// # Errors
     /// As [`Machine::inverse`].
@@ -71,8 +71,8 @@ impl Machine {
         each!(self, m => m.side(pose, tool))
     }
 
-    /// Largest way of a leg's joint from one set of values to another as a length, machine units: of a
-    /// crank the way of the arm's end.
+    /// Computes the largest travel of a leg's joint between two sets of values as a length, machine units; for
+    /// a crank, the travel of the arm's end.
     pub fn travel(&self, from: &Joints, to: &Joints) -> f64 {
         each!(self, m => m.travel(from, to))
     }
@@ -99,13 +99,13 @@ impl<const N: usize> Mechanism<N> {
 
     pub fn travel(&self, from: &Joints, to: &Joints) -> f64 {
         let legs = self.legs.iter().zip(from.iter().zip(to)).take(self.count());
-        // The margin of a transmission of 1 is 1 over the largest transmission.
+        // The margin for a transmission of 1 is 1 over the largest transmission.
         let ways =
             legs.map(|(leg, (from, to))| (to - from).abs() / leg.margin(1.0).map_or(1.0, f64::abs));
         ways.fold(0.0, f64::max)
     }
 
-    /// Radius ρ of a ball with L(ρ) ρ < 1; 0 where none was found.
+    /// Finds the radius ρ of a ball with L(ρ) ρ < 1; 0 if none was found.
     fn largest_ball(&self, lipschitz: impl Fn(f64) -> Option<f64>) -> f64 {
         let Some(least) = lipschitz(0.0) else { return 0.0 };
         let mut rho = FIRST_SHARE / least;
@@ -118,8 +118,8 @@ impl<const N: usize> Mechanism<N> {
         0.0
     }
 
-    /// What the rods' lower ends, which follow the pose, add to L of the ball of radius `rho`;
-    /// `None` where a rod may come too near to its dead point, or a base anchor within the cylinder
+    /// Computes the addition of the rods' lower ends, which follow the pose, to L of the ball of radius `rho`;
+    /// `None` if a rod may come too near to its dead point, or a base anchor within the cylinder
     /// over its ring.
     fn of_joints(
         &self,
@@ -161,7 +161,7 @@ mod tests {
     use crate::leg::{LegKind, SliderGeometry};
     use crate::letters::Letters;
 
-    /// Three carriages on upright guides, rods of 5 that reach 3 inwards and 4 up.
+    /// Creates three carriages on vertical guides with rods of 5 that reach 3 inwards and 4 up.
     fn delta() -> Mechanism<4> {
         let legs = [[3.0, 0.0], [-3.0, 0.0], [0.0, 3.0]].map(|[x, y]| {
             let kind =
@@ -182,8 +182,8 @@ mod tests {
         let columns = machine.charted_rows(&legs.placed, None, &legs.placement.place);
         let inverse = PseudoInverse::new(&columns, &machine.active).unwrap();
         let add = |rho| machine.of_joints(&legs.placed, &legs.target.joints, &inverse, rho);
-        // A margin of 4/5 and s1 = 1: a lower end goes at 2/0.8, its rod turns at 1 + 2/0.8 over 5,
-        // up to 0.4; each adds 2/(0.8 · 5). Some roundings.
+        // A margin of 4/5 and s1 = 1: a lower end moves at 2/0.8, its rod rotates at 1 + 2/0.8 over 5,
+        // up to 0.4; each adds 2/(0.8 · 5). A few roundings.
         let most = 0.4 * 5.0 / 3.5;
         assert!(add(most * 0.999_999).is_some() && add(most * 1.000_001).is_none());
         let expected = inverse.inverse_norm() * sqrt(3.0) * 0.5;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Smallest singular value of an N × 6 matrix stored by columns.
 //!
-//! Householder's reflections from both sides leave an upper bidiagonal matrix B with the same
-//! singular values, to rounding of the largest one. The smallest eigenvalue of BᵀB is then found by
-//! Laguerre's method from 0: where all roots of a polynomial are real its steps rise to the smallest
+//! Householder reflections from both sides produce an upper bidiagonal matrix B with the same
+//! singular values, to rounding of the largest one. The smallest eigenvalue of BᵀB is then computed with
+//! Laguerre's method from 0: if all roots of a polynomial are real, its steps increase to the smallest
 //! one and never pass it. BᵀB − x I is factored by the stationary quotient-difference recurrence,
-//! which keeps small eigenvalues apart from 0; its derivatives along x give the two sums that the
+//! which preserves the accuracy of small eigenvalues; its derivatives by x give the two sums that the
 //! method needs. No pivot search: time is bounded.
 //!
 //! Sources: Golub & Van Loan, Matrix Computations, section 5.4.8 (bidiagonal form); Parlett,
@@ -15,19 +15,19 @@
 use crate::lanes::{both, inner, pair, put};
 use libm::sqrt;
 
-/// Steps of Laguerre's method at most: next to a simple root it triples the digits; of a root that
-/// is there m times at least 0.6 of what lacks is made good, so that 40 steps leave no digit.
+/// Largest number of steps of Laguerre's method: near a simple root each step triples the digits; for a
+/// root of multiplicity m it removes at least 0.6 of the error, so that 40 steps suffice.
 const STEPS: usize = 40;
 
-/// A step as small as this share of the value is rounding.
+/// A step below this share of the value is rounding.
 const SETTLED: f64 = 1e-14;
 
 /// Room for rounding of products of columns, as a share of the sum of all squares: far above the
 /// roundings of a factor of six columns (1e-14), far below any square that is asked for.
 const ROOM: f64 = 1e-12;
 
-/// Smallest singular value of the active columns; infinite where none is active. It is off by some
-/// roundings of the largest one.
+/// Computes the smallest singular value of the active columns; infinite if none is active. The error is a
+/// few roundings of the largest one.
 pub(crate) fn smallest_singular_value<const N: usize>(
     columns: &[[f64; N]; 6],
     active: &[bool; 6],
@@ -46,8 +46,8 @@ pub(crate) fn smallest_singular_value<const N: usize>(
     Bidiagonal::of(front, count.min(N).min(6)).smallest()
 }
 
-/// Whether the smallest singular value of the active columns is surely above `least`, in a third of
-/// the work that the value takes: AᵀA − least² I then has a Cholesky factor, with room for rounding.
+/// Returns whether the smallest singular value of the active columns is certainly above `least`, at a third
+/// of the cost of the value: AᵀA − least² I then has a Cholesky factor, with an allowance for rounding.
 pub(crate) fn is_surely_above<const N: usize>(
     columns: &[[f64; N]; 6],
     active: &[bool; 6],
@@ -86,7 +86,7 @@ struct Bidiagonal {
 }
 
 impl Bidiagonal {
-    /// Of the first `count` columns.
+    /// Reduces the first `count` columns.
     fn of<const N: usize>(mut a: [[f64; N]; 6], count: usize) -> Self {
         let mut found = Self { count, diagonal: [0.0; 6], above: [0.0; 6] };
         for k in 0..6.min(N) {
@@ -102,7 +102,7 @@ impl Bidiagonal {
         found
     }
 
-    /// The root of the smallest eigenvalue of BᵀB.
+    /// Computes the square root of the smallest eigenvalue of BᵀB.
     fn smallest(&self) -> f64 {
         let (mut x, count) = (0.0, self.count as f64);
         for _ in 0..STEPS {
@@ -117,7 +117,7 @@ impl Bidiagonal {
         sqrt(x)
     }
 
-    /// Sums over 1/(λ − x) and its square; `None` at or beyond the smallest λ.
+    /// Computes the sums of 1/(λ − x) and of its square; `None` at or beyond the smallest λ.
     ///
     /// The pivots p of BᵀB − x I are q + s, with s' = e s/p − x for the next one.
     #[inline(always)]
@@ -141,8 +141,8 @@ impl Bidiagonal {
     }
 }
 
-/// Reflects the lanes of a column from `k` on into the first of them, and the columns behind it
-/// along; the square of what it has there.
+/// Reflects the lanes of a column from `k` on into the first of them, and applies the reflection to the
+/// columns after it; returns the square of the resulting element.
 #[inline(always)]
 fn clear_column<const N: usize>(column: &[f64; N], rest: &mut [[f64; N]], k: usize) -> f64 {
     let mut v = *column;
@@ -165,7 +165,7 @@ fn clear_column<const N: usize>(column: &[f64; N], rest: &mut [[f64; N]], k: usi
     square
 }
 
-/// Reflects lane `k` of columns into the first of them; the square of what it has there.
+/// Reflects lane `k` of columns into the first of them; returns the square of the resulting element.
 #[inline(always)]
 fn clear_row<const N: usize>(columns: &mut [[f64; N]], k: usize) -> f64 {
     let mut v = [0.0; 6];
@@ -203,7 +203,7 @@ mod tests {
 
     fn check<const N: usize>(columns: &[[f64; N]; 6], expected: f64) {
         let found = smallest_singular_value(columns, &[true; 6]);
-        // 1e-13: some reflections' rounding of numbers of size 1.
+        // 1e-13: rounding of several reflections of numbers of size 1.
         assert!((found - expected).abs() < 1e-13, "{found} {expected}");
     }
 
@@ -235,11 +235,11 @@ mod tests {
             }
         }
         assert!(sure > 780, "{sure}");
-        // Fewer lanes than columns hold nothing.
+        // With fewer lanes than columns the matrix is singular.
         assert!(!is_surely_above(&[[1.0; 4]; 6], &[true; 6], 0.0));
     }
 
-    /// Q D Pᵀ of two rotations of six dimensions.
+    /// Creates Q D Pᵀ with two rotations of six dimensions.
     fn with_values(values: [f64; 6], case: usize) -> [[f64; 6]; 6] {
         let turn = |from: usize| {
             let mut q = SMatrix::<f64, 6, 6>::identity();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Three legs that move X, Y and Z and nothing else: a pose as the point where three spheres meet.
+//! Closed form for three legs that move only X, Y and Z: the pose is an intersection of three spheres.
 //!
-//! The platform keeps its orientation, so that leg i, whatever its kind, holds the control point t on a
+//! The platform keeps its orientation, so that leg i of any kind constrains the control point t to a
 //! sphere: |t − sᵢ| = dᵢ with sᵢ = cᵢ − bᵢ, c its moving base anchor and b its platform anchor. The
 //! tool moves no leg of such a machine. With a = s₂ − s₁, b = s₃ − s₁ and N = a × b
 //!
@@ -10,28 +10,28 @@
 //! y = λ a + μ b,               a · y = (|a|² + d₁² − d₂²)/2,   b · y = (|b|² + d₁² − d₃²)/2
 //! ```
 //!
-//! The two points are mirror images in the plane of the centres. There they meet, and J is singular:
-//! with uᵢ the unit vectors along the legs, det(u₁, u₂, u₃) = ± h |N|/(d₁ d₂ d₃) = D.
+//! The two points are mirror images in the plane of the centers. On that plane they coincide, and J is
+//! singular: with uᵢ the unit vectors along the legs, det(u₁, u₂, u₃) = ± h |N|/(d₁ d₂ d₃) = D.
 //!
 //! **Which of the two, and why it is connected with the seed.** The one on the seed's side of the
-//! plane, if the way to it is so short that the joints cannot have led elsewhere. Joints are measured
-//! as ways pᵢ of the legs' lower ends here, which is linear in them. At a margin m (module `leg`; 1 for
-//! a strut) |∂p/∂t| ≤ 1/m and |∂²p/∂t²| ≤ k/m³, and m² falls by 2 k per unit of length at most, with
-//! k = 1/d for struts and sliders, 1/d + 1/arm for cranks. (That of a strut stays, and d falls to d − ρ:
-//! 1/(d − ρ) is within what a margin that falls makes of it, as (1 − 2 ρ/d)^(3/2) ≤ 1 − ρ/d.) M the inverse of ∂p/∂t at t, whose columns
-//! are mᵢ (uⱼ × uₖ)/D, the bound of ‖M ∂p/∂t − 1‖ at a distance ρ from t is
+//! plane, if the path to it is so short that the joints cannot have led elsewhere. Joints are measured
+//! here as travels pᵢ of the legs' lower ends, which are linear in them. At a margin m (module `leg`; 1 for
+//! a strut) |∂p/∂t| ≤ 1/m and |∂²p/∂t²| ≤ k/m³, and m² decreases by at most 2 k per unit of length, with
+//! k = 1/d for struts and sliders, 1/d + 1/arm for cranks. (For a strut m is constant and d decreases to
+//! d − ρ: 1/(d − ρ) is covered by the bound for a decreasing margin, because (1 − 2 ρ/d)^(3/2) ≤ 1 − ρ/d.)
+//! With M the inverse of ∂p/∂t at t, whose columns
 //!
 //! ```text
 //! Λ ρ,   Λ = Σ mᵢ k/mᵢ³ (smallest m within ρ) / |D|
 //! ```
 //!
 //! Let w be the distance of the seed, ρ = 2 w and w Σ k ≤ m² |D|/12, m the smallest margin at t. Within
-//! ρ m² stays above 2/3 of what it is, so that Λ w ≤ (3/2)^(3/2)/12 < 1/6 and Λ ρ < 1/3. There p is
-//! one-to-one, a step of M p leads between 2/3 and 4/3 as far as one of t, and the straight line of the
-//! joints from the seed's to those of t, at most 4 w/3 long as M p, is that of points within 2 w.
+//! ρ, m² stays above 2/3 of its value, so that Λ w ≤ (3/2)^(3/2)/12 < 1/6 and Λ ρ < 1/3. There p is
+//! one-to-one, a step of M p is between 2/3 and 4/3 as long as that of t, and the straight line of the
+//! joints from the seed's to those of t, at most 4 w/3 long as M p, corresponds to points within 2 w.
 //! Nothing in that ball is singular or at a dead point.
 //!
-//! What this does not accept is left to the general method, which also says what is wrong.
+//! All other cases are left to the general method, which also determines the cause of a refusal.
 
 use crate::geometry::{FARTHEST, HUGE};
 use crate::lanes::{
@@ -44,22 +44,22 @@ use crate::trig::{RADIANS, arcs_all_around};
 use nalgebra::Vector3;
 use wide::f64x2;
 
-/// Least |D| at which the closed form counts: its rounding grows with 1/D².
+/// Smallest |D| for which the closed form is used: its rounding grows with 1/D².
 const FLAT: f64 = 0.05;
 
-/// How many times the bound of the way is to fit into m² |D|.
+/// Ratio of m² |D| to the bound of the path below which a path counts as short.
 const SHORT: f64 = 12.0;
 
-/// Arms that point farther than this from their zero, in degrees, are near to where inverse kinematics
-/// jump by a turn: farther away than a way that counts as short can turn an arm, less than 1/10 rad.
+/// Arms farther than this from 0, in degrees, are near the angle at which the inverse kinematics jump by a
+/// turn: farther than any short path can rotate an arm, which is less than 1/10 rad.
 const MOST_TURNED: f64 = 170.0;
 
-/// The leg of a lane: two of them side by side, and twice the one that these are seen from.
+/// Returns the leg of a lane: two of them side by side, and twice the first one.
 const fn leg_of(lane: usize) -> usize {
     if lane < 2 { lane + 1 } else { 0 }
 }
 
-/// The vectors of the legs, in their order.
+/// Returns the vectors of the legs, in their order.
 #[inline(always)]
 fn of_legs([pair, alone]: &[[f64x2; 3]; 2]) -> [Vector3<f64>; 3] {
     let [[x1, x2], [y1, y2], [z1, z2]] = pair.map(f64x2::to_array);
@@ -67,8 +67,8 @@ fn of_legs([pair, alone]: &[[f64x2; 3]; 2]) -> [Vector3<f64>; 3] {
     [Vector3::new(x0, y0, z0), Vector3::new(x1, y1, z1), Vector3::new(x2, y2, z2)]
 }
 
-/// Angles of three arms in degrees, which point over the directions of 90 and of 0 degrees: the arcs in pairs,
-/// and none before every arm is known to reach.
+/// Computes the angles of three arms in degrees, from their components along 90 and 0 degrees: the arcs in
+/// pairs, and only after every arm is known to reach.
 #[inline(always)]
 fn angles([[s0, c0], [s1, c1], [s2, c2]]: [[f64; 2]; 3]) -> [f64; 3] {
     let pair = arcs_all_around(f64x2::new([s1, s2]), f64x2::new([c1, c2]));
@@ -77,12 +77,12 @@ fn angles([[s0, c0], [s1, c1], [s2, c2]]: [[f64; 2]; 3]) -> [f64; 3] {
     [zero, one, two].map(|arc| arc / RADIANS)
 }
 
-/// Of which kinds the legs are.
+/// Kinds of the legs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kinds {
     Struts,
     Sliders,
-    /// Any, leg by leg.
+    /// Any kinds, computed leg by leg.
     Mixed,
 }
 
@@ -92,19 +92,19 @@ pub(crate) struct Spheres {
     kinds: Kinds,
     legs: [Leg; 3],
     offset: [f64; 4],
-    /// Base anchors less platform anchors.
+    /// Base anchors minus platform anchors.
     origin: Lanes3<4>,
-    /// Of sliders.
+    /// Guides of sliders.
     guide: Lanes3<4>,
     towards: Lanes3<4>,
     side: [f64; 4],
     rod_square: [f64; 4],
     least_square: [f64; 4],
-    /// The margin of a strut, 1, and nothing for other legs.
+    /// The margin of a strut, 1; 0 for other legs.
     rest: [f64; 4],
     /// Per leg k times its length.
     bend: [f64; 4],
-    /// Where all lengths are those of rods.
+    /// Present if all lengths are those of rods.
     sizes: Option<Sizes>,
     /// Shortest length at which a leg has a direction.
     least_length: f64,
@@ -112,27 +112,27 @@ pub(crate) struct Spheres {
     farthest: f64,
 }
 
-/// What follows from the lengths of the legs.
+/// Constants that follow from the lengths of the legs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Sizes {
     /// Squares of the lengths.
     square: [f64; 4],
-    /// Least square of D d₁ d₂ d₃ that counts.
+    /// Smallest square of D d₁ d₂ d₃ for which the closed form is used.
     flat: f64,
     /// Square of 12 Σ k d₁ d₂ d₃.
     short: f64,
-    /// Half over the least length.
+    /// Half of 1 over the smallest length.
     half: f64,
 }
 
-/// What the joints make of the legs.
+/// Moving base anchors and lengths at the joint values.
 struct Driven {
     centre: [[f64x2; 3]; 2],
     towards: [[f64x2; 3]; 2],
     length: [f64; 4],
 }
 
-/// What a joint makes of its leg, unless its arm is turned too far.
+/// Computes a leg's state at its joint value, unless its arm is rotated too far.
 #[inline(always)]
 fn driven(leg: &Leg, q: f64) -> Option<Drive> {
     if matches!(leg, Leg::Crank(_)) && !(q.abs() <= MOST_TURNED) {
@@ -144,23 +144,23 @@ fn driven(leg: &Leg, q: f64) -> Option<Drive> {
 /// Which of the two points.
 #[derive(Clone, Copy)]
 pub(crate) enum Which<'a> {
-    /// The one on this one's side of the plane, if that is near.
+    /// The one on this point's side of the plane, if it is near.
     Near(&'a Vector3<f64>),
-    /// The one on the side with this sign, wherever it is.
+    /// The one on the side with this sign, at any distance.
     Side(f64),
 }
 
-/// Where the spheres meet.
+/// An intersection of the spheres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
     /// The control point.
     pub point: Vector3<f64>,
-    /// Bound of what a leg is off by, see [`crate::Solution::residual`].
+    /// Bound of a leg's residual, see [`crate::Solution::residual`].
     pub residual: f64,
 }
 
 impl Sizes {
-    /// `None` where a leg has no direction.
+    /// Computes the constants; `None` if a leg has no direction.
     #[inline(always)]
     fn of(length: &[f64; 4], bend: &[f64; 4], least: f64) -> Option<Self> {
         if !between(length, least, HUGE).all() {
@@ -181,8 +181,8 @@ impl Sizes {
 }
 
 impl Spheres {
-    /// Of three legs that move X, Y and Z, and end at points. (The correction of a screw changes with the
-    /// direction of its strut.)
+    /// Creates the spheres of three legs that move X, Y and Z, and end at points. (The correction of a screw
+    /// changes with the direction of its strut.)
     #[inline(always)]
     pub fn of(machine: &Mechanism<4>) -> Option<Self> {
         let moves = machine.active == [true, true, true, false, false, false];
@@ -238,8 +238,8 @@ impl Spheres {
         self.sizes = Sizes::of(&rod, &self.bend, self.least_length);
     }
 
-    /// Joint values of a control point, and of angles in any unit; `None` where the general method has
-    /// to tell. That takes the tool away and adds it again: it differs by these roundings.
+    /// Computes the joint values of a control point, and of angles in any unit; `None` if the general method
+    /// must decide. That method subtracts the tool and adds it again, so results differ by these roundings.
     #[inline(always)]
     pub fn joints(
         &self,
@@ -254,16 +254,16 @@ impl Spheres {
         self.joints_of(&self.ways(point))
     }
 
-    /// Ways from base anchors to platform anchors.
+    /// Computes the vectors from base anchors to platform anchors.
     #[inline(always)]
     fn ways(&self, point: &Vector3<f64>) -> [[f64x2; 3]; 2] {
-        // Wide from the start: pairs, see `lanes`.
+        // Both lanes from the start: pairs, see `lanes`.
         let place = wide(point);
         let way = |lane| difference(&place, &self.origin.pair(lane));
         [way(0), way(2)]
     }
 
-    /// Joint values of the ways from base anchors to platform anchors.
+    /// Computes the joint values of the vectors from base anchors to platform anchors.
     #[inline(always)]
     fn joints_of(&self, ways: &[[f64x2; 3]; 2]) -> Option<[f64; 3]> {
         if self.kinds == Kinds::Mixed {
@@ -275,7 +275,7 @@ impl Spheres {
         (known & is_known).all().then_some([zero, one, two])
     }
 
-    /// Joint values of the legs of two lanes, struts or sliders, and a mask of those that have any.
+    /// Computes the joint values of the legs of two lanes, struts or sliders, and a mask of those that exist.
     #[inline(always)]
     fn joints_of_two(&self, lane: usize, way: &[f64x2; 3]) -> (f64x2, f64x2) {
         let (native, known) = match self.kinds {
@@ -296,7 +296,7 @@ impl Spheres {
         (native - pair(&self.offset, lane), known)
     }
 
-    /// The same leg by leg.
+    /// Computes the joint values leg by leg.
     #[inline(always)]
     fn mixed_joints(&self, [way0, way1, way2]: &[Vector3<f64>; 3]) -> Option<[f64; 3]> {
         let [zero, one, two] = match &self.legs {
@@ -325,8 +325,8 @@ impl Spheres {
         within(tool.x) & within(tool.y) & within(tool.z)
     }
 
-    /// The point of the joint values that is connected with a seed, or on a side; `None` where the
-    /// general method has to find it, or to tell why there is none. `accepted` is the largest residual of
+    /// Finds the point of the joint values that is connected with a seed, or on a given side; `None` if the
+    /// general method must find it, or determine the refusal. `accepted` is the largest residual of
     /// a leg.
     #[inline(always)]
     pub fn meeting(
@@ -349,7 +349,7 @@ impl Spheres {
         self.is_within_reach(tool).then_some(met)
     }
 
-    /// Where the joints put the lower ends, and the lengths of the legs.
+    /// Computes the lower ends at the joint values, and the lengths of the legs.
     #[inline(always)]
     fn drive(&self, [zero, one, two]: &[f64; 3]) -> Option<Driven> {
         let q = f64x2::new([*one, *two]) + pair(&self.offset, 0);
@@ -370,7 +370,7 @@ impl Spheres {
         }
     }
 
-    /// The same leg by leg.
+    /// Computes the lower ends and lengths leg by leg.
     #[inline(always)]
     fn drive_mixed(&self, [zero, one, two]: [f64; 3]) -> Option<Driven> {
         let [of_zero, of_one, of_two] = &self.legs;
@@ -386,8 +386,8 @@ impl Spheres {
         Some(Driven { centre, towards: of(|drive| drive.towards), length })
     }
 
-    /// The formulas at the head of this file. What belongs to no pair has the same value in both lanes,
-    /// but for N, whose sign changes, and so does that of what is multiplied with it.
+    /// Evaluates the formulas at the head of this file. Quantities that belong to no pair have the same value in
+    /// both lanes, except for N and its products, whose sign alternates.
     #[inline(always)]
     fn met(
         &self,
@@ -441,7 +441,7 @@ impl Spheres {
         counts.all().then_some(Meeting { point: Vector3::new(x, y, z), residual })
     }
 
-    /// Sign of the side of the plane of the centres on which a control point is.
+    /// Returns the sign of the side of the plane of the centers on which a control point is.
     pub fn side(&self, point: &Vector3<f64>) -> Option<f64> {
         let joints = self.joints_of(&self.ways(point))?;
         let Driven { centre: [centre, from], .. } = self.drive(&joints)?;

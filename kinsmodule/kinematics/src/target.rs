@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What joints ask of the legs: from here on no leg kind exists.
+//! Targets that joints set for the legs: from here on the code does not depend on the kind of leg.
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::{Lanes3, between, pair, put};
 use crate::mechanism::Mechanism;
 
-/// Joints turned into what the solver sees: moving base anchors and target lengths.
+/// Joint values as seen by the solver: moving base anchors and target lengths.
 pub(crate) struct Target<const N: usize> {
     pub anchors: Lanes3<N>,
     pub length: [f64; N],
@@ -13,7 +13,7 @@ pub(crate) struct Target<const N: usize> {
 }
 
 impl<const N: usize> Target<N> {
-    /// To be filled in by [`Mechanism::aim`].
+    /// Creates a target to be filled in by [`Mechanism::aim`].
     #[inline(always)]
     pub fn of(joints: [f64; N]) -> Self {
         Self { anchors: Lanes3::ZERO, length: [0.0; N], joints }
@@ -21,18 +21,18 @@ impl<const N: usize> Target<N> {
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Moving base anchors and target lengths of the joints.
+    /// Computes moving base anchors and target lengths of the joints.
     pub(crate) fn target(&self, joints: &[f64; N]) -> Result<Target<N>, Fault> {
         let mut target = Target::of(*joints);
         self.aim(&mut target)?;
         Ok(target)
     }
 
-    /// Fills a target in for its joints.
+    /// Fills in a target for its joints.
     #[inline(always)]
     pub(crate) fn aim(&self, target: &mut Target<N>) -> Result<(), Fault> {
         for i in (0..N).step_by(2) {
-            // Pair by pair: at once it would be a call of memcpy, which takes longer.
+            // Pair by pair: a copy of everything would be a call of memcpy, which takes longer.
             target.anchors.put(i, self.base.pair(i));
             put(&mut target.length, i, pair(&target.joints, i) + pair(&self.offset, i));
         }
@@ -42,7 +42,7 @@ impl<const N: usize> Mechanism<N> {
         self.drive(target)
     }
 
-    /// The same leg by leg, each as its kind has it; names the one that refuses.
+    /// Fills in a target leg by leg, each by its kind; names the leg that refuses.
     fn drive(&self, target: &mut Target<N>) -> Result<(), Fault> {
         for i in 0..N {
             let joint = target.joints[i];

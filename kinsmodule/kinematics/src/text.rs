@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Text for messages and names, made in the servo thread.
+//! Text for messages and names, formatted in the servo thread.
 //!
-//! `core::fmt` calls through pointers, so nobody can bound its stack, and its numbers keep
-//! panic paths. This does less: whole numbers, numbers to six digits, and text, into a
-//! buffer that cuts.
+//! `core::fmt` calls through pointers, so its stack cannot be bounded, and its number formatting keeps
+//! panic paths. This module formats only whole numbers, numbers to six digits, and text, into a
+//! buffer that truncates.
 
 use core::str::from_utf8;
 
@@ -23,10 +23,10 @@ const POWERS: [(f64, i32); 9] = [
     (1e1, 1),
 ];
 
-/// A piece of text.
+/// A part of a text.
 #[derive(Clone, Copy, Debug)]
 pub enum Piece<'a> {
-    /// As it is.
+    /// Copied unchanged.
     Text(&'a [u8]),
     /// A whole number.
     Whole(i64),
@@ -70,7 +70,7 @@ impl From<f64> for Piece<'_> {
     }
 }
 
-/// A [`Text`] of its parts: `text!["leg ", n, " of ", name]`.
+/// Creates a [`Text`] from its parts: `text!["leg ", n, " of ", name]`.
 #[macro_export]
 macro_rules! text {
     ($($part:expr),* $(,)?) => {
@@ -78,7 +78,7 @@ macro_rules! text {
     };
 }
 
-/// Text of at most `LENGTH` − 1 bytes; what is longer is cut. A zero byte follows it.
+/// Text of at most `LENGTH` − 1 bytes, truncated if longer. A zero byte follows it.
 #[derive(Clone, Copy, Debug)]
 pub struct Text<const LENGTH: usize> {
     bytes: [u8; LENGTH],
@@ -86,7 +86,7 @@ pub struct Text<const LENGTH: usize> {
 }
 
 impl<const LENGTH: usize> Text<LENGTH> {
-    /// All parts, one after the other.
+    /// Concatenates the parts.
     pub fn of(parts: &[Piece<'_>]) -> Self {
         let mut text = Self { bytes: [0; LENGTH], used: 0 };
         for part in parts {
@@ -104,12 +104,12 @@ impl<const LENGTH: usize> Text<LENGTH> {
         }
     }
 
-    /// The text with the zero that ends it, for C.
+    /// Returns the text with its terminating zero, for C.
     pub fn as_bytes_with_zero(&self) -> &[u8; LENGTH] {
         &self.bytes
     }
 
-    /// The text; a character that was cut is left out.
+    /// Returns the text without a truncated last character.
     pub fn as_str(&self) -> &str {
         let bytes = self.bytes.get(..self.used).unwrap_or_default();
         match from_utf8(bytes) {
@@ -121,7 +121,7 @@ impl<const LENGTH: usize> Text<LENGTH> {
         }
     }
 
-    // Called, not inlined: messages are rare, and the paths beside them short.
+    // A call, not inlined: messages are rare, and inlining would lengthen the callers.
     fn append(&mut self, text: &[u8]) {
         for byte in text {
             self.byte(*byte);
@@ -190,7 +190,7 @@ impl<const LENGTH: usize> Text<LENGTH> {
         }
     }
 
-    /// Digits without the zeros that end them, the point behind the one numbered `point`.
+    /// Appends digits without trailing zeros, with the decimal point after the digit numbered `point`.
     fn places(&mut self, digits: &[u8; DIGITS], point: i32) {
         let mut significant = DIGITS as i32;
         for digit in digits.iter().rev() {
@@ -212,7 +212,7 @@ impl<const LENGTH: usize> Text<LENGTH> {
     }
 }
 
-/// The digits of a positive number, and the power of ten of the first one.
+/// Computes the digits of a positive number, and the power of ten of the first one.
 fn decimal(mut number: f64) -> ([u8; DIGITS], i32) {
     let mut exponent = 0;
     if number >= 10.0 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Sines, cosines and arcs of angles that mostly are small, two at once: shorter than libm's.
+//! Sines, cosines and arcs of mostly small angles, two at once: faster than libm's.
 
 use crate::lanes::both;
 use core::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
@@ -12,24 +12,24 @@ pub(crate) const RADIANS: f64 = PI / 180.0;
 /// Degrees in a radian.
 pub(crate) const DEGREES: f64 = 180.0 / PI;
 
-/// Largest angle accepted, in degrees: beyond it argument reduction becomes slow and an angle has lost
-/// its meaning.
+/// Largest angle accepted, in degrees: beyond it argument reduction becomes slow and angles lose
+/// precision.
 pub(crate) const MAX_ANGLE_DEG: f64 = 1e6;
 
-/// Below this share of the cosine a sine's arc is a short series: the first term left out,
+/// Below this ratio of sine to cosine the arc is a short series: the first omitted term,
 /// t¹³/13, is less than half a unit in the last place.
 const SHORT: f64 = 0.03;
 
-/// atan2 for directions that mostly are next to (0, 1), where a short series is quicker.
+/// Computes atan2 for directions mostly near (0, 1), where a short series is faster.
 pub(crate) fn arc(sine: f64, cosine: f64) -> f64 {
-    // (0, 0) as well, whose quotient is none.
+    // Also for (0, 0), whose quotient is undefined.
     if !(sine.abs() < SHORT * cosine) {
         return atan2(sine, cosine);
     }
     short_arc(both(sine / cosine)).to_array()[0]
 }
 
-/// The same of two directions.
+/// Computes atan2 of two directions mostly near (0, 1).
 #[inline(always)]
 pub(crate) fn arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
     if !sine.abs().simd_lt(both(SHORT) * cosine).all() {
@@ -43,17 +43,17 @@ const BROAD: f64 = 7.0 / 16.0;
 
 const TAN_22_5: f64 = core::f64::consts::SQRT_2 - 1.0;
 
-/// atan2 of two directions that mostly are within 47° of (0, 1).
+/// Computes atan2 of two directions that are mostly within 47° of (0, 1).
 #[inline(always)]
 pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
     let (arcs, known) = arcs_by_half(sine, cosine);
     if known.all() { arcs } else { arcs_all_around(sine, cosine) }
 }
 
-/// atan2 of any two directions, by the nearest of 0°, 45° and 90° to their first octants.
+/// Computes atan2 of any two directions, from the nearest of 0°, 45° and 90° to their first octants.
 ///
-/// Sums, products and quotients alone, so that every processor gives the same bits: the function that
-/// `wide` has for this multiplies and adds in one rounding where the processor can.
+/// Uses only sums, products and quotients, so that every processor computes the same bits: the function
+/// in `wide` uses fused multiply-add where the processor has it.
 #[inline(always)]
 pub(crate) fn arcs_all_around(sine: f64x2, cosine: f64x2) -> f64x2 {
     let (rise, run) = (sine.abs(), cosine.abs());
@@ -61,7 +61,7 @@ pub(crate) fn arcs_all_around(sine: f64x2, cosine: f64x2) -> f64x2 {
     let (less, more) = (steep.select(run, rise), steep.select(rise, run));
     let level = less.simd_le(both(TAN_22_5) * more);
     let tangent = level.select(less, less - more) / level.select(more, less + more);
-    // What has no length has no direction either; its angle is 0.
+    // A zero vector has no direction; its angle is 0.
     let tangent = more.simd_eq(both(0.0)).select(both(0.0), tangent);
     let to_less = level.select(both(0.0), both(FRAC_PI_4)) + both(0.5) * twice_arcs(tangent);
     let first = steep.select(both(FRAC_PI_2) - to_less, to_less);
@@ -69,19 +69,19 @@ pub(crate) fn arcs_all_around(sine: f64x2, cosine: f64x2) -> f64x2 {
     behind.select(both(PI) - first, first).copysign(sine)
 }
 
-/// atan2 of any direction.
+/// Computes atan2 of any direction.
 #[inline(always)]
 pub(crate) fn arc_all_around(sine: f64, cosine: f64) -> f64 {
     arcs_all_around(both(sine), both(cosine)).to_array()[0]
 }
 
-/// atan2 of two directions within 47° of (0, 1) by half their angle, and a mask of those that this
-/// tells.
+/// Computes atan2 of two directions within 47° of (0, 1) from half their angle, and a mask of those for
+/// which the result is valid.
 #[inline(always)]
 pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
     let square = sine * sine + cosine * cosine;
     let base = cosine + square.sqrt();
-    // Where squares round to nothing or to infinity they tell no length; half a turn has no base.
+    // Squares that underflow or overflow give no length; for half a turn the base is 0.
     let known = square.simd_ge(both(1e-280))
         & square.simd_le(both(1e300))
         & sine.abs().simd_lt(both(BROAD) * base);
@@ -89,10 +89,10 @@ pub(crate) fn arcs_by_half(sine: f64x2, cosine: f64x2) -> (f64x2, f64x2) {
     (twice_arcs(t), known)
 }
 
-/// Twice the arcs whose tangents these are, up to [`BROAD`].
+/// Computes twice the arcs with these tangents, up to [`BROAD`].
 ///
-/// The polynomial is that of FreeBSD's msun (s_atan.c), which libm has as well; what the two say
-/// differs by some units in the last place.
+/// The polynomial is that of FreeBSD's msun (s_atan.c), which libm also uses; the results
+/// differ by a few units in the last place.
 #[inline(always)]
 fn twice_arcs(t: f64x2) -> f64x2 {
     const ARC: [f64; 11] = [
@@ -129,7 +129,7 @@ fn short_arc(t: f64x2) -> f64x2 {
 }
 
 /// Terms of the sine, x + x³ (t₀ + t₁ x² + …), and of the cosine, 1 − x²/2 + x⁴ (t₀ + …), for
-/// angles up to π/4. They are those of FreeBSD's msun (k_sin.c, k_cos.c), which libm has as well.
+/// angles up to π/4, from FreeBSD's msun (k_sin.c, k_cos.c), which libm also uses.
 const TERMS: [[f64; 2]; 6] = [
     [-1.666_666_666_666_663_2e-1, 4.166_666_666_666_66e-2],
     [8.333_333_333_322_49e-3, -1.388_888_888_887_411e-3],
@@ -139,8 +139,8 @@ const TERMS: [[f64; 2]; 6] = [
     [1.589_690_995_211_55e-10, -1.135_964_755_778_819_5e-11],
 ];
 
-/// Sines and cosines of two angles up to π/4, to about one unit in the last place: half the
-/// work of two calls of libm. The sine of −0 is +0.
+/// Computes sines and cosines of two angles up to π/4, to about one unit in the last place, at half the
+/// cost of two calls of libm. The sine of −0 is +0.
 #[inline(always)]
 pub(crate) fn short_sincos(x: f64x2) -> (f64x2, f64x2) {
     let z = x * x;
@@ -149,7 +149,7 @@ pub(crate) fn short_sincos(x: f64x2) -> (f64x2, f64x2) {
     (x + sine, both(1.0) + (cosine - both(0.5) * z))
 }
 
-/// Sine and cosine of one angle, side by side.
+/// Computes sine and cosine of one angle, side by side.
 #[inline(always)]
 pub(crate) fn short_sincos_of_one(x: f64) -> f64x2 {
     let z = both(x * x);
@@ -158,24 +158,24 @@ pub(crate) fn short_sincos_of_one(x: f64) -> f64x2 {
     f64x2::new([x, 1.0]) + (tail - f64x2::new([0.0, 0.5]) * z)
 }
 
-/// Angles up to which [`sincos`] takes quarter turns off by itself, in radians: products of up to 2²⁰ of them and
+/// Angles up to which [`sincos`] subtracts quarter turns itself, in radians: products of up to 2²⁰ of them and
 /// the first two parts of [`QUARTER`] are exact.
 const FAR: f64 = 2e4;
 
 const _: () = assert!(MAX_ANGLE_DEG * RADIANS < FAR && FAR < FRAC_PI_2 * (1 << 20) as f64);
 
-/// π/2 in three parts, the first two of at most 33 bits (FreeBSD's e_rem_pio2.c, which libm has as well).
+/// π/2 in three parts, the first two of at most 33 bits (FreeBSD's e_rem_pio2.c, which libm also uses).
 const QUARTER: [f64; 3] =
     [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
 
-/// Added to a number, this leaves its nearest whole number in the last bits.
+/// Adding this to a number leaves its nearest whole number in the last bits.
 const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
 
-/// Sines and cosines of any two angles, within [`FAR`] to about two units in the last place: seven tenths of the work of
-/// two calls of libm, which tells both where one is beyond.
+/// Computes sines and cosines of any two angles, within [`FAR`] to about two units in the last place, at seven
+/// tenths of the cost of two calls of libm, which computes both if one is beyond.
 #[inline(always)]
 pub(crate) fn sincos(x: f64x2) -> (f64x2, f64x2) {
-    // The same bits as below: nothing waits for quarter turns that are none.
+    // The same bits as below, without computing quarter turns.
     if x.abs().simd_le(both(FRAC_PI_4)).all() {
         return short_sincos(x);
     }
@@ -190,7 +190,7 @@ pub(crate) fn sincos(x: f64x2) -> (f64x2, f64x2) {
     (f64x2::new([s0, s1]), f64x2::new([c0, c1]))
 }
 
-/// Sine and cosine of any angle.
+/// Computes sine and cosine of any angle.
 #[inline(always)]
 pub(crate) fn sincos_of_one(x: f64) -> [f64; 2] {
     if x.abs() <= FRAC_PI_4 {
@@ -203,7 +203,7 @@ pub(crate) fn sincos_of_one(x: f64) -> [f64; 2] {
     turned(short_sincos_of_one(rest.to_array()[0]).to_array(), quarters.to_array()[0])
 }
 
-/// Angles less whole quarter turns, and the number of these in the last bits.
+/// Reduces angles by whole quarter turns, and returns the number of these in the last bits.
 #[inline(always)]
 fn within_an_octant(x: f64x2) -> (f64x2, f64x2) {
     let quarters = x * both(FRAC_2_PI) + both(WHOLE);
@@ -212,7 +212,7 @@ fn within_an_octant(x: f64x2) -> (f64x2, f64x2) {
     (((x - n * a) - n * b) - n * c, quarters)
 }
 
-/// Sine and cosine after so many quarter turns more.
+/// Returns sine and cosine after so many more quarter turns.
 #[inline(always)]
 fn turned([sine, cosine]: [f64; 2], quarters: f64) -> [f64; 2] {
     let n = quarters.to_bits();
@@ -222,7 +222,7 @@ fn turned([sine, cosine]: [f64; 2], quarters: f64) -> [f64; 2] {
     [signed(s, n), signed(c, n + 1)]
 }
 
-/// Sum of t_k z^k, in pairs of terms: whoever asks for it waits.
+/// Computes the sum of t_k z^k, in pairs of terms to shorten the dependency chain.
 #[inline(always)]
 fn polynomial([a, b, c, d, e, f]: [f64x2; 6], z: f64x2) -> f64x2 {
     let square = z * z;
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn arcs_are_those_of_libm_to_two_roundings_within_and_beyond_the_series() {
         for k in -400..=400 {
-            // Ratios to a third beyond where the series ends, either way round.
+            // Ratios up to a third beyond the end of the series, in either direction.
             let (sine, cosine) = (1e-4 * f64::from(k) * 3.0, 3.0);
             for (sine, cosine) in [(sine, cosine), (sine, -cosine), (cosine, sine)] {
                 let exact = atan2(sine, cosine);
@@ -256,7 +256,7 @@ mod tests {
         let near = |sine: f64, cosine: f64| {
             let [one, other] = broad_arcs(both(sine), f64x2::new([cosine, cosine])).to_array();
             let exact = atan2(sine, cosine);
-            // Two roundings of length, base and quotient each, and that of the polynomial.
+            // Two roundings each of length, base and quotient, and that of the polynomial.
             let allowed = 4.0 * f64::EPSILON * exact.abs();
             assert!((one - exact).abs() <= allowed && one == other, "{sine} {cosine}: {one}");
         };
@@ -271,7 +271,7 @@ mod tests {
             near(sine, -1.0);
             near(sine, 0.0);
         }
-        // One lane does not stand for the other.
+        // Neither lane affects the other.
         let apart = broad_arcs(f64x2::new([0.1, 2.0]), f64x2::new([1.0, -1.0])).to_array();
         assert!((apart[0] - atan2(0.1, 1.0)).abs() < 1e-16 && apart[1] == atan2(2.0, -1.0));
         assert!(broad_arcs(both(f64::NAN), both(1.0)).to_array()[0].is_nan());
@@ -307,7 +307,7 @@ mod tests {
                     // Two roundings of the angle within its octant, and those of the polynomial.
                     assert!((found - exact).abs() <= 2.0 * f64::EPSILON * exact.abs(), "{angle}");
                 }
-                // Of two angles of which one is beyond, libm tells both.
+                // If one of two angles is beyond, libm computes both.
                 if within || angle.abs() > FAR {
                     assert_eq!(sincos_of_one(angle), found, "{angle}");
                 }
@@ -321,7 +321,7 @@ mod tests {
                 near(angle);
             }
         }
-        // Beyond what quarter turns are taken from, one lane and both.
+        // Beyond the range of the reduction, in one lane and in both.
         for angle in [1.9e4, 6e4, 1e9, -1e300] {
             near(angle);
         }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What does not change about the legs of a frozen machine and is needed to watch them: where they
-//! point at the reference pose, the fixed axes of their joints, and which of them may not touch.
+//! Constants of a frozen machine's legs for monitoring: their directions at the reference pose, the
+//! fixed axes of their joints, and which of them must not touch.
 
 use crate::geometry::{Geometry, LegGeometry};
 use crate::lanes::{Lanes3, both, cross, dot, pair, put, times, wide};
@@ -11,18 +11,18 @@ use crate::trig::{DEGREES, broad_arcs};
 use nalgebra::{Matrix3, Vector3};
 use wide::f64x2;
 
-/// What does not change about the legs of a frozen machine.
+/// Constants of a frozen machine's legs for monitoring.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Watch {
     /// The legs' joints at base and platform; `None` without a reference pose.
     joints: Option<[Joints; 2]>,
     /// Number of legs.
     count: usize,
-    /// For each leg those of higher numbers with which it shares no anchor: leg j is the bit 1 << j.
+    /// For each leg, the legs of higher numbers with which it shares no anchor: leg j is bit 1 << j.
     apart: [u8; MAX_LEGS],
 }
 
-/// The joints at one end of the legs, in the body that they are fixed to.
+/// The joints at one end of the legs, in the frame of the body to which they are fixed.
 #[derive(Clone, Debug, PartialEq)]
 struct Joints {
     /// From base to platform at the reference pose.
@@ -31,24 +31,24 @@ struct Joints {
     axis: Lanes3<MAX_LEGS>,
 }
 
-/// Angles of two legs side by side, by sine and cosine times the same, and the unit that they are
-/// wanted in.
+/// Angles of two legs side by side, as sine and cosine times a common factor, and their
+/// unit.
 struct Angles {
     sine: f64x2,
     cosine: f64x2,
     unit: f64x2,
 }
 
-/// Angles by which the legs have left their direction at the reference pose, degrees.
+/// Angles between the legs and their directions at the reference pose, degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cones {
-    /// As the base joints see it.
+    /// At the base joints.
     pub base: PerLeg,
-    /// As the platform joints see it.
+    /// At the platform joints.
     pub platform: PerLeg,
 }
 
-/// Turns of the legs in their cardan joints at one end, degrees, see [`Watch::turns`].
+/// Rotations of the legs in their cardan joints at one end, degrees, see [`Watch::turns`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turns {
     /// About the axis that is fixed in the body.
@@ -57,7 +57,7 @@ pub struct Turns {
     pub across: PerLeg,
 }
 
-/// Two legs, lower number first, and the distance of their centre lines.
+/// Two legs, lower number first, and the distance of their center lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
     /// Machine units.
@@ -67,8 +67,8 @@ pub struct Nearest {
 }
 
 impl Watch {
-    /// Of a geometry; with its legs, from base to platform, and its orientation at the reference
-    /// pose.
+    /// Computes the constants of a geometry; `home` is its legs, from base to platform, and its orientation at
+    /// the reference pose.
     pub(crate) fn of(
         geometry: &Geometry,
         home: Option<(&[Vector3<f64>; MAX_LEGS], &Matrix3<f64>)>,
@@ -96,7 +96,7 @@ impl Watch {
         Self { joints, count: legs.len(), apart }
     }
 
-    /// Names the fixed axes of the joints at base and platform, one a leg.
+    /// Sets the fixed axes of the joints at base and platform, one for each leg.
     pub(crate) fn set_axes(&mut self, axes: [&[[f64; 3]]; 2]) {
         let Some(joints) = &mut self.joints else { return };
         for (joints, axes) in joints.iter_mut().zip(axes) {
@@ -106,8 +106,8 @@ impl Watch {
         }
     }
 
-    /// Angles of the legs' cones for an orientation of the platform; zeros where the
-    /// machine has no reference pose.
+    /// Computes the angles of the legs' cones for an orientation of the platform; zeros without a
+    /// reference pose.
     #[inline(always)]
     pub fn cones(&self, rotation: &Matrix3<f64>, legs: &[Segment; MAX_LEGS]) -> Cones {
         let mut cones = Cones { base: [0.0; MAX_LEGS], platform: [0.0; MAX_LEGS] };
@@ -121,12 +121,12 @@ impl Watch {
         cones
     }
 
-    /// Turns of the legs about the fixed axes of their joints at base and platform since the
-    /// reference pose, and their angles across them, degrees. NaN where the joint has no axis, or
+    /// Computes the rotations of the legs about the fixed axes of their joints at base and platform since the
+    /// reference pose, and their angles across them, degrees. NaN if the joint has no axis, or
     /// the machine no reference pose.
     ///
-    /// A cardan joint turns about the axis that is fixed in its body, and the leg then about one
-    /// square to it: what the leg leaves of a right angle with the fixed axis is its angle across.
+    /// A cardan joint rotates about the axis that is fixed in its body, and the leg then about an axis
+    /// perpendicular to it: the angle across is the leg's deviation from a right angle with the fixed axis.
     #[inline(always)]
     pub fn turns(&self, rotation: &Matrix3<f64>, legs: &[Segment; MAX_LEGS]) -> [Turns; 2] {
         let mut turns = [Turns { about: [f64::NAN; MAX_LEGS], across: [f64::NAN; MAX_LEGS] }; 2];
@@ -143,7 +143,7 @@ impl Watch {
         turns
     }
 
-    /// See [`crate::At::surely_keeps`].
+    /// Implements [`crate::At::surely_keeps`].
     pub(crate) fn keeps(
         &self,
         (rotation, legs): (&Matrix3<f64>, &[Segment; MAX_LEGS]),
@@ -174,17 +174,17 @@ impl Watch {
         upright
     }
 
-    /// Whether the distance of two legs counts, lower number first: they share no anchor.
+    /// Returns whether the distance of two legs is monitored, lower number first: they share no anchor.
     pub fn is_watched(&self, [i, j]: [usize; 2]) -> bool {
         j < MAX_LEGS && self.apart.get(i).is_some_and(|row| row >> j & 1 == 1)
     }
 
-    /// The two legs that are nearest to each other, of those that share no anchor.
+    /// Returns the two nearest legs among those that share no anchor.
     pub fn nearest(&self, legs: &[Segment; MAX_LEGS]) -> Option<Nearest> {
         self.nearest_within(legs, f64::INFINITY)
     }
 
-    /// The same where they are nearer than `most`; else any two, or none.
+    /// Like [`Self::nearest`] if they are nearer than `most`; otherwise returns any pair or `None`.
     pub(crate) fn nearest_within(&self, legs: &[Segment; MAX_LEGS], most: f64) -> Option<Nearest> {
         let (mut middle, mut span) = (Lanes3::<MAX_LEGS>::ZERO, Lanes3::<MAX_LEGS>::ZERO);
         for (i, leg) in legs.iter().enumerate().take(self.count) {
@@ -220,22 +220,22 @@ impl Watch {
     }
 }
 
-/// Rounding of bounds: a distance or the square of a cosine is surely beyond its limit only where it
-/// is by more than this share.
+/// Allowance for rounding: a distance or a squared cosine is certainly beyond its limit only
+/// by more than this share.
 const SLACK: f64 = 1.0 + 1e-9;
 
-/// Whether a leg is surely farther than `distance` from two others, without finding how far: two
-/// planes square to the line between their middles, or to both of them, then lie so far apart
-/// between them. All by twice their middles and by their spans. NaN is not sure.
+/// Returns whether a leg is certainly farther than `distance` from two others, without computing the
+/// distance: two planes perpendicular to the line between their midpoints, or to both legs, are then that far
+/// apart. Uses twice their midpoints and their spans. False for NaN.
 #[inline(always)]
 fn are_beyond(one: &[[f64x2; 3]; 2], others: &[[f64x2; 3]; 2], distance: f64) -> [bool; 2] {
     let between: [f64x2; 3] = core::array::from_fn(|k| one[0][k] - others[0][k]);
     let least = both(2.0 * distance * SLACK);
-    // Twice the way between the middles, times its own length, less what the halves reach.
+    // Twice the distance of the midpoints, times its own length, less the half lengths.
     let square = dot(&between, &between);
     let free = square - dot(&one[1], &between).abs() - dot(&others[1], &between).abs();
     let beside = free.simd_gt(both(0.0)) & (free * free).simd_gt(least * least * square);
-    // Most are.
+    // The usual case.
     if beside.all() {
         return [true; 2];
     }
@@ -254,7 +254,7 @@ impl Joints {
         self.axis.set(i, axis);
     }
 
-    /// Angles between legs i and i + 1 and their directions at home; 0 where a leg has no length.
+    /// Computes the angles between legs i and i + 1 and their directions at home; 0 for a leg without length.
     #[inline(always)]
     fn cones(&self, i: usize, now: &[f64x2; 3]) -> Angles {
         let home = self.home.pair(i);
@@ -262,14 +262,14 @@ impl Joints {
         Angles { sine: dot(&across, &across).sqrt(), cosine: dot(now, &home), unit: both(DEGREES) }
     }
 
-    /// Turns of legs i and i + 1, about the fixed axes and across them.
+    /// Computes the rotations of legs i and i + 1, about the fixed axes and across them.
     #[inline(always)]
     fn turns(&self, i: usize, now: &[f64x2; 3]) -> [Angles; 2] {
         let (home, axis) = (self.home.pair(i), self.axis.pair(i));
         let along = dot(&axis, now);
         let turned = dot(&home, now) - dot(&axis, &home) * along;
         let beside = cross(&axis, now);
-        // Without an axis there is no turn.
+        // Without an axis the rotation is undefined.
         let unit = dot(&axis, &axis).simd_gt(both(0.0)).select(both(DEGREES), both(f64::NAN));
         [
             Angles { sine: dot(&axis, &cross(&home, now)), cosine: turned, unit },
@@ -277,8 +277,8 @@ impl Joints {
         ]
     }
 
-    /// A mask of those of legs i and i + 1 that surely keep limits of their cones, and of their turns about
-    /// and across the axes, in degrees.
+    /// Returns a mask of those of legs i and i + 1 that certainly keep the limits of their cones, and of their
+    /// rotations about and across the axes, in degrees.
     #[inline(always)]
     fn keep(
         &self,
@@ -295,7 +295,7 @@ impl Joints {
         }
         if let Some([about, across]) = pyramid {
             let axis = self.axis.pair(i);
-            // 1, and 0 without an axis: then there is no turn.
+            // 1, or 0 without an axis: then the rotation is undefined.
             let unit = dot(&axis, &axis);
             let along = dot(&axis, now);
             let turned = straight - dot(&axis, &home) * along;
@@ -315,29 +315,29 @@ impl Angles {
     }
 }
 
-/// A mask of angles that are surely within ±`most` degrees, or have no limit (0): their cosine is at least
-/// 1 − m²/2 + m⁴/24, which no cosine of m exceeds. By its square, with its sign, times a length. NaN
-/// is not sure.
+/// Returns a mask of angles that are certainly within ±`most` degrees, or have no limit (0): their cosine is
+/// at least 1 − m²/2 + m⁴/24, which no cosine of m exceeds. Compares its square, with its sign, times a length.
+/// False for NaN.
 #[inline(always)]
 fn are_within(cosine: f64x2, length: f64x2, most: f64x2) -> f64x2 {
-    // Nothing is within less than 0, and what is beyond 90 degrees is not sure.
+    // No angle is within a negative limit, and beyond 90 degrees the test is inconclusive.
     let bound = most.fast_max(both(0.0));
     let square = bound * bound * both(1.0 / (DEGREES * DEGREES));
     let least = both(1.0) + square * (square * both(1.0 / 24.0) - both(0.5));
     let least = least.fast_max(both(1e-3));
-    // Squares that vanish are below what is added.
+    // Squares that underflow are below the term that is added.
     let needed = least * least * both(SLACK) * length + both(1e-270);
     cosine.simd_gt(needed) | most.simd_eq(both(0.0))
 }
 
-/// Legs i and i + 1, from base to platform.
+/// Loads legs i and i + 1, from base to platform.
 #[inline(always)]
 fn spans(legs: &[Segment; MAX_LEGS], i: usize) -> [f64x2; 3] {
     let (one, other) = (legs[i].span(), legs[i + 1].span());
     core::array::from_fn(|k| f64x2::new([one[k], other[k]]))
 }
 
-/// Whether two legs meet at a point of the platform, or at a base anchor that stands still.
+/// Returns whether two legs share a point of the platform, or a fixed base anchor.
 fn share_anchor(one: &LegGeometry, other: &LegGeometry) -> bool {
     let is_point = |leg: &LegGeometry| leg.kind.ring_radius() == 0.0;
     let meet = |a: &[f64; 3], b: &[f64; 3], fixed: [bool; 2]| a == b && fixed == [true; 2];
@@ -359,7 +359,7 @@ mod tests {
 
     #[test]
     fn angles_of_directions_are_those_of_their_lengths_across_and_along() {
-        // Degrees: 1e-13 are some roundings.
+        // Degrees: 1e-13 is a few roundings.
         let x = Vector3::new(2.0, 0.0, 0.0);
         let home = joints(x, Vector3::zeros());
         for (direction, degrees) in
@@ -386,7 +386,7 @@ mod tests {
                 let turns = joints.turns(4, &wide(leg(10.0 + about, across)));
                 for (turn, expected) in turns.iter().zip([about, across]) {
                     let [_, found] = turn.degrees().to_array();
-                    // Degrees: 1e-12 are some ten roundings.
+                    // Degrees: 1e-12 is about ten roundings.
                     assert!((found - expected).abs() < 1e-12, "{found} {expected}");
                 }
             }
@@ -402,7 +402,7 @@ mod tests {
         for case in 0..3_000 {
             let vector = |k: usize| Vector3::from_fn(|axis, _| number(9 * case + 3 * k + axis));
             let axis = vector(1) / vector(1).norm();
-            // Mostly near each other, so that limits of all sizes are met.
+            // Mostly near each other, so that limits of all sizes occur.
             let now = vector(0) + vector(2) * [0.03, 0.3, 3.0][case % 3];
             let joints = joints(vector(0), axis);
             let [about, across] = joints.turns(0, &wide(now));
@@ -429,7 +429,7 @@ mod tests {
             }
         }
         assert!(sure > 20_000 && within > sure + 9_000, "{sure} {within}");
-        // Without an axis no turn is kept, and no length whose square vanishes or is infinite.
+        // Without an axis no rotation is within its limit, nor is a length whose square under- or overflows.
         let bare = joints(Vector3::x(), Vector3::zeros());
         let keeps = |length: f64, cone, pyramid| {
             bare.keep(0, &wide(Vector3::x() * length), Some(both(cone)), pyramid).all()

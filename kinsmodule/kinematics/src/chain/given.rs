@@ -18,10 +18,10 @@ pub enum Carries {
 }
 
 impl Carries {
-    /// All, in the order of their numbers on pins, from 1 on; 0 passes its coordinate through.
+    /// All values, in the order of their numbers on pins, starting at 1; 0 passes the coordinate through.
     pub const ALL: [Self; 3] = [Self::Work, Self::Tool, Self::Legs];
 
-    /// Its word in the INI file.
+    /// Returns the word for it in the INI file.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Work => "WORK",
@@ -34,17 +34,17 @@ impl Carries {
 /// An axis as given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkGeometry {
-    /// What it carries: 0 nothing, else the place in [`Carries::ALL`] plus 1.
+    /// What it carries: 0 for nothing, otherwise the index in [`Carries::ALL`] plus 1.
     pub carries: i32,
-    /// Its direction, any length: right-handed for growing angles, or the way that what it carries
-    /// goes for growing values.
+    /// Direction, any length: right-handed for increasing angles, or the direction in which the carried
+    /// part moves for increasing values.
     pub axis: [f64; 3],
-    /// A point on it, for a rotary one; machine units.
+    /// A point on a rotary axis; machine units.
     pub point: [f64; 3],
 }
 
 impl LinkGeometry {
-    /// One that passes its coordinate through.
+    /// An axis that passes its coordinate through.
     pub const PASSING: Self = Self { carries: 0, axis: [0.0; 3], point: [0.0; 3] };
 }
 
@@ -53,18 +53,18 @@ impl LinkGeometry {
 pub struct ChainGeometry {
     /// By letter: A B C U V W.
     pub links: [LinkGeometry; MAX_LINKS],
-    /// Where the control point of the resting tool holder is in base, of a machine that has the work on
-    /// its platform; machine units.
+    /// Position in base of the control point of the fixed tool holder, if the work is on the platform;
+    /// machine units.
     pub holder: Option<[f64; 3]>,
 }
 
 impl ChainGeometry {
-    /// Nothing carried by an axis, tools on the platform.
+    /// No axis carries anything; the tools are on the platform.
     pub const NONE: Self = Self { links: [LinkGeometry::PASSING; MAX_LINKS], holder: None };
 
-    /// The hash of a geometry with what the chain adds: for each axis that carries something, in joint
-    /// order, its place among [`crate::POSE_LETTERS`], what it carries, its direction and its point (0 of a
-    /// linear one); then 9 and the place of the resting holder. That of a machine without a chain stays.
+    /// Combines the hash of a geometry with the chain: for each axis that carries something, in joint
+    /// order, its index among [`crate::POSE_LETTERS`], what it carries, its direction and its point (0 for a
+    /// linear axis); then 9 and the position of the fixed holder. Without a chain the hash is unchanged.
     pub fn hash(&self, axes: &ExtraAxes, of_geometry: u32) -> u32 {
         let mut hash = Fnv1a(of_geometry);
         for place in axes.places() {
@@ -80,7 +80,7 @@ impl ChainGeometry {
         hash.0
     }
 
-    /// Refuses a place of the resting holder that is none: the machine's reference pose comes from it.
+    /// Rejects a fixed holder whose position is not finite: the machine's reference pose depends on it.
     ///
     /// # Errors
     /// [`Cause::HolderNotFinite`].
@@ -95,8 +95,8 @@ impl ChainGeometry {
         self.links.get(place.checked_sub(FIRST)?)
     }
 
-    /// The machine's pose at a pose of LinuxCNC with a level platform at which all axes of the chain are
-    /// at 0, of a machine with this place of the resting holder, if any; degrees for angles.
+    /// Computes the machine's pose for a pose of LinuxCNC with a level platform and all chain axes at 0,
+    /// with the fixed holder at `holder`, if any; angles in degrees.
     pub fn machine_home(holder: Option<[f64; 3]>, home: [f64; 6]) -> [f64; 6] {
         let Some(holder) = holder else { return home };
         let [x, y, z, a, b, c] = home;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! One axis of a chain: where a point goes that it carries, and how fast.
+//! One axis of a chain: position and velocity of a point that it carries.
 
 use super::{Carries, World, is_rotary};
 use crate::trig::{RADIANS, sincos_of_one};
@@ -8,13 +8,13 @@ use nalgebra::{Matrix3, Vector3};
 /// An axis of the chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link {
-    /// Place of its letter among [`crate::POSE_LETTERS`].
+    /// Index of its letter among [`crate::POSE_LETTERS`].
     pub place: usize,
     /// What it carries.
     pub carries: Carries,
     /// Unit vector of its direction.
     pub axis: Vector3<f64>,
-    /// A point on it; 0 for a linear one.
+    /// A point on it; 0 for a linear axis.
     pub point: Vector3<f64>,
 }
 
@@ -26,7 +26,7 @@ impl Link {
         point: Vector3::new(0.0, 0.0, 0.0),
     };
 
-    /// Whether it turns.
+    /// Returns whether the axis is rotary.
     pub fn is_rotary(&self) -> bool {
         is_rotary(self.place)
     }
@@ -35,7 +35,7 @@ impl Link {
         world.get(self.place).copied().unwrap_or(f64::NAN)
     }
 
-    /// The orientation of what it carries; the identity for a linear one.
+    /// Computes the orientation of what it carries; the identity for a linear axis.
     pub fn rotation(&self, world: &World) -> Matrix3<f64> {
         if !self.is_rotary() {
             return Matrix3::identity();
@@ -46,17 +46,17 @@ impl Link {
         Matrix3::identity() + across * sine + across * across * (1.0 - cosine)
     }
 
-    /// Where a point that it carries is.
+    /// Computes the position of a carried point.
     pub fn out(&self, point: &Vector3<f64>, world: &World) -> Vector3<f64> {
         self.moved(Moving { at: *point, rate: Vector3::zeros() }, world, 0.0).at
     }
 
-    /// The point that it carries to a place.
+    /// Computes the point that the axis carries to a position.
     pub fn into(&self, place: &Vector3<f64>, world: &World) -> Vector3<f64> {
         self.seen(Moving { at: *place, rate: Vector3::zeros() }, world, 0.0).at
     }
 
-    /// A moving point that it carries; `change` is the rate of its own value, in radians.
+    /// Computes a moving point that it carries; `change` is the rate of the axis value, in radians.
     pub(super) fn moved(&self, x: Moving, world: &World, change: f64) -> Moving {
         if !self.is_rotary() {
             let at = x.at + self.axis * self.value(world);
@@ -68,7 +68,7 @@ impl Link {
         Moving { at: self.point + arm, rate }
     }
 
-    /// The inverse of [`Self::moved`].
+    /// Computes the inverse of [`Self::moved`].
     pub(super) fn seen(&self, x: Moving, world: &World, change: f64) -> Moving {
         if !self.is_rotary() {
             let at = x.at - self.axis * self.value(world);

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Extra axes that carry the work, the tool or the legs: what LinuxCNC's pose is for the machine.
+//! Extra axes that carry the work, the tool or the legs: conversion between LinuxCNC's pose and the
+//! machine's pose.
 //!
-//! A pose t of LinuxCNC is the place of the tool's tip on the *work*, plus the tool vector o: X Y Z
-//! are in the work's frame, and each rotary letter is the angle of the part that it turns. The
-//! machine of legs and table needs the pose of its platform. Between them stand the axes of the
-//! chain. One of them takes a point x that it carries to
-//!
+//! A pose t of LinuxCNC is the position of the tool tip on the *work*, plus the tool vector o: X Y Z
+//! are in the frame of the work, and each rotary letter is the angle of the part that it rotates. The
+//! machine of legs and table needs the pose of its platform. The axes of the chain connect the two.
+//! An axis moves a point x that it carries to
 //! ```text
 //! G(x) = c + rot(a, e) (x − c)   (rotary: direction a, point c, angle e),   G(x) = x + a e   (linear)
 //! ```
 //!
-//! With the axes in the order of `axes=`, from what carries them outwards, and R the orientation of
-//! the platform, the tip on the work, the tip at the platform and the place of the platform are
+//! With the axes in the order of `axes=`, from the carrier outwards, and R the orientation of
+//! the platform, the tip on the work, the tip at the platform and the position of the platform are
 //!
 //! ```text
 //! w = G₁ G₂ … (t − o)                 axes that carry the work
@@ -20,9 +20,9 @@
 //! P = (G₁ G₂ …)⁻¹ (c₀ − o') − R w     the work on the platform, tools in base with their holder at c₀
 //! ```
 //!
-//! At e = 0 every G is the identity, and a machine without such axes is as the core sees it anyway:
-//! its control point is at t = P + o − R o. That pair (control point, o) is also what the machine gets
-//! where no axis carries the tool and the tools are on the platform. Otherwise it gets (P, 0).
+//! At e = 0 every G is the identity, and a machine without such axes needs no conversion:
+//! its control point is at t = P + o − R o. The machine receives that pair (control point, o) also
+//! if no axis carries the tool and the tools are on the platform; otherwise it receives (P, 0).
 
 mod given;
 mod link;
@@ -43,25 +43,25 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 /// A pose of LinuxCNC: X Y Z A B C U V W, machine units and degrees.
 pub type World = [f64; 9];
 
-/// Change of a machine's pose (rows X … C) with every letter of LinuxCNC's, degrees for angles.
+/// Derivatives of the machine's pose (rows X … C) by every letter of LinuxCNC's pose, angles in degrees.
 pub type WorldRates = SMatrix<f64, 6, 9>;
 
-/// Most axes of a chain: A B C turn, U V W slide. X Y Z are the tool tip.
+/// Largest number of axes in a chain: A B C rotate, U V W slide. X Y Z are the tool tip.
 pub const MAX_LINKS: usize = 6;
 
-/// Place of the first of them among [`POSE_LETTERS`].
+/// Index of the first of them among [`POSE_LETTERS`].
 const FIRST: usize = 3;
 
-/// Whether the letter at a place of [`POSE_LETTERS`] is an angle.
+/// Returns whether the letter at an index of [`POSE_LETTERS`] is an angle.
 const fn is_rotary(place: usize) -> bool {
     place < FIRST + 3
 }
 
-/// What changes at a rate of 1.
+/// The quantity that changes at a rate of 1.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Varied {
     Nothing,
-    /// A letter of LinuxCNC's pose, in radians where it turns.
+    /// A letter of LinuxCNC's pose, in radians if rotary.
     Letter(usize),
     /// A component of the tool vector.
     Tool(usize),
@@ -72,7 +72,7 @@ impl Varied {
         if self == Self::Letter(place) { 1.0 } else { 0.0 }
     }
 
-    /// Rate of the place of the tip on the work, t − o.
+    /// Returns the rate of the tip's position on the work, t − o.
     fn of_tip(self) -> Vector3<f64> {
         match self {
             Self::Letter(k) if k < 3 => unit(k),
@@ -105,12 +105,12 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Of extra axes that carry nothing.
+    /// Creates a chain of extra axes that carry nothing.
     pub const fn none(axes: ExtraAxes) -> Self {
         Self { axes, links: [Link::NONE; MAX_LINKS], count: 0, holder: None, is_bare: false }
     }
 
-    /// Checks what the extra axes of a machine of this layout and size carry.
+    /// Checks what the extra axes of a machine with this layout and size carry, and freezes the chain.
     ///
     /// # Errors
     /// [`Cause::ChainUnknown`], [`Cause::ChainAxisZero`], [`Cause::ChainNotFinite`],
@@ -159,37 +159,37 @@ impl Chain {
         Ok(chain)
     }
 
-    /// Whether LinuxCNC's pose is the machine's, but for axes that pass through.
+    /// Returns whether LinuxCNC's pose equals the machine's, except for axes that pass through.
     pub fn is_empty(&self) -> bool {
         self.count == 0 && self.holder.is_none()
     }
 
-    /// Its axes, in joint order.
+    /// Returns its axes, in joint order.
     pub fn links(&self) -> &[Link] {
         self.links.get(..self.count).unwrap_or(&self.links)
     }
 
-    /// Its axes that carry this, from what carries them outwards.
+    /// Returns the axes that carry `carried`, from the carrier outwards.
     pub fn of(&self, carried: Carries) -> impl DoubleEndedIterator<Item = &Link> {
         self.links().iter().filter(move |link| link.carries == carried)
     }
 
-    /// Where the control point of the resting tool holder is in base, if the work is on the platform.
+    /// Returns the position in base of the fixed tool holder's control point, if the work is on the platform.
     pub fn holder(&self) -> Option<&Vector3<f64>> {
         self.holder.as_ref()
     }
 
-    /// Whether the machine's own tool vector is 0, so that its pose is that of the platform.
+    /// Returns whether the machine's own tool vector is 0, so that its pose is that of the platform.
     pub fn is_bare(&self) -> bool {
         self.is_bare
     }
 
-    /// The tool vector of the machine's poses.
+    /// Returns the tool vector of the machine's poses.
     pub fn machine_tool(&self, tool: &Vector3<f64>) -> Vector3<f64> {
         if self.is_bare { Vector3::zeros() } else { *tool }
     }
 
-    /// The machine's pose, degrees for angles, that LinuxCNC's `world` is with the tool vector `tool`.
+    /// Converts LinuxCNC's pose `world` with tool vector `tool` to the machine's pose, angles in degrees.
     ///
     /// # Errors
     /// [`Cause::PoseNotFinite`], [`Cause::AngleTooLarge`].
@@ -205,8 +205,8 @@ impl Chain {
         Ok([place.x, place.y, place.z, a, b, c])
     }
 
-    /// Writes X Y Z and the angles of LinuxCNC's pose for the machine's; `world` holds the values of the
-    /// extra axes.
+    /// Writes X Y Z and the angles of LinuxCNC's pose that correspond to the machine's pose; `world`
+    /// contains the values of the extra axes.
     ///
     /// # Errors
     /// As [`Self::to_machine`].
@@ -244,7 +244,7 @@ impl Chain {
         Ok(())
     }
 
-    /// Change of the machine's pose with every letter of LinuxCNC's.
+    /// Computes the derivatives of the machine's pose by every letter of LinuxCNC's.
     pub fn rates(&self, world: &World, tool: &Vector3<f64>) -> WorldRates {
         let pose = self.angles(world);
         let mut rates = WorldRates::zeros();
@@ -267,7 +267,7 @@ impl Chain {
         rates
     }
 
-    /// How the platform shifts at a pose of LinuxCNC's, without turning, for a change of the tool vector.
+    /// Computes how the platform shifts, without rotation, for a change of the tool vector.
     pub fn tool_shift(&self, world: &World, tool: &Vector3<f64>) -> Matrix3<f64> {
         let pose = self.angles(world);
         let mut shift = Matrix3::zeros();
@@ -296,12 +296,12 @@ impl Chain {
         }
     }
 
-    /// Returns the tool tip's part of LinuxCNC's pose, in which coordinates of extra axes are 0. Refuses what no
-    /// call may compute with.
+    /// Returns the tool tip's part of LinuxCNC's pose, with the coordinates of extra axes set to 0. Refuses
+    /// values that are not finite or too large.
     #[inline(always)]
     fn checked(&self, world: &World) -> Result<[f64; 6], Fault> {
         let own = self.own(world);
-        // U V W that are no axes are nobody's.
+        // U V W that are not axes are ignored.
         let mut extra = self.axes.places().filter_map(|place| world.get(place));
         if !(own.iter().all(|value| value.is_finite()) && extra.all(|value| value.is_finite())) {
             return Err(Cause::PoseNotFinite.into());
@@ -313,7 +313,7 @@ impl Chain {
         }
     }
 
-    /// Whether the letter at a place of [`POSE_LETTERS`] is an extra axis.
+    /// Returns whether the letter at an index of [`POSE_LETTERS`] is an extra axis.
     pub fn is_extra(&self, place: usize) -> bool {
         self.axes.has(place)
     }
@@ -334,7 +334,7 @@ impl Chain {
         Angles { degrees, rotation: trigonometry.rotation(), turns }
     }
 
-    /// Writes the first coordinates of a pose, those of extra axes left out.
+    /// Writes the first coordinates of a pose, except those of extra axes.
     fn write(&self, pose: &[f64], world: &mut World) {
         for (place, (to, value)) in world.iter_mut().zip(pose).enumerate() {
             if !self.is_extra(place) {
@@ -343,7 +343,7 @@ impl Chain {
         }
     }
 
-    /// The tool vector with what its axes make of it.
+    /// Computes the tool vector as moved by the axes that carry it.
     fn carried_tool(&self, world: &World, tool: &Vector3<f64>, varied: Varied) -> Moving {
         let tip = Moving { at: -tool, rate: -varied.of_tool() };
         let links = self.of(Carries::Tool).rev();
@@ -351,7 +351,7 @@ impl Chain {
         Moving { at: -tip.at, rate: -tip.rate }
     }
 
-    /// The place of the machine's pose.
+    /// Computes the position of the machine's pose.
     fn placed(&self, world: &World, tool: &Vector3<f64>, pose: &Angles, varied: Varied) -> Moving {
         let [x, y, z, ..] = pose.degrees;
         let at = Vector3::new(x, y, z) - tool;
@@ -383,12 +383,12 @@ impl Chain {
 struct Angles {
     degrees: [f64; 6],
     rotation: Matrix3<f64>,
-    /// Axes that A, B and C turn about.
+    /// Axes about which A, B and C rotate.
     turns: [Vector3<f64>; 3],
 }
 
 impl Angles {
-    /// A vector of the platform, in base.
+    /// Rotates a vector of the platform into base.
     fn turned(&self, vector: Moving, varied: Varied, chain: &Chain) -> Moving {
         let at = self.rotation * vector.at;
         let mut rate = self.rotation * vector.rate;

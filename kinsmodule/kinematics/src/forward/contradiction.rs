@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Joints that contradict each other, where legs exceed coordinates: how far off, and which one.
+//! Contradicting joints on machines with more legs than coordinates: the error, and the joint at fault.
 
 use super::residual::{Measured, newton_step, norm};
 use super::solver::Solver;
@@ -10,13 +10,13 @@ use crate::placed::Place;
 use crate::pseudo_inverse::PseudoInverse;
 use crate::target::Target;
 
-/// Default of the residual limit as a share of the platform radius: a following error of
+/// Default residual limit as a share of the platform radius: a following error of
 /// 1 mm of one carriage leaves 0.25 mm on the four rods of paper 000's machine, and a
 /// platform of 120 mm then allows 0.6 mm.
 const RESIDUAL_SHARE: f64 = 5e-3;
 
-/// How many times less than all others the legs without a contradicting one have to be off
-/// the seed: creeping away, a joint reaches the limit with others as far off as its own.
+/// A leg stands out if without it the other legs fit the seed better by this factor than without any
+/// other leg: a joint that drifts slowly reaches the limit with the others equally far off.
 const STANDS_OUT: f64 = 2.0;
 
 impl<const N: usize> Mechanism<N> {
@@ -27,8 +27,8 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Largest error of a joint that the residuals amount to: of a strut's length, of the
-    /// place of a carriage, of the end of an arm along its circle.
+    /// Returns the largest joint error that explains the residuals: of a strut's length, of a
+    /// carriage's position, of an arm's end along its circle.
     pub(super) fn off(&self, target: &Target<N>, at: &Measured<N>) -> f64 {
         if !self.moving {
             return largest(&at.residual);
@@ -41,16 +41,16 @@ impl<const N: usize> Mechanism<N> {
         largest(&off)
     }
 
-    /// The refusal of joints that contradict each other by `residual`, with the one that does.
+    /// Creates the refusal of joints that contradict each other by `residual`, naming the joint at fault.
     pub(super) fn inconsistent(&self, target: &Target<N>, start: &Place, residual: f64) -> Fault {
         let part = self.contradicting(target, start).map(MachinePart::Joint);
         Fault { cause: Cause::JointsInconsistent, part, value: residual }
     }
 
-    /// The leg without which the others agree best with the seed, for joints that
-    /// contradict each other; `None` where no leg stands out. (Residuals alone cannot tell:
-    /// with one leg more than coordinates they have the same shape whichever joint is off.
-    /// A joint that creeps away takes the seed along, until nothing tells it from the others.)
+    /// Returns the leg without which the others fit the seed best, for contradicting joints;
+    /// `None` if no leg stands out. Residuals alone cannot identify it: with one leg more than
+    /// coordinates they have the same shape whichever joint is wrong. A joint that drifts slowly
+    /// moves the seed with it, until it no longer differs from the others.
     fn contradicting(&self, target: &Target<N>, start: &Place) -> Option<u8> {
         let mut best = (f64::INFINITY, None);
         let mut second = f64::INFINITY;
@@ -66,7 +66,7 @@ impl<const N: usize> Mechanism<N> {
         best.1.filter(|_| best.0 * STANDS_OUT <= second)
     }
 
-    /// How far the legs but one are from fitting the seed: the step there, and what it leaves.
+    /// Returns how far all legs but one are from fitting the seed: the step there, and the residual after it.
     fn disagreement_without(
         &self,
         leg: usize,
@@ -115,7 +115,7 @@ mod tests {
             for leg in 0..6 {
                 at.residual = [0.0; 6];
                 at.residual[leg] = -0.5;
-                // A rod's end moves by more than its length is off, a strut's by as much.
+                // A rod's end moves by more than the length error, a strut's by the same amount.
                 let margin = machine.margin(&at.placed, leg, joints[leg]).unwrap_or(1.0);
                 assert_eq!(machine.off(&target, &at), 0.5 / margin.abs());
                 let mut elsewhere = machine.clone();
@@ -124,7 +124,7 @@ mod tests {
                 joints[leg] -= 40.0;
                 let target = elsewhere.target(&joints).expect("a target");
                 let off = elsewhere.off(&target, &at);
-                // An angle that is told 40 degrees elsewhere, over a margin of 0.05 or more.
+                // An angle that is reported 40 degrees off, divided by a margin of 0.05 or more.
                 assert!((off * margin.abs() - 0.5).abs() < 1e-12, "{off} {margin}");
                 checked += 1;
             }

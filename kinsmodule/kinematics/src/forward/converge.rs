@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! One certified ball: its first step, and the way to the pose that it determines.
+//! One certified ball: its first step, and the convergence to the pose that it determines.
 
 use super::residual::{Measured, Stance, Way, along, newton_step, norm};
 use super::solver::{Certificate, Effort};
@@ -14,51 +14,51 @@ use crate::pseudo_inverse::PseudoInverse;
 use crate::target::Target;
 use libm::sqrt;
 
-/// Largest L d at which a pose at the distance d is the only one of its ball: 1 less what rounding may take. The computed
-/// pseudo-inverse times the rows departs from one by less than 0.01 (the tests of `pseudo_inverse`, and
+/// Largest L d at which a pose at distance d is the only one in its ball: 1 less an allowance for rounding. The computed
+/// pseudo-inverse times the rows differs from the identity by less than 0.01 (the tests of `pseudo_inverse`, and
 /// docs/develop/certificate-rounding.md).
 const ALONE: f64 = 0.99;
 
-/// Solves after the first one within a ball.
+/// Linear solves after the first one within a ball.
 const MAX_CORRECTIONS: u32 = 8;
 
-/// A step longer than this share of the radius spoils the old factorisation.
+/// A step longer than this share of the radius makes the old factorization useless.
 const CHORD_STEP: f64 = 1e-2;
 
-/// Share of the tolerance that the next step may be expected to leave: beyond it another
-/// factorisation keeps a servo step to three solves.
+/// Share of the tolerance that the next step may be expected to leave: beyond it, a new
+/// factorization keeps a servo step to three solves.
 const CHORD_MARGIN: f64 = 0.03;
 
-/// The h aimed at for the next step of a chain: less than is allowed, because L grows from one to the next.
+/// Target for h of the next step in a chain: below the limit, because L grows from one step to the next.
 const AIM: f64 = 0.95 * CERTIFIED;
 
-/// Smallest and largest part of a step that was too long which is tried next.
+/// Smallest share that is tried next of a step that was too long.
 pub(super) const LEAST_SHARE: f64 = 0.02;
 const MOST_SHARE: f64 = 0.9;
 
-/// Steps turn the platform by Cayley's formula, less than the chart does by r|ω|³/12 at most: a twenty-fifth of what a
-/// step η leaves unconverged, which h η/2 bounds from below. With all arms r on the average ‖J⁻¹‖_F √Σs₃² ≥ 4.24/r², so
-/// that h ≥ 4.24 η²/r² and |ω|²/(6h) ≤ 1/25. Leg by leg s₂ makes it less still.
+/// Steps turn the platform by Cayley's formula, which differs from the chart by at most r|ω|³/12: a twenty-fifth of the
+/// convergence error of a step η, which is at least h η/2. With all arms r on average, ‖J⁻¹‖_F √Σs₃² ≥ 4.24/r², so
+/// that h ≥ 4.24 η²/r² and |ω|²/(6h) ≤ 1/25. Per leg, s₂ makes it smaller still.
 const CAYLEY: f64 = 1.04;
 
-/// Where a search has come to.
+/// Result of a search.
 pub(super) struct End<const N: usize> {
     pub(super) place: Place,
     pub(super) at: Measured<N>,
 }
 
-/// Steps within a ball.
+/// Iteration within a ball.
 struct Walk {
-    /// Where they have led to in the chart at hand.
+    /// Current point in the present chart.
     x: [f64; 6],
-    /// Covered in charts that were left.
+    /// Distance covered in earlier charts.
     covered: f64,
     /// Length of the last step.
     length: f64,
-    /// Its share of the step before.
+    /// Its ratio to the step before.
     contraction: f64,
     corrections: u32,
-    /// Whether the factorisation at hand was made for the next step.
+    /// Whether the present factorization was made for the next step.
     renewed: bool,
 }
 
@@ -77,7 +77,7 @@ impl Walk {
         self.renewed = false;
     }
 
-    /// Goes on in a chart about the place that it has led to.
+    /// Continues in a chart around the current point.
     fn renew(&mut self) {
         self.covered += norm(&self.x);
         self.x = [0.0; 6];
@@ -89,35 +89,35 @@ impl Walk {
 pub(super) struct Step {
     pub(super) step: [f64; 6],
     pub(super) length: f64,
-    /// How far the ball has to reach; its radius is twice that.
+    /// Required extent of the ball; its radius is twice that.
     pub(super) reach: f64,
     /// Change of the rows over the step.
     pub(super) turned: f64,
-    /// L of the ball; infinite where nothing can be said.
+    /// L of the ball; infinite if no bound is known.
     pub(super) lipschitz: f64,
 }
 
 impl Step {
-    /// What the certificate allows up to 1/2 of.
+    /// Returns h, which the certificate allows up to 1/2.
     #[inline(always)]
     pub(super) fn h(&self) -> f64 {
         self.lipschitz * self.reach + self.turned
     }
 
-    /// Whether the certificate holds.
+    /// Returns whether the certificate holds.
     #[inline(always)]
     pub(super) fn is_certified(&self) -> bool {
         self.h() <= CERTIFIED
     }
 
-    /// Bound of what the step leaves unconverged: (1 − √(1 − 2h) − h)/L (Newton-Kantorovich), written so that nothing
-    /// cancels, and with what the rows change by.
+    /// Bounds the convergence error of the step: (1 − √(1 − 2h) − h)/L (Newton-Kantorovich), in a form without
+    /// cancellation, plus the change of the rows.
     pub(super) fn unconverged(&self) -> f64 {
         let h = self.h();
         CAYLEY * self.reach * (h + self.turned) / (1.0 - h + sqrt(1.0 - 2.0 * h))
     }
 
-    /// About how far the next ball of a chain should reach; 0 where nothing can be said.
+    /// Estimates the extent of the next ball of a chain; 0 if no bound is known.
     pub(super) fn next_length(&self) -> f64 {
         if !(self.h() < f64::INFINITY) {
             return 0.0;
@@ -125,7 +125,7 @@ impl Step {
         self.reach * AIM / self.h()
     }
 
-    /// How much of a step that is too long should do, in a chain of steps, by how far its ball reaches.
+    /// Returns the share to try of a step that is too long, in a chain of steps, from the extent of its ball.
     pub(super) fn share_to_try(&self) -> f64 {
         if !(self.reach > 0.0) {
             return LEAST_SHARE;
@@ -134,15 +134,15 @@ impl Step {
     }
 }
 
-/// A factored place with its Newton step, which is certified.
+/// A factored pose with its certified Newton step.
 pub(super) struct Ball<'a, const N: usize> {
     pub(super) about: &'a Stance<N>,
     pub(super) first: Step,
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Newton's step from a measured place towards `target`, and the Lipschitz constant of
-    /// the ball that it needs, which reaches at least twice `leftover` far, leg by leg.
+    /// Computes Newton's step from a measured pose towards `target`, and the Lipschitz constant of
+    /// the ball that it needs, which extends at least twice `leftover`.
     #[inline(always)]
     pub(super) fn first_step(
         &self,
@@ -165,7 +165,7 @@ impl<const N: usize> Mechanism<N> {
         Step { step, length, reach, turned, lipschitz }
     }
 
-    /// The Lipschitz constant leg by leg, infinite where nothing can be said.
+    /// Computes the Lipschitz constant leg by leg, infinite if no bound is known.
     #[inline(always)]
     pub(super) fn lipschitz_of_legs(
         &self,
@@ -178,7 +178,7 @@ impl<const N: usize> Mechanism<N> {
             .unwrap_or(f64::INFINITY)
     }
 
-    /// Converges within the ball, in the chart about its middle.
+    /// Converges within the ball, in the chart around its center.
     #[inline(always)]
     pub(super) fn near(
         &self,
@@ -193,14 +193,14 @@ impl<const N: usize> Mechanism<N> {
         if self.converge(target, about, &mut walk, effort, &mut way, &mut end.at)? {
             end.place = self.moved_by(&about.place, &walk.x, &way);
         } else {
-            // By value: registers, see `lanes`.
+            // By value, to stay in registers, see `lanes`.
             walk = self.converge_anew(target, &about.place, walk, effort, end)?;
         }
         self.confirm(target, ball, walk.covered + norm(&walk.x), &end.at)
     }
 
-    /// Corrects until the residuals `at` the end of the walk are gone; false where that wants
-    /// another factorisation.
+    /// Corrects until the residuals `at` the end of the walk are below the tolerance. Returns false if a new
+    /// factorization is needed.
     #[inline(always)]
     fn converge(
         &self,
@@ -235,7 +235,7 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// The same with new factorisations, from the walk's end in the chart about `place`.
+    /// Converges with new factorizations, starting from the walk's end in the chart around `place`.
     fn converge_anew(
         &self,
         target: &Target<N>,
@@ -248,7 +248,7 @@ impl<const N: usize> Mechanism<N> {
         loop {
             self.settle(target, &mut about)?;
             walk.renew();
-            // Where nothing is left to correct, the walk ends where it stands.
+            // If no correction is needed, the walk ends at the present point.
             let mut way = self.way(&about.place, &walk.x);
             let converged =
                 self.converge(target, &about, &mut walk, effort, &mut way, &mut end.at)?;
@@ -260,19 +260,19 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Whether a factorisation no longer serves after the last step.
+    /// Returns whether the factorization is no longer usable after the last step.
     #[inline(always)]
     fn must_renew(&self, walk: &Walk, tolerance: f64) -> bool {
         let Walk { length, contraction, .. } = *walk;
-        // The first correction tells how well the factorisation still serves.
+        // The first correction shows how well the factorization still works.
         let known = contraction < 1.0;
-        // With more legs than coordinates the old one would settle elsewhere.
+        // With more legs than coordinates the old one would converge to a different pose.
         self.layout.is_redundant()
             || length > CHORD_STEP * self.radius
             || (known && length * contraction * contraction > CHORD_MARGIN * tolerance)
     }
 
-    /// The certificate of a pose at most `distance` from the middle of the ball.
+    /// Certifies a pose at most `distance` from the center of the ball.
     fn confirm(
         &self,
         target: &Target<N>,
@@ -281,7 +281,7 @@ impl<const N: usize> Mechanism<N> {
         end: &Measured<N>,
     ) -> Result<Certificate, Fault> {
         let Ball { about, first } = ball;
-        // The ball of the first step serves if it is as large.
+        // The ball of the first step can be used if it is as large.
         let lipschitz = match distance <= 2.0 * first.length {
             true => first.lipschitz,
             false => self.lipschitz_of_legs(&about.at, &about.inverse, distance, None),
@@ -325,8 +325,8 @@ mod tests {
     use rand::{Rng, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// Residuals `share` of the way between two targets, at a point of the chart about a
-    /// platform that is taken along.
+    /// Computes the residuals at a share of the path between two targets, at a point of the chart around a
+    /// platform that is shifted along.
     fn residuals(
         machine: &Mechanism<6>,
         step: &JointStep,
@@ -340,7 +340,7 @@ mod tests {
         Some(core::array::from_fn(|i| lengths[i] - target.length[i]))
     }
 
-    /// A step of the joints from those of a place.
+    /// A step of the joints from those of a pose.
     struct JointStep {
         place: Place,
         from: [f64; 6],
@@ -358,8 +358,8 @@ mod tests {
 
     fn joint_step(rng: &mut Pcg64, machine: &Mechanism<6>, place: Place) -> Option<JointStep> {
         let from = machine.joints_at(&place).ok()?;
-        // A common part, which the platform may follow, and one of each leg's own; random
-        // machines are ill-conditioned as often as not, so steps of every size are tried.
+        // A common part, which the platform can follow, and an individual one for each leg; random
+        // machines are often ill-conditioned, so steps of every size are tested.
         let size = libm::pow(10.0, random(rng, -3.0, 0.7));
         let (common, apart) = (random(rng, -5.0, 5.0) * size, size);
         let to = from.map(|q| q + common + random(rng, -apart, apart));
@@ -367,7 +367,7 @@ mod tests {
         Some(JointStep { place, from, to, motion })
     }
 
-    /// ‖M J(X, t) − 1‖ in the chart, by differences of the residuals.
+    /// Computes ‖M J(X, t) − 1‖ in the chart, by differences of the residuals.
     fn departure(
         machine: &Mechanism<6>,
         step: &JointStep,
@@ -375,7 +375,7 @@ mod tests {
         share: f64,
         point: &[f64; 6],
     ) -> Option<f64> {
-        // Rounding 2e-13/1e-2 and bends of 1e-3·1e-4 stay below 1e-6 with ‖M‖ up to 10.
+        // Rounding of 2e-13/1e-2 and curvature of 1e-3·1e-4 stay below 1e-6 with ‖M‖ up to 10.
         const STEP: f64 = 1e-2;
         let mut sum = 0.0;
         for k in (0..6).filter(|k| machine.active[*k]) {
@@ -393,7 +393,7 @@ mod tests {
         Some(sqrt(sum))
     }
 
-    /// Returns the limits of a call that may spend nine solves.
+    /// Returns limits that allow nine solves.
     fn effort() -> Effort {
         Effort { spent: 0, sub_steps: 1, limit: 9, tolerance: 1e-9, accepted: 1e-6 }
     }
@@ -424,10 +424,10 @@ mod tests {
         // A hundredth of the radius.
         assert!(hexapod.must_renew(&walk(1.01, 1.0), 1.0));
         assert!(!hexapod.must_renew(&walk(0.99, 1.0), 1e-9));
-        // 0.9 · 0.5² = 0.225 is expected to be left; 0.03 of the tolerance may be.
+        // Expected to remain: 0.9 · 0.5² = 0.225; allowed: 0.03 of the tolerance.
         assert!(hexapod.must_renew(&walk(0.9, 0.5), 7.4));
         assert!(!hexapod.must_renew(&walk(0.9, 0.5), 7.6));
-        // Six legs for five coordinates: the old rows would settle elsewhere.
+        // Six legs for five coordinates: with the old rows it would converge to a different pose.
         assert!(drawn(b"XYZAB").must_renew(&walk(0.0, 1.0), 1.0));
     }
 
@@ -449,7 +449,7 @@ mod tests {
             let alone = machine.first_step(at, inverse, 0.0, &to, None);
             let lipschitz =
                 |rho, motion| lipschitz_constant(&machine, &at.placed, None, inverse, rho, motion);
-            // What was left over may reach farther than the step itself.
+            // The leftover may extend farther than the step itself.
             for leftover in [0.0, 0.5, 3.0].map(|share| share * alone.length) {
                 let reach = leftover.max(alone.length);
                 let step_of = |motion| machine.first_step(at, inverse, leftover, &to, motion);
@@ -490,10 +490,10 @@ mod tests {
                 let chord: [_; 6] =
                     core::array::from_fn(|i| to.anchors.get(i) - from.anchors.get(i));
                 let mean = chord.iter().sum::<nalgebra::Vector3<f64>>() / 6.0;
-                // With screws the platform stays: their corrections would change on the way.
+                // With screws the platform is not shifted: their corrections would change along the path.
                 let shift = if machine.nut.is_some() { mean * 0.0 } else { mean };
                 let Motion { shift: found, travel, second, turn } = step.motion;
-                // Some roundings of sums of six.
+                // A few roundings of sums of six.
                 assert!((found - shift).norm() <= 1e-14 * (1.0 + shift.norm()), "{found} {shift}");
                 for i in 0..6 {
                     let of_leg = machine.legs[i].second_derivatives(step.to[i] - step.from[i]);
@@ -528,7 +528,7 @@ mod tests {
             else {
                 continue;
             };
-            // Half a unit away, give or take the tolerance; the first ball is about twice as large.
+            // Half a unit away, within the tolerance; the first ball is about twice as large.
             assert!((reach / lipschitz - 0.5).abs() < 1e-8, "{reach} {lipschitz}");
             checked += 1;
         }
@@ -544,7 +544,7 @@ mod tests {
                 let Some(trial) = trial(&mut rng, coordinates, 0.5) else { continue };
                 let Trial { machine, about, target, step } = trial;
                 let mut effort = effort();
-                // Nothing is left to correct about the new middle.
+                // No correction is needed around the new center.
                 let walk = Walk { contraction: 0.0, ..Walk::begun(step, 0.5) };
                 let mut end = End { place: about.place, at: Measured::ZERO };
                 let place = &about.place;
@@ -552,7 +552,7 @@ mod tests {
                     continue;
                 }
                 let there = machine.measured(&target, &end.place).expect("a place");
-                // Some roundings of lengths of some thousands.
+                // A few roundings of lengths of several thousand.
                 assert!(largest(&there.residual) < 1e-9, "{:?}", there.residual);
                 checked += 1;
             }
@@ -570,17 +570,17 @@ mod tests {
             lipschitz,
         };
         let near = |found: f64, expected: f64| {
-            // Some roundings of numbers below 10.
+            // A few roundings of numbers below 10.
             assert!((found - expected).abs() < 1e-14, "{found} {expected}");
         };
-        // L stays: 0.38 over it. 1 − √0.2 − 0.4 of 1/L is left at most.
+        // L is unchanged: 0.38 over it. At most 1 − √0.2 − 0.4 of 1/L remains.
         let plain = step(2.0, 0.2);
         near(plain.next_length(), 1.9);
         near(plain.unconverged(), CAYLEY * (0.6 - sqrt(0.2)) / 0.2);
         near(plain.share_to_try(), 0.9);
-        // Of 8 that the ball reaches for, 3.8 are aimed at, however little of it is the step itself.
+        // Of the ball's extent of 8, 3.8 is the target, however small the step itself is.
         near(Step { reach: 8.0, ..step(2.0, 0.1) }.share_to_try(), 3.8 / 8.0);
-        // What reaches beyond the step itself may be used by the next one.
+        // The next step may use the extent beyond the step itself.
         near(Step { reach: 4.0, ..step(2.0, 0.1) }.next_length(), 3.8);
         let unknown = step(2.0, f64::INFINITY);
         assert_eq!((unknown.next_length(), unknown.share_to_try()), (0.0, LEAST_SHARE));
@@ -607,13 +607,13 @@ mod tests {
             let first = step_of(length, lipschitz);
             machine.confirm(&target, &Ball { about: &about, first }, distance, &end)
         };
-        // Within twice the first step its own bound serves, here of a ball of radius 2.
+        // Within twice the first step its own bound applies, here of a ball of radius 2.
         assert_eq!(confirm(0.5, 1.0, 1.5), Ok(Certificate::Ball(0.75)));
         assert_eq!(confirm(0.5, 1.0, 2.0), Err(Fault::with_value(Cause::NotCertified, 1.0)));
         assert!(confirm(f64::NAN, 1.0, 1.0).is_err());
-        // A hundredth of what theory allows is left to rounding.
+        // A hundredth of the theoretical bound is reserved for rounding.
         assert!(confirm(1.0, 1.0, 0.989).is_ok() && confirm(1.0, 1.0, 0.991).is_err());
-        // Beyond that the ball of the distance itself is asked.
+        // Beyond that, the ball with this distance as radius is evaluated.
         let Stance { at, inverse, .. } = &about;
         let lipschitz = |rho| {
             lipschitz_constant(&machine, &at.placed, None, inverse, rho, None).expect("lipschitz")
@@ -621,8 +621,8 @@ mod tests {
         let distance = 0.2 / lipschitz(0.0);
         let near = lipschitz(distance) * distance;
         assert_eq!(confirm(9.0, 0.4 * distance, distance), Ok(Certificate::Ball(near)));
-        // A first ball that is too small for certainty asks for the place's own Lipschitz constant, which
-        // says the same of a machine scaled to be nearly singular.
+        // If the first ball is too small, the pose's own Lipschitz constant is used, which gives
+        // the same result for a machine scaled to be nearly singular.
         let singular =
             Mechanism { size: 1.01 / (CERTAIN_AT_ALL * lipschitz(0.0)), ..machine.clone() };
         let regular =
@@ -650,9 +650,9 @@ mod tests {
             for i in 0..6 {
                 let off = middle[i] - start[i] - share * (end[i] - start[i]);
                 let bound = leg_chord_deviation(&machine, &placed, &step.motion, i);
-                // 1e-11: some roundings of lengths of some thousands.
+                // 1e-11: a few roundings of lengths of several thousand.
                 assert!(off.abs() <= bound + 1e-11, "{off:e} {bound:e}");
-                // What rounding is no longer seen in.
+                // Large enough not to be affected by rounding.
                 if bound > 1e-6 {
                     let kind = match machine.legs[i] {
                         Leg::Strut => 0,
@@ -683,7 +683,7 @@ mod tests {
                 let to = step.target(&machine, 1.0);
                 let ahead = machine.taken_along(&place, Some(&step.motion));
                 let Ok(there) = machine.measured(&to, &ahead) else { continue };
-                // The search factors ahead, a sub-step where it starts.
+                // The search factors the pose ahead, a sub-step its start.
                 let (stand, share) = if rng.random() { (ahead, 1.0) } else { (place, 0.0) };
                 let mut stance = Stance::new(stand);
                 if machine.settle(&step.target(&machine, share), &mut stance).is_err() {

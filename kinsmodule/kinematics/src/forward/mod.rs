@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Forward kinematics: joints to the one pose that is connected with the seed.
+//! Forward kinematics: from joints to the one pose that is connected with the seed.
 //!
-//! The *right* pose is the end of the unique continuous path from the seed along the
-//! straight line in joint space, as long as the Jacobian stays regular. A returned
-//! pose is that one, or the call fails. Near the seed one certified ball proves it;
-//! far from it a chain of such balls does. See the module `certificate`.
+//! The *correct* pose is the end of the unique continuous path from the seed along the
+//! straight line in joint space, as long as the Jacobian stays regular. Forward returns that
+//! pose or fails. Near the seed one certified ball proves it; for a far seed a chain of such balls
+//! does. See the module `certificate`.
 
 mod contradiction;
 mod converge;
@@ -52,7 +52,7 @@ impl<const N: usize> Mechanism<N> {
         let trig = seed.trigonometry();
         let rotation = trig.rotation();
         let centre = self.of_legs(self.point(&seed.position, &rotation, tool));
-        // Made where it is wanted: to copy it has to wait for its parts.
+        // A closure: copying the struct would stall on store forwarding.
         let start = || Place { centre, rotation, angles: seed.angles };
         let redundant = self.layout.is_redundant();
         let mut effort = Effort {
@@ -62,7 +62,7 @@ impl<const N: usize> Mechanism<N> {
             tolerance: POSE_TOLERANCE * self.size,
             accepted: match redundant {
                 false => self.criterion(solver),
-                // Legs that contradict each other leave what they leave: judged at the end.
+                // The residual of contradicting legs is checked at the end.
                 true => f64::INFINITY,
             },
         };
@@ -85,7 +85,7 @@ impl<const N: usize> Mechanism<N> {
             None => [0.0; N],
         };
         let pose = self.pose_at(&end.place, joints, tool, seed, &trig);
-        // What inverse would refuse must not become the next seed either.
+        // A pose that inverse would refuse must not become the next seed.
         pose.check()?;
         Ok(Solution {
             pose,
@@ -97,13 +97,13 @@ impl<const N: usize> Mechanism<N> {
         })
     }
 
-    /// The reason behind a refusal of the search.
+    /// Replaces a refusal of the search by its underlying reason.
     fn explained(&self, fault: Fault, target: &Target<N>, start: &Place, solver: &Solver) -> Fault {
         let redundant = self.layout.is_redundant();
         match fault.cause {
-            // Only the seed's own joints are asked for.
+            // These joints are the seed's own.
             Cause::OutOfReach => Fault { cause: Cause::SeedOutOfReach, ..fault },
-            // Least squares converge the worse the more the legs contradict each other.
+            // Least squares converge more slowly the more the legs contradict each other.
             Cause::NotConverged if redundant && fault.value > self.residual_limit(solver) => {
                 self.inconsistent(target, start, fault.value)
             }
@@ -123,7 +123,7 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// The pose of a place of the platform, with the table where its joints are.
+    /// Computes the pose from the platform's pose, with the table at its joint values.
     #[inline(always)]
     fn pose_at(
         &self,
@@ -168,8 +168,8 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
-    /// One certified ball if that reaches the target, certified tracking otherwise; `ahead` stands
-    /// where the search starts.
+    /// Uses one certified ball if it reaches the target, certified tracking otherwise; `ahead` is at
+    /// the start of the search.
     fn search(
         &self,
         target: &Target<N>,
@@ -177,7 +177,7 @@ impl<const N: usize> Mechanism<N> {
         effort: &mut Effort,
         end: &mut End<N>,
     ) -> Result<Certificate, Fault> {
-        // Where the search starts, if that is not where `ahead` stays.
+        // Start of the search, if `ahead` is moved away from it.
         let mut start = None;
         let mut motion = None;
         if self.moving {
@@ -195,7 +195,7 @@ impl<const N: usize> Mechanism<N> {
                 }
                 first.share_to_try()
             }
-            // Far anchors about the seed's platform are a machine that need not exist.
+            // Anchors that move far from the seed's platform may not form a machine.
             Err(_) if self.moving => LEAST_SHARE,
             Err(fault) => return Err(fault),
         };
@@ -209,7 +209,7 @@ impl<const N: usize> Mechanism<N> {
         self.near(target, &Ball { about: ahead, first }, effort, end)
     }
 
-    /// Newton's method with the exact Jacobian and no proof.
+    /// Runs Newton's method with the exact Jacobian and without proof.
     fn plain_newton(
         &self,
         target: &Target<N>,
@@ -257,10 +257,10 @@ mod tests {
             let joints = machine.joints_at(&start).expect("joints");
             let target = machine.target(&joints).expect("a target");
             let told = |fault| machine.explained(fault, &target, &start, &solver);
-            // The seed's own joints are what is asked for.
+            // These joints are the seed's own.
             let fault = Fault::of_leg(Cause::OutOfReach, 2, 1.5);
             assert_eq!(told(fault), Fault::of_leg(Cause::SeedOutOfReach, 2, 1.5));
-            // Legs beyond those needed contradict each other where they are off by more than may be.
+            // Redundant legs contradict each other if they are off by more than the limit.
             for (off, inconsistent) in [(0.26, redundant), (0.25, false), (0.24, false)] {
                 let fault = Fault::with_value(Cause::NotConverged, off);
                 let expected = if inconsistent { Cause::JointsInconsistent } else { fault.cause };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Residuals of the legs at a place of the platform: what the searches drive to zero.
+//! Residuals of the legs at a pose of the platform, which the searches reduce to zero.
 
 use crate::certificate::Motion;
 use crate::fault::{Cause, Fault};
@@ -14,11 +14,11 @@ use crate::target::Target;
 use libm::sqrt;
 use nalgebra::{Matrix3, Vector3};
 
-/// Residuals at a place, with what the rows need.
+/// Residuals at a pose, and the quantities from which the rows are computed.
 #[derive(Clone, Copy)]
 pub(crate) struct Measured<const N: usize> {
     pub placed: Placed<N>,
-    /// Means something on machines with a nut only.
+    /// Meaningful only on machines with a nut.
     pub(super) torsion: Torsion<N>,
     pub(super) residual: [f64; N],
 }
@@ -28,7 +28,7 @@ impl<const N: usize> Measured<N> {
         Self { placed: Placed::ZERO, torsion: Torsion::ZERO, residual: [0.0; N] };
 }
 
-/// A factored place, about which the chart is laid.
+/// A factored pose, the origin of the chart.
 pub(super) struct Stance<const N: usize> {
     pub(super) place: Place,
     pub(super) at: Measured<N>,
@@ -36,14 +36,14 @@ pub(super) struct Stance<const N: usize> {
 }
 
 impl<const N: usize> Stance<N> {
-    /// To be measured and factored.
+    /// Creates a stance that is still to be measured and factored.
     #[inline(always)]
     pub(super) fn new(place: Place) -> Self {
         Self { place, at: Measured::ZERO, inverse: PseudoInverse::ZERO }
     }
 }
 
-/// How the platform comes to a point of the chart.
+/// Displacement of the platform to a point of the chart.
 pub(super) struct Way {
     by: Displacement,
     /// Of the angles there, in a chart of angles.
@@ -51,7 +51,7 @@ pub(super) struct Way {
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Joint values of the legs; lanes beyond the last leg repeat the first one.
+    /// Returns the joint values of the legs; lanes beyond the last leg repeat the first one.
     #[inline(always)]
     pub(super) fn lanes_of(&self, joints: &Joints) -> [f64; N] {
         let mut lanes = *joints.first_chunk::<N>().unwrap_or(&[f64::NAN; N]);
@@ -63,14 +63,14 @@ impl<const N: usize> Mechanism<N> {
         lanes
     }
 
-    /// How the legs move between two targets; `None` where all are struts.
+    /// Computes the motion of the legs between two targets; `None` if all are struts.
     pub(super) fn motion(&self, from: &Target<N>, to: &Target<N>) -> Option<Motion<N>> {
         if !self.moving {
             return None;
         }
         let chord = |i: usize| to.anchors.get(i) - from.anchors.get(i);
         let mut shift = Vector3::zeros();
-        // With nut corrections the platform stays: they would change along the way.
+        // With nut corrections the platform is not shifted: they would change along the path.
         if self.nut.is_none() {
             for i in 0..self.count() {
                 shift += chord(i);
@@ -87,13 +87,13 @@ impl<const N: usize> Mechanism<N> {
         Some(motion)
     }
 
-    /// A place taken along by a motion of the base anchors.
+    /// Shifts a pose by a motion of the base anchors.
     pub(super) fn taken_along(&self, place: &Place, motion: Option<&Motion<N>>) -> Place {
         let shift = motion.map_or(Vector3::zeros(), |motion| motion.shift);
         Place { centre: place.centre + shift, ..*place }
     }
 
-    /// What the point `x` = (v, r ω) of the chart about a place is away from it.
+    /// Computes the displacement from a pose to the point `x` = (v, r ω) of the chart around it.
     #[inline(always)]
     pub(super) fn way(&self, place: &Place, x: &[f64; 6]) -> Way {
         let mut trig = Trigonometry::LEVEL;
@@ -109,19 +109,19 @@ impl<const N: usize> Mechanism<N> {
         Way { by: Displacement { shift, change }, trig }
     }
 
-    /// Turn of a point of the chart, in radians.
+    /// Returns the rotation of a point of the chart, in radians.
     #[inline(always)]
     pub(super) fn turn(&self, x: &[f64; 6]) -> Vector3<f64> {
         let [_, turn] = parts(x);
         turn * self.per_radius
     }
 
-    /// Pose of the reference point at a point of the chart of angles.
+    /// Computes the pose of the reference point at a point of the chart of angles.
     pub(super) fn turned(&self, place: &Place, x: &[f64; 6]) -> Pose {
         Pose { position: place.centre, angles: place.angles + self.turn(x) }
     }
 
-    /// The place at a point of the chart about another one.
+    /// Computes the pose at a point of the chart around another pose.
     #[inline(always)]
     pub(super) fn moved(&self, place: &Place, x: &[f64; 6]) -> Place {
         match self.chart {
@@ -130,7 +130,7 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// The same where the way there is known.
+    /// Like [`Self::moved`], with a known displacement.
     #[inline(always)]
     pub(super) fn moved_by(&self, place: &Place, x: &[f64; 6], way: &Way) -> Place {
         match self.chart {
@@ -150,8 +150,8 @@ impl<const N: usize> Mechanism<N> {
         Place { centre: position + shift, rotation: trig.rotation(), angles }
     }
 
-    /// Angular velocity of a platform at the point `x` of the chart about a place, `way` there, that
-    /// goes on by `step` in unit time.
+    /// Computes the angular velocity of a platform at the point `x` of the chart around a pose, displacement
+    /// `way`, that moves by `step` in unit time.
     #[inline(always)]
     fn angular(&self, x: &[f64; 6], way: &Way, step: &[f64; 6]) -> Vector3<f64> {
         let rate = self.turn(step);
@@ -162,7 +162,7 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// The same at the middle of the chart.
+    /// Computes the angular velocity at the center of the chart.
     #[inline(always)]
     fn angular_at_middle(&self, place: &Place, step: &[f64; 6]) -> Vector3<f64> {
         match self.chart {
@@ -175,7 +175,7 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Residual of every leg, length + correction − target length.
+    /// Computes the residual of every leg: length + correction − target length.
     #[inline(always)]
     pub(super) fn measure(
         &self,
@@ -190,7 +190,7 @@ impl<const N: usize> Mechanism<N> {
         self.compare(target, at)
     }
 
-    /// The same at a point of the chart about a place: less work than from scratch.
+    /// Computes the residuals at a point of the chart around a pose, with less work than [`Self::measure`].
     #[inline(always)]
     pub(super) fn measure_from(
         &self,
@@ -216,8 +216,8 @@ impl<const N: usize> Mechanism<N> {
         Ok(way)
     }
 
-    /// A Newton step from the middle of the chart, bent as the legs' lengths are
-    /// (Chebyshev's method): s − M F''(s, s)/2 leaves the square of what s alone would.
+    /// Computes a Newton step from the center of the chart, corrected for the curvature of the legs' lengths
+    /// (Chebyshev's method): the error of s − M F''(s, s)/2 is of one order higher than that of s.
     #[inline(always)]
     pub(super) fn bent_step(&self, about: &Stance<N>, step: &[f64; 6]) -> [f64; 6] {
         let [v, _] = parts(step);
@@ -226,7 +226,7 @@ impl<const N: usize> Mechanism<N> {
         along(step, -0.5, &about.inverse.solve(&second))
     }
 
-    /// Second derivatives of the legs' lengths while the platform moves at `v` and turns at `omega`.
+    /// Computes the second derivatives of the legs' lengths while the platform moves at `v` and turns at `omega`.
     #[inline(always)]
     fn length_accelerations(&self, about: &Stance<N>, [v, omega]: [&Vector3<f64>; 2]) -> [f64; N] {
         let mut second = about.at.placed.length_accelerations(v, omega);
@@ -236,12 +236,12 @@ impl<const N: usize> Mechanism<N> {
         second
     }
 
-    /// Newton's step from a point `x` of the chart, `way` there, by the factorisation at its middle.
+    /// Computes Newton's step from a point `x` of the chart, displacement `way`, with the factorization at its center.
     ///
-    /// With the rows J there and J' here, M = J⁻¹: s = −M F, and once more with what that
-    /// leaves, s − M (F + J' s). That is ‖1 − M J'‖² of the error, as little as two steps by
-    /// the old factorisation would leave, for one measurement. The nut's share of the rows
-    /// is small, and taken as it was.
+    /// With the rows J there and J' here, M = J⁻¹: s = −M F, corrected once by the
+    /// remainder: s − M (F + J' s). That leaves ‖1 − M J'‖² of the error, as little as two steps with
+    /// the old factorization, for one measurement. The nut's share of the rows
+    /// is small and kept as it was.
     #[inline(always)]
     pub(super) fn refined_step(
         &self,
@@ -252,7 +252,7 @@ impl<const N: usize> Mechanism<N> {
         let step = newton_step(&about.inverse, &at.residual);
         let [v, _] = parts(&step);
         let mut left = at.placed.length_rates(&v, &self.angular(x, way, &step));
-        // J s = −F: without a nut nothing has to be known of J.
+        // J s = −F: without a nut, J is not needed.
         let was = match self.nut {
             Some(_) => about
                 .at
@@ -268,7 +268,7 @@ impl<const N: usize> Mechanism<N> {
         along(&step, -1.0, &about.inverse.solve(&left))
     }
 
-    /// Residuals of lengths and torsions; refuses legs that have none.
+    /// Computes the residuals of lengths and torsions; refuses legs for which they are undefined.
     #[inline(always)]
     pub(super) fn compare(&self, target: &Target<N>, at: &mut Measured<N>) -> Result<(), Fault> {
         self.refuse_short_legs(&at.placed.length)?;
@@ -291,12 +291,12 @@ impl<const N: usize> Mechanism<N> {
         Ok(at)
     }
 
-    /// The torsion of a machine that has any.
+    /// Returns the torsion if the machine has any.
     pub(super) fn torsion_of<'a>(&self, at: &'a Measured<N>) -> Option<&'a Torsion<N>> {
         self.nut.is_some().then_some(&at.torsion)
     }
 
-    /// Rows of the residuals in the chart, column by column.
+    /// Computes the rows of the residuals in the chart, column by column.
     #[inline(always)]
     pub(super) fn columns(&self, at: &Measured<N>, place: &Place) -> [[f64; N]; 6] {
         self.charted_rows(&at.placed, self.torsion_of(at), place)
@@ -316,12 +316,12 @@ impl<const N: usize> Mechanism<N> {
         }
     }
 
-    /// Factors what the quick way does not. The columns are made anew: to keep them takes longer.
+    /// Factors if the fast path cannot. Recomputes the columns, which is faster than keeping them.
     fn factor_flat(&self, at: &Measured<N>, place: &Place, inverse: &mut PseudoInverse<N>) -> bool {
         inverse.renew_by_columns(&self.active, &self.columns(at, place))
     }
 
-    /// Measures and factors where a stance stands.
+    /// Measures and factors at the pose of a stance.
     #[inline(always)]
     pub(super) fn settle(&self, target: &Target<N>, stance: &mut Stance<N>) -> Result<(), Fault> {
         self.measure(target, &stance.place, &mut stance.at)?;
@@ -337,7 +337,7 @@ pub(super) fn newton_step<const N: usize>(
     along(&[0.0; 6], -1.0, &inverse.solve(residual))
 }
 
-/// The translation of a point of the chart, and its turn times the radius. Pairs, see `lanes`.
+/// Returns the translation of a point of the chart, and its rotation times the radius. Pairs, see `lanes`.
 #[inline(always)]
 fn parts(x: &[f64; 6]) -> [Vector3<f64>; 2] {
     let [a, b] = pair(x, 0).to_array();
@@ -346,7 +346,7 @@ fn parts(x: &[f64; 6]) -> [Vector3<f64>; 2] {
     [Vector3::new(a, b, c), Vector3::new(d, e, f)]
 }
 
-/// A B, written out: nalgebra's is a call.
+/// Computes A B, written out because nalgebra's product is a function call.
 #[inline(always)]
 fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
     let at = |i, j| a[(i, 0)] * b[(0, j)] + a[(i, 1)] * b[(1, j)] + a[(i, 2)] * b[(2, j)];
@@ -363,7 +363,7 @@ fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
     )
 }
 
-/// x + share · y.
+/// Computes x + share · y.
 #[inline(always)]
 pub(super) fn along(x: &[f64; 6], share: f64, y: &[f64; 6]) -> [f64; 6] {
     let mut sum = [0.0; 6];
@@ -387,7 +387,7 @@ pub(super) mod tests {
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
 
-    /// A stance of a machine with what a step of this length from it leads to.
+    /// A stance of a machine with the result of a step of this length.
     pub(crate) struct Trial {
         pub(crate) machine: Mechanism<6>,
         pub(crate) about: Stance<6>,
@@ -396,7 +396,7 @@ pub(super) mod tests {
     }
 
     impl Trial {
-        /// Residuals at a share of the step.
+        /// Computes the residuals at a share of the step.
         fn at(&self, share: f64) -> Measured<6> {
             let mut at = Measured::ZERO;
             let x = self.step.map(|value| share * value);
@@ -412,13 +412,13 @@ pub(super) mod tests {
         let target = machine.target(&joints).ok()?;
         let mut about = Stance::new(place);
         machine.settle(&target, &mut about).ok()?;
-        // So that what is looked at is not the condition of a random machine.
+        // Excludes ill-conditioned random machines, whose condition would hide the effect.
         (about.inverse.inverse_norm() < 20.0).then_some(Trial { machine, about, target, step })
     }
 
     #[test]
     fn stretch_and_bend_are_the_first_and_second_derivatives_of_the_lengths() {
-        // Second differences: rounding of some hundreds over the square of the step.
+        // Second differences: rounding of a few hundred, divided by the square of the step.
         const STEP: f64 = 1e-2;
         for coordinates in [b"XYZABC".as_slice(), b"XYZ"] {
             let mut rng = Pcg64::seed_from_u64(31);
@@ -434,7 +434,7 @@ pub(super) mod tests {
                 for i in 0..6 {
                     let first = (high[i] - low[i]) / (2.0 * STEP);
                     let second = (high[i] + low[i] - 2.0 * middle[i]) / (STEP * STEP);
-                    // What third and fourth derivatives add, even of short legs.
+                    // Third and fourth derivatives add less, even for short legs.
                     assert!((length_rates[i] - first).abs() < 1e-4, "{} {first}", length_rates[i]);
                     assert!((accelerations[i] - second).abs() < 1e-4 + 1e-2 * second.abs());
                 }
@@ -444,9 +444,9 @@ pub(super) mod tests {
         }
     }
 
-    /// Geometric means, over random machines of a chart, of what is left after a bent first step
-    /// as a share of what Newton's leaves, and after a refined second step as a share of what
-    /// one by the old factorisation leaves; and how often either leaves more.
+    /// Computes geometric means over random machines of a chart: the error after a corrected first step as a
+    /// share of that after Newton's, and after a refined second step as a share of that after one with the
+    /// old factorization; also how often either leaves more.
     fn shares(coordinates: &[u8]) -> ([f64; 2], [u32; 2], f64) {
         let mut rng = Pcg64::seed_from_u64(32);
         let (mut logs, mut worse, mut count) = ([0.0; 2], [0; 2], 0.0);
@@ -461,7 +461,7 @@ pub(super) mod tests {
             let chord = along(&first, 1.0, &newton_step(&about.inverse, &at.residual));
             let way = machine.way(&about.place, &first);
             let refined = along(&first, 1.0, &machine.refined_step(about, (&first, &way), &at));
-            // What rounding is no longer seen in.
+            // Large enough not to be affected by rounding.
             if off(&chord) > 1e-9 {
                 let shares = [
                     off(&machine.bent_step(about, &first)) / off(&first),
@@ -486,7 +486,7 @@ pub(super) mod tests {
             std::println!("{name}: {bent:.1e} {refined:.1e}, worse {worse:?} of {count}");
             assert!(count > 500.0, "{count}");
             assert!(refined < 0.01 && worse[1] == 0, "{name}: {refined} {worse:?}");
-            // With two angles the axis of the one turns with the other, which is left out.
+            // With two angles the axis of one rotates with the other, which is neglected.
             let two = coordinates.len() == 5;
             assert!(bent < if two { 0.5 } else { 0.01 }, "{name}: {bent}");
             assert!(two || worse[0] == 0, "{name}: {worse:?}");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What forward is asked and what it answers: settings, solution, proof, and what one call may spend.
+//! Input and output of forward: settings, solution, proof, and the work that one call may use.
 
 use crate::fault::{Cause, Fault};
 use crate::lanes::are_within;
@@ -8,62 +8,62 @@ use crate::pose::Pose;
 use crate::spheres::Meeting;
 use nalgebra::Vector3;
 
-/// Most linear solves that `limit_iterations` may allow.
+/// Largest value of `limit_iterations`, linear solves.
 pub const MAX_ITERATIONS: u32 = 288;
 
-/// Most sub-steps of one call.
+/// Largest number of sub-steps in one call.
 pub const MAX_SUB_STEPS: u32 = 96;
 
-/// How forward searches.
+/// Search method of forward.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Closed form, certified ball or certified tracking: right or refused.
+    /// Closed form, certified ball or certified tracking: correct or refused.
     Certified,
-    /// The same without closed forms, for comparison.
+    /// The certified method without closed forms, for comparison.
     General,
-    /// Newton's method alone, for comparison: may return another assembly of the machine.
+    /// Newton's method without proof, for comparison: may return another assembly mode.
     PlainNewton,
 }
 
 /// Settings of the solver; all may change between calls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solver {
-    /// Largest leg residual accepted, in joint units; effectively not below
-    /// 16 · 2⁻⁵² of the machine's size.
+    /// Largest accepted leg residual, in joint units; values below
+    /// 16 · 2⁻⁵² of the machine's size have no effect.
     pub convergence_criterion: f64,
-    /// Most linear solves, 1 to [`MAX_ITERATIONS`].
+    /// Largest number of linear solves, 1 to [`MAX_ITERATIONS`].
     pub limit_iterations: u32,
-    /// Largest leg residual accepted where legs exceed coordinates, in machine units;
+    /// Largest accepted leg residual if legs exceed coordinates, in machine units;
     /// 0 = 5e-3 of the platform radius.
     pub residual_limit: f64,
-    /// How to search.
+    /// Search method.
     pub method: Method,
 }
 
-/// Proof that came with a pose.
+/// Proof that accompanies a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Certificate {
-    /// Newton's method alone: nothing is proved.
+    /// Newton's method alone: no proof.
     None,
-    /// L(d) d < 1 of the last ball: legs determine the pose within it.
+    /// L(d) d < 1 of the last ball: the legs determine the pose within it.
     Ball(f64),
-    /// Three spheres meet there, and the joints lead from the seed to this one of their two points, see
-    /// the module `spheres`.
+    /// The pose is an intersection of three spheres, and the joints lead from the seed to this one of their
+    /// two points, see the module `spheres`.
     Spheres,
 }
 
 /// A pose that forward found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// The pose, angles next to those of the seed.
+    /// The pose, with the angles nearest to those of the seed.
     pub pose: Pose,
     /// Linear solves used.
     pub iterations: u32,
-    /// Sub-steps of the joint path; 1 = within one ball of the seed.
+    /// Sub-steps of the joint path; 1 = one ball at the seed was enough.
     pub sub_steps: u32,
     /// Largest leg residual as an error of its joint, in machine units: of a strut's
-    /// length, of a carriage's place, of an arm's end along its circle. At most this where three spheres
-    /// meet.
+    /// length, of a carriage's position, of an arm's end along its circle. An upper bound for three
+    /// spheres.
     pub residual: f64,
     /// Nut-rotation corrections at the pose, machine units; zeros without a lead.
     pub corrections: PerLeg,
@@ -71,17 +71,17 @@ pub struct Solution {
     pub certificate: Certificate,
 }
 
-/// Rounding of a residual: no criterion below this share of the size can be met.
+/// Rounding of a residual: a criterion below this share of the size cannot be met.
 const RESIDUAL_ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 impl Solver {
-    /// Largest leg residual accepted by a machine of this size.
+    /// Returns the largest accepted leg residual for a machine of this size.
     #[inline(always)]
     pub(crate) fn criterion(&self, size: f64) -> f64 {
         self.convergence_criterion.max(RESIDUAL_ROUNDING * size)
     }
 
-    /// Refuses settings that nothing can be computed with.
+    /// Refuses unusable settings.
     #[inline(always)]
     pub(crate) fn check(&self) -> Result<(), Fault> {
         if !(1..=MAX_ITERATIONS).contains(&self.limit_iterations) {
@@ -110,7 +110,7 @@ impl Default for Solver {
 }
 
 impl Solution {
-    /// Where three spheres meet.
+    /// Creates the solution for the intersection of three spheres.
     #[inline(always)]
     pub(crate) fn of_spheres(Meeting { point, residual }: Meeting) -> Self {
         Self {
@@ -124,20 +124,20 @@ impl Solution {
     }
 }
 
-/// Counts and limits of one call.
+/// Work counters and limits of one call.
 pub(super) struct Effort {
     /// Linear solves.
     pub(super) spent: u32,
     pub(super) sub_steps: u32,
     pub(super) limit: u32,
-    /// Pose error at which iteration stops, a length.
+    /// Pose error at which the iteration stops, a length.
     pub(super) tolerance: f64,
-    /// Largest leg residual accepted.
+    /// Largest accepted leg residual.
     pub(super) accepted: f64,
 }
 
 impl Effort {
-    /// Whether a pose error (a length) and the residuals that go with it are small enough.
+    /// Returns whether a pose error (a length) and the corresponding residuals are small enough.
     #[inline(always)]
     pub(super) fn is_converged<const N: usize>(&self, error: f64, residual: &[f64; N]) -> bool {
         error <= self.tolerance && are_within(residual, self.accepted)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A chain of certified balls along the straight line in joint space, for far seeds.
+//! Chain of certified balls along the straight line in joint space, for far seeds.
 
 use super::converge::{LEAST_SHARE, Step};
 use super::residual::{Measured, newton_step, norm};
@@ -10,16 +10,16 @@ use crate::placed::Place;
 use crate::pseudo_inverse::PseudoInverse;
 use crate::target::Target;
 
-/// Trials for the length of one sub-step.
+/// Largest number of attempts at the length of one sub-step.
 const MAX_TRIALS: u32 = 4;
 
 /// Shortest sub-step, as a share of the joint path.
 const SHORTEST_SUB_STEP: f64 = 1e-4;
 
-/// How much of a sub-step that was too long is tried next at most.
+/// Largest share that is tried next of a sub-step that was too long.
 const MOST_TRIED: f64 = 0.95;
 
-/// How many times as far as the last sub-step the next one goes: what is read from one step says little of far away.
+/// Least ratio of a sub-step to the last one: an extrapolation from one step is unreliable far away.
 const LEAST_GROWTH: f64 = 0.5;
 const MOST_GROWTH: f64 = 4.0;
 
@@ -27,26 +27,26 @@ const MOST_GROWTH: f64 = 4.0;
 struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
     /// Joints at a share of the path.
     along: &'a F,
-    /// Where the sub-step starts.
+    /// Start of the sub-step.
     here: &'a Target<N>,
     target: &'a Target<N>,
     /// Share already covered.
     done: f64,
-    /// Share at the middle of the ball where that is ahead, 0 where it is about where the last sub-step has led.
+    /// Share at the center of the ball if that is ahead; 0 if it is at the end of the last sub-step.
     middle: f64,
-    /// Newton's step from the middle of the ball back to the path.
+    /// Newton's step from the center of the ball back to the path.
     back: f64,
-    /// Bound of the way back, half of it at least.
+    /// Bound of the step back, at least half of it.
     leftover: f64,
 }
 
 impl<const N: usize, F: Fn(f64) -> [f64; N]> Path<'_, N, F> {
-    /// How many times as far beyond the middle a sub-step should go to have the h that is aimed at.
+    /// Returns the ratio by which a sub-step beyond the center should be extended to reach the target h.
     fn times(&self, first: &Step) -> f64 {
-        // What the ball reaches for because anchors move counts like the step itself. Its growth by the square of the
-        // sub-step was tried in the plan: more calls are refused.
+        // The extent due to moving anchors counts like the step itself. Letting it grow with the square of the
+        // sub-step makes more calls fail.
         let length = first.length + (first.reach - first.length.max(self.leftover));
-        // From where the last sub-step has led the step begins with the way back.
+        // From the end of the last sub-step, the step begins with the way back.
         let back = if self.middle > 0.0 { 0.0 } else { self.back.min(0.9 * length) };
         (first.next_length() - back) / (length - back)
     }
@@ -54,32 +54,32 @@ impl<const N: usize, F: Fn(f64) -> [f64; N]> Path<'_, N, F> {
 
 /// A certified step along the path.
 struct SubStep {
-    /// Where it leads.
+    /// Pose at its end.
     place: Place,
     /// Share of the path it covers.
     share: f64,
-    /// Whether it leads to the end.
+    /// Whether it reaches the end.
     arrives: bool,
-    /// The step, from the middle of its ball.
+    /// The step, from the center of its ball.
     step: [f64; 6],
-    /// Bound of what it leaves unconverged.
+    /// Bound of its convergence error.
     unconverged: f64,
-    /// How many times as far the next one should go.
+    /// Ratio for the length of the next one.
     times: f64,
 }
 
-/// The middle of the next ball, seen from where the last sub-step has led.
+/// Center of the next ball, relative to the end of the last sub-step.
 struct Ahead {
-    /// The way there.
+    /// Displacement to it.
     by: [f64; 6],
-    /// How much of the joint path that is.
+    /// Its share of the joint path.
     share: f64,
-    /// Bound of how far the path is from where the last sub-step has led.
+    /// Bound of the distance between the path and the end of the last sub-step.
     off: f64,
 }
 
 impl Ahead {
-    /// The ball is about where the last sub-step has led.
+    /// The ball is centered at the end of the last sub-step.
     const NOT: Self = Self { by: [0.0; 6], share: 0.0, off: 0.0 };
 
     fn is_ahead(&self) -> bool {
@@ -88,14 +88,14 @@ impl Ahead {
 }
 
 impl<const N: usize> Mechanism<N> {
-    /// Follows the straight joint path from the seed to `target` by certified
-    /// sub-steps, one Newton step each, to within one ball of its end.
+    /// Follows the straight joint path from the seed to `target` in certified
+    /// sub-steps, one Newton step each, until one ball covers the rest.
     ///
-    /// The path's point that a sub-step starts from is off the pose P where the last one has led by what that left
-    /// unconverged. The next ball is about P, or of struts about the pose Y half a sub-step ahead of it, so that it reaches
-    /// as far back as ahead and one sub-step covers both ways. Its radius is twice the Newton step back to the path, the one
-    /// ahead, or half the distance of the path's point, whichever is the largest; so that point is in it, and is the one
-    /// that it determines. Because h ≤ 0.4 holds for the step back to the path as well as for the one ahead, it holds for
+    /// A sub-step starts from a point of the path whose distance from the pose P at the end of the last sub-step is the
+    /// convergence error of that sub-step. The next ball is around P, or for struts around the pose Y half a sub-step ahead,
+    /// so that it extends equally far in both directions and one sub-step covers both. Its radius is twice the largest of
+    /// the Newton step back to the path, the Newton step ahead, and half the distance of the path's point; so that point is
+    /// in the ball and is the one that the ball determines. Because h ≤ 0.4 holds for both steps, it holds for
     /// every point of the joint path between, and the path of the platform stays in that ball.
     pub(super) fn track(
         &self,
@@ -107,7 +107,7 @@ impl<const N: usize> Mechanism<N> {
         let from = self.joints_at(&start)?;
         let along = |t: f64| core::array::from_fn(|i| from[i] + t * (target.joints[i] - from[i]));
         let mut place = start;
-        // In place over and over: what is handed on is copied.
+        // Reused buffers: passing them by value would copy.
         let (mut one, mut other) = (Target::of(from), Target::of(from));
         let (mut here, mut next) = (&mut one, &mut other);
         self.aim(here)?;
@@ -115,8 +115,8 @@ impl<const N: usize> Mechanism<N> {
         let mut inverse = PseudoInverse::ZERO;
         let mut done = 0.0;
         let mut ahead = Ahead::NOT;
-        // Where base anchors move, or legs are in excess, there is none to expect: the legs do not fit half-way. Nor
-        // where one was not there: next to singular poses every second sub-step would go for it.
+        // Disabled if base anchors move or legs are redundant, because the legs do not fit half-way; and after a
+        // failure, because near singular poses every second sub-step would fail.
         let mut looks_ahead = !self.moving && !self.layout.is_redundant();
         effort.sub_steps = 0;
         while effort.sub_steps < MAX_SUB_STEPS {
@@ -138,7 +138,7 @@ impl<const N: usize> Mechanism<N> {
                     self.sub_step(&path, &middle, (&inverse, &mut there, next), share, effort)
                 });
             let taken = match taken {
-                // What was expected ahead is not there. It cost what a solve does.
+                // The prediction failed, at the cost of one solve.
                 Err(_) if ahead.is_ahead() => {
                     effort.spend()?;
                     ahead = Ahead { off: ahead.off, ..Ahead::NOT };
@@ -158,7 +158,7 @@ impl<const N: usize> Mechanism<N> {
             share = beyond * taken.times.clamp(LEAST_GROWTH, MOST_GROWTH);
             ahead = Ahead { off: taken.unconverged, ..Ahead::NOT };
             if looks_ahead {
-                // As far back as ahead: twice as far in all.
+                // Equally far in both directions: twice as far in all.
                 let half = share.min((1.0 - done) / 2.0);
                 share *= 2.0;
                 ahead.by = taken.step.map(|x| half / beyond * x);
@@ -168,7 +168,7 @@ impl<const N: usize> Mechanism<N> {
         Err(Fault::with_value(Cause::TooManySubSteps, f64::from(MAX_SUB_STEPS)))
     }
 
-    /// Measures and factors the middle of a ball; refuses dead points, and to set out next to a singular pose.
+    /// Measures and factors the center of a ball; refuses dead points, and a start near a singular pose.
     fn regular(
         &self,
         here: &Target<N>,
@@ -187,7 +187,7 @@ impl<const N: usize> Mechanism<N> {
         Ok(())
     }
 
-    /// Chooses the share of the path that one certified Newton step may cover; `between` becomes the path's point
+    /// Chooses the share of the path that one certified Newton step can cover; sets `between` to the path's point
     /// there, unless that is the end.
     fn sub_step(
         &self,
@@ -247,7 +247,7 @@ mod tests {
                 back,
                 leftover: back,
             };
-            // L stays 0.1: 3.8 is aimed at.
+            // L stays 0.1: the target is 3.8.
             path.times(&Step {
                 step: [0.0; 6],
                 length,
@@ -256,16 +256,16 @@ mod tests {
                 lipschitz: 0.1,
             })
         };
-        // Some roundings of numbers below 10.
+        // A few roundings of numbers below 10.
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-14, "{found}");
         near(times(0.0, 0.0, 2.0, 0.0), 1.9);
-        // Anchors that bow make the reach twice as long.
+        // Curved anchor paths double the extent.
         near(times(0.0, 0.0, 2.0, 2.0), 0.95);
-        // Of 2, 1 leads back to the path; 2.8 are left of 3.8.
+        // Of 2, 1 leads back to the path; 2.8 of 3.8 is left.
         near(times(0.0, 1.0, 2.0, 0.0), 2.8);
-        // Ahead, the way back leads the other way.
+        // Ahead, the step back has the opposite direction.
         near(times(0.25, 1.0, 2.0, 0.0), 1.9);
-        // A step that is shorter than the way back tells little: nine tenths of it count.
+        // A step shorter than the step back is unreliable: nine tenths of it count.
         near(times(0.0, 3.0, 2.0, 0.0), 10.0);
     }
 }

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Rod of fixed length on the end of an arm that turns about a fixed axis (rotary delta).
+//! Rod of fixed length on the end of an arm that rotates about a fixed axis (rotary delta).
 //!
-//! c(θ) = g + m(θ), d = L, where m(θ) is the arm m₀ turned by θ about the unit axis k
+//! c(θ) = g + m(θ), d = L, where m(θ) is the arm m₀ rotated by θ about the unit axis k
 //! through the hip g (the base anchor), right-handed. With m⊥ = m₀ − (k·m₀)k,
-//! w = p − g, a = w·m⊥, b = w·(k×m⊥), |w − m(θ)| = L says
+//! w = p − g, a = w·m⊥, b = w·(k×m⊥), |w − m(θ)| = L becomes
 //!
 //! ```text
 //! a cos θ + b sin θ = T,   T = (|w|² + |m₀|² − L²)/2 − (k·m₀)(k·w)
 //! θ = atan2(b, a) + side acos(T/√(a²+b²))
 //! ```
 //!
-//! with no solution where |T| > √(a²+b²). The two angles are added as complex numbers, so
+//! with no solution if |T| > √(a²+b²). The two angles are added as complex numbers, so
 //! that θ lies within ±180° and jumps only where the arm points opposite to m₀: a sum of
-//! arcs would jump by a turn wherever the anchor crosses the far side of the hip. With
-//! u = (p − c)/L, u · ∂c/∂θ = −side √(a²+b²−T²)/L. Joint values are degrees, so that
+//! arcs would jump by a full turn wherever the anchor crosses the far side of the hip. With
+//! u = (p − c)/L, u · ∂c/∂θ = −side √(a²+b²−T²)/L. Joint values are in degrees, so that
 //! ∂c/∂q = (π/180) k × m(θ).
 
 use super::{Drive, LEAST_DRIVE, Refusal, SecondDerivatives, direction, rod_length, side_sign};
@@ -22,18 +22,18 @@ use crate::trig::{RADIANS, arc_all_around, sincos_of_one};
 use libm::sqrt;
 use nalgebra::Vector3;
 
-/// Arms nearer to their axis than this share of their length do not turn their end.
+/// Arms nearer to their axis than this share of their length do not move their end.
 const LEAST_ARM: f64 = 1e-6;
 
-/// Farthest that forward takes an arm from its position at 0, degrees. Inverse returns no angle beyond half a
-/// turn: the first cycle of world mode would command a whole turn back. The rest is for rounding.
+/// Largest angle that forward accepts for an arm, degrees from 0. Inverse returns no angle beyond half a
+/// turn: the first cycle of world mode would command a full turn back. The excess covers rounding.
 const MOST_TURNED: f64 = 180.0 + 1e-9;
 
-/// What belongs to a crank beside its two anchors; the base anchor is its hip, a point
-/// of the axis.
+/// Parameters of a crank besides its two anchors; the base anchor is its hip, a point
+/// on the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrankGeometry {
-    /// Direction of the axis in base; any length. Positive angles turn the arm
+    /// Direction of the axis in base; any length. Positive angles rotate the arm
     /// right-handed about it.
     pub axis: [f64; 3],
     /// From the hip to the end of the arm at 0 degrees, in base, machine units.
@@ -48,14 +48,14 @@ pub struct CrankGeometry {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Crank {
     axis: Vector3<f64>,
-    /// Part of the arm along the axis, signed.
+    /// Component of the arm along the axis, signed.
     along: f64,
-    /// Part of the arm across the axis, at 0 and at 90 degrees.
+    /// Component of the arm perpendicular to the axis, at 0 and at 90 degrees.
     across: [Vector3<f64>; 2],
     arm: f64,
     rod: f64,
     side: f64,
-    /// side over the lengths of arm and rod.
+    /// side, divided by the lengths of arm and rod.
     towards: f64,
 }
 
@@ -80,13 +80,13 @@ impl Crank {
         Ok(arc_all_around(s, c) / RADIANS)
     }
 
-    /// A vector in the direction of the arm, over the directions of 90 and of 0 degrees.
+    /// Computes a vector in the direction of the arm, in components along the 90 and 0 degree directions.
     #[inline(always)]
     pub fn arm_towards(&self, w: &Vector3<f64>) -> Result<[f64; 2], Refusal> {
         let a = w.dot(&self.across[0]);
         let b = w.dot(&self.across[1]);
         let reach = a * a + b * b;
-        // |w − along k|² + arm² − L² over 2: the same T without its cancellations.
+        // |w − along k|² + arm² − L² over 2: the same T without cancellation.
         let apart = w - self.axis * self.along;
         let t = (apart.norm_squared() + self.arm * self.arm - self.rod * self.rod) * 0.5;
         let squared = reach - t * t;
@@ -98,7 +98,7 @@ impl Crank {
         Ok([b * t + a * turned, a * t - b * turned])
     }
 
-    /// Why an anchor at `apart` from the middle of the circle has no joint value.
+    /// Returns why an anchor at `apart` from the center of the circle has no joint value.
     fn refused(&self, apart: Vector3<f64>, reach: f64, t: f64) -> Refusal {
         let squared = (reach - t) * (reach + t);
         if !(squared >= 0.0) {
@@ -107,8 +107,8 @@ impl Crank {
         (Cause::DeadPoint, sqrt(squared) / (self.arm * self.rod))
     }
 
-    /// What the rod lacks to an anchor at `apart` from the middle of the circle that the arm's
-    /// end runs on, `from_axis` away from the axis; negative where it is too long.
+    /// Computes the length missing between the rod and an anchor at `apart` from the center of the arm end's
+    /// circle, `from_axis` away from the axis; negative if the rod is too long.
     fn missing(&self, apart: &Vector3<f64>, from_axis: f64) -> f64 {
         let above = self.axis.dot(apart);
         let from = |across: f64| sqrt(across * across + above * above);
@@ -142,7 +142,7 @@ impl Crank {
         self.rod
     }
 
-    /// Length of the rod over that of the arm.
+    /// Returns the rod's length divided by the arm's.
     pub fn ratio(&self) -> f64 {
         self.rod / self.arm
     }
@@ -157,10 +157,10 @@ impl Crank {
 mod tests {
     use super::*;
 
-    /// Some roundings of numbers below 10.
+    /// A few roundings of numbers below 10.
     const ROUNDING: f64 = 1e-14;
 
-    /// An arm of 3 across the axis Z, and 2 along it; rods of 5.
+    /// Creates an arm of 3 perpendicular to the axis Z and 2 along it, with a rod of 5.
     fn crank() -> Crank {
         let given =
             CrankGeometry { axis: [0.0, 0.0, 4.0], arm: [3.0, 0.0, 2.0], rod: 5.0, side: 1 };
@@ -169,14 +169,14 @@ mod tests {
 
     #[test]
     fn the_arm_stands_where_the_triangle_says() {
-        // The arm along Y, its end at (0, 3, 2), and the rod at a right angle to it.
+        // The arm along Y, its end at (0, 3, 2), and the rod perpendicular to it.
         let joint = crank().joint(&Vector3::new(5.0, 3.0, 2.0)).map(|q| q - 90.0);
         assert!(joint.is_ok_and(|off| off.abs() < 10.0 * ROUNDING), "{joint:?}");
     }
 
     #[test]
     fn a_rod_that_only_just_reaches_is_at_its_dead_point_and_not_out_of_reach() {
-        // 3 + 5 from the axis, in the plane of the circle: nothing is missing, nothing drives.
+        // 3 + 5 from the axis, in the plane of the circle: within reach, but at the dead point.
         let told = crank().joint(&Vector3::new(0.0, 8.0, 2.0));
         assert_eq!(told, Err((Cause::DeadPoint, 0.0)));
         let (cause, lacks) = crank().joint(&Vector3::new(0.0, 8.5, 2.0)).expect_err("refused");

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Legs: what joins base and platform. Each kind is one file with its equation.
+//! Legs: the connections between base and platform. Each kind is one file with its equation.
 //!
 //! Every kind is a constraint |p − c(q)| = d(q) between the platform anchor p and a
 //! *moving base anchor* c: a strut keeps c and changes d, a rod on a carriage or a
 //! crank moves c and keeps d. The platform anchor is a point of the platform, or the nearest
-//! point of a ring that turns freely about the tool axis. The solvers see only (c, d) and the unit
+//! point of a ring that rotates freely about the tool axis. The solvers use only (c, d) and the unit
 //! vector u = (p − c)/d; with q' = dq/dt
 //!
 //! ```text
@@ -14,9 +14,9 @@
 //! is the one gradient row that Jacobian and Newton's method need.
 //!
 //! Where the factor of q' is 0 the joint does not drive the leg: its *dead point*, where
-//! the two joint values that one platform anchor may have meet. A rod (d constant) stands
-//! square to the motion of its lower end there, and `side` tells carriage or crank
-//! positions apart: the sign of u · ∂c/∂q is −side.
+//! the two joint values for one platform anchor coincide. A rod (d constant) is
+//! perpendicular to the motion of its lower end there, and `side` distinguishes the two carriage or
+//! crank positions: the sign of u · ∂c/∂q is −side.
 
 pub mod crank;
 pub mod ring;
@@ -34,7 +34,7 @@ use nalgebra::Vector3;
 use slider::Slider;
 
 /// Least |cos| of the angle between a rod and the motion of its lower end: nearer to
-/// the dead point joint speeds grow beyond twenty times the platform's.
+/// the dead point, joint speeds exceed twenty times the platform's.
 pub const LEAST_DRIVE: f64 = 0.05;
 
 macro_rules! kinds {
@@ -64,28 +64,28 @@ kinds! {
     Strut = "strut",
     /// Rod of fixed length on a carriage.
     Slider = "slider",
-    /// Rod of fixed length on a turning arm.
+    /// Rod of fixed length on a rotating arm.
     Crank = "crank",
     /// Telescopic strut to a ring about the tool axis.
     Ring = "ring",
 }
 
-/// What the integrator wrote for one leg, by kind.
+/// Parameters of one leg as the integrator wrote them, by kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LegKind {
     /// Telescopic strut; joint value = length.
     Strut(StrutGeometry),
-    /// Rod on a straight guide; joint value = place of the carriage along it.
+    /// Rod on a straight guide; joint value = position of the carriage along it.
     Slider(SliderGeometry),
-    /// Rod on an arm that turns about a fixed axis; joint value = its angle in degrees.
+    /// Rod on an arm that rotates about a fixed axis; joint value = its angle in degrees.
     Crank(CrankGeometry),
-    /// Telescopic strut to a ring that turns freely about the tool axis; joint value = length. The
-    /// platform anchor is the centre of the ring.
+    /// Telescopic strut to a ring that rotates freely about the tool axis; joint value = length. The
+    /// platform anchor is the center of the ring.
     Ring(RingGeometry),
 }
 
 impl LegKind {
-    /// Whether a joint value is an angle.
+    /// Returns whether a joint value is an angle.
     pub const fn is_angular(&self) -> bool {
         match self {
             LegKind::Crank(_) => true,
@@ -118,7 +118,7 @@ impl LegKind {
         }
     }
 
-    /// Lengths of rod and arm, or radius of the ring; 0 for what the kind does not have.
+    /// Returns the lengths of rod and arm, or the radius of the ring; 0 for lengths that the kind lacks.
     pub fn lengths(&self) -> [f64; 2] {
         match self {
             LegKind::Strut(_) => [0.0; 2],
@@ -128,8 +128,8 @@ impl LegKind {
         }
     }
 
-    /// Every value that enters the hash, in its order, the kind's number first; zeros for the axes
-    /// of a strut without a lead.
+    /// Passes on every value that enters the hash, in its order, starting with the kind's number; zeros for
+    /// the axes of a strut without a lead.
     pub(crate) fn for_each_value(&self, mut see: impl FnMut(&[f64])) {
         match self {
             LegKind::Strut(s) => {
@@ -158,7 +158,7 @@ impl LegKind {
         }
     }
 
-    /// Radius of the circle on which the platform anchor is free to slide; 0 for a point.
+    /// Returns the radius of the circle on which the platform anchor slides freely; 0 for a point.
     pub const fn ring_radius(&self) -> f64 {
         match self {
             LegKind::Ring(ring) => ring.radius,
@@ -166,7 +166,7 @@ impl LegKind {
         }
     }
 
-    /// Whether the base anchor stands still.
+    /// Returns whether the base anchor is fixed.
     pub const fn stands(&self) -> bool {
         match self {
             LegKind::Strut(_) | LegKind::Ring(_) => true,
@@ -174,7 +174,7 @@ impl LegKind {
         }
     }
 
-    /// The checked leg; what its ring does is no matter of the joint, see [`Self::ring_radius`].
+    /// Checks the leg; its ring does not affect the joint, see [`Self::ring_radius`].
     pub(crate) fn checked(&self) -> Result<Leg, Refusal> {
         match self {
             LegKind::Strut(_) => Ok(Leg::Strut),
@@ -185,7 +185,7 @@ impl LegKind {
     }
 }
 
-/// Why a leg refuses, and the number that helps to understand it.
+/// Cause of a refusal, and the number that helps to understand it.
 pub(crate) type Refusal = (Cause, f64);
 
 /// A checked leg.
@@ -201,13 +201,13 @@ pub(crate) enum Leg {
 pub(crate) struct Drive {
     pub displacement: Vector3<f64>,
     pub length: f64,
-    /// Its product with the way from moving base anchor to platform anchor is [`Leg::margin`] there; 0
+    /// Its product with the vector from moving base anchor to platform anchor is [`Leg::margin`] there; 0
     /// for a leg without dead point.
     pub towards: Vector3<f64>,
 }
 
 impl Leg {
-    /// Native joint value for a platform anchor at `w` from the base anchor, |w| = `length`.
+    /// Computes the native joint value for a platform anchor at `w` from the base anchor, |w| = `length`.
     pub fn joint(&self, w: &Vector3<f64>, length: f64) -> Result<f64, Refusal> {
         match self {
             Leg::Strut => Ok(strut::joint(length)),
@@ -216,7 +216,7 @@ impl Leg {
         }
     }
 
-    /// Where the native joint value `q` puts the moving base anchor, and the length it sets.
+    /// Computes the moving base anchor for the native joint value `q`, and the length it sets.
     pub fn drive(&self, q: f64) -> Result<Drive, Cause> {
         match self {
             Leg::Strut => strut::drive(q),
@@ -225,7 +225,7 @@ impl Leg {
         }
     }
 
-    /// u · ∂c/∂q + ∂d/∂q at the native joint value `q`: speed of the platform anchor along
+    /// Computes u · ∂c/∂q + ∂d/∂q at the native joint value `q`: speed of the platform anchor along
     /// `u`, the unit vector from moving base anchor to platform anchor, per joint rate.
     pub fn transmission(&self, q: f64, u: &Vector3<f64>) -> f64 {
         match self {
@@ -235,7 +235,7 @@ impl Leg {
         }
     }
 
-    /// How far a leg is from its dead point: its `transmission`, positive on its side, as a share of
+    /// Computes how far a leg is from its dead point: its `transmission`, positive on its side, as a share of
     /// the largest one; for a rod −side · cos of the angle between u and the motion of the
     /// lower end. `None` for a leg without dead point.
     pub fn margin(&self, transmission: f64) -> Option<f64> {
@@ -246,13 +246,13 @@ impl Leg {
         }
     }
 
-    /// [`Leg::margin`] of a leg without dead point: nothing is lost there. 0 of others.
+    /// Returns [`Leg::margin`] for a leg without dead point; 0 for others.
     pub fn rest(&self) -> f64 {
         if *self == Leg::Strut { 1.0 } else { 0.0 }
     }
 
-    /// Bound of the second derivative of the way of the lower end while the platform anchor moves, times
-    /// length and third power of the margin: 1, and for a crank the length over the arm's beside it.
+    /// Bounds the second derivative of the lower end's travel while the platform anchor moves, times
+    /// length and third power of the margin: 1, and for a crank the ratio of rod to arm as well.
     pub fn bend(&self) -> f64 {
         match self {
             Leg::Strut | Leg::Slider(_) => 1.0,
@@ -260,7 +260,7 @@ impl Leg {
         }
     }
 
-    /// Second derivatives of the leg over any joint step of size `dq`.
+    /// Returns the second derivatives of the leg over any joint step of size `dq`.
     pub fn second_derivatives(&self, dq: f64) -> SecondDerivatives {
         match self {
             Leg::Strut | Leg::Slider(_) => SecondDerivatives::NONE,
@@ -269,29 +269,29 @@ impl Leg {
     }
 }
 
-/// Second derivatives of a leg over a step that is run through in unit time: upper bounds for every
-/// moment of it. Forward's proof rests on them.
+/// Second derivatives of a leg over a step in unit time: upper bounds throughout the step.
+/// Forward's proof depends on them.
 pub(crate) struct SecondDerivatives {
-    /// Largest change of [`Leg::margin`] while u stands still: the angle by which the
-    /// direction of ∂c/∂q turns, radians, or the change of ∂d/∂q.
+    /// Largest change of [`Leg::margin`] for constant u: the angle by which the
+    /// direction of ∂c/∂q rotates, radians, or the change of ∂d/∂q.
     pub turn: f64,
-    /// |c''|: second derivative of the moving base anchor's place, a length.
+    /// |c''|: second derivative of the moving base anchor's position, a length.
     pub anchor: f64,
-    /// |d''|: second derivative of the length that the joint sets.
+    /// |d''|: second derivative of the length set by the joint.
     pub length: f64,
 }
 
 impl SecondDerivatives {
-    /// Of a leg whose c and d are linear in q.
+    /// Values for a leg whose c and d are linear in q.
     const NONE: Self = Self { turn: 0.0, anchor: 0.0, length: 0.0 };
 }
 
-/// Checked rod length.
+/// Checks a rod length.
 pub(crate) fn rod_length(rod: f64) -> Result<f64, Refusal> {
     if rod > 0.0 { Ok(rod) } else { Err((Cause::RodNotPositive, rod)) }
 }
 
-/// `side` as a factor.
+/// Converts `side` to a factor.
 pub(crate) fn side_sign(side: i32) -> Result<f64, Refusal> {
     match side {
         1 => Ok(1.0),
@@ -300,14 +300,14 @@ pub(crate) fn side_sign(side: i32) -> Result<f64, Refusal> {
     }
 }
 
-/// Unit vector of a direction as given, any length; `None` where it has none.
+/// Computes the unit vector of a direction as given, any length; `None` for a zero or non-finite one.
 pub(crate) fn direction(given: &[f64; 3]) -> Option<Vector3<f64>> {
     let v = Vector3::from(*given);
     let largest = v.amax();
     if !(largest > 0.0) {
         return None;
     }
-    // Scaled first: the squares of very long or very short vectors leave f64's range.
+    // Scaled first: the squares of very long or very short vectors exceed f64's range.
     let scaled = v / largest;
     Some(scaled / scaled.norm())
 }

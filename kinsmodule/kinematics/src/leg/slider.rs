@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Rod of fixed length on a carriage that runs along a straight guide.
+//! Rod of fixed length on a carriage that moves along a straight guide.
 //!
 //! c(q) = g + q e, d = L, with the guide through g (the base anchor) along the unit
 //! vector e. For w = p − g and s = e · w (papers 000 and 003, in the form that holds for
@@ -10,7 +10,7 @@
 //! ```
 //!
 //! The root's argument is L² minus the squared distance of the platform anchor from the
-//! guide: where that is negative the rod does not reach. With u = (p − c)/L,
+//! guide: if it is negative, the rod does not reach. With u = (p − c)/L,
 //! u · e = −side √(…)/L, hence u · ṗ = (u · e) q'.
 
 use super::{Drive, LEAST_DRIVE, Refusal, direction, rod_length, side_sign};
@@ -18,16 +18,16 @@ use crate::fault::Cause;
 use libm::sqrt;
 use nalgebra::Vector3;
 
-/// What belongs to a slider beside its two anchors; the base anchor is the point of the
-/// guide with joint value 0.
+/// Parameters of a slider besides its two anchors; the base anchor is the point of the
+/// guide at joint value 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SliderGeometry {
-    /// Direction of the guide in base, towards growing joint values; any length.
+    /// Direction of the guide in base, towards increasing joint values; any length.
     pub guide: [f64; 3],
     /// Length of the rod, machine units.
     pub rod: f64,
-    /// Which of the two carriage places, seen along the guide: +1 the one ahead of the
-    /// platform anchor, −1 the one behind.
+    /// Which of the two carriage positions, seen along the guide: +1 ahead of the
+    /// platform anchor, −1 behind it.
     pub side: i32,
 }
 
@@ -37,9 +37,9 @@ pub(crate) struct Slider {
     pub guide: Vector3<f64>,
     pub rod: f64,
     pub side: f64,
-    /// −side · guide over the rod's length.
+    /// −side · guide, divided by the rod's length.
     pub towards: Vector3<f64>,
-    /// Square of the least root that drives.
+    /// Square of the smallest root at which the joint drives the leg.
     pub least_square: f64,
 }
 
@@ -62,7 +62,7 @@ impl Slider {
         self.refused(apart.norm())
     }
 
-    /// Why an anchor so far from the guide has no joint value.
+    /// Returns why an anchor at this distance from the guide has no joint value.
     fn refused(&self, from_guide: f64) -> Result<f64, Refusal> {
         let squared = (self.rod - from_guide) * (self.rod + from_guide);
         if !(squared >= 0.0) {
@@ -88,15 +88,15 @@ impl Slider {
 mod tests {
     use super::*;
 
-    /// Some roundings of numbers below 20.
+    /// A few roundings of numbers below 20.
     const ROUNDING: f64 = 1e-14;
 
-    /// A guide along the diagonal of a square, and a rod of 5.
+    /// Creates a guide along the diagonal of a square, with a rod of 5.
     fn slider(side: i32) -> Slider {
         Slider::new(&SliderGeometry { guide: [2.0, 2.0, 0.0], rod: 5.0, side }).expect("a slider")
     }
 
-    /// So far along the guide and off it.
+    /// Returns an anchor at this distance along and from the guide.
     fn anchor(along: f64, off: f64) -> Vector3<f64> {
         let diagonal = core::f64::consts::FRAC_1_SQRT_2;
         Vector3::new(along * diagonal, along * diagonal, off)
@@ -116,10 +116,10 @@ mod tests {
         let (cause, lacks) = told(5.5);
         assert_eq!(cause, Cause::OutOfReach);
         assert!((lacks - 0.5).abs() < ROUNDING, "{lacks}");
-        // The root of 5² − 4.995² is 0.0447 of 5; the least is 0.05.
+        // The root of 5² − 4.995² is 0.0447 of 5; the limit is 0.05.
         let (cause, drive) = told(4.995);
         assert_eq!(cause, Cause::DeadPoint);
-        // The root of a difference that keeps three digits less.
+        // The root of a difference that loses three digits.
         assert!((drive - sqrt(1.0 - 0.999 * 0.999)).abs() < 1e3 * ROUNDING, "{drive}");
         assert!(slider(1).joint(&anchor(7.0, 5.0 * 0.9987)).is_ok());
     }

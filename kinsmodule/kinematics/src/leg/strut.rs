@@ -9,14 +9,14 @@ use super::Drive;
 use crate::fault::Cause;
 use nalgebra::Vector3;
 
-/// What belongs to a strut beside its two anchors.
+/// Parameters of a strut besides its two anchors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StrutGeometry {
     /// Direction of the base cardan joint's axis that is fixed in base; any length.
     pub base_axis: [f64; 3],
     /// Direction of the platform cardan joint's axis that is fixed in the platform; any length.
     pub platform_axis: [f64; 3],
-    /// Screw travel per turn in machine units, the sign is the hand; 0 = no correction.
+    /// Screw travel per turn in machine units, negative for the opposite hand; 0 = no correction.
     pub lead: f64,
 }
 
