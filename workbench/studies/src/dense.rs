@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Eigenvalues of matrices of any size, and solutions of linear equations.
 //!
-//! Generic code of a library is compiled where it is used: here that is at the level of what calculates, which
-//! studies need for large matrices.
+//! Generic library code is compiled where it is used: in this crate that is at the optimization level which
+//! large matrices need.
 
 use nalgebra::{Complex, ComplexField, DMatrix, Dyn, Schur};
 
 pub type ComplexMatrix = DMatrix<Complex<f64>>;
 
-/// Steps of the eigenvalue routine for each row of its matrix: far beyond what it takes.
+/// Steps of the eigenvalue routine for each row of its matrix: far more than it needs.
 const SCHUR_STEPS: usize = 200;
 
-/// Eigenvalues of a matrix; `None` where an entry is not finite, or the routine does not come to an end.
+/// Computes the eigenvalues of a matrix; `None` if an entry is not finite or the routine does not converge.
 pub fn eigenvalues(matrix: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     Some(schur(matrix)?.complex_eigenvalues().iter().copied().collect())
 }
@@ -21,12 +21,12 @@ pub fn complex_eigenvalues(matrix: ComplexMatrix) -> Option<Vec<Complex<f64>>> {
     Some(complex_schur(matrix)?.1.diagonal().iter().copied().collect())
 }
 
-/// U and T with A = U T U*, U unitary and T upper triangular; `None` as of [`eigenvalues`].
+/// Computes U and T with A = U T U*, U unitary and T upper triangular; `None` as for [`eigenvalues`].
 pub fn complex_schur(matrix: ComplexMatrix) -> Option<(ComplexMatrix, ComplexMatrix)> {
     schur(matrix).map(Schur::unpack)
 }
 
-/// X with A X = B; `None` where A has no inverse.
+/// Solves A X = B; `None` if A is singular.
 pub fn solved(a: DMatrix<f64>, b: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     a.lu().solve(b)
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A program judged as it cuts, from its moves to the report.
+//! Assesses a program while it cuts, from its moves to the report.
 
 use crate::cut::moment::{NoMoment, Subject};
 use crate::cut::pass::{Found, Pass};
@@ -24,13 +24,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
 
-/// Unless another one is asked for, depths up to this many times the depth of cut are looked at.
+/// Default of the largest depth that is evaluated, as a multiple of the depth of cut.
 const DEEPEST: f64 = 20.0;
 
-/// Lines of the program, by their numbers.
+/// Lines of the program, by number.
 type Lines = BTreeMap<u32, Line>;
 
-/// A machine and its cutter, as a study describes them.
+/// A machine and its cutter, as described in a study.
 pub struct Cut<'a> {
     subject: Subject<'a>,
     setup: Setup<'a>,
@@ -42,7 +42,7 @@ impl<'a> Cut<'a> {
     /// Prepares a machine and its cutter.
     ///
     /// # Errors
-    /// The study lacks a value, or see [`NoSetup`].
+    /// A value missing in the study, or see [`NoSetup`].
     pub fn new(config: &'a Mechanism, study: &Study) -> Result<Self, NoSetup> {
         let lacks = |key| Lacking::Key { section: "cutting", key };
         let cutter = study.cutting.as_ref().ok_or_else(|| lacks("teeth"))?;
@@ -54,11 +54,11 @@ impl<'a> Cut<'a> {
         Ok(Self { subject, setup: Setup::new(config, study)?, depth })
     }
 
-    /// Judges a program, its stability at so many places of it, up to the depth `deepest` in mm. `show` receives the
-    /// progress.
+    /// Assesses a program, with its stability at `most_places` positions, up to the depth `deepest` in mm. `show` receives
+    /// the progress.
     ///
     /// # Errors
-    /// What is wrong, behind its place in the program.
+    /// The error, with its location in the program.
     pub fn judge(
         &self,
         program: &Path,
@@ -89,7 +89,7 @@ impl<'a> Cut<'a> {
         for (stop, limit) in stops.iter().zip(depths) {
             let chip = match found.lines.get(&stop.line) {
                 Some(line) => line.chip,
-                // Made one move with its neighbours: at the most that was seen.
+                // LinuxCNC blended the line with its neighbors: use the largest value observed.
                 None => found.peaks[0].as_ref().map_or(0.0, |peak| peak.value),
             };
             let place = subject.look(stop, chip, steps.as_deref());
@@ -99,7 +99,7 @@ impl<'a> Cut<'a> {
         Ok(report(subject, program.into(), *depth, &lines, &found, &looked, &ran))
     }
 
-    /// Runs a program and judges its moments; its moves alone where LinuxCNC cannot run it.
+    /// Runs a program and assesses its moments; assesses only its moves if LinuxCNC cannot run it.
     fn passed(
         &self,
         program: &Path,

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A moment of a program: what its motion and the cutter ask of the drives, and how far the tool yields.
+//! A moment of a program: drive loads and tool deflection due to motion and cutting.
 //!
-//! Forces are linear in what acts on the tool: those under each unit force, and those of weight and
-//! inertia, give all the rest. A displacement of the tool along an axis is the sum of f n/k over the
-//! springs, with f what a spring bears and n what it bears under a unit force along that axis (the
+//! Forces are linear in the loads on the tool: the forces under each unit load, and those of weight and
+//! inertia, determine the rest. A displacement of the tool along an axis is the sum of f n/k over the
+//! springs, with f the force in a spring and n its force under a unit load along that axis (the
 //! unit load method, any book on structures).
 
 use crate::cut::teeth::Teeth;
@@ -19,15 +19,15 @@ use machine::read::mechanism::Mechanism;
 #[derive(Clone, Debug)]
 pub struct Subject<'a> {
     pub config: &'a Mechanism,
-    /// Its masses and springs.
+    /// Masses and springs.
     pub model: Model,
-    /// What its drives can do.
+    /// Capacities of the drives.
     pub drives: Vec<Capacity>,
     /// The cutter.
     pub teeth: Teeth,
 }
 
-/// Three servo cycles, the middle one of which is judged.
+/// Three servo cycles, of which the middle one is assessed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
     pub line: u32,
@@ -39,29 +39,29 @@ pub struct Moment {
     pub speed: f64,
     /// Direction of the feed in machine axes, any length.
     pub feed: Vector3<f64>,
-    /// Spindle speed in 1/min where it cuts.
+    /// Spindle speed in 1/min while cutting.
     pub rpm: Option<f64>,
 }
 
-/// What is known of a moment.
+/// Results for a moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     pub line: u32,
     /// The pose, machine units and degrees.
     pub pose: [f64; 6],
-    /// Feed per tooth, mm; `None` where nothing is cut.
+    /// Feed per tooth, mm; `None` if nothing is cut.
     pub chip: Option<f64>,
     /// Largest force on the tool, N.
     pub force: f64,
-    /// Least and largest load of every drive: N, or N mm of an arm.
+    /// Smallest and largest load of every drive: N, or N mm for an arm.
     pub drives: Vec<[f64; 2]>,
-    /// How far the mean cutting force moves the tool, machine axes, mm.
+    /// Displacement of the tool by the mean cutting force, machine axes, mm.
     pub deflection: Vector3<f64>,
-    /// How far inertia does.
+    /// Displacement of the tool by inertia.
     pub lag: Vector3<f64>,
 }
 
-/// Why a moment cannot be judged.
+/// Why a moment cannot be assessed.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 pub enum NoMoment {
     #[error(transparent)]
@@ -73,7 +73,7 @@ pub enum NoMoment {
 }
 
 impl Moment {
-    /// How the machine moves: differences of the poses, and of the joint values that belong to them.
+    /// Computes the machine's motion from differences of the poses and their joint values.
     fn moving(&self, config: &Mechanism) -> Result<Moving, Fault> {
         let period = config.period;
         let poses = self.poses.map(Pose::from_degrees);
@@ -100,7 +100,7 @@ impl Moment {
     }
 }
 
-/// The feed, across and tool axis as columns; the force of a plunge counts as that of a feed along the
+/// Returns feed, across and tool axis as columns; the force of a plunge counts as that of a feed along the
 /// platform's X.
 pub fn cutter_frame(feed: &Vector3<f64>, pose: &Pose) -> Matrix3<f64> {
     let rotation = pose.rotation();
@@ -109,7 +109,7 @@ pub fn cutter_frame(feed: &Vector3<f64>, pose: &Pose) -> Matrix3<f64> {
 }
 
 impl Subject<'_> {
-    /// Judges a moment.
+    /// Assesses a moment.
     ///
     /// # Errors
     /// See [`NoMoment`].
@@ -153,7 +153,7 @@ impl Subject<'_> {
         })
     }
 
-    /// Least and largest load of every drive while a tooth takes the place of the next.
+    /// Computes the smallest and largest load of every drive over one tooth pitch.
     fn ranges(
         &self,
         all: &Loads,
@@ -176,13 +176,13 @@ impl Subject<'_> {
         ranges
     }
 
-    /// What the springs of the legs bear, then those of the table axes.
+    /// Returns the forces in the springs of the legs, then of the table axes.
     fn borne(&self, loads: &Loads) -> Vec<f64> {
         let table = &loads.drives[loads.legs.len()..];
         loads.legs.iter().chain(table).copied().collect()
     }
 
-    /// The share of what a drive can do, and which one: that with the largest share.
+    /// Returns the drive with the largest share of its capacity, and the share.
     pub fn hardest(&self, ranges: &[[f64; 2]]) -> Option<(usize, f64)> {
         let share = |(i, range): (usize, &[f64; 2])| {
             let [low, high] = range.map(|load| self.drives[i].share(load));
@@ -192,7 +192,7 @@ impl Subject<'_> {
         shares.max_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Whether a drive turns an arm: its load is a torque.
+    /// Returns whether a drive moves an arm, so that its load is a torque.
     pub fn is_arm(&self, drive: usize) -> bool {
         self.config.joints[drive].kind == JointKind::Arm
     }

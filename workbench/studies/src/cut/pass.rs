@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! One pass over the servo cycles of a program.
 //!
-//! Of every few cycles of a line, the one with the largest acceleration is judged, with the largest
-//! speed among them. What is kept grows with the lines of the program, not with its cycles.
+//! Of every few cycles of a line, the one with the largest acceleration is assessed, with the largest
+//! speed among them. Memory grows with the lines of the program, not with its cycles.
 
 use crate::cut::moment::{Judged, Moment, NoMoment, Subject};
 use crate::cut::program::{Line, cuts};
@@ -13,13 +13,13 @@ use program::motion::Move;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Cycles of which one is judged.
+/// Cycles of which one is assessed.
 const WINDOW: u64 = 10;
 
-/// Moments that are judged together.
+/// Moments that are assessed together.
 const BATCH: usize = 1024;
 
-/// A row that is faster than the programmed feed by this share is one of a rapid move: LinuxCNC keeps
+/// A row faster than the programmed feed by this factor belongs to a rapid move: LinuxCNC keeps
 /// the feed to rounding.
 const FASTER: f64 = 1.001;
 
@@ -30,15 +30,15 @@ pub struct OfLine {
     pub chip: f64,
     /// Largest force on the tool, N.
     pub force: f64,
-    /// The drive with the largest share of what it can do, and the share.
+    /// The drive with the largest share of its capacity, and the share.
     pub drive: Option<(usize, f64)>,
-    /// Largest amount of the deflection by the mean cutting force, mm.
+    /// Largest deflection by the mean cutting force, mm.
     pub deflection: f64,
-    /// The same by inertia.
+    /// Largest deflection by inertia, mm.
     pub lag: f64,
 }
 
-/// The largest value of its kind, and where.
+/// A maximum, and its moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Peak {
     pub value: f64,
@@ -51,19 +51,19 @@ pub struct Found {
     pub lines: BTreeMap<u32, OfLine>,
     /// Largest feed per tooth, force on the tool, deflection, lag by inertia.
     pub peaks: [Option<Peak>; 4],
-    /// By drive: the load that is largest by its amount, and where.
+    /// For each drive, the load of largest magnitude, and its moment.
     pub drives: Vec<Option<Peak>>,
     /// Cycles in which the program cuts.
     pub cutting: u64,
-    /// Moments that were judged.
+    /// Number of assessed moments.
     pub judged: u64,
 }
 
-/// Takes rows.
+/// Processes rows.
 pub struct Pass<'a> {
     subject: &'a Subject<'a>,
     program: &'a BTreeMap<u32, Line>,
-    /// The last two rows, if they belong together.
+    /// The last two rows, if they are consecutive.
     before: Vec<Row>,
     /// Moment of the window, its acceleration, and cycles of the window.
     window: Option<(Moment, f64, u64)>,
@@ -72,16 +72,16 @@ pub struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    /// Before the first row.
+    /// Creates a pass before the first row.
     pub fn new(subject: &'a Subject<'a>, program: &'a BTreeMap<u32, Line>) -> Self {
         let found = Found { drives: vec![None; subject.drives.len()], ..Found::default() };
         Self { subject, program, before: vec![], window: None, batch: vec![], found }
     }
 
-    /// Takes the row of a servo cycle.
+    /// Processes the row of a servo cycle.
     ///
     /// # Errors
-    /// A moment that cannot be judged, with its line.
+    /// A moment that cannot be assessed, with its line.
     pub fn see(&mut self, row: &Row) -> Result<(), (u32, NoMoment)> {
         let follows = |last: &Row| last.cycle + 1 == row.cycle && last.tool == row.tool;
         if !row.flags.on || row.flags.tool_busy || !self.before.last().is_none_or(follows) {
@@ -154,7 +154,7 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
-    /// Everything, after the last row.
+    /// Returns all results, after the last row.
     ///
     /// # Errors
     /// As [`Pass::see`].
@@ -164,8 +164,8 @@ impl<'a> Pass<'a> {
         Ok(self.found)
     }
 
-    /// The starts and ends of the feed moves at their feeds, without inertia: what is known where
-    /// LinuxCNC cannot run the program.
+    /// Assesses the starts and ends of the feed moves at their feeds, without inertia, for programs that
+    /// LinuxCNC cannot run.
     ///
     /// # Errors
     /// As [`Pass::see`].
@@ -174,7 +174,7 @@ impl<'a> Pass<'a> {
         for [from, step] in cuts(moves) {
             let Some(line) = self.program.get(&step.line) else { continue };
             let feed = Vector3::from_fn(|k, _| step.end[k] - from.end[k]);
-            // Rotary axes alone feed nowhere, and a feed by the turn is not known here.
+            // A move of rotary axes alone has no linear feed, and feed per revolution is unknown here.
             let is_known = feed.norm() > 0.0 && step.feed.is_finite();
             for end in [from.end, step.end] {
                 self.batch.push(Moment {
@@ -194,7 +194,7 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// The largest share that a coordinate's acceleration has of what the machine allows.
+/// Returns the largest coordinate acceleration as a share of the machine's limit.
 fn acceleration(config: &Mechanism, [a, b, c]: &[[f64; 6]; 3]) -> f64 {
     let share = |k: usize| {
         let limits = config.max_acceleration;
@@ -206,7 +206,7 @@ fn acceleration(config: &Mechanism, [a, b, c]: &[[f64; 6]; 3]) -> f64 {
 impl Found {
     fn add(&mut self, subject: &Subject, judged: &Judged) {
         self.judged += 1;
-        // A rapid move leaves no surface behind.
+        // A rapid move produces no surface.
         let lag = judged.chip.map_or(0.0, |_| judged.lag.norm());
         let (chip, deflection) = (judged.chip.unwrap_or_default(), judged.deflection.norm());
         let line = self.lines.entry(judged.line).or_default();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Places along a program where that is computed which takes longer: vibration under the teeth,
+//! Positions along a program at which expensive quantities are computed: vibration under the teeth,
 //! resolution, stability.
 
 use crate::cut::moment::{NoMoment, Subject, cutter_frame};
@@ -12,20 +12,20 @@ use machine::read::mechanism::Mechanism;
 use nalgebra::Complex;
 use std::f64::consts::TAU;
 
-/// What is known of a place.
+/// Results for a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// How far the tool swings from its mean under the teeth, mm.
+    /// Amplitude of the tool's vibration under the teeth, mm.
     pub vibration: f64,
-    /// How far it may be off in X, Y, Z where every drive is off by half a step, mm; `None` where the
-    /// INI file names no steps.
+    /// Largest error in X, Y, Z if every drive is off by half a step, mm; `None` if the
+    /// INI file defines no steps.
     pub resolution: Option<[f64; 3]>,
 }
 
-/// Keys of `[JOINT_N]` with steps or counts per joint unit, the first one that is there counts.
+/// Keys of `[JOINT_N]` with steps or counts per joint unit; the first one present is used.
 const SCALES: [&str; 4] = ["STEP_SCALE", "STEPGEN_SCALE", "SCALE", "INPUT_SCALE"];
 
-/// Half a step of every drive in joint units; `None` where one of them is not known.
+/// Returns half a step of every drive in joint units; `None` if any is unknown.
 pub fn half_steps(config: &Mechanism) -> Option<Vec<f64>> {
     let half = |joint: usize| {
         let section = config.place.joint_section(joint);
@@ -37,7 +37,7 @@ pub fn half_steps(config: &Mechanism) -> Option<Vec<f64>> {
 }
 
 impl Subject<'_> {
-    /// Looks at a place, with its feed per tooth in mm.
+    /// Assesses a position, with its feed per tooth in mm.
     ///
     /// # Errors
     /// See [`NoMoment`].

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Which lines of a program cut, and where stability is looked at.
+//! Determines which lines of a program cut, and where to assess stability.
 
 use crate::stability::path::Stop;
 use kinematics::{Pose, Vector3};
@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
-    /// Its largest feed, machine units per second; infinite where the spindle sets it.
+    /// Its largest feed, machine units per second; infinite if the spindle determines it.
     pub feed: f64,
     /// Spindle speed, 1/min.
     pub rpm: f64,
 }
 
-/// Why a program cuts nothing that is known.
+/// Why the cutting conditions of a program are unknown.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoCut {
     #[error("the program has no feed moves")]
@@ -24,12 +24,12 @@ pub enum NoCut {
         "line {0}: the tool cuts without a spindle speed (an S word names one); name one with --rpm"
     )]
     NoSpeed(u32),
-    /// Neither M3 nor M4, or M5 since.
+    /// The spindle is off: neither M3 nor M4, or M5 since.
     #[error(
         "line {0}: the tool cuts while the spindle stands (M3 or M4 starts it); name its speed with --rpm"
     )]
     Standing(u32),
-    /// G96: the speed follows from the place.
+    /// G96: the speed depends on the position.
     #[error("line {0}: G96 makes the spindle speed depend on the place; name one with --rpm")]
     Surface(u32),
     #[error("line {0}: the spindle speed is not known there; name one with --rpm")]
@@ -38,13 +38,13 @@ pub enum NoCut {
     Several(u32),
 }
 
-/// The feed moves among the moves of a program: where each starts, and the move.
+/// Returns the feed moves of a program: the start of each, and the move.
 pub fn cuts(moves: &[Move]) -> impl Iterator<Item = [&Move; 2]> {
     let pairs = moves.windows(2).map(|pair| [&pair[0], &pair[1]]);
     pairs.filter(|[from, step]| step.kind == MoveKind::Feed && step.end != from.end)
 }
 
-/// The spindle speed of a feed move, 1/min.
+/// Returns the spindle speed of a feed move, 1/min.
 fn rpm(step: &Move) -> Result<f64, NoCut> {
     match step.spindle {
         Spindle::Turning(rpm) if rpm > 0.0 => Ok(rpm),
@@ -55,7 +55,7 @@ fn rpm(step: &Move) -> Result<f64, NoCut> {
     }
 }
 
-/// The lines with feed moves.
+/// Returns the lines with feed moves.
 ///
 /// # Errors
 /// See [`NoCut`].
@@ -72,7 +72,7 @@ pub fn lines(moves: &[Move]) -> Result<BTreeMap<u32, Line>, NoCut> {
     if lines.is_empty() { Err(NoCut::NoFeed) } else { Ok(lines) }
 }
 
-/// Ends of the feed moves, evenly chosen where there are more than `most`, and how many moves there are.
+/// Returns ends of the feed moves, evenly selected if there are more than `most`, and the number of moves.
 ///
 /// # Errors
 /// See [`NoCut`].
@@ -81,7 +81,7 @@ pub fn stops(config: &Mechanism, moves: &[Move], most: usize) -> Result<(Vec<Sto
     if all.is_empty() {
         return Err(NoCut::NoFeed);
     }
-    // A move that is not looked at needs a speed as well.
+    // A move that is not selected needs a speed as well.
     all.iter().try_for_each(|[_, step]| rpm(step).map(drop))?;
     let count = all.len().min(most);
     let stop = |k: usize| -> Result<Stop, NoCut> {
@@ -91,7 +91,7 @@ pub fn stops(config: &Mechanism, moves: &[Move], most: usize) -> Result<(Vec<Sto
             line: step.line,
             pose: Pose::from_degrees(step.end),
             tool: config.spindle + Vector3::from(step.tool),
-            // A move of rotary axes alone feeds nowhere: the worst feed counts, as in a plunge.
+            // A move of rotary axes alone has no linear feed: use the worst feed, as in a plunge.
             feed: if feed.norm() > 0.0 { feed } else { axis(&step.end) },
             rpm: rpm(step)?,
         })

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The answer about a program: what JSON shows, and what text and page are made of.
+//! The report on a program: JSON, and the source of text and page.
 
 use crate::cut::moment::Subject;
 use crate::cut::pass::{Found, OfLine, Peak};
@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Lines that are named as the worst.
+/// Number of worst lines to report.
 const WORST: usize = 10;
 
 /// um per mm.
@@ -24,43 +24,43 @@ pub struct Report {
     /// The machine's INI file.
     pub machine: PathBuf,
     pub program: PathBuf,
-    /// Whether every drive can do it and every feed move is stable; none where that was not looked at
-    /// throughout and nothing else is wrong.
+    /// Whether all drives suffice and every feed move is stable; none if the program was not fully assessed
+    /// and no violation was found.
     pub fits: Option<bool>,
-    /// Seconds from start to end; none where they are not known.
+    /// Seconds from start to end; none if unknown.
     pub seconds: Option<f64>,
-    /// Those of feed moves.
+    /// Seconds of the feed moves.
     pub cutting_seconds: Option<f64>,
     /// Why time and inertia are not judged.
     pub not_judged: Option<String>,
-    /// What LinuxCNC said as it stopped the program.
+    /// LinuxCNC's message if it stopped the program.
     pub stopped: Option<String>,
     /// Depth of cut of the study, mm.
     pub depth_mm: f64,
-    /// Moments that were judged.
+    /// Number of assessed moments.
     pub moments: u64,
     /// Feed per tooth, mm.
     pub chip_mm: Option<Most>,
     /// Force on the tool, N.
     pub force_n: Option<Most>,
-    /// How far the mean cutting force moves the tool, um.
+    /// Displacement of the tool by the mean cutting force, um.
     pub deflection_um: Option<Most>,
-    /// How far inertia moves the tool, um.
+    /// Displacement of the tool by inertia, um.
     pub inertia_um: Option<Most>,
-    /// How far the tool swings under the teeth, um.
+    /// Amplitude of the tool's vibration under the teeth, um.
     pub vibration_um: Option<Most>,
-    /// How far the tool may be off in X, Y, Z where every drive is off by half a step; none without steps.
+    /// Largest error in X, Y, Z if every drive is off by half a step; none without steps.
     pub resolution_um: Option<[f64; 3]>,
-    /// Every drive, legs, then table axes.
+    /// All drives: legs, then table axes.
     pub drives: Vec<Drive>,
     /// Stability along the program.
     pub stability: Stability,
-    /// The lines that come nearest to what the machine can do, the worst first.
+    /// The lines nearest to the machine's limits, worst first.
     pub worst_lines: Vec<LineReport>,
     pub lines: Vec<LineReport>,
 }
 
-/// A largest value, and where.
+/// A largest value, and its location.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Most {
     pub value: f64,
@@ -73,18 +73,18 @@ pub struct Most {
 pub struct Drive {
     /// Its joint.
     pub name: String,
-    /// N, or Nm of an arm.
+    /// N, or Nm for an arm.
     pub unit: &'static str,
-    /// The load that is largest by its amount, towards growing joint values.
+    /// The load of largest magnitude, positive towards increasing joint values.
     pub load: f64,
     pub line: u32,
     /// X Y Z A B C there.
     pub pose: [f64; 6],
-    /// The largest load that it can do, where the study names one.
+    /// The drive's capacity, if the study defines it.
     pub limit: Option<f64>,
-    /// Torque of its motor, Nm, where the study names one.
+    /// Torque of its motor, Nm, if the study defines the motor.
     pub motor_torque_n_m: Option<f64>,
-    /// What the motor can do, Nm.
+    /// The motor's capacity, Nm.
     pub motor_limit_n_m: Option<f64>,
     /// The larger share of both limits.
     pub share: Option<f64>,
@@ -92,30 +92,30 @@ pub struct Drive {
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Stability {
-    /// Places that were looked at.
+    /// Number of positions assessed.
     pub places: usize,
     pub feed_moves: usize,
-    /// Largest depth that was looked at, mm.
+    /// Largest depth assessed, mm.
     pub deepest_mm: f64,
-    /// Line with the least limit.
+    /// Line with the smallest limit.
     pub line: u32,
     /// X Y Z A B C there.
     pub pose: [f64; 6],
     /// Spindle speed there, 1/min.
     pub rpm: f64,
-    /// The depth up to which all is stable there, mm.
+    /// Depth up to which every cut is stable there, mm.
     pub stable_to_mm: f64,
-    /// That over the depth of cut.
+    /// Ratio of that depth to the depth of cut.
     pub margin: f64,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LineReport {
     pub line: u32,
-    /// The largest of its drive's share and the depth of cut over the limit: beyond 1 it cannot be cut.
+    /// The larger of the drive's share and the depth of cut divided by its limit: cannot be cut if above 1.
     pub share: f64,
-    /// Seconds of the line; none where they are not known. This and what follows from the motion is none
-    /// where LinuxCNC makes the line one move with its neighbours, too.
+    /// Seconds of the line; none if unknown. Like all values that depend on the motion, it is also none
+    /// if LinuxCNC blends the line with its neighbors.
     pub seconds: Option<f64>,
     /// Spindle speed, 1/min.
     pub rpm: f64,
@@ -123,43 +123,43 @@ pub struct LineReport {
     pub chip_mm: Option<f64>,
     /// Largest force on the tool, N.
     pub force_n: Option<f64>,
-    /// The drive with the largest share of what it can do.
+    /// The drive with the largest share of its capacity.
     pub drive: Option<String>,
     pub drive_share: Option<f64>,
-    /// How far the mean cutting force moves the tool, um.
+    /// Displacement of the tool by the mean cutting force, um.
     pub deflection_um: Option<f64>,
-    /// How far inertia does, um.
+    /// Displacement of the tool by inertia, um.
     pub inertia_um: Option<f64>,
-    /// How far the tool swings under the teeth, um; none where no place was looked at.
+    /// Amplitude of the tool's vibration under the teeth, um; none if no position was assessed.
     pub vibration_um: Option<f64>,
-    /// The depth up to which all is stable, mm; none where no place was looked at.
+    /// Depth up to which every cut is stable, mm; none if no position was assessed.
     pub stable_to_mm: Option<f64>,
-    /// That over the depth of cut.
+    /// Ratio of that depth to the depth of cut.
     pub margin: Option<f64>,
 }
 
-/// Places with what was found there.
+/// Assessed positions and their results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Looked {
-    /// Stop, limit depth, and the rest.
+    /// Stop, limit depth, and the other results.
     pub places: Vec<(Stop, Depth, Place)>,
     pub feed_moves: usize,
-    /// Largest depth that was looked at, mm.
+    /// Largest depth assessed, mm.
     pub deepest: f64,
 }
 
 /// How the run of a program ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Run {
-    /// At its end, after so many seconds.
+    /// It reached its end, after this many seconds.
     Finished(f64),
-    /// LinuxCNC stopped it after so many seconds, and said so.
+    /// LinuxCNC stopped it after this many seconds, with this message.
     Stopped(f64, String),
     /// LinuxCNC could not run it.
     NotJudged(String),
 }
 
-/// The answer about a program.
+/// Creates the report on a program.
 pub fn report(
     subject: &Subject,
     program: PathBuf,

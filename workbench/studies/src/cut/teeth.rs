@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The force of a milling cutter while one tooth takes the place of the next.
+//! The force of a milling cutter over one tooth pitch.
 
 use crate::dynamics::milling::Milling;
 use crate::study::cutting::Cutting;
@@ -8,10 +8,10 @@ use kinematics::Vector3;
 use nalgebra::Complex;
 use std::f64::consts::TAU;
 
-/// Angles in a pitch: the force of a tooth that enters or leaves is off by a two-hundredth of its time.
+/// Angles in a pitch: the force of a tooth that enters or leaves is off by a two-hundredth of a pitch.
 const ANGLES: usize = 200;
 
-/// Harmonics of the tooth frequency: as many as ten angles a period show.
+/// Harmonics of the tooth frequency: those with at least ten angles per period.
 pub const HARMONICS: usize = ANGLES / 10;
 
 /// Forces on the tool at even angles of a pitch, in the frame of [`crate::dynamics::milling::frame`].
@@ -20,12 +20,12 @@ pub struct Teeth {
     pub count: u16,
     /// N for each mm of feed per tooth.
     per_chip: Vec<Vector3<f64>>,
-    /// Of the edges alone, N.
+    /// Force of the edges alone, N.
     edge: Vec<Vector3<f64>>,
 }
 
 impl Teeth {
-    /// Of a cutter at a depth of cut in mm; `run` has its edge and helix, where a study names them.
+    /// Computes the forces of a cutter at a depth of cut in mm; `run` contains its edge and helix, if given.
     pub fn of(cutter: &Cutting, run: Option<&forcing::Milling>, depth: f64) -> Self {
         let plain = Milling {
             teeth: cutter.teeth,
@@ -50,12 +50,12 @@ impl Teeth {
         }
     }
 
-    /// Feed per tooth in mm, by the speed along the path in mm/s and the spindle speed in 1/min.
+    /// Computes the feed per tooth in mm from the speed along the path in mm/s and the spindle speed in 1/min.
     pub fn chip(&self, speed: f64, rpm: f64) -> f64 {
         speed * 60.0 / (f64::from(self.count) * rpm)
     }
 
-    /// Forces at all angles, N, by the feed per tooth in mm.
+    /// Computes the forces at all angles, N, from the feed per tooth in mm.
     pub fn forces(&self, chip: f64) -> impl Iterator<Item = Vector3<f64>> + '_ {
         self.per_chip.iter().zip(&self.edge).map(move |(force, edge)| force * chip + edge)
     }
@@ -64,13 +64,13 @@ impl Teeth {
         self.forces(chip).sum::<Vector3<f64>>() / ANGLES as f64
     }
 
-    /// The largest amount of them.
+    /// Returns the magnitude of the largest force.
     pub fn peak(&self, chip: f64) -> f64 {
         self.forces(chip).map(|force| force.norm()).fold(0.0, f64::max)
     }
 
-    /// The part of the force that swings `harmonic` times a pitch: its complex amplitude, so that the
-    /// force is the real part of the sum of amplitude times e^(i harmonic angle).
+    /// Computes the component of the force at `harmonic` times the tooth frequency: its complex amplitude, so that
+    /// the force is the real part of the sum of amplitude times e^(i harmonic angle).
     pub fn harmonic(&self, chip: f64, harmonic: usize) -> Vector3<Complex<f64>> {
         let part = |(k, force): (usize, Vector3<f64>)| {
             let turn = turn(-phase(k, harmonic)) * (2.0 / ANGLES as f64);
@@ -79,7 +79,7 @@ impl Teeth {
         self.forces(chip).enumerate().map(part).sum()
     }
 
-    /// The largest amount of a motion that is made of such amplitudes, the first of the tooth frequency.
+    /// Computes the largest displacement of a motion with such amplitudes, starting at the tooth frequency.
     pub fn swing(amplitudes: &[Vector3<Complex<f64>>]) -> f64 {
         let at = |k: usize| {
             let turned = amplitudes.iter().zip(1..).map(|(amplitude, harmonic)| {

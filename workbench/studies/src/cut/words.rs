@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The answer about a program in sentences.
+//! The report on a program in sentences.
 
 use crate::cut::report::{Drive, Report, Stability};
 use crate::stability::WORTH;
@@ -34,7 +34,7 @@ impl Report {
         }
     }
 
-    /// Returns what is not known.
+    /// Returns what was not assessed.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = vec![
             "Where the tool is in the work: every feed move counts as a cut of the study's immersion and depth."

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What drives can do: force or torque of each, and the torque of its motor through the lead.
+//! Capacities of drives: force or torque of each, and the torque of its motor through the lead.
 
 use crate::study::file::{Each, Lacking, Study};
 use machine::read::joints::JointKind;
@@ -17,33 +17,33 @@ pub struct Capacity {
     pub motor: Option<Motor>,
 }
 
-/// A motor that turns a screw.
+/// A motor that drives a screw.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motor {
     /// Largest torque, N mm.
     pub torque: f64,
     /// Travel per turn, mm.
     pub lead: f64,
-    /// Share of its work that the screw passes on.
+    /// Share of its work that the screw transmits.
     pub efficiency: f64,
 }
 
 impl Motor {
-    /// Torque that a force of the drive takes, N mm.
+    /// Computes the torque that a force of the drive requires, N mm.
     pub fn torque_of(&self, force: f64) -> f64 {
         force.abs() * self.lead.abs() / (TAU * self.efficiency)
     }
 }
 
 impl Capacity {
-    /// Share of what the drive can do that a load takes, N or N mm; `None` where nothing limits it.
+    /// Computes the load (N or N mm) as a share of the drive's capacity; `None` without a limit.
     pub fn share(&self, load: f64) -> Option<f64> {
         let own = self.most.map(|most| load.abs() / most);
         let motor = self.motor.map(|motor| motor.torque_of(load) / motor.torque);
         own.into_iter().chain(motor).reduce(f64::max)
     }
 
-    /// Of every drive, legs, then table axes.
+    /// Reads the capacities of all drives: legs, then table axes.
     ///
     /// # Errors
     /// See [`Lacking`].
@@ -84,12 +84,12 @@ impl Capacity {
     }
 }
 
-/// The values of a key, none where it is missing.
+/// Returns the values of a key, none if it is missing.
 fn of(key: &'static str, value: &Option<Each>, count: usize) -> Result<Vec<f64>, Lacking> {
     value.as_ref().map_or(Ok(vec![]), |value| value.of(key, count))
 }
 
-/// Lead of a strut's own screw, mm.
+/// Returns the lead of a strut's own screw, mm.
 fn lead(config: &Mechanism, leg: usize) -> Option<f64> {
     let lead = config.geometry.legs()[leg].kind.screw().lead;
     (lead != 0.0).then(|| lead / config.units_per_mm)

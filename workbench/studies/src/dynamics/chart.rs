@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Coordinates of the platform at a pose: X Y Z of the machine's centre and the angles A B C, those
-//! that the legs move.
+//! Coordinates of the platform at a pose: X Y Z of the machine's center and the angles A B C, limited to
+//! those that the legs move.
 //!
-//! The centre is the point that held X, Y, Z hold; where nothing is held it is any point. With
-//! p = o + R(A, B, C) (s − c) for a point s of the platform, c the centre and o its place, what
-//! guides hold is kept exactly, and derivatives of any order are those of R.
+//! The center is the point whose held X, Y, Z are constant; if none is held, it is any point. With
+//! p = o + R(A, B, C) (s − c) for a point s of the platform, c the center and o its position, guides are
+//! satisfied exactly, and derivatives of any order are those of R.
 
 use kinematics::{At, Letter, Matrix3, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector, Matrix3xX};
 pub struct Chart {
     /// Coordinates by their numbers: X Y Z, then A B C.
     coordinates: Vec<usize>,
-    /// The centre in the platform frame.
+    /// The center in the platform frame.
     centre: Vector3<f64>,
     /// A B C.
     angles: Vector3<f64>,
@@ -25,7 +25,7 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// Of a machine that stands at a pose.
+    /// Creates the chart of a machine at a pose.
     pub fn of(config: &Mechanism, at: &At) -> Self {
         let letters = config.machine.layout().coordinates();
         let is_moved = |k: &usize| letters.contains(Letter::ALL[*k]);
@@ -33,33 +33,33 @@ impl Chart {
         Self::new((0..6).filter(is_moved).collect(), centre, at.pose())
     }
 
-    /// Of coordinates by their numbers, a centre in the platform frame, and a pose.
+    /// Creates a chart from coordinate numbers, a center in the platform frame, and a pose.
     pub fn new(coordinates: Vec<usize>, centre: Vector3<f64>, pose: &Pose) -> Self {
         Self { coordinates, centre, angles: pose.angles, rates: rate_map(pose) }
     }
 
-    /// How many there are.
+    /// Returns the number of coordinates.
     pub fn count(&self) -> usize {
         self.coordinates.len()
     }
 
-    /// The centre in the platform frame.
+    /// Returns the center in the platform frame.
     pub fn centre(&self) -> &Vector3<f64> {
         &self.centre
     }
 
-    /// Whether a coordinate is an angle.
+    /// Returns whether a coordinate is an angle.
     pub fn is_angle(&self, k: usize) -> bool {
         self.coordinates[k] >= 3
     }
 
-    /// Orientation of the platform, and its derivatives, `orders` times by A, B and C.
+    /// Computes the orientation of the platform, differentiated `orders` times by A, B and C.
     fn rotation(&self, orders: [usize; 3]) -> Matrix3<f64> {
         let [a, b, c] = [0, 1, 2].map(|axis| turn(axis, self.angles[axis], orders[axis]));
         c * b * a
     }
 
-    /// Displacement of a point of the platform per coordinate.
+    /// Computes the displacement of a point of the platform per coordinate.
     pub fn displacement(&self, point: &Vector3<f64>) -> Matrix3xX<f64> {
         let arm = point - self.centre;
         let column = |k: &usize| match *k {
@@ -69,7 +69,7 @@ impl Chart {
         Matrix3xX::from_columns(&self.coordinates.iter().map(column).collect::<Vec<_>>())
     }
 
-    /// Second derivative of the place of a point of the platform by coordinates `i` and `k`.
+    /// Computes the second derivative of the position of a point of the platform by coordinates `i` and `k`.
     pub fn curvature(&self, point: &Vector3<f64>, i: usize, k: usize) -> Vector3<f64> {
         match [self.coordinates[i], self.coordinates[k]] {
             [i, k] if i >= 3 && k >= 3 => {
@@ -79,7 +79,7 @@ impl Chart {
         }
     }
 
-    /// Angular velocity in the machine frame per rate of each coordinate.
+    /// Computes the angular velocity in the machine frame per rate of each coordinate.
     pub fn turns(&self) -> Matrix3xX<f64> {
         let column = |k: &usize| match *k {
             k if k < 3 => Vector3::zeros(),
@@ -88,15 +88,15 @@ impl Chart {
         Matrix3xX::from_columns(&self.coordinates.iter().map(column).collect::<Vec<_>>())
     }
 
-    /// Rates of the coordinates by the velocity of the centre and the angular velocity. Those of angles
-    /// are not a number at B of ±90°, where A and C turn about one axis.
+    /// Computes the rates of the coordinates from the velocity of the center and the angular velocity. Those of
+    /// angles are not finite at B of ±90°, where A and C rotate about one axis.
     pub fn rates(&self, speed: &Vector3<f64>, omega: &Vector3<f64>) -> DVector<f64> {
         let angles = self.rates.try_inverse().map_or(Vector3::repeat(f64::NAN), |map| map * omega);
         let rate = |k: &usize| if *k < 3 { speed[*k] } else { angles[*k - 3] };
         DVector::from_iterator(self.count(), self.coordinates.iter().map(rate))
     }
 
-    /// What the rates of the coordinates add to the acceleration of a point of the platform.
+    /// Computes the acceleration of a point of the platform that is due to the rates of the coordinates.
     pub fn bend(&self, point: &Vector3<f64>, rates: &DVector<f64>) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for i in 0..self.count() {
@@ -107,7 +107,7 @@ impl Chart {
         sum
     }
 
-    /// What they add to the angular acceleration.
+    /// Computes the angular acceleration that is due to the rates of the coordinates.
     pub fn turning(&self, rates: &DVector<f64>) -> Vector3<f64> {
         let mut of_angles = Vector3::zeros();
         for (k, rate) in self.coordinates.iter().zip(rates.iter()).filter(|(k, _)| **k >= 3) {
@@ -115,14 +115,14 @@ impl Chart {
         }
         let [a, b, c]: [f64; 3] = of_angles.into();
         let ((sb, cb), (sc, cc)) = (self.angles.y.sin_cos(), self.angles.z.sin_cos());
-        // Rates of the axes of A and B; that of C stands still.
+        // Rates of the axes of A and B; the axis of C is fixed.
         let of_a =
             Vector3::new(-cc * sb, -sc * sb, -cb) * b + Vector3::new(-sc, cc, 0.0) * (cb * c);
         let of_b = Vector3::new(-cc, -sc, 0.0) * c;
         of_a * a + of_b * b
     }
 
-    /// Rows over X Y Z A B C of the tool tip (machine units and radians, see [`machine::rows`]) as
+    /// Converts rows over X Y Z A B C of the tool tip (machine units and radians, see [`machine::rows`]) to
     /// rows over these coordinates, per mm and radian; `tip` in the platform frame, mm.
     pub fn rows(&self, rows: &Rows, tip: &Vector3<f64>, units_per_mm: f64) -> DMatrix<f64> {
         let tip = self.displacement(tip);
@@ -135,7 +135,7 @@ impl Chart {
         })
     }
 
-    /// The pose with one coordinate changed by so many mm or radians; `tip` as above, and the pose
+    /// Computes the pose with one coordinate changed by `by` mm or radians; `tip` as in [`Self::rows`], the pose
     /// in machine units.
     pub fn moved(
         &self,
@@ -158,16 +158,16 @@ impl Chart {
     }
 }
 
-/// How many times each angle is derived by.
+/// Counts how often each angle occurs.
 fn orders(angles: &[usize]) -> [usize; 3] {
     let mut orders = [0; 3];
     angles.iter().for_each(|angle| orders[*angle] += 1);
     orders
 }
 
-/// The rotation about an axis of the frame, derived `order` times by its angle.
+/// Computes the rotation about an axis of the frame, differentiated `order` times by its angle.
 fn turn(axis: usize, angle: f64, order: usize) -> Matrix3<f64> {
-    // Each derivative of sine and cosine leads by a quarter turn.
+    // Each differentiation advances sine and cosine by a quarter turn.
     let (sin, cos) = (angle + order as f64 * std::f64::consts::FRAC_PI_2).sin_cos();
     let (i, k) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut turn = Matrix3::zeros();

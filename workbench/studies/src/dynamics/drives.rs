@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What drives command at a moment: where the legs begin and how long they would be without force.
+//! Commanded state of the drives: base anchors of the legs, and their lengths without force.
 
 use kinematics::{At, Fault, MAX_LEGS, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
@@ -9,25 +9,25 @@ use machine::read::mechanism::Mechanism;
 pub struct Drive {
     /// The moving base anchor in the machine frame.
     pub base: Vector3<f64>,
-    /// Length without force; with the correction for a turning nut where the leg has a lead.
+    /// Length without force; including the nut correction if the leg has a lead.
     pub length: f64,
 }
 
 /// All drives, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drives {
-    /// Of the legs; those beyond the last one mean nothing.
+    /// State of the legs; entries beyond the last leg are undefined.
     pub legs: [Drive; MAX_LEGS],
-    /// Joint values of the table axes X Y Z; 0 for those that the table does not have.
+    /// Joint values of the table axes X Y Z; 0 for axes that the table does not have.
     pub table: Vector3<f64>,
     /// The tool tip in the work, as commanded.
     pub tip: Vector3<f64>,
 }
 
 impl Drives {
-    /// Those that put the tip at a pose, in machine units with the tool vector of the machine, see
-    /// [`kinematics::Machine::inverse`]. `is_turning`: whether the struts' lengths are those of their
-    /// joints, correction included.
+    /// Computes the state that positions the tip at a pose, in machine units with the tool vector of the machine,
+    /// see [`kinematics::Machine::inverse`]. `is_turning`: whether the struts' lengths are those of their
+    /// joints, including the correction.
     ///
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
@@ -54,7 +54,7 @@ impl Drives {
         Ok(Self { legs, table, tip: (pose.position - tool) / per_mm })
     }
 
-    /// A sum of drives, each times its share.
+    /// Computes a weighted sum of drive states.
     fn sum(parts: [(&Self, f64); 4]) -> Self {
         let mut sum = Self::default();
         for (part, share) in parts {
@@ -68,8 +68,8 @@ impl Drives {
         sum
     }
 
-    /// Between the middle two of four moments that are `period` seconds apart, and the rates there:
-    /// the cubic whose slopes at both ends are those of the neighbours' chords.
+    /// Interpolates between the middle two of four moments that are `period` seconds apart, with the rates:
+    /// a cubic whose slopes at both ends are those of the chords of its neighbors.
     pub fn between(moments: [&Self; 4], share: f64, period: f64) -> [Self; 2] {
         let (s, s2, s3) = (share, share * share, share.powi(3));
         let place = [

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a random force does by the linear theory: covariances by Lyapunov's equation, spectra.
+//! Linear theory of a random force: covariances from Lyapunov's equation, and spectra.
 //!
 //! States are modal displacements times their frequencies, modal velocities, and the filters of the
-//! force: entries of one size. A P + P Aᵀ + Q = 0 is solved by Schur's form (Bartels and Stewart 1972).
+//! force, so that all entries have similar size. A P + P Aᵀ + Q = 0 is solved by Schur's form (Bartels and
+//! Stewart 1972).
 
 use crate::dense;
 use crate::dynamics::noise::{Spectrum, exponential};
@@ -25,7 +26,7 @@ pub struct Linear {
     tip: DMatrix<f64>,
     /// Change of force of every leg, N per state.
     legs: DMatrix<f64>,
-    /// States of the structure; the others are those of the force, whose covariance is 1.
+    /// Number of states of the structure; the others are those of the force, whose covariance is 1.
     structural: usize,
 }
 
@@ -34,7 +35,7 @@ pub struct Linear {
 pub struct Ellipse {
     /// Long and short half axis.
     pub axes: [f64; 2],
-    /// Direction of the long one from X, degrees, more than -90 and at most 90.
+    /// Direction of the long axis from X, degrees, more than -90 and at most 90.
     pub direction: f64,
 }
 
@@ -52,8 +53,8 @@ impl Ellipse {
 }
 
 impl Linear {
-    /// Of a structure, a force with standard deviations along X Y Z in N, and the stiffness of its legs;
-    /// `None` where something moves that nothing holds.
+    /// Combines a structure, a force with standard deviations along X Y Z in N, and the stiffness of its legs;
+    /// `None` if some motion is unconstrained.
     pub fn of(
         structure: &Structure,
         legs: &[f64],
@@ -107,10 +108,10 @@ impl Linear {
         Some(self)
     }
 
-    /// Covariance of the states under a force that never ends; `None` where the structure is not stable.
+    /// Computes the stationary covariance of the states; `None` if the structure is not stable.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         let once = lyapunov(&self.a, &self.q)?;
-        // Once more with variances of 1, which differ by many powers of ten.
+        // Repeated with variances scaled to 1, because they differ by many powers of ten.
         let scale =
             once.diagonal().map(|variance| if variance > 0.0 { variance.sqrt() } else { 1.0 });
         let scaled = |matrix: &DMatrix<f64>, by: fn(f64, f64) -> f64| {
@@ -123,7 +124,7 @@ impl Linear {
         Some(scaled(&found, |i, k| i * k))
     }
 
-    /// Covariance of a force that is held between samples `step` seconds apart, at the samples.
+    /// Computes the covariance at the samples for a force that is constant between samples `step` seconds apart.
     pub fn held(&self, step: f64) -> Option<DMatrix<f64>> {
         let all = self.a.nrows();
         let (own, forcing) = (self.structural, all - self.structural);
@@ -146,20 +147,20 @@ impl Linear {
         None
     }
 
-    /// Covariance of the tip by that of the states, mm².
+    /// Computes the covariance of the tip from that of the states, mm².
     pub fn of_tip(&self, covariance: &DMatrix<f64>) -> Matrix3<f64> {
         (&self.tip * covariance * self.tip.transpose()).fixed_view::<3, 3>(0, 0).into()
     }
 
-    /// Standard deviation of the force of every leg, N.
+    /// Computes the standard deviation of the force of every leg, N.
     pub fn of_legs(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
         let all = &self.legs * covariance * self.legs.transpose();
         all.diagonal().iter().map(|variance| variance.sqrt()).collect()
     }
 
-    /// Standard deviation, relative to the variance of the tip along an axis, of the variance that a
-    /// record of `seconds` shows: 2 √(c X cᵀ/T)/σ² with A X + X Aᵀ + b bᵀ = 0, b = P cᵀ, for records
-    /// much longer than the slowest mode lasts.
+    /// Computes the standard deviation of the variance observed in a record of `seconds`, relative to the variance
+    /// of the tip along an axis: 2 √(c X cᵀ/T)/σ² with A X + X Aᵀ + b bᵀ = 0, b = P cᵀ, for records
+    /// much longer than the decay of the slowest mode.
     pub fn spread(&self, covariance: &DMatrix<f64>, axis: usize, seconds: f64) -> Option<f64> {
         let row = self.tip.row(axis).into_owned();
         let along = covariance * row.transpose();
@@ -169,7 +170,7 @@ impl Linear {
     }
 }
 
-/// P with A P + P Aᵀ + Q = 0; `None` where A is not stable, or has no Schur form that is found.
+/// Solves A P + P Aᵀ + Q = 0; `None` if A is not stable or its Schur form does not converge.
 pub fn lyapunov(a: &DMatrix<f64>, q: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let complex = |matrix: &DMatrix<f64>| matrix.map(|value| Complex::new(value, 0.0));
     let (u, t) = dense::complex_schur(complex(a))?;
@@ -197,7 +198,7 @@ pub fn lyapunov(a: &DMatrix<f64>, q: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 }
 
 impl Structure {
-    /// One-sided spectral densities of the tip at a frequency in Hz, mm²/Hz: H S H*.
+    /// Computes the one-sided spectral densities of the tip at a frequency in Hz, mm²/Hz: H S H*.
     pub fn spectrum(
         &self,
         sigma: &Vector3<f64>,

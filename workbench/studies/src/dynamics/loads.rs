@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Forces and torques of the drives by virtual work: wrench at the tool tip, weight and inertia.
 //!
-//! Gᵀ f = Pcᵀ m (a - g) + Ωᵀ (I α + ω × I ω) + Σ Pᵀ μ P η'' - Sᵀ W with the rows G of the legs; where legs
-//! exceed coordinates, f are those of springs that nothing has tightened. A drive feels f times the change of
-//! its leg's length per joint unit, and what its own mass takes; a motor feels that through the lead.
+//! Gᵀ f = Pcᵀ m (a - g) + Ωᵀ (I α + ω × I ω) + Σ Pᵀ μ P η'' - Sᵀ W with the rows G of the legs; if legs
+//! exceed coordinates, f are the forces of unpreloaded springs. The load of a drive is f times the change of
+//! its leg's length per joint unit, plus the force for its own mass; the lead converts it to motor torque.
 
 use crate::dynamics::chart::Chart;
 use crate::dynamics::model::Model;
@@ -12,7 +12,7 @@ use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// What acts on the tool tip, machine axes: N and N mm.
+/// Load on the tool tip, machine axes: N and N mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
     pub force: Vector3<f64>,
@@ -20,7 +20,7 @@ pub struct Wrench {
     pub moment: Vector3<f64>,
 }
 
-/// How a machine moves at a moment.
+/// Motion of a machine at a moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moving {
     pub pose: Pose,
@@ -28,30 +28,30 @@ pub struct Moving {
     pub tool: Vector3<f64>,
     /// Rates of X Y Z A B C, machine units and radians per second.
     pub rate: [f64; 6],
-    /// Their rates.
+    /// Derivatives of the rates.
     pub acceleration: [f64; 6],
-    /// Second derivatives of the joint values, joint units (degrees of an arm) per second squared.
+    /// Second derivatives of the joint values, joint units (degrees for an arm) per second squared.
     pub joints: Joints,
 }
 
 impl Moving {
-    /// At rest.
+    /// Creates a machine at rest.
     pub fn still(pose: Pose, tool: Vector3<f64>) -> Self {
         let (rate, acceleration, joints) = ([0.0; 6], [0.0; 6], [0.0; MAX_JOINTS]);
         Self { pose, tool, rate, acceleration, joints }
     }
 }
 
-/// What every drive has to do, legs, then table axes.
+/// Loads of the drives: legs, then table axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loads {
-    /// Along every leg, N, positive where it pushes the platform.
+    /// Along every leg, N, positive if it pushes the platform.
     pub legs: Vec<f64>,
-    /// Of every drive towards growing joint values: N, or N mm of an arm.
+    /// Of every drive towards increasing joint values: N, or N mm for an arm.
     pub drives: Vec<f64>,
 }
 
-/// Forces of the drives; `None` where the legs do not hold the platform.
+/// Computes the forces of the drives; `None` at a singular pose.
 ///
 /// # Errors
 /// As [`kinematics::Machine::at`].
@@ -65,7 +65,7 @@ pub fn loads(
     Ok(held.map(|held| held.loads(moving, wrench)))
 }
 
-/// A machine at a pose, ready for any motion and wrench there.
+/// A machine at a pose, prepared for any motion and load there.
 pub struct Held<'a> {
     config: &'a Mechanism,
     model: &'a Model,
@@ -74,14 +74,14 @@ pub struct Held<'a> {
     /// The tool tip in the platform frame, mm.
     tip: Vector3<f64>,
     rotation: Matrix3<f64>,
-    /// What the legs' masses add to that of the platform.
+    /// Contribution of the legs' masses to that of the platform.
     carried: DMatrix<f64>,
-    /// Of the legs' stiffness.
+    /// Factors of the stiffness of the legs.
     factors: Cholesky<f64, Dyn>,
 }
 
 impl<'a> Held<'a> {
-    /// At a pose; `None` where the legs do not hold the platform.
+    /// Prepares a machine at a pose; `None` if it is singular.
     ///
     /// # Errors
     /// As [`kinematics::Machine::at`].
@@ -104,7 +104,7 @@ impl<'a> Held<'a> {
         Ok(Some(Self { config, model, chart, legs, tip, rotation, carried, factors }))
     }
 
-    /// Forces of the drives under a motion that passes this pose with this tool.
+    /// Computes the forces of the drives for a motion through this pose with this tool.
     pub fn loads(&self, moving: &Moving, wrench: &Wrench) -> Loads {
         let (chart, body) = (&self.chart, &self.model.body);
         let motion = PlatformMotion::of(self.config, chart, &self.tip, moving);
@@ -131,20 +131,20 @@ impl<'a> Held<'a> {
         Loads { legs: along, drives }
     }
 
-    /// Stiffness of every leg along it, N/mm.
+    /// Returns the stiffness along every leg, N/mm.
     pub fn springs(&self) -> impl Iterator<Item = f64> + '_ {
         self.legs.iter().zip(&self.model.legs).map(|(leg, own)| own.spring.along(leg.gain))
     }
 }
 
-/// The platform's coordinates in motion, mm and radians.
+/// Motion of the platform's coordinates, mm and radians.
 struct PlatformMotion {
     rate: DVector<f64>,
     acceleration: DVector<f64>,
 }
 
 impl PlatformMotion {
-    /// From those of the tool tip: the machine's centre stands at the tip less R of what lies between.
+    /// Converts the motion of the tool tip: the machine's center is at the tip minus R times their distance.
     fn of(config: &Mechanism, chart: &Chart, tip: &Vector3<f64>, moving: &Moving) -> Self {
         let per_mm = config.units_per_mm;
         let [x, y, z, a, b, c] = moving.rate;

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The force of a milling cutter on its tool, with its teeth and the changing thickness of the chip.
+//! The force of a milling cutter on its tool, with its teeth and the varying chip thickness.
 //!
 //! X along the feed, Z along the tool axis, Y = Z × X. A tooth at the angle φ from Y, clockwise seen
-//! from +Z, cuts a chip h = f sin φ thick between entry and exit, with forces along, into and across
+//! from +Z, cuts a chip of thickness h = f sin φ between entry and exit, with forces along, into and across
 //! its path F = a (K h + Ke); on the tool (-Ft cos φ - Fr sin φ, Ft sin φ - Fr cos φ, Fa). A helix is a
-//! pile of slices, each of which lags the one below.
+//! stack of slices, each lagging the one below.
 
 use crate::study::cutting::Cutting;
 use crate::study::forcing;
 use kinematics::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
-/// A cutter in its cut.
+/// A cutter and its cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Milling {
     /// Number of teeth, evenly spaced.
@@ -26,14 +26,14 @@ pub struct Milling {
     pub arc: [f64; 2],
     /// Tangential, radial and axial coefficients, N/mm².
     pub cutting: [f64; 3],
-    /// The same of the edge, N/mm.
+    /// Edge coefficients, N/mm.
     pub edge: [f64; 3],
     /// Angle by which the top of the cut lags its bottom, radians; 0 for straight teeth.
     pub lag: f64,
 }
 
 impl Milling {
-    /// Of the tables `[cutting]` and `[milling]` of a study, at a depth of cut in mm.
+    /// Reads the tables `[cutting]` and `[milling]` of a study, at a depth of cut in mm.
     pub fn of(cutter: &Cutting, run: &forcing::Milling, depth: f64) -> Self {
         let helix = run.helix_deg.map_or(0.0, |angle| angle.0).to_radians();
         Self {
@@ -49,15 +49,15 @@ impl Milling {
     }
 }
 
-/// Harmonics of the tooth frequency that a simulation follows: with 40 steps in the shortest of them a tooth
-/// enters and leaves within a two-hundredth of a tooth's time.
+/// Harmonics of the tooth frequency in a simulation: with 40 steps in the shortest of them, a tooth
+/// enters and leaves within a two-hundredth of a tooth period.
 const HARMONICS: f64 = 5.0;
 
-/// Slices of a helix: angles apart by a hundredth of its lag.
+/// Slices of a helix: their angles differ by a hundredth of its lag.
 const SLICES: usize = 100;
 
 impl Milling {
-    /// Force on the tool, N, with the first tooth at an angle; feed, across, along the tool axis.
+    /// Computes the force on the tool, N, with the first tooth at an angle; feed, across, along the tool axis.
     pub fn force(&self, angle: f64) -> Vector3<f64> {
         let slices = if self.lag == 0.0 { 1 } else { SLICES };
         let mut sum = Vector3::zeros();
@@ -71,7 +71,7 @@ impl Milling {
         sum
     }
 
-    /// Of one straight tooth.
+    /// Computes the force of one straight tooth.
     fn of_edge(&self, angle: f64) -> Vector3<f64> {
         let [entry, exit] = self.arc;
         if !(entry <= angle && angle <= exit) {
@@ -82,35 +82,35 @@ impl Milling {
         on_tool([0, 1, 2].map(force), angle)
     }
 
-    /// Force on the tool at a time in seconds, in the frame that `feed` and the tool axis span; machine
-    /// axes.
+    /// Computes the force on the tool at a time in seconds, in machine axes; `frame` is spanned by feed and
+    /// tool axis.
     pub fn at(&self, time: f64, frame: &Matrix3<f64>) -> Vector3<f64> {
         frame * self.force(TAU * self.speed * time)
     }
 
-    /// Teeth per second, Hz.
+    /// Returns teeth per second, Hz.
     pub fn tooth_frequency(&self) -> f64 {
         self.speed * f64::from(self.teeth)
     }
 
-    /// The highest frequency that matters in it, Hz.
+    /// Returns the highest relevant frequency, Hz.
     pub fn reach(&self) -> f64 {
         HARMONICS * self.tooth_frequency()
     }
 }
 
-/// What a tooth at an angle does to the tool by its forces along, into and across its path: feed, across,
-/// along the tool axis.
+/// Converts the forces of a tooth at an angle (along, into and across its path) to feed, across, along the
+/// tool axis.
 pub fn on_tool([along, into, axial]: [f64; 3], angle: f64) -> Vector3<f64> {
     let (sin, cos) = angle.sin_cos();
     Vector3::new(-along * cos - into * sin, along * sin - into * cos, axial)
 }
 
-/// The sine of the least angle between feed and tool axis: below it a feed has no direction across.
+/// Smallest sine of the angle between feed and tool axis: below it the direction across is undefined.
 const ACROSS: f64 = 1e-6;
 
-/// Feed, across and tool axis as columns, by a direction of the feed and the tool axis in machine axes;
-/// `None` where the feed points along the tool.
+/// Computes feed, across and tool axis as columns, from a direction of the feed and the tool axis in machine
+/// axes; `None` if the feed is along the tool.
 pub fn frame(feed: &Vector3<f64>, axis: &Vector3<f64>) -> Option<Matrix3<f64>> {
     let level = feed - axis * axis.dot(feed);
     let x = level.try_normalize(ACROSS * feed.norm())?;

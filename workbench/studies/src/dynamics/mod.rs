@@ -4,13 +4,13 @@
 //! Units are N, mm, s, t and radians: a tonne at 1 mm/s² takes 1 N. Sources: paper 004 (Novikov et
 //! al. 2011), equations 9 to 14, about the centre of mass; any book on vibrations for the rest.
 //!
-//! [`model`] takes masses, springs and dampers from a study; [`chart`] are the coordinates of the
+//! [`model`] reads masses, springs and dampers from a study; [`chart`] are the coordinates of the
 //! platform at a pose; [`structure`] has the matrices, [`shapes`] their modes, [`response`]
-//! what follows from them. [`noise`] and
-//! [`milling`] are forces; [`linear`] is what noise does by the linear theory, [`simulation`] what any
-//! force and the [`drives`] of a program do in time, on [`rotation`]s; a [`run`] is all
-//! of it, and a [`record`] what is seen.
-//! [`loads`] are the forces of the drives, and [`capacity`] what drives can do.
+//! poles and receptance. [`noise`] and
+//! [`milling`] are forces; [`linear`] is the linear theory of noise, [`simulation`] the response in time to
+//! any force and to the [`drives`] of a program, on [`rotation`]s; a [`run`] combines
+//! these, and a [`record`] contains the results.
+//! [`loads`] are the forces of the drives, and [`capacity`] their limits.
 
 pub mod capacity;
 pub mod chart;

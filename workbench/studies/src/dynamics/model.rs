@@ -18,7 +18,7 @@ const T_MM2_PER_KG_M2: f64 = 1e3;
 pub struct Body {
     /// Mass, t.
     pub mass: f64,
-    /// Centre of mass in the platform frame, mm.
+    /// Center of mass in the platform frame, mm.
     pub centre: Vector3<f64>,
     /// Tensor of inertia about it, platform axes, t mm².
     pub inertia: Matrix3<f64>,
@@ -28,21 +28,21 @@ pub struct Body {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
     pub spring: Spring,
-    /// Along the leg, N s/mm; 0 where damping is given as a ratio.
+    /// Along the leg, N s/mm; 0 if damping is given as a ratio.
     pub damping: f64,
-    /// What moves along the leg with its platform joint, t.
+    /// Mass that moves along the leg with its platform joint, t.
     pub axial: f64,
-    /// What moves across it, t.
+    /// Mass that moves across it, t.
     pub across: f64,
-    /// What the joint moves: t, or t mm² of an arm; `None` where it has no mass.
+    /// Mass moved by the joint: t, or t mm² for an arm; `None` without mass.
     pub drive: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TableAxis {
-    /// Which coordinate it takes: 0, 1, 2 for X, Y, Z.
+    /// Its coordinate: 0, 1, 2 for X, Y, Z.
     pub axis: usize,
-    /// What it moves, t.
+    /// Moved mass, t.
     pub mass: f64,
     /// N/mm.
     pub stiffness: f64,
@@ -59,18 +59,18 @@ pub struct Model {
     pub legs: Vec<Leg>,
     /// The table axes, in order.
     pub table: Vec<TableAxis>,
-    /// Damping ratio of all modes of the platform, where the legs have no dampers.
+    /// Damping ratio of all modes of the platform, if the legs have no dampers.
     pub ratio: Option<f64>,
-    /// Acceleration of a falling body in the machine frame, mm/s².
+    /// Gravitational acceleration in the machine frame, mm/s².
     pub gravity: Vector3<f64>,
-    /// Whether weight and bearing forces count in the stiffness.
+    /// Whether the stiffness includes weight and bearing forces.
     pub is_geometric: bool,
-    /// What takes the torque of a strut's thread.
+    /// What supports the torque of a strut's thread.
     pub screw: Screw,
 }
 
 impl Model {
-    /// Of a machine.
+    /// Reads the model of a machine.
     ///
     /// # Errors
     /// See [`Lacking`].
@@ -102,7 +102,7 @@ impl Model {
 }
 
 impl Model {
-    /// The same with drives that have no mass: rod and drive are one spring.
+    /// Returns the model with massless drives: rod and drive become one spring.
     pub fn without_drive_masses(&self) -> Self {
         let mut model = self.clone();
         model.legs.iter_mut().for_each(|leg| leg.drive = None);
@@ -139,7 +139,7 @@ fn drives(config: &Mechanism, study: &Study) -> Result<Vec<Option<f64>>, Lacking
     let keys = ["drive_mass_kg", "drive_inertia_kg_m2"];
     let values = [&given.drive_mass_kg, &given.drive_inertia_kg_m2];
     let masses = of_kinds(config, keys, values, [T_PER_KG, T_MM2_PER_KG_M2])?;
-    // A mass between two springs: both have to be known.
+    // A mass between two springs: both must be known.
     let is_hung = given.rod_stiffness_n_per_um.is_some();
     match masses.iter().any(Option::is_some) && !is_hung {
         true => Err(Lacking::Key { section: "legs", key: "rod_stiffness_n_per_um" }),

@@ -12,13 +12,13 @@ use std::f64::consts::TAU;
 /// A spectrum of variance 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Spectrum {
-    /// Ornstein-Uhlenbeck: flat up to a corner, falling with the square of the frequency above it:
+    /// Ornstein-Uhlenbeck: flat up to a corner, decreasing with the square of the frequency above it:
     /// 4 a/(a² + (2πf)²) with a = 2π corner.
     Corner {
         /// Hz.
         corner: f64,
     },
-    /// x'' + (ω₀/Q) x' + ω₀² x = white noise: a band about a frequency, of width middle/Q.
+    /// x'' + (ω₀/Q) x' + ω₀² x = white noise: a band around a frequency, of width middle/Q.
     Band {
         /// Hz.
         middle: f64,
@@ -37,7 +37,7 @@ impl From<Band> for Spectrum {
 }
 
 impl Spectrum {
-    /// The filter x' = A x + white noise whose first state has the spectrum; the covariance of its states is
+    /// Returns the filter x' = A x + white noise whose first state has the spectrum; the covariance of its states is
     /// 1, that of the white noise -(A + Aᵀ).
     pub fn filter(&self) -> DMatrix<f64> {
         match *self {
@@ -50,7 +50,7 @@ impl Spectrum {
         }
     }
 
-    /// One-sided density at a frequency in Hz, 1/Hz.
+    /// Computes the one-sided density at a frequency in Hz, 1/Hz.
     pub fn density(&self, hz: f64) -> f64 {
         let omega = TAU * hz;
         match *self {
@@ -67,7 +67,7 @@ impl Spectrum {
         }
     }
 
-    /// The highest frequency that it is about, Hz.
+    /// Returns the highest relevant frequency, Hz.
     pub fn reach(&self) -> f64 {
         match *self {
             Self::Corner { corner } => corner,
@@ -79,7 +79,7 @@ impl Spectrum {
 /// Terms of the series: 2^-20/20! is far below rounding.
 const TERMS: u32 = 20;
 
-/// e to the power of a square matrix: the series of a part that is small enough, squared again.
+/// Computes the exponential of a square matrix: the series of a scaled matrix, squared repeatedly.
 pub(crate) fn exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     let size = matrix.amax() * matrix.nrows() as f64;
     let halvings = (2.0 * size).max(1.0).log2().ceil() as i32;
@@ -90,8 +90,8 @@ pub(crate) fn exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     (0..halvings).fold(series, |power, _| &power * &power)
 }
 
-/// What a step leaves of the states of a filter, and the covariance that it adds (Van Loan 1978): no
-/// difference of numbers that are nearly equal, however short it is.
+/// Computes the transition matrix of a filter over a step, and the covariance added by the step (Van Loan 1978),
+/// without cancellation for short steps.
 fn sampled(a: &DMatrix<f64>, step: f64) -> [DMatrix<f64>; 2] {
     let n = a.nrows();
     let mut block = DMatrix::zeros(2 * n, 2 * n);
@@ -110,13 +110,14 @@ pub struct Noise {
     sigma: Vector3<f64>,
     decay: DMatrix<f64>,
     gain: DMatrix<f64>,
-    /// One column an axis.
+    /// One column for each axis.
     states: DMatrix<f64>,
     random: Pcg64,
 }
 
 impl Noise {
-    /// Standard deviations along X Y Z in N, sampled every `step` seconds; equal seeds give equal forces.
+    /// Creates a force with standard deviations along X Y Z in N, sampled every `step` seconds. Equal seeds give
+    /// equal forces.
     pub fn new(sigma: Vector3<f64>, spectrum: &Spectrum, step: f64, seed: u64) -> Self {
         let [decay, added] = sampled(&spectrum.filter(), step);
         let mut noise = Self {

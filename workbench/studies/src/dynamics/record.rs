@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What is seen of a motion: where the tool tip goes beside its command, and how often.
+//! Record of a motion: the deviation of the tool tip from its command over time.
 
 use kinematics::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
-/// Displacements of the tool tip from its command at even times.
+/// Displacements of the tool tip from its command at regular times.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     /// Seconds between two of them.
     pub step: f64,
     /// mm, machine axes.
     pub tip: Vec<Vector3<f64>>,
-    /// Largest force of every leg by its amount, N.
+    /// Largest force magnitude of every leg, N.
     pub forces: Vec<f64>,
 }
 
-/// Least parts of a record that a spectrum is a mean of, half of each is in the next.
+/// Smallest number of overlapping segments of a record over which a spectrum is averaged.
 const SEGMENTS: usize = 8;
 
 impl Record {
-    /// A moment more.
+    /// Adds a moment.
     pub fn see(&mut self, tip: Vector3<f64>, forces: &[f64]) {
         self.tip.push(tip);
         self.forces.resize(forces.len(), 0.0);
@@ -34,20 +34,20 @@ impl Record {
         self.tip.iter().sum::<Vector3<f64>>() / self.tip.len() as f64
     }
 
-    /// Covariance about the mean.
+    /// Computes the covariance about the mean.
     pub fn covariance(&self) -> Matrix3<f64> {
         let mean = self.mean();
         let square = |tip: &Vector3<f64>| (tip - mean) * (tip - mean).transpose();
         self.tip.iter().map(square).sum::<Matrix3<f64>>() / self.tip.len() as f64
     }
 
-    /// Largest amounts along X Y Z.
+    /// Returns the largest magnitudes along X Y Z.
     pub fn peaks(&self) -> Vector3<f64> {
         self.tip.iter().fold(Vector3::zeros(), |most, tip| most.sup(&tip.abs()))
     }
 
-    /// One-sided spectral densities along X Y Z at frequencies in Hz, mm²/Hz: a mean over overlapping
-    /// parts with Hann's window (Welch 1967).
+    /// Computes the one-sided spectral densities along X Y Z at frequencies in Hz, mm²/Hz: a mean over overlapping
+    /// segments with Hann's window (Welch 1967).
     pub fn spectrum(&self, frequencies: &[f64]) -> Vec<Vector3<f64>> {
         let part = (2 * self.tip.len() / (SEGMENTS + 1)).max(2).min(self.tip.len());
         let mean = self.mean();
@@ -68,7 +68,7 @@ impl Record {
         frequencies.iter().map(density).collect()
     }
 
-    /// Squared amount of the Fourier sum of a part at a frequency (Goertzel 1958).
+    /// Computes the squared magnitude of the Fourier sum of a segment at a frequency (Goertzel 1958).
     fn power(&self, part: &[Vector3<f64>], hz: f64) -> Vector3<f64> {
         let turn = 2.0 * (TAU * hz * self.step).cos();
         let (mut last, mut before) = (Vector3::zeros(), Vector3::<f64>::zeros());

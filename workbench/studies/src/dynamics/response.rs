@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a structure does of itself and under a force that swings: modes, poles, receptance.
+//! Free and forced response of a structure: modes, poles, receptance.
 
 use crate::dense;
 use crate::dynamics::mode::Mode;
@@ -8,21 +8,21 @@ use crate::dynamics::structure::Structure;
 use nalgebra::{Complex, DMatrix, DVector, Matrix3};
 use std::f64::consts::TAU;
 
-/// Even steps of a response.
+/// Number of evenly spaced steps of a response.
 const EVEN: u32 = 400;
 
 /// Steps on either side of a mode: up to sinh 4.5, 45 of its widths.
 const BESIDE: i32 = 30;
 
 impl Structure {
-    /// Modes without damping; `None` where something moves that nothing holds.
+    /// Computes the modes without damping; `None` if some motion is unconstrained.
     pub fn shapes(&self) -> Option<Shapes> {
         Shapes::of(&self.mass, &self.stiffness)
     }
 
-    /// Modes as the tool tip feels them, lowest first; `None` as above. Each has the damping that it
-    /// would have alone: dampers that couple modes are in [`Structure::poles`] and
-    /// [`Structure::receptance`].
+    /// Computes the modes as measured at the tool tip, lowest first; `None` as in [`Structure::shapes`]. Each has the
+    /// damping that it would have alone: [`Structure::poles`] and
+    /// [`Structure::receptance`] include dampers that couple modes.
     pub fn modes(&self) -> Option<Vec<Mode>> {
         let shapes = self.shapes()?;
         let mode = |(k, omega): (usize, &f64)| {
@@ -34,13 +34,13 @@ impl Structure {
         Some(shapes.omegas.iter().enumerate().map(mode).collect())
     }
 
-    /// Poles with damping, whatever couples the modes: those that swing, with imaginary parts above 0,
-    /// and those that do not; by their amount, smallest first, 1/s. `None` as above, or as of [`dense::eigenvalues`].
+    /// Computes the poles with damping, including coupled modes: oscillating poles, with imaginary parts above 0,
+    /// and real poles; by magnitude, smallest first, 1/s. `None` as in [`Structure::shapes`] or [`dense::eigenvalues`].
     pub fn poles(&self) -> Option<Vec<Complex<f64>>> {
         let shapes = self.shapes()?;
         let count = shapes.omegas.len();
         let omegas = DMatrix::from_diagonal(&DVector::from(shapes.omegas));
-        // Of (Ω q, q') with x = Φ q: all entries are of the size of a frequency.
+        // State (Ω q, q') with x = Φ q: all entries have the size of a frequency.
         let mut state = DMatrix::zeros(2 * count, 2 * count);
         state.view_mut((0, count), (count, count)).copy_from(&omegas);
         state.view_mut((count, 0), (count, count)).copy_from(&-omegas);
@@ -52,8 +52,8 @@ impl Structure {
         Some(poles)
     }
 
-    /// Displacement of the tool tip per force on it that swings with an angular frequency in rad/s:
-    /// H = S (K + iωC - ω²M)⁻¹ Sᵀ, mm/N; `None` where nothing holds the motion.
+    /// Computes the displacement of the tool tip per force on it that oscillates with an angular frequency in rad/s:
+    /// H = S (K + iωC - ω²M)⁻¹ Sᵀ, mm/N; `None` if a motion is unconstrained.
     pub fn receptance(&self, omega: f64) -> Option<Matrix3<Complex<f64>>> {
         let dynamic = DMatrix::from_fn(self.mass.nrows(), self.mass.nrows(), |i, k| {
             let still = self.stiffness[(i, k)] - omega * omega * self.mass[(i, k)];
@@ -69,8 +69,8 @@ impl Structure {
     }
 }
 
-/// Frequencies in Hz at which a response shows its peaks: even ones from 0 to `top`, and more about every
-/// mode, as far apart as its width.
+/// Returns frequencies in Hz that resolve the peaks of a response: evenly spaced ones from 0 to `top`, and more
+/// around every mode, spaced by its width.
 pub fn frequencies(modes: &[Mode], top: f64) -> Vec<f64> {
     let even = (0..=EVEN).map(|k| top * f64::from(k) / f64::from(EVEN));
     let about = modes.iter().flat_map(|mode| {
@@ -84,8 +84,8 @@ pub fn frequencies(modes: &[Mode], top: f64) -> Vec<f64> {
 }
 
 impl Structure {
-    /// The lowest natural frequency in Hz, and the largest displacement of the tip per force on it that
-    /// swings with one of the natural frequencies, whichever way it points, mm/N.
+    /// Returns the lowest natural frequency in Hz, and the largest displacement of the tip per force on it, in any
+    /// direction, at one of the natural frequencies, mm/N.
     pub fn softest(&self) -> Option<[f64; 2]> {
         let shapes = self.shapes()?;
         let peak = |omega: &f64| Some(self.receptance(*omega)?.singular_values().max());

@@ -3,15 +3,15 @@
 //!
 //! Runge-Kutta-Munthe-Kaas of order 4: classical Runge-Kutta on velocities and on the rotation
 //! vector Θ since the beginning of the step, R = R₀ exp Θ, Θ' = ω + ½ Θ×ω + Θ×(Θ×ω)/12 with ω in body
-//! axes (Munthe-Kaas 1998). R stays a rotation without being corrected.
+//! axes (Munthe-Kaas 1998). R stays orthogonal without correction.
 
 use kinematics::{Matrix3, Vector3};
 use nalgebra::Rotation3;
 
-/// A body, and the table under the work beside it.
+/// State of a body, and of the table under the work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// Centre of mass in the machine frame, mm.
+    /// Center of mass in the machine frame, mm.
     pub place: Vector3<f64>,
     /// Its velocity, mm/s.
     pub velocity: Vector3<f64>,
@@ -25,10 +25,10 @@ pub struct Motion {
     pub table_velocity: Vector3<f64>,
 }
 
-/// Rates of the velocities.
+/// Derivatives of the velocities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acceleration {
-    /// Of the centre of mass, mm/s².
+    /// Of the center of mass, mm/s².
     pub place: Vector3<f64>,
     /// Of the angular velocity in body axes, rad/s².
     pub spin: Vector3<f64>,
@@ -47,7 +47,7 @@ impl Change {
 }
 
 impl Motion {
-    /// After a change: Θ is its third part.
+    /// Applies a change; Θ is its third part.
     fn changed(&self, Change([place, velocity, turn, spin, table, rate]): &Change) -> Self {
         Self {
             place: self.place + place,
@@ -59,11 +59,11 @@ impl Motion {
         }
     }
 
-    /// After a time in seconds, in one step; `rates` are asked for at the start, twice in the middle
-    /// and at the end, by the share of the step that is gone.
+    /// Integrates over a time in seconds, in one step; `rates` is called at the start, twice in the middle
+    /// and at the end, with the elapsed share of the step.
     ///
     /// # Errors
-    /// That of `rates`.
+    /// The error of `rates`.
     pub fn after<E>(
         &self,
         time: f64,

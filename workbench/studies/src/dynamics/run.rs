@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Simulations from their start to their end: at a pose under a force, or along a program.
+//! Complete simulations: at a pose under a force, or along a program.
 
 use crate::dynamics::drives::Drives;
 use crate::dynamics::milling::Milling;
@@ -13,25 +13,25 @@ use kinematics::{Fault, Matrix3, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use std::f64::consts::TAU;
 
-/// Steps in a period of the fastest mode or force: the error of the fourth order is below a
-/// thousandth of it in ten periods.
+/// Steps in a period of the fastest mode or force: the fourth-order error is below a
+/// thousandth of the amplitude after ten periods.
 const STEPS_PER_PERIOD: f64 = 40.0;
 
-/// Time constants of the slowest mode after which a start is forgotten: e^-5.
+/// Time constants of the slowest mode after which the initial state has decayed: e^-5.
 const FORGOTTEN: f64 = 5.0;
 
-/// Steps of a simulation, which take minutes and, as a record, half a gigabyte.
+/// Largest number of steps of a simulation: minutes of time and, as a record, half a gigabyte.
 const MOST_STEPS: f64 = 2e7;
 
 /// A force on the tool tip.
 #[derive(Clone, Debug)]
 pub enum Force {
     None,
-    /// One that does not change, N.
+    /// A constant force, N.
     Steady(Vector3<f64>),
     /// Random, sampled at the steps.
     Noise(Noise),
-    /// Of a cutter, in a frame of feed, across and tool axis.
+    /// Force of a cutter, in a frame of feed, across and tool axis.
     Milling(Milling, Matrix3<f64>),
 }
 
@@ -52,7 +52,7 @@ impl Force {
     }
 }
 
-/// Why a simulation ends before its time.
+/// Why a simulation ends early.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Ended {
     #[error(transparent)]
@@ -65,7 +65,7 @@ pub enum Ended {
     )]
     Long {
         steps: f64,
-        /// Seconds until the start is forgotten.
+        /// Seconds until the initial state has decayed.
         warm_up: f64,
         seconds: f64,
     },
@@ -77,12 +77,13 @@ pub enum Ended {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Times {
     pub step: f64,
-    /// Until the start is forgotten.
+    /// Until the initial state has decayed.
     pub warm_up: f64,
 }
 
 impl Times {
-    /// Of a structure, under a force of frequencies up to `reach` in Hz; `None` where nothing holds it.
+    /// Chooses the times for a structure, under a force of frequencies up to `reach` in Hz; `None` if a motion is
+    /// unconstrained.
     pub fn of(structure: &Structure, reach: f64) -> Option<Self> {
         let fastest = structure.shapes()?.omegas.last()?.max(TAU * reach) / TAU;
         let decay = structure
@@ -94,7 +95,7 @@ impl Times {
     }
 }
 
-/// A simulation that goes on.
+/// A running simulation.
 struct Going<'a> {
     simulation: Simulation<'a>,
     motion: Motion,
@@ -103,7 +104,7 @@ struct Going<'a> {
 }
 
 impl Going<'_> {
-    /// One step, under drives by the share of the step.
+    /// Performs one step, with the drives as a function of the share of the step.
     fn step(&mut self, step: f64, drives: impl Fn(f64) -> [Drives; 2]) -> Result<(), Ended> {
         let force = self.force.now(self.time);
         let simulation = &mut self.simulation;
@@ -122,8 +123,8 @@ impl Going<'_> {
     }
 }
 
-/// A machine that stands at a pose under a force, for `seconds` after the start is forgotten; `see` is
-/// shown the share that is done.
+/// Simulates a machine at a pose under a force, for `seconds` after the initial state has decayed; `see`
+/// receives the completed share.
 ///
 /// # Errors
 /// See [`Ended`].
@@ -162,17 +163,17 @@ pub struct Follower<'a> {
     config: &'a Mechanism,
     model: Model,
     force: Option<Force>,
-    /// Steps in a servo cycle.
+    /// Steps per servo cycle.
     steps: usize,
     going: Option<Going<'a>>,
     /// The last commands, oldest first.
     window: Vec<(Drives, Vector3<f64>)>,
-    /// What was seen, once a servo cycle.
+    /// Results, once per servo cycle.
     pub record: Record,
 }
 
 impl<'a> Follower<'a> {
-    /// Under a force too; `step` is the longest one in seconds.
+    /// Creates a follower, also under a force; `step` is the longest step in seconds.
     pub fn new(config: &'a Mechanism, model: &Model, force: Force, step: f64) -> Self {
         Self {
             config,
@@ -185,12 +186,12 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// Steps in a servo cycle.
+    /// Returns the number of steps per servo cycle.
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// Takes the commanded pose of a servo cycle, machine units, and the tool vector there.
+    /// Processes the commanded pose of a servo cycle, machine units, and the tool vector there.
     ///
     /// # Errors
     /// See [`Ended`].
@@ -237,7 +238,7 @@ impl<'a> Follower<'a> {
         Ok(())
     }
 
-    /// The last two cycles: the last command stays.
+    /// Simulates the last two cycles, with the last command kept constant.
     ///
     /// # Errors
     /// See [`Ended`].

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Modes of a mass and a stiffness, whatever they are of.
+//! Modes of any mass and stiffness matrix.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Squares of frequencies below this share of the largest are those of motions that nothing holds:
+/// Squares of frequencies below this share of the largest belong to unconstrained motions:
 /// rounding of an eigenvalue.
 const HELD: f64 = 1e-13;
 
@@ -17,7 +17,7 @@ pub struct Shapes {
 }
 
 impl Shapes {
-    /// Of K φ = ω² M φ; `None` where something moves that nothing holds.
+    /// Solves K φ = ω² M φ; `None` if some motion is unconstrained.
     pub fn of(mass: &DMatrix<f64>, stiffness: &DMatrix<f64>) -> Option<Self> {
         let (squares, vectors) = squares(mass, stiffness)?;
         let most = *squares.last()?;
@@ -27,10 +27,10 @@ impl Shapes {
     }
 }
 
-/// Squares of the angular frequencies, smallest first, and shapes that are normalised by mass; `None`
-/// where the mass is no positive definite matrix.
+/// Computes squares of the angular frequencies, smallest first, and mass-normalized shapes; `None`
+/// if the mass matrix is not positive definite.
 pub fn squares(mass: &DMatrix<f64>, stiffness: &DMatrix<f64>) -> Option<(Vec<f64>, DMatrix<f64>)> {
-    // With M = LLᵀ a problem that is symmetric: L⁻¹ K L⁻ᵀ.
+    // With M = LLᵀ the problem becomes symmetric: L⁻¹ K L⁻ᵀ.
     let lower = mass.clone().cholesky()?.l();
     let half = lower.solve_lower_triangular(stiffness)?;
     let whole = lower.solve_lower_triangular(&half.transpose())?;

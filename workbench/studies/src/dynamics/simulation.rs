@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The platform in time: a rigid body on springs and dampers that keep their true directions.
+//! Simulation in time: a rigid body on springs and dampers that follow their actual directions.
 //!
 //! ```text
 //! m v' = Σ f n + F + m g        I ω' + ω × I ω = Rᵀ [Σ (p - r) × f n + (tip - r) × F]
 //! f = f⁰ - k (l - l⁰ - δq) - c (l' - δq')
 //! ```
 //!
-//! about the centre of mass r (paper 004, equations 11 to 14; about another pole a term ρ × m a is
-//! missing there). f⁰ bears the weight at the start. With the torque of a thread, l is the joint value
-//! and n with its moment the row of the joint. Guides hold their coordinates by the principle of
-//! virtual work. Masses of the legs count where the legs stand, without the forces that come of their
-//! turning; drives have no mass here. A damping ratio becomes dampers between the legs that give it at
-//! the start.
+//! about the center of mass r (paper 004, equations 11 to 14; about another pole a term ρ × m a is
+//! missing there). f⁰ supports the weight at the start. With the torque of a thread, l is the joint value
+//! and n with its moment the row of the joint. Guides constrain their coordinates by the principle of
+//! virtual work. Masses of the legs act at the legs' positions, without the forces due to their
+//! rotation; drives have no mass here. A damping ratio is converted to dampers between the legs that produce
+//! it at the start.
 
 use crate::dynamics::chart::Chart;
 use crate::dynamics::drives::Drives;
@@ -23,7 +23,7 @@ use kinematics::{At, Fault, Matrix3, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector6};
 
-/// A machine that is moved in time.
+/// A machine simulated in time.
 pub struct Simulation<'a> {
     config: &'a Mechanism,
     model: Model,
@@ -41,7 +41,7 @@ pub struct Simulation<'a> {
 
 /// A leg.
 struct Strut {
-    /// Platform anchor from the centre of mass, body axes.
+    /// From the center of mass to the platform anchor, body axes.
     arm: Vector3<f64>,
     stiffness: f64,
     bearing: f64,
@@ -50,9 +50,9 @@ struct Strut {
     has_lead: bool,
 }
 
-/// What a leg does at a moment.
+/// Action of a leg at a moment.
 struct Pull {
-    /// Force and moment about the centre of mass per unit of its force.
+    /// Force and moment about the center of mass per unit of its force.
     row: Vector6<f64>,
     along: Vector3<f64>,
     arm: Vector3<f64>,
@@ -61,7 +61,7 @@ struct Pull {
 }
 
 impl<'a> Simulation<'a> {
-    /// Of a machine that starts at a pose; `None` where its legs do not hold it there.
+    /// Creates a simulation of a machine that starts at a pose; `None` if it is singular.
     ///
     /// # Errors
     /// As [`Structure::at`].
@@ -104,12 +104,12 @@ impl<'a> Simulation<'a> {
         Ok(held.then_some(simulation))
     }
 
-    /// Takes another tool, whose tip is looked at from now on.
+    /// Changes the tool, whose tip is recorded from now on.
     pub fn hold(&mut self, tool: &Vector3<f64>) {
         self.tool = *tool;
     }
 
-    /// The drives that put the tip at a pose; `tool` is the tool vector there.
+    /// Computes the drive state that positions the tip at a pose; `tool` is the tool vector there.
     ///
     /// # Errors
     /// As [`Drives::at`].
@@ -131,16 +131,16 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// Place of the tool tip in the work, mm.
+    /// Computes the position of the tool tip in the work, mm.
     pub fn tip(&self, motion: &Motion) -> Vector3<f64> {
         let of_centre = tip(self.config, &self.tool) - self.model.body.centre;
         motion.place + motion.rotation * of_centre + motion.table
     }
 
-    /// Rates of the velocities under commanded drives, their rates, and a force on the tip.
+    /// Computes the derivatives of the velocities from commanded drives, their rates, and a force on the tip.
     ///
     /// # Errors
-    /// The nut's turn is not determined at that pose.
+    /// The nut's rotation is undefined at that pose.
     pub fn rates(
         &mut self,
         motion: &Motion,
@@ -209,7 +209,7 @@ impl<'a> Simulation<'a> {
         Ok(pulls)
     }
 
-    /// Makes the rows of struts with a lead those of their joints.
+    /// Replaces the rows of struts with a lead by those of their joints.
     fn turn_nuts(
         &mut self,
         motion: &Motion,
@@ -229,14 +229,14 @@ impl<'a> Simulation<'a> {
             pull.row.fixed_rows_mut::<3>(0).copy_from(&force);
             pull.row.fixed_rows_mut::<3>(3).copy_from(&moment);
             pull.longer += corrections[i] / per_mm;
-            // A strut's base anchor stands still.
+            // A strut's base anchor is fixed.
             let speed = force.dot(&motion.velocity) + moment.dot(omega);
             pull.rate = speed - moving.legs[i].length;
         }
         Ok(())
     }
 
-    /// The pose of a motion, machine units.
+    /// Converts a motion to the pose, machine units.
     fn pose(&self, motion: &Motion) -> Pose {
         let r = &motion.rotation;
         let angles = Vector3::new(
@@ -248,7 +248,7 @@ impl<'a> Simulation<'a> {
         Pose { position: tip + self.tool, angles }
     }
 
-    /// Linear and angular acceleration, machine axes.
+    /// Computes linear and angular acceleration, machine axes.
     fn accelerated(
         &self,
         motion: &Motion,
@@ -276,7 +276,7 @@ impl<'a> Simulation<'a> {
         self.guided(motion, omega, &mass, wrench)
     }
 
-    /// The same where guides hold coordinates: a = P η'' + P' η' with P what the guides leave free, and
+    /// Computes the accelerations if guides constrain coordinates: a = P η'' + P' η' with P the free motions, and
     /// Pᵀ M a = Pᵀ Q.
     fn guided(
         &self,
@@ -302,14 +302,14 @@ impl<'a> Simulation<'a> {
         curved.rows_mut(3, 3).copy_from(&chart.turning(&rates));
         let left = free.tr_mul(&(wrench - mass * &curved));
         let own = free.tr_mul(&(mass * &free));
-        // Not where two angles turn about one axis: no guided machine comes there, and the motion ends.
+        // Fails where two angles rotate about one axis, which no guided machine reaches: the motion ends.
         let solved = own.cholesky().map(|factors| free * factors.solve(&left) + curved);
         solved.map_or(Vector6::repeat(f64::NAN), |change| {
             Vector6::from_column_slice(change.as_slice())
         })
     }
 
-    /// Kinetic energy, and that of the springs over the straight work of their bearing forces, N mm.
+    /// Computes the kinetic energy plus that of the springs relative to their bearing forces, N mm.
     pub fn energy(&mut self, motion: &Motion, drives: &Drives) -> Result<f64, Fault> {
         let omega = motion.rotation * motion.spin;
         let still = Drives::default();
@@ -324,7 +324,7 @@ impl<'a> Simulation<'a> {
         Ok(energy)
     }
 
-    /// Power that the dampers take, N mm/s.
+    /// Computes the power dissipated by the dampers, N mm/s.
     pub fn loss(&mut self, motion: &Motion, drives: &Drives) -> Result<f64, Fault> {
         let omega = motion.rotation * motion.spin;
         let still = Drives::default();
@@ -334,7 +334,7 @@ impl<'a> Simulation<'a> {
     }
 }
 
-/// Dampers between the legs: one in each leg, or those that give every mode its ratio at the start,
+/// Computes the dampers between the legs: one in each leg, or those that give every mode its ratio at the start,
 /// C = Gᵀ D G with D = G⁺ᵀ C G⁺.
 fn dampers(structure: &Structure, model: &Model) -> Option<DMatrix<f64>> {
     let own = DVector::from_iterator(model.legs.len(), model.legs.iter().map(|leg| leg.damping));

@@ -2,16 +2,16 @@
 //! Matrices of mass, damping and stiffness at a pose.
 //!
 //! Coordinates are those of the [`Chart`], then the joints whose drives have mass, then the table
-//! axes. With P the displacements of points, Ω the turns, r the row of a leg and n its direction:
+//! axes. With P the displacements of points, Ω the rotations, r the row of a leg and n its direction:
 //!
 //! ```text
 //! M = m PcᵀPc + Ωᵀ R I Rᵀ Ω + Σ Pᵀ(μa nnᵀ + μt (1 - nnᵀ))P       K = Σ k r rᵀ       C = Σ c r rᵀ
 //! Kg = -Σ f {Pᵀ (1 - nnᵀ)/l P + n·∂²p} - m g·∂²pc
 //! ```
 //!
-//! f are the forces by which the legs bear the weight, positive where a leg pushes: those of least
-//! energy where legs exceed coordinates, f = -k r K⁻¹ Pcᵀ m g. Kg is exact for legs whose joints
-//! are held; what a yielding drive adds to it is of the order of (f/k)².
+//! f are the forces by which the legs support the weight, positive if a leg pushes: those of least
+//! energy if legs exceed coordinates, f = -k r K⁻¹ Pcᵀ m g. Kg is exact for legs with rigid
+//! joints; the elasticity of a drive adds a term of the order (f/k)².
 
 use crate::dynamics::chart::Chart;
 use crate::dynamics::model::{Body, Leg, Model};
@@ -24,21 +24,21 @@ use machine::read::mechanism::Mechanism;
 use machine::rows::{self, joint_rows, length_rows};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, RowDVector};
 
-/// Step of the differences of rows, radians or share of the radius: their error is the square of it,
-/// and the rounding of rows over it.
+/// Step of the differences of rows, radians or share of the radius: the truncation error is its square,
+/// the rounding error that of rows divided by it.
 const STEP: f64 = 1e-5;
 
-/// A machine at a pose as a system that vibrates; N, mm, s, t, radians.
+/// A machine at a pose as a vibrating system; N, mm, s, t, radians.
 #[derive(Clone, Debug)]
 pub struct Structure {
     pub mass: DMatrix<f64>,
     pub damping: DMatrix<f64>,
     pub stiffness: DMatrix<f64>,
-    /// Displacement and turn of the tool tip relative to the work per coordinate, machine axes.
+    /// Displacement and rotation of the tool tip relative to the work per coordinate, machine axes.
     pub tip: Matrix6xX<f64>,
     /// Change of length of every leg per coordinate.
     pub elongation: DMatrix<f64>,
-    /// Forces by which the legs bear the weight, N, positive where a leg pushes.
+    /// Forces by which the legs support the weight, N, positive if a leg pushes.
     pub bearing: Vec<f64>,
 }
 
@@ -51,20 +51,20 @@ pub struct LegAt {
     pub along: Vector3<f64>,
     /// From the moving base anchor to the platform anchor.
     pub length: f64,
-    /// Change of its length per coordinate of the chart, with the nut's turn where that bears force.
+    /// Change of its length per coordinate of the chart, including the nut's rotation if that transmits force.
     pub row: RowDVector<f64>,
-    /// Amount of the change of its length per mm or radian of its joint.
+    /// Magnitude of the change of its length per mm or radian of its joint.
     pub gain: f64,
-    /// The same with its sign: how far the platform anchor goes along the leg.
+    /// The change with its sign: displacement of the platform anchor along the leg.
     pub signed_gain: f64,
 }
 
-/// The tool tip in the platform frame, mm, by the tool vector in machine units.
+/// Returns the tool tip in the platform frame, mm, from the tool vector in machine units.
 pub fn tip(config: &Mechanism, tool: &Vector3<f64>) -> Vector3<f64> {
     -tool / config.units_per_mm
 }
 
-/// The legs of a machine at a pose.
+/// Computes the legs of a machine at a pose.
 ///
 /// # Errors
 /// As [`At::inverse_jacobian`].
@@ -87,7 +87,7 @@ pub fn legs(
         let span = segment.span() / per_mm;
         let gain = gains[i];
         let sign = drive_rate(leg, segment).map_or(1.0, |rate| rate.dot(&span).signum());
-        // Rows of joints grow with the joint, and those of lengths towards the platform.
+        // Rows of joints are positive for increasing joint values, rows of lengths towards the platform.
         let turned = if screw == Screw::Backdrivable { sign } else { 1.0 };
         LegAt {
             anchor: platform_anchor(leg, segment, &at.rotation()) / per_mm,
@@ -102,7 +102,7 @@ pub fn legs(
 }
 
 impl Structure {
-    /// At a pose. `tool` is that of the pose, as for [`kinematics::Machine::at`].
+    /// Computes the structure at a pose. `tool` is that of the pose, as for [`kinematics::Machine::at`].
     ///
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
@@ -176,8 +176,8 @@ impl Platform {
         Self { mass, damping, stiffness, elongation, bearing }
     }
 
-    /// Dampers that give every mode one ratio: C = M Φ diag(2ζω) ΦᵀM. Nothing changes where the legs
-    /// do not hold the platform: there are no modes.
+    /// Adds dampers that give every mode the same ratio: C = M Φ diag(2ζω) ΦᵀM. Does nothing at a singular
+    /// pose, which has no modes.
     fn damp(&mut self, ratio: f64) {
         let Some(shapes) = Shapes::of(&self.mass, &self.stiffness) else { return };
         let rates = DMatrix::from_diagonal(&DVector::from_iterator(
@@ -213,14 +213,14 @@ impl Platform {
     }
 }
 
-/// Mass of the platform over the coordinates of a chart.
+/// Computes the mass matrix of the platform over the coordinates of a chart.
 pub fn body_mass(chart: &Chart, body: &Body, rotation: &Matrix3<f64>) -> DMatrix<f64> {
     let (moved, turned) = (chart.displacement(&body.centre), chart.turns());
     let inertia = rotation * body.inertia * rotation.transpose();
     moved.tr_mul(&moved) * body.mass + turned.tr_mul(&(inertia * &turned))
 }
 
-/// What a leg adds to it.
+/// Computes the contribution of a leg to the mass matrix.
 pub(crate) fn leg_mass(chart: &Chart, at: &LegAt, leg: &Leg) -> DMatrix<f64> {
     let moved = chart.displacement(&at.anchor);
     let along = at.along * at.along.transpose();
@@ -228,7 +228,7 @@ pub(crate) fn leg_mass(chart: &Chart, at: &LegAt, leg: &Leg) -> DMatrix<f64> {
     moved.tr_mul(&(mass * &moved))
 }
 
-/// Stiffness of legs whose drives have no mass, over the coordinates of a chart.
+/// Computes the stiffness of legs with massless drives, over the coordinates of a chart.
 pub(crate) fn stiffness(legs: &[LegAt], model: &Model, count: usize) -> DMatrix<f64> {
     let mut stiffness = DMatrix::zeros(count, count);
     for (leg, own) in legs.iter().zip(&model.legs) {
@@ -237,7 +237,7 @@ pub(crate) fn stiffness(legs: &[LegAt], model: &Model, count: usize) -> DMatrix<
     stiffness
 }
 
-/// Forces by which the legs bear the weight; zeros where they do not hold the platform.
+/// Computes the forces by which the legs support the weight; zeros at a singular pose.
 fn bearing(chart: &Chart, model: &Model, legs: &[LegAt]) -> Vec<f64> {
     let weight = chart.displacement(&model.body.centre).tr_mul(&model.gravity) * model.body.mass;
     let k = |i: usize| model.legs[i].spring.along(legs[i].gain);
@@ -248,8 +248,8 @@ fn bearing(chart: &Chart, model: &Model, legs: &[LegAt]) -> Vec<f64> {
     legs.iter().enumerate().map(force).collect()
 }
 
-/// Stiffness of the weight and of the forces by which the legs bear it; `bends` are second derivatives
-/// of what the legs' joints add to their lengths, or empty.
+/// Computes the stiffness due to the weight and the forces by which the legs support it; `bends` are second
+/// derivatives of the joints' contribution to the legs' lengths, or empty.
 pub fn geometric(
     chart: &Chart,
     legs: &[LegAt],
@@ -276,12 +276,12 @@ pub fn geometric(
     stiffness
 }
 
-/// Whether a leg is a strut whose nut turns.
+/// Returns whether a leg is a strut whose nut rotates.
 pub(crate) fn has_lead(config: &Mechanism, leg: usize) -> bool {
     config.geometry.legs()[leg].kind.screw().lead != 0.0
 }
 
-/// Second derivatives of the corrections for turning nuts, by central differences of their rows.
+/// Computes the second derivatives of the nut corrections, by central differences of their rows.
 fn nut_curvatures(
     config: &Mechanism,
     at: &At,
