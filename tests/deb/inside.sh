@@ -92,7 +92,7 @@ other_architecture() {
 # With the way out that the message gives.
 over_a_hand_made_installation() {
     cp -a /srv/by-hand/usr /
-    refused "an installation by .make install. is here" get "./$pkmkins" && ! installed pkmkins &&
+    refused "files of .make install. are in the way" get "./$pkmkins" && ! installed pkmkins &&
         grep -q "/usr/lib/linuxcnc/modules/pkmkins.so$" "$log.refused" &&
         sh -c "$(sed -n 's/.*or by: sudo //p' "$log.refused")" &&
         ! find /usr -name '*pkmkins*' | grep . && orderly && get "./$pkmkins" "./$pkm" && installed pkmkins
