@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 #
 # `make help` lists the targets of users and maintainers, `cargo xtask help` the tasks of contributors. The other targets
-# here are steps of both. `make demo` and `make test` install what is missing with apt, and say so.
+# here are steps of both. `make demo` and `make test` install missing packages with apt, and name them.
 
 .DELETE_ON_ERROR:
 .PHONY: help demo test check install uninstall install-pkm uninstall-pkm deb test-deb site bench release clean \
@@ -93,24 +93,24 @@ MACHINE := hexapod
 PROGRAM :=
 
 help:
-	@echo "make demo       a machine runs its program under LinuxCNC; MACHINE=hexapod (default)"
-	@echo "                or another of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
-	@echo "                or the INI file of a machine of one's own: MACHINE=my-machine/my-machine.ini"
-	@echo "                PROGRAM=NAME.ngc: one of its folder programs in place of the one that it opens"
-	@echo "make install    module, HAL files and subroutines into LinuxCNC's folders (DESTDIR honoured)"
-	@echo "make uninstall  takes exactly these away"
-	@echo "make install-pkm  the command pkm, its manual pages and completions into PREFIX=$(PREFIX);"
-	@echo "                no root for a place of one's own: make install-pkm PREFIX=~/.local"
-	@echo "make uninstall-pkm  takes exactly these away"
-	@echo "make test       every test: a quarter of an hour on two cores"
-	@echo "make check      formatting, lints, documentation, generated files"
-	@echo "make site       the documentation as a site in build/site, its links followed"
-	@echo "make bench      time and failures beside LinuxCNC's modules; tables in build/benchmarks.md"
-	@echo "make deb        Debian packages of the module and of pkm, in target/debian"
-	@echo "make test-deb   installs, uses and purges them in a Debian with nothing else; SUITE=bookworm"
-	@echo "make release    tests, and makes the packages of the version whose tag the last commit has, in build/release"
+	@echo "make demo       runs a machine's program in LinuxCNC, without a display; MACHINE=hexapod (default)"
+	@echo "                or one of:" $(filter-out hexapod,$(notdir $(wildcard configs/*)))
+	@echo "                or your INI file: MACHINE=my-machine/my-machine.ini"
+	@echo "                PROGRAM=NAME.ngc: another program of the machine's folder programs"
+	@echo "make install    installs module, HAL files, subroutines and machines for LinuxCNC (honors DESTDIR)"
+	@echo "make uninstall  removes exactly these files"
+	@echo "make install-pkm  installs pkm, its manual pages and completions into PREFIX=$(PREFIX);"
+	@echo "                no root needed for your own folder: make install-pkm PREFIX=~/.local"
+	@echo "make uninstall-pkm  removes exactly these files"
+	@echo "make test       runs every test"
+	@echo "make check      checks formatting, lints, documentation and generated files"
+	@echo "make site       builds the documentation as a website in build/site, and checks its links"
+	@echo "make bench      measures times and failures beside LinuxCNC's modules; tables in build/benchmarks.md"
+	@echo "make deb        builds the Debian packages in target/debian"
+	@echo "make test-deb   installs, uses and purges them in an empty Debian; SUITE=bookworm"
+	@echo "make release    tests, and builds the packages of the tagged version in build/release"
 	@echo "make clean      removes target/ and build/"
-	@echo "cargo xtask help  everything else: single tests, generated files, measurements"
+	@echo "cargo xtask help  lists everything else: single tests, generated files, measurements"
 
 # Rejects an unknown name, such as a former target that is now a task.
 .DEFAULT:
