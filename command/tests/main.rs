@@ -9,6 +9,7 @@ mod commands;
 mod confinement;
 mod control;
 mod cut;
+mod documentation;
 mod dynamics_command;
 mod filter;
 mod fixes;
