@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Which depths are stable at a spindle speed: instability can be an island.
+//! Unstable depths at a spindle speed. Instability can be an island between stable depths.
 
 use crate::stability::floquet::Period;
 use crate::stability::root;
 use nalgebra::{Complex, ComplexField};
 
-/// Depths that are looked at before anything is refined.
+/// Depths sampled before any refinement.
 const LOOKS: usize = 48;
 
-/// A maximum of the largest multiplier that is nearer to 1 than this is looked at closely: an
-/// island may lie between two depths.
+/// A maximum of the largest multiplier above this, but below 1, is refined: an
+/// island may lie between two sampled depths.
 const NEARLY: f64 = 0.8;
 
-/// How a loop leaves stability.
+/// Type of stability loss.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Loss {
-    /// A vibration that is no multiple of the tooth period (multipliers in a pair).
+    /// A vibration that is no multiple of the tooth period (a pair of multipliers).
     Hopf,
     /// A vibration of two tooth periods (multiplier -1).
     Doubling,
-    /// A deflection that grows (multiplier 1).
+    /// A growing deflection (multiplier 1).
     Fold,
 }
 
-/// Depths between which cutting is unstable.
+/// A range of unstable depths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Band {
-    /// Where it begins, mm.
+    /// Lower end, mm.
     pub low: f64,
-    /// Where it ends, mm; the largest depth looked at where it does not end before.
+    /// Upper end, mm; at most the largest depth sampled.
     pub high: f64,
-    /// How stability is lost at its beginning.
+    /// Type of stability loss at the lower end.
     pub loss: Loss,
 }
 
@@ -48,7 +48,7 @@ impl Loss {
     }
 }
 
-/// The unstable depths up to `most` (mm).
+/// Returns the unstable depths up to `most` (mm).
 pub fn bands(period: &Period, most: f64) -> Vec<Band> {
     let mut found = vec![];
     let mut low: Option<f64> = None;
@@ -63,7 +63,7 @@ pub fn bands(period: &Period, most: f64) -> Vec<Band> {
     found
 }
 
-/// The least depth at which stability is lost, up to `most` (mm).
+/// Returns the least depth at which stability is lost, up to `most` (mm).
 pub fn first_limit(period: &Period, most: f64) -> Option<f64> {
     let [from, to] = *passages(period, most).first()?;
     root::between(|depth| over(period, depth), from, to)
@@ -73,7 +73,7 @@ fn band(period: &Period, low: f64, high: f64) -> Band {
     Band { low, high, loss: Loss::of(period.multiplier(low)) }
 }
 
-/// Pairs of depths between which stability changes, in order.
+/// Returns the pairs of depths between which stability changes, in order.
 fn passages(period: &Period, most: f64) -> Vec<[f64; 2]> {
     let mut looks: Vec<[f64; 2]> = (0..=LOOKS)
         .map(|k| most * k as f64 / LOOKS as f64)
@@ -81,7 +81,7 @@ fn passages(period: &Period, most: f64) -> Vec<[f64; 2]> {
         .collect();
     for k in 1..LOOKS {
         let [before, at, after] = [k - 1, k, k + 1].map(|k| looks[k][1]);
-        // A narrow island, or a narrow gap in what is unstable.
+        // A narrow unstable island, or a narrow stable gap.
         let is_peak = at >= before && at >= after && at < 0.0 && at > NEARLY - 1.0;
         let is_gap = at <= before && at <= after && at > 0.0 && at < 1.0 / NEARLY - 1.0;
         if is_peak || is_gap {

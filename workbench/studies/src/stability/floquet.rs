@@ -1,38 +1,36 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Floquet multipliers of the delay equation by collocation: the answer.
+//! Floquet multipliers of the delay equation by collocation: they decide stability.
 //!
-//! The delay is the tooth period, so that the delayed displacement stands on the same nodes one
-//! period back. A period is cut where a tooth enters or leaves. While one cuts, the modes are
-//! collocated on Chebyshev nodes; in between they move freely, which is solved exactly. What goes
-//! from period to period is the state of the modes and the displacement at the nodes.
+//! The delay is the tooth period, so the delayed displacement lies on the same nodes one
+//! period earlier. A period is divided where a tooth enters or leaves. While a tooth cuts, the modes are
+//! collocated on Chebyshev nodes; in between they move freely, which is solved exactly. The map from
+//! one period to the next acts on the state of the modes and the displacement at the nodes.
 
 use crate::dense;
 use crate::stability::process::{Piece, Process, Row};
 use nalgebra::{Complex, DMatrix, DVector, Matrix3x2};
 use std::f64::consts::{PI, TAU};
 
-/// Nodes of a piece, and how many a period of the fastest mode adds: errors below 1e-8.
+/// Nodes of a piece, and additional nodes per period of the fastest mode: errors below 1e-8.
 const NODES: [f64; 2] = [12.0, 8.0];
 
-/// Periods of the fastest mode that a tooth period may have: a matrix of some 400 rows.
+/// Most periods of the fastest mode in a tooth period: a matrix of some 400 rows.
 const MOST_PERIODS: f64 = 25.0;
 
-/// A spindle speed at which modes swing too often between two teeth.
+/// A spindle speed at which the modes vibrate too often between two teeth.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "{rpm} 1/min: the fastest mode, {hz:.1} Hz, swings more than {MOST_PERIODS} times from tooth to \
      tooth; expected {slowest:.0} 1/min or more"
 )]
 pub struct TooSlow {
-    /// The speed, 1/min.
     pub rpm: f64,
-    /// Frequency of the fastest mode.
     pub hz: f64,
-    /// The lowest speed that is calculated, 1/min.
+    /// The lowest permitted speed, 1/min.
     pub slowest: f64,
 }
 
-/// Refuses spindle speeds (1/min) that take too many nodes.
+/// Refuses spindle speeds (1/min) that require too many nodes.
 ///
 /// # Errors
 /// See [`TooSlow`].
@@ -52,17 +50,17 @@ pub struct Period {
 /// A part of the period.
 #[derive(Clone, Debug)]
 enum Stretch {
-    /// What it makes of the modes' states.
+    /// The map of the modes' states.
     Free(DMatrix<f64>),
     Cut(Cut),
 }
 
-/// While teeth cut: linear maps of the state x at the start and of the displacements `d = u - u'`
-/// at the nodes, for a depth of 1.
+/// A part with teeth in cut: linear maps from the state x at the start and from the displacements
+/// `d = u - u'` at the nodes, for a depth of 1.
 #[derive(Clone, Debug)]
 struct Cut {
     from_state: DMatrix<f64>,
-    /// Displacements from `d`.
+    /// Displacements at the nodes from `d`.
     from_cut: DMatrix<f64>,
     /// State at the end from the state.
     to_state: DMatrix<f64>,
@@ -71,12 +69,12 @@ struct Cut {
 }
 
 impl Period {
-    /// At a spindle speed in 1/min.
+    /// Computes the maps at a spindle speed in 1/min.
     pub fn new(rows: &[Row], process: &Process, rpm: f64) -> Self {
         Self::with_more_nodes(rows, process, rpm, 0)
     }
 
-    /// With more nodes in every piece, to see what they change.
+    /// Computes the maps with more nodes in every piece, to measure their effect.
     pub fn with_more_nodes(rows: &[Row], process: &Process, rpm: f64, more: usize) -> Self {
         let turn = TAU * rpm / 60.0;
         let fastest = rows.iter().map(|row| row.omega).fold(0.0, f64::max);
@@ -91,8 +89,8 @@ impl Period {
         Self { modes: rows.len(), stretches: process.pieces().iter().map(stretch).collect() }
     }
 
-    /// The multiplier of largest amount at a depth (mm): the loop is stable where it is below 1.
-    /// NaN where it has none that is a number.
+    /// Returns the multiplier of largest modulus at a depth (mm): the loop is stable if it is below 1.
+    /// Returns NaN if the multipliers cannot be computed.
     pub fn multiplier(&self, depth: f64) -> Complex<f64> {
         let none = Complex::new(f64::NAN, f64::NAN);
         let Some(matrix) = self.monodromy(depth) else { return none };
@@ -101,7 +99,7 @@ impl Period {
         largest.unwrap_or(none)
     }
 
-    /// What a period makes of the state and of the displacements a period back; `None` where the
+    /// Returns the map of the state and of the displacements one period earlier; `None` if the
     /// collocated equations have no solution.
     fn monodromy(&self, depth: f64) -> Option<DMatrix<f64>> {
         let states = 2 * self.modes;
@@ -137,7 +135,7 @@ impl Period {
     }
 }
 
-/// What free motion for a time makes of displacement and speed of each mode.
+/// Returns the map of displacement and speed of each mode over a time of free motion.
 fn free(rows: &[Row], time: f64) -> DMatrix<f64> {
     let mut map = DMatrix::zeros(2 * rows.len(), 2 * rows.len());
     for (j, row) in rows.iter().enumerate() {
@@ -153,8 +151,8 @@ fn free(rows: &[Row], time: f64) -> DMatrix<f64> {
     map
 }
 
-/// `e^{-ζωt}` times sine over its angular frequency, and times cosine, of the damped motion; their
-/// hyperbolic kin where it does not swing.
+/// Returns `e^{-ζωt}` times sine over its angular frequency, and times cosine, of the damped motion;
+/// hyperbolic functions for an overdamped mode.
 fn swung(row: &Row, time: f64) -> [f64; 2] {
     let decay = row.zeta * row.omega;
     let square = row.omega * row.omega * (1.0 - row.zeta * row.zeta);
@@ -229,7 +227,7 @@ impl Cut {
     }
 }
 
-/// One mode on the nodes after the first: its displacements from what moves it.
+/// One mode on the nodes after the first: its displacements from their causes.
 struct Solved {
     from_force: DMatrix<f64>,
     /// From the displacement at the start.
@@ -243,6 +241,8 @@ struct Solved {
 }
 
 impl Solved {
+    /// Solves the collocated mode.
+    ///
     /// With D = [d₀ D₁] and v = D₁ q + d₀ q₀, collocation of v' = -ω² q - 2ζω v + f is
     /// `(D₁² + 2ζω D₁ + ω²) q = f - (D₁ + 2ζω) d₀ q₀ - d₀ v₀`.
     fn new(row: &Row, slopes: &DMatrix<f64>) -> Self {
@@ -254,7 +254,7 @@ impl Solved {
         for i in 0..inner {
             system[(i, i)] += row.omega * row.omega;
         }
-        // The nodes are distinct: the matrix of a differential equation with initial values.
+        // Regular, because the nodes are distinct: the matrix of a differential equation with initial values.
         let from_force = dense::solved(system, &DMatrix::identity(inner, inner))
             .unwrap_or_else(|| DMatrix::from_element(inner, inner, f64::NAN));
         let from_place = &from_force * (-(&rest * &first) - &first * rate);
@@ -269,8 +269,8 @@ impl Solved {
     }
 }
 
-/// Derivatives at Chebyshev nodes of the polynomial through values there (Trefethen, Spectral
-/// Methods in MATLAB, chapter 6).
+/// Returns the differentiation matrix of the polynomial through values at Chebyshev nodes (Trefethen,
+/// Spectral Methods in MATLAB, chapter 6).
 fn differentiation(places: &[f64]) -> DMatrix<f64> {
     let count = places.len();
     let weight = |k: usize| {
@@ -281,7 +281,7 @@ fn differentiation(places: &[f64]) -> DMatrix<f64> {
         true => 0.0,
         false => weight(i) / weight(k) / (places[i] - places[k]),
     });
-    // Of a constant the derivative is 0.
+    // The derivative of a constant is 0.
     for i in 0..count {
         slopes[(i, i)] = -slopes.row(i).sum();
     }
@@ -299,7 +299,7 @@ mod tests {
             let row = Row { omega: 50.0, zeta, motion: Vector2::x(), force: Vector3::x() };
             let step = 1e-5;
             let [before, at, after] = [0.03 - step, 0.03, 0.03 + step].map(|t| free(&[row], t));
-            // M' = A M, by differences: an error of the square of the step.
+            // M' = A M, by finite differences: the error is of the order of the squared step.
             let law = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, -2500.0, -100.0 * zeta]);
             let slope = (after - before) / (2.0 * step);
             assert!((slope - &law * &at).norm() < 1e-5 * (law * at).norm(), "{zeta}");

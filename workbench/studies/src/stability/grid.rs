@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Frequencies at which responses are looked at.
+//! Frequencies at which responses are sampled.
 
-/// They reach to this many half widths of a resonance.
+/// Range of the samples around a resonance, in half widths.
 const REACH: f64 = 20.0;
 
-/// Angular frequencies from a fiftieth of the lowest resonance to `beyond` times the highest,
-/// `even` of them evenly, and `about` about each resonance, which is given by its angular frequency
-/// and its width (rad/s). Sorted, each once.
+/// Returns angular frequencies from a fiftieth of the lowest resonance to `beyond` times the highest,
+/// `even` of them evenly spaced, and `about` around each resonance, which is given by its angular frequency
+/// and its width (rad/s). Sorted, without duplicates.
 pub(super) fn frequencies(
     resonances: &[[f64; 2]],
     even: usize,

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Masses on springs under a cutting force that lags behind (paper 002).
+//! Masses on springs under a lagging cutting force (paper 002).
 //!
-//! The tool against the work has the receptance `G(p) = Σ gain/(p² + rate p + square)`: of a link
-//! with mass m, damping h and stiffness k, `1/(m p² + h p + k)`; of a mode, its motion along the
+//! The tool has relative to the work the receptance `G(p) = Σ gain/(p² + rate p + square)`. For a link
+//! with mass m, damping h and stiffness k it is `1/(m p² + h p + k)`; for a mode it is the motion along the
 //! chip's thickness under a force along the cutting force. The force is `K/(1 + T p)` times the
-//! displacement, so that the loop is on the limit of stability where `1 + K G/(1 + T p) = 0` has
+//! displacement, so the loop is on the limit of stability if `1 + K G/(1 + T p) = 0` has
 //! a root on the imaginary axis. Units: N, mm, s, t.
 
 use crate::dense;
@@ -15,30 +15,28 @@ use nalgebra::{Complex, ComplexField, DMatrix, Vector3};
 /// A pair of frequency (rad/s) and cutting stiffness (N/mm) on the limit of stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
-    /// Angular frequency, rad/s.
     pub omega: f64,
-    /// Cutting stiffness K, N/mm.
     pub stiffness: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Term {
-    /// 1/t; of either sign where force and thickness have different directions.
+    /// 1/t; of either sign if force and thickness have different directions.
     pub gain: f64,
-    /// Twice damping ratio times angular frequency, 1/s.
+    /// Twice the damping ratio times the angular frequency, 1/s.
     pub rate: f64,
-    /// Square of the angular frequency without damping, 1/s².
+    /// Square of the undamped angular frequency, 1/s².
     pub square: f64,
 }
 
 impl Term {
-    /// A mass on a spring and a damper: t, N s/mm, N/mm.
+    /// Creates the term of a mass on a spring and a damper: t, N s/mm, N/mm.
     pub fn link(mass: f64, damping: f64, stiffness: f64) -> Self {
         Self { gain: 1.0 / mass, rate: damping / mass, square: stiffness / mass }
     }
 
-    /// A mode, with unit vectors along which the tool makes the chip thicker and along which the
-    /// cutting force acts on it.
+    /// Creates the term of a mode. The unit vectors are the direction of tool motion that increases the chip
+    /// thickness, and the direction of the cutting force on the tool.
     pub fn mode(mode: &Mode, thicker: &Vector3<f64>, force: &Vector3<f64>) -> Self {
         Self {
             gain: -thicker.dot(&mode.tip) * force.dot(&mode.tip),
@@ -47,7 +45,7 @@ impl Term {
         }
     }
 
-    /// At an angular frequency, mm/N.
+    /// Returns the receptance at an angular frequency, mm/N.
     pub fn at(&self, omega: f64) -> Complex<f64> {
         Complex::new(self.gain, 0.0) / self.denominator(omega)
     }
@@ -56,7 +54,7 @@ impl Term {
         Complex::new(self.square - omega * omega, self.rate * omega)
     }
 
-    /// Angular frequency without damping, rad/s.
+    /// Returns the undamped angular frequency, rad/s.
     pub fn omega(&self) -> f64 {
         self.square.sqrt()
     }
@@ -71,57 +69,57 @@ pub struct Lag {
     pub lag: f64,
 }
 
-/// The limit cutting stiffness and what confirms it.
+/// The limit cutting stiffness and its certification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limit {
-    /// The smallest positive crossing; `None` where every cutting stiffness is stable.
+    /// The smallest positive crossing; `None` if every cutting stiffness is stable.
     pub crossing: Option<Crossing>,
-    /// Whether the numbers of unstable roots, counted between neighbouring crossings, agree with
-    /// there being no other crossing.
+    /// Whether the numbers of unstable roots, counted between neighboring crossings, agree with
+    /// these being all crossings.
     pub is_certified: bool,
 }
 
-/// Share of a cutting stiffness by which roots are counted beside a crossing.
+/// Relative distance from a crossing at which roots are counted.
 const BESIDE: f64 = 1e-6;
 
 /// Steps of Newton's method that polish a root of the polynomial.
 const POLISH: usize = 60;
 
-/// Roots of the polynomial whose imaginary part is a smaller share are tried as real ones. The
-/// polynomial of eight terms loses about eight digits; what is wrong is refused after polishing.
+/// Largest ratio of imaginary part to modulus at which a root of the polynomial is tried as real. The
+/// polynomial of eight terms loses about eight digits; wrong roots are refused after polishing.
 const REAL: f64 = 1e-4;
 
-/// Even frequencies that are looked at.
+/// Evenly spaced sample frequencies.
 const GRID: usize = 4000;
 
 impl Lag {
-    /// Receptance G at an angular frequency, mm/N.
+    /// Returns the receptance G at an angular frequency, mm/N.
     pub fn receptance(&self, omega: f64) -> Complex<f64> {
         self.terms.iter().map(|term| term.at(omega)).sum()
     }
 
-    /// The factor 1 + i ω T.
+    /// Returns the factor 1 + i ω T.
     pub fn delay(&self, omega: f64) -> Complex<f64> {
         Complex::new(1.0, omega * self.lag)
     }
 
-    /// The boundary of the D-partition: the K that has a root at i ω, `K = -(1 + i ω T)/G(i ω)`.
+    /// Returns the boundary of the D-partition: the K that has a root at i ω, `K = -(1 + i ω T)/G(i ω)`.
     pub fn boundary(&self, omega: f64) -> Complex<f64> {
         -self.delay(omega) / self.receptance(omega)
     }
 
-    /// The K at which a real root passes 0.
+    /// Returns the K at which a real root passes 0.
     pub fn at_rest(&self) -> f64 {
         -1.0 / self.receptance(0.0).re
     }
 
-    /// All real K with roots on the imaginary axis at ω > 0, sorted by K.
+    /// Returns all real K with roots on the imaginary axis at ω > 0, sorted by K.
     ///
     /// `Σ gain [rate + T (square - ω²)] / |square - ω² + i rate ω|² = 0` times all denominators is
     /// a polynomial of degree 2n - 1 in ω²; its roots come from a companion matrix and are
     /// polished by Newton's method on the sum itself.
-    /// A polynomial of many terms loses digits: changes of sign of the sum over frequencies are
-    /// taken as well.
+    /// A polynomial of many terms loses digits, so sign changes of the sum over frequencies are
+    /// used as well.
     pub fn crossings(&self) -> Vec<Crossing> {
         let scale = self.terms.iter().map(|term| term.square).fold(0.0, f64::max);
         let is_real = |root: &Complex<f64>| root.re > 0.0 && root.im.abs() < REAL * root.modulus();
@@ -133,7 +131,7 @@ impl Lag {
         let changes = grid.windows(2).filter_map(|pair| root::between(sum, pair[0], pair[1]));
         squares.extend(changes.map(|omega| omega * omega));
         squares.sort_by(f64::total_cmp);
-        // Rounding moves a double root by the root of the rounding.
+        // Rounding shifts a double root by the square root of the rounding error.
         squares.dedup_by(|a, b| (*a / *b - 1.0).abs() < 1e-9);
         let crossing = |square: f64| {
             let omega = square.sqrt();
@@ -144,7 +142,7 @@ impl Lag {
         all
     }
 
-    /// Coefficients by rising powers of ω²/scale.
+    /// Returns the coefficients by rising powers of ω²/scale.
     fn polynomial(&self, scale: f64) -> Vec<f64> {
         let time = scale.sqrt();
         let size = |term: &Term| (term.rate / time, term.square / scale);
@@ -168,7 +166,7 @@ impl Lag {
         sum
     }
 
-    /// The sum whose zeros the crossings are, and its derivative by ω².
+    /// Returns the sum whose zeros are the crossings, and its derivative with respect to ω².
     fn sum(&self, square: f64) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for term in &self.terms {
@@ -197,12 +195,12 @@ impl Lag {
                 return Some(square);
             }
         }
-        // Steps that only rounding makes go on for ever: they are small.
+        // Steps due to rounding alone never end, but they are small.
         let [value, slope] = self.sum(square);
         ((value / slope).abs() < 1e-9 * square).then_some(square)
     }
 
-    /// The limit cutting stiffness: K = 0 is stable, so it is the smallest positive crossing.
+    /// Returns the limit cutting stiffness: K = 0 is stable, so it is the smallest positive crossing.
     pub fn limit(&self) -> Limit {
         let positive: Vec<Crossing> =
             self.crossings().into_iter().filter(|found| found.stiffness > 0.0).collect();
@@ -210,8 +208,8 @@ impl Lag {
         Limit { crossing: positive.first().copied(), is_certified }
     }
 
-    /// Whether numbers of unstable roots agree with these being all positive crossings: above one
-    /// as many as below the next, none at 0, and far beyond all as many as above the last.
+    /// Returns whether the numbers of unstable roots agree with these being all positive crossings: equal
+    /// just above a crossing and just below the next, 0 at K = 0, and equal above the last and far beyond it.
     fn agrees(&self, positive: &[Crossing]) -> bool {
         let at = |stiffness: f64| self.unstable(Complex::new(stiffness, 0.0));
         let mut count = 0;
@@ -224,18 +222,18 @@ impl Lag {
         agrees && at(far) == count
     }
 
-    /// Roots with a positive real part at a cutting stiffness, counted by eigenvalues.
+    /// Counts the roots with a positive real part at a cutting stiffness, by eigenvalues.
     pub fn unstable(&self, stiffness: Complex<f64>) -> usize {
-        // What is no number is not stable.
+        // NaN counts as unstable.
         self.roots(stiffness).iter().filter(|root| !(root.re <= 0.0)).count()
     }
 
-    /// All roots of the characteristic equation, 1/s: eigenvalues of the closed loop with the
-    /// displacement and speed of each term and the force as its state.
+    /// Returns all roots of the characteristic equation, 1/s: eigenvalues of the closed loop whose state is
+    /// the displacement and speed of each term and the force.
     pub fn roots(&self, stiffness: Complex<f64>) -> Vec<Complex<f64>> {
         let count = self.terms.len();
         let size = 2 * count + usize::from(self.lag > 0.0);
-        // Time in the unit of the fastest term, forces in that of the stiffest: numbers near 1.
+        // Time in the unit of the fastest term, forces in that of the stiffest: numbers are near 1.
         let time = self.terms.iter().map(Term::omega).fold(0.0, f64::max);
         let gain = self.terms.iter().map(|term| term.gain.abs()).fold(0.0, f64::max);
         let loop_gain = stiffness * gain / (time * time);
@@ -259,13 +257,13 @@ impl Lag {
         eigenvalues(matrix).into_iter().map(|root| root * time).collect()
     }
 
-    /// The same loop with another lag.
+    /// Returns the same loop with another lag.
     pub fn with_lag(&self, lag: f64) -> Self {
         Self { terms: self.terms.clone(), lag }
     }
 
-    /// Lag and crossing at which the limit is least: there Re G is, so that the limit is
-    /// `-1/min Re G`. `None` where Re G is never below 0.
+    /// Returns the lag and crossing of the least limit. It lies at the minimum of Re G, so the limit is
+    /// `-1/min Re G`. `None` if Re G is never below 0.
     pub fn worst_lag(&self) -> Option<(f64, Crossing)> {
         let mut best: Option<(f64, Crossing)> = None;
         for omega in self.turning_points() {
@@ -280,7 +278,7 @@ impl Lag {
         best
     }
 
-    /// Frequencies at which the real part of the receptance is least or largest.
+    /// Returns the frequencies at which the real part of the receptance has an extremum.
     fn turning_points(&self) -> Vec<f64> {
         let slope = |omega: f64| -> f64 {
             let of = |term: &Term| {
@@ -297,7 +295,7 @@ impl Lag {
     }
 }
 
-/// Angular frequencies up to four times the highest of the terms, dense about each of them.
+/// Returns angular frequencies up to four times the highest of the terms, dense around each of them.
 pub(super) fn frequencies(terms: &[Term], count: usize) -> Vec<f64> {
     let omegas: Vec<[f64; 2]> = terms.iter().map(|term| [term.omega(), term.rate]).collect();
     super::grid::frequencies(&omegas, count, 400, 4.0)
@@ -313,7 +311,7 @@ fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
     product
 }
 
-/// Roots of a polynomial by rising powers, from its companion matrix.
+/// Returns the roots of a polynomial given by rising powers, from its companion matrix.
 fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
     let most = coefficients.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
     let is_there = |c: &&f64| c.abs() > f64::EPSILON * most;
@@ -332,7 +330,7 @@ fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
     eigenvalues(companion)
 }
 
-/// Eigenvalues of a matrix; NaN where [`dense::complex_eigenvalues`] has none.
+/// Returns the eigenvalues of a matrix; NaN if [`dense::complex_eigenvalues`] finds none.
 fn eigenvalues(matrix: DMatrix<Complex<f64>>) -> Vec<Complex<f64>> {
     let size = matrix.nrows();
     dense::complex_eigenvalues(matrix)

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Stability lobes of the zero-order approximation: the force averaged over a turn (Altintas and
-//! Budak 1995). Exact for turning, whose force has nothing to average.
+//! Budak 1995). Exact for turning, whose force is constant.
 //!
-//! With the averaged force `a B̄ (u - u')` the loop is on its limit where `a (1 - e^{-iωτ}) λ = 1`
+//! With the averaged force `a B̄ (u - u')` the loop is on its limit if `a (1 - e^{-iωτ}) λ = 1`
 //! for an eigenvalue λ(ω) of `H(iω) B̄`. At a speed n the depth a is the least `1/Re ν` of those
 //! `ν = (1 - e^{-iωτ}) λ` that are real and positive. Over all speeds it is `1/(2 max Re λ)`.
 
@@ -29,21 +29,21 @@ pub struct LobePoint {
     pub limit: Limit,
 }
 
-/// Even frequencies at least, and those about each mode.
+/// Least number of evenly spaced frequencies, and number around each mode.
 const COUNT: usize = 8000;
 const ABOUT: usize = 400;
 
-/// The same where thousands of poses are looked at: for floors, whose place is refined, and for
+/// Both numbers for thousands of poses: for floors, whose frequency is refined, and for
 /// limits at one speed.
 const COARSE: [usize; 2] = [800, 80];
 
-/// Frequencies in a period of the factor 1 - e^{-iωτ} at least.
+/// Least number of frequencies per period of the factor 1 - e^{-iωτ}.
 const A_PERIOD: f64 = 32.0;
 
-/// Responses are followed to this many times the highest resonance.
+/// Upper end of the frequencies, in multiples of the highest resonance.
 const BEYOND: f64 = 5.0;
 
-/// Modes, and their receptance at the frequencies at which chatter may be.
+/// Modes, and their receptance at the frequencies of possible chatter.
 #[derive(Debug)]
 struct Sampled {
     rows: Vec<Row>,
@@ -51,7 +51,7 @@ struct Sampled {
     receptances: Vec<Matrix2x3<Complex<f64>>>,
 }
 
-/// Both eigenvalues of `H(iω) B̄` over the frequencies at which chatter may be.
+/// Both eigenvalues of `H(iω) B̄` over the frequencies of possible chatter.
 #[derive(Clone, Debug)]
 pub struct Lobes {
     sampled: Arc<Sampled>,
@@ -61,18 +61,18 @@ pub struct Lobes {
 }
 
 impl Lobes {
-    /// For spindle speeds (1/min) from the slowest one on.
+    /// Computes the lobes for spindle speeds (1/min) of at least `slowest`.
     pub fn new(rows: &[Row], process: &Process, slowest: f64) -> Self {
         Self::on_grid(rows, process, [COUNT.max(periods(rows, process, slowest)), ABOUT])
     }
 
-    /// From fewer frequencies, for maps of many poses.
+    /// Computes the lobes from fewer frequencies, for maps of many poses.
     pub fn coarse(rows: &[Row], process: &Process, slowest: f64) -> Self {
         let even = COARSE[0].max(periods(rows, process, slowest));
         Self::on_grid(rows, process, [even, COARSE[1]])
     }
 
-    /// With so many even frequencies, and so many about each mode.
+    /// Computes the lobes from `even` evenly spaced frequencies and `about` around each mode.
     fn on_grid(rows: &[Row], process: &Process, [even, about]: [usize; 2]) -> Self {
         let resonances: Vec<[f64; 2]> =
             rows.iter().map(|row| [row.omega, 2.0 * row.zeta * row.omega]).collect();
@@ -100,33 +100,33 @@ impl Lobes {
         Self { sampled, process: *process, mean, branches }
     }
 
-    /// The same with the feed turned by an angle in the cutter plane, rad.
+    /// Returns the lobes with the feed turned by an angle in the cutter plane, rad.
     pub fn turned(&self, angle: f64) -> Self {
-        // Of H turned the eigenvalues are those of H itself with the force turned back.
+        // The eigenvalues with H turned are those with H as it is and the force turned back.
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), angle).into_inner();
         let flat = turn.fixed_view::<2, 2>(0, 0).transpose();
         Self::of(self.sampled.clone(), &self.process, turn * self.process.mean() * flat)
     }
 
-    /// The eigenvalue at a frequency that is nearest to a value.
+    /// Returns the eigenvalue at a frequency that is nearest to a value.
     fn nearest(&self, omega: f64, near: Complex<f64>) -> Complex<f64> {
         let [a, b] = eigenvalues(&receptance(&self.sampled.rows, omega), &self.mean);
         if (a - near).modulus() <= (b - near).modulus() { a } else { b }
     }
 
-    /// An eigenvalue between the k-th frequency of the grid and the next, on a branch.
+    /// Returns an eigenvalue between the k-th frequency of the grid and the next, on a branch.
     fn between(&self, branch: usize, k: usize, omega: f64) -> Complex<f64> {
         let [low, high] = [self.sampled.grid[k], self.sampled.grid[k + 1]];
         let [from, to] = [self.branches[branch][k], self.branches[branch][k + 1]];
         self.nearest(omega, from + (to - from) * ((omega - low) / (high - low)))
     }
 
-    /// The least limit depth at a spindle speed (1/min); `None` where every depth is stable.
+    /// Returns the least limit depth at a spindle speed (1/min); `None` if every depth is stable.
     pub fn limit(&self, rpm: f64) -> Option<Limit> {
         self.limits(rpm).into_iter().min_by(|a, b| a.depth.total_cmp(&b.depth))
     }
 
-    /// All depths at which a pair of roots passes the imaginary axis at a spindle speed.
+    /// Returns all depths at which a pair of roots crosses the imaginary axis at a spindle speed.
     pub fn limits(&self, rpm: f64) -> Vec<Limit> {
         let delay = self.process.delay(rpm);
         let factors: Vec<Complex<f64>> =
@@ -151,12 +151,12 @@ impl Lobes {
         let omega =
             root::between(|omega| value(omega).im, self.sampled.grid[k], self.sampled.grid[k + 1])?;
         let at = value(omega);
-        // A jump from branch to branch changes the sign too; there the value is not real.
+        // A jump between branches changes the sign too, but there the value is not real.
         let is_real = at.re > 0.0 && at.im.abs() < 1e-6 * at.modulus();
         is_real.then(|| Limit { depth: 1.0 / at.re, omega })
     }
 
-    /// The least limit depth over all spindle speeds; `None` where every depth is stable.
+    /// Returns the least limit depth over all spindle speeds; `None` if every depth is stable.
     pub fn floor(&self) -> Option<Limit> {
         let (branch, k) = self.largest()?;
         let [low, high] = [self.sampled.grid[k - 1], self.sampled.grid[k + 1]];
@@ -164,12 +164,12 @@ impl Lobes {
             let side = if omega < self.sampled.grid[k] { k - 1 } else { k };
             self.between(branch, side, omega).re
         };
-        // At a minimum the value depends on the square of what the place is off.
+        // At a minimum the value changes with the square of the frequency error.
         let omega = root::least(|omega| -value(omega), low, high, 1e-9 * high);
         Some(Limit { depth: 0.5 / value(omega), omega })
     }
 
-    /// Branch and place of the grid where the real part is largest and positive, not at an end.
+    /// Returns branch and grid index of the largest positive real part, ends excluded.
     fn largest(&self) -> Option<(usize, usize)> {
         let inner = 1..self.sampled.grid.len() - 1;
         let places = (0..2).flat_map(|branch| inner.clone().map(move |k| (branch, k)));
@@ -177,8 +177,8 @@ impl Lobes {
         places.max_by(|a, b| value(a).total_cmp(&value(b))).filter(|place| value(place) > 0.0)
     }
 
-    /// The classical lobes: for each frequency at which an eigenvalue allows a limit, its depth and
-    /// the speeds of lobes 0 to `count - 1`, lobe by lobe.
+    /// Returns the classical lobes: for each frequency at which an eigenvalue has a limit, its depth and
+    /// the speeds of lobes 0 to `count - 1`, grouped by lobe.
     pub fn curves(&self, count: usize) -> Vec<Vec<LobePoint>> {
         let mut lobes = vec![];
         for j in 0..count {
@@ -200,7 +200,7 @@ impl Lobes {
     }
 }
 
-/// Even frequencies that follow the factor 1 - e^{-iωτ} at the slowest speed.
+/// Returns how many evenly spaced frequencies resolve the factor 1 - e^{-iωτ} at the slowest speed.
 fn periods(rows: &[Row], process: &Process, slowest: f64) -> usize {
     let top = BEYOND * rows.iter().map(|row| row.omega).fold(0.0, f64::max);
     (A_PERIOD * top * process.delay(slowest) / TAU) as usize

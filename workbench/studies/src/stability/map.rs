@@ -1,29 +1,27 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Stable depths over spindle speeds, with more speeds where they change.
+//! Stable depths over spindle speeds, sampled more densely where they change.
 
 use crate::stability::bands::{Band, bands};
 use crate::stability::floquet::Period;
 use crate::stability::process::{Process, Row};
 use rayon::prelude::*;
 
-/// Halvings of the distance of the first speeds.
+/// Halvings of the initial distance between speeds.
 const ROUNDS: usize = 4;
 
-/// Neighbouring speeds need none between them where no border moves by more than this share of the
+/// No speed is inserted between two neighbors if no border moves by more than this share of the
 /// largest depth.
 const STEP: f64 = 0.03;
 
-/// What is unstable at a spindle speed.
+/// Unstable depths at a spindle speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    /// Spindle speed, 1/min.
     pub rpm: f64,
-    /// Unstable depths.
     pub bands: Vec<Band>,
 }
 
 impl Column {
-    /// The depth up to which all is stable; `most` where no depth up to there is unstable.
+    /// Returns the depth below which all depths are stable; `most` if no depth up to `most` is unstable.
     pub fn stable_to(&self, most: f64) -> f64 {
         self.bands.first().map_or(most, |band| band.low)
     }
@@ -32,14 +30,14 @@ impl Column {
 /// Stable and unstable depths over spindle speeds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StableMap {
-    /// The largest depth looked at, mm.
+    /// The largest depth sampled, mm.
     pub most: f64,
-    /// By rising speed.
+    /// Columns by rising speed.
     pub columns: Vec<Column>,
 }
 
 impl StableMap {
-    /// Between two speeds (1/min), from `first` speeds on; `progress` hears the share that is done.
+    /// Computes the map between two speeds (1/min), from `first` speeds; `progress` receives the share done.
     pub fn new(
         rows: &[Row],
         process: &Process,
@@ -57,7 +55,7 @@ impl StableMap {
             progress((round + 1) as f64 / (ROUNDS + 1) as f64);
             let width = step / f64::from(1 << round);
             let needed = columns.windows(2).filter(|pair| {
-                // Only where the last round has put one: a wider gap was even before.
+                // Only between speeds of the last round: a wider gap was even before.
                 let is_narrow = pair[1].rpm - pair[0].rpm < 1.5 * width;
                 is_narrow && !is_even(&pair[0], &pair[1], most)
             });
@@ -68,12 +66,12 @@ impl StableMap {
         Self { most, columns }
     }
 
-    /// The speed with the largest depth up to which all is stable.
+    /// Returns the column whose stable range from 0 is largest.
     pub fn best(&self) -> &Column {
         self.by_depth(true)
     }
 
-    /// The speed with the least one.
+    /// Returns the column whose stable range from 0 is smallest.
     pub fn worst(&self) -> &Column {
         self.by_depth(false)
     }
@@ -89,7 +87,7 @@ impl StableMap {
     }
 }
 
-/// Whether the borders of two columns belong together and are near to each other.
+/// Returns whether two columns have as many bands, with borders near each other.
 fn is_even(a: &Column, b: &Column, most: f64) -> bool {
     let near = |x: f64, y: f64| (x - y).abs() <= STEP * most;
     let pairs = a.bands.iter().zip(&b.bands);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Stability in the cut.
 //!
-//! `lag`, `partition`, `two` and `response` treat masses on springs under a force that lags behind
-//! (paper 002); `process` and what follows it, cutting that meets the surface of the tooth before.
+//! `lag`, `partition`, `two` and `response` treat masses on springs under a lagging force
+//! (paper 002); `process` and the modules that use it treat cutting of the surface that the previous tooth left.
 
-/// What every answer ends with: how good it is.
+/// Closing statement of every result: its quality.
 pub const WORTH: &str = "Damping and cutting coefficients are those of the study: the limits are about \
                      proportional to damping\nand inverse to the coefficients, and the answer is as \
                      good as they are.";

@@ -1,37 +1,37 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Partitions of a plane of two parameters by the number of unstable roots: the boundary curves,
-//! sampled evenly to the eye, and the regions between them.
+//! sampled evenly on the sphere, and the regions between them.
 
 use crate::stability::lag::Lag;
 use nalgebra::{Complex, ComplexField};
 use rayon::prelude::*;
 
-/// Largest chordal distance of neighbouring points.
+/// Largest chordal distance of neighboring points.
 pub const CHORD: f64 = 0.01;
 
-/// Halvings of an interval that are made in any case, so that no resonance is stepped over, and
-/// at most.
+/// Halvings of an interval: the least number, so that no resonance is skipped, and
+/// the largest.
 const HALVINGS: [usize; 2] = [6, 40];
 
-/// The curve ends at this many times the highest resonance.
+/// Upper end of the curve, in multiples of the highest resonance.
 const BEYOND: f64 = 1e3;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Angular frequency of the root on the imaginary axis, rad/s.
     pub omega: f64,
-    /// Place in the plane.
+    /// Position in the plane.
     pub at: [f64; 2],
 }
 
-/// Distance on the sphere onto which the plane is projected; `infinite` points are one point.
+/// Returns the distance on the sphere onto which the plane is projected; all infinite points are one point.
 pub fn chordal(a: Complex<f64>, b: Complex<f64>) -> f64 {
     2.0 * (a - b).modulus() / ((1.0 + a.norm_sqr()) * (1.0 + b.norm_sqr())).sqrt()
 }
 
 impl Lag {
-    /// The boundary `K(iω)` of the D-partition for ω from 0 up, real and imaginary part in N/mm;
-    /// for ω below 0 it is the mirror image. Neighbours are nearer than [`CHORD`] on the sphere
+    /// Returns the boundary `K(iω)` of the D-partition for ω from 0 up, real and imaginary part in N/mm;
+    /// for ω below 0 it is the mirror image. Neighbors are nearer than [`CHORD`] on the sphere
     /// whose equator is `|K| = reference`.
     pub fn curve(&self, reference: f64) -> Vec<Point> {
         let mut ends: Vec<f64> = self.terms.iter().map(|term| term.omega()).collect();
@@ -55,7 +55,7 @@ impl Lag {
 
 type Sample = (f64, Complex<f64>);
 
-/// The points after the first one, up to the last.
+/// Appends the points after the first one, up to the last.
 fn halved(
     at: &impl Fn(f64) -> Sample,
     first: Sample,
@@ -73,25 +73,25 @@ fn halved(
     halved(at, middle, last, depth + 1, points);
 }
 
-/// A part of a plane in which the number of unstable roots is one.
+/// A connected part of a plane with the same number of unstable roots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Region {
-    /// How many roots are unstable.
+    /// Number of unstable roots.
     pub unstable: usize,
-    /// A place inside it, far from its border.
+    /// A point inside, far from the border.
     pub at: [f64; 2],
 }
 
-/// A window of a plane: lowest and highest values across and up.
+/// A window of a plane: lowest and highest values in horizontal and vertical direction.
 pub type Window = [[f64; 2]; 2];
 
-/// Cells of a window across and up.
+/// Cells of a window in horizontal and vertical direction.
 const CELLS: [usize; 2] = [96, 60];
 
-/// A region of fewer cells has no room for its number.
+/// Least number of cells of a region: a smaller one has no room for its number.
 const LEAST_CELLS: usize = 12;
 
-/// The regions in a window, found by counting roots in each of its cells.
+/// Returns the regions in a window, found by counting roots in each of its cells.
 pub fn regions(window: &Window, unstable: impl Fn([f64; 2]) -> usize + Sync) -> Vec<Region> {
     let [across, up] = CELLS;
     let place = |cell: usize| {
@@ -143,8 +143,8 @@ fn connected(counts: &[usize], start: usize, is_seen: &mut [bool]) -> Vec<usize>
     cells
 }
 
-/// The cell that is farthest from those that do not belong: peeled layer by layer. The border of
-/// the window counts as outside, so that numbers keep away from it.
+/// Returns the cell farthest from the cells outside the region, by removing layer after layer. The border of
+/// the window counts as outside, so that labels keep away from it.
 fn innermost(cells: &[usize]) -> usize {
     let mut left: std::collections::BTreeSet<usize> = cells.iter().copied().collect();
     let mut last = cells[0];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Limit depths along a path, and the best spindle speed for all of it.
+//! Limit depths along a path, and the best spindle speed for the whole path.
 
 use crate::stability::bands::first_limit;
 use crate::stability::floquet::{Period, TooSlow, fast_enough};
@@ -10,7 +10,7 @@ use kinematics::{Pose, Vector3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A place of a path where the tool cuts.
+/// A position on a path where the tool cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     pub line: u32,
@@ -23,13 +23,13 @@ pub struct Stop {
     pub rpm: f64,
 }
 
-/// What may be cut at a stop.
+/// Stable depths at a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Depth {
-    /// The depth up to which all is stable at its spindle speed; the largest one looked at where
-    /// nothing up to there is unstable.
+    /// The depth below which all depths are stable at the stop's spindle speed; the largest depth sampled
+    /// if none is unstable.
     pub stable_to: f64,
-    /// The zero-order limit over all speeds, mm; infinite where there is none.
+    /// The zero-order limit over all speeds, mm; infinite if there is none.
     pub floor: f64,
 }
 
@@ -38,27 +38,27 @@ pub struct Depth {
 pub struct Best {
     /// 1/min.
     pub rpm: f64,
-    /// The depth up to which all is stable at every stop.
+    /// The depth below which all depths are stable at every stop.
     pub stable_to: f64,
 }
 
-/// Candidates for the best speed that are looked at by collocation.
+/// Candidates for the best speed that are computed by collocation.
 const CANDIDATES: usize = 6;
 
 /// A path with the modes at each of its stops.
 pub struct Path<'a> {
     setup: &'a Setup<'a>,
     stops: Vec<(Stop, Vec<Row>)>,
-    /// The largest depth looked at, mm.
+    /// The largest depth sampled, mm.
     most: f64,
 }
 
 impl<'a> Path<'a> {
-    /// Of stops, with the largest depth to look at in mm. A plunge along the spindle axis has no
-    /// feed across it: there the worst feed counts.
+    /// Computes the modes at stops, with the largest depth to sample in mm. A plunge along the spindle axis has no
+    /// feed across it, so the worst feed is used.
     ///
     /// # Errors
-    /// A stop, by its number, at which the machine is not.
+    /// Returns the index of a stop that the machine cannot reach, or where its modes are undefined.
     pub fn new(setup: &'a Setup<'a>, stops: &[Stop], most: f64) -> Result<Self, (usize, NoModes)> {
         let rows = |stop: &Stop| match setup.rows(&stop.pose, &stop.tool, &stop.feed) {
             Err(NoModes::Feed(_)) => {
@@ -81,10 +81,10 @@ impl<'a> Path<'a> {
         first_limit(&period, self.most).unwrap_or(self.most)
     }
 
-    /// Refuses the spindle speeds that take too long: those of the stops, and one more (1/min).
+    /// Refuses spindle speeds that take too long: those of the stops, and `slowest` (1/min).
     ///
     /// # Errors
-    /// A stop, by its number, and why.
+    /// Returns the index of a stop, and the reason.
     pub fn check(&self, slowest: f64) -> Result<(), (usize, TooSlow)> {
         for (place, (stop, rows)) in self.stops.iter().enumerate() {
             fast_enough(rows, &self.setup.process, stop.rpm.min(slowest))
@@ -93,7 +93,7 @@ impl<'a> Path<'a> {
         Ok(())
     }
 
-    /// Depths at every stop, in order; `progress` hears the share that is done.
+    /// Returns the depths at every stop, in order; `progress` receives the share done.
     pub fn depths(&self, progress: impl Fn(f64) + Sync) -> Vec<Depth> {
         let done = AtomicUsize::new(0);
         let depth = |(stop, rows): &(Stop, Vec<Row>)| {
@@ -107,8 +107,8 @@ impl<'a> Path<'a> {
         self.stops.par_iter().map(depth).collect()
     }
 
-    /// The speed among `speeds` at which the least depth of all stops is largest: candidates by
-    /// zero order, decided by collocation.
+    /// Returns the speed among `speeds` at which the least depth of all stops is largest: zero order selects the
+    /// candidates, collocation decides.
     pub fn best(&self, speeds: &[f64]) -> Option<Best> {
         let slowest = speeds.iter().copied().fold(f64::INFINITY, f64::min);
         let lobes: Vec<Lobes> = self

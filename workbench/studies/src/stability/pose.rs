@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The machine at a pose as the cut meets it.
+//! The machine's modes at a pose, for the cutting process.
 
 use crate::dynamics::milling::frame;
 use crate::dynamics::mode::Mode;
@@ -14,7 +14,7 @@ use kinematics::{Fault, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use std::f64::consts::PI;
 
-/// Why a study does not say how a machine cuts.
+/// Why a study does not describe a cutting process.
 #[derive(Debug, thiserror::Error)]
 pub enum NoSetup {
     #[error(transparent)]
@@ -27,7 +27,7 @@ pub enum NoSetup {
     Spindle(#[from] NoSpindle),
 }
 
-/// Why a machine does not vibrate at a pose, or not in a way that is known.
+/// Why the machine has no modes at a pose, or no damped ones.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 pub enum NoModes {
     #[error(transparent)]
@@ -42,7 +42,7 @@ pub enum NoModes {
     Undamped(f64),
 }
 
-/// A machine with what its study says of masses and cutting.
+/// A machine with the masses and the cutting process of its study.
 #[derive(Clone, Debug)]
 pub struct Setup<'a> {
     config: &'a Mechanism,
@@ -52,11 +52,11 @@ pub struct Setup<'a> {
     nose: Option<Nose>,
 }
 
-/// Feeds that a map looks at, between 0 and half a turn or a whole one: every ten degrees.
+/// Feed directions per half turn that a map evaluates: one every ten degrees.
 const FEEDS: usize = 18;
 
 impl<'a> Setup<'a> {
-    /// Of a machine and its study.
+    /// Creates the setup of a machine and its study.
     ///
     /// # Errors
     /// See [`NoSetup`].
@@ -72,13 +72,13 @@ impl<'a> Setup<'a> {
         Ok(Self { config, model, process, turning: study.turning, nose })
     }
 
-    /// Whether a milling cutter cuts.
+    /// Returns whether the process is milling.
     pub fn is_milling(&self) -> bool {
         self.turning.is_none()
     }
 
-    /// Modes at the tool tip, those of the spindle among them. `tool` is that of the pose, as for
-    /// [`kinematics::Machine::at`].
+    /// Returns the modes at the tool tip, those of the spindle included. `tool` is the tool vector of the pose,
+    /// as for [`kinematics::Machine::at`].
     ///
     /// # Errors
     /// See [`NoModes`].
@@ -93,8 +93,8 @@ impl<'a> Setup<'a> {
         }
     }
 
-    /// The modes as the process meets them, with a feed in machine axes, which turning does not
-    /// look at.
+    /// Returns the modes as rows of the process, with a feed in machine axes, which turning
+    /// ignores.
     ///
     /// # Errors
     /// See [`NoModes`].
@@ -112,8 +112,8 @@ impl<'a> Setup<'a> {
         Ok(milling_rows(&modes, &frame(feed, &axis).ok_or(AlongAxis)?))
     }
 
-    /// The least zero-order limit at a pose over feeds in all directions: at a spindle speed, or
-    /// over all of them. `None` where every depth is stable.
+    /// Returns the least zero-order limit at a pose over feeds in all directions: at a spindle speed, or
+    /// over all of them. `None` if every depth is stable.
     ///
     /// # Errors
     /// See [`NoModes`].
@@ -133,7 +133,7 @@ impl<'a> Setup<'a> {
         Ok(limits.min_by(|a, b| a.depth.total_cmp(&b.depth)))
     }
 
-    /// The angle in the cutter plane, from the feed of `rows`, of the feed whose zero-order limit
+    /// Returns the angle in the cutter plane, from the feed of `rows`, of the feed whose zero-order limit
     /// over all speeds is least.
     pub fn worst_feed(&self, rows: &[Row]) -> f64 {
         let lobes = Lobes::coarse(rows, &self.process, f64::INFINITY);
@@ -146,7 +146,7 @@ impl<'a> Setup<'a> {
         turned(rows, self.worst_feed(rows))
     }
 
-    /// Angles of the feeds that are looked at. The opposite feed has the same limit where no force
+    /// Returns the angles of the evaluated feeds. The opposite feed has the same limit if no force
     /// acts along the axis: x and y change sign, and so do forces.
     fn feeds(&self) -> Vec<f64> {
         if self.turning.is_some() {

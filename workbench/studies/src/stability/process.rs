@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Cutting that meets the surface of the pass before: a cutter's teeth, or the one edge of a lathe.
+//! Cutting of the surface that the previous pass left: by a cutter's teeth, or the single edge of a lathe tool.
 //!
 //! In the cutter plane x is the feed, y its normal, z the spindle axis; a tooth at angle φ from +y
-//! stands clockwise seen from +z, and the tool moves by u from where the pass before has cut. The
-//! force on the tool per millimetre of depth is `B(φ) (u - u')`, with u' one tooth earlier:
+//! is clockwise seen from +z, and the tool is displaced by u from its position in the previous pass. The
+//! force on the tool per millimeter of depth is `B(φ) (u - u')`, with u' one tooth earlier:
 //! `B = [-(Kt c + Kr s) ; Kt s - Kr c ; Ka] (s, c)`, s and c of φ (Altintas and Budak 1995).
 
 use crate::dynamics::milling::on_tool;
@@ -12,20 +12,18 @@ use crate::study::cutting::{Cutting, Turning};
 use nalgebra::{Complex, Matrix2x3, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3};
 use std::f64::consts::TAU;
 
-/// A mode as the process meets it.
+/// A mode projected on the process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// Angular frequency, rad/s.
     pub omega: f64,
-    /// Damping ratio.
     pub zeta: f64,
-    /// What of the mode, normalised by mass, changes the chip: x and y, or the thickness, 1/√t.
+    /// Components of the mass-normalized mode that change the chip: x and y, or the thickness, 1/√t.
     pub motion: Vector2<f64>,
-    /// What of it the force works on: x, y and z, or along the force, 1/√t.
+    /// Components on which the force acts: x, y and z, or along the force, 1/√t.
     pub force: Vector3<f64>,
 }
 
-/// How force follows from the chip.
+/// The law of the force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Milling([f64; 3]),
@@ -35,7 +33,7 @@ enum Kind {
 /// A process with a delay of one tooth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Process {
-    /// Teeth, evenly spaced.
+    /// Number of teeth, evenly spaced.
     pub teeth: usize,
     /// Angles at which a tooth enters and leaves, rad.
     pub arc: [f64; 2],
@@ -59,12 +57,12 @@ impl From<&Turning> for Process {
 }
 
 impl Process {
-    /// Angle from tooth to tooth, rad.
+    /// Returns the angle from tooth to tooth, rad.
     pub fn pitch(&self) -> f64 {
         TAU / self.teeth as f64
     }
 
-    /// Whether no force acts along the spindle axis.
+    /// Returns whether no force acts along the spindle axis.
     pub fn is_flat(&self) -> bool {
         match self.kind {
             Kind::Milling([_, _, axial]) => axial == 0.0,
@@ -72,12 +70,12 @@ impl Process {
         }
     }
 
-    /// Time from tooth to tooth at a spindle speed in 1/min, s.
+    /// Returns the time from tooth to tooth at a spindle speed in 1/min, s.
     pub fn delay(&self, rpm: f64) -> f64 {
         60.0 / (self.teeth as f64 * rpm)
     }
 
-    /// Force of a tooth in cut at an angle per depth and displacement, N/mm².
+    /// Returns the force of a tooth in cut at an angle per depth and displacement, N/mm².
     pub fn at(&self, angle: f64) -> Matrix3x2<f64> {
         match self.kind {
             Kind::Milling(coefficients) => {
@@ -88,11 +86,11 @@ impl Process {
         }
     }
 
-    /// Integral of [`Process::at`] between two angles of the cut, N/mm².
+    /// Returns the integral of [`Process::at`] between two angles of the cut, N/mm².
     pub fn integral(&self, low: f64, high: f64) -> Matrix3x2<f64> {
         match self.kind {
             Kind::Milling([kt, kr, ka]) => {
-                // Of s s, s c, c c, s and c.
+                // Integrals of s s, s c, c c, s and c.
                 let of = |f: fn(f64) -> f64| f(high) - f(low);
                 let ss = of(|a| a / 2.0 - (2.0 * a).sin() / 4.0);
                 let sc = of(|a| -(2.0 * a).cos() / 4.0);
@@ -111,16 +109,16 @@ impl Process {
         }
     }
 
-    /// The mean over a turn, all teeth: what the zero-order approximation takes, N/mm².
+    /// Returns the mean over a turn, all teeth, for the zero-order approximation, N/mm².
     pub fn mean(&self) -> Matrix3x2<f64> {
         self.integral(self.arc[0], self.arc[1]) / self.pitch()
     }
 
-    /// The mean of all teeth while the first one turns from `low` to `high`.
+    /// Returns the mean of all teeth while the first one turns from `low` to `high`.
     pub fn mean_between(&self, low: f64, high: f64) -> Matrix3x2<f64> {
         let teeth = self.teeth as i64;
         let mut sum = Matrix3x2::zeros();
-        // Every tooth in this turn and the one before.
+        // Every tooth in this turn and the previous one.
         for tooth in -teeth..teeth {
             let shift = self.pitch() * tooth as f64;
             let [from, to] = [low, high].map(|a| (a + shift).clamp(self.arc[0], self.arc[1]));
@@ -131,8 +129,8 @@ impl Process {
         sum / (high - low)
     }
 
-    /// Angles of the first tooth, from its entry on, between which the same teeth are in cut, over
-    /// one pitch; and which teeth these are, as shifts of the angle.
+    /// Divides one pitch, from the entry of the first tooth, into pieces in which the same teeth are in cut,
+    /// given as shifts of the angle.
     pub fn pieces(&self) -> Vec<Piece> {
         let pitch = self.pitch();
         let wide = self.arc[1] - self.arc[0];
@@ -149,14 +147,14 @@ impl Process {
     }
 }
 
-/// A stretch of a tooth period in which the same teeth cut.
+/// A part of a tooth period in which the same teeth cut.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
     /// Angle of the first tooth at its start, rad.
     pub from: f64,
-    /// At its end.
+    /// Angle of the first tooth at its end, rad.
     pub to: f64,
-    /// Angles by which the teeth in cut are ahead of the first one; none in free flight.
+    /// Angles by which the teeth in cut are ahead of the first one; empty if no tooth cuts.
     pub shifts: Vec<f64>,
 }
 
@@ -165,7 +163,7 @@ pub struct Piece {
 #[error("the feed is along the spindle axis: expected a feed across it")]
 pub struct AlongAxis;
 
-/// Modes in the cutter plane whose axes are the columns of `plane`.
+/// Projects modes on the cutter plane whose axes are the columns of `plane`.
 pub fn milling_rows(modes: &[Mode], plane: &Matrix3<f64>) -> Vec<Row> {
     let row = |mode: &Mode| {
         let force = plane.transpose() * mode.tip;
@@ -174,7 +172,7 @@ pub fn milling_rows(modes: &[Mode], plane: &Matrix3<f64>) -> Vec<Row> {
     modes.iter().map(row).collect()
 }
 
-/// The same modes with the feed turned by an angle in the cutter plane, rad.
+/// Returns the same modes with the feed turned by an angle in the cutter plane, rad.
 pub fn turned(rows: &[Row], angle: f64) -> Vec<Row> {
     let back = Rotation3::from_axis_angle(&Vector3::z_axis(), -angle);
     let row = |row: &Row| {
@@ -185,7 +183,7 @@ pub fn turned(rows: &[Row], angle: f64) -> Vec<Row> {
     rows.iter().map(row).collect()
 }
 
-/// Modes along the thickness and the force of a lathe's edge.
+/// Projects modes on the thickness and the force of a lathe tool's edge.
 pub fn turning_rows(modes: &[Mode], turning: &Turning) -> Vec<Row> {
     let [thicker, force] = [turning.thicker.0, turning.force.0];
     let row = |mode: &Mode| Row {
@@ -197,7 +195,7 @@ pub fn turning_rows(modes: &[Mode], turning: &Turning) -> Vec<Row> {
     modes.iter().map(row).collect()
 }
 
-/// Displacement that changes the chip per force, at an angular frequency, mm/N.
+/// Returns the displacement that changes the chip per force, at an angular frequency, mm/N.
 pub fn receptance(rows: &[Row], omega: f64) -> Matrix2x3<Complex<f64>> {
     let mut sum = Matrix2x3::from_element(Complex::new(0.0, 0.0));
     for row in rows {

@@ -1,57 +1,57 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Frequency responses of the loop, and what they say about its stability.
+//! Frequency responses of the loop, and its stability margins.
 
 use crate::stability::lag::{Lag, frequencies};
 use nalgebra::{Complex, ComplexField};
 use std::f64::consts::PI;
 
-/// What the loop answers at an angular frequency, mm/N.
+/// The loop's response at an angular frequency, mm/N.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
     /// Angular frequency, rad/s.
     pub omega: f64,
-    /// The tool against the work while cutting, `W = G/(1 + K G/(1 + iωT))`.
+    /// Displacement of the tool relative to the work while cutting, `W = G/(1 + K G/(1 + iωT))`.
     pub cutting: Complex<f64>,
-    /// The same without cutting, G.
+    /// The displacement without cutting, G.
     pub free: Complex<f64>,
     pub terms: Vec<Complex<f64>>,
 }
 
-/// How far a loop is from its limit of stability, at a cutting stiffness.
+/// Distance of a loop from its limit of stability, at a cutting stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margins {
     /// Limit cutting stiffness over the given one; infinite without a limit.
     pub gain: f64,
-    /// Angle that the open loop `K G/(1 + iωT)` may lag further where its amount is 1, rad; `None`
-    /// where it never is.
+    /// Further angle by which the open loop `K G/(1 + iωT)` may lag where its modulus is 1, rad; `None`
+    /// if it never is 1.
     pub phase: Option<f64>,
     /// Least distance of the open loop from -1.
     pub distance: f64,
-    /// Index of oscillation: the largest amplitude of the closed loop over that at rest.
+    /// Index of oscillation: the largest amplitude of the closed loop over the amplitude at rest.
     pub index: f64,
     /// Angular frequency of the largest amplitude, rad/s.
     pub peak: f64,
-    /// Angular frequency above which the amplitude stays below 1/√2 of that at rest, rad/s.
+    /// Angular frequency above which the amplitude stays below 1/√2 of the amplitude at rest, rad/s.
     pub bandwidth: f64,
-    /// Rate at which the slowest root decays, 1/s; negative where it grows.
+    /// Decay rate of the slowest root, 1/s; negative if it grows.
     pub decay: f64,
 }
 
-/// A disturbance has died away when this share of it is left: e⁻³.
+/// A disturbance has settled when a share of e⁻³ is left.
 const SETTLED: f64 = 3.0;
 
 impl Margins {
-    /// Time after which e⁻³ of a disturbance is left, s; `None` where it grows.
+    /// Returns the time after which e⁻³ of a disturbance is left, s; `None` if it grows.
     pub fn settling(&self) -> Option<f64> {
         (self.decay > 0.0).then(|| SETTLED / self.decay)
     }
 }
 
-/// Frequencies that a response is judged by.
+/// Sample frequencies of a response.
 const COUNT: usize = 8000;
 
 impl Lag {
-    /// The response at a cutting stiffness (N/mm) and an angular frequency.
+    /// Returns the response at a cutting stiffness (N/mm) and an angular frequency.
     pub fn response(&self, stiffness: f64, omega: f64) -> Response {
         let free = self.receptance(omega);
         let cutting = free / (1.0 + self.open(stiffness, omega));
@@ -59,7 +59,7 @@ impl Lag {
         Response { omega, cutting, free, terms }
     }
 
-    /// Response of the whole to a force on one term alone, as equation 1 of paper 002 has it:
+    /// Returns the response of the whole loop to a force on one term alone, as in equation 1 of paper 002:
     /// W times that term's share of G.
     pub fn response_to(&self, term: usize, stiffness: f64, omega: f64) -> Complex<f64> {
         self.terms[term].at(omega) / (1.0 + self.open(stiffness, omega))
@@ -69,13 +69,13 @@ impl Lag {
         self.receptance(omega) * stiffness / self.delay(omega)
     }
 
-    /// Responses at frequencies from 0 up, dense about each term's.
+    /// Returns the responses at frequencies from 0 up, dense around each term's.
     pub fn responses(&self, stiffness: f64) -> Vec<Response> {
         let grid = std::iter::once(0.0).chain(frequencies(&self.terms, COUNT));
         grid.map(|omega| self.response(stiffness, omega)).collect()
     }
 
-    /// Margins, index and speed at a cutting stiffness above 0.
+    /// Returns the margins at a cutting stiffness above 0.
     pub fn margins(&self, stiffness: f64) -> Margins {
         let limit = self.limit().crossing.map_or(f64::INFINITY, |limit| limit.stiffness);
         let grid = frequencies(&self.terms, COUNT);
@@ -106,7 +106,7 @@ impl Lag {
     }
 }
 
-/// Angles without jumps by whole turns.
+/// Removes jumps by whole turns from angles.
 pub fn unwrapped(angles: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut before: Option<f64> = None;
     let mut next = |angle: f64| {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where a function of one variable passes 0 or is least.
+//! Zeros and minima of functions of one variable.
 
-/// Steps after which an interval cannot shrink any more: halvings of the widest range of numbers.
+/// Steps after which an interval cannot shrink further: halvings of the widest range of numbers.
 const MOST_STEPS: usize = 200;
 
-/// The place between `low` and `high` at which a continuous function passes 0; `None` where both
-/// ends have one sign. Regula falsi with the Illinois rule, and a halving where that is slow.
+/// Returns the point between `low` and `high` at which a continuous function is 0; `None` if both
+/// ends have the same sign. Regula falsi with the Illinois rule, and bisection where that is slow.
 pub(super) fn between(mut of: impl FnMut(f64) -> f64, mut low: f64, mut high: f64) -> Option<f64> {
     let (mut at_low, mut at_high) = (of(low), of(high));
     if at_low == 0.0 {
@@ -43,10 +43,10 @@ pub(super) fn between(mut of: impl FnMut(f64) -> f64, mut low: f64, mut high: f6
     Some(low + (high - low) / 2.0)
 }
 
-/// Share of an interval that golden section keeps.
+/// Share of an interval kept by a step of golden-section search.
 const GOLDEN: f64 = 0.618_033_988_749_894_8;
 
-/// The place between `low` and `high` at which a function with one minimum there is least, to
+/// Returns the minimum between `low` and `high` of a function with one minimum there, to within
 /// `width`.
 pub(super) fn least(
     mut of: impl FnMut(f64) -> f64,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Floquet multipliers by first-order semi-discretisation (Insperger and Stépán 2004): the check.
+//! Floquet multipliers by first-order semi-discretization (Insperger and Stépán 2004), as a check.
 //!
-//! Over a step the delayed displacement is linear and the direction of the force its exact mean.
-//! The error falls with the square of the number of steps.
+//! Within a step the delayed displacement is linear, and the direction of the force is its exact mean.
+//! The error decreases with the square of the number of steps.
 
 use crate::dense;
 use crate::dynamics::noise::exponential;
@@ -10,8 +10,8 @@ use crate::stability::process::{Process, Row};
 use nalgebra::{ComplexField, DMatrix};
 use std::f64::consts::TAU;
 
-/// The largest amount of a multiplier at a spindle speed (1/min) and a depth (mm), with so many
-/// steps (2 at least) in a tooth period; `None` as of [`dense::eigenvalues`].
+/// Returns the largest modulus of a multiplier at a spindle speed (1/min) and a depth (mm), with `steps`
+/// steps (2 at least) per tooth period; `None` if [`dense::eigenvalues`] fails.
 pub fn multiplier(
     rows: &[Row],
     process: &Process,
@@ -45,7 +45,7 @@ pub fn multiplier(
     Some(all.iter().map(|value| value.modulus()).fold(0.0, f64::max))
 }
 
-/// Free motion of all states, what forces do to them, and what is seen of them.
+/// Returns the matrices of free motion, of the forces' effect, and of the observed displacements.
 fn matrices(rows: &[Row]) -> (DMatrix<f64>, DMatrix<f64>, DMatrix<f64>) {
     let states = 2 * rows.len();
     let mut free = DMatrix::zeros(states, states);
@@ -61,7 +61,7 @@ fn matrices(rows: &[Row]) -> (DMatrix<f64>, DMatrix<f64>, DMatrix<f64>) {
     (free, push, see)
 }
 
-/// `e^{Lh}`, `∫e^{L(h-s)} ds` and `∫e^{L(h-s)} s ds` from 0 to h, by one exponential.
+/// Computes `e^{Lh}`, `∫e^{L(h-s)} ds` and `∫e^{L(h-s)} s ds` from 0 to h, by one exponential.
 fn propagators(law: &DMatrix<f64>, step: f64) -> [DMatrix<f64>; 3] {
     let size = law.nrows();
     let mut block = DMatrix::zeros(3 * size, 3 * size);

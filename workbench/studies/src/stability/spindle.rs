@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A spindle: a shaft on two elastic supports, and what its nose yields.
+//! A spindle: a shaft on two elastic supports, and the compliance of its nose.
 //!
-//! The shaft is a beam of cylinders (Euler and Bernoulli: slender, no shear), cut into elements
+//! The shaft is a beam of cylinders (Euler and Bernoulli: slender, no shear), divided into elements
 //! with cubic displacements, which are exact for forces at their ends. Each bearing is a spring
-//! against displacement, and against turning where its angular compliance is given; a compliance
-//! of 0 holds it rigidly. Damping is that of the bearings, projected on each mode, and a ratio of
-//! the shaft's own. N, mm, s, t.
+//! against displacement, and against rotation if its angular compliance is given; a compliance
+//! of 0 is rigid. Damping is that of the bearings, projected on each mode, plus a damping ratio of
+//! the shaft itself. N, mm, s, t.
 
 use crate::dynamics::mode::Mode;
 use crate::stability::lag::Term;
@@ -13,22 +13,22 @@ use crate::study::spindle::{Section, Spindle};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4};
 use std::f64::consts::{PI, TAU};
 
-/// Elements of the shaft are at most this share of its length: frequencies of the modes used are
-/// right to 1e-6.
+/// Largest length of an element, as a share of the shaft: frequencies of the modes used are
+/// accurate to 1e-6.
 const ELEMENT: f64 = 1.0 / 48.0;
 
-/// What holds a shaft.
+/// A support of the shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Support {
     /// mm/N.
     linear: f64,
-    /// rad/(N mm); `None` where nothing resists turning.
+    /// rad/(N mm); `None` if rotation is free.
     angular: Option<f64>,
     /// N s/mm.
     damping: f64,
 }
 
-/// A spindle that cannot be calculated.
+/// Why a spindle cannot be computed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoSpindle {
     #[error("[[spindle.bearings]] at_mm = {at}: the shaft is {length} mm long")]
@@ -45,17 +45,15 @@ pub enum NoSpindle {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShaftMode {
-    /// Angular frequency, rad/s.
     pub omega: f64,
-    /// Damping ratio.
     pub zeta: f64,
-    /// Displacement of the nose in the mode that is normalised by mass, 1/√t.
+    /// Displacement of the nose in the mass-normalized mode, 1/√t.
     pub nose: f64,
 }
 
 impl ShaftMode {
-    /// Logarithmic decrement: of neighbouring peaks as the vibration dies away; infinite where
-    /// there is no second one.
+    /// Returns the logarithmic decrement, of neighboring peaks as the vibration decays; infinite if
+    /// there is no second peak.
     pub fn decrement(&self) -> f64 {
         TAU * self.zeta / (1.0 - self.zeta * self.zeta).max(0.0).sqrt()
     }
@@ -63,14 +61,14 @@ impl ShaftMode {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nose {
-    /// Displacement per force at the nose, at rest, mm/N.
+    /// Static displacement per force at the nose, mm/N.
     pub compliance: f64,
     /// The modes used, lowest first.
     pub modes: Vec<ShaftMode>,
 }
 
 impl Nose {
-    /// The modes as terms of a receptance.
+    /// Returns the modes as terms of a receptance.
     pub fn terms(&self) -> Vec<Term> {
         let term = |mode: &ShaftMode| Term {
             gain: mode.nose * mode.nose,
@@ -80,9 +78,9 @@ impl Nose {
         self.modes.iter().map(term).collect()
     }
 
-    /// The modes at the tool tip, once along each of the two directions across the axis, which are
-    /// the first two columns of `axes`. The spindle's housing counts as held by the platform, whose
-    /// mass has the shaft's in it.
+    /// Returns the modes at the tool tip, once along each of the two directions across the axis, which are
+    /// the first two columns of `axes`. The spindle's housing counts as fixed to the platform, whose
+    /// mass includes the shaft's.
     pub fn modes_across(&self, axes: &Matrix3<f64>) -> Vec<Mode> {
         let mode = |mode: &ShaftMode, k: usize| Mode {
             omega: mode.omega,
@@ -92,7 +90,7 @@ impl Nose {
         self.modes.iter().flat_map(|own| [mode(own, 0), mode(own, 1)]).collect()
     }
 
-    /// The share of the compliance at rest that the modes used have.
+    /// Returns the share of the static compliance that the modes used contribute.
     pub fn share(&self) -> f64 {
         let modal = |mode: &ShaftMode| (mode.nose / mode.omega).powi(2);
         self.modes.iter().map(modal).sum::<f64>() / self.compliance
@@ -100,7 +98,7 @@ impl Nose {
 }
 
 impl Spindle {
-    /// The same spindle with another length of its last cylinder, mm.
+    /// Returns the spindle with another length of its last cylinder, mm.
     pub fn with_overhang(&self, length: f64) -> Self {
         let mut other = self.clone();
         if let Some(last) = other.sections.last_mut() {
@@ -109,12 +107,12 @@ impl Spindle {
         other
     }
 
-    /// Length of the shaft, mm.
+    /// Returns the length of the shaft, mm.
     pub fn length(&self) -> f64 {
         self.sections.iter().map(|section| section.length_mm.0).sum()
     }
 
-    /// Compliance, frequencies and decrements at the nose.
+    /// Computes compliance and modes at the nose.
     ///
     /// # Errors
     /// See [`NoSpindle`].
@@ -146,7 +144,7 @@ impl Spindle {
         if first == second { Err(NoSpindle::Together(first)) } else { Ok(()) }
     }
 
-    /// Bending stiffness (N mm²) and mass per length (t/mm) of a cylinder.
+    /// Returns bending stiffness (N mm²) and mass per length (t/mm) of a cylinder.
     fn cross_section(&self, section: &Section) -> [f64; 2] {
         let [outer, bore] = [section.diameter_mm.0, section.bore_mm.0];
         let bending = self.youngs_n_per_mm2.0 * PI / 64.0 * (outer.powi(4) - bore.powi(4));
@@ -156,12 +154,12 @@ impl Spindle {
     }
 }
 
-/// The matrices of a shaft, over displacement and turn of each node that is free to move.
+/// The matrices of a shaft, over displacement and rotation of each free node.
 struct Shaft {
     stiffness: DMatrix<f64>,
     mass: DMatrix<f64>,
     damping: DMatrix<f64>,
-    /// Row of the displacement of the nose.
+    /// Row of the displacement of the nose; `None` if the nose is on a rigid support.
     nose: Option<usize>,
 }
 
@@ -212,7 +210,7 @@ impl Shaft {
 
     fn nose(&self, modes: usize, own: f64) -> Nose {
         let rigid = Nose { compliance: 0.0, modes: vec![] };
-        // Two supports hold a shaft; its nose may stand on a rigid one.
+        // Two supports prevent rigid motion. The nose may be on a rigid support.
         let (Some(nose), Some(solved), Some(root)) =
             (self.nose, self.stiffness.clone().cholesky(), self.mass.clone().cholesky())
         else {
@@ -222,7 +220,7 @@ impl Shaft {
         let mut force = DVector::zeros(size);
         force[nose] = 1.0;
         let compliance = solved.solve(&force)[nose];
-        // Largest eigenvalues of Lᵀ K⁻¹ L are the lowest frequencies, to all digits.
+        // The largest eigenvalues of Lᵀ K⁻¹ L are the lowest frequencies, to full accuracy.
         let root = root.l();
         let yields = root.transpose() * solved.solve(&root);
         let eigen = ((&yields + yields.transpose()) / 2.0).symmetric_eigen();
@@ -230,7 +228,7 @@ impl Shaft {
         order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
         let mode = |k: usize| {
             let omega = eigen.eigenvalues[k].recip().sqrt();
-            // φ = K⁻¹ L y ω², with y the eigenvector.
+            // φ = K⁻¹ L y ω², with the eigenvector y.
             let shape = solved.solve(&(&root * eigen.eigenvectors.column(k))) * (omega * omega);
             let lost = shape.dot(&(&self.damping * &shape));
             ShaftMode { omega, zeta: own + lost / (2.0 * omega), nose: shape[nose] }
@@ -239,7 +237,7 @@ impl Shaft {
     }
 }
 
-/// Ends of the elements: of cylinders, bearings, and what divides long pieces between them.
+/// Returns the ends of the elements: ends of cylinders, bearings, and points that divide long pieces between them.
 fn nodes(spindle: &Spindle) -> Vec<f64> {
     let mut ends = vec![0.0];
     for section in &spindle.sections {
@@ -248,7 +246,7 @@ fn nodes(spindle: &Spindle) -> Vec<f64> {
     let length = spindle.length();
     ends.extend(spindle.bearings.map(|bearing| bearing.at_mm.0));
     ends.sort_by(f64::total_cmp);
-    // A bearing at the end of a cylinder: one node.
+    // A bearing at the end of a cylinder shares its node.
     ends.dedup_by(|a, b| (*a - *b).abs() < 1e-9 * length);
     let mut nodes = vec![ends[0]];
     for pair in ends.windows(2) {
@@ -269,7 +267,7 @@ fn section_at(spindle: &Spindle, place: f64) -> &Section {
     spindle.sections.iter().find(reaches).unwrap_or(last)
 }
 
-/// Of displacement and turn at both ends, for a bending stiffness of 1.
+/// Returns the matrix over displacement and rotation of both ends, for a bending stiffness of 1.
 #[rustfmt::skip]
 fn beam_stiffness(l: f64) -> Matrix4<f64> {
     Matrix4::new(
@@ -280,7 +278,7 @@ fn beam_stiffness(l: f64) -> Matrix4<f64> {
     ) / l.powi(3)
 }
 
-/// The same for a mass per length of 1.
+/// Returns the matrix over displacement and rotation of both ends, for a mass per length of 1.
 #[rustfmt::skip]
 fn beam_mass(l: f64) -> Matrix4<f64> {
     Matrix4::new(

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The loop that a study describes, at one overhang or as it stands there.
+//! The loop that a study describes, with its own or another overhang.
 
 use crate::stability::lag::{Lag, Term};
 use crate::stability::spindle::NoSpindle;
 use crate::study::cutting::Overhang;
 use crate::study::file::Study;
 
-/// Why a study describes no loop.
+/// Why a study does not describe a loop.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoLoop {
     #[error("the study names no [[links]] and no [spindle]: nothing yields between tool and work")]
@@ -21,18 +21,17 @@ pub enum NoLoop {
     Spindle(#[from] NoSpindle),
 }
 
-/// One adjustment of a machine: a loop, and the names of its terms.
+/// A loop at one overhang, and the names of its terms.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adjustment {
-    /// How far the spindle or tool stands out, mm; `None` as the study has it.
+    /// Overhang of spindle or tool, mm; `None` for the study's own.
     pub overhang: Option<f64>,
-    /// The loop.
     pub lag: Lag,
     pub names: Vec<String>,
 }
 
 impl Overhang {
-    /// Stiffness of the first link at an overhang in mm, N/mm.
+    /// Returns the stiffness of the first link at an overhang in mm, N/mm.
     pub fn stiffness(&self, overhang: f64) -> f64 {
         let [a, b, c] = self.compliance_um_per_n.map(|value| value.0);
         let cantilever = self.cantilever_um_per_n.0 * (overhang / self.cantilever_at_mm.0).powi(3);
@@ -41,9 +40,9 @@ impl Overhang {
 }
 
 impl Adjustment {
-    /// Of a study: the links, then the modes of the spindle. With an overhang the first link has
-    /// the stiffness that `[overhang]` gives, its mass and damping ratio kept; without that table
-    /// the last cylinder of the spindle has that length.
+    /// Builds the loop of a study: the links, then the modes of the spindle. With an overhang the first link has
+    /// the stiffness that `[overhang]` gives, and keeps its mass and damping ratio; without that table
+    /// the overhang is the length of the spindle's last cylinder.
     ///
     /// # Errors
     /// See [`NoLoop`].
@@ -88,7 +87,7 @@ impl Adjustment {
         }
     }
 
-    /// What it is called in tables and plots.
+    /// Returns the name in tables and plots.
     pub fn name(&self) -> String {
         self.overhang.map_or("as given".into(), |length| format!("overhang {length} mm"))
     }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! D-partitions by two parameters of the loop, which paper 002 names and does not show.
+//! D-partitions by two parameters of the loop, which paper 002 mentions but does not show.
 
 use crate::stability::lag::{Lag, Term};
 use crate::stability::partition::Point;
 use nalgebra::Complex;
 
 impl Lag {
-    /// The boundary in the plane of lag T (s) and cutting stiffness K (N/mm) at an angular
+    /// Returns the boundary in the plane of lag T (s) and cutting stiffness K (N/mm) at an angular
     /// frequency: `K = -1/Re G`, `T = Im G/(ω Re G)`. Further boundaries are the lines T = 0 and
     /// `K = -1/G(0)`.
     pub fn lag_and_stiffness(&self, omega: f64) -> Point {
@@ -14,10 +14,10 @@ impl Lag {
         Point { omega, at: [value.im / (omega * value.re), -1.0 / value.re] }
     }
 
-    /// The boundary in the plane of the stiffness k of the first link and the cutting stiffness K
+    /// Returns the boundary in the plane of the stiffness k of the first link and the cutting stiffness K
     /// (both N/mm) at an angular frequency: none or two points.
     ///
-    /// With u = 1/K and β the receptance of the other links, that of the first one is
+    /// With u = 1/K and β the receptance of the other links, the receptance of the first one is
     /// `X = -(1 + iωT) u - β`, and `1/X = k - m ω² + i h ω` has the imaginary part h ω:
     /// `h ω [(u + Re β)² + (ω T u + Im β)²] = ω T u + Im β`.
     pub fn link_and_stiffness(&self, omega: f64) -> Vec<Point> {
@@ -32,7 +32,7 @@ impl Lag {
         if !(root >= 0.0) {
             return vec![];
         }
-        // The sum that loses no digits, and the other root by their product.
+        // The sum without cancellation, and the other root from their product.
         let large = -(b + root.copysign(b)) / 2.0;
         let roots = [large / a, c / large];
         let point = |u: f64| {
@@ -43,7 +43,7 @@ impl Lag {
         roots.map(point).into()
     }
 
-    /// The same loop with another stiffness of its first link, mass and damping kept.
+    /// Returns the loop with another stiffness of its first link; mass and damping are unchanged.
     pub fn with_first(&self, stiffness: f64) -> Self {
         let mut terms = self.terms.clone();
         if let Some(first) = terms.first_mut() {

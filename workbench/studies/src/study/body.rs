@@ -8,20 +8,20 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How finely a workspace is looked at.
+/// Sampling density of a workspace.
 pub struct Effort<'a> {
-    /// Rays from pole to pole; twice as many go around.
+    /// Rays from pole to pole; twice as many around the equator.
     pub bands: usize,
     /// Length of a step along a ray, machine units.
     pub step: f64,
     /// Points of the grid along its longest side.
     pub grid: usize,
-    /// Shown the share of the work done.
+    /// Receives the share of the work done.
     pub progress: &'a (dyn Fn(f64) + Sync),
 }
 
 impl Effort<'_> {
-    /// `f` of every item, in order, on all threads of the pool; progress shown from `from` to `to`.
+    /// Applies `f` to every item, in order, on all threads of the pool; reports progress from `from` to `to`.
     pub(super) fn each<T: Sync, U: Send>(
         &self,
         items: &[T],
@@ -39,23 +39,23 @@ impl Effort<'_> {
     }
 }
 
-/// The body that rays in all directions see.
+/// The body visible along rays in all directions.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Where the rays begin.
+    /// Origin of the rays.
     pub from: Vector3<f64>,
     /// Rings of rays from below (elevation −90) to above (90); the first and the last ring have
     /// one ray, the others as many as `around`, from azimuth 0.
     pub rings: Vec<Vec<Ray>>,
-    /// Rays of a ring.
+    /// Number of rays of a ring.
     pub around: usize,
 }
 
 impl Body {
-    /// From a place inside.
+    /// Samples the body from a point inside.
     ///
     /// # Errors
-    /// The limit that the place itself breaks.
+    /// Returns the limit that the point itself violates.
     pub fn seen(
         workspace: &Workspace,
         from: Vector3<f64>,
@@ -83,7 +83,7 @@ impl Body {
         Ok(Self { from, rings: (0..=effort.bands).map(ring).collect(), around })
     }
 
-    /// All rays, each with the solid angle it stands for.
+    /// Returns all rays, each with the solid angle it represents.
     pub fn rays(&self) -> impl Iterator<Item = (f64, &Ray)> {
         let band = PI / (self.rings.len() - 1) as f64;
         self.rings.iter().enumerate().flat_map(move |(ring, rays)| {
@@ -94,7 +94,7 @@ impl Body {
         })
     }
 
-    /// Volume of all pieces of the rays.
+    /// Returns the volume of all segments of the rays.
     pub fn volume(&self) -> f64 {
         let piece = |[from, to]: &[f64; 2]| (to.powi(3) - from.powi(3)) / 3.0;
         self.rays().map(|(angle, ray)| angle * ray.inside.iter().map(piece).sum::<f64>()).sum()
@@ -104,7 +104,7 @@ impl Body {
         self.rays().map(|(_, ray)| ray.looked).sum()
     }
 
-    /// Share of the directions that every limit ends, largest first.
+    /// Returns the share of the directions that each limit ends, largest first.
     pub fn shares(&self) -> Vec<(Border, f64)> {
         let mut shares: Vec<(Border, f64)> = vec![];
         for (angle, ray) in self.rays() {
@@ -118,7 +118,7 @@ impl Body {
         shares
     }
 
-    /// Corners of a box around all pieces.
+    /// Returns the corners of an axis-parallel box around all segments.
     pub fn corners(&self) -> [Vector3<f64>; 2] {
         let ends = self.rays().flat_map(|(_, ray)| {
             let far = ray.inside.last().map_or(0.0, |piece| piece[1]);
@@ -127,7 +127,7 @@ impl Body {
         ends.fold([self.from, self.from], |[low, high], end| [low.inf(&end), high.sup(&end)])
     }
 
-    /// Its centre of volume, as the first pieces of the rays see it.
+    /// Returns the center of volume of the first segments of the rays.
     pub fn middle(&self) -> Vector3<f64> {
         let piece = |(angle, ray): (f64, &Ray)| {
             let exit = ray.exit();
@@ -139,8 +139,8 @@ impl Body {
         self.from + moment / volume
     }
 
-    /// Points of the surface around the place where the rays begin, and its triangles, seen from
-    /// outside counterclockwise.
+    /// Returns the points of the surface around the origin of the rays, and its triangles,
+    /// counterclockwise seen from outside.
     pub fn mesh(&self) -> (Vec<Vector3<f64>>, Vec<[usize; 3]>) {
         let points = self.rays().map(|(_, ray)| self.from + ray.direction * ray.exit()).collect();
         let last = self.rings.len() - 1;
@@ -162,13 +162,13 @@ impl Body {
     }
 }
 
-/// Volume of a closed surface.
+/// Returns the volume of a closed surface.
 pub fn mesh_volume((points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>)) -> f64 {
     let corner = |[a, b, c]: &[usize; 3]| points[*a].dot(&points[*b].cross(&points[*c])) / 6.0;
     triangles.iter().map(corner).sum()
 }
 
-/// The surface as a Wavefront OBJ file.
+/// Formats the surface as a Wavefront OBJ file.
 pub fn obj(unit: &str, (points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>)) -> String {
     let mut text = format!("# workspace, lengths in {unit}\n");
     for point in points {
@@ -183,14 +183,14 @@ pub fn obj(unit: &str, (points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>
 /// A volume counted on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Counted {
-    /// Volume of the cells whose middles are within the limits.
+    /// Volume of the cells whose centers are within the limits.
     pub volume: f64,
     pub points: usize,
 }
 
-/// Counts a grid over a box that holds the body.
+/// Counts the cells of a grid over a box that contains the body.
 pub fn counted(workspace: &Workspace, corners: &[Vector3<f64>; 2], effort: &Effort) -> Counted {
-    // What rays between those looked along see is a little more.
+    // Between two rays the body may extend a little further.
     let margin = Vector3::repeat(0.02 * (corners[1] - corners[0]).max());
     let (low, high) = (corners[0] - margin, corners[1] + margin);
     let cell = (high - low).max() / effort.grid as f64;
@@ -207,7 +207,7 @@ pub fn counted(workspace: &Workspace, corners: &[Vector3<f64>; 2], effort: &Effo
     Counted { volume: cells as f64 * cell.powi(3), points: columns.len() * count.z }
 }
 
-/// Ends of the rays as CSV.
+/// Formats the ends of the rays as CSV.
 pub fn csv(body: &Body) -> String {
     let header = ["direction_x", "direction_y", "direction_z", "distance", "x", "y", "z", "limit"];
     let crossings = |(_, ray)| Ray::crossings(ray).map(move |crossing| (ray, crossing));

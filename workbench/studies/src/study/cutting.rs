@@ -5,7 +5,7 @@ use crate::study::masses::Direction;
 use crate::study::number::Positive;
 use serde::Deserialize;
 
-/// A number below 0, or none.
+/// A negative or not finite number.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected 0 or more")]
 pub struct Negative(f64);
@@ -26,7 +26,7 @@ impl TryFrom<f64> for NotNegative {
     }
 }
 
-/// An angle that a cutting edge cannot have.
+/// An angle outside 0 to 180 degrees.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected an angle of 0 to 180 degrees")]
 pub struct NoAngle(f64);
@@ -47,7 +47,7 @@ impl TryFrom<f64> for Half {
     }
 }
 
-/// A cutter that cannot cut.
+/// Why a cutter is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoCut {
     #[error("teeth = 0: a cutter has one at least")]
@@ -59,7 +59,7 @@ pub enum NoCut {
     Arc(f64, f64),
 }
 
-/// `[cutting]` as it is written.
+/// `[cutting]` as written in the file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CuttingKeys {
@@ -74,15 +74,15 @@ struct CuttingKeys {
 }
 
 /// `[cutting]`: a milling cutter in its cut. Angles count from the normal of the feed, in the
-/// sense of the turn.
+/// direction of rotation.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(try_from = "CuttingKeys")]
 pub struct Cutting {
     /// Number of teeth, evenly spaced.
     pub teeth: u16,
-    /// Where a tooth enters, degrees.
+    /// Entry angle of a tooth, degrees.
     pub entry_deg: f64,
-    /// Where it leaves, degrees; more than `entry_deg`.
+    /// Exit angle, degrees; more than `entry_deg`.
     pub exit_deg: f64,
     /// Tangential, radial and axial cutting coefficients, N/mm².
     pub coefficients: [f64; 3],
@@ -91,7 +91,7 @@ pub struct Cutting {
 }
 
 impl Cutting {
-    /// Where a tooth enters and leaves, radians.
+    /// Returns the entry and exit angles of a tooth, radians.
     pub fn arc(&self) -> [f64; 2] {
         [self.entry_deg, self.exit_deg].map(f64::to_radians)
     }
@@ -114,15 +114,15 @@ impl TryFrom<CuttingKeys> for Cutting {
     }
 }
 
-/// `[turning]`: a single edge that cuts a turning work.
+/// `[turning]`: a single edge that cuts a rotating workpiece.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Turning {
     /// Cutting coefficient, N/mm².
     pub kf_n_per_mm2: Positive,
-    /// Where the tool moves to when the chip becomes thicker.
+    /// Direction of tool motion that makes the chip thicker.
     pub thicker: Direction,
-    /// Where the cutting force pushes the tool.
+    /// Direction of the cutting force on the tool.
     pub force: Direction,
 }
 
@@ -130,7 +130,7 @@ pub struct Turning {
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Link {
-    /// What it is called in tables and plots.
+    /// Name in tables and plots.
     pub name: String,
     pub mass_kg: Positive,
     /// Force per speed.
@@ -147,11 +147,11 @@ pub struct LagKeys {
     pub time_constant_ms: NotNegative,
 }
 
-/// `[chip]`: what a millimetre of chip width makes of cutting stiffness (paper 002).
+/// `[chip]`: cutting stiffness per millimeter of chip width (paper 002).
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Chip {
-    /// The factor c; 1.4 is printed.
+    /// The factor c; the paper prints 1.4.
     pub factor: Positive,
     pub ratio: Positive,
     /// Tensile strength σ_b of the work.
@@ -160,14 +160,14 @@ pub struct Chip {
     pub angle_deg: Half,
 }
 
-/// `[overhang]`: compliance of the first link as a function of how far it stands out.
+/// `[overhang]`: compliance of the first link as a function of its overhang.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Overhang {
     /// a0, a1, a2 of the compliance `a0 + a1 l + a2 l²`, um/N, with l in mm.
     pub compliance_um_per_n: [NotNegative; 3],
-    /// What the tool adds, `cantilever (l/at)³`, um/N.
+    /// The tool's own compliance, `cantilever (l/at)³`, um/N.
     pub cantilever_um_per_n: NotNegative,
-    /// The overhang at which it adds that, mm.
+    /// The overhang at which the tool's own compliance is `cantilever_um_per_n`, mm.
     pub cantilever_at_mm: Positive,
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What studies need and LinuxCNC does not know: a TOML file beside the machine's INI file.
+//! The data that studies need beyond the INI file: a TOML file.
 //!
-//! Every value may be missing; a study that needs one says so. Units stand in the keys, so that a
+//! Every value may be missing; a study that needs it reports so. Keys contain their units, so a
 //! value without its unit is an unknown key.
 
 use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
@@ -25,24 +25,24 @@ pub struct Study {
     pub force: Option<Force>,
     /// A milling cutter in its cut.
     pub cutting: Option<Cutting>,
-    /// How it runs.
+    /// Its speed, feed and edge forces.
     pub milling: Option<Milling>,
     pub legs: Legs,
     /// The joints of the table under the workpiece.
     pub table: Table,
-    /// What a pose must keep beside the limits of the INI file.
+    /// Limits of a pose beyond those of the INI file.
     pub limits: Limits,
     /// A motion of the control point.
     pub law: Option<Law>,
-    /// A single edge that cuts a turning work.
+    /// A single edge that cuts a rotating workpiece.
     pub turning: Option<Turning>,
     /// Masses on springs between tool and work.
     pub links: Vec<Link>,
-    /// How the cutting force follows the chip's thickness.
+    /// Lag of the cutting force behind the chip's thickness.
     pub lag: Option<LagKeys>,
-    /// What a width of chip makes of cutting stiffness.
+    /// Cutting stiffness per width of chip.
     pub chip: Option<Chip>,
-    /// Compliance of the first link by its overhang.
+    /// Compliance of the first link as a function of its overhang.
     pub overhang: Option<Overhang>,
     /// A shaft on two bearings.
     pub spindle: Option<Spindle>,
@@ -54,30 +54,30 @@ pub struct Study {
 pub struct Legs {
     /// Force per change of length, joints and drive included.
     pub stiffness_n_per_um: Option<Each>,
-    /// Standard deviation of the joint value; of an arm's angle as the travel of its end.
+    /// Standard deviation of the joint value; for the angle of an arm, as the travel of the arm's end.
     pub joint_sigma_um: Option<Each>,
-    /// Diameter of the rods, which their least distance starts from.
+    /// Diameter of the rods, subtracted from the distance between their center lines.
     pub rod_diameter_mm: Option<Positive>,
-    /// What takes the torque that an axial force makes in a strut's thread.
+    /// Reaction to the torque of an axial force in a strut's thread.
     pub screw: Screw,
     /// Force per change of length of rod and joints alone, in series with the drive.
     pub rod_stiffness_n_per_um: Option<Each>,
     /// Force of a drive per displacement of a carriage or nut.
     pub drive_stiffness_n_per_um: Option<Each>,
-    /// Torque of a drive per turn of an arm.
+    /// Torque of a drive per angle of an arm.
     pub drive_stiffness_n_m_per_rad: Option<Each>,
-    /// Mass of a carriage, or of what turns with a strut's nut as it acts along the strut.
+    /// Mass of a carriage, or effective mass along the strut of all that rotates with its nut.
     pub drive_mass_kg: Option<Each>,
-    /// Moment of inertia of an arm and of what turns with it, about its axis.
+    /// Moment of inertia about its axis of an arm and all that rotates with it.
     pub drive_inertia_kg_m2: Option<Each>,
-    /// Force per speed at which the length changes.
+    /// Force per rate of change of length.
     pub damping_n_s_per_mm: Option<Each>,
     /// Damping ratio of every mode of the platform, instead of dampers in the legs.
     pub damping_ratio: Option<Ratio>,
-    /// What moves along the leg with its platform joint.
+    /// Mass that moves along the leg with its platform joint.
     pub axial_mass_kg: Option<Each>,
-    /// What moves across the leg with its platform joint: moment of inertia about the base joint
-    /// over the square of the length, a third of the mass of a uniform rod.
+    /// Mass that moves across the leg with its platform joint: moment of inertia about the base joint
+    /// divided by the square of the length, a third of the mass of a uniform rod.
     pub across_mass_kg: Option<Each>,
     /// Largest force of a drive, along its joint.
     pub max_force_n: Option<Each>,
@@ -85,17 +85,17 @@ pub struct Legs {
     pub max_torque_n_m: Option<Each>,
     /// Largest torque of the motor that turns the screw.
     pub motor_torque_n_m: Option<Each>,
-    /// Travel per turn of the screw; that of the INI file where a strut has one.
+    /// Travel per turn of the screw; the INI file's lead for a strut that has one.
     pub screw_lead_mm: Option<Each>,
-    /// Share of its work that a screw passes on; 1 where it is missing.
+    /// Efficiency of the screw; 1 if it is missing.
     pub screw_efficiency: Option<Share>,
 }
 
-/// What takes the torque f · lead / 2π that an axial force f makes in the thread of a strut.
+/// Reaction to the torque f · lead / 2π that an axial force f causes in the thread of a strut.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Screw {
-    /// The motor, which holds the nut against the housing: the torque goes through both cardan
+    /// The motor, which fixes the nut to the housing: the torque passes through both cardan
     /// joints, as with a ball screw.
     #[default]
     Backdrivable,
@@ -103,7 +103,7 @@ pub enum Screw {
     SelfLocking,
 }
 
-/// `[table]`: its joints, in order.
+/// `[table]`: the table's joints, in order.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct Table {
@@ -111,7 +111,7 @@ pub struct Table {
     pub stiffness_n_per_um: Option<Each>,
     /// Standard deviation of the joint value.
     pub joint_sigma_um: Option<Each>,
-    /// What each axis moves, workpiece included.
+    /// Mass that each axis moves, workpiece included.
     pub mass_kg: Option<Each>,
     /// Force per speed.
     pub damping_n_s_per_mm: Option<Each>,
@@ -123,48 +123,48 @@ pub struct Table {
     pub motor_torque_n_m: Option<Each>,
     /// Travel per turn of the screw.
     pub screw_lead_mm: Option<Each>,
-    /// Share of its work that a screw passes on; 1 where it is missing.
+    /// Efficiency of the screw; 1 if it is missing.
     pub screw_efficiency: Option<Share>,
 }
 
 #[derive(Clone, Debug, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
-    /// Smallest conditioning, as the module's pin shows it.
+    /// Smallest conditioning, as in the module's pin.
     pub conditioning: Option<Positive>,
-    /// Largest turn about the fixed axis of a base joint, and across it, either way.
+    /// Largest angle about the fixed axis of a base joint, and across it, in either direction.
     pub base_pyramid_deg: Option<[Positive; 2]>,
-    /// Fixed axes of the base joints in the machine frame, one a leg; without them `BASE_N`.
+    /// Fixed axes of the base joints in the machine frame, one per leg; if missing, those of `BASE_N`.
     pub base_axes: Option<Vec<[f64; 3]>>,
-    /// The same turns at the platform joints.
+    /// The same angles for the platform joints.
     pub platform_pyramid_deg: Option<[Positive; 2]>,
-    /// Fixed axes of the platform joints in the platform frame, one a leg; without them
+    /// Fixed axes of the platform joints in the platform frame, one per leg; if missing, those of
     /// `PLATFORM_N`.
     pub platform_axes: Option<Vec<[f64; 3]>>,
 }
 
-/// `[law]`: the motion that Strutynsky and Yumashev (2008) give in their equation 2, with t the
-/// time and τ its share of the period: X = r cos 2πτ, Y = r sin 2πτ, r = radius + growth τ,
-/// Z = rise + bend τ², all about home; angles are harmonic, amplitude sin 2πτ.
+/// `[law]`: the motion of equation 2 of Strutynsky and Yumashev (2008), with the time t
+/// and its share τ of the period: X = r cos 2πτ, Y = r sin 2πτ, r = radius + growth τ,
+/// Z = rise + bend τ², all relative to home; angles are harmonic, amplitude sin 2πτ.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Law {
-    /// One turn.
+    /// Duration of one turn.
     pub period_s: Positive,
     /// Radius of the spiral at its start.
     pub radius_mm: f64,
-    /// What the radius gains in one turn.
+    /// Growth of the radius in one turn.
     pub growth_mm: f64,
     /// Height at the start.
     pub rise_mm: f64,
-    /// What the height gains in one turn, with the square of time.
+    /// Growth of the height in one turn, with the square of time.
     pub bend_mm: f64,
     /// Amplitudes of A, B and C.
     #[serde(default)]
     pub amplitude_deg: [f64; 3],
 }
 
-/// A study that cannot be read.
+/// Why a study cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     #[error(transparent)]
@@ -173,7 +173,7 @@ pub enum StudyError {
     Malformed(#[from] AtFile<toml::de::Error>),
 }
 
-/// A study that does not have what is asked of it.
+/// A value that a study lacks, or has in the wrong form.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Lacking {
     #[error("the study names no {key} of [{section}]{}", if *.section == "table" { ", which the machine has" } else { "" })]
@@ -188,7 +188,7 @@ pub enum Lacking {
 #[error("{0}: expected more than 0, and 1 at most")]
 pub struct NoShare(f64);
 
-/// A share of a whole, which is not nothing.
+/// A share of a whole, above 0.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(try_from = "f64")]
 pub struct Share(pub f64);
@@ -201,7 +201,7 @@ impl TryFrom<f64> for Share {
     }
 }
 
-/// One positive number for all of them, or one for each.
+/// One positive number for all items, or one for each.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Each {
     Same(f64),
@@ -210,10 +210,10 @@ pub enum Each {
 }
 
 impl Each {
-    /// The numbers for `count` of them.
+    /// Returns the numbers for `count` items.
     ///
     /// # Errors
-    /// A list of another length.
+    /// A list of another length is an error.
     pub(crate) fn of(&self, key: &'static str, count: usize) -> Result<Vec<f64>, Lacking> {
         match self {
             Self::Same(value) => Ok(vec![*value; count]),
@@ -224,7 +224,7 @@ impl Each {
 }
 
 impl<'de> Deserialize<'de> for Each {
-    // By hand, because an untagged enum would only say that nothing matched.
+    // Implemented manually, because the error of an untagged enum would only say that no variant matched.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(EachVisitor)
     }
@@ -266,7 +266,7 @@ impl Study {
         Ok(Self::parse(&text).at(file)?)
     }
 
-    /// Standard deviation of every joint, in its unit; `None` where the file names none.
+    /// Returns the standard deviation of every joint, in its unit; `None` if the file has none.
     ///
     /// # Errors
     /// See [`Lacking`].
@@ -286,7 +286,7 @@ impl Study {
         Ok(all.map(|values| values.into_iter().enumerate().map(unit).collect()))
     }
 
-    /// Values of legs, then of table axes; `None` where those of the legs are missing.
+    /// Returns the values of legs, then of table axes; `None` if those of the legs are missing.
     fn of_joints(
         &self,
         config: &Mechanism,
@@ -303,7 +303,7 @@ impl Study {
         Ok(Some(values))
     }
 
-    /// A study from its text.
+    /// Parses a study.
     ///
     /// # Errors
     /// As [`Study::read`].

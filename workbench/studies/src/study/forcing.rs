@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a study file says of the forces that shake a machine.
+//! The tables of a study that describe exciting forces.
 
 use crate::study::cutting::NotNegative;
 use crate::study::masses::Direction;
 use crate::study::number::Positive;
 use serde::Deserialize;
 
-/// A random force that is none.
+/// Why a random force is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoForce {
     #[error("sigma_n: expected a force along X, Y or Z")]
@@ -15,7 +15,7 @@ pub enum NoForce {
     Spectrum,
 }
 
-/// `[force]` as it is written.
+/// `[force]` as written in the file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ForceKeys {
@@ -32,12 +32,12 @@ const fn first() -> u64 {
     1
 }
 
-/// How the power of a random force is spread over frequencies.
+/// Spectrum of a random force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Band {
     /// Flat below a corner, Hz.
     Corner(f64),
-    /// About a frequency in Hz, of the width frequency/quality.
+    /// Around a frequency in Hz, of the width frequency/quality.
     About {
         hz: f64,
         /// Frequency over width.
@@ -51,11 +51,10 @@ pub enum Band {
 pub struct Force {
     /// Standard deviations along X Y Z, N.
     pub sigma_n: [f64; 3],
-    /// Its spectrum.
     pub band: Band,
-    /// What the random numbers begin with; equal seeds give equal forces.
+    /// Seed of the random numbers; equal seeds give equal forces.
     pub seed: u64,
-    /// How long it acts, after the time in which the machine forgets its start.
+    /// Duration, after the time in which the effect of the initial state decays.
     pub seconds: f64,
 }
 
@@ -76,7 +75,7 @@ impl TryFrom<ForceKeys> for Force {
     }
 }
 
-/// An angle that a helix cannot have.
+/// A helix angle out of range.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected 0 degrees or more, and less than 90")]
 pub struct NoHelix(f64);
@@ -94,7 +93,7 @@ impl TryFrom<f64> for Helix {
     }
 }
 
-/// `[milling]`: how the cutter of `[cutting]` runs.
+/// `[milling]`: speed, feed and edge forces of the cutter of `[cutting]`.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Milling {
@@ -103,19 +102,19 @@ pub struct Milling {
     /// Feed per tooth.
     pub feed_mm: Positive,
     pub diameter_mm: Positive,
-    /// Angle of its helix; 0 where it is missing.
+    /// Helix angle; 0 if it is missing.
     pub helix_deg: Option<Helix>,
     /// Tangential force of the edge per depth of cut.
     #[serde(default)]
     pub kte_n_per_mm: NotNegative,
-    /// Radial.
+    /// Radial force of the edge per depth of cut.
     #[serde(default)]
     pub kre_n_per_mm: NotNegative,
-    /// Axial.
+    /// Axial force of the edge per depth of cut.
     #[serde(default)]
     pub kae_n_per_mm: NotNegative,
-    /// Direction of the feed in machine axes; X where it is missing.
+    /// Direction of the feed in machine axes; X if it is missing.
     pub feed: Option<Direction>,
-    /// How long it cuts, after the time in which the machine forgets its start.
+    /// Duration of the cut, after the time in which the effect of the initial state decays.
     pub seconds: Positive,
 }

@@ -7,7 +7,7 @@ use machine::read::mechanism::Mechanism;
 use std::f64::consts::TAU;
 
 impl Law {
-    /// Pose and its rate at a time in seconds: machine units and degrees.
+    /// Returns the pose and its rate at a time in seconds: machine units and degrees.
     pub fn at(&self, config: &Mechanism, time: f64) -> ([f64; 6], [f64; 6]) {
         let period = self.period_s.0;
         let share = time / period;

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Maps of what a machine is like over a plane.
+//! Maps of a machine's properties over a plane.
 
 use kinematics::Pose;
 
 /// Two values on a grid in a plane of two coordinates.
 #[derive(Clone, Debug)]
 pub struct Map {
-    /// Numbers of the coordinates across and up.
+    /// Indices of the horizontal and the vertical coordinate.
     pub plane: [usize; 2],
     /// Values of the coordinates along the two sides.
     pub sides: [Vec<f64>; 2],
-    /// The place that the plane goes through.
+    /// A point of the plane.
     pub place: [f64; 3],
-    /// The values, row by row upwards; NaN where there are none.
+    /// The values, row by row upwards; NaN where there is none.
     pub values: Vec<[f64; 2]>,
 }
 
 impl Map {
-    /// `count` by `count` places between the `corners`, at one orientation.
+    /// Evaluates `at` at `count` by `count` positions between the corners, at one orientation.
     pub fn over(
         pose: &Pose,
         plane: [usize; 2],
@@ -41,12 +41,12 @@ impl Map {
         Self { plane, place: pose.position.into(), values, sides }
     }
 
-    /// Whether there are no values at all.
+    /// Returns whether there are no values at all.
     pub fn is_empty(&self) -> bool {
         self.values.iter().all(|[value, _]| value.is_nan())
     }
 
-    /// Places that have values, with them: X, Y, Z, and both.
+    /// Returns the positions that have values, with these: X, Y, Z, and both.
     pub fn rows(&self) -> impl Iterator<Item = [f64; 5]> + '_ {
         let count = self.sides[0].len();
         let reached = self.values.iter().enumerate().filter(|(_, values)| !values[0].is_nan());

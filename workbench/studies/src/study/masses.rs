@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a study file says of the platform as a body.
+//! The table of a study that describes the platform as a body.
 
 use crate::study::number::Positive;
 use kinematics::{Matrix3, Vector3};
 use serde::Deserialize;
 
-/// `[platform]`: what moves with the platform joints, spindle and tool included.
+/// `[platform]`: the body that moves with the platform joints, spindle and tool included.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Platform {
     pub mass_kg: Positive,
-    /// Its centre of mass in the platform frame.
+    /// Center of mass in the platform frame.
     pub centre_mm: Place,
-    /// Its tensor of inertia about the centre of mass, platform axes; products of inertia are
-    /// entered as the tensor has them, I_xy = −∫ x y dm.
+    /// Inertia tensor about the center of mass, platform axes; products of inertia are entered
+    /// with the sign they have in the tensor, I_xy = −∫ x y dm.
     pub inertia_kg_m2: Option<Inertia>,
-    /// Direction of the weight in the machine frame, any length; −Z where it is missing.
+    /// Direction of the weight in the machine frame, any length; −Z if it is missing.
     pub down: Option<Direction>,
-    /// Whether stiffness has the part of the weight and of the forces by which the legs bear it.
+    /// Whether the stiffness includes the terms of the weight and of the leg forces that support it.
     #[serde(default)]
     pub geometric_stiffness: bool,
 }
 
-/// A place: three finite numbers.
+/// A position: three finite numbers.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(try_from = "[f64; 3]")]
 pub struct Place(pub Vector3<f64>);
 
-/// A number that is none.
+/// A number that is not finite.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected a finite number")]
 pub struct NotFinite(f64);
@@ -48,7 +48,7 @@ impl TryFrom<[f64; 3]> for Place {
 #[serde(try_from = "[f64; 3]")]
 pub struct Direction(pub Vector3<f64>);
 
-/// Three numbers that point nowhere.
+/// Three numbers without a direction.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("expected a direction: three finite numbers, not all 0")]
 pub struct NoDirection;
@@ -66,12 +66,12 @@ impl TryFrom<[f64; 3]> for Direction {
     }
 }
 
-/// A tensor of inertia that a body can have, kg m².
+/// An inertia tensor of a possible body, kg m².
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(try_from = "[[f64; 3]; 3]")]
 pub struct Inertia(pub Matrix3<f64>);
 
-/// Why no body has a tensor of inertia.
+/// Why no body can have an inertia tensor.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoBody {
     #[error("expected finite numbers")]
@@ -87,8 +87,8 @@ pub enum NoBody {
     Triangle(f64, f64, f64),
 }
 
-/// By how much a tensor of inertia may break its rules, as a share of its largest moment: figures
-/// that people round to six digits.
+/// Tolerance of the rules of an inertia tensor, as a share of its largest moment: users may have
+/// rounded the values to six digits.
 const ROUNDED: f64 = 1e-6;
 
 impl TryFrom<[[f64; 3]; 3]> for Inertia {
@@ -133,7 +133,7 @@ mod tests {
         assert!(of(diagonal(0.4, f64::NAN, 0.4)).contains("finite"));
         let skew = [[0.4, 0.1, 0.0], [-0.1, 0.4, 0.0], [0.0, 0.0, 0.4]];
         assert!(of(skew).contains("found 0.1 and -0.1"));
-        // Products of inertia as large as that would need a negative mass somewhere.
+        // Products of inertia as large as these would need a negative mass somewhere.
         let coupled = [[0.4, 0.5, 0.0], [0.5, 0.4, 0.0], [0.0, 0.0, 0.4]];
         assert!(of(coupled).contains("-0.1"));
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Studies of a machine: what its design makes of stiffness, errors and room to move.
+//! Studies of a machine: the stiffness, errors and workspace of a design.
 
 pub mod body;
 pub mod cutting;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Numbers of a study that cannot be any.
+//! Numbers of a study with a limited range.
 
 use serde::Deserialize;
 
-/// A number that is 0 or less, or none.
+/// A number that is 0 or less, or not finite.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected more than 0")]
 pub struct NotPositive(f64);
@@ -24,7 +24,7 @@ impl TryFrom<f64> for Positive {
     }
 }
 
-/// No damping ratio of something that oscillates.
+/// A number that is no damping ratio of an oscillation.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected more than 0 and less than 1")]
 pub struct NoRatio(f64);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where the legs are at a pose: lengths, ends, directions and angles, how near they come to
-//! each other, and where points of the platform are.
+//! Geometry of the legs at a pose: lengths, ends, directions and angles, distances between
+//! legs, and positions of points of the platform.
 //!
-//! Paper 003 asks for these of a design. It gives no convention for the direction of a rod; here
+//! Paper 003 requires these of a design. It gives no convention for the direction of a rod; here
 //! it points from base to platform, elevation = asin u_z above the XY plane, azimuth =
 //! atan2(u_y, u_x) about Z.
 
@@ -10,7 +10,7 @@ use kinematics::{Fault, Nearest, Pose, Segment, Vector3};
 use machine::read::legs::platform_anchor;
 use machine::read::mechanism::Mechanism;
 
-/// What is asked of a machine at every pose.
+/// The machine and the points to evaluate at every pose.
 pub struct View<'a> {
     config: &'a Mechanism,
     /// Points of the platform, in its frame, machine units.
@@ -26,29 +26,29 @@ pub struct Rods {
     pub rods: Vec<Rod>,
     /// Angles between legs, in the order of [`Mechanism::pairs`].
     pub between: Vec<f64>,
-    /// The two legs that are nearest, and the gap between them: the distance of their centre
-    /// lines without a diameter. `None` where all legs share an anchor.
+    /// The two nearest legs, and the gap between them: the distance of their center
+    /// lines minus a diameter. `None` if all legs share an anchor.
     pub nearest: Option<Nearest>,
-    /// The points, in base.
+    /// The points, in the base frame.
     pub points: Vec<Vector3<f64>>,
 }
 
 /// One leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rod {
-    /// Its ends, in base; that at the base moves with carriage or arm.
+    /// Ends of the leg, in the base frame; the base end moves with carriage or arm.
     pub ends: Segment,
-    /// From joint to joint.
+    /// Distance from joint to joint.
     pub length: f64,
-    /// Above the XY plane.
+    /// Elevation above the XY plane.
     pub elevation: f64,
-    /// About Z, from X.
+    /// Azimuth about Z, from X.
     pub azimuth: f64,
-    /// From its direction at home, seen in base.
+    /// Angle from the direction at home, in the base frame.
     pub base_cone: f64,
-    /// From its direction at home, seen in the platform.
+    /// Angle from the direction at home, in the platform frame.
     pub platform_cone: f64,
-    /// Between rod and guide, at most 90; `None` for other legs.
+    /// Angle between rod and guide, at most 90; `None` for other legs.
     pub guide: Option<f64>,
 }
 
@@ -57,7 +57,7 @@ impl<'a> View<'a> {
         Self { config, points, diameter }
     }
 
-    /// The legs at a pose.
+    /// Computes the legs at a pose.
     ///
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
@@ -92,7 +92,7 @@ impl<'a> View<'a> {
         self.config.geometry.legs()[leg].kind.guide().map(Vector3::from)
     }
 
-    /// Names of the numbers of [`Rods::values`].
+    /// Returns the names of the numbers of [`Rods::values`].
     pub fn names(&self) -> Vec<String> {
         let mut names = vec![];
         for i in 0..self.config.legs() {
@@ -113,7 +113,7 @@ impl<'a> View<'a> {
 }
 
 impl Rods {
-    /// All numbers in the order of [`View::names`]; `None` where there is no pair of legs.
+    /// Returns all numbers in the order of [`View::names`]; `None` if there is no pair of legs.
     pub fn values(&self) -> Vec<Option<f64>> {
         let mut values: Vec<Option<f64>> = vec![];
         for rod in &self.rods {
@@ -135,7 +135,7 @@ fn angle(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     a.cross(b).norm().atan2(a.dot(b)).to_degrees()
 }
 
-/// Between lines, whichever way they point.
+/// Returns the angle between lines, regardless of their direction.
 fn lines_angle(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     a.cross(b).norm().atan2(a.dot(b).abs()).to_degrees()
 }

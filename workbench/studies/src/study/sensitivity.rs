@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What errors of the joints do to the pose, and how near singular poses are.
+//! The effect of joint errors on the pose, and the distance to singular poses.
 //!
-//! With J the Jacobian of the joints by the pose and g how much a leg gets longer per joint unit,
-//! forward kinematics minimise the errors of the legs' lengths, so that small errors dq of the
-//! joints move the pose by `dX = (g J)⁺ g dq`, which is J⁻¹ dq for as many legs as coordinates.
-//! A pose is singular where J loses rank (the legs do not hold the platform, *parallel*) or where
-//! a rod stands square to the motion of its lower end (*serial*).
+//! Let J be the Jacobian of the joints with respect to the pose, and g the change of a leg's length per joint
+//! unit. Forward kinematics minimize the errors of the legs' lengths, so small joint errors dq
+//! move the pose by `dX = (g J)⁺ g dq`, which is J⁻¹ dq if there are as many legs as coordinates.
+//! A pose is singular if J loses rank (the legs do not constrain the platform, *parallel*) or if
+//! a rod is perpendicular to the motion of its lower end (*serial*).
 //!
-//! Paper 001 takes the ratios of rates along one path, l̇ⱼ/ẋᵢ, for partial derivatives. They are the
-//! outer product of two vectors, of rank 1 wherever the machine stands, and become infinite where
-//! a coordinate of the path turns back; see [`ratios`].
+//! Paper 001 uses the ratios of rates along one path, l̇ⱼ/ẋᵢ, as partial derivatives. They are the
+//! outer product of two vectors, of rank 1 for every machine and pose, and become infinite where
+//! a coordinate of the path reverses; see [`ratios`].
 
 use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
 use machine::files;
@@ -25,30 +25,30 @@ use rand_pcg::Pcg64;
 /// Pose coordinates by joints: X Y Z in machine units, A B C in degrees, per joint unit.
 pub type Gain = SMatrix<f64, 6, MAX_JOINTS>;
 
-/// Length that makes an angle a length where none is given, mm (paper 001's m).
+/// Default length that converts an angle to a length, mm (paper 001's m).
 pub const LENGTH_MM: f64 = 100.0;
 
-/// Steps of a search along a ray, and halvings of what it finds.
+/// Steps of a search along a ray, and halvings that refine a result.
 const RAY_STEPS: usize = 60;
 const HALVINGS: usize = 60;
 
-/// Conditioning below which the least place of a ray is singular: the V of a crossing is met to
-/// 1e-12 of the ray, that of a place passed by is far above.
+/// Conditioning below which a minimum along a ray is singular: the search locates the V-shaped minimum of a
+/// crossing to 1e-12 of the ray, and the minimum near a singular pose that is not crossed is far larger.
 const SINGULAR: f64 = 1e-8;
 
-/// Errors of a pose and how well it is held.
+/// Errors of a pose, and its conditioning.
 #[derive(Clone, Debug)]
 pub struct Sensitivity {
-    /// Pose by joint errors.
+    /// Pose changes per joint error.
     pub gain: Gain,
     /// Largest and smallest singular value of J with angles times the length, and its determinant
-    /// (its magnitude; the product of the singular values where legs exceed coordinates).
+    /// (its magnitude; the product of the singular values if there are more legs than coordinates).
     pub singular_values: [f64; 2],
     /// See `singular_values`.
     pub determinant: f64,
 }
 
-/// Jacobian of the joints, per machine unit and degree, columns that no joint moves 0.
+/// Returns the Jacobian of the joints, per machine unit and degree, with 0 in columns that no joint moves.
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
@@ -57,7 +57,8 @@ pub(crate) fn jacobian(config: &Mechanism, at: &At) -> Result<Rows, Fault> {
 }
 
 impl Sensitivity {
-    /// At a pose; `None` where it is singular. `length` turns angles into lengths, machine units.
+    /// Computes the sensitivity at a pose; `None` if it is singular. `length` (machine units) converts angles
+    /// to lengths.
     ///
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
@@ -85,14 +86,14 @@ impl Sensitivity {
         }))
     }
 
-    /// Largest error of each coordinate where no joint is off by more than its `bound`.
+    /// Returns the largest error of each coordinate if no joint error exceeds its `bound`.
     pub fn worst(&self, bound: &[f64]) -> [f64; 6] {
         std::array::from_fn(|i| {
             bound.iter().enumerate().map(|(j, b)| self.gain[(i, j)].abs() * b).sum()
         })
     }
 
-    /// Covariance of the pose for independent errors of these standard deviations.
+    /// Returns the covariance of the pose for independent errors of these standard deviations.
     pub(crate) fn covariance(&self, sigma: &[f64]) -> SMatrix<f64, 6, 6> {
         let mut scaled = self.gain;
         for j in 0..MAX_JOINTS {
@@ -101,7 +102,7 @@ impl Sensitivity {
         scaled * scaled.transpose()
     }
 
-    /// Standard deviation of each coordinate.
+    /// Returns the standard deviation of each coordinate.
     pub fn sigma(&self, sigma: &[f64]) -> [f64; 6] {
         let covariance = self.covariance(sigma);
         std::array::from_fn(|i| covariance[(i, i)].sqrt())
@@ -122,7 +123,7 @@ fn weights(config: &Mechanism, at: &At) -> SMatrix<f64, MAX_JOINTS, MAX_JOINTS> 
     SMatrix::from_diagonal(&SVector::<f64, MAX_JOINTS>::from_fn(|i, _| value(i)))
 }
 
-/// What random errors of the joints did to the pose, by the core's forward kinematics.
+/// The effect of random joint errors on the pose, by the core's forward kinematics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawn {
     pub count: usize,
@@ -130,11 +131,11 @@ pub struct Drawn {
     pub sigma: [f64; 6],
 }
 
-/// Draws independent normal errors of the joints, and takes every one through forward kinematics;
-/// the same numbers in every run.
+/// Draws independent normal errors of the joints, and solves forward kinematics for each draw;
+/// uses the same random numbers in every run.
 ///
 /// # Errors
-/// The pose, or one of those with an error, has no joint values or no pose.
+/// The pose, or one of those with an error, has no joint values or no forward solution.
 pub fn monte_carlo(
     config: &Mechanism,
     pose: &Pose,
@@ -143,7 +144,7 @@ pub fn monte_carlo(
     count: usize,
 ) -> Result<Drawn, Fault> {
     let joints = config.machine.inverse(pose, tool)?;
-    // Joints with errors contradict each other where legs exceed coordinates, by design.
+    // With more legs than coordinates, joints with errors contradict each other by design.
     let solver = kinematics::Solver { residual_limit: config.machine.size(), ..config.solver };
     let mut rng = Pcg64::seed_from_u64(0);
     let (mut sum, mut square) = ([0.0; 6], [0.0; 6]);
@@ -167,9 +168,9 @@ pub fn monte_carlo(
 /// Kind of a singular pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// The legs do not hold the platform.
+    /// The legs do not constrain the platform.
     Parallel,
-    /// A rod stands so nearly square to the motion of its lower end that the core refuses what lies
+    /// A rod is so nearly perpendicular to the motion of its lower end that the core refuses any pose
     /// beyond.
     Serial,
 }
@@ -178,25 +179,24 @@ pub enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Singular {
     pub kind: Kind,
-    /// Place.
     pub pose: [f64; 6],
-    /// How far out: 0 in the middle of the region, 1 on its border, beyond 1 outside.
+    /// Relative distance: 0 in the middle of the region, 1 on its border, above 1 outside.
     pub reach: f64,
 }
 
-/// What a search for singular poses has found.
+/// Result of a search for singular poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Near {
-    /// Rays looked along.
+    /// Number of rays searched.
     pub rays: usize,
-    /// The nearest of each kind, where there is one.
+    /// The nearest pose of each kind found.
     pub nearest: Vec<Singular>,
     /// The smallest conditioning inside the region.
     pub least: f64,
 }
 
-/// Looks along `rays` random rays from the middle of a region to `factor` times its border; a
-/// search finds what it meets, and proves nothing about the rest.
+/// Searches `rays` random rays from the middle of a region to `factor` times its border; a
+/// search reports only what the rays meet, and proves nothing about the rest.
 pub fn near(
     config: &Mechanism,
     region: &AxisBox,
@@ -250,7 +250,7 @@ impl Near {
     }
 }
 
-/// The last reach that has a value, between one that has and one that has not.
+/// Returns the last reach that has a value, between one with and one without.
 fn last(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..HALVINGS {
         let middle = (low + high) / 2.0;
@@ -262,7 +262,7 @@ fn last(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> f64 
     low
 }
 
-/// Place and value of a minimum, by the golden section.
+/// Returns position and value of a minimum, by golden-section search.
 fn lowest(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> (f64, f64) {
     let value = |reach| hold(reach).unwrap_or(f64::INFINITY);
     let share = (5.0_f64.sqrt() - 1.0) / 2.0;
@@ -279,7 +279,7 @@ fn lowest(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> (f
 /// A ray from the middle of a region.
 struct Ray {
     middle: [f64; 6],
-    /// To the border.
+    /// Vector from the middle to the border.
     way: [f64; 6],
 }
 
@@ -301,7 +301,7 @@ impl Ray {
         std::array::from_fn(|k| self.middle[k] + reach * self.way[k])
     }
 
-    /// Conditioning; `None` where there are no joint values.
+    /// Returns the conditioning; `None` if there are no joint values.
     fn hold(&self, config: &Mechanism, tool: &Vector3<f64>, reach: f64) -> Option<f64> {
         config
             .machine
@@ -311,14 +311,14 @@ impl Ray {
     }
 }
 
-/// Ratios of rates along a path, q̇ⱼ/ẋᵢ, a row a joint: the table that paper 001 calls a matrix of
-/// partial derivatives. Whatever the machine, it has rank 1, and it says nothing about other
+/// Returns the ratios of rates along a path, q̇ⱼ/ẋᵢ, one row per joint: the table that paper 001 calls a
+/// matrix of partial derivatives. For every machine it has rank 1, and it does not describe other
 /// directions than that of the path.
 pub fn ratios(joint_rates: &[f64], pose_rates: &[f64]) -> Vec<Vec<f64>> {
     joint_rates.iter().map(|q| pose_rates.iter().map(|x| q / x).collect()).collect()
 }
 
-/// What is found at one pose of a motion.
+/// Results at one pose of a motion.
 #[derive(Clone, Debug)]
 pub struct Point {
     /// Seconds.
@@ -336,7 +336,7 @@ pub struct Point {
     pub hold: f64,
 }
 
-/// Where a motion ends early: a time in seconds, and why.
+/// Early end of a motion: a time in seconds, and the reason.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum End {
     #[error("at {0:.3} s: {1}")]
@@ -345,7 +345,7 @@ pub enum End {
     Singular(f64),
 }
 
-/// One pose of a motion, with its rate.
+/// Computes one pose of a motion, with its rate.
 ///
 /// # Errors
 /// See [`End`].
@@ -374,7 +374,7 @@ pub fn along(
     })
 }
 
-/// Points of a motion as CSV.
+/// Formats points of a motion as CSV.
 pub fn csv(config: &Mechanism, points: &[Point]) -> String {
     let count = config.joints.len();
     let named = |what: &str| coordinates().iter().map(|c| format!("{what}_{c}")).collect();

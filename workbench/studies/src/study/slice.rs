@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Slices of a workspace: what rays in a plane see.
+//! Slices of a workspace, sampled along rays in a plane.
 
 use crate::study::body::Effort;
 use crate::study::workspace::{Border, Ray, Workspace};
 use kinematics::Vector3;
 use std::f64::consts::PI;
 
-/// A plane through the place where the rays begin.
+/// A plane through the origin of the rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
     pub name: String,
-    /// Unit vectors across and up.
+    /// Unit vectors in horizontal and vertical direction of the drawing.
     pub axes: [Vector3<f64>; 2],
 }
 
 impl Plane {
-    /// `xy`, `xz`, `yz`, or the three components of a normal, separated by commas.
+    /// Parses `xy`, `xz`, `yz`, or the three components of a normal, separated by commas.
     pub fn parse(text: &str) -> Option<Self> {
         let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
         let axes = match text.to_ascii_lowercase().as_str() {
@@ -27,7 +27,7 @@ impl Plane {
                     text.split(',').map(|w| w.trim().parse()).collect::<Result<_, _>>().ok()?;
                 let [a, b, c] = words[..] else { return None };
                 let normal = Vector3::new(a, b, c).try_normalize(0.0)?;
-                // Across lies level, up as steep as the plane allows.
+                // The first axis is level, the second as steep as the plane allows.
                 let across = z.cross(&normal).try_normalize(1e-9).unwrap_or(x);
                 [across, normal.cross(&across)]
             }
@@ -36,18 +36,18 @@ impl Plane {
     }
 }
 
-/// What rays in a plane see.
+/// A slice of a workspace.
 #[derive(Clone, Debug)]
 pub struct Slice {
     pub plane: Plane,
-    /// Where the rays begin.
+    /// Origin of the rays.
     pub from: Vector3<f64>,
-    /// Evenly around.
+    /// Rays, evenly around.
     pub rays: Vec<Ray>,
 }
 
 impl Slice {
-    /// From a place inside, along `rays` rays.
+    /// Samples a slice from a point inside, along `rays` rays.
     pub fn seen(
         workspace: &Workspace,
         plane: Plane,
@@ -71,7 +71,7 @@ impl Slice {
         self.rays.iter().flat_map(|ray| &ray.inside).map(piece).sum::<f64>() * angle
     }
 
-    /// Crossings in coordinates of the plane, counted from the machine's origin, with their limit.
+    /// Returns the crossings in coordinates of the plane, from the machine's origin, with their limit.
     pub fn outline(&self) -> Vec<([f64; 2], Border)> {
         let point = |ray: &Ray, distance: f64| {
             let place = self.from + ray.direction * distance;
@@ -83,8 +83,8 @@ impl Slice {
         self.rays.iter().flat_map(crossings).collect()
     }
 
-    /// Angles between which the slice is seen from the machine's origin (its place in the plane),
-    /// degrees from the plane's first axis; `None` where the origin lies in it.
+    /// Returns the angles between which the slice is visible from the machine's origin (projected on the plane),
+    /// in degrees from the plane's first axis; `None` if the origin lies inside it.
     pub fn sector(&self) -> Option<[f64; 2]> {
         let from = self.plane.axes.map(|axis| axis.dot(&self.from));
         let towards = from[1].atan2(from[0]);

@@ -12,12 +12,12 @@ pub struct Spindle {
     /// Young's modulus of the shaft.
     pub youngs_n_per_mm2: Positive,
     pub density_kg_per_m3: Positive,
-    /// Damping ratio of the shaft itself, added to what the bearings dissipate.
+    /// Damping ratio of the shaft itself, added to the damping of the bearings.
     pub damping_ratio: NotNegative,
-    /// Its cylinders from the rear end on; the last one is the overhang that commands change.
+    /// Cylinders from the rear end on; the last one is the overhang that commands change.
     pub sections: Vec<Section>,
     pub bearings: [Bearing; 2],
-    /// How many modes are used.
+    /// Number of modes used.
     #[serde(default = "three")]
     pub modes: u8,
 }
@@ -44,7 +44,7 @@ pub struct Bearing {
     pub at_mm: NotNegative,
     /// Displacement per force; 0 for a rigid bearing.
     pub compliance_um_per_n: NotNegative,
-    /// Turn per moment; without it the shaft turns freely there.
+    /// Angle per moment; if missing, the shaft rotates freely at the bearing.
     pub angular_rad_per_n_m: Option<NotNegative>,
     /// Force per speed.
     #[serde(default)]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The springs of legs and table axes, as a study names them.
+//! The springs of legs and table axes in a study.
 
 use crate::study::file::{Each, Lacking, Legs, Screw, Study};
 use machine::read::joints::JointKind;
@@ -14,9 +14,9 @@ const MM_PER_M: f64 = 1e3;
 /// The spring between the drive of a leg and the platform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Spring {
-    /// Along the leg, whatever is in it, N/mm.
+    /// Along the leg, everything included, N/mm.
     Whole(f64),
-    /// Rod and drive one after the other.
+    /// Rod and drive in series.
     Series {
         /// Along the leg, N/mm.
         rod: f64,
@@ -26,7 +26,7 @@ pub enum Spring {
 }
 
 impl Spring {
-    /// Stiffness along the leg, N/mm, where the leg's length changes by `gain` per mm or radian of
+    /// Returns the stiffness along the leg, N/mm, if the leg's length changes by `gain` per mm or radian of
     /// the joint: 1/k = 1/k_rod + gain²/k_drive.
     pub fn along(&self, gain: f64) -> f64 {
         match self {
@@ -41,12 +41,12 @@ impl Spring {
 pub struct Springs {
     /// Every leg, then every table axis.
     pub all: Vec<Spring>,
-    /// Of the struts with a lead.
+    /// Screw type of the struts with a lead.
     pub screw: Screw,
 }
 
 impl Springs {
-    /// Those that a study names.
+    /// Reads the springs of a study.
     ///
     /// # Errors
     /// See [`Lacking`].
@@ -63,7 +63,7 @@ impl Springs {
     }
 }
 
-/// The springs of all legs: `stiffness_n_per_um`, or `rod_stiffness_n_per_um` with that of the drives.
+/// Returns the springs of all legs: `stiffness_n_per_um`, or `rod_stiffness_n_per_um` with that of the drives.
 ///
 /// # Errors
 /// See [`Lacking`].
@@ -88,7 +88,7 @@ pub fn of_legs(config: &Mechanism, given: &Legs) -> Result<Vec<Spring>, Lacking>
     series.collect()
 }
 
-/// Refuses a value that is given in two ways, and one that is given in none.
+/// Refuses a value given with two keys, and one given with neither.
 pub(crate) fn one_of(
     section: &'static str,
     keys: [&'static str; 2],
@@ -101,8 +101,8 @@ pub(crate) fn one_of(
     }
 }
 
-/// Values of every leg where those of straight joints and of arms have keys of their own, each for
-/// the legs of its kind; `None` for a leg whose key is missing.
+/// Returns values of every leg from two keys, one for legs with straight joints and one for arms, each
+/// with a list for the legs of its kind; `None` for a leg whose key is missing.
 pub(crate) fn of_kinds(
     config: &Mechanism,
     keys: [&'static str; 2],

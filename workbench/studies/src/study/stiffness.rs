@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How stiffly the legs hold the tool: 6 × 6 matrices at the tool tip and what they look like.
+//! Stiffness of the tool: 6 × 6 matrices at the tool tip, and their ellipsoids.
 //!
-//! `K = Gᵀ K_θ G` (paper 004 equation 9) with rows G of the legs about the tool tip, so that forces
-//! in N and moments in N·mm are K times displacements in mm and turns in radians, in machine axes.
-//! The rows are those of the joints, with the correction for a turning nut: with the motor held, an
-//! axial force f sends the torque f · lead / 2π of its thread through both cardan joints. Where
-//! friction holds the thread ([`Screw::SelfLocking`]), they are those of the lengths alone.
+//! `K = Gᵀ K_θ G` (paper 004 equation 9) with rows G of the legs about the tool tip, so forces
+//! in N and moments in N·mm are K times displacements in mm and rotations in radians, in machine axes.
+//! The rows are those of the joints, with the correction for nut rotation: with the motor locked, an
+//! axial force f transmits the torque f · lead / 2π of its thread through both cardan joints. If
+//! friction locks the thread ([`Screw::SelfLocking`]), they are those of the lengths alone.
 //!
-//! What guides or joints of the platform hold counts as rigid: there the compliance has no part,
-//! and K is not asked for.
+//! Coordinates fixed by guides or joints of the platform count as rigid: they do not contribute to the
+//! compliance, and K is not computed.
 
 use crate::study::file::Screw;
 use crate::study::springs::Springs;
@@ -21,23 +21,23 @@ use std::f64::consts::PI;
 /// Stiffness at a pose, in N, mm and rad, about the tool tip, in machine axes.
 #[derive(Clone, Debug)]
 pub struct Stiffness {
-    /// Displacement and turn per force and moment, 1/N·mm and 1/N·mm².
+    /// Displacement and rotation per force and moment, 1/N·mm and 1/N·mm².
     pub compliance: Matrix6<f64>,
-    /// The inverse of it, where joints move all six coordinates.
+    /// Inverse of the compliance, if joints move all six coordinates.
     pub matrix: Option<Matrix6<f64>>,
 }
 
 /// Principal axes of a part of a compliance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ellipsoid {
-    /// Stiffness along each axis, smallest first: N/mm, or N·mm/rad; infinite where rigid.
+    /// Stiffness along each axis, smallest first: N/mm, or N·mm/rad; infinite if rigid.
     pub stiffness: [f64; 3],
     /// Unit vectors of the axes, columns in the same order.
     pub axes: Matrix3<f64>,
 }
 
 impl Stiffness {
-    /// At a pose; `None` where it is singular.
+    /// Computes the stiffness at a pose; `None` if it is singular.
     ///
     /// # Errors
     /// As [`Machine::inverse`].
@@ -60,7 +60,7 @@ impl Stiffness {
 
     fn of_rows(config: &Mechanism, pose: &Pose, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
         let moved = rows::moved(config).len();
-        // Angles times a length of the machine: rows of one unit, for the test of their rank.
+        // Angles times a length of the machine: rows of one unit, for the rank test.
         let radius = config.machine.radius();
         let scale = |k: usize| if k < 3 { 1.0 } else { 1.0 / radius };
         let root = SVector::<f64, MAX_JOINTS>::from_fn(|i, _| {
@@ -68,12 +68,12 @@ impl Stiffness {
         });
         let weighted = Rows::from_fn(|i, k| root[i] * rows[(i, k)] * scale(k));
         let inverse = rows::inverse(&weighted, moved)?;
-        // Of the coordinates: machine units and radians per force in N times machine units.
+        // In pose coordinates: machine units and radians per force in N times machine units.
         let of_pose = inverse * inverse.transpose();
         let map = rows::rate_map(pose);
         let mut to_twist = SMatrix::<f64, 6, 6>::identity();
         to_twist.fixed_view_mut::<3, 3>(3, 3).copy_from(&map);
-        // Lengths in mm: the rows of angles are lengths a radian.
+        // Lengths in mm: the rows of angles are lengths per radian.
         let per_mm = config.units_per_mm;
         let unit = Matrix6::from_diagonal(&SVector::<f64, 6>::from_fn(|k, _| {
             if k < 3 { 1.0 } else { per_mm / radius }
@@ -84,18 +84,18 @@ impl Stiffness {
         Some(Self { compliance, matrix })
     }
 
-    /// Axes of displacements per force at the tip, which is free to turn.
+    /// Returns the axes of displacement per force at the tip, which is free to rotate.
     pub fn translation(&self) -> Ellipsoid {
         Ellipsoid::of(&self.compliance.fixed_view::<3, 3>(0, 0).into_owned())
     }
 
-    /// Axes of turns per moment, the tip free to move.
+    /// Returns the axes of rotation per moment, with the tip free to translate.
     pub fn rotation(&self) -> Ellipsoid {
         Ellipsoid::of(&self.compliance.fixed_view::<3, 3>(3, 3).into_owned())
     }
 }
 
-/// Compliances below this share of the largest are those of rigid directions: rounding.
+/// Compliances below this share of the largest are rounding, in rigid directions.
 const RIGID: f64 = 1e-12;
 
 impl Ellipsoid {
@@ -114,11 +114,11 @@ impl Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// Outline of what loads of one amount do, whichever way they point, seen in a plane of two
-    /// axes: `count` points, and the first one again.
+    /// Returns the outline of the displacements due to loads of one magnitude in all directions, projected on a
+    /// plane of two axes: `count` points, and the first one again.
     pub fn outline(&self, plane: [usize; 2], load: f64, count: usize) -> Vec<(f64, f64)> {
         let yields = Matrix3::from_diagonal(&Vector3::from(self.stiffness.map(|k| load / k)));
-        // C² of the compliance: farthest along w of all C u is C² w/|C w|.
+        // C² of the compliance: the farthest of all C u along w is C² w/|C w|.
         let square = self.axes * yields * yields * self.axes.transpose();
         let point = |k: usize| {
             let (up, across) = (2.0 * PI * k as f64 / count as f64).sin_cos();
@@ -135,10 +135,10 @@ impl Ellipsoid {
     }
 }
 
-/// The machine with its platform anchors `factor` times as far from the axis of the control point.
+/// Returns the machine with its platform anchors `factor` times as far from the axis of the control point.
 ///
 /// # Errors
-/// The core refuses that machine.
+/// The core refuses the scaled machine.
 pub fn with_platform(config: &Mechanism, factor: f64) -> Result<Mechanism, Fault> {
     let mut legs = config.geometry.legs().to_vec();
     for LegGeometry { platform, .. } in &mut legs {
@@ -152,7 +152,7 @@ pub fn with_platform(config: &Mechanism, factor: f64) -> Result<Mechanism, Fault
 }
 
 impl Stiffness {
-    /// Smallest stiffness of translation (N/mm) and of rotation (N·mm/rad).
+    /// Returns the smallest stiffness of translation (N/mm) and of rotation (N·mm/rad).
     pub fn least(&self) -> [f64; 2] {
         [self.translation().stiffness[0], self.rotation().stiffness[0]]
     }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where a machine can put its tool: the positions that it reaches in one orientation, or in every
-//! one of a set, and what limits them.
+//! Workspace: the positions that a machine reaches in one orientation, or in every one of a set of
+//! orientations, and the limits that bound it.
 //!
-//! Everything is seen along rays from one place inside. A ray is followed in steps and every
-//! crossing of a limit is halved down to rounding; what is thinner than a step can be missed. The
-//! volume is the sum of the rays' pieces by their solid angles, islands and holes included, and
-//! once more, independently, a count on a grid.
+//! It is sampled along rays from one point inside. A ray is followed in steps, and every
+//! crossing of a limit is bisected down to rounding; parts thinner than a step can be missed. The
+//! volume is the sum of the rays' segments times their solid angles, islands and holes included;
+//! a count on a grid computes it again, independently.
 
 use crate::study::file;
 use kinematics::{
@@ -20,23 +20,23 @@ use std::fmt;
 /// Halvings of a step: down to the rounding of a position.
 const HALVINGS: usize = 48;
 
-/// What a position breaks first.
+/// The limit that a position violates first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Border {
     pub limit: Limit,
     pub part: Part,
-    /// Whether it is the lower end of the range that is left.
+    /// Whether the lower end of the range is violated.
     pub is_low: bool,
-    /// Whether it is the distance from another mechanism, which is none of the machine's own limits.
+    /// Whether it is the distance to another mechanism, which is not one of the machine's own limits.
     pub is_between: bool,
 }
 
 impl Border {
-    /// That nothing is reached beyond.
+    /// The border beyond which no pose is reachable.
     const UNREACHED: Self =
         Self { limit: Limit::Reach, part: Part::Whole, is_low: true, is_between: false };
 
-    /// That another mechanism is too near.
+    /// Another mechanism is too near.
     const BETWEEN: Self =
         Self { limit: Limit::Clearance, part: Part::Whole, is_low: true, is_between: true };
 
@@ -65,7 +65,7 @@ impl Border {
         }
     }
 
-    /// Kinds of borders in one order.
+    /// Returns the rank of a border's kind in a fixed order.
     pub fn rank(&self) -> (usize, bool) {
         if self.is_between {
             return (Limit::ALL.len(), false);
@@ -87,7 +87,7 @@ impl fmt::Display for Border {
     }
 }
 
-/// Why there is no workspace to look at.
+/// Why there is no workspace.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoWorkspace {
     #[error("no joint moves {0}: there is no space to look at")]
@@ -105,10 +105,10 @@ pub enum NoWorkspace {
     OtherAxis { end: &'static str, leg: usize },
 }
 
-/// The limits of a machine, and the orientations in which a position has to keep them.
+/// The limits of a machine, and the orientations in which a position must satisfy them.
 pub struct Workspace<'a> {
     config: &'a Mechanism,
-    /// With the joints' axes that the study names.
+    /// The machine with the joint axes of the study.
     machine: Machine,
     limits: Limits,
     tool: Vector3<f64>,
@@ -117,51 +117,51 @@ pub struct Workspace<'a> {
     other: Option<Other<'a>>,
 }
 
-/// Another mechanism on the same base, and where it stands.
+/// Another mechanism on the same base, and its poses.
 struct Other<'a> {
     config: &'a Mechanism,
     poses: Vec<Pose>,
-    /// Smallest distance that is kept.
+    /// Smallest permitted distance.
     clearance: f64,
 }
 
-/// Where the other one of two mechanisms may be.
+/// Poses of the other one of two mechanisms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stand {
     Home,
-    /// At home, and in every corner of its axis limits that it can take, one after another.
+    /// At home, and in every corner of its axis limits that it reaches, one after another.
     Anywhere,
 }
 
-/// A machine that is moved from place to place in the same memory.
+/// A machine that moves from position to position without allocating.
 pub struct Probe<'a> {
     workspace: &'a Workspace<'a>,
     at: At<'a>,
-    /// The other mechanism at each of its poses, with the corners of a box that holds it.
+    /// The other mechanism at each of its poses, with the corners of its bounding box.
     others: Vec<(At<'a>, [Vector3<f64>; 2])>,
 }
 
-/// What is seen along a ray.
+/// Result of following a ray.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ray {
     /// Unit vector.
     pub direction: Vector3<f64>,
-    /// Pieces within the limits, from and to, machine units; the first one begins at 0.
+    /// Segments within the limits, from and to, machine units; the first one begins at 0.
     pub inside: Vec<[f64; 2]>,
-    /// What ends the first piece.
+    /// Limit at the end of the first segment.
     pub limit: Border,
-    /// What stands at the ends of the other pieces, one each for their beginning and their end.
+    /// Limits at the ends of the other segments, one each for their beginning and their end.
     pub others: Vec<[Border; 2]>,
     pub looked: usize,
 }
 
 impl Ray {
-    /// End of the first piece.
+    /// Returns the end of the first segment.
     pub fn exit(&self) -> f64 {
         self.inside[0][1]
     }
 
-    /// Distance and limit of every crossing.
+    /// Returns distance and limit of every crossing.
     pub fn crossings(&self) -> impl Iterator<Item = (f64, Border)> + '_ {
         let first = (self.exit(), self.limit);
         let others = self.inside[1..].iter().zip(&self.others);
@@ -171,8 +171,8 @@ impl Ray {
 }
 
 impl<'a> Workspace<'a> {
-    /// Of a machine, in one orientation or several, with the limits of its INI file and those of a
-    /// study.
+    /// Creates the workspace of a machine, in one or several orientations, with the limits of its INI file and
+    /// those of a study.
     ///
     /// # Errors
     /// See [`NoWorkspace`].
@@ -204,11 +204,11 @@ impl<'a> Workspace<'a> {
         })
     }
 
-    /// Also keeps `[PKM]MECHANISM_CLEARANCE` from the other mechanism of a file with two, of which `first` is the
-    /// first, at each pose that it may stand at, without a tool.
+    /// Adds the distance `[PKM]MECHANISM_CLEARANCE` from the other of two mechanisms, of which `first` is the
+    /// first, at each of its possible poses, without a tool.
     ///
     /// # Errors
-    /// The other one cannot be at home.
+    /// The other mechanism cannot be at home.
     pub fn beside(
         mut self,
         first: &Mechanism,
@@ -226,15 +226,15 @@ impl<'a> Workspace<'a> {
         Ok(self)
     }
 
-    /// Whether a position keeps the limits in every orientation.
+    /// Checks whether a position satisfies the limits in every orientation.
     ///
     /// # Errors
-    /// The first limit that it breaks.
+    /// Returns the first limit that it violates.
     pub fn check(&self, position: &Vector3<f64>) -> Result<(), Border> {
         self.probe().check(position)
     }
 
-    /// To check many positions.
+    /// Creates a probe, for checks of many positions.
     pub(crate) fn probe(&self) -> Probe<'_> {
         let others = self.other.iter().flat_map(|other| {
             let at = |pose| other.config.machine.at(pose, &other.config.spindle).ok();
@@ -245,7 +245,7 @@ impl<'a> Workspace<'a> {
         Probe { workspace: self, at: self.machine.nowhere(), others }
     }
 
-    /// Home, or where that is not within the limits the first corner of the axis limits that is.
+    /// Returns home, or, if home is not within the limits, the first corner of the axis limits that is.
     pub fn place_inside(&self) -> Option<Vector3<f64>> {
         let corners = corners(self.config).into_iter();
         let places = corners.map(|[x, y, z, ..]| Vector3::new(x, y, z));
@@ -253,14 +253,14 @@ impl<'a> Workspace<'a> {
         all.find(|place| self.check(place).is_ok())
     }
 
-    /// No position within the limits is farther than this from another one, by the machine's size.
+    /// Returns a bound of the distance between two positions within the limits, from the machine's size.
     pub fn extent(&self) -> f64 {
         let joints = self.config.joints.iter().filter(|joint| joint.kind != JointKind::Arm);
         let travel = joints.map(|j| (j.max - j.min).max(j.max.abs()).max(j.min.abs()));
         2.0 * self.config.machine.size() + travel.fold(0.0, f64::max)
     }
 
-    /// A ray from a place inside, followed in steps of a length to the end of the extent.
+    /// Follows a ray from a point inside in steps of a length to the end of the extent.
     pub fn ray(&self, from: &Vector3<f64>, direction: &Vector3<f64>, step: f64) -> Ray {
         let mut probe = self.probe();
         let mut at = |distance: f64| probe.check(&(from + direction * distance));
@@ -293,10 +293,10 @@ impl<'a> Workspace<'a> {
 }
 
 impl Probe<'_> {
-    /// As [`Workspace::check`].
+    /// Checks a position as [`Workspace::check`] does.
     ///
     /// # Errors
-    /// As there.
+    /// See [`Workspace::check`].
     pub(crate) fn check(&mut self, position: &Vector3<f64>) -> Result<(), Border> {
         let Self { workspace, at, others } = self;
         workspace.orientations.iter().try_for_each(|angles| {
@@ -319,7 +319,7 @@ impl Probe<'_> {
     }
 }
 
-/// Corners of a box that holds the legs, and with them the platform, at a pose.
+/// Returns the corners of a bounding box of the legs, and so of the platform, at a pose.
 fn corners_of(at: &At) -> [Vector3<f64>; 2] {
     let legs = at.segments().iter().take(at.layout().legs());
     let ends = legs.flat_map(|leg| [leg.base, leg.platform]);
@@ -328,7 +328,7 @@ fn corners_of(at: &At) -> [Vector3<f64>; 2] {
     })
 }
 
-/// Every corner of a machine's axis limits: X Y Z in machine units, A B C in degrees.
+/// Returns every corner of a machine's axis limits: X Y Z in machine units, A B C in degrees.
 fn corners(config: &Mechanism) -> Vec<[f64; 6]> {
     let mut all = vec![config.home];
     for (k, axis) in config.axes.iter().enumerate() {
@@ -350,7 +350,7 @@ fn corners(config: &Mechanism) -> Vec<[f64; 6]> {
     all
 }
 
-/// Where the limits are crossed between two places, and what is broken on the outer side.
+/// Bisects a crossing of the limits between two distances; returns it with the limit violated on the outer side.
 fn crossing(
     at: &mut impl FnMut(f64) -> Result<(), Border>,
     (mut low, mut high): (f64, f64),
@@ -379,12 +379,12 @@ enum End {
     Platform,
 }
 
-/// Sets what a study allows the joints at one end of the legs, beside what the machine's file
-/// does; the axes that the study names for them. They go before those of the file, and legs that
-/// have none in their geometry get them.
+/// Tightens the joint limits at one end of the legs to those of a study, and returns the axes
+/// that the study gives for them. These axes have priority over those of the file, and legs without an
+/// axis in their geometry receive them.
 ///
-/// Paper 004 gives turns for an axis square to the leg at home: there they are those of the core
-/// ([`At::turns`]), which hold for any axis.
+/// Paper 004 gives the angles for an axis perpendicular to the leg at home: for such an axis they equal those of
+/// the core ([`At::turns`]), which are defined for any axis.
 fn pyramid<'s>(
     config: &Mechanism,
     study: &'s file::Limits,
@@ -420,14 +420,14 @@ fn pyramid<'s>(
     Ok(given)
 }
 
-/// Whether two directions are the same to what people write of them, a millionth.
+/// Returns whether two directions agree to the precision of values in files, a millionth.
 fn is_along(one: &[f64; 3], other: &[f64; 3]) -> bool {
     let [one, other] = [one, other].map(|axis| Vector3::from(*axis).normalize());
     (one - other).norm() < 1e-6
 }
 
-/// Level, and tilted by an angle in `directions` directions about Z, without a turn about the
-/// tool: A B C in degrees; those that the machine can take.
+/// Returns the level orientation, and those tilted by an angle in `directions` directions about Z, without
+/// rotation about the tool: A B C in degrees; only those that the machine can reach.
 pub fn tilts(config: &Mechanism, tilt: f64, directions: usize) -> Vec<[f64; 3]> {
     let held = |letter| config.machine.layout().is_held(letter);
     let mut all = vec![[0.0; 3]];
@@ -436,7 +436,7 @@ pub fn tilts(config: &Mechanism, tilt: f64, directions: usize) -> Vec<[f64; 3]> 
         let (sin, cos) = tilt.to_radians().sin_cos();
         let z = Vector3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos);
         let (a, b) = (-z.y.asin().to_degrees(), z.x.atan2(z.z).to_degrees());
-        // Rounding of the sine.
+        // Tolerance for rounding of the sine.
         let moves = |letter, angle: f64| angle.abs() < 1e-9 || !held(letter);
         if moves(Letter::A, a) && moves(Letter::B, b) {
             all.push([
