@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How sure the tip is: what the covariance of the parameters makes of its place.
+//! Confidence region of the tip, from the covariance of the parameters.
 
 use super::model::{Model, Quantity, unit};
 use super::reading::{Changed, Posed};
@@ -11,23 +11,23 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Poses that stand for the workspace.
+/// Number of poses that represent the workspace.
 const SAMPLES: usize = 60;
 
 pub const CONFIDENCE: f64 = 0.95;
 
-/// Region in which the tip is with [`CONFIDENCE`].
+/// Region that contains the tip with probability [`CONFIDENCE`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ellipsoid {
     pub pose: Pose,
     /// Half axes, longest first, machine units.
     pub half_axes: [f64; 3],
-    /// Direction of the longest one, in base.
+    /// Direction of the longest axis, in base.
     pub direction: Vector3<f64>,
 }
 
-/// Rates of the tip by the parameters at fixed joints, as seen from frame 0 where its place is
-/// measured as well: what base and frame do together is no error of the work.
+/// Returns the rates of the tip with respect to the parameters at fixed joints, relative to frame 0 if its
+/// position is a parameter as well: a common motion of base and frame is no error of the workpiece.
 pub fn rates(model: &Model, posed: &Posed) -> DMatrix<f64> {
     let mut rates = posed.rates.rows(0, 3).into_owned();
     let away = posed.tip - model.frames.first().map_or(Vector3::zeros(), |frame| frame.origin);
@@ -40,7 +40,7 @@ pub fn rates(model: &Model, posed: &Posed) -> DMatrix<f64> {
     rates
 }
 
-/// Where the tip is, for parameters of this covariance.
+/// Computes the confidence region of the tip, for parameters with this covariance.
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
@@ -62,7 +62,7 @@ pub(crate) fn ellipsoid(
     Ok(Ellipsoid { pose: *pose, half_axes, direction: eigen.eigenvectors.column(order[0]).into() })
 }
 
-/// The largest region over poses.
+/// Returns the largest region over poses.
 ///
 /// # Errors
 /// As [`ellipsoid`].
@@ -78,17 +78,17 @@ pub(crate) fn largest(
     Ok(all.into_iter().max_by(|a, b| a.half_axes[0].total_cmp(&b.half_axes[0])))
 }
 
-/// Poses within the axis limits that the machine can take: sixty at most, always the same.
+/// Returns legal poses within the axis limits: sixty at most, the same in every run.
 pub fn workspace(config: &Mechanism, tool: &Vector3<f64>) -> Vec<Pose> {
     poses(config, tool, SAMPLES, 0)
 }
 
-/// Poses enough for a mean over the workspace, where errors grow towards its corners.
+/// Returns enough poses for a mean over the workspace, because errors grow towards its corners.
 pub(crate) fn whole_workspace(config: &Mechanism, tool: &Vector3<f64>) -> Vec<Pose> {
     poses(config, tool, 5 * SAMPLES, 0)
 }
 
-/// Poses at random within the axis limits that the machine can take.
+/// Returns random legal poses within the axis limits.
 pub fn poses(config: &Mechanism, tool: &Vector3<f64>, count: usize, seed: u64) -> Vec<Pose> {
     let mut random = Pcg64::seed_from_u64(seed);
     let letters = config.machine.layout().coordinates().as_slice();
@@ -100,12 +100,12 @@ pub fn poses(config: &Mechanism, tool: &Vector3<f64>, count: usize, seed: u64) -
                 pose[letter.index()] = random.random_range(axis.min..=axis.max);
             }
         }
-        // Axis limits are those of the tip: LinuxCNC adds the tool to the position.
+        // The position drawn is that of the tip, to which LinuxCNC adds the tool.
         let mut pose = Pose::from_degrees(pose);
         pose.position += tool - config.spindle;
         pose
     };
-    // A machine that takes one of a hundred poses in its axis limits still gives enough.
+    // A machine with one legal pose in a hundred within its axis limits still yields enough.
     (0..100 * count)
         .map(|_| draw())
         .filter(|pose| is_legal(config, pose, tool))
@@ -113,17 +113,17 @@ pub fn poses(config: &Mechanism, tool: &Vector3<f64>, count: usize, seed: u64) -
         .collect()
 }
 
-/// Why no program takes the machine to a pose.
+/// Why no program can move the machine to a pose.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Refused {
     /// A limit of the machine, or of an axis.
     Limit(Margin),
-    /// There are no joint values.
+    /// No joint values exist.
     Fault(Fault),
 }
 
 impl Refused {
-    /// What would be, as a sentence.
+    /// Describes the refusal in a sentence.
     pub(crate) fn sentence(&self, config: &Mechanism) -> String {
         match self {
             Self::Limit(margin) => limits::sentence(config, margin),
@@ -132,11 +132,11 @@ impl Refused {
     }
 }
 
-/// Whether LinuxCNC lets a program take the machine to a pose: within the limits of the axes too, which it compares
-/// with the position, tool offset included.
+/// Checks whether LinuxCNC lets a program move the machine to a pose. The axis limits apply too: LinuxCNC compares
+/// them with the position, tool offset included.
 ///
 /// # Errors
-/// What it does not keep.
+/// Returns the violated limit, or the fault.
 pub(crate) fn programmable(
     config: &Mechanism,
     pose: &Pose,
@@ -155,7 +155,7 @@ pub(crate) fn programmable(
     }
 }
 
-/// Whether the machine can take a pose.
+/// Returns whether a pose is within the machine's limits, axis limits excluded.
 pub(crate) fn is_legal(config: &Mechanism, pose: &Pose, tool: &Vector3<f64>) -> bool {
     legal(config, pose, tool).is_ok()
 }

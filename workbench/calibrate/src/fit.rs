@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Least squares on readings and drawing, and the readings that are not believed.
+//! Least squares on readings and drawing, and the detection of outliers.
 //!
-//! Minimised is Σ (residual/noise)² + Σ (change/deviation)²: the most probable machine where the
-//! drawing's tolerances and the noise are normal. What no reading tells keeps the drawing's value,
-//! for only the second sum sees it.
+//! Minimizes Σ (residual/noise)² + Σ (change/deviation)²: the most probable machine if the
+//! drawing's tolerances and the noise are normal. A value that no reading determines keeps the drawing's value,
+//! because only the second sum depends on it.
 
 use super::least_squares::{Linear, NotConverged, minimum};
 use super::model::Model;
@@ -12,27 +12,27 @@ use kinematics::Fault;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// How often an outlier is found in readings that have none.
+/// Probability of an outlier in readings that have none.
 const FALSE_ALARM: f64 = 1e-3;
 
 /// Largest share of outliers that can be distinguished from a machine unlike its drawing.
 const MOST_OUTLIERS: f64 = 0.1;
 
-/// Share of a residual that is left to judge a reading by, at least: with less the machine follows
-/// it wherever it is.
+/// Least redundancy of a reading: the share of its error that remains in the residual. With less, the fit
+/// follows the reading whatever it is, and cannot judge it.
 const LEAST_FREE: f64 = 1e-3;
 
-/// Median of |x| of the normal distribution, inverse.
+/// Ratio of the standard deviation of a normal distribution to the median of |x|.
 const MEDIAN_TO_DEVIATION: f64 = 1.4826;
 
-/// Noise to start with where none is given, in sizes of the machine.
+/// Initial noise if none is given, in sizes of the machine.
 const FIRST_NOISE: f64 = 1e-5;
 
-/// Rounds after which the noise has settled: each changes it by the little that the drawing's
-/// weight does.
+/// Rounds after which the noise has converged: each changes it only by the small effect of the drawing's
+/// weight.
 const NOISE_ROUNDS: usize = 4;
 
-/// Parts of the readings that are held out in turns.
+/// Number of groups of readings that are held out in turn.
 const FOLDS: usize = 5;
 
 /// Why there is no fit.
@@ -56,24 +56,24 @@ pub enum Misfit {
     Search(#[from] NotConverged),
 }
 
-/// A reading that is not believed, and left out.
+/// A reading that contradicts the others, and is left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outlier {
     pub reading: usize,
-    /// How far it is from what the others say, in units of length.
+    /// Distance from the value that the other readings imply, in units of length.
     pub miss: f64,
     pub deviations: f64,
 }
 
-/// What the readings made of the drawing.
+/// Result of fitting a model to readings.
 #[derive(Clone, Debug)]
 pub struct Fit {
     pub changes: Vec<f64>,
-    /// Of the changes.
+    /// Covariance of the changes.
     pub covariance: DMatrix<f64>,
-    /// Standard deviation of one number read.
+    /// Standard deviation of one number of a reading.
     pub noise: f64,
-    /// Derivatives of the numbers read by the parameters, readings that are believed only.
+    /// Derivatives of the numbers of the accepted readings with respect to the parameters.
     pub jacobian: DMatrix<f64>,
     pub residuals: DVector<f64>,
     /// Readings left out, in the order in which they were found.
@@ -81,12 +81,13 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Standard deviation of a parameter.
+    /// Returns the standard deviation of a parameter.
     pub fn deviation(&self, k: usize) -> f64 {
         self.covariance[(k, k)].max(0.0).sqrt()
     }
 
-    /// The residual without whose reading the sum of squares would fall the most, and by how much.
+    /// Returns the residual whose reading, left out, would reduce the sum of squares the most, and the
+    /// reduction.
     pub(crate) fn foremost(&self) -> (usize, f64) {
         let squares = judged(self).into_iter().map(|size| size.map_or(0.0, |size| size * size));
         let (place, square) =
@@ -94,22 +95,21 @@ impl Fit {
         (place, square / (self.noise * self.noise))
     }
 
-    /// Root mean square of the residuals.
+    /// Returns the root mean square of the residuals.
     pub fn rms(&self) -> f64 {
         rms(&self.residuals)
     }
 }
 
-/// Root mean square.
 pub(crate) fn rms(values: &DVector<f64>) -> f64 {
     (values.norm_squared() / values.len().max(1) as f64).sqrt()
 }
 
-/// Residuals of readings, one below the other, and their derivatives, each by the weight of its
+/// Returns the residuals of readings, stacked, and their derivatives, each times the weight of its
 /// instrument.
 ///
 /// # Errors
-/// A reading that this machine cannot have given.
+/// A reading that is impossible for the changed machine.
 pub fn residuals(model: &Model, readings: &[&Reading], changes: &[f64]) -> Result<Linear, Misfit> {
     let changed = Changed::new(model, changes)
         .map_err(|fault| Misfit::Unreachable("this geometry is no machine".into(), fault))?;
@@ -129,8 +129,8 @@ pub fn residuals(model: &Model, readings: &[&Reading], changes: &[f64]) -> Resul
     Ok((values, jacobian))
 }
 
-/// Sum of squares of residuals and changes, each in its standard deviations: that of as many normal
-/// numbers as there are residuals, where noise and tolerances are as stated.
+/// Returns the sum of squares of residuals and changes, each in its standard deviations: distributed as for as
+/// many normal numbers as there are residuals, if noise and tolerances are as stated.
 pub(crate) fn chi_square(
     model: &Model,
     residuals: &DVector<f64>,
@@ -141,7 +141,7 @@ pub(crate) fn chi_square(
     residuals.norm_squared() / (noise * noise) + prior.sum::<f64>()
 }
 
-/// The most probable changes, for this noise.
+/// Returns the most probable changes for this noise.
 pub(super) fn most_probable(
     model: &Model,
     readings: &[&Reading],
@@ -168,7 +168,7 @@ pub(super) fn most_probable(
     }
 }
 
-/// Below the residuals in units of noise the changes in units of their deviation.
+/// Appends the changes in units of their deviation to the residuals in units of noise.
 fn with_prior(
     values: DVector<f64>,
     jacobian: DMatrix<f64>,
@@ -188,7 +188,7 @@ fn with_prior(
     (all, by)
 }
 
-/// Covariance of the changes, for readings with these derivatives.
+/// Returns the covariance of the changes, for readings with these derivatives.
 pub(crate) fn covariance(model: &Model, jacobian: &DMatrix<f64>, noise: f64) -> DMatrix<f64> {
     let n = model.parameters.len();
     let deviation = DVector::from_iterator(n, model.parameters.iter().map(|p| p.deviation));
@@ -196,13 +196,13 @@ pub(crate) fn covariance(model: &Model, jacobian: &DMatrix<f64>, noise: f64) -> 
         DMatrix::from_fn(jacobian.nrows(), n, |i, k| jacobian[(i, k)] * deviation[k] / noise);
     let information = DMatrix::identity(n, n) + scaled.transpose() * &scaled;
     let inverse = information.cholesky().map(|factor| factor.inverse());
-    // Identity plus a square has a factor, unless a number is none.
+    // The identity plus a square is positive definite, unless an entry is NaN.
     let inverse = inverse.unwrap_or_else(|| DMatrix::from_element(n, n, f64::NAN));
     DMatrix::from_fn(n, n, |i, k| inverse[(i, k)] * deviation[i] * deviation[k])
 }
 
-/// Fits a model to readings. Without a `noise` that of the readings is estimated; readings that
-/// do not agree with the others are left out one by one.
+/// Fits a model to readings. Without a `noise` the noise of the readings is estimated; readings that
+/// contradict the others are left out one by one.
 ///
 /// # Errors
 /// See [`Misfit`].
@@ -226,7 +226,7 @@ pub fn fit(model: &Model, readings: &[Reading], noise: Option<f64>) -> Result<Fi
     }
 }
 
-/// The fit of these readings, all believed.
+/// Fits all of these readings.
 fn settled(
     model: &Model,
     readings: &[&Reading],
@@ -259,7 +259,7 @@ fn settled(
     Ok(left.pop().expect("there is at least one round"))
 }
 
-/// Refuses readings of which none could be checked: without scatter there is no noise to find.
+/// Refuses too few readings to check any of them: without scatter the noise cannot be estimated.
 fn check_count(model: &Model, readings: &[&Reading], changes: &[f64]) -> Result<(), Misfit> {
     let (values, jacobian) = residuals(model, readings, changes)?;
     let determined = super::observe::rank(model, &jacobian);
@@ -269,8 +269,8 @@ fn check_count(model: &Model, readings: &[&Reading], changes: &[f64]) -> Result<
     }
 }
 
-/// Residuals, each over the root of the share of it that the machine does not follow; nothing where
-/// that is too little.
+/// Returns the residuals, each divided by the root of its redundancy; `None` if the redundancy is
+/// too small.
 fn judged(found: &Fit) -> Vec<Option<f64>> {
     let weight = &found.jacobian * &found.covariance;
     let square = found.noise * found.noise;
@@ -282,15 +282,15 @@ fn judged(found: &Fit) -> Vec<Option<f64>> {
     (0..found.residuals.len()).map(judge).collect()
 }
 
-/// Noise of the readings, by the median, which a tenth of outliers does not move much.
+/// Estimates the noise of the readings by the median, which a tenth of outliers changes only slightly.
 fn scatter(found: &Fit) -> f64 {
     let mut sizes: Vec<f64> = judged(found).into_iter().flatten().map(f64::abs).collect();
     sizes.sort_by(f64::total_cmp);
     sizes.get(sizes.len() / 2).map_or(found.noise, |median| median * MEDIAN_TO_DEVIATION)
 }
 
-/// The reading that agrees least with the others, where noise is no explanation: its place among
-/// those believed.
+/// Returns the reading that agrees least with the others, if noise does not explain it: its index among
+/// the accepted readings.
 fn worst(found: &Fit, readings: &[&Reading], numbers: &[usize]) -> Option<(usize, Outlier)> {
     let noise = found.noise.max(scatter(found));
     let rows =
@@ -303,13 +303,13 @@ fn worst(found: &Fit, readings: &[&Reading], numbers: &[usize]) -> Option<(usize
     (deviations > largest_by_chance(found.residuals.len())).then_some((place, outlier))
 }
 
-/// What the largest of `count` normal numbers exceeds once in a thousand times, in deviations.
+/// Returns the value that the largest of `count` normal numbers exceeds once in a thousand times, in deviations.
 pub(crate) fn largest_by_chance(count: usize) -> f64 {
     Normal::standard().inverse_cdf(1.0 - FALSE_ALARM / (2.0 * count.max(1) as f64))
 }
 
-/// Root mean square of what a fit to the other readings says of those left out: groups of readings
-/// in turns, outliers not at all. `progress` receives the share that is done.
+/// Returns the root mean square residual of readings left out of the fit: groups of readings are left out in
+/// turn, outliers are ignored. `progress` receives the share done.
 ///
 /// # Errors
 /// See [`Misfit`].

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Gauges that people read: dial gauge, ball bar, feeler gauge; what one of their readings is to the
+//! Gauges that the operator reads: dial gauge, ball bar, feeler gauge; and their readings as input of the
 //! estimator.
 //!
-//! | gauge | what is read | measured |
+//! | gauge | value read | measured |
 //! | --- | --- | --- |
-//! | dial | how far its point is pressed in by a plane | the face, with a tool so much shorter |
-//! | feeler | the gap of tool and plane, along the plane's normal | the face, so much higher |
-//! | bar | the distance of the tool's ball from a ball that stays | the distance |
+//! | dial | displacement of its point, pressed in by a plane | the face, with the tool shorter by this value |
+//! | feeler | gap between tool and plane, along the plane's normal | the face, higher by this value |
+//! | bar | distance of the tool's ball from a fixed ball | the distance |
 //!
-//! A plane is that of X and Y of its frame, with Z out of the work: a plate's face, or an edge.
+//! A plane is X and Y of its frame, with Z out of the workpiece: a plate's face, or an edge.
 
 use super::log;
 use super::model::Frame;
@@ -23,7 +23,7 @@ use std::fmt;
 pub enum Kind {
     /// A dial gauge in the spindle against a plane.
     Dial,
-    /// A ball bar between a ball that stays and the ball of the tool; its whole length is read.
+    /// A ball bar between a fixed ball and the ball of the tool; its whole length is read.
     Bar,
     /// A feeler gauge between the tool and a plane.
     Feeler,
@@ -45,13 +45,13 @@ impl Kind {
     }
 }
 
-/// Unit in which a gauge is read.
+/// Unit of a gauge's readings.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Scale {
-    /// Micrometre.
+    /// Micrometer.
     Um,
-    /// Millimetre.
+    /// Millimeter.
     Mm,
     /// Thousandth of an inch.
     Thou,
@@ -70,12 +70,12 @@ impl Scale {
         }
     }
 
-    /// The unit of this name.
+    /// Returns the unit of this name.
     pub(crate) fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|scale| scale.name() == name)
     }
 
-    /// One of it in millimetres.
+    /// Returns its length in millimeters.
     pub(crate) fn in_mm(self) -> f64 {
         match self {
             Self::Um => 1e-3,
@@ -92,7 +92,7 @@ impl fmt::Display for Scale {
     }
 }
 
-/// A gauge as it stands in the spindle.
+/// A gauge mounted in the spindle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gauge {
     pub kind: Kind,
@@ -100,44 +100,44 @@ pub struct Gauge {
     pub scale: Scale,
     /// Standard deviation of one reading, in that unit.
     pub deviation: f64,
-    /// Least and largest reading that it can give, in that unit.
+    /// Smallest and largest possible reading, in that unit.
     pub range: [f64; 2],
-    /// Standard deviation of its zero, machine units: of a dial where its point is, of a feeler and a bar
+    /// Standard deviation of its zero, machine units: for a dial the position of its point, for a feeler and a bar
     /// their length.
     pub zero: f64,
-    /// Radius of its end, machine units; nothing of a bar.
+    /// Radius of its end, machine units; 0 for a bar.
     pub radius: f64,
     /// Tool vector with the gauge at zero, spindle offset included, machine units.
     pub tool: Vector3<f64>,
 }
 
-/// What a gauge is held against.
+/// An object that a gauge measures against.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Object {
     pub name: String,
-    /// About where it is: of a plane with Z out of the work, of a ball its centre.
+    /// Approximate frame: of a plane with Z out of the workpiece, of a ball at its center.
     pub frame: Frame,
 }
 
 impl Gauge {
-    /// A length of machine units in the unit of its readings.
+    /// Converts a length from machine units to the unit of the readings.
     pub(crate) fn shown(&self, config: &Mechanism, length: f64) -> f64 {
         length / (self.scale.in_mm() * config.units_per_mm)
     }
 
-    /// A reading in machine units.
+    /// Converts a reading to machine units.
     pub(crate) fn length(&self, config: &Mechanism, reading: f64) -> f64 {
         reading * self.scale.in_mm() * config.units_per_mm
     }
 
-    /// Direction in platform in which the point of contact goes as the gauge shows more, or as the tool
-    /// is longer than known: the one of the platform's axes that is nearest to the plane's normal
-    /// while the platform is level. None of a bar.
+    /// Returns the direction in the platform frame in which the point of contact moves as the reading increases, or
+    /// as the tool gets longer: the platform axis nearest to the plane's normal
+    /// while the platform is level. `None` for a bar.
     pub(crate) fn axis(&self, object: &Object) -> Option<Vector3<f64>> {
         (self.kind != Kind::Bar).then(|| nearest_axis(&normal(object)))
     }
 
-    /// What a reading at a pose is to the estimator. `at` is the tip as LinuxCNC shows it, machine
+    /// Converts a reading at a pose to input of the estimator. `at` is the tip as LinuxCNC displays it, machine
     /// units and degrees.
     ///
     /// # Errors
@@ -158,7 +158,7 @@ impl Gauge {
             Kind::Feeler => (Measured::Face(self.radius + length), Vector3::zeros()),
             Kind::Dial => (Measured::Face(self.radius), axis.unwrap_or_default() * length),
         };
-        // The point of a dial that is pressed in is that of a shorter tool at the same platform.
+        // A dial with its point pressed in is equivalent to a shorter tool on the same platform.
         let tool = self.tool - pressed;
         let position = pose.position - self.tool + pose.rotation() * pressed + tool;
         Ok(Reading {
@@ -176,8 +176,8 @@ impl Gauge {
         })
     }
 
-    /// What the machine as drawn would show at a pose if the object were where it is taken to be, in
-    /// the unit of the readings. None where it could not show anything.
+    /// Returns the reading of the machine as drawn at a pose, with the object at its assumed position, in
+    /// the unit of the readings. `None` if there is no finite reading.
     pub(crate) fn expected(
         &self,
         config: &Mechanism,
@@ -197,7 +197,8 @@ impl Gauge {
         length.is_finite().then(|| self.shown(config, length))
     }
 
-    /// How a residual of the estimator changes with a reading, in machine units per unit of the reading.
+    /// Returns the derivative of the estimator's residual with respect to a reading, machine units per unit of the
+    /// reading.
     pub(crate) fn slope(&self, config: &Mechanism, object: &Object, pose: &Pose) -> f64 {
         let rate = match self.axis(object) {
             Some(axis) if self.kind == Kind::Dial => (pose.rotation() * axis).dot(&normal(object)),
@@ -207,12 +208,12 @@ impl Gauge {
     }
 }
 
-/// Z of the frame in base: out of the work.
+/// Returns Z of the frame in base: out of the workpiece.
 pub(crate) fn normal(object: &Object) -> Vector3<f64> {
     object.frame.rotation.column(2).into()
 }
 
-/// The signed axis that a direction is nearest to.
+/// Returns the signed axis nearest to a direction.
 fn nearest_axis(direction: &Vector3<f64>) -> Vector3<f64> {
     let largest = direction.iamax();
     Vector3::from_fn(|k, _| if k == largest { direction[k].signum() } else { 0.0 })

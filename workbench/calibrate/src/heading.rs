@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Comment lines with which a file of measurements says what it belongs to: `# key value`.
+//! Comment lines that state the origin of a file of measurements: `# key value`.
 
 use super::log::BadLog;
 use kinematics::Vector3;
@@ -7,15 +7,15 @@ use machine::read::mechanism::Mechanism;
 
 const MARKS: [char; 2] = ['#', ';'];
 
-/// Whether a line says nothing beyond a comment.
+/// Returns whether a line contains no more than a comment.
 pub(crate) fn is_comment(line: &str) -> bool {
     line.trim().is_empty() || line.trim().starts_with(MARKS)
 }
 
-/// What stands behind a key, and its line.
+/// Returns the text after a key, and its line.
 ///
 /// # Errors
-/// It is missing, told with `expected`, or there twice.
+/// The key is missing (the error states `expected`), or given twice.
 pub(crate) fn value<'a>(
     text: &'a str,
     key: &str,
@@ -36,10 +36,10 @@ pub(crate) fn value<'a>(
     }
 }
 
-/// As many numbers as wanted behind a key.
+/// Returns the `N` numbers after a key.
 ///
 /// # Errors
-/// As [`value`], or others than these.
+/// As [`value`], or other than `N` numbers.
 pub(crate) fn numbers<const N: usize>(
     text: &str,
     key: &str,
@@ -51,23 +51,23 @@ pub(crate) fn numbers<const N: usize>(
         .ok_or_else(|| BadLog { line, text: format!("\"{words}\": expected {expected}") })
 }
 
-/// Words that are all numbers.
+/// Parses words that are all finite numbers.
 pub(crate) fn finite(text: &str) -> Option<Vec<f64>> {
     text.split_ascii_whitespace()
         .map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()))
         .collect()
 }
 
-/// Refuses what another geometry measured.
+/// Refuses measurements taken with another geometry.
 ///
 /// # Errors
-/// As [`value`], and the hash of another geometry than the machine's.
+/// As [`value`], or a geometry hash other than the machine's.
 pub(crate) fn of_geometry(config: &Mechanism, text: &str) -> Result<(), BadLog> {
     let expected = "a line \"# geometry HASH\", as pkmkins.geometry-hash shows it";
     let (line, word) = value(text, "geometry", expected)?;
     let own = config.hash;
     let bad = |text| Err(BadLog { line, text });
-    // `halcmd getp` shows it decimal, `halcmd show` hexadecimal.
+    // `halcmd getp` prints it as decimal, `halcmd show` as hexadecimal.
     match keys::hash(word) {
         Some(hash) if hash == own => Ok(()),
         Some(hash) => bad(format!(
@@ -78,7 +78,7 @@ pub(crate) fn of_geometry(config: &Mechanism, text: &str) -> Result<(), BadLog> 
     }
 }
 
-/// The tool vector.
+/// Returns the tool vector.
 ///
 /// # Errors
 /// As [`numbers`].

@@ -4,7 +4,7 @@
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
 use nalgebra::{DMatrix, DVector, Dyn, U1, VecStorage};
 
-/// Residuals and their derivatives at some place.
+/// Residuals and their derivatives at a point.
 pub type Linear = (DVector<f64>, DMatrix<f64>);
 
 struct Problem<F> {
@@ -36,12 +36,12 @@ impl<F: FnMut(&[f64]) -> Option<Linear>> LeastSquaresProblem<f64, Dyn, Dyn> for 
     }
 }
 
-/// A search that found no minimum.
+/// A search that did not converge.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("least squares did not converge: {0}")]
 pub struct NotConverged(String);
 
-/// The place of least squares near `start`, or why none was found. `evaluate` gives nothing where
+/// Finds the least-squares minimum near `start`, or reports why none was found. `evaluate` returns `None` if
 /// there are no residuals.
 pub(crate) fn minimum(
     start: &[f64],
@@ -52,7 +52,7 @@ pub(crate) fn minimum(
     problem.set_params(&place);
     let (found, report) = LevenbergMarquardt::new().minimize(problem);
     match report.termination {
-        // The last one: rounding, not the tolerance, ends the search.
+        // With `NoImprovementPossible` rounding ends the search, not the tolerance.
         TerminationReason::ResidualsZero
         | TerminationReason::Orthogonal
         | TerminationReason::Converged { .. }

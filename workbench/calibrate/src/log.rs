@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Logs of the calibration program: LinuxCNC's own lines (LOGOPEN), checked against the machine.
+//! Logs of the calibration program: lines that LinuxCNC writes (LOGOPEN), checked against the machine.
 //!
 //! ```text
 //! pkm calibration log 1
@@ -9,12 +9,12 @@
 //! end 1
 //! ```
 //!
-//! X Y Z is the tip where LinuxCNC says the probe tripped, in machine coordinates; an approach is
-//! the number of the axis moved along, with its sign: ±1, ±2 along X, Y to the wall of a hole, −3 down
+//! X Y Z is the tip at the position where LinuxCNC reports that the probe tripped, in machine coordinates; an
+//! approach is the signed number of the axis of motion: ±1, ±2 along X, Y to the wall of a hole, −3 down
 //! to the face beside it. The joints are those latched in the cycle of the trip. LinuxCNC's
-//! probed position is its forward kinematics of them, so that each touch is checked by itself: the
-//! inverse of the position has to be those joints. What was logged in work coordinates, in
-//! another unit, with another tool or by another geometry is found so.
+//! probed position is its forward kinematics of them, so each touch can be checked separately: the
+//! inverse of the position must equal those joints. The check detects work coordinates,
+//! another unit, another tool and another geometry.
 
 use super::plate::Plate;
 use super::reading::{Instrument, Measured, Reading};
@@ -24,11 +24,11 @@ use machine::read::mechanism::Mechanism;
 /// First line of a log.
 pub const HEADER: &str = "pkm calibration log 1";
 
-/// Joints and position agree to the six decimals that LinuxCNC writes, of degrees at the
-/// platform's radius as well; in sizes of the machine.
+/// Tolerance of the agreement between joints and position: the six decimals that LinuxCNC writes, also of degrees
+/// at the platform's radius; in sizes of the machine.
 const AGREEMENT: f64 = 1e-7;
 
-/// What is wrong with a log.
+/// An error in a log.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{line}: {text}")]
 pub struct BadLog {
@@ -43,12 +43,12 @@ pub struct Touch {
     pub hole: u32,
     /// Signed number of the axis, 1 to 3.
     pub approach: i32,
-    /// Tip and angles as probed.
+    /// Tip and angles at the trip.
     pub at: [f64; 6],
     pub joints: Vec<f64>,
     /// Tool vector, spindle offset included.
     pub tool: [f64; 3],
-    /// Hash of the geometry that LinuxCNC computed with.
+    /// Hash of the geometry that LinuxCNC used.
     pub geometry: u32,
 }
 
@@ -61,7 +61,7 @@ impl Touch {
     }
 }
 
-/// Text behind a word that it has to begin with.
+/// Returns the text after a word at its beginning.
 fn behind<'a>(text: &'a str, word: &str) -> Option<&'a str> {
     text.strip_prefix(word)?.strip_prefix(' ')
 }
@@ -76,10 +76,10 @@ fn whole(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() < 1e15).then_some(value as i64)
 }
 
-/// The touches of a log, and whether the program ran in millimetres.
+/// Parses the touches of a log, and whether the program ran in millimeters.
 ///
 /// # Errors
-/// A line that is missing, doubled, or none of the calibration program.
+/// A line that is missing, duplicated, or not from the calibration program.
 pub(crate) fn touches(text: &str) -> Result<(Vec<Touch>, bool), BadLog> {
     let bad = |line: usize, text: String| BadLog { line, text };
     let lines: Vec<(usize, &str)> =
@@ -146,7 +146,7 @@ pub(crate) fn touches(text: &str) -> Result<(Vec<Touch>, bool), BadLog> {
     Err(bad(last, "the log ends without \"end\": the program did not run to its end".into()))
 }
 
-/// `N hole H approach A at X Y Z A B C`.
+/// Parses `N hole H approach A at X Y Z A B C`.
 fn first_half(line: usize, text: &str) -> Option<Touch> {
     let (_, rest) = text.split_once(" hole ")?;
     let (hole, rest) = rest.split_once(" approach ")?;
@@ -163,7 +163,7 @@ fn first_half(line: usize, text: &str) -> Option<Touch> {
     })
 }
 
-/// `joints N J0 J1 … tool X Y Z geometry HASH`.
+/// Parses `joints N J0 J1 … tool X Y Z geometry HASH`.
 fn second_half(text: &str, number: i64) -> Option<(Vec<f64>, [f64; 3], u32)> {
     let (joints, rest) = behind(text, "joints")?.split_once(" tool ")?;
     let (tool, geometry) = rest.split_once(" geometry ")?;
@@ -173,7 +173,7 @@ fn second_half(text: &str, number: i64) -> Option<(Vec<f64>, [f64; 3], u32)> {
     (whole(*own)? == number).then_some((joints.to_vec(), numbers(tool)?.try_into().ok()?, geometry))
 }
 
-/// The touches as readings in frame `frame`, each checked against the machine; `named` goes before
+/// Converts the touches to readings in frame `frame`, each checked against the machine; `named` precedes
 /// the line in their names.
 ///
 /// # Errors
@@ -196,7 +196,7 @@ pub(crate) fn readings(
     readings_of(plate, &touches, frame, named, |touch| checked(config, touch))
 }
 
-/// Touches as readings; `taken` makes pose, tool and joints of one, or tells why it cannot.
+/// Converts touches to readings; `taken` returns pose, tool and joints of one, or an error.
 pub(super) fn readings_of(
     plate: &Plate,
     touches: &[Touch],
@@ -221,12 +221,12 @@ pub(super) fn readings_of(
     Ok(readings)
 }
 
-/// The orientation of a touch, to a hundredth of a degree.
+/// Returns the orientation of a touch, rounded to a hundredth of a degree.
 pub(super) fn tilt(at: &[f64; 6]) -> [i64; 3] {
     [3, 4, 5].map(|k| (at[k] * 100.0).round() as i64)
 }
 
-/// The pose at which LinuxCNC shows a tip: its own tool offsets do not hold the spindle's.
+/// Returns the pose for a tip that LinuxCNC displays: its tool offset does not include the spindle's.
 pub(super) fn shown(config: &Mechanism, at: [f64; 6], tool: &Vector3<f64>) -> Pose {
     let mut pose = Pose::from_degrees(at);
     pose.position += tool - config.spindle;
@@ -257,7 +257,7 @@ fn measured(plate: &Plate, touch: &Touch) -> Result<Measured, BadLog> {
     }
 }
 
-/// Pose, tool and joints of a touch that this machine can have logged.
+/// Returns pose, tool and joints of a touch, if this machine can have logged it.
 fn checked(config: &Mechanism, touch: &Touch) -> Result<Taken, BadLog> {
     let own = config.hash;
     if touch.geometry != own {
@@ -285,7 +285,7 @@ fn checked(config: &Mechanism, touch: &Touch) -> Result<Taken, BadLog> {
     Err(touch.bad(disagreement(config, touch, &joints, &tool, miss)))
 }
 
-/// Why joints and position of a touch do not agree.
+/// Explains why joints and position of a touch do not agree.
 fn disagreement(
     config: &Mechanism,
     touch: &Touch,
@@ -304,7 +304,7 @@ fn disagreement(
     if unit.is_some() {
         return "the position is in another unit than the machine's: run the program in the machine's unit".into();
     }
-    // Plus 0: no "-0".
+    // Adding 0 avoids "-0".
     let [x, y, z] = (at - tip).map(|x| (x * 1e4).round() / 1e4 + 0.0).into();
     let miss = miss.map_or(String::new(), |miss| format!(", and joints {miss:.6} off"));
     format!(
@@ -314,7 +314,7 @@ fn disagreement(
     )
 }
 
-/// About where each hole is: the mean of the tips that touched its walls.
+/// Returns the approximate center of each hole: the mean of the tips that touched its walls.
 pub(crate) fn centres(plate: &Plate, readings: &[Reading]) -> Vec<(u32, Vector3<f64>)> {
     let of = |number: u32, place: [f64; 2]| {
         let tips: Vec<Vector3<f64>> = readings

@@ -1,98 +1,97 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What may change: the parameters of a machine and of its measuring frames, the drawing's
-//! values with their tolerances, and the machine that a set of changes makes.
+//! The parameters of a machine and of its measuring frames, the drawing's
+//! values with their tolerances, and the machine that results from a set of changes.
 
 use kinematics::leg::StrutGeometry;
 use kinematics::{Fault, Geometry, LegGeometry, LegKind, MAX_LEGS, Machine, PerLeg, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 
-/// What a parameter is about.
+/// A parameter's quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// A coordinate of a leg's base anchor.
     Base(usize, usize),
     /// A coordinate of a leg's platform anchor.
     Platform(usize, usize),
-    /// What a leg's length depends on: OFFSET of a strut, ROD of the others.
+    /// A length of the leg: OFFSET of a strut, ROD of the others.
     Length(usize),
     /// The screw lead of all struts.
     Lead,
-    /// How much later than on touching the probe trips, along its way.
+    /// Distance that the probe travels after the touch before it trips.
     Trigger,
-    /// What a gauge shows too much: its zero, by number.
+    /// Error of a gauge's zero, by number.
     Zero(usize),
-    /// Place (0 to 2) or rotation (3 to 5, radians) of a measuring frame, in base.
+    /// Position (0 to 2) or rotation (3 to 5, radians) of a measuring frame, in base.
     Frame(usize, usize),
 }
 
 impl Quantity {
-    /// Whether the machine's INI file holds it.
+    /// Returns whether the machine's INI file contains it.
     pub fn is_of_machine(self) -> bool {
         !matches!(self, Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..))
     }
 }
 
-/// A parameter, and how far from the drawing it may be.
+/// A parameter, and its permitted deviation from the drawing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
-    /// Where it stands.
     pub quantity: Quantity,
-    /// Standard deviation of what was built from what was drawn, in the parameter's unit.
+    /// Standard deviation of the built value from the drawn one, in the parameter's unit.
     pub deviation: f64,
 }
 
 /// A measuring frame: a plate, a tracker, the base of a ball-bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// Its origin in base.
+    /// Origin of the frame, in base.
     pub origin: Vector3<f64>,
-    /// Base from frame.
+    /// Rotation from frame to base.
     pub rotation: Matrix3<f64>,
 }
 
 impl Frame {
-    /// The machine's own.
+    /// The machine's own frame.
     pub const BASE: Self = Self {
         origin: Vector3::new(0.0, 0.0, 0.0),
         rotation: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
     };
 
-    /// A point of base, in the frame.
+    /// Converts a point from base to the frame.
     pub fn seen(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.transpose() * (point - self.origin)
     }
 }
 
-/// How far a machine may be from its drawing: standard deviations, machine units.
+/// Deviation of a machine from its drawing: standard deviations, machine units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Of a coordinate of an anchor.
+    /// Deviation of a coordinate of an anchor.
     pub anchor: f64,
-    /// Of a strut's offset or a rod's length.
+    /// Deviation of a strut's offset or a rod's length.
     pub length: f64,
-    /// Of the lead, as a share of it; 0 leaves it alone.
+    /// Deviation of the lead, as a share of it; 0 keeps the lead fixed.
     pub lead: f64,
-    /// Of the way by which the probe trips late; 0 leaves it out.
+    /// Deviation of the distance by which the probe trips late; 0 omits this parameter.
     pub trigger: f64,
 }
 
 impl Tolerance {
-    /// This one for everything that has a length, lead and trigger left alone.
+    /// Creates the same tolerance for all lengths, without lead and trigger.
     pub fn of_lengths(tolerance: f64) -> Self {
         Self { anchor: tolerance, length: tolerance, lead: 0.0, trigger: 0.0 }
     }
 }
 
-/// A machine as drawn, and what of it may change.
+/// A machine as drawn, and its parameters.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// As drawn.
+    /// The geometry as drawn.
     pub geometry: Geometry,
     /// Joint offsets as drawn.
     pub offsets: PerLeg,
-    /// Measuring frames, about where they are.
+    /// Measuring frames, at their approximate poses.
     pub frames: Vec<Frame>,
-    /// What may change, and how far.
+    /// The parameters, and their deviations.
     pub parameters: Vec<Parameter>,
     /// Largest length of the machine.
     size: f64,
@@ -101,11 +100,11 @@ pub struct Model {
 }
 
 impl Model {
-    /// Seven parameters a leg, five of one on a ring, and those of `tolerance` that are not 0; of the
-    /// frames none.
+    /// Creates a model with seven parameters per leg (five for a leg on a ring), those of `tolerance` that are not 0,
+    /// and no frames.
     ///
     /// # Errors
-    /// The drawing makes no machine.
+    /// The drawing is not a valid machine.
     pub fn new(geometry: Geometry, offsets: PerLeg, tolerance: &Tolerance) -> Result<Self, Fault> {
         let drawn = Machine::freeze(&geometry, &offsets)?;
         let (size, radius) = (drawn.size(), drawn.radius());
@@ -113,7 +112,7 @@ impl Model {
         let mut add = |quantity, deviation| parameters.push(Parameter { quantity, deviation });
         for leg in 0..geometry.legs().len() {
             (0..3).for_each(|axis| add(Quantity::Base(leg, axis), tolerance.anchor));
-            // The axis of its ring is the tool axis: only the height may be another.
+            // The axis of its ring is the tool axis: only the height is a parameter.
             let of_ring = matches!(geometry.legs()[leg].kind, LegKind::Ring(_));
             let moved = if of_ring { 2..3 } else { 0..3 };
             moved.for_each(|axis| add(Quantity::Platform(leg, axis), tolerance.anchor));
@@ -130,13 +129,13 @@ impl Model {
         Ok(Self { geometry, offsets, frames: vec![], parameters, size, radius })
     }
 
-    /// A frame that stays where it is.
+    /// Adds a frame with a fixed pose.
     pub fn with_frame(mut self, frame: Frame) -> Self {
         self.frames.push(frame);
         self
     }
 
-    /// A frame whose place is known to be about there: within a tenth of the machine's size, and
+    /// Adds a frame whose pose is known approximately: within a tenth of the machine's size, and
     /// of a radian.
     pub fn with_unknown_frame(mut self, frame: Frame) -> Self {
         let k = self.frames.len();
@@ -148,7 +147,7 @@ impl Model {
         self
     }
 
-    /// Another gauge, whose zero is known to this standard deviation, machine units; 0 leaves it alone.
+    /// Adds a gauge whose zero has this standard deviation, machine units; 0 keeps it fixed.
     pub(crate) fn with_zero(mut self, number: usize, deviation: f64) -> Self {
         if deviation > 0.0 {
             self.parameters.push(Parameter { quantity: Quantity::Zero(number), deviation });
@@ -156,23 +155,23 @@ impl Model {
         self
     }
 
-    /// Largest length of the machine.
+    /// Returns the largest length of the machine.
     pub(crate) fn size(&self) -> f64 {
         self.size
     }
 
-    /// Radius of the platform as drawn: what weighs angles against lengths must not follow the
+    /// Returns the radius of the platform as drawn: the weight of angles relative to lengths must not depend on the
     /// parameters.
     pub(crate) fn radius(&self) -> f64 {
         self.radius
     }
 
-    /// Number of a parameter, if it may change.
+    /// Returns the index of a parameter, if the model has it.
     pub fn number(&self, quantity: Quantity) -> Option<usize> {
         self.parameters.iter().position(|parameter| parameter.quantity == quantity)
     }
 
-    /// The geometry and joint offsets with these changes.
+    /// Returns the geometry and joint offsets with these changes.
     pub(crate) fn changed(&self, changes: &[f64]) -> (Geometry, PerLeg) {
         let mut legs = [None; MAX_LEGS];
         for (leg, given) in legs.iter_mut().zip(self.geometry.legs()) {
@@ -183,7 +182,7 @@ impl Model {
             match parameter.quantity {
                 Quantity::Base(i, axis) => of(&mut legs[i]).base[axis] += change,
                 Quantity::Platform(i, axis) => of(&mut legs[i]).platform[axis] += change,
-                // What has no rod is longer by its offset.
+                // Legs without a rod change by their offset.
                 Quantity::Length(i) => {
                     *of(&mut legs[i]).kind.rod().unwrap_or(&mut offsets[i]) += change;
                 }
@@ -198,16 +197,16 @@ impl Model {
         (geometry, offsets)
     }
 
-    /// The machine with these changes.
+    /// Returns the machine with these changes.
     ///
     /// # Errors
-    /// They make no machine.
+    /// The changed geometry is not a valid machine.
     pub fn machine(&self, changes: &[f64]) -> Result<Machine, Fault> {
         let (geometry, offsets) = self.changed(changes);
         Machine::freeze(&geometry, &offsets)
     }
 
-    /// A frame with these changes.
+    /// Returns a frame with these changes.
     pub fn frame(&self, k: usize, changes: &[f64]) -> Frame {
         let mut change = [0.0; 6];
         for (parameter, value) in self.parameters.iter().zip(changes) {
@@ -224,37 +223,37 @@ impl Model {
         }
     }
 
-    /// Axis about which a frame turns, in base, when its parameter `axis` (0 to 2 of the rotation)
-    /// grows: rotation vectors add up as turns only where they are small.
+    /// Returns the axis about which a frame turns, in base, as its parameter `axis` (0 to 2 of the rotation)
+    /// increases: rotation vectors add up as rotations only if they are small.
     pub(crate) fn turn_axis(&self, k: usize, axis: usize, changes: &[f64]) -> Vector3<f64> {
         let part = |i: usize| self.number(Quantity::Frame(k, i)).map_or(0.0, |n| changes[n]);
         let turn = Vector3::new(part(3), part(4), part(5));
         let d = unit(axis);
-        // The left Jacobian of the rotation group, its (1 − cos θ)/θ² and (θ − sin θ)/θ³ as series,
-        // which need no case of their own at 0: good to 1e-9 for a third of a radian.
+        // The left Jacobian of the rotation group, with its (1 − cos θ)/θ² and (θ − sin θ)/θ³ as series,
+        // which need no special case at 0: accurate to 1e-9 for a third of a radian.
         let square = turn.norm_squared();
         let first = 1.0 / 2.0 - square / 24.0 + square * square / 720.0;
         let second = 1.0 / 6.0 - square / 120.0 + square * square / 5040.0;
         d + first * turn.cross(&d) + second * turn.cross(&turn.cross(&d))
     }
 
-    /// What a gauge shows too much.
+    /// Returns the error of a gauge's zero.
     pub(crate) fn zero(&self, number: usize, changes: &[f64]) -> f64 {
         self.number(Quantity::Zero(number)).map_or(0.0, |k| changes[k])
     }
 
-    /// How late the probe trips.
+    /// Returns the distance by which the probe trips late.
     pub(crate) fn trigger(&self, changes: &[f64]) -> f64 {
         self.number(Quantity::Trigger).map_or(0.0, |k| changes[k])
     }
 }
 
-/// A leg that the machine has.
+/// Returns a leg of the machine.
 fn of(leg: &mut Option<LegGeometry>) -> &mut LegGeometry {
     leg.as_mut().expect("places are made of the legs that there are")
 }
 
-/// A lead keeps its hand, and a strut without one stays so.
+/// Increases the magnitude of a lead; its hand is unchanged, and a strut without a lead keeps none.
 fn turn_more(leg: &mut LegGeometry, change: f64) {
     if let LegKind::Strut(StrutGeometry { lead, .. }) = &mut leg.kind
         && *lead != 0.0
@@ -263,7 +262,7 @@ fn turn_more(leg: &mut LegGeometry, change: f64) {
     }
 }
 
-/// Unit vector of an axis.
+/// Returns the unit vector of an axis.
 pub(super) fn unit(axis: usize) -> Vector3<f64> {
     Vector3::from_fn(|i, _| f64::from(u8::from(i == axis)))
 }

@@ -1,47 +1,47 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the readings do not tell: rank of their derivatives, and changes of the machine that no
-//! reading sees, by name.
+//! Observability: the rank of the readings' derivatives, and named changes of the machine that no
+//! reading detects.
 //!
 //! With struts, varied orientation and known frames the full pose determines all 42 parameters;
-//! the tip's place 39, for nobody sees how the platform's own axes lie about the tip; distances 33,
-//! for nobody sees where base and frame stand together. At constant orientation base and platform
-//! anchors of a leg show as their difference only: 24 at most.
+//! the tip's position 39, because it does not depend on the orientation of the platform's own axes about the tip;
+//! distances 33, because they do not depend on a common motion of base and frame. At constant orientation base and
+//! platform anchors of a leg are observable only as their difference: 24 at most.
 
 use super::model::{Frame, Model, Quantity, unit};
 use super::reading::{Measured, Reading};
 use kinematics::Vector3;
 use nalgebra::{DMatrix, DVector};
 
-/// Singular values below this share of the largest one are rounding of the derivatives, which are
-/// good to about 1e-8.
+/// Singular values below this share of the largest one are rounding errors of the derivatives, which are
+/// accurate to about 1e-8.
 const ROUNDING: f64 = 1e-7;
 
-/// Share of a change that lies in what no reading sees, where it is said to be unseen: a screw's
-/// lead shows turns of the base a little, for the axes of its joints do not turn with it.
+/// Least share of a change in the unobservable space for which it is reported as unobservable: a screw's
+/// lead depends slightly on rotations of the base, because the axes of its joints do not rotate with it.
 const NEARLY_ALL: f64 = 0.99;
 
-/// A change of the machine that the readings do not see.
+/// A change of the machine that the readings do not detect.
 struct Unseen {
     text: &'static str,
     change: DVector<f64>,
 }
 
-/// Derivatives in units of the drawing's tolerances.
+/// Converts derivatives to units of the drawing's tolerances.
 fn scaled(model: &Model, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
     let deviation = |k: usize| model.parameters[k].deviation;
     DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, k| jacobian[(i, k)] * deviation(k))
 }
 
-/// Number of independent changes that the readings tell apart, in principle.
+/// Returns the number of independent changes that the readings determine, without noise.
 pub fn rank(model: &Model, jacobian: &DMatrix<f64>) -> usize {
     let values = scaled(model, jacobian).singular_values();
     values.iter().filter(|value| **value > ROUNDING * values.max()).count()
 }
 
-/// Unit columns that span what a matrix makes nothing of.
+/// Returns unit columns that span the null space of a matrix.
 fn null_space(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     let n = matrix.ncols();
-    // At least as many rows as columns: only then are all right singular vectors found.
+    // At least as many rows as columns: only then are all right singular vectors computed.
     let square = matrix.clone().resize_vertically(matrix.nrows().max(n), 0.0);
     let svd = square.svd(false, true);
     let largest = svd.singular_values.max();
@@ -51,14 +51,14 @@ fn null_space(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     v.select_rows(&rows).transpose()
 }
 
-/// Number of independent changes that the readings know better than the drawing does.
+/// Returns the number of independent changes that the readings determine better than the drawing does.
 pub(crate) fn improved(model: &Model, jacobian: &DMatrix<f64>, noise: f64) -> usize {
     let values = scaled(model, jacobian).singular_values();
     values.iter().filter(|value| **value > noise).count()
 }
 
-/// Why the rank is not that of all parameters: how many independent changes no reading sees, each
-/// kind in words. The numbers add up to what is missing.
+/// Explains a rank below the number of parameters: how many independent changes no reading detects, for each
+/// kind. The numbers add up to the difference.
 pub fn unseen(
     model: &Model,
     readings: &[Reading],
@@ -73,7 +73,7 @@ pub fn unseen(
         let norm = own.norm();
         let is_unseen = norm > 0.0 && (nothing.transpose() * &own).norm() > NEARLY_ALL * norm;
         let new = rejected(&known, &(own / norm));
-        // Of a unit vector: below that it is a combination of those before it.
+        // For a unit vector: below that it is a combination of those before it.
         if !is_unseen || !(new.norm() > 1e-6) {
             continue;
         }
@@ -95,14 +95,14 @@ pub fn unseen(
     found
 }
 
-/// What of a vector is square to the columns of a matrix of unit columns.
+/// Returns the part of a vector that is orthogonal to the columns of a matrix of unit columns.
 fn rejected(columns: &DMatrix<f64>, vector: &DVector<f64>) -> DVector<f64> {
     let once = vector - columns * (columns.transpose() * vector);
-    // A second time, for rounding.
+    // Repeated to reduce rounding.
     &once - columns * (columns.transpose() * &once)
 }
 
-/// Changes that some kind of measurement does not see.
+/// Returns changes that some types of measurement do not detect.
 fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let mut all = vec![];
     let axes = || (0..3).map(unit);
@@ -144,7 +144,7 @@ fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     all
 }
 
-/// Of a ball-bar only the centre's place counts, not how its frame is turned.
+/// Returns the rotations of frames of ball bars: only the center's position matters, not the frame's orientation.
 fn of_distances(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let only_distances = |frame: usize| {
         let own = readings.iter().filter(|reading| reading.frame == frame);
@@ -161,7 +161,7 @@ fn of_distances(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
         .collect()
 }
 
-/// Base and platform anchor of one leg moved alike.
+/// Returns the equal displacements of base and platform anchor of one leg.
 fn at_one_orientation(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let Some(first) = readings.first() else { return vec![] };
     let rotation = first.pose.rotation();

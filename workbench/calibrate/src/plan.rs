@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where to measure next: of candidates the ones that make the tip surer over the workspace.
+//! The next poses to measure: the candidates that reduce the tip's uncertainty over the workspace the most.
 
 use super::fit::covariance;
 use super::model::Model;
 use nalgebra::DMatrix;
 
-/// A place that could be measured: derivatives of the numbers that it would give by the parameters.
+/// A possible measurement: derivatives of its numbers with respect to the parameters.
 pub type Candidate = DMatrix<f64>;
 
-/// Numbers of the `count` candidates, best first, of which each in its turn lowers the mean
-/// variance of the tip most. `tips` are rates of the tip over the workspace, `known` the
-/// derivatives of what was read already. A candidate may come several times.
+/// Returns the indices of `count` candidates, best first, each of which reduces the mean
+/// variance of the tip the most in its turn. `tips` are rates of the tip over the workspace, `known` the
+/// derivatives of the readings already taken. A candidate may occur several times.
 pub fn next_best(
     model: &Model,
     known: &DMatrix<f64>,
@@ -34,7 +34,7 @@ pub fn next_best(
     chosen
 }
 
-/// By how much a candidate lowers the sum of the tips' variances.
+/// Returns the reduction of the sum of the tips' variances by a candidate.
 fn gain(spread: &DMatrix<f64>, weight: &DMatrix<f64>, candidate: &Candidate, noise: f64) -> f64 {
     let across = spread * candidate.transpose();
     let own = innovation(candidate, &across, noise);
@@ -55,7 +55,7 @@ fn innovation(candidate: &Candidate, across: &DMatrix<f64>, noise: f64) -> DMatr
     candidate * across + DMatrix::identity(rows, rows) * (noise * noise)
 }
 
-/// Standard deviation of the tip, root mean square over `tips`, after the readings with these
+/// Returns the standard deviation of the tip, root mean square over `tips`, after readings with these
 /// derivatives.
 pub fn tip_deviation(model: &Model, read: &DMatrix<f64>, tips: &[DMatrix<f64>], noise: f64) -> f64 {
     let spread = covariance(model, read, noise);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The plate with holes that the calibration program probes, and where it lies.
+//! The plate with holes that the calibration program probes, and its pose.
 
 use super::model::Frame;
 use kinematics::Vector3;
@@ -9,15 +9,15 @@ use serde::Deserialize;
 use std::io;
 use std::path::Path;
 
-/// Share of the least distance between holes that one may be from its place: more, and it might be
-/// another one.
+/// Largest deviation of a hole from its position, as a share of the least distance between holes: beyond it, it
+/// may be another hole.
 const ASTRAY: f64 = 0.25;
 
-/// A plate as its TOML file describes it.
+/// A plate as described in its TOML file.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Plate {
-    /// `mm` or `inch`: of all lengths in the file.
+    /// `mm` or `inch`: the unit of all lengths in the file.
     pub unit: Unit,
     /// Diameter of the probe's ball.
     pub ball: f64,
@@ -27,23 +27,23 @@ pub struct Plate {
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Unit {
-    /// Millimetre.
+    /// Millimeter.
     Mm,
     Inch,
 }
 
-/// A bore square to the plate's face.
+/// A bore perpendicular to the plate's face.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Hole {
-    /// Its number, as in the log.
+    /// Number of the hole in the log.
     pub number: u32,
     /// X, Y of its axis on the plate; Z is up, 0 on the face.
     pub place: [f64; 2],
     pub diameter: f64,
 }
 
-/// A plate that cannot be read.
+/// Why a plate cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PlateError {
     #[error(transparent)]
@@ -54,7 +54,7 @@ pub enum PlateError {
     Bad(#[from] AtFile<BadPlate>),
 }
 
-/// Why nothing can be probed on a plate.
+/// Why a plate cannot be probed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BadPlate {
     #[error("ball = {0}: expected a diameter above 0")]
@@ -67,7 +67,7 @@ pub enum BadPlate {
     Twice(u32),
 }
 
-/// Why touches do not tell where a plate lies.
+/// Why touches do not determine the pose of a plate.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Astray {
     #[error(
@@ -138,11 +138,11 @@ impl Plate {
         pairs.fold(f64::INFINITY, f64::min)
     }
 
-    /// Where a plate lies whose holes were found at these places, about.
+    /// Estimates the frame of a plate whose holes were found at these approximate positions.
     ///
     /// # Errors
-    /// They are fewer than three, or not where the plate has them; another order that would fit is
-    /// told.
+    /// There are fewer than three, or they are not at the plate's positions; the error names another order that
+    /// would fit.
     pub(crate) fn found_at(&self, centres: &[(u32, Vector3<f64>)]) -> Result<Frame, Astray> {
         if centres.len() < 3 {
             return Err(Astray::TooFew(centres.len()));
@@ -171,7 +171,7 @@ impl Plate {
             .map_or(Vector3::zeros(), |hole| Vector3::new(hole.place[0], hole.place[1], 0.0))
     }
 
-    /// Numbers of the plate's holes under which it fits places found, seen from above.
+    /// Returns the numbers of the plate's holes for which the plate fits the positions found, seen from above.
     fn other_order(&self, seen: &[Vector3<f64>], limit: f64) -> Option<Vec<u32>> {
         let flat: Vec<[f64; 2]> = seen.iter().map(|p| [p.x, p.y]).collect();
         let pairs = self.hole.iter().flat_map(|a| self.hole.iter().map(move |b| (a, b)));
@@ -199,7 +199,7 @@ impl Plate {
     }
 }
 
-/// The frame in which points seen in base are next to those of the frame (least squares, Kabsch
+/// Returns the frame that best maps points of the frame to the points seen in base (least squares, Kabsch
 /// 1976).
 pub(crate) fn fitted(of_frame: &[Vector3<f64>], seen: &[Vector3<f64>]) -> Frame {
     let mean =
@@ -211,7 +211,7 @@ pub(crate) fn fitted(of_frame: &[Vector3<f64>], seen: &[Vector3<f64>]) -> Frame 
         .fold(Matrix3::zeros(), |sum, (a, b)| sum + (b - there) * (a - own).transpose());
     let svd = spread.svd(true, true);
     let (Some(u), Some(v)) = (svd.u, svd.v_t) else { return Frame::BASE };
-    // No mirror image.
+    // A rotation, not a reflection.
     let turn = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v).determinant().signum()));
     let rotation = u * turn * v;
     Frame { origin: there - rotation * own, rotation }

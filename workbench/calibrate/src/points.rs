@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Files of LinuxCNC's (PROBEOPEN …): where the probe was at the end of each probing move, and
-//! nothing else. What they belong to stands in comments that the user adds:
+//! Files that LinuxCNC writes (PROBEOPEN …): the position of the probe at the end of each probing move, and
+//! nothing else. Comments that the user adds state their origin:
 //!
 //! ```text
 //! # machine hexapod.ini
 //! # geometry 1844604530
 //! # tool 0 0 60                       with the spindle offset
 //! # coordinates machine               no work offset, the machine's unit
-//! # plate 0 0 150 0 0 0               about where the plate lies
+//! # plate 0 0 150 0 0 0               approximate pose of the plate
 //! X Y Z A B C U V W                   LinuxCNC's lines, six decimals
 //! ```
 //!
-//! LinuxCNC writes the tip in the work coordinates and the unit of the program. Which wall or face
-//! a line is of follows from its place on the plate. The joints are the inverse of it by the
-//! geometry that the file names. A wall that is met fast and then slowly makes two lines: of lines
-//! that follow each other at one place of the plate and one orientation, the last one counts.
+//! LinuxCNC writes the tip in the work coordinates and the unit of the program. The position of a line on the
+//! plate determines which wall or face it belongs to. The joints are the inverse of the position by the
+//! geometry that the file names. A wall that is touched fast and then slowly gives two lines: of consecutive
+//! lines at one position of the plate and one orientation, the last one is used.
 
 use super::heading;
 use super::log::{self, BadLog, Touch};
@@ -25,11 +25,11 @@ use kinematics::{Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use std::fmt;
 
-/// How far a ball may be from where plate and place let expect it, in its diameters: half the way
-/// from the height at which it lies on the face to that at which it dips into a bore.
+/// Largest deviation of a ball from its expected position, in its diameters: half the distance
+/// from its height on the face to the height at which it enters a bore.
 const REACH: f64 = 0.25;
 
-/// Lines no farther from each other are of one place, in diameters of the ball.
+/// Largest distance between lines of one position, in diameters of the ball.
 const ONE_PLACE: f64 = 0.1;
 
 /// Depth in a bore that no probe reaches, in diameters of its ball.
@@ -37,7 +37,7 @@ const TOO_DEEP: f64 = 10.0;
 
 const COLUMNS: usize = 9;
 
-/// The touches of a file as readings in frame `frame`; `named` goes before the line in their names.
+/// Converts the touches of a file to readings in frame `frame`; `named` precedes the line in their names.
 ///
 /// # Errors
 /// See [`BadLog`].
@@ -96,7 +96,7 @@ fn in_machine_coordinates(text: &str) -> Result<(), BadLog> {
     Err(BadLog { line, text })
 }
 
-/// About where the plate lies.
+/// Parses the approximate pose of the plate.
 fn lying(text: &str) -> Result<Frame, BadLog> {
     let expected = "a line \"# plate X Y Z A B C\": about where it lies, its origin and angles in machine \
          coordinates";
@@ -104,7 +104,7 @@ fn lying(text: &str) -> Result<Frame, BadLog> {
     Ok(Frame { origin: pose.position, rotation: pose.rotation() })
 }
 
-/// Tip and angles of every line, with its number.
+/// Parses tip and angles of every line, with its number.
 fn lines(text: &str) -> Result<Vec<(usize, [f64; 6])>, BadLog> {
     let mut found: Vec<(usize, &str, [f64; 6])> = vec![];
     let own = (1..).zip(text.lines().map(str::trim)).filter(|(_, l)| !heading::is_comment(l));
@@ -119,7 +119,7 @@ fn lines(text: &str) -> Result<Vec<(usize, [f64; 6])>, BadLog> {
         if numbers[6..].iter().any(|x| *x != 0.0) {
             return bad("U, V and W are not 0: this machine has no such axes".into());
         }
-        // LinuxCNC leaves out what is equal to the line before.
+        // LinuxCNC omits a line equal to the one before.
         if let Some((first, ..)) = found.iter().find(|(_, other, _)| *other == words) {
             return bad(format!("line {first} is here again"));
         }
@@ -128,7 +128,7 @@ fn lines(text: &str) -> Result<Vec<(usize, [f64; 6])>, BadLog> {
     Ok(found.into_iter().map(|(line, _, at)| (line, at)).collect())
 }
 
-/// A place on the plate.
+/// A position on the plate.
 #[derive(Debug)]
 struct Spot(Vector3<f64>);
 
@@ -138,7 +138,7 @@ impl fmt::Display for Spot {
     }
 }
 
-/// Why a tip touches nothing of the plate.
+/// Why a tip touches no part of the plate.
 #[derive(Debug, thiserror::Error)]
 enum Nowhere {
     #[error("in another unit than the machine's: run the program in the machine's unit")]
@@ -162,7 +162,7 @@ enum Nowhere {
     TwoWalls(Spot, u32, u32),
 }
 
-/// Hole and approach of a touch, by where it is on the plate.
+/// Returns hole and approach of a touch, from its position on the plate.
 fn placed(plate: &Plate, lying: &Frame, at: &[f64; 6]) -> Result<(u32, i32), Nowhere> {
     let tip = Vector3::new(at[0], at[1], at[2]);
     touched(plate, lying, &tip).map_err(|nowhere| {
@@ -174,7 +174,7 @@ fn placed(plate: &Plate, lying: &Frame, at: &[f64; 6]) -> Result<(u32, i32), Now
     })
 }
 
-/// The same of a tip; why it is of nothing.
+/// Returns hole and approach of a tip, or the reason why it touches nothing.
 fn touched(plate: &Plate, lying: &Frame, tip: &Vector3<f64>) -> Result<(u32, i32), Nowhere> {
     let reach = REACH * plate.ball;
     let there = lying.seen(tip);
@@ -186,7 +186,7 @@ fn touched(plate: &Plate, lying: &Frame, tip: &Vector3<f64>) -> Result<(u32, i32
     let [_, _, z] = there.into();
     let place = Spot(there);
     let Some((away, hole)) = near.first() else { return Err(Nowhere::NoHole) };
-    // On the face the ball's centre is half a diameter up.
+    // On the face the ball's center is half a diameter above it.
     if (z - plate.ball / 2.0).abs() <= reach {
         return match *away > hole.diameter / 2.0 + reach {
             true => Ok((hole.number, -3)),
@@ -208,17 +208,17 @@ fn touched(plate: &Plate, lying: &Frame, tip: &Vector3<f64>) -> Result<(u32, i32
     }
 }
 
-/// Signed number of the axis, X or Y, that a direction is nearest to.
+/// Returns the signed number of the axis, X or Y, nearest to a direction.
 fn along(way: &Vector3<f64>) -> i32 {
     let (axis, part) = if way.x.abs() >= way.y.abs() { (1, way.x) } else { (2, way.y) };
     if part < 0.0 { -axis } else { axis }
 }
 
-/// Whether a touch is the one before once more.
+/// Returns whether a touch repeats the one before.
 fn is_one_place(plate: &Plate, last: &Touch, touch: &Touch) -> bool {
     let apart = (0..3).map(|k| (touch.at[k] - last.at[k]).powi(2)).sum::<f64>().sqrt();
     let is_face = |touch: &Touch| touch.approach == -3;
-    // As far apart as the ball can go from its middle, two touches are of two walls.
+    // Touches farther apart than the ball can move from the middle are of two walls.
     let room = match plate.hole(touch.hole) {
         Some(hole) if !is_face(touch) => (hole.diameter - plate.ball) / 2.0,
         _ => f64::INFINITY,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! A probing program for the holes of a plate, for any machine that moves X, Y and Z and for tools that point
-//! up or down: what the calibration program of the hexapod does, at the tilts that the machine has.
+//! up or down: the calibration program of the hexapod, generalized to the tilts that the machine has.
 
 use super::at_tool;
 use super::log::{self, HEADER};
@@ -17,7 +17,7 @@ use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What the tilts of a plate's touches are, in shares of the largest one, A B C.
+/// Tilts of the touches, in shares of the largest one, A B C.
 const TILTS: [[f64; 3]; 7] = [
     [0.0, 0.0, 0.0],
     [1.0, 0.0, 0.0],
@@ -28,15 +28,15 @@ const TILTS: [[f64; 3]; 7] = [
     [-0.7, -0.7, 1.0],
 ];
 
-/// A tilt outside the limits becomes smaller by this factor, so often.
+/// Factor that reduces a tilt outside the limits, and number of reductions.
 const SMALLER: f64 = 0.8;
 const TRIES: usize = 8;
 
-/// How far into the wall a probing move would go, and how far it goes back between a fast and a slow touch, mm.
+/// Programmed depth of a probing move in the wall, and retraction between a fast and a slow touch, mm.
 const BEYOND: f64 = 3.0;
 const BACK: f64 = 0.15;
 
-/// A plate to be probed as the TOML file describes it: lengths in its `unit`.
+/// A plate to be probed as described in the TOML file: lengths in its `unit`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -66,7 +66,7 @@ fn tilt() -> f64 {
     15.0
 }
 
-/// A program, and the HAL file that holds the joints for it.
+/// A program, and the HAL file that latches the joints for it.
 #[derive(Clone, Debug)]
 pub struct Probing {
     pub program: String,
@@ -76,7 +76,7 @@ pub struct Probing {
     pub tilts: Vec<[f64; 3]>,
 }
 
-/// Why there is no program.
+/// Why no program can be written.
 #[derive(Debug, thiserror::Error)]
 pub enum NoProbing {
     #[error(transparent)]
@@ -89,18 +89,18 @@ pub enum NoProbing {
     Bad(#[from] AtFile<BadProbing>),
 }
 
-/// Why a plate cannot be probed as it is said to lie.
+/// Why a plate cannot be probed at the given pose.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct BadProbing(String);
 
-/// Whether a file is about a probe, not about a gauge that people read.
+/// Returns whether a file is for a probe, not for a gauge that the operator reads.
 pub fn is_one(text: &str) -> bool {
     let table: Option<toml::Table> = toml::from_str(text).ok();
     table.is_some_and(|table| table.get("gauge").and_then(|word| word.as_str()) == Some("probe"))
 }
 
-/// The program for a file, which logs into a file of this name.
+/// Writes the program for a file, which logs to a file of this name.
 ///
 /// # Errors
 /// See [`NoProbing`].
@@ -128,7 +128,7 @@ struct Maker<'a> {
     frame: Frame,
     /// Tool vector, spindle offset included.
     tool: Vector3<f64>,
-    /// 1 where the plate's face looks up, -1 where it looks down.
+    /// 1 if the plate's face points up, -1 if it points down.
     up: f64,
     depth: f64,
     clearance: f64,
@@ -190,18 +190,18 @@ impl<'a> Maker<'a> {
         })
     }
 
-    /// Where LinuxCNC shows the tip at a place of the plate.
+    /// Returns the tip that LinuxCNC displays at a position of the plate.
     fn shown(&self, x: f64, y: f64, height: f64) -> [f64; 3] {
         let local = Vector3::new(x, y, height);
         (self.frame.origin + self.frame.rotation * local + self.config.spindle).into()
     }
 
-    /// Half of what the ball has in a hole.
+    /// Returns the clearance of the ball in a hole, on each side.
     fn room(&self, hole: &Hole) -> f64 {
         (hole.diameter - self.plate.ball) / 2.0
     }
 
-    /// A place of the face beside a hole and in no other.
+    /// Returns a position on the face near a hole and in no other hole.
     fn beside(&self, hole: &Hole) -> [f64; 2] {
         let away = hole.diameter / 2.0 + 1.5 * self.plate.ball;
         let places = (0..8).map(|k| {
@@ -218,7 +218,7 @@ impl<'a> Maker<'a> {
         places.max_by(|a, b| free(a).total_cmp(&free(b))).expect("there are eight")
     }
 
-    /// Tilts at which all of the plate is within the limits, level first.
+    /// Returns the tilts at which the whole plate is within the limits, level first.
     fn tilts(&self) -> Result<Vec<[f64; 3]>, BadProbing> {
         let layout = self.config.machine.layout();
         let mut found: Vec<[f64; 3]> = vec![];
@@ -246,7 +246,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Whether every place of the plate is within the limits, with all that a move may go beyond.
+    /// Returns whether every position of the plate is within the limits, with the overtravel of probing moves.
     fn is_legal(&self, angles: &[f64; 3]) -> bool {
         let beyond = BEYOND * self.config.units_per_mm;
         let mut places = vec![];
@@ -290,7 +290,7 @@ impl<'a> Maker<'a> {
         text + "G49\nG54\nM2\n"
     }
 
-    /// Above the first hole.
+    /// Returns the position above the first hole.
     fn over_first(&self) -> [f64; 3] {
         let [x, y] = self.plate.hole.first().map_or([0.0; 2], |hole| hole.place);
         self.shown(x, y, self.clearance)
@@ -373,7 +373,7 @@ impl<'a> Maker<'a> {
     }
 }
 
-/// A HAL file that holds the joints of the servo cycle in which the probe tripped, while it presses.
+/// Writes a HAL file that latches the joints of the servo cycle in which the probe tripped, until it is released.
 fn hal(config: &Mechanism) -> String {
     let joints = 0..config.joints.len();
     let names = joints.clone().map(|n| format!("latch-{n}")).collect::<Vec<_>>().join(",");

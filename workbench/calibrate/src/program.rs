@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The program that stops where a gauge is to be read.
+//! The program that stops at the poses where a gauge is read.
 
 use super::gauge::Kind;
 use super::propose::{Proposal, Step, decimals, words};
@@ -8,7 +8,7 @@ use machine::files::as_comment;
 use machine::read::mechanism::Mechanism;
 use std::fmt::Write as _;
 
-/// The program of a proposal, whose readings go into the table of this name.
+/// Writes the program of a proposal, whose readings go into the table of this name.
 pub fn text(config: &Mechanism, setup: &Setup, proposal: &Proposal, table: &str) -> String {
     let gauge = &setup.gauge;
     let count = proposal.stops.len();
@@ -34,12 +34,12 @@ pub fn text(config: &Mechanism, setup: &Setup, proposal: &Proposal, table: &str)
     text + "G49\nG54\nM2\n"
 }
 
-/// The name of the machine's file.
+/// Returns the name of the machine's file.
 pub(crate) fn name_in_comments(config: &Mechanism) -> String {
     as_comment(&config.file.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// G20 or G21.
+/// Returns G20 or G21.
 pub(crate) fn unit_word(config: &Mechanism) -> &'static str {
     if config.units_per_mm == 1.0 { "G21" } else { "G20" }
 }
@@ -52,7 +52,7 @@ fn moves(config: &Mechanism, setup: &Setup, steps: &[Step]) -> String {
     steps.iter().map(line).collect()
 }
 
-/// What the operator is to do at a pose.
+/// Returns the operator's task at a pose.
 fn request(setup: &Setup, pose: usize) -> String {
     let (gauge, expected) = (&setup.gauge, setup.expected);
     let scale = gauge.scale;

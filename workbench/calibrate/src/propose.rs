@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Poses at which to read a gauge: of many that the machine can take, those that make its motion surest, and
-//! a way through them that keeps away from what is measured.
+//! Poses at which to read a gauge: of many legal ones, those that reduce the uncertainty of the motion the most, and
+//! a path through them that avoids the measured object.
 
 use super::at_tool::{self, CONFIDENCE, Refused};
 use super::fit::covariance;
@@ -18,45 +18,45 @@ use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Poses to choose from, of each object.
+/// Candidate poses per object.
 const CANDIDATES: usize = 200;
 
-/// A normal that the machine moves along by less than this share is not measured.
+/// Least share of a normal along which the machine moves: below it, the object is not measured.
 const LEAST_ALONG: f64 = 0.1;
 
-/// How fine a way is looked at: shares of it.
+/// Intervals at whose ends a path is checked.
 const PIECES: usize = 24;
 
-/// Largest turn of a bar's way about its ball between two moves, degrees.
+/// Largest rotation of a bar about its ball between two moves, degrees.
 const ARC: f64 = 15.0;
 
-/// A move before a pose.
+/// A move on the way to a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Where it ends: the tip as LinuxCNC shows it.
+    /// End of the move: the tip as LinuxCNC displays it.
     pub at: [f64; 6],
-    /// Whether it goes to or from the object, slowly.
+    /// Whether it moves to or from the object, slowly.
     pub is_slow: bool,
 }
 
-/// What is to be measured, and how.
+/// The proposed poses and motions.
 #[derive(Clone, Debug)]
 pub struct Proposal {
     /// The poses, in order.
     pub stops: Vec<Stop>,
-    /// Moves to each of them, the last one to the pose itself.
+    /// Moves to each pose, the last one to the pose itself.
     pub ways: Vec<Vec<Step>>,
-    /// Moves home behind the last one.
+    /// Moves home after the last pose.
     pub home: Vec<Step>,
-    /// Standard deviation of a reading by the drawing's tolerances, the most of all poses, in the gauge's unit.
+    /// Standard deviation of a reading due to the drawing's tolerances, largest of all poses, in the gauge's unit.
     pub spread: f64,
-    /// Error of the tip by the drawing's tolerances alone.
+    /// Error of the tip due to the drawing's tolerances alone.
     pub drawn: Shape,
-    /// The same after these readings.
+    /// Error of the tip after these readings.
     pub measured: Shape,
 }
 
-/// Why nothing is proposed.
+/// Why no poses can be proposed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoProposal {
     #[error(transparent)]
@@ -79,13 +79,12 @@ pub enum NoProposal {
     NoWay(String),
 }
 
-/// A pose that may be proposed.
 #[derive(Clone, Debug)]
 struct Candidate {
     stop: Stop,
-    /// Away from the object.
+    /// Retracted position.
     over: [f64; 6],
-    /// At the height of ways; of a bar the same as `over`.
+    /// Position at the height of transit; for a bar equal to `over`.
     high: [f64; 6],
 }
 
@@ -96,15 +95,16 @@ struct Route {
     home: Vec<Step>,
 }
 
-/// What poses are made with.
+/// The machine and setup for which poses are generated.
 struct Maker<'a> {
     config: &'a Mechanism,
     setup: &'a Setup,
-    /// Letters that the machine moves, as numbers of X to C.
+    /// Letters that the machine moves, as indices of X to C.
     free: Vec<usize>,
 }
 
-/// Poses for a setup, for a machine that may be so far from its drawing; `progress` receives the share that is done.
+/// Proposes poses for a setup, for a machine within this tolerance of its drawing; `progress` receives the share
+/// done.
 ///
 /// # Errors
 /// See [`NoProposal`].
@@ -139,12 +139,12 @@ impl Maker<'_> {
         self.free.contains(&k)
     }
 
-    /// A direction without what the machine does not move along.
+    /// Projects a direction on the axes that the machine moves.
     fn movable(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|k, _| if self.is_free(k) { direction[k] } else { 0.0 })
     }
 
-    /// Poses of an object that the machine can take, the first one level at its middle where it can.
+    /// Returns legal poses at an object, the first one level at its middle if possible.
     fn candidates(&self, object: usize) -> Result<Vec<Candidate>, NoProposal> {
         let own = &self.setup.objects[object];
         let along = self.movable(&normal(own));
@@ -153,7 +153,7 @@ impl Maker<'_> {
         }
         let mut random = Pcg64::seed_from_u64(object as u64);
         let mut found: Vec<Candidate> = self.candidate(object, [0.0; 5]).into_iter().collect();
-        // A machine that takes one of fifty still gives enough.
+        // A machine with one legal pose in fifty still yields enough.
         for _ in 0..50 * CANDIDATES {
             if found.len() >= CANDIDATES {
                 break;
@@ -167,7 +167,7 @@ impl Maker<'_> {
         }
     }
 
-    /// What keeps the machine from an object, at the first pose that it is tried at.
+    /// Returns why the machine does not reach an object, at the first pose tried.
     fn refused(&self, object: usize) -> String {
         let own = &self.setup.objects[object];
         let Some(at) = self.posed(object, [0.0; 5]) else {
@@ -180,7 +180,7 @@ impl Maker<'_> {
         }
     }
 
-    /// The pose of numbers from -1 to 1: two for the place on the object, three for the angles.
+    /// Creates the pose for numbers from -1 to 1: two for the position on the object, three for the angles.
     fn candidate(&self, object: usize, draw: [f64; 5]) -> Option<Candidate> {
         let own = &self.setup.objects[object];
         let at = self.posed(object, draw)?;
@@ -191,7 +191,7 @@ impl Maker<'_> {
         is_legal.then_some(Candidate { stop, over, high: over })
     }
 
-    /// Where the tip is then.
+    /// Returns the tip for numbers from -1 to 1, as [`Self::candidate`].
     fn posed(&self, object: usize, [u, v, a, b, c]: [f64; 5]) -> Option<[f64; 6]> {
         let own = &self.setup.objects[object];
         let mut at = self.config.home;
@@ -207,14 +207,14 @@ impl Maker<'_> {
         Some(at)
     }
 
-    /// Away from an object in this direction.
+    /// Retracts the tip from an object in this direction.
     fn drawn_back(&self, mut at: [f64; 6], away: &Vector3<f64>) -> [f64; 6] {
         self.shift(&mut at, &(away * self.setup.clearance));
         self.round(&mut at);
         at
     }
 
-    /// Puts the tip where the gauge would show what is expected.
+    /// Moves the tip to the position at which the gauge shows the expected reading.
     fn place(
         &self,
         at: &mut [f64; 6],
@@ -228,7 +228,7 @@ impl Maker<'_> {
         let local = match extent {
             Extent::Plane([x, y]) => Vector3::new(u * x / 2.0, v * y / 2.0, 0.0),
             Extent::Cone(half) => {
-                // Even over the cap: its height is even.
+                // Uniform over the cap, because its height is uniform.
                 let height = 1.0 - (u + 1.0) / 2.0 * (1.0 - half.to_radians().cos());
                 let (s, c) = (v * std::f64::consts::PI).sin_cos();
                 let out = (1.0 - height * height).max(0.0).sqrt();
@@ -250,7 +250,7 @@ impl Maker<'_> {
                 let shown = gauge.length(self.config, gauge.expected(self.config, own, *at)?);
                 let along = self.movable(&normal(own));
                 let pose = log::shown(self.config, *at, &gauge.tool);
-                // Of a dial the tip goes the other way.
+                // For a dial the tip moves in the opposite direction.
                 let rate = gauge.slope(self.config, own, &pose) / gauge.length(self.config, 1.0);
                 along * ((shown - length) * rate / along.dot(&normal(own)))
             }
@@ -259,7 +259,7 @@ impl Maker<'_> {
         Some(())
     }
 
-    /// Direction away from an object, of what the machine moves along.
+    /// Returns the direction away from an object, along axes that the machine moves.
     fn away(&self, own: &Object, at: &[f64; 6]) -> Option<Vector3<f64>> {
         let direction = match self.setup.gauge.kind {
             Kind::Bar => {
@@ -275,24 +275,24 @@ impl Maker<'_> {
         (0..3).for_each(|k| at[k] += by[k]);
     }
 
-    /// To what a program says: a tenth of a micrometre, a ten-thousandth of a degree.
+    /// Rounds to the precision of a program: a tenth of a micrometer, a ten-thousandth of a degree.
     fn round(&self, at: &mut [f64; 6]) {
         let scale = 10_f64.powi(decimals(self.config) as i32);
         at.iter_mut().for_each(|x| *x = (*x * scale).round() / scale);
     }
 
-    /// What keeps the machine from a pose, with the gauge in its spindle.
+    /// Checks whether a program can move the machine to a pose, with the gauge in its spindle.
     fn judged(&self, at: &[f64; 6]) -> Result<(), Refused> {
         let tool = &self.setup.gauge.tool;
         at_tool::programmable(self.config, &log::shown(self.config, *at, tool), tool)
     }
 
-    /// Whether nothing does.
+    /// Returns whether [`Self::judged`] accepts a pose.
     fn is_legal(&self, at: &[f64; 6]) -> bool {
         self.judged(at).is_ok()
     }
 
-    /// Whether the machine can go straight from one pose to the other.
+    /// Returns whether the machine can move straight from one pose to the other.
     fn is_clear(&self, from: &[f64; 6], to: &[f64; 6]) -> bool {
         let between = |share: f64| -> [f64; 6] {
             std::array::from_fn(|k| from[k] + share * (to[k] - from[k]))
@@ -300,7 +300,7 @@ impl Maker<'_> {
         (0..=PIECES).all(|piece| self.is_legal(&between(piece as f64 / PIECES as f64)))
     }
 
-    /// Gives every pose at a plane its place at the height of ways, and leaves those out that have none.
+    /// Sets the transit position of every pose at a plane, and removes poses without a clear path to it.
     fn raise(&self, candidates: &mut Vec<Candidate>) {
         if self.setup.gauge.kind == Kind::Bar {
             return;
@@ -316,8 +316,8 @@ impl Maker<'_> {
         });
     }
 
-    /// Direction in which the tool is drawn back: from tip to holder, of the axes that the machine
-    /// moves along the one nearest to it.
+    /// Returns the direction in which the tool is retracted: of the axes that the machine moves, the one
+    /// nearest to the direction from tip to holder.
     fn lift(&self) -> Vector3<f64> {
         let mut direction = self.movable(&self.setup.gauge.tool);
         if direction.norm() == 0.0 {
@@ -327,7 +327,7 @@ impl Maker<'_> {
         Vector3::from_fn(|k, _| if k == largest { direction[k].signum() } else { 0.0 })
     }
 
-    /// The best poses, the first one first, and the error of the tip before and after.
+    /// Selects the best poses, the first one first, and returns the error of the tip before and after.
     fn chosen(
         &self,
         candidates: &[Candidate],
@@ -362,7 +362,7 @@ impl Maker<'_> {
         let poses = at_tool::whole_workspace(config, &gauge.tool);
         let tips = [shape::rates(&model, &changed, &poses, &gauge.tool)?];
         let noise = gauge.length(config, gauge.deviation);
-        // The first one is level, for whoever sets the gauge.
+        // The first one is level, so that the operator can set the gauge there.
         let mut chosen = vec![0];
         let mut known = rows[0].clone();
         while chosen.len() < self.setup.count {
@@ -382,12 +382,12 @@ impl Maker<'_> {
         let of = |rows: &DMatrix<f64>| {
             shape::of_covariance(&tips[0], &covariance(&model, rows, noise), CONFIDENCE)
         };
-        // A dial shows the less the more the plane's normal leaves its axis; no more than a tenth.
+        // The angle between a dial's axis and the plane's normal, which is neglected, changes it by a tenth at most.
         let spread = of_machine(&model, &known).iter().copied().fold(0.0, f64::max);
         Ok((chosen, gauge.shown(config, spread), [of(&none), of(&known)]))
     }
 
-    /// The poses one behind the other, the first one first, each the nearest that can be reached.
+    /// Orders the poses, the first one first, then always the nearest reachable one.
     fn ordered(&self, mut left: Vec<Candidate>) -> Result<Route, NoProposal> {
         let (mut stops, mut ways) = (vec![], vec![]);
         let home = self.home();
@@ -419,21 +419,21 @@ impl Maker<'_> {
         Ok(Route { stops, ways, home: back })
     }
 
-    /// `[TRAJ]HOME` as LinuxCNC shows it once the tool is in force.
+    /// Returns `[TRAJ]HOME` as LinuxCNC displays it with the tool offset active.
     fn home(&self) -> [f64; 6] {
         let mut home = self.config.start;
         self.shift(&mut home, &(self.config.spindle - self.setup.gauge.tool));
         home
     }
 
-    /// How far two poses are from each other, angles at the platform's radius.
+    /// Returns the distance between two poses, angles at the platform's radius.
     fn far(&self, a: &Candidate, b: &Candidate) -> f64 {
         let radius = self.config.machine.radius().to_radians();
         let part = |k: usize| (a.stop.at[k] - b.stop.at[k]) * if k < 3 { 1.0 } else { radius };
         (0..6).map(|k| part(k).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Moves from one pose to another, away from both.
+    /// Plans moves from one pose to another that keep away from both objects.
     fn way(&self, from: Option<&Candidate>, to: &Candidate) -> Option<Vec<Step>> {
         let mut way = from.map_or(vec![], |from| self.out_of(from));
         let here = from.map_or(self.home(), |from| from.high);
@@ -451,7 +451,7 @@ impl Maker<'_> {
         Some(way)
     }
 
-    /// Moves from a pose to the height of ways.
+    /// Returns the moves from a pose to the height of transit.
     fn out_of(&self, from: &Candidate) -> Vec<Step> {
         let mut way = vec![Step { at: from.over, is_slow: true }];
         if from.over != from.high {
@@ -460,7 +460,7 @@ impl Maker<'_> {
         way
     }
 
-    /// Straight, or level on the way where that is outside the limits.
+    /// Plans a straight transit, or a level one if the straight one violates limits.
     fn transit(&self, from: &[f64; 6], to: &[f64; 6]) -> Option<Vec<Step>> {
         let level = |at: &[f64; 6]| -> [f64; 6] {
             std::array::from_fn(|k| if k < 3 { at[k] } else { self.config.home[k] })
@@ -469,7 +469,7 @@ impl Maker<'_> {
         ways.into_iter().find_map(|ends| self.fast(from, &ends))
     }
 
-    /// About the ball, as far from it as the poses are.
+    /// Plans a motion around the ball, at the distance of the poses.
     fn arc(&self, from: &[f64; 6], to: &Candidate) -> Option<Vec<Step>> {
         let centre = self.setup.objects[to.stop.object].frame.origin + self.config.spindle;
         let place = |at: &[f64; 6]| Vector3::new(at[0], at[1], at[2]) - centre;
@@ -502,7 +502,7 @@ impl Maker<'_> {
     }
 }
 
-/// Standard deviations of readings by the drawing's tolerances of the machine alone.
+/// Returns the standard deviations of readings due to the drawing's tolerances of the machine alone.
 fn of_machine(model: &Model, rows: &DMatrix<f64>) -> Vec<f64> {
     let of = |row: usize| {
         let own = model.parameters.iter().enumerate().filter(|(_, p)| p.quantity.is_of_machine());
@@ -511,12 +511,12 @@ fn of_machine(model: &Model, rows: &DMatrix<f64>) -> Vec<f64> {
     (0..rows.nrows()).map(of).collect()
 }
 
-/// Decimals of lengths and angles in programs.
+/// Returns the decimals of lengths and angles in programs.
 pub(crate) fn decimals(config: &Mechanism) -> usize {
     if config.units_per_mm == 1.0 { 4 } else { 5 }
 }
 
-/// Words of the letters that the machine moves.
+/// Formats the words of the letters that the machine moves.
 pub(crate) fn words(config: &Mechanism, at: &[f64; 6]) -> String {
     let layout = config.machine.layout();
     let decimals = decimals(config);

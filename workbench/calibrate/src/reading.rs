@@ -1,38 +1,38 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What was measured: a reading of the tip at known joints, its residual and how that follows
-//! the tip and the frame it was measured in.
+//! Measurements: a reading of the tip at known joints, its residual, and the dependence of the residual on
+//! the tip and the measuring frame.
 
 use super::model::{Frame, Model, Quantity, unit};
 use kinematics::{Fault, Joints, Letter, Machine, Pose, Solver, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion};
 
-/// What a reading says of the tip.
+/// The quantity that a reading measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Measured {
-    /// The probe's ball touched the wall of a bore along Z of the frame: its axis X, Y there, and
-    /// the distance of ball centre and axis.
+    /// The probe's ball touched the wall of a bore along Z of the frame: X, Y of the bore's axis in the frame, and
+    /// the distance between ball center and axis.
     Bore {
         axis: [f64; 2],
-        /// Radius of the bore less that of the ball.
+        /// Radius of the bore minus that of the ball.
         radius: f64,
     },
-    /// The ball touched a face square to Z of the frame from above: height of its centre.
+    /// The ball touched a face perpendicular to Z of the frame from above: height of the ball's center.
     Face(f64),
-    /// Place of the tip in the frame.
+    /// Position of the tip in the frame.
     Position(Vector3<f64>),
-    /// Place of the tip, and platform orientation, in the frame.
+    /// Position of the tip, and platform orientation, in the frame.
     Pose(Vector3<f64>, Matrix3<f64>),
     /// Distance of the tip from the frame's origin.
     Distance(f64),
 }
 
 impl Measured {
-    /// Whether it is a length, as long as the machine moves: a face shows heights alone.
+    /// Returns whether it depends on the scale of the machine: a face gives only heights.
     pub fn is_length(&self) -> bool {
         !matches!(self, Measured::Face(_))
     }
 
-    /// How many numbers it is.
+    /// Returns the number of values.
     pub(crate) fn rows(&self) -> usize {
         match self {
             Measured::Bore { .. } | Measured::Face(_) | Measured::Distance(_) => 1,
@@ -42,19 +42,19 @@ impl Measured {
     }
 }
 
-/// What read a number that somebody typed; of probes and trackers the default.
+/// The instrument of a typed number; for probes and trackers the default.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instrument {
-    /// Its standard deviation goes into the noise so often.
+    /// Ratio of the noise to the instrument's standard deviation.
     pub weight: f64,
-    /// Its zero, if that is to be found.
+    /// The instrument's zero, if it is a parameter.
     pub zero: Option<Zero>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Zero {
     pub number: usize,
-    /// Direction in which the point of contact goes as the gauge shows more, in platform; none of an
+    /// Direction in which the point of contact moves as the reading increases, in the platform frame; `None` for an
     /// instrument that measures distances.
     pub axis: Option<Vector3<f64>>,
 }
@@ -67,39 +67,39 @@ impl Default for Instrument {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// Where it stands in the input, for people.
+    /// Name for messages: the reading's place in the input.
     pub name: String,
-    /// Readings of one place of the machine: held out together.
+    /// Readings of one pose have the same group, and are held out together.
     pub group: usize,
-    /// Joints while it was taken.
+    /// Joints at the reading.
     pub joints: Joints,
-    /// Pose that the control took the machine to be in.
+    /// Pose according to the control.
     pub pose: Pose,
     /// Tool vector, spindle offset included.
     pub tool: Vector3<f64>,
     pub frame: usize,
     pub measured: Measured,
-    /// What measured it.
+    /// The measuring instrument.
     pub instrument: Instrument,
 }
 
-/// Machines beside the one at hand, for the derivatives by the parameters.
+/// Slightly changed machines, for the derivatives with respect to the parameters.
 pub struct Beside {
-    /// For every parameter of the machine its number, and what differs of a joint: the machine's
-    /// own leg, or all.
+    /// For every parameter of the machine its index, the joint that depends on it (`None` for all joints),
+    /// and the index of its pair.
     entries: Vec<(usize, Option<usize>, usize)>,
-    /// Pairs of machines, a little more and a little less, and the difference.
+    /// Pairs of machines with the parameter increased and decreased.
     pairs: Vec<(Machine, Machine)>,
     step: f64,
 }
 
-/// Step of the derivatives by the parameters, in sizes of the machine: rounding of 1e-16 over it
+/// Step of the derivatives with respect to the parameters, in sizes of the machine: rounding of 1e-16 over it
 /// and its square over the size both stay below 1e-8 of the derivative.
 const STEP: f64 = 1e-7;
 
 impl Beside {
-    /// Of the machine with these changes: legs are independent, so that the same parameter of all
-    /// legs makes one pair.
+    /// Creates the neighbors of the machine with these changes: legs are independent, so the same parameter of all
+    /// legs needs one pair.
     fn new(model: &Model, changes: &[f64]) -> Result<Self, Fault> {
         let step = STEP * model.size();
         let mut kinds: Vec<(usize, usize)> = vec![];
@@ -131,7 +131,7 @@ impl Beside {
         Ok(Self { entries, pairs, step })
     }
 
-    /// ∂f/∂H at a pose: joints by the parameters of the machine.
+    /// Returns ∂f/∂H at a pose: derivatives of the joints with respect to the parameters of the machine.
     fn joint_rates(
         &self,
         pose: &Pose,
@@ -153,7 +153,7 @@ impl Beside {
     }
 }
 
-/// A machine with changes, and what is needed for derivatives by them.
+/// A machine with changes, and the data for derivatives with respect to them.
 pub struct Changed<'a> {
     model: &'a Model,
     changes: &'a [f64],
@@ -161,7 +161,7 @@ pub struct Changed<'a> {
     beside: Beside,
 }
 
-/// Pose of a reading and how it follows the parameters at fixed joints.
+/// Pose of a reading, and its derivatives with respect to the parameters at fixed joints.
 pub struct Posed {
     /// True pose, if these changes are the true ones.
     pub pose: Pose,
@@ -172,16 +172,16 @@ pub struct Posed {
 }
 
 impl<'a> Changed<'a> {
-    /// The machine of a model with these changes.
+    /// Creates the machine of a model with these changes.
     ///
     /// # Errors
-    /// They make no machine.
+    /// The changed geometry is not a valid machine.
     pub fn new(model: &'a Model, changes: &'a [f64]) -> Result<Self, Fault> {
         let beside = Beside::new(model, changes)?;
         Ok(Self { model, changes, machine: model.machine(changes)?, beside })
     }
 
-    /// The pose of these joints near `seed`.
+    /// Solves the pose of these joints near `seed`.
     ///
     /// # Errors
     /// As [`Machine::forward`].
@@ -196,13 +196,13 @@ impl<'a> Changed<'a> {
         self.at(pose, tool)
     }
 
-    /// This machine at a pose.
+    /// Computes tip and derivatives at a pose.
     ///
     /// # Errors
     /// As [`Machine::inverse`].
     pub fn at(&self, pose: Pose, tool: &Vector3<f64>) -> Result<Posed, Fault> {
         let layout = self.machine.layout();
-        // A table keeps its place, not the tip's over it.
+        // The position of a table is fixed, not the tip's position above it.
         let letters = [layout.coordinates().as_slice(), layout.table().as_slice()].concat();
         let joints = layout.joints();
         let jacobian = self.machine.at(&pose, tool)?.pose_jacobian()?;
@@ -217,8 +217,8 @@ impl<'a> Changed<'a> {
         Ok(Posed { tip: pose.position - tool, rates: twist(&pose, &letters, &-solved), pose })
     }
 
-    /// Rows weighted as forward weighs legs that contradict each other, by their lengths: a
-    /// joint's error counts by the square of how fast its leg's length follows it.
+    /// Weights rows as the forward kinematics weight contradicting legs, by their lengths: a
+    /// joint's error counts by the square of the rate at which its leg's length follows it.
     fn weighted(&self, rows: &DMatrix<f64>, by: &DMatrix<f64>) -> DMatrix<f64> {
         let joint_by_length = |leg: usize| {
             self.model.number(Quantity::Length(leg)).map_or(1.0, |number| by[(leg, number)])
@@ -228,7 +228,7 @@ impl<'a> Changed<'a> {
         })
     }
 
-    /// Residuals of a reading, and their derivatives by all parameters.
+    /// Returns the residuals of a reading, and their derivatives with respect to all parameters.
     ///
     /// # Errors
     /// As [`Machine::forward`].
@@ -242,7 +242,7 @@ impl<'a> Changed<'a> {
         Ok((seen.0, seen.1, posed.pose))
     }
 
-    /// As [`Changed::residual`], of a reading whose pose is known.
+    /// Returns the residuals and derivatives of a reading whose pose is known, as [`Changed::residual`].
     pub(crate) fn seen(&self, reading: &Reading, posed: &Posed) -> (DVector<f64>, DMatrix<f64>) {
         let frame = self.model.frame(reading.frame, self.changes);
         let shifted = self.with_zero(reading, posed);
@@ -254,7 +254,7 @@ impl<'a> Changed<'a> {
         for (k, parameter) in self.model.parameters.iter().enumerate() {
             match parameter.quantity {
                 Quantity::Frame(number, axis) if number == reading.frame => {
-                    // The frame moved is the tip moved the other way.
+                    // Moving the frame is equivalent to moving the tip in the opposite direction.
                     let (shift, turn) = match axis {
                         0..3 => (unit(axis), Vector3::zeros()),
                         _ => {
@@ -277,13 +277,13 @@ impl<'a> Changed<'a> {
         (residual, jacobian)
     }
 
-    /// What a gauge is off by, where it has a zero of its own.
+    /// Returns the error of a gauge's zero, or 0 for an instrument without one.
     fn zero(&self, reading: &Reading) -> f64 {
         let zero = reading.instrument.zero;
         zero.map_or(0.0, |zero| self.model.zero(zero.number, self.changes))
     }
 
-    /// The pose with the point of contact where the gauge's zero puts it.
+    /// Returns the pose with the point of contact shifted by the error of the gauge's zero.
     fn with_zero(&self, reading: &Reading, posed: &Posed) -> Option<Posed> {
         let axis = reading.instrument.zero?.axis?;
         let shift = posed.pose.rotation() * axis * self.zero(reading);
@@ -294,7 +294,7 @@ impl<'a> Changed<'a> {
         Some(Posed { pose: posed.pose, tip: posed.tip + shift, rates })
     }
 
-    /// Residuals, and their derivatives by the tip's place and the rotation about it, in base.
+    /// Returns residuals, and their derivatives with respect to the tip's position and the rotation about it, in base.
     fn by_tip(
         &self,
         reading: &Reading,
@@ -328,7 +328,8 @@ impl<'a> Changed<'a> {
         }
     }
 
-    /// Angles count by the platform's radius, so that they have the unit of lengths.
+    /// Returns residuals and derivatives of a measured pose. Angles are multiplied by the platform's radius, so they
+    /// have the unit of lengths.
     fn of_pose(
         &self,
         posed: &Posed,
@@ -338,7 +339,7 @@ impl<'a> Changed<'a> {
     ) -> (DVector<f64>, DMatrix<f64>) {
         let (turned, radius) = (frame.rotation.transpose(), self.model.radius());
         let off = turned * posed.pose.rotation() * rotation.transpose();
-        // By way of the quaternion: the angle of a matrix is an arc cosine, blind below 1e-8.
+        // Via the quaternion: the angle of a matrix is an arc cosine, with no resolution below 1e-8.
         let off = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(off));
         let turn = off.scaled_axis();
         let miss = frame.seen(&posed.tip) - place;
@@ -354,8 +355,8 @@ impl<'a> Changed<'a> {
     }
 }
 
-/// Rates of a rotation vector by a further turn about fixed axes: the inverse of the left Jacobian of
-/// the rotation group, its last factor as a series, good to 1e-7 up to 40 degrees.
+/// Returns the derivative of a rotation vector with respect to a further rotation about fixed axes: the inverse of
+/// the left Jacobian of the rotation group, its last factor as a series, accurate to 1e-7 up to 40 degrees.
 fn rates_of_vector(turn: &Vector3<f64>) -> Matrix3<f64> {
     let square = turn.norm_squared();
     let cross = turn.cross_matrix();
@@ -372,7 +373,8 @@ fn by_trigger(measured: &Measured) -> DVector<f64> {
     DVector::from_element(measured.rows(), rate)
 }
 
-/// A zero with an axis moves the point of contact, one without is part of the number.
+/// Returns the derivative with respect to a zero: one with an axis moves the point of contact, one without is part of
+/// the number.
 fn by_zero(zero: &Zero, by_tip: &DMatrix<f64>, posed: &Posed) -> DVector<f64> {
     match zero.axis {
         Some(axis) => by_tip.columns(0, 3) * (posed.pose.rotation() * axis),
@@ -380,7 +382,7 @@ fn by_zero(zero: &Zero, by_tip: &DMatrix<f64>, posed: &Posed) -> DVector<f64> {
     }
 }
 
-/// Rates of the letters as rates of the place and of the rotation about base axes.
+/// Converts rates of the letters to rates of the position and of the rotation about base axes.
 fn twist(pose: &Pose, letters: &[Letter], rates: &DMatrix<f64>) -> DMatrix<f64> {
     let mut twist = DMatrix::zeros(6, rates.ncols());
     let (sb, cb) = pose.angles.y.sin_cos();

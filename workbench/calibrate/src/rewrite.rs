@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The INI file with another geometry: every other line, comments and layout stay.
+//! The INI file with another geometry: all other lines, comments and layout are kept.
 
 use super::model::{Model, Quantity};
 use keys::leg;
@@ -15,10 +15,10 @@ use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use std::path::Path;
 
-/// Decimals of lengths in the file, in millimetres: a nanometre, a thousandth of what is measured.
+/// Decimals of lengths in the file, in millimeters: a nanometer, a thousandth of the measuring accuracy.
 const DECIMALS: usize = 6;
 
-/// Why there is no new file.
+/// Why no new file can be written.
 #[derive(Debug, thiserror::Error)]
 pub enum RewriteError {
     #[error(transparent)]
@@ -31,8 +31,8 @@ pub enum RewriteError {
     Doubt(#[from] Doubt),
 }
 
-/// The text of a machine's file with these changes of a model. `[BOX_K]` sections, which were
-/// proved for the old geometry, are taken out with `boxes=`.
+/// Returns the text of a machine's file with these changes of a model. Removes `boxes=` and the `[BOX_K]` sections,
+/// which were proved for the old geometry.
 ///
 /// # Errors
 /// See [`RewriteError`].
@@ -53,18 +53,18 @@ pub fn calibrated(
     Ok(new)
 }
 
-/// The machine of the new text.
+/// Parses the machine of the new text.
 ///
 /// # Errors
-/// It is none.
+/// The text does not describe a machine.
 pub(crate) fn read_back(file: &Path, text: &str) -> Result<Mechanism, MachineError> {
     Ok(MachineConfig::from_ini(&Ini::parse(file, text)?)?.first().clone())
 }
 
-/// The text with boxes proved for its machine.
+/// Adds boxes that are proved for the machine of a text.
 ///
 /// # Errors
-/// The text is no machine, or there are no boxes.
+/// The text does not describe a machine, or no box can be proved.
 pub fn with_boxes(file: &Path, old: &str) -> Result<String, RewriteError> {
     let config = read_back(file, old)?;
     let found = found(&config, &|_| ())?;
@@ -87,13 +87,13 @@ pub fn with_boxes(file: &Path, old: &str) -> Result<String, RewriteError> {
     Ok(text)
 }
 
-/// Both texts as a difference that people read.
+/// Formats the difference of both texts.
 pub fn difference(old: &str, new: &str, names: (&str, &str)) -> String {
     edit::difference(old, new, names, 1)
 }
 
 fn decimal(value: f64) -> String {
-    // Plus 0: no "-0".
+    // Adding 0 avoids "-0".
     format!("{:.DECIMALS$}", value + 0.0)
 }
 
@@ -101,7 +101,7 @@ fn list<const N: usize>(values: &[f64; N]) -> String {
     values.map(decimal).join(" ")
 }
 
-/// What of the legs differs from what the file says.
+/// Returns the values of the legs that differ from those of the file.
 fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
     let mut edits = vec![];
     for (n, (old, new)) in model.geometry.legs().iter().zip(geometry.legs()).enumerate() {
@@ -131,7 +131,7 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
     edits
 }
 
-/// HOME of the joints: the same pose, by the new geometry.
+/// Returns HOME of the joints: the same pose, with the new geometry.
 fn of_home(config: &Mechanism, model: &Model, changes: &[f64]) -> Result<Vec<Edit>, Fault> {
     if model.number(Quantity::Length(0)).is_none() {
         return Ok(vec![]);
@@ -145,7 +145,7 @@ fn of_home(config: &Mechanism, model: &Model, changes: &[f64]) -> Result<Vec<Edi
         .collect())
 }
 
-/// The lines without `[BOX_K]` and `boxes=`; comments stay.
+/// Returns the lines without `[BOX_K]` and `boxes=`; comments are kept.
 fn without_boxes(text: &str) -> Vec<String> {
     let mut is_box = false;
     let mut lines = vec![];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The file that says what `pkm measure` is to measure with, and against what.
+//! The setup file of `pkm measure`: the gauge and the objects to measure.
 
 use super::gauge::{Gauge, Kind, Object, Scale};
 use super::model::Frame;
@@ -11,7 +11,7 @@ use serde::Deserialize;
 use std::io;
 use std::path::Path;
 
-/// A gauge and its objects as the TOML file describes them: lengths in its `unit`.
+/// A gauge and its objects as described in the TOML file: lengths in its `unit`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -63,28 +63,28 @@ fn cone() -> f64 {
 /// Most poses of a program.
 const MOST: usize = 500;
 
-/// What is measured with, and where, in machine units and degrees.
+/// The gauge and the objects to measure, in machine units and degrees.
 #[derive(Clone, Debug)]
 pub struct Setup {
     pub gauge: Gauge,
-    /// What it shows where the machine is as drawn, in its unit.
+    /// Reading of the machine as drawn, in the gauge's unit.
     pub expected: f64,
-    /// What it is held against.
+    /// The objects to measure against.
     pub objects: Vec<Object>,
-    /// How far poses may go: of a plane its size along X and Y, of a ball the half angle of the cone about Z
+    /// Range of the poses: for a plane its size along X and Y, for a ball the half angle of the cone about Z
     /// in which the bar points, degrees.
     pub extents: Vec<Extent>,
-    /// Poses.
+    /// Number of poses.
     pub count: usize,
     /// Largest A, B and C.
     pub tilt: f64,
-    /// How far the tool goes away between two poses.
+    /// Distance by which the tool is retracted between two poses.
     pub clearance: f64,
     /// Feed towards the object, per minute.
     pub feed: f64,
 }
 
-/// Where an object may be touched.
+/// The range in which an object may be touched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Extent {
     Plane([f64; 2]),
@@ -102,7 +102,7 @@ pub enum SetupError {
     Bad(#[from] AtFile<BadSetup>),
 }
 
-/// A value of the file, and what is expected.
+/// An invalid value of the file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct BadSetup(String);
@@ -122,7 +122,7 @@ impl Setup {
         Ok(setup)
     }
 
-    /// Refuses a gauge that points where no tool of the machine does.
+    /// Refuses a gauge that points in a direction in which no tool of the machine points.
     fn check_direction(&self, config: &Mechanism) -> Result<(), BadSetup> {
         match config.tool_direction.filter(|it| it.contradicts(self.gauge.tool.z)) {
             None => Ok(()),
@@ -133,7 +133,7 @@ impl Setup {
         }
     }
 
-    /// Refuses planes whose face the gauge would come to from behind, through the plane.
+    /// Refuses planes that the gauge would approach from behind, through the plane.
     fn check_sides(&self) -> Result<(), BadSetup> {
         let planes = self.objects.iter().zip(&self.extents);
         let planes = planes.filter(|(_, extent)| matches!(extent, Extent::Plane(_)));
@@ -146,19 +146,19 @@ impl Setup {
     }
 }
 
-/// What is wrong with a face that looks away from the platform.
+/// Explanation for a face that points away from the platform.
 pub(super) const LOOKS_AWAY: &str = "its face looks away from the platform, so that the tool would come through it: \
      expected angles that turn +Z towards the platform ([0, 0, 0] below a tool that points down, [180, 0, 0] above one \
      that points up), and the sign of tool as in the tool table";
 
-/// Whether the face of a frame, its +Z, looks the way that the tool points.
+/// Returns whether the face of a frame, its +Z, points in the direction of the tool.
 pub(super) fn looks_away(rotation: &Matrix3<f64>, tool: &Vector3<f64>) -> bool {
-    // A dial gauge at an edge stands across its face.
+    // A dial gauge at an edge is perpendicular to the normal of its face.
     const ACROSS: f64 = 0.5;
     rotation.column(2).dot(tool) < -ACROSS * tool.norm()
 }
 
-/// Refuses what no gauge has.
+/// Refuses invalid values.
 fn check(given: &File) -> Result<(), BadSetup> {
     let bad = |text: String| Err(BadSetup(text));
     let positive =
@@ -231,7 +231,7 @@ impl FileObject {
 }
 
 impl File {
-    /// The middle of the range, unless the file says another.
+    /// Returns the expected reading: by default the middle of the range.
     fn expected(&self) -> f64 {
         self.expected.unwrap_or((self.range[0] + self.range[1]) / 2.0)
     }
@@ -243,7 +243,7 @@ impl File {
         let object = |object: &FileObject| {
             let [a, b, c] = object.angles;
             let rotation = Pose::from_degrees([0.0, 0.0, 0.0, a, b, c]).rotation();
-            // LinuxCNC shows the tip without the spindle's offset.
+            // LinuxCNC displays the tip without the spindle's offset.
             let frame = Frame { origin: lengths(object.place) - config.spindle, rotation };
             Object { name: object.name.clone(), frame }
         };

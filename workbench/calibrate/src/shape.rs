@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How true the tip's motion is over the workspace: its errors at many poses, less what a better place of
-//! the work would take away.
+//! Accuracy of the tip's motion over the workspace: its errors at many poses, minus the part that a better placement
+//! of the workpiece would remove.
 //!
-//! Nobody sees where base and work stand together, and gauges on planes and balls see less than that. What is
-//! left once the work is moved and turned for the best is the error of what is cut.
+//! No measurement determines a common motion of base and workpiece, and gauges on planes and balls determine less than
+//! that. The error after the best rigid motion of the workpiece is the error of the machined part.
 
 use super::model::Model;
 use super::plate::fitted;
@@ -14,20 +14,20 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Machines drawn from a covariance: the 95 % point of them is known to half a percent of them.
+/// Machines drawn from a covariance: they determine the 95 % quantile to half a percent of probability.
 const DRAWS: usize = 2000;
 
 /// Root mean square of the tip's error over poses, machine units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
-    /// The square root of its mean square, over all machines that may be.
+    /// Square root of its mean square, over all possible machines.
     pub expected: f64,
-    /// What it is below with the confidence asked for.
+    /// Upper bound with the requested confidence.
     pub below: f64,
 }
 
-/// Rates of the tip at poses by the parameters of the machine, three rows a pose, less the rigid motion
-/// that fits best.
+/// Returns the rates of the tip at poses with respect to the parameters of the machine, three rows per pose, minus
+/// the rigid motion that fits best.
 ///
 /// # Errors
 /// As [`Machine::inverse`].
@@ -50,7 +50,7 @@ pub(crate) fn rates(
             rates.column_mut(k).fill(0.0);
         }
     }
-    // Columns of one size, so that rounding does not count as a motion.
+    // Columns of equal norm, so that rounding does not count as a motion.
     for mut column in rigid.column_iter_mut() {
         let norm = column.norm();
         column /= norm.max(f64::MIN_POSITIVE);
@@ -63,7 +63,7 @@ pub(crate) fn rates(
     Ok(&rates - &motions * (motions.transpose() * &rates))
 }
 
-/// The error for parameters of this covariance, with these rates.
+/// Returns the error for parameters with this covariance and these rates.
 pub(crate) fn of_covariance(
     rates: &DMatrix<f64>,
     covariance: &DMatrix<f64>,
@@ -75,7 +75,7 @@ pub(crate) fn of_covariance(
         eigen.eigenvalues.iter().map(|value| value.max(0.0).sqrt()),
     );
     let by_draw = rates * &eigen.eigenvectors * DMatrix::from_diagonal(&spread);
-    // The sum of squares depends on the singular values alone.
+    // The sum of squares depends only on the singular values.
     let squares: Vec<f64> = by_draw.singular_values().iter().map(|value| value * value).collect();
     let poses = rates.nrows() as f64 / 3.0;
     let mut random = Pcg64::seed_from_u64(0);
@@ -90,8 +90,8 @@ pub(crate) fn of_covariance(
     Shape { expected: root(squares.iter().sum()), below: root(drawn[place]) }
 }
 
-/// Errors of the tip of a true machine under a control with another geometry, at poses, less the rigid motion
-/// that fits best: for those who know the truth.
+/// Returns the errors of the tip of a true machine under a control with another geometry, at poses, minus the rigid
+/// motion that fits best: for simulations, where the truth is known.
 ///
 /// # Errors
 /// As [`Machine::inverse`] and [`Machine::forward`].

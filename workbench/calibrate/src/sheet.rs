@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Tables of readings that somebody typed: `pkm measure` writes them empty, below lines that say what
-//! they belong to.
+//! Tables of readings that the operator types: `pkm measure` writes them empty, below lines that state their
+//! origin.
 //!
 //! ```text
 //! # pkm readings 1
@@ -8,12 +8,12 @@
 //! # gauge dial
 //! # unit um                       of expected, reading and again
 //! # deviation 2                   standard deviation of one reading, in that unit
-//! # range 0 1000                  what the gauge can show
+//! # range 0 1000                  possible readings of the gauge
 //! # zero 0.2                      standard deviation of its zero, machine units
-//! # radius 0                      of its end
+//! # radius 0                      of the gauge's end
 //! # tool 0 0 60                   with the spindle offset
-//! # object plate 0 0 150 0 0 0    about where it is: X Y Z A B C
-//! # poses 8f3a 11c2               a checksum of each, with what it was measured with
+//! # object plate 0 0 150 0 0 0    approximate pose: X Y Z A B C
+//! # poses 8f3a 11c2               a checksum of each, including the gauge
 //! pose,object,x,y,z,a,b,c,expected,reading,again
 //! 1,plate,0,0,150,0,0,0,500,498,499
 //! ```
@@ -35,49 +35,50 @@ pub(crate) const HEADER: &str = "# pkm readings 1";
 const COLUMNS: [&str; 11] =
     ["pose", "object", "x", "y", "z", "a", "b", "c", "expected", "reading", "again"];
 
-/// Columns that may be missing.
+/// The only column that may be missing.
 const AGAIN: usize = 10;
 
-/// In place of a reading that could not be taken.
+/// Entry for a reading that could not be taken.
 const LEFT_OUT: &str = "-";
 
-/// The middle of all readings is within this factor of what is expected: the next unit is 25 times as
-/// large.
+/// Largest factor between the median of all readings and the expected value: the next unit differs by a factor of
+/// 25.
 const PLAUSIBLE: f64 = 5.0;
 
-/// Another unit is named where it brings the readings within this factor.
+/// Another unit is suggested if it brings the readings within this factor.
 const NEAR: f64 = 2.5;
 
-/// A reading is like the others that is within so many times what half of them are off, and far beyond the other.
+/// Thresholds in multiples of the median error: below the first a reading is like the others, above the second it is
+/// far off.
 const USUAL: f64 = 5.0;
 const UNUSUAL: f64 = 20.0;
 
-/// How often the scatter of good readings is taken for that of bad ones.
+/// Probability that the scatter of good readings is judged too large.
 const FALSE_ALARM: f64 = 1e-3;
 
-/// A pose at which something is to be read.
+/// A pose at which a gauge is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stop {
     pub object: usize,
-    /// The tip as LinuxCNC shows it, machine units and degrees.
+    /// The tip as LinuxCNC displays it, machine units and degrees.
     pub at: [f64; 6],
-    /// What the machine as drawn would show.
+    /// Expected reading of the machine as drawn.
     pub expected: f64,
 }
 
-/// A table that somebody filled in.
+/// A table filled in by the operator.
 #[derive(Clone, Debug)]
 pub struct Sheet {
-    /// What was read.
+    /// The gauge that was read.
     pub gauge: Gauge,
-    /// What it was held against.
+    /// The objects it was read against.
     pub objects: Vec<Object>,
     pub rows: Vec<Row>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// Its line in the file, counted from 1.
+    /// Line in the file, counted from 1.
     pub line: usize,
     pub stop: Stop,
     /// Number of the pose in the program.
@@ -86,26 +87,26 @@ pub struct Row {
     pub shown: Vec<f64>,
 }
 
-/// How two runs agree.
+/// Agreement of two runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
-    /// Rows that were read twice.
+    /// Number of rows read twice.
     pub rows: usize,
-    /// Standard deviation of one reading, by the differences.
+    /// Standard deviation of one reading, from the differences.
     pub deviation: f64,
-    /// Mean of the second run less the first.
+    /// Mean of the second run minus the first.
     pub drift: f64,
-    /// Whether the scatter is more than the stated deviation explains.
+    /// Whether the scatter is larger than the stated deviation explains.
     pub is_more: bool,
     pub is_drift: bool,
 }
 
-/// Whether a text is such a table: a spreadsheet may have quoted its comments.
+/// Returns whether a text is a table of readings: a spreadsheet may have quoted its comments.
 pub(crate) fn is_one(text: &str) -> bool {
     text.lines().next().is_some_and(|line| mended(line) == HEADER)
 }
 
-/// A comment without what spreadsheets add to it.
+/// Returns a comment without the characters that spreadsheets add to it.
 fn mended(line: &str) -> &str {
     line.trim_matches(|c: char| c.is_whitespace() || "\u{feff},;\"".contains(c))
 }
@@ -114,7 +115,7 @@ fn is_comment(line: &str) -> bool {
     mended(line).starts_with('#')
 }
 
-/// The empty table of some poses.
+/// Writes the empty table of some poses.
 pub fn empty(config: &Mechanism, gauge: &Gauge, objects: &[Object], stops: &[Stop]) -> String {
     let mut text = format!("{HEADER}\n# geometry {:#010x}\n", config.hash);
     let [low, high] = gauge.range;
@@ -149,7 +150,7 @@ pub fn empty(config: &Mechanism, gauge: &Gauge, objects: &[Object], stops: &[Sto
     text + &csv(&COLUMNS, (1..).zip(stops).map(row))
 }
 
-/// Decimals that a reading is worth: a tenth of its deviation.
+/// Returns the significant decimals of a reading: a tenth of its deviation.
 fn decimals(gauge: &Gauge) -> usize {
     (1.0 - gauge.deviation.log10()).ceil().clamp(0.0, 6.0) as usize
 }
@@ -162,7 +163,8 @@ fn placed(frame: &Frame) -> Pose {
     Pose { position: frame.origin, angles: Vector3::new(a, b, c) }
 }
 
-/// Of a pose as its numbers say it, however they are written, and of what goes there: FNV-1a, folded to 16 bits.
+/// Computes the checksum of a pose's values, independent of their format, and of the gauge: FNV-1a, folded to 16
+/// bits.
 fn checksum(gauge: &Gauge, number: usize, object: &str, at: &[f64; 6]) -> u16 {
     let numbers = at.iter().chain(gauge.tool.iter()).chain([&gauge.radius]);
     let numbers = numbers.flat_map(|x| ((x * 1e6).round() as i64).to_le_bytes());
@@ -207,11 +209,11 @@ impl Sheet {
         Ok(sheet)
     }
 
-    /// Its readings: frames are numbered from `frame` on in the order of the objects, zeros from `zero`
-    /// on, and how many zeros there are.
+    /// Returns the readings, and the number of zeros. Frames are numbered from `frame` on in the order of the objects,
+    /// zeros from `zero` on.
     ///
     /// # Errors
-    /// A pose that the machine cannot take.
+    /// A pose that the machine cannot reach.
     pub(crate) fn readings(
         &self,
         config: &Mechanism,
@@ -244,8 +246,8 @@ impl Sheet {
         Ok((readings, axes.len()))
     }
 
-    /// Whether readings are nearer to what the table expects than the gauge reads: once in a thousand times by chance,
-    /// whatever the machine is.
+    /// Returns whether readings are nearer to the expected values than the gauge's deviation allows: by chance once
+    /// in a thousand times, for any machine.
     pub fn is_too_good(&self) -> bool {
         let squares: Vec<f64> =
             self.misses().map(|(_, _, miss)| (miss / self.gauge.deviation).powi(2)).collect();
@@ -253,7 +255,7 @@ impl Sheet {
         law.is_ok_and(|law| squares.iter().sum::<f64>() < law.inverse_cdf(FALSE_ALARM))
     }
 
-    /// How the second run agrees with the first, if there was one.
+    /// Compares the second run with the first, if there was one.
     pub fn scatter(&self) -> Option<Scatter> {
         let twice = self.rows.iter().filter_map(|row| match row.shown[..] {
             [first, second] => Some(second - first),
@@ -267,7 +269,7 @@ impl Sheet {
         }
         let drift = differences.iter().sum::<f64>() / count;
         let squares: f64 = differences.iter().map(|x| (x - drift).powi(2)).sum();
-        // Of a difference of two readings the variance is twice that of one.
+        // The variance of a difference of two readings is twice that of one.
         let deviation = (squares / (2.0 * degrees)).sqrt();
         let stated = self.gauge.deviation;
         let most = |degrees: f64| {
@@ -282,7 +284,7 @@ impl Sheet {
         })
     }
 
-    /// Standard deviation that one reading has: as stated, or as two runs show where that is more.
+    /// Returns the standard deviation of one reading: as stated, or from two runs if that is larger.
     pub fn deviation(&self) -> f64 {
         match self.scatter() {
             Some(scatter) if scatter.is_more => scatter.deviation,
@@ -290,7 +292,7 @@ impl Sheet {
         }
     }
 
-    /// Refuses readings that are as a whole far from what any machine built after the drawing shows.
+    /// Refuses readings that are as a whole far from those of any machine built to the drawing.
     fn check_unit(&self) -> Result<(), BadLog> {
         let mut ratios: Vec<(f64, usize)> = self
             .rows
@@ -316,8 +318,8 @@ impl Sheet {
         )
     }
 
-    /// Refuses a reading that is far from what the table expects, as the others are not, and that would be among them
-    /// in another unit. The fit cannot tell: a machine as far from its drawing as its tolerances allow may show it.
+    /// Refuses a reading that is far from the expected value, unlike the others, but close to it if read in another
+    /// unit. The fit cannot detect it: a machine as far from its drawing as its tolerances allow may give this reading.
     fn check_units(&self) -> Result<(), BadLog> {
         let mut misses: Vec<f64> = self.misses().map(|(_, _, miss)| miss.abs()).collect();
         misses.sort_by(f64::total_cmp);
@@ -345,14 +347,14 @@ impl Sheet {
         Ok(())
     }
 
-    /// Every reading and what it is off what the table expects.
+    /// Returns every reading with its difference from the expected value.
     fn misses(&self) -> impl Iterator<Item = (&Row, f64, f64)> {
         self.rows.iter().flat_map(|row| {
             row.shown.iter().map(move |shown| (row, *shown, shown - row.stop.expected))
         })
     }
 
-    /// Another unit in which a ratio to what is expected is near 1.
+    /// Returns another unit in which a ratio to the expected value is near 1.
     fn other_unit(&self, ratio: impl Fn(Scale) -> f64) -> Option<Scale> {
         let far = |scale: &Scale| ratio(*scale).abs().ln().abs();
         Scale::ALL
@@ -423,7 +425,7 @@ fn objects(comments: &str) -> Result<Vec<Object>, BadLog> {
     }
 }
 
-/// The rows, checked one by one and as a whole.
+/// Parses the rows, checked one by one and as a whole.
 fn rows(text: &str, gauge: &Gauge, objects: &[Object], sums: &[u16]) -> Result<Vec<Row>, BadLog> {
     let lines: Vec<(usize, &str)> = (1..)
         .zip(text.lines())
@@ -511,7 +513,7 @@ fn columns(line: usize, names: &str) -> Result<Vec<Option<usize>>, BadLog> {
     }
 }
 
-/// The number of a pose, which follows the last one.
+/// Parses the number of a pose, which must follow the last one.
 fn pose_number(line: usize, word: &str, last: usize, count: usize) -> Result<usize, BadLog> {
     let Some(number) = word.parse::<usize>().ok().filter(|n| (1..=count).contains(n)) else {
         return bad(line, format!("pose \"{word}\": the program has poses 1 to {count}"));
@@ -529,7 +531,7 @@ fn pose_number(line: usize, word: &str, last: usize, count: usize) -> Result<usi
     }
 }
 
-/// Where a row was read, as the program has it.
+/// Parses the pose of a row, which must be that of the program.
 fn stop<'a>(
     line: usize,
     number: usize,
@@ -559,7 +561,7 @@ fn stop<'a>(
     Ok(Stop { object, at, expected })
 }
 
-/// A number as it is typed.
+/// Rounds a number for a message.
 pub(crate) fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
@@ -569,7 +571,7 @@ fn finite(line: usize, word: &str) -> Result<f64, BadLog> {
     number.map_or_else(|| bad(line, format!("\"{word}\" is no number")), Ok)
 }
 
-/// A reading that the gauge can have shown.
+/// Parses a reading that is possible for the gauge.
 fn value(line: usize, word: &str, gauge: &Gauge) -> Result<f64, BadLog> {
     let value = finite(line, word)?;
     let [low, high] = gauge.range;

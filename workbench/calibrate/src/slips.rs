@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Slips of whoever typed readings, found by what the others say: one in another unit, two exchanged,
+//! Typing mistakes in readings, detected by the other readings: one in another unit, two exchanged,
 //! several a row too high or too low.
 //!
-//! Sought where the readings as they are do not fit the machine within its tolerances. The linear model at the
-//! best fit says which slips come near: with M = 1 + J Σ Jᵀ, all in units of noise, readings y give yᵀ M⁻¹ y,
-//! which is the sum of squares that the fit leaves. Of the best a fit is made. A slip is believed where undoing
-//! it makes that sum ordinary, and is no worse than leaving out the readings it is about.
+//! The search runs if the readings as typed do not fit the machine within its tolerances. The linear model at the
+//! best fit selects likely mistakes: with M = 1 + J Σ Jᵀ, all in units of noise, readings y give yᵀ M⁻¹ y,
+//! which is the sum of squares that the fit leaves. The most likely ones are fitted. A mistake is accepted if
+//! correcting it makes that sum ordinary, and is no worse than leaving out the readings concerned.
 
 use super::fit::{Misfit, chi_square, most_probable, residuals};
 use super::gauge::Scale;
@@ -17,22 +17,22 @@ use machine::read::mechanism::Mechanism;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// How often readings without a slip are looked through for one.
+/// Probability of a search in readings without a mistake.
 pub(crate) const FALSE_ALARM: f64 = 1e-3;
 
-/// What a sum of squares of so many normal numbers exceeds once in a thousand times.
+/// Returns the value that a sum of squares of `count` normal numbers exceeds once in a thousand times.
 pub(crate) fn most(count: usize) -> f64 {
     let law = ChiSquared::new(count.max(1) as f64);
     law.map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - FALSE_ALARM))
 }
 
-/// A table of typed readings, and where its readings begin among all.
+/// A table of typed readings, and its first index among all readings.
 #[derive(Clone, Debug)]
 pub struct Typed {
     pub file: usize,
     /// The table.
     pub sheet: Sheet,
-    /// Number of its first reading.
+    /// Index of its first reading.
     pub first: usize,
 }
 
@@ -48,7 +48,7 @@ impl Linear {
         y.dot(&self.factor.solve(y))
     }
 
-    /// What is left of the sum without some readings.
+    /// Returns the sum that remains without some readings.
     fn without(&self, rows: &[usize]) -> f64 {
         let solved = &self.inverse * &self.y;
         let own = DVector::from_fn(rows.len(), |i, _| solved[rows[i]]);
@@ -59,7 +59,7 @@ impl Linear {
     }
 }
 
-/// One typed number: its place among the numbers of the model, and what changes with it.
+/// One typed number: its index among the numbers of the model, and its effect.
 struct Number<'a> {
     row: &'a Row,
     run: usize,
@@ -69,26 +69,26 @@ struct Number<'a> {
     slope: f64,
 }
 
-/// A slip that may explain the readings.
+/// A typing mistake that may explain the readings.
 struct Slip {
-    /// By the linear model.
+    /// Sum of squares after the correction, by the linear model.
     chi_square: f64,
-    /// Places of the numbers that it is about, and what they would be.
+    /// Indices of the numbers concerned, and their corrected values.
     meant: Vec<(usize, f64)>,
     line: usize,
     text: String,
 }
 
-/// The linear model of a fit that slips have pulled is off by so much of what is sought.
+/// Factor by which the linear model may be wrong at a fit that mistakes have distorted.
 const ROUGH: f64 = 10.0;
 
-/// So many slips are looked at closely.
+/// Number of likely mistakes that are fitted.
 const CLOSELY: usize = 8;
 
-/// Refuses readings in which one slip explains why they do not fit; gives the number of the file.
+/// Searches for one mistake that explains why readings do not fit; returns it with the number of the file.
 ///
 /// # Errors
-/// The fit's, or the slip.
+/// See [`Misfit`].
 pub fn look(
     config: &Mechanism,
     model: &Model,
@@ -114,7 +114,7 @@ pub fn look(
     Ok(None)
 }
 
-/// Whether readings fit with a slip undone, as well as without those that it is about.
+/// Returns whether readings with a mistake corrected fit, and as well as without the readings concerned.
 fn is_undone(
     config: &Mechanism,
     model: &Model,
@@ -170,7 +170,7 @@ fn linear(
     Some(Linear { y, inverse: factor.inverse(), factor })
 }
 
-/// The numbers of a table, first those of the first run.
+/// Returns the numbers of a table, those of the first run first.
 fn numbers<'a>(
     config: &Mechanism,
     readings: &[Reading],
@@ -197,7 +197,7 @@ fn numbers<'a>(
     found
 }
 
-/// The slips that may explain the readings, the best ones first.
+/// Returns the likely mistakes, the best first.
 fn likely(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
     let mut all = units(sheet, linear, numbers);
     all.extend(shifts(linear, numbers));
@@ -206,7 +206,7 @@ fn likely(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
     all
 }
 
-/// The sum with other readings in some rows, where they about explain it.
+/// Returns the sum of squares with other readings in some rows, if they roughly explain it.
 fn explained(linear: &Linear, changed: &[(&Number, f64)]) -> Option<f64> {
     let mut y = linear.y.clone();
     for (number, shown) in changed {
@@ -218,7 +218,7 @@ fn explained(linear: &Linear, changed: &[(&Number, f64)]) -> Option<f64> {
     (chi_square <= most && chi_square - linear.without(&places) <= most).then_some(chi_square)
 }
 
-/// One reading in another unit.
+/// Returns mistakes of one reading in another unit.
 fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
     let own = sheet.gauge.scale;
     let mut found = vec![];
@@ -240,8 +240,8 @@ fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
     found
 }
 
-/// Readings of one run in another order: the first of some rows typed last, or the last first; of two rows
-/// both are the exchange.
+/// Returns mistakes of the order within one run: the first of some rows typed last, or the last first; for two
+/// rows both are the exchange.
 fn shifts(linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
     let mut found = vec![];
     for (i, first) in numbers.iter().enumerate() {
@@ -269,7 +269,7 @@ fn shifts(linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
     found
 }
 
-/// A slip of the order, unless leaving out one reading explains as much.
+/// Returns a mistake of the order, unless leaving out one reading explains as much.
 fn reordered(linear: &Linear, block: &[Number], order: &[f64], is_exchange: bool) -> Option<Slip> {
     let changed: Vec<(&Number, f64)> = block
         .iter()

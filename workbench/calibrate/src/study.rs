@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A calibration from files to findings.
+//! A calibration from input files to results.
 
 use super::at_tool::{self, CONFIDENCE, Ellipsoid};
 use super::fit::{Fit, Misfit, chi_square, fit, held_out, residuals, rms};
@@ -23,97 +23,97 @@ use nalgebra::{DMatrix, DVector};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Places that may be measured next.
+/// Candidates for the next poses.
 const CANDIDATES: usize = 200;
 
-/// How a machine is to be calibrated.
+/// Settings of a calibration.
 #[derive(Clone, Debug)]
 pub struct Wishes {
-    /// How far the machine may be from its drawing.
+    /// Deviation of the machine from its drawing.
     pub tolerance: Tolerance,
-    /// Noise of one number read; estimated where it is not given.
+    /// Noise of one number of a reading; estimated if it is not given.
     pub noise: Option<f64>,
     pub plate: Option<PathBuf>,
 }
 
-/// What files give.
+/// Contents of the input files.
 #[derive(Debug)]
 pub struct Given {
-    /// The machine as drawn, and what of it may change.
+    /// The machine as drawn, and its parameters.
     pub model: Model,
     pub readings: Vec<Reading>,
-    /// What each frame is, for people.
+    /// Description of each frame, for messages.
     pub instruments: Vec<String>,
-    /// Noise of one number read by what wishes and tables state; none where it is to be estimated.
+    /// Noise of one number, from settings and tables; `None` if it is to be estimated.
     pub noise: Option<f64>,
-    /// Tables that somebody typed.
+    /// Tables that the operator filled in.
     pub typed: Vec<Typed>,
 }
 
-/// How the readings as a whole agree with stated noise and tolerances.
+/// Agreement of all readings with stated noise and tolerances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
     /// Sum of squares, see [`super::fit::Fit`], each in its standard deviations.
     pub chi_square: f64,
     pub numbers: usize,
-    /// What it exceeds once in a thousand times where both are as stated.
+    /// The value that it exceeds once in a thousand times if both are as stated.
     pub most: f64,
-    /// The reading without which it would fall the most, and by how much.
+    /// The reading that, left out, would reduce the sum the most, and the reduction.
     pub foremost: (usize, f64),
 }
 
 impl Study {
-    /// Whether any reading would show another scale of the drives: all lengths larger by one share. Where all
-    /// are heights of faces, a machine that is larger as a whole reads the same, and no bound of this study
+    /// Returns whether any reading depends on the scale of the drives: all lengths larger by one share. If all
+    /// are heights of faces, a machine that is larger as a whole gives the same readings, and no bound of this study
     /// contains that error.
     pub fn shows_scale(&self) -> bool {
         self.readings.iter().any(|reading| reading.measured.is_length())
     }
 }
 
-/// What was found.
+/// Results of a calibration.
 #[derive(Debug)]
 pub struct Study {
-    /// The machine as drawn, and what of it may change.
+    /// The machine as drawn, and its parameters.
     pub model: Model,
     pub readings: Vec<Reading>,
-    /// What each frame is, for people.
+    /// Description of each frame, for messages.
     pub instruments: Vec<String>,
-    /// Tables that somebody typed.
+    /// Tables that the operator filled in.
     pub typed: Vec<Typed>,
-    /// The result.
     pub found: Fit,
     /// Root mean square residual with the machine as drawn, only frames fitted.
     pub as_drawn: f64,
-    /// Root mean square of what was not used, see [`held_out`].
+    /// Root mean square of readings not used, see [`held_out`].
     pub held_out: f64,
-    /// Independent changes that the readings tell, in principle.
+    /// Number of independent changes that the readings determine, without noise.
     pub rank: usize,
-    /// Independent changes that they know better than the drawing.
+    /// Number of independent changes that they determine better than the drawing does.
     pub improved: usize,
-    /// How many changes no reading sees, and why.
+    /// Numbers of changes that no reading detects, and the reason.
     pub unseen: Vec<(usize, &'static str)>,
-    /// Where the tip may be, by the drawing alone and now: at home, and where it is worst. As seen from the
-    /// first frame: none where the readings do not tell how that lies.
+    /// Confidence regions of the tip, from the drawing alone and now: at home, and where they are largest. Relative to
+    /// the first frame: `None` if the readings do not determine its pose.
     pub at_tool: Option<[(Ellipsoid, Ellipsoid); 2]>,
-    /// Error of the tip over the workspace, wherever the work lies, by the drawing alone and now.
+    /// Error of the tip over the workspace, independent of the workpiece's placement, from the drawing alone and
+    /// now.
     pub shape: [Shape; 2],
-    /// How the readings agree with what is stated of them, where something is.
+    /// Agreement of the readings with their stated noise, if any is stated.
     pub agreement: Option<Agreement>,
-    /// Errors of the holes as the control saw them, largest first.
+    /// Errors of the holes as measured by the control, largest first.
     pub holes: Vec<HoleError>,
 }
 
-/// Where the control saw a hole, at one orientation.
+/// Error of a hole as measured by the control, at one orientation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HoleError {
-    /// A touch of it, for people.
+    /// Name of one of its touches, for messages.
     pub name: String,
-    /// Distance of its axis from where the plate has it.
+    /// Distance of its axis from the plate's position.
     pub miss: f64,
 }
 
-/// Why files give no readings.
+/// Why files cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     #[error(transparent)]
@@ -143,7 +143,7 @@ impl From<AtFile<BadLog>> for ReadError {
     }
 }
 
-/// Readings of files, and the model with a frame for each place of plate or instrument.
+/// Reads files, and creates the model with a frame for each placement of plate or instrument.
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -217,7 +217,7 @@ impl Given {
         self.readings.extend(own);
     }
 
-    /// Readings of tables count by the deviation that they state, beside the best of them.
+    /// Weights readings of tables by their stated deviation, relative to the smallest.
     fn weigh(&mut self, config: &Mechanism, files: &[PathBuf]) -> Result<(), ReadError> {
         let of = |typed: &Typed| typed.sheet.gauge.length(config, typed.sheet.deviation());
         let Some(best) = self.typed.iter().map(of).min_by(f64::total_cmp) else { return Ok(()) };
@@ -273,7 +273,7 @@ enum Format {
     Table,
 }
 
-/// Told by the first line that is no comment.
+/// Detects the format by the first line that is no comment.
 fn kind(text: &str) -> Option<Format> {
     let first = text.lines().map(str::trim).find(|line| !heading::is_comment(line))?;
     let word = first.split_ascii_whitespace().next()?;
@@ -285,10 +285,10 @@ fn kind(text: &str) -> Option<Format> {
     }
 }
 
-/// Refuses typed readings in which one slip explains why they do not fit, see [`slips`].
+/// Refuses typed readings in which one mistake explains why they do not fit, see [`slips`].
 ///
 /// # Errors
-/// The slip, or a fit that there is none of.
+/// The mistake, or a failed fit.
 pub fn look_for_slips(
     config: &Mechanism,
     given: &Given,
@@ -303,7 +303,7 @@ pub fn look_for_slips(
     }
 }
 
-/// Why typed readings are not taken.
+/// Why typed readings are refused.
 #[derive(Debug, thiserror::Error)]
 pub enum SlipError {
     #[error(transparent)]
@@ -312,7 +312,7 @@ pub enum SlipError {
     Misfit(#[from] Misfit),
 }
 
-/// Calibrates; `progress` receives the share that is done.
+/// Calibrates a machine; `progress` receives the share done.
 ///
 /// # Errors
 /// See [`Misfit`].
@@ -367,15 +367,15 @@ fn agreement(model: &Model, readings: &[Reading], found: &Fit, noise: f64) -> Ag
     Agreement { chi_square, numbers, most: slips::most(numbers), foremost }
 }
 
-/// The readings that were not left out.
+/// Returns the readings that were not left out.
 fn believed(readings: &[Reading], found: &Fit) -> Vec<Reading> {
     let is_out = |i: usize| found.outliers.iter().any(|outlier| outlier.reading == i);
     let kept = readings.iter().enumerate().filter(|(i, _)| !is_out(*i));
     kept.map(|(_, reading)| reading.clone()).collect()
 }
 
-/// The residuals that the drawing leaves, only frames and probe fitted, and the holes as the
-/// control saw them.
+/// Returns the residual of the machine as drawn, with only frames and probe fitted, and the holes as
+/// measured by the control.
 fn as_drawn(
     model: &Model,
     readings: &[Reading],
@@ -391,7 +391,7 @@ fn as_drawn(
     Ok((rms(&left), holes(&frames, &believed, &changes)))
 }
 
-/// Axes of the holes by least squares through the touches of their walls, at each orientation.
+/// Computes the axes of the holes by least squares through the touches of their walls, at each orientation.
 fn holes(frames: &Model, readings: &[Reading], changes: &[f64]) -> Vec<HoleError> {
     let groups = readings.iter().map(|reading| reading.group + 1).max().unwrap_or(0);
     let of = |group: usize| {
@@ -415,7 +415,7 @@ fn holes(frames: &Model, readings: &[Reading], changes: &[f64]) -> Vec<HoleError
     all
 }
 
-/// Centre of the circle through points, least squares: |p|² = 2 p·c + r² − |c|² is linear.
+/// Returns the center of the circle through points, least squares: |p|² = 2 p·c + r² − |c|² is linear.
 fn circle(points: &[Vector3<f64>]) -> Option<[f64; 2]> {
     if points.len() < 3 {
         return None;
@@ -431,8 +431,8 @@ fn circle(points: &[Vector3<f64>]) -> Option<[f64; 2]> {
     Some([mean.x + solved[0], mean.y + solved[1]])
 }
 
-/// Standard deviations of the machine's parameters by the drawing, as a covariance: of the machine alone, for
-/// by the drawing nobody asks where the plate lies.
+/// Returns the variances of the machine's parameters by the drawing, as a covariance: of the machine alone, because
+/// the drawing does not determine the pose of the plate.
 fn drawn(model: &Model) -> DMatrix<f64> {
     DMatrix::from_diagonal(&DVector::from_iterator(
         model.parameters.len(),
@@ -443,10 +443,10 @@ fn drawn(model: &Model) -> DMatrix<f64> {
     ))
 }
 
-/// The tip's error over the workspace by the drawing and by the readings.
+/// Computes the tip's error over the workspace by the drawing and by the readings.
 ///
 /// # Errors
-/// No pose of it can be taken, or as [`kinematics::Machine::inverse`].
+/// No pose of the workspace is reachable, or as [`kinematics::Machine::inverse`].
 pub fn shape(
     config: &Mechanism,
     model: &Model,
@@ -465,7 +465,7 @@ pub fn shape(
     Ok([of(&drawn(model)), of(&found.covariance)])
 }
 
-/// Whether readings tell all of how a frame lies.
+/// Returns whether readings determine the whole pose of a frame.
 fn is_placed(reading: &Reading) -> bool {
     match reading.measured {
         Measured::Bore { .. } | Measured::Position(_) | Measured::Pose(..) => true,
@@ -473,7 +473,7 @@ fn is_placed(reading: &Reading) -> bool {
     }
 }
 
-/// The tip by the drawing and by the readings, at home and where it is worst.
+/// Returns the confidence regions of the tip by the drawing and by the readings, at home and where they are largest.
 fn at_tool(
     config: &Mechanism,
     model: &Model,
@@ -499,7 +499,7 @@ fn at_tool(
     Ok(Some([both(&[home])?, both(&poses)?]))
 }
 
-/// Poses to measure next, best first: the tip's place is read at each. Tip and angles, machine
+/// Returns the poses to measure next, best first: the tip's position is read at each. Tip and angles, machine
 /// units and degrees.
 ///
 /// # Errors

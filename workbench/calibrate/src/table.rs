@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Tables of measuring instruments: CSV with the pose that the control showed, and what a tracker
-//! or a ball-bar measured there.
+//! Tables of measuring instruments: CSV with the pose that the control displayed, and the measurement of a tracker
+//! or a ball bar at that pose.
 //!
 //! ```text
 //! # geometry 1844604530
 //! # tool 0 0 80
 //! x,y,z,a,b,c,tip_x,tip_y,tip_z            tracker; tip_a tip_b tip_c as well: full pose
-//! x,y,z,a,b,c,distance                     ball-bar: the tip from a point that stays
+//! x,y,z,a,b,c,distance                     ball bar: the tip from a fixed point
 //! ```
 //!
-//! x y z a b c is the tip in machine coordinates. The joints are the inverse of it by the geometry
-//! that the table names, which is what LinuxCNC commanded.
+//! x y z a b c is the tip in machine coordinates. The joints, which LinuxCNC commanded, are its inverse by the geometry
+//! that the table names.
 
 use super::heading;
 use super::log::{self, BadLog};
@@ -25,7 +25,7 @@ use nalgebra::{DMatrix, DVector};
 const PLACE: [&str; 3] = ["tip_x", "tip_y", "tip_z"];
 const ANGLES: [&str; 3] = ["tip_a", "tip_b", "tip_c"];
 
-/// The readings of a table, in frame `frame`.
+/// Parses the readings of a table, in frame `frame`.
 ///
 /// # Errors
 /// See [`BadLog`].
@@ -97,7 +97,7 @@ pub(crate) fn readings(
     Ok(readings)
 }
 
-/// Where the instrument stands, about.
+/// Estimates the pose of the instrument.
 pub(crate) fn frame(readings: &[Reading]) -> Frame {
     let tip = |reading: &Reading| reading.pose.position - reading.tool;
     let (mut own, mut seen) = (vec![], vec![]);
@@ -115,7 +115,7 @@ pub(crate) fn frame(readings: &[Reading]) -> Frame {
     if bars.is_empty() { fitted(&own, &seen) } else { centre(&bars) }
 }
 
-/// Point with these distances from these tips: |t|² − 2 t·c + |c|² = L² is linear in c and |c|².
+/// Returns the point with these distances from these tips: |t|² − 2 t·c + |c|² = L² is linear in c and |c|².
 fn centre(bars: &[(Vector3<f64>, f64)]) -> Frame {
     let mean = bars.iter().map(|(tip, _)| tip).sum::<Vector3<f64>>() / bars.len() as f64;
     let rows = DMatrix::from_fn(bars.len(), 4, |i, k| {
