@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Arcs, flat or as helices, that are proved to stay near a curve.
+//! Arcs, flat or helical, with a proved distance from a curve.
 
 use crate::piece::{Arc, Piece, ROUNDING, Wanted, speed_change};
 use crate::planes::PLANES;
@@ -8,19 +8,19 @@ use machine::proof::interval::Interval;
 use machine::proof::jet::Taylor;
 use std::f64::consts::PI;
 
-/// Largest turn of one arc: an arc whose ends lie near each other may be taken for a short one.
+/// Largest turn of one arc: an arc whose ends are near each other may be mistaken for a short one.
 const MOST_TURN: f64 = 1.5 * PI;
-/// Largest radius, mm: beyond it arcs are lines.
+/// Largest radius, mm: larger arcs are written as lines.
 const MOST_RADIUS: f64 = 1e4;
 /// Halvings of the range of an arc in its proof.
 const HALVINGS: u32 = 12;
-/// How much longer the next trial is.
+/// Factor between the lengths of two trials.
 const GROWTH: f64 = 1.5;
-/// What LinuxCNC's arcs add: the end and the centre have words of their own, and the radius is
+/// Rounding of LinuxCNC's arcs: the end and the center have separate words, and the radius is
 /// that of the start.
 const ARC_ROUNDING: f64 = 3.0 * ROUNDING;
 
-/// The longest arc from the start of a line, if there is one longer than the line.
+/// Returns the longest arc from the start of a line, if there is one longer than the line.
 pub(super) fn longest(
     curve: &Curve,
     part: usize,
@@ -44,13 +44,13 @@ pub(super) fn longest(
             _ => break,
         }
     }
-    // A longer line has nothing that an arc could better.
+    // An arc is used only if it is longer than the line.
     let best = best.filter(|arc: &Piece| arc.range[1] > line.range[1]);
     *length = best.as_ref().map_or(shortest, |arc| arc.range[1] - from);
     Ok(best)
 }
 
-/// The arc over a range, where one is near enough.
+/// Returns the arc over a range, if it is near enough to the curve.
 fn arc(
     curve: &Curve,
     part: usize,
@@ -75,18 +75,18 @@ fn arc(
     Ok(None)
 }
 
-/// An arc through three places.
+/// An arc through three points.
 struct Near {
     plane: usize,
     centre: [f64; 2],
     radius: f64,
-    /// Direction of the middle, from which angles are counted.
+    /// Direction of the middle of the arc, from which angles are measured.
     middle: [f64; 2],
-    /// Across the plane: at the middle, and by the angle.
+    /// Position along the axis of the arc: at the middle, and its rate by the angle.
     across: [f64; 2],
-    /// Angle of the whole, with its sign.
+    /// Angle of the whole arc, signed.
     turn: f64,
-    /// Angles of tilt, which an arc holds.
+    /// Tilt angles, which are constant along an arc.
     angles: [f64; 3],
 }
 
@@ -120,7 +120,7 @@ impl Near {
         Arc { plane: self.plane, centre: self.centre, is_left: self.turn > 0.0, length }
     }
 
-    /// Whether the curve stays within `allowed` of the arc and goes along it, never back.
+    /// Returns whether the curve stays within `allowed` of the arc and follows it monotonically.
     fn holds(
         &self,
         curve: &Curve,
@@ -158,7 +158,7 @@ impl Near {
             && self.holds(curve, part, [middle, to], allowed, left - 1)?)
     }
 
-    /// Distance from the arc across it: in its plane, and along its axis; and the angle.
+    /// Returns the deviations from the arc, radial in its plane and along its axis, and the angle.
     fn errors(&self, pose: &[Taylor; 6]) -> [Taylor; 3] {
         let [first, second, across] = PLANES[self.plane];
         let x = pose[first] - Taylor::constant(self.centre[0]);

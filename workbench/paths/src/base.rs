@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Curves in parts, each over a range of its own parameter.
+//! Curves divided into parts, each over a range of its own parameter.
 
 use crate::ellipse::Ellipse;
 use crate::expression::{Expression, Trouble};
@@ -9,11 +9,11 @@ use machine::proof::interval::Interval;
 use machine::proof::jet::Taylor;
 use std::sync::Arc;
 
-/// Of how many coordinates the arc length of a curve is: x and y of a family, all of a curve in
-/// space.
+/// Number of coordinates that contribute to the arc length of a family: x and y. For a curve in
+/// space all three do.
 pub(super) const PLANE: usize = 2;
 
-/// Coordinates and the parameter t of a curve; those of a family have no z.
+/// Coordinates and the parameter t of a curve; z of a family is 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// x, y and z, mm.
@@ -22,19 +22,19 @@ pub struct Place {
     pub t: Taylor,
 }
 
-/// How a part of a curve is given.
+/// Representation of a part of a curve.
 #[derive(Clone, Debug)]
 pub enum Form {
-    /// x = f(t), y = g(t); each coordinate with the t of its own drive.
+    /// x = f(t), y = g(t), each with its drive's own parameter.
     Explicit(Arc<Explicit>),
-    /// Over a chord of a curve that two families make.
+    /// A curve defined by two families, over its chord.
     Implicit(Arc<Families>, Chord),
     Spline(Arc<Spline>, usize),
-    /// An arc of a drawing.
+    /// An elliptical arc of a drawing.
     Ellipse(Ellipse),
 }
 
-/// x = f(t_X), y = g(t_Y), with t_X and t_Y of t.
+/// x = f(t_X), y = g(t_Y), with t_X and t_Y functions of t.
 #[derive(Clone, Debug)]
 pub struct Explicit {
     /// f and g.
@@ -49,7 +49,7 @@ impl Explicit {
         Ok([of(0)?, of(1)?])
     }
 
-    /// x and y at a parameter, where they have values.
+    /// Returns x and y at a parameter, if they have values.
     pub fn point(&self, t: f64) -> Option<[f64; 2]> {
         Some(self.at(Taylor::constant(t)).ok()?.map(|x| x.value.middle()))
     }
@@ -57,15 +57,14 @@ impl Explicit {
 
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// How it is given.
     pub form: Form,
-    /// The ends of its parameter.
+    /// First and last parameter.
     pub range: [f64; 2],
 }
 
 impl Part {
-    /// The curve over a range of the parameter; `None` where it cannot be enclosed, and a shorter
-    /// range may.
+    /// Evaluates the curve over a range of the parameter; returns `None` if it cannot be enclosed, which may
+    /// succeed over a shorter range.
     ///
     /// # Errors
     /// As [`Expression::at`].
@@ -91,7 +90,7 @@ impl Part {
         })
     }
 
-    /// Coordinates that the arc length is of.
+    /// Returns the number of coordinates that contribute to the arc length.
     pub(super) fn dimensions(&self) -> usize {
         match self.form {
             Form::Spline(..) | Form::Ellipse(_) => PLANE + 1,
@@ -99,7 +98,7 @@ impl Part {
         }
     }
 
-    /// Speed of the arc length at a point.
+    /// Returns the rate of the arc length at a point.
     pub(super) fn speed(&self, at: f64) -> Result<f64, Trouble> {
         let Some(place) = self.at(Interval::point(at))? else { return Ok(f64::NAN) };
         let squares = place.at[..self.dimensions()].iter().map(|x| x.first().middle().powi(2));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The other way round: laws of the joints in, path of the tool out, by forward kinematics from each
-//! place to the next.
+//! The inverse problem: from laws of the joints to the path of the tool, by forward kinematics seeded with the
+//! previous pose.
 
 use crate::expression::{Expression, ExpressionError, Trouble};
 use crate::file::{CarriageKeys, PathFile};
@@ -13,7 +13,7 @@ use machine::read::mechanism::Mechanism;
 use machine::read::tools;
 use std::ops::ControlFlow;
 
-/// Why joints give no path.
+/// Why the laws of the joints give no path.
 #[derive(Debug, thiserror::Error)]
 pub enum CarriageError {
     #[error("[carriages]: {0}")]
@@ -23,19 +23,19 @@ pub enum CarriageError {
     #[error("[carriages] laws_mm_or_deg {joint}: at t = {t}: {trouble}")]
     Trouble {
         joint: usize,
-        /// Seconds.
+        /// Time, s.
         t: f64,
         trouble: Trouble,
     },
     #[error("at t = {t}: {fault}")]
     Fault {
-        /// Seconds.
+        /// Time, s.
         t: f64,
         fault: Fault,
     },
     #[error("at t = {t}: {text}")]
     Leaves {
-        /// Seconds.
+        /// Time, s.
         t: f64,
         text: String,
     },
@@ -45,16 +45,16 @@ pub enum CarriageError {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CarriagePose {
-    /// Seconds.
+    /// Time, s.
     pub t: f64,
     pub joints: Joints,
     /// x y z in machine units, a b c in degrees.
     pub pose: [f64; 6],
-    /// By how much the joints do not belong to one pose, where there are more than needed.
+    /// Residual of the forward kinematics; above 0 if redundant joints contradict each other.
     pub residual: f64,
 }
 
-/// The path of the tool tip for the laws of a file, a place for every servo cycle.
+/// Computes the path of the tool tip for the laws of a file, one pose per servo cycle.
 ///
 /// # Errors
 /// See [`CarriageError`].
@@ -86,7 +86,7 @@ pub fn taken(config: &Mechanism, file: &PathFile) -> Result<Vec<CarriagePose>, C
     Ok(all)
 }
 
-/// An hour of servo cycles.
+/// Largest number of poses: an hour of servo cycles.
 const MOST_PLACES: f64 = 3.6e6;
 
 fn laws(
@@ -114,7 +114,7 @@ fn tool(config: &Mechanism, file: &PathFile) -> Result<Vector3<f64>, CarriageErr
     Ok(config.spindle + found.ok_or_else(missing)?.offset)
 }
 
-/// Joint values at a time, within their limits.
+/// Evaluates the joint values at a time.
 fn joints(config: &Mechanism, laws: &[Expression], t: f64) -> Result<Joints, CarriageError> {
     let mut joints = [0.0; MAX_JOINTS];
     for (joint, law) in laws.iter().enumerate() {
@@ -145,7 +145,7 @@ fn check(
     broken.map_or(Ok(()), |text| Err(CarriageError::Leaves { t, text }))
 }
 
-/// The places as CSV: seconds, joints, pose and residual.
+/// Formats the poses as CSV: seconds, joints, pose and residual.
 pub fn csv(config: &Mechanism, places: &[CarriagePose]) -> String {
     let count = config.joints.len();
     let mut header = vec!["t".to_string()];

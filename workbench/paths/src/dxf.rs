@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Curves of DXF drawings in their ASCII form: LINE, ARC, CIRCLE, ELLIPSE, LWPOLYLINE, POLYLINE and
-//! SPLINE, each as it is.
+//! Curves of DXF drawings in ASCII form: LINE, ARC, CIRCLE, ELLIPSE, LWPOLYLINE, POLYLINE and
+//! SPLINE, without approximation.
 
 use crate::element::Element;
 use crate::ellipse::Ellipse;
@@ -14,11 +14,11 @@ use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
-/// What ends of entities may miss each other by, mm: ends that a drawing program writes with four
-/// decimals meet.
+/// Largest gap between joined ends of entities, mm: accepts ends that a drawing program writes with four
+/// decimals.
 const JOIN: f64 = 1e-3;
 
-/// A drawing whose curves cannot be taken.
+/// Why the curves of a drawing cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum DxfError {
     #[error("no DXF drawing: {0}")]
@@ -33,7 +33,7 @@ pub enum DxfError {
     Join(#[from] JoinError),
 }
 
-/// The curves of a drawing, joined end to end, mm.
+/// Reads the curves of a drawing, joined end to end, mm.
 ///
 /// # Errors
 /// See [`DxfError`].
@@ -50,7 +50,7 @@ pub fn elements(bytes: &[u8], keys: &CurveKeys) -> Result<Vec<Element>, DxfError
     Ok(joined(strands, keys.dxf_join_mm.map_or(JOIN, |join| join.0))?)
 }
 
-/// What the library would read over: a drawing that ends before its end, and coordinates that are no
+/// Rejects what the library would ignore: a truncated drawing, and coordinates that are not finite
 /// numbers.
 fn check(bytes: &[u8]) -> Result<(), DxfError> {
     let form = |text: String| Err(DxfError::Form(text));
@@ -76,7 +76,7 @@ fn check(bytes: &[u8]) -> Result<(), DxfError> {
     Ok(())
 }
 
-/// mm of the drawing's unit.
+/// Returns the millimeters per unit of the drawing.
 fn unit_of(units: Units) -> Result<f64, DxfError> {
     Ok(match units {
         Units::Millimeters => 1.0,
@@ -100,7 +100,7 @@ fn unit_of(units: Units) -> Result<f64, DxfError> {
     })
 }
 
-/// The entities that the keys ask for, with their numbers.
+/// Returns the entities that the keys select, with their numbers.
 fn taken<'a>(drawing: &'a Drawing, keys: &CurveKeys) -> Result<Vec<(usize, &'a Entity)>, DxfError> {
     let all = || drawing.entities().filter(|entity| !entity.common.is_in_paper_space);
     if let Some(handles) = &keys.dxf_handles {
@@ -145,7 +145,7 @@ fn strand((number, entity): &(usize, &Entity), unit: f64) -> Result<Strand, DxfE
     Strand::new(name.clone(), elements).ok_or_else(|| refused("it has no length".into()))
 }
 
-/// What an entity is called, and its curves.
+/// Returns the type of an entity, and its curves.
 fn curves(
     entity: &EntityType,
     elevation: f64,
@@ -183,7 +183,7 @@ fn place(p: &Point) -> Vector3<f64> {
     Vector3::new(p.x, p.y, p.z)
 }
 
-/// Axes of an entity's own coordinates, by the direction of its extrusion: the arbitrary axis
+/// Returns the axes of an entity's coordinate system from its extrusion direction, by the arbitrary axis
 /// algorithm of the DXF reference.
 fn axes(normal: &Vector) -> Result<Matrix3<f64>, String> {
     let z = Vector3::new(normal.x, normal.y, normal.z);
@@ -202,7 +202,7 @@ fn straight(a: Vector3<f64>, b: Vector3<f64>, unit: f64) -> Result<Vec<Element>,
     Ok(line(a * unit, b * unit)?.into_iter().collect())
 }
 
-/// Second angle behind the first one.
+/// Increases the second angle to be above the first one.
 fn ahead([from, to]: [f64; 2]) -> [f64; 2] {
     let turn = (to - from).rem_euclid(TAU);
     [from, from + if turn > 0.0 { turn } else { TAU }]
@@ -237,8 +237,8 @@ fn ellipse(own: &::dxf::entities::Ellipse, unit: f64) -> Result<Vec<Element>, St
     Ok(vec![Element::Ellipse(Ellipse::new(place(&own.center) * unit, [major, minor], angles))])
 }
 
-/// Lines and arcs between vertices, each with the bulge of what follows it: the tangent of a quarter
-/// of the arc's angle.
+/// Connects vertices by lines and arcs. The bulge of a vertex is that of the segment after it: the tangent of a
+/// quarter of the arc's angle.
 fn bulged(
     vertices: &[(Vector3<f64>, f64)],
     is_closed: bool,
@@ -278,7 +278,7 @@ fn polyline(line: &::dxf::entities::Polyline, unit: f64) -> Result<Vec<Element>,
         true => Matrix3::identity(),
         false => axes(&line.normal)?,
     };
-    // Vertices of a polyline in a plane have its height, not one of their own.
+    // Vertices of a planar polyline have the polyline's height, not their own.
     let height = |z: f64| if line.is_3d_polyline() { z } else { line.location.z };
     let of = |v: &::dxf::entities::Vertex| {
         (Vector3::new(v.location.x, v.location.y, height(v.location.z)), v.bulge)

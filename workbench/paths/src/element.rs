@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What drawings are made of: splines and arcs of ellipses, each as it is, none replaced by
-//! something near it.
+//! Elements of drawings: splines and elliptical arcs, without approximation.
 
 use crate::base::{Form, Part};
 use crate::ellipse::Ellipse;
@@ -11,14 +10,13 @@ use std::sync::Arc;
 /// One curve of a drawing, mm; t goes from 0 to 1 along it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Element {
-    /// A line, a Bézier curve, or any other rational spline.
+    /// A line, a Bézier curve, or another rational spline.
     Spline(Spline),
-    /// An arc.
     Ellipse(Ellipse),
 }
 
 impl Element {
-    /// A Bézier curve; of two points a line.
+    /// Creates a Bézier curve; with two points a line.
     ///
     /// # Errors
     /// Fewer than two points.
@@ -27,7 +25,7 @@ impl Element {
         Ok(Self::Spline(Spline::new(points.len() - 1, &points, None, None)?))
     }
 
-    /// First and last place.
+    /// Returns the first and last point.
     pub fn ends(&self) -> [Vector3<f64>; 2] {
         match self {
             Self::Spline(spline) => spline.ends().map(Vector3::from),
@@ -35,7 +33,7 @@ impl Element {
         }
     }
 
-    /// The same from its end to its start.
+    /// Reverses the direction.
     #[must_use]
     pub fn reversed(self) -> Self {
         match self {
@@ -44,7 +42,7 @@ impl Element {
         }
     }
 
-    /// Whether all its numbers are finite.
+    /// Returns whether all its numbers are finite.
     pub fn is_finite(&self) -> bool {
         match self {
             Self::Spline(spline) => spline.is_finite(),
@@ -56,7 +54,7 @@ impl Element {
         }
     }
 
-    /// Whether it lies at Z 0.
+    /// Returns whether it lies at Z 0.
     pub fn is_plane(&self) -> bool {
         match self {
             Self::Spline(spline) => spline.is_plane(),
@@ -67,7 +65,7 @@ impl Element {
         }
     }
 
-    /// Its parts, while t goes over a range.
+    /// Splits the element into parts, with t over a range.
     fn parts(self, over: [f64; 2]) -> Vec<Part> {
         match self {
             Self::Spline(spline) => spans(spline.over(over)),
@@ -78,13 +76,13 @@ impl Element {
     }
 }
 
-/// The parts of a drawing: t goes from k to k + 1 along element k, from 0.
+/// Returns the parts of a drawing: t goes from k to k + 1 along element k, starting at 0.
 pub fn parts(elements: Vec<Element>) -> Vec<Part> {
     let with_t = elements.into_iter().enumerate();
     with_t.flat_map(|(k, element)| element.parts([k as f64, (k + 1) as f64])).collect()
 }
 
-/// The spans of a spline, with its own parameter.
+/// Returns the spans of a spline, with the spline's own parameter.
 pub fn spans(spline: Spline) -> Vec<Part> {
     let spans = spline.spans();
     let spline = Arc::new(spline);

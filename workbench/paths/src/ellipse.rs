@@ -4,13 +4,13 @@
 use machine::proof::jet::Taylor;
 use nalgebra::Vector3;
 
-/// centre + cos φ · first + sin φ · second, where φ goes from one angle to the other while t goes
+/// center + cos φ · first + sin φ · second, where φ goes from one angle to the other while t goes
 /// over a range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ellipse {
-    /// Its centre, mm.
+    /// Center, mm.
     pub centre: Vector3<f64>,
-    /// Two conjugate half-diameters, mm; those of a circle are square to each other and as long.
+    /// Two conjugate half-diameters, mm; those of a circle are perpendicular and equally long.
     pub halves: [Vector3<f64>; 2],
     /// First and last φ, radians.
     pub angles: [f64; 2],
@@ -19,12 +19,12 @@ pub struct Ellipse {
 }
 
 impl Ellipse {
-    /// With t from 0 to 1.
+    /// Creates an arc with t from 0 to 1.
     pub fn new(centre: Vector3<f64>, halves: [Vector3<f64>; 2], angles: [f64; 2]) -> Self {
         Self { centre, halves, angles, over: [0.0, 1.0] }
     }
 
-    /// Coordinates at a parameter.
+    /// Evaluates the coordinates at a parameter.
     pub fn at(&self, t: Taylor) -> [Taylor; 3] {
         let ([from, to], [first, last]) = (self.angles, self.over);
         let share = (t - Taylor::constant(first)) * (1.0 / (last - first));
@@ -39,12 +39,12 @@ impl Ellipse {
         self.centre + self.halves[0] * cos + self.halves[1] * sin
     }
 
-    /// First and last place.
+    /// Returns the first and last point.
     pub fn ends(&self) -> [Vector3<f64>; 2] {
         self.angles.map(|angle| self.place(angle))
     }
 
-    /// The same from its end to its start.
+    /// Reverses the direction.
     pub fn reversed(self) -> Self {
         let [from, to] = self.angles;
         Self { angles: [to, from], ..self }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Expressions of a path file: parsed once, evaluated with their derivatives.
 //!
-//! Numbers, names, `+ - * / ^`, parentheses and functions, as mathematics writes them: `-t^2` is
+//! Numbers, names, `+ - * / ^`, parentheses and functions in mathematical notation: `-t^2` is
 //! −(t²) and `2^3^2` is 2^9. Angles of functions are in radians.
 
 use crate::grammar::{self, Binary, FUNCTIONS, Tree, Unary};
@@ -10,17 +10,17 @@ use machine::proof::jet::Taylor;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// Variables of any expression, at most.
+/// Largest number of variables of an expression.
 const SLOTS: usize = 6;
 
-/// An expression that cannot be read.
+/// Why an expression cannot be parsed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ExpressionError {
-    /// Not the grammar: where, from 1, and what was expected.
+    /// A syntax error: its position, from 1, and what was expected.
     #[error("\"{text}\", character {at}: {expected}")]
     Malformed {
         text: String,
-        /// The character, from 1.
+        /// Number of the character, from 1.
         at: usize,
         expected: String,
     },
@@ -31,7 +31,6 @@ pub enum ExpressionError {
 /// Why an expression has no value.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Trouble {
-    /// A divisor is 0.
     #[error("\"{0}\" divides by 0")]
     Division(String),
     #[error("\"{text}\" has no real value: {function} of {argument}")]
@@ -42,7 +41,7 @@ pub enum Trouble {
     Overflow(String),
 }
 
-/// An expression whose names all have a value.
+/// A parsed expression.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression {
     text: String,
@@ -50,7 +49,7 @@ pub struct Expression {
 }
 
 impl Expression {
-    /// Reads an expression of these variables, in the order in which values are given, and of
+    /// Parses an expression of these variables, in the order in which values are given, and of
     /// named numbers.
     ///
     /// # Errors
@@ -78,14 +77,14 @@ impl Expression {
         Self { text: value.to_string(), tree: Tree::Number(value) }
     }
 
-    /// Its value and derivatives for those of the variables.
+    /// Returns its value and derivatives at values of the variables.
     ///
     /// # Errors
-    /// See [`Trouble`]. Over a range only what holds for all of it is one; what may happen
+    /// See [`Trouble`]. Over a range only a fault in the whole range is an error; a possible fault
     /// somewhere in it makes the result unbounded.
     pub fn at(&self, variables: &[Taylor]) -> Result<Taylor, Trouble> {
         let found = self.of(&self.tree, variables)?;
-        // Of numbers there is a number.
+        // With numbers as variables the result must be a number.
         let is_number = variables.iter().all(|variable| variable.value.is_thin());
         match is_number && !found.value.middle().is_finite() {
             true => Err(Trouble::Overflow(self.text.clone())),
@@ -93,12 +92,12 @@ impl Expression {
         }
     }
 
-    /// Whether any variable occurs in it.
+    /// Returns whether any variable occurs in it.
     pub(super) fn is_variable(&self) -> bool {
         (0..SLOTS).any(|slot| self.uses(slot))
     }
 
-    /// Whether a variable occurs in it.
+    /// Returns whether a variable occurs in it.
     pub(super) fn uses(&self, slot: usize) -> bool {
         fn uses(tree: &Tree, slot: usize) -> bool {
             match tree {
@@ -115,7 +114,7 @@ impl Expression {
         Ok(match tree {
             Tree::Number(value) => Taylor::constant(*value),
             Tree::Slot(slot) => variables[*slot],
-            // Names have become numbers or slots.
+            // Unreachable: `resolve` has replaced all names.
             Tree::Name(_) => Taylor::constant(f64::NAN),
             Tree::Unary(function, of) => self.unary(*function, self.of(of, variables)?)?,
             Tree::Binary(operator, a, b) => {
@@ -187,19 +186,19 @@ impl Expression {
     }
 }
 
-/// Whether it is 0 but for rounding, as 1 + cos(pi).
+/// Returns whether it is 0 up to rounding, as 1 + cos(pi) is.
 fn is_zero(of: &Taylor) -> bool {
-    // Some roundings of numbers near 1; a range that is as narrow is no range of a curve.
+    // Some roundings of numbers near 1; a curve has no range as narrow.
     const ROUNDING: f64 = 1e-14;
     of.value.contains(0.0) && of.value.magnitude() <= ROUNDING
 }
 
 fn meets(a: Interval, b: Interval) -> bool {
-    // What is no number is told where it was made.
+    // NaN meets every range: the operation that produced it reports it.
     !(a.high < b.low || a.low > b.high)
 }
 
-/// Names of the variables and numbers, and of the functions.
+/// Lists the names of the variables, numbers and functions.
 fn known(variables: &[&str], numbers: &BTreeMap<String, f64>) -> String {
     let names = variables.iter().copied().chain(numbers.keys().map(String::as_str)).chain(["pi"]);
     let names = names.chain(FUNCTIONS.iter().map(|(name, _)| *name)).chain(["atan2"]);

@@ -15,20 +15,20 @@ use studies::study::number::Positive;
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PathFile {
-    /// Where the file is, for those that it names.
+    /// Folder of the file, to which names of other files are relative.
     #[serde(skip)]
     pub folder: PathBuf,
-    /// Names that stand for numbers in all expressions.
+    /// Named numbers for all expressions.
     pub parameters: BTreeMap<String, f64>,
     pub curve: Option<CurveKeys>,
-    /// What goes on along it.
+    /// Laws of coordinates and speed along the curve.
     pub laws: LawKeys,
     /// Parameters of the drives.
     pub split: SplitKeys,
-    /// How far a program may be from the curve.
+    /// Largest deviation of a program from the curve.
     pub tolerance: Option<Tolerance>,
     pub program: ProgramKeys,
-    /// Laws of the joints, in place of a curve: the path of the tool is what comes out.
+    /// Laws of the joints, in place of a curve: the path of the tool is the result.
     pub carriages: Option<CarriageKeys>,
     /// Typical paths, in place of a curve.
     pub operation: Vec<Operation>,
@@ -46,13 +46,13 @@ pub struct CurveKeys {
     pub alpha: Option<Formula>,
     /// β(x, y, t), which is 0 on the curve.
     pub beta: Option<Formula>,
-    /// x and y at the start, which choose the branch.
+    /// x and y at the start, which select the branch.
     pub start_mm: Option<[f64; 2]>,
     /// First and last t.
     pub t: Option<[Formula; 2]>,
-    /// Smallest and largest t on the way; without them those of the range.
+    /// Smallest and largest t along the curve; by default those of the range.
     pub t_bounds: Option<[Formula; 2]>,
-    /// At a turning point of t.
+    /// Behavior at a turning point of t.
     pub follow: Follow,
     /// The curve ends after this length in x and y.
     pub length_mm: Option<Positive>,
@@ -62,25 +62,25 @@ pub struct CurveKeys {
     pub knots: Option<Vec<f64>>,
     /// An SVG file: its paths.
     pub svg: Option<PathBuf>,
-    /// Size of the drawing's unit, where its own width, height and viewBox do not say it.
+    /// Size of the drawing's unit, if its width, height and viewBox do not determine it.
     pub svg_unit_mm: Option<Positive>,
     /// A DXF file: its entities.
     pub dxf: Option<PathBuf>,
-    /// The layer whose entities are taken.
+    /// The layer from which entities are read.
     pub dxf_layer: Option<String>,
-    /// The entities that are taken, by their handles.
+    /// The entities to read, by their handles.
     pub dxf_handles: Option<Vec<String>>,
-    /// Size of the drawing's unit, in place of its own $INSUNITS.
+    /// Size of the drawing's unit; overrides $INSUNITS.
     pub dxf_unit_mm: Option<Positive>,
-    /// Ends of entities that lie this near to each other are joined.
+    /// Largest distance between ends of entities that are joined.
     pub dxf_join_mm: Option<Positive>,
 }
 
-/// What happens at a turning point of t.
+/// Behavior at a turning point of t.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Follow {
-    /// The curve goes on, and t goes back.
+    /// The curve continues, and t reverses.
     #[default]
     Arc,
     /// The curve ends.
@@ -101,11 +101,11 @@ pub struct LawKeys {
     pub normal: Option<[Formula; 3]>,
     /// Speed of the tool tip, by t, s and u.
     pub speed_mm_per_s: Option<Formula>,
-    /// Angular speed where the tip stands.
+    /// Angular speed where the tip is at rest.
     pub turn_deg_per_s: Option<Positive>,
 }
 
-/// `[split]`: the parameter of each drive, by t.
+/// `[split]`: the parameter of each drive as a function of t.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SplitKeys {
@@ -144,21 +144,21 @@ pub struct CarriageKeys {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProgramKeys {
-    /// What a program is called in its first line.
+    /// Title of the program, in its first line.
     pub title: Option<String>,
-    /// T of the tool; without it the spindle is empty.
+    /// T number of the tool; if missing, the spindle is empty.
     pub tool: Option<u32>,
     pub spindle_rpm: Option<Positive>,
-    /// X Y Z of the work's zero in the machine.
+    /// X Y Z of the workpiece zero in the machine.
     pub zero_mm: [f64; 3],
-    /// Straight lines, or arcs where the curve is as near to them.
+    /// Lines only, or also arcs within the same tolerance.
     pub moves: Moves,
     pub feed: Feed,
-    /// P of G64, how far LinuxCNC may round corners; without it chord_mm.
+    /// P of G64, the tolerance within which LinuxCNC may round corners; by default chord_mm.
     pub blend_mm: Option<Positive>,
-    /// Height from which the tool goes down to the start, and to which it goes up at the end.
+    /// Height from which the tool descends to the start, and to which it retracts at the end.
     pub clear_z_mm: Option<f64>,
-    /// The same for tools that come from the side.
+    /// X from which a tool approaches from the side, and to which it retracts at the end.
     pub clear_x_mm: Option<f64>,
 }
 
@@ -168,18 +168,18 @@ pub enum Moves {
     /// G1.
     #[default]
     Lines,
-    /// G2 and G3 where an arc is as near, else G1.
+    /// G2 and G3 if an arc is within the tolerance, else G1.
     Arcs,
 }
 
-/// Ways to write feeds.
+/// Format of feeds.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Feed {
-    /// G94: F in mm per minute, in degrees per minute where the tip stands.
+    /// G94: F in mm per minute, in degrees per minute where the tip is at rest.
     #[default]
     PerMinute,
-    /// G93: F is one over the minutes of the move.
+    /// G93: F is the inverse of the move's duration in minutes.
     InverseTime,
 }
 
@@ -218,7 +218,7 @@ impl Visitor<'_> for FormulaVisitor {
     }
 }
 
-/// A path file that cannot be read.
+/// Why a path file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PathFileError {
     #[error(transparent)]
@@ -238,10 +238,10 @@ impl PathFile {
         Ok(Self { folder, ..Self::parse(&text).at(file)? })
     }
 
-    /// A path file from its text.
+    /// Parses a path file.
     ///
     /// # Errors
-    /// As [`PathFile::read`].
+    /// See [`PathFile::read`].
     pub fn parse(text: &str) -> Result<Self, toml::de::Error> {
         toml::from_str(text)
     }

@@ -11,10 +11,10 @@ use machine::files::{AtFile, read, read_text};
 use std::io;
 use std::path::Path;
 
-/// Degree of a spline whose file names none.
+/// Default degree of a spline.
 const DEGREE: usize = 3;
 
-/// A free-form curve that cannot be read.
+/// Why a free-form curve cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum FreeError {
     #[error("{file}: {error}")]
@@ -22,7 +22,7 @@ pub enum FreeError {
     #[error("{file}: row {row}: {text}")]
     Row {
         file: String,
-        /// Its row, from 1.
+        /// Row number, from 1.
         row: usize,
         text: String,
     },
@@ -51,14 +51,14 @@ struct Row {
 #[derive(Clone, Debug)]
 pub struct Free {
     pub parts: Vec<Part>,
-    /// Whether it is a drawing in the plane, to which a law gives its height.
+    /// Whether it is a planar drawing, whose height a law gives.
     pub is_plane: bool,
 }
 
-/// Keys that say how a file is read, where no such file is named.
+/// Refuses keys that belong to a file that is not given.
 ///
 /// # Errors
-/// [`FreeError::Keys`] with the first of them.
+/// Returns [`FreeError::Keys`] with the first of them.
 pub fn check_keys(keys: &CurveKeys) -> Result<(), FreeError> {
     let (points, svg, dxf) = (keys.points.is_some(), keys.svg.is_some(), keys.dxf.is_some());
     let all = [
@@ -78,7 +78,7 @@ pub fn check_keys(keys: &CurveKeys) -> Result<(), FreeError> {
     }
 }
 
-/// The curve that a file holds.
+/// Reads the curve of a file.
 ///
 /// # Errors
 /// See [`FreeError`].

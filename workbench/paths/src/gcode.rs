@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Programs for LinuxCNC, written line by line, with the moves that they make on a machine.
+//! Programs for LinuxCNC, written line by line, with the resulting moves of a machine.
 
 use crate::file::{Feed, ProgramKeys};
 use crate::piece::{Arc, DECIMALS};
@@ -12,19 +12,19 @@ use program::motion::{Move, MoveKind, Spindle};
 use std::fmt::Write;
 
 const FEED_DECIMALS: usize = 4;
-/// How much a held coordinate may be off, mm and degrees.
+/// Tolerance of a fixed coordinate, mm and degrees.
 const HELD: f64 = 1e-6;
-/// The work coordinate system of these programs: the last one, so that the operator's G54 stays.
+/// The work coordinate system of these programs: the last one, so that the operator's G54 is unchanged.
 const SYSTEM: [&str; 2] = ["P9", "G59.3"];
 
-/// What a machine cannot do.
+/// Why a machine cannot run the program.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
     #[error("{file}: the machine holds {letter} at {held}; the path asks for {asked} at t = {t}")]
     Held { file: String, letter: char, held: f64, asked: f64, t: f64 },
     #[error("[program] tool: {tool} is not in the machine's tool table")]
     NoTool {
-        /// T.
+        /// T number.
         tool: u32,
     },
     #[error(transparent)]
@@ -33,7 +33,7 @@ pub enum SetupError {
     Clear(&'static str),
 }
 
-/// A program being written.
+/// A program that is being written.
 pub struct Writer<'a> {
     config: &'a Mechanism,
     keys: &'a ProgramKeys,
@@ -42,17 +42,17 @@ pub struct Writer<'a> {
     has_tool: bool,
     text: String,
     lines: u32,
-    /// Where the machine is, in work coordinates; nothing before the first move.
+    /// Position of the machine, in work coordinates; `None` before the first move.
     at: [Option<f64>; 6],
     feed: Option<String>,
     plane: usize,
-    /// The moves as motion receives them.
+    /// The moves as the motion controller receives them.
     pub moves: Vec<Move>,
-    /// The parameter t that a line ends at.
+    /// Line numbers, with the parameter t at their ends.
     pub places: Vec<(u32, f64)>,
 }
 
-/// A number as a word has it.
+/// Formats a number of a word.
 pub(super) fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -63,7 +63,7 @@ pub(super) fn number(value: f64, decimals: usize) -> String {
 }
 
 impl<'a> Writer<'a> {
-    /// A program's head: its comments, modes, work zero, tool and spindle.
+    /// Starts a program: comments, modes, work zero, tool and spindle.
     ///
     /// # Errors
     /// See [`SetupError`].
@@ -110,7 +110,7 @@ impl<'a> Writer<'a> {
     /// Changes the tool.
     ///
     /// # Errors
-    /// It is not in the tool table.
+    /// The tool is not in the tool table.
     pub fn take(&mut self, tool: u32) -> Result<(), SetupError> {
         let all = tools::read(self.config)?;
         let found = all.iter().find(|found| found.number == i64::from(tool));
@@ -119,14 +119,14 @@ impl<'a> Writer<'a> {
             self.line("G49");
         }
         (self.tool, self.has_tool) = (found, true);
-        // The machine stands where it stood; the words for that place are others now.
+        // The machine does not move, but its position in work coordinates changes.
         self.at[..3].fill(None);
         self.line(&format!("T{tool} M6"));
         self.line("G43");
         Ok(())
     }
 
-    /// Turns the spindle, or stops it at 0.
+    /// Starts the spindle, or stops it at speed 0.
     pub fn spin_at(&mut self, speed: f64) {
         match speed == 0.0 {
             true => self.line("M5"),
@@ -134,7 +134,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Whether the program has moved anything.
+    /// Returns whether the program has moves.
     pub(super) fn has_moved(&self) -> bool {
         !self.moves.is_empty()
     }
@@ -143,7 +143,7 @@ impl<'a> Writer<'a> {
         self.lines
     }
 
-    /// Where the tool is, in work coordinates.
+    /// Returns the position of the tool, in work coordinates.
     pub(super) fn pose(&self) -> [f64; 6] {
         self.at.map(|value| value.unwrap_or(0.0))
     }
@@ -158,7 +158,7 @@ impl<'a> Writer<'a> {
         self.lines += 1;
     }
 
-    /// Coordinates that the machine moves.
+    /// Returns the coordinates that the machine moves.
     fn moved(&self) -> Vec<usize> {
         let layout = self.config.machine.layout();
         (0..6).filter(|k| !layout.is_held(Letter::ALL[*k])).collect()
@@ -168,12 +168,12 @@ impl<'a> Writer<'a> {
         self.moved().into_iter().filter(|k| *k > 2).collect()
     }
 
-    /// A pose in work coordinates as the machine has it.
+    /// Converts a pose from work coordinates to machine coordinates.
     pub(super) fn in_machine(&self, pose: &[f64; 6]) -> [f64; 6] {
         in_machine(self.config, self.keys, &self.tool, pose)
     }
 
-    /// Refuses a pose that asks for a coordinate that the machine holds.
+    /// Refuses a pose that differs in a coordinate that is fixed in the machine.
     ///
     /// # Errors
     /// See [`SetupError::Held`].
@@ -189,14 +189,14 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Words of the coordinates that change.
+    /// Returns the words of the coordinates that change, and updates the position.
     fn words(&mut self, pose: &[f64; 6], of: &[usize]) -> String {
         let mut words = String::new();
         for k in self.moved() {
             let value = round(pose[k]);
             if of.contains(&k) && self.at[k] != Some(value) {
                 self.at[k] = Some(value);
-                // Text takes everything.
+                // Writing to a string never fails.
                 let _ = write!(words, " {}{}", name(k), number(value, DECIMALS));
             }
         }
@@ -228,7 +228,7 @@ impl<'a> Writer<'a> {
         });
     }
 
-    /// G0 of some coordinates of a pose.
+    /// Writes G0 to some coordinates of a pose.
     pub fn rapid(&mut self, pose: &[f64; 6], of: &[usize]) {
         let words = self.words(pose, of);
         if !words.is_empty() {
@@ -237,7 +237,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// From wherever the machine is to a pose: by way of the clear height, the last of it at the
+    /// Writes the moves from the current position to a pose: via the clear height, and from there at the
     /// feed.
     pub fn approach(&mut self, pose: &[f64; 6], feed: f64) {
         match self.clear() {
@@ -253,7 +253,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Lifts the tool to the clear height.
+    /// Writes the retraction of the tool to the clear height.
     pub fn lift(&mut self) {
         if let Some((axis, height)) = self.clear() {
             let mut above = [0.0; 6];
@@ -267,17 +267,17 @@ impl<'a> Writer<'a> {
         keys.clear_z_mm.map(|z| (2, z)).or(keys.clear_x_mm.map(|x| (0, x)))
     }
 
-    /// Whether the tool can be lifted.
+    /// Returns whether the tool can be retracted.
     pub fn can_lift(&self) -> bool {
         self.clear().is_some()
     }
 
-    /// G1 at a feed per minute; `minutes` in place of it for inverse time.
+    /// Writes G1 at a feed per minute, or over `minutes` for inverse time.
     pub fn feed_to(&mut self, pose: &[f64; 6], feed: f64, minutes: Option<f64>) {
         self.straight(pose, &[0, 1, 2, 3, 4, 5], feed, minutes);
     }
 
-    /// G1 of some coordinates of a pose, at a feed per minute.
+    /// Writes G1 to some coordinates of a pose, at a feed per minute.
     pub fn cut(&mut self, pose: &[f64; 6], of: &[usize], feed: f64) {
         self.straight(pose, of, feed, None);
     }
@@ -292,7 +292,7 @@ impl<'a> Writer<'a> {
         self.line(&format!("G1{words}{feed}"));
     }
 
-    /// G2 or G3 to some coordinates of a pose, with whole turns if they are not 0.
+    /// Writes G2 or G3 to some coordinates of a pose, with whole turns if `turns` is not 0.
     pub fn arc_to(
         &mut self,
         pose: &[f64; 6],
@@ -320,7 +320,7 @@ impl<'a> Writer<'a> {
             self.go(MoveKind::Feed, feed);
         }
         self.at = before;
-        // Without a word of its plane an arc has no end.
+        // An arc needs at least one word of its plane.
         self.at[axes[0]] = None;
         self.at[axes[1]] = None;
         let words = self.words(pose, of);
@@ -329,7 +329,7 @@ impl<'a> Writer<'a> {
         self.line(&format!("{kind}{words}{}{turns}{feed}", centre.concat()));
     }
 
-    /// F where it changes; inverse time needs one in every line.
+    /// Returns the F word if it changes; inverse time needs one in every line.
     fn feed_word(&mut self, feed: f64, minutes: Option<f64>) -> String {
         let value = minutes.map_or(feed, |minutes| 1.0 / minutes);
         let text = number(value, FEED_DECIMALS);
@@ -339,18 +339,18 @@ impl<'a> Writer<'a> {
         if same { String::new() } else { word }
     }
 
-    /// Changes how feeds are written.
+    /// Switches the format of feeds.
     pub fn feed_mode(&mut self, feed: Feed) {
         self.line(if feed == Feed::InverseTime { "G93" } else { "G94" });
         self.feed = None;
     }
 
-    /// Says that the line before ends at t.
+    /// Records t at the end of the last line.
     pub fn note(&mut self, t: f64) {
         self.places.push((self.lines, t));
     }
 
-    /// The tail, and the program.
+    /// Writes the end of the program, and returns it with its moves.
     pub fn end(mut self) -> (String, Vec<Move>, Vec<(u32, f64)>) {
         self.lift();
         if self.keys.spindle_rpm.is_some() {
@@ -379,7 +379,7 @@ fn round(value: f64) -> f64 {
     (value * scale).round() / scale + 0.0
 }
 
-/// A pose in work coordinates as motion has it: in machine units, with the tool's offset.
+/// Converts a pose in work coordinates to that of the motion controller: machine units, with the tool offset.
 pub(super) fn in_machine(
     config: &Mechanism,
     keys: &ProgramKeys,

@@ -26,7 +26,7 @@ pub(super) const FUNCTIONS: [(&str, Unary); 13] = [
     ("sqrt", Unary::Sqrt),
 ];
 
-/// These two bound the stack.
+/// Limits of nesting and length, which bound the stack.
 const DEEPEST: usize = 64;
 const LONGEST: usize = 1000;
 /// Operators and functions of one argument.
@@ -59,7 +59,7 @@ pub(super) enum Binary {
     Angle,
 }
 
-/// As it was read: names are still words.
+/// A syntax tree; after parsing, names are not yet resolved.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Tree {
     Number(f64),
@@ -69,7 +69,7 @@ pub(super) enum Tree {
     Binary(Binary, Box<Tree>, Box<Tree>),
 }
 
-/// Reads an expression whole; where it is none, the byte and what was expected there.
+/// Parses a whole expression; on a syntax error returns the byte and what was expected there.
 pub(super) fn parse(text: &str) -> Result<Tree, (usize, String)> {
     if let Some(told) = too_much(text) {
         return Err(told);
@@ -82,7 +82,7 @@ pub(super) fn parse(text: &str) -> Result<Tree, (usize, String)> {
     })
 }
 
-/// Where an expression is too long, or its parentheses are too deep.
+/// Returns the position and the limit, if an expression is too long or its parentheses are nested too deep.
 fn too_much(text: &str) -> Option<(usize, String)> {
     if text.len() > LONGEST {
         return Some((0, format!("more than {LONGEST} characters")));
@@ -106,7 +106,7 @@ const OPERAND: StrContextValue = StrContextValue::Description("a number, a name 
 fn sum(input: &mut Input) -> ModalResult<Tree> {
     expression(spaced(operand))
         .prefix(spaced(
-            // Looked at first: what fails has to leave its place.
+            // The lookahead keeps the position of a failure.
             preceded(
                 peek(one_of(['-', '+'])),
                 dispatch! {any;
@@ -132,7 +132,7 @@ fn both(operator: Binary, a: Tree, b: Tree) -> Tree {
     Tree::Binary(operator, Box::new(a), Box::new(b))
 }
 
-/// With blanks before it.
+/// Skips blanks before a parser.
 fn spaced<'a, T>(
     parser: impl ModalParser<Input<'a>, T, ContextError>,
 ) -> impl ModalParser<Input<'a>, T, ContextError> {

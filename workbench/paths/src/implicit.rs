@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Two one-parametric families of curves, α(x, y, t) = 0 and β(x, y, t) = 0, whose points of
-//! intersection make a curve (paper 000), and pieces of that curve over their chords, proved.
+//! intersection form a curve (paper 000), and proved pieces of that curve over their chords.
 
 use crate::expression::{Expression, Trouble};
 use machine::proof::interval::Interval;
 use machine::proof::jet::Taylor;
 use nalgebra::{Matrix3, Vector3};
 
-/// Newton's steps to a point near by.
+/// Largest number of Newton steps to a nearby point.
 const NEWTON: usize = 12;
 /// Rounding of a point, as a share of its size.
 const ROUNDING: f64 = 1e-14;
-/// How often a box may grow before it proves itself.
+/// Largest number of times that a box is enlarged before its proof fails.
 const GROWTHS: usize = 8;
 
-/// The families. Points are (x, y, w): millimetres, and t in units of `t_unit`, so that all
-/// three are of a size.
+/// The families. Points are (x, y, w): millimeters, and t in units of `t_unit`, so that all
+/// three are of the same magnitude.
 #[derive(Clone, Debug)]
 pub struct Families {
-    /// α and β of x, y, t.
+    /// α and β as functions of x, y, t.
     pub both: [Expression; 2],
-    /// What w = 1 is of t.
+    /// Value of t at w = 1.
     pub t_unit: f64,
 }
 
@@ -28,7 +28,7 @@ pub struct Families {
 type Gradients = [[Interval; 3]; 2];
 
 impl Families {
-    /// Both functions along a direction from every point of a box: value, first and second
+    /// Evaluates both functions along a direction from every point of a box: value, first and second
     /// derivative.
     fn along(&self, at: [Interval; 3], direction: [Interval; 3]) -> Result<[Taylor; 2], Trouble> {
         let mut slots: [Taylor; 3] =
@@ -37,14 +37,14 @@ impl Families {
         Ok([self.both[0].at(&slots)?, self.both[1].at(&slots)?])
     }
 
-    /// α (0) or β (1) of x, y and t; NaN where it has no value.
+    /// Returns α (0) or β (1) at x, y and t; NaN if it has no value.
     pub fn value(&self, which: usize, at: [f64; 3]) -> f64 {
         let found = self.both[which].at(&at.map(Taylor::constant));
         found.map_or(f64::NAN, |found| found.value.middle())
     }
 
-    /// Values and gradients over a box; the values to rounding those of [`Self::value`], as a power with t in
-    /// its exponent is a number's there.
+    /// Returns values and gradients over a box. At a point the values equal those of [`Self::value`] up to rounding,
+    /// because there a power with t in its exponent has a constant exponent.
     fn over(&self, at: [Interval; 3]) -> Result<([Interval; 2], Gradients), Trouble> {
         let mut values = [Interval::ZERO; 2];
         let mut gradients = [[Interval::ZERO; 3]; 2];
@@ -57,7 +57,7 @@ impl Families {
         Ok((values, gradients))
     }
 
-    /// Values and gradients at a point.
+    /// Returns values and gradients at a point.
     pub(super) fn at(
         &self,
         point: &Vector3<f64>,
@@ -66,8 +66,8 @@ impl Families {
         Ok((values.map(Interval::middle), gradients.map(middles)))
     }
 
-    /// The point of the curve near `guess` in the plane n · p = `height`; `None` where Newton's
-    /// steps do not come to an end.
+    /// Returns the point of the curve near `guess` in the plane n · p = `height`, and the number of Newton steps;
+    /// `None` if they do not converge.
     pub(super) fn in_plane(
         &self,
         guess: Vector3<f64>,
@@ -103,22 +103,22 @@ fn middles(row: [Interval; 3]) -> Vector3<f64> {
 /// A piece of the curve over its chord: the parameter is the distance along the chord.
 #[derive(Clone, Debug)]
 pub struct Chord {
-    /// Where it begins.
+    /// Start of the chord.
     pub from: Vector3<f64>,
-    /// Direction of the chord, of length 1.
+    /// Unit vector along the chord.
     pub along: Vector3<f64>,
 }
 
 impl Chord {
-    /// Between two points.
+    /// Creates the chord between two points, and returns its length.
     pub(super) fn between(from: Vector3<f64>, to: Vector3<f64>) -> (Self, f64) {
         let length = (to - from).norm();
         (Self { from, along: (to - from) / length }, length)
     }
 
-    /// x, y and t over a range of the chord, each parameter with one point: proved by Krawczyk's
-    /// operator (an interval form of Newton's step that maps a box into itself). `None` where
-    /// that proof fails; a shorter range may have one.
+    /// Encloses x, y and t over a range of the chord, with one point for each parameter: proved by Krawczyk's
+    /// operator (an interval form of a Newton step that maps a box into itself). Returns `None` if
+    /// the proof fails, which may succeed over a shorter range.
     pub(super) fn at(
         &self,
         families: &Families,
@@ -178,7 +178,7 @@ impl Proof<'_> {
         Ok(None)
     }
 
-    /// What the inverse leaves of the rows over a box: 1 − inverse · rows.
+    /// Returns the residual of the inverse over a box: 1 − inverse · rows.
     fn excess(&self, gradients: &Gradients) -> [[Interval; 3]; 3] {
         let row = |i: usize, k: usize| match i {
             2 => Interval::point(self.along[k]),
@@ -192,7 +192,7 @@ impl Proof<'_> {
         })
     }
 
-    /// First and second derivatives by the parameter, for all points of the box.
+    /// Returns first and second derivatives with respect to the parameter, for all points of the box.
     fn derivatives(
         &self,
         at: [Interval; 3],

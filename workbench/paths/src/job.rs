@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A job of typical paths: its program, and what the joints do along every operation (paper 003,
+//! A job of typical paths: its program, and the joints along every operation (paper 003,
 //! table 2: joints over the length of the path; figure 8: their changes by operation).
 
 use crate::file::PathFile;
@@ -16,12 +16,12 @@ use program::joint_curves::{Along, along};
 use program::motion::{Move, MoveKind};
 use program::preflight::preflight;
 
-/// Largest distance of the places of a table, mm.
+/// Largest distance between poses of a table, mm.
 const APART_MM: f64 = 1.0;
-/// And in degrees, where the tip stands.
+/// Largest angle between poses of a table where the tip is at rest, degrees.
 const APART_DEG: f64 = 0.5;
 
-/// Why a job cannot be done.
+/// Why a job is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum JobError {
     #[error("{0}")]
@@ -32,39 +32,39 @@ pub enum JobError {
     Setup(#[from] SetupError),
     #[error("[[operation]] {number}, {name}: {text}")]
     Leaves {
-        /// The operation, from 1.
+        /// Number of the operation, from 1.
         number: usize,
         name: &'static str,
         text: String,
     },
     #[error("[[operation]] {number}: {fault}")]
     Fault {
-        /// The operation, from 1.
+        /// Number of the operation, from 1.
         number: usize,
         fault: Fault,
     },
 }
 
-/// What the joints do along an operation.
+/// The joints along an operation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Done {
-    /// The operation.
+    /// Name of the operation.
     pub name: &'static str,
-    /// Poses in the machine, machine units and degrees, with the joints there.
+    /// Poses in the machine, machine units and degrees, with the joint values.
     pub places: Vec<([f64; 6], Joints)>,
-    /// Length so far and changes of the joints since the operation's start.
+    /// Length so far, and changes of the joints since the operation's start.
     pub along: Vec<Along>,
 }
 
-/// A job that a machine can do.
+/// A job within the machine's limits.
 #[derive(Clone, Debug)]
 pub struct Job {
     pub program: String,
-    /// Every operation but changes of the tool.
+    /// Every operation except tool changes.
     pub done: Vec<Done>,
 }
 
-/// The job of a file on a machine.
+/// Plans the job of a file on a machine.
 ///
 /// # Errors
 /// See [`JobError`].
@@ -132,7 +132,7 @@ fn write(writer: &mut Writer, step: &Step) -> Result<(), SetupError> {
             }
             if let Some(tool) = change.tool {
                 writer.take(tool)?;
-                // All coordinates by name: what follows may name some of them alone.
+                // All coordinates are named, because the next operation may name only some of them.
                 writer.rapid(&park, &[0, 1, 2, 3, 4, 5]);
             }
             if let Some(speed) = change.spindle_rpm {
@@ -161,14 +161,14 @@ fn check(
     Err(JobError::Leaves { number, name, text })
 }
 
-/// Places along moves, and the joints there.
+/// Returns poses along moves, with the joint values.
 fn places(
     config: &Mechanism,
     moves: &[Move],
     range: std::ops::Range<usize>,
 ) -> Result<Vec<([f64; 6], Joints)>, Fault> {
     let mut all = vec![];
-    // The way to an operation is none of it.
+    // The rapid moves to an operation are not part of it.
     let first = range.clone().find(|n| moves[*n].kind == MoveKind::Feed).unwrap_or(range.start);
     let mut from = if first > 0 { moves[first - 1].end } else { config.start };
     for step in &moves[first..range.end] {
@@ -194,7 +194,7 @@ fn places(
     Ok(all)
 }
 
-/// The places of all operations as CSV, machine units and degrees.
+/// Formats the poses of all operations as CSV, machine units and degrees.
 pub fn csv(config: &Mechanism, job: &Job) -> String {
     let count = config.joints.len();
     let mut header = ["operation", "kind", "length"].map(String::from).to_vec();

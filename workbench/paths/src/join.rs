@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Entities of a drawing, which have no order, joined end to end.
+//! Joins the unordered entities of a drawing end to end.
 
 use crate::element::Element;
 use crate::spline::SplineError;
 use nalgebra::Vector3;
 
-/// Ends that are nearer than this are one place, mm; between others a line is drawn.
+/// Ends nearer than this coincide, mm; others are connected by a line.
 const ONE_PLACE: f64 = 1e-6;
 
-/// Entities that cannot be joined.
+/// Why entities cannot be joined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum JoinError {
     #[error("at X {x:.6} Y {y:.6} Z {z:.6} meet ends of {names}: which way the tool goes from there is not said; name the entities of one way in dxf_handles", x = at.x, y = at.y, z = at.z)]
     Branch {
-        /// The place, mm.
+        /// The position, mm.
         at: Vector3<f64>,
         names: String,
     },
@@ -21,17 +21,17 @@ pub enum JoinError {
     Line(#[from] SplineError),
 }
 
-/// Elements end to end: what one entity of a drawing holds.
+/// Elements end to end, from one entity of a drawing.
 #[derive(Clone, Debug)]
 pub struct Strand {
     name: String,
     elements: Vec<Element>,
-    /// First and last place, which many others are compared with.
+    /// First and last point, cached because they are compared with many others.
     ends: [Vector3<f64>; 2],
 }
 
 impl Strand {
-    /// One or more elements, and what they are called in messages; nothing of none.
+    /// Creates a strand of one or more elements, with a name for messages; returns `None` without elements.
     pub fn new(name: String, elements: Vec<Element>) -> Option<Self> {
         let ends = [elements.first()?.ends()[0], elements.last()?.ends()[1]];
         Some(Self { name, elements, ends })
@@ -43,10 +43,10 @@ impl Strand {
     }
 }
 
-/// Joins strands whose ends lie `within` mm of each other, in the order in which they come; those that
-/// reach none of the others follow one after the other.
+/// Joins strands whose ends lie within `within` mm of each other, in their order; strands that
+/// reach no other follow one after the other.
 ///
-/// The first of a chain keeps its direction, and gives it to the others.
+/// The first strand of a chain keeps its direction and determines that of the others.
 ///
 /// # Errors
 /// See [`JoinError`].
@@ -60,7 +60,7 @@ pub fn joined(strands: Vec<Strand>, within: f64) -> Result<Vec<Element>, JoinErr
         let mut chain = first.elements;
         if !is_closed {
             extend(&mut chain, &mut left, within)?;
-            // The other end grows as the end of what is turned around.
+            // The start is extended as the end of the reversed chain.
             chain = turned(chain);
             extend(&mut chain, &mut left, within)?;
             chain = turned(chain);
@@ -75,7 +75,7 @@ fn turned(elements: Vec<Element>) -> Vec<Element> {
     elements.into_iter().rev().map(Element::reversed).collect()
 }
 
-/// Adds to the end of a chain whatever reaches it.
+/// Appends all strands that reach the end of a chain.
 fn extend(
     chain: &mut Vec<Element>,
     left: &mut [Option<Strand>],
@@ -107,7 +107,7 @@ fn bridge(chain: &mut Vec<Element>, within: f64) -> Result<(), JoinError> {
     if chain.len() > 1 && (start - end).norm() <= within { line(chain, start) } else { Ok(()) }
 }
 
-/// A line from the end of a chain, unless that is there already.
+/// Appends a line from the end of a chain to a point, unless they coincide.
 fn line(chain: &mut Vec<Element>, to: Vector3<f64>) -> Result<(), JoinError> {
     let end = chain[chain.len() - 1].ends()[1];
     if (to - end).norm() > ONE_PLACE {
@@ -116,7 +116,7 @@ fn line(chain: &mut Vec<Element>, to: Vector3<f64>) -> Result<(), JoinError> {
     Ok(())
 }
 
-/// No end may meet two others.
+/// Refuses ends that meet two or more others.
 fn check_branches(strands: &[Strand], within: f64) -> Result<(), JoinError> {
     let open = strands.iter().filter(|strand| !strand.is_closed(within));
     let ends: Vec<(&Strand, Vector3<f64>)> =
@@ -169,7 +169,7 @@ mod tests {
         let apart = joined(lines(2e-3), 1e-3).unwrap();
         assert_eq!(apart.len(), 2);
         assert_eq!(apart[1].ends()[0].x, 1.002);
-        // A triangle that is open by as little is closed.
+        // A triangle with a gap as small is closed.
         let triangle = vec![
             line("a", [0.0, 0.0], [1.0, 0.0]),
             line("b", [1.0, 0.0], [0.0, 1.0]),

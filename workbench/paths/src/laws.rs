@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Laws along a curve: height, tilts and speed by the parameter, by the arc length and by the place.
+//! Laws along a curve: height, tilts and speed as functions of the parameter, the arc length and the position.
 
 use crate::base::Place;
 use crate::expression::{Expression, Trouble};
@@ -9,39 +9,37 @@ use machine::proof::jet::Taylor;
 /// Names in laws, in order: the parameter, the arc length in mm, its share of the whole, and the
 /// coordinates in mm.
 pub(super) const NAMES: [&str; 6] = ["t", "s", "u", "x", "y", "z"];
-/// Names in the law of the speed.
+/// Names in the speed law.
 pub(super) const SPEED_NAMES: [&str; 3] = ["t", "s", "u"];
 
-/// How the tool leans.
+/// Tilt of the tool.
 #[derive(Clone, Debug)]
 pub enum Tilt {
     /// A, B and C in degrees.
     Angles([Expression; 3]),
-    /// The tool axis lies along this vector: A = −asin n_y, B = atan2(n_x, n_z), C = 0.
+    /// A vector along the tool axis: A = −asin n_y, B = atan2(n_x, n_z), C = 0.
     Normal([Expression; 3]),
 }
 
-/// The laws.
 #[derive(Clone, Debug)]
 pub struct Laws {
-    /// Height in mm; a curve in space has its own.
+    /// Height in mm; `None` for a curve in space, which has its own.
     pub z: Option<Expression>,
-    /// Angles.
     pub tilt: Tilt,
-    /// The parameters of Z, A, B and C by t.
+    /// The parameters of Z, A, B and C as functions of t.
     pub own: [Expression; 4],
     /// Speed of the tool tip, mm/s.
     pub speed: Option<Expression>,
 }
 
 impl Laws {
-    /// Whether a law of the pose depends on the arc length.
+    /// Returns whether a law of the pose depends on the arc length.
     pub(super) fn use_length(&self) -> bool {
         let (Tilt::Angles(tilt) | Tilt::Normal(tilt)) = &self.tilt;
         self.z.iter().chain(tilt).any(|law| law.uses(1) || law.uses(2))
     }
 
-    /// The pose at a place of the curve: mm and degrees.
+    /// Returns the pose at a point of the curve: mm and degrees.
     pub(super) fn pose(
         &self,
         place: &Place,
@@ -69,14 +67,14 @@ fn leaning([x, y, z]: [Taylor; 3]) -> [Taylor; 3] {
     [a * degrees, Taylor::angle(&x, &z) * degrees, Taylor::constant(0.0)]
 }
 
-/// The arc length over a range: between its values at the ends, with the speed of the curve.
+/// Encloses the arc length over a range: between its values at the ends, with the derivatives of the curve.
 pub(super) fn length(place: &Place, dimensions: usize, ends: [f64; 2]) -> Taylor {
     let square = |of: fn(&Taylor) -> Interval| {
         let of = |x| of(x).squared();
         place.at[..dimensions].iter().map(of).fold(Interval::ZERO, |sum, x| sum + x)
     };
     let speed = square(|x| x.first()).sqrt();
-    // |ds'| is at most |r''|, also where the speed is 0.
+    // |ds'| is at most |r''|, even where the speed is 0.
     let most = square(|x| x.second()).sqrt().magnitude();
     let second = match speed.low > 0.0 {
         true => {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Arc length by Gauss-Legendre quadrature, and the place where it has a value by Newton's steps.
+//! Arc length by Gauss-Legendre quadrature, and the parameter at a length by Newton's method.
 
 use crate::base::{Form, Part};
 use crate::expression::Trouble;
 
-/// Places and weights of the rule of ten points on −1 to 1, one half of them.
+/// Nodes and weights of the ten-point rule on −1 to 1, one half of them.
 const RULE: [[f64; 2]; 5] = [
     [0.148_874_338_981_631_2, 0.295_524_224_714_752_87],
     [0.433_395_394_129_247_2, 0.269_266_719_309_996_35],
@@ -12,15 +12,15 @@ const RULE: [[f64; 2]; 5] = [
     [0.865_063_366_688_984_5, 0.149_451_349_150_580_6],
     [0.973_906_528_517_171_7, 0.066_671_344_308_688_14],
 ];
-/// Error of an integral, as a share of the whole, and in mm of one that is shorter than 1 mm: some
-/// roundings of a point of the curve. Where the parameter is far from 0, its roundings make more.
+/// Error of an integral, as a share of the whole, or in mm if it is shorter than 1 mm: some
+/// roundings of a point of the curve. For a parameter far from 0, its rounding adds more.
 const ERROR: f64 = 1e-13;
-/// Halvings: a kink of the speed (a cusp) is enclosed to 1e-12 of the range, and adds the square of
+/// Halvings: a kink of the speed (a cusp) is enclosed to 1e-12 of the range, and contributes the square of
 /// that.
 const HALVINGS: u32 = 40;
-/// Nodes between which lengths are kept.
+/// Number of nodes at which lengths are stored.
 const NODES: usize = 64;
-/// Newton's steps to a length.
+/// Largest number of Newton steps to a length.
 const NEWTON: usize = 60;
 
 fn rule(part: &Part, [a, b]: [f64; 2]) -> Result<f64, Trouble> {
@@ -32,12 +32,12 @@ fn rule(part: &Part, [a, b]: [f64; 2]) -> Result<f64, Trouble> {
     Ok(half * sum)
 }
 
-/// Share of an integral that the roundings of the ends of its range make.
+/// Returns the relative error of an integral due to rounding of the ends of its range.
 fn rounding(a: f64, b: f64) -> f64 {
     f64::EPSILON * (a.abs() + b.abs()) / (b - a).abs()
 }
 
-/// The integral over a range, of which one rule gives `whole`, to within an error.
+/// Integrates over a range to within an error by halving; one rule over the range gives `whole`.
 fn halved(
     part: &Part,
     [a, b]: [f64; 2],
@@ -48,8 +48,8 @@ fn halved(
     let middle = 0.5 * (a + b);
     let halves = [rule(part, [a, middle])?, rule(part, [middle, b])?];
     let sum = halves[0] + halves[1];
-    // Beside a pole a part is longer than all of the range had seemed: the same share of it will do, and less
-    // than its roundings cannot be had.
+    // Near a pole a part of the range is longer than the whole seemed to be. The same relative error is then
+    // sufficient, and an error below rounding is unreachable.
     let enough = error.max(sum.abs() * ERROR.max(rounding(a, b)));
     if left == 0 || !((sum - whole).abs() > enough) {
         return Ok(sum);
@@ -59,7 +59,7 @@ fn halved(
         + halved(part, [middle, b], second, error, left - 1)?)
 }
 
-/// Length of a part between two parameters.
+/// Returns the length of a part between two parameters.
 pub(super) fn between(part: &Part, range: [f64; 2]) -> Result<f64, Trouble> {
     if range[0] == range[1] {
         return Ok(0.0);
@@ -76,7 +76,7 @@ pub struct Lengths {
 }
 
 impl Lengths {
-    /// Of a part that begins at a length.
+    /// Computes the lengths of a part that begins at a length.
     pub(super) fn of(part: &Part, start: f64) -> Result<Self, Trouble> {
         let [a, b] = part.range;
         let count = if matches!(part.form, Form::Implicit(..)) { 1 } else { NODES };

@@ -2,8 +2,8 @@
 //! Programs along curves: one-parametric families (paper 000), laws of height, tilt and speed, and free-form
 //! curves from splines, DXF and SVG drawings.
 //!
-//! - Input: a file that describes a path, and the machine that is to take it.
-//! - Output: a program of straight moves with a proved distance from the curve, and what it asks of the joints.
+//! - Input: a file that describes a path, and the machine that follows it.
+//! - Output: a program of straight moves with a proved distance from the curve, and the required motion of the joints.
 //! - Uses: `machine`, `program` and `studies`.
 
 mod arcs;

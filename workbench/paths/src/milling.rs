@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Milling of paper 003's table 2: rows, circles, pockets, spirals and helices.
+//! Milling operations of paper 003's table 2: rows, circles, pockets, spirals and helices.
 
 use crate::pen::{Pen, Plane, Step};
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 use studies::study::number::Positive;
 
-/// Where an operation lies, and how fast it cuts.
+/// Parallel rows.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rows {
@@ -14,18 +14,18 @@ pub struct Rows {
     plane: Plane,
     /// First corner.
     start_mm: [f64; 2],
-    /// Length of a row, along the first axis; below 0 the other way.
+    /// Length of a row along the first axis; negative in the opposite direction.
     length_mm: f64,
-    /// Width of all rows, along the second axis; below 0 the other way.
+    /// Width of all rows along the second axis; negative in the opposite direction.
     width_mm: f64,
-    /// Largest distance of rows.
+    /// Largest distance between rows.
     step_mm: Positive,
     level_mm: f64,
     clear_mm: f64,
     feed_mm_per_min: Positive,
 }
 
-/// A circle, or a round pocket.
+/// A circle.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Circle {
@@ -48,21 +48,21 @@ pub struct Pocket {
     plane: Plane,
     centre_mm: [f64; 2],
     radius_mm: Positive,
-    /// What the radius gains in one turn.
+    /// Growth of the radius per turn.
     step_mm: Positive,
     level_mm: f64,
     clear_mm: f64,
     feed_mm_per_min: Positive,
 }
 
-/// A flat spiral from its centre.
+/// A flat spiral from its center.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spiral {
     #[serde(default)]
     plane: Plane,
     centre_mm: [f64; 2],
-    /// What the radius gains in one turn.
+    /// Growth of the radius per turn.
     growth_mm: Positive,
     turns: Positive,
     level_mm: f64,
@@ -70,7 +70,7 @@ pub struct Spiral {
     feed_mm_per_min: Positive,
 }
 
-/// A plunge along a helix, or along one that gets narrower.
+/// A plunge along a cylindrical or conical helix.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Helix {
@@ -78,10 +78,10 @@ pub struct Helix {
     plane: Plane,
     centre_mm: [f64; 2],
     radius_mm: Positive,
-    /// What the radius loses in one turn.
+    /// Decrease of the radius per turn.
     #[serde(default)]
     shrink_mm: f64,
-    /// Change of the level in one turn; below 0 it goes down.
+    /// Change of the level per turn; negative downwards.
     pitch_mm: f64,
     turns: Positive,
     level_mm: f64,
@@ -90,7 +90,7 @@ pub struct Helix {
 }
 
 impl Rows {
-    /// How many rows there are, and their distance.
+    /// Returns the number of rows, and their distance.
     fn rows(&self) -> (usize, f64) {
         let gaps = (self.width_mm.abs() / self.step_mm.0).ceil().max(1.0);
         (gaps as usize + 1, self.width_mm / gaps)
@@ -118,7 +118,7 @@ impl Rows {
         pen
     }
 
-    /// One way, lifted on the way back.
+    /// Cuts all rows in one direction, retracted on the return.
     pub(super) fn one_way(&self) -> Vec<Step> {
         let mut pen = Pen::new(self.plane, self.feed_mm_per_min);
         let [u, v] = self.start_mm;
@@ -132,12 +132,12 @@ impl Rows {
         pen.all
     }
 
-    /// There and back, then around.
+    /// Cuts rows in alternating directions, then the boundary.
     pub(super) fn around(&self) -> Vec<Step> {
         let mut pen = self.zigzag();
         let [u, v] = self.start_mm;
         let (far, side) = (u + self.length_mm, v + self.width_mm);
-        // The zigzag ends at one of the far corners.
+        // The zigzag ends at one of the corners on the far side.
         let last = if self.rows().0 % 2 == 1 { far } else { u };
         let other = u + far - last;
         for (u, v) in [(last, v), (other, v), (other, side), (last, side)] {
@@ -147,7 +147,7 @@ impl Rows {
         pen.all
     }
 
-    /// Why they are none.
+    /// Returns why the operation is invalid.
     pub(super) fn refusal(&self) -> Option<String> {
         let zero = self.length_mm == 0.0 || self.width_mm == 0.0;
         zero.then(|| "length_mm and width_mm: expected other than 0".into())
@@ -166,7 +166,7 @@ impl Circle {
     }
 }
 
-/// A spiral r = k φ up to a radius.
+/// Cuts a spiral r = k φ up to a radius.
 fn spiral(pen: &mut Pen, [u, v]: [f64; 2], level: f64, growth: f64, angle: f64, chord: f64) {
     let k = growth / TAU;
     // |r″| = k √(φ² + 4).
@@ -182,7 +182,7 @@ impl Pocket {
         pen.enter(self.clear_mm, centre, self.level_mm);
         let angle = TAU * radius / self.step_mm.0;
         spiral(&mut pen, centre, self.level_mm, self.step_mm.0, angle, chord);
-        // In two halves: the spiral's end is known to rounding, which a whole turn does not bear.
+        // Two halves: the end of the spiral is accurate only to rounding, which is not enough for a whole turn.
         for half in [angle + PI, angle + TAU] {
             let end = [centre[0] + radius * half.cos(), centre[1] + radius * half.sin()];
             pen.turn([end[0], end[1], self.level_mm], centre, true, 0);
@@ -226,7 +226,7 @@ impl Helix {
         pen.all
     }
 
-    /// Why it is none.
+    /// Returns why the operation is invalid.
     pub(super) fn refusal(&self) -> Option<String> {
         let is_gone = self.shrink_mm * self.turns.0 > self.radius_mm.0;
         is_gone.then(|| "shrink_mm: the radius ends below 0".into())

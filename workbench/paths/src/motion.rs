@@ -1,37 +1,36 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What happens at the ends of the pieces of a curve, and how long each takes.
+//! Positions and rates at the ends of the pieces of a curve, and the duration of each piece.
 
 use crate::piece::Piece;
 use crate::whole::{Curve, CurveError, Here};
 
-/// Below this share of its speed by the parameter along the whole curve the tip stands.
+/// Below this share of the curve's length per range of the parameter the tip counts as at rest.
 const STANDS: f64 = 1e-9;
 
-/// A place of the curve.
+/// A point of the curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
     /// The curve's parameter.
     pub t: f64,
-    /// Arc length so far, mm: in x and y of families.
+    /// Arc length so far, mm: in x and y for families.
     pub s: f64,
     /// x y z in mm, a b c in degrees, in work coordinates.
     pub pose: [f64; 6],
-    /// Direction of the tip's motion, of length 1; none at a cusp and where the tip stands.
+    /// Unit vector of the tip's motion; `None` at a cusp and where the tip is at rest.
     pub tangent: Option<[f64; 3]>,
-    /// Change of the pose, mm/s and degrees/s, at the programmed speed; none without one, and at
+    /// Rate of the pose, mm/s and degrees/s, at the programmed speed; `None` without a speed, and at
     /// a cusp.
     pub rate: Option<[f64; 6]>,
 }
 
-/// How fast to go where.
+/// Programmed speed of rotations with the tip at rest.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
-    /// Angular speed where the tip stands, degrees/s.
+    /// Angular speed where the tip is at rest, degrees/s.
     pub turn: Option<f64>,
 }
 
-/// The places where pieces begin and end: one more than pieces of a curve without gaps; a gap
-/// has one on either side.
+/// Returns the start and end points of all pieces.
 ///
 /// # Errors
 /// See [`CurveError`].
@@ -43,7 +42,7 @@ pub fn nodes(curve: &Curve, pieces: &[Piece], pace: &Pace) -> Result<Vec<[Node; 
     pieces.iter().map(pair).collect()
 }
 
-/// One place.
+/// Computes one point.
 ///
 /// # Errors
 /// See [`CurveError`].
@@ -75,7 +74,7 @@ fn norm(of: &[f64]) -> f64 {
     of.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Length of a piece as LinuxCNC takes it: of the tip, or in degrees where that stands.
+/// Returns the length of a piece as in LinuxCNC: of the tip in mm (true), or in degrees if the tip is at rest.
 pub(super) fn length(piece: &Piece, [from, to]: &[Node; 2]) -> (f64, bool) {
     let change: [f64; 6] = std::array::from_fn(|k| to.pose[k] - from.pose[k]);
     let straight = norm(&change[..3]);
@@ -86,10 +85,10 @@ pub(super) fn length(piece: &Piece, [from, to]: &[Node; 2]) -> (f64, bool) {
     }
 }
 
-/// Seconds that a piece takes.
+/// Returns the duration of a piece, s.
 ///
 /// # Errors
-/// No law says how fast.
+/// No law gives the speed.
 pub fn seconds(
     curve: &Curve,
     piece: &Piece,

@@ -2,8 +2,8 @@
 //! Typical tool paths of paper 003: milling rows, circles, pockets, plunges, turning, drilling.
 //!
 //! Every operation is also a subroutine for LinuxCNC (`subroutines`), with the same
-//! arguments and the same moves. Places are in work coordinates, in mm: of a plane the two axes that
-//! G17, G18 and G19 turn (X Y, Z X, Y Z), and the level across it.
+//! arguments and the same moves. Positions are in work coordinates, in mm: in a plane the two axes of
+//! G17, G18 and G19 (X Y, Z X, Y Z), and the level perpendicular to it.
 
 use crate::milling::{Circle, Helix, Pocket, Rows, Spiral};
 use crate::pen::{Change, Step};
@@ -14,14 +14,14 @@ use serde::Deserialize;
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Operation {
     Zigzag(Rows),
-    /// Rows one way, lifted on the way back.
+    /// Rows in one direction, retracted on the return.
     Loop(Rows),
     Circle(Circle),
     Pocket(Pocket),
-    /// A pocket with straight sides: a zigzag, then around.
+    /// A pocket with straight sides: a zigzag, then the boundary.
     BoxPocket(Rows),
     Spiral(Spiral),
-    /// A helix, cylindrical or conical.
+    /// A cylindrical or conical helix.
     Helix(Helix),
     /// A step of a shaft.
     Turn(Turn),
@@ -41,7 +41,6 @@ pub struct OperationError {
 }
 
 impl Operation {
-    /// What it is called.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Zigzag(_) => "zigzag",
@@ -58,10 +57,10 @@ impl Operation {
         }
     }
 
-    /// Its moves, spirals and cones within `chord` of their curves; `number` from 1.
+    /// Returns its moves, with spirals and cones within `chord` of their curves; `number` from 1.
     ///
     /// # Errors
-    /// Numbers that make no path.
+    /// The numbers do not describe a path.
     pub fn steps(&self, number: usize, chord: f64) -> Result<Vec<Step>, OperationError> {
         if let Some(text) = self.refusal() {
             return Err(OperationError { number, name: self.name(), text });

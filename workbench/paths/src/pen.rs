@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Moves of typical paths, in one of the planes that G17, G18 and G19 turn.
+//! Moves of typical paths, in one of the planes of G17, G18 and G19.
 
 use crate::planes::PLANES;
 use serde::Deserialize;
@@ -18,15 +18,15 @@ pub enum Plane {
     Yz,
 }
 
-/// A change of the tool at a place clear of the work; the first one of a job is made where the
-/// machine stands. Without a tool the machine only goes there.
+/// A tool change at a position away from the workpiece; the first one of a job is made at the machine's
+/// position. Without a tool the machine only moves there.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Change {
     pub park_mm: [f64; 3],
-    /// T.
+    /// T number.
     pub tool: Option<u32>,
-    /// Speed of the spindle; 0 stops it, none leaves it as it is.
+    /// Speed of the spindle; 0 stops it, `None` leaves it unchanged.
     pub spindle_rpm: Option<f64>,
 }
 
@@ -37,18 +37,18 @@ pub enum Step {
     Rapid([Option<f64>; 6]),
     /// G1 of these coordinates.
     Cut([Option<f64>; 6], f64),
-    /// G2 or G3 in a plane to a place of it, about a centre.
+    /// G2 or G3 in a plane to a point about a center.
     Turn {
-        /// 0 to 2: G17, G18, G19.
+        /// Plane: 0 to 2 for G17, G18, G19.
         plane: usize,
-        /// The end: first and second axis of the plane.
+        /// End point: first and second axis of the plane.
         end: [f64; 2],
-        /// The level at the end; without one it stays.
+        /// Level at the end; `None` if it is unchanged.
         level: Option<f64>,
         centre: [f64; 2],
-        /// G3.
+        /// Whether it is G3.
         is_left: bool,
-        /// Whole turns; 0 for an arc that ends elsewhere than it begins.
+        /// Number of whole turns; 0 for an arc whose ends differ.
         turns: u32,
         /// Feed per minute.
         feed: f64,
@@ -56,7 +56,7 @@ pub enum Step {
     Tool(Change),
 }
 
-/// Writes in a plane.
+/// A writer of moves in a plane.
 pub(super) struct Pen {
     plane: usize,
     pub(super) feed: f64,
@@ -65,7 +65,7 @@ pub(super) struct Pen {
 }
 
 impl Pen {
-    /// In a plane, at a feed per minute.
+    /// Creates a pen in a plane, at a feed per minute.
     pub(super) fn new(plane: Plane, feed: Positive) -> Self {
         Self { plane: plane as usize, feed: feed.0, all: vec![] }
     }
@@ -78,32 +78,32 @@ impl Pen {
         place
     }
 
-    /// G0 to a level.
+    /// Adds G0 to a level.
     pub(super) fn level(&mut self, w: f64) {
         self.all.push(Step::Rapid(self.place([None, None, Some(w)])));
     }
 
-    /// G0 over a place.
+    /// Adds G0 to a position above the plane.
     pub(super) fn over(&mut self, u: f64, v: f64) {
         self.all.push(Step::Rapid(self.place([Some(u), Some(v), None])));
     }
 
-    /// G1 to a level.
+    /// Adds G1 to a level.
     pub(super) fn sink(&mut self, w: f64) {
         self.all.push(Step::Cut(self.place([None, None, Some(w)]), self.feed));
     }
 
-    /// G1 to a place.
+    /// Adds G1 to a position.
     pub(super) fn cut(&mut self, u: f64, v: f64) {
         self.all.push(Step::Cut(self.place([Some(u), Some(v), None]), self.feed));
     }
 
-    /// G1 to a place and a level.
+    /// Adds G1 to a position and a level.
     pub(super) fn cut_to(&mut self, at: [f64; 3]) {
         self.all.push(Step::Cut(self.place(at.map(Some)), self.feed));
     }
 
-    /// G2 or G3 to a place and a level.
+    /// Adds G2 or G3 to a position and a level.
     pub(super) fn turn(
         &mut self,
         [u, v, w]: [f64; 3],
@@ -115,14 +115,14 @@ impl Pen {
         self.all.push(Step::Turn { plane, end, level, centre, is_left, turns, feed });
     }
 
-    /// Down at a place.
+    /// Adds the moves to a position and down to a level.
     pub(super) fn enter(&mut self, clear: f64, [u, v]: [f64; 2], level: f64) {
         self.level(clear);
         self.over(u, v);
         self.sink(level);
     }
 
-    /// Points of a curve at even steps of its angle, whose second derivative is at most `bent`.
+    /// Adds points of a curve at even steps of its angle; its second derivative is at most `bent`.
     pub(super) fn along(
         &mut self,
         angle: f64,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! One move of a program along a curve, and what it has to keep.
+//! One move of a program along a curve, and its tolerances.
 
 use crate::file::{Moves, Tolerance};
 use crate::planes::PLANES;
@@ -7,29 +7,29 @@ use crate::whole::{Curve, CurveError};
 use std::f64::consts::PI;
 
 pub(super) const DECIMALS: usize = 6;
-/// What rounding to them does to a place, mm: half a unit in each of three words.
+/// Rounding error of a position with these decimals, mm: half a unit in each of three words.
 pub(super) const ROUNDING: f64 = 1e-6;
-/// Largest distance of an arc from the moves that stand for it when limits are judged, mm.
+/// Largest distance of an arc from the moves that represent it when limits are checked, mm.
 const ARC_ERROR: f64 = 1e-3;
 /// Largest change of the programmed speed within a piece, as a share.
 const SPEED_CHANGE: f64 = 0.02;
 
-/// What must be kept.
+/// Tolerances of a program.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
     /// Distance of the programmed path from the curve, mm.
     pub chord: f64,
     /// Error of an angle, degrees.
     pub angle: f64,
-    /// Whether arcs may take the place of lines.
+    /// Whether arcs may replace lines.
     pub moves: Moves,
 }
 
 impl Wanted {
-    /// What is left of tolerances when words are rounded.
+    /// Subtracts the rounding of words from the tolerances.
     ///
     /// # Errors
-    /// Nothing is left.
+    /// A tolerance is smaller than the rounding.
     pub fn new(tolerance: &Tolerance, moves: Moves) -> Result<Self, CurveError> {
         let left = |key: &str, value: f64| match value > 2.0 * ROUNDING {
             true => Ok(value - ROUNDING),
@@ -52,27 +52,27 @@ pub struct Piece {
     pub part: usize,
     /// First and last parameter.
     pub range: [f64; 2],
-    /// The arc, if it is none of lines.
+    /// The arc; `None` for a line.
     pub arc: Option<Arc>,
-    /// How far it may be from the curve, mm: proved.
+    /// Proved bound of the distance from the curve, mm.
     pub deviation: f64,
 }
 
-/// An arc from the end of the move before.
+/// An arc from the end of the previous move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
     /// 0 to 2: G17, G18, G19.
     pub plane: usize,
-    /// Centre in the two axes of the plane, mm.
+    /// Center in the two axes of the plane, mm.
     pub centre: [f64; 2],
-    /// Counterclockwise, G3.
+    /// Whether it is counterclockwise, G3.
     pub is_left: bool,
-    /// How long it is, mm.
+    /// Length, mm.
     pub length: f64,
 }
 
 impl Arc {
-    /// Moves that stand for it when limits are judged, the last one to its end.
+    /// Returns moves that represent the arc when limits are checked, the last one to its end.
     pub(super) fn places(&self, from: &[f64; 6], to: &[f64; 6], turns: u32) -> Vec<[f64; 6]> {
         let [first, second, across] = PLANES[self.plane];
         let angle =
@@ -81,13 +81,13 @@ impl Arc {
         let start = angle(from);
         let side = if self.is_left { 1.0 } else { -1.0 };
         let turn = ((angle(to) - start) * side).rem_euclid(2.0 * PI);
-        // The end of a whole turn lies at its start, give or take the last decimal.
+        // The end of a whole turn equals its start up to the last decimal.
         let is_whole = turns > 0 && !(1e-3..2.0 * PI - 1e-3).contains(&turn);
         let turn = if is_whole { 0.0 } else { turn } + 2.0 * PI * f64::from(turns);
         let turn = side * turn;
         let step = (8.0 * ARC_ERROR / radius.max(ARC_ERROR)).sqrt();
         let count = (turn.abs() / step).ceil().max(1.0);
-        // Places at every quarter of a whole turn.
+        // Points at every quarter of a whole turn.
         let quarters = 4.0 * f64::from(turns);
         let count = if is_whole { (count / quarters).ceil() * quarters } else { count };
         let place = |n: f64| {
@@ -105,7 +105,7 @@ impl Arc {
     }
 }
 
-/// How much the programmed speed changes over a range, as a share of what one piece may hold.
+/// Returns the change of the programmed speed over a range, as a share of the largest change within a piece.
 pub(super) fn speed_change(
     curve: &Curve,
     part: usize,

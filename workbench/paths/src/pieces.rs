@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A curve in straight moves and arcs that are proved to stay near it.
+//! Approximation of a curve by straight moves and arcs with a proved distance.
 //!
-//! Over a range Δ of its parameter a curve leaves its chord by at most Δ²/8 · max |r″|; the largest
-//! r″ is enclosed by interval arithmetic. Angles the same. An arc is proved by the distance
-//! from its centre, enclosed to second order over halves of the range.
+//! Over a range Δ of its parameter a curve deviates from its chord by at most Δ²/8 · max |r″|; the largest
+//! r″ is enclosed by interval arithmetic. The same holds for angles. An arc is proved by the distance
+//! from its center, enclosed to second order over halves of the range.
 
 use crate::arcs;
 use crate::file::Moves;
@@ -11,28 +11,28 @@ use crate::piece::{Piece, ROUNDING, Wanted, speed_change};
 use crate::whole::{Curve, CurveError};
 use machine::proof::interval::Interval;
 
-/// Parts of a range in which its derivatives are enclosed.
+/// Number of subranges in which derivatives are enclosed.
 const PARTS: usize = 8;
-/// A piece is long enough where a longer one would gain less than this.
+/// Share of the tolerance above which a piece is long enough: a longer one would gain little.
 const GAIN: f64 = 0.9985;
-/// Places of a part at which its speed is looked at first.
+/// Number of points of a part at which the speed is checked first.
 const SPEEDS: usize = 64;
-/// Trials of the length of one piece.
+/// Largest number of trials for the length of one piece.
 const TRIALS: usize = 40;
 /// Smallest piece, as a share of a part's range.
 const LEAST: f64 = 1e-9;
 
-/// What a range needs of its tolerances; 1 is all.
+/// Share of the tolerances that a range uses; 1 is all.
 #[derive(Clone, Copy, Debug)]
 struct Need {
     share: f64,
     deviation: f64,
 }
 
-/// Cuts a curve.
+/// Divides a curve into pieces.
 ///
 /// # Errors
-/// The curve has no value somewhere, jumps, or its second derivative has no bound there.
+/// The curve has no value at some point, jumps, or its second derivative is unbounded there.
 pub fn pieces(curve: &Curve, wanted: &Wanted) -> Result<Vec<Piece>, CurveError> {
     check_speed(curve)?;
     let mut all = vec![];
@@ -54,7 +54,7 @@ pub fn pieces(curve: &Curve, wanted: &Wanted) -> Result<Vec<Piece>, CurveError> 
     Ok(all)
 }
 
-/// A speed that falls to 0 would make pieces without end.
+/// Refuses a speed of 0, near which pieces would become infinitely short.
 fn check_speed(curve: &Curve) -> Result<(), CurveError> {
     for (part, own) in curve.parts.iter().enumerate() {
         let [from, to] = own.range;
@@ -65,7 +65,7 @@ fn check_speed(curve: &Curve) -> Result<(), CurveError> {
     Ok(())
 }
 
-/// The longest line from a parameter, `length` being a first guess.
+/// Returns the longest line from a parameter; `length` is the first guess.
 fn longest(
     curve: &Curve,
     part: usize,
@@ -110,7 +110,7 @@ fn unbounded(curve: &Curve, part: usize, at: f64) -> CurveError {
     ))
 }
 
-/// What a line over a range needs; `None` where nothing is known of the range.
+/// Returns the share of the tolerances for a line over a range; `None` if the range cannot be enclosed.
 fn need(
     curve: &Curve,
     part: usize,
@@ -141,7 +141,7 @@ fn need(
     Ok(Some(Need { share, deviation }))
 }
 
-/// A value that changes by more than its derivative allows has jumped.
+/// Refuses a value that changes by more than its derivative allows: it has jumped.
 fn check_jump(
     curve: &Curve,
     part: usize,

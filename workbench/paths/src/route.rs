@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! From a path file to a program and to what it asks of a machine.
+//! From a path file to a program and the required motion of a machine.
 
 use crate::file::{Feed, PathFile};
 use crate::gcode::Writer;
@@ -13,25 +13,24 @@ use machine::read::mechanism::Mechanism;
 use program::motion::Move;
 use program::preflight::preflight;
 
-/// All coordinates.
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
-/// Ends of pieces that are farther apart than this are a gap, mm and degrees.
+/// Largest distance between ends of pieces without a gap, mm and degrees.
 const GAP: f64 = 1e-6;
 
-/// A path that a machine can take.
+/// A path within the machine's limits.
 #[derive(Clone, Debug)]
 pub struct Route {
     pub curve: Curve,
     pub pieces: Vec<Piece>,
     pub program: String,
-    /// Places and joints, one row for the end of every piece and for every start.
+    /// Positions and joints, one row for the end of every piece and for every start.
     pub rows: Vec<Row>,
-    /// Seconds at the programmed speeds, without acceleration.
+    /// Duration at the programmed speeds, without acceleration, s.
     pub seconds: f64,
 }
 
-/// The route of a file on a machine.
+/// Plans the route of a file on a machine.
 ///
 /// # Errors
 /// See [`RouteError`].
@@ -55,12 +54,12 @@ pub fn route(config: &Mechanism, file: &PathFile) -> Result<Route, RouteError> {
     Ok(Route { curve, pieces, program, rows, seconds })
 }
 
-/// Whether two nodes are one place.
+/// Returns whether two nodes coincide.
 fn meet(a: &Node, b: &Node) -> bool {
     (0..6).all(|k| (a.pose[k] - b.pose[k]).abs() <= GAP)
 }
 
-/// Starts and ends without those that come twice.
+/// Returns starts and ends without duplicates.
 fn nodes_once(ends: &[[Node; 2]]) -> Vec<Node> {
     let mut all: Vec<Node> = vec![];
     for [start, end] in ends {
@@ -106,7 +105,7 @@ fn write(
     Ok(whole)
 }
 
-/// To the start of the curve, or over a gap in it.
+/// Moves to the start of the curve, or over a gap in it.
 fn begin(
     writer: &mut Writer,
     start: &Node,
@@ -133,7 +132,7 @@ fn begin(
     Ok(())
 }
 
-/// Follows the program's moves against the limits of the machine.
+/// Checks the program's moves against the limits of the machine.
 fn check(config: &Mechanism, moves: &[Move], places: &[(u32, f64)]) -> Result<(), RouteError> {
     let found = preflight(std::slice::from_ref(config), moves).map_err(|fault| {
         RouteError::Fault { t: places.first().map_or(0.0, |place| place.1), fault }

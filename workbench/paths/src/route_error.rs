@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Why a path cannot be taken.
+//! Why a path is refused.
 
 use crate::gcode::SetupError;
 use crate::whole::CurveError;
 use kinematics::Fault;
 
-/// A path that is none, or that the machine cannot take.
+/// Why a path is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum RouteError {
     #[error(transparent)]
@@ -17,16 +17,16 @@ pub enum RouteError {
     )]
     Gap {
         t: f64,
-        /// The end before it, mm.
+        /// End point before the gap, mm.
         from: [f64; 3],
-        /// The start behind it, mm.
+        /// Start point after the gap, mm.
         to: [f64; 3],
     },
     #[error("at t = {t}: {text}")]
     Leaves { t: f64, text: String },
     #[error("line {line} of the program, on the way to or from the curve: {text}")]
     Beside {
-        /// The program's line.
+        /// Line of the program.
         line: u32,
         text: String,
     },

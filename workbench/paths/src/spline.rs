@@ -3,7 +3,7 @@
 
 use machine::proof::jet::Taylor;
 
-/// A spline that cannot be made.
+/// Why a spline cannot be created.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SplineError {
     #[error("a spline of degree {degree} needs {} points or more; found {points}", degree + 1)]
@@ -16,16 +16,14 @@ pub enum SplineError {
     NoRange(f64),
     #[error("expected {points} weights, one for each point; found {found}")]
     Weights { points: usize, found: usize },
-    /// A weight that is 0 or less.
     #[error("weight {value} of point {point}: expected more than 0")]
     Weight {
-        /// The point, from 1.
+        /// Number of the point, from 1.
         point: usize,
         value: f64,
     },
     #[error("knot {0} repeats more often than the degree: the curve has a gap there")]
     Gap(f64),
-    /// Degree 0.
     #[error("degree 0: expected 1 or more")]
     Degree,
 }
@@ -40,7 +38,7 @@ pub struct Spline {
 }
 
 impl Spline {
-    /// Of control points with weights; without knots those that clamp it to its ends and are
+    /// Creates a spline of control points with weights; the default knots clamp it to its ends and are
     /// evenly spaced between.
     ///
     /// # Errors
@@ -91,19 +89,19 @@ impl Spline {
         Ok(Self { degree, knots, points })
     }
 
-    /// Spans that have a length, with their ends.
+    /// Returns the spans with a positive length, with their ends.
     pub fn spans(&self) -> Vec<(usize, [f64; 2])> {
         let ends = |k: usize| [self.knots[k], self.knots[k + 1]];
         let spans = (self.degree..self.points.len()).map(|k| (k, ends(k)));
         spans.filter(|(_, [a, b])| a < b).collect()
     }
 
-    /// First and last parameter.
+    /// Returns the first and last parameter.
     fn domain(&self) -> [f64; 2] {
         [self.knots[self.degree], self.knots[self.points.len()]]
     }
 
-    /// The same curve with another range of its parameter.
+    /// Returns the same curve with another range of its parameter.
     #[must_use]
     pub fn over(mut self, [first, last]: [f64; 2]) -> Self {
         let [a, b] = self.domain();
@@ -111,7 +109,7 @@ impl Spline {
         self
     }
 
-    /// The same curve from its end to its start.
+    /// Reverses the direction.
     #[must_use]
     pub fn reversed(mut self) -> Self {
         let [a, b] = self.domain();
@@ -120,7 +118,7 @@ impl Spline {
         self
     }
 
-    /// First and last place.
+    /// Returns the first and last point.
     pub fn ends(&self) -> [[f64; 3]; 2] {
         let spans = self.spans();
         let end = |k: usize, side: usize| {
@@ -130,17 +128,17 @@ impl Spline {
         [end(0, 0), end(spans.len() - 1, 1)]
     }
 
-    /// Whether all its numbers are finite.
+    /// Returns whether all its numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.knots.iter().chain(self.points.iter().flatten()).all(|x| x.is_finite())
     }
 
-    /// Whether it lies at Z 0.
+    /// Returns whether it lies at Z 0.
     pub fn is_plane(&self) -> bool {
         self.points.iter().all(|[_, _, z, _]| *z == 0.0)
     }
 
-    /// Coordinates at a parameter of a span.
+    /// Evaluates the coordinates at a parameter of a span.
     pub fn at(&self, span: usize, t: Taylor) -> [Taylor; 3] {
         let degree = self.degree;
         let mut points: Vec<[Taylor; 4]> =
@@ -163,7 +161,7 @@ impl Spline {
     }
 }
 
-/// Knots from 0 to 1.
+/// Returns clamped knots from 0 to 1.
 fn clamped(degree: usize, count: usize) -> Vec<f64> {
     let spans = count - degree;
     let knot = |k: usize| (k.saturating_sub(degree).min(spans)) as f64 / spans as f64;
@@ -176,7 +174,7 @@ mod tests {
     use machine::proof::interval::Interval;
     use std::f64::consts::FRAC_1_SQRT_2;
 
-    /// Of some ten operations with numbers up to 10.
+    /// Rounding of some ten operations with numbers up to 10.
     const ROUNDING: f64 = 1e-13;
 
     fn point(t: f64) -> Taylor {
@@ -193,7 +191,7 @@ mod tests {
             let (a, b) = (x.value.middle(), y.value.middle());
             let off = (a.hypot(b) - 10.0).abs().max((z.value.middle() - 3.0).abs());
             assert!(off < ROUNDING, "{off}");
-            // Tangents stand square to radii.
+            // Tangents are perpendicular to radii.
             assert!((a * x.first().middle() + b * y.first().middle()).abs() < 1e-12);
         }
     }

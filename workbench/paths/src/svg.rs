@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Paths of SVG files: lines, Bézier curves and arcs of ellipses as they are, where the transforms of
-//! the drawing move them.
+//! Paths of SVG files: lines, Bézier curves and elliptical arcs without approximation, with the transforms of
+//! the drawing applied.
 
 use crate::element::Element;
 use crate::ellipse::Ellipse;
@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use roxmltree::{Document, Node, ParsingOptions};
 use svgtypes::{Length, LengthUnit, PathParser, PathSegment, Transform, ViewBox};
 
-/// An SVG file whose paths cannot be taken.
+/// Why the paths of an SVG file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SvgError {
     #[error(transparent)]
@@ -20,7 +20,7 @@ pub enum SvgError {
     #[error("line {line}: {text}")]
     Untaken {
         line: u32,
-        /// What it is, and the way out.
+        /// The refused element, and the way out.
         text: String,
     },
     #[error("no path")]
@@ -33,24 +33,24 @@ pub enum SvgError {
     Spline { line: u32, error: SplineError },
 }
 
-/// What holds paths that are not drawn where they stand.
+/// Elements whose paths are not drawn in place.
 const UNDRAWN: [&str; 6] = ["defs", "symbol", "clipPath", "mask", "marker", "pattern"];
 
-/// Most elements of a drawing, each of whose groups is looked through, and how deep they may stand in each other:
-/// drawing programs nest layers and groups a few deep.
+/// Most elements of a drawing, and their largest nesting depth, because all ancestors of each are inspected.
+/// Drawing programs nest layers and groups a few levels deep.
 const MOST_NODES: u32 = 2_000_000;
 const MOST_DEPTH: usize = 200;
 
 /// Most lines and curves of a drawing: some hours of cutting.
 const MOST_PIECES: usize = 1_000_000;
 
-/// A drawing whose elements stand in each other to a limited depth: every one is looked at with all that it stands in.
+/// Parses a drawing whose nesting depth is limited: every element is inspected with all its ancestors.
 fn parsed(text: &str) -> Result<Document<'_>, SvgError> {
     let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)?;
     let mut depths = vec![0];
     for node in document.descendants().skip(1) {
-        // A node stands behind what it stands in.
+        // A node follows its parent.
         let depth = 1 + node.parent().map_or(0, |parent| depths[parent.id().get_usize()]);
         depths.push(depth);
         if depth > MOST_DEPTH {
@@ -64,8 +64,8 @@ fn parsed(text: &str) -> Result<Document<'_>, SvgError> {
     Ok(document)
 }
 
-/// All pieces of all paths, x to the right and y up, mm. The unit of the drawing is `unit` mm, or
-/// what its root says.
+/// Reads all pieces of all paths, x to the right and y up, mm. The drawing's unit is `unit` mm, or
+/// follows from the root element.
 ///
 /// # Errors
 /// See [`SvgError`].
@@ -79,7 +79,7 @@ pub fn elements(text: &str, unit: Option<f64>) -> Result<Vec<Element>, SvgError>
     let is_drawn = |node: &Node| !node.ancestors().any(|node| UNDRAWN.contains(&name(&node)));
     let (mut line, mut counted) = (1, 0);
     for node in document.descendants().filter(Node::is_element).filter(is_drawn) {
-        // Counted on from the element before: from the start each time takes hours of a large drawing.
+        // Counted from the previous element: counting from the start each time takes hours for a large drawing.
         let start = node.range().start;
         line +=
             text.as_bytes()[counted..start].iter().filter(|byte| **byte == b'\n').count() as u32;
@@ -105,8 +105,8 @@ fn name<'a>(node: &Node<'a, '_>) -> &'a str {
     node.tag_name().name()
 }
 
-/// mm of the drawing's unit, by the size of the whole. Where width and height disagree, the drawing is
-/// fitted in, as `preserveAspectRatio` has it unless it says otherwise.
+/// Returns the millimeters per unit of the drawing, from its size. If width and height disagree, the drawing is
+/// fitted in, which is the default of `preserveAspectRatio`.
 fn unit_of(root: &Node) -> Option<f64> {
     let size = |key: &str| -> Option<f64> {
         let Length { number, unit } = root.attribute(key)?.parse().ok()?;
@@ -142,7 +142,7 @@ fn path(node: &Node, line: u32, unit: f64, all: &mut Vec<Element>) -> Result<(),
     }
 }
 
-/// The transforms of a path and of all that it stands in.
+/// Returns the combined transforms of a path and its ancestors.
 fn moved(node: &Node, line: u32) -> Result<Affine, SvgError> {
     let untaken = |text: String| Err(SvgError::Untaken { line, text });
     let mut whole = Affine::IDENTITY;
@@ -169,11 +169,11 @@ fn moved(node: &Node, line: u32) -> Result<Affine, SvgError> {
     Ok(whole)
 }
 
-/// Draws segments.
+/// A converter of path segments.
 struct Pen<'a> {
     at: Point,
     start: Point,
-    /// Degree of the Bézier curve before, and its last control point.
+    /// Degree of the previous Bézier curve, and its last control point.
     control: Option<(usize, Point)>,
     place: Affine,
     all: &'a mut Vec<Element>,
@@ -219,7 +219,7 @@ impl Pen<'_> {
         }
     }
 
-    /// The control point that a smooth curve of a degree begins with.
+    /// Returns the first control point of a smooth curve of a degree.
     fn mirrored(&self, degree: usize) -> Point {
         match self.control {
             Some((own, control)) if own == degree => self.at + (self.at - control),
@@ -254,7 +254,7 @@ impl Pen<'_> {
         Vector3::new(p.x, p.y, 0.0)
     }
 
-    /// A vector, which has no place.
+    /// Transforms a vector, without the translation.
     fn moved(&self, p: Point) -> Vector3<f64> {
         self.placed(p) - self.placed(Point::ZERO)
     }
@@ -264,7 +264,7 @@ impl Pen<'_> {
 mod tests {
     use super::*;
 
-    /// A drawing program that nests without end, and drawings of many groups and of one path with many lines.
+    /// A drawing with endless nesting, and drawings of many groups and of one path with many lines.
     #[test]
     fn deep_and_large_drawings_end_with_a_message_or_in_a_moment() {
         let start = std::time::Instant::now();
@@ -282,7 +282,7 @@ mod tests {
         let long = format!("<svg>\n<path d='M0 0{}'/></svg>", "h1".repeat(MOST_PIECES + 1));
         let refused = elements(&long, Some(1.0)).unwrap_err().to_string();
         assert!(refused.starts_with("line 2: more than"), "{refused}");
-        // By counting the lines from the start for every element it would take minutes.
+        // Counting the lines from the start for every element would take minutes.
         assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
     }
 
@@ -329,7 +329,7 @@ mod tests {
 
     #[test]
     fn an_arc_is_the_circle_that_the_drawing_shows() {
-        // Y points down there: sweep turns clockwise to the eye.
+        // Y points down in SVG, so sweep is clockwise as displayed.
         let quarter = elements(&of("M 10 0 A 10 10 0 0 1 0 10"), Some(1.0)).unwrap();
         let Ellipse { centre, halves, angles, .. } = arc(&quarter[0]);
         assert!(centre.norm() < ROUNDING && (halves[0].norm() - 10.0).abs() < ROUNDING);
@@ -341,7 +341,7 @@ mod tests {
         let Ellipse { centre, angles, .. } = arc(&large[0]);
         assert!(centre.norm() < ROUNDING);
         assert!(((angles[1] - angles[0]).abs() - 1.5 * std::f64::consts::PI).abs() < ROUNDING);
-        // Radii that are too small grow until they reach; a radius of 0 is a line.
+        // Radii that are too small are enlarged until the arc reaches; a radius of 0 is a line.
         let grown = elements(&of("M 0 0 a 1 1 0 0 1 8 0"), Some(1.0)).unwrap();
         assert!((arc(&grown[0]).halves[0].norm() - 4.0).abs() < ROUNDING);
         let line = elements(&of("M 0 0 a 0 5 0 0 1 8 0"), Some(1.0)).unwrap();
@@ -370,7 +370,7 @@ mod tests {
                 assert!((found - expected).abs() < ROUNDING, "{outer} {inner}: {found} {expected}");
             }
         }
-        // A circle becomes the ellipse through the places that its own go to.
+        // A circle becomes the ellipse through the transformed points of the circle.
         let text = "<svg><path transform='skewX(45) scale(2 1)' d='M 3 0 A 3 3 0 0 1 0 3'/></svg>";
         let all = elements(text, Some(1.0)).unwrap();
         let Ellipse { halves: [u, v], .. } = arc(&all[0]);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a path asks of the joints: positions and rates, and how it is shared by table and platform.
+//! The required motion of the joints: positions and rates, and its split between table and platform.
 
 use crate::file::ProgramKeys;
 use crate::gcode::in_machine;
@@ -10,23 +10,22 @@ use machine::files;
 use machine::read::columns::{coordinates, joint_names};
 use machine::read::mechanism::Mechanism;
 
-/// A place of the path, and the machine there.
+/// A point of the path, and the machine's state there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// The place.
     pub node: Node,
     pub joints: Joints,
-    /// Their rates per second, where the node has a rate.
+    /// Rates of the joints per second, if the node has a rate.
     pub rates: Option<Joints>,
-    /// x y z of the platform's centre, which the table and the platform share (machine units): a
-    /// table takes x and y, the platform z.
+    /// x y z of the platform's center, whose motion table and platform share (machine units): a
+    /// table performs x and y, the platform z.
     pub centre: [f64; 3],
 }
 
-/// The machine at all nodes.
+/// Computes the machine's state at all nodes.
 ///
 /// # Errors
-/// A pose out of reach, or a joint that cannot be as fast.
+/// A pose out of reach, or a joint that is too slow.
 pub fn rows(
     config: &Mechanism,
     keys: &ProgramKeys,
@@ -56,7 +55,7 @@ fn row(
         check_speeds(config, node.t, rates)?;
     }
     let lever = at.rotation() * (tool + Vector3::from(config.geometry.centre));
-    // The pose's position is the platform's where it is level: the tip and the tool's offset.
+    // The position of the level platform: the pose minus the tool's offset, plus the rotated lever.
     let centre = (pose.position - tool + lever).into();
     Ok(Row { node: node.clone(), joints: *at.joints(), rates, centre })
 }
@@ -74,7 +73,7 @@ fn check_speeds(config: &Mechanism, t: f64, rates: &Joints) -> Result<(), RouteE
     }
 }
 
-/// The rows as CSV: place, tangent, joints and rates, then the split of the path.
+/// Formats the rows as CSV: position, tangent, joints and rates, then the split of the path.
 pub fn csv(config: &Mechanism, rows: &[Row]) -> String {
     let count = config.joints.len();
     let mut header = ["t", "s"].map(String::from).to_vec();

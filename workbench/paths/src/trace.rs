@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Continuation: the curve that two families make, followed from a point, with every step proved.
+//! Continuation of the curve that two families define, from a start point, with every step proved.
 //!
-//! Pseudo-arclength in (x, y, w), w being t in units of its range: a step goes along the tangent
-//! T = ∇α × ∇β, and Newton's steps lead back to the curve in the plane across it. It counts only
-//! where Krawczyk's operator shows that over the chord the curve is one and has one tangent, so
-//! that no step can change to another branch, and none can pass a singular point.
+//! Pseudo-arclength in (x, y, w), w being t in units of its range: a step follows the tangent
+//! T = ∇α × ∇β, and Newton steps return to the curve in the plane perpendicular to it. A step is accepted
+//! only if Krawczyk's operator proves that the curve over the chord is unique and has one tangent, so
+//! no step can change to another branch, and none can pass a singular point.
 
 use crate::base::{Form, Part};
 use crate::expression::Trouble;
@@ -15,19 +15,19 @@ use std::sync::Arc;
 
 /// First step, as a share of the size of the start point.
 const FIRST: f64 = 1e-3;
-/// Smallest step, as the same share: below it the curve has no one tangent.
+/// Smallest step, as the same share: below it the curve has no unique tangent.
 const LEAST: f64 = 1e-9;
 /// Cosine of the largest turn of the tangent in a step, 15 degrees.
 const MOST_TURN: f64 = 0.965_925_826_289_068_3;
-/// The step grows where the tangent has turned by less than a third of that.
+/// The step grows if the tangent has turned by less than a third of that.
 const LITTLE_TURN: f64 = 0.996_194_698_091_745_5;
-/// Newton's steps that a good prediction needs.
+/// Number of Newton steps for a good prediction.
 const FEW: usize = 4;
-/// Steps before a curve counts as endless.
+/// Steps after which a curve counts as endless.
 const STEPS: usize = 200_000;
 const BISECTIONS: usize = 200;
 
-/// Where t has a largest or smallest value along the curve.
+/// A maximum or minimum of t along the curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turning {
     /// x and y, mm.
@@ -35,26 +35,26 @@ pub struct Turning {
     pub t: f64,
 }
 
-/// What to follow.
+/// Start, range and bounds of a continuation.
 #[derive(Clone, Debug)]
 pub struct Wanted {
     /// x and y near the start, mm.
     pub start: [f64; 2],
-    /// t at the start, and where t ends.
+    /// t at the start and at the end.
     pub t: [f64; 2],
-    /// Smallest and largest t on the way.
+    /// Smallest and largest t along the curve.
     pub bounds: [f64; 2],
     /// Whether a turning point of t ends the curve.
     pub stops_at_turning: bool,
 }
 
-/// A curve that was followed.
+/// Result of a continuation.
 #[derive(Clone, Debug)]
 pub struct Trace {
     pub parts: Vec<Part>,
-    /// Where t turns back.
+    /// Turning points of t.
     pub turnings: Vec<Turning>,
-    /// Whether it comes back to its start.
+    /// Whether it returns to its start.
     pub is_closed: bool,
 }
 
@@ -71,7 +71,7 @@ pub enum TraceError {
     Endless { at: [f64; 2], t: f64 },
 }
 
-/// The way along the curve.
+/// The state of a continuation.
 struct Walk<'a> {
     families: &'a Arc<Families>,
     wanted: &'a Wanted,
@@ -79,7 +79,7 @@ struct Walk<'a> {
     trace: Trace,
 }
 
-/// Follows the curve; `most` is the length in x and y after which it may end.
+/// Follows the curve; after the length `most` in x and y it may end.
 ///
 /// # Errors
 /// See [`TraceError`].
@@ -109,7 +109,7 @@ impl Walk<'_> {
         TraceError::Singular { at, t }
     }
 
-    /// The point of the curve at the start's t, and the tangent along which t goes to its end.
+    /// Returns the point of the curve at the start's t, and the tangent along which t goes towards its end.
     fn begin(&self, guess: Vector3<f64>) -> Result<(Vector3<f64>, Vector3<f64>), TraceError> {
         let [t, end] = self.wanted.t;
         let no_branch = TraceError::NoBranch { at: self.wanted.start, t };
@@ -117,7 +117,7 @@ impl Walk<'_> {
         let found = self.families.in_plane(guess, &Vector3::z(), guess.z).map_err(&trouble)?;
         let start = match found {
             Some((start, _)) => start,
-            // Where t turns back just there, its plane does not cut the curve; the guess may lie on it.
+            // At a turning point of t the plane does not intersect the curve; the guess may lie on it.
             None if self.is_on(&guess).map_err(&trouble)? => guess,
             None => return Err(no_branch),
         };
@@ -183,7 +183,7 @@ impl Walk<'_> {
         Err(TraceError::Endless { at, t })
     }
 
-    /// A step along the tangent and back to the curve, as long as may be.
+    /// Steps along the tangent and back to the curve, with the largest acceptable step.
     fn step(
         &self,
         point: &Vector3<f64>,
@@ -192,7 +192,7 @@ impl Walk<'_> {
     ) -> Result<(Vector3<f64>, Vector3<f64>), TraceError> {
         loop {
             let guess = point + direction * *step;
-            // Where an expression has no value beyond the curve's end, a shorter step may have one.
+            // If an expression has no value beyond the curve's end, a shorter step may have one.
             let found = self.families.in_plane(guess, direction, direction.dot(&guess));
             if let Ok(Some((next, steps))) = &found
                 && *steps <= FEW
@@ -211,7 +211,7 @@ impl Walk<'_> {
         }
     }
 
-    /// The part between two points of the curve, where it can be proved to be one.
+    /// Returns the part between two points of the curve, if it is proved to be unique.
     fn proved(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Result<Option<Part>, Trouble> {
         let (chord, length) = Chord::between(*from, *to);
         let proof = chord.at(self.families, Interval::new(0.0, length))?;
@@ -219,7 +219,7 @@ impl Walk<'_> {
         Ok(proof.map(|_| Part { form, range: [0.0, length] }))
     }
 
-    /// Whether the curve passes its start between two points.
+    /// Returns whether the curve passes its start between two points.
     fn comes_back(
         &self,
         start: &Vector3<f64>,
@@ -231,11 +231,11 @@ impl Walk<'_> {
         let after = tangent.dot(&(next - start));
         let length = (next - point).norm();
         let aside = (start - point).cross(&(next - point)).norm() / length;
-        // The start lies beside the chord by no more than the curve does.
+        // The start is no farther from the chord than the curve is.
         before < 0.0 && after >= 0.0 && aside < 0.1 * length && self.trace.parts.len() > 2
     }
 
-    /// Adds a part; whether the curve ends in it.
+    /// Adds a part; returns whether the curve ends in it.
     fn ends(&mut self, mut part: Part, before: &Vector3<f64>, after: &Vector3<f64>) -> bool {
         let turning = (before.z * after.z < 0.0).then(|| self.turning(&part));
         let stop = turning.filter(|_| self.wanted.stops_at_turning);
@@ -260,7 +260,7 @@ impl Walk<'_> {
         Some(Turning { at: [x, y], t: place.t.value.middle() })
     }
 
-    /// Where dt changes its sign within a part whose ends differ in it.
+    /// Returns the parameter at which dt changes its sign within a part whose ends have different signs.
     fn turning(&self, part: &Part) -> f64 {
         let slope = |at: f64| {
             let place = part.at(Interval::point(at)).ok().flatten();
@@ -270,10 +270,10 @@ impl Walk<'_> {
         bisected(part.range, |at| (slope(at) > 0.0) == rises)
     }
 
-    /// Where t first leaves its bounds within a part, in which it may turn back once.
+    /// Returns the parameter at which t first leaves its bounds within a part with at most one turning point.
     fn bound(&self, part: &Part, turning: Option<f64>) -> Option<f64> {
         let [low, high] = self.wanted.bounds;
-        // Rounding of t where it only touches a bound.
+        // Tolerance for rounding of t where it only touches a bound.
         let room = 1e-12 * self.families.t_unit;
         let inside = |at: f64| {
             self.at(part, at).is_some_and(|found| (low - room..=high + room).contains(&found.t))
@@ -284,7 +284,7 @@ impl Walk<'_> {
     }
 }
 
-/// The place in a range up to which a condition holds.
+/// Returns the value in a range up to which a condition is true.
 fn bisected([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..BISECTIONS {
         let middle = 0.5 * (low + high);

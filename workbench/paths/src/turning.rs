@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Work on a lathe of paper 003's table 2: turning, plunging, drilling; drilling also on other machines.
+//! Lathe operations of paper 003's table 2: turning, plunging, drilling; drilling also on other machines.
 
 use crate::pen::{Pen, Plane, Step};
 use serde::Deserialize;
 use studies::study::number::Positive;
 
-/// Turning by loops, then along the contour: a step of a shaft, X being a radius.
+/// Turning in loops, then along the contour: a step of a shaft; X is a radius.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Turn {
-    /// Radius of the bar.
+    /// Radius of the stock.
     from_mm: f64,
     /// Radius of the step.
     to_mm: f64,
@@ -20,17 +20,17 @@ pub struct Turn {
     fillet_mm: f64,
     /// Largest depth of a loop.
     cut_mm: Positive,
-    /// Left for the contour.
+    /// Allowance for the contour.
     #[serde(default)]
     spare_mm: f64,
     feed_mm_per_min: Positive,
 }
 
-/// A groove or chamfer: into the part and out.
+/// A groove or chamfer: into the workpiece and out.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plunge {
-    /// X from where, and to where.
+    /// Start and end X.
     from_mm: f64,
     to_mm: f64,
     z_mm: f64,
@@ -41,34 +41,34 @@ pub struct Plunge {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drill {
-    /// The hole's mouth.
+    /// Center of the hole's opening.
     at_mm: [f64; 3],
     /// Tilts.
     #[serde(default)]
     a_deg: f64,
     #[serde(default)]
     b_deg: f64,
-    /// Along which axis of the tool's holder the drill points when level.
+    /// Direction of the drill when the platform is level.
     points: Points,
     depth_mm: Positive,
-    /// Distance before the mouth from which it feeds.
+    /// Distance from the opening at which the feed begins.
     clear_mm: Positive,
     feed_mm_per_min: Positive,
 }
 
-/// Where a drill points while the platform is level.
+/// Direction of a drill when the platform is level.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Points {
     /// Towards −Z.
     Down,
-    /// Towards −X, as the cross tools of a lathe do.
+    /// Towards −X, as the cross tools of a lathe.
     Across,
 }
 
-/// How far a loop leaves the part at 45 degrees, mm.
+/// Retraction of a loop from the workpiece at 45 degrees, mm.
 const LEAVE: f64 = 1.0;
-/// How far before the face a loop begins, mm.
+/// Distance before the face at which a loop begins, mm.
 const BEFORE: f64 = 2.0;
 
 impl Turn {
@@ -107,7 +107,7 @@ impl Turn {
         pen.all
     }
 
-    /// Why it is none.
+    /// Returns why the operation is invalid.
     pub(super) fn refusal(&self) -> Option<String> {
         if self.from_mm <= self.to_mm + self.spare_mm {
             return Some("from_mm: expected more than to_mm and spare_mm".into());
@@ -137,7 +137,7 @@ impl Drill {
     pub(super) fn moves(&self) -> Vec<Step> {
         let mut pen = Pen::new(Plane::Xy, self.feed_mm_per_min);
         let (a, b) = (self.a_deg.to_radians(), self.b_deg.to_radians());
-        // Columns of R = Ry(B) Rx(A): the drill points along minus the third or the first.
+        // Columns of R = Ry(B) Rx(A): the drill points along the negative third or first column.
         let out = match self.points {
             Points::Down => [a.cos() * b.sin(), -a.sin(), a.cos() * b.cos()],
             Points::Across => [b.cos(), 0.0, -b.sin()],
@@ -157,7 +157,7 @@ impl Drill {
         pen.all
     }
 
-    /// Why it is none.
+    /// Returns why the operation is invalid.
     pub(super) fn refusal(&self) -> Option<String> {
         let is_tilted = self.points == Points::Across && self.a_deg != 0.0;
         is_tilted.then(|| "a_deg: a drill that points across leans by b_deg alone".into())

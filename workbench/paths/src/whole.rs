@@ -13,10 +13,10 @@ use machine::proof::interval::Interval;
 use machine::proof::jet::Taylor;
 use std::sync::Arc;
 
-/// Halvings of a range that may hold a pole: 1e-12 of it is left.
+/// Halvings of a range that may contain a pole: 1e-12 of it remains.
 const HALVINGS: u32 = 40;
 
-/// A pose of the tool tip in work coordinates, with its derivatives by the part's parameter.
+/// A pose of the tool tip in work coordinates, with its derivatives with respect to the part's parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Here {
     /// x y z in mm, a b c in degrees.
@@ -25,7 +25,7 @@ pub struct Here {
     pub t: Taylor,
 }
 
-/// A curve that cannot be made or evaluated.
+/// Why a curve cannot be created or evaluated.
 #[derive(Debug, thiserror::Error)]
 pub enum CurveError {
     #[error("{0}")]
@@ -42,20 +42,20 @@ pub enum CurveError {
 
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// Its parts, in order; each begins where the one before ends, or the tool is lifted between.
+    /// Parts in order; each begins where the previous one ends, or the tool is retracted between.
     pub parts: Vec<Part>,
     lengths: Vec<Lengths>,
     pub laws: Laws,
-    /// Its arc length in mm: in x and y of families, in space of free-form curves.
+    /// Arc length in mm: in x and y for families, in space for free-form curves.
     pub length: f64,
-    /// Where t turns back.
+    /// Turning points of t.
     pub turnings: Vec<Turning>,
-    /// Whether it ends where it begins.
+    /// Whether it ends at its start.
     pub is_closed: bool,
     uses_length: bool,
 }
 
-/// Reads the expressions of a file.
+/// Parses the expressions of a file.
 struct Reader<'a>(&'a PathFile);
 
 impl Reader<'_> {
@@ -177,7 +177,7 @@ impl Reader<'_> {
 }
 
 impl Curve {
-    /// The curve of a file.
+    /// Creates the curve of a file.
     ///
     /// # Errors
     /// See [`CurveError`].
@@ -240,7 +240,7 @@ impl Curve {
         }
     }
 
-    /// Shows that the pose has a bound everywhere in a range: no pole lies between places at which it
+    /// Proves that the pose is bounded everywhere in a range: no pole lies between points at which it
     /// has a value.
     fn check(&self, part: usize, [from, to]: [f64; 2], left: u32) -> Result<(), CurveError> {
         let found = self.over(part, Interval::new(from, to))?;
@@ -250,7 +250,7 @@ impl Curve {
         }
         let middle = 0.5 * (from + to);
         if left == 0 {
-            // Where one of them has no value, that is the reason.
+            // If one of them has no value, report that reason.
             [from, middle, to].into_iter().try_for_each(|at| self.at(part, at).map(drop))?;
             return Err(self.trouble(part, middle, Trouble::Pole));
         }
@@ -258,7 +258,7 @@ impl Curve {
         self.check(part, [middle, to], left - 1)
     }
 
-    /// Ends the curve after a length.
+    /// Truncates the curve at a length.
     fn cut(&mut self, most: f64) -> Result<(), CurveError> {
         if most >= self.length {
             return Ok(());
@@ -271,7 +271,7 @@ impl Curve {
         self.measure()
     }
 
-    /// Part and parameter at an arc length.
+    /// Returns part and parameter at an arc length.
     ///
     /// # Errors
     /// See [`CurveError`].
@@ -282,7 +282,7 @@ impl Curve {
         Ok((part, at.map_err(|trouble| self.trouble(part, f64::NAN, trouble))?))
     }
 
-    /// The arc length at a parameter of a part.
+    /// Returns the arc length at a parameter of a part.
     ///
     /// # Errors
     /// See [`CurveError`].
@@ -291,7 +291,7 @@ impl Curve {
         found.map_err(|trouble| self.trouble(part, at, trouble))
     }
 
-    /// Poses over a range of a part's parameter; `None` where they cannot be enclosed.
+    /// Encloses the poses over a range of a part's parameter; returns `None` if they cannot be enclosed.
     ///
     /// # Errors
     /// See [`CurveError`].
@@ -310,7 +310,7 @@ impl Curve {
         Ok(Some(Here { pose, t: place.t }))
     }
 
-    /// The pose at a parameter of a part.
+    /// Returns the pose at a parameter of a part.
     ///
     /// # Errors
     /// See [`CurveError`].
@@ -322,10 +322,10 @@ impl Curve {
         self.over(part, Interval::point(at))?.ok_or_else(unsure)
     }
 
-    /// Speed of the tool tip where the file names one, mm/s.
+    /// Returns the speed of the tool tip if the file gives one, mm/s.
     ///
     /// # Errors
-    /// See [`CurveError`]; a speed of 0 or less is one.
+    /// See [`CurveError`]; a speed of 0 or less is an error.
     pub fn speed(&self, part: usize, at: f64) -> Result<Option<f64>, CurveError> {
         let Some(law) = &self.laws.speed else { return Ok(None) };
         let t = self.t(part, at);
@@ -351,7 +351,7 @@ impl Curve {
     }
 }
 
-/// The first of many places of a part that has no value; of one whose length has none.
+/// Returns the first fault among many points of a part; if there is none, the fault of its length.
 fn first_trouble(part: &Part, of_length: Trouble) -> CurveError {
     const PLACES: usize = 4096;
     let [a, b] = part.range;
