@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Arrows, and the signs of those that point out of the sheet and into it.
+//! Arrows in the plane of the drawing, and symbols for arrows perpendicular to it.
 
 use crate::plot::DrawError;
 use crate::sheet::Area;
@@ -8,12 +8,12 @@ use plotters::prelude::*;
 /// Width of an arrow's line.
 pub(super) const WIDTH: u32 = 3;
 
-/// Of an arrow's width, its head along it and to each side.
+/// Length of an arrow's head and half its width, in widths of the arrow.
 const HEAD: [f64; 2] = [3.6, 1.5];
 
 pub(super) const SIGN: i32 = 8;
 
-/// From a pixel to another.
+/// Draws an arrow from one pixel to another.
 pub(super) fn arrow(
     area: &Area,
     from: (i32, i32),
@@ -29,7 +29,7 @@ pub(super) fn arrow(
         let place = (-x * along - y * aside, -y * along + x * aside);
         (to.0 + place.0.round() as i32, to.1 + place.1.round() as i32)
     };
-    // The line ends within the head, which is as narrow as the line at its tip.
+    // The line ends inside the head, which at its tip is as narrow as the line.
     let line = [from, back(0.7 * head, 0.0)];
     area.draw(&PathElement::new(line, colour.stroke_width(width)))?;
     let head = vec![to, back(head, side), back(head, -side)];
@@ -37,7 +37,7 @@ pub(super) fn arrow(
     Ok(())
 }
 
-/// An arrow towards the eye, or away from it, as seen from there: its tip, or its feathers.
+/// Draws the symbol of an arrow towards the viewer (its tip) or away (its feathers).
 pub(super) fn along_sight(
     area: &Area,
     at: (i32, i32),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Maps in shades with lines of equal value.
+//! Shaded maps with contour lines.
 
 use crate::plot::DrawError;
 use crate::sheet::{
@@ -11,15 +11,15 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 const LEVELS: usize = 8;
 
-/// Pixels of the scale beside a map.
+/// Width of the scale next to a map, pixels.
 const SCALE: u32 = 110;
 
 const SHADES: usize = 32;
 
-/// Labels stand this share of the map's side away from its border and from each other.
+/// Least distance of labels from the border and from each other, as a share of the map's side.
 const APART: f64 = 0.06;
 
-/// A map in shades with lines of equal value, beside it the scale; white where there is no value.
+/// Draws a shaded map with contour lines, and its scale next to it; white where there is no value.
 pub(super) fn contoured(
     frame: &Frame,
     unit: &str,
@@ -55,15 +55,15 @@ impl Map<'_> {
         (of(across), of(up))
     }
 
-    /// The shade of a value; of a map without differences the middle one.
+    /// Returns the shade of a value; in a map with a single value the middle one.
     fn step(&self, value: f64) -> Option<usize> {
         let (low, high) = self.range;
         let share = if high > low { (value - low) / (high - low) } else { 0.5 };
         value.is_finite().then_some((share * (SHADES - 1) as f64).round() as usize)
     }
 
-    /// Every place of the grid fills half the way to its neighbours; neighbours in a row that have one
-    /// shade are one rectangle.
+    /// Draws the shades: every grid point fills half the distance to its neighbors; neighbors in a row with the same
+    /// shade form one rectangle.
     fn draw_shades(&self, chart: &mut Chart) -> Result<(), DrawError> {
         let [across, up] = self.sides;
         for (j, row) in self.values.chunks(across.len()).enumerate() {
@@ -83,7 +83,7 @@ impl Map<'_> {
         Ok(())
     }
 
-    /// Round values within the range of the map.
+    /// Returns round values within the range of the map.
     fn levels(&self) -> Vec<f64> {
         round_steps([self.range.0, self.range.1], LEVELS)
     }
@@ -95,7 +95,7 @@ impl Map<'_> {
             let lines = pieces.iter().map(|ends| PathElement::new(*ends, BLACK.stroke_width(1)));
             chart.draw_series(lines)?;
             let middle = pieces.len() / 2;
-            // From the middle of the line outwards, for a place with room.
+            // From the middle of the line outwards, to find a free position.
             let mut places: Vec<(usize, (f64, f64))> =
                 pieces.iter().enumerate().map(|(k, ends)| (k.abs_diff(middle), ends[0])).collect();
             places.sort_by_key(|place| place.0);
@@ -124,7 +124,7 @@ impl Map<'_> {
         inside(at.0, low.0, high.0) && inside(at.1, low.1, high.1) && labels.iter().all(is_apart)
     }
 
-    /// The shades with their values.
+    /// Draws the shades with their values.
     fn draw_scale(&self, area: &Area, unit: &str, levels: &[f64]) -> Result<(), DrawError> {
         let (top, bottom) = (70, SIZE.1 as i32 - 60);
         let style = letters_at(SMALL, HPos::Left, VPos::Center);
@@ -149,13 +149,13 @@ impl Map<'_> {
     }
 }
 
-/// A little beyond an edge, so that no gap is seen beside the next cell.
+/// Returns a position slightly beyond an edge, so that no gap is visible next to the adjacent cell.
 fn over(side: &[f64], k: usize) -> f64 {
     let end = side[side.len() - 1];
     (edge(side, k) + 0.2 * (side[1] - side[0])).min(end)
 }
 
-/// Half way between two places of a side; its ends.
+/// Returns the midpoint between two grid points of a side; at its ends the end points.
 fn edge(side: &[f64], k: usize) -> f64 {
     match k {
         0 => side[0],
@@ -164,8 +164,8 @@ fn edge(side: &[f64], k: usize) -> f64 {
     }
 }
 
-/// Pieces of an isoline: where the value, linear on the triangles between four places of the grid
-/// and their middle, is the level. Nothing where a corner is NaN.
+/// Returns the pieces of an isoline: where the value, linear on the triangles between four grid points
+/// and their center, equals the level. None where a corner is NaN.
 pub(super) fn isoline(
     [across, up]: &[Vec<f64>; 2],
     values: &[f64],
@@ -190,7 +190,7 @@ pub(super) fn isoline(
     pieces
 }
 
-/// The line on which a value linear over a triangle is 0.
+/// Returns the line on which a linear function over a triangle is 0.
 fn crossing(triangle: &[((f64, f64), f64); 3]) -> Option<[(f64, f64); 2]> {
     let ends: Vec<(f64, f64)> = (0..3)
         .filter_map(|k| {

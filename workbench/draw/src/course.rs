@@ -8,19 +8,19 @@ use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 
 /// Name and abscissae of a sequence of poses: the time, or the number of the pose.
 pub struct Course {
-    /// What the abscissa is.
+    /// Name of the abscissa.
     pub name: &'static str,
-    /// One for each pose.
+    /// Abscissa of each pose.
     pub at: Vec<f64>,
 }
 
 impl Course {
-    /// By time, in seconds.
+    /// Creates a sequence over time, in seconds.
     pub fn in_time(at: Vec<f64>) -> Self {
         Self { name: TIME, at }
     }
 
-    /// By number, from 0.
+    /// Creates a sequence by number, from 0.
     pub fn by_number(count: usize) -> Self {
         Self { name: "number of the pose", at: (0..count).map(|k| k as f64).collect() }
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A curve of two one-parametric families as paper 000 draws it: the net of both families with its
-//! points, their surfaces over x and y with the curve and its projection; and what it asks of the joints.
+//! A curve of two one-parametric families as in the figures of paper 000: the net of both families with its
+//! points, their surfaces over x and y with the curve and its projection; and the required motion of the joints.
 
 use crate::contour::isoline;
 use crate::key::{Key, Sign, keyed};
@@ -23,21 +23,21 @@ use paths::table::Row;
 use plotters::prelude::*;
 
 const CURVES: usize = 9;
-/// Places of the grid on which curves of a family are found, each way.
+/// Grid points in each direction, for computing the curves of a family.
 const GRID: usize = 100;
-/// Room around the curve, as a share of its extent.
+/// Margin around the curve, as a share of its extent.
 const ROOM: f64 = 0.25;
 
 type Piece = [(f64, f64); 2];
 
-/// One parameter, the curves of both families there, and the curve's points.
+/// A parameter value, the curves of both families, and the points of the curve there.
 struct Level {
     t: f64,
     families: [Vec<Piece>; 2],
     points: Vec<(f64, f64)>,
 }
 
-/// All pictures of a route.
+/// Draws all pictures of a route.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -61,7 +61,7 @@ fn path(route: &Route) -> Vec<(f64, f64)> {
     route.rows.iter().map(place).collect()
 }
 
-/// Evenly spaced parameters of families; none of a free-form curve.
+/// Returns evenly spaced parameter values of families; none for a free-form curve.
 fn levels(route: &Route) -> Vec<Level> {
     let Some(part) = route.curve.parts.first() else { return vec![] };
     let ts = route.rows.iter().map(|row| row.node.t);
@@ -70,7 +70,7 @@ fn levels(route: &Route) -> Vec<Level> {
     let ends = [span(points.iter().map(|p| p.0)), span(points.iter().map(|p| p.1))];
     let most = ends.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
     let sides = ends.map(|(start, end)| {
-        // A straight curve has room beside it too.
+        // A straight curve also gets a margin.
         let room = ROOM * (end - start).max(most / 2.0);
         let (from, to) = (start - room, end + room);
         (0..=GRID).map(|n| from + (to - from) * n as f64 / GRID as f64).collect::<Vec<f64>>()
@@ -83,7 +83,7 @@ fn levels(route: &Route) -> Vec<Level> {
     (0..CURVES).filter_map(level).collect()
 }
 
-/// Points of the curve with a parameter, to a share of a piece.
+/// Returns the points of the curve at a parameter value, interpolated within a piece.
 fn crossings(route: &Route, t: f64) -> Vec<(f64, f64)> {
     let between = |rows: &[Row]| {
         let (a, b) = (rows[0].node.t, rows[1].node.t);
@@ -96,7 +96,7 @@ fn crossings(route: &Route, t: f64) -> Vec<(f64, f64)> {
     route.rows.windows(2).filter_map(between).collect()
 }
 
-/// Where the functions of both families are 0.
+/// Returns the curves on which the functions of both families are 0.
 fn curves(part: &Part, sides: &[Vec<f64>; 2], t: f64) -> Option<[Vec<Piece>; 2]> {
     let [across, up] = sides;
     let ends = |side: &[f64]| [side[0], side[side.len() - 1]];
@@ -156,7 +156,7 @@ fn surfaces(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
         let range = padded(path.iter().map(pick));
         range.end - range.start
     };
-    // t gets the height of the curve's larger side.
+    // The range of t is as high as the curve's larger side.
     let scale = extent(|p| p.0).max(extent(|p| p.1)) / (high - low);
     let lifted = |(x, y): (f64, f64), t: f64| Vector3::new(x, y, (t - low) * scale);
     let raised: Vec<Vector3<f64>> =
@@ -193,7 +193,7 @@ fn surfaces(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     Ok(Plot { file: "families-surfaces.svg".into(), caption: caption.into(), svg })
 }
 
-/// What table and platform share, over the arc length.
+/// Draws the motion that table and platform share, over the arc length.
 fn split(config: &Mechanism, route: &Route) -> Result<[Plot; 2], DrawError> {
     let line = |name: &str, value: &dyn Fn(&Row) -> f64| Line {
         name: name.into(),
@@ -247,7 +247,7 @@ fn joints(config: &Mechanism, route: &Route) -> Result<Vec<Plot>, DrawError> {
     Ok(plots)
 }
 
-/// The path of the tool for laws of the joints, with these.
+/// Draws the path of the tool for laws of the joints, and the joints.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -269,7 +269,7 @@ pub fn of_carriages(config: &Mechanism, places: &[CarriagePose]) -> Result<Vec<P
     motion::all(config, &samples)
 }
 
-/// The joints over the length of every operation (paper 003, table 2).
+/// Draws the joints over the length of every operation (paper 003, table 2).
 ///
 /// # Errors
 /// As [`DrawError`].

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The page about a program as it cuts.
+//! The page about the cutting process of a program.
 
 use crate::lines::Line;
 use crate::margins::Figure;
@@ -10,7 +10,7 @@ use crate::thin::{highest, lowest};
 use maud::{Markup, html};
 use studies::cut::report::{Drive, LineReport, Most, Report};
 
-/// Shares are drawn up to here: a single one would hide all others.
+/// Largest share drawn: otherwise a single large one would hide all others.
 const MOST_SHARE: f64 = 2.0;
 
 /// Returns the page; `program` and `machine` are names.
@@ -145,7 +145,7 @@ fn worst(lines: &[LineReport]) -> Markup {
     }
 }
 
-/// Points of the lines of a program.
+/// Returns the points of a plot over the lines of a program.
 fn points(lines: &[LineReport], of: impl Fn(&LineReport) -> Option<f64>) -> Vec<(f64, f64)> {
     lines.iter().filter_map(|line| Some((f64::from(line.line), of(line)?))).collect()
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How a machine vibrates: responses, maps, the trace of the tool tip and its spectrum.
+//! Vibration of a machine: responses, maps, the trace of the tool tip and its spectrum.
 
 use crate::contour::contoured;
 use crate::key::{Key, Sign, keyed};
@@ -20,13 +20,13 @@ use studies::study::map::Map;
 /// um per mm.
 const UM: f64 = 1e3;
 
-/// Points of an ellipse.
+/// Number of points of an ellipse.
 const OUTLINE: usize = 180;
 
 /// Names of the lines along X, Y and Z.
 const AXES: [&str; 3] = ["X", "Y", "Z"];
 
-/// How far the tip swings along X, Y and Z under a force of 1 N along the same axis, by frequency.
+/// Draws the amplitude of the tip along X, Y and Z under a force of 1 N along the same axis, by frequency.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -45,7 +45,7 @@ fn amount(value: &Complex<f64>) -> f64 {
     value.re.hypot(value.im)
 }
 
-/// Maps of the lowest natural frequency and of the largest swing in one plane.
+/// Draws maps of the lowest natural frequency and of the largest amplitude in one plane.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -73,8 +73,8 @@ pub fn of_map(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
     ])
 }
 
-/// The way of the tip in X and Y, the ellipse of its standard deviations, and that of the linear theory
-/// where there is one.
+/// Draws the path of the tip in X and Y, the ellipse of its standard deviations, and that of the linear theory
+/// if there is one.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -103,7 +103,7 @@ pub fn of_trace(record: &Record, linear: Option<&Matrix3<f64>>) -> Result<Plot, 
     Ok(Plot { file: "trace.svg".into(), caption: caption.into(), svg })
 }
 
-/// Of one standard deviation in X and Y, um.
+/// Returns the ellipse of one standard deviation in X and Y, um.
 fn outline(covariance: &Matrix3<f64>, middle: &Vector3<f64>) -> Vec<(f64, f64)> {
     let Ellipse { axes: [long, short], direction } = Ellipse::of(covariance);
     let (sin, cos) = direction.to_radians().sin_cos();
@@ -115,7 +115,7 @@ fn outline(covariance: &Matrix3<f64>, middle: &Vector3<f64>) -> Vec<(f64, f64)> 
     (0..=OUTLINE).map(point).collect()
 }
 
-/// Displacement of the tip from its command over time.
+/// Draws the displacement of the tip from its command over time.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -132,7 +132,7 @@ pub fn of_deviation(record: &Record) -> Result<Plot, DrawError> {
     Ok(Plot { file: "deviation.svg".into(), caption: caption.into(), svg })
 }
 
-/// Roots of the spectral densities of the tip at frequencies in Hz, and those of the linear theory where
+/// Draws roots of the spectral densities of the tip at frequencies in Hz, and those of the linear theory if
 /// there are any; mm²/Hz.
 ///
 /// # Errors

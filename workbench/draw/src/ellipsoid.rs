@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The ellipsoids of displacements and of turns under a load.
+//! The ellipsoids of displacement and rotation under a load.
 
 use crate::key::{Key, Sign, draw_keys};
 use crate::plot::{DrawError, Plot};
@@ -10,15 +10,15 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use studies::study::stiffness::{Ellipsoid, Stiffness};
 
-/// A part of a stiffness as it is drawn: what a load does, whichever way it points.
+/// A part of a stiffness and its drawing: displacement or rotation under a load in any direction.
 struct Loaded {
     file: &'static str,
     what: &'static str,
     unit: &'static str,
-    /// Amount in that unit times stiffness, N and mm.
+    /// Displacement or rotation in that unit times stiffness, N and mm.
     load: f64,
     stiffness: &'static str,
-    /// Stiffness in that unit for one in N and mm.
+    /// Factor from a stiffness in N and mm to that unit.
     scale: f64,
 }
 
@@ -49,8 +49,8 @@ const SIZE: (u32, u32) = (960, 500);
 const HEAD: u32 = 40;
 const FOOT: u32 = 110;
 
-/// The ellipsoids of displacements under a force and of turns under a moment, where there are any,
-/// seen along the machine's axes.
+/// Draws the ellipsoids of displacement under a force and of rotation under a moment, if there are any,
+/// viewed along the machine's axes.
 ///
 /// # Errors
 /// As [`DrawError`].

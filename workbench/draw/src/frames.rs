@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A machine at home in two views: legs by their numbers, axes of base and platform, and which way is positive.
+//! A machine at home in two views: leg numbers, axes of base and platform, and positive directions.
 
 use crate::arrows::{SIGN, WIDTH, along_sight, arrow};
 use crate::key::{Key, Sign};
@@ -14,40 +14,42 @@ use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
-/// Share of the largest side that arrows have: of the axes of base, of those of the platform, of joints and tool.
+/// Lengths of arrows as shares of the largest side: the axes of the base, those of the platform, joints, and the
+/// tool.
 const AXIS: f64 = 0.16;
 const OWN_AXIS: f64 = 0.1;
 const JOINT: f64 = 0.12;
 const TOOL_LENGTH: f64 = 0.17;
 
-/// Share of the picture around what is drawn, for numbers.
+/// Margin around the drawing for numbers, as a share of the picture.
 const ROOM: f64 = 0.13;
 
-/// Most pixels of both views together, across, and up.
+/// Most pixels of both views together, horizontally and vertically.
 const MOST: [f64; 2] = [980.0, 440.0];
 /// Least pixels of a side.
 const LEAST: f64 = 170.0;
 
-/// Share of its largest side that joints of a plane are apart across it.
+/// Criterion for joints in a plane: across the plane they extend by at most this share of their largest side, and along
+/// the second direction in it by at least this share.
 const FLAT: f64 = 0.25;
 
-/// How much longer a machine is along Z than across where it lies.
+/// Ratio of the extent along Z to the extent across, above which a machine is drawn lying.
 const LYING: f64 = 1.5;
 
-/// Pixels within which two joints are one place.
+/// Distance in pixels within which two joints coincide.
 const SAME: i32 = 10;
 
-/// Width of the tool's arrow, below the axes that it may cover.
+/// Width of the tool's arrow; it is drawn below axes that it would cover.
 const TOOL: u32 = 9;
 
-/// Pixels of joints.
+/// Radius of joints, pixels.
 const BALL: i32 = 5;
 
 /// Pixels of the title and of a line of the key.
 const HEAD: u32 = 40;
 const STEP: i32 = 24;
 
-/// A look along one of the axes, by the numbers of those that run across and up.
+/// A view along one of the axes, with the indices of the horizontal and the vertical axis.
 struct View {
     title: &'static str,
     across: usize,
@@ -57,7 +59,7 @@ struct View {
 
 const NAMES: [&str; 3] = ["X", "Y", "Z"];
 
-/// Where machines stand, and where they lie along Z, as lathes do.
+/// Returns the views of standing machines, or of machines that lie along Z, as lathes do.
 fn views(is_lying: bool) -> [View; 2] {
     let [top, side] = match is_lying {
         true => ["End view, seen from +Z", "Side view, seen from +Y"],
@@ -75,7 +77,7 @@ impl View {
         (place[self.across], place[self.up])
     }
 
-    /// How far things reach across and up.
+    /// Returns the horizontal and vertical extent of points.
     fn sides(&self, places: &[Vector3<f64>]) -> [f64; 2] {
         [self.across, self.up].map(|k| {
             let (low, high) = span(places.iter().map(|place| place[k]));
@@ -92,24 +94,24 @@ struct Arrow {
     name: &'static str,
 }
 
-/// A joint at an end of a leg, with what stands beside it.
+/// A joint at an end of a leg, with its label.
 struct Joint {
     at: Vector3<f64>,
     colour: RGBColor,
     name: String,
 }
 
-/// What is drawn, in base.
+/// The elements of the drawing, in base.
 struct Drawing {
     lines: Vec<([Vector3<f64>; 2], ShapeStyle)>,
     arrows: Vec<Arrow>,
     joints: Vec<Joint>,
 }
 
-/// The drawing of a machine at home, as SVG; `hands` has the letter of the screw of every leg that has one.
+/// Draws a machine at home as SVG; `hands` has the letter of the screw of every leg that has one.
 ///
 /// # Errors
-/// The drawing library refuses.
+/// The error of the drawing library.
 pub fn of_machine(
     config: &Mechanism,
     home: &At,
@@ -127,7 +129,7 @@ pub fn of_machine(
     sheet(&title, &views(z > LYING * x.max(y)), config.length_unit(), &drawing, &keys)
 }
 
-/// Both views with the key below them.
+/// Draws both views with the key below them.
 fn sheet(
     title: &str,
     views: &[View; 2],
@@ -137,7 +139,7 @@ fn sheet(
 ) -> Result<String, DrawError> {
     let places = drawing.places();
     let sides = views.each_ref().map(|view| view.sides(&places));
-    // One scale for both.
+    // Both views have the same scale.
     let across: f64 = sides.iter().map(|[x, _]| x).sum();
     let up = sides.iter().map(|[_, y]| *y).fold(0.0, f64::max);
     let scale = (MOST[0] / across).min(MOST[1] / up);
@@ -169,7 +171,7 @@ impl Drawing {
         let mut drawing = Self { lines: vec![], arrows: vec![], joints: vec![] };
         let lower: Vec<_> = legs.iter().map(|leg| leg.base).collect();
         let upper: Vec<_> = legs.iter().map(|leg| leg.platform).collect();
-        // Carriages and arms move: nothing joins them.
+        // Carriages and arms move, so their joints are not connected.
         if is_fixed(config) {
             drawing.ring(&lower, BLUE);
         }
@@ -196,7 +198,7 @@ impl Drawing {
         drawing
     }
 
-    /// What joints of a body stand around.
+    /// Adds the outline of a body between its joints.
     fn ring(&mut self, joints: &[Vector3<f64>], colour: RGBColor) {
         let style = colour.mix(0.45).stroke_width(1);
         let ring = outline(joints).unwrap_or_default();
@@ -210,14 +212,14 @@ impl Drawing {
         self.arrows.push(Arrow { from, to, colour: PURPLE, width: TOOL, name: "tool" });
     }
 
-    /// The rail of a carriage, or an arm.
+    /// Adds the rail of a carriage, or an arm.
     fn guide(&mut self, config: &Mechanism, leg: usize, lower: &Vector3<f64>) {
         let width = if config.geometry.legs()[leg].kind.is_angular() { 6 } else { 5 };
         let rail = rail_or_arm(config, leg, lower);
         self.lines.extend(rail.map(|ends| (ends, GUIDE.stroke_width(width))));
     }
 
-    /// Which way the lower end or the strut goes as the joint grows.
+    /// Adds an arrow in the direction in which the lower end or the strut moves as the joint value increases.
     fn joint_arrow(
         &mut self,
         config: &Mechanism,
@@ -228,7 +230,7 @@ impl Drawing {
         let segment = Segment { base: *lower, platform: *upper };
         let (from, way) = match drive_rate(&config.geometry.legs()[leg], &segment) {
             Some(way) => (*lower, way),
-            // From the middle on, where no joint hides it.
+            // From the middle on, where no joint covers it.
             None => (lower + (upper - lower) * 0.4, upper - lower),
         };
         let to = from + way.normalize() * length;
@@ -254,7 +256,7 @@ impl Drawing {
         lines.chain(self.arrows.iter().flat_map(|arrow| [arrow.from, arrow.to])).collect()
     }
 
-    /// The largest side of what is drawn so far, and of more places.
+    /// Returns the largest side of the drawing so far, including `more` points.
     fn size(&self, more: &[Vector3<f64>]) -> f64 {
         let all: Vec<_> = self.places().into_iter().chain(more.iter().copied()).collect();
         let sides = [0, 1, 2].map(|k| {
@@ -297,7 +299,7 @@ impl Drawing {
         Ok(())
     }
 
-    /// Corners that a view has to show, with room for numbers.
+    /// Returns the corners that a view has to show, with a margin for numbers.
     fn outline(&self, view: &View) -> Vec<(f64, f64)> {
         let places: Vec<_> = self.places().iter().map(|place| view.flat(place)).collect();
         let (x, y) = (span(places.iter().map(|p| p.0)), span(places.iter().map(|p| p.1)));
@@ -306,12 +308,12 @@ impl Drawing {
     }
 }
 
-/// Whether the lower ends of all legs are fixed.
+/// Returns whether the lower ends of all legs are fixed.
 fn is_fixed(config: &Mechanism) -> bool {
     config.geometry.legs().iter().all(|leg| leg.kind.stands())
 }
 
-/// The line around joints that are in a plane across one of the axes; none where they are in no such plane.
+/// Returns the line around joints in a plane perpendicular to an axis; `None` if they are in no such plane.
 fn outline(joints: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
     let sides =
         [0, 1, 2].map(|k| span(joints.iter().map(|joint| joint[k]))).map(|(low, high)| high - low);
@@ -332,7 +334,7 @@ fn outline(joints: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
     Some(ring)
 }
 
-/// Returns the zero of the platform's frame at home, which is level: docs/reference/view.md has the formula.
+/// Returns the origin of the platform's frame at home, which is level: docs/reference/view.md has the formula.
 fn platform_origin(config: &Mechanism) -> Vector3<f64> {
     let centre = Vector3::from(config.geometry.centre);
     let moved = config.machine.layout().coordinates().as_slice();
@@ -340,7 +342,7 @@ fn platform_origin(config: &Mechanism) -> Vector3<f64> {
     Vector3::from_fn(|k, _| if moved.contains(&Letter::ALL[k]) { pose[k] } else { 0.0 }) - centre
 }
 
-/// Which way tools point; nothing where the file does not say it, or no tool is on the platform.
+/// Returns the direction of tools; `None` if the file does not give it, or no tool is on the platform.
 fn tool_direction(config: &Mechanism) -> Option<ToolDirection> {
     if config.chain.is_bare() {
         return None;
@@ -402,14 +404,14 @@ fn other_joints(config: &Mechanism) -> Vec<Key> {
         .collect()
 }
 
-/// A view as it is on the sheet.
+/// A view on the sheet.
 struct Sight<'a, 'b, 'c> {
     chart: &'a Chart<'b, 'c>,
     view: &'a View,
 }
 
 impl Sight<'_, '_, '_> {
-    /// Within the plot.
+    /// Returns the pixel within the plot.
     fn pixel(&self, place: &Vector3<f64>) -> (i32, i32) {
         let plot = self.chart.plotting_area();
         let (x, y) = plot.map_coordinate(&self.view.flat(place));
@@ -417,12 +419,12 @@ impl Sight<'_, '_, '_> {
         (x - left, y - top)
     }
 
-    /// Draws an arrow; returns where its name belongs.
+    /// Draws an arrow; returns the position of its name.
     fn draw(&self, plot: &Area, drawn: &Arrow, names: &mut Names) -> Result<(i32, i32), DrawError> {
         let [from, to] = [&drawn.from, &drawn.to].map(|place| self.pixel(place));
         let way = drawn.to - drawn.from;
         let sight = way.normalize().dot(&self.view.eye);
-        // Within 15 degrees of the sight.
+        // Within 15 degrees of the viewing direction.
         if sight.abs() > 0.966 {
             let sign = (from, sight > 0.0, drawn.colour);
             if let Some((_, at)) = names.signs.iter().find(|(other, _)| *other == sign) {
@@ -453,7 +455,7 @@ fn middle(points: impl Iterator<Item = (i32, i32)>) -> (i32, i32) {
     (x / count.max(1), y / count.max(1))
 }
 
-/// Joints of one colour that are one place in this view have one name.
+/// Merges the names of joints of one color that coincide in this view.
 fn merged(joints: &[((i32, i32), &Joint)]) -> Vec<((i32, i32), RGBColor, String)> {
     let mut found: Vec<((i32, i32), RGBColor, String)> = vec![];
     for (at, joint) in joints {
@@ -468,7 +470,7 @@ fn merged(joints: &[((i32, i32), &Joint)]) -> Vec<((i32, i32), RGBColor, String)
     found
 }
 
-/// Names beside what they name, where they cover least.
+/// Label placement: next to the named object, where a label covers least.
 struct Names {
     taken: Vec<Bounds>,
     lines: Vec<[(i32, i32); 2]>,
@@ -476,11 +478,11 @@ struct Names {
     size: (u32, u32),
 }
 
-/// An arrow along the sight: where it begins, whether it points at the eye, and its colour.
+/// An arrow along the viewing direction: its start, whether it points towards the viewer, and its color.
 type AlongSight = ((i32, i32), bool, RGBColor);
 
 impl Names {
-    /// A place, or one beside it, left and below, where the signs of other arrows are already.
+    /// Returns a position, shifted to the left and down if symbols of other arrows are there.
     fn free_for_sign(&self, (x, y): (i32, i32)) -> (i32, i32) {
         let step = 2 * SIGN + 3;
         let is_free = |(x, y): &(i32, i32)| {
@@ -490,7 +492,7 @@ impl Names {
         places.into_iter().find(is_free).unwrap_or((x, y))
     }
 
-    /// Writes a name near a place, rather away from another one.
+    /// Writes a name near a position, preferably on the side away from `from`.
     fn put(
         &mut self,
         plot: &Area,
@@ -507,7 +509,7 @@ impl Names {
             let angle = outwards + std::f64::consts::TAU * turn as f64 / 16.0;
             let reach = 15.0 + 11.0 * far as f64;
             let (x, y) = (angle.cos(), angle.sin());
-            // The box of the name touches a circle about the place.
+            // The box of the name touches a circle around the position.
             let x = at.0 + (x * (reach + 0.5 * f64::from(width - height).max(0.0))).round() as i32;
             let y = at.1 + (y * reach).round() as i32;
             let bounds = [x - width / 2, y - height / 2, x + width / 2, y + height / 2];
@@ -525,7 +527,7 @@ impl Names {
         Ok(())
     }
 
-    /// Of what a name in a place covers.
+    /// Returns the cost of what a name at a position covers.
     fn cost(&self, bounds: &Bounds) -> f64 {
         let [left, top, right, bottom] = *bounds;
         let (width, height) = (self.size.0 as i32, self.size.1 as i32);
@@ -537,7 +539,7 @@ impl Names {
     }
 }
 
-/// Whether a line comes into a box, at points of it that are no farther apart than letters are high.
+/// Returns whether a line enters a box, tested at points at most as far apart as letters are high.
 fn crosses([from, to]: &[(i32, i32); 2], [left, top, right, bottom]: &Bounds) -> bool {
     let (x, y) = (to.0 - from.0, to.1 - from.1);
     let steps = x.abs().max(y.abs()) / 6 + 1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The key that says what is what, where it covers nothing.
+//! The key of a picture, placed where it covers nothing.
 
 use crate::arrows::{WIDTH, along_sight, arrow};
 use crate::plot::DrawError;
@@ -10,10 +10,10 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 const SIGN: u32 = 32;
 
-/// Pixels from one line of a key to the next.
+/// Distance between lines of a key, pixels.
 const STEP: i32 = 22;
 
-/// What stands for something in a key.
+/// Symbol of a key.
 #[derive(Clone)]
 pub(super) enum Sign {
     Line(ShapeStyle),
@@ -23,11 +23,11 @@ pub(super) enum Sign {
     Letter(String),
     Ball(RGBColor),
     Arrow(RGBColor),
-    /// An arrow along the sight: towards the eye, or away from it.
+    /// An arrow along the viewing direction: towards the viewer (true), or away.
     Sight(bool),
 }
 
-/// A line of a key: the sign and what it is.
+/// A line of a key: the symbol and its meaning.
 pub(super) struct Key {
     pub(super) sign: Sign,
     pub(super) name: String,
@@ -42,12 +42,12 @@ impl Key {
         Self::new(Sign::Line(line_style(number)), name)
     }
 
-    /// Pixels across.
+    /// Returns the width in pixels.
     pub(super) fn width(&self) -> u32 {
         SIGN + 10 + width_of(&self.name, SMALL)
     }
 
-    /// With the left end of its middle at a place.
+    /// Draws the line with the middle of its left end at a position.
     pub(super) fn draw(&self, area: &Area, (x, y): (i32, i32)) -> Result<(), DrawError> {
         let end = x + SIGN as i32;
         let middle = (x + end) / 2;
@@ -74,7 +74,7 @@ impl Key {
     }
 }
 
-/// A sheet with its key in a column of its own: it covers nothing.
+/// Draws a sheet with its key in a separate column.
 pub(super) fn keyed(
     keys: &[Key],
     draw: impl FnOnce(&Area) -> Result<(), DrawError>,
@@ -82,7 +82,7 @@ pub(super) fn keyed(
     keyed_on(SIZE, keys, draw)
 }
 
-/// As [`keyed`], of a size in pixels.
+/// Draws a sheet of a size in pixels, as [`keyed`].
 pub(super) fn keyed_on(
     size: (u32, u32),
     keys: &[Key],
@@ -96,13 +96,13 @@ pub(super) fn keyed_on(
     })
 }
 
-/// Keys below each other, the first at a height.
+/// Draws keys below each other, the first at a height.
 pub(super) fn draw_keys(area: &Area, keys: &[Key], top: i32) -> Result<(), DrawError> {
     let places = (0..).map(|k| (0, top + k * STEP));
     keys.iter().zip(places).try_for_each(|(key, place)| key.draw(area, place))
 }
 
-/// Keys beside each other, the first at a place.
+/// Draws keys next to each other, the first at a position.
 pub(super) fn draw_keys_across(
     area: &Area,
     keys: &[Key],

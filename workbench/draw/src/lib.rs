@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Pictures and pages: one file a picture, or a few that belong together.
+//! Pictures and pages: one file per picture, or for a few related ones.
 //!
 //! - Input: results of the other crates. Output: SVG and PNG pictures, HTML pages.
 //! - Uses: `machine`, `program`, `studies` and `paths`.
 //!
-//! Every picture is drawn on a `sheet`, in the one `style`, its key beside it. `lines` are compared in one
-//! plot, `strips` stand below each other over time or a path, with the marks of a page (`over`), `contour`
-//! maps lie over a plane, and what has a body stands in `space`; `frames`
-//! has a machine in two views.
+//! Every picture is drawn on a `sheet`, in the common `style`, with its key next to it. `lines` compares lines in one
+//! plot, `strips` stacks plots over time or a path, with the marks of a page (`over`), `contour`
+//! draws maps over a plane, and `space` draws bodies; `frames`
+//! draws a machine in two views.
 
 mod arrows;
 mod contour;

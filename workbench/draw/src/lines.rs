@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Lines that are compared, in one plot.
+//! Lines in one plot, for comparison.
 
 use crate::key::{Key, Sign, keyed};
 use crate::plot::DrawError;
@@ -38,7 +38,7 @@ fn finite(value: &f64) -> bool {
     value.is_finite()
 }
 
-/// The line of a number, with gaps where its values are not finite.
+/// Draws a line in the style of a number, with gaps where its values are not finite.
 pub(super) fn draw_line(chart: &mut Chart, line: &Line, number: usize) -> Result<(), DrawError> {
     let parts = line.points.split(|point| !point.1.is_finite()).filter(|part| !part.is_empty());
     for part in parts {
@@ -48,7 +48,7 @@ pub(super) fn draw_line(chart: &mut Chart, line: &Line, number: usize) -> Result
     Ok(())
 }
 
-/// The points of a line that a chart needs.
+/// Returns the points of a line that are visible in a chart.
 pub(super) fn without_stairs(chart: &Chart, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let (width, height) = chart.plotting_area().dim_in_pixel();
     let (x, y) = (chart.x_range(), chart.y_range());
@@ -57,7 +57,7 @@ pub(super) fn without_stairs(chart: &Chart, points: &[(f64, f64)]) -> Vec<(f64, 
     bends(&pixels).into_iter().map(|place| points[place]).collect()
 }
 
-/// One line for each joint of a group, from (abscissa, values of all joints).
+/// Returns one line for each joint of a group, from (abscissa, values of all joints).
 pub(super) fn lines<'a, const N: usize>(
     config: &Mechanism,
     group: &Group,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A machine in space, as a drawing of its legs, guides, platform and tool.
+//! A machine in space, drawn as its legs, guides, platform and tool.
 
 use crate::space::{Part, ball, course, line, plate};
 use crate::style::PALE;
@@ -11,14 +11,14 @@ pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
 
 pub(super) const GUIDE: RGBColor = RGBColor(150, 150, 165);
 
-/// A machine at a pose.
+/// The parts of a machine at a pose.
 pub(super) struct Drawn {
     pub(super) parts: Vec<Part>,
-    /// Places that belong into the picture.
+    /// Points that the picture must show.
     pub(super) places: Vec<Vector3<f64>>,
 }
 
-/// The machine at a pose of its own; nothing where it cannot be there.
+/// Draws the machine at a pose; nothing if the pose is unreachable.
 pub(super) fn at_pose(config: &Mechanism, pose: &Pose) -> Drawn {
     let nothing = Drawn { parts: vec![], places: vec![] };
     let Ok(at) = config.machine.at(pose, &config.spindle) else { return nothing };
@@ -69,7 +69,7 @@ pub(super) fn rail_or_arm(
     }
 }
 
-/// Places in the order in which they are seen from above, around their middle.
+/// Sorts points by their angle around their middle, seen from above.
 fn ring(places: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let middle = places.iter().sum::<Vector3<f64>>() / places.len().max(1) as f64;
     let mut ring = places.to_vec();
@@ -78,7 +78,7 @@ fn ring(places: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     ring
 }
 
-/// The corners of the limits of X, Y and Z where all are limited.
+/// Returns the corners of the limits of X, Y and Z, if all are limited.
 pub(super) fn axis_box(config: &Mechanism) -> Option<[Vector3<f64>; 2]> {
     let low = Vector3::from_fn(|k, _| config.axes[k].min);
     let high = Vector3::from_fn(|k, _| config.axes[k].max);

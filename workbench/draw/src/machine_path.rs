@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The path of a program in the room of its machine, by how near it comes to the limits.
+//! The path of a program in the machine, colored by its distance to the limits.
 
 use crate::key::{Key, Sign, draw_keys_across};
 use crate::machine::{Drawn, LEG, at_pose};
@@ -17,20 +17,21 @@ use program::timeline::Thinned;
 
 const MOST_POINTS: usize = 5000;
 
-/// Most stretches of a path that are drawn in a colour of their own.
+/// Most stretches of a path with a separate color.
 const MOST_STRETCHES: usize = 300;
 
-/// Rooms are computed to this share of a limit's range; a program may go to the limit itself.
+/// Tolerance of distances to limits, as a share of a limit's range: computed distances round, and a program may
+/// reach the limit.
 const ROUNDING: f64 = 1e-6;
 
-/// Less of a limit's range than this is near.
+/// Share of a limit's range below which the distance to the limit is small.
 pub(super) const NEAR: f64 = 0.1;
 
-/// Breaks nearer to each other than so many pixels become one.
+/// Distance in pixels below which violations share one mark.
 const ONE_MARK: i32 = 12;
 
-/// How near a part of a path comes to the limits, the worst last. Widths differ as well: a print
-/// without colours shows them.
+/// Styles of a path by its distance to the limits, the worst last. Widths differ too, for prints
+/// without colors.
 const SHADES: [(&str, RGBColor, u32); 3] =
     [("away from limits", BLUE, 2), ("near a limit", ORANGE, 4), ("beyond a limit", RED, 7)];
 
@@ -42,14 +43,14 @@ fn shade(room: f64) -> usize {
     }
 }
 
-/// Half the pixels of a cross.
+/// Half the size of a cross, pixels.
 const CROSS: i32 = 8;
 
 const SIZE: (u32, u32) = (960, 600);
 
 const KEYS: u32 = 36;
 
-/// The path twice: in the machine with the limits of the axes, and closer.
+/// Draws the path twice: in the machine with the limits of the axes, and enlarged.
 pub(super) fn in_its_room(
     config: &Mechanism,
     course: &Thinned,
@@ -86,10 +87,10 @@ fn place(pose: &[f64; 6]) -> Vector3<f64> {
     Vector3::new(pose[0], pose[1], pose[2])
 }
 
-/// The path on the sheet, and the stretches that are near or beyond limits.
+/// The path on the sheet, and the stretches near or beyond limits.
 struct Path {
     points: Vec<Vector3<f64>>,
-    /// Places in the points, both included, with their shades.
+    /// Index ranges of the points, both ends included, with their shades.
     stretches: Vec<([usize; 2], usize)>,
 }
 
@@ -104,7 +105,7 @@ impl Path {
             kept = places_apart(&flat, pixels);
         }
         let points = kept.iter().map(|place| all[*place]).collect();
-        // What lies between two points counts with the first.
+        // Samples between two points count with the first.
         let worst = |k: usize| {
             let to = kept.get(k + 1).map_or(all.len(), |next| *next);
             let between = &course.samples[kept[k]..to];
@@ -114,13 +115,13 @@ impl Path {
         let last = shades.len().saturating_sub(1);
         let stretches = [1, 2].into_iter().flat_map(|shade| {
             let own = stretches(&shades, shade);
-            // A point alone is no line.
+            // A single point is no line: include the next one.
             own.into_iter().map(move |[from, to]| ([from, (to + 1).min(last)], shade))
         });
         Self { points, stretches: stretches.collect() }
     }
 
-    /// What its colours are.
+    /// Returns the keys of its colors.
     fn keys(&self) -> impl Iterator<Item = Key> {
         let is_seen = |shade: &usize| *shade == 0 || self.stretches.iter().any(|s| s.1 == *shade);
         let shades = (0..SHADES.len()).filter(is_seen).map(|shade| SHADES[shade]);
@@ -140,7 +141,7 @@ impl Path {
     }
 }
 
-/// First and last place of every stretch of a shade. Gaps are bridged, the shortest first, until
+/// Returns the first and last index of every stretch of a shade. Gaps are bridged, the shortest first, until
 /// there are few enough.
 fn stretches(shades: &[usize], shade: usize) -> Vec<[usize; 2]> {
     let mut found: Vec<[usize; 2]> = vec![];
@@ -161,7 +162,7 @@ fn stretches(shades: &[usize], shade: usize) -> Vec<[usize; 2]> {
     found
 }
 
-/// The limits of X, Y and Z; where one has none, the path ends the box.
+/// Returns the limits of X, Y and Z; for an axis without a limit, the end of the path.
 fn limits(config: &Mechanism, course: &Thinned) -> [Vector3<f64>; 2] {
     let ends: [[f64; 2]; 3] = std::array::from_fn(|k| {
         let (low, high) = span(course.samples.iter().flat_map(|sample| sample.poses[k]));
@@ -172,8 +173,8 @@ fn limits(config: &Mechanism, course: &Thinned) -> [Vector3<f64>; 2] {
     [0, 1].map(|end| Vector3::from_fn(|k, _| ends[k][end]))
 }
 
-/// Crosses with what belongs to them; breaks that are near each other share one. A label without room
-/// is left out: the list of the page has them all.
+/// Draws crosses with labels; violations near each other share one. A label without room
+/// is omitted, because the page lists all of them.
 fn draw_marks(area: &Area, view: &View, marks: &[Mark]) -> Result<(), DrawError> {
     let mut groups: Vec<((i32, i32), Vec<usize>)> = vec![];
     for (number, mark) in marks.iter().enumerate() {
@@ -199,7 +200,7 @@ fn draw_marks(area: &Area, view: &View, marks: &[Mark]) -> Result<(), DrawError>
     Ok(())
 }
 
-/// The left end of a label beside a place where no other stands.
+/// Returns the left end of a label next to a position, where it overlaps no other.
 fn free_corner(
     area: &Area,
     (x, y): (i32, i32),

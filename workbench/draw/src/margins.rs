@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a program asks of a machine, in figures over one common axis.
+//! The limits that a program uses, in figures over a common axis.
 
 use crate::lines::Line;
 use crate::machine_path::in_its_room;
@@ -13,24 +13,22 @@ use machine::read::joints::Group;
 use machine::read::mechanism::Mechanism;
 use program::timeline::{Abscissa, Sample, Thinned};
 
-/// Rooms are drawn between here and 1.
+/// Distances to limits are drawn between this and 1.
 const LEAST_ROOM: f64 = -0.3;
 
-/// Shares of limits are drawn up to here: a single leap would hide all others.
+/// Largest share of a limit drawn: otherwise a single jump would hide all others.
 const MOST_SHARE: f64 = 2.0;
 
-/// A plot with its words.
+/// A plot with its explanation.
 #[derive(Clone, Debug)]
 pub struct Figure {
-    /// What it shows.
     pub title: String,
-    /// What is good and what is bad in it, in plain words.
+    /// Explanation of good and bad values, in plain words.
     pub about: String,
-    /// The drawing.
     pub svg: String,
 }
 
-/// Everything that a page draws of a program.
+/// Draws all figures of a page about a program.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -59,7 +57,7 @@ pub fn figures(
     Ok(figures)
 }
 
-/// What all figures of a page have in common.
+/// Common data of all figures of a page.
 struct Sheet<'a> {
     config: &'a Mechanism,
     course: &'a Thinned,
@@ -128,14 +126,14 @@ impl Sheet<'_> {
         self.figure("Room left to limits of the motion", "share that is left", &strips, about)
     }
 
-    /// Lowest values; none where there is no such limit.
+    /// Returns the line of lowest values; `None` if there is no such limit.
     fn line(&self, name: &str, room: impl Fn(&Sample) -> f64) -> Option<Line> {
         let values = self.course.samples.iter().map(|s| (s.at, room(s)));
         let values: Vec<(f64, f64)> = values.filter(|(_, room)| *room < f64::INFINITY).collect();
         (!values.is_empty()).then(|| Line { name: name.into(), points: lowest(&values) })
     }
 
-    /// What the guard leaves of the feed; none where it leaves all of it.
+    /// Draws the share of the feed that the guard allows; `None` if it is always 1.
     fn feed(&self) -> Result<Option<Figure>, DrawError> {
         let values: Vec<(f64, f64)> = self.course.samples.iter().map(|s| (s.at, s.feed)).collect();
         if values.iter().all(|(_, feed)| *feed >= 1.0) {
@@ -150,7 +148,7 @@ impl Sheet<'_> {
         self.figure(title, "share of the programmed feed", &strips, about).map(Some)
     }
 
-    /// Coordinates as shares of their ranges; none where no axis has a range.
+    /// Draws coordinates as shares of their ranges; `None` if no axis has a range.
     fn axes(&self) -> Result<Option<Figure>, DrawError> {
         let axes = Letter::ALL.into_iter().zip(&self.config.axes).enumerate();
         let ranged =
@@ -232,7 +230,7 @@ fn with_limits(lines: Vec<Line>, limits: &[f64]) -> Vec<Strip> {
     lines.into_iter().map(|line| Strip::of(line, limits.to_vec())).collect()
 }
 
-/// Strips that are drawn between two values.
+/// Restricts strips to the values between two bounds.
 fn shown(strips: Vec<Strip>, shown: [f64; 2]) -> Vec<Strip> {
     strips.into_iter().map(|strip| Strip { shown, ..strip }).collect()
 }

@@ -12,7 +12,7 @@ use machine::read::joints::{Group, JointKind};
 use machine::read::mechanism::Mechanism;
 use program::joint_curves::{Along, along};
 
-/// All plots of a trace.
+/// Draws all plots of a trace.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -48,7 +48,7 @@ fn has_lead(config: &Mechanism) -> bool {
     config.geometry.legs().iter().any(|leg| leg.kind.screw().lead != 0.0)
 }
 
-/// Values, changes along the path and speeds of joints of one kind.
+/// Draws values, changes along the path and speeds of joints of one kind.
 fn of_group(
     config: &Mechanism,
     group: &Group,
@@ -87,7 +87,7 @@ fn values(config: &Mechanism, group: &Group, world: &[&Sample]) -> Result<String
     with_limits(&first_up(kind.plural()), &y, lines, group.joints.iter().map(limits))
 }
 
-/// Over time, each line with its limits.
+/// Draws lines over time, each with its limits.
 fn with_limits(
     title: &str,
     y: &str,
@@ -131,7 +131,7 @@ fn speeds(config: &Mechanism, group: &Group, world: &[&Sample]) -> Result<String
     with_limits(&title, &format!("speed in {unit}/s"), lines, most.map(|most| vec![-most, most]))
 }
 
-/// Seconds since the program's start.
+/// Returns the seconds since the program's start.
 fn time(world: &[&Sample], sample: &Sample) -> f64 {
     sample.time - world[0].time
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Places where limits break, as marks in the plots of a page.
+//! Positions of limit violations, as marks in the plots of a page.
 
 use crate::plot::DrawError;
 use crate::sheet::Area;
@@ -7,38 +7,38 @@ use crate::style::{SMALL, mark_letters, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
-/// Most breaks that one label names.
+/// Most violations named in one label.
 const MOST_NAMED: usize = 3;
 
-/// Most labels above each other, and pixels from one to the next.
+/// Most labels above each other, and their distance in pixels.
 const LEVELS: usize = 3;
 const LEVEL: i32 = 18;
 
-/// Pixels that labels of marks take.
+/// Height of the labels of marks, pixels.
 pub(super) const LABELS: u32 = LEVELS as u32 * LEVEL as u32 + 6;
 
-/// A place where a limit breaks.
+/// A limit violation and its position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
-    /// The line, behind the name of its file where that is not the program.
+    /// Line number, after the name of its file unless it is the program.
     pub place: String,
-    /// What the line says.
+    /// Text of the line.
     pub block: String,
-    /// What breaks: a sentence.
+    /// The violation, in a sentence.
     pub text: String,
-    /// Where on the common axis; none where the program does not come there.
+    /// Position on the common axis; `None` if the program does not reach it.
     pub at: Option<f64>,
-    /// X Y Z A B C there, machine units and degrees.
+    /// X Y Z A B C at the violation, machine units and degrees.
     pub pose: [f64; 6],
 }
 
-/// Marks at one place, with what is written beside them.
+/// Marks at one position, with their label.
 pub(super) struct Flag {
     pub(super) at: f64,
     label: String,
 }
 
-/// Marks that are nearer than so much become one.
+/// Groups marks that are nearer to each other than `near`.
 pub(super) fn flags(marks: &[Mark], near: f64) -> Vec<Flag> {
     let mut places: Vec<(f64, usize)> =
         marks.iter().enumerate().filter_map(|(k, mark)| Some((mark.at?, k))).collect();
@@ -51,7 +51,7 @@ pub(super) fn flags(marks: &[Mark], near: f64) -> Vec<Flag> {
     groups.map(flag).collect()
 }
 
-/// Numbers of breaks as in the table, with their lines.
+/// Returns the numbers of violations as in the table, with their lines.
 pub(super) fn label(marks: &[Mark], numbers: &[usize]) -> String {
     let mut numbers = numbers.to_vec();
     numbers.sort_unstable();
@@ -67,8 +67,8 @@ pub(super) fn label(marks: &[Mark], numbers: &[usize]) -> String {
     words[..words.len().min(MOST_NAMED)].join("; ") + more
 }
 
-/// Writes what belongs to marks above the places where they are, in pixels, up to the right end.
-/// Where there is no room, only the mark itself remains: the list of the page has them all.
+/// Writes the labels of marks above their positions, in pixels, up to the right end.
+/// Without room only the mark itself remains, because the page lists all of them.
 pub(super) fn write_flags(
     area: &Area,
     flags: &[(i32, &Flag)],

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The page of a browser about one program on one machine, readable without knowledge of kinematics.
+//! The HTML page about one program on one machine, readable without knowledge of kinematics.
 //!
-//! It stands alone: no other file, no script. Colour is never the only sign.
+//! It is self-contained: no other file, no script. Color is never the only sign.
 
 use crate::margins::Figure;
 use crate::over::Mark;
@@ -28,57 +28,54 @@ svg, img { max-width: 100%; height: auto }
 svg text[font-weight] { paint-order: stroke; stroke: #fff; stroke-width: 4px }
 ";
 
-/// Most lines of the command's answer that the page repeats.
+/// Most lines of the command's output that the page repeats.
 const MOST_LINES: usize = 400;
 
-/// One limit, as the table shows it.
+/// One limit, as a row of the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LimitRow {
-    /// The limit.
     pub name: String,
-    /// What it is there for.
+    /// Purpose of the limit.
     pub meaning: String,
-    /// Joint, leg or axis that comes nearest to it.
+    /// Joint, leg or axis nearest to it.
     pub part: String,
-    /// What the machine allows.
+    /// The machine's limit value.
     pub allowed: String,
-    /// What the program needs.
+    /// The program's extreme value.
     pub used: String,
-    /// What is left, negative beyond the limit.
+    /// Difference of both, negative beyond the limit.
     pub margin: String,
-    /// Where.
+    /// Line of the extreme value.
     pub line: String,
-    /// Numbers of its breaks, counted from 1.
+    /// Numbers of its violations, counted from 1.
     pub breaks: Vec<usize>,
-    /// Whether the whole program was looked at: without a break it is kept then.
+    /// Whether the whole program was checked: then the limit is satisfied if there is no violation.
     pub is_judged: bool,
 }
 
-/// What the page tells.
+/// Contents of the page.
 pub struct Report<'a> {
     /// Name of the program.
     pub program: &'a str,
     /// Name of the machine.
     pub machine: &'a str,
-    /// The verdict; none where not everything could be judged.
+    /// The verdict; `None` if not everything could be checked.
     pub fits: Option<bool>,
-    /// Why, in a sentence.
+    /// The reason, in a sentence.
     pub why: String,
-    /// What could not be judged, and what to look at: sentences.
+    /// What could not be checked, and what the user should check: sentences.
     pub notes: Vec<String>,
-    /// What helps: a sentence, and the block to run.
+    /// A remedy: a sentence, and the block to run.
     pub help: Option<(String, String)>,
-    /// All limits.
     pub rows: Vec<LimitRow>,
-    /// All breaks, in the order of the program.
+    /// All violations, in the order of the program.
     pub marks: &'a [Mark],
-    /// Plots.
     pub figures: &'a [Figure],
-    /// The answer of the command.
+    /// The output of the command.
     pub text: &'a str,
 }
 
-/// The page about a program.
+/// Writes the page about a program.
 pub fn of_program(report: &Report) -> String {
     let body = html! {
         (verdict(report.fits, ["The program fits the machine", "The program does not fit the machine"], &report.why))
@@ -91,7 +88,7 @@ pub fn of_program(report: &Report) -> String {
     page(&format!("{} on {}", report.program, report.machine), &body)
 }
 
-/// A page with its title as heading.
+/// Writes a page with its title as heading.
 pub fn page(title: &str, body: &Markup) -> String {
     let page = html! {
         (DOCTYPE)
@@ -111,7 +108,7 @@ pub fn page(title: &str, body: &Markup) -> String {
     page.into_string()
 }
 
-/// Returns a verdict, in the words of `yes` or `no`, and why; the sign needs no colour.
+/// Returns a verdict, in the words of `yes` or `no`, with its reason; the sign is readable without color.
 pub fn verdict(fits: Option<bool>, [yes, no]: [&str; 2], why: &str) -> Markup {
     let [sign, words, class] = match fits {
         Some(true) => ["\u{2713}", yes, "fits"],
@@ -153,7 +150,7 @@ fn breaks(marks: &[Mark]) -> Markup {
 }
 
 fn table(rows: &[LimitRow]) -> Markup {
-    // Sorting is stable: beside that the order stays.
+    // Sorting is stable: otherwise the order is unchanged.
     let mut rows: Vec<&LimitRow> = rows.iter().collect();
     rows.sort_by_key(|row| row.breaks.first().copied().unwrap_or(usize::MAX));
     html! {
@@ -188,7 +185,7 @@ fn limit(row: &LimitRow) -> Markup {
 
 pub(super) fn drawing(figure: &Figure) -> Markup {
     let name = html! { title { (figure.title) } desc { (figure.about) } }.into_string();
-    // The name of a drawing is its first child.
+    // The accessible name of a drawing is its first child.
     let svg =
         figure.svg.replacen("<svg ", "<svg role=\"img\" ", 1).replacen('>', &format!(">{name}"), 1);
     html! {
@@ -256,7 +253,7 @@ mod tests {
         let page = of_program(&report(&[], &[figure], "</pre>"));
         assert!(page.contains("a &lt; b &amp; c &gt; d") && !page.contains("<b>"), "{page}");
         assert!(page.contains("<svg role=\"img\" width=\"1\"><title>x &gt; y</title>"), "{page}");
-        // The block that helps, and the answer.
+        // The block of the remedy, and the output.
         assert_eq!(page.matches("</pre>").count(), 2);
     }
 

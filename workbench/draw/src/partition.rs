@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Partitions of a plane by the number of unstable roots: curves hatched on the side with fewer of
-//! them, and that number in every region.
+//! them, and their number in every region.
 
 use crate::key::{Key, Sign, keyed};
 use crate::plot::DrawError;
@@ -10,25 +10,25 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use studies::stability::partition::{Point, Window, regions};
 
-/// Pixels from one stroke of the hatching to the next, and their length.
+/// Distance of the strokes of the hatching, and their length, pixels.
 const HATCH: [f64; 2] = [11.0, 8.0];
 
-/// Of a curve: it is not dashed.
+/// Width of a curve; it differs from that of dashed lines, so curves are not dashed.
 const WIDTH: u32 = 2;
 
-/// Letters this many pixels apart do not touch.
+/// Distance of letters that do not touch, pixels.
 const ENOUGH: f64 = 30.0;
 
-/// Roots are counted this many pixels beside a curve.
+/// Distance from a curve at which roots are counted, pixels.
 const BESIDE: f64 = 2.0;
 
-/// What a picture of a partition shows.
+/// Contents of a picture of a partition.
 pub(super) struct Partition<'a> {
     pub(super) frame: Frame<'a>,
     pub(super) window: Window,
-    /// Boundaries; those of straight lines as well.
+    /// Boundaries, straight lines included.
     pub(super) curves: Vec<Vec<[f64; 2]>>,
-    /// Places that are marked, with what is written beside them.
+    /// Marked points, with their labels.
     pub(super) marks: Vec<([f64; 2], String)>,
 }
 
@@ -41,12 +41,12 @@ pub(super) fn partitioned(
     unstable: impl Fn([f64; 2]) -> usize + Sync,
 ) -> Result<String, DrawError> {
     let [across, up] = partition.window;
-    // Of a pixel, nearly: the frame takes a tenth of the sheet.
+    // Approximate size of a pixel: the frame takes a tenth of the sheet.
     let pixel = [
         (across[1] - across[0]) / (0.9 * f64::from(SIZE.0)),
         (up[1] - up[0]) / (0.85 * f64::from(SIZE.1)),
     ];
-    // Letters beside the places: curves that cross there leave no room for more.
+    // Letters next to the points: curves that cross there leave no room for more.
     let marks: Vec<([f64; 2], Key)> = partition
         .marks
         .iter()
@@ -81,7 +81,7 @@ pub(super) fn partitioned(
     })
 }
 
-/// What of a curve is seen, in pieces without the points that a pixel hides.
+/// Returns the visible pieces of a curve, without points within a pixel.
 fn visible(curve: &[[f64; 2]], window: &Window, pixel: &[f64; 2]) -> Vec<Vec<(f64, f64)>> {
     let mut pieces: Vec<Vec<(f64, f64)>> = vec![];
     for pair in curve.windows(2) {
@@ -132,7 +132,7 @@ fn label(
     Ok(())
 }
 
-/// Where beside a mark its letter stands: pixels to the right and up, as far from other letters as
+/// Returns the position of a mark's letter: pixels to the right and up, as far from other letters as
 /// possible.
 fn free_side(at: [f64; 2], pixel: &[f64; 2], taken: &mut Vec<[f64; 2]>) -> [i32; 2] {
     let place = |side: &[i32; 2]| [0, 1].map(|k| at[k] + f64::from(side[k]) * pixel[k]);
@@ -150,7 +150,7 @@ fn free_side(at: [f64; 2], pixel: &[f64; 2], taken: &mut Vec<[f64; 2]>) -> [i32;
     best
 }
 
-/// Strokes at even distances along a curve, on the side with fewer unstable roots.
+/// Returns strokes at even distances along a curve, on the side with fewer unstable roots.
 fn hatched(
     curve: &[[f64; 2]],
     pixel: &[f64; 2],
@@ -184,7 +184,7 @@ fn hatched(
     strokes
 }
 
-/// What of a straight line is inside a window (Liang and Barsky).
+/// Returns the part of a straight line inside a window (Liang and Barsky).
 fn clipped(from: [f64; 2], to: [f64; 2], window: &Window) -> Option<[[f64; 2]; 2]> {
     let mut share = [0.0_f64, 1.0_f64];
     for k in 0..2 {

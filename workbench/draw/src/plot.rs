@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A picture that is ready: its name and its text.
+//! A finished picture: its name and its text.
 
 use machine::files::{AtFile, Locate, write_whole};
 use plotters::drawing::DrawingAreaErrorKind;
@@ -12,24 +12,23 @@ use std::path::Path;
 pub struct Plot {
     /// File name, ending in .svg.
     pub file: String,
-    /// What it shows, one line.
+    /// Caption, one line.
     pub caption: String,
-    /// The drawing.
     pub svg: String,
 }
 
 impl Plot {
-    /// Writes pictures into a folder, which is made if needed; each appears complete or not at all.
+    /// Writes pictures to a folder, which is created if needed; each appears complete or not at all.
     ///
     /// # Errors
-    /// The first file that cannot be written.
+    /// Returns the first file that cannot be written.
     pub fn write_all(plots: &[Self], folder: &Path) -> Result<(), AtFile<io::Error>> {
         fs::create_dir_all(folder).at(folder)?;
         plots.iter().try_for_each(|plot| write_whole(&folder.join(&plot.file), &plot.svg))
     }
 }
 
-/// What the drawing library does not draw.
+/// An error of the drawing library.
 #[derive(Debug, thiserror::Error)]
 #[error("the plot cannot be drawn: {0}")]
 pub struct DrawError(#[from] DrawingAreaErrorKind<io::Error>);

@@ -9,7 +9,7 @@ use crate::thin::{thin, thin_low};
 use machine::read::mechanism::Mechanism;
 use studies::study::rods::Rods;
 
-/// Pictures of the legs along a sequence of poses.
+/// Draws pictures of the legs along a sequence of poses.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -37,7 +37,7 @@ pub fn of_rods(config: &Mechanism, course: &Course, rods: &[Rods]) -> Result<Vec
 
 type Angle = fn(&Rods, usize) -> Option<f64>;
 
-/// The largest value that the machine's file allows a leg.
+/// The largest value that the machine's file permits for a leg.
 type Most = fn(&Mechanism, usize) -> Option<f64>;
 
 /// Pictures of angles: file, caption, ordinate, value, limit.
@@ -79,7 +79,7 @@ const ANGLES: [(&str, &str, &str, Angle, Most); 5] = [
     ),
 ];
 
-/// Angles in degrees, each within half a turn of the one before.
+/// Unwraps angles in degrees, each to within half a turn of the previous one.
 fn without_turns(angles: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
     angles.scan(None, |last: &mut Option<f64>, angle| {
         let turns = last.map_or(0.0, |last| ((angle - last) / 360.0).round());

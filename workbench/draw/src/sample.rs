@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the plots of a motion are drawn from.
+//! Input data of the plots of a motion.
 
 use kinematics::{Joints, PerLeg, Vector3};
 
@@ -8,19 +8,19 @@ use kinematics::{Joints, PerLeg, Vector3};
 pub struct Sample {
     /// Seconds since the first line.
     pub time: f64,
-    /// Homed, in world mode: the joints follow the pose.
+    /// Whether the machine is homed and in world mode: the joints follow the pose.
     pub in_world: bool,
     /// Commanded pose x y z a b c.
     pub pose: [f64; 6],
     /// Commanded joints, before LinuxCNC smooths them.
     pub joints: Joints,
-    /// Motor positions after this cycle's command; a searching joint counts from power-up.
+    /// Motor positions after this cycle's command; for a joint that is homing, from power-up.
     pub motors: Joints,
-    /// Largest difference of an extra axis's coordinate from its joint; the poses do not hold them.
+    /// Largest difference between an extra axis's coordinate and its joint; poses do not include these coordinates.
     pub passed: f64,
-    /// What forward made of the motor positions of the cycle before.
+    /// Forward solution of the motor positions of the previous cycle.
     pub forward: [f64; 6],
-    /// Nut corrections that the module shows, 0 for legs that are no struts.
+    /// Nut corrections published by the module, 0 for legs that are not struts.
     pub corrections: PerLeg,
     /// Tool vector, spindle offset included.
     pub tool: [f64; 3],

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What errors of the joints do: bars at one pose, and lines along a motion.
+//! Effects of joint errors: bars at one pose, and lines along a motion.
 
 use crate::course::{Course, lines_over, strips_over};
 use crate::lines::Line;
@@ -14,7 +14,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use studies::study::sensitivity::{Point, Sensitivity};
 
-/// Pictures of what errors of the joints do: bars at one pose, and lines along a motion.
+/// Draws the effects of joint errors: bars at one pose, and lines along a motion.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -52,7 +52,7 @@ pub fn of_sensitivity(
     Ok(plots)
 }
 
-/// What a line shows of a point of a motion.
+/// Value of a line at a point of a motion.
 type Value<'a> = Box<dyn Fn(&Point) -> f64 + 'a>;
 
 fn of_motion(config: &Mechanism, points: &[Point]) -> Result<Vec<Plot>, DrawError> {
@@ -124,7 +124,7 @@ fn of_motion(config: &Mechanism, points: &[Point]) -> Result<Vec<Plot>, DrawErro
     Ok(plots)
 }
 
-/// Bars in groups, each bar with the number of its joint.
+/// Draws bars in groups, each bar with the number of its joint.
 fn bars(frame: &Frame, groups: &[(char, Vec<f64>)]) -> Result<String, DrawError> {
     let all = || groups.iter().flat_map(|(_, values)| values.iter().copied());
     let most = all().fold(0.0, |most: f64, value| most.max(value.abs())).max(f64::MIN_POSITIVE);

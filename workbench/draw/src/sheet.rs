@@ -15,27 +15,27 @@ pub(super) type Chart<'a, 'b> =
 pub(super) const SIZE: (u32, u32) = (960, 600);
 pub(super) const TIME: &str = "time in s";
 
-/// Pixels around a plot.
+/// Margin of a plot, pixels.
 pub(super) const MARGIN: u32 = 12;
 
-/// Pixels for ticks and description below a plot, and to its left.
+/// Pixels for ticks and axis name below a plot, and to its left.
 const BELOW: u32 = 44;
 
 const LEFT: u32 = 80;
 
-/// Pixels to its right: half of a tick's label stands there.
+/// Pixels to its right, for half of a tick's label.
 const RIGHT: u32 = 28;
 
-/// Pixels across and up around a plot with a caption.
+/// Pixels around a plot with a caption, horizontally and vertically.
 pub(super) const AROUND: (u32, u32) = (LEFT + MARGIN + RIGHT, BELOW + CAPTION + 2 * MARGIN);
 
-/// Least pixels from one tick to the next.
+/// Least distance of ticks, pixels.
 const TICK: (u32, u32) = (54, 30);
 
-/// Pixels that the caption takes above a plot.
+/// Height of the caption above a plot, pixels.
 pub(super) const CAPTION: u32 = 26;
 
-/// What stands around the lines.
+/// Title, axes and limits of a plot.
 pub(super) struct Frame<'a> {
     pub title: &'a str,
     pub x: &'a str,
@@ -44,14 +44,14 @@ pub(super) struct Frame<'a> {
     pub limits: Vec<(String, f64)>,
 }
 
-/// A sheet of the usual size.
+/// Draws a sheet of the default size.
 pub(super) fn drawn(
     draw: impl FnOnce(&Area) -> Result<(), DrawError>,
 ) -> Result<String, DrawError> {
     drawn_on(SIZE, draw)
 }
 
-/// A sheet of a size in pixels.
+/// Draws a sheet of a size in pixels.
 pub(super) fn drawn_on(
     size: (u32, u32),
     draw: impl FnOnce(&Area) -> Result<(), DrawError>,
@@ -98,7 +98,7 @@ pub(super) fn axes<'a, 'b>(
     Ok(chart)
 }
 
-/// Ticks are round numbers: without the digits of their rounding, and without "-0".
+/// Formats a tick: without digits due to rounding, and without "-0".
 pub(super) fn tick(value: &f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6 + 0.0)
 }
@@ -120,19 +120,19 @@ pub(super) fn path_axes<'a, 'b>(
     axes(area, frame, around(x, width), around(y, height))
 }
 
-/// Pixels across of an area as high as a sheet that [`path_axes`] fills with these sides.
+/// Returns the width in pixels of an area as high as a sheet that [`path_axes`] fills with these sides.
 pub(super) fn width_for([wide, high]: [f64; 2]) -> u32 {
     let height = SIZE.1 - BELOW - CAPTION - 2 * MARGIN;
     let width = (f64::from(height) * wide / high).clamp(240.0, 720.0) as u32;
     width + LEFT + MARGIN + RIGHT
 }
 
-/// Lowest and highest value.
+/// Returns the lowest and highest value.
 pub(super) fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
 }
 
-/// The range of the values with a margin; a flat line gets one unit around it.
+/// Returns the range of the values with a margin; a constant gets one unit around it.
 pub(super) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = span(values);
     let span = high - low;
@@ -140,7 +140,7 @@ pub(super) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     low - margin..high + margin
 }
 
-/// Round values within a range, about so many steps apart.
+/// Returns round values within a range, about `steps` steps apart.
 pub(super) fn round_steps([low, high]: [f64; 2], steps: usize) -> Vec<f64> {
     let rough = (high - low) / steps as f64;
     if !(rough > 1e-9 * high.abs().max(low.abs())) {
@@ -168,7 +168,7 @@ mod tests {
                 let (x, y) = (chart.x_range(), chart.y_range());
                 let (width, height) = chart.plotting_area().dim_in_pixel();
                 let scale = (x.end - x.start) / f64::from(width) / (y.end - y.start);
-                // One pixel of 200, that of the caption's height.
+                // One pixel of 200, the rounding of the caption's height.
                 assert!((scale * f64::from(height) - 1.0).abs() < 6e-3, "{grid:?} {scale}");
                 Ok(())
             })
@@ -186,7 +186,7 @@ mod tests {
             let rest = tag.split(&format!(" {name}=\"")).nth(1).unwrap();
             rest.split('"').next().unwrap().parse().unwrap()
         };
-        // Five digits, each half as wide as the font is high, and half of them beyond the middle.
+        // Five digits, each 0.6 of the font size wide, half of them to the right of the middle.
         let right = number("x") + 5.0 * 0.6 * number("font-size") / 2.0;
         assert!(tag.contains("middle") && right < f64::from(SIZE.0), "{tag}");
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A slice of a workspace: the area that is reached, its border by what limits it, and the limits of
+//! A slice of a workspace: the reachable area, its border by the violated limit, and the limits of
 //! the axes.
 
 use crate::key::{Key, Sign, keyed};
@@ -12,7 +12,7 @@ use plotters::prelude::*;
 use studies::study::slice::Slice;
 use studies::study::workspace::{Border, Ray};
 
-/// Of the area within.
+/// Opacity of the area inside.
 const INSIDE: f64 = 0.14;
 
 pub(super) fn sliced(
@@ -58,7 +58,7 @@ struct Sheet<'a> {
 }
 
 impl Sheet<'_> {
-    /// What an axis of the plane is called.
+    /// Returns the name of an axis of the plane.
     fn name(&self, k: usize, unit: &str) -> String {
         let axis = self.slice.plane.axes[k];
         let letter = ["X", "Y", "Z"].into_iter().zip(axis.iter()).find(|(_, part)| **part == 1.0);
@@ -72,13 +72,13 @@ impl Sheet<'_> {
         (x, y)
     }
 
-    /// Rays beside each other, all around.
+    /// Returns neighboring rays, all around.
     fn pairs(&self) -> impl Iterator<Item = (&Ray, &Ray)> {
         let rays = &self.slice.rays;
         rays.iter().zip(rays.iter().cycle().skip(1))
     }
 
-    /// What lies within: around the place where the rays begin, and pieces beyond a gap.
+    /// Returns the areas inside: around the origin of the rays, and segments beyond a gap.
     fn areas(&self) -> Vec<Vec<(f64, f64)>> {
         let around = self.slice.rays.iter().map(|ray| self.point(ray, ray.exit())).collect();
         let beyond = self.pairs().flat_map(|(ray, next)| {
@@ -91,7 +91,7 @@ impl Sheet<'_> {
         std::iter::once(around).chain(beyond).collect()
     }
 
-    /// The border as lines, each of one kind; the line around the beginning is closed.
+    /// Returns the border as lines, each of one kind; the line around the origin is closed.
     fn border(&self) -> Vec<(usize, Vec<(f64, f64)>)> {
         let mut lines: Vec<(usize, Vec<(f64, f64)>)> = vec![];
         let most = self.pairs().map(|(a, b)| a.inside.len().min(b.inside.len())).max().unwrap_or(1);
@@ -124,7 +124,7 @@ impl Sheet<'_> {
     }
 }
 
-/// Corners of the limits of the axes in the plane, where it is spanned by two limited axes.
+/// Returns the corners of the axis limits in the plane, if it is spanned by two limited axes.
 fn axis_limits(config: &Mechanism, slice: &Slice) -> Option<[(f64, f64); 4]> {
     let range = |k: usize| {
         let axis = slice.plane.axes[k].iter().position(|part| *part == 1.0)?;
@@ -135,7 +135,7 @@ fn axis_limits(config: &Mechanism, slice: &Slice) -> Option<[(f64, f64); 4]> {
     Some([(left, low), (right, low), (right, high), (left, high)])
 }
 
-/// The kinds of limits in the pictures of a workspace, with the same colours in all.
+/// The kinds of limits in the pictures of a workspace, with the same colors in all of them.
 pub(super) struct Kinds(Vec<(usize, bool)>);
 
 impl Kinds {
@@ -146,12 +146,12 @@ impl Kinds {
         Self(kinds)
     }
 
-    /// Its place among them, which is that of its colour.
+    /// Returns the index of a border's kind, which determines its color.
     pub(super) fn number(&self, border: &Border) -> usize {
         self.0.iter().position(|rank| *rank == border.rank()).unwrap_or(0)
     }
 
-    /// What the colours of one picture are.
+    /// Returns the keys for the colors of one picture.
     pub(super) fn keys<'a>(
         &self,
         seen: impl Iterator<Item = &'a Border>,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Things in space, seen from the front, the right and above: X runs to the right and down, Y to the
-//! right and up, Z up, all at one scale. Walls with round values stand behind them.
+//! Objects in space, viewed from the front, the right and above: X runs to the right and down, Y to the
+//! right and up, Z up, all at the same scale. Walls with round values are behind them.
 
 use crate::plot::DrawError;
 use crate::sheet::{Area, round_steps, span, tick};
@@ -10,33 +10,33 @@ use kinematics::Vector3;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
-/// Cosine of 30 degrees, between the picture of X or Y and the horizontal.
+/// Cosine of 30 degrees, the angle between the images of X or Y and the horizontal.
 const COS_30: f64 = 0.866_025_403_784_438_6;
 
-/// Towards the eye, not normalised.
+/// Direction towards the viewer, not normalized.
 const EYE: Vector3<f64> = Vector3::new(1.0, -1.0, 1.0);
 
-/// Where the light comes from, not normalised: not from the eye, so that sides differ.
+/// Direction of the light source, not normalized; it differs from the viewer's, so that sides differ.
 const LIGHT: Vector3<f64> = Vector3::new(0.25, -0.6, 1.0);
 
-/// Of the brightness of a side that is lit, that of one in the dark.
+/// Brightness of a side in the dark, as a share of that of a lit side.
 const DARK: f64 = 0.55;
 
-/// Pieces of a line, so that what is before one end and behind the other is drawn so.
+/// Pieces of a line, so that an object can be behind one part and in front of another.
 const PIECES: usize = 10;
 
-/// Round values along the longest side, at most.
+/// Most round values along the longest side.
 const STEPS: usize = 8;
 
 /// Pixels around the walls: title, ticks and names.
 const ROOM: [i32; 2] = [76, 58];
 
-/// Across and up on the sheet, in units of the thing.
+/// Projects a point on the sheet: horizontal and vertical coordinate, in units of the object.
 pub(super) fn project(place: &Vector3<f64>) -> (f64, f64) {
     ((place.x + place.y) * COS_30, place.z + (place.y - place.x) * 0.5)
 }
 
-/// A part that is drawn behind all that is nearer to the eye.
+/// A part that is drawn behind all parts nearer to the viewer.
 pub(super) struct Part {
     corners: Vec<Vector3<f64>>,
     kind: Kind,
@@ -48,7 +48,7 @@ enum Kind {
     Ball(RGBColor, i32),
 }
 
-/// A flat side, shaded by how it stands to the light; none where only its back is seen.
+/// Creates a flat side, shaded by its angle to the light; `None` if only its back is visible.
 pub(super) fn side(corners: Vec<Vector3<f64>>, colour: RGBColor, opacity: f64) -> Option<Part> {
     let normal = normal(&corners)?;
     if normal.dot(&EYE) <= 0.0 {
@@ -61,24 +61,24 @@ pub(super) fn side(corners: Vec<Vector3<f64>>, colour: RGBColor, opacity: f64) -
     Some(Part { corners, kind: Kind::Side(colour) })
 }
 
-/// A side that is seen from both sides, in one shade.
+/// Creates a side visible from both sides, in one shade.
 pub(super) fn plate(corners: Vec<Vector3<f64>>, colour: RGBColor, opacity: f64) -> Part {
     Part { corners, kind: Kind::Side(colour.mix(opacity)) }
 }
 
-/// A line, in pieces.
+/// Creates a line, in pieces.
 pub(super) fn line(from: Vector3<f64>, to: Vector3<f64>, style: ShapeStyle) -> Vec<Part> {
     let at = |k: usize| from + (to - from) * (k as f64 / PIECES as f64);
     let piece = |k: usize| Part { corners: vec![at(k), at(k + 1)], kind: Kind::Line(style) };
     (0..PIECES).map(piece).collect()
 }
 
-/// A ball of a radius in pixels.
+/// Creates a ball with a radius in pixels.
 pub(super) fn ball(at: Vector3<f64>, colour: RGBColor, pixels: i32) -> Part {
     Part { corners: vec![at], kind: Kind::Ball(colour, pixels) }
 }
 
-/// A line through places, as it is.
+/// Creates a line through points, without further division.
 pub(super) fn course(places: &[Vector3<f64>], style: ShapeStyle) -> Vec<Part> {
     let piece = |ends: &[Vector3<f64>]| Part { corners: ends.to_vec(), kind: Kind::Line(style) };
     places.windows(2).map(piece).collect()
@@ -92,14 +92,14 @@ pub(super) fn edges([low, high]: &[Vector3<f64>; 2], style: ShapeStyle) -> Vec<P
     (0..8).flat_map(beside).flat_map(|(a, b)| line(corner(a), corner(b), style)).collect()
 }
 
-/// Of a polygon that is nearly flat, a unit vector (Newell's sum).
+/// Returns the unit normal of a nearly flat polygon (Newell's sum).
 fn normal(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let next = corners.iter().cycle().skip(1);
     let sum: Vector3<f64> = corners.iter().zip(next).map(|(a, b)| a.cross(b)).sum();
     sum.try_normalize(0.0)
 }
 
-/// A box of space that a picture shows.
+/// A box of space shown in a picture.
 pub(super) struct Space<'a> {
     title: &'a str,
     unit: &'a str,
@@ -109,7 +109,7 @@ pub(super) struct Space<'a> {
 }
 
 impl<'a> Space<'a> {
-    /// Around places, with room.
+    /// Creates a box around points, with a margin.
     pub(super) fn around(title: &'a str, unit: &'a str, places: &[Vector3<f64>]) -> Self {
         let ends = [0, 1, 2].map(|k| span(places.iter().map(|place| place[k])));
         let most = ends.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
@@ -123,7 +123,7 @@ impl<'a> Space<'a> {
         Self { title, unit, up: None, low, high }
     }
 
-    /// With another name than Z for what runs up.
+    /// Sets another name than Z for the vertical axis.
     pub(super) fn up(self, name: &'a str) -> Self {
         Self { up: Some(name), ..self }
     }
@@ -133,7 +133,7 @@ impl<'a> Space<'a> {
         Vector3::new(of(0, x), of(1, y), of(2, z))
     }
 
-    /// Draws walls and parts, the farthest first; returns how places become pixels.
+    /// Draws walls and parts, the farthest first; returns the projection.
     pub(super) fn draw(&self, area: &Area, mut parts: Vec<Part>) -> Result<View, DrawError> {
         let view = self.view(area);
         if !self.title.is_empty() {
@@ -174,13 +174,13 @@ impl<'a> Space<'a> {
         View { scale, offset: (at.0 - middle.0 * scale, at.1 + middle.1 * scale) }
     }
 
-    /// Floor and both walls behind, with round values along their front edges.
+    /// Draws the floor and both rear walls, with round values along their front edges.
     fn draw_walls(&self, area: &Area, view: &View) -> Result<(), DrawError> {
         let thin = PALE.stroke_width(1);
         let path = |ends: [Vector3<f64>; 2], style: ShapeStyle| {
             area.draw(&PathElement::new(ends.map(|place| view.pixel(&place)), style))
         };
-        // One step for all: squares on the walls are squares.
+        // One step for all axes, so the grid is square.
         let sides = self.high - self.low;
         let step = round_steps([0.0, sides.max()], STEPS).get(1).copied().unwrap_or(1.0);
         for axis in 0..3 {
@@ -212,7 +212,7 @@ impl<'a> Space<'a> {
         Ok(())
     }
 
-    /// Lines of a value on two of the walls.
+    /// Returns the lines of a value on two of the walls.
     fn grid(&self, axis: usize, value: f64) -> [[Vector3<f64>; 2]; 2] {
         let at = |x: usize, y: usize, z: usize| {
             let mut corner = self.corner(x, y, z);
@@ -226,7 +226,7 @@ impl<'a> Space<'a> {
         }
     }
 
-    /// A value beside its front edge.
+    /// Draws a value next to its front edge.
     fn draw_tick(
         &self,
         area: &Area,
@@ -242,7 +242,7 @@ impl<'a> Space<'a> {
             1 => ((x + 5, y + 8), HPos::Left),
             _ => ((x - 6, y), HPos::Right),
         };
-        // The corner that two axes share belongs to the one that runs up.
+        // The corner that X and Z share shows only the value of Z.
         let is_corner = axis == 0 && (value - self.low.x) * view.scale < 20.0;
         if !is_corner {
             area.draw(&Text::new(tick(&value), at, letters_at(SMALL, across, VPos::Center)))?;
@@ -270,7 +270,7 @@ impl<'a> Space<'a> {
     }
 }
 
-/// How places become pixels.
+/// The projection of points to pixels.
 pub(super) struct View {
     scale: f64,
     offset: (f64, f64),
@@ -287,7 +287,7 @@ impl View {
         (self.offset.0 + across * self.scale, self.offset.1 - up * self.scale)
     }
 
-    /// A line through places that nothing hides, in one.
+    /// Draws a line through points in front of everything, in one element.
     pub(super) fn path(
         &self,
         places: &[Vector3<f64>],

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Pictures of stability in the cut: partitions, responses, stable depths over spindle speeds.
+//! Pictures of chatter stability: partitions, responses, stable depths over spindle speeds.
 
 use crate::contour::contoured;
 use crate::key::{Key, Sign, keyed};
@@ -18,21 +18,21 @@ use studies::stability::map::{Column, StableMap};
 use studies::stability::response::{Response, unwrapped};
 use studies::stability::system::Adjustment;
 
-/// Windows reach to this many times the limit cutting stiffness.
+/// Upper end of windows, in multiples of the limit cutting stiffness.
 const BEYOND: f64 = 4.0;
 
-/// Points of a boundary by two parameters.
+/// Number of points of a boundary by two parameters.
 const POINTS: usize = 20_000;
 
 /// Halvings of a step of frequency: down to rounding.
 const HALVINGS: usize = 48;
 
-/// The stiffness that a picture is about: the limit, or that at rest where there is none.
+/// Returns the reference stiffness of a picture: the limit, or that at rest if there is no limit.
 fn reference(lag: &Lag) -> f64 {
     lag.limit().crossing.map_or(lag.at_rest().abs(), |limit| limit.stiffness)
 }
 
-/// The D-partition by the cutting stiffness, and those by lag and by the first link's stiffness.
+/// Draws the D-partition by the cutting stiffness, and those by lag and by the first link's stiffness.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -70,7 +70,7 @@ fn by_stiffness(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
     Ok(Plot { file: format!("{stem}-partition.svg"), caption: caption.clone(), svg })
 }
 
-/// Frequencies that boundaries by two parameters are drawn from.
+/// Returns the frequencies for boundaries by two parameters.
 fn omegas(lag: &Lag) -> impl Iterator<Item = f64> {
     let highest = 20.0 * lag.terms.iter().map(|term| term.omega()).fold(0.0, f64::max);
     (1..=POINTS).map(move |k| highest * (k as f64 / POINTS as f64).powi(2))
@@ -144,8 +144,8 @@ fn by_first_link(lag: &Lag, adjustment: &Adjustment, stem: &str) -> Result<Plot,
     Ok(Plot { file: format!("{stem}-partition-link.svg"), caption: caption.clone(), svg })
 }
 
-/// Both points of the boundary by the first link at each frequency, that of the smaller 1/K first. Where the
-/// two meet and end, the frequency is found by halving: both curves reach to there.
+/// Returns both points of the boundary by the first link at each frequency, the one with the smaller 1/K first. The
+/// frequency at which the two meet and end is bisected, so both curves reach it.
 fn by_omega(lag: &Lag) -> Vec<Vec<[f64; 2]>> {
     let at = |omega: f64| {
         let mut points: Vec<[f64; 2]> =
@@ -171,13 +171,13 @@ fn by_omega(lag: &Lag) -> Vec<Vec<[f64; 2]>> {
     found
 }
 
-/// Real and imaginary part, amplitude, phase and hodograph of the tool against the work, of one or
-/// several adjustments at one cutting stiffness.
+/// Draws real and imaginary part, amplitude, phase and hodograph of the tool's response relative to the work, for one
+/// or several adjustments at one cutting stiffness.
 ///
 /// # Errors
 /// As [`DrawError`].
 pub fn of_responses(responses: &[(String, Vec<Response>)]) -> Result<Vec<Plot>, DrawError> {
-    // um/N; frequencies up to twice the last peak.
+    // um/N; frequencies up to the last amplitude above 2 % of the largest.
     let most = responses.iter().flat_map(|(_, all)| all.iter().map(|r| r.cutting.modulus()));
     let most = most.fold(0.0, f64::max);
     let seen = |all: &[Response]| -> f64 {
@@ -205,10 +205,10 @@ pub fn of_responses(responses: &[(String, Vec<Response>)]) -> Result<Vec<Plot>, 
     Ok(plots)
 }
 
-/// What of a response has a picture of its own.
+/// Quantities of a response with separate pictures.
 const PARTS: [&str; 4] = ["real part", "imaginary part", "amplitude", "phase"];
 
-/// The k-th of them: um/N, or degrees without jumps.
+/// Returns the k-th quantity: um/N, or degrees without jumps.
 fn part(k: usize, all: &[Response]) -> Vec<f64> {
     let values = all.iter().map(|response| response.cutting);
     match k {
@@ -248,7 +248,7 @@ fn hodograph(responses: &[(String, Vec<Response>)]) -> Result<Plot, DrawError> {
     Ok(Plot { file: "response-hodograph.svg".into(), caption: caption.into(), svg })
 }
 
-/// Limit cutting stiffness over the overhang, mm and N/mm.
+/// Draws the limit cutting stiffness over the overhang, mm and N/mm.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -260,14 +260,14 @@ pub fn of_overhangs(limits: &[(f64, f64)]) -> Result<Plot, DrawError> {
     Ok(Plot { file: "overhang.svg".into(), caption: caption.into(), svg })
 }
 
-/// How stability is lost, with a shade and a name.
+/// Types of stability loss, with a shade and a name.
 const LOSSES: [(Loss, RGBColor, &str); 3] = [
     (Loss::Hopf, RGBColor(250, 200, 160), "unstable"),
     (Loss::Doubling, RGBColor(190, 140, 180), "unstable, two tooth periods"),
     (Loss::Fold, GREY, "unstable, deflection grows"),
 ];
 
-/// Unstable depths over spindle speeds, darker where the vibration takes two tooth periods; the line is
+/// Draws unstable depths over spindle speeds, darker if the vibration has a period of two tooth periods; the line is
 /// the zero-order limit (1/min, mm).
 ///
 /// # Errors
@@ -294,7 +294,7 @@ pub fn of_stable_map(map: &StableMap, zero_order: &[(f64, f64)]) -> Result<Plot,
     Ok(Plot { file: "stable-depths.svg".into(), caption: caption.into(), svg })
 }
 
-/// What is unstable between two columns: bands that both have run from one to the other, others
+/// Returns the unstable areas between two columns: bands of both columns are connected if they match, others
 /// reach half way.
 fn cells(left: &Column, right: &Column) -> Vec<(Vec<(f64, f64)>, RGBColor)> {
     let colour =
@@ -316,7 +316,7 @@ fn cells(left: &Column, right: &Column) -> Vec<(Vec<(f64, f64)>, RGBColor)> {
     [half(left), half(right)].concat()
 }
 
-/// Stability lobes of the zero-order approximation, within spindle speeds (1/min) and to a depth in
+/// Draws stability lobes of the zero-order approximation, within spindle speeds (1/min) and up to a depth in
 /// mm.
 ///
 /// # Errors
@@ -345,7 +345,7 @@ pub fn of_lobes(
     Ok(Plot { file: "lobes.svg".into(), caption: caption.into(), svg })
 }
 
-/// Receptances of the tool tip along the feed and its normal, um/N over Hz.
+/// Draws receptances of the tool tip along the feed and its normal, um/N over Hz.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -364,7 +364,7 @@ pub fn of_tip(lines: [Vec<(f64, f64)>; 2]) -> Result<Plot, DrawError> {
     Ok(Plot { file: "tip-response.svg".into(), caption: caption.into(), svg })
 }
 
-/// A map of limit depths (mm) over a plane of two coordinates.
+/// Draws a map of limit depths (mm) over a plane of two coordinates.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -388,7 +388,7 @@ pub fn of_depths(
     Ok(Plot { file, caption: caption.clone(), svg })
 }
 
-/// Limit depths (mm) at the places of a program, in order.
+/// Draws limit depths (mm) along a program, in order.
 ///
 /// # Errors
 /// As [`DrawError`].

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The smallest stiffness: over a plane, and by the size of the platform.
+//! The smallest stiffness over a plane, and as a function of the size of the platform.
 
 use crate::contour::contoured;
 use crate::lines::{Line, drawn_lines};
@@ -8,7 +8,7 @@ use crate::sheet::Frame;
 use kinematics::Letter;
 use studies::study::map::Map;
 
-/// Maps of the smallest stiffness of translation and of rotation in one plane.
+/// Draws maps of the smallest stiffness of translation and of rotation in one plane.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -31,7 +31,7 @@ pub fn of_stiffness(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
     Ok([of(0, "translation", "N/µm", 1e-3)?, of(1, "rotation", "kN m/rad", 1e-6)?])
 }
 
-/// How the smallest stiffness changes with the size of the platform.
+/// Draws the smallest stiffness as a function of the size of the platform.
 ///
 /// # Errors
 /// As [`DrawError`].

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! One strip a joint, a coordinate or a limit, below each other over the one axis they share: what
-//! would cross in one plot stands apart, and can be compared at every place.
+//! One strip per joint, coordinate or limit, stacked over a common axis: lines that
+//! would cross in one plot are separate, and comparable at every position.
 //!
-//! All strips have one scale where that shows each of them; otherwise each has its own, which is said.
+//! All strips have the same scale if that shows each of them; otherwise scales differ, and the axis name says so.
 
 use crate::key::{Key, Sign, draw_keys_across};
 use crate::lines::{Line, draw_line};
@@ -14,34 +14,34 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use std::ops::Range;
 
-/// Pixels to the left of the strips: the name of their axis and its ticks.
+/// Pixels to the left of the strips, for the name of their axis and its ticks.
 const LEFT: u32 = 96;
-/// Pixels to their right: what they are, in words.
+/// Pixels to their right, for their names.
 const RIGHT: u32 = 190;
-/// Pixels between two strips: ticks of both stand there.
+/// Pixels between two strips, which the ticks of both need.
 const GAP: u32 = 16;
-/// Pixels for title, key, and ticks and name of the common axis.
+/// Pixels for the title, the key, and the ticks and name of the common axis.
 const HEAD: u32 = 40;
 const KEYS: u32 = 26;
 const FOOT: u32 = 48;
 
-/// A common scale has to give the tallest strip at least this share of its height, and each that moves at
-/// least the other.
+/// Smallest shares of a strip's height that a common scale must give: to the tallest strip, and to each
+/// strip that is not constant.
 const LEAST_SHARE: [f64; 2] = [0.3, 0.05];
 
-/// More points than these would be a line again.
+/// Most points drawn as dots: more would look like a line.
 const DOTS: usize = 40;
 
-/// Marks that are nearer than this share of the axis become one.
+/// Distance below which marks are merged, as a share of the axis.
 const ONE_MARK: f64 = 0.02;
 
-/// What belongs together in one strip.
+/// The lines and limits of one strip.
 pub(super) struct Strip {
     pub(super) name: String,
     pub(super) lines: Vec<Line>,
     pub(super) limits: Vec<f64>,
-    /// Values beyond are drawn at its ends: a single leap would hide all others. Beside the strip they are
-    /// named as they are.
+    /// Range drawn: values beyond are drawn at its ends, because a single jump would hide all others. The label next to
+    /// the strip has the true values.
     pub(super) shown: [f64; 2],
 }
 
@@ -50,7 +50,7 @@ impl Strip {
         Self { name: name.into(), lines, limits, shown: [f64::NEG_INFINITY, f64::INFINITY] }
     }
 
-    /// A line alone, which has the name.
+    /// Creates a strip of one line, with the line's name.
     pub(super) fn of(line: Line, limits: Vec<f64>) -> Self {
         Self::new(&line.name.clone(), vec![line], limits)
     }
@@ -67,35 +67,35 @@ impl Strip {
         value.clamp(self.shown[0], self.shown[1])
     }
 
-    /// Limits that are drawn: all, or those no farther from the lines than these reach.
+    /// Returns the limits that are drawn: all, or those no farther from the lines than the lines' extent.
     fn drawn(&self, all: bool) -> Vec<f64> {
         let (low, high) = span(self.values());
         let reach = low - (high - low)..=high + (high - low);
         self.limits.iter().copied().filter(|limit| all || reach.contains(limit)).collect()
     }
 
-    /// The range of values and limits.
+    /// Returns the range of values and limits.
     fn range(&self, all: bool) -> Range<f64> {
         padded(self.values().chain(self.drawn(all)))
     }
 }
 
-/// What all strips of a sheet have in common.
+/// Common properties of all strips of a sheet.
 pub(super) struct Strips<'a> {
     pub(super) title: &'a str,
     pub(super) x: &'a str,
     pub(super) y: &'a str,
     /// End of the common axis, which begins at 0.
     pub(super) end: f64,
-    /// Whether limits are drawn that are far from the lines, too.
+    /// Whether limits far from the lines are drawn too.
     pub(super) all_limits: bool,
     pub(super) marks: &'a [Mark],
-    /// Whether each point is shown: what lies between them means nothing.
+    /// Whether each point is drawn: values between the points are meaningless.
     pub(super) dots: bool,
 }
 
 impl<'a> Strips<'a> {
-    /// Without marks, up to the end of the lines, with the limits that are near.
+    /// Creates a sheet without marks, up to the end of the lines, with only the limits near them.
     pub(super) fn new(title: &'a str, x: &'a str, y: &'a str, strips: &[Strip]) -> Self {
         let lines = strips.iter().flat_map(|strip| &strip.lines);
         let end = lines.filter_map(|line| line.points.last()).map(|p| p.0).fold(0.0, f64::max);
@@ -103,7 +103,7 @@ impl<'a> Strips<'a> {
     }
 }
 
-/// One strip a line.
+/// Draws one strip per line.
 pub(super) fn drawn_apart(
     title: &str,
     x: &str,
@@ -157,7 +157,7 @@ pub(super) fn drawn_strips(sheet: &Strips, strips: &[Strip]) -> Result<String, D
     })
 }
 
-/// Pixels of a strip: a few are taller.
+/// Returns the height of a strip in pixels: with few strips they are taller.
 fn height(strips: usize) -> u32 {
     (560 / strips.max(1) as u32).clamp(92, 400)
 }
@@ -169,7 +169,7 @@ fn keys(sheet: &Strips, strips: &[Strip]) -> Vec<Key> {
         let is_one = drawn.iter().all(|limit| *limit == drawn[0]);
         keys.push(Key::new(Sign::Line(limit_style()), if is_one { "limit" } else { "limits" }));
     }
-    // A line alone is named beside its strip.
+    // A single line is named next to its strip.
     if let Some(most) =
         strips.iter().max_by_key(|strip| strip.lines.len()).filter(|s| s.lines.len() > 1)
     {
@@ -181,7 +181,7 @@ fn keys(sheet: &Strips, strips: &[Strip]) -> Vec<Key> {
 fn ranges(sheet: &Strips, strips: &[Strip]) -> (Vec<Range<f64>>, bool) {
     let own: Vec<Range<f64>> = strips.iter().map(|strip| strip.range(sheet.all_limits)).collect();
     let (low, high) = span(own.iter().flat_map(|range| [range.start, range.end]));
-    // Of a line that does not move the room is no measure.
+    // The height of a constant line is no criterion.
     let heights: Vec<f64> = strips
         .iter()
         .map(|strip| span(strip.values().chain(strip.drawn(sheet.all_limits))))
@@ -246,7 +246,7 @@ fn mark_line(chart: &Chart, at: f64) -> PathElement<(f64, f64)> {
     PathElement::new([(at, y.start), (at, y.end)], RED.stroke_width(1))
 }
 
-/// Name and range of a strip, to its right.
+/// Writes name and range of a strip, to its right.
 fn describe(area: &Area, strip: &Strip, height: i32) -> Result<(), DrawError> {
     let x = (SIZE.0 - RIGHT + 14) as i32;
     let (low, high) = span(strip.all());
@@ -275,7 +275,7 @@ fn describe(area: &Area, strip: &Strip, height: i32) -> Result<(), DrawError> {
     Ok(())
 }
 
-/// A name that its column holds.
+/// Wraps a name to the width of its column.
 fn wrapped(name: &str) -> String {
     let room = RIGHT - 16;
     if width_of(name, NAME) <= room {
@@ -285,7 +285,7 @@ fn wrapped(name: &str) -> String {
     name.chars().take(most.saturating_sub(1)).chain(['…']).collect()
 }
 
-/// Two values with the digits that tell them apart, four of them.
+/// Formats two values with enough digits to distinguish them.
 fn rounded(low: f64, high: f64) -> [String; 2] {
     if low == f64::NEG_INFINITY && high.is_finite() {
         return ["-∞".into(), rounded(high, high)[1].clone()];

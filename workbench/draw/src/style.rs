@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How pictures look: colours, dashes, letters.
+//! Style of the pictures: colors, dashes, fonts.
 //!
-//! The colours are those of Okabe and Ito (Color Universal Design, 2008), which people with colour-blind
-//! eyes keep apart, without the yellow that paper swallows; maps take viridis. Lines differ in dashes
-//! as well, shades in brightness, so that a print in black says the same.
+//! The colors are those of Okabe and Ito (Color Universal Design, 2008), which are distinguishable for color-blind
+//! readers, without the yellow that is weak on paper; maps use viridis. Lines also differ in dashes,
+//! and shades in brightness, so that a monochrome print contains the same information.
 
 use kinematics::MAX_LEGS;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 pub(super) const FONT: &str = "sans-serif";
-/// Sizes of letters: of titles, of names, of ticks and keys.
+/// Font sizes of titles, of names, of ticks and keys.
 pub(super) const TITLE: i32 = 20;
 pub(super) const NAME: i32 = 16;
 pub(super) const SMALL: i32 = 14;
@@ -23,11 +23,11 @@ pub(super) const ORANGE: RGBColor = RGBColor(230, 159, 0);
 pub(super) const SKY: RGBColor = RGBColor(86, 180, 233);
 pub(super) const GREY: RGBColor = RGBColor(110, 110, 110);
 pub(super) const PALE: RGBColor = RGBColor(205, 205, 205);
-/// Of what breaks a limit: darker than all others.
+/// Color of limit violations: darker than all others.
 pub(super) const RED: RGBColor = RGBColor(180, 0, 0);
 
-/// Colours and (dash, gap) in pixels of lines in one plot; the first is not dashed. Black and wide are
-/// limits alone.
+/// Colors and (dash, gap) in pixels of lines in one plot; the first is not dashed. Wide black lines are
+/// reserved for limits.
 pub(super) const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
     (BLUE, (1, 0)),
     (VERMILLION, (12, 4)),
@@ -48,7 +48,7 @@ pub(super) fn line_style(number: usize) -> ShapeStyle {
     STYLES[number % STYLES.len()].0.stroke_width(DASHED)
 }
 
-/// The colour of an area that belongs to the line of a number: lighter.
+/// Returns the color of an area that belongs to a line's number: lighter.
 pub(super) fn area_colour(number: usize) -> RGBColor {
     let RGBColor(r, g, b) = STYLES[number % STYLES.len()].0;
     let light = |part: u8| part + (255 - part) / 5 * 2;
@@ -59,7 +59,7 @@ pub(super) fn limit_style() -> ShapeStyle {
     BLACK.stroke_width(LIMIT)
 }
 
-/// Dashes of lines by an attribute: dashes drawn one by one take many times the size.
+/// Dashes lines by an attribute: separate line elements per dash would multiply the size.
 pub(super) fn dashed(svg: String) -> String {
     STYLES.iter().skip(1).fold(svg, |svg, (RGBColor(r, g, b), (dash, gap))| {
         let stroke = format!("stroke=\"#{r:02X}{g:02X}{b:02X}\" stroke-width=\"{DASHED}\"");
@@ -71,23 +71,23 @@ pub(super) fn letters(size: i32) -> TextStyle<'static> {
     (FONT, size).into_font().color(&BLACK)
 }
 
-/// Letters of a size, about a place.
+/// Returns a font of a size, aligned relative to a position.
 pub(super) fn letters_at(size: i32, across: HPos, up: VPos) -> TextStyle<'static> {
     letters(size).pos(Pos::new(across, up))
 }
 
-/// Letters of marks, about a place: pages put white around bold ones, so that they are read over lines.
+/// Returns the font of marks: pages put a white border around bold text, so that it is legible on lines.
 pub(super) fn mark_letters(across: HPos, up: VPos) -> TextStyle<'static> {
     let font = (FONT, SMALL).into_font().style(FontStyle::Bold);
     font.color(&RED).pos(Pos::new(across, up))
 }
 
-/// Pixels that a text takes at most: letters of the usual fonts are narrower than this share of their size.
+/// Returns the largest width of a text: letters of common fonts are narrower than this share of their size.
 pub(super) fn width_of(text: &str, size: i32) -> u32 {
     (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as u32
 }
 
-/// Viridis, half white: black letters and lines are read on all of it. Of a share of 0 to 1.
+/// Returns viridis, half white, at a share of 0 to 1: black letters and lines are legible on all of it.
 pub(super) fn shade(share: f64) -> RGBColor {
     let of_ten = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
     let low = (of_ten as usize).min(VIRIDIS.len() - 2);
@@ -98,7 +98,7 @@ pub(super) fn shade(share: f64) -> RGBColor {
     RGBColor(mix(0) as u8, mix(1) as u8, mix(2) as u8)
 }
 
-/// Red, green and blue at nine even places of viridis (Smith and van der Walt, 2015).
+/// Red, green and blue at nine evenly spaced points of viridis (Smith and van der Walt, 2015).
 const VIRIDIS: [[f64; 3]; 9] = [
     [68.0, 1.0, 84.0],
     [71.0, 44.0, 122.0],
@@ -115,7 +115,7 @@ const VIRIDIS: [[f64; 3]; 9] = [
 mod tests {
     use super::*;
 
-    /// Relative luminance as prints in black show it (ITU-R BT.709).
+    /// Returns the relative luminance, as in monochrome prints (ITU-R BT.709).
     fn brightness(RGBColor(r, g, b): RGBColor) -> f64 {
         (0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b)) / 255.0
     }

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How few points a line needs on a sheet: its peaks stay.
+//! Reduction of a line to the points that are visible on a sheet; peaks are kept.
 
 use crate::sheet::{SIZE, padded, span};
 
-/// Columns that a line is thinned to: as many as a strip has pixels.
+/// Number of columns to which a line is reduced: the width of a strip in pixels.
 const COLUMNS: usize = 680;
 
-/// Few enough points; every column keeps the lowest and the highest value.
+/// Reduces a band to few points; every column keeps the lowest and the highest value.
 pub(super) fn envelope(values: &[(f64, [f64; 2])]) -> Vec<(f64, f64)> {
     let mut points: Vec<(f64, f64)> = vec![];
     for column in columns(values) {
         let all = column.iter().flat_map(|(_, ends)| *ends).filter(|value| value.is_finite());
         let (low, high) = span(all);
         let at = column[0].0;
-        // From the one that is nearer to the line so far.
+        // Starts with the value nearer to the line so far.
         let last = points.last().map_or(low, |last| last.1);
         let ends = if (last - low).abs() > (last - high).abs() { [high, low] } else { [low, high] };
         points.push((at, ends[0]));
@@ -24,15 +24,15 @@ pub(super) fn envelope(values: &[(f64, [f64; 2])]) -> Vec<(f64, f64)> {
     without_level_points(points)
 }
 
-/// Few enough points; every column keeps its highest value.
+/// Reduces a line to few points; every column keeps its highest value.
 pub(super) fn highest(values: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    // Of equal ones the first.
+    // Of equal values the first.
     let higher = |a: (f64, f64), b: (f64, f64)| if b.1 > a.1 { b } else { a };
     let highest = |column: &[(f64, f64)]| column.iter().copied().reduce(higher).unwrap_or_default();
     without_level_points(columns(values).map(highest).collect())
 }
 
-/// As [`highest`], of the lowest values.
+/// Reduces a line to few points; every column keeps its lowest value.
 pub(super) fn lowest(values: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let turned: Vec<(f64, f64)> = values.iter().map(|(at, value)| (*at, -value)).collect();
     highest(&turned).into_iter().map(|(at, value)| (at, -value)).collect()
@@ -42,7 +42,7 @@ fn columns<T>(values: &[T]) -> std::slice::Chunks<'_, T> {
     values.chunks(values.len().div_ceil(COLUMNS).max(1))
 }
 
-/// A level stretch needs its two ends only.
+/// Removes points inside constant stretches.
 fn without_level_points(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     let mut kept: Vec<(f64, f64)> = vec![];
     for point in points {
@@ -57,19 +57,19 @@ fn without_level_points(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     kept
 }
 
-/// As [`envelope`], of one value at a place; what is no number is left out.
+/// Reduces a line to few points, as [`envelope`]; values that are not finite are omitted.
 pub(super) fn thin(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     let points: Vec<_> =
         points.filter(|p| p.1.is_finite()).map(|(at, value)| (at, [value; 2])).collect();
     envelope(&points)
 }
 
-/// As [`lowest`]; what is no number is left out.
+/// Reduces a line, as [`lowest`]; values that are not finite are omitted.
 pub(super) fn thin_low(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     lowest(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>())
 }
 
-/// Where in a list the points are that lie apart by about so many pixels, and the last one.
+/// Returns the indices of points at least `pixels` apart, and of the last point.
 pub(super) fn places_apart(points: &[(f64, f64)], pixels: f64) -> Vec<usize> {
     let (x, y) = (padded(points.iter().map(|p| p.0)), padded(points.iter().map(|p| p.1)));
     let least = pixels * (x.end - x.start).max(y.end - y.start) / f64::from(SIZE.0);
@@ -85,11 +85,11 @@ pub(super) fn places_apart(points: &[(f64, f64)], pixels: f64) -> Vec<usize> {
     kept
 }
 
-/// Pixels by which a point may lie beside the line that is drawn: sheets have whole pixels, and many points
-/// on a gentle slope would make stairs of them.
+/// Largest distance of an omitted point from the drawn line, pixels: sheets have whole pixels, and many points
+/// on a gentle slope would form stairs.
 const BESIDE: f64 = 0.6;
 
-/// The places of points, in pixels, that a line through them needs: all others lie [`BESIDE`] it (Ramer,
+/// Returns the indices of the points, in pixels, that a line needs: all others are within [`BESIDE`] of it (Ramer,
 /// Douglas and Peucker).
 pub(super) fn bends(points: &[(f64, f64)]) -> Vec<usize> {
     let mut is_kept = vec![false; points.len()];
@@ -110,7 +110,7 @@ pub(super) fn bends(points: &[(f64, f64)]) -> Vec<usize> {
     (0..points.len()).filter(|k| is_kept[*k]).collect()
 }
 
-/// Of a point from the line between two others.
+/// Returns the distance of a point from the segment between two others.
 fn distance(point: (f64, f64), from: (f64, f64), to: (f64, f64)) -> f64 {
     let (way, own) = ((to.0 - from.0, to.1 - from.1), (point.0 - from.0, point.1 - from.1));
     let square = way.0 * way.0 + way.1 * way.1;

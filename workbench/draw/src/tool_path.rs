@@ -12,13 +12,13 @@ use crate::thin::places_apart;
 use kinematics::{Letter, Vector3};
 use plotters::prelude::*;
 
-/// Tool axes drawn along the path.
+/// Number of tool axes drawn along the path.
 const NEEDLES: usize = 60;
 
 /// Length of a tool axis, as a share of the path's largest side.
 const NEEDLE: f64 = 0.12;
 
-/// A path does not move along a coordinate that changes by less than this share of the others.
+/// Least change of a coordinate, as a share of the others', for the path to count as moving along it.
 const LEAST_EXTENT: f64 = 1e-6;
 
 pub(super) fn tool_path(world: &[&Sample], unit: &str) -> Result<String, DrawError> {
@@ -42,7 +42,7 @@ pub(super) fn tool_path(world: &[&Sample], unit: &str) -> Result<String, DrawErr
     })
 }
 
-/// A look at the path along one of the axes.
+/// A view of the path along one of the axes.
 #[derive(Clone, Copy)]
 struct View {
     title: &'static str,
@@ -56,7 +56,7 @@ const VIEWS: [View; 3] = [
     View { title: "Seen from the side", across: Letter::Y, up: Letter::Z },
 ];
 
-/// The views in which the path is more than a line; where it is one in all, those in which
+/// Returns the views in which the path is more than a line; if there is none, those in which
 /// it is not a point.
 fn views(world: &[&Sample]) -> Vec<View> {
     let extent = |letter: Letter| {
@@ -98,7 +98,7 @@ pub(super) fn isometric(world: &[&Sample], unit: &str) -> Result<String, DrawErr
     })
 }
 
-/// From the control point along the tool axis, tip to holder.
+/// Returns the ends of a line from the control point along the tool axis, tip to holder.
 fn needle(sample: &Sample, length: f64) -> [Vector3<f64>; 2] {
     let pose = kinematics::Pose::from_degrees(sample.pose);
     [pose.position, pose.position + pose.rotation().column(2) * length]
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
     use kinematics::{MAX_JOINTS, MAX_LEGS};
 
-    /// A path over these coordinates, each with a law of its own.
+    /// Creates a path over these coordinates, each with a different law.
     fn path(letters: &[Letter]) -> Vec<Sample> {
         let sample = |k: u32| {
             let mut pose = [5.0; 6];

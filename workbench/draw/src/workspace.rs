@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The body of a workspace with the machine and the axis limits, in the colours of what limits it.
+//! The body of a workspace with the machine and the axis limits, colored by the violated limit.
 
 use crate::key::{Key, Sign, keyed_on};
 use crate::machine::{Drawn, LEG, at_pose, axis_box};
@@ -17,12 +17,12 @@ use studies::study::workspace::{Border, Ray};
 /// Most sides of the body from pole to pole.
 const SIDES: usize = 60;
 
-/// The machine is seen through the body.
+/// Opacity of the body, through which the machine is visible.
 const OPACITY: f64 = 0.8;
 
 const SIZE: (u32, u32) = (960, 720);
 
-/// Pictures of a workspace: the body, and every slice with what limits it where.
+/// Draws pictures of a workspace: the body, and every slice with the violated limits along its border.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -75,7 +75,7 @@ fn end(body: &Body, ray: &Ray) -> Vector3<f64> {
     body.from + ray.direction * ray.exit()
 }
 
-/// Sides of the body that are towards the eye, few enough for a page.
+/// Returns the sides of the body that face the viewer, few enough for a page.
 fn sides(body: &Body, kinds: &Kinds) -> Vec<Part> {
     let last = body.rings.len() - 1;
     let stride = last.div_ceil(SIDES);
@@ -91,7 +91,7 @@ fn sides(body: &Body, kinds: &Kinds) -> Vec<Part> {
             ray(rings[1], turns[1]),
             ray(rings[1], turns[0]),
         ];
-        // At a pole two of them are one.
+        // At a pole two of them coincide.
         let own = if rings[0] == 0 { rays[2] } else { rays[0] };
         side(
             rays.map(|ray| end(body, ray)).to_vec(),

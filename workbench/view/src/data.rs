@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the page is given: the scene, the machine for its kinematics, names of limits, and a program.
+//! Input data of the page: the scene, the machine for its kinematics, names of limits, and a program.
 
 use crate::track::{Point, Track, VALUES};
 use base64::Engine;
@@ -16,31 +16,31 @@ use program::timeline::{Abscissa, Sample, Thinned};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Raised when the page's code and its data belong together no longer.
+/// Version of the data format; increased when the page's code and its data become incompatible.
 const VERSION: u32 = 2;
 
-/// Of a file with a shape; a page holds all of it.
+/// Largest size of a shape file; the page contains the whole file.
 const MOST_BYTES: u64 = 20_000_000;
 
-/// Everything.
+/// All data of the page.
 #[derive(Serialize)]
 pub struct Data {
     version: u32,
     title: String,
     mechanisms: Vec<PageMechanism>,
-    /// Whether the machine is shown as it runs.
+    /// Whether the machine is shown live.
     is_live: bool,
     program: Option<Program>,
-    /// Why there is no program to show, although one was asked for.
+    /// Why there is no program to show, if one was requested.
     error: Option<String>,
-    /// What is drawn without its shape, and why.
+    /// Parts that are drawn without their shape, with the reason.
     problems: Vec<String>,
 }
 
 #[derive(Serialize)]
 struct PageMechanism {
     scene: Scene,
-    /// For the page's kinematics, 64-bit floating point numbers.
+    /// Data of the page's kinematics, 64-bit floating point numbers.
     numbers: String,
     /// Names and units of limits, by [`key`].
     limits: BTreeMap<String, Named>,
@@ -58,7 +58,7 @@ struct Shape {
     bytes: String,
 }
 
-/// What people call a limit of a part.
+/// The displayed name of a limit of a part.
 #[derive(Serialize)]
 struct Named {
     part: String,
@@ -73,16 +73,16 @@ struct Program {
     end: f64,
     /// Times and values of points, one column after the other.
     points: Columns<f64>,
-    /// How many of these values each mechanism has; those of the extra axes stand behind them.
+    /// Number of values of each mechanism; those of the extra axes follow.
     of_mechanism: usize,
-    /// Times at which lines begin, and the lines.
+    /// Start times of lines, and the lines.
     lines: Columns<f64>,
     curves: Option<Curves>,
-    /// What `pkm preflight --format json` tells.
+    /// Output of `pkm preflight --format json`.
     report: serde_json::Value,
 }
 
-/// What the machine does over time.
+/// Quantities of the machine over time.
 #[derive(Serialize)]
 struct Curves {
     names: Vec<Curve>,
@@ -92,7 +92,7 @@ struct Curves {
 
 #[derive(Serialize)]
 struct Curve {
-    /// The picture that it belongs to.
+    /// The picture that contains the curve.
     group: &'static str,
     name: String,
     unit: String,
@@ -141,23 +141,23 @@ impl Data {
         }
     }
 
-    /// Whether it shows a program in motion.
+    /// Returns whether it shows a program in motion.
     pub fn moves(&self) -> bool {
         self.program.as_ref().is_some_and(|program| program.points.rows > 1)
     }
 
-    /// What is drawn without its shape, and why.
+    /// Returns the parts that are drawn without their shape, with the reason.
     pub fn problems(&self) -> &[String] {
         &self.problems
     }
 
-    /// Shows why there is no program.
+    /// Sets the reason why there is no program.
     pub fn with_error(mut self, error: String) -> Self {
         self.error = Some(error);
         self
     }
 
-    /// Shows a program: its name and text, how it runs, and what preflight tells of it.
+    /// Adds a program: its name and text, its motion, and the preflight report.
     pub fn with_program(
         mut self,
         config: &Mechanism,
@@ -194,7 +194,7 @@ impl Data {
     }
 }
 
-/// To 2⁻²⁴ of a unit, far below what anybody sees: numbers whose last digits are zeros take less room.
+/// Rounds to 2⁻²⁴ of a unit, far below what is visible: numbers with trailing zeros compress better.
 fn rounded(value: f64) -> f64 {
     const PLACES: f64 = (1 << 24) as f64;
     (value * PLACES).round() / PLACES
@@ -234,7 +234,7 @@ impl Shape {
     }
 }
 
-/// Every limit that a part may have.
+/// Returns the names of every possible limit of all parts.
 fn named(config: &Mechanism) -> BTreeMap<String, Named> {
     let letters = Letter::ALL.into_iter().map(Part::Axis);
     let joints = (0..config.joints.len()).map(Part::Joint);
@@ -259,7 +259,7 @@ fn named(config: &Mechanism) -> BTreeMap<String, Named> {
         .collect()
 }
 
-/// Whether a limit is one of such a part.
+/// Returns whether a limit applies to a kind of part.
 fn belongs(limit: Limit, part: Part) -> bool {
     match limit {
         Limit::Axis => matches!(part, Part::Axis(_)),
@@ -277,7 +277,7 @@ fn belongs(limit: Limit, part: Part) -> bool {
     }
 }
 
-/// As the page's kinematics number a limit and a part.
+/// Returns the key by which the page's kinematics identify a limit and a part.
 fn key(limit: Limit, part: Part) -> String {
     let [kind, first, second] = page_core::numbers(part);
     format!("{} {kind} {first} {second}", limit.index())

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Frames of a page, drawn by a browser without a window, and a video of them.
+//! Frames of a page, drawn by a headless browser, and a video of them.
 //!
-//! The page draws the frames that its address asks for and lays them into itself as text; the browser writes
-//! the page out (`--dump-dom`). ffmpeg makes a video of them.
+//! The page draws the frames that its address requests and inserts them into itself as text; the browser prints
+//! the page (`--dump-dom`). ffmpeg encodes the video.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -14,25 +14,25 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Browsers that this works with, as distributions call them.
+/// Names of supported browsers in distributions.
 pub const BROWSERS: [&str; 4] =
     ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
-/// Frames that a browser draws before it ends: as text they are held in memory.
+/// Frames that a browser draws per run: they are held in memory as text.
 pub const AT_A_TIME: usize = 50;
 
-/// Frames in a second of a video.
+/// Frames per second of a video.
 pub const RATE: usize = 25;
 
-/// Browsers lay pixels into the page for this time of their own clock, which waits while they draw.
+/// Time on the browser's virtual clock for inserting frames into the page; the clock waits during drawing.
 const BUDGET: &str = "--virtual-time-budget=60000";
 
-/// Between two looks whether a browser has ended.
+/// Interval between checks whether a browser has ended.
 const LOOK: Duration = Duration::from_millis(20);
 
 const SCHEME: &str = "data:image/png;base64,";
 
-/// Why there are no frames, or no video.
+/// Why frames or a video cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
     #[error(
@@ -44,11 +44,11 @@ pub enum FilmError {
     NotStarted { program: PathBuf, error: io::Error },
     #[error("{} drew {found} of {wanted} frames; it may lack WebGL: {told}", browser.display())]
     NoFrames {
-        /// The browser's file.
+        /// The browser's executable.
         browser: PathBuf,
         found: usize,
         wanted: usize,
-        /// The last line that it wrote.
+        /// The last line of its output.
         told: String,
     },
     #[error(
@@ -58,7 +58,7 @@ pub enum FilmError {
         patience.as_secs_f64()
     )]
     Hangs {
-        /// The browser's file.
+        /// The browser's executable.
         browser: PathBuf,
         wanted: usize,
         patience: Duration,
@@ -69,24 +69,24 @@ pub enum FilmError {
     File(#[from] io::Error),
 }
 
-/// How frames are drawn.
+/// Settings for drawing frames.
 #[derive(Clone, Debug)]
 pub struct Camera {
     pub browser: PathBuf,
-    /// The page's file; beside it the browser keeps its own.
+    /// The page's file; the browser keeps its profile next to it.
     pub page: PathBuf,
     /// Width and height, pixels.
     pub size: [usize; 2],
-    /// The view by its name on the page.
+    /// Name of the view on the page.
     pub view: String,
-    /// How long the browser may take for the frames that it draws at a time.
+    /// Time limit for one run of the browser.
     pub patience: Duration,
 }
 
-/// The browser that was asked for, or the first one there is.
+/// Returns the requested browser, or the first one installed.
 ///
 /// # Errors
-/// There is none.
+/// No browser is installed.
 pub fn browser(wanted: Option<&Path>) -> Result<PathBuf, FilmError> {
     if let Some(wanted) = wanted {
         return Ok(wanted.into());
@@ -98,10 +98,10 @@ pub fn browser(wanted: Option<&Path>) -> Result<PathBuf, FilmError> {
 }
 
 impl Camera {
-    /// Frames of a video of `all` frames as PNG files.
+    /// Draws frames of a video of `all` frames as PNG files.
     ///
     /// # Errors
-    /// The browser cannot be started, takes too long, or draws fewer.
+    /// The browser cannot be started, exceeds the time limit, or draws fewer frames.
     pub fn frames(&self, which: Range<usize>, all: usize) -> Result<Vec<Vec<u8>>, FilmError> {
         let wanted = which.len();
         let [width, height] = self.size;
@@ -114,11 +114,11 @@ impl Camera {
         );
         let mut command = Command::new(&self.browser);
         command.args(["--headless", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]);
-        // A page of one's own, without a network.
+        // A separate profile, without network access.
         command.args(["--disable-background-networking", "--disable-component-update"]);
         command.args(["--disable-sync", "--disable-quic", "--no-first-run", BUDGET, "--dump-dom"]);
         if rustix::process::getuid().is_root() {
-            // Root has no sandbox to start a browser in.
+            // As root a browser cannot start its sandbox.
             command.arg("--no-sandbox");
         }
         let profile = self.page.with_file_name("profile");
@@ -146,10 +146,10 @@ impl Camera {
         })
     }
 
-    /// A video of `all` frames, written to a file; `done` hears the share that is done.
+    /// Writes a video of `all` frames to a file; `done` receives the share done.
     ///
     /// # Errors
-    /// As [`Camera::frames`]; ffmpeg cannot be started, or refuses them.
+    /// As [`Camera::frames`]; ffmpeg cannot be started, or refuses the frames.
     pub fn film(&self, all: usize, file: &Path, done: impl Fn(f64)) -> Result<(), FilmError> {
         let mut ffmpeg = encoder(file)?;
         let mut sink = ffmpeg.stdin.take().expect("its standard input is a pipe");
@@ -178,8 +178,8 @@ impl Camera {
     }
 }
 
-/// What a program, the leader of a process group, has written at its end; nothing where it takes longer, and is killed
-/// with its group.
+/// Waits for a program that leads a process group, and returns its output; returns `None` if it exceeds the time
+/// limit, after which it is killed with its group.
 fn ended(mut child: Child, patience: Duration) -> Result<Option<Output>, io::Error> {
     let group = rustix::process::Pid::from_child(&child);
     let (mut out, mut told) = (child.stdout.take(), child.stderr.take());
@@ -195,7 +195,7 @@ fn ended(mut child: Child, patience: Duration) -> Result<Option<Output>, io::Err
             }
         };
         if status.is_none() {
-            // Where it has ended by itself in between, there is nobody to kill.
+            // If it has just ended, no process is left to kill, which is no error.
             let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
             child.wait()?;
         }
@@ -217,7 +217,7 @@ fn encoder(file: &Path) -> Result<Child, FilmError> {
     let mut command = Command::new("ffmpeg");
     command.args(["-hide_banner", "-loglevel", "error", "-y", "-f", "image2pipe", "-c:v", "png"]);
     command.args(["-framerate", &RATE.to_string(), "-i", "-", "-c:v", "libx264"]);
-    // What every player takes.
+    // A format that every player supports.
     command.args(["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]).arg(file);
     command.stdin(Stdio::piped()).stderr(Stdio::piped());
     command.spawn().map_err(|error| started("ffmpeg", error))
@@ -232,7 +232,7 @@ fn last_line(bytes: &[u8]) -> String {
     text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it said nothing").into()
 }
 
-/// A path as a part of an address.
+/// Escapes a path for a URL.
 fn escaped(path: &Path) -> String {
     let is_plain = |byte: &u8| byte.is_ascii_alphanumeric() || b"/._-~".contains(byte);
     let bytes = path.as_os_str().as_encoded_bytes();
@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn a_browser_that_does_not_end_is_ended_with_what_it_has_started() {
-        // The second process holds the pipes, as those of a browser do.
+        // The second process keeps the pipes open, as those of a browser do.
         let mut command = Command::new("sh");
         command.args(["-c", "sleep 600 & sleep 600"]).process_group(0);
         let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

@@ -5,7 +5,7 @@
 //! - Output: one HTML file with the page's own code, which is built from the folder `page`; frames and videos.
 //! - Uses: `machine`, `linuxcnc` and `program`.
 //!
-//! `track` keeps where the machine is at every time of a program, `data` is what the page is given, `page`
+//! `track` records where the machine is at every time of a program, `data` collects the input of the page, `page`
 //! packs both into one file, and `film` has a browser draw it.
 
 pub mod data;

@@ -8,7 +8,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::Write;
 
-/// The page without code and data, and what is built from the folder `page` (`cargo xtask page`).
+/// The page without code and data, and its style and code, built from the folder `page` (`cargo xtask page`).
 const FRAME: &str = include_str!("../../../page/src/page.html");
 const STYLE: &str = include_str!("../../../page/built/page.css");
 const CODE: &str = include_str!("../../../page/built/page.js");
@@ -32,7 +32,7 @@ pub fn page(data: &Data) -> String {
     page + rest
 }
 
-/// Compressed, as text that no browser runs.
+/// Compresses bytes, as text that no browser executes.
 fn packed(id: &str, bytes: &[u8]) -> String {
     let mut gzip = GzEncoder::new(vec![], Compression::best());
     gzip.write_all(bytes).expect("memory takes what is written");

@@ -1,30 +1,30 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where a machine is at every time of a program, by few points.
+//! The machine's positions over a program, stored as few points.
 //!
-//! A point is kept where the straight line from the last one kept would leave a cycle between them by more
-//! than a tolerance. When there are too many points the tolerance is doubled, and the points that are there
-//! are thinned by it: so that a day takes as much memory as a minute. Times of lines are kept up to a number.
+//! A point is kept if the straight line from the last kept point would deviate from a cycle between them by more
+//! than a tolerance. When there are too many points, the tolerance is doubled, and the existing points
+//! are thinned with it, so a day takes as much memory as a minute. Times of lines are kept up to a maximum number.
 
 use linuxcnc::row::Row;
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 
-/// Most points: a browser draws as many in every frame.
+/// Most points: a browser draws all of them in every frame.
 pub const MOST_POINTS: usize = 20_000;
 
-/// Most stretches of lines whose beginning is kept; behind them the last line stays.
+/// Most stretches of lines whose start time is kept; after them the last line remains.
 const MOST_LINES: usize = 1_000_000;
 
-/// First tolerance of a length, as a share of the machine's size, and of an angle in degrees: less than a
-/// picture shows.
+/// Initial tolerance of a length, as a share of the machine's size, and of an angle in degrees: invisible in a
+/// picture.
 const OF_SIZE: f64 = 2e-5;
 const OF_ANGLE: f64 = 2e-3;
 
-/// The machine's own pose (x y z in machine units, a b c in degrees) and the tool vector in effect of one
-/// mechanism.
+/// Number of values of a mechanism: its pose (x y z in machine units, a b c in degrees) and the effective tool
+/// vector.
 pub const VALUES: usize = 9;
 
-/// A moment of a program.
+/// The state at a time of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
     /// Seconds since the program was started.
@@ -33,12 +33,12 @@ pub struct Point {
     pub values: Vec<f64>,
 }
 
-/// A program's way through time.
+/// The motion of a program over time.
 #[derive(Clone, Debug)]
 pub struct Track {
     period: f64,
     tolerance: Vec<f64>,
-    /// By how much the tolerance has grown.
+    /// Factor by which the tolerance has grown.
     coarseness: f64,
     thinner: Thinner,
     /// Time of the first cycle of every line, and the line.
@@ -47,7 +47,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// Of nothing yet.
+    /// Creates an empty track.
     pub fn new(config: &MachineConfig) -> Self {
         let length = OF_SIZE * config.first().machine.size();
         let of = |is_angle| if is_angle { OF_ANGLE } else { length };
@@ -65,7 +65,7 @@ impl Track {
         }
     }
 
-    /// Takes a servo cycle.
+    /// Adds a servo cycle.
     pub fn see(&mut self, config: &MachineConfig, row: &Row) {
         let at = row.cycle as f64 * self.period;
         let of = |one: &Mechanism| row.machine(one).0.into_iter().chain(row.of(one).tool);
@@ -74,14 +74,14 @@ impl Track {
         self.take(at, row.line, values);
     }
 
-    /// Takes a moment: its time in seconds, the line, and the values of a [`Point`].
+    /// Adds a state: its time in seconds, the line, and the values of a [`Point`].
     pub fn take(&mut self, at: f64, line: u32, values: Vec<f64>) {
         let is_new = self.lines.last().is_none_or(|(_, last)| *last != line);
         if is_new && self.lines.len() < MOST_LINES {
             self.lines.push((at, line));
         }
         self.end = at;
-        // Nothing is drawn of a pose that the carrying axes have no place for.
+        // A pose outside the range of the carrying axes is not finite, and is not drawn.
         if values.iter().any(|value| !value.is_finite()) {
             return;
         }
@@ -99,28 +99,28 @@ impl Track {
         all.into_iter().for_each(|point| self.thinner.take(point));
     }
 
-    /// The points, in order; none where nothing was seen.
+    /// Returns the points, in order; empty if nothing was recorded.
     pub fn points(&self) -> Vec<Point> {
         self.thinner.clone().finish()
     }
 
-    /// Time of the first cycle of every stretch of a line, and the line.
+    /// Returns the time of the first cycle of every stretch of a line, and the line.
     pub fn lines(&self) -> &[(f64, u32)] {
         &self.lines
     }
 
-    /// When the program ends, seconds.
+    /// Returns the end time of the program, seconds.
     pub fn end(&self) -> f64 {
         self.end
     }
 }
 
-/// Keeps those of a row of points that a line from point to point needs.
+/// A filter that keeps the points that a polyline needs.
 #[derive(Clone, Debug)]
 struct Thinner {
     tolerance: Vec<f64>,
     points: Vec<Point>,
-    /// The last point taken, and the slopes that lines from the last one kept may have.
+    /// The last point added, and the permitted slopes of lines from the last kept point.
     last: Option<Point>,
     slopes: Vec<[f64; 2]>,
 }
@@ -146,7 +146,7 @@ impl Thinner {
         self.last = Some(point);
     }
 
-    /// Whether a line to the point passes all those between.
+    /// Returns whether a line to the point passes all points between within the tolerance.
     fn reaches(&self, pivot: &Point, point: &Point) -> bool {
         let values = pivot.values.iter().zip(&point.values).zip(&self.slopes);
         values.into_iter().all(|((from, to), [low, high])| {
