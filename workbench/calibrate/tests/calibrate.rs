@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Calibration on machines whose truth is known.
+//! Calibration of simulated machines whose true geometry is known.
 
 use calibrate::at_tool;
 use calibrate::fit::{Fit, Misfit, fit, held_out, residuals};
@@ -20,7 +20,7 @@ const MACHINE: &str = "lab-hexapod";
 /// Noise of the probe, mm.
 const NOISE: f64 = 1e-3;
 
-/// Of an anchor's coordinate and of a length, mm: it makes the tip err by about half a millimetre.
+/// Tolerance of an anchor's coordinate and of a length, mm: it causes tip errors of about half a millimeter.
 const TOLERANCE: f64 = 0.2;
 
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 60.0);
@@ -45,8 +45,8 @@ fn drawn(config: &Mechanism, tolerance: &Tolerance) -> Model {
     Model::new(config.geometry, [0.0; 8], tolerance).unwrap()
 }
 
-/// What was built: every parameter of the machine off by its tolerance, frames where they are
-/// taken to be.
+/// Draws a built machine: every parameter deviates according to its tolerance, and frames are at their assumed
+/// poses.
 fn built(model: &Model, dice: &mut Dice) -> Vec<f64> {
     let draw = |parameter: &calibrate::model::Parameter| match parameter.quantity {
         Quantity::Frame(..) => 0.0,
@@ -55,13 +55,13 @@ fn built(model: &Model, dice: &mut Dice) -> Vec<f64> {
     model.parameters.iter().map(draw).collect()
 }
 
-/// The true pose where the control takes the machine to be at `pose`.
+/// Returns the true pose when the control commands `pose`.
 fn true_pose(control: &Machine, truth: &Machine, pose: &Pose) -> Pose {
     let joints = control.inverse(pose, &TOOL).unwrap();
     truth.forward(&joints, pose, &TOOL, &Solver::default()).unwrap().pose
 }
 
-/// A reading of each pose: what `measure` says of the true pose.
+/// Returns a reading of each pose: `measure` of the true pose.
 fn read(
     control: &Machine,
     truth: &Machine,
@@ -87,7 +87,7 @@ fn positions(config: &Mechanism, truth: &Machine, poses: &[Pose], dice: &mut Dic
     })
 }
 
-/// Largest distance between where the tip is and where the control takes it to be, over poses that
+/// Returns the largest distance between the true tip and the commanded one, over poses that
 /// were not measured.
 fn tip_error(control: &Machine, truth: &Machine, config: &Mechanism) -> f64 {
     let error = |pose: &Pose| (true_pose(control, truth, pose).position - pose.position).norm();
@@ -144,7 +144,7 @@ fn the_derivatives_are_those_of_the_residuals() {
                 let step = 1e-3 * model.parameters[k].deviation;
                 let slope = (at(step) - at(-step)) / (2.0 * step);
                 let miss = (slope - jacobian.column(k)).amax();
-                // Rates are lengths per radian at most, a thousand: poses are known to 1e-9, over
+                // Rates are at most a thousand lengths per radian: poses are accurate to 1e-9, over
                 // steps of 1e-4, and third derivatives leave 1e3 · 1e-8 / 6.
                 let what = (&readings[0].measured, &model.parameters[k]);
                 assert!(miss < 1e-4, "{machine} {what:?}: {miss}");
@@ -179,7 +179,7 @@ fn ranks_are_those_of_the_theory_and_what_is_missing_has_a_name() {
     assert_eq!((full, unseen.len()), (42, 0));
     let (tip, unseen) = check(&known, &varied, place);
     assert_eq!((tip, unseen[0].0), (39, 3));
-    // Six parameters of the frame, of which only the three of the centre's place count.
+    // Six parameters of the frame, of which only the three of the center's position have an effect.
     let distance: fn(&Pose) -> Measured = |pose| Measured::Distance((pose.position - TOOL).norm());
     let (distances, unseen) = check(&unknown, &varied, distance);
     assert_eq!(distances - 3, 33);
@@ -201,15 +201,16 @@ fn half_a_millimetre_becomes_two_micrometres_over_the_workspace() {
     let after = tip_error(&model.machine(&found.changes).unwrap(), &truth, &config);
     println!("tip error {before:.4} mm before, {after:.5} mm after; noise {:.6}", found.noise);
     assert!(before > 0.5 && after < 2e-3, "{before} {after}");
-    // Of 750 numbers the deviation is known to 1/√1500 = 2.6 %, by the median to 4 %; four of these.
+    // From 750 numbers the deviation is known to 1/√1500 = 2.6 %, by the median to 4 %; the tolerance is four times
+    // that.
     assert!((found.noise / NOISE - 1.0).abs() < 0.16, "{}", found.noise);
     let held_out = held_out(&model, &readings, &found, |_| {}).unwrap();
-    // What was not used is met as well as what was, within the 10 % that 39 of 750 unknowns make.
+    // Readings left out fit as well as those used, except for the 10 % due to 39 unknowns in 750 numbers.
     assert!(held_out / found.rms() < 1.1, "{held_out} {}", found.rms());
     assert!(found.outliers.is_empty(), "{:?}", found.outliers);
 }
 
-/// Touches of a plate of holes, at several tilts: each hole at two heights of four walls, and the
+/// Simulates touches of a plate of holes, at several tilts: each hole at two heights of four walls, and the
 /// face beside it.
 fn touches(config: &Mechanism, truth: &Machine, plate: &Frame, dice: &mut Dice) -> Vec<Reading> {
     let control = &config.machine;
@@ -230,7 +231,7 @@ fn touches(config: &Mechanism, truth: &Machine, plate: &Frame, dice: &mut Dice) 
                     Vector3::new(x + radius * angle.cos(), y + radius * angle.sin(), height);
                 let noise = dice.vector(NOISE);
                 let point = plate.origin + plate.rotation * local + noise;
-                // Joints at which the true machine is there.
+                // Joints at which the true machine reaches the touch.
                 let wanted = Pose {
                     position: point + TOOL,
                     angles: Vector3::new(tilt[0], tilt[1], 0.0).map(f64::to_radians),
@@ -265,7 +266,7 @@ fn touches_on_a_plate_whose_place_nobody_knows_calibrate_where_they_were_made() 
     let model = drawn(&config, &Tolerance::of_lengths(TOLERANCE));
     let mut dice = Dice::new(3);
     let truth = model.machine(&built(&model, &mut dice)).unwrap();
-    // Guessed a millimetre and half a degree off.
+    // The initial guess is off by a millimeter and half a degree.
     let guess = Frame {
         origin: plate.origin + Vector3::new(1.0, -0.7, 0.5),
         rotation: Pose::from_degrees([0.0, 0.0, 0.0, 0.0, 0.0, 3.5]).rotation(),
@@ -274,7 +275,7 @@ fn touches_on_a_plate_whose_place_nobody_knows_calibrate_where_they_were_made() 
     let model = model.with_unknown_frame(guess);
     let found = fit(&model, &readings, None).unwrap();
     let calibrated = model.machine(&found.changes).unwrap();
-    // How far the tip is from where it is taken to be, both seen from the plate.
+    // Distance between the true tip and the commanded one, both relative to the plate.
     let seen = model.frame(0, &found.changes);
     let error = |control: &Machine, frame: &Frame| {
         readings
@@ -310,15 +311,15 @@ fn what_one_orientation_does_not_tell_is_not_moved() {
         .collect();
     let readings = positions(&config, &truth, &level, &mut dice);
     let found = fit(&model, &readings, None).unwrap();
-    // The residual is that of the noise, though half of the machine was not found.
+    // The residual equals the noise, although half of the parameters were not determined.
     assert!(found.rms() < 1.1 * NOISE, "{}", found.rms());
     let change = |place| found.changes[model.number(place).unwrap()];
     for leg in 0..6 {
         for axis in 0..3 {
-            // The sum of base and platform anchor is what one orientation does not show; of what it
-            // shows, their difference, both take the same part.
+            // One orientation does not determine the sum of base and platform anchor; the observable
+            // difference is split equally between both.
             let sum = change(Quantity::Base(leg, axis)) + change(Quantity::Platform(leg, axis));
-            // The true tilt of the platform differs from level by 1e-3, which shows that much.
+            // The true tilt of the platform differs from level by 1e-3, which makes the sum observable to that extent.
             assert!(sum.abs() < 1e-2 * TOLERANCE, "leg {leg} axis {axis}: {sum}");
             let k = model.number(Quantity::Base(leg, axis)).unwrap();
             assert!(found.deviation(k) > 0.6 * TOLERANCE, "{}", found.deviation(k));
@@ -326,7 +327,7 @@ fn what_one_orientation_does_not_tell_is_not_moved() {
     }
 }
 
-/// Share of intervals of 95 % that hold the truth, over parameters and runs, and the least and
+/// Returns the share of 95 % intervals that contain the truth, over parameters and runs, and the least and
 /// largest share of one parameter.
 fn coverage(runs: usize) -> (f64, f64, f64) {
     let config = shipped::config(MACHINE);
@@ -360,12 +361,12 @@ fn intervals_of_95_percent_hold_the_truth_as_often_as_they_say() {
         100.0 * least,
         100.0 * largest
     );
-    // Parameters of one run depend on each other: as if the 42 of a run counted as one, which is
-    // the largest spread that their mean can have. Once in a thousand times beyond.
+    // Parameters of one run are correlated: the 42 of a run are counted as one, which gives
+    // the largest possible spread of their mean. A false alarm once in a thousand runs.
     let law = Binomial::new(0.95, runs as u64).unwrap();
     let share = |p: f64| law.inverse_cdf(p) as f64 / runs as f64;
     assert!(share(5e-4) <= all && all <= share(0.9995), "{all}");
-    // Of one parameter, of 42.
+    // For the worst of 42 parameters.
     assert!(share(5e-4 / 42.0) <= least && largest <= 1.0, "{least} {largest}");
     if runs >= 500 {
         assert!((0.93..=0.97).contains(&all), "{all}");
@@ -399,7 +400,7 @@ fn chosen_poses_need_fewer_readings_than_random_ones() {
     let none = DMatrix::zeros(0, model.parameters.len());
     let chosen = next_best(&model, &none, &candidates, &tips, NOISE, 20);
     let with_chosen = tip_deviation(&model, &stacked(&chosen), &tips, NOISE);
-    // Ten times the first so many of 200 poses at random.
+    // Ten random orders of 200 poses: how many of the first poses are needed.
     let mut needed: Vec<usize> = (0..10)
         .map(|turn| {
             let order: Vec<usize> = (0..200).map(|i| (i * 7 + turn * 20) % 200).collect();
@@ -446,7 +447,7 @@ fn an_outlier_is_named_and_changes_nothing() {
     assert_eq!(named, [17, 40]);
     assert!((found.outliers[0].miss - 0.3).abs() < 0.05, "{:?}", found.outliers);
     for (k, (a, b)) in clean.changes.iter().zip(&found.changes).enumerate() {
-        // The same readings, the same minimum, to where the search ends.
+        // The same readings have the same minimum, up to the termination of the search.
         assert!((a - b).abs() < 1e-3 * clean.deviation(k), "{k}: {a} {b}");
     }
 }

@@ -30,6 +30,6 @@ fn pictures_of_a_route_show_families_split_and_joints() {
         names[4..],
         ["carriages.svg", "carriages-speeds.svg", "table-axes.svg", "table-axes-speeds.svg"]
     );
-    // Nine parameters: their points are on the picture, beside that of the legend.
+    // Nine parameter values: their points are in the picture, in addition to that of the legend.
     assert_eq!(plots[0].svg.matches("<circle").count(), 10);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The figures of a page about a program, as they are drawn: limits, marks, and their size.
+//! The figures of a page about a program: limits, marks, and their size.
 
 use draw::margins::{Figure, figures};
 use draw::over::Mark;
@@ -10,10 +10,10 @@ use machine::read::mechanism::Mechanism;
 use program::timeline::{Course, Sample, Thinned};
 use test_support::shipped::config;
 
-/// What a limit line looks like: nothing else is black and as wide.
+/// Attributes of a limit line: no other line is black and as wide.
 const LIMIT: &str = "stroke=\"#000000\" stroke-width=\"3\"";
 
-/// A page is read by a browser on a machine's controller.
+/// Largest page: it is opened in a browser on a machine's controller.
 const MOST_BYTES: usize = 1_000_000;
 
 /// Returns a run over a surface with these many lines of five cycles each, and a step in the middle that
@@ -91,7 +91,7 @@ fn a_page_of_200_000_lines_is_below_a_megabyte_and_shows_limits_and_breaks() {
     };
     let marks = [mark];
     let figures = figures(&config, &course, &marks).unwrap();
-    // Path, two of rooms, feed, axes, and four of the struts.
+    // Path, two of distances to limits, feed, axes, and four of the struts.
     assert_eq!(figures.len(), 9);
     let label = format!("1: line {line}");
     for (k, Figure { title, about, svg }) in figures.iter().enumerate() {
@@ -109,10 +109,10 @@ fn a_page_of_200_000_lines_is_below_a_megabyte_and_shows_limits_and_breaks() {
 fn all_figures_share_one_time_axis() {
     let config = config("hexapod");
     let figures = figures(&config, &surface(&config, 500), &[]).unwrap();
-    // Ticks of the horizontal axis, with their places.
+    // Ticks of the horizontal axis, with their positions.
     let ticks = |figure: &Figure| -> Vec<String> {
         let texts = figure.svg.split("<text ").skip(1);
-        // All but their heights, which are those of the strips.
+        // Without their heights, which depend on the strips.
         let is_below =
             |text: &&str| text.contains("text-anchor=\"middle\"") && !text.contains("transform");
         let place = |text: &str| {

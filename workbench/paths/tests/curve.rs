@@ -72,7 +72,7 @@ fn explicit(x: &str, y: &str, t: [f64; 2]) -> Curve {
     curve(&format!("[curve]\nx_mm = '{x}'\ny_mm = '{y}'\nt = [{from:?}, {to:?}]\n")).unwrap()
 }
 
-/// The place where t has a value, of a curve along which t rises.
+/// Returns part and parameter at a value of t, for a curve along which t increases.
 fn at_t(curve: &Curve, t: f64) -> (usize, f64) {
     let of = |part: usize, at: f64| curve.at(part, at).unwrap().t.value.middle();
     let end = |part: usize| of(part, curve.parts[part].range[1]);
@@ -121,7 +121,7 @@ fn lengths_of_classical_curves_are_those_of_their_closed_forms() {
     }
 }
 
-/// Length in space, by the speed at many places (Simpson's rule).
+/// Returns the length in space, from the speed at many points (Simpson's rule).
 fn length_in_space(curve: &Curve) -> f64 {
     const STEPS: usize = 4000;
     let [a, b] = curve.parts[0].range;
@@ -202,7 +202,7 @@ fn a_circle_that_t_crosses_twice_is_followed_through_both_turning_points_to_its_
 fn a_curve_that_follows_t_ends_at_its_turning_point() {
     let arc = curve(&format!("{LINES_OVER_A_CIRCLE}follow = 't'\n")).unwrap();
     assert!(!arc.is_closed && arc.turnings.len() == 1);
-    // The turning point is found where the slope of t changes its sign: y to rounding, x to its root.
+    // The turning point is where the slope of t changes its sign: y to rounding, x to the square root of it.
     assert!((arc.length - 25.0 * PI).abs() < 1e-6, "{}", arc.length);
 }
 
@@ -236,7 +236,7 @@ fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
         (explicit("1/(t-1)"), "at t = 1: \"1/(t-1)\" divides by 0"),
         (explicit("1/(t-1.3)"), "a pole, a divisor of 0"),
         (explicit("1/(t-1.3)"), "at t = 1.30000"),
-        // Where the divisor itself loses digits beside the pole.
+        // The divisor loses digits near the pole.
         ("[curve]\nx_mm = '1/(1+cos(t))'\ny_mm = 0\nt = [0, '2*pi']\n".into(), "divides by 0"),
         (explicit("sqrt(t)"), "at t = -1"),
         (explicit("sqrt(t)"), "no real value: sqrt of -"),
@@ -265,13 +265,13 @@ fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
     }
 }
 
-/// So near to a pole the roundings of the speed outweigh the error that is asked for of its integral.
+/// Tests a curve so near to a pole that rounding of the speed exceeds the requested error of its integral.
 #[test]
 fn beside_a_pole_the_length_is_that_of_the_line() {
     let text = "[curve]\nx_mm = \"1/(t - 1)\"\ny_mm = 0\nt = [0, 0.9999999999]\n";
     let length = curve(text).unwrap().length;
     let expected = 1.0 / (1.0 - 0.9999999999) - 1.0;
-    // Places of the rule are rounded to 1e-16 at a distance of 1e-10: a millionth of the speed there.
+    // Nodes of the rule round to 1e-16 at a distance of 1e-10: a millionth of the speed there.
     assert!((length / expected - 1.0).abs() < 1e-6, "{length}, not {expected}");
 }
 
@@ -308,12 +308,12 @@ fn joints_and_rates_on_the_pyramid_are_those_of_two_independent_computations() {
         for (k, joint) in order.into_iter().enumerate() {
             close(row.joints[joint], joints[k + 1]);
             let found = row.rates.unwrap()[joint];
-            // The golden rates were compared with central differences.
+            // The golden rates were computed from central differences.
             assert!((found - rates[k + 1]).abs() < 1e-9, "{found} {}", rates[k + 1]);
         }
         close(row.centre[0], row.joints[4]);
         close(row.centre[1], row.joints[5]);
-        // The table takes what the longer tool moves the centre aside.
+        // The table follows the displacement of the center due to the longer tool.
         let long = &rows(&config, &keys, &[node], [0.0, 0.0, 40.0]).unwrap()[0];
         close(long.centre[0], long.joints[4]);
         close(long.centre[1], long.joints[5]);
@@ -333,7 +333,7 @@ fn what_linuxcnc_reads_of_a_program_ends_at_the_joints_of_the_figures() {
     );
     let (_, ends) = read_back(&config, &text);
     let joints = |pose: &[f64; 6]| {
-        // In the machine, where the work lies at 0.
+        // In machine coordinates, where the workpiece is at 0.
         let [x, y, z, a, b, c] = *pose;
         let pose = Pose::from_degrees([x, y, z + ZERO, a, b, c]);
         config.machine.inverse(&pose, &config.spindle).unwrap()
@@ -351,8 +351,8 @@ fn what_linuxcnc_reads_of_a_program_ends_at_the_joints_of_the_figures() {
     }
 }
 
-/// Carriage on a guide from (x1, z1) to (x2, z2) by equations 7 and 8 of paper 000, corrected: the
-/// circle is about the joint (x0, z0).
+/// Returns the carriage position on a guide from (x1, z1) to (x2, z2) by equations 7 and 8 of paper 000, corrected:
+/// the circle's center is the joint (x0, z0).
 fn carriage([x1, z1]: [f64; 2], [x2, z2]: [f64; 2], [x0, z0]: [f64; 2], rod: f64) -> f64 {
     let k = (x2 - x1) / (z2 - z1);
     let s1 = 1.0 + k * k;
@@ -381,7 +381,7 @@ chord_mm = 0.005
 zero_mm = [0, 0, 200]
 ";
 
-/// Positions of some 1000 mm through a square root of 1e6 keep 1e-12 of themselves.
+/// Positions of some 1000 mm through a square root of 1e6 have a relative error of 1e-12.
 const EQUATION_9: f64 = 1e-9;
 
 #[test]
@@ -399,7 +399,7 @@ fn carriages_of_a_cycloid_that_the_table_shares_follow_the_law_of_the_height_alo
     }
 }
 
-/// Two guides and rods of the pyramid, whose platform itself moves in X.
+/// Two guides and rods of the pyramid, whose platform also moves in X.
 const BIGLIDE: &str = "
 [EMCMOT]
 SERVO_PERIOD = 1000000
@@ -472,7 +472,7 @@ fn carriages_of_a_cycloid_that_the_platform_follows_have_the_law_of_equation_9_c
     }
 }
 
-/// A curve with its closed form, which knows nothing of expressions.
+/// A curve with its closed form, which does not use expressions.
 struct Known {
     name: &'static str,
     text: &'static str,
@@ -557,18 +557,18 @@ const KNOWN: [Known; 8] = [
     },
 ];
 
-/// The program of a curve, and its moves as LinuxCNC's interpreter makes them: the first one ends
-/// where the curve begins.
+/// Returns the route of a curve, and the ends of its moves as LinuxCNC's interpreter reads them: the first one is at
+/// the start of the curve.
 fn read_back(config: &Mechanism, text: &str) -> (Route, Vec<[f64; 6]>) {
     read_back_file(config, &PathFile::parse(text).unwrap())
 }
 
-/// The same of a path file that names others.
+/// Returns the same for a path file that refers to other files.
 pub fn read_back_file(config: &Mechanism, file: &PathFile) -> (Route, Vec<[f64; 6]>) {
     let found = route(config, file).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("path.ngc");
-    // LinuxCNC would join moves within the tolerance (naive CAM detection): each is looked at here.
+    // LinuxCNC would merge moves within the tolerance (naive CAM detection), but each is checked here.
     let each = |line: &str| match line.contains("G64 P") {
         true => line.replace("G64 P", "G61 (") + ")",
         false => line.to_string(),
@@ -585,7 +585,7 @@ pub fn read_back_file(config: &Mechanism, file: &PathFile) -> (Route, Vec<[f64; 
     (found, moves[first - 1..=last].iter().map(in_work).collect())
 }
 
-/// Height of the work in the pyramid.
+/// Height of the workpiece in the pyramid.
 pub const ZERO: f64 = 200.0;
 
 pub fn asked(text: &str, chord: f64, moves: &str) -> String {
@@ -622,7 +622,7 @@ fn straight_moves_that_linuxcnc_reads_stay_within_the_tolerance_at_every_paramet
             }
             assert!(most <= chord, "{}: {most}", known.name);
             assert!(most_angle <= 0.02, "{}: {most_angle}", known.name);
-            // The bound is no waste: where the chord decides, pieces come near to it.
+            // The bound is tight: where the chord decides, the deviation of pieces comes close to it.
             let need = found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max);
             assert!(most > 0.9 * need, "{}: {most} of {need}", known.name);
             assert!((found.rows[0].node.t - known.t[0]).abs() < 1e-12);
@@ -631,7 +631,7 @@ fn straight_moves_that_linuxcnc_reads_stay_within_the_tolerance_at_every_paramet
     }
 }
 
-/// Distance of a point from a straight move.
+/// Returns the distance of a point from a straight move.
 pub fn to_move(point: &[f64; 6], from: &[f64; 6], to: &[f64; 6]) -> f64 {
     let along: Vec<f64> = (0..3).map(|k| to[k] - from[k]).collect();
     let square: f64 = along.iter().map(|x| x * x).sum();
@@ -641,7 +641,7 @@ pub fn to_move(point: &[f64; 6], from: &[f64; 6], to: &[f64; 6]) -> f64 {
     distance(point, &near)
 }
 
-/// The interpreter's arcs come as straight moves within this of them.
+/// The interpreter replaces arcs by straight moves within this distance.
 pub const INTERPRETER: f64 = 1e-4;
 
 #[test]
@@ -653,7 +653,7 @@ fn arcs_that_linuxcnc_reads_stay_within_the_tolerance_and_are_fewer_than_lines()
         let lines = route(&config, &PathFile::parse(&asked(known.text, chord, "lines")).unwrap());
         let (arcs, lines) = (found.pieces.len(), lines.unwrap().pieces.len());
         assert!(3 * arcs < lines, "{}: {arcs} of {lines}", known.name);
-        // Along the curve and along the moves at a time.
+        // Along the curve and the moves simultaneously.
         let (mut at, mut most) = (0, 0.0_f64);
         let steps = 40 * ends.len();
         for n in 0..=steps {
@@ -675,7 +675,7 @@ fn a_circle_needs_as_many_chords_as_its_closed_form_says() {
     let text = asked(KNOWN[0].text, 0.002, "lines");
     let found = route(&config("pyramid"), &PathFile::parse(&text).unwrap()).unwrap();
     assert_eq!(found.pieces.len(), GOLDEN.chords_of_a_turn);
-    // And one whole turn of arcs is a few of them.
+    // One whole turn consists of few arcs.
     let text = asked(KNOWN[0].text, 0.002, "arcs");
     let found = route(&config("pyramid"), &PathFile::parse(&text).unwrap()).unwrap();
     assert!(found.pieces.len() <= 3, "{:?}", found.pieces);
@@ -685,7 +685,7 @@ fn a_circle_needs_as_many_chords_as_its_closed_form_says() {
 #[test]
 fn feeds_follow_the_law_of_the_speed_and_the_time_is_its_integral() {
     let config = config("pyramid");
-    // dt/ds = 1/(10 + 10 u): 314.159 mm take ln 2 / 10 times as many seconds.
+    // dt/ds = 1/(10 + 10 u): 314.159 mm take ln 2 / 10 s per mm.
     let text = asked(KNOWN[0].text, 0.01, "lines").replace("= 20", "= '10 + 10*u'");
     for mode in ["per-minute", "inverse-time"] {
         let text = format!("{text}feed = '{mode}'\n");
@@ -759,7 +759,7 @@ fn a_spline_of_control_points_is_written_within_the_tolerance() {
                 [program]\nzero_mm = [0, 0, 200]\n";
     let file = PathFile { folder: folder.path().into(), ..PathFile::parse(text).unwrap() };
     let found = route(&config("pyramid"), &file).unwrap();
-    // The closed form: a clamped cubic with one knot at 1/2, by its basis functions.
+    // The closed form: a clamped cubic with one knot at 1/2, from its basis functions.
     let points = [[0., 0., 0.], [10., 30., 5.], [40., -20., 8.], [60., 10., 0.], [70., 0., 3.]];
     let place = |t: f64| -> [f64; 6] {
         let f = |x: f64| x.max(0.0).powi(3);
@@ -807,7 +807,7 @@ fn paths_of_a_drawing_are_cut_one_after_the_other_and_lifted_between() {
 #[test]
 fn laws_of_the_carriages_give_back_the_path_that_they_were_made_from() {
     let config = config("pyramid");
-    // Carriages that rise together move the platform along Z: by the height of equation 7.
+    // Carriages that rise together move the platform along Z, by the height of equation 7.
     let law = "810.8126291149142 + 10*sin(t)";
     let text = format!(
         "[carriages]\nt_s = [0, 1]\nlaws_mm_or_deg = ['{law}', '{law}', '{law}', '{law}', '20*t', 0]\n"
@@ -852,7 +852,7 @@ fn a_title_stays_one_comment_whatever_is_in_it() {
         let program = route(&config, &PathFile::parse(&text).unwrap()).unwrap().program;
         assert_eq!(program.lines().count(), lines, "{title}");
         let first = program.lines().next().unwrap();
-        // LinuxCNC runs what stands behind ";py," without a blank, and reads 255 bytes of a line.
+        // LinuxCNC executes the text after ";py," without a blank, and reads 255 bytes of a line.
         assert!(first.starts_with("; ") && first.len() < 255, "{first}");
         assert!(!first.contains(['(', ')', '\r']), "{first}");
     }

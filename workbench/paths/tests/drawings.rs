@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Free-form curves: splines with weights and knots, and drawings as DXF and SVG, read back through
+//! Free-form curves: splines with weights and knots, and DXF and SVG drawings, read back by
 //! LinuxCNC's interpreter.
 
 use crate::curve::{INTERPRETER, ZERO, distance, read_back_file, to_move};
@@ -15,7 +15,7 @@ const WORDS: f64 = 1e-6;
 
 const CHORD: f64 = 0.005;
 
-/// A path file about a drawing, beside it.
+/// Writes a path file about a drawing, next to it.
 pub fn beside(name: &str, text: &str, keys: &str, program: &str) -> (TempDir, PathFile) {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join(name), text).unwrap();
@@ -27,7 +27,7 @@ pub fn beside(name: &str, text: &str, keys: &str, program: &str) -> (TempDir, Pa
     (folder, file)
 }
 
-/// An ASCII DXF drawing of these entities, in mm unless its unit is another.
+/// Returns an ASCII DXF drawing of these entities, in a unit.
 fn dxf_in(unit: i32, entities: &[String]) -> String {
     let entities = entities.concat();
     format!(
@@ -40,7 +40,7 @@ fn dxf(entities: &[String]) -> String {
     dxf_in(4, entities)
 }
 
-/// An entity with its values, each behind its group code.
+/// Returns an entity with its values, each after its group code.
 fn entity(kind: &str, values: &[(i32, f64)]) -> String {
     let values: String = values
         .iter()
@@ -60,7 +60,7 @@ fn arc(centre: [f64; 2], radius: f64, from: f64, to: f64) -> String {
     entity("ARC", &[(10, centre[0]), (20, centre[1]), (40, radius), (50, from), (51, to)])
 }
 
-/// A slot of 40 mm between two half circles of 5 mm.
+/// Returns a slot of 40 mm between two half circles of 5 mm.
 fn slot() -> String {
     let vertices = [(-20.0, -5.0, 0.0), (20.0, -5.0, 1.0), (20.0, 5.0, 0.0), (-20.0, 5.0, 1.0)];
     let vertices = vertices.iter().flat_map(|(x, y, bulge)| [(10, *x), (20, *y), (42, *bulge)]);
@@ -70,7 +70,7 @@ fn slot() -> String {
 
 const NURBS_KNOTS: &str = "[0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]";
 
-/// A circle as a rational spline of degree 2 with nine points.
+/// Returns a circle as a rational spline of degree 2 with nine points.
 fn circle_of_nine(radius: f64) -> Vec<[f64; 3]> {
     let corners = [
         (1.0, 0.0),
@@ -97,7 +97,7 @@ fn rational_spline() -> String {
     entity("SPLINE", &values)
 }
 
-/// The largest distance of a curve, by its own t, from the moves that LinuxCNC reads.
+/// Returns the largest distance of a curve from the moves that LinuxCNC reads, at equal t.
 fn farthest(found: &Route, ends: &[[f64; 6]], at: impl Fn(f64) -> [f64; 6]) -> f64 {
     let mut most = 0.0_f64;
     assert_eq!(ends.len(), found.rows.len());
@@ -122,7 +122,7 @@ fn a_rational_quadratic_with_weights_and_knots_is_a_circle_to_rounding() {
         let program = format!("moves = '{moves}'");
         let (_folder, file) = beside("points.csv", &csv, &keys, &program);
         let (found, ends) = read_back_file(&config, &file);
-        // The ends of moves lie on the circle; chords of arcs do so as far as the interpreter's do.
+        // The ends of moves are on the circle, and those of an arc's chords as accurately as the interpreter's.
         for [x, y, z, ..] in &ends {
             let off = x.hypot(*y) - 25.0;
             assert!(off.abs() < 2.0 * WORDS && (z - 3.0).abs() < WORDS, "{moves}: {off} {z}");
@@ -133,7 +133,7 @@ fn a_rational_quadratic_with_weights_and_knots_is_a_circle_to_rounding() {
             "arcs" => {
                 assert_eq!((arcs.len(), found.pieces.len()), (4, 4));
                 for arc in arcs {
-                    // Through three places of the curve, each with some roundings of 25 mm.
+                    // Through three points of the curve, each with some roundings of 25 mm.
                     assert!(arc.centre[0].hypot(arc.centre[1]) < 1e-12, "{arc:?}");
                     assert!(arc.is_left && (arc.length - 12.5 * PI).abs() < 1e-12, "{arc:?}");
                 }
@@ -143,7 +143,7 @@ fn a_rational_quadratic_with_weights_and_knots_is_a_circle_to_rounding() {
     }
 }
 
-/// One entity, and its place at a share of its way.
+/// One entity, and its point at a share of its length.
 struct Known {
     text: String,
     at: fn(f64) -> [f64; 3],
@@ -170,7 +170,7 @@ fn known() -> Vec<Known> {
             text: arc([5.0, 5.0], 20.0, 300.0, 60.0),
             at: |u| around([5.0, 5.0], 20.0, 300.0 + 120.0 * u),
         },
-        // Seen from below: X is turned around.
+        // Seen from below: X is reversed.
         Known {
             text: entity("ARC", &mirrored),
             at: |u| {
@@ -178,7 +178,7 @@ fn known() -> Vec<Known> {
                 [-x, y, z]
             },
         },
-        // In a plane that leans: the axes of the arbitrary axis algorithm are Y and (-0.8, 0, 0.6).
+        // In a tilted plane: the axes of the arbitrary axis algorithm are Y and (-0.8, 0, 0.6).
         Known {
             text: entity(
                 "CIRCLE",
@@ -227,7 +227,7 @@ fn known() -> Vec<Known> {
         Known {
             text: rational_spline(),
             at: |u| {
-                // Each quarter by the tangent of a half of its angle.
+                // Each quarter by the tangent of half its angle.
                 let (turn, v) = ((4.0 * u).floor().min(3.0), 4.0 * u - (4.0 * u).floor().min(3.0));
                 let (a, b, c) = ((1.0 - v).powi(2), 2.0 * v * (1.0 - v) * FRAC_1_SQRT_2, v * v);
                 around([0.0, 0.0], 25.0, 90.0 * turn + (b + c).atan2(a + b).to_degrees())
@@ -258,7 +258,7 @@ fn every_kind_of_entity_is_written_within_the_tolerance_of_its_closed_form() {
                     assert!(most <= CHORD, "{text}: {most}");
                 }
                 _ => {
-                    // A move of the interpreter's for every place: none may be farther away.
+                    // Compared with all moves of the interpreter: the nearest must be within the tolerance.
                     for n in 0..=400 {
                         let at = full(f64::from(n) / 400.0);
                         let near = ends.windows(2).map(|pair| to_move(&at, &pair[0], &pair[1]));
@@ -291,12 +291,12 @@ fn lines_and_arcs_in_any_order_are_joined_to_one_contour_in_the_unit_of_the_draw
     let (found, ends) = read_back_file(&config, &file);
     let expected = 25.4 * (2.0 + PI);
     assert!((found.curve.length - expected).abs() < 1e-9, "{}", found.curve.length);
-    // Down, around and up: nothing lies between.
+    // Down once and up once: the contour is not interrupted.
     assert_eq!(found.program.matches("G0 Z5").count(), 2, "{}", found.program);
-    // The first move goes down to the start.
+    // The first move goes down to the start, which is also the end.
     assert!(distance(&ends[1], &ends[ends.len() - 1]) < 2.0 * WORDS);
     assert!(found.program.contains("\nG1 X25.4\n"), "{}", found.program);
-    // A key goes before the unit of the drawing.
+    // A key has priority over the unit of the drawing.
     let (_folder, file) = beside("a.dxf", &text, "dxf = 'a.dxf'\ndxf_unit_mm = 10", program);
     let found = route(&config, &file).unwrap();
     assert!((found.curve.length - 10.0 * (2.0 + PI)).abs() < 1e-9);
@@ -344,7 +344,7 @@ fn a_law_gives_the_height_of_a_plane_drawing_and_one_in_space_has_its_own() {
     assert!(told.contains("[laws] z_mm: a curve in space has its own z"), "{told}");
 }
 
-/// Entities of a program that is not ours: a slot, an ellipse, a rational spline, a circle seen
+/// Entities from a third-party program: a slot, an ellipse, a rational spline, a circle seen
 /// from below and a polyline on the layer CUT, a line and a text on NOTES.
 const EZDXF: &str = include_str!("drawings/ezdxf.dxf");
 
@@ -360,7 +360,7 @@ fn a_drawing_of_another_program_gives_the_entities_of_a_layer_or_of_handles() {
     let slot = 80.0 + 5.0 * TAU;
     let spline = 15.0 * PI;
     let polyline = 10.0 + 5.0 * PI;
-    // 0.5 to 4 of an ellipse with half-axes of 20.6 mm and 10.3 mm: by Simpson's rule.
+    // From 0.5 to 4 of an ellipse with half-axes of 20.6 mm and 10.3 mm: by Simpson's rule.
     let speed = |phi: f64| {
         let (sin, cos) = phi.sin_cos();
         425_f64.sqrt() * (sin * sin + 0.25 * cos * cos).sqrt()
@@ -371,7 +371,7 @@ fn a_drawing_of_another_program_gives_the_entities_of_a_layer_or_of_handles() {
             / 6000.0;
     let expected = slot + spline + 7.0 * TAU + polyline + ellipse;
     assert!((found.curve.length - expected).abs() < 1e-8, "{} {expected}", found.curve.length);
-    // The circle's handle stands behind its name.
+    // The circle's handle follows its name.
     let (_, rest) = EZDXF.split_once("\nCIRCLE\n  5\n").unwrap();
     let handle = rest.lines().next().unwrap();
     let found = read(&format!("dxf_handles = ['{handle}']")).unwrap();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The pages of NGCGUI, read by the parser that AXIS shows them by.
+//! The pages of NGCGUI, read by the parser with which AXIS displays them.
 
 use crate::curve::ZERO;
 use crate::typical::{TYPICAL, prepared, read, subroutines};
@@ -9,11 +9,11 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// Where LinuxCNC's packages put the parser.
+/// Folder of the parser in LinuxCNC's packages.
 const TCL: &str = "/usr/lib/tcltk/linuxcnc";
 
 /// Prints what the parser finds in files: their text, and name, default and text of every argument. The
-/// parser's own procedures find its array by the name `ay` alone.
+/// parser's own procedures require the array name `ay`.
 const PAGES: &str = "
 source [lindex $argv 0]/ngcgui.tcl
 set ::ngc(any,app) pages
@@ -75,7 +75,7 @@ fn every_page_says_what_it_does_and_every_argument_has_a_default_and_a_text_of_i
         let call = format!("o<{name}> call");
         let typical = TYPICAL.iter().find(|typical| typical.call.starts_with(&call)).unwrap();
         assert_eq!(page.arguments.len(), typical.call.matches('[').count(), "{name}");
-        // AXIS shows the texts, and not the names.
+        // AXIS displays the texts, not the names.
         let texts: BTreeSet<&String> = page.arguments.iter().map(|[_, _, text]| text).collect();
         assert_eq!(texts.len(), page.arguments.len(), "{name}: {texts:?}");
         for [argument, default, text] in &page.arguments {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Typical tool paths: as programs, as subroutines and as remapped codes they make the same moves, and
-//! every machine can run those that its work needs.
+//! Typical tool paths: programs, subroutines and remapped codes make the same moves, and
+//! every machine can run those suitable for it.
 
 use linuxcnc::process::Options;
 use machine::read::machine::MachineConfig;
@@ -26,7 +26,7 @@ struct Golden {
 static GOLDEN: LazyLock<Golden> =
     LazyLock::new(|| toml::from_str(include_str!("cutting_path.toml")).unwrap());
 
-/// An operation, and how a program asks for it: as a subroutine, and as a G-code in its plane.
+/// An operation, and two ways to call it: as a subroutine, and as a G-code in its plane.
 pub struct Typical {
     machine: &'static str,
     zero: [f64; 3],
@@ -180,7 +180,7 @@ impl Typical {
         PathFile::parse(&text).unwrap()
     }
 
-    /// The program with another body between head and tail.
+    /// Returns the program with another body between head and tail.
     fn with_body(&self, program: &str, body: &str) -> String {
         let from = program.find("; 1: ").unwrap();
         let tail = if program.contains("\nG17\nG54") { "G17\nG54\nM2\n" } else { "G54\nM2\n" };
@@ -188,7 +188,7 @@ impl Typical {
     }
 }
 
-/// The move that levels the platform at the end of a program.
+/// Returns the move that levels the platform at the end of a program.
 fn level(program: &str) -> String {
     let found = program
         .lines()
@@ -202,7 +202,7 @@ pub fn subroutines() -> PathBuf {
     root().join("subroutines").canonicalize().unwrap()
 }
 
-/// The machine with the subroutines on its path, and these lines.
+/// Copies a machine, with the subroutines on its path and with additional lines.
 pub fn prepared(machine: &str, more: &str) -> (TempDir, Mechanism) {
     let folder = tempfile::tempdir().unwrap();
     for file in fs::read_dir(ini(machine).parent().unwrap()).unwrap() {
@@ -224,7 +224,7 @@ pub fn prepared(machine: &str, more: &str) -> (TempDir, Mechanism) {
     (folder, config)
 }
 
-/// What makes the G-codes.
+/// The include that defines the G-codes.
 const CODES: &str = "#INCLUDE PLACE/remap.inc\n";
 
 pub fn read(config: &Mechanism, text: &str) -> Vec<Move> {
@@ -242,7 +242,7 @@ pub fn read(config: &Mechanism, text: &str) -> Vec<Move> {
     all
 }
 
-/// Words of a written program have six decimals; an arc's end and centre are three of them.
+/// Words of a written program have six decimals; an arc's end and center have three words.
 const WORD: f64 = 3e-6;
 
 fn assert_alike(name: &str, a: &[Move], b: &[Move]) {
@@ -334,7 +334,7 @@ fn a_zigzag_has_the_rows_and_the_length_of_its_closed_form() {
     assert!((length - GOLDEN.zigzag[1]).abs() < 1e-9, "{length}");
 }
 
-/// Where the small paths of the next test lie on each machine, mm.
+/// Returns the position of the small paths of the next test on each machine, mm.
 fn middle(config: &Mechanism) -> [f64; 3] {
     let [x, y, z, ..] = config.home;
     [x, y, z].map(|value| value / config.units_per_mm)
@@ -354,7 +354,7 @@ const SMALL: [&str; 11] = [
     "kind = 'drill'\npoints = 'down'\nat_mm = [3, 2, 0]\ndepth_mm = 4\nclear_mm = 2",
 ];
 
-/// A program as the command judges it, LinuxCNC's own cycles included.
+/// Checks a program as the command does, LinuxCNC's own cycles included.
 fn assert_passes(config: &Mechanism, program: &Path) {
     let whole = MachineConfig::read(&config.file).unwrap();
     let found = judge(&whole, program, &Options::default(), &mut |_| ()).unwrap().found;
@@ -379,7 +379,7 @@ fn small_typical_paths_pass_preflight_on_every_machine() {
     }
 }
 
-/// Path files beside the configurations, with whether they are jobs.
+/// Path files shipped with the configurations, and whether they are jobs.
 const SHIPPED: [(&str, &str, bool); 13] = [
     ("pyramid", "cycloid", false),
     ("pyramid", "two-pencils", false),
@@ -427,7 +427,7 @@ fn subroutines_pass_preflight_and_of_remapped_codes_the_path_does() {
         let file = folder.path().join("path.ngc");
         fs::write(&file, typical.with_body(&program, typical.call)).unwrap();
         assert_passes(&config, &file);
-        // LinuxCNC in virtual time runs no remapped codes; their moves are followed.
+        // LinuxCNC in virtual time does not run remapped codes; their moves are checked instead.
         let (_folder, config) = prepared(typical.machine, CODES);
         fs::write(&file, typical.with_body(&program, typical.code)).unwrap();
         let read = moves(&config.clone().into(), &file, None).unwrap();

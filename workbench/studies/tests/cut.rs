@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm cut`: forces of the drives, deflection and chip against other ways to them, one pass that loses
-//! no peak, and the command as it is used.
+//! `pkm cut`: forces of the drives, deflection and chip against independent computations, the pass, which must not
+//! miss a peak, and the command as users run it.
 
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
 use linuxcnc::row::{Beside, Extra, Flags, Row};
@@ -21,7 +21,7 @@ use test_support::shipped::config;
 
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 100.0);
 
-/// Rounding of products of matrices of a condition of a thousand.
+/// Rounding of products of matrices with a condition number of a thousand.
 const ROUNDED: f64 = 1e-9;
 
 fn subject<'a>(config: &'a Mechanism, text: &str) -> Subject<'a> {
@@ -35,7 +35,7 @@ fn subject<'a>(config: &'a Mechanism, text: &str) -> Subject<'a> {
     }
 }
 
-/// A moment of a cut at rest.
+/// Returns a moment of a cut at rest.
 fn cut(pose: [f64; 6]) -> Moment {
     let feed = Vector3::new(3.0, 2.0, 0.5);
     Moment { line: 1, poses: [pose; 3], tool: TOOL, speed: 10.0, feed, rpm: Some(6000.0) }
@@ -49,14 +49,14 @@ fn close(found: f64, expected: f64, size: f64) {
 #[test]
 fn six_struts_of_one_slope_share_the_weight() {
     let config = config("hexapod");
-    // A thread that takes its own torque turns nothing.
+    // A self-locking thread exerts no torque on the joints.
     let text = STUDY.replace("max_force", "screw = \"self-locking\"\nmax_force");
     let subject = subject(&config, &text);
     let pose = [0.0, 0.0, 300.0, 0.0, 0.0, 0.0];
     let judged = subject.judge(&Moment { rpm: None, ..cut(pose) }).unwrap();
     let at = config.machine.at(&Pose::from_degrees(pose), &TOOL).unwrap();
     let slope = at.segments()[0].span().normalize().z;
-    // 6 f nz = m g; all struts hang or stand alike.
+    // 6 f nz = m g: by symmetry all struts have the same force.
     for [low, high] in judged.drives {
         close(low, 2.0 * 9.80665 / (6.0 * slope), 1.0);
         assert_eq!(low, high);
@@ -76,7 +76,7 @@ fn a_drive_bears_what_virtual_work_asks_of_it_at_every_angle_of_the_cutter() {
     let gain =
         Sensitivity::at(&config, &pose, &TOOL, config.machine.radius()).unwrap().unwrap().gain;
     let frame = cutter_frame(&moment.feed, &pose);
-    // 10 mm/s, two teeth, a hundred turns a second.
+    // 10 mm/s, two teeth, 100 revolutions per second.
     let chip = 0.05;
     close(judged.chip.unwrap(), chip, 1.0);
     for (i, [low, high]) in judged.drives.iter().enumerate() {
@@ -122,7 +122,7 @@ fn the_tool_yields_by_the_compliance_of_the_stiffness_study() {
 fn inertia_moves_the_tool_as_the_force_that_speeds_it_up() {
     let config = config("linear-delta");
     let subject = subject(&config, STUDY);
-    // The platform turns nowhere: its inertia is a force -m a on any of its points.
+    // The platform does not rotate: its inertia is a force -m a on any of its points.
     let (period, acceleration) = (config.period, 3000.0);
     let step = acceleration * period * period / 2.0;
     let pose = |x: f64| [x, 0.0, 50.0, 0.0, 0.0, 0.0];
@@ -135,7 +135,7 @@ fn inertia_moves_the_tool_as_the_force_that_speeds_it_up() {
     // 2 kg are 0.002 t.
     let expected = compliance * Vector3::new(-0.002 * acceleration, 0.0, 0.0);
     let off = (judged.lag - expected).norm();
-    // The second difference of places of 50 mm that differ by a nanometre and more.
+    // The second difference of positions of 50 mm that differ by a nanometer and more.
     assert!(off < 1e-6 * expected.norm(), "{} {expected}", judged.lag);
 }
 
@@ -145,8 +145,8 @@ fn the_harmonics_of_the_teeth_add_up_to_their_force() {
     let teeth = Teeth::of(&cutting, None, 0.1);
     let chip = 0.05;
     let mean = teeth.mean(chip);
-    // A slot with two teeth has no steps: its force is one of the first two harmonics but for that along
-    // the axis, a half sine whose third harmonic is 2 %.
+    // The force of a slot with two teeth is continuous: it has only the first two harmonics, except along
+    // the axis, where it is a half sine with a third harmonic of 2 %.
     let parts: Vec<_> = (1..=20).map(|k| teeth.harmonic(chip, k)).collect();
     let largest = teeth.forces(chip).map(|force| (force - mean).norm()).fold(0.0, f64::max);
     let found = Teeth::swing(&parts);
@@ -183,7 +183,7 @@ fn a_peak_of_one_cycle_is_not_lost_in_one_pass() {
     let config = config("linear-delta");
     let subject = subject(&config, STUDY);
     let lines = BTreeMap::from([(7, Line { feed: 1000.0, rpm: 6000.0 })]);
-    // 10 mm/s, and once 1 um beside it: an acceleration of 2 m/s² in one cycle.
+    // 10 mm/s, with one deviation of 1 um: an acceleration of 2 m/s² in one cycle.
     let x = |k: u64| 0.01 * k as f64 * config.period / 1e-3 + if k == 777 { 1e-3 } else { 0.0 };
     let found = |bump: u64| {
         let mut pass = Pass::new(&subject, &lines);
@@ -198,7 +198,7 @@ fn a_peak_of_one_cycle_is_not_lost_in_one_pass() {
     let peak = jerky.peaks[3].as_ref().unwrap();
     assert!(peak.value > 1e-4 && peak.judged.line == 7, "{}", peak.value);
     assert!((peak.judged.pose[0] - x(777)).abs() < 1e-12);
-    // Every cycle counts as time, and one of ten is judged.
+    // Every cycle counts as time, but only one in ten is evaluated.
     assert_eq!((jerky.lines[&7].cycles, jerky.cutting), (1998, 1998));
     assert_eq!(jerky.judged, 200);
 }

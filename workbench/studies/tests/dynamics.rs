@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Modes, receptance and geometric stiffness, against independent figures, closed forms and the
+//! Modes, receptance and geometric stiffness, against independent values, closed forms and the
 //! stiffness study.
 
 use kinematics::leg::CrankGeometry;
@@ -24,11 +24,11 @@ use studies::study::springs::Springs;
 use studies::study::stiffness::Stiffness;
 use test_support::shipped::{MACHINES, config};
 
-/// Closed forms and figures of 13 digits; roundings of an eigenvalue, 1e-13 of the largest, which is
+/// Tolerance of closed forms and values of 13 digits: rounding of an eigenvalue, 1e-13 of the largest, which is
 /// thirty times the smallest.
 const CLOSED: f64 = 1e-10;
 
-/// The tool of the figures ends 100 mm below the control point.
+/// Tool of the independent values, which ends 100 mm below the control point.
 pub const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 100.0);
 
 pub const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
@@ -71,7 +71,7 @@ struct Golden {
     delta_hz: Vec<f64>,
 }
 
-/// Each without and with the torque of the thread.
+/// Values without and with the torque of the thread.
 #[derive(Deserialize)]
 struct NutRows {
     a_home_gen_hz_without_and_with: [Vec<f64>; 2],
@@ -91,17 +91,17 @@ fn golden() -> &'static Golden {
     &GOLDEN.structure
 }
 
-/// A platform whose centre of mass lies on its axis, and one that has no symmetry.
+/// A platform with its center of mass on its axis, and one without symmetry.
 pub const SYMMETRIC: &str = "mass_kg = 25\ncentre_mm = [0, 0, 120]\n\
     inertia_kg_m2 = [[0.45, 0, 0], [0, 0.45, 0], [0, 0, 0.60]]\n";
 pub const GENERAL: &str = "mass_kg = 25\ncentre_mm = [6, -4, 120]\n\
     inertia_kg_m2 = [[0.46, 0.02, -0.01], [0.02, 0.43, 0.015], [-0.01, 0.015, 0.60]]\n";
 
-/// Struts of the figures, self-locking as they are there.
+/// Struts of the independent values, which are self-locking.
 pub const STRUTS: &str =
     "stiffness_n_per_um = 10\ndamping_n_s_per_mm = 0.8\nscrew = \"self-locking\"\n";
 
-/// The weight of the figures, mm/s².
+/// Gravity of the independent values, mm/s².
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9810.0);
 
 pub fn model(config: &Mechanism, platform: &str, legs: &str) -> Model {
@@ -111,13 +111,13 @@ pub fn model(config: &Mechanism, platform: &str, legs: &str) -> Model {
     model
 }
 
-/// The pose at which a tool leaves the platform where it stands at `pose` without one.
+/// Returns the pose with a tool for which the platform is where it is at `pose` without a tool.
 pub fn with_tool(pose: [f64; 6], tool: &Vector3<f64>) -> Pose {
     let pose = Pose::from_degrees(pose);
     Pose { position: pose.position - pose.rotation() * tool + tool, ..pose }
 }
 
-/// The hexapod with a body of the figures, the platform at a pose.
+/// Returns the hexapod with a body of the independent values, and the platform at a pose.
 pub fn hexapod(platform: &str, legs: &str, pose: [f64; 6]) -> Structure {
     let config = config("hexapod");
     let model = model(&config, platform, legs);
@@ -158,7 +158,7 @@ fn damping_in_proportion_to_stiffness_gives_the_ratios_and_poles_of_the_figures(
     assert_eq!(poles.len(), expected.len());
     for (found, [re, im]) in poles.iter().zip(expected) {
         let off = (found.re - re).hypot(found.im - im);
-        // Eigenvalues of a matrix that is not symmetric lose some digits more.
+        // Eigenvalues of an asymmetric matrix lose some more digits.
         assert!(off < 1e-9 * im, "{found} {re} {im}");
     }
 }
@@ -242,7 +242,7 @@ fn the_receptance_of_the_tip_is_that_of_the_figures_and_symmetric() {
         for (k, place) in [(0, 0), (1, 1), (2, 2), (0, 1)].into_iter().enumerate() {
             let expected = Complex::new(values[2 * k], values[2 * k + 1]);
             let off = found[place] - expected;
-            // The condition of the dynamic stiffness near a resonance.
+            // The condition number of the dynamic stiffness near a resonance.
             assert!(off.re.hypot(off.im) < 1e-9 * size, "{hz} {place:?} {off}");
         }
         let skew = found - found.transpose();
@@ -273,7 +273,7 @@ fn a_slow_force_finds_the_compliance_of_the_stiffness_study_on_every_machine() {
             let found = structure.receptance(0.0).unwrap().map(|h| h.re);
             let compliance = expected.compliance.fixed_view::<3, 3>(0, 0);
             let off = (found - compliance).amax();
-            // Of two inverses whose condition is 1e5.
+            // Rounding of two inverses with a condition number of 1e5.
             assert!(off < 1e-9 * compliance.amax(), "{machine} {off}");
             assert!((found - found.transpose()).amax() < 1e-9 * compliance.amax());
             compared += 1;
@@ -298,7 +298,7 @@ fn the_hexapod_at_home_swings_as_the_quadratic_equation_of_its_symmetry_says() {
     let structure = hexapod(SYMMETRIC, STRUTS, HOME);
     let k = &structure.stiffness;
     let (m, height, across, about) = (0.025, 120.0, 450.0, 600.0);
-    // X with B: det(K - ω² M) = 0 of two by two.
+    // X coupled with B: det(K - ω² M) = 0 of a 2 × 2 matrix.
     let (a, b, d) = (k[(0, 0)], k[(0, 4)], k[(4, 4)]);
     let (ma, mb, md) = (m, m * height, across + m * height * height);
     let (q2, q1, q0) = (ma * md - mb * mb, -(a * md + ma * d - 2.0 * b * mb), a * d - b * b);
@@ -335,18 +335,18 @@ fn struts_along_the_edges_of_a_cube_give_the_closed_frequencies() {
     let (squares, _) = squares(&mass, &stiffness).unwrap();
     let found: Vec<f64> = squares.iter().map(|square| square.sqrt() / TAU).collect();
     close(&found, &golden().cube_hz, CLOSED);
-    // Without legs nothing holds it.
+    // Without legs the platform is free.
     let (free, _) = studies::dynamics::shapes::squares(&mass, &DMatrix::zeros(6, 6)).unwrap();
     assert_eq!(free, [0.0; 6]);
 }
 
-/// All six coordinates of a level platform whose frame is that of the machine.
+/// Returns a chart of all six coordinates of a level platform whose frame is the machine's.
 fn level() -> Chart {
     let pose = Pose { position: Vector3::zeros(), angles: Vector3::zeros() };
     Chart::new((0..6).collect(), Vector3::zeros(), &pose)
 }
 
-/// A strut of a level platform at the origin.
+/// Returns a strut of a level platform at the origin.
 fn leg(chart: &Chart, base: &Vector3<f64>, anchor: &Vector3<f64>) -> LegAt {
     let span = anchor - base;
     let along = span.normalize();
@@ -370,9 +370,9 @@ fn a_body_that_hangs_on_one_strut_swings_as_a_double_pendulum() {
     let mass = body_mass(&chart, &body, &Matrix3::identity());
     let (squares, _) = squares(&mass, &stiffness).unwrap();
     let found: Vec<f64> = squares[1..].iter().map(|square| square.sqrt() / TAU).collect();
-    // The slow roots stand beside an axial one that is 5e4 times as large.
+    // The slow roots are next to an axial one that is 5e4 times as large.
     close(&found, &golden().pendulum_hz[1..], 1e-9);
-    // It turns freely about the strut.
+    // The platform rotates freely about the strut.
     assert!(squares[0].abs() < 1e-9 * squares[5], "{}", squares[0]);
 }
 
@@ -407,7 +407,7 @@ fn a_platform_on_guides_swings_in_the_coordinates_that_its_legs_move() {
     expected.extend([axis(90.0), axis(60.0)]);
     expected.sort_by(f64::total_cmp);
     close(&hertz(&structure), &expected, CLOSED);
-    // The table's modes move the work alone.
+    // The table's modes move only the workpiece.
     for (mass, unit) in [(90.0, Vector3::x()), (60.0, Vector3::y())] {
         let modes = structure.modes().unwrap();
         let own = modes.iter().find(|mode| (mode.omega / TAU - axis(mass)).abs() < 1e-6).unwrap();
@@ -446,7 +446,7 @@ fn arms_yield_by_their_angle() {
         let geometry = Geometry::new(&legs, letters("XYZ"), letters("")).unwrap();
         let machine = Machine::freeze(&geometry, &[0.0; MAX_LEGS]).unwrap();
         let pose = Pose::from_degrees([0.0, 0.0, z, 0.0, 0.0, 0.0]);
-        // Elbows outwards, as in the figures.
+        // Elbows outwards, as in the independent values.
         let is_outwards =
             machine.at(&pose, &NO_TOOL).is_ok_and(|at| at.segments()[0].base.x > base);
         is_outwards.then_some((machine, geometry))

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The platform in time and under random forces, against closed forms, the matrices at a pose and
-//! independent figures.
+//! The platform's motion over time and under random forces, against closed forms, the matrices at a pose and
+//! independent values.
 
 use crate::dynamics::{GENERAL, STRUTS, SYMMETRIC, TOOL, close, hexapod, model, with_tool};
 use kinematics::{Matrix3, Pose, Vector3};
@@ -100,7 +100,7 @@ fn corner() -> Spectrum {
     Spectrum::Corner { corner: GOLDEN.sigma_n_corner_hz[3] }
 }
 
-/// A top without torque after some seconds.
+/// Simulates a torque-free top for some seconds.
 fn spun(inertia: Vector3<f64>, spin: Vector3<f64>, seconds: f64, steps: u32) -> Motion {
     let zero = Vector3::zeros();
     let mut motion = Motion {
@@ -130,7 +130,7 @@ fn a_free_top_turns_as_elliptic_functions_say_and_keeps_energy_and_momentum() {
         let inertia = Vector3::from_column_slice(&given[..3]);
         let spin = Vector3::from_column_slice(&given[3..]);
         let end = spun(inertia, spin, 1.0, 1000);
-        // The fourth order: 9 rad/s in steps of 1 ms leave 1e-11.
+        // Fourth order: 9 rad/s in steps of 1 ms leave an error of 1e-11.
         assert!((end.spin - Vector3::from(expected)).amax() < 1e-7, "{}", end.spin);
         let momentum = inertia.component_mul(&spin);
         let left = end.rotation * inertia.component_mul(&end.spin) - momentum;
@@ -149,7 +149,7 @@ fn the_spin_of_a_free_top_comes_back_after_the_period_of_the_elliptic_integral()
         let spin = Vector3::from_column_slice(&given[3..]);
         let end = spun(inertia, spin, period, 4000);
         assert!((end.spin - spin).amax() < 1e-7, "{}", end.spin);
-        // Nothing like it comes earlier: half a period on, one part points the other way.
+        // The period is not shorter: after half a period one component has the opposite sign.
         let half = spun(inertia, spin, period / 2.0, 4000).spin;
         assert!((half - spin).amax() > 1.0, "{half}");
     }
@@ -162,11 +162,11 @@ fn halving_the_step_divides_the_error_of_a_top_by_sixteen() {
     let spin = Vector3::new(2.0, 0.0, 9.0);
     let error = |steps| (spun(inertia, spin, 1.0, steps).spin - expected).norm();
     let ratio = error(50) / error(100);
-    // What is left of higher orders.
+    // Sixteen, except for the effect of higher orders.
     assert!((14.0..19.0).contains(&ratio), "{ratio}");
 }
 
-/// A machine with all that a simulation can have.
+/// Returns a machine with all properties that a simulation supports.
 fn shaken(machine: &str, geometric: bool, screw: &str) -> (Mechanism, Model) {
     let config = config(machine);
     let legs = format!(
@@ -180,7 +180,7 @@ fn shaken(machine: &str, geometric: bool, screw: &str) -> (Mechanism, Model) {
     (config, model)
 }
 
-/// Accelerations of the coordinates of a chart in a motion without speed, or less what speeds add.
+/// Returns accelerations in the coordinates of a chart, for a motion with little or no speed.
 fn accelerations(
     simulation: &mut Simulation,
     chart: &Chart,
@@ -210,7 +210,7 @@ fn the_matrices_are_the_differences_of_the_simulation() {
     ] {
         let (config, model) = shaken(machine, true, screw);
         let mut pose = config.home;
-        // Off the symmetry where the machine allows it.
+        // Away from symmetry if the machine has the degrees of freedom.
         let letters = config.machine.layout().coordinates().len();
         if letters == 6 {
             pose[3..].copy_from_slice(&[3.0, -4.0, 2.0]);
@@ -245,7 +245,7 @@ fn the_matrices_are_the_differences_of_the_simulation() {
                 let width = if is_speed { 2e2 * step } else { 2.0 * step };
                 let found = (side(step) - side(-step)) / width;
                 let off = (&found - expected.column(k)).amax();
-                // Third derivatives over the step, and rounding of lengths over it.
+                // Third derivatives times the squared step, and rounding of lengths divided by the step.
                 let size = expected.column(k).amax();
                 assert!(off < 1e-6 * size, "{machine} {screw} {k} {is_speed} {off} {size}");
             }
@@ -253,7 +253,8 @@ fn the_matrices_are_the_differences_of_the_simulation() {
     }
 }
 
-/// Moves a machine for some time without forces: its energy, and that at the end with what dampers took.
+/// Simulates a machine for some time without forces; returns its initial energy, and the final one plus the losses in
+/// the dampers.
 fn left_alone(legs: &str, seconds: f64, step: f64) -> [f64; 2] {
     let config = config("hexapod");
     let model = model(&config, GENERAL, legs);
@@ -261,7 +262,7 @@ fn left_alone(legs: &str, seconds: f64, step: f64) -> [f64; 2] {
     let mut simulation = Simulation::new(&config, &model, &pose, &TOOL).unwrap().unwrap();
     let drives = simulation.drives(&pose, &TOOL).unwrap();
     let mut motion = simulation.resting(&pose, &drives);
-    // Some millimetres of amplitude: far beyond what is linear.
+    // An amplitude of some millimeters, far beyond the linear range.
     motion.velocity = Vector3::new(300.0, -500.0, 400.0);
     motion.spin = Vector3::new(1.0, -2.0, 3.0);
     let start = simulation.energy(&motion, &drives).unwrap();
@@ -285,7 +286,7 @@ fn left_alone(legs: &str, seconds: f64, step: f64) -> [f64; 2] {
 
 #[test]
 fn energy_falls_by_the_work_of_the_dampers_whoever_takes_the_torque_of_the_thread() {
-    // Kinetic energy of the start, which what is lost is compared with.
+    // Kinetic energy at the start, as reference for the error.
     let size = 0.025 * (300.0_f64.powi(2) + 500.0_f64.powi(2) + 400.0_f64.powi(2)) / 2.0;
     for screw in ["self-locking", "backdrivable"] {
         for damping in [0.8, 4.0, 1e-9] {
@@ -293,7 +294,7 @@ fn energy_falls_by_the_work_of_the_dampers_whoever_takes_the_torque_of_the_threa
                 "stiffness_n_per_um = 10\ndamping_n_s_per_mm = {damping}\nscrew = \"{screw}\"\n"
             );
             let [start, end] = left_alone(&legs, 0.1, 2e-5);
-            // Fourth order: (ω h)⁴ of 250 Hz, and rounding of lengths times the weight.
+            // Fourth order: (ω h)⁴ at 250 Hz, and rounding of lengths times the weight.
             assert!((start - end).abs() < 1e-7 * size, "{screw} {damping}: {start} {end}");
         }
     }
@@ -323,7 +324,7 @@ fn half_the_step_that_is_taken_changes_little_of_a_motion() {
         }
         simulation.tip(&motion) - drives.tip
     };
-    // Ten periods of the fastest mode: (2π/40)⁴/120 of a turn in each.
+    // Ten periods of the fastest mode: an error of (2π/40)⁴/120 of a turn in each.
     let (whole, half) = (end(step, 400), end(step / 2.0, 800));
     assert!((whole - half).norm() < 1e-3 * half.norm(), "{whole} {half}");
 }
@@ -358,7 +359,7 @@ fn a_random_force_shakes_the_tip_and_loads_the_struts_as_in_an_independent_calcu
         let root = |tip: Matrix3<f64>| -> Vec<f64> {
             tip.diagonal().iter().map(|variance| 1e3 * variance.sqrt()).collect()
         };
-        // Two calculations in double precision whose matrices have conditions of 1e6.
+        // Two computations in double precision with matrices whose condition number is 1e6.
         close(&root(linear.of_tip(&covariance)), &rms, 1e-8);
         close(&linear.of_legs(&covariance), legs, 1e-8);
         close(&root(linear.of_tip(&linear.held(1e-4).unwrap())), &held, 1e-8);
@@ -381,7 +382,7 @@ fn the_covariance_has_the_ellipse_of_the_figures() {
     let found = Ellipse::of(&(tip * 1e6));
     close(&found.axes, &[long, short], 1e-8);
     close(&[found.direction], &[direction], 1e-8);
-    // The symmetric platform scatters alike to all sides: a circle has no direction.
+    // The scatter of the symmetric platform is isotropic: a circle has no direction.
     let structure = hexapod(SYMMETRIC, STRUTS, HOME);
     let linear = Linear::of(&structure, &[1e4; 6], &sigma(), &corner()).unwrap();
     let tip = linear.of_tip(&linear.covariance().unwrap());
@@ -400,12 +401,12 @@ fn the_long_axis_of_the_trace_depends_on_the_corner_of_an_isotropic_force() {
         let (sigma, spectrum) = (Vector3::repeat(30.0), Spectrum::Corner { corner: *corner });
         let linear = Linear::of(&structure, &[1e4; 6], &sigma, &spectrum).unwrap();
         let found = Ellipse::of(&linear.of_tip(&linear.covariance().unwrap()));
-        // Directions of an ellipse that is nearly a circle lose a digit.
+        // The direction of an almost circular ellipse loses a digit.
         close(&[found.direction, found.axes[0] / found.axes[1]], &[*direction, *ratio], 1e-7);
     }
 }
 
-/// A structure of one mass that moves along X.
+/// Returns a structure of one mass that moves along X.
 fn one_mass(mass: f64, damping: f64, stiffness: f64) -> Structure {
     let single = |value| DMatrix::from_element(1, 1, value);
     let mut tip = Matrix6xX::zeros(1);
@@ -427,7 +428,7 @@ fn one_mass_under_a_random_force_has_the_closed_variance() {
     let sigma = Vector3::new(force, 0.0, 0.0);
     let linear =
         Linear::of(&structure, &[stiffness], &sigma, &Spectrum::Corner { corner }).unwrap();
-    // A force along Y and Z that is 0 leaves variances of 0 alone.
+    // A zero force along Y and Z leaves variances of 0.
     let tip = linear.of_tip(&linear.covariance().unwrap());
     close(&[1e3 * tip[(0, 0)].sqrt()], &[rms], 1e-10);
     let a = TAU * corner;
@@ -436,8 +437,8 @@ fn one_mass_under_a_random_force_has_the_closed_variance() {
     close(&[tip[(0, 0)]], &[closed], 1e-10);
 }
 
-/// ∫ of the one-sided spectrum of the tip: the trapezoidal rule in u with f = s sinh u, which for an
-/// integrand without poles nearer than a damping ratio to the real line leaves e^(-2π ζ/h).
+/// Integrates the one-sided spectrum of the tip: the trapezoidal rule in u with f = s sinh u, which for an
+/// integrand without poles nearer to the real line than a damping ratio has an error of e^(-2π ζ/h).
 fn integrated(structure: &Structure, spectrum: &Spectrum) -> Matrix3<f64> {
     let (scale, h) = (50.0, 0.003);
     let mut sum = Matrix3::zeros();
@@ -479,7 +480,7 @@ fn a_sampled_force_has_its_variance_and_decays_as_it_should() {
             last = now;
         }
         let variance = sigma().component_mul(&sigma()) * count as f64;
-        // Independent values in the record: one a decay of 1/(2π 150 Hz); four standard deviations.
+        // Number of independent values in the record: one per decay time, 1/(2π 150 Hz); four standard deviations.
         let slack = 4.0 * (2.0 / (count as f64 * step * 2.0 * PI * 75.0)).sqrt();
         for k in 0..3 {
             assert!((sum[k] / variance[k] - 1.0).abs() < slack, "{spectrum:?} {k}");
@@ -514,14 +515,14 @@ fn many_runs_of_the_simulation_scatter_as_the_linear_theory_says() {
     for axis in 0..3 {
         let spread = linear.spread(&covariance, axis, seconds * runs as f64).unwrap();
         let off = found[(axis, axis)] / expected[(axis, axis)] - 1.0;
-        // Four standard deviations, and what is not linear.
+        // Four standard deviations, and nonlinear effects.
         assert!(off.abs() < 4.0 * spread + 0.005, "{axis} {off} {spread}");
     }
 }
 
 #[test]
 fn a_record_shows_the_spectrum_of_what_it_recorded() {
-    // A tone of 3 um at 40 Hz in a record of 4 s, and another of 1 um at 90 Hz along Y.
+    // A 3 um tone at 40 Hz in a record of 4 s, and a 1 um tone at 90 Hz along Y.
     let step = 1e-3;
     let tone = |k: i32| {
         let time = f64::from(k) * step;
@@ -535,7 +536,7 @@ fn a_record_shows_the_spectrum_of_what_it_recorded() {
     // The window's side lobes beyond 10 Hz.
     close(&[power(40.0, 0), power(90.0, 1)], &[4.5, 0.5], 1e-3);
     assert!(power(40.0, 1) < 1e-6 && power(90.0, 2) == 0.0);
-    // A crest falls between samples, of which 25 and 11 make a period.
+    // The crest lies between samples, of which there are 25 and 11 per period.
     close(record.peaks().as_slice(), &[3.0, 1.0, 0.0], 0.01);
 }
 
@@ -553,7 +554,7 @@ fn cutter(arc: [f64; 2], lag: f64) -> Milling {
     }
 }
 
-/// ∫ force e^(-i k N φ) dφ over the arc of one tooth, as amplitude of the harmonic; by Simpson's rule.
+/// Computes ∫ force e^(-i k N φ) dφ over the arc of one tooth, as amplitude of the harmonic; by Simpson's rule.
 fn harmonic(cutter: &Milling, k: u32) -> [f64; 3] {
     let one = Milling { teeth: 1, ..*cutter };
     let (count, [entry, exit]) = (20_000, cutter.arc);
@@ -608,14 +609,14 @@ fn a_milling_force_has_the_closed_mean_and_harmonics() {
             close(&harmonic(&cutter, k), &expected, 1e-9);
         }
         close(&[cutter.tooth_frequency()], &[golden.milling_tooth_hz], 1e-12);
-        // A helix moves the force of each slice, and leaves the mean.
+        // A helix delays the force of each slice, and does not change the mean.
         let helical = Milling { lag: 0.7, ..cutter };
         let count = 3600;
         let mean = |cutter: &Milling| -> Vector3<f64> {
             let all = (0..count).map(|k| cutter.force(TAU * f64::from(k) / f64::from(count)));
             all.sum::<Vector3<f64>>() / f64::from(count)
         };
-        // The corners of the arc fall between angles that are a tenth of a degree apart.
+        // The corners of the arc lie between sample angles, a tenth of a degree apart.
         let off = (mean(&helical) - mean(&cutter)).norm();
         assert!(off < 0.01 * mean(&cutter).norm(), "{off}");
     }
@@ -680,7 +681,7 @@ fn drives_bear_what_virtual_work_asks_of_them_on_every_machine() {
                 done += weight.dot(&chart.displacement(&model.body.centre).column(k));
                 done += wrench.force.dot(&chart.displacement(&tip).column(k));
                 done += wrench.moment.dot(&chart.turns().column(k));
-                // Differences of joint values of 1e-13 over their step.
+                // Finite differences of joint values: rounding of 1e-13 over the step.
                 let size = 500.0 * if chart.is_angle(k) { 300.0 } else { 1.0 };
                 assert!(done.abs() < 1e-5 * size, "{machine} {k} {done}");
             }
@@ -702,7 +703,7 @@ fn four_rods_that_hold_three_coordinates_share_their_load_with_the_least_energy(
         let held = Held::at(&config, &model, &pose, &config.spindle).unwrap().unwrap();
         let found = held.loads(&Moving::still(pose, config.spindle), &wrench);
         let springs: Vec<f64> = held.springs().collect();
-        // Carriages that move without the platform: what all coordinates leave of the joint rates.
+        // The motion of the carriages without the platform: the complement of the joint rates of all coordinates.
         let at = config.machine.at(&pose, &config.spindle).unwrap();
         let chart = Chart::of(&config, &at);
         let tip = -config.spindle;
@@ -717,8 +718,8 @@ fn four_rods_that_hold_three_coordinates_share_their_load_with_the_least_energy(
         assert_eq!(rates.shape(), (4, 3));
         let apart = (&rates * rates.transpose()).symmetric_eigen();
         let free = apart.eigenvectors.column(apart.eigenvalues.imin());
-        // Forces of that kind hold each other, and do no work. None of them may lower the energy of
-        // all: Σ f n/k = 0.
+        // Internal forces along it balance and do no work. Adding them must not lower the total energy:
+        // Σ f n/k = 0.
         let parts: Vec<f64> = (0..4)
             .map(|i| {
                 let gain = found.drives[i] / found.legs[i];
@@ -727,7 +728,7 @@ fn four_rods_that_hold_three_coordinates_share_their_load_with_the_least_energy(
             .collect();
         let size = parts.iter().map(|part| part.abs()).fold(0.0, f64::max);
         let sum: f64 = parts.iter().sum();
-        // Differences of joint values of 1e-13 over their step.
+        // Finite differences of joint values: rounding of 1e-13 over the step.
         assert!(size > 0.0 && sum.abs() < 1e-5 * size, "{sum} {parts:?}");
     }
 }
@@ -741,16 +742,16 @@ fn the_struts_of_a_symmetric_pose_share_weight_and_thrust() {
     let found = loads(&config, &model, &Moving::still(pose, TOOL), &wrench).unwrap().unwrap();
     let at = config.machine.at(&pose, &TOOL).unwrap();
     let along = at.segments()[0].span().normalize();
-    // Six struts of one slope: 6 f nz + 500 - 25 · 9.81 = 0.
+    // Six struts with equal inclination: 6 f nz + 500 - 25 · 9.81 = 0.
     let expected = (25.0 * 9.81 - 500.0) / (6.0 * along.z);
     close(&found.drives, &[expected; 6], 1e-10);
-    // The same platform under the same force, once it has come to rest.
+    // The same platform under the same force, after it has settled.
     let force = Force::Steady(wrench.force);
     let legs = STRUTS.replace("0.8", "20");
     let model = crate::dynamics::model(&config, SYMMETRIC, &legs);
     let times = Times { step: 1e-4, warm_up: 1.0 };
     let record = standing(&config, &model, (&pose, &TOOL), force, (&times, 0.01), |_| ()).unwrap();
-    // By the displacement of the loaded platform, 10 um of 1000 mm.
+    // Tolerance for the displacement of the loaded platform, 10 um of 1000 mm.
     close(&record.forces, &[expected; 6], 1e-4);
 }
 
@@ -799,15 +800,15 @@ fn a_motor_feels_the_force_of_its_drive_through_the_lead() {
     let text = "[legs]\nmax_force_n = 2000\nmotor_torque_n_m = 4\nscrew_efficiency = 0.9\n";
     let drives = of(&hexapod, text);
     assert_eq!(drives.len(), 6);
-    // 2000 N at a lead of 10 mm are 3.18 N m, over 0.9.
+    // 2000 N at a lead of 10 mm are 3.18 N m, divided by 0.9.
     let torque = drives[0].motor.unwrap().torque_of(-2000.0);
     close(&[torque], &[2000.0 * 10.0 / TAU / 0.9], 1e-12);
     close(&[drives[0].share(-1000.0).unwrap()], &[0.5], 1e-12);
-    // The motor is the weaker one with 2 N m.
+    // With 2 N m the motor is the limiting one.
     let weak = of(&hexapod, &text.replace("_m = 4", "_m = 2"));
     close(&[weak[0].share(1000.0).unwrap()], &[torque / 2.0 / 2000.0], 1e-12);
     assert_eq!(of(&hexapod, "")[0].share(1e9), None);
-    // A carriage's screw is not in the INI file.
+    // The lead of a carriage's screw is not in the INI file.
     let text = "[legs]\nmotor_torque_n_m = 4\n";
     let error = Capacity::of(&config("linear-delta"), &Study::parse(text).unwrap()).unwrap_err();
     assert!(error.to_string().contains("screw_lead_mm of [legs]"), "{error}");

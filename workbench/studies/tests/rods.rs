@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where the legs are, against independent figures and closed loops.
+//! Geometry of the legs, against independent values and closed loops.
 
 use kinematics::{Pose, Vector3};
 use machine::proof::axis_box;
@@ -22,12 +22,12 @@ fn the_least_distance_of_legs_at_home_is_that_of_an_independent_calculation() {
         [("four-rod-lathe", 120.0), ("six-rod-lathe", 120.0), ("pyramid", 169.705627485)]
     {
         let found = at(machine, config(machine).home).nearest.unwrap();
-        // The figures have nine decimals.
+        // The values have nine decimals.
         assert!((found.distance - distance).abs() < 1e-6, "{machine} {found:?}");
     }
 }
 
-/// Ranges that the independent figures, the least of 500 random poses, were found over.
+/// Ranges of the independent scans, each the least of 500 random poses.
 const SCANS: [(&str, [[f64; 2]; 6], f64); 3] = [
     (
         "four-rod-lathe",
@@ -59,14 +59,14 @@ fn the_least_distance_over_a_workspace_is_that_of_an_independent_scan() {
         let config = config(machine);
         let view = View::new(&config, vec![], 0.0);
         let mut rng = Pcg64::seed_from_u64(1);
-        // The pyramid's tool is 150 long in the figures; its INI file has it in the centre.
+        // The pyramid's tool is 150 long in the independent values; its INI file includes it in the center.
         let gaps = (0..500).map(|_| {
             let pose = ranges.map(|[low, high]| low + (high - low) * rng.random::<f64>());
             let rods = view.at(&Pose::from_degrees(pose), &config.spindle).unwrap();
             rods.nearest.unwrap().distance
         });
         let least = gaps.fold(f64::INFINITY, f64::min);
-        // Other random poses: the least of 500 differs by some per cent.
+        // Other random poses: the least of 500 differs by some percent.
         assert!((least / expected - 1.0).abs() < 0.15, "{machine} {least}");
     }
 }
@@ -88,7 +88,7 @@ fn ends_lengths_and_directions_belong_together_on_every_machine() {
                 let end = rod.ends.base + along * rod.length;
                 assert!((end - rod.ends.platform).norm() < LENGTH_MM, "{machine} {rod:?}");
             }
-            // The point is the middle of the ring where the leg ends on one.
+            // If the leg ends on a ring, the point is the ring's center.
             let radius = config.geometry.legs()[0].kind.ring_radius();
             let apart = (rods.points[0] - rods.rods[0].ends.platform).norm();
             assert!((apart - radius).abs() < LENGTH_MM, "{machine}: {apart}");
@@ -107,7 +107,7 @@ fn ends_lengths_and_directions_belong_together_on_every_machine() {
 
 #[test]
 fn two_carriages_of_a_rail_close_the_loop_of_paper_003() {
-    // Equation 3 with the sign of l2 that the algebra asks for: rods A and B of one rail lie in
+    // Equation 3 with the sign of l2 that follows from the algebra: rods A and B of one rail are in
     // a plane with it while B = 0.
     for pose in [[0.0, 450.0, 1000.0, 0.0, 0.0, 0.0], [80.0, 400.0, 800.0, 0.0, 0.0, 0.0]] {
         let rods = at("four-rod-lathe", pose).rods;
@@ -137,7 +137,7 @@ fn carriages_stand_where_the_repaired_equations_of_paper_003_put_them() {
                 panic!("a lathe on sliders")
             };
             let side = f64::from(slider.side);
-            // Equation 13: guides along Z, with the square of l that the print has lost.
+            // Equation 13: guides along Z, with the square of l that is missing in print.
             let across = (end - base).xy().norm_squared();
             let carriage = end.z - base.z + side * (slider.rod.powi(2) - across).sqrt();
             assert!((carriage - joints[i]).abs() < LENGTH_MM, "{carriage} {}", joints[i]);

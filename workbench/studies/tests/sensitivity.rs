@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What errors of the joints do to the pose, against independent figures, differences of the core's
-//! forward kinematics, and draws.
+//! The effect of joint errors on the pose, against independent values, finite differences of the core's
+//! forward kinematics, and random draws.
 
 use kinematics::{LEAST_DRIVE, Letter, Pose, Solver, Vector3};
 use machine::proof::axis_box;
@@ -17,7 +17,7 @@ fn at(config: &Mechanism, pose: &Pose) -> Sensitivity {
     Sensitivity::at(config, pose, &config.spindle, 100.0).unwrap().unwrap()
 }
 
-/// Ten micrometres on each strut of `lab-hexapod` at home, from an independent calculation: X Y Z
+/// Effect of ten micrometers on each strut of `lab-hexapod` at home, from an independent computation: X Y Z
 /// in mm, A B C in degrees.
 const SIGMA: [f64; 6] = [
     0.018659961526,
@@ -33,7 +33,7 @@ fn errors_of_the_struts_spread_as_in_an_independent_calculation() {
     let config = config("lab-hexapod");
     let found = at(&config, &config.home_pose()).sigma(&[0.01; 6]);
     for (found, expected) in found.iter().zip(SIGMA) {
-        // The figures have twelve decimals, and as many digits as errors of 1e-9 relative leave.
+        // The values have twelve decimals, and a relative error of 1e-9.
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
     }
 }
@@ -47,7 +47,7 @@ fn draws_through_forward_kinematics_spread_as_the_covariance_says() {
         let expected = at(&config, &home).sigma(&sigma);
         let drawn = monte_carlo(&config, &home, &config.spindle, &sigma, count).unwrap();
         for (k, expected) in expected.iter().enumerate().filter(|(_, s)| **s > 0.0) {
-            // 1/sqrt(2 n) = 0.5 % is one standard deviation; four of them.
+            // 1/sqrt(2 n) = 0.5 % is one standard deviation; the tolerance is four.
             let off = (drawn.sigma[k] / expected - 1.0).abs();
             assert!(off < 0.02, "{machine} {k}: {} {expected}", drawn.sigma[k]);
         }
@@ -85,7 +85,7 @@ fn on_every_machine_the_pose_moves_as_differences_of_forward_kinematics_say() {
             let Ok(joints) = config.machine.inverse(&pose, &config.spindle) else { continue };
             looked += 1;
             let found = at(&config, &pose);
-            // Joints that contradict each other are what is asked about.
+            // Contradicting joints are permitted: their effect is tested.
             let solver = Solver { residual_limit: config.machine.size(), ..config.solver };
             let step = 1e-3 * config.units_per_mm;
             for j in 0..config.joints.len() {
@@ -115,12 +115,12 @@ fn scaled_singular_values_change_with_the_length_and_the_unit_of_angles_does_not
     let config = config("hexapod");
     let found = at(&config, &config.home_pose());
     let other = Sensitivity::at(&config, &config.home_pose(), &NO_TOOL, 200.0).unwrap().unwrap();
-    // Three columns at half the size.
+    // Three columns of half the size.
     assert!((found.determinant / other.determinant - 8.0).abs() < 1e-9);
     assert!(((found.gain - other.gain).abs().max()) < 1e-12);
 }
 
-/// The law of Strutynsky and Yumashev with the square that their matrix confirms.
+/// Returns the law of Strutynsky and Yumashev with the square that their matrix confirms.
 fn paper_law() -> Law {
     let text = "[law]\nperiod_s = 6.283185307179586\nradius_mm = 10\ngrowth_mm = 20\n\
                 rise_mm = 10\nbend_mm = 10\namplitude_deg = [1, 2, 3]\n";
@@ -132,7 +132,7 @@ fn the_motion_law_has_the_rates_of_paper_001_and_those_of_its_differences() {
     let config = config("lab-hexapod");
     let law = paper_law();
     let (_, rate) = law.at(&config, 2.8);
-    // Metres per second in the figures, which have eight decimals: 1e-8 m/s.
+    // Meters per second in the published values, which have eight decimals: 1e-8 m/s.
     for (found, expected) in rate.iter().zip([-0.00933471, -0.01675365, 0.00141850]) {
         assert!((found * 1e-3 - expected).abs() < 1e-8, "{found} {expected}");
     }
@@ -148,7 +148,7 @@ fn the_motion_law_has_the_rates_of_paper_001_and_those_of_its_differences() {
     }
 }
 
-/// Paper 001's table, decimals and signs restored, a row a strut.
+/// Paper 001's table, with decimals and signs restored, one row per strut.
 const TABLE: [[f64; 6]; 6] = [
     [-3.761, -2.096, 24.75, 4.889, 2.849, 1.941],
     [-1.584, -0.883, 10.424, 2.059, 1.2, 0.818],
@@ -198,14 +198,14 @@ fn singular_poses_are_found_where_the_legs_are_assembled_another_way_beyond() {
         .unwrap()
         .smallest_singular_value();
     assert!(hold < 1e-8, "{hold}");
-    // The axis limits of this machine are proved to hold none.
+    // The axis limits of this machine are proved to contain no singular pose.
     assert!(parallel.reach > 1.0 && found.least > 0.01, "{found:?}");
     let middle = range.at([0.5; 6]);
     let side = |factor: f64| {
         let pose = std::array::from_fn(|k| middle[k] + factor * (parallel.pose[k] - middle[k]));
         config.machine.at(&Pose::from_degrees(pose), &NO_TOOL).unwrap().assembly().unwrap()
     };
-    // Far less than the distance of two sheets of singular poses.
+    // Much less than the distance between two sheets of singular poses.
     assert_eq!(side(1.0 - 1e-6) * side(1.0 + 1e-6), -1);
 }
 
@@ -219,7 +219,7 @@ fn the_end_of_a_rods_reach_is_where_it_stands_nearly_square_to_its_guide() {
     let at = config.machine.at(&pose, &NO_TOOL).unwrap();
     let drives = (0..config.legs()).filter_map(|i| at.drive(i));
     let drive = drives.reduce(f64::min).unwrap();
-    // The core refuses a rod whose |cos| to its guide is below that.
+    // The core refuses a rod whose |cos| to its guide is below this.
     assert!((drive - LEAST_DRIVE).abs() < 1e-9, "{drive}");
 }
 

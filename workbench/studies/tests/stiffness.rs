@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Stiffness at the tool tip, against independent figures, the formulas of paper 004, differences
+//! Stiffness at the tool tip, against independent values, the formulas of paper 004, finite differences
 //! of the core, and symmetry.
 
 use kinematics::{LegKind, Matrix3, Pose, Solver, Vector3};
@@ -34,7 +34,7 @@ fn self_locking(config: &Mechanism, pose: &Pose, tool: &Vector3<f64>) -> Stiffne
 }
 
 fn close(found: f64, expected: f64) {
-    // Figures of 13 digits; roundings of an inverse whose condition is 1e5.
+    // Values of 13 digits; rounding of an inverse with a condition number of 1e5.
     assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
 }
 
@@ -64,7 +64,7 @@ fn with_self_locking_screws_the_hexapod_at_home_is_as_stiff_as_in_an_independent
     }
 }
 
-/// The pose at which a tool leaves the platform where it stands at `pose` without one.
+/// Returns the pose with a tool for which the platform is where it is at `pose` without a tool.
 fn with_tool(pose: &Pose, tool: &Vector3<f64>) -> Pose {
     // With a tool o the control point is given as tip + o, see the core's `inverse`.
     Pose { position: pose.position - pose.rotation() * tool + tool, ..*pose }
@@ -110,7 +110,7 @@ fn the_matrix_is_the_curvature_of_the_energy_that_held_motors_leave_in_the_strut
         let pose = Pose::from_degrees(pose);
         let held = config.machine.inverse(&pose, &NO_TOOL).unwrap();
         let map = rate_map(&pose).try_inverse().unwrap();
-        // Of a platform displaced and turned a little, to first order in the turn.
+        // Energy of a platform displaced and rotated slightly, to first order in the rotation.
         let energy = |twist: &nalgebra::Vector6<f64>| {
             let turned = map * twist.fixed_rows::<3>(3);
             let pose = Pose {
@@ -132,7 +132,7 @@ fn the_matrix_is_the_curvature_of_the_energy_that_held_motors_leave_in_the_strut
                 let found = (of(1.0, 1.0) - of(1.0, -1.0) - of(-1.0, 1.0) + of(-1.0, -1.0))
                     / (4.0 * step(i, 1.0)[i] * step(k, 1.0)[k]);
                 let size = (matrix[(i, i)] * matrix[(k, k)]).sqrt();
-                // Rounding of lengths, 1e-13 of elongations of 1e-3; the term of the nut is 1e-3.
+                // Rounding of lengths, 1e-13 of elongations of 1e-3; the nut rotation's term is 1e-3.
                 assert!((found - matrix[(i, k)]).abs() < 1e-6 * size, "{i} {k} {found}");
             }
         }
@@ -154,7 +154,7 @@ fn outlines_of_the_ellipsoids_are_the_farthest_that_a_load_moves_the_tip() {
                 let (up, across) = (k as f64 * std::f64::consts::PI / 6.0).sin_cos();
                 let mut along = Vector3::zeros();
                 (along[plane[0]], along[plane[1]]) = (across, up);
-                // Of all C u the one farthest along w is that under u = C w/|C w|.
+                // Of all C u with unit u, the farthest along w is that with u = C w/|C w|.
                 let moved = compliance * (compliance * along).normalize() * load;
                 let miss = (moved[plane[0]] - point.0).hypot(moved[plane[1]] - point.1);
                 // Rounding of eigenvectors.
@@ -180,7 +180,7 @@ fn the_tip_is_reached_by_the_blocks_of_paper_004_as_well() {
     let c11 = inverse(kp - kc * inverse(kk) * kc.transpose());
     let c22 = inverse(kk - kc.transpose() * inverse(kp) * kc);
     let c12 = -inverse(kp) * kc * c22;
-    // The platform stands where it stood: only the point that is asked about moves.
+    // The platform is in the same place: only the reference point changes.
     let x = cross(&(pose.rotation() * -tool));
     let expected = c11 + c12 * x + x.transpose() * c12.transpose() + x.transpose() * c22 * x;
     let found = at(&config, &with_tool(&pose, &tool), &tool)
@@ -192,7 +192,7 @@ fn the_tip_is_reached_by_the_blocks_of_paper_004_as_well() {
 
 #[test]
 fn a_force_moves_the_tool_as_forward_kinematics_of_the_yielding_struts_say() {
-    // Without a lead, so that a joint is a strut; forces of struts by duality, W = Gᵀ f.
+    // Without a lead, so that a joint value is the strut's length; forces of struts by duality, W = Gᵀ f.
     let config = config("lab-hexapod");
     let pose = Pose::from_degrees([30.0, -20.0, 680.0, 6.0, -7.0, 9.0]);
     let stiffness = at(&config, &pose, &NO_TOOL);
@@ -204,7 +204,7 @@ fn a_force_moves_the_tool_as_forward_kinematics_of_the_yielding_struts_say() {
     to_twist.fixed_view_mut::<3, 3>(3, 3).copy_from(&map);
     for k in 0..6 {
         let mut wrench = nalgebra::Vector6::zeros();
-        // So much that struts yield by micrometres.
+        // Large enough to deform struts by micrometers.
         wrench[k] = if k < 3 { 10.0 } else { 1e3 };
         let g = rows.fixed_rows::<6>(0) * to_twist.try_inverse().unwrap();
         let forces = g.transpose().try_inverse().unwrap() * wrench;
@@ -255,7 +255,7 @@ fn a_symmetric_machine_has_symmetric_maps() {
     let config = config("hexapod");
     let home = config.home_pose();
     let (low, high) = ([-100.0; 6], [100.0; 6]);
-    // Mirrored, a right-hand thread is a left-hand one: only where no thread turns is it the same.
+    // A mirrored right-hand thread is left-hand: the map is symmetric only without thread torque.
     let map = Map::over(&home, [0, 1], [&low, &high], 9, |pose| {
         Some(self_locking(&config, pose, &NO_TOOL).least())
     });
@@ -266,7 +266,7 @@ fn a_symmetric_machine_has_symmetric_maps() {
             close(here[1], mirrored[1]);
         }
     }
-    // By a third of a turn.
+    // Rotated by a third of a turn.
     let place = |angle: f64| {
         let mut pose = home;
         pose.position += Vector3::new(angle.cos(), angle.sin(), 0.0) * 80.0;
@@ -280,7 +280,7 @@ fn a_symmetric_machine_has_symmetric_maps() {
 
 #[test]
 fn a_larger_platform_resists_turns_more() {
-    // What paper 004 found.
+    // A result of paper 004.
     let config = config("hexapod");
     let home = config.home_pose();
     let least = |factor: f64| {
@@ -317,10 +317,11 @@ fn rods_and_drives_of_one_study_yield_one_after_the_other() {
         };
         let both = compliance(&format!("rod_stiffness_n_per_um = 20\n{drive}"));
         let rods = compliance("stiffness_n_per_um = 20");
-        // A drive that gives way by 1/k under a unit force moves the tip by its gain each way.
+        // A drive that yields by 1/k under a unit force moves the tip by its gain, which relates both its force
+        // and its motion to those of the tip.
         let radius = config.machine.radius();
         let gain = Sensitivity::at(&config, &pose, &config.spindle, radius).unwrap().unwrap().gain;
-        // Of machine units per degree, or of equal units.
+        // Gain in machine units per degree, or without unit.
         let unit = if is_arm { 1.0_f64.to_degrees() / config.units_per_mm } else { 1.0 };
         let column = |i: usize| Vector3::from_fn(|k, _| gain[(k, i)] * unit);
         // 5 N/um, or 5 kN m/rad, in N and mm.
@@ -328,7 +329,7 @@ fn rods_and_drives_of_one_study_yield_one_after_the_other() {
         let drives: Matrix3<f64> =
             (0..config.legs()).map(|i| column(i) * column(i).transpose() / k).sum();
         let off = (both - rods - drives).amax();
-        // Roundings of an inverse whose condition is 1e5.
+        // Rounding of an inverse with a condition number of 1e5.
         assert!(drives.amax() > 0.0 && off < 1e-9 * both.amax(), "{machine} {off}");
         assert!(Springs::of(&config, &study("rod_stiffness_n_per_um = 20")).is_err());
         let twice = format!("stiffness_n_per_um = 1\nrod_stiffness_n_per_um = 20\n{drive}");
@@ -348,20 +349,20 @@ fn the_row_of_a_joint_is_the_wrench_of_a_strut_in_balance_with_the_torque_of_its
         let LegKind::Strut(strut) = leg.kind else { panic!("{i} is no strut") };
         let span = segment.span();
         let (along, length) = (span.normalize(), span.norm());
-        // A cardan joint bears a moment square to both its axes: the fixed one, and the one across it
-        // and the strut. Its part along the strut is the thread's torque under 1 N.
+        // A cardan joint transmits a moment perpendicular to both its axes: the fixed one, and the one perpendicular
+        // to it and to the strut. Its component along the strut is the thread's torque under 1 N.
         let borne = |fixed: Vector3<f64>| {
             let square = fixed.cross(&fixed.cross(&along)).normalize();
             square * (-strut.lead / TAU / square.dot(&along))
         };
         let above = borne(Vector3::from(strut.base_axis).normalize());
         let below = borne(rotation * Vector3::from(strut.platform_axis).normalize());
-        // Moments about the base joint: forces across the strut balance what the two differ by.
+        // Moments about the base joint: a force across the strut balances the difference of the two.
         let force = along + (above - below).cross(&along) / length;
         let arm = rotation * Vector3::from(leg.platform);
         let moment = arm.cross(&force) + below;
         for k in 0..3 {
-            // Roundings of an arm of 250 mm.
+            // Rounding with a lever of 250 mm.
             assert!((rows[(i, k)] - force[k]).abs() < 1e-10, "{i} {k} {}", rows[(i, k)]);
             assert!((rows[(i, k + 3)] - moment[k]).abs() < 1e-10 * 250.0, "{i} {k} {moment}");
         }

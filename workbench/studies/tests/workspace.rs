@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Workspaces against independent figures, two volumes, and symmetry.
+//! Workspaces against independent values, two methods for the volume, and symmetry.
 
 use kinematics::{Gap, Pose};
 use kinematics::{Limit, Part, Vector3};
@@ -15,12 +15,12 @@ fn level<'a>(config: &'a Mechanism, study: &Study) -> Workspace<'a> {
     Workspace::new(config, config.spindle, vec![[0.0; 3]], study).unwrap()
 }
 
-/// Coarse, for tests; on two threads.
+/// Returns coarse settings for tests.
 fn effort(workspace: &Workspace) -> Effort<'static> {
     Effort { bands: 24, step: workspace.extent() / 150.0, grid: 40, progress: &|_| () }
 }
 
-/// From home, at home's orientation: distances of an independent calculation.
+/// Rays from home, at home's orientation: distances from an independent computation.
 const REACHES: [(&str, [f64; 3], f64, &str); 7] = [
     ("hexapod", [1.0, 0.0, 0.0], 624.504495326756, "base cone"),
     ("hexapod", [-1.0, 0.0, 0.0], 680.800981123708, ""),
@@ -37,7 +37,7 @@ fn the_reach_along_the_axes_is_that_of_an_independent_calculation() {
         let config = config(machine);
         let workspace = level(&config, &Study::default());
         let ray = workspace.ray(&config.home_pose().position, &direction.into(), 5.0);
-        // 1e-6 of the figures.
+        // 1e-6 of the values.
         assert!((ray.exit() - expected).abs() < 1e-6, "{machine} {direction:?} {}", ray.exit());
         assert!(ray.limit.to_string().starts_with(limit), "{machine} {}", ray.limit);
     }
@@ -61,7 +61,7 @@ fn both_volumes_agree_to_one_per_cent_and_the_mesh_is_closed_around_one_of_them(
             assert!(edges.binary_search(&[*b, *a]).is_ok(), "an edge with one side");
         }
         assert!(edges.windows(2).all(|pair| pair[0] != pair[1]), "an edge run twice");
-        // Chords of 4.5 degrees lie inside by some thousandths; only the first pieces count.
+        // Chords of 4.5 degrees are inside by some thousandths; only the first segments count.
         let first: f64 = body.rays().map(|(angle, ray)| angle * ray.exit().powi(3) / 3.0).sum();
         assert!((mesh_volume(&mesh) / first - 1.0).abs() < 0.02, "{machine}");
         assert_eq!(obj("mm", &mesh).lines().count(), 1 + mesh.0.len() + mesh.1.len());
@@ -72,7 +72,7 @@ fn both_volumes_agree_to_one_per_cent_and_the_mesh_is_closed_around_one_of_them(
 
 #[test]
 fn a_workspace_is_a_sphere_where_only_the_reach_of_a_round_limit_counts() {
-    // Solid angles of all rays together.
+    // The sum of the solid angles of all rays.
     let config = config("tripod");
     let workspace = level(&config, &Study::default());
     let body = Body::seen(&workspace, config.home_pose().position, &effort(&workspace)).unwrap();
@@ -95,7 +95,7 @@ fn the_workspace_of_a_symmetric_machine_is_symmetric() {
         for rise in [-0.5, 0.0, 0.5] {
             let here = exit(angle, rise);
             let third = 2.0 * std::f64::consts::PI / 3.0;
-            // Rounding of anchors that were computed by sines.
+            // Rounding of anchors that were computed from sines.
             assert!((here - exit(-angle, rise)).abs() < 1e-8);
             assert!((here - exit(angle + third, rise)).abs() < 1e-8);
         }
@@ -149,7 +149,7 @@ fn limits_of_a_study_end_rays_where_they_are_met() {
         let study = Study::parse(&format!("[limits]\nconditioning = {least}\n")).unwrap();
         let ray = level(&config, &study).ray(&home, &direction, 5.0);
         assert_eq!(ray.limit.limit, Limit::Conditioning);
-        // The end is met to rounding.
+        // The end is accurate to rounding.
         assert!((hold(home + direction * ray.exit()) - least).abs() < 1e-9);
     }
     assert!(looked > 0);
@@ -183,7 +183,7 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     let config = config("hexapod");
     let text = "[limits]\nplatform_pyramid_deg = [20, 20]\n";
     let study = Study::parse(text).unwrap();
-    // Tilted, so that base and platform see different turns.
+    // Tilted, so that the angles at base and platform differ.
     let tilt = [9.0, -6.0, 0.0];
     let space = Workspace::new(&config, config.spindle, vec![tilt], &study).unwrap();
     let home = config.home_pose();
@@ -204,7 +204,7 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     let about = axis.dot(&then.cross(&now)).atan2(now.dot(&then)).to_degrees().abs();
     let across = now.dot(&axis).asin().to_degrees().abs();
     assert!((about.max(across) - 20.0).abs() < 1e-9, "{about} {across}");
-    // Named axes go before those of the file.
+    // Axes in the study have priority over those of the file.
     let own: Vec<String> = (0..6)
         .map(|i| {
             let kinematics::LegKind::Strut(strut) = config.geometry.legs()[i].kind else {
@@ -220,7 +220,7 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     let turned = Study::parse(&format!("{text}platform_axes = {}\n", "[[1, 0, 0]]")).unwrap();
     let told = Workspace::new(&config, config.spindle, vec![tilt], &turned).err().unwrap();
     assert_eq!(told.to_string(), "platform_axes: expected 6 axes; found 1");
-    // A pyramid of the file is about the file's axis, which no study moves.
+    // A pyramid in the file refers to the file's axis, which no study may change.
     let mut limited = config.clone();
     limited.angles[4].pyramids[1] = Some([30.0, 30.0]);
     assert!(Workspace::new(&limited, config.spindle, vec![tilt], &named).is_ok());
@@ -245,7 +245,7 @@ fn slices_have_their_area_and_the_angles_they_are_seen_under() {
     let (xz, normal) = (slice("xz"), slice("0,1,0"));
     assert!((xz.area() / normal.area() - 1.0).abs() < 1e-3);
     let [low, high] = xz.sector().unwrap();
-    // The machine is its own mirror image in X, and stands above the origin.
+    // The machine is symmetric in X, and stands above the origin.
     assert!((low + high - 180.0).abs() < 1e-6 && low > 0.0, "{low} {high}");
     for (point, _) in xz.outline() {
         let angle = point[1].atan2(point[0]).to_degrees();
@@ -299,7 +299,7 @@ fn a_workspace_beside_the_other_one_ends_where_the_clearance_is_lost() {
         .map(|stand| space(&first).beside(&first, &second, stand).unwrap());
     let alone = space(&first);
     let exit = |space: &Workspace, way: Vector3<f64>| space.ray(&home, &way, 5.0);
-    // Carriages of both run on one rail, and Z moves one of them.
+    // Carriages of both mechanisms run on one rail, and Z moves one of them.
     let gap = |one: &Pose, other: &Pose| {
         let [one, other] = [(&first, one), (&second, other)]
             .map(|(config, pose)| config.machine.at(pose, &config.spindle).unwrap());
@@ -310,7 +310,7 @@ fn a_workspace_beside_the_other_one_ends_where_the_clearance_is_lost() {
     assert!((ray.exit() - expected).abs() < 1e-6 && ray.limit.is_between, "{ray:?} {expected}");
     assert!(exit(&alone, Vector3::z()).exit() > expected + 50.0);
     assert_eq!(exit(&beside[0], -Vector3::z()), exit(&alone, -Vector3::z()));
-    // Wherever the other one stands is never more; from the far end of Z on, where that is inside.
+    // The workspace for all poses of the other mechanism is never larger; from the far end of Z on, if it is inside.
     let from = beside[1].place_inside().expect("a corner is clear of it");
     let ray = beside[1].ray(&from, &Vector3::z(), 5.0);
     let end = Pose { position: from + Vector3::z() * ray.exit(), angles: Vector3::zeros() };

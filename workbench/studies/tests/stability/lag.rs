@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Paper 002's two links, with the masses, dampings and stiffnesses printed there.
+//! The two links of paper 002, with the printed masses, dampings and stiffnesses.
 
 use super::example;
 use nalgebra::{Complex, ComplexField, DMatrix};
@@ -9,10 +9,10 @@ use studies::stability::response::unwrapped;
 use studies::stability::system::Adjustment;
 use test_support::stability::{close, golden, number, row, rows};
 
-/// Both are solutions of a polynomial with 16 digits; conditions are below 1e5.
+/// Both are solutions of a polynomial with 16 digits; condition numbers are below 1e5.
 const CROSSING: f64 = 1e-9;
 
-/// Closed forms: some roundings, and the square root of them where a curve is flat.
+/// Tolerance of closed forms: some roundings, and their square root at an extremum of a curve.
 const CLOSED: f64 = 1e-10;
 
 fn of_link(values: &[f64]) -> Term {
@@ -55,7 +55,7 @@ fn crossings_are_those_of_an_independent_calculation() {
     same(&three.crossings(), &rows("dpartition", "three_links_T_3ms_omega_K"));
 }
 
-/// The crossings again: where the boundary, sampled, passes the real axis at ω > 0.
+/// Computes the crossings by sampling: where the boundary crosses the real axis at ω > 0.
 fn sampled(lag: &Lag) -> Vec<Crossing> {
     let step = |k: usize| 1e-3 * 1.0002_f64.powi(k as i32);
     let mut found = vec![];
@@ -119,7 +119,7 @@ fn roots_in_the_plane_are_as_many_as_an_independent_calculation_counts() {
     assert_eq!([1.001, 0.999].map(|share| lag.unstable(real(at_rest * share))), [1, 0]);
 }
 
-/// Unstable roots by the turn of the characteristic function along the imaginary axis.
+/// Counts unstable roots by the argument principle along the imaginary axis.
 fn by_argument(lag: &Lag, stiffness: Complex<f64>) -> usize {
     let degree = 2 * lag.terms.len() + 1;
     let value = |omega: f64| {
@@ -172,7 +172,7 @@ fn the_curve_is_sampled_evenly_to_the_eye() {
 fn regions_are_found_once_each_with_their_number_of_unstable_roots() {
     let lag = lag(30.0);
     let limit = lag.limit().crossing.unwrap().stiffness;
-    // About the real axis: stable below 7581, 2 roots up to 20691, 4 up to 53433, 2 beyond.
+    // Near the real axis: stable below 7581, 2 roots up to 20691, 4 up to 53433, 2 beyond.
     let window = [[-10.0 * limit, 10.0 * limit], [-10.0 * limit, 10.0 * limit]];
     let found = regions(&window, |[re, im]| lag.unstable(Complex::new(re, im)));
     for region in &found {
@@ -300,13 +300,13 @@ fn margins_end_at_the_limit() {
     assert!(high.phase.unwrap() < 1e-3 && low.phase.is_none_or(|phase| phase > 0.1));
     assert_eq!(at(1.001).settling(), None);
     assert!(low.bandwidth > low.peak);
-    // One link without cutting to speak of: roots decay as ζω, and the peak is 1/(2ζ√(1-ζ²)).
+    // One link with negligible cutting stiffness: roots decay at ζω, and the peak is 1/(2ζ√(1-ζ²)).
     let (mass, damping, stiffness) = (2.0, 8.0, 800.0);
     let (omega, zeta) = (20.0, 0.1);
     let one = Lag { terms: vec![Term::link(mass, damping, stiffness)], lag: 1e-3 };
     let free = one.margins(1e-9);
     close(free.decay, zeta * omega, 1e-9);
-    // The largest of samples, about a place where the amplitude is flat.
+    // The largest sample, near the extremum of the amplitude.
     close(free.index, 1.0 / (2.0 * zeta * (1.0 - zeta * zeta).sqrt()), 1e-5);
     let cut = 1.0 - 2.0 * zeta * zeta;
     close(free.bandwidth, omega * (cut + (cut * cut + 1.0).sqrt()).sqrt(), 1e-9);
@@ -314,7 +314,7 @@ fn margins_end_at_the_limit() {
 
 #[test]
 fn the_closed_loop_of_real_matrices_has_the_same_roots() {
-    // Written again, in the units of the machine and with one matrix: displacement and speed of
+    // An independent formulation in machine units with one matrix: displacement and speed of
     // each link, and the force.
     let lag = lag(3.0);
     let values = ["link_1_m_h_k", "link_2_m_h_k"].map(|key| row(golden("dpartition", key)));
@@ -339,7 +339,7 @@ fn the_closed_loop_of_real_matrices_has_the_same_roots() {
 
 #[test]
 fn many_terms_have_all_their_crossings_and_a_certified_limit() {
-    // Twenty modes over a decade: a polynomial of degree 39, which alone has no digits left.
+    // Twenty modes over a decade: a polynomial of degree 39, which alone has no accurate digit left.
     let term = |k: i32| {
         let omega = 100.0 * 10.0_f64.powf(f64::from(k) / 19.0);
         let gain = if k % 3 == 2 { -0.4 } else { 1.0 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The shipped hexapod: modes from its INI file and a study, stability from both.
+//! The shipped hexapod: modes from its INI file and a study, and stability from both.
 
 use super::example;
 use kinematics::{Pose, Vector3};
@@ -16,7 +16,7 @@ use studies::study::file::Study;
 use test_support::shipped::config;
 use test_support::stability::{close, golden, row, rows};
 
-/// Two programs with 16 digits, through modes of a matrix whose condition is 1e5.
+/// Two programs with 16 digits, with modes of a matrix whose condition number is 1e5.
 const ZERO_ORDER: f64 = 1e-7;
 
 /// Depths at which a multiplier with an error of 1e-8 passes 1.
@@ -38,7 +38,7 @@ fn study() -> Study {
 /// A tool that ends 100 mm below the control point.
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 100.0);
 
-/// The pose of the tip of that tool, with the platform where it stands at `pose` without one.
+/// Returns the pose of the tip of that tool, with the platform where it is at `pose` without a tool.
 fn with_tool(pose: [f64; 6]) -> Pose {
     let pose = Pose::from_degrees(pose);
     Pose { position: pose.position - pose.rotation() * TOOL + TOOL, ..pose }
@@ -50,7 +50,7 @@ const POSES: [(&str, [f64; 6]); 3] = [
     ("pose_4", [-80.0, 60.0, 350.0, 10.0, -20.0, 0.0]),
 ];
 
-/// The feed is along the platform's X.
+/// Returns the rows at a pose, with the feed along the platform's X.
 fn in_plane(setup: &Setup, pose: &Pose) -> Vec<Row> {
     setup.rows(pose, &TOOL, &pose.rotation().column(0).into_owned()).unwrap()
 }
@@ -94,7 +94,7 @@ fn the_map_of_speeds_shows_the_island_and_is_fine_where_it_changes() {
     let [best, worst] = [map.best(), map.worst()].map(|column| column.stable_to(map.most));
     assert!(map.columns.iter().all(|c| (worst..=best).contains(&c.stable_to(map.most))));
     assert!(worst < 2.3 && best > 3.0, "{worst} {best}");
-    // What lies between two columns is as they say: checked at the middle of each pair of even ones.
+    // No band is missing between two columns: checked at the middle of each pair without bands.
     for pair in map.columns.windows(2).filter(|pair| pair[0].bands.is_empty()) {
         if pair[1].bands.is_empty() {
             let rpm = (pair[0].rpm + pair[1].rpm) / 2.0;
@@ -115,7 +115,7 @@ fn the_worst_feed_is_the_least_of_all_directions() {
         let angle = f64::from(degrees).to_radians();
         let rows = turned(&in_plane, angle);
         let own = Lobes::new(&rows, &setup.process, 6000.0);
-        // A feed that is turned is a feed in that direction.
+        // Rotating the rows is equivalent to a feed in that direction.
         let feed = pose.rotation() * Vector3::new(angle.cos(), angle.sin(), 0.0);
         let asked = setup.rows(&pose, &TOOL, &feed).unwrap();
         for (a, b) in rows.iter().zip(&asked) {
@@ -131,7 +131,7 @@ fn the_worst_feed_is_the_least_of_all_directions() {
         close(opposite.floor().unwrap().depth, own.floor().unwrap().depth, 1e-9);
     }
     let found = setup.least(&pose, &TOOL, None).unwrap().unwrap();
-    // The place of a floor is refined: coarse frequencies give the same.
+    // The frequency of a floor is refined: coarse frequencies give the same.
     close(found.depth, least, ZERO_ORDER);
     let worst = turned(&in_plane, setup.worst_feed(&in_plane));
     close(Lobes::new(&worst, &setup.process, 6000.0).floor().unwrap().depth, least, ZERO_ORDER);
@@ -155,7 +155,7 @@ fn a_spindle_adds_its_receptance_to_that_of_the_tip() {
         let [a, b] =
             [&plain, &both].map(|rows| studies::stability::process::receptance(rows, omega));
         let own: nalgebra::Complex<f64> = nose.terms().iter().map(|term| term.at(omega)).sum();
-        // The same across the axis, nothing between and along.
+        // The same receptance across the axis, no coupling, and none along the axis.
         for i in 0..2 {
             for k in 0..3 {
                 let expected = if i == k { own } else { 0.0.into() };
@@ -190,7 +190,7 @@ fn along_a_path_the_least_depth_is_found_and_the_best_speed_keeps_the_most() {
     };
     assert_eq!(at(best.rpm), best.stable_to);
     assert!(at(3000.0) < best.stable_to && at(6000.0) < best.stable_to);
-    // A plunge along the spindle axis takes the worst feed.
+    // A plunge along the spindle axis uses the worst feed.
     let plunge = Stop { feed: stops[2].pose.rotation().column(2).into_owned(), ..stops[2] };
     let found =
         Path::new(&setup, &[plunge], 12.0).map_err(|(_, error)| error).unwrap().depths(|_| ());
@@ -218,7 +218,7 @@ fn a_machine_without_what_is_asked_is_refused() {
 
 #[test]
 fn turning_on_a_lathe_has_the_limits_of_its_lobes() {
-    // Zero order is exact where the force is constant.
+    // Zero order is exact if the force is constant.
     let config = config("six-rod-lathe");
     let text = "[platform]\nmass_kg = 40\ncentre_mm = [0, 20, 0]\n\
                 inertia_kg_m2 = [[0.9, 0, 0], [0, 1.1, 0], [0, 0, 1.3]]\n\
@@ -235,7 +235,7 @@ fn turning_on_a_lathe_has_the_limits_of_its_lobes() {
         let period = Period::new(&rows, &setup.process, rpm);
         close(first_limit(&period, 2.0 * depth).unwrap(), depth, DEPTH);
     }
-    // The direction of the feed counts for nothing.
+    // The direction of the feed has no effect.
     let other = setup.rows(&pose, &tool, &Vector3::z()).unwrap();
     assert_eq!(rows, other);
     let least = setup.least(&pose, &tool, Some(1000.0)).unwrap().unwrap();

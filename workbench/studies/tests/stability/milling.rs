@@ -12,13 +12,13 @@ use studies::stability::semi;
 use studies::study::file::Study;
 use test_support::stability::{close, golden, number, rows};
 
-/// Both are converged to 1e-8; roundings of an eigenvalue.
+/// Both methods have converged to 1e-8; rounding of an eigenvalue.
 const MULTIPLIER: f64 = 1e-8;
-/// Depths at which a multiplier of that error passes 1.
+/// Depths at which a multiplier with that error passes 1.
 const DEPTH: f64 = 1e-6;
-/// Two ways to the zero of one function.
+/// Two methods for the zero of one function.
 const ZERO_ORDER: f64 = 1e-7;
-/// First-order semi-discretisation with 80 steps is off by some tenths of a percent.
+/// First-order semi-discretization with 80 steps has an error of some tenths of a percent.
 const SEMI: f64 = 0.01;
 
 const TEETH: usize = 2;
@@ -26,8 +26,8 @@ const TEETH: usize = 2;
 const KT: f64 = 600.0;
 const KR: f64 = 200.0;
 
-/// A mode in x, and in y if `both`. The file of values has 0.03993 kg, 922 Hz, 0.011, and
-/// coefficients in N/m²: here t, rad/s and N/mm².
+/// Returns a mode in x, and one in y if `both`. The file of values has 0.03993 kg, 922 Hz, 0.011, and
+/// coefficients in N/m²; this function uses t, rad/s and N/mm².
 fn modes(both: bool) -> Vec<Mode> {
     let values = golden("chatter", "milling_case_m_fn_zeta_Kt_Kn_N").as_array().unwrap();
     let values: Vec<f64> = values.iter().map(number).collect();
@@ -43,7 +43,7 @@ fn in_plane(modes: &[Mode]) -> Vec<Row> {
     milling_rows(modes, &Matrix3::identity())
 }
 
-/// A cut by its name in the file of values: radial share of the diameter, and up or down.
+/// Returns a cut by its name in the file of values: radial share of the diameter, and up or down.
 fn process(name: &str) -> Process {
     let (share, way) = name.split_once('_').unwrap();
     let share: f64 = share.replace('p', ".").parse().unwrap();
@@ -86,7 +86,7 @@ fn the_mean_of_the_force_is_its_integral() {
         let found = process.integral(entry, exit);
         assert!((sum * (step / 3.0) - found).norm() < 1e-11 * found.norm());
         assert!((process.mean() * process.pitch() - found).norm() < 1e-12 * found.norm());
-        // Over a pitch, with whichever teeth cut: the same.
+        // The mean over a pitch of all teeth in cut is the same.
         let whole = process.mean_between(entry, entry + process.pitch());
         assert!((whole - process.mean()).norm() < 1e-12 * found.norm());
     }
@@ -97,7 +97,7 @@ fn pieces_hold_the_teeth_that_cut_in_them() {
     let counts = |process: &Process| -> Vec<usize> {
         process.pieces().iter().map(|piece| piece.shifts.len()).collect()
     };
-    // A slot with two teeth has always one of them in cut.
+    // In a slot with two teeth always one of them cuts.
     assert_eq!(counts(&process("1_down")), [1]);
     assert_eq!(counts(&process("0p5_down")), [1, 0]);
     let mut many = process("1_down");
@@ -124,7 +124,7 @@ fn multipliers_are_those_of_an_independent_calculation_and_of_semi_discretisatio
             close(semi, found, 2.0 * SEMI);
             let finer = semi::multiplier(&in_plane, &process, 5000.0, expected[0], 160).unwrap();
             close(finer, found, SEMI);
-            // Its error falls with the square of the steps: the limit is collocation's.
+            // Its error decreases with the square of the steps: Richardson extrapolation gives collocation's value.
             close((4.0 * finer - semi) / 3.0, found, 1e-4);
         }
     }
@@ -141,7 +141,7 @@ fn more_nodes_change_nothing() {
     }
 }
 
-/// Rows of depths: cut, speed, limit by collocation, limit of zero order.
+/// Returns rows of depths: cut, speed, limit by collocation, limit of zero order.
 fn depths(key: &str) -> Vec<(String, f64, f64, f64)> {
     let table = golden("chatter", key).as_array().unwrap();
     let one = |value: &toml::Value| {
@@ -194,14 +194,14 @@ fn an_axial_force_counts_where_a_mode_moves_along_the_axis_too() {
     close(limit(&flat, 300.0), limit(&flat, 0.0), 1e-12);
     let [with, without] = [limit(&along, 300.0), limit(&along, 0.0)];
     assert!((with / without - 1.0).abs() > 0.02, "{with} {without}");
-    // The check knows it too.
+    // Semi-discretization agrees.
     let process = cut(PI / 2.0, PI, 300.0);
     close(semi::multiplier(&along, &process, 5000.0, with, 160).unwrap(), 1.0, SEMI);
 }
 
-/// The largest change of the displacement from one tooth period to the next, period by period: the
-/// motion itself, with its feed, integrated by the classical Runge-Kutta method. A tooth that has
-/// left the work pushes nothing.
+/// Simulates the motion with its feed by the classical Runge-Kutta method, and returns for each tooth period the
+/// largest change of the displacement from the previous one. A tooth that has
+/// left the workpiece exerts no force.
 fn simulated(modes: &[Mode], process: &Process, rpm: f64, depth: f64, periods: usize) -> Vec<f64> {
     let steps = 1200;
     let (feed, count) = (0.05, modes.len());
@@ -211,7 +211,7 @@ fn simulated(modes: &[Mode], process: &Process, rpm: f64, depth: f64, periods: u
     // Twice as many rows: at full and half steps.
     let mut old = vec![[0.0; 3]; 2 * steps + 1];
     let mut state = vec![0.0; 2 * count];
-    // Plain numbers: the tests themselves are built without optimisation.
+    // Arrays instead of matrices: tests are built without optimization.
     let tips: Vec<[f64; 3]> = modes.iter().map(|mode| mode.tip.into()).collect();
     let sum = |state: &[f64], first: usize| -> [f64; 3] {
         let mut sum = [0.0; 3];
@@ -232,7 +232,7 @@ fn simulated(modes: &[Mode], process: &Process, rpm: f64, depth: f64, periods: u
             if angle >= process.arc[0] && angle <= process.arc[1] {
                 let (s, c) = angle.sin_cos();
                 let chip = feed * s + moved[0] * s + moved[1] * c;
-                // Along (s, c) the coefficient matrix has the force of a chip of 1.
+                // Times (s, c), the coefficient matrix gives the force of a chip of 1.
                 let [along_x, along_y]: [[f64; 3]; 2] = process.at(angle).into();
                 for k in 0..3 {
                     force[k] += (along_x[k] * s + along_y[k] * c) * chip.max(0.0) * depth;
@@ -264,7 +264,7 @@ fn simulated(modes: &[Mode], process: &Process, rpm: f64, depth: f64, periods: u
             let rate: Vec<f64> =
                 (0..2 * count).map(|i| (r1[i] + 2.0 * r2[i] + 2.0 * r3[i] + r4[i]) / 6.0).collect();
             let next = moved(&state, &rate, h);
-            // Cubic between the steps, from places and speeds.
+            // Cubic interpolation between the steps, from positions and speeds.
             let [[here, there], [slow, fast]] =
                 [0, 1].map(|first| [&state, &next].map(|state| sum(state, first)));
             let middle = std::array::from_fn(|k| {
@@ -292,14 +292,14 @@ fn simulated_milling_settles_just_below_the_limit_depth_and_grows_just_above() {
         let limit = first_limit(&period, 2.0).unwrap();
         for (share, grows) in [(0.97, false), (1.03, true)] {
             let changes = simulated(&modes, &process, rpm, share * limit, 160);
-            // Far from the start, where only the slowest motion is left, and before teeth leave
-            // the work for good: over 40 periods as the multiplier says.
+            // Late enough that only the slowest motion is left, and before teeth leave
+            // the workpiece permanently: over 40 periods it grows as the multiplier predicts.
             let most =
                 |from: usize| changes[from..from + 20].iter().fold(0.0, |a: f64, b| a.max(*b));
             let ratio = most(140) / most(100);
             let expected = amount(&period, share * limit).powi(40);
             assert_eq!(ratio > 1.0, grows, "{share}: {ratio}, by the multiplier {expected}");
-            // What grows is held by teeth that leave the work; what settles follows the multiplier.
+            // Growth is bounded because teeth leave the workpiece; decay follows the multiplier.
             if !grows {
                 close(ratio, expected, 0.3);
             }

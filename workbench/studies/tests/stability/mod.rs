@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Stability in the cut, against values computed elsewhere, closed forms, and itself in two ways.
+//! Chatter stability, against independently computed values, closed forms, and between two methods.
 
 mod lag;
 mod machine;

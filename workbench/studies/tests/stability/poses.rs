@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The hexapod of paper 004 at its poses: modes assembled here from its struts, so that what is
-//! tested is cutting alone.
+//! The hexapod of paper 004 at its poses: modes assembled in the test from its struts, so that
+//! only the cutting process is tested.
 
 use nalgebra::{Complex, ComplexField, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 use std::f64::consts::TAU;
@@ -15,11 +15,11 @@ use studies::stability::semi;
 use studies::study::file::Study;
 use test_support::stability::{close, golden, row, rows};
 
-/// Two ways to the zero of one function.
+/// Two methods for the zero of one function.
 const ZERO_ORDER: f64 = 1e-7;
 /// Depths at which a multiplier with an error of 1e-8 passes 1.
 const DEPTH: f64 = 1e-6;
-/// First-order semi-discretisation with 60 steps.
+/// First-order semi-discretization with 60 steps.
 const SEMI: f64 = 0.01;
 
 const POSES: [(&str, [f64; 6]); 3] = [
@@ -28,7 +28,7 @@ const POSES: [(&str, [f64; 6]); 3] = [
     ("pose_4", [-80.0, 60.0, 350.0, 10.0, -20.0, 0.0]),
 ];
 
-/// Six points in pairs on a circle, in the order of the struts.
+/// Returns six points in pairs on a circle, in the order of the struts.
 fn ring(radius: f64, phase: f64, height: f64) -> [Vector3<f64>; 6] {
     std::array::from_fn(|i| {
         let angle = phase + 120.0 * (i / 2) as f64 + if i % 2 == 0 { -15.0 } else { 15.0 };
@@ -37,7 +37,7 @@ fn ring(radius: f64, phase: f64, height: f64) -> [Vector3<f64>; 6] {
     })
 }
 
-/// N/mm and N s/mm of a strut.
+/// Stiffness and damping of a strut, N/mm and N s/mm.
 const STIFFNESS: f64 = 1e4;
 const DAMPING: f64 = 0.8;
 
@@ -46,7 +46,7 @@ fn rotation(pose: &[f64; 6]) -> Matrix3<f64> {
     *Rotation3::from_euler_angles(a, b, c).matrix()
 }
 
-/// Modes at a pose of a body of 25 kg: t, mm, s.
+/// Returns the modes at a pose of a body of 25 kg: t, mm, s.
 fn modes(pose: &[f64; 6]) -> Vec<Mode> {
     let turn = rotation(pose);
     let place = Vector3::new(pose[0], pose[1], pose[2]);
@@ -84,7 +84,7 @@ fn modes(pose: &[f64; 6]) -> Vec<Mode> {
         .collect()
 }
 
-/// In the cutter plane, with the feed along the platform's x.
+/// Returns the rows at a pose, with the feed along the platform's x.
 fn in_plane(pose: &[f64; 6]) -> Vec<Row> {
     let turn = rotation(pose);
     let axes = frame(&turn.column(0).into_owned(), &turn.column(2).into_owned()).unwrap();
@@ -112,12 +112,12 @@ fn the_modes_assembled_here_are_those_of_the_hexapod() {
     let expected =
         [45.7358878314, 65.2709008602, 96.6947570294, 181.343616805, 218.025635906, 248.553180646];
     for (found, expected) in found.iter().zip(expected) {
-        // Figures of 12 digits.
+        // Values of 12 digits.
         close(*found, expected, 1e-10);
     }
 }
 
-/// The zero-order limit again, by eliminating the depth from the real and the imaginary part of
+/// Computes the zero-order limit by eliminating the depth from the real and the imaginary part of
 /// det(1 - a L), sampled finely.
 fn by_elimination(rows: &[Row], process: &Process, rpm: f64) -> Limit {
     let delay = process.delay(rpm);
@@ -190,7 +190,7 @@ fn limits_by_collocation_are_those_of_an_independent_calculation_and_of_semi_dis
             let (rpm, depth) = (expected[0], expected[3]);
             let found = first_limit(&Period::new(&in_plane, &process, rpm), 3.0 * expected[1]);
             close(found.unwrap(), depth, DEPTH);
-            // The limit of the other method is within 1 %: it passes 1 in between.
+            // The limit of the other method is within 1 %: its multiplier passes 1 in this range.
             let at =
                 |share: f64| semi::multiplier(&in_plane, &process, rpm, share * depth, 60).unwrap();
             assert!(at(1.0 - SEMI) < 1.0 && at(1.0 + SEMI) > 1.0, "{name} {rpm}");
@@ -208,11 +208,11 @@ fn an_island_of_instability_is_found_that_zero_order_cannot_see() {
     close(found[0].low, expected[0], DEPTH);
     close(found[0].high, expected[1], DEPTH);
     assert!(period.multiplier(8.5).norm_sqr() < 1.0);
-    // The period doubles: the multiplier is -1 at both ends.
+    // Period doubling: the multiplier is -1 at both ends.
     for depth in [found[0].low, found[0].high] {
         assert!((period.multiplier(depth) + 1.0).modulus() < 1e-5);
     }
-    // The check sees it as well.
+    // Semi-discretization finds it as well.
     let semi = |depth: f64| semi::multiplier(&in_plane, &process, 6000.0, depth, 80).unwrap();
     assert!(semi(2.26) < 1.0 && semi(2.30) > 1.0 && semi(7.2) > 1.0 && semi(7.28) < 1.0);
     let zero_order = Lobes::new(&in_plane, &process, 6000.0).limit(6000.0).unwrap().depth;
@@ -251,7 +251,7 @@ fn a_lag_at_the_tip_is_worst_at_twice_the_regenerative_floor() {
     let (time, crossing) = lag.worst_lag().unwrap();
     close(crossing.stiffness, expected[0], 1e-9);
     close(crossing.stiffness, 2.0 * expected[1], 1e-9);
-    // Six modes: a polynomial of degree 11, whose limit the counts of roots confirm.
+    // Six modes: a polynomial of degree 11, whose limit the root counts confirm.
     let limit = lag.with_lag(time).limit();
     assert!(limit.is_certified);
     close(limit.crossing.unwrap().stiffness, crossing.stiffness, 1e-9);

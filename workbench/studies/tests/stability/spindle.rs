@@ -7,9 +7,9 @@ use studies::study::file::Study;
 use studies::study::spindle::Spindle;
 use test_support::stability::close;
 
-/// Forces at the ends of elements: exact but for rounding, of a matrix whose condition is 1e10.
+/// Forces at the ends of elements are exact except for rounding, with a matrix whose condition number is 1e10.
 const STATIC: f64 = 1e-6;
-/// Cubic elements of a 48th of the length: the sixth power of their share of a wave.
+/// Cubic elements of a 48th of the length: an error of the sixth power of their share of a wavelength.
 const FREQUENCY: f64 = 1e-6;
 
 /// N/mm², kg/m³, mm.
@@ -21,12 +21,12 @@ fn bending() -> f64 {
     E * PI / 64.0 * D.powi(4)
 }
 
-/// t/mm.
+/// Returns the mass per length, t/mm.
 fn density() -> f64 {
     DENSITY * 1e-12 * PI / 4.0 * D * D
 }
 
-/// A shaft of one diameter; each bearing: place, um/N, rad/(N m) or none, N s/mm.
+/// Returns a shaft of one diameter; each bearing: position, um/N, rad/(N m) or none, N s/mm.
 fn spindle(lengths: &[f64], bearings: [(f64, f64, Option<f64>, f64); 2]) -> Spindle {
     let mut text = format!(
         "[spindle]\nyoungs_n_per_mm2 = {E}\ndensity_kg_per_m3 = {DENSITY}\ndamping_ratio = 0\n"
@@ -60,10 +60,10 @@ fn the_nose_yields_as_the_formula_of_a_beam_on_two_springs_says() {
         let springs = (1.0 + ratio).powi(2) * front * 1e-3 + ratio.powi(2) * rear * 1e-3;
         close(nose(&shaft).compliance, beam + springs, STATIC);
     }
-    // A bearing that holds the angle as well makes the overhang a cantilever.
+    // A bearing that also fixes the angle makes the overhang a cantilever.
     let shaft = spindle(&[span, over], [(0.0, 0.0, None, 0.0), (span, 0.0, Some(0.0), 0.0)]);
     close(nose(&shaft).compliance, over.powi(3) / (3.0 * bending()), STATIC);
-    // With an angular compliance c, and the rear end free to move: a cantilever on a hinge.
+    // With an angular compliance c, and the rear end free: a cantilever on a hinge.
     let hinge = 1e-5;
     let shaft = spindle(&[span, over], [(0.0, 1e12, None, 0.0), (span, 0.0, Some(hinge), 0.0)]);
     let cantilever = over.powi(3) / (3.0 * bending()) + over * over * hinge * 1e-3;
@@ -85,15 +85,15 @@ fn a_shaft_of_two_diameters_yields_as_the_energy_of_its_moments_says() {
 fn frequencies_are_those_of_beams_with_closed_forms() {
     let length: f64 = 600.0;
     let unit = (bending() / density()).sqrt() / (length * length);
-    // On rigid supports at both ends: (kπ)². The nose is at the end, where nothing moves; its
-    // frequencies are those of a shaft that stands out by next to nothing.
+    // On rigid supports at both ends: (kπ)². A nose at the end would not move, so the shaft
+    // has a negligible overhang.
     let pinned = spindle(&[length, 1e-3], [(0.0, 0.0, None, 0.0), (length, 0.0, None, 0.0)]);
     for (k, mode) in nose(&pinned).modes.iter().enumerate() {
         let order = (k + 1) as f64 * PI;
         close(mode.omega, order * order * unit, 2e-5);
     }
     // Clamped at its front bearing: the cantilever's 1.875, 4.694, 7.855 (cos x cosh x = -1). The
-    // other support is as soft as air.
+    // other support has negligible stiffness.
     let clamped = spindle(&[length], [(0.0, 0.0, Some(0.0), 0.0), (1.0, 1e12, None, 0.0)]);
     let roots = [1.875_104_068_711_961, 4.694_091_132_974_175, 7.854_757_438_237_613];
     let found = nose(&clamped);
@@ -110,7 +110,7 @@ fn frequencies_are_those_of_beams_with_closed_forms() {
 #[test]
 fn a_rigid_shaft_on_soft_bearings_swings_and_loses_as_two_springs_say() {
     let length: f64 = 100.0;
-    // 100 um/N is 10 N/mm at each end: the shaft swings up and down, and turns. Bending adds about
+    // 100 um/N is 10 N/mm at each end: the shaft translates and rotates. Bending contributes about
     // 1e-5 of that.
     let (soft, damping) = (100.0, 0.02);
     const RIGID: f64 = 3e-5;
@@ -121,12 +121,12 @@ fn a_rigid_shaft_on_soft_bearings_swings_and_loses_as_two_springs_say() {
     close(found.modes[0].omega, up, RIGID);
     close(found.modes[1].omega, turn, RIGID);
     close(found.modes[0].zeta, 2.0 * damping / (2.0 * mass * up), RIGID);
-    // The decrement is what it means: neighbouring peaks of the damped motion.
+    // The decrement by its definition: neighboring peaks of the damped motion.
     let mode = found.modes[0];
     let decay = mode.zeta * mode.omega * TAU / (mode.omega * (1.0 - mode.zeta.powi(2)).sqrt());
     close(mode.decrement(), decay, 1e-12);
     close(found.compliance, 0.1, RIGID);
-    // What the shaft loses itself comes on top.
+    // The damping ratio of the shaft itself is added.
     let mut own = shaft;
     own.damping_ratio.0 = 0.01;
     close(nose(&own).modes[0].zeta, mode.zeta + 0.01, 1e-12);
@@ -138,7 +138,7 @@ fn finer_elements_are_not_needed_and_a_longer_overhang_yields_more() {
     let [short, long] = [70.0, 140.0].map(|length| nose(&shaft.with_overhang(length)));
     assert!(long.compliance > 2.0 * short.compliance);
     assert!(long.modes[0].omega < short.modes[0].omega);
-    // Cut where no cylinder ends: the same shaft.
+    // The same shaft with a cylinder divided in two.
     let mut cut = shaft.clone();
     cut.sections[1].length_mm.0 = 100.0;
     cut.sections.insert(2, cut.sections[1]);

@@ -10,7 +10,7 @@ use studies::stability::process::{Process, Row, turning_rows};
 use studies::study::file::Study;
 use test_support::stability::{close, golden, row, rows};
 
-/// k, natural frequency in rad/s, ζ, Kf.
+/// Returns k, the natural frequency in rad/s, ζ, Kf.
 fn values() -> [f64; 4] {
     let values = row(golden("chatter", "turning_k_fn_zeta_Kf"));
     [values[0], TAU * values[1], values[2], values[3]]
@@ -30,7 +30,7 @@ fn the_floor_of_turning_is_its_closed_form() {
     let (rows, process) = lathe();
     let floor = Lobes::new(&rows, &process, 1000.0).floor().unwrap();
     let expected = row(golden("chatter", "turning_b_min_omega"));
-    // The place is flat: its own error is the root of that of the depth.
+    // A minimum: the error of the frequency is the square root of that of the depth.
     close(floor.depth, 2.0 * k * zeta * (1.0 + zeta) / kf, 1e-10);
     close(floor.depth, expected[0], 1e-10);
     close(floor.omega, omega * (1.0 + 2.0 * zeta).sqrt(), 1e-6);
@@ -67,7 +67,7 @@ fn collocation_gives_the_lobes_of_turning() {
         close(depth, expected[1], 1e-8);
         let period = Period::new(&rows_, &process, expected[0]);
         let over = |depth: f64| period.multiplier(depth).norm_sqr().sqrt() - 1.0;
-        // The slope of the multiplier turns its error into one of the depth.
+        // The slope of the multiplier converts its error to one of the depth.
         let step = 1e-3 * depth;
         let slope = (over(depth + step) - over(depth - step)) / (2.0 * step);
         assert!((over(depth) / slope).abs() < 1e-8 * depth, "{expected:?}");
