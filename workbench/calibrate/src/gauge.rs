@@ -190,8 +190,8 @@ impl Gauge {
             Kind::Bar => away.norm(),
             Kind::Feeler => away.z - self.radius,
             Kind::Dial => {
-                let way = pose.rotation() * self.axis(object)?;
-                (self.radius - away.z) / way.dot(&normal(object))
+                let axis = pose.rotation() * self.axis(object)?;
+                (self.radius - away.z) / axis.dot(&normal(object))
             }
         };
         length.is_finite().then(|| self.shown(config, length))

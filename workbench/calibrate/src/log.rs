@@ -214,7 +214,12 @@ pub(super) fn readings_of(
             groups.push(place);
             groups.len() - 1
         });
-        let name = format!("{named}:{}: hole {}, {}", touch.line, touch.hole, way(touch.approach));
+        let name = format!(
+            "{named}:{}: hole {}, {}",
+            touch.line,
+            touch.hole,
+            approach_name(touch.approach)
+        );
         let instrument = Instrument::default();
         readings.push(Reading { name, group, joints, pose, tool, frame, measured, instrument });
     }
@@ -233,7 +238,7 @@ pub(super) fn shown(config: &Mechanism, at: [f64; 6], tool: &Vector3<f64>) -> Po
     pose
 }
 
-fn way(approach: i32) -> &'static str {
+fn approach_name(approach: i32) -> &'static str {
     match approach {
         1 => "wall at +X",
         -1 => "wall at -X",

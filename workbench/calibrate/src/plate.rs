@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn another_order_is_told() {
+    fn another_order_is_reported() {
         let text = plate().found_at(&seen(&[1, 3, 2, 4, 5])).unwrap_err().to_string();
         assert!(text.contains("what the log calls hole 2 is 3, 3 is 2;"), "{text}");
         let mut astray = seen(&[1, 2, 3, 4, 5]);

@@ -209,8 +209,9 @@ fn touched(plate: &Plate, lying: &Frame, tip: &Vector3<f64>) -> Result<(u32, i32
 }
 
 /// Returns the signed number of the axis, X or Y, nearest to a direction.
-fn along(way: &Vector3<f64>) -> i32 {
-    let (axis, part) = if way.x.abs() >= way.y.abs() { (1, way.x) } else { (2, way.y) };
+fn along(direction: &Vector3<f64>) -> i32 {
+    let (axis, part) =
+        if direction.x.abs() >= direction.y.abs() { (1, direction.x) } else { (2, direction.y) };
     if part < 0.0 { -axis } else { axis }
 }
 

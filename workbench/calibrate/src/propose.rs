@@ -396,18 +396,18 @@ impl Maker<'_> {
             let mut order: Vec<usize> = (0..left.len()).collect();
             if let Some(here) = &here {
                 order.sort_by(|a, b| {
-                    self.far(here, &left[*a]).total_cmp(&self.far(here, &left[*b]))
+                    self.distance(here, &left[*a]).total_cmp(&self.distance(here, &left[*b]))
                 });
             }
             let next =
-                order.into_iter().find_map(|k| Some((k, self.way(here.as_ref(), &left[k])?)));
-            let Some((k, way)) = next else {
+                order.into_iter().find_map(|k| Some((k, self.path(here.as_ref(), &left[k])?)));
+            let Some((k, path)) = next else {
                 let name = here.map_or("home".into(), |_| format!("pose {}", stops.len()));
                 return Err(NoProposal::NoWay(name));
             };
             let candidate = left.remove(k);
             stops.push(candidate.stop.clone());
-            ways.push(way);
+            ways.push(path);
             here = Some(candidate);
         }
         let last = here.expect("at least one pose is asked for");
@@ -427,37 +427,37 @@ impl Maker<'_> {
     }
 
     /// Returns the distance between two poses, angles at the platform's radius.
-    fn far(&self, a: &Candidate, b: &Candidate) -> f64 {
+    fn distance(&self, a: &Candidate, b: &Candidate) -> f64 {
         let radius = self.config.machine.radius().to_radians();
         let part = |k: usize| (a.stop.at[k] - b.stop.at[k]) * if k < 3 { 1.0 } else { radius };
         (0..6).map(|k| part(k).powi(2)).sum::<f64>().sqrt()
     }
 
     /// Plans moves from one pose to another that keep away from both objects.
-    fn way(&self, from: Option<&Candidate>, to: &Candidate) -> Option<Vec<Step>> {
-        let mut way = from.map_or(vec![], |from| self.out_of(from));
+    fn path(&self, from: Option<&Candidate>, to: &Candidate) -> Option<Vec<Step>> {
+        let mut path = from.map_or(vec![], |from| self.out_of(from));
         let here = from.map_or(self.home(), |from| from.high);
         let is_arc = self.setup.gauge.kind == Kind::Bar
             && from.is_some_and(|from| from.stop.object == to.stop.object);
-        way.extend(match is_arc {
+        path.extend(match is_arc {
             true => self.arc(&here, to)?,
             false => self.transit(&here, &to.high)?,
         });
         let step = |at, is_slow| Step { at, is_slow };
         if to.over != to.high {
-            way.push(step(to.over, false));
+            path.push(step(to.over, false));
         }
-        way.push(step(to.stop.at, true));
-        Some(way)
+        path.push(step(to.stop.at, true));
+        Some(path)
     }
 
     /// Returns the moves from a pose to the height of transit.
     fn out_of(&self, from: &Candidate) -> Vec<Step> {
-        let mut way = vec![Step { at: from.over, is_slow: true }];
+        let mut path = vec![Step { at: from.over, is_slow: true }];
         if from.over != from.high {
-            way.push(Step { at: from.high, is_slow: false });
+            path.push(Step { at: from.high, is_slow: false });
         }
-        way
+        path
     }
 
     /// Plans a straight transit, or a level one if the straight one violates limits.
@@ -479,9 +479,9 @@ impl Maker<'_> {
             let share = piece as f64 / pieces as f64;
             let mut at: [f64; 6] =
                 std::array::from_fn(|k| from[k] + share * (to.high[k] - from[k]));
-            let way = (a + share * (b - a)).try_normalize(0.0)?
+            let offset = (a + share * (b - a)).try_normalize(0.0)?
                 * (a.norm() + share * (b.norm() - a.norm()));
-            (0..3).filter(|k| self.is_free(*k)).for_each(|k| at[k] = centre[k] + way[k]);
+            (0..3).filter(|k| self.is_free(*k)).for_each(|k| at[k] = centre[k] + offset[k]);
             self.round(&mut at);
             Some(at)
         };

@@ -356,11 +356,11 @@ impl Sheet {
 
     /// Returns another unit in which a ratio to the expected value is near 1.
     fn other_unit(&self, ratio: impl Fn(Scale) -> f64) -> Option<Scale> {
-        let far = |scale: &Scale| ratio(*scale).abs().ln().abs();
+        let distance = |scale: &Scale| ratio(*scale).abs().ln().abs();
         Scale::ALL
             .into_iter()
-            .filter(|scale| *scale != self.gauge.scale && far(scale) <= NEAR.ln())
-            .min_by(|a, b| far(a).total_cmp(&far(b)))
+            .filter(|scale| *scale != self.gauge.scale && distance(scale) <= NEAR.ln())
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 }
 

@@ -228,12 +228,12 @@ impl Drawing {
         length: f64,
     ) {
         let segment = Segment { base: *lower, platform: *upper };
-        let (from, way) = match drive_rate(&config.geometry.legs()[leg], &segment) {
-            Some(way) => (*lower, way),
+        let (from, direction) = match drive_rate(&config.geometry.legs()[leg], &segment) {
+            Some(direction) => (*lower, direction),
             // From the middle on, where no joint covers it.
             None => (lower + (upper - lower) * 0.4, upper - lower),
         };
-        let to = from + way.normalize() * length;
+        let to = from + direction.normalize() * length;
         self.arrows.push(Arrow { from, to, colour: GREEN, width: WIDTH, name: "" });
     }
 
@@ -422,8 +422,8 @@ impl Sight<'_, '_, '_> {
     /// Draws an arrow; returns the position of its name.
     fn draw(&self, plot: &Area, drawn: &Arrow, names: &mut Names) -> Result<(i32, i32), DrawError> {
         let [from, to] = [&drawn.from, &drawn.to].map(|place| self.pixel(place));
-        let way = drawn.to - drawn.from;
-        let sight = way.normalize().dot(&self.view.eye);
+        let direction = drawn.to - drawn.from;
+        let sight = direction.normalize().dot(&self.view.eye);
         // Within 15 degrees of the viewing direction.
         if sight.abs() > 0.966 {
             let sign = (from, sight > 0.0, drawn.colour);
@@ -505,16 +505,16 @@ impl Names {
         let outwards = f64::from(at.1 - from.1).atan2(f64::from(at.0 - from.0));
         let mut best: Option<(f64, Bounds)> = None;
         for step in 0..48_usize {
-            let (turn, far) = (step % 16, step / 16);
+            let (turn, ring) = (step % 16, step / 16);
             let angle = outwards + std::f64::consts::TAU * turn as f64 / 16.0;
-            let reach = 15.0 + 11.0 * far as f64;
+            let reach = 15.0 + 11.0 * ring as f64;
             let (x, y) = (angle.cos(), angle.sin());
             // The box of the name touches a circle around the position.
             let x = at.0 + (x * (reach + 0.5 * f64::from(width - height).max(0.0))).round() as i32;
             let y = at.1 + (y * reach).round() as i32;
             let bounds = [x - width / 2, y - height / 2, x + width / 2, y + height / 2];
             let turned = turn.min(16 - turn) as f64;
-            let cost = self.cost(&bounds) + 0.25 * turned + 2.5 * far as f64;
+            let cost = self.cost(&bounds) + 0.25 * turned + 2.5 * ring as f64;
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, bounds));
             }

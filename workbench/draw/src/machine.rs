@@ -61,9 +61,9 @@ pub(super) fn rail_or_arm(
     let LegGeometry { base, kind, .. } = config.geometry.legs()[leg];
     let foot = Vector3::from(base);
     match kind.guide().map(|guide| Vector3::from(guide).normalize()) {
-        Some(way) => {
+        Some(direction) => {
             let ends = [config.joints[leg].min, config.joints[leg].max];
-            Some(ends.map(|value| foot + way * (value + config.offsets[leg])))
+            Some(ends.map(|value| foot + direction * (value + config.offsets[leg])))
         }
         None => (!kind.stands()).then_some([foot, *lower]),
     }

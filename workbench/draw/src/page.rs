@@ -285,8 +285,8 @@ mod tests {
         };
         let page = of_program(&report(&[mark(4, Some(1.0)), mark(99, None)], &[], ""));
         for line in [4, 99] {
-            let told = format!("<b>line {line}</b> <code>G1 X{line}</code>: breaks at {line}.");
-            assert!(page.contains(&told), "{page}");
+            let row = format!("<b>line {line}</b> <code>G1 X{line}</code>: breaks at {line}.");
+            assert!(page.contains(&row), "{page}");
         }
         assert_eq!(page.matches("stops before it").count(), 1);
     }

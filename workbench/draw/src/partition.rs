@@ -189,8 +189,8 @@ fn clipped(from: [f64; 2], to: [f64; 2], window: &Window) -> Option<[[f64; 2]; 2
     let mut share = [0.0_f64, 1.0_f64];
     for k in 0..2 {
         let step = to[k] - from[k];
-        for (way, bound) in [(-1.0, window[k][0]), (1.0, window[k][1])] {
-            let (out, room) = (way * step, way * (bound - from[k]));
+        for (sign, bound) in [(-1.0, window[k][0]), (1.0, window[k][1])] {
+            let (out, room) = (sign * step, sign * (bound - from[k]));
             if out > 0.0 {
                 share[1] = share[1].min(room / out);
             } else if out < 0.0 {

@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn a_map_printed_in_black_is_brighter_where_its_value_is_higher() {
         let steps: Vec<f64> = (0..=40).map(|k| brightness(shade(f64::from(k) / 40.0))).collect();
-        // A step of an eight-bit colour.
+        // A step of an eight-bit color.
         assert!(steps.is_sorted_by(|a, b| b - a > -1.0 / 255.0), "{steps:?}");
         assert!(steps[0] > 0.5, "black is read on its darkest shade");
     }

@@ -75,9 +75,9 @@ pub(super) fn places_apart(points: &[(f64, f64)], pixels: f64) -> Vec<usize> {
     let least = pixels * (x.end - x.start).max(y.end - y.start) / f64::from(SIZE.0);
     let mut kept: Vec<usize> = vec![];
     for (place, point) in points.iter().enumerate() {
-        let far =
+        let is_apart =
             |last: &usize| (point.0 - points[*last].0).hypot(point.1 - points[*last].1) > least;
-        if kept.last().is_none_or(far) {
+        if kept.last().is_none_or(is_apart) {
             kept.push(place);
         }
     }
@@ -101,8 +101,8 @@ pub(super) fn bends(points: &[(f64, f64)]) -> Vec<usize> {
             }
         }
         let between = (from + 1..to).map(|k| (distance(points[k], points[from], points[to]), k));
-        if let Some((far, bend)) = between.max_by(|a, b| a.0.total_cmp(&b.0))
-            && far > BESIDE
+        if let Some((off, bend)) = between.max_by(|a, b| a.0.total_cmp(&b.0))
+            && off > BESIDE
         {
             spans.extend([(from, bend), (bend, to)]);
         }
@@ -112,11 +112,11 @@ pub(super) fn bends(points: &[(f64, f64)]) -> Vec<usize> {
 
 /// Returns the distance of a point from the segment between two others.
 fn distance(point: (f64, f64), from: (f64, f64), to: (f64, f64)) -> f64 {
-    let (way, own) = ((to.0 - from.0, to.1 - from.1), (point.0 - from.0, point.1 - from.1));
-    let square = way.0 * way.0 + way.1 * way.1;
-    let share = if square > 0.0 { (own.0 * way.0 + own.1 * way.1) / square } else { 0.0 };
+    let (line, own) = ((to.0 - from.0, to.1 - from.1), (point.0 - from.0, point.1 - from.1));
+    let square = line.0 * line.0 + line.1 * line.1;
+    let share = if square > 0.0 { (own.0 * line.0 + own.1 * line.1) / square } else { 0.0 };
     let share = share.clamp(0.0, 1.0);
-    (own.0 - share * way.0).hypot(own.1 - share * way.1)
+    (own.0 - share * line.0).hypot(own.1 - share * line.1)
 }
 
 #[cfg(test)]

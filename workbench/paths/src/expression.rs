@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_expression_is_told_with_its_place() {
+    fn a_syntax_error_is_reported_with_its_place() {
         for (text, expected) in [
             ("2*", "character 3: expected a number, a name or ("),
             ("2 t", "character 3: expected an operator"),
@@ -281,8 +281,8 @@ mod tests {
             ("", "character 1: expected a number"),
             ("é", "character 1"),
         ] {
-            let told = Expression::parse(text, &["t", "s"], &numbers()).unwrap_err().to_string();
-            assert!(told.contains(expected), "{text}: {told}");
+            let message = Expression::parse(text, &["t", "s"], &numbers()).unwrap_err().to_string();
+            assert!(message.contains(expected), "{text}: {message}");
         }
         for long in ["(".repeat(100), "-".repeat(2000)] {
             assert!(Expression::parse(&long, &[], &numbers()).is_err());
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_value_is_told_with_its_cause() {
+    fn a_missing_value_is_reported_with_its_cause() {
         for (text, expected) in [
             ("1/(t - 2)", "divides by 0"),
             ("sqrt(t - 5)", "sqrt of -3"),
@@ -303,8 +303,8 @@ mod tests {
             ("(exp(1e9) - exp(1e9))^t^0.5", "larger than any number"),
         ] {
             let expression = Expression::parse(text, &["t"], &numbers()).unwrap();
-            let told = expression.at(&[Taylor::constant(2.0)]).unwrap_err().to_string();
-            assert!(told.contains(expected), "{text}: {told}");
+            let message = expression.at(&[Taylor::constant(2.0)]).unwrap_err().to_string();
+            assert!(message.contains(expected), "{text}: {message}");
         }
     }
 }

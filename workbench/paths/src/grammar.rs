@@ -71,14 +71,14 @@ pub(super) enum Tree {
 
 /// Parses a whole expression; on a syntax error returns the byte and what was expected there.
 pub(super) fn parse(text: &str) -> Result<Tree, (usize, String)> {
-    if let Some(told) = too_much(text) {
-        return Err(told);
+    if let Some(excess) = too_much(text) {
+        return Err(excess);
     }
     let whole = delimited(multispace0, sum, multispace0);
     { whole }.parse(text).map_err(|error| {
-        let told = error.inner().to_string();
-        let told = if told.is_empty() { "expected an operator".into() } else { told };
-        (error.offset(), told.replace('\n', "; "))
+        let expected = error.inner().to_string();
+        let expected = if expected.is_empty() { "expected an operator".into() } else { expected };
+        (error.offset(), expected.replace('\n', "; "))
     })
 }
 

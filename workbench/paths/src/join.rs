@@ -186,10 +186,10 @@ mod tests {
             line("b", [1.0, 2.0], [2.0, 0.0]),
             line("c", [5.0, 2.0], [1.0, 2.0]),
         ];
-        let told = joined(lines, 1e-3).unwrap_err().to_string();
+        let message = joined(lines, 1e-3).unwrap_err().to_string();
         assert!(
-            told.starts_with("at X 1.000000 Y 2.000000 Z 0.000000 meet ends of a, b, c"),
-            "{told}"
+            message.starts_with("at X 1.000000 Y 2.000000 Z 0.000000 meet ends of a, b, c"),
+            "{message}"
         );
     }
 }

@@ -136,10 +136,10 @@ impl Rows {
     pub(super) fn around(&self) -> Vec<Step> {
         let mut pen = self.zigzag();
         let [u, v] = self.start_mm;
-        let (far, side) = (u + self.length_mm, v + self.width_mm);
+        let (end, side) = (u + self.length_mm, v + self.width_mm);
         // The zigzag ends at one of the corners on the far side.
-        let last = if self.rows().0 % 2 == 1 { far } else { u };
-        let other = u + far - last;
+        let last = if self.rows().0 % 2 == 1 { end } else { u };
+        let other = u + end - last;
         for (u, v) in [(last, v), (other, v), (other, side), (last, side)] {
             pen.cut(u, v);
         }

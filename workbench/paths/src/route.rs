@@ -44,8 +44,8 @@ pub fn route(config: &Mechanism, file: &PathFile) -> Result<Route, RouteError> {
     let ends = nodes(&curve, &pieces, &pace)?;
     let blend = file.program.blend_mm.unwrap_or(tolerance.chord_mm).0;
     let title = file.program.title.clone().unwrap_or("Path along a curve".into());
-    let told = format!("within {} mm of the curve, made by pkm path", tolerance.chord_mm.0);
-    let mut writer = Writer::begin(config, &file.program, &[title, told], blend)?;
+    let origin = format!("within {} mm of the curve, made by pkm path", tolerance.chord_mm.0);
+    let mut writer = Writer::begin(config, &file.program, &[title, origin], blend)?;
     let seconds = write(&mut writer, &curve, &pieces, &ends, &pace)?;
     let tool = writer.tool;
     let rows = rows(config, &file.program, &nodes_once(&ends), tool)?;

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_spline_is_told() {
+    fn an_invalid_spline_is_refused() {
         let points = [[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]];
         let of = |degree, weights: Option<&[f64]>, knots| {
             Spline::new(degree, &points, weights, knots).unwrap_err()

@@ -400,13 +400,13 @@ mod tests {
             "width='1e999mm' height='1e999mm' viewBox='0 0 1 1'",
             "width='100mm' height='50mm' viewBox='0 0 100 50' preserveAspectRatio='none'",
         ] {
-            let told = elements(&text(root), None).unwrap_err().to_string();
-            assert!(told.starts_with("[curve] svg_unit_mm: missing"), "{root}: {told}");
+            let message = elements(&text(root), None).unwrap_err().to_string();
+            assert!(message.starts_with("[curve] svg_unit_mm: missing"), "{root}: {message}");
         }
     }
 
     #[test]
-    fn what_cannot_be_taken_as_it_is_is_told_with_its_line() {
+    fn an_unsupported_element_is_reported_with_its_line() {
         for (text, expected) in [
             (FILE.replace("<g>", "<g transform='scale(0)'>"), "line 3: transform: nothing is left"),
             (FILE.replace("<g>", "<g transform='turn(2)'>"), "line 3: transform: "),
@@ -419,8 +419,8 @@ mod tests {
             (FILE.replace("<g>", "<defs>").replace("</g>", "</defs>"), "no path"),
             ("<svg".into(), "root node"),
         ] {
-            let told = elements(&text, Some(1.0)).unwrap_err().to_string();
-            assert!(told.contains(expected), "{text}: {told}");
+            let message = elements(&text, Some(1.0)).unwrap_err().to_string();
+            assert!(message.contains(expected), "{text}: {message}");
         }
     }
 }

@@ -222,11 +222,14 @@ fn a_fold_is_followed_through() {
 
 #[test]
 fn a_curve_whose_branches_cross_is_refused_with_the_place() {
-    let told = refusal(
+    let message = refusal(
         "[curve]\nalpha = 'y - t*x'\nbeta = '(x^2 + y^2)^2 - 3600*(x^2 - y^2)'\n\
          start_mm = [60, 0]\nt = [0, 2]\nt_bounds = [-2, 2]\n",
     );
-    assert!(told.contains("singular point near x 0.000") && told.contains("t 1.0"), "{told}");
+    assert!(
+        message.contains("singular point near x 0.000") && message.contains("t 1.0"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -260,8 +263,8 @@ fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
             "normal, or a_deg b_deg c_deg, not both",
         ),
     ] {
-        let told = refusal(&text);
-        assert!(told.contains(expected), "{expected}: {told}");
+        let message = refusal(&text);
+        assert!(message.contains(expected), "{expected}: {message}");
     }
 }
 
@@ -286,8 +289,8 @@ fn a_value_without_its_unit_is_an_unknown_key() {
         ("[curve]\nx_mm = nan\n", "expected a finite number"),
         ("[curve]\nx_mm = true\n", "a number, or an expression"),
     ] {
-        let told = PathFile::parse(text).unwrap_err().to_string();
-        assert!(told.contains(expected), "{text}: {told}");
+        let message = PathFile::parse(text).unwrap_err().to_string();
+        assert!(message.contains(expected), "{text}: {message}");
     }
 }
 
@@ -738,8 +741,8 @@ fn what_the_machine_cannot_is_refused_with_t_and_limit() {
         (speed, "tool = 77", "[program] tool: 77 is not in the machine's tool table"),
         (speed, "clear_z_mm = 3\nclear_x_mm = 3", "exclude each other"),
     ] {
-        let told = refused("pyramid", &line(laws, program));
-        assert!(told.contains(expected), "{laws}: {told}");
+        let message = refused("pyramid", &line(laws, program));
+        assert!(message.contains(expected), "{laws}: {message}");
     }
     let fine = line(speed, "").replace("chord_mm = 0.01", "chord_mm = 1e-6");
     assert!(refused("pyramid", &fine).contains("[tolerance] chord_mm: 0.000001 is less"));
@@ -837,8 +840,8 @@ fn laws_of_the_carriages_give_back_the_path_that_they_were_made_from() {
         (", 0]", "]", "expected 6, one a joint; found 5"),
         ("[0, 1]", "[1, 0]", "expected the smaller one first"),
     ] {
-        let told = refused(from, to);
-        assert!(told.contains(expected), "{to}: {told}");
+        let message = refused(from, to);
+        assert!(message.contains(expected), "{to}: {message}");
     }
 }
 

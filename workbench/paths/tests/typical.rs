@@ -470,7 +470,7 @@ fn an_operation_that_is_none_or_leaves_the_machine_is_refused_with_its_number() 
         ),
         ("kind = 'tool'\npark_mm = [0, 0, 9]\ntool = 99".into(), "99 is not in the machine's tool table"),
     ] {
-        let told = refused(&operation);
-        assert!(told.contains(expected), "{operation}: {told}");
+        let message = refused(&operation);
+        assert!(message.contains(expected), "{operation}: {message}");
     }
 }

@@ -333,8 +333,8 @@ fn rods_and_drives_of_one_study_yield_one_after_the_other() {
         assert!(drives.amax() > 0.0 && off < 1e-9 * both.amax(), "{machine} {off}");
         assert!(Springs::of(&config, &study("rod_stiffness_n_per_um = 20")).is_err());
         let twice = format!("stiffness_n_per_um = 1\nrod_stiffness_n_per_um = 20\n{drive}");
-        let told = Springs::of(&config, &study(&twice)).unwrap_err().to_string();
-        assert!(told.contains("leave one of them out"), "{told}");
+        let message = Springs::of(&config, &study(&twice)).unwrap_err().to_string();
+        assert!(message.contains("leave one of them out"), "{message}");
     }
 }
 

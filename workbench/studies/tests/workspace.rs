@@ -218,8 +218,8 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     let same = Workspace::new(&config, config.spindle, vec![tilt], &named).unwrap();
     assert_eq!(same.ray(&home.position, &Vector3::x(), 5.0), ray);
     let turned = Study::parse(&format!("{text}platform_axes = {}\n", "[[1, 0, 0]]")).unwrap();
-    let told = Workspace::new(&config, config.spindle, vec![tilt], &turned).err().unwrap();
-    assert_eq!(told.to_string(), "platform_axes: expected 6 axes; found 1");
+    let error = Workspace::new(&config, config.spindle, vec![tilt], &turned).err().unwrap();
+    assert_eq!(error.to_string(), "platform_axes: expected 6 axes; found 1");
     // A pyramid in the file refers to the file's axis, which no study may change.
     let mut limited = config.clone();
     limited.angles[4].pyramids[1] = Some([30.0, 30.0]);
@@ -227,11 +227,11 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     let text = format!("{text}platform_axes = [{}]\n", ["[1, 0, 0]"; 6].join(", "));
     let other = Study::parse(&text).unwrap();
     assert!(Workspace::new(&config, config.spindle, vec![tilt], &other).is_ok());
-    let told = Workspace::new(&limited, config.spindle, vec![tilt], &other).err().unwrap();
-    assert!(told.to_string().starts_with("platform_axes: leg 4 has a pyramid"), "{told}");
+    let error = Workspace::new(&limited, config.spindle, vec![tilt], &other).err().unwrap();
+    assert!(error.to_string().starts_with("platform_axes: leg 4 has a pyramid"), "{error}");
     let rods = test_support::shipped::config("linear-delta");
-    let told = Workspace::new(&rods, rods.spindle, vec![[0.0; 3]], &study).err().unwrap();
-    assert_eq!(told.to_string(), "platform_pyramid_deg: leg 0 has no axis; name platform_axes");
+    let error = Workspace::new(&rods, rods.spindle, vec![[0.0; 3]], &study).err().unwrap();
+    assert_eq!(error.to_string(), "platform_pyramid_deg: leg 0 has no axis; name platform_axes");
 }
 
 #[test]

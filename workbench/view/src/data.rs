@@ -219,16 +219,16 @@ impl PageMechanism {
 impl Shape {
     fn read(model: &Model) -> Result<Self, String> {
         let Model { part, file, scale, place, .. } = model;
-        let told = |error: String| {
+        let problem = |error: String| {
             format!("{part} is drawn without its shape: {}: {error}", file.display())
         };
-        let size = std::fs::metadata(file).map_err(|error| told(error.to_string()))?.len();
+        let size = std::fs::metadata(file).map_err(|error| problem(error.to_string()))?.len();
         if size > MOST_BYTES {
-            return Err(told(format!(
+            return Err(problem(format!(
                 "{size} bytes, expected {MOST_BYTES} at most: make it coarser"
             )));
         }
-        let bytes = files::read(file).map_err(|error| told(error.error.to_string()))?;
+        let bytes = files::read(file).map_err(|error| problem(error.error.to_string()))?;
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Self { part, name, scale: *scale, place: *place, bytes: BASE64_STANDARD.encode(bytes) })
     }

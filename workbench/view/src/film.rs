@@ -42,14 +42,14 @@ pub enum FilmError {
     NoBrowser,
     #[error("{}: cannot be started: {error}", program.display())]
     NotStarted { program: PathBuf, error: io::Error },
-    #[error("{} drew {found} of {wanted} frames; it may lack WebGL: {told}", browser.display())]
+    #[error("{} drew {found} of {wanted} frames; it may lack WebGL: {output}", browser.display())]
     NoFrames {
         /// The browser's executable.
         browser: PathBuf,
         found: usize,
         wanted: usize,
         /// The last line of its output.
-        told: String,
+        output: String,
     },
     #[error(
         "{} has not drawn {wanted} frames in {} s, and was ended: --browser-seconds allows more, --size makes them \
@@ -142,7 +142,7 @@ impl Camera {
             browser: self.browser.clone(),
             found: frames.len(),
             wanted,
-            told: last_line(&output.stderr),
+            output: last_line(&output.stderr),
         })
     }
 
@@ -182,10 +182,10 @@ impl Camera {
 /// limit, after which it is killed with its group.
 fn ended(mut child: Child, patience: Duration) -> Result<Option<Output>, io::Error> {
     let group = rustix::process::Pid::from_child(&child);
-    let (mut out, mut told) = (child.stdout.take(), child.stderr.take());
+    let (mut out, mut err) = (child.stdout.take(), child.stderr.take());
     std::thread::scope(|scope| {
         let stdout = scope.spawn(move || read(out.as_mut()));
-        let stderr = scope.spawn(move || read(told.as_mut()));
+        let stderr = scope.spawn(move || read(err.as_mut()));
         let begun = Instant::now();
         let status = loop {
             match child.try_wait()? {
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn a_browser_that_draws_nothing_is_told_with_its_last_words() {
+    fn a_browser_that_draws_nothing_is_reported_with_its_last_words() {
         let page = PathBuf::from("/nowhere.html");
         let camera = Camera {
             browser: "/bin/false".into(),

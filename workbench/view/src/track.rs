@@ -159,9 +159,9 @@ impl Thinner {
         let Some(pivot) = self.points.last() else { return };
         let step = point.at - pivot.at;
         for (k, [low, high]) in self.slopes.iter_mut().enumerate() {
-            let (way, tolerance) = (point.values[k] - pivot.values[k], self.tolerance[k]);
-            *low = low.max((way - tolerance) / step);
-            *high = high.min((way + tolerance) / step);
+            let (change, tolerance) = (point.values[k] - pivot.values[k], self.tolerance[k]);
+            *low = low.max((change - tolerance) / step);
+            *high = high.min((change + tolerance) / step);
         }
     }
 

@@ -126,10 +126,10 @@ impl<'a> Cut<'a> {
             Ok(outcome) => {
                 let found = pass.finish().map_err(failed)?;
                 let errors = outcome.messages.iter().filter(|message| message.is_error());
-                let told: Vec<&str> = errors.map(|message| message.text.as_str()).collect();
+                let texts: Vec<&str> = errors.map(|message| message.text.as_str()).collect();
                 let run = match outcome.ending {
                     Ending::Finished => Run::Finished(outcome.seconds),
-                    Ending::Stopped => Run::Stopped(outcome.seconds, told.join("; ")),
+                    Ending::Stopped => Run::Stopped(outcome.seconds, texts.join("; ")),
                 };
                 (found, run)
             }

@@ -2,7 +2,7 @@
 //! How a machine vibrates: the platform as a rigid body on the springs and dampers of its legs.
 //!
 //! Units are N, mm, s, t and radians: a tonne at 1 mm/s² takes 1 N. Sources: paper 004 (Novikov et
-//! al. 2011), equations 9 to 14, about the centre of mass; any book on vibrations for the rest.
+//! al. 2011), equations 9 to 14, about the center of mass; any book on vibrations for the rest.
 //!
 //! [`model`] reads masses, springs and dampers from a study; [`chart`] are the coordinates of the
 //! platform at a pose; [`structure`] has the matrices, [`shapes`] their modes, [`response`]

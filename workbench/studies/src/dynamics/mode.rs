@@ -9,6 +9,6 @@ pub struct Mode {
     pub omega: f64,
     /// Damping ratio.
     pub zeta: f64,
-    /// Displacement of the tool tip in the mode that is normalised by mass, machine axes, 1/sqrt(t).
+    /// Displacement of the tool tip in the mass-normalized mode, machine axes, 1/sqrt(t).
     pub tip: Vector3<f64>,
 }

@@ -218,8 +218,8 @@ impl Lag {
             agrees &= at(stiffness * (1.0 - BESIDE)) == count;
             count = at(stiffness * (1.0 + BESIDE));
         }
-        let far = positive.last().map_or(self.at_rest().abs(), |last| last.stiffness) * 1e3;
-        agrees && at(far) == count
+        let beyond = positive.last().map_or(self.at_rest().abs(), |last| last.stiffness) * 1e3;
+        agrees && at(beyond) == count
     }
 
     /// Counts the roots with a positive real part at a cutting stiffness, by eigenvalues.

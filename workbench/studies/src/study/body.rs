@@ -121,8 +121,8 @@ impl Body {
     /// Returns the corners of an axis-parallel box around all segments.
     pub fn corners(&self) -> [Vector3<f64>; 2] {
         let ends = self.rays().flat_map(|(_, ray)| {
-            let far = ray.inside.last().map_or(0.0, |piece| piece[1]);
-            [self.from + ray.direction * far, self.from + ray.direction * ray.exit()]
+            let end = ray.inside.last().map_or(0.0, |piece| piece[1]);
+            [self.from + ray.direction * end, self.from + ray.direction * ray.exit()]
         });
         ends.fold([self.from, self.from], |[low, high], end| [low.inf(&end), high.sup(&end)])
     }
@@ -212,8 +212,8 @@ pub fn csv(body: &Body) -> String {
     let header = ["direction_x", "direction_y", "direction_z", "distance", "x", "y", "z", "limit"];
     let crossings = |(_, ray)| Ray::crossings(ray).map(move |crossing| (ray, crossing));
     let row = |(ray, (distance, limit)): (&Ray, (f64, Border))| {
-        let (way, place) = (ray.direction, body.from + ray.direction * distance);
-        let numbers = [way.x, way.y, way.z, distance, place.x, place.y, place.z];
+        let (direction, place) = (ray.direction, body.from + ray.direction * distance);
+        let numbers = [direction.x, direction.y, direction.z, distance, place.x, place.y, place.z];
         numbers.map(|x| x.to_string()).into_iter().chain([limit.to_string()])
     };
     files::csv(&header, body.rays().flat_map(crossings).map(row))

@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line_and_a_way_out() {
+    fn an_error_names_its_line_and_a_way_out() {
         for (text, line, word) in [
             ("[legs]\nstiffness = 10\n", "line 2", "stiffness_n_per_um"),
             ("[legs]\n\nstiffness_n_per_um = -1\n", "line 3", "-1: expected more than 0"),
@@ -341,8 +341,8 @@ mod tests {
             ("[law]\nperiod_s = 1\n", "line 1", "missing field"),
             ("[legs\n", "line 1", "]"),
         ] {
-            let told = Study::parse(text).unwrap_err().to_string();
-            assert!(told.contains(line) && told.contains(word), "{text}: {told}");
+            let message = Study::parse(text).unwrap_err().to_string();
+            assert!(message.contains(line) && message.contains(word), "{text}: {message}");
         }
     }
 }

@@ -280,7 +280,7 @@ fn lowest(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> (f
 struct Ray {
     middle: [f64; 6],
     /// Vector from the middle to the border.
-    way: [f64; 6],
+    to_border: [f64; 6],
 }
 
 impl Ray {
@@ -293,12 +293,12 @@ impl Ray {
             .fold(f64::MIN_POSITIVE, f64::max);
         Self {
             middle: std::array::from_fn(|k| (region.high[k] + region.low[k]) / 2.0),
-            way: std::array::from_fn(|k| half(k) * direction[k] / longest),
+            to_border: std::array::from_fn(|k| half(k) * direction[k] / longest),
         }
     }
 
     fn at(&self, reach: f64) -> [f64; 6] {
-        std::array::from_fn(|k| self.middle[k] + reach * self.way[k])
+        std::array::from_fn(|k| self.middle[k] + reach * self.to_border[k])
     }
 
     /// Returns the conditioning; `None` if there are no joint values.
@@ -358,10 +358,10 @@ pub fn along(
     length: f64,
 ) -> Result<Point, End> {
     let at = Pose::from_degrees(*pose);
-    let told = |fault: Fault| End::Reach(time, fault);
-    let here = config.machine.at(&at, tool).map_err(told)?;
-    let rates = here.rates(rate).map_err(told)?;
-    let found = Sensitivity::at(config, &at, tool, length).map_err(told)?;
+    let ended = |fault: Fault| End::Reach(time, fault);
+    let here = config.machine.at(&at, tool).map_err(ended)?;
+    let rates = here.rates(rate).map_err(ended)?;
+    let found = Sensitivity::at(config, &at, tool, length).map_err(ended)?;
     let found = found.ok_or(End::Singular(time))?;
     Ok(Point {
         time,
