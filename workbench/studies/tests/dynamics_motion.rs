@@ -180,7 +180,7 @@ fn shaken(machine: &str, geometric: bool, screw: &str) -> (Mechanism, Model) {
     (config, model)
 }
 
-/// Returns accelerations in the coordinates of a chart, for a motion with little or no speed.
+/// Returns accelerations in the coordinates of a chart, without the terms that are due to speeds.
 fn accelerations(
     simulation: &mut Simulation,
     chart: &Chart,
