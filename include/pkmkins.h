@@ -11,59 +11,59 @@
 
 // Causes of a refusal, as the functions return them.
 enum pkmkins_cause {
-  // the pose holds a value that is NaN or infinite.
+  // the pose contains NaN or infinity.
   PKMKINS_POSE_NOT_FINITE = -10,
   // an angle of the pose is beyond 1e6 degrees.
   PKMKINS_ANGLE_TOO_LARGE = -11,
-  // the pose brings both ends of the strut together.
+  // both ends of the strut coincide at this pose.
   PKMKINS_STRUT_TOO_SHORT = -12,
-  // the strut points along, or nearly along, the fixed axis of one of its cardan joints, where nut rotation is undefined.
+  // the strut is (nearly) parallel to the fixed axis of one of its cardan joints, so its nut rotation is undefined.
   PKMKINS_STRUT_ALONG_AXIS = -13,
-  // the tool offset changed while the platform is tilted, which would make the joints jump.
+  // the tool offset changed at a tilt, so the joints would jump.
   PKMKINS_TOOL_CHANGED_TILTED = -14,
   // a tool or spindle offset is NaN or infinite.
   PKMKINS_TOOL_NOT_FINITE = -15,
   // B is near 90 degrees, where A and C are not distinct.
   PKMKINS_TILT_NEAR_RIGHT_ANGLE = -16,
-  // the result would not be finite.
+  // the result is not finite.
   PKMKINS_RESULT_NOT_FINITE = -17,
-  // at this tilt the new tool offset leads beyond a joint's limits, out of reach or near a singular pose.
+  // at this tilt the new tool offset violates joint limits, is out of reach, or is near a singularity.
   PKMKINS_TOOL_OUT_OF_REACH = -18,
   // a tool or spindle offset is beyond a million times the machine's size.
   PKMKINS_TOOL_TOO_LONG = -86,
-  // the correction asked of the joint (shown) is beyond its limit, or no number; the one in effect stays.
+  // the requested correction of the joint is beyond its limit, or not a number; the active correction stays.
   PKMKINS_CORRECTION_BEYOND = -87,
-  // the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative).
+  // the rod does not reach the platform anchor: too short by this length (too long if negative).
   PKMKINS_OUT_OF_REACH = -19,
-  // the base anchor of the strut is nearer to the tool axis (distance shown) than the radius of its ring.
+  // the tool axis is nearer to the base anchor of the strut than the radius of its ring (distance shown).
   PKMKINS_AXIS_AT_ANCHOR = -28,
-  // the strut is turned about its own axis by nearly half a turn (degrees shown), where its nut correction jumps by a lead.
+  // the strut is twisted by nearly half a turn (degrees shown), where its nut correction jumps by one lead.
   PKMKINS_TORSION_TOO_LARGE = -27,
   // the joint value is NaN or infinite.
   PKMKINS_JOINT_NOT_FINITE = -20,
-  // the joint value leaves no positive strut length.
+  // the joint value makes the strut length zero or negative.
   PKMKINS_JOINT_NOT_POSITIVE = -21,
-  // the pose to start from is NaN or infinite, and no earlier pose is known.
+  // the start pose is NaN or infinite, and no earlier pose is known.
   PKMKINS_SEED_MISSING = -22,
-  // the arm has turned by more than 180 degrees from its position at 0.
+  // the arm is more than 180 degrees away from its zero position.
   PKMKINS_JOINT_ANGLE_TOO_LARGE = -23,
-  // the leg does not reach the pose to start from: its rod lacks the length shown (too long where negative).
+  // the rod does not reach the start pose: too short by this length (too long if negative).
   PKMKINS_SEED_OUT_OF_REACH = -24,
-  // the rod of the leg stands nearly square to the motion of its lower end (dead point; cosine shown).
+  // the rod is nearly perpendicular to the motion of its lower end (dead point; cosine shown).
   PKMKINS_DEAD_POINT = -26,
-  // the legs do not hold the platform at this pose (singular Jacobian).
+  // the legs do not constrain the platform at this pose (singular Jacobian).
   PKMKINS_SINGULAR = -30,
-  // the pose is too close to a singular one to be certain.
+  // the pose is too close to a singularity for a certain result.
   PKMKINS_NEARLY_SINGULAR = -31,
-  // the pose found could not be proved to be the one connected with the last pose.
+  // the pose found is not proved to be connected with the last pose.
   PKMKINS_NOT_CERTIFIED = -32,
-  // the joint values cannot be reached from the last pose: no platform closes, or a singular pose lies between.
+  // no pose is reached from the last pose: the legs do not close, or a singularity lies between.
   PKMKINS_PATH_STALLED = -33,
   // the joint values are too far from the last known pose.
   PKMKINS_TOO_MANY_SUB_STEPS = -34,
-  // forward kinematics did not finish within limit-iterations.
+  // forward kinematics did not converge within limit-iterations.
   PKMKINS_TOO_MANY_ITERATIONS = -35,
-  // a leg residual stays above convergence-criterion.
+  // the residual of a leg stays above convergence-criterion.
   PKMKINS_NOT_CONVERGED = -36,
   // limit-iterations must be 1 to 288.
   PKMKINS_LIMIT_ITERATIONS_INVALID = -37,
@@ -71,117 +71,117 @@ enum pkmkins_cause {
   PKMKINS_CRITERION_INVALID = -38,
   // residual-limit must be a positive number, or 0 for 5e-3 of the platform radius.
   PKMKINS_RESIDUAL_LIMIT_INVALID = -39,
-  // the joints contradict each other by the length shown; without the one named, if any, the others fit the last pose.
+  // the joint values contradict each other by this length; without the joint named, if any, the others agree with the last pose.
   PKMKINS_JOINTS_INCONSISTENT = -40,
-  // the commanded motion has passed a singular pose; its joints fit another pose too (distance shown).
+  // the commanded motion passed a singularity; the joints also fit another pose (distance shown).
   PKMKINS_SINGULAR_PASSED = -41,
-  // the pose found for the joints is not connected with the commanded pose (distance shown).
+  // the pose of the joints is not connected with the commanded pose (distance shown).
   PKMKINS_NOT_AS_COMMANDED = -42,
-  // the geometry of the leg holds a value that is NaN or infinite.
+  // the geometry of the leg contains NaN or infinity.
   PKMKINS_GEOMETRY_NOT_FINITE = -50,
-  // the legs join the same two points.
+  // both legs connect the same two points.
   PKMKINS_LEGS_COINCIDE = -51,
-  // the leg has a lead, and a cardan axis of zero length.
+  // the leg has a LEAD, but a cardan axis of zero length.
   PKMKINS_AXIS_ZERO = -52,
-  // the platform anchors lie on one line or point, so rotation about it is free.
+  // the platform anchors are collinear or coincide, so the platform can rotate freely.
   PKMKINS_PLATFORM_DEGENERATE = -53,
   // the reference pose is incomplete, NaN or infinite.
   PKMKINS_HOME_NOT_FINITE = -54,
-  // the legs do not hold the platform at the reference pose.
+  // the legs do not constrain the platform at the reference pose.
   PKMKINS_SINGULAR_AT_HOME = -55,
-  // at the reference pose the cardan joints of the leg are near a quarter turn, so the sign of the nut correction is undefined.
+  // at the reference pose the cardan joints are near a quarter turn, so the sign of the nut correction is undefined.
   PKMKINS_FOLD_UNDEFINED = -56,
-  // the strut has no length at the reference pose.
+  // the strut length is zero at the reference pose.
   PKMKINS_STRUT_ZERO_AT_HOME = -57,
-  // the guide has no direction.
+  // the guide direction is zero.
   PKMKINS_GUIDE_ZERO = -58,
   // the rod length must be more than 0.
   PKMKINS_ROD_NOT_POSITIVE = -59,
   // the side of the leg must be 1 or -1.
   PKMKINS_SIDE_INVALID = -60,
-  // the crank has no axis, or its arm lies along the axis.
+  // the crank axis is zero, or its arm is parallel to it.
   PKMKINS_ARM_ZERO = -61,
-  // the centre holds a value that is NaN or infinite.
+  // the center contains NaN or infinity.
   PKMKINS_CENTRE_NOT_FINITE = -62,
-  // the length shown, of the leg's anchors, rod, arm or lead, is beyond 1e30.
+  // a length of the leg (anchor, rod, arm or lead) is beyond 1e30.
   PKMKINS_LENGTH_TOO_LARGE = -63,
-  // the joint offset of the leg is beyond a million times the machine's size, or 1e6 degrees of a crank.
+  // the joint offset of the leg is beyond a million times the machine's size (crank: 1e6 degrees).
   PKMKINS_OFFSET_TOO_LARGE = -64,
-  // the centre is farther away than a million times the machine's size.
+  // the center is beyond a million times the machine's size.
   PKMKINS_CENTRE_TOO_FAR = -65,
   // the radius of the ring must be 0 or more.
   PKMKINS_RING_NEGATIVE = -67,
-  // the reference pose asks for a coordinate that this machine holds at 0.
+  // the reference pose has a nonzero coordinate that no joint moves.
   PKMKINS_HOME_HELD = -66,
-  // the axis carries something that does not exist.
+  // the axis carries an unknown part.
   PKMKINS_CHAIN_UNKNOWN = -110,
-  // the axis has no direction.
+  // the axis direction is zero.
   PKMKINS_CHAIN_AXIS_ZERO = -111,
-  // the axis holds a value that is NaN or infinite.
+  // the axis contains NaN or infinity.
   PKMKINS_CHAIN_NOT_FINITE = -112,
-  // the point on the axis is farther away than a million times the machine's size.
+  // the point on the axis is beyond a million times the machine's size.
   PKMKINS_CHAIN_TOO_FAR = -113,
-  // the place of the resting tool holder is incomplete, NaN or infinite.
+  // the position of the fixed tool holder is incomplete, NaN or infinite.
   PKMKINS_HOLDER_NOT_FINITE = -114,
-  // the resting tool holder is farther away than a million times the machine's size.
+  // the fixed tool holder is beyond a million times the machine's size.
   PKMKINS_HOLDER_TOO_FAR = -115,
-  // no valid geometry is frozen.
+  // there is no valid geometry.
   PKMKINS_NO_GEOMETRY = -70,
-  // a new geometry was offered while the machine is on; the last one stays.
+  // a new geometry was applied while the machine is on; the old one stays.
   PKMKINS_APPLY_WHILE_ON = -71,
-  // this kinematics type does not exist (0 = machine, 1 = identity).
+  // unknown kinematics type (0 = machine, 1 = identity).
   PKMKINS_KINEMATICS_TYPE_UNKNOWN = -72,
   // a null pointer was passed.
   PKMKINS_NULL_POINTER = -73,
-  // identity kinematics need a letter for every joint, and this machine has more legs than coordinates.
+  // identity kinematics need a letter for every joint, but this machine has more legs than coordinates.
   PKMKINS_IDENTITY_IMPOSSIBLE = -75,
-  // all joints are 0, as they are before homing, and close no platform.
+  // all joints are 0, as before homing, and no pose matches.
   PKMKINS_NOT_HOMED = -74,
-  // no pose of the joints has been found in joint mode, or since the kinematics were switched.
+  // no pose was found for the joints in joint mode, or since the kinematics were switched.
   PKMKINS_POSE_UNKNOWN = -77,
-  // the machine moved while the tool offset was being changed at a tilt.
+  // the machine moved during a change of the tool offset at a tilt.
   PKMKINS_TOOL_CHANGE_DISTURBED = -76,
-  // the joint comes to the end of its range (joint value shown).
+  // the joint reaches the end of its range (joint value shown).
   PKMKINS_JOINT_LIMIT_AHEAD = -90,
-  // the leg comes to the end of its base joint's cone (degrees shown).
+  // the leg reaches the edge of its base joint's cone (degrees shown).
   PKMKINS_BASE_CONE_AHEAD = -91,
-  // the leg comes to the end of its platform joint's cone (degrees shown).
+  // the leg reaches the edge of its platform joint's cone (degrees shown).
   PKMKINS_PLATFORM_CONE_AHEAD = -92,
-  // the motion leads to where the legs hardly hold the platform (conditioning shown).
+  // the motion approaches a singularity (conditioning shown).
   PKMKINS_CONDITIONING_AHEAD = -93,
-  // the legs come too near to each other (distance shown).
+  // the legs come too close to each other (distance shown).
   PKMKINS_LEGS_NEAR = -94,
-  // the joint would have to be faster than its limit (shown).
+  // the joint would exceed its speed limit (speed shown).
   PKMKINS_JOINT_TOO_FAST = -95,
-  // the tool axis comes to its largest tilt (degrees shown).
+  // the tool axis reaches its tilt limit (degrees shown).
   PKMKINS_TILT_AHEAD = -96,
-  // the leg comes to the end of its base joint's pyramid (degrees shown).
+  // the leg reaches the edge of its base joint's pyramid (degrees shown).
   PKMKINS_BASE_PYRAMID_AHEAD = -97,
-  // the leg comes to the end of its platform joint's pyramid (degrees shown).
+  // the leg reaches the edge of its platform joint's pyramid (degrees shown).
   PKMKINS_PLATFORM_PYRAMID_AHEAD = -98,
-  // the two mechanisms come too near to each other (distance shown).
+  // the two mechanisms come too close to each other (distance shown).
   PKMKINS_MECHANISMS_NEAR = -99,
-  // the pose asks for X, which this machine holds at 0.
+  // the pose has a nonzero X, but no joint moves X.
   PKMKINS_HELD_X = -80,
-  // the pose asks for Y, which this machine holds at 0.
+  // the pose has a nonzero Y, but no joint moves Y.
   PKMKINS_HELD_Y = -81,
-  // the pose asks for Z, which this machine holds at 0.
+  // the pose has a nonzero Z, but no joint moves Z.
   PKMKINS_HELD_Z = -82,
-  // the pose asks for A, which this machine holds at 0.
+  // the pose has a nonzero A, but no joint moves A.
   PKMKINS_HELD_A = -83,
-  // the pose asks for B, which this machine holds at 0.
+  // the pose has a nonzero B, but no joint moves B.
   PKMKINS_HELD_B = -84,
-  // the pose asks for C, which this machine holds at 0.
+  // the pose has a nonzero C, but no joint moves C.
   PKMKINS_HELD_C = -85,
-  // the pose of the joint values is being searched for.
+  // the search for the pose of the joints is running.
   PKMKINS_SEARCHING = -100,
-  // the joint values belong to no pose in the boxes of the workspace.
+  // no pose in the workspace boxes has these joint values.
   PKMKINS_OUTSIDE_BOXES = -101,
-  // two poses are legal for these joint values (their distance is shown).
+  // two legal poses have these joint values (distance shown).
   PKMKINS_TWO_POSES = -102,
-  // a box of the workspace is empty, NaN or infinite, or its steps are not 1 to 4096 (its number is shown unless it is 0).
+  // a workspace box is empty, NaN or infinite, or its steps are not 1 to 4096 (box number shown unless 0).
   PKMKINS_BOX_INVALID = -103,
-  // a box of the workspace was proved for another geometry (its number is shown unless it is 0).
+  // a workspace box was proved for another geometry (box number shown unless 0).
   PKMKINS_BOX_OF_OTHER = -104,
 };
 

@@ -112,12 +112,12 @@ impl Key {
             Above(least, f64::INFINITY) => format!("more than {least}{unit}"),
             Above(least, most) => format!("more than {least} and at most {most}{unit}"),
             From(least, most) => format!("{least} to {most}{unit}"),
-            Whole(0, u32::MAX) => "a whole number without sign".into(),
-            Whole(least, most) => format!("a whole number from {least} to {most}"),
+            Whole(0, u32::MAX) => "a non-negative integer".into(),
+            Whole(least, most) => format!("an integer from {least} to {most}"),
             Sign => "1 or -1".into(),
-            Hash => "0x and up to 8 hexadecimal digits, or a whole number without sign".into(),
+            Hash => "0x and up to 8 hexadecimal digits, or a non-negative integer".into(),
             Word(words) => words.join(" or "),
-            Model => "FILE UNIT [X Y Z [A B C]] with FILE .stl or .obj, without blanks, and UNIT mm, cm, m or inch".into(),
+            Model => "FILE UNIT [X Y Z [A B C]], FILE .stl or .obj without spaces, UNIT mm, cm, m or inch".into(),
         }
     }
 }
@@ -157,51 +157,51 @@ table! {
     /// `[PKM]`: the machine.
     machine {
         SCREW_LEAD = Key { pin: "screw-lead", unit: "machine units a turn",
-            ..key("Lead of all struts without a LEAD of their own, which need it; 0 where the struts are no open screws.") };
+            ..key("Lead of every strut without its own LEAD, which then needs it; 0 if the struts are not open screws.") };
         CENTRE = Key { parts: XYZ, pin: "centre", unit: LENGTH,
-            ..key("Point of the platform at which held X, Y, Z are held.") };
+            ..key("Platform point that stays at 0 in those of X, Y, Z that no joint moves.") };
         SPINDLE_OFFSET = Key { pin: "spindle-offset", unit: LENGTH,
-            ..key("Part of the tool length that no tool table holds; its sign as in SIGN OF TOOL LENGTHS.") };
+            ..key("Part of the tool length that is not in the tool table; for its sign see SIGN OF TOOL LENGTHS.") };
         TOOL_DIRECTION = Key { range: Word(DIRECTIONS),
-            ..key("Which way tools point along the platform's Z from its reference point, to check lengths with (SIGN OF TOOL LENGTHS).") };
+            ..key("Direction of tools along the platform's Z from its reference point, used to check lengths (SIGN OF TOOL LENGTHS).") };
         CONVERGENCE_CRITERION = Key { pin: "convergence-criterion", range: Above(0.0, f64::INFINITY), unit: LENGTH,
-            ..key("Largest error of a leg's length that forward accepts.") };
+            ..key("Largest leg length error that forward kinematics accept.") };
         LIMIT_ITERATIONS = Key { pin: "limit-iterations", range: Whole(1, MAX_ITERATIONS), absent: Some(MAX_ITERATIONS),
-            ..key("Most linear solves of one forward call.") };
+            ..key("Maximum number of linear solves in one forward call.") };
         RESIDUAL_LIMIT = Key { pin: "residual-limit", range: Above(0.0, f64::INFINITY), unit: LENGTH,
-            ..key("Largest contradiction of the joint values, where legs exceed coordinates.") };
+            ..key("Largest contradiction between joint values, if there are more legs than coordinates.") };
         MAX_ERROR = Key { pin: "max-error",
-            ..key("Accepted for compatibility, without effect.") };
+            ..key("Accepted for compatibility, no effect.") };
         CONDITIONING_LIMIT = Key { pin: "conditioning-limit", range: Above(0.0, 1.0),
-            ..key("Smallest singular value of the legs' rows (pin conditioning) at which the guard stops the machine.") };
+            ..key("Conditioning (smallest singular value of the Jacobian, pin conditioning) at which the guard stops the machine.") };
         ROD_CLEARANCE = Key { pin: "rod-clearance", range: Above(0.0, f64::INFINITY), unit: LENGTH,
-            ..key("Smallest distance of the centre lines of two legs.") };
+            ..key("Smallest distance between the center lines of two legs.") };
         MECHANISM_CLEARANCE = Key { pin: "mechanism-clearance", range: Above(0.0, f64::INFINITY), unit: LENGTH,
-            ..key("Smallest distance of the legs and the platform of one of two mechanisms from those of the other, which the guard stops the machine before.") };
+            ..key("Smallest distance between the legs and platforms of two mechanisms; the guard stops the machine before they come closer.") };
         TILT_LIMIT = Key { pin: "tilt-limit", range: From(0.0, 180.0), unit: DEGREES,
-            ..key("Largest angle between the tool axis and its direction at A = B = C = 0; 0: no limit.") };
+            ..key("Largest angle between the tool axis and its direction at A = B = C = 0; 0 for no limit.") };
         FEED_FLOOR = Key { pin: "feed-floor", range: Above(0.0, 1.0),
             ..key("Smallest feed scale that the guard sets.") };
         WORK_ON_PLATFORM = Key { parts: XYZ, pin: "work-on-platform", unit: LENGTH,
-            ..key("The work is on the platform and the tools stand in base: where the control point of their resting holder is.") };
+            ..key("For work on the platform and fixed tools: control point of the tool holder, in base.") };
         BASE_MODEL = Key { range: Model,
-            ..key("Shape of the frame that the legs stand on, for who draws the machine, in base.") };
+            ..key("Shape of the frame below the legs, for viewers, in base.") };
         PLATFORM_MODEL = Key { range: Model,
-            ..key("Shape of the platform, in its frame, whose origin is the control point without a tool.") };
+            ..key("Shape of the platform, in the platform frame; its origin is the control point without a tool.") };
         SPINDLE_MODEL = Key { range: Model,
-            ..key("Shape of the spindle on the platform, in the same frame.") };
+            ..key("Shape of the spindle on the platform, in the platform frame.") };
         TABLE_MODEL = Key { range: Model,
-            ..key("Shape of the table under the work, in base with all axes at 0.") };
+            ..key("Shape of the table under the work, in base, with all axes at 0.") };
     }
 
     /// `[SECOND]`: what a second mechanism has of its own.
     second {
         CENTRE = Key { parts: XYZ, pin: "second.centre", unit: LENGTH,
-            ..key("Point of its platform at which held X, Y, Z of it are held.") };
+            ..key("Point of its platform that stays at 0 in those of its X, Y, Z that no joint moves.") };
         SPINDLE_OFFSET = Key { pin: "second.spindle-offset", unit: LENGTH,
-            ..key("Part of its tool length that no tool table holds.") };
+            ..key("Part of its tool length that is not in the tool table.") };
         TOOL_DIRECTION = Key { range: Word(DIRECTIONS),
-            ..key("Which way its tools point along its platform's Z, to check lengths with (SIGN OF TOOL LENGTHS).") };
+            ..key("Direction of its tools along its platform's Z, used to check lengths (SIGN OF TOOL LENGTHS).") };
     }
 
     /// `[LEG_N]`: leg N.
@@ -209,45 +209,45 @@ table! {
         BASE = Key { parts: XYZ, need: Needed, pin: "base.N", unit: LENGTH,
             ..key("Base anchor.") };
         PLATFORM = Key { parts: XYZ, need: Needed, pin: "platform.N", unit: LENGTH, kinds: POINTED,
-            ..key("Centre of the platform joint, in the platform's frame.") };
+            ..key("Center of the platform joint, in the platform frame.") };
         EFFECTOR = Key { parts: RADIUS_HEIGHT, need: Needed, pin: "effector.N", unit: LENGTH, kinds: &[Kind::Ring],
-            ..key("Radius of the ring that turns about the tool axis, 0 or more, and its Z in the platform's frame.") };
+            ..key("Radius of the ring that rotates about the tool axis, 0 or more, and its Z in the platform frame.") };
         BASE_N = Key { parts: XYZ, need: Cardan, pin: "base-n.N", kinds: &[Kind::Strut],
-            ..key("Axis of the base cardan joint that is fixed in base; any length.") };
+            ..key("Base-fixed axis of the base cardan joint; any length.") };
         PLATFORM_N = Key { parts: XYZ, need: Cardan, pin: "platform-n.N", kinds: &[Kind::Strut],
-            ..key("Axis of the platform cardan joint that is fixed in the platform; any length.") };
+            ..key("Platform-fixed axis of the platform cardan joint; any length.") };
         LEAD = Key { pin: "lead.N", unit: "machine units a turn", kinds: &[Kind::Strut],
-            ..key("Lead of this strut instead of SCREW_LEAD; 0: none.") };
+            ..key("Lead of this strut instead of SCREW_LEAD; 0 for none.") };
         GUIDE = Key { parts: XYZ, need: Needed, pin: "guide.N", kinds: &[Kind::Slider],
-            ..key("Direction of the guide towards growing joint values; any length.") };
+            ..key("Direction of the guide for increasing joint values; any length.") };
         AXIS = Key { parts: XYZ, need: Needed, pin: "axis.N", kinds: &[Kind::Crank],
-            ..key("Direction of the axis that the arm turns about; any length.") };
+            ..key("Direction of the axis about which the arm rotates; any length.") };
         ARM = Key { parts: XYZ, need: Needed, pin: "arm.N", unit: LENGTH, kinds: &[Kind::Crank],
-            ..key("From BASE to the end of the arm at 0 degrees.") };
+            ..key("Vector from BASE to the end of the arm at 0 degrees.") };
         ROD = Key { need: Needed, pin: "rod.N", range: Above(0.0, f64::INFINITY), unit: LENGTH, kinds: &[Kind::Slider, Kind::Crank],
             ..key("Length of the rod.") };
         SIDE = Key { need: Needed, pin: "side.N", range: Sign, kinds: &[Kind::Slider, Kind::Crank],
-            ..key("Which of the two joint values of one place of the platform joint: 1 the larger, -1 the smaller.") };
+            ..key("Choice between the two joint values for a position of the platform joint: 1 the larger, -1 the smaller.") };
         OFFSET = Key { pin: "offset.N", unit: "joint units",
-            ..key("Taken from the native value of the leg.") };
+            ..key("Value subtracted from the leg length, carriage position or arm angle.") };
         BASE_CONE = Key { pin: "base-cone.N", range: Above(0.0, 180.0), unit: DEGREES,
-            ..key("Largest angle of the leg from its direction at the reference pose, seen from the base.") };
+            ..key("Largest angle between the leg and its direction at the reference pose, in the base frame.") };
         PLATFORM_CONE = Key { pin: "platform-cone.N", range: Above(0.0, 180.0), unit: DEGREES, kinds: POINTED,
-            ..key("The same seen from the platform.") };
+            ..key("The same in the platform frame.") };
         BASE_PYRAMID = Key { parts: TURNS, need: With("BASE_N"), pin: "base-pyramid.N", range: Above(0.0, 180.0), unit: DEGREES, kinds: &[Kind::Strut],
-            ..key("Largest turns of the leg from its direction at the reference pose, either way: about the axis BASE_N of its base joint, and across it.") };
+            ..key("Largest rotations of the leg from its direction at the reference pose, in both directions: about the axis BASE_N of its base joint, and across it.") };
         PLATFORM_PYRAMID = Key { parts: TURNS, need: With("PLATFORM_N"), pin: "platform-pyramid.N", range: Above(0.0, 180.0), unit: DEGREES, kinds: &[Kind::Strut],
-            ..key("The same seen from the platform, about and across the axis PLATFORM_N.") };
+            ..key("The same in the platform frame, about and across the axis PLATFORM_N.") };
     }
 
     /// `[CHAIN_L]`: what the extra axis L carries.
     chain {
         CARRIES = Key { need: Needed, pin: "chain.L.carries", range: Word(CARRIED),
-            ..key("What the axis carries: the work, the tool, or the base of the legs.") };
+            ..key("Part that the axis carries: the work, the tool, or the base of the legs.") };
         AXIS = Key { parts: XYZ, need: Needed, pin: "chain.L.axis",
-            ..key("Its direction, any length, as what carries the axis sees it: right-handed for growing A B C, the way of what it carries for growing U V W.") };
+            ..key("Direction of the axis, any length, in the frame of its carrier: right-handed for increasing A B C, the motion of the carried part for increasing U V W.") };
         POINT = Key { parts: XYZ, need: Needed, pin: "chain.L.point", unit: LENGTH,
-            ..key("(A, B, C) A point on the axis, as what carries it sees it with every axis of the chain at 0.") };
+            ..key("(A, B, C) Point on the axis, in the frame of its carrier with every axis of the chain at 0.") };
     }
 
     /// `[JOINT_N]`: joint N, beside LinuxCNC's own keys.
@@ -261,9 +261,9 @@ table! {
         MAX_ACCELERATION = Key { need: Needed, pin: "max-acceleration.N", range: Above(0.0, f64::INFINITY), unit: "joint units a second squared",
             ..key("Largest acceleration.") };
         CORRECTION_LIMIT = Key { pin: "correction-limit.N", range: Above(0.0, f64::INFINITY), unit: "joint units",
-            ..key("Largest correction that joint-correction.N may ask for while the machine runs, either way; the range of the joint is smaller by it at both ends. Without the key there is none.") };
+            ..key("Largest correction, positive or negative, that joint-correction.N may request while the machine runs; it reduces the range of the joint at both ends. Without the key there is no correction.") };
         CORRECTION_RATE = Key { pin: "correction-rate.N", range: Above(0.0, f64::INFINITY), unit: "joint units a second",
-            ..key("How fast the correction changes at most. Needed with CORRECTION_LIMIT.") };
+            ..key("Largest rate of the correction. Required with CORRECTION_LIMIT.") };
     }
 
     /// `[BOX_K]`: box K for the start without a seed, beside the rows of its matrix.
@@ -273,13 +273,13 @@ table! {
         HIGH = Key { parts: XYZABC, need: Needed, pin: "box.K.high",
             ..key("Upper ends of the box.") };
         STEPS = Key { need: Needed, pin: "box.K.steps", range: Whole(0, u32::MAX),
-            ..key("Steps of the search after which the box has answered.") };
+            ..key("Number of search steps after which the box has a result.") };
         GEOMETRY = Key { need: Needed, pin: "box.K.geometry", range: Hash,
-            ..key("Hash of the geometry that it was proved for.") };
+            ..key("Hash of the geometry for which the box was proved.") };
         WEIGHT = Key { parts: XYZABC, need: Needed,
-            ..key("Weights of the coordinates in the proof; for pkm boxes alone.") };
+            ..key("Weights of the coordinates in the proof; used only by pkm boxes.") };
         CONTRACTION = Key { need: Needed,
-            ..key("Contraction of the search that was proved; for pkm boxes alone.") };
+            ..key("Proved contraction of the search; used only by pkm boxes.") };
     }
 }
 

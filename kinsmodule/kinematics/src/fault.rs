@@ -194,186 +194,186 @@ macro_rules! causes {
 
 causes! {
     // The pose that inverse was asked for.
-    PoseNotFinite = -10, "the pose holds a value that is NaN or infinite",
-        "look at the program line or the offset that produced it";
+    PoseNotFinite = -10, "the pose contains NaN or infinity",
+        "check the program line or the offset that produced it";
     AngleTooLarge = -11, "an angle of the pose is beyond 1e6 degrees",
-        "wind the rotary axis back";
-    StrutTooShort = -12, "the pose brings both ends of the strut together",
+        "rotate the axis back towards 0";
+    StrutTooShort = -12, "both ends of the strut coincide at this pose",
         "keep the platform away from this base joint";
-    StrutAlongAxis = -13, "the strut points along, or nearly along, the fixed axis of one of its cardan joints, where nut rotation is undefined",
+    StrutAlongAxis = -13, "the strut is (nearly) parallel to the fixed axis of one of its cardan joints, so its nut rotation is undefined",
         "tilt less, or check BASE_N and PLATFORM_N";
-    ToolChangedTilted = -14, "the tool offset changed while the platform is tilted, which would make the joints jump",
-        "level the platform first, or add pkmkins.monitor and limits of all joints";
+    ToolChangedTilted = -14, "the tool offset changed at a tilt, so the joints would jump",
+        "level the platform first, or add pkmkins.monitor to a thread and limits to all joints";
     ToolNotFinite = -15, "a tool or spindle offset is NaN or infinite",
         "check the tool table and the nets to the tool-offset pins";
     TiltNearRightAngle = -16, "B is near 90 degrees, where A and C are not distinct",
         "stay away from B = 90 degrees";
-    ResultNotFinite = -17, "the result would not be finite",
-        "look at the pose and the geometry";
-    ToolOutOfReach = -18, "at this tilt the new tool offset leads beyond a joint's limits, out of reach or near a singular pose",
+    ResultNotFinite = -17, "the result is not finite",
+        "check the pose and the geometry";
+    ToolOutOfReach = -18, "at this tilt the new tool offset violates joint limits, is out of reach, or is near a singularity",
         "level the platform or retract, then change the tool length";
     ToolTooLong = -86, "a tool or spindle offset is beyond a million times the machine's size",
         "check the tool table and the nets to the tool-offset pins";
-    CorrectionBeyond = -87, "the correction asked of the joint (shown) is beyond its limit, or no number; the one in effect stays",
-        "look at what writes pkmkins.joint-correction, or raise CORRECTION_LIMIT";
-    OutOfReach = -19, "the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative)",
-        "keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS";
-    AxisAtAnchor = -28, "the base anchor of the strut is nearer to the tool axis (distance shown) than the radius of its ring",
+    CorrectionBeyond = -87, "the requested correction of the joint is beyond its limit, or not a number; the active correction stays",
+        "check the source of pkmkins.joint-correction, or raise CORRECTION_LIMIT";
+    OutOfReach = -19, "the rod does not reach the platform anchor: too short by this length (too long if negative)",
+        "move the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS";
+    AxisAtAnchor = -28, "the tool axis is nearer to the base anchor of the strut than the radius of its ring (distance shown)",
         "keep the tool axis away from this base joint, or check BASE and EFFECTOR";
-    TorsionTooLarge = -27, "the strut is turned about its own axis by nearly half a turn (degrees shown), where its nut correction jumps by a lead",
-        "turn back, or lead the program through another pose";
+    TorsionTooLarge = -27, "the strut is twisted by nearly half a turn (degrees shown), where its nut correction jumps by one lead",
+        "rotate back, or change the program to avoid this pose";
     // Joints and seed that forward was given.
     JointNotFinite = -20, "the joint value is NaN or infinite",
         "check the feedback of this joint";
-    JointNotPositive = -21, "the joint value leaves no positive strut length",
+    JointNotPositive = -21, "the joint value makes the strut length zero or negative",
         "home the joint, or check its OFFSET and feedback scale";
-    SeedMissing = -22, "the pose to start from is NaN or infinite, and no earlier pose is known",
+    SeedMissing = -22, "the start pose is NaN or infinite, and no earlier pose is known",
         "home the machine";
-    JointAngleTooLarge = -23, "the arm has turned by more than 180 degrees from its position at 0",
+    JointAngleTooLarge = -23, "the arm is more than 180 degrees away from its zero position",
         "jog the joint back, or check its OFFSET and feedback scale";
-    SeedOutOfReach = -24, "the leg does not reach the pose to start from: its rod lacks the length shown (too long where negative)",
-        "home the machine; if it is homed, check [TRAJ]HOME";
-    DeadPoint = -26, "the rod of the leg stands nearly square to the motion of its lower end (dead point; cosine shown)",
-        "keep away from the end of this rod's range: beyond it SIDE would be the other one";
+    SeedOutOfReach = -24, "the rod does not reach the start pose: too short by this length (too long if negative)",
+        "home the machine; if it is already homed, check [TRAJ]HOME";
+    DeadPoint = -26, "the rod is nearly perpendicular to the motion of its lower end (dead point; cosine shown)",
+        "stay away from this end of the rod's range, where SIDE would flip";
     // The forward solver.
-    Singular = -30, "the legs do not hold the platform at this pose (singular Jacobian)",
+    Singular = -30, "the legs do not constrain the platform at this pose (singular Jacobian)",
         "move a joint away from this pose in joint mode";
-    NearlySingular = -31, "the pose is too close to a singular one to be certain",
+    NearlySingular = -31, "the pose is too close to a singularity for a certain result",
         "move a joint away from this pose in joint mode";
-    NotCertified = -32, "the pose found could not be proved to be the one connected with the last pose",
+    NotCertified = -32, "the pose found is not proved to be connected with the last pose",
         "move back in joint mode, in smaller steps";
-    PathStalled = -33, "the joint values cannot be reached from the last pose: no platform closes, or a singular pose lies between",
-        "jog the joints back towards their last good values";
+    PathStalled = -33, "no pose is reached from the last pose: the legs do not close, or a singularity lies between",
+        "jog the joints back to their last good values";
     TooManySubSteps = -34, "the joint values are too far from the last known pose",
         "jog back, or home again";
-    TooManyIterations = -35, "forward kinematics did not finish within limit-iterations",
+    TooManyIterations = -35, "forward kinematics did not converge within limit-iterations",
         "raise limit-iterations (at most 288)";
-    NotConverged = -36, "a leg residual stays above convergence-criterion",
+    NotConverged = -36, "the residual of a leg stays above convergence-criterion",
         "raise convergence-criterion, or check the geometry";
     LimitIterationsInvalid = -37, "limit-iterations must be 1 to 288",
         "set pkmkins.limit-iterations between 1 and 288";
     CriterionInvalid = -38, "convergence-criterion must be a positive number",
         "set pkmkins.convergence-criterion to a length such as 1e-9";
     ResidualLimitInvalid = -39, "residual-limit must be a positive number, or 0 for 5e-3 of the platform radius",
-        "set pkmkins.residual-limit to a length";
-    JointsInconsistent = -40, "the joints contradict each other by the length shown; without the one named, if any, the others fit the last pose",
+        "set pkmkins.residual-limit to a length, or 0";
+    JointsInconsistent = -40, "the joint values contradict each other by this length; without the joint named, if any, the others agree with the last pose",
         "check feedback and homing, or raise residual-limit";
-    SingularPassed = -41, "the commanded motion has passed a singular pose; its joints fit another pose too (distance shown)",
+    SingularPassed = -41, "the commanded motion passed a singularity; the joints also fit another pose (distance shown)",
         "command it back; or jog to the reference pose in joint mode, unhome and home again";
-    NotAsCommanded = -42, "the pose found for the joints is not connected with the commanded pose (distance shown)",
+    NotAsCommanded = -42, "the pose of the joints is not connected with the commanded pose (distance shown)",
         "command it back; or jog to the reference pose in joint mode, unhome and home again";
     // The geometry offered for freezing.
-    GeometryNotFinite = -50, "the geometry of the leg holds a value that is NaN or infinite",
+    GeometryNotFinite = -50, "the geometry of the leg contains NaN or infinity",
         "correct the values of this leg";
-    LegsCoincide = -51, "the legs join the same two points",
+    LegsCoincide = -51, "both legs connect the same two points",
         "give every leg its own anchors";
-    AxisZero = -52, "the leg has a lead, and a cardan axis of zero length",
-        "give BASE_N and PLATFORM_N as directions";
-    PlatformDegenerate = -53, "the platform anchors lie on one line or point, so rotation about it is free",
+    AxisZero = -52, "the leg has a LEAD, but a cardan axis of zero length",
+        "set BASE_N and PLATFORM_N to directions";
+    PlatformDegenerate = -53, "the platform anchors are collinear or coincide, so the platform can rotate freely",
         "check the PLATFORM anchors";
     HomeNotFinite = -54, "the reference pose is incomplete, NaN or infinite",
         "set all six home pins, or none";
-    SingularAtHome = -55, "the legs do not hold the platform at the reference pose",
-        "check the anchors: the layout is singular there";
-    FoldUndefined = -56, "at the reference pose the cardan joints of the leg are near a quarter turn, so the sign of the nut correction is undefined",
-        "turn BASE_N or PLATFORM_N";
-    StrutZeroAtHome = -57, "the strut has no length at the reference pose",
+    SingularAtHome = -55, "the legs do not constrain the platform at the reference pose",
+        "check the anchors: the geometry is singular there";
+    FoldUndefined = -56, "at the reference pose the cardan joints are near a quarter turn, so the sign of the nut correction is undefined",
+        "rotate BASE_N or PLATFORM_N";
+    StrutZeroAtHome = -57, "the strut length is zero at the reference pose",
         "check BASE, PLATFORM and the reference pose";
-    GuideZero = -58, "the guide has no direction",
-        "give GUIDE as a direction";
+    GuideZero = -58, "the guide direction is zero",
+        "set GUIDE to a direction";
     RodNotPositive = -59, "the rod length must be more than 0",
-        "give ROD as a length";
+        "set ROD to a positive length";
     SideInvalid = -60, "the side of the leg must be 1 or -1",
         "set SIDE to 1 or -1";
-    ArmZero = -61, "the crank has no axis, or its arm lies along the axis",
-        "give AXIS as a direction and ARM across it";
-    CentreNotFinite = -62, "the centre holds a value that is NaN or infinite",
+    ArmZero = -61, "the crank axis is zero, or its arm is parallel to it",
+        "set AXIS to a direction, and ARM to a vector not parallel to it";
+    CentreNotFinite = -62, "the center contains NaN or infinity",
         "correct CENTRE";
-    LengthTooLarge = -63, "the length shown, of the leg's anchors, rod, arm or lead, is beyond 1e30",
+    LengthTooLarge = -63, "a length of the leg (anchor, rod, arm or lead) is beyond 1e30",
         "correct the values of this leg";
-    OffsetTooLarge = -64, "the joint offset of the leg is beyond a million times the machine's size, or 1e6 degrees of a crank",
+    OffsetTooLarge = -64, "the joint offset of the leg is beyond a million times the machine's size (crank: 1e6 degrees)",
         "correct OFFSET";
-    CentreTooFar = -65, "the centre is farther away than a million times the machine's size",
+    CentreTooFar = -65, "the center is beyond a million times the machine's size",
         "correct CENTRE";
     RingNegative = -67, "the radius of the ring must be 0 or more",
-        "give EFFECTOR as radius and height";
-    HomeHeld = -66, "the reference pose asks for a coordinate that this machine holds at 0",
-        "set the letters of HOME that no joint moves to 0";
+        "set EFFECTOR to radius and height, with radius >= 0";
+    HomeHeld = -66, "the reference pose has a nonzero coordinate that no joint moves",
+        "set the coordinates of HOME that no joint moves to 0";
     // The axes that carry work, tool or legs.
-    ChainUnknown = -110, "the axis carries something that does not exist",
-        "set CARRIES to WORK, TOOL or LEGS, its pin to 1, 2 or 3, or to 0 for none";
-    ChainAxisZero = -111, "the axis has no direction",
-        "give AXIS of its [CHAIN_L] as a direction";
-    ChainNotFinite = -112, "the axis holds a value that is NaN or infinite",
+    ChainUnknown = -110, "the axis carries an unknown part",
+        "set CARRIES to WORK, TOOL or LEGS (its pin to 1, 2 or 3; 0 for none)";
+    ChainAxisZero = -111, "the axis direction is zero",
+        "set AXIS of its [CHAIN_L] to a direction";
+    ChainNotFinite = -112, "the axis contains NaN or infinity",
         "correct AXIS and POINT of its [CHAIN_L]";
-    ChainTooFar = -113, "the point on the axis is farther away than a million times the machine's size",
+    ChainTooFar = -113, "the point on the axis is beyond a million times the machine's size",
         "correct POINT of its [CHAIN_L]";
-    HolderNotFinite = -114, "the place of the resting tool holder is incomplete, NaN or infinite",
-        "correct WORK_ON_PLATFORM, or leave it out";
-    HolderTooFar = -115, "the resting tool holder is farther away than a million times the machine's size",
+    HolderNotFinite = -114, "the position of the fixed tool holder is incomplete, NaN or infinite",
+        "correct WORK_ON_PLATFORM, or remove it";
+    HolderTooFar = -115, "the fixed tool holder is beyond a million times the machine's size",
         "correct WORK_ON_PLATFORM";
     // The module around the kinematics.
-    NoGeometry = -70, "no valid geometry is frozen",
-        "correct the geometry and raise pkmkins.apply with the machine off";
-    ApplyWhileOn = -71, "a new geometry was offered while the machine is on; the last one stays",
-        "switch the machine off, then raise pkmkins.apply again";
-    KinematicsTypeUnknown = -72, "this kinematics type does not exist (0 = machine, 1 = identity)",
+    NoGeometry = -70, "there is no valid geometry",
+        "correct the geometry, then set pkmkins.apply to 1 with the machine off";
+    ApplyWhileOn = -71, "a new geometry was applied while the machine is on; the old one stays",
+        "switch the machine off, then set pkmkins.apply to 0 and to 1";
+    KinematicsTypeUnknown = -72, "unknown kinematics type (0 = machine, 1 = identity)",
         "switch to type 0 or 1";
     NullPointer = -73, "a null pointer was passed",
-        "report this: LinuxCNC never does it";
-    IdentityImpossible = -75, "identity kinematics need a letter for every joint, and this machine has more legs than coordinates",
-        "stay with kinematics type 0";
-    NotHomed = -74, "all joints are 0, as they are before homing, and close no platform",
+        "report this bug: LinuxCNC never passes one";
+    IdentityImpossible = -75, "identity kinematics need a letter for every joint, but this machine has more legs than coordinates",
+        "keep kinematics type 0";
+    NotHomed = -74, "all joints are 0, as before homing, and no pose matches",
         "home the machine";
-    PoseUnknown = -77, "no pose of the joints has been found in joint mode, or since the kinematics were switched",
-        "move the joints in joint mode, or in kinematics 1, to where the legs close a platform";
-    ToolChangeDisturbed = -76, "the machine moved while the tool offset was being changed at a tilt",
-        "switch on again, with the new offset; net pkmkins.feed-inhibit to motion.feed-inhibit, which M49 and M50 P0 disable";
+    PoseUnknown = -77, "no pose was found for the joints in joint mode, or since the kinematics were switched",
+        "move the joints in joint mode, or in kinematics type 1, until the legs close";
+    ToolChangeDisturbed = -76, "the machine moved during a change of the tool offset at a tilt",
+        "switch on again (applies the new offset); net pkmkins.feed-inhibit to motion.feed-inhibit; avoid M49 and M50 P0";
     // What lies ahead of the motion, as the monitor sees it.
-    JointLimitAhead = -90, "the joint comes to the end of its range (joint value shown)",
-        "stop, and lead the program through another pose";
-    BaseConeAhead = -91, "the leg comes to the end of its base joint's cone (degrees shown)",
-        "stop, and lead the program through another pose";
-    PlatformConeAhead = -92, "the leg comes to the end of its platform joint's cone (degrees shown)",
-        "stop, and lead the program through another pose";
-    ConditioningAhead = -93, "the motion leads to where the legs hardly hold the platform (conditioning shown)",
-        "if the feed is stopped: abort the program, move away, and lead it through another pose";
-    LegsNear = -94, "the legs come too near to each other (distance shown)",
-        "stop, and lead the program through another pose";
-    JointTooFast = -95, "the joint would have to be faster than its limit (shown)",
-        "if the feed is stopped: abort the program, and lead it through another pose";
-    TiltAhead = -96, "the tool axis comes to its largest tilt (degrees shown)",
-        "stop, and lead the program through another pose";
-    BasePyramidAhead = -97, "the leg comes to the end of its base joint's pyramid (degrees shown)",
-        "stop, and lead the program through another pose";
-    PlatformPyramidAhead = -98, "the leg comes to the end of its platform joint's pyramid (degrees shown)",
-        "stop, and lead the program through another pose";
-    MechanismsNear = -99, "the two mechanisms come too near to each other (distance shown)",
-        "if the feed is stopped: abort the program, and move one of them away";
+    JointLimitAhead = -90, "the joint reaches the end of its range (joint value shown)",
+        "stop, and change the program to avoid this pose";
+    BaseConeAhead = -91, "the leg reaches the edge of its base joint's cone (degrees shown)",
+        "stop, and change the program to avoid this pose";
+    PlatformConeAhead = -92, "the leg reaches the edge of its platform joint's cone (degrees shown)",
+        "stop, and change the program to avoid this pose";
+    ConditioningAhead = -93, "the motion approaches a singularity (conditioning shown)",
+        "if the feed is stopped: abort, move away, and change the program to avoid this pose";
+    LegsNear = -94, "the legs come too close to each other (distance shown)",
+        "stop, and change the program to avoid this pose";
+    JointTooFast = -95, "the joint would exceed its speed limit (speed shown)",
+        "if the feed is stopped: abort, and change the program to avoid this pose";
+    TiltAhead = -96, "the tool axis reaches its tilt limit (degrees shown)",
+        "stop, and change the program to avoid this pose";
+    BasePyramidAhead = -97, "the leg reaches the edge of its base joint's pyramid (degrees shown)",
+        "stop, and change the program to avoid this pose";
+    PlatformPyramidAhead = -98, "the leg reaches the edge of its platform joint's pyramid (degrees shown)",
+        "stop, and change the program to avoid this pose";
+    MechanismsNear = -99, "the two mechanisms come too close to each other (distance shown)",
+        "if the feed is stopped: abort, and move one of them away";
     // Coordinates that no joint moves.
-    HeldX = -80, "the pose asks for X, which this machine holds at 0",
-        "leave X out of the program, and its work offset at 0";
-    HeldY = -81, "the pose asks for Y, which this machine holds at 0",
-        "leave Y out of the program, and its work offset at 0";
-    HeldZ = -82, "the pose asks for Z, which this machine holds at 0",
-        "leave Z out of the program, and its work offset at 0";
-    HeldA = -83, "the pose asks for A, which this machine holds at 0",
-        "leave A out of the program, and its work offset at 0";
-    HeldB = -84, "the pose asks for B, which this machine holds at 0",
-        "leave B out of the program, and its work offset at 0";
-    HeldC = -85, "the pose asks for C, which this machine holds at 0",
-        "leave C out of the program, and its work offset at 0";
+    HeldX = -80, "the pose has a nonzero X, but no joint moves X",
+        "remove X from the program, and set its work offset to 0";
+    HeldY = -81, "the pose has a nonzero Y, but no joint moves Y",
+        "remove Y from the program, and set its work offset to 0";
+    HeldZ = -82, "the pose has a nonzero Z, but no joint moves Z",
+        "remove Z from the program, and set its work offset to 0";
+    HeldA = -83, "the pose has a nonzero A, but no joint moves A",
+        "remove A from the program, and set its work offset to 0";
+    HeldB = -84, "the pose has a nonzero B, but no joint moves B",
+        "remove B from the program, and set its work offset to 0";
+    HeldC = -85, "the pose has a nonzero C, but no joint moves C",
+        "remove C from the program, and set its work offset to 0";
     // The start without a seed.
-    Searching = -100, "the pose of the joint values is being searched for",
+    Searching = -100, "the search for the pose of the joints is running",
         "wait a few cycles";
-    OutsideBoxes = -101, "the joint values belong to no pose in the boxes of the workspace",
-        "choose joint mode while the machine is off (AXIS: $), switch it on, jog into the workspace, choose world mode";
-    TwoPoses = -102, "two poses are legal for these joint values (their distance is shown)",
-        "choose joint mode while the machine is off (AXIS: $), switch it on, jog to where only one pose is legal";
-    BoxInvalid = -103, "a box of the workspace is empty, NaN or infinite, or its steps are not 1 to 4096 (its number is shown unless it is 0)",
-        "let pkm boxes write the [BOX_K] sections again";
-    BoxOfOther = -104, "a box of the workspace was proved for another geometry (its number is shown unless it is 0)",
-        "let pkm boxes write the [BOX_K] sections again, or leave them out";
+    OutsideBoxes = -101, "no pose in the workspace boxes has these joint values",
+        "with the machine off choose joint mode (AXIS: $); switch on, jog into the workspace, choose world mode";
+    TwoPoses = -102, "two legal poses have these joint values (distance shown)",
+        "with the machine off choose joint mode (AXIS: $); switch on, jog to a position with only one legal pose";
+    BoxInvalid = -103, "a workspace box is empty, NaN or infinite, or its steps are not 1 to 4096 (box number shown unless 0)",
+        "run pkm boxes --write to make the [BOX_K] sections again";
+    BoxOfOther = -104, "a workspace box was proved for another geometry (box number shown unless 0)",
+        "run pkm boxes --write to make the [BOX_K] sections again, or remove them";
 }
 
 impl Cause {

@@ -48,45 +48,45 @@ impl LoadError {
             Self::LegsMalformed => {
                 "legs= must be KIND:COUNT[,KIND:COUNT], such as strut:6 or slider:4"
             }
-            Self::KindUnknown => "the kinds of legs are strut, slider, crank, ring",
-            Self::LegsWrong => "a machine has one to eight legs",
+            Self::KindUnknown => "legs= has an unknown kind of leg: use strut, slider, crank, ring",
+            Self::LegsWrong => "legs= must have one to eight legs in all",
             Self::CoordinatesWrong => {
-                "coordinates= must hold some of the letters X Y Z A B C, each once"
+                "coordinates= must be letters of X Y Z A B C, each at most once"
             }
             Self::TooManyCoordinates => {
-                "more coordinates than legs: each needs a leg that moves it, such as \
+                "coordinates= has more letters than legs= has legs: each needs a leg, as in \
                  legs=slider:4 coordinates=XYZB"
             }
-            Self::TableWrong => "table= may hold the letters X Y Z, each once",
+            Self::TableWrong => "table= must be letters of X Y Z, each at most once",
             Self::LetterTwice => {
-                "a letter stands in coordinates= and in table=: either the platform moves it, or the table"
+                "a letter is in both coordinates= and table=: remove it from one of them"
             }
-            Self::AxesWrong => "axes= may hold the letters X Y Z A B C U V W, each once",
+            Self::AxesWrong => "axes= must be letters of X Y Z A B C U V W, each at most once",
             Self::AxisTaken => {
-                "a letter of axes= stands in coordinates= or table=, or belongs to the second \
-                 mechanism: one of them moves it"
+                "a letter of axes= is also in coordinates= or table=, or belongs to the second \
+                 mechanism: remove it from one of them"
             }
             Self::BoxesWrong => "boxes= and second_boxes= must be a number from 0 to 8",
             Self::LegsTogether => {
                 "legs= and second= must have one to eight legs together, each at least one"
             }
             Self::SecondCoordinates => {
-                "second_coordinates= must hold some of the letters X Y Z A B C, each once, and no \
+                "second_coordinates= must be letters of X Y Z A B C, each at most once, and no \
                  more than second= has legs"
             }
             Self::SecondAngles => {
-                "second_angles= must name a letter of A B C for each angle of second_coordinates=, \
-                 each once; U V W stand for X Y Z by themselves"
+                "second_angles= must have one letter of A B C for each angle of \
+                 second_coordinates=; X Y Z become U V W automatically"
             }
             Self::SecondTaken => {
-                "a letter of second_angles= stands in coordinates= as well: one mechanism moves it"
+                "a letter of second_angles= is also in coordinates=: remove it from one of them"
             }
             Self::SecondAlone => {
-                "second_...= needs second=KIND:COUNT, the legs of the second mechanism"
+                "a second_...= parameter needs second=KIND:COUNT, the legs of the second mechanism"
             }
-            Self::SparmUnknown => "sparm= is empty, or sparm=identityfirst",
+            Self::SparmUnknown => "sparm= must be empty or identityfirst",
             Self::IdentityImpossible => {
-                "sparm=identityfirst needs as many coordinates as legs: each joint then has a letter"
+                "sparm=identityfirst needs as many coordinates as legs, so that each joint has a letter"
             }
         }
     }

@@ -56,16 +56,16 @@ macro_rules! string_parameters {
 }
 
 string_parameters! {
-    legs: c"kinds and numbers of legs (strut, slider, crank, ring), such as strut:6 or slider:4";
-    coordinates: c"pose letters that the legs move; their order is that of the identity kinematics";
-    table: c"serial axes under the workpiece, some of X Y Z";
-    axes: c"joints behind legs and table that pass their coordinate through, some of X Y Z A B C U V W";
-    boxes: c"number of workspace boxes in which a start without a seed searches";
-    second: c"kinds and numbers of legs of a second mechanism, as legs";
-    second_coordinates: c"coordinates that its legs move, as its own X Y Z A B C; U V W stand for X Y Z";
-    second_angles: c"letters of A B C that stand for its angles, in the order of second_coordinates";
-    second_boxes: c"number of its workspace boxes, as boxes";
-    sparm: c"identityfirst: the identity kinematics are number 0, with which LinuxCNC starts";
+    legs: c"kinds and counts of legs (strut, slider, crank, ring), such as strut:6 or slider:4";
+    coordinates: c"pose letters that the legs move, in the joint order of identity kinematics";
+    table: c"serial axes under the workpiece, letters of X Y Z";
+    axes: c"joints after legs and table with one coordinate each, letters of X Y Z A B C U V W";
+    boxes: c"number of workspace boxes for the start without a seed";
+    second: c"kinds and counts of legs of a second mechanism, as in legs";
+    second_coordinates: c"coordinates that its legs move, in its own X Y Z A B C; its X Y Z become U V W";
+    second_angles: c"letters of A B C for its angles, in the order of second_coordinates";
+    second_boxes: c"number of its workspace boxes, as in boxes";
+    sparm: c"identityfirst: identity kinematics are type 0, active at startup";
 }
 
 #[unsafe(no_mangle)]

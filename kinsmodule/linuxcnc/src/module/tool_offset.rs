@@ -52,8 +52,8 @@ impl Module {
     pub(super) fn watch_tool_pins(&mut self) {
         if self.sent_tool.offset.is_some() && self.sent_tool.is_contradicted_by(&self.pins.tool()) {
             print_error(&text![
-                "pkmkins: LinuxCNC hands over its tool offset, and the tool-offset pins differ from it: \
-                 they are not read. Net them to motion.tooloffset"
+                "pkmkins: the tool-offset pins differ from the tool offset that LinuxCNC passes, and are \
+                 ignored; net them to motion.tooloffset"
             ]);
         }
     }

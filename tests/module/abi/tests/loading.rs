@@ -57,21 +57,21 @@ const SECOND_REFUSED: &[([&str; 3], &str)] = &[
     (["slider:4", "XYZB", "W"], "second_angles="),
     (["slider:4", "XYZB", "X"], "second_angles="),
     (["slider:4", "XYAB", "CC"], "second_angles="),
-    (["slider:4", "XYZB", "B"], "one mechanism moves it"),
+    (["slider:4", "XYZB", "B"], "also in coordinates="),
 ];
 
 /// Parameters that do not fit together, and words the refusal has to contain: what was
 /// written, and what is wrong with it.
 const MISMATCHED: &[([&str; 3], [&str; 2])] = &[
-    (["slider:4", "XYZAB", ""], ["XYZAB", "more coordinates than legs"]),
-    (["crank:3", "XYZB", ""], ["XYZB", "more coordinates than legs"]),
-    (["strut:5", "", ""], ["strut:5", "more coordinates than legs"]),
-    (["slider:4", "XYZX", ""], ["XYZX", "each once"]),
-    (["slider:4", "ZAAB", ""], ["ZAAB", "each once"]),
-    (["slider:4", "zabZ", ""], ["zabZ", "each once"]),
-    (["slider:4", "ZAB", "XYX"], ["XYX", "each once"]),
-    (["slider:4", "ZAB", "XZ"], ["XZ", "in table="]),
-    (["slider:4", "XYZB", "y"], ["table=y", "in table="]),
+    (["slider:4", "XYZAB", ""], ["XYZAB", "more letters than legs"]),
+    (["crank:3", "XYZB", ""], ["XYZB", "more letters than legs"]),
+    (["strut:5", "", ""], ["strut:5", "more letters than legs"]),
+    (["slider:4", "XYZX", ""], ["XYZX", "each at most once"]),
+    (["slider:4", "ZAAB", ""], ["ZAAB", "each at most once"]),
+    (["slider:4", "zabZ", ""], ["zabZ", "each at most once"]),
+    (["slider:4", "ZAB", "XYX"], ["XYX", "each at most once"]),
+    (["slider:4", "ZAB", "XZ"], ["XZ", "and table="]),
+    (["slider:4", "XYZB", "y"], ["table=y", "and table="]),
     (["slider:4", "ZBC", "XA"], ["XA", "X Y Z"]),
     (["slider:4", "ZAB", "XU"], ["XU", "X Y Z"]),
     (["slider:4", "ZAB", "W"], ["table=W", "X Y Z"]),
