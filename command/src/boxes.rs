@@ -15,20 +15,19 @@ use serde_json::json;
 
 /// Find and prove pose boxes for the start without a seed
 ///
-/// With boxes= in [KINS]KINEMATICS every [BOX_K] section of the file is proved again: that on its
-/// poses no two have the same joint values. Without, boxes that fill the axis limits are sought
-/// and proved; standard output gets their sections, to be put into the file, and the number for
-/// boxes=. That takes seconds to minutes. It is also done where the sections of the file are refused,
-/// as those that were proved for another geometry are.
+/// If [KINS]KINEMATICS has boxes=, every [BOX_K] section is proved again: no two poses of a box
+/// have the same joint values. Otherwise, and if the sections are refused because they belong to
+/// another geometry, pkm searches for boxes that fill the axis limits and proves them. The
+/// sections, and the number for boxes=, go to standard output. This takes seconds to minutes.
 ///
-/// Exit status: 0 where all boxes are proved, 1 where one is not or none is found, or where the file has
-/// others than those that were found and --write is not given, 2 where the file describes no machine.
+/// Exit status: 0 if all boxes are proved, 1 if one is not, if none is found, or if the file's
+/// boxes differ from those found and --write is missing, 2 if the file describes no machine.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Write the sections that are found, and their number, into the file, in the place of those that it
-    /// has; comments stay
+    /// Write the sections found, and their number, into the file in place of the old ones; comments
+    /// stay
     #[arg(long)]
     write: bool,
 }
@@ -101,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             false if mechanism.refused_boxes.is_none() => {}
             false => {
                 let file = config.file.display();
-                tell_error(&format!("{file}: pkm boxes --write puts these sections into it"));
+                tell_error(&format!("{file}: run pkm boxes --write to insert these sections"));
                 verdict = Verdict::Misfit;
             }
         }

@@ -21,87 +21,87 @@ use std::path::PathBuf;
 const HELD_OUT: f64 = 1.5;
 
 /// What the bounds leave out where only planes were touched.
-const NO_SCALE: &str = "the scale of the drives (length per turn or per step), which a plane does not show: every bound above \
-                        takes it as right. Measure one length: the travel between two stops, or with a bar";
+const NO_SCALE: &str = "the scale of the drives (length per turn or per step): planes do not show it, and all bounds above \
+                        assume it is right. Measure one length: the travel between two stops, or with a bar";
 
 /// A change by more of its deviations happens once in 16000 times.
 const FAR: f64 = 4.0;
 
 /// Find a machine's true geometry from measurements
 ///
-/// Reads logs of the calibration program, which probes the holes of a plate (--plate), files of
-/// (PROBEOPEN) with the same touches, or tables of a tracker or ball-bar as CSV (columns
-/// x,y,z,a,b,c and tip_x,tip_y,tip_z or distance, below lines "# geometry HASH" and "# tool X Y Z").
-/// Or the table of `pkm measure` with the readings of a dial gauge, a ball bar or a feeler gauge, which
-/// somebody has typed. Each file is one place of plate or instrument, which is found as well. All files belong to the
-/// geometry of MACHINE.ini: others are refused.
+/// Reads logs of the calibration program, which probes the holes of a plate (--plate); files
+/// written by (PROBEOPEN) with the same touches; tables of a laser tracker or ball bar as CSV
+/// (columns x,y,z,a,b,c and tip_x,tip_y,tip_z or distance, below lines "# geometry HASH" and "#
+/// tool X Y Z"); or the table of `pkm measure` with readings of a dial gauge, a ball bar or a
+/// feeler gauge. Each file stands for one position of the plate or instrument, which is estimated
+/// as well. All files must belong to the geometry of MACHINE.ini; others are refused.
 ///
-/// A file of PROBEOPEN needs comments on top that say what it belongs to: "# machine MACHINE.ini",
-/// "# geometry HASH", "# tool X Y Z", "# coordinates machine" (probed without a work offset, in the
-/// machine's unit) and "# plate X Y Z A B C", about where the plate lies. Each line is taken for
-/// the wall or face that it is nearest to, within a quarter of the ball's diameter; of lines that
-/// follow each other within a tenth of it, at one orientation, the last counts (a slow trip after
-/// a fast one).
+/// A file of PROBEOPEN needs these comments at its top: "# machine MACHINE.ini", "# geometry
+/// HASH", "# tool X Y Z", "# coordinates machine" (probed without a work offset, in the machine's
+/// unit) and "# plate X Y Z A B C", the approximate position of the plate. Each line is assigned
+/// to the nearest wall or face, within a quarter of the ball's diameter. If consecutive lines at
+/// one orientation are within a tenth of it, the last one counts (a slow touch after a fast one).
 ///
-/// Told are: what the measurements determine and what not, and why; every changed value with the
-/// half width of its 95 % interval; where the tip then is with 95 %; how well measurements are met
-/// that were not used. What they do not determine keeps the value of the file. Measurements that
-/// do not agree with the others are named and left out.
+/// Reports what the measurements determine and what they do not, and why; every changed value
+/// with the half width of its 95 % interval; the 95 % region of the tip; and the fit of
+/// measurements that were held out. Values that the measurements do not determine stay as in the
+/// file. Measurements that contradict the others are named and left out.
 ///
-/// A change above --threshold is not written, unless --accept is given. Typed readings in which one slip
-/// explains why they do not fit (another unit, two exchanged, a row too high) are refused with the
-/// line.
+/// A change above --threshold is written only with --accept. If a single typing mistake (another
+/// unit, two values exchanged, a row too high) explains why readings do not fit, they are refused
+/// with the line.
 ///
-/// Exit status: 0 where all is well, 1 where something should be looked at (a measurement left
-/// out, a machine unlike its drawing), 2 where there is no result.
+/// Exit status: 0 if all is well, 1 if something needs attention (a measurement left out, a
+/// machine unlike its drawing), 2 if there is no result.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Logs of the calibration program, files of PROBEOPEN, or tables, of `pkm measure` too
+    /// Logs of the calibration program, files of PROBEOPEN, or tables, also those of `pkm measure`
     #[arg(value_name = "LOG", required = true, value_hint = clap::ValueHint::FilePath)]
     files: Vec<PathBuf>,
-    /// The plate that was probed
+    /// Plate that was probed
     #[arg(long, value_name = "FILE.toml", value_hint = clap::ValueHint::FilePath)]
     plate: Option<PathBuf>,
-    /// Writes the machine's file with the new geometry to another file
+    /// Write a copy of MACHINE.ini with the new geometry
     #[arg(long, value_name = "NEW.ini", value_hint = clap::ValueHint::FilePath)]
     write: Option<PathBuf>,
-    /// Writes the new geometry into MACHINE.ini itself
+    /// Write the new geometry into MACHINE.ini itself
     #[arg(long, conflicts_with = "write")]
     in_place: bool,
-    /// Proves new [BOX_K] for the start without a seed (minutes); without it they are taken out
+    /// Prove new [BOX_K] sections for the start without a seed (minutes); by default they are
+    /// removed
     #[arg(long)]
     boxes: bool,
-    /// Standard deviation of an anchor's coordinate and of a length from the drawing, machine
-    /// units [default: 1 mm]
+    /// Standard deviation of anchor coordinates and lengths from the drawing, in machine units
+    /// [default: 1 mm]
     #[arg(long, value_name = "LENGTH")]
     tolerance: Option<f64>,
-    /// Standard deviation of one measured number; without it the measurements tell
+    /// Standard deviation of one measured number [default: estimated from the measurements]
     #[arg(long, value_name = "LENGTH")]
     noise: Option<f64>,
-    /// Standard deviation of the screw lead as a share of it; 0 leaves it alone
+    /// Relative standard deviation of the screw lead; 0 keeps the lead
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     lead: f64,
-    /// Standard deviation of the way by which the probe trips late, machine units; 0 leaves it out
-    /// [default: 0.05 mm]
+    /// Standard deviation of the pre-travel of the probe, in machine units; 0 excludes it [default:
+    /// 0.05 mm]
     #[arg(long, value_name = "LENGTH")]
     trigger: Option<f64>,
-    /// Largest change of an anchor's coordinate or of a length that is written unasked, machine units
-    /// [default: 4 times --tolerance]
+    /// Largest change of an anchor coordinate or a length to write without --accept, in machine
+    /// units [default: 4 times --tolerance]
     #[arg(long, value_name = "LENGTH")]
     threshold: Option<f64>,
-    /// Writes what changes more than --threshold as well
+    /// Write changes above --threshold too
     #[arg(long)]
     accept: bool,
-    /// Also tells so many poses to measure next, best first
+    /// Also list this many poses to measure next, best first
     #[arg(long, value_name = "COUNT", default_value_t = 0)]
     next: usize,
 }
 
 /// The machine's own file for a new one.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: is the machine's own file: --in-place writes into it", .0.display())]
+#[error("{}: this is the machine's own file; use --in-place to change it", .0.display())]
 struct OwnFile(PathBuf);
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -125,7 +125,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let is_kept = !concerns.is_empty() && !arguments.accept;
     if let Some(target) = target.filter(|_| is_kept) {
         concerns
-            .push(format!("{} is not written: --accept writes it all the same", target.display()));
+            .push(format!("{} is not written; add --accept to write it anyway", target.display()));
     }
     if let Some(target) = target.filter(|_| !is_kept) {
         let names = (config.file.display().to_string(), target.display().to_string());
@@ -205,7 +205,7 @@ fn in_words(config: &Mechanism, study: &Study) -> String {
     row(
         "residuals",
         format!(
-            "rms {:.6} {unit} as drawn, {:.6} calibrated, {:.6} where not used",
+            "rms {:.6} {unit} as drawn, {:.6} calibrated, {:.6} held out",
             study.as_drawn,
             found.rms(),
             study.held_out
@@ -219,7 +219,7 @@ fn in_words(config: &Mechanism, study: &Study) -> String {
         row(
             "holes",
             format!(
-                "as the control saw them off by {:.4} {unit} at most, rms {rms:.4} ({})",
+                "as the control recorded them off by up to {:.4} {unit}, rms {rms:.4} ({})",
                 worst.miss, worst.name
             ),
         );
@@ -227,7 +227,7 @@ fn in_words(config: &Mechanism, study: &Study) -> String {
     let all = model.parameters.len();
     row(
         "determined",
-        format!("{} of {all} values; {} better than by the drawing", study.rank, study.improved),
+        format!("{} of {all} values; {} better than the drawing", study.rank, study.improved),
     );
     for (count, why) in &study.unseen {
         row("", format!("{count} not: {why}"));
@@ -259,7 +259,7 @@ fn in_words(config: &Mechanism, study: &Study) -> String {
         row(
             "agreement",
             format!(
-                "chi-square {chi_square:.1} of {numbers} numbers, at most {most:.1} where deviations and \
+                "chi-square {chi_square:.1} of {numbers} numbers, at most {most:.1} if deviations and \
                  tolerance are as stated"
             ),
         );
@@ -275,9 +275,11 @@ fn in_words(config: &Mechanism, study: &Study) -> String {
 fn scatter(sheet: &Sheet) -> String {
     let (scale, stated) = (sheet.gauge.scale, sheet.gauge.deviation);
     match sheet.scatter() {
-        None => format!("only one was typed: nothing says that {stated} {scale} is the deviation"),
+        None => {
+            format!("only one run: the stated deviation of {stated} {scale} cannot be verified")
+        }
         Some(found) => format!(
-            "{} poses twice: deviation {:.3} {scale}, stated {stated}; the second {:+.3} {scale} on the mean",
+            "{} poses twice: deviation {:.3} {scale}, stated {stated}; the second run {:+.3} {scale} on average",
             found.rows, found.deviation, found.drift
         ),
     }
@@ -338,7 +340,7 @@ fn beyond(arguments: &Arguments, config: &Mechanism, study: &Study) -> Vec<Strin
         let change = study.found.changes[k];
         if quantity.is_of_machine() && !(change.abs() <= most) {
             all.push(format!(
-                "{} changes by {change:.4} {unit}, more than {most} {unit} (--threshold): not this machine, or a \
+                "{} changes by {change:.4} {unit}, more than {most} {unit} (--threshold): another machine, or a \
                  larger --tolerance",
                 name(*quantity)
             ));
@@ -353,13 +355,15 @@ fn others(config: &Mechanism, study: &Study) -> Vec<String> {
     let left_out = |outlier: &calibrate::fit::Outlier| {
         let name = &readings[outlier.reading].name;
         format!(
-            "{name} is left out: {:.4} {unit} from what the others say, {:.0} standard deviations",
+            "{name} is left out: it differs from the others by {:.4} {unit}, {:.0} standard deviations",
             outlier.miss, outlier.deviations
         )
     };
     let mut all: Vec<String> = found.outliers.iter().map(left_out).collect();
     if study.held_out > HELD_OUT * expected_held_out(study) {
-        all.push("readings that were not used are met much worse than those that were: measure at more places".into());
+        all.push(
+            "held-out readings fit much worse than those in use: measure at more poses".into(),
+        );
     }
     if let Some(Agreement { chi_square, most, foremost, .. }) = study.agreement
         && chi_square > most
@@ -367,7 +371,7 @@ fn others(config: &Mechanism, study: &Study) -> Vec<String> {
         let (number, share) = foremost;
         all.push(format!(
             "the readings fit worse than their deviations and --tolerance allow, chi-square {chi_square:.1} above \
-             {most:.1}, {share:.1} of it by {}: read again, state a larger deviation, or give a larger --tolerance",
+             {most:.1}, {share:.1} of it by {}: measure again, state a larger deviation, or use a larger --tolerance",
             readings[number].name
         ));
     }
@@ -383,20 +387,20 @@ fn of_runs(sheet: &Sheet) -> Vec<String> {
     let mut all = vec![];
     if sheet.is_too_good() {
         all.push(format!(
-            "the readings are what the table expects, nearer than the stated deviation of {stated} {scale} lets any \
-             be: the column expected typed again, or a deviation that is too large"
+            "the readings are closer to the expected ones than the stated deviation of {stated} {scale} \
+             allows: check for a copied column expected, or state a smaller deviation"
         ));
     }
     let Some(found) = sheet.scatter() else { return all };
     if found.is_more {
         all.push(format!(
-            "two runs scatter by {:.3} {scale}, more than the deviation stated, {stated} {scale}: the larger one counts",
+            "the two runs scatter by {:.3} {scale}, more than the stated deviation of {stated} {scale}: using the larger one",
             found.deviation
         ));
     }
     if found.is_drift {
         all.push(format!(
-            "the second run shows {:+.3} {scale} on the mean: something has moved or grown warm; measure again",
+            "the second run differs by {:+.3} {scale} on average: something has moved or warmed up; measure again",
             found.drift
         ));
     }
@@ -412,7 +416,7 @@ fn expected_held_out(study: &Study) -> f64 {
 
 fn next(config: &Mechanism, study: &Study, count: usize) -> Result<String, Failure> {
     let poses = study::next_poses(config, study, count)?;
-    let mut text = "\n  to measure next, best first: tip X Y Z, A B C\n".to_string();
+    let mut text = "\n  poses to measure next, best first: tip X Y Z, A B C\n".to_string();
     for pose in poses {
         let words = pose.map(|value| format!("{:>10.3}", value + 0.0));
         let _ = writeln!(text, "  {}", words.concat());

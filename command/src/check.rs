@@ -16,42 +16,45 @@ use std::io::Write;
 
 /// Check that the files of a machine fit together
 ///
-/// Reads the file as LinuxCNC does, builds the machine as the module would, and tells what it understood:
-/// joints and mobility, geometry hash, unit and size, the order of the legs around the base, leads and
-/// hands of the screws, where every tool tip is, which limit is nearest at home. It checks HOME of
-/// joints and axes against the kinematics, homing order against the limits of the pose, homing from
-/// wherever the machine was switched off, whether HAL files are there, in order, and wire drives and
-/// the module's guard, names that are near to those that are read,
-/// joint ranges, how near the legs come to each other and how well they hold the platform at home and
-/// at worst. Every row says what to do with it. At the end
-/// stand [AXIS_*] limits in which, without a tool, every pose is proved to keep all limits: reach,
-/// joint ranges, cones and pyramids, tilt, the distance of the legs and the conditioning; of a machine
-/// that tilts also whether that is proved with every tool of the tool table, and what a smaller tilt
-/// gains in X, Y and Z. They stay within the axis limits that the file gives already; where it gives
-/// none, the machine sets the end.
+/// Reads the INI file as LinuxCNC does, builds the machine as the module would, and reports what
+/// it found: joints and mobility, geometry hash, unit and size, the order of the legs around the
+/// base, leads and hands of the screws, the position of every tool tip, and the nearest limit at
+/// home.
 ///
-/// At last LinuxCNC starts the machine in virtual time, with its own HAL files: switched on, homed, each coordinate
-/// moved a little way and back, a tool changed. What LinuxCNC refuses does not fit together. Hardware, and programs
-/// that HAL files start, are not run.
+/// Checks HOME of joints and axes against the kinematics; the homing order, and homing from any
+/// position, against the pose limits; the HAL files (present, in order, wiring the drives and the
+/// module's guard); misspelled names; joint ranges; the distance between legs and the
+/// conditioning, at home and at worst. Every finding says what to do.
 ///
-/// Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
-/// other at home and, seen, within the axis limits.
+/// Then prints [AXIS_*] limits within which every pose without a tool is proved to keep all
+/// limits: reach, joint ranges, cones, pyramids, tilt, the distance between legs and the
+/// conditioning. They never exceed the axis limits in the file. For a machine that tilts it also
+/// reports whether the proof holds with every tool of the tool table, and how much X, Y and Z
+/// gain from a smaller tilt.
 ///
-/// Exit status: 0 where all is well (there may be warnings), 1 where something does not fit, 2
-/// where the file describes no machine.
+/// Finally LinuxCNC starts the machine in virtual time with its own HAL files: it switches on,
+/// homes, moves each coordinate a little and back, and changes a tool. If LinuxCNC refuses
+/// anything, the machine does not fit together. Hardware, and programs that HAL files start, are
+/// not run.
+///
+/// Two mechanisms are checked separately, each in its own letters. The distance between them is
+/// computed at home and at sampled poses within the axis limits.
+///
+/// Exit status: 0 if all is well (there may be warnings), 1 if something does not fit, 2 if the
+/// file describes no machine.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Propose on standard output, as a unified diff, what would put the file right: HOME of joints and
-    /// axes with all digits, axis limits that are missing or of which most is out of reach, the
-    /// order of homing, and boxes that belong to another geometry, which are proved again
+    /// Print a unified diff with corrections: HOME of joints and axes with all digits, axis limits
+    /// that are missing or mostly out of reach, the homing order, and boxes of another geometry,
+    /// proved again
     #[arg(long)]
     fix: bool,
-    /// Write what --fix proposes into the file
+    /// Write the corrections of --fix into the file
     #[arg(long, requires = "fix")]
     write: bool,
-    /// Leave out the start in virtual time
+    /// Skip the start in virtual time
     #[arg(long)]
     no_start: bool,
 }
@@ -114,13 +117,13 @@ fn named(facts: &[(String, String)]) -> Vec<Value> {
 /// The difference that puts the file right; what is left then decides whether it fits.
 fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failure> {
     if arguments.machine.mechanism.is_some() {
-        return Err(refused("--fix looks at the whole file: leave --mechanism out"));
+        return Err(refused("--fix works on the whole file: remove --mechanism"));
     }
     let bar = Bar::spinner("homes");
     let fixed = fixed(config, |what| bar.say(what.into()))
         .map_err(|error| Failure::at(config.file.display(), error))?;
     let new = machine(&config.file, &fixed.text)?;
-    bar.say("checking what is proposed".into());
+    bar.say("checking the corrections".into());
     let whole = checked::<Failure>(&new, false, |_, _| ())?;
     let findings = whole.findings();
     drop(bar);
@@ -129,7 +132,7 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
     }
     let old = config.ini.text();
     if fixed.text == old {
-        tell_error(&format!("{}: nothing that pkm check can put right", config.file.display()));
+        tell_error(&format!("{}: nothing to correct automatically", config.file.display()));
     } else if arguments.write {
         write_over(&config.file, &fixed.text)?;
     }
@@ -171,12 +174,10 @@ fn write(report: &Report, heading: &str) -> std::io::Result<()> {
     }
     if let Some(limits) = &report.suggestion {
         let limited = if report.is_whole { "its axis limits" } else { "these limits" };
-        let text = "Proved: without a tool the machine can take every pose within";
+        let text = "Proved: without a tool the machine reaches every pose within";
         let whose = match config.chain.is_empty() {
             true => "",
-            false => {
-                ", of its own coordinates: those of base, axes that carry something taken away"
-            }
+            false => ", in the coordinates of its legs, without base and carrying axes",
         };
         writeln!(out, "\n{text} {limited}{whose}:\n")?;
         write!(out, "{}", axis_lines(config, limits))?;
@@ -185,7 +186,7 @@ fn write(report: &Report, heading: &str) -> std::io::Result<()> {
         let unit = config.length_unit();
         writeln!(
             out,
-            "\nBoxes in {unit} about home proved for A and B up to a tilt, without a tool:\n"
+            "\nProved boxes in {unit} around home, for A and B up to a tilt, without a tool:\n"
         )?;
         write!(out, "{}", tilt_table(config, &report.tilts))?;
     }
@@ -196,7 +197,7 @@ fn write(report: &Report, heading: &str) -> std::io::Result<()> {
 fn verdict(report: &Report) -> &'static str {
     match (report.fits(), report.findings.is_empty()) {
         (true, true) => "The machine fits together.",
-        (true, false) => "The machine fits together; look at the warnings.",
+        (true, false) => "The machine fits together; see the warnings.",
         (false, _) => "The machine does not fit together.",
     }
 }

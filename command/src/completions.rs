@@ -7,10 +7,10 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 use serde_json::json;
 
-/// Print completions of pkm for a shell
+/// Print shell completions of pkm
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// The shell
+    /// Shell to complete for
     shell: Shell,
 }
 

@@ -18,36 +18,34 @@ use studies::study::file::Study;
 
 /// Compute forces, deflection and vibration while a program cuts
 ///
-/// Runs the program by LinuxCNC in virtual time and tells: time, feed per tooth, forces on the tool,
-/// force and motor torque of every drive by virtual work (cutting force, weight and inertia) against what
-/// the drives can do, how far the tool yields to the cutting force and to inertia, how far it swings under
-/// the teeth, the depth at which the cut begins to chatter, and the worst lines.
+/// Runs the program with LinuxCNC in virtual time and reports: time; feed per tooth; forces on
+/// the tool; force and motor torque of every drive (from cutting force, weight and inertia)
+/// against its ratings; deflection of the tool by cutting force and inertia, and its vibration
+/// under the teeth; the depth at which chatter starts; and the worst lines.
 ///
-/// Every feed move counts as a cut of the study's immersion and depth: where the tool is in the work is
-/// not known. A plunge counts as a feed across the tool. Where LinuxCNC cannot run the program, time and
-/// inertia are not judged.
+/// Every feed move counts as a cut with the study's immersion and depth, because the position of
+/// the stock is not known. A plunge counts as a feed across the tool. If LinuxCNC cannot run the
+/// program, time and inertia are not judged.
 ///
 ///     [cutting]
-///     depth_mm = 0.5               # and what `pkm stability pose` needs
+///     depth_mm = 0.5               # and the keys of `pkm stability pose`
 ///     [legs]
-///     max_force_n = 2000           # what each drive can do; docs/studies/cut.md has all keys
-///
-///     pkm cut hexapod.ini part.ngc --study cut.toml --report part.html
+///     max_force_n = 2000           # rating of each drive; docs/studies/cut.md lists all keys
 ///
 /// N, Nm, mm, um, 1/min, s.
 ///
-/// Exit status: 0, 1 where a drive is asked for more than it can do, a cut is unstable or LinuxCNC stops
-/// the program, 2 where that could not be judged: drives of which the study does not say what they can do,
-/// more feed moves than --places, a program without a spindle speed, input or output that failed.
+/// Exit status: 0, 1 if a drive is overloaded, a cut is unstable or LinuxCNC stops the program, 2
+/// if that could not be judged: drives without ratings in the study, more feed moves than
+/// --places, a program without a spindle speed, input or output that failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     #[command(flatten)]
     job: Job,
-    /// The largest depth looked at, mm; without it twenty times the depth of cut
+    /// Largest depth to examine, mm [default: 20 times the depth of cut]
     #[arg(long, value_name = "MM", value_parser = depth)]
     deepest: Option<f64>,
-    /// Writes a page with tables and plots
+    /// Write a page with tables and plots
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -148,7 +146,7 @@ fn tell_stability(out: &mut impl Write, answer: &Report) -> Result<(), Failure> 
     let word = if stability.margin > 1.0 { "stable" } else { "unstable" };
     writeln!(
         out,
-        "\nstability: {} places on {} feed moves, depths up to {} mm",
+        "\nstability: {} positions on {} feed moves, depths up to {} mm",
         stability.places, stability.feed_moves, stability.deepest_mm
     )?;
     writeln!(

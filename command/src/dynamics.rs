@@ -37,72 +37,74 @@ use studies::study::workspace::Workspace;
 /// A response goes on to this many times the highest natural frequency.
 const BEYOND: f64 = 1.5;
 
-/// Compute how the machine vibrates
+/// Compute the vibration of the machine
 ///
-/// Takes the platform as a rigid body on the springs and dampers of its legs from a study file and tells,
-/// at one pose: natural frequencies, damping ratios, and how each mode moves the tool tip. With --shake it
-/// moves the machine in time under a random or a milling force, with --program under the commands of a
-/// program as LinuxCNC gives them to the drives in virtual time, and tells where the tip goes beside its
-/// command; under a random force the same from the linear theory stands beside it.
+/// Models the platform as a rigid body on the springs and dampers of its legs, from a study file.
+/// Reports at one pose: natural frequencies, damping ratios, and the motion of the tool tip in
+/// each mode. --shake simulates the machine under a random or a milling force; --program
+/// simulates it under the commands that LinuxCNC gives the drives for a program in virtual time.
+/// Both report the deviation of the tip from its command; for a random force also the result of
+/// the linear theory.
 ///
-/// Damping and cutting coefficients are measurements of the user: what is told here is as good as they are.
-/// The modes of spindle and tool are not those of the platform, and not here.
+/// Damping and cutting coefficients are your measurements: the results are as good as they are.
+/// The modes of spindle and tool are not included.
 ///
 /// Hz, mm, um, N, degrees; machine axes.
 ///
-///     [platform]                       # all that moves with the platform joints
+///     [platform]                       # everything that moves with the platform joints
 ///     mass_kg = 25
-///     centre_mm = [0, 0, 120]          # centre of mass in the platform frame
+///     centre_mm = [0, 0, 120]          # center of mass in the platform frame
 ///     inertia_kg_m2 = [[0.45, 0, 0], [0, 0.45, 0], [0, 0, 0.60]]
-///     [legs]                           # one number, or a list, one for each leg
+///     [legs]                           # one number, or a list with one per leg
 ///     stiffness_n_per_um = 10
 ///     damping_n_s_per_mm = 0.8         # or damping_ratio = 0.02
-///     [force]                          # --shake noise
+///     [force]                          # for --shake noise
 ///     sigma_n = [30, 30, 15]
 ///     corner_hz = 150                  # or band_hz and band_quality
 ///     seconds = 5
 ///
-/// docs/studies/dynamics.md has all keys.
+/// docs/studies/dynamics.md lists all keys.
 ///
-/// Exit status: 0, 1 where the legs do not hold the platform there or LinuxCNC stops the program, 2 where
-/// input or output failed.
+/// Exit status: 0, 1 if the pose is singular or LinuxCNC stops the program, 2 if input or output
+/// failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// TOML file with masses, springs and dampers
+    /// Read masses, springs and dampers from this TOML file
     #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
-    /// Draws responses, and what is asked for beside them, as SVG files into this folder, made if needed
+    /// Draw responses, maps and motions as SVG files into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
-    /// Writes the frequency response of the tip as CSV: Hz, then mm/N
+    /// Write the frequency response of the tip as CSV: Hz, then mm/N
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     response: Option<PathBuf>,
-    /// Highest frequency of the response, Hz; without it half as much again as that of the highest mode
+    /// Highest frequency of the response, Hz [default: 1.5 times that of the highest mode]
     #[arg(long, value_name = "HZ")]
     top: Option<f64>,
-    /// Writes a map of the lowest natural frequency and of the largest swing as CSV: three planes through
-    /// the pose, as far as the axis limits and the machine's limits go; with --plots drawn too
+    /// Write a map of the lowest natural frequency and the largest compliance as CSV, in three
+    /// planes through the pose within axis limits and machine limits; --plots also draws it
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     map: Option<PathBuf>,
-    /// Points along each side of a map
+    /// Number of points along each side of a map
     #[arg(long, value_name = "N", default_value_t = 41, value_parser = clap::value_parser!(u16).range(2..=1001))]
     grid: u16,
-    /// Moves the machine in time under a force on its tip
+    /// Simulate the machine under a force on its tip
     #[arg(long, value_enum)]
     shake: Option<Shake>,
-    /// Moves the machine in time under the commands of a program, from its first pose
+    /// Simulate the machine under the commands of a program, from its first pose
     #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: Option<PathBuf>,
-    /// Writes the motion in time as CSV: seconds, and um of the tip from its command
+    /// Write the simulated motion as CSV: seconds, and the deviation of the tip from its command in
+    /// um
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     trace: Option<PathBuf>,
-    /// Writes the spectrum of that motion as CSV: Hz, densities of the tip in um²/Hz, and under a random force
-    /// those of the linear theory
+    /// Write the spectrum of that motion as CSV: Hz, densities of the tip in um²/Hz, and for a
+    /// random force those of the linear theory
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     spectrum: Option<PathBuf>,
     #[command(flatten)]
@@ -112,9 +114,9 @@ pub struct Arguments {
 /// A force.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
 enum Shake {
-    /// Random, [force] of the study
+    /// Random force, [force] of the study
     Noise,
-    /// Of a milling cutter, [cutting] and [milling] of the study
+    /// Force of a milling cutter, [cutting] and [milling] of the study
     Milling,
 }
 
@@ -169,7 +171,7 @@ fn check(arguments: &Arguments) -> Result<(), Failure> {
     let moves = arguments.shake.is_some() || arguments.program.is_some();
     for (name, file) in [("--trace", &arguments.trace), ("--spectrum", &arguments.spectrum)] {
         if file.is_some() && !moves {
-            return Err(refused(format!("{name}: nothing moves; name --shake or --program")));
+            return Err(refused(format!("{name}: nothing moves; add --shake or --program")));
         }
     }
     match arguments.top {
@@ -254,7 +256,7 @@ impl Subject<'_> {
                 let frame = frame(&feed, &self.pose.rotation().column(2).into_owned());
                 let frame = frame.ok_or_else(|| {
                     refused(format!(
-                        "{}: feed of [milling] points along the tool axis; name one across it",
+                        "{}: feed of [milling] points along the tool axis; choose one perpendicular to it",
                         self.arguments.study.display()
                     ))
                 })?;
@@ -286,8 +288,8 @@ impl Subject<'_> {
         open(program)?;
         if self.config.chain.is_bare() {
             return Err(refused(
-                "not judged: an axis carries the tool, or the work is on the platform: where the force acts is \
-                 not known along a program",
+                "not judged: an axis carries the tool, or the work is on the platform, so the point where the force \
+                 acts is unknown along a program",
             ));
         }
         let cycles = (self.config.period / times.step).ceil();
@@ -425,8 +427,8 @@ impl Subject<'_> {
         let maps = planes.map(map);
         match maps.iter().all(Map::is_empty) {
             true => Err(refused(format!(
-                "{}: no place of the maps is within the machine's limits; name another pose by --pose, or \
-                 look at what pkm check says of the axis limits",
+                "{}: no point of the maps is within the machine's limits; choose another pose with --pose, or \
+                 review the axis limits with pkm check",
                 self.config.file.display()
             ))),
             false => Ok(maps),

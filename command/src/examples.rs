@@ -28,25 +28,25 @@ const PAGES: &[Page] = &[
     page(
         "",
         &[
-            ("pkm check hexapod.ini", "does the machine fit together?"),
-            ("pkm preflight hexapod.ini part.ngc", "does a program fit it?"),
-            ("pkm help preflight", "what a subcommand does, with its options"),
+            ("pkm check hexapod.ini", "check that the machine fits together"),
+            ("pkm preflight hexapod.ini part.ngc", "check that a program fits the machine"),
+            ("pkm help preflight", "show a subcommand and its options"),
         ],
         &["new", "check", "preflight", "docs/reference/pkm.md", "docs/reference/json.md"],
     ),
     page(
         "new",
         &[
-            ("pkm new", "asks for everything, on a terminal"),
-            ("pkm new linear-delta", "asks for what a linear delta needs"),
+            ("pkm new", "ask for everything, on a terminal"),
+            ("pkm new linear-delta", "ask for the values of a linear delta"),
             (
                 "pkm new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 \
                  --platform-half-angle 15 --strut 550 850 --lead 5 --hands RLRLRL --tool up my-hexapod",
-                "a hexapod with the tool pointing up and screws of both hands",
+                "make a hexapod whose tool points up, with screws of both hands",
             ),
             (
-                "pkm new struts --anchors anchors.csv --strut 300 520 --coordinates XYZAB",
-                "struts between anchors of a table; - for standard input",
+                "pkm new struts --anchors anchors.csv --strut 450 800 --coordinates XYZAB",
+                "make a machine with struts between the anchors of a table (- for standard input)",
             ),
         ],
         &["check", "view", "preflight", "docs/reference/pkm.md"],
@@ -54,137 +54,179 @@ const PAGES: &[Page] = &[
     page(
         "check",
         &[
-            ("pkm check hexapod.ini", "what was understood, and what does not fit"),
-            ("pkm check hexapod.ini --quiet", "what does not fit alone"),
-            ("pkm check hexapod.ini --no-start", "without the start in virtual time"),
-            ("pkm check hexapod.ini --fix", "what would put the file right, as a diff"),
-            ("pkm check hexapod.ini --fix --write", "writes that into the file"),
+            ("pkm check hexapod.ini", "print what was found, and everything that does not fit"),
+            ("pkm check hexapod.ini --quiet", "print only what does not fit"),
+            ("pkm check hexapod.ini --no-start", "skip the start in virtual time"),
+            ("pkm check hexapod.ini --fix", "print corrections of the file as a diff"),
+            ("pkm check hexapod.ini --fix --write", "write the corrections into the file"),
         ],
         &["homing", "boxes", "preflight", "docs/reference/pkm.md", "docs/guide/drives.md"],
     ),
     page(
         "homing",
         &[
-            ("pkm homing hexapod.ini", "does the way home keep the limits of the legs?"),
-            ("pkm homing hexapod.ini --html home.html", "shows the worst way in a browser"),
+            ("pkm homing hexapod.ini", "check that homing keeps the limits of the legs"),
+            (
+                "pkm homing hexapod.ini --html home.html",
+                "show the worst homing motion in a browser",
+            ),
         ],
         &["check", "view", "docs/guide/homing.md"],
     ),
     page(
         "preflight",
         &[
-            ("pkm preflight hexapod.ini part.ngc", "does the program fit the machine?"),
-            ("pkm preflight hexapod.ini part.ngc --report part.html", "a page with plots as well"),
+            ("pkm preflight hexapod.ini part.ngc", "check that the program fits the machine"),
+            (
+                "pkm preflight hexapod.ini part.ngc --report part.html",
+                "also write a page with plots",
+            ),
             (
                 "pkm preflight hexapod.ini programs",
-                "all programs of a folder, with a table at the end",
+                "check all programs of a folder, with a table at the end",
             ),
             (
                 "pkm random hexapod.ini | pkm preflight hexapod.ini -",
-                "a program from standard input",
+                "check a program from standard input",
             ),
         ],
         &["run", "filter", "view", "docs/reference/preflight.md", "docs/reference/json.md"],
     ),
     page(
         "filter",
-        &[("pkm filter part.ngc --machine hexapod.ini", "the program, if it fits the machine")],
+        &[(
+            "pkm filter part.ngc --machine hexapod.ini",
+            "print the program if it fits the machine",
+        )],
         &["preflight", "docs/reference/preflight.md"],
     ),
     page(
         "joints",
         &[
-            ("pkm joints hexapod.ini --pose 10 0 250 0 0 0", "joint values of a pose"),
-            ("pkm joints hexapod.ini --pose X10 A5", "the same, all other coordinates at home"),
-            ("pkm joints hexapod.ini --rows poses.csv > joints.csv", "of many poses"),
+            ("pkm joints hexapod.ini --pose 10 0 250 0 0 0", "compute the joint values of a pose"),
+            (
+                "pkm joints hexapod.ini --pose X10 A5",
+                "the same, with all other coordinates at home",
+            ),
+            (
+                "pkm joints hexapod.ini --rows poses.csv > joints.csv",
+                "compute the joint values of many poses",
+            ),
         ],
         &["pose", "replay", "travel"],
     ),
     page(
         "pose",
         &[
-            ("pkm pose hexapod.ini --joints 300 300 300 300 300 300", "the pose of joint values"),
-            ("pkm joints hexapod.ini --rows poses.csv | pkm pose hexapod.ini", "there and back"),
+            (
+                "pkm pose hexapod.ini --joints 940 940 940 940 940 940",
+                "compute the pose of joint values",
+            ),
+            (
+                "pkm joints hexapod.ini --rows poses.csv | pkm pose hexapod.ini",
+                "compute joint values, and poses from them",
+            ),
         ],
         &["joints"],
     ),
     page(
         "run",
         &[
-            ("pkm run hexapod.ini part.ngc", "what LinuxCNC says, and how long it takes"),
-            ("pkm run hexapod.ini part.ngc --trace part.csv", "every servo cycle as well"),
+            ("pkm run hexapod.ini part.ngc", "print LinuxCNC's messages and the duration"),
+            ("pkm run hexapod.ini part.ngc --trace part.csv", "also write every servo cycle"),
         ],
         &["preflight", "replay", "docs/reference/preflight.md"],
     ),
     page(
         "replay",
         &[
-            ("pkm replay hexapod.ini part.ngc > part.csv", "joint values along a program"),
             (
-                "pkm replay hexapod.ini part.ngc --plots plots > part.csv",
-                "pictures of them as well",
+                "pkm replay hexapod.ini part.ngc > part.csv",
+                "write the joint values along a program",
             ),
+            ("pkm replay hexapod.ini part.ngc --plots plots > part.csv", "also plot them"),
         ],
         &["joints", "run", "rods"],
     ),
     page(
         "path",
         &[
-            ("pkm path pyramid.ini cycloid.toml -o cycloid.ngc", "a program along a curve"),
+            ("pkm path pyramid.ini cycloid.toml -o cycloid.ngc", "write a program along a curve"),
             (
                 "pkm path pyramid.ini cycloid.toml -o cycloid.ngc --csv joints.csv",
-                "with the joints",
+                "also write the joint motion",
             ),
         ],
         &["preflight", "docs/studies/paths.md"],
     ),
     page(
         "scene",
-        &[("pkm scene hexapod.ini -o scene.json", "the machine for a viewer")],
+        &[("pkm scene hexapod.ini -o scene.json", "write the machine for a viewer")],
         &["view", "docs/reference/view.md"],
     ),
     page(
         "frames",
-        &[("pkm frames hexapod.ini -o frames.svg", "the drawing, for a browser or a printer")],
+        &[(
+            "pkm frames hexapod.ini -o frames.svg",
+            "write the drawing, for a browser or a printer",
+        )],
         &["check", "view", "docs/guide/frames.md"],
     ),
     page(
         "view",
         &[
-            ("pkm view hexapod.ini part.ngc --html part.html", "a page with machine and program"),
-            ("pkm view hexapod.ini part.ngc --video part.mp4", "a video of it"),
+            (
+                "pkm view hexapod.ini part.ngc --html part.html",
+                "write a page with machine and program",
+            ),
+            ("pkm view hexapod.ini part.ngc --video part.mp4", "write a video"),
         ],
         &["preflight", "scene", "docs/reference/view.md"],
     ),
     page(
         "panel",
-        &[("pkm panel hexapod.ini", "the panel beside the INI file, and the lines that it needs")],
+        &[(
+            "pkm panel hexapod.ini",
+            "write the panel beside the INI file, and print the lines to add",
+        )],
         &["travel", "docs/guide/panel.md"],
     ),
     page(
         "travel",
         &[
-            ("pkm travel hexapod.ini", "how far the machine can go from home"),
-            ("pkm travel hexapod.ini --pose X20 Z300 A5 --tool 0 0 80", "from a pose, with a tool"),
+            ("pkm travel hexapod.ini", "show the travel from home"),
+            (
+                "pkm travel hexapod.ini --pose X20 Z300 A5 --tool 0 0 80",
+                "show the travel from a pose, with a tool",
+            ),
         ],
         &["joints", "panel", "docs/guide/panel.md"],
     ),
     page(
         "rods",
         &[
-            ("pkm rods hexapod.ini part.ngc > rods.csv", "where the legs are along a program"),
-            ("pkm rods hexapod.ini part.ngc --period 0.001 > rods.csv", "in every servo cycle"),
-            ("pkm rods hexapod.ini --rows poses.csv --study legs.toml", "at poses of one's own"),
+            (
+                "pkm rods hexapod.ini part.ngc > rods.csv",
+                "write the positions of the legs along a program",
+            ),
+            (
+                "pkm rods hexapod.ini part.ngc --period 0.001 > rods.csv",
+                "the same for every servo cycle",
+            ),
+            (
+                "pkm rods hexapod.ini --rows poses.csv --study legs.toml",
+                "write them at your own poses",
+            ),
         ],
         &["replay", "workspace", "docs/studies/machine.md"],
     ),
     page(
         "sensitivity",
         &[
-            ("pkm sensitivity hexapod.ini --study errors.toml", "at home"),
+            ("pkm sensitivity hexapod.ini --study errors.toml", "compute the sensitivity at home"),
             (
                 "pkm sensitivity hexapod.ini --pose 0 0 300 10 0 0 --along part.ngc --csv errors.csv",
-                "at a pose, and along a program",
+                "compute it at a pose, and along a program",
             ),
         ],
         &["stiffness", "calibrate", "docs/studies/machine.md"],
@@ -192,17 +234,20 @@ const PAGES: &[Page] = &[
     page(
         "stiffness",
         &[
-            ("pkm stiffness hexapod.ini --study cutting.toml", "at home"),
+            ("pkm stiffness hexapod.ini --study cutting.toml", "compute the stiffness at home"),
             (
                 "pkm stiffness hexapod.ini --study cutting.toml --pose 0 0 300 10 0 0 --plots plots",
-                "at a pose, with maps through it",
+                "compute it at a pose, with maps in planes through the pose",
             ),
         ],
         &["dynamics", "sensitivity", "docs/studies/machine.md"],
     ),
     page(
         "stability",
-        &[("pkm stability pose hexapod.ini --study cutting.toml", "how deep may be cut at home?")],
+        &[(
+            "pkm stability pose hexapod.ini --study cutting.toml",
+            "compute the limit depth at home",
+        )],
         &[
             "stability pose",
             "stability map",
@@ -216,11 +261,11 @@ const PAGES: &[Page] = &[
         &[
             (
                 "pkm stability pose hexapod.ini --study cutting.toml --rpm 6000",
-                "at home, at one speed",
+                "judge one spindle speed at home",
             ),
             (
                 "pkm stability pose hexapod.ini --study cutting.toml --pose -80 60 350 10 -20 0 --plots plots",
-                "at a pose, with its map of speeds",
+                "compute the limit depth at a pose, and plot it over speed",
             ),
         ],
         &["stability map", "dynamics", "docs/studies/stability.md"],
@@ -229,7 +274,7 @@ const PAGES: &[Page] = &[
         "stability map",
         &[(
             "pkm stability map hexapod.ini --study cutting.toml --plane xy --grid 100 --plots plots",
-            "over a plane through home",
+            "map a plane through home",
         )],
         &["stability pose", "docs/studies/stability.md"],
     ),
@@ -237,30 +282,33 @@ const PAGES: &[Page] = &[
         "stability program",
         &[(
             "pkm stability program hexapod.ini part.ngc --study cutting.toml --csv depths.csv",
-            "the line that comes nearest to chatter",
+            "find the line that is nearest to chatter",
         )],
         &["stability pose", "cut", "docs/studies/stability.md"],
     ),
     page(
         "stability lag",
         &[(
-            "pkm stability lag --study cutting.toml --overhang 500 300 --plots plots",
-            "two overhangs beside each other",
+            "pkm stability lag --study lag.toml --overhang 500 300 --plots plots",
+            "compare two overhangs",
         )],
         &["stability spindle", "docs/studies/stability.md"],
     ),
     page(
         "stability spindle",
-        &[("pkm stability spindle --study spindle.toml --overhang 32 90", "for two tools")],
+        &[("pkm stability spindle --study spindle.toml --overhang 32 90", "compare two tools")],
         &["stability lag", "docs/studies/stability.md"],
     ),
     page(
         "dynamics",
         &[
-            ("pkm dynamics hexapod.ini --study dynamics.toml", "natural frequencies at home"),
+            (
+                "pkm dynamics hexapod.ini --study dynamics.toml",
+                "compute natural frequencies at home",
+            ),
             (
                 "pkm dynamics hexapod.ini --study dynamics.toml --pose -80 60 350 10 -20 0 --shake noise",
-                "at a pose, under a random force",
+                "simulate a random force at a pose",
             ),
         ],
         &["stiffness", "stability", "docs/studies/dynamics.md"],
@@ -269,21 +317,21 @@ const PAGES: &[Page] = &[
         "cut",
         &[(
             "pkm cut hexapod.ini part.ngc --study cut.toml --report part.html",
-            "what a program asks of drives and tool, on a page",
+            "write a page with the load on drives and tool",
         )],
         &["preflight", "stability program", "docs/studies/cut.md"],
     ),
     page(
         "workspace",
         &[
-            ("pkm workspace hexapod.ini", "with the platform level"),
+            ("pkm workspace hexapod.ini", "compute it with a level platform"),
             (
                 "pkm workspace hexapod.ini --tilt 15 --mesh body.obj",
-                "with every tilt up to 15 degrees",
+                "require a tilt of 15 degrees in every direction",
             ),
             (
                 "pkm workspace lathe.ini --mechanism 1 --beside home --plots .",
-                "of two mechanisms, with the other one at home",
+                "of the first of two mechanisms, with the other one at home",
             ),
         ],
         &["check", "rods", "docs/studies/machine.md"],
@@ -291,21 +339,24 @@ const PAGES: &[Page] = &[
     page(
         "boxes",
         &[
-            ("pkm boxes hexapod.ini", "proves the boxes of the file, or finds some"),
-            ("pkm boxes hexapod.ini --write", "writes those that are found into it"),
+            ("pkm boxes hexapod.ini", "prove the boxes of the file, or find some"),
+            ("pkm boxes hexapod.ini --write", "write the boxes found into the file"),
         ],
         &["check", "docs/reference/start-without-a-seed.md"],
     ),
     page(
         "random",
-        &[("pkm random hexapod.ini --seed 3 --seconds 600 > random.ngc", "ten minutes of moves")],
+        &[(
+            "pkm random hexapod.ini --seed 3 --seconds 600 > random.ngc",
+            "write ten minutes of moves",
+        )],
         &["preflight", "run"],
     ),
     page(
         "measure",
         &[(
             "pkm measure hexapod.ini dial.toml -o dial",
-            "dial.ngc, which stops at each pose, and dial.csv",
+            "write dial.ngc, which stops at each pose, and dial.csv",
         )],
         &["calibrate", "docs/guide/calibration.md"],
     ),
@@ -314,16 +365,23 @@ const PAGES: &[Page] = &[
         &[
             (
                 "pkm calibrate hexapod.ini probed.log --plate plate.toml --write true.ini",
-                "a file with the geometry that a probed plate shows",
+                "write a file with the geometry measured with a probed plate",
             ),
-            ("pkm calibrate hexapod.ini dial.csv --write true.ini", "the same from typed readings"),
+            ("pkm calibrate hexapod.ini dial.csv --write true.ini", "the same from gauge readings"),
         ],
         &["measure", "check", "sensitivity", "docs/guide/calibration.md"],
     ),
-    page("man", &[("pkm man pages", "pages/pkm.1 and one for each subcommand")], &["completions"]),
+    page(
+        "man",
+        &[("pkm man pages", "write pages/pkm.1 and a page for each subcommand")],
+        &["completions"],
+    ),
     page(
         "completions",
-        &[("pkm completions bash > ~/.local/share/bash-completion/completions/pkm", "for bash")],
+        &[(
+            "pkm completions bash > ~/.local/share/bash-completion/completions/pkm",
+            "install them for bash",
+        )],
         &["man"],
     ),
 ];
@@ -366,7 +424,7 @@ fn of_kind(name: &str) -> Ending {
         needed.map(|parameter| format!(" --{} {}", parameter.name, value(parameter))).collect();
     let line = format!("pkm new {name}{words} my-{name}");
     let see = ["new", "check", "docs/reference/pkm.md"].map(reference).into();
-    Ending { examples: vec![(line, "with what it needs".into())], see }
+    Ending { examples: vec![(line, "make one with the required values".into())], see }
 }
 
 /// A subcommand by its manual page, a file as it is.

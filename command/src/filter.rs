@@ -18,26 +18,26 @@ const INI: &str = "INI_FILE_NAME";
 
 /// Pass a program to the LinuxCNC GUI only if it fits
 ///
-/// For AXIS and the others, which run a filter on every file that they open. In the INI file:
+/// For AXIS and other GUIs that filter every file they open. Add to the INI file:
 ///
 ///     [FILTER]
 ///     PROGRAM_EXTENSION = .ngc,.nc G code that fits the machine
 ///     ngc = pkm filter
 ///     nc = pkm filter
 ///
-/// A program that fits comes out as it is. Of any other one the user interface shows every
-/// limit that it leaves with its first line and the reason, as `pkm preflight` does, and does
-/// not load it. How far the check is goes to the bar of the user interface. A program is held
-/// back as well where LinuxCNC could not run it to its end in virtual time, with the reason.
+/// A program that fits is passed on unchanged. For any other program the GUI shows every violated
+/// limit with its first line and the reason, as `pkm preflight` does, and does not load it. A
+/// program that LinuxCNC cannot run to its end in virtual time is also held back, with the
+/// reason. The GUI's progress bar shows the progress of the check.
 ///
-/// Exit status: 0 where the program fits, 1 where it does not, 2 where that could not be judged.
+/// Exit status: 0 if the program fits, 1 if it does not, 2 if it could not be judged.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
-    /// The program; - for standard input
+    /// The program (- for standard input)
     #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
-    /// The machine's LinuxCNC INI file, instead of the one that LinuxCNC runs
+    /// The machine's LinuxCNC INI file [default: that of the running LinuxCNC]
     #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath, value_parser = super::input::ini_file())]
     machine: Option<PathBuf>,
     /// Changes nothing: LinuxCNC alone reads programs, and what it did not run has no path that could fit
@@ -49,7 +49,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let given = arguments.machine.clone().or_else(|| std::env::var_os(INI).map(Into::into));
     let Some(machine) = given else {
         return Err(refused(format!(
-            "which machine? LinuxCNC names its INI file in {INI}; elsewhere --machine MACHINE.ini does"
+            "no machine given: {INI} is not set outside LinuxCNC; add --machine MACHINE.ini"
         )));
     };
     // Promised by earlier versions.

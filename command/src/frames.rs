@@ -11,18 +11,19 @@ use std::path::PathBuf;
 
 /// Draw the machine with its frames and signs
 ///
-/// Draws the machine at [TRAJ]HOME in two views at one scale, as SVG: legs by their numbers at base
-/// and platform, the axes of base and platform, which way every joint's value grows, which way tools
-/// point, the hands of screws, and what table and other axes do. Compare it with the machine: what
-/// is drawn is what the kinematics take the file to say. Machines that are long in Z, as lathes are,
-/// lie. docs/guide/frames.md explains the signs.
+/// Draws the machine at [TRAJ]HOME in two views at one scale, as SVG: the numbered legs at base
+/// and platform, the axes of base and platform, the positive direction of every joint, the
+/// direction of the tool, the hands of the screws, and the motion of table and other axes.
+/// Compare the drawing with the machine: it shows how the kinematics interpret the file. Machines
+/// that are long in Z, such as lathes, are drawn lying down. docs/guide/frames.md explains the
+/// signs.
 ///
-/// Exit status: 0, or 2 where the file describes no machine or the output cannot be written.
+/// Exit status: 0, or 2 if the file describes no machine or the output cannot be written.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Writes the drawing here instead of to standard output
+    /// Write the drawing here instead of to standard output
     #[arg(short, long, value_name = "FRAMES.svg", value_hint = clap::ValueHint::FilePath)]
     output: Option<PathBuf>,
 }

@@ -14,25 +14,26 @@ use view::data::Data;
 use view::page::page;
 use view::track::Track;
 
-/// Follow homing from every pose, and find a safe order
+/// Simulate homing from sampled poses, and find a safe order
 ///
-/// Draws poses within the axis limits and follows the joints from each to their switches at HOME_OFFSET
-/// and to HOME, in the order of HOME_SEQUENCE and with the speeds of the file, by forward kinematics: how
-/// many keep the cones, the tilt, the distance of legs and the conditioning on the way, and what the
-/// first of the others breaks. Then the order of fewest sequences that keeps them from all these poses is
-/// looked for, as lines of the INI file. What is said is seen at places on the way, not proved. That a
-/// joint passes its switch by a little, backs off and comes again is left out. docs/guide/homing.md describes
-/// the ways of homing.
+/// Samples poses within the axis limits. From each pose the joints move to their switches at
+/// HOME_OFFSET and on to HOME, in the order of HOME_SEQUENCE and at the speeds in the file; the
+/// forward kinematics give the pose. Reports how many of these motions keep the cones, the tilt,
+/// the distance between legs and the conditioning, and the first violation of the others. If
+/// there is one, it searches for the order with the fewest sequences that keeps the limits from
+/// all these poses, and prints it as lines for the INI file. The motions are sampled, not proved.
+/// The overtravel of a joint past its switch, and its second approach, are not simulated.
+/// docs/guide/homing.md describes the methods of homing.
 ///
-/// Exit status: 0 where nothing was seen to break, 1 where something was, 2 where it is not judged.
+/// Exit status: 0 if no violation was found, 1 if one was, 2 if homing could not be judged.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The page of pkm view with the machine on its worst way home
+    /// Write a page that shows the worst homing motion, as pkm view does
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     html: Option<PathBuf>,
-    /// That way as a table: time, sequence, joints, pose
+    /// Write that motion as a table: time, sequence, joints, pose
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
 }
@@ -40,22 +41,24 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let Some(homing) = Homing::new(&config)? else {
-        tell_error("not judged: axes carry something, and homing is not followed with them");
+        tell_error(
+            "not judged: homing is not simulated for machines whose axes carry the work, the tool or the legs",
+        );
         return Ok(Verdict::Unjudged);
     };
     if let Some(i) = homing.joints.iter().position(|joint| joint.sequence.is_none()) {
         let section = config.place.joint_section(i);
         let text = format!(
-            "not judged: Home All leaves [{section}] out, which has no HOME_SEQUENCE, or one behind a gap"
+            "not judged: Home All skips [{section}]: give it a HOME_SEQUENCE, without a gap in the numbers"
         );
         tell_error(&text);
         return Ok(Verdict::Unjudged);
     }
     let order = homing.order();
-    let bar = Bar::spinner("following the way home");
+    let bar = Bar::spinner("simulating homing");
     let outcome = homing.judge(&order);
     if outcome.broken > 0 {
-        bar.say("looking for a safe order".into());
+        bar.say("searching for a safe order".into());
     }
     let proposal = if outcome.broken > 0 { homing.safe_order() } else { None };
     let track = homing.track(&order);
@@ -109,21 +112,21 @@ fn write(
     if *starts == 0 {
         return writeln!(
             out,
-            "\nNot judged: no pose within the axis limits was found to begin from."
+            "\nNot judged: no legal pose was found within the axis limits; see pkm check."
         );
     }
     let kept = starts - broken;
     writeln!(
         out,
-        "\nFrom {kept} of {starts} poses within the axis limits the legs keep their limits on the way, seen."
+        "\nHoming keeps the limits of the legs from {kept} of {starts} sampled poses within the axis limits."
     )?;
     for (i, share) in (0..homing.joints.len()).filter_map(|i| Some((i, homing.share_closed(i)?))) {
         // What check warns of, it warns of here as well.
         if share > 0.5 {
             writeln!(
                 facts,
-                "{} stands where its switch has to be closed in {:.0} % of these poses: from others the search finds it, \
-                 from these the joint leaves it first.",
+                "{}: the switch is already closed in {:.0} % of these poses; from there the joint first moves off it, \
+                 from the others it searches for it.",
                 config.joints[i].name,
                 100.0 * share
             )?;
@@ -140,11 +143,11 @@ fn write(
     match proposal {
         None => writeln!(
             out,
-            "\nNo order of the joints keeps them from all. Home from nearer to HOME, move the switches, or use \
-             encoders that know their place."
+            "\nNo order keeps the limits from all of them. Home from nearer to HOME, move the switches, or use \
+             absolute encoders."
         ),
         Some(order) => {
-            writeln!(out, "\nThis order keeps them from all {starts}:\n")?;
+            writeln!(out, "\nThis order keeps the limits from all {starts} poses:\n")?;
             for (i, number) in sequences(order).iter().enumerate() {
                 writeln!(out, "[{}]\nHOME_SEQUENCE = {number}", config.place.joint_section(i))?;
             }
@@ -158,10 +161,10 @@ fn members(config: &Mechanism, homing: &Homing, group: &Group) -> String {
     let told = group.joints.iter().map(|i| {
         let way = match homing.joints[*i].way {
             Way::Search { switch, end: Some(end), .. } => {
-                format!("to its switch at {switch}, which is closed from there to {end}")
+                format!("to its switch at {switch} (closed from there to {end})")
             }
             Way::Search { switch, .. } => format!("to its index at {switch}"),
-            Way::Known(at) => format!("known to stand at {at}"),
+            Way::Known(at) => format!("assumed at {at}"),
             Way::Absolute { moves: true } => "to HOME by its encoder".into(),
             Way::Absolute { moves: false } => "stays".into(),
         };

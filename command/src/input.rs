@@ -53,7 +53,7 @@ fn spooled() -> Result<PathBuf, String> {
 /// The parser of a machine's INI file: never standard input, which has no folder.
 pub fn ini_file() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().try_map(|name| match name == DASH {
-        true => Err("a machine is read with the files beside it, and not from standard input: name its INI file"),
+        true => Err("a machine is read together with the files beside it, not from standard input: name its INI file"),
         false => Ok(PathBuf::from(name)),
     })
 }
@@ -61,7 +61,7 @@ pub fn ini_file() -> impl TypedValueParser<Value = PathBuf> {
 /// A file of rows.
 #[derive(clap::Args, Clone, Debug)]
 pub struct RowFile {
-    /// CSV file with the rows; - or nothing is standard input
+    /// Read rows from this CSV file; - is standard input, as is leaving the option out
     #[arg(long, value_name = "ROWS.csv", value_hint = clap::ValueHint::FilePath)]
     rows: Option<PathBuf>,
 }

@@ -9,14 +9,14 @@ use super::{MachineFile, Verdict};
 use kinematics::Pose;
 use machine::read::columns::{coordinates, joint_names};
 
-/// Compute joint values of poses (inverse kinematics)
+/// Compute joint values from poses (inverse kinematics)
 ///
-/// Takes one pose (--pose), or CSV with a header that names x y z a b c from a file or standard
-/// input, and writes the joint values, a row for each pose. Machine units and degrees. Joint limits
-/// and cones are not looked at.
+/// Reads one pose (--pose), or CSV with columns x y z a b c from a file or standard input, and
+/// writes the joint values, one row per pose. Units: machine units and degrees. Joint limits and
+/// cones are not checked.
 ///
-/// Exit status: 0, or 1 where a pose has no joint values: its cells stay empty, and the reason
-/// stands on standard error.
+/// Exit status: 0, or 1 if a pose has no joint values: its cells stay empty, and the reason goes
+/// to standard error.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]

@@ -254,12 +254,12 @@ commands! {
 
 /// Check parallel-kinematic machines and programs before cutting
 ///
-/// Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
-/// pkmkins runs in LinuxCNC. `pkm design` and `pkm compare`, which choose among machines before one is built,
-/// come with the Python package pkmkins.
+/// Reads the machine from its LinuxCNC INI file and uses the same kinematics as the LinuxCNC
+/// module pkmkins. `pkm design` and `pkm compare`, which help to choose a machine before it is
+/// built, come with the Python package pkmkins.
 ///
-/// Exit status: 0 where all is well, 1 where something does not fit, 2 where that could not be
-/// judged: bad input, or a file that cannot be written.
+/// Exit status: 0 if all is well, 1 if something does not fit, 2 if no verdict was possible:
+/// invalid input, or a file that cannot be written.
 #[derive(Debug, Parser)]
 #[command(name = "pkm", version, max_term_width = 100)]
 struct Cli {
@@ -279,8 +279,8 @@ struct MachineFile {
         value_parser = input::ini_file()
     )]
     machine: PathBuf,
-    /// Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y Z A B
-    /// C; without it check, boxes, run, preflight, travel and workspace look at both, and all others at
+    /// Mechanism to use (1 or 2) on a two-mechanism machine, in its own coordinates X Y Z A B C. By
+    /// default check, boxes, run, preflight, travel and workspace use both; other subcommands use
     /// the first
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=2))]
     mechanism: Option<u8>,
@@ -296,7 +296,7 @@ impl MachineFile {
     fn meant(&self, config: MachineConfig) -> Result<Mechanism, Failure> {
         if self.mechanism.is_none() && config.mechanisms.len() > 1 {
             failure::tell_error(&format!(
-                "{} has two mechanisms, and only the first is judged here: --mechanism 2 asks for the second",
+                "{} has two mechanisms; using only the first (use --mechanism 2 for the second)",
                 self.machine.display()
             ));
         }
@@ -344,8 +344,8 @@ impl MachineFile {
         match config.chain.is_empty() {
             true => Ok(config),
             false => Err(failure::refused(format!(
-                "{}: not judged: axes carry the work, the tool or the legs, or the work is on the \
-                 platform, and {what} of a program knows the machine's own coordinates alone",
+                "{}: not judged: axes carry the work, the tool or the legs, or the work is on the platform; \
+                 {what} is only computed in the machine's own coordinates",
                 self.machine.display()
             ))),
         }
@@ -388,8 +388,8 @@ fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
 fn tell_deleted(program: &Path, files: &[PathBuf]) -> Result<(), Failure> {
     if has_deletable(files)? {
         failure::tell_error(&format!(
-            "{}: lines that begin with / are left out, as LinuxCNC does until the operator decides otherwise: remove \
-             the / to include them (pkm preflight judges both)",
+            "{}: lines that begin with / are skipped, as LinuxCNC does by default; remove the / to include them \
+             (pkm preflight judges both)",
             program.display()
         ));
     }
@@ -479,7 +479,7 @@ impl Drop for Bar {
 /// What LinuxCNC does not know of the machine.
 #[derive(clap::Args, Clone, Debug)]
 struct StudyFile {
-    /// A TOML file with what studies need: stiffnesses, errors, diameters, limits
+    /// Read stiffnesses, errors, diameters and limits from this TOML file
     #[arg(long = "study", value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: Option<PathBuf>,
 }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Write the manual pages of pkm
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Folder for pkm.1, pkm-check.1 and the others; made if needed
+    /// Folder for pkm.1, pkm-check.1 and the other pages; created if needed
     #[arg(value_hint = clap::ValueHint::DirPath)]
     folder: PathBuf,
 }

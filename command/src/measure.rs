@@ -17,38 +17,39 @@ use std::path::{Path, PathBuf};
 
 /// Write a program that stops for gauge readings, and their table
 ///
-/// GAUGE.toml says what is measured with (a dial gauge in the spindle, a ball bar, a feeler gauge) and
-/// against what (planes and balls, about where they are); configs/hexapod/calibration has one of each.
-/// Poses are chosen so that the readings make the motion of the tip as sure as they can. The whole
-/// way is followed through the machine's limits before anything is written. The program, NAME.ngc,
-/// stops at each pose and says what to read; NAME.csv takes the readings, once in the column reading
-/// and, from a second run, in the column again. `pkm calibrate MACHINE.ini NAME.csv` makes a
-/// geometry of it.
+/// GAUGE.toml describes the gauge (a dial gauge in the spindle, a ball bar, a feeler gauge) and
+/// the targets (planes and balls, with their approximate positions); configs/hexapod/calibration
+/// has one of each. pkm chooses the poses whose readings best determine the motion of the tip,
+/// and checks the whole path against the machine's limits before it writes anything. The program,
+/// NAME.ngc, stops at each pose and shows what to read. Enter the readings into NAME.csv, in the
+/// column reading and, for a second run, in the column again. Then run `pkm calibrate MACHINE.ini
+/// NAME.csv`.
 ///
-/// With gauge = "probe" the program probes the holes of a plate at the tilts that the machine has, and logs
-/// each touch into NAME.log for `pkm calibrate --plate`; the second file is NAME.hal, which holds the
-/// joints for it. Tools may point up or down: angles says which way the plate looks.
+/// With gauge = "probe" the program probes the holes of a plate at the tilts that the machine
+/// has, and logs each touch to NAME.log for `pkm calibrate --plate`. The second file is then
+/// NAME.hal, which latches the joints. Tools may point up or down; the key angles gives the
+/// orientation of the plate.
 ///
-/// Exit status: 0 where both files are written, 2 where none is.
+/// Exit status: 0 if both files were written, 2 if none was.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// What to measure with, and against what
+    /// TOML file with the gauge and its targets
     #[arg(value_name = "GAUGE.toml", value_hint = clap::ValueHint::FilePath)]
     gauge: PathBuf,
-    /// The program, NAME.ngc, and the table, NAME.csv; files that are there are kept
+    /// Name of the program, NAME.ngc, and the table, NAME.csv; existing files are kept
     #[arg(short, long, value_name = "NAME", default_value = "measure")]
     output: PathBuf,
-    /// Standard deviation of an anchor's coordinate and of a length from the drawing, machine
-    /// units [default: 1 mm]
+    /// Standard deviation of anchor coordinates and lengths from the drawing, in machine units
+    /// [default: 1 mm]
     #[arg(long, value_name = "LENGTH")]
     tolerance: Option<f64>,
 }
 
 /// A file that would be lost.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: is there already, and may hold readings: give another name with --output", .0.display())]
+#[error("{}: exists already and may contain readings; choose another name with --output", .0.display())]
 struct IsThere(PathBuf);
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -151,7 +152,7 @@ fn follow(config: &Mechanism, setup: &Setup, proposal: &Proposal) -> Result<(), 
     match preflight(std::slice::from_ref(config), &moves)?.breaks.first() {
         None => Ok(()),
         Some(found) => {
-            Err(refused(format!("the way to the poses leaves the limits: {}", found.text)))
+            Err(refused(format!("the path to the poses violates a limit: {}", found.text)))
         }
     }
 }
@@ -185,7 +186,7 @@ fn in_words(
     let Proposal { stops, spread, drawn, measured, .. } = proposal;
     let ([low, high], scale) = (setup.gauge.range, setup.gauge.scale);
     format!(
-        "{}\n  poses          {}, within all limits on the whole way\n  tip's motion   rms {:.5} {unit} over the workspace by \
+        "{}\n  poses          {}, within all limits on the whole path\n  tip's motion   rms {:.5} {unit} over the workspace by \
          the drawing, {:.5} with one reading of {} {} at each\n  readings       about {}, by the drawing's tolerances with a deviation of {spread:.0} {scale}; the gauge shows {low} to \
          {high}: type - where it does not\nwritten: {}, {}\n",
         config.file.display(),

@@ -20,13 +20,13 @@ const ABOUT: &str = "Make a complete LinuxCNC configuration of a machine";
 
 const LONG: &str = "Make a complete LinuxCNC configuration of a machine
 
-Writes a folder with an INI file, tool table, operator's panel, a first program and a page of next steps. \
-HOME of every joint comes from the kinematics, the axis limits are proved, and speeds of the drives follow \
-from that of the tool. What is written has passed what pkm check asks. Without any option, on a terminal, \
-every value is asked for with its unit, its meaning and an example. docs/reference/pkm.md describes it.
+Writes a folder with an INI file, a tool table, an operator panel, a first program and a page of next steps. \
+HOME of every joint comes from the kinematics, the axis limits are proved, and joint speeds follow from the \
+tool speed. The result passes `pkm check`. Without options, on a terminal, pkm asks for every value and shows \
+its unit, its meaning and an example. docs/reference/pkm.md has the details.
 
-Exit status: 0 where the folder is made, 1 where no such machine can work, with the reason, 2 where something \
-given is wrong or the folder is there already. Except with 0 nothing is written.";
+Exit status: 0 if the folder was made, 1 if a machine with these values cannot work (with the reason), 2 if a \
+value is invalid or the folder exists. Nothing is written unless the status is 0.";
 
 /// Name and place of a machine, and which of its values were given.
 #[derive(Debug)]
@@ -76,16 +76,15 @@ impl clap::FromArgMatches for Arguments {
 
 /// The grammar of a kind, from its table.
 fn of_kind(kind: &'static MachineKind) -> Command {
-    let name =
-        Arg::new("NAME").help("Name of the machine and of its folder; without it that of the kind");
+    let name = Arg::new("NAME").help("Name of the machine and of its folder [default: the kind]");
     let out = Arg::new("out")
         .long("out")
         .value_name("FOLDER")
         .value_parser(clap::value_parser!(PathBuf))
         .value_hint(clap::ValueHint::DirPath)
-        .help("Folder to be made, in place of one with the machine's name; without NAME it gives the name");
+        .help("Folder to create [default: NAME]; also the machine's name if NAME is missing");
     let text = format!(
-        "{}\n\nThe columns of a table of anchors: {}",
+        "{}\n\nColumns of the table of anchors: {}",
         sentence(kind.text),
         columns(kind.leg).join(",")
     );
@@ -102,7 +101,7 @@ fn sentence(text: &str) -> String {
 
 fn option(parameter: &Parameter) -> Arg {
     let Parameter { name, measure, default, need, text } = *parameter;
-    let inches = if default == "0" { "" } else { ", or as much in inches" };
+    let inches = if default == "0" { "" } else { ", or the same in inches" };
     let unit = match measure.is_length() {
         true => format!(" {}{inches}", measure.unit("mm")),
         false => String::new(),
@@ -114,8 +113,8 @@ fn option(parameter: &Parameter) -> Arg {
     let note = match (need, default) {
         (Need::Optional, "") => String::new(),
         (Need::Optional, default) => format!(" [{words}default: {default}{unit}]"),
-        (_, "") => " [needed]".into(),
-        (_, default) => format!(" [needed, such as {default}{unit}]"),
+        (_, "") => " [required]".into(),
+        (_, default) => format!(" [required, for example {default}{unit}]"),
     };
     let hint = match measure {
         Measure::File => clap::ValueHint::FilePath,
@@ -178,7 +177,7 @@ fn made(arguments: &Arguments) -> Result<(), Stop> {
     };
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from(&name));
     let order = Order { kind, values: &values, name: &name, folder: &folder };
-    let bar = Bar::spinner("making the machine");
+    let bar = Bar::spinner("creating the machine");
     let made = make(&order, |what, share| match share {
         Some(share) => bar.set(share),
         None => bar.next(what.into()),
@@ -206,7 +205,10 @@ fn answered(arguments: &Arguments) -> Result<(&'static MachineKind, Given), Stop
         None if is_asked => dialogue.kind().map_err(Failure::from)?,
         None => {
             let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
-            let text = format!("which kind of machine? pkm new KIND, one of {}", names.join(", "));
+            let text = format!(
+                "no kind of machine given: run pkm new KIND with one of {}",
+                names.join(", ")
+            );
             return Err(failure::refused(text).into());
         }
     };
@@ -226,7 +228,7 @@ fn text(made: &Made, order: &Order) -> String {
         .map(|f| format!("{}\n\n", rendered(f.severity, &f.problem)))
         .collect();
     let notes = format!(
-        "{folder} is made. Without a tool it can take every pose within, proved:\n\n{}\n{}\n\n",
+        "Created {folder}. Proved: without a tool the machine reaches every pose within\n\n{}\n{}\n\n",
         limit_lines(&made.report.config),
         made.boxes
     );

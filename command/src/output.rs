@@ -18,13 +18,13 @@ const VERSION: u32 = 1;
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Settings {
-    /// Text for people, or one JSON value for programs, as docs/reference/json.md describes it
+    /// Output format: text, or one JSON value for programs (docs/reference/json.md)
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     format: Format,
-    /// Findings and results alone: no progress, and nothing about how it went
+    /// Print findings only, without progress and statistics
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Colours: auto where it is a terminal and NO_COLOR is not set
+    /// Use colors; auto means on a terminal, unless NO_COLOR is set
     #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = clap::ColorChoice::Auto)]
     color: clap::ColorChoice,
 }

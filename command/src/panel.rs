@@ -9,21 +9,21 @@ use new::panel::Panel;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Write the operator's panel for AXIS and other GUIs
+/// Write an operator panel for AXIS and other GUIs
 ///
-/// Writes NAME-panel.xml, a panel of PyVCP, and NAME-panel.tcl, which connects it, beside the INI file or
-/// into a folder, and tells the two lines that the INI file needs. The panel shows every joint in its
-/// range, the cones, what the guard does, travel left along every letter, the kinematics in force, the
-/// geometry, and why something was refused. It has to be written again when limits or axes of the
-/// machine change. docs/guide/panel.md describes it.
+/// Writes NAME-panel.xml, a PyVCP panel, and NAME-panel.tcl, which connects it, beside the INI
+/// file or into a folder, and prints the two lines to add to the INI file. The panel shows every
+/// joint in its range, the cones, what the guard does, the travel left along every letter, the
+/// active kinematics, the geometry, and why something was refused. Write it again after changing
+/// limits or axes of the machine. docs/guide/panel.md describes it.
 ///
-/// Exit status: 0, or 2 where the file describes no machine or the output cannot be written.
+/// Exit status: 0, or 2 if the file describes no machine or the output cannot be written.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     /// The machine's LinuxCNC INI file
     #[arg(value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath, value_parser = super::input::ini_file())]
     machine: PathBuf,
-    /// Writes the two files into this folder, made if needed, instead of beside the INI file
+    /// Write the two files into this folder (created if needed) instead of beside the INI file
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     output_dir: Option<PathBuf>,
 }
@@ -33,8 +33,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let name = config.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     if let Some(odd) = name.chars().find(|c| !(c.is_alphanumeric() || "-_.+".contains(*c))) {
         return Err(refused(format!(
-            "{}: the name holds {odd:?}, on which LinuxCNC parts the names of HAL files: rename the file with \
-             letters, digits, - and _",
+            "{}: the name contains {odd:?}, at which LinuxCNC splits names of HAL files: rename the \
+             file, using letters, digits, - and _",
             config.file.display()
         )));
     }

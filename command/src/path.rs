@@ -15,13 +15,14 @@ use paths::table::csv;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Write programs along curves, and what they ask of the joints
+/// Write programs along curves, and report the joint motion
 ///
-/// Takes a curve from a TOML file: two one-parametric families, x = f(t) and y = g(t) or
-/// alpha(x, y, t) = 0 and beta(x, y, t) = 0, with laws of height, tilt and speed; or a free-form
-/// curve from control points, or from a DXF or SVG drawing. Writes a program whose distance from the curve is proved to be below
-/// chord_mm, to standard output or to --output, if the machine can take the path. Turning points
-/// of t are reported, a singular point is refused with its place.
+/// Reads a curve from a TOML file: a pair of one-parametric families, x = f(t) and y = g(t) or
+/// alpha(x, y, t) = 0 and beta(x, y, t) = 0, with laws for height, tilt and speed; or a free-form
+/// curve from control points, or from a DXF or SVG drawing. If the machine can follow the path,
+/// the program goes to standard output or to --output; its distance from the curve is proved to
+/// be below chord_mm. Turning points of t are reported; a singular point is refused with its
+/// position.
 ///
 ///     [parameters]
 ///     h = 16
@@ -29,7 +30,7 @@ use std::path::PathBuf;
 ///     x_mm = "h*(t - sin(t))"      # or alpha, beta and start_mm
 ///     y_mm = 0
 ///     t = [0, "2*pi"]
-///     [laws]                       # of t, s (arc length, mm), u (its share), x, y, z
+///     [laws]                       # of t, s (arc length, mm), u (fraction of it), x, y, z
 ///     z_mm = "h*(1 - cos(t))"
 ///     b_deg = "-15*cos(t/2)"
 ///     speed_mm_per_s = 20
@@ -37,51 +38,49 @@ use std::path::PathBuf;
 ///     chord_mm = 0.005
 ///     angle_deg = 0.01
 ///     [program]
-///     zero_mm = [0, 0, 160]        # of the work, in the machine
+///     zero_mm = [0, 0, 160]        # of the workpiece, in machine coordinates
 ///     tool = 1
 ///     spindle_rpm = 6000
 ///     clear_z_mm = 40
 ///     moves = "arcs"               # or "lines"
 ///
-/// In place of x_mm, y_mm and t, a drawing; its arcs stay arcs, its splines splines:
+/// A drawing replaces x_mm, y_mm and t; arcs stay arcs, splines stay splines:
 ///
 ///     [curve]
-///     dxf = "part.dxf"             # or svg; points for control points as CSV
+///     dxf = "part.dxf"             # or svg; or points, a CSV file of control points
 ///     dxf_layer = "CUT"
 ///
-/// The other way round, laws of the joints give the path of the tool, as CSV:
+/// Conversely, laws of the joints give the path of the tool, as CSV:
 ///
 ///     [carriages]
 ///     t_s = [0, 6]
-///     laws_mm_or_deg = ["810 + 5*sin(t)", ...] # one a joint
+///     laws_mm_or_deg = ["810 + 5*sin(t)", ...] # one per joint
 ///
-/// Typical paths are given as [[operation]], zigzag to drill.
+/// Common operations, from zigzag to drill, are given as [[operation]].
 ///
-/// Expressions know + - * / ^, sin cos tan asin acos atan atan2 sinh cosh tanh asinh exp ln sqrt,
-/// pi and the names of [parameters]; their angles are radians. docs/studies/paths.md lists all keys.
+/// Expressions have + - * / ^, sin cos tan asin acos atan atan2 sinh cosh tanh asinh exp ln sqrt,
+/// pi and the names in [parameters]; angles are in radians. docs/studies/paths.md lists all keys.
 ///
-///     pkm path pyramid.ini cycloid.toml -o cycloid.ngc --csv cycloid.csv
-///
-/// Exit status: 0, or 2 where the file describes no path that the machine can take; then nothing
+/// Exit status: 0, or 2 if the file describes no path that the machine can follow; then nothing
 /// is written.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The path
+    /// TOML file that describes the path
     #[arg(value_name = "PATH.toml", value_hint = clap::ValueHint::FilePath)]
     path: PathBuf,
-    /// Writes the program here instead of to standard output
+    /// Write the program here instead of to standard output
     #[arg(short, long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
     output: Option<PathBuf>,
-    /// Writes t, arc length, pose, tangent, joints, their rates at the programmed speed, and the
-    /// platform's centre for the end of every move: work coordinates in mm and degrees, joints and
-    /// centre in machine units
+    /// Write a table with a row for the end of every move: t, arc length, pose, tangent, joints,
+    /// their rates at the programmed speed, and the platform's center; work coordinates in mm and
+    /// degrees, joints and center in machine units
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
-    /// Draws the families with the curve, the split and the joints as SVG files into this folder, made
-    /// if needed; of a job, each joint over the length of every operation
+    /// Draw the families with the curve, the split and the joints as SVG files into this folder
+    /// (created if needed); for [[operation]], each joint over the length of every operation
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
 }
@@ -111,7 +110,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             output::answer(&of_program(arguments, &config, &found.program, &operations))?;
         }
         _ => {
-            let text = format!("{place}: expected one of [curve], [[operation]] and [carriages]");
+            let text =
+                format!("{place}: expected exactly one of [curve], [[operation]] and [carriages]");
             return Err(refused(text));
         }
     }
@@ -125,7 +125,7 @@ fn backwards(
     file: &PathFile,
 ) -> Result<Verdict, Failure> {
     if arguments.output.is_some() {
-        let text = "--output: laws of joints give no program; --csv writes the path of the tool";
+        let text = "--output: laws of joints give no program; use --csv for the path of the tool";
         return Err(refused(text));
     }
     let places = carriages::taken(config, file)

@@ -9,16 +9,16 @@ use super::{MachineFile, Verdict};
 use kinematics::Pose;
 use machine::read::columns::{coordinates, joint_names};
 
-/// Compute poses of joint values (forward kinematics)
+/// Compute poses from joint values (forward kinematics)
 ///
-/// Takes the joint values of one pose (--joints), or CSV with a header that names joint_0 joint_1 ...
-/// from a file or standard input, and writes the poses X Y Z A B C. Machine units and
-/// degrees. Many poses may belong to the same joint values: what is written is the one that the
-/// machine comes to when its joints run straight from the seed, for the first row from home,
-/// then from the row before. Where that is not certain there is no answer.
+/// Reads the joint values of one pose (--joints), or CSV with columns joint_0 joint_1 ... from a
+/// file or standard input, and writes the poses X Y Z A B C. Units: machine units and degrees.
+/// Several poses may have the same joint values; pkm returns the one that the machine reaches if
+/// its joints move straight from the seed: for the first row home, then the previous row. If that
+/// is not certain, there is no result.
 ///
-/// Exit status: 0, or 1 where joint values have no pose: its cells stay empty, and the reason
-/// stands on standard error.
+/// Exit status: 0, or 1 if joint values have no pose: its cells stay empty, and the reason goes
+/// to standard error.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
@@ -28,7 +28,7 @@ pub struct Arguments {
     joints: Vec<f64>,
     #[command(flatten)]
     rows: RowFile,
-    /// Pose to start from instead of [TRAJ]HOME
+    /// Pose from which the joints start [default: [TRAJ]HOME]
     #[arg(long, num_args = 6, value_names = ["X", "Y", "Z", "A", "B", "C"], allow_negative_numbers = true)]
     seed: Option<Vec<f64>>,
     #[command(flatten)]

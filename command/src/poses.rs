@@ -17,14 +17,14 @@ const USUAL_POSES: f64 = 1e4;
 /// Where the poses come from.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Source {
-    /// A program, followed as `pkm replay` does, - for standard input; without it CSV is read, with a
-    /// header that names x y z a b c
+    /// Program to follow, as in `pkm replay` (- for standard input) [default: CSV rows with columns
+    /// x y z a b c]
     #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = Program, conflicts_with = "rows")]
     program: Option<PathBuf>,
     #[command(flatten)]
     rows: RowFile,
-    /// Seconds between poses of a program; without it [EMCMOT]SERVO_PERIOD, or so much longer that a
-    /// program has 10000 poses
+    /// Time between poses of a program [default: [EMCMOT]SERVO_PERIOD, or a multiple that gives
+    /// 10000 poses]
     #[arg(long, value_name = "SECONDS")]
     period: Option<f64>,
     #[command(flatten)]
@@ -50,8 +50,8 @@ impl Tool {
 /// A pose, home where none is given.
 #[derive(clap::Args, Clone, Debug)]
 pub struct PoseWords {
-    /// The pose, machine units and degrees: six numbers X Y Z A B C, or words as in a block of a program,
-    /// such as X20 Z300 A5, of which one that is missing is that of home
+    /// Pose in machine units and degrees: six numbers X Y Z A B C, or words as in a program block,
+    /// such as X20 Z300 A5; missing letters are taken from home
     #[arg(long, num_args = 1..=9, value_name = "WORD", allow_negative_numbers = true)]
     pose: Vec<String>,
 }
@@ -64,7 +64,7 @@ impl PoseWords {
     /// Refuses rows beside it.
     pub fn without_rows(&self, rows: &RowFile) -> Result<(), Failure> {
         match rows.is_named() {
-            true => Err(refused("--pose and --rows: give one of them")),
+            true => Err(refused("--pose and --rows: give only one of them")),
             false => Ok(()),
         }
     }
@@ -164,7 +164,7 @@ impl Source {
         };
         match stops.stops.is_empty() {
             true => Err(refused(
-                "there is no pose to look at; give a program that moves, or rows below the header",
+                "no pose to examine: give a program that moves, or rows below the header",
             )),
             false => Ok(stops),
         }
@@ -180,8 +180,8 @@ impl Source {
         let period = self.period.unwrap_or(usual);
         if self.period.is_none() && usual > config.period {
             output::remark(&format!(
-                "a pose every {usual:.4} s, {USUAL_POSES} in all; --period {} has every servo cycle, {:.0} \
-                 times as many",
+                "a pose every {usual:.4} s, {USUAL_POSES} in all; use --period {} for every servo cycle, {:.0} \
+                 times as many poses",
                 config.period,
                 usual / config.period
             ));

@@ -19,29 +19,30 @@ use std::path::{Path, PathBuf};
 
 /// Check before cutting that a program fits the machine
 ///
-/// LinuxCNC runs the program in virtual time, with the machine's tool table, parameters and startup
-/// code, from the HOME of its joints. Every move that it commands is examined over its whole length:
-/// axis limits, reach, joint ranges, cones and singular poses are proved, not sampled. The same
-/// limits are judged in every servo cycle; joint speeds, accelerations, following errors, messages
-/// and the duration are LinuxCNC's own. A limit that is exceeded is reported with its first line and
-/// place, and with the number of moves that exceed it; one that is kept, with the smallest margin.
-/// For a program that does not fit, pkm searches for a work offset with which it does: shifted, and
-/// where the program tilts the platform also turned about Z. Another run checks it. Several
-/// programs, or those of a folder, end in a table.
+/// LinuxCNC runs the program in virtual time, with the machine's tool table, parameters and
+/// startup code, starting at the HOME of the joints. Every commanded move is examined over its
+/// whole length: axis limits, reach, joint ranges, cones and singular poses are proved, not
+/// sampled. The same limits are judged in every servo cycle; joint speeds, accelerations,
+/// following errors, messages and the duration come from LinuxCNC itself.
 ///
-/// Exit status: 0 if the program fits (there may be warnings), 1 if it does not, 2 if that could not
-/// be judged; of several programs the worst.
+/// For each violated limit, the report has the first line, the position and the number of moves;
+/// for each limit kept, the smallest margin. If a program does not fit, pkm searches for a work
+/// offset with which it does, shifted and, if the program tilts the platform, also turned about
+/// Z; a second run verifies it. Several programs, or a folder of programs, end with a table.
+///
+/// Exit status: 0 if the program fits (there may be warnings), 1 if it does not, 2 if it could
+/// not be judged; for several programs the worst.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Programs, - for standard input, or folders with programs (*.ngc, *.nc)
+    /// Programs (- for standard input), or folders of programs (*.ngc, *.nc)
     #[arg(value_name = "PROGRAM.ngc", required = true, value_hint = clap::ValueHint::AnyPath, value_parser = super::input::Program)]
     programs: Vec<PathBuf>,
-    /// Also writes one page with plots; of one program
+    /// Also write a page with plots; for a single program
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     report: Option<PathBuf>,
-    /// Also writes every servo cycle, as pkm run does; of one program, and where LinuxCNC ran it
+    /// Also write every servo cycle, as pkm run does; for a single program
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     trace: Option<PathBuf>,
     #[command(flatten)]
@@ -53,10 +54,10 @@ pub struct Arguments {
 pub struct Judging {
     #[command(flatten)]
     control: Control,
-    /// Moves after which a program counts as endless
+    /// Refuse a program as endless after this many moves
     #[arg(long, value_name = "NUMBER", default_value_t = Options::default().most_moves)]
     most_moves: u64,
-    /// Seconds of reading without a move after which a program counts as endless
+    /// Refuse a program as endless after this many seconds of reading without a move
     #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_work)]
     patience: f64,
 }
@@ -64,7 +65,7 @@ pub struct Judging {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_named()?;
     if config.mechanisms.len() > 1 && arguments.report.is_some() {
-        let text = "--report shows one mechanism: --mechanism 1 or 2 says which";
+        let text = "--report shows one mechanism: add --mechanism 1 or --mechanism 2";
         return Err(refused(text));
     }
     if let [program] = arguments.programs.as_slice()
@@ -74,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     for (name, file) in [("--report", &arguments.report), ("--trace", &arguments.trace)] {
         if file.is_some() {
-            let text = format!("{name} takes one program: name one alone, or leave {name} out");
+            let text = format!("{name} works with a single program: name one, or remove {name}");
             return Err(refused(text));
         }
     }
@@ -170,7 +171,10 @@ fn programs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let mut files = entries.collect::<Result<Vec<_>, Failure>>()?;
         files.retain(|file| file.extension().is_some_and(|end| end == "ngc" || end == "nc"));
         if files.is_empty() {
-            return Err(refused(format!("{}: no programs in it (*.ngc, *.nc)", path.display())));
+            return Err(refused(format!(
+                "{}: this folder has no programs (*.ngc, *.nc)",
+                path.display()
+            )));
         }
         files.sort();
         all.extend(files);

@@ -8,20 +8,20 @@ use serde_json::json;
 
 /// Write a program of random moves that the machine can run
 ///
-/// Straight moves within joint ranges and cones at feeds that all joints keep up with, tilted
-/// where the machine tilts, and changes of the tool offset: for soak tests of a machine or of its
-/// simulation. The program goes to standard output.
+/// Makes straight moves within joint ranges and cones, at feeds that all joints can follow, with
+/// tilts if the machine tilts, and with changes of the tool offset. Use it for soak tests of a
+/// machine or its simulation. The program goes to standard output.
 ///
-/// Exit status: 0 where a program was made, 1 where no move is possible, 2 where the file describes
-/// no machine.
+/// Exit status: 0 if a program was written, 1 if no move is possible, 2 if the file describes no
+/// machine.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The same number makes the same program
+    /// Seed; the same number gives the same program
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
-    /// Least duration of the program
+    /// Minimum duration of the program
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
     seconds: f64,
 }

@@ -13,27 +13,27 @@ use machine::read::mechanism::Mechanism;
 use program::replay::{Visit, duration_of_all, replay_seen};
 use std::path::PathBuf;
 
-/// Write the joint values of a program
+/// Write the joint values along a program
 ///
 /// LinuxCNC runs the program in virtual time, with the machine's tool table, parameters and
-/// startup code. Every move that it asks for is followed at its feed, without acceleration and
-/// blending, and poses at the servo period go through the kinematics. Standard output gets CSV: time
-/// in seconds, line of the program, pose and joint values, machine units and degrees. Limits that
-/// the program leaves are reported on standard error.
+/// startup code. Every commanded move is followed at its feed, without acceleration and blending,
+/// and the kinematics compute the joints of a pose every servo period. Standard output gets CSV:
+/// time in seconds, line of the program, pose and joint values, in machine units and degrees.
+/// Violated limits are reported on standard error.
 ///
-/// Exit status: 0 where the program stays within all limits, 1 where it does not, 2 where LinuxCNC
-/// refuses it or files cannot be read or written.
+/// Exit status: 0 if the program stays within all limits, 1 if it does not, 2 if LinuxCNC refuses
+/// it or files cannot be read or written.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The program; - for standard input
+    /// The program (- for standard input)
     #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
-    /// Seconds between poses instead of [EMCMOT]SERVO_PERIOD
+    /// Time between poses [default: [EMCMOT]SERVO_PERIOD]
     #[arg(long, value_name = "SECONDS")]
     period: Option<f64>,
-    /// Also draws joint values, speeds and path as SVG files into this folder, made if needed
+    /// Also draw joint values, speeds and path as SVG files into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
 }

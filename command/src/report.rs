@@ -137,7 +137,7 @@ fn following_error(verdict: &ProgramVerdict) -> Option<LimitRow> {
     let lagging = lagging.filter(|(_, peak)| peak.limit.is_finite());
     let (joint, worst) = lagging.max_by(|a, b| a.1.share().total_cmp(&b.1.share()))?;
     let unit = verdict.config.first().unit_of(joint);
-    let meaning = "how far a drive may lag behind its command";
+    let meaning = "lag of a drive behind its command";
     let mut row = LimitRow {
         part: worst.joint.clone(),
         allowed: format!("at most {:.3} {unit}", worst.limit),
@@ -152,7 +152,7 @@ fn following_error(verdict: &ProgramVerdict) -> Option<LimitRow> {
 
 /// What LinuxCNC stops at, if it does.
 fn control(verdict: &ProgramVerdict) -> Option<LimitRow> {
-    let meaning = "the control's own checks, which stop a program with a message";
+    let meaning = "LinuxCNC's own checks, which stop a program with a message";
     let row = bare(verdict, Rule::Control, meaning);
     let said = || LimitRow { allowed: "no error".into(), used: "stopped".into(), ..row.clone() };
     (!row.breaks.is_empty()).then(said)
@@ -164,8 +164,8 @@ fn why(verdict: &ProgramVerdict, rows: &[LimitRow]) -> String {
     let Some(first) = found.breaks.first() else {
         if let Time::NotJudged(cause) = &found.time {
             return format!(
-                "The path stays within the limits of the machine. How fast its joints would have to move \
-                 is not known, because LinuxCNC could not run the program: {cause}."
+                "The path stays within the limits of the machine. The required joint speeds are \
+                 unknown, because LinuxCNC could not run the program: {cause}."
             );
         }
         return "Every move stays within all limits of the machine, from its start to its end."
@@ -175,10 +175,10 @@ fn why(verdict: &ProgramVerdict, rows: &[LimitRow]) -> String {
     let rest = match broken {
         1 if rows.iter().all(|row| row.is_judged) => "All other limits are kept.".into(),
         1 => {
-            "The other limits of the path are kept; what depends on time is not judged to its end."
+            "The other limits of the path are kept; time-dependent limits are not judged to the end."
                 .into()
         }
-        more => format!("{more} limits are broken in all."),
+        more => format!("{more} limits are violated in total."),
     };
     format!(
         "The machine cannot run this program as it is: in {}, {}. {rest}",

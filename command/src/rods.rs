@@ -14,16 +14,16 @@ use machine::read::mechanism::Mechanism;
 use std::path::PathBuf;
 use studies::study::rods::{Rods, View};
 
-/// Report where the legs are along a program or list of poses
+/// Report the positions of the legs along a program or list of poses
 ///
-/// Writes CSV to standard output, a row a pose: joint values, both ends of every leg (that at
-/// the base moves with its carriage or arm), its length, its elevation above the XY plane and its
-/// azimuth about Z, its angles to its direction at home at both joints and to its guide, the
-/// angles between all legs, the gap of the two nearest legs with their numbers, and points of
-/// the platform. Machine units and degrees. The gap is the distance of the centre lines less
+/// Writes CSV to standard output, one row per pose: joint values; for every leg both ends (the
+/// base end moves with its carriage or arm), length, elevation above the XY plane, azimuth about
+/// Z, the angle at both joints to its direction at home, and the angle to its guide; the angles
+/// between all legs; the gap between the two nearest legs with their numbers; and points of the
+/// platform. Units: machine units and degrees. The gap is the distance between center lines minus
 /// `rod_diameter_mm` of the study file.
 ///
-/// Exit status: 0, 1 where a pose has no joint values (told on standard error), 2 where input or
+/// Exit status: 0, 1 if a pose has no joint values (reported on standard error), 2 if input or
 /// output failed.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
@@ -31,12 +31,12 @@ pub struct Arguments {
     machine: MachineFile,
     #[command(flatten)]
     source: Source,
-    /// A point of the platform to follow, in its frame; may be given several times
+    /// Platform point to follow, in the platform frame; repeatable
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     point: Vec<f64>,
     #[command(flatten)]
     study: StudyFile,
-    /// Also draws angles, gaps and points as SVG files into this folder, made if needed
+    /// Also draw angles, gaps and points as SVG files into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
 }

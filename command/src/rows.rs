@@ -93,8 +93,10 @@ impl Rows {
     pub fn open(file: &RowFile, columns: &[String], instead: &str) -> Result<Self, Failure> {
         let names = columns.join(",");
         if file.is_forgotten() {
-            let text = "nothing is given, and standard input is a terminal";
-            return Err(refused(format!("{text}: give {instead}, or rows under a header {names}")));
+            let text = "no input, and standard input is a terminal";
+            return Err(refused(format!(
+                "{text}: give {instead}, or CSV rows with the header {names}"
+            )));
         }
         let (name, input): (String, Box<dyn Read>) = match file.file() {
             None => (INPUT.into(), Box::new(std::io::stdin().lock())),
@@ -104,7 +106,7 @@ impl Rows {
         let header = reader.headers().map_err(|error| unread(&name, error))?;
         let place = |name: &String| header.iter().position(|word| word.eq_ignore_ascii_case(name));
         if let Some(missing) = columns.iter().find(|name| place(name).is_none()) {
-            let text = format!("{name}:1: the header names no column {missing}");
+            let text = format!("{name}:1: the header has no column {missing}");
             return Err(refused(format!("{text}; expected {names}")));
         }
         let places = columns.iter().filter_map(place).collect();
@@ -130,7 +132,7 @@ impl Rows {
 
 /// A cell that holds none.
 #[derive(Debug, thiserror::Error)]
-#[error("\"{0}\" is no number; expected one such as 12.5")]
+#[error("\"{0}\" is not a number; expected one such as 12.5")]
 struct NoNumber(String);
 
 fn numbers(record: &csv::StringRecord, places: &[usize]) -> Result<Vec<f64>, NoNumber> {
@@ -146,10 +148,10 @@ fn unread(name: &str, error: csv::Error) -> Failure {
     let line = error.position().map(csv::Position::line);
     let place = line.map_or(name.to_string(), |line| format!("{name}:{line}"));
     match error.kind() {
-        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => refused(format!(
-            "{place}: {len} cells; expected {expected_len}, as many as the header names"
-        )),
-        csv::ErrorKind::Utf8 { .. } => refused(format!("{place}: no text; expected CSV in UTF-8")),
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            refused(format!("{place}: {len} cells; expected {expected_len}, as in the header"))
+        }
+        csv::ErrorKind::Utf8 { .. } => refused(format!("{place}: not text; expected CSV in UTF-8")),
         _ => Failure::at(place, error),
     }
 }

@@ -17,27 +17,29 @@ use std::path::{Path, PathBuf};
 
 /// Run a program in LinuxCNC without hardware, faster than the machine
 ///
-/// LinuxCNC's interpreter, planner and motion controller run in virtual time, with pkmkins, with drives
-/// that keep the joints' speeds and accelerations, and with a spindle that takes its time. Standard
-/// output gets what LinuxCNC says to the operator and how long the program takes. With --trace a file
-/// gets a row for every servo cycle: time, line, pose, commanded joint values, following errors, tool
-/// offset in effect and the feed that the guard allows, in machine units and degrees.
+/// LinuxCNC's interpreter, planner and motion controller run in virtual time, with pkmkins, with
+/// drives that keep the joints' speeds and accelerations, and with a spindle that needs time to
+/// start. Standard output gets LinuxCNC's messages to the operator and the duration of the
+/// program. --trace writes a row for every servo cycle: time, line, pose, commanded joint values,
+/// following errors, tool offset in effect and the feed allowed by the guard, in machine units
+/// and degrees.
 ///
-/// The machine's own files are not written, and a machine that runs on this computer is not touched.
+/// The machine's own files are not changed, and a machine that runs on this computer is not
+/// affected.
 ///
-/// Exit status: 0 where the program runs to its end, 1 where LinuxCNC stops it, 2 where it could not be
+/// Exit status: 0 if the program runs to its end, 1 if LinuxCNC stops it, 2 if it could not be
 /// run.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// The program; - for standard input
+    /// The program (- for standard input)
     #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: PathBuf,
-    /// Writes every servo cycle into this file, as CSV
+    /// Write every servo cycle to this file, as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     trace: Option<PathBuf>,
-    /// Copies what the program writes into files, as by LOGOPEN, into this folder
+    /// Copy the files that the program writes, for example with LOGOPEN, into this folder
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     written: Option<PathBuf>,
     #[command(flatten)]
@@ -47,17 +49,17 @@ pub struct Arguments {
 /// How a program is run, as options.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Control {
-    /// Gives up after this time of the machine
+    /// Stop after this much machine time
     #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_seconds)]
     most_time: f64,
-    /// Gives up when nothing moves for this time of the machine
+    /// Stop if nothing moves for this much machine time
     #[arg(long, value_name = "SECONDS", default_value_t = Options::default().most_standstill)]
     most_standstill: f64,
-    /// Carries out this HAL file too, after those of the simulated machine: a probe, another spindle
+    /// Also run this HAL file after those of the simulated machine, for a probe or another spindle
     #[arg(long, value_name = "FILE.hal", value_hint = clap::ValueHint::FilePath)]
     hal: Vec<PathBuf>,
-    /// Lets the program write any file of yours, start programs and use the network; without it the kernel
-    /// refuses that, and a kernel that cannot do so runs nothing
+    /// Let the program write any file of yours, start programs and use the network; by default the
+    /// kernel forbids this, and nothing runs on a kernel that cannot
     #[arg(long)]
     unconfined: bool,
 }
@@ -176,7 +178,7 @@ impl Progress {
         self.done.see(row.line);
         if row.cycle.is_multiple_of(STRIDE) {
             let seconds = row.cycle as f64 * self.period;
-            self.bar.say(format!("running: line {}, {seconds:.0} s of the machine", row.line));
+            self.bar.say(format!("running: line {}, {seconds:.0} s of machine time", row.line));
             self.bar.show(self.done.share());
             if self.is_filter {
                 eprintln!("FILTER_PROGRESS={}", self.done.percent(row.line));

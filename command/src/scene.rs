@@ -9,17 +9,17 @@ use std::path::PathBuf;
 
 /// Write the machine as one JSON object, for viewers
 ///
-/// Has what is needed to draw the machine and to move the drawing: anchors, guides, arms, table,
-/// limits, cones, unit, and the geometry hash by which a viewer sees that the machine it looks at
-/// is another one. No kinematics are needed: lower ends of legs follow from joint values, upper
-/// ends from the pose. docs/reference/view.md has the fields and the two formulas.
+/// The object has everything needed to draw and move the machine: anchors, guides, arms, table,
+/// limits, cones, unit, and the geometry hash, with which a viewer detects that it watches
+/// another machine. A viewer needs no kinematics: lower ends of legs follow from joint values,
+/// upper ends from the pose. docs/reference/view.md describes the fields and the two formulas.
 ///
-/// Exit status: 0, or 2 where the file describes no machine or the output cannot be written.
+/// Exit status: 0, or 2 if the file describes no machine or the output cannot be written.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// Writes the object here instead of to standard output
+    /// Write the object here instead of to standard output
     #[arg(short, long, value_name = "SCENE.json", value_hint = clap::ValueHint::FilePath)]
     output: Option<PathBuf>,
 }

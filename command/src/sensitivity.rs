@@ -25,20 +25,20 @@ const SIGMA_UM: f64 = 10.0;
 /// Poses of a motion law, one turn.
 const LAW_POSES: usize = 500;
 
-/// Compute what joint errors do to the pose, and near singularities
+/// Compute the effect of joint errors on the pose, and the conditioning
 ///
-/// At one pose: how far each coordinate moves per joint unit of each joint; how well the legs hold
-/// the platform (singular values of the Jacobian, angles times a length); the standard deviation
-/// of every coordinate for random errors of the joints, by covariance and by as many draws through
-/// the forward kinematics, with the largest error where every joint is off by one standard
-/// deviation; and the nearest singular poses found along random rays from the middle of the axis
-/// limits outwards (parallel: the legs do not hold the platform; serial: a rod stands square to
-/// the motion of its lower end). Along a program or a motion law: joint values, their rates and
-/// the standard deviations, as CSV and pictures.
+/// At one pose: the motion of each coordinate per unit of each joint; the conditioning (singular
+/// values of the Jacobian, with angles times a length); the standard deviation of every
+/// coordinate for random joint errors, by covariance and by sampling the forward kinematics, with
+/// the largest error if every joint is off by one standard deviation; and the nearest singular
+/// poses along random rays from the middle of the axis limits outwards (parallel: the legs do not
+/// constrain the platform; serial: a rod is perpendicular to the motion of its lower end). Along
+/// a program or a motion law: joint values, their rates and the standard deviations, as CSV and
+/// plots.
 ///
 ///     [legs]
-///     joint_sigma_um = 10          # or a list, one for each leg; 10 without a study
-///     [law]                        # for --law: a spiral about home
+///     joint_sigma_um = 10          # or a list, one per leg [default: 10]
+///     [law]                        # for --law: a spiral around home
 ///     period_s = 6.283185307179586
 ///     radius_mm = 10
 ///     growth_mm = 20
@@ -46,7 +46,7 @@ const LAW_POSES: usize = 500;
 ///     bend_mm = 10
 ///     amplitude_deg = [2, 2, 2]
 ///
-/// Exit status: 0, 1 where the pose is singular or the program leaves the machine's reach, 2 where
+/// Exit status: 0, 1 if the pose is singular or the program leaves the machine's reach, 2 if
 /// input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
@@ -57,32 +57,32 @@ pub struct Arguments {
     at: At,
     #[command(flatten)]
     study: StudyFile,
-    /// Length that turns angles into lengths, mm
+    /// Length that converts angles to lengths, mm
     #[arg(long, value_name = "MM", default_value_t = LENGTH_MM)]
     length: f64,
-    /// Draws through forward kinematics
+    /// Number of samples through the forward kinematics
     #[arg(long, value_name = "N", default_value_t = 20_000)]
     draws: usize,
-    /// Rays of the search for singular poses
+    /// Number of rays of the search for singular poses
     #[arg(long, value_name = "N", default_value_t = 2000)]
     rays: usize,
-    /// How far the search goes, in half widths of the axis limits
+    /// Extent of the search, in half widths of the axis limits
     #[arg(long, value_name = "FACTOR", default_value_t = 3.0)]
     factor: f64,
-    /// Follows this program too
+    /// Also follow this program
     #[arg(long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program, conflicts_with = "law")]
     along: Option<PathBuf>,
-    /// Follows the motion law of the study file too
+    /// Also follow the motion law of the study file
     #[arg(long)]
     law: bool,
-    /// Tells the ratios of rates at this time of the motion, as paper 001 tabulates them: they are no
-    /// partial derivatives, but hold along this path only
+    /// Print the ratios of rates at this time of the motion, as tabulated in paper 001; they are
+    /// not partial derivatives and hold only along this path
     #[arg(long, value_name = "SECONDS")]
     ratios: Option<f64>,
-    /// Writes what is found along the motion as CSV
+    /// Write the results along the motion as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
-    /// Draws SVG files into this folder, made if needed
+    /// Draw SVG files into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
 }
@@ -97,8 +97,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let found = Sensitivity::at(&config, &pose, &tool, length)
         .map_err(|fault| Failure::at(in_words(&pose), fault))?;
     let Some(found) = found else {
-        let text =
-            format!("{}: a singular pose: the legs do not hold the platform", in_words(&pose));
+        let text = format!(
+            "{}: singular pose: the legs do not constrain the platform; choose another pose",
+            in_words(&pose)
+        );
         tell_error(&text);
         return Ok(Verdict::Misfit);
     };
@@ -128,7 +130,7 @@ fn check(arguments: &Arguments) -> Result<(), Failure> {
     }
     let moves = arguments.law || arguments.along.is_some();
     if !moves && (arguments.csv.is_some() || arguments.ratios.is_some()) {
-        let text = "--csv and --ratios need a motion: --along PROGRAM.ngc or --law";
+        let text = "--csv and --ratios need a motion: add --along PROGRAM.ngc or --law";
         return Err(refused(text));
     }
     match arguments.draws {
@@ -196,8 +198,11 @@ fn of_law(
     tool: &Vector3<f64>,
     asked: Option<f64>,
 ) -> Result<Vec<Step>, Failure> {
-    let missing =
-        || refused("--law: the study file has no section [law]; pkm help sensitivity shows one");
+    let missing = || {
+        refused(
+            "--law: the study file has no section [law]; see pkm help sensitivity for an example",
+        )
+    };
     let law = study.law.as_ref().ok_or_else(missing)?;
     let even = (0..=LAW_POSES).map(|k| law.period_s.0 * k as f64 / LAW_POSES as f64);
     let mut times: Vec<f64> = even.chain(asked).collect();
@@ -231,10 +236,10 @@ fn tell(
     found: &Sensitivity,
     sigma: &[f64],
 ) -> Result<Value, Failure> {
-    let bar = Bar::spinner("drawing errors of the joints");
+    let bar = Bar::spinner("sampling joint errors");
     let drawn = monte_carlo(config, pose, tool, sigma, arguments.draws)
         .map_err(|fault| Failure::at(in_words(pose), fault))?;
-    bar.say("looking for singular poses".into());
+    bar.say("searching for singular poses".into());
     let range = axis_box::range(config);
     let near = near(config, &range, tool, arguments.rays, arguments.factor);
     drop(bar);
@@ -260,8 +265,8 @@ fn tell(
     let spread: Vec<String> = sigma.iter().map(|s| format!("{s:.6}")).collect();
     writeln!(out, "\nfor errors of the joints with standard deviations {}", spread.join(" "))?;
     writeln!(out, "{}", row("covariance", found.sigma(sigma)))?;
-    writeln!(out, "{}", row(&format!("{} draws", drawn.count), drawn.sigma))?;
-    writeln!(out, "{}", row("all together", found.worst(sigma)))?;
+    writeln!(out, "{}", row(&format!("{} samples", drawn.count), drawn.sigma))?;
+    writeln!(out, "{}", row("largest", found.worst(sigma)))?;
     writeln!(
         out,
         "\nsingular poses on {} rays to {} times the axis limits",
@@ -284,7 +289,7 @@ fn tell(
                 found.reach,
                 in_words(&Pose::from_degrees(found.pose))
             )?,
-            None => writeln!(out, "  {name:<15}  none met")?,
+            None => writeln!(out, "  {name:<15}  none found")?,
         }
     }
     writeln!(out, "  conditioning     {:.4} at least on the rays within the limits", near.least)?;

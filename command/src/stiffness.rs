@@ -23,46 +23,45 @@ use studies::study::workspace::Workspace;
 /// Factors of the platform's size that are compared.
 const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 
-/// Compute how stiffly the legs hold the tool
+/// Compute the stiffness at the tool tip
 ///
-/// Takes the stiffness of every leg (joints, rod and drive in series, in one value or in two) and of
-/// the table's axes from a study file and tells, at one pose: the 6 by 6 matrix at the tool tip, the principal
-/// axes of displacements under a force and of turns under a moment, and how the smallest of them
-/// change with the size of the platform. With --plots it draws both ellipsoids, and maps of both
-/// over the axis limits, in three planes through the pose; what the machine cannot reach stays
-/// empty.
+/// Reads the stiffness of every leg (joints, rod and drive in series, as one value or two) and of
+/// the table's axes from a study file. Reports at one pose: the 6 by 6 stiffness matrix at the
+/// tool tip; the principal axes of displacement under a force and of rotation under a moment; and
+/// how the smallest of them change with the size of the platform. --plots draws both ellipsoids,
+/// and maps of both over the axis limits, in three planes through the pose; unreachable areas
+/// stay empty.
 ///
-/// N/um, N m/rad, mm, degrees; machine axes. Coordinates that guides hold count as rigid.
+/// N/um, N m/rad, mm, degrees; machine axes. Coordinates constrained by guides count as rigid.
 ///
 /// With the motors held, an axial force turns the screw of its strut against both cardan joints.
-/// `screw = "self-locking"` leaves that torque to friction in the thread.
+/// `screw = "self-locking"` assigns that torque to friction in the thread.
 ///
 ///     [legs]
-///     stiffness_n_per_um = 10      # or a list, one for each leg; or the keys of rod and drive
-///                                  # that `pkm dynamics` has
+///     stiffness_n_per_um = 10      # or a list, one per leg; or the keys of rod and drive of
+///                                  # `pkm dynamics`
 ///     screw = "backdrivable"       # or "self-locking"
-///     [table]                      # where the machine has one
+///     [table]                      # if the machine has one
 ///     stiffness_n_per_um = 50
 ///
-/// Exit status: 0, 1 where the legs do not hold the platform there, 2 where input or output
-/// failed.
+/// Exit status: 0, 1 if the pose is singular, 2 if input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// TOML file with the stiffnesses
+    /// Read stiffnesses from this TOML file
     #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
-    /// Draws ellipsoids and maps as SVG files into this folder, made if needed
+    /// Draw ellipsoids and maps as SVG files into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
-    /// Writes the maps as CSV
+    /// Write the maps as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
-    /// Points along each side of a map
+    /// Number of points along each side of a map
     #[arg(long, value_name = "N", default_value_t = 41, value_parser = clap::value_parser!(u16).range(2..=1001))]
     grid: u16,
 }
@@ -75,8 +74,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let found = Stiffness::at(&config, &pose, &tool, &springs)
         .map_err(|fault| Failure::at(in_words(&pose), fault))?;
     let Some(found) = found else {
-        let text =
-            format!("{}: a singular pose: the legs do not hold the platform", in_words(&pose));
+        let text = format!(
+            "{}: singular pose: the legs do not constrain the platform; choose another pose",
+            in_words(&pose)
+        );
         tell_error(&text);
         return Ok(Verdict::Misfit);
     };
@@ -117,8 +118,8 @@ fn draw(
     drop(bar);
     if maps.iter().all(Map::is_empty) {
         return Err(refused(format!(
-            "{}: no place of the maps is within the machine's limits; name another pose by --pose, or look at \
-             what pkm check says of the axis limits",
+            "{}: no point of the maps is within the machine's limits; choose another pose with --pose, or \
+             review the axis limits with pkm check",
             config.file.display()
         )));
     }
@@ -175,11 +176,11 @@ fn tell(
                 writeln!(out, "{}", (0..6).map(cell).collect::<String>())?;
             }
         }
-        None => writeln!(out, "\nGuides hold some coordinates: no matrix of six by six.")?,
+        None => writeln!(out, "\nGuides constrain some coordinates: there is no 6 by 6 matrix.")?,
     }
     for (name, unit, scale, ellipsoid) in [
         ("displacement under a force", "N/um", 1e-3, found.translation()),
-        ("turn under a moment", "N m/rad", 1e-3, found.rotation()),
+        ("rotation under a moment", "N m/rad", 1e-3, found.rotation()),
     ] {
         let Ellipsoid { stiffness, axes } = ellipsoid;
         writeln!(out, "\n{name}: stiffness in {unit} along")?;

@@ -14,15 +14,16 @@ use std::io::{BufRead, Write};
 
 /// Show how far the machine can move from a pose
 ///
-/// Along every letter by itself, both ways, with what ends the way: a joint, a cone, the axis limit. The
-/// way is followed as `pkm preflight` follows a move: up to the place told every limit is proved to be
-/// kept, and it is told to a millionth of the machine's size. Machine units and degrees. Where a limit
-/// is left at the pose itself, nothing is left both ways.
+/// Reports the travel along every letter in both directions, and the limit that ends it: a joint,
+/// a cone, an axis limit. The motion is followed as in `pkm preflight`: every limit is proved to
+/// be kept up to the reported end, which is exact to a millionth of the machine's size. If the
+/// pose itself violates a limit, no travel is left in either direction. Units: machine units and
+/// degrees.
 ///
-/// With --serve every line of standard input is a question and is answered with a line of JSON, until
-/// standard input ends: what a panel asks again and again. docs/guide/panel.md describes both.
+/// With --serve, pkm answers every line of standard input with a line of JSON, until standard
+/// input ends; panels use this. docs/guide/panel.md describes both.
 ///
-/// Exit status: 0, 1 where the machine cannot stand at the pose, 2 where input or output failed.
+/// Exit status: 0, 1 if the machine cannot be at the pose, 2 if input or output failed.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
@@ -31,8 +32,8 @@ pub struct Arguments {
     pose: PoseWords,
     #[command(flatten)]
     tool: Tool,
-    /// Answers lines of standard input: {"at": [X, Y, Z, A, B, C, U, V, W], "tools": [[X, Y, Z], ...]},
-    /// with the tool vector of every mechanism, spindle offset included
+    /// Answer lines of standard input such as {"at": [X, Y, Z, A, B, C, U, V, W], "tools": [[X, Y,
+    /// Z], ...]}, with the tool vector of every mechanism, spindle offset included
     #[arg(long, conflicts_with_all = ["tool", "pose"])]
     serve: bool,
 }
@@ -75,7 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(match left_at(&found) {
         None => Verdict::Fits,
         Some(limits) => {
-            super::failure::tell_error(&format!("the machine cannot stand at this pose: {limits}"));
+            super::failure::tell_error(&format!("the machine cannot be at this pose: {limits}"));
             Verdict::Misfit
         }
     })
@@ -109,7 +110,10 @@ fn answer(config: &MachineConfig, line: &str) -> Result<Vec<Travel>, String> {
     let Question { at, tools } = serde_json::from_str(line).map_err(|error| error.to_string())?;
     let count = config.mechanisms.len();
     if tools.len() != count {
-        return Err(format!("tools: expected {count} of them, found {}", tools.len()));
+        return Err(format!(
+            "tools: expected {count}, one for each mechanism; found {}",
+            tools.len()
+        ));
     }
     let tool = |i: usize| Vector3::from(tools[i.min(count - 1)]);
     let stand = Stand { world: at, tools: [tool(0), tool(1)] };
@@ -120,7 +124,7 @@ fn in_words(found: &[Travel]) -> String {
     let row = |way: &Travel| {
         let side = |sign: &str, side: &Side| {
             let left =
-                side.left.map_or("without end".into(), |left| format!("{left:.3} {}", way.unit));
+                side.left.map_or("unlimited".into(), |left| format!("{left:.3} {}", way.unit));
             format!(
                 "{sign}{} {left:>18}  {}\n",
                 way.letter,

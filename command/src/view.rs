@@ -17,52 +17,53 @@ use view::film::{self, Camera};
 use view::page::page;
 use view::track::Track;
 
-/// Show the machine, and a program on it, as a page for browsers
+/// Show a machine, and a program on it, as a page for browsers
 ///
-/// Writes one file that needs no network: the machine in 3D, to be turned, cut open and moved by
-/// its coordinates, with how near every limit is, and with its workspace. With a program also its
-/// path, coloured by how near a limit is, the machine at any time of it, what `pkm preflight` found
-/// as marks to click, and curves of joints, speeds and margins. The page computes with the same
-/// kinematics as the module. docs/reference/view.md shows it.
+/// Writes one file that works offline: the machine in 3D, which you can turn, cut open and move
+/// by its coordinates, with the distance to every limit, and its workspace. With a program also
+/// the path, colored by the distance to the nearest limit; the machine at any time; the findings
+/// of `pkm preflight` as marks to click; and curves of joints, speeds and margins. The page uses
+/// the same kinematics as the module. docs/reference/view.md shows it.
 ///
-/// A video and a picture are drawn by a browser without a window, chromium for example; the video is
-/// made by ffmpeg.
+/// Videos and pictures need a browser such as chromium, which runs without a window; videos also
+/// need ffmpeg.
 ///
-/// Exit status: that of `pkm preflight` with a program; 0 without one; 2 where the machine cannot be
-/// read, or a file cannot be written. Of a program that cannot be read the page shows the machine
+/// Exit status: with a program that of `pkm preflight`, without one 0; 2 if the machine cannot be
+/// read or a file cannot be written. If the program cannot be read, the page shows the machine
 /// and the reason.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// A program to show
+    /// Program to show
     #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::input::Program)]
     program: Option<PathBuf>,
-    /// The page; without it MACHINE.html in this folder, unless a video or a picture is asked for
+    /// Write the page here [default: MACHINE.html in this folder, unless --video or --picture is
+    /// given]
     #[arg(long, value_name = "FILE.html", value_hint = clap::ValueHint::FilePath)]
     html: Option<PathBuf>,
-    /// The page follows a running LinuxCNC: for pkm-live
+    /// Make a page that follows a running LinuxCNC, for pkm-live
     #[arg(long, conflicts_with = "program")]
     live: bool,
-    /// A video of the program, 25 frames a second
+    /// Write a video of the program, 25 frames per second
     #[arg(long, value_name = "FILE.mp4", requires = "program", value_hint = clap::ValueHint::FilePath)]
     video: Option<PathBuf>,
-    /// How long the video is, whatever time the program takes
+    /// Duration of the video, regardless of that of the program
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = seconds)]
     video_seconds: f64,
-    /// A picture: of the machine at home with its workspace, or in the middle of the program
+    /// Write a picture: the machine at home with its workspace, or halfway through the program
     #[arg(long, value_name = "FILE.png", value_hint = clap::ValueHint::FilePath)]
     picture: Option<PathBuf>,
-    /// Pixels of video and picture
+    /// Size of video and picture in pixels
     #[arg(long, num_args = 2, value_names = ["WIDTH", "HEIGHT"], default_values_t = [1280, 720], value_parser = pixels)]
     size: Vec<usize>,
-    /// Where video and picture are looked at from
+    /// View of video and picture
     #[arg(long, value_name = "NAME", default_value = "3D", value_parser = ["3D", "front", "side", "top"])]
     from: String,
-    /// The browser that draws them; without it the first of chromium and its like in PATH
+    /// Browser that draws them [default: the first of chromium and similar browsers in PATH]
     #[arg(long, value_name = "PROGRAM", value_hint = clap::ValueHint::ExecutablePath)]
     browser: Option<PathBuf>,
-    /// How long the browser may take for 50 frames
+    /// Time limit of the browser for 50 frames
     #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = patience)]
     browser_seconds: f64,
     #[command(flatten)]
@@ -109,13 +110,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     if let (Some(file), None) = (&html, &arguments.html) {
         Failure::unless_unread(print_text(&format!(
-            "{} is written: open it in a browser\n",
+            "wrote {}: open it in a browser\n",
             file.display()
         )))?;
     }
     if arguments.video.is_some() && !data.moves() {
         return Err(refused(
-            "--video: the program does not run, as said above: mend it, or leave --video out",
+            "--video: the program does not run, see above; correct it, or remove --video",
         ));
     }
     if arguments.video.is_some() || arguments.picture.is_some() {
@@ -187,7 +188,7 @@ fn of_program(
         }
     };
     if let Time::NotJudged(cause) = &answer.found.time {
-        tell_error(&format!("time is not judged: {cause}"));
+        tell_error(&format!("times are not judged: {cause}"));
     }
     let words = [program.display().to_string(), String::from_utf8_lossy(&text).into_owned()];
     let report = serde_json::to_value(&answer)?;

@@ -27,31 +27,31 @@ const SLICE_RAYS: usize = 720;
 /// Steps along a ray.
 const STEPS: f64 = 300.0;
 
-/// Compute where the tool can go, and what limits it
+/// Compute the workspace of the tool, and what limits it
 ///
-/// Looks along rays from one place (home, or --from) for where a limit is broken: joint ranges,
-/// cones, ROD_CLEARANCE and reach of the INI file; of a study file the diameter of the rods, a
-/// smallest conditioning, and the turns of cardan joints, at base and platform, about their two
-/// axes. [AXIS_*] limits do not count. In one orientation, or at every one of a set: several
-/// --orientation, or --tilt for an angle in twelve directions. Tells how far it goes along X Y Z,
-/// the volume by the boundary and by counting a grid, which limit ends which share of the
-/// directions, and of each slice its area and the angles between which it is seen from the
-/// machine's origin. What is thinner than a step along a ray can be missed.
+/// Follows rays from one point (home, or --from) to the first violated limit: joint ranges,
+/// cones, ROD_CLEARANCE and reach from the INI file; rod diameter, minimum conditioning, and the
+/// rotations of cardan joints at base and platform about their two axes from a study file.
+/// [AXIS_*] limits do not count. Positions count if one orientation is possible, or all
+/// orientations of a set: several --orientation, or --tilt in twelve directions. Reports the
+/// extent along X Y Z, the volume within the boundary and by counting grid points, the share of
+/// directions that each limit ends, and for each slice its area and the angles that it spans as
+/// seen from the machine's origin. Features thinner than a step along a ray can be missed.
 ///
-/// Of two mechanisms each is looked at: alone, with the other one at home, and wherever that one
-/// stands: at home and, one after another, in the corners of its axis limits that it can take.
-/// [PKM]MECHANISM_CLEARANCE is kept from its rods and platform.
+/// For two mechanisms it reports each one alone; with the other one at home; and with the other
+/// one anywhere: at home and, one after another, in the reachable corners of its axis limits.
+/// Rods and platforms keep [PKM]MECHANISM_CLEARANCE.
 ///
 ///     [legs]
 ///     rod_diameter_mm = 30
 ///     [limits]
 ///     conditioning = 0.1
 ///     base_pyramid_deg = [40, 30]  # about the fixed axis of the base joint, and across it
-///     base_axes = [[0, 1, 0], ...] # one a leg; without them BASE_N of the INI file
-///     platform_pyramid_deg = [40, 30] # the same of the platform joints, as the platform sees them
-///     platform_axes = [[1, 0, 0], ...] # one a leg; without them PLATFORM_N
+///     base_axes = [[0, 1, 0], ...] # one per leg [default: BASE_N of the INI file]
+///     platform_pyramid_deg = [40, 30] # for the platform joints, in the platform frame
+///     platform_axes = [[1, 0, 0], ...] # one per leg [default: PLATFORM_N]
 ///
-/// Exit status: 0, or 2 where there is no workspace around the place, or input or output failed.
+/// Exit status: 0, or 2 if there is no workspace around the point, or input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
@@ -61,38 +61,38 @@ pub struct Arguments {
     study: StudyFile,
     #[command(flatten)]
     tool: Tool,
-    /// X Y Z of a place inside, from which the rays begin, instead of home
+    /// Point inside the workspace from which the rays start [default: home]
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     from: Option<Vec<f64>>,
-    /// A B C that every place has to allow; may be given several times
+    /// Orientation that every position must allow; repeatable
     #[arg(long, num_args = 3, value_names = ["A", "B", "C"], allow_negative_numbers = true)]
     orientation: Vec<f64>,
-    /// Every place has to allow a level platform and this tilt in every direction
+    /// Tilt that every position must allow in every direction, as well as a level platform
     #[arg(long, value_name = "DEGREES", conflicts_with = "orientation")]
     tilt: Option<f64>,
-    /// Of two mechanisms, with --mechanism: keeps MECHANISM_CLEARANCE from the other one, which is at
-    /// home, or anywhere (home and the corners of its axis limits)
+    /// With --mechanism: keep MECHANISM_CLEARANCE from the other mechanism, at home or anywhere
+    /// (home and the corners of its axis limits)
     #[arg(long, value_name = "STAND", value_enum, requires = "mechanism")]
     beside: Option<Beside>,
-    /// A slice: xy, xz, yz, or a normal such as 1,1,0; may be given several times
+    /// Plane of a slice: xy, xz, yz, or a normal such as 1,1,0; repeatable
     #[arg(long, value_name = "PLANE", default_values = ["xz", "yz"])]
     plane: Vec<String>,
-    /// Rays from pole to pole; twice as many go around
+    /// Number of rays from pole to pole; twice as many around
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u16).range(4..=2000))]
     bands: u16,
-    /// Points of the grid along the longest side
+    /// Number of grid points along the longest side
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(4..=2000))]
     grid: u16,
-    /// Threads instead of as many as there are cores
+    /// Number of threads [default: number of cores]
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
-    /// Writes the points of the boundary as CSV
+    /// Write the points of the boundary as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
-    /// Writes the surface around the place as a Wavefront OBJ file
+    /// Write the surface around the point as a Wavefront OBJ file
     #[arg(long, value_name = "FILE.obj", value_hint = clap::ValueHint::FilePath)]
     mesh: Option<PathBuf>,
-    /// Draws body and slices as SVG files into this folder, made if needed
+    /// Draw body and slices as SVG files into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
 }
@@ -125,7 +125,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     };
     let mut workspace = workspace(arguments, meant, &study)?;
     if let Some(beside) = arguments.beside {
-        let text = "--beside: the file has one mechanism; leave it out";
+        let text = "--beside: the file has only one mechanism; remove --beside";
         let other = other.ok_or_else(|| refused(text))?;
         workspace = workspace.beside(whole.first(), other, beside.stand())?;
     }
@@ -191,8 +191,7 @@ fn both(
         || arguments.mesh.is_some()
         || arguments.plots.is_some()
     {
-        let text =
-            "--from, --csv, --mesh and --plots are of one mechanism: --mechanism 1 or 2 says which";
+        let text = "--from, --csv, --mesh and --plots work for one mechanism: add --mechanism 1 or --mechanism 2";
         return Err(refused(text));
     }
     let mut out = output::people();
@@ -211,7 +210,7 @@ fn both(
         let mut answer = tell(&mut out, meant, &alone, &seen)?;
         for (beside, key, name) in [
             (Beside::Home, "beside_home", "the other one at home"),
-            (Beside::Anywhere, "beside_anywhere", "wherever the other one stands"),
+            (Beside::Anywhere, "beside_anywhere", "the other one anywhere"),
         ] {
             let shared =
                 workspace(arguments, meant, study)?.beside(whole.first(), other, beside.stand())?;
@@ -223,7 +222,7 @@ fn both(
                 None => {
                     writeln!(
                         out,
-                        "  {name}: neither home nor a corner of the axis limits is clear of it"
+                        "  {name}: it collides at home and in every corner of its axis limits"
                     )?;
                     Value::Null
                 }
@@ -300,8 +299,8 @@ fn look(
 
 fn empty(from: &Vector3<f64>, limit: Border) -> Failure {
     refused(format!(
-        "X{} Y{} Z{} is not in the workspace: {limit}; name a place inside with --from, or ask \
-         for less tilt",
+        "X{} Y{} Z{} is not in the workspace: {limit}; give a point inside with --from, or a \
+         smaller tilt",
         from.x, from.y, from.z
     ))
 }
@@ -361,7 +360,7 @@ fn tell(
         let seen = match slice.sector() {
             Some([low, high]) => {
                 format!(
-                    "seen from the origin between {low:.2} and {high:.2} degrees, {:.2} wide",
+                    "seen from the origin from {low:.2} to {high:.2} degrees, {:.2} wide",
                     high - low
                 )
             }
@@ -369,7 +368,7 @@ fn tell(
         };
         writeln!(out, "  {:<7} {:>14.3} {unit}^2, {seen}", slice.plane.name, slice.area())?;
     }
-    writeln!(out, "  directions that each limit ends:")?;
+    writeln!(out, "  share of directions by limit:")?;
     for (limit, share) in body.shares() {
         writeln!(out, "  {:>13.1} %  {limit}", 100.0 * share)?;
     }

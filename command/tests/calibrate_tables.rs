@@ -87,7 +87,10 @@ fn tables_calibrate_and_a_line_that_is_off_is_named() {
         let (text, code) = answer(folder.path(), &off(&table, 20, 6, 0.3));
         assert_eq!(code, 1, "{text}");
         // 0.3 without what the line itself has pulled the machine along.
-        assert!(text.contains("table.csv:20 is left out: 0."), "{text}");
+        assert!(
+            text.contains("table.csv:20 is left out: it differs from the others by 0."),
+            "{text}"
+        );
         assert_eq!(text.matches("is left out").count(), 1, "{text}");
     }
 }
@@ -119,18 +122,18 @@ fn what_is_wrong_with_a_table_is_told_with_its_line_and_nothing_is_written() {
             (without(1), ":1: expected a line \"# geometry HASH\"".to_string()),
             (without(2), ":1: expected a line \"# tool X Y Z\"".into()),
             (without(3), "expected columns x,y,z,a,b,c".into()),
-            (heading("tool"), ":3: \"tool\" is there twice".into()),
-            (heading("geometry"), ":2: \"geometry\" is there twice".into()),
+            (heading("tool"), ":3: \"tool\" appears twice".into()),
+            (heading("geometry"), ":2: \"geometry\" appears twice".into()),
             (whole.replace(&hash.to_string(), "7"), ":1: measured with geometry 0x00000007".into()),
             (whole.replace(&measured, "c"), "table.csv".into()),
             (whole.replace(&measured, "c,far"), "expected columns tip_x,tip_y,tip_z".into()),
             (with(short), ":7: CSV error".into()),
-            (with(&word), ":7: \"none\" is no number".into()),
-            (with(&endless), ":7: \"inf\" is no number".into()),
+            (with(&word), ":7: \"none\" is not a number".into()),
+            (with(&endless), ":7: \"inf\" is not a number".into()),
             (with("hello"), ":7: CSV error".into()),
-            (with(lines[5]), ":7: line 6 is here again".into()),
+            (with(lines[5]), ":7: this line repeats line 6".into()),
             (off(&whole, 9, 2, 9000.0), ":9: ".into()),
-            (lines[..3].join("\n"), ":1: no row below the names".into()),
+            (lines[..3].join("\n"), ":1: no row below the header".into()),
             (lines[..8].join("\n"), "too few readings".into()),
         ] {
             let (answer, code) = answer(folder.path(), &text);

@@ -3,6 +3,9 @@
 
 use crate::commands::Bench;
 use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use test_support::shipped;
 
 /// A file of rows, and what is left of an answer without its exit code.
 const ROWS: &str = "x,y,z,a,b,c\n10,-20,50,0,0,0\n0,0,90,0,0,0\n";
@@ -28,7 +31,7 @@ fn rows_come_from_a_file_or_from_standard_input() {
         ("joints linear-delta.ini --rows none.csv", "none.csv: No such file or directory"),
         (
             "joints linear-delta.ini --rows short.csv",
-            "short.csv:2: 2 cells; expected 6, as many as the header names",
+            "short.csv:2: 2 cells; expected 6, as in the header",
         ),
         ("joints linear-delta.ini --rows rows.csv --pose 0 0 50 0 0 0", "--pose and --rows"),
         ("pose linear-delta.ini --rows rows.csv --joints 1 2 3", "cannot be used with"),
@@ -43,7 +46,7 @@ fn rows_come_from_a_file_or_from_standard_input() {
 fn lines_that_are_left_out_are_reported() {
     let bench =
         Bench::new().with("p.ngc", &PROGRAM.replace("M2", "/G1 X5\nM2")).with("q.ngc", PROGRAM);
-    let report = "p.ngc: lines that begin with / are left out";
+    let report = "p.ngc: lines that begin with / are skipped";
     assert!(bench.answer("replay linear-delta.ini p.ngc", "").contains(report));
     assert!(!bench.answer("replay linear-delta.ini q.ngc", "").contains(report));
 }
@@ -104,30 +107,119 @@ pub fn subcommands(help: &str) -> Vec<String> {
     names.filter(|name| !name.is_empty() && name != "help").collect()
 }
 
+/// Examples that take too long for a test, or need a browser; and kinds of machines, which `new` makes.
+const SLOW: [&str; 6] = [
+    "pkm boxes",
+    "stability map",
+    "--tilt 15",
+    "-80 60 350 10 -20 0 --plots",
+    "--video",
+    "pkm new",
+];
+
+/// Makes the files that the examples name, in a copy of the hexapod. TOML files are those that the help shows.
+fn example_files(bench: &Bench) -> tempfile::TempDir {
+    const PROGRAM: &str = "G21 G90\nM52 P1\nS6000 M3\nF600 G1 X10 Y-5\nA5\nX0 Y0 A0\nM2\n";
+    let shown = |words: &str| -> String {
+        let help = bench.answer(&format!("{words} --help"), "");
+        let lines = help.lines().filter_map(|line| line.strip_prefix("    "));
+        lines.filter(|line| !line.starts_with(' ')).map(|line| format!("{line}\n")).collect()
+    };
+    let folder = shipped::copied("hexapod");
+    let place = folder.path();
+    for (from, to) in [
+        ("hexapod/calibration/dial.toml", "dial.toml"),
+        ("hexapod/calibration/plate.toml", "plate.toml"),
+        ("pyramid/pyramid.ini", "pyramid.ini"),
+        ("pyramid/pyramid.tbl", "pyramid.tbl"),
+        ("pyramid/paths/cycloid.toml", "cycloid.toml"),
+        ("lathe-mirrored/lathe-mirrored.ini", "lathe.ini"),
+        ("lathe-mirrored/lathe-mirrored.tbl", "lathe-mirrored.tbl"),
+    ] {
+        fs::copy(shipped::configs().join(from), place.join(to)).unwrap();
+    }
+    // The folder is a link to the shipped programs, which stay as they are.
+    let names: Vec<_> = fs::read_dir(place.join("programs"))
+        .unwrap()
+        .map(|file| file.unwrap().file_name())
+        .collect();
+    fs::remove_file(place.join("programs")).unwrap();
+    fs::create_dir(place.join("programs")).unwrap();
+    for name in names {
+        fs::write(place.join("programs").join(name), PROGRAM).unwrap();
+    }
+    for (file, text) in [
+        ("part.ngc", PROGRAM),
+        ("poses.csv", "x,y,z,a,b,c\n0,0,250,0,0,0\n10,0,250,0,0,0\n"),
+        ("errors.toml", "[legs]\njoint_sigma_um = 10\n"),
+        ("legs.toml", "[legs]\nrod_diameter_mm = 30\n"),
+        ("lag.toml", &shown("stability lag")),
+        ("spindle.toml", &shown("stability spindle")),
+        ("probed.log", &crate::calibrate_command::log()),
+    ] {
+        fs::write(place.join(file), text).unwrap();
+    }
+    fs::create_dir_all(place.join(".local/share/bash-completion/completions")).unwrap();
+    folder
+}
+
+/// Enters readings into the table that `pkm measure` has written.
+fn read_gauge(table: &Path) {
+    let scatter = [1.3, -2.6, 0.7, 3.1, -0.9, -1.8, 2.2].into_iter().cycle();
+    let text = fs::read_to_string(table).unwrap();
+    let typed = text.lines().zip(scatter).map(|(line, off)| match line.strip_suffix(",,") {
+        Some(line) => format!("{line},{},\n", 1000.0 + off),
+        None => format!("{line}\n"),
+    });
+    fs::write(table, typed.collect::<String>()).unwrap();
+}
+
 #[test]
-fn every_example_of_the_help_is_a_command_that_is_understood() {
+fn every_example_of_the_help_runs_as_printed() {
     let bench = Bench::new();
-    let mut seen = 0;
+    let folder = example_files(&bench);
+    let programs = Path::new(env!("CARGO_BIN_EXE_pkm")).parent().unwrap().display().to_string();
+    let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
+    let mut run = 0;
     let mut all: Vec<String> = vec![String::new()];
+    let mut examples = vec![];
     while let Some(words) = all.pop() {
         let help = bench.answer(&format!("{words} --help"), "");
         all.extend(subcommands(&help).iter().map(|name| format!("{words} {name}")));
-        let examples =
-            help.split("Examples:\n").nth(1).unwrap_or_else(|| panic!("{words}: {help}"));
-        assert!(examples.contains("\nSee also: "), "{words}: {help}");
-        for line in examples
-            .replace(" \\\n     ", "")
-            .lines()
-            .filter_map(|line| line.strip_prefix("  pkm "))
-        {
-            let line = line.split(['|', '>']).next().unwrap();
+        let end = help.split("Examples:\n").nth(1).unwrap_or_else(|| panic!("{words}: {help}"));
+        assert!(end.contains("\nSee also: "), "{words}: {help}");
+        let lines = end.replace(" \\\n     ", "");
+        let lines = lines.lines().filter_map(|line| line.strip_prefix("  pkm "));
+        examples.extend(lines.map(|line| format!("pkm {line}")));
+    }
+    // A table of readings is made by one example and used by another.
+    examples.sort_by_key(|line| line.starts_with("pkm calibrate"));
+    for line in examples {
+        if SLOW.iter().any(|part| line.contains(part)) {
             // Nothing that it names is there: it is refused for that, and not for a wrong word.
-            let answer = bench.answer(&line.replace("my-", "none/my-"), "");
+            let words = line.split(['|', '>']).next().unwrap().replace("my-", "none/my-");
+            let answer = bench.answer(words.trim_start_matches("pkm "), "");
             assert!(!answer.contains("For more information, try"), "{line}: {answer}");
-            seen += 1;
+            continue;
+        }
+        let done = Command::new("sh")
+            .args(["-c", &line])
+            .current_dir(&folder)
+            .env("PATH", &path)
+            .env("HOME", folder.path())
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&done.stderr);
+        // The readings fit no machine in particular, which is a finding.
+        let is_found = line.starts_with("pkm calibrate") && done.status.code() == Some(1);
+        assert!(done.status.success() || is_found, "{line}: {:?}: {text}", done.status);
+        run += 1;
+        if line.starts_with("pkm measure") {
+            read_gauge(&folder.path().join("dial.csv"));
         }
     }
-    assert!(seen > 50, "{seen}");
+    assert!(run > 45, "{run}");
 }
 
 #[test]
@@ -136,7 +228,7 @@ fn quiet_leaves_findings_and_results_alone() {
         Bench::new().with("line.ngc", PROGRAM).with("far.ngc", "G1 X0 Y200 Z60 F3000\nM2\n");
     assert_eq!(bench.answer("check linear-delta.ini --quiet", ""), "exit 0\n");
     let good = bench.answer("preflight -q linear-delta.ini line.ngc", "");
-    assert!(good.starts_with("warning: the program does not say M52 P1"), "{good}");
+    assert!(good.starts_with("warning: the program has no M52 P1"), "{good}");
     assert!(good.ends_with("exit 0\n") && good.lines().count() == 2, "{good}");
     let far = bench.answer("preflight linear-delta.ini far.ngc -q", "");
     assert!(far.starts_with("error: line 1: ") && far.ends_with("exit 1\n"), "{far}");
@@ -184,7 +276,7 @@ fn a_long_program_is_followed_in_as_many_poses_as_a_table_needs() {
     let usual = bench.answer("rods linear-delta.ini long.ngc", "");
     let rows = usual.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())).count();
     assert!((10_000..10_010).contains(&rows), "{rows}");
-    assert!(usual.contains("--period 0.001 has every servo cycle, 6 times as many"), "{rows}");
+    assert!(usual.contains("use --period 0.001 for every servo cycle, 6 times as many"), "{rows}");
     let all = bench.answer("rods linear-delta.ini long.ngc --period 0.001 --quiet", "");
     assert!(all.lines().count() > 60_000);
 }

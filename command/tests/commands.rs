@@ -85,27 +85,27 @@ fn a_machine_that_fits() {
         str![[r#"
 linear-delta.ini
   joints         3 carriages
-  mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
+  mobility       legs constrain 3 of 6 motions, 3 of XYZ; joints or guides constrain ABC
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
-  geometry hash  0x6e4a5df2, as halcmd show pin pkmkins.geometry-hash has it where this machine runs (1850367474 on the panel)
-  size           lengths in mm; the joints of all legs at home stand in 0.283 x 0.245 x 0.325 m: another LINEAR_UNITS where that is not this machine
-  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: joint and drive have to be numbered like that
+  geometry hash  0x6e4a5df2 (compare with pin pkmkins.geometry-hash; 1850367474 on the panel)
+  size           lengths in mm; at home the joints of all legs span 0.283 x 0.245 x 0.325 m: if that is wrong, correct LINEAR_UNITS
+  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: number joints and drives in the same order
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
-  home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
-  homing         keeps the limits of the legs from 200 of 200 poses seen; pkm homing shows the way
-  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
-  nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
-                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
-  conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
-                 0.5926 the worst found within the axis limits, at [..]
-  carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
+  home           joint HOME differs from the inverse kinematics at [TRAJ]HOME by less than 0.001 mm; run pkm check --fix to write all digits
+  homing         keeps the limits of the legs from 200 of 200 sampled poses; see pkm homing
+  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % margin; move [TRAJ]HOME if that is too little
+  nearest legs   the center lines of legs 0 and 1 are 57.158 mm apart at home
+                 the center lines of legs [..] mm apart, the smallest sampled within the axis limits, at [..]
+  conditioning   0.5930 at home (0: singular); pkmkins stops the machine at 0.05, slows it from twice that
+                 0.5926, the smallest found within the axis limits, at [..]
+  carriage 0     152.914 to 364.051 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 1     132.168 to 365.304 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 2     130.995 to 365.641 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  axis limits    the machine reaches 100.0 % of the poses in them; use pkm preflight to check that a program stays in those
   start          switched on, homed, X Y Z moved, T1 changed, in virtual time
 
-Proved: without a tool the machine can take every pose within its axis limits:
+Proved: without a tool the machine reaches every pose within its axis limits:
 
 [AXIS_X]
 MIN_LIMIT = -80
@@ -129,9 +129,9 @@ fn a_file_that_cannot_be_read() {
     assert_data_eq!(
         Bench::new().answer("check none.ini", ""),
         str![[r#"
-error: this file is not read
+error: this file cannot be read
 --> none.ini
- = help: cannot be read: No such file or directory (os error 2); name the machine's INI file
+ = help: cannot be read: No such file or directory (os error 2); give the path of the machine's INI file
 exit 2
 
 "#]]
@@ -139,9 +139,9 @@ exit 2
     assert_data_eq!(
         Bench::new().answer("check .", ""),
         str![[r#"
-error: this file is not read
+error: this file cannot be read
 --> .
- = help: cannot be read: Is a directory (os error 21); name the machine's INI file
+ = help: cannot be read: Is a directory (os error 21); give the path of the machine's INI file
 exit 2
 
 "#]]
@@ -171,7 +171,7 @@ error: [KINS]KINEMATICS = pkmkins sparm=identityfirst
  --> first.ini:2:14
   |
 2 | KINEMATICS = pkmkins sparm=identityfirst
-  |              ^^^^^^^^^^^^^^^^^^^^^^^^^^^ pkm judges a machine that LinuxCNC starts in its own kinematics, and sparm=identityfirst starts it in the identity: expected a copy of the file without sparm=, the machine is the same
+  |              ^^^^^^^^^^^^^^^^^^^^^^^^^^^ pkm needs LinuxCNC to start in the machine's kinematics, but sparm=identityfirst starts it in identity kinematics: use a copy of the file without sparm=, the machine is the same
 exit 2
 
 "#]]
@@ -182,7 +182,7 @@ exit 2
         str![[r#"
 error: [LEG_1] is missing
 --> linear-delta.ini
- = help: [KINS]KINEMATICS has 3 legs; give each its own section
+ = help: [KINS]KINEMATICS has 3 legs; add a section for each
 exit 2
 
 "#]]
@@ -199,7 +199,7 @@ error: [LEG_0]GUIDE = 0 0 1 # up
   --> linear-delta.ini:81:15
    |
 81 | GUIDE = 0 0 1 # up
-   |               ^ expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own
+   |               ^ expected 3 decimal numbers separated by spaces and nothing else on the line; put comments on lines of their own
 exit 2
 
 "#]]
@@ -222,7 +222,7 @@ error: [LEG_0]GUIDE is missing
   --> linear-delta.ini:81:1
    |
 81 | GUIDES = 0 0 1
-   | ^^^^^^ expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own; is it this line, GUIDES?
+   | ^^^^^^ expected 3 decimal numbers separated by spaces and nothing else on the line; put comments on lines of their own; did you mean this line, GUIDES?
 exit 2
 
 "#]]
@@ -243,13 +243,13 @@ error: [TRAJ]HOME = here
   --> linear-delta.ini:70:8
    |
 70 | HOME = here
-   |        ^^^^ expected 3 to 9 decimal numbers separated by blanks
+   |        ^^^^ expected 3 to 9 decimal numbers separated by spaces
 
 error: [LEG_0]GUIDE = 0 0 up
   --> linear-delta.ini:81:13
    |
 81 | GUIDE = 0 0 up
-   |             ^^ expected 3 decimal numbers separated by blanks and nothing else on the line; put comments on lines of their own
+   |             ^^ expected 3 decimal numbers separated by spaces and nothing else on the line; put comments on lines of their own
 
 error: [LEG_0]ROD = -269
   --> linear-delta.ini:82:7
@@ -304,7 +304,7 @@ warning: [EMCIO]TOOL_TABLE = linear-delta.tbl
   --> linear-delta.ini:50:14
    |
 50 | TOOL_TABLE = linear-delta.tbl
-   |              ^^^^^^^^^^^^^^^^ linear-delta.tbl:2: expected a letter and a number, such as T1 or Z40.5, not Zlong; LinuxCNC needs it, if only with a line T1 P1 Z0
+   |              ^^^^^^^^^^^^^^^^ linear-delta.tbl:2: expected a letter and a number, such as T1 or Z40.5, not Zlong; LinuxCNC needs this file, with at least a line T1 P1 Z0
 "#]]
     );
 }
@@ -322,8 +322,8 @@ fn a_work_offset_that_is_turned() {
     assert_data_eq!(
         help.join("\n"),
         str![[r#"
-help: the program fits with its work offset turned by [..] degrees about Z and then shifted by X [..] Y [..] Z 0 mm: checked, with the whole program.
-  Clamp the workpiece there, and once before the program run:
+help: the program fits with its work offset rotated by [..] degrees about Z, then shifted by X [..] Y [..] Z 0 mm: verified with the whole program.
+  Clamp the workpiece there, and run once before the program:
   G10 L2 P0 X[..]*COS[..]
 
 The program does not fit the machine.
@@ -344,11 +344,11 @@ fn an_included_file_that_is_missing() {
     assert_data_eq!(
         bench.answer("check linear-delta.ini", ""),
         str![[r#"
-error: this file is not read
+error: this file cannot be read
   --> linear-delta.ini:64:10
    |
 64 | #INCLUDE kins.inc
-   |          ^^^^^^^^ cannot be read: No such file or directory (os error 2); LinuxCNC would start without these lines
+   |          ^^^^^^^^ cannot be read: No such file or directory (os error 2); LinuxCNC would start without these lines, so correct the name
 exit 2
 
 "#]]
@@ -384,7 +384,7 @@ error: [LEG_0]
   --> linear-delta.ini:78:1
    |
 78 | [LEG_0]
-   | ^^^^^^^ leg 0: the guide has no direction; give GUIDE as a direction [code -58]
+   | ^^^^^^^ leg 0: the guide direction is zero; set GUIDE to a direction [code -58]
 exit 2
 
 "#]]
@@ -401,24 +401,24 @@ fn homes_that_do_not_agree() {
         str![[r#"
 linear-delta.ini
   joints         3 carriages
-  mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
+  mobility       legs constrain 3 of 6 motions, 3 of XYZ; joints or guides constrain ABC
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
-  geometry hash  0x6e4a5df2, as halcmd show pin pkmkins.geometry-hash has it where this machine runs (1850367474 on the panel)
-  size           lengths in mm; the joints of all legs at home stand in 0.283 x 0.245 x 0.325 m: another LINEAR_UNITS where that is not this machine
-  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: joint and drive have to be numbered like that
+  geometry hash  0x6e4a5df2 (compare with pin pkmkins.geometry-hash; 1850367474 on the panel)
+  size           lengths in mm; at home the joints of all legs span 0.283 x 0.245 x 0.325 m: if that is wrong, correct LINEAR_UNITS
+  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: number joints and drives in the same order
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
-  home           the joints' HOME are off by at most 25.363 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
-  homing         keeps the limits of the legs from 200 of 200 poses seen; pkm homing shows the way
-  nearest limit  carriage 0 at home: 325.363 mm, 0 to 310 mm allowed, -5.0 % to spare; move [TRAJ]HOME away from it where that is too little
-  nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
-  start          not tried: the errors come first
+  home           joint HOME differs from the inverse kinematics at [TRAJ]HOME by up to 25.363 mm; run pkm check --fix to write all digits
+  homing         keeps the limits of the legs from 200 of 200 sampled poses; see pkm homing
+  nearest limit  carriage 0 at home: 325.363 mm, 0 to 310 mm allowed, -5.0 % margin; move [TRAJ]HOME if that is too little
+  nearest legs   the center lines of legs 0 and 1 are 57.158 mm apart at home
+  start          not tested: correct the errors first
 
 error: [JOINT_0]HOME = 300
    --> linear-delta.ini:117:8
     |
 117 | HOME = 300
-    |        ^^^ off by 25.363 mm: the kinematics put carriage 0 to 325.3634158062803 at [TRAJ]HOME; write that, as pkm check --fix does, or correct [TRAJ]HOME or [LEG_0] where the machine was measured with this value
+    |        ^^^ off by 25.363 mm: the kinematics give carriage 0 = 325.3634158062803 at [TRAJ]HOME; use that (pkm check --fix writes it), or correct [TRAJ]HOME or [LEG_0] if this value was measured
 
 error: [TRAJ]HOME = 0 0 90
   --> linear-delta.ini:70:8
@@ -430,7 +430,7 @@ warning: [JOINT_0]HOME_OFFSET = 370
    --> linear-delta.ini:124:15
     |
 124 | HOME_OFFSET = 370
-    |               ^^^ the switch is 60.000 mm outside of MIN_LIMIT to MAX_LIMIT: expected the joint's value at the switch; it is right only where the switch stands beyond the travel that programs have
+    |               ^^^ the switch is 60.000 mm outside MIN_LIMIT to MAX_LIMIT: expected the joint value at the switch; keep it only if the switch is beyond the travel of programs
 
 The machine does not fit together.
 exit 1
@@ -450,55 +450,55 @@ fn warnings() {
         str![[r#"
 linear-delta.ini
   joints         3 carriages
-  mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
+  mobility       legs constrain 3 of 6 motions, 3 of XYZ; joints or guides constrain ABC
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
-  geometry hash  0x6e4a5df2, as halcmd show pin pkmkins.geometry-hash has it where this machine runs (1850367474 on the panel)
-  size           lengths in mm; the joints of all legs at home stand in 0.283 x 0.245 x 0.325 m: another LINEAR_UNITS where that is not this machine
-  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: joint and drive have to be numbered like that
+  geometry hash  0x6e4a5df2 (compare with pin pkmkins.geometry-hash; 1850367474 on the panel)
+  size           lengths in mm; at home the joints of all legs span 0.283 x 0.245 x 0.325 m: if that is wrong, correct LINEAR_UNITS
+  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: number joints and drives in the same order
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
-  home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
-  homing         not judged from elsewhere than HOME: not all joints are homed
-  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
-  nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
-                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
-  conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
-                 0.5926 the worst found within the axis limits, at [..]
-  carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
-  start          not tried: the errors come first
+  home           joint HOME differs from the inverse kinematics at [TRAJ]HOME by less than 0.001 mm; run pkm check --fix to write all digits
+  homing         judged only from HOME, because not all joints are homed
+  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % margin; move [TRAJ]HOME if that is too little
+  nearest legs   the center lines of legs 0 and 1 are 57.158 mm apart at home
+                 the center lines of legs [..] mm apart, the smallest sampled within the axis limits, at [..]
+  conditioning   0.5930 at home (0: singular); pkmkins stops the machine at 0.05, slows it from twice that
+                 0.5926, the smallest found within the axis limits, at [..]
+  carriage 0     152.914 to 364.051 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 1     132.168 to 365.304 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 2     130.995 to 365.641 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  axis limits    the machine reaches 100.0 % of the poses in them; use pkm preflight to check that a program stays in those
+  start          not tested: correct the errors first
 
 warning: [JOINT_0]HOME_SEQUENCE is missing
 --> linear-delta.ini
- = help: Home All leaves this joint out, and without it there is no world mode: give it the number of the others
+ = help: Home All skips this joint, and world mode needs all joints homed: set it to the number of the others
 
 error: [HAL]HALFILE = own.hal
   --> linear-delta.ini:56:11
    |
 56 | HALFILE = own.hal
-   |           ^^^^^^^ there is no such file, and LinuxCNC's start ends here: expected own.hal or /usr/share/linuxcnc/hallib/own.hal
+   |           ^^^^^^^ there is no such file, so LinuxCNC fails to start: expected own.hal or /usr/share/linuxcnc/hallib/own.hal
 
 warning: [TRAJ]NO_FORCE_HOMING = 1
   --> linear-delta.ini:69:19
    |
 69 | NO_FORCE_HOMING = 1
-   |                   ^ programs may run before homing, from a pose that nobody knows; take the line out
+   |                   ^ programs may run before homing, from an unknown pose; remove the line
 
 warning: [HAL]HALFILE = own.hal
   --> linear-delta.ini:56:11
    |
 56 | HALFILE = own.hal
-   |           ^^^^^^^ expected a line HALFILE = LIB:pkmkins.tcl: it gives the geometry to the module and adds its monitor, which tells what is wrong
+   |           ^^^^^^^ expected a line HALFILE = LIB:pkmkins.tcl: it passes the geometry to the module and adds its monitor, which reports errors
 
 warning: [HAL]HALFILE = own.hal
   --> linear-delta.ini:56:11
    |
 56 | HALFILE = own.hal
-   |           ^^^^^^^ from here on the drives are not judged: own.hal is neither beside the INI file nor in /usr/share/linuxcnc/hallib
+   |           ^^^^^^^ the drives are not judged from here on: own.hal is neither beside the INI file nor in /usr/share/linuxcnc/hallib
 
-Proved: without a tool the machine can take every pose within its axis limits:
+Proved: without a tool the machine reaches every pose within its axis limits:
 
 [AXIS_X]
 MIN_LIMIT = -80
@@ -527,31 +527,31 @@ fn legs_homed_one_by_one_lean_too_much() {
         str![[r#"
 linear-delta.ini
   joints         3 carriages
-  mobility       legs hold 3 of 6 motions, 3 of XYZ; joints or guides hold ABC
+  mobility       legs constrain 3 of 6 motions, 3 of XYZ; joints or guides constrain ABC
   count          8 links + 2 loops - 9 joints = 1; mobility by count 6
-  geometry hash  0x6e4a5df2, as halcmd show pin pkmkins.geometry-hash has it where this machine runs (1850367474 on the panel)
-  size           lengths in mm; the joints of all legs at home stand in 0.283 x 0.245 x 0.325 m: another LINEAR_UNITS where that is not this machine
-  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: joint and drive have to be numbered like that
+  geometry hash  0x6e4a5df2 (compare with pin pkmkins.geometry-hash; 1850367474 on the panel)
+  size           lengths in mm; at home the joints of all legs span 0.283 x 0.245 x 0.325 m: if that is wrong, correct LINEAR_UNITS
+  order of legs  0 1 2, counter-clockwise seen from above, leg 0 at 90.0 degrees from X: number joints and drives in the same order
   tool tips      T1 at the platform joints
                  TOOL_DIRECTION = down: tools of positive length are below the platform's reference point
-  home           the joints' HOME are off by less than 0.001 mm from what the kinematics make of [TRAJ]HOME; pkm check --fix writes all their digits
-  homing         keeps the limits of the legs from 127 of 200 poses seen; pkm homing shows the way
-  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % to spare; move [TRAJ]HOME away from it where that is too little
-  nearest legs   the centre lines of legs 0 and 1 are 57.158 mm apart at home
-                 the centre lines of legs [..] mm apart, the least seen in the axis limits, at [..]
-  conditioning   0.5930 at home (0: a singular pose); pkmkins stops the machine at 0.05, slows it from twice that
-                 0.5926 the worst found within the axis limits, at [..]
-  carriage 0     152.914 to 364.051 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  carriage 1     132.168 to 365.304 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  carriage 2     130.995 to 365.641 mm seen in the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  axis limits    the machine can take 100.0 % of the poses in them; pkm preflight says whether a program stays in those
-  start          not tried: the errors come first
+  home           joint HOME differs from the inverse kinematics at [TRAJ]HOME by less than 0.001 mm; run pkm check --fix to write all digits
+  homing         keeps the limits of the legs from 127 of 200 sampled poses; see pkm homing
+  nearest limit  axis Z at home: 90.000 mm, 0 to 100 mm allowed, 10.0 % margin; move [TRAJ]HOME if that is too little
+  nearest legs   the center lines of legs 0 and 1 are 57.158 mm apart at home
+                 the center lines of legs [..] mm apart, the smallest sampled within the axis limits, at [..]
+  conditioning   0.5930 at home (0: singular); pkmkins stops the machine at 0.05, slows it from twice that
+                 0.5926, the smallest found within the axis limits, at [..]
+  carriage 0     152.914 to 364.051 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 1     132.168 to 365.304 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  carriage 2     130.995 to 365.641 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
+  axis limits    the machine reaches 100.0 % of the poses in them; use pkm preflight to check that a program stays in those
+  start          not tested: correct the errors first
 
 warning: [JOINT_0]HOME_SEARCH_VEL = 20
    --> linear-delta.ini:125:19
     |
 125 | HOME_SEARCH_VEL = 20
-    |                   ^^ in 100 % of the poses within the axis limits carriage 0 stands beyond its switch, from HOME_OFFSET = 150 to 375, and a switch that is not closed there is never met: expected -20, or a switch that stays closed to that end
+    |                   ^^ in 100 % of the poses within the axis limits carriage 0 is beyond its switch, from HOME_OFFSET = 150 to 375, and never finds it unless the switch is closed there: expected -20, or a switch that stays closed to that end
 
 error: [JOINT_0]HOME_SEQUENCE = 0
    --> linear-delta.ini:128:17
@@ -559,7 +559,7 @@ error: [JOINT_0]HOME_SEQUENCE = 0
 128 | HOME_SEQUENCE = 0
     |                 ^ between HOME and the switches at HOME_OFFSET the base joint of leg 0 is at 40.651 degrees, beyond its limit of 40 degrees; home more legs together, or move the switches
 
-Proved: without a tool the machine can take every pose within its axis limits:
+Proved: without a tool the machine reaches every pose within its axis limits:
 
 [AXIS_X]
 MIN_LIMIT = -80
@@ -610,7 +610,7 @@ fn poses_and_joints_without_an_answer() {
     assert_data_eq!(
         bench.answer("joints linear-delta.ini --pose 900 0 0 0 0 0", ""),
         str![[r#"
-pkm: leg 0: the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative) (value 640.376); keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS [code -19]
+pkm: leg 0: the rod does not reach the platform anchor: too short by this length (too long if negative) (value 640.376); move the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS [code -19]
 exit 1
 
 "#]]
@@ -622,7 +622,7 @@ exit 1
 joint_0,joint_1,joint_2
 ,,
 285.3634158062803,285.36341580628033,285.36341580628033
-pkm: standard input:2: leg 0: the rod of the leg does not reach the platform anchor: it lacks the length shown (too long where negative) (value 640.376); keep the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS [code -19]
+pkm: standard input:2: leg 0: the rod does not reach the platform anchor: too short by this length (too long if negative) (value 640.376); move the platform nearer to this guide or crank, or check ROD, BASE and GUIDE or AXIS [code -19]
 exit 1
 
 "#]]
@@ -630,7 +630,7 @@ exit 1
     assert_data_eq!(
         bench.answer("pose linear-delta.ini --joints 0 0 9000", ""),
         str![[r#"
-pkm: the joint values cannot be reached from the last pose: no platform closes, or a singular pose lies between (value 0.0260425); jog the joints back towards their last good values [code -33]
+pkm: no pose is reached from the last pose: the legs do not close, or a singularity lies between (value 0.0260425); jog the joints back to their last good values [code -33]
 exit 1
 
 "#]]
@@ -651,7 +651,7 @@ exit 2
     assert_data_eq!(
         bench.answer("joints linear-delta.ini", "x,y,z\n1,2,3\n"),
         str![[r#"
-pkm: standard input:1: the header names no column a; expected x,y,z,a,b,c
+pkm: standard input:1: the header has no column a; expected x,y,z,a,b,c
 exit 2
 
 "#]]
@@ -662,7 +662,7 @@ exit 2
         str![[r#"
 joint_0,joint_1,joint_2
 239.45705212575072,237.31781383905528,238.27863718936715
-pkm: standard input:3: "two" is no number; expected one such as 12.5
+pkm: standard input:3: "two" is not a number; expected one such as 12.5
 exit 2
 
 "#]]
@@ -671,7 +671,7 @@ exit 2
         bench.answer("joints linear-delta.ini", "x,y,z,a,b,c\n1,2\n"),
         str![[r#"
 joint_0,joint_1,joint_2
-pkm: standard input:2: 2 cells; expected 6, as many as the header names
+pkm: standard input:2: 2 cells; expected 6, as in the header
 exit 2
 
 "#]]
@@ -759,7 +759,7 @@ exit 2
         assert_data_eq!(
             bench.answer(&format!("{command} linear-delta.ini nothing.ngc"), ""),
             str![[r#"
-pkm: nothing.ngc: the program moves nothing; expected a block such as G1 X10 F600
+pkm: nothing.ngc: the program moves nothing; add a block such as G1 X10 F600
 exit 2
 
 "#]]
@@ -786,22 +786,22 @@ fn help_and_usage() {
         str![[r#"
 Check parallel-kinematic machines and programs before cutting
 
-Reads the machine from its LinuxCNC INI file and computes with the kinematics that the module
-pkmkins runs in LinuxCNC. `pkm design` and `pkm compare`, which choose among machines before one is
-built, come with the Python package pkmkins.
+Reads the machine from its LinuxCNC INI file and uses the same kinematics as the LinuxCNC module
+pkmkins. `pkm design` and `pkm compare`, which help to choose a machine before it is built, come
+with the Python package pkmkins.
 
-Exit status: 0 where all is well, 1 where something does not fit, 2 where that could not be judged:
-bad input, or a file that cannot be written.
+Exit status: 0 if all is well, 1 if something does not fit, 2 if no verdict was possible: invalid
+input, or a file that cannot be written.
 
 Usage: pkm [OPTIONS] <COMMAND>
 
 Machine:
   new          Make a complete LinuxCNC configuration of a machine
   check        Check that the files of a machine fit together
-  homing       Follow homing from every pose, and find a safe order
+  homing       Simulate homing from sampled poses, and find a safe order
   frames       Draw the machine with its frames and signs
-  view         Show the machine, and a program on it, as a page for browsers
-  panel        Write the operator's panel for AXIS and other GUIs
+  view         Show a machine, and a program on it, as a page for browsers
+  panel        Write an operator panel for AXIS and other GUIs
   boxes        Find and prove pose boxes for the start without a seed
 
 Program:
@@ -809,8 +809,8 @@ Program:
   run          Run a program in LinuxCNC without hardware, faster than the machine
   travel       Show how far the machine can move from a pose
   filter       Pass a program to the LinuxCNC GUI only if it fits
-  path         Write programs along curves, and what they ask of the joints
-  replay       Write the joint values of a program
+  path         Write programs along curves, and report the joint motion
+  replay       Write the joint values along a program
   random       Write a program of random moves that the machine can run
 
 Calibration:
@@ -818,33 +818,33 @@ Calibration:
   calibrate    Find a machine's true geometry from measurements
 
 Studies:
-  workspace    Compute where the tool can go, and what limits it
-  sensitivity  Compute what joint errors do to the pose, and near singularities
-  stiffness    Compute how stiffly the legs hold the tool
-  rods         Report where the legs are along a program or list of poses
-  dynamics     Compute how the machine vibrates
+  workspace    Compute the workspace of the tool, and what limits it
+  sensitivity  Compute the effect of joint errors on the pose, and the conditioning
+  stiffness    Compute the stiffness at the tool tip
+  rods         Report the positions of the legs along a program or list of poses
+  dynamics     Compute the vibration of the machine
   stability    Compute the depth of cut at which chatter starts
   cut          Compute forces, deflection and vibration while a program cuts
 
 Files and shell:
-  joints       Compute joint values of poses (inverse kinematics)
-  pose         Compute poses of joint values (forward kinematics)
+  joints       Compute joint values from poses (inverse kinematics)
+  pose         Compute poses from joint values (forward kinematics)
   scene        Write the machine as one JSON object, for viewers
   man          Write the manual pages of pkm
-  completions  Print completions of pkm for a shell
+  completions  Print shell completions of pkm
 
 Options:
       --format <FORMAT>
-          Text for people, or one JSON value for programs, as docs/reference/json.md describes it
+          Output format: text, or one JSON value for programs (docs/reference/json.md)
           
           [default: text]
           [possible values: text, json]
 
   -q, --quiet
-          Findings and results alone: no progress, and nothing about how it went
+          Print findings only, without progress and statistics
 
       --color <WHEN>
-          Colours: auto where it is a terminal and NO_COLOR is not set
+          Use colors; auto means on a terminal, unless NO_COLOR is set
           
           [default: auto]
           [possible values: auto, always, never]
@@ -858,11 +858,11 @@ Options:
 
 Examples:
   pkm check hexapod.ini
-      does the machine fit together?
+      check that the machine fits together
   pkm preflight hexapod.ini part.ngc
-      does a program fit it?
+      check that a program fits the machine
   pkm help preflight
-      what a subcommand does, with its options
+      show a subcommand and its options
 
 See also: pkm-new(1), pkm-check(1), pkm-preflight(1), docs/reference/pkm.md, docs/reference/json.md
 exit 0
@@ -874,28 +874,29 @@ exit 0
         str![[r#"
 Check that the files of a machine fit together
 
-Reads the file as LinuxCNC does, builds the machine as the module would, and tells what it
-understood: joints and mobility, geometry hash, unit and size, the order of the legs around the
-base, leads and hands of the screws, where every tool tip is, which limit is nearest at home. It
-checks HOME of joints and axes against the kinematics, homing order against the limits of the pose,
-homing from wherever the machine was switched off, whether HAL files are there, in order, and wire
-drives and the module's guard, names that are near to those that are read, joint ranges, how near
-the legs come to each other and how well they hold the platform at home and at worst. Every row says
-what to do with it. At the end stand [AXIS_*] limits in which, without a tool, every pose is proved
-to keep all limits: reach, joint ranges, cones and pyramids, tilt, the distance of the legs and the
-conditioning; of a machine that tilts also whether that is proved with every tool of the tool table,
-and what a smaller tilt gains in X, Y and Z. They stay within the axis limits that the file gives
-already; where it gives none, the machine sets the end.
+Reads the INI file as LinuxCNC does, builds the machine as the module would, and reports what it
+found: joints and mobility, geometry hash, unit and size, the order of the legs around the base,
+leads and hands of the screws, the position of every tool tip, and the nearest limit at home.
 
-At last LinuxCNC starts the machine in virtual time, with its own HAL files: switched on, homed,
-each coordinate moved a little way and back, a tool changed. What LinuxCNC refuses does not fit
-together. Hardware, and programs that HAL files start, are not run.
+Checks HOME of joints and axes against the kinematics; the homing order, and homing from any
+position, against the pose limits; the HAL files (present, in order, wiring the drives and the
+module's guard); misspelled names; joint ranges; the distance between legs and the conditioning, at
+home and at worst. Every finding says what to do.
 
-Of two mechanisms each is checked for itself, in its own letters, and how near they come to each
-other at home and, seen, within the axis limits.
+Then prints [AXIS_*] limits within which every pose without a tool is proved to keep all limits:
+reach, joint ranges, cones, pyramids, tilt, the distance between legs and the conditioning. They
+never exceed the axis limits in the file. For a machine that tilts it also reports whether the proof
+holds with every tool of the tool table, and how much X, Y and Z gain from a smaller tilt.
 
-Exit status: 0 where all is well (there may be warnings), 1 where something does not fit, 2 where
-the file describes no machine.
+Finally LinuxCNC starts the machine in virtual time with its own HAL files: it switches on, homes,
+moves each coordinate a little and back, and changes a tool. If LinuxCNC refuses anything, the
+machine does not fit together. Hardware, and programs that HAL files start, are not run.
+
+Two mechanisms are checked separately, each in its own letters. The distance between them is
+computed at home and at sampled poses within the axis limits.
+
+Exit status: 0 if all is well (there may be warnings), 1 if something does not fit, 2 if the file
+describes no machine.
 
 Usage: pkm check [OPTIONS] <MACHINE.ini>
 
@@ -905,52 +906,51 @@ Arguments:
 
 Options:
       --mechanism <NUMBER>
-          Of a machine with two mechanisms the one that is meant, 1 or 2, in its own coordinates X Y
-          Z A B C; without it check, boxes, run, preflight, travel and workspace look at both, and
-          all others at the first
+          Mechanism to use (1 or 2) on a two-mechanism machine, in its own coordinates X Y Z A B C.
+          By default check, boxes, run, preflight, travel and workspace use both; other subcommands
+          use the first
 
       --fix
-          Propose on standard output, as a unified diff, what would put the file right: HOME of
-          joints and axes with all digits, axis limits that are missing or of which most is out of
-          reach, the order of homing, and boxes that belong to another geometry, which are proved
-          again
+          Print a unified diff with corrections: HOME of joints and axes with all digits, axis
+          limits that are missing or mostly out of reach, the homing order, and boxes of another
+          geometry, proved again
 
       --write
-          Write what --fix proposes into the file
+          Write the corrections of --fix into the file
 
       --no-start
-          Leave out the start in virtual time
+          Skip the start in virtual time
 
   -h, --help
           Print help (see a summary with '-h')
 
 Options of every command:
       --format <FORMAT>
-          Text for people, or one JSON value for programs, as docs/reference/json.md describes it
+          Output format: text, or one JSON value for programs (docs/reference/json.md)
           
           [default: text]
           [possible values: text, json]
 
   -q, --quiet
-          Findings and results alone: no progress, and nothing about how it went
+          Print findings only, without progress and statistics
 
       --color <WHEN>
-          Colours: auto where it is a terminal and NO_COLOR is not set
+          Use colors; auto means on a terminal, unless NO_COLOR is set
           
           [default: auto]
           [possible values: auto, always, never]
 
 Examples:
   pkm check hexapod.ini
-      what was understood, and what does not fit
+      print what was found, and everything that does not fit
   pkm check hexapod.ini --quiet
-      what does not fit alone
+      print only what does not fit
   pkm check hexapod.ini --no-start
-      without the start in virtual time
+      skip the start in virtual time
   pkm check hexapod.ini --fix
-      what would put the file right, as a diff
+      print corrections of the file as a diff
   pkm check hexapod.ini --fix --write
-      writes that into the file
+      write the corrections into the file
 
 See also: pkm(1), pkm-homing(1), pkm-boxes(1), pkm-preflight(1), docs/reference/pkm.md,
 docs/guide/drives.md
@@ -989,7 +989,7 @@ exit 2
     assert_data_eq!(
         bench.answer("check -", ""),
         str![[r#"
-error: invalid value '-' for '<MACHINE.ini>': a machine is read with the files beside it, and not from standard input: name its INI file
+error: invalid value '-' for '<MACHINE.ini>': a machine is read together with the files beside it, not from standard input: name its INI file
 
 For more information, try '--help'.
 exit 2
@@ -1015,7 +1015,7 @@ good.ngc on linear-delta.ini
   axis range         10.0000 mm to spare: axis X, line 3
   joint range        49.6351 mm to spare: carriage 2, line 3
   base cone          16.3126 degrees to spare: the base joint of leg 2, line 4
-  clearance of legs  7.1577 mm to spare: the distance of legs 0 and 2, line 3
+  clearance of legs  7.1577 mm to spare: the distance between legs 0 and 2, line 3
   conditioning       0.5167 to spare: the conditioning, line 4
   joint speed        149.2800 mm/s to spare: the speed of carriage 2, line 3
   joint acceleration 3023.0556 mm/s² to spare: the acceleration of carriage 2, line 3
@@ -1025,7 +1025,7 @@ good.ngc on linear-delta.ini
   carriage 0         305.344 to 325.364 of 0 to 375 mm
   carriage 1         223.761 to 325.364 of 0 to 375 mm
   carriage 2         223.761 to 325.364 of 0 to 375 mm
-  feed               joint speeds allow 1.990 times the programmed one, in line 3
+  feed               joint speeds allow 1.990 times the programmed feed, in line 3
 
 The program fits the machine.
 exit 0
@@ -1074,7 +1074,7 @@ middle.ngc on linear-delta.ini
   axis range         5.0000 mm to spare: axis X, line 2
   joint range        3.2650 mm beyond: carriage 0, line 4
   base cone          8.0193 degrees to spare: the base joint of leg 2, line 4
-  clearance of legs  7.1577 mm to spare: the distance of legs 0 and 2, line 2
+  clearance of legs  7.1577 mm to spare: the distance between legs 0 and 2, line 2
   conditioning       0.5094 to spare: the conditioning, line 4
   joint speed        119.1044 mm/s to spare: the speed of carriage 2, line 2 (up to the stop)
   joint acceleration 2251.9712 mm/s² to spare: the acceleration of carriage 2, line 2 (up to the stop)
@@ -1084,10 +1084,10 @@ middle.ngc on linear-delta.ini
   carriage 0         322.356 to 333.307 of 0 to 330 mm
   carriage 1         202.126 to 325.364 of 0 to 375 mm
   carriage 2         202.126 to 325.364 of 0 to 375 mm
-  feed               joint speeds allow 1.658 times the programmed one, in line 2 (up to the stop)
+  feed               joint speeds allow 1.658 times the programmed feed, in line 2 (up to the stop)
   runs               54.9 % of the path before the first limit
 
-error: line 4: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this move by 3.2650 mm
+error: line 4: joint range: carriage 0 exceeds its limit of 0 to 330 mm on this move by 3.2650 mm
   G1 X75 F3000
   at X-41.3333 Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
 
@@ -1095,10 +1095,10 @@ error: line 4: LinuxCNC: LinuxCNC stops here: Exceeded POSITIVE soft limit (330.
   G1 X75 F3000
   at X-37.[..] Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
 
-warning: the program does not say M52 P1: without it the guard cannot slow the feed down, and LinuxCNC 2.9 loses it in the startup code
+warning: the program has no M52 P1, so the guard cannot slow the feed: add it at the start (LinuxCNC 2.9 loses it in the startup code)
 
-help: the program fits with its work offset shifted by X 0 Y -35.04 Z 0 mm: checked, with the whole program.
-  Clamp the workpiece there, and once before the program run:
+help: the program fits with its work offset shifted by X 0 Y -35.04 Z 0 mm: verified with the whole program.
+  Clamp the workpiece there, and run once before the program:
   G10 L2 P0 X[#[5201 + 20*#5220]] Y[#[5202 + 20*#5220] + -35.04] Z[#[5203 + 20*#5220]]
 
 The program does not fit the machine.
@@ -1115,7 +1115,7 @@ far.ngc on linear-delta.ini
   axis range         120.0000 mm beyond: axis Y, line 1
   joint range        12.4602 mm beyond: carriage 0, line 1
   base cone          15.2543 degrees beyond: the base joint of leg 1, line 1
-  clearance of legs  6.1423 mm to spare: the distance of legs 0 and 1, line 1
+  clearance of legs  6.1423 mm to spare: the distance between legs 0 and 1, line 1
   conditioning       0.5307 to spare: the conditioning, line 1
   joint speed        300.0000 mm/s to spare: the speed of carriage 0, before the program (up to the stop)
   joint acceleration 5000.0000 mm/s² to spare: the acceleration of carriage 0, before the program (up to the stop)
@@ -1127,23 +1127,23 @@ far.ngc on linear-delta.ini
   carriage 2         76.642 to 325.385 of 0 to 375 mm
   runs               6.3 % of the path before the first limit
 
-error: line 1: joint range: carriage 0 leaves its limit of 0 to 330 mm, on this move by 12.4602 mm
+error: line 1: joint range: carriage 0 exceeds its limit of 0 to 330 mm on this move by 12.4602 mm
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y12.5463 Z88.1180 A0.0000 B0.0000 C0.0000
 
-error: line 1: axis range: axis Y leaves its limit of -80 to 80 mm, on this move by 120.0000 mm
+error: line 1: axis range: axis Y exceeds its limit of -80 to 80 mm on this move by 120.0000 mm
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y80.0000 Z78.0000 A0.0000 B0.0000 C0.0000
 
-error: line 1: base cone: the base joint of leg 1 leaves its limit of 40 degrees, on this move by 15.2543 degrees
+error: line 1: base cone: the base joint of leg 1 exceeds its limit of 40 degrees on this move by 15.2543 degrees
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y145.7890 Z68.1317 A0.0000 B0.0000 C0.0000
 
-error: line 1: base cone: the base joint of leg 2 leaves its limit of 40 degrees, on this move by 15.2543 degrees
+error: line 1: base cone: the base joint of leg 2 exceeds its limit of 40 degrees on this move by 15.2543 degrees
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y145.7890 Z68.1317 A0.0000 B0.0000 C0.0000
 
-error: line 1: reach: carriage 0 comes too near to a dead point
+error: line 1: reach: carriage 0 comes too close to a dead point
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y178.7115 Z63.1933 A0.0000 B0.0000 C0.0000
 
@@ -1151,14 +1151,14 @@ error: line 1: LinuxCNC: LinuxCNC stops here: Linear move on line 1 would exceed
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y0.0000 Z90.0000 A0.0000 B0.0000 C0.0000
 
-warning: line 2: M52 P0 switches adaptive feed off: the guard cannot slow down any more
+warning: line 2: M52 P0 switches adaptive feed off, so the guard cannot slow the feed; remove it
 
-warning: line 4: G33 follows the spindle: neither feed override nor the guard slows it
+warning: line 4: G33 follows the spindle: neither feed override nor the guard can slow it
 
-warning: the program says neither G20 nor G21: its lengths are read in the units of RS274NGC_STARTUP_CODE, else in mm
+warning: the program has neither G20 nor G21, so its lengths are in the units of RS274NGC_STARTUP_CODE, else in mm: add one of them
 
-help: the program fits with its work offset shifted by X 0 Y -124.36 Z 0 mm: checked, with the whole program.
-  Clamp the workpiece there, and once before the program run:
+help: the program fits with its work offset shifted by X 0 Y -124.36 Z 0 mm: verified with the whole program.
+  Clamp the workpiece there, and run once before the program:
   G10 L2 P0 X[#[5201 + 20*#5220]] Y[#[5202 + 20*#5220] + -124.36] Z[#[5203 + 20*#5220]]
 
 The program does not fit the machine.
@@ -1236,8 +1236,8 @@ all/c.ngc  not judged    FOLDER/all/c.ngc:2: LinuxCNC stops here: Two g codes us
     assert!(list[1]["error"].as_str().unwrap().contains("Two g codes"), "{list}");
     assert!(bench.answer("preflight linear-delta.ini all/b.nc all/b.nc", "").ends_with("exit 1\n"));
     for (words, said) in [
-        ("all --report r.html", "--report takes one program"),
-        ("all --trace t.csv", "--trace takes one program"),
+        ("all --report r.html", "--report works with a single program"),
+        ("all --trace t.csv", "--trace works with a single program"),
         ("none", "none: No such file or directory"),
     ] {
         let told = bench.answer(&format!("preflight linear-delta.ini {words}"), "");
@@ -1333,7 +1333,7 @@ exit 0
     assert_data_eq!(
         bench.answer("boxes linear-delta.ini", ""),
         str![[r#"
-pkm: linear-delta.ini: an axis that the legs move lacks MIN_LIMIT or MAX_LIMIT
+pkm: linear-delta.ini: an axis that the legs move has no MIN_LIMIT or MAX_LIMIT; add both
 exit 1
 
 "#]]

@@ -326,7 +326,7 @@ fn a_program_of_10_gb_is_refused_at_once() {
             .unwrap();
         let error = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{command}: {error}");
-        assert!(error.contains("big.ngc: more than 1 GiB"), "{command}: {error}");
+        assert!(error.contains("big.ngc: larger than 1 GiB"), "{command}: {error}");
     }
 }
 

@@ -50,7 +50,7 @@ fn the_worst_line_is_the_planted_one_and_its_chip_is_feed_over_teeth_and_turns()
     let page = fs::read_to_string(bench.0.path().join("page.html")).unwrap();
     assert!(page.contains("The machine can cut the program") && page.matches("<svg ").count() == 3);
     let text = bench.answer(WORDS, "");
-    for word in ["chip load     0.2000 mm, line 5", "not known:", "Where the tool is in the work"] {
+    for word in ["chip load     0.2000 mm, line 5", "not known:", "The position of the stock"] {
         assert!(text.contains(word), "{word}: {text}");
     }
 }
@@ -59,10 +59,10 @@ fn the_worst_line_is_the_planted_one_and_its_chip_is_feed_over_teeth_and_turns()
 fn a_drive_beyond_its_force_and_an_unstable_cut_are_refused_by_exit_code() {
     let weak = STUDY.replace("max_force_n = 500", "max_force_n = [500, 500, 3]");
     let answer = bench(&weak, PROGRAM).answer(WORDS, "");
-    assert!(answer.ends_with("exit 1\n") && answer.contains("carriage 2 has to do"), "{answer}");
+    assert!(answer.ends_with("exit 1\n") && answer.contains("carriage 2 needs"), "{answer}");
     let deep = STUDY.replace("depth_mm = 0.1", "depth_mm = 20");
     let answer = bench(&deep.replace("= 500", "= 1e6"), PROGRAM).answer(WORDS, "");
-    assert!(answer.ends_with("exit 1\n") && answer.contains("a cut chatters beyond"), "{answer}");
+    assert!(answer.ends_with("exit 1\n") && answer.contains("the cut chatters beyond"), "{answer}");
 }
 
 #[test]
@@ -107,12 +107,12 @@ fn where_linuxcnc_cannot_run_nothing_is_judged() {
 fn what_was_not_looked_at_throughout_is_not_judged() {
     let no_limits = STUDY.replace("max_force_n = 500\n", "");
     for (study, option, word) in [
-        (STUDY, "--places 2", "1 feed moves: --places 3 looks at all"),
-        (&no_limits, "", "What some drives can do"),
+        (STUDY, "--places 2", "1 feed moves: use --places 3 to examine all"),
+        (&no_limits, "", "The ratings of some drives"),
     ] {
         let answer = bench(study, PROGRAM).answer(&format!("{WORDS} {option}"), "");
         assert!(answer.ends_with("exit 2\n") && answer.contains(word), "{word}: {answer}");
-        assert!(answer.contains("not everything was looked at"), "{answer}");
+        assert!(answer.contains("not everything was examined"), "{answer}");
     }
 }
 
@@ -133,12 +133,12 @@ fn bad_input_is_refused_with_its_key_and_nothing_is_written() {
         (
             STUDY.into(),
             &dumb,
-            "part.ngc: line 4: the tool cuts without a spindle speed (an S word names one)",
+            "part.ngc: line 4: the tool cuts without a spindle speed; add an S word",
         ),
         (STUDY.into(), &swapped, "line 4: the tool cuts without a spindle speed"),
         (STUDY.into(), rapid, "part.ngc: the program has no feed moves"),
         (with("mass_kg = 2", "mass_kg = -2"), PROGRAM, "mass_kg = -2"),
-        (with("[0, 0, 0.01]]", "[0, 0, 0.5]]"), PROGRAM, "no body has it"),
+        (with("[0, 0, 0.01]]", "[0, 0, 0.5]]"), PROGRAM, "not a physical inertia"),
         (
             with("damping_ratio = 0.05", "damping_ratio = -0.05"),
             PROGRAM,
@@ -158,14 +158,14 @@ fn bad_input_is_refused_with_its_key_and_nothing_is_written() {
         (with("depth_mm = 0.1", "depth_mm = 0"), PROGRAM, "0: expected more than 0"),
         (with("max_force_n = 500", "max_force_n = -500"), PROGRAM, "-500: expected more than 0"),
         (with("max_force_n = 500", "max_force = 500"), PROGRAM, "unknown field `max_force`"),
-        (without("depth_mm"), PROGRAM, "study.toml: the study names no depth_mm of [cutting]"),
+        (without("depth_mm"), PROGRAM, "study.toml: the study has no depth_mm in [cutting]"),
         (without("kt_n_per_mm2"), PROGRAM, "missing field `kt_n_per_mm2`"),
         (without("mass_kg"), PROGRAM, "missing field `mass_kg`"),
-        (without("damping_ratio"), PROGRAM, "the study names no damping_n_s_per_mm of [legs]"),
+        (without("damping_ratio"), PROGRAM, "the study has no damping_n_s_per_mm in [legs]"),
         (
             STUDY.split("[cutting]").next().unwrap().into(),
             PROGRAM,
-            "the study names no teeth of [cutting]",
+            "the study has no teeth in [cutting]",
         ),
     ];
     for (study, program, word) in cases {

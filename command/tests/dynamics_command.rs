@@ -98,18 +98,18 @@ fn bad_studies_are_refused_with_their_key_and_nothing_is_written() {
         ),
         (with("[legs]", "[table]\nmass_kg = 0\n[legs]"), ["mass_kg", "0: expected more than 0"]),
         (with("[0, 0, 20]", "[0, nan, 0]"), ["centre_mm", "expected a finite number"]),
-        (with("[legs]", turning), ["inertia_kg_m2", "no body has it"]),
-        (with("damping_ratio = 0.05\n", ""), ["names no damping_n_s_per_mm", "[legs]"]),
+        (with("[legs]", turning), ["inertia_kg_m2", "not a physical inertia"]),
+        (with("damping_ratio = 0.05\n", ""), ["has no damping_n_s_per_mm", "[legs]"]),
         (with("= 0.05\n", "= -0.05\n"), ["damping_ratio", "expected more than 0 and less than 1"]),
-        (with("= 0.05\n", "= 0.05\ndamping_n_s_per_mm = 1\n"), ["both", "leave one of them out"]),
+        (with("= 0.05\n", "= 0.05\ndamping_n_s_per_mm = 1\n"), ["both", "remove one of them"]),
         (
             with("damping_ratio = 0.05", "damping_n_s_per_mm = [1, 1]"),
             ["damping_n_s_per_mm", "expected one number, or 3"],
         ),
-        (with("stiffness_n_per_um = 5\n", ""), ["names no stiffness_n_per_um", "study.toml"]),
+        (with("stiffness_n_per_um = 5\n", ""), ["has no stiffness_n_per_um", "study.toml"]),
         (
             with("stiffness_n_per_um = 5", "stiffness_n_per_um = 5\ndrive_mass_kg = 1"),
-            ["names no rod_stiffness_n_per_um", "[legs]"],
+            ["has no rod_stiffness_n_per_um", "[legs]"],
         ),
         (with("[20, 20, 10]", "[0, 0, 0]"), ["sigma_n", "expected a force"]),
         (with("corner_hz = 200\n", ""), ["corner_hz", "band_quality"]),
@@ -121,9 +121,9 @@ fn bad_studies_are_refused_with_their_key_and_nothing_is_written() {
         (with("speed_rpm = 9000\n", ""), ["[milling]", "missing field `speed_rpm`"]),
         (with("diameter_mm = 6", "diameter_mm = 6\nhelix_deg = 90"), ["helix_deg", "less than 90"]),
         (with("seconds = 0.2", "seconds = 1e9"), ["steps", "fewer seconds"]),
-        (with("= 0.05\n", "= 1e-12\n"), ["until the start is forgotten", "more damping"]),
+        (with("= 0.05\n", "= 1e-12\n"), ["of settling", "more damping"]),
         (with("[platform]", "[platform]\ndown = [0, 0, 0]"), ["down", "expected a direction"]),
-        ("[legs]\nstiffness_n_per_um = 5\n".into(), ["names no mass_kg", "[platform]"]),
+        ("[legs]\nstiffness_n_per_um = 5\n".into(), ["has no mass_kg", "[platform]"]),
     ] {
         let bench = Bench::new().with("study.toml", &text);
         let files = bench.files();
@@ -146,9 +146,9 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
         ("study.toml --top 0", "--top 0: expected more than 0"),
         ("study.toml --pose 900 0 0 0 0 0", "X900.0000"),
         ("study.toml --pose 1 2", "found 2 numbers"),
-        ("empty.toml --shake noise --trace t.csv", "names no sigma_n of [force]"),
-        ("empty.toml --shake milling --trace t.csv", "names no teeth of [cutting]"),
-        ("flat.toml --shake milling --trace t.csv", "names no depth_mm of [cutting]"),
+        ("empty.toml --shake noise --trace t.csv", "has no sigma_n in [force]"),
+        ("empty.toml --shake milling --trace t.csv", "has no teeth in [cutting]"),
+        ("flat.toml --shake milling --trace t.csv", "has no depth_mm in [cutting]"),
         ("study.toml --program none.ngc --trace t.csv", "none.ngc: No such file"),
         ("none.toml", "none.toml: No such file"),
         ("study.toml --response none/h.csv", "none/h.csv: No such file"),
@@ -185,14 +185,14 @@ fn a_table_needs_its_mass_and_dampers() {
         fs::write(bench.0.path().join("study.toml"), format!("{turning}{table}")).unwrap();
         bench.answer(&format!("dynamics {} --study study.toml", ini.display()), "")
     };
-    tells(&of(""), 2, &["names no mass_kg of [table], which the machine has"]);
-    tells(&of("[table]\nmass_kg = 9\n"), 2, &["names no stiffness_n_per_um of [table]"]);
+    tells(&of(""), 2, &["has no mass_kg in [table], which this machine needs"]);
+    tells(&of("[table]\nmass_kg = 9\n"), 2, &["has no stiffness_n_per_um in [table]"]);
     let half = "[table]\nmass_kg = 9\nstiffness_n_per_um = 40\n";
-    tells(&of(half), 2, &["names no damping_n_s_per_mm of [table]"]);
+    tells(&of(half), 2, &["has no damping_n_s_per_mm in [table]"]);
     tells(&of(&format!("{half}damping_ratio = 0.03\n")), 0, &["modes: Hz"]);
     fs::write(bench.0.path().join("study.toml"), STUDY).unwrap();
     let answer = bench.answer(&format!("dynamics {} --study study.toml", ini.display()), "");
-    tells(&answer, 2, &["names no inertia_kg_m2 of [platform]"]);
+    tells(&answer, 2, &["has no inertia_kg_m2 in [platform]"]);
 }
 
 #[test]

@@ -39,7 +39,7 @@ fn a_changed_geometry_is_put_right_at_once_and_only_when_told() {
     assert!(bench.answer("check linear-delta.ini", "").ends_with("exit 0\n"));
     assert!(bench.answer("boxes linear-delta.ini", "").ends_with("exit 0\n"));
     let again = bench.answer("check --fix linear-delta.ini", "");
-    assert_eq!(again, "pkm: linear-delta.ini: nothing that pkm check can put right\nexit 0\n");
+    assert_eq!(again, "pkm: linear-delta.ini: nothing to correct automatically\nexit 0\n");
 }
 
 #[test]

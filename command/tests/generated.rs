@@ -46,8 +46,8 @@ fn check_names_the_command_that_writes_a_missing_one() {
     for command in [
         "PYVCP = linapod-panel.xml",
         "POSTGUI_HALFILE = linapod-panel.tcl",
-        "pkm panel linapod.ini writes it",
-        "pkm path linapod.ini paths/bowl.toml --output programs/bowl.ngc writes it",
+        "run pkm panel linapod.ini to write it",
+        "run pkm path linapod.ini paths/bowl.toml --output programs/bowl.ngc to write it",
     ] {
         assert!(said.contains(command), "{command}: {said}");
     }

@@ -313,23 +313,29 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
     // A gauge that scatters by four times what is stated of it.
     let (text, code) = calibrated(folder.path(), &shop.table(2, 8.0), &["--tolerance", "0.1"]);
     assert_eq!(code, 1, "{text}");
-    assert!(text.contains("more than the deviation stated, 2 um: the larger one counts"), "{text}");
+    assert!(
+        text.contains("more than the stated deviation of 2 um: using the larger one"),
+        "{text}"
+    );
     let warm = (first_row(&table)..first_row(&table) + 30).fold(table.clone(), |table, line| {
         with_cell(&table, line, 10, |word| format!("{}", word.parse::<f64>().unwrap() + 9.0))
     });
     let (text, code) = calibrated(folder.path(), &warm, &["--tolerance", "0.1"]);
     assert_eq!(code, 1, "{text}");
-    assert!(text.contains("the second run shows +"), "{text}");
+    assert!(text.contains("the second run differs by +"), "{text}");
     // One run, and of a gauge that is not as good as they say: chi-square tells.
     let (text, code) = calibrated(folder.path(), &shop.table(1, 60.0), &["--tolerance", "0.01"]);
-    assert!(code != 0 && (text.contains("fit worse") || text.contains("do not agree")), "{text}");
+    assert!(code != 0 && (text.contains("fit worse") || text.contains("contradict")), "{text}");
     // What the table expects, typed again: no gauge is that good.
     let table = shop.table(1, 2.0);
     let expected = (first_row(&table)..first_row(&table) + 30)
         .fold(table.clone(), |typed, line| with_cell(&typed, line, 9, |_| cell(&table, line, 8)));
     let (text, code) = calibrated(folder.path(), &expected, &["--tolerance", "0.1"]);
     assert_eq!(code, 1, "{text}");
-    assert!(text.contains("nearer than the stated deviation of 2 um lets any be"), "{text}");
+    assert!(
+        text.contains("closer to the expected ones than the stated deviation of 2 um allows"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -359,7 +365,7 @@ fn large_changes_are_not_written_unasked() {
     let (text, code) = calibrated(folder.path(), &table, &small);
     assert_eq!(code, 1, "{text}");
     assert!(text.contains("more than 0.01 mm (--threshold)"), "{text}");
-    assert!(text.contains("new.ini is not written: --accept writes it all the same"), "{text}");
+    assert!(text.contains("new.ini is not written; add --accept to write it anyway"), "{text}");
     assert!(!folder.path().join("new.ini").exists());
     let (text, code) = calibrated(folder.path(), &table, &[&small[..], &["--accept"]].concat());
     assert_eq!(code, 1, "{text}");
@@ -397,33 +403,33 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
     };
     let at = |line: usize, text: &str| format!("dial.csv:{line}: {text}");
     let cases: Vec<(String, String)> = vec![
-        (scaled(&table, 1e-3), "were they typed in mm? Convert them to um".into()),
-        (scaled(&table, 1.0 / 25.4), "were they typed in thou?".into()),
+        (scaled(&table, 1e-3), "if they are in mm, convert them to um".into()),
+        (scaled(&table, 1.0 / 25.4), "if they are in thou, convert".into()),
         (
             scaled(&table, 1e3),
-            " um is nothing that the gauge can show, 0 to 2000 um: read it again".into(),
+            " um is outside the range of the gauge, 0 to 2000 um: measure it again".into(),
         ),
         (
             typed(row(7), "512000"),
-            at(row(7), "512000 um is nothing that the gauge can show, 0 to 2000 um"),
+            at(row(7), "512000 um is outside the range of the gauge, 0 to 2000 um"),
         ),
         (typed(row(7), &format!("{:.4}", number(row(7)) / 1e3)), at(row(7), "")),
         (typed(row(9), &format!("{:.4}", number(row(9)) / 25.4)), at(row(9), "")),
         (
             exchanged(least, most, 9),
-            format!("the readings of lines {least} and {most} fit the others once"),
+            format!("the readings of lines {least} and {most} would fit if exchanged"),
         ),
-        (typed(row(3), "nan"), at(row(3), "\"nan\" is no number")),
-        (typed(row(3), "inf"), at(row(3), "\"inf\" is no number")),
-        (typed(row(3), "about 500"), at(row(3), "\"about 500\" is no number")),
+        (typed(row(3), "nan"), at(row(3), "\"nan\" is not a number")),
+        (typed(row(3), "inf"), at(row(3), "\"inf\" is not a number")),
+        (typed(row(3), "about 500"), at(row(3), "\"about 500\" is not a number")),
         (
             typed(row(3), "49,5,"),
             at(row(3), "13 cells, more than there are columns: a decimal comma?"),
         ),
-        (typed(row(4), ""), at(row(4), "reading of pose 4 is empty: type it")),
+        (typed(row(4), ""), at(row(4), "reading of pose 4 is empty: enter it")),
         (without(row(8)), at(row(8), "pose 8 is missing, 9 follows pose 7")),
         (without(row(30)), at(row(29), "the table ends with pose 29 of 30: rows are missing")),
-        (twice, at(row(6), "pose 5 is there twice")),
+        (twice, at(row(6), "pose 5 appears twice")),
         (swapped, at(row(5), "pose 5 is missing, 6 follows pose 4")),
         (
             with_cell(&table, row(2), 0, |_| "31".into()),
@@ -459,7 +465,7 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
         ),
         (
             table.replace("# range 0 2000", "# range 9 1"),
-            "range 9 1: expected the least reading".into(),
+            "range 9 1: expected the smallest reading".into(),
         ),
         (
             table.replace("# geometry 0x", "# geometry 0x1"),
@@ -485,10 +491,7 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
     let in_mm = typed(row(7), &format!("{:.4}", number(row(7)) / 1e3));
     let (told, code) = calibrated(folder.path(), &in_mm, &["--tolerance", "100"]);
     assert_eq!(code, 2, "{told}");
-    assert!(
-        told.contains(&at(row(7), "")) && told.contains(" mm would be like the others"),
-        "{told}"
-    );
+    assert!(told.contains(&at(row(7), "")) && told.contains(" mm would fit"), "{told}");
     // What a spreadsheet does to a table is no slip, and neither is a reading that is left out.
     let quoted: Vec<String> =
         lines
@@ -567,7 +570,7 @@ fn a_proposal_is_written_whole_or_not_at_all() {
     };
     for (from, to, expected) in [
         ("deviation = 2.0", "deviation = 0", "gauge.toml: deviation = 0: expected more than 0"),
-        ("range = [0, 2000]", "range = [5, 1]", "range = [5, 1]: expected the least reading"),
+        ("range = [0, 2000]", "range = [5, 1]", "range = [5, 1]: expected the smallest reading"),
         (
             "range = [0, 2000]",
             "range = [0, 9]\nexpected = 20",
@@ -576,26 +579,26 @@ fn a_proposal_is_written_whole_or_not_at_all() {
         (
             "size = [120, 120]",
             "size = [120, 120]\nangles = [180, 0, 0]",
-            "object plate: its face looks away from the platform",
+            "object plate: its face points away from the platform",
         ),
         ("size = [120, 120]", "", "object 1 (plate): size = [X, Y]"),
         ("\"dial\"", "\"clock\"", "unknown variant `clock`"),
         (
             "place = [0, 0, 580]",
             "place = [0, 0, 5800]",
-            "object plate: no pose within the machine's limits: held against it without a tilt, axis Z is at",
+            "object plate: no pose is within the machine's limits; without a tilt, axis Z is at",
         ),
         ("tool = [0, 0, 60]", "tool = [0, 0, 1e6]", "axis Z is at"),
-        ("tool = [0, 0, 60]", "tool = [0, 0, 1e300]", "see whether unit, place and tool are right"),
+        ("tool = [0, 0, 60]", "tool = [0, 0, 1e300]", "check unit, place and tool"),
         (
             "tool = [0, 0, 60]",
             "tool = [0, 0, -60]",
-            "tool: expected the other sign of Z, for [PKM]TOOL_DIRECTION = down has the tip below",
+            "tool: expected the other sign of Z: with [PKM]TOOL_DIRECTION = down the tip is below",
         ),
         (
             "size = [120, 120]",
             "size = [120, 120]\n[[object]]\nname = \"far\"\nplace = [900, 0, 580]\nsize = [50, 50]",
-            "object far: no pose within the machine's limits",
+            "object far: no pose is within the machine's limits",
         ),
         ("tool =", "count = 0\ntool =", "count = 0: expected 1 to 500"),
         ("name = \"plate\"", "name = \"a plate\"", "name: expected letters"),
@@ -611,10 +614,10 @@ fn a_proposal_is_written_whole_or_not_at_all() {
     let table = fs::read_to_string(path("dial.csv")).unwrap();
     let program = fs::read_to_string(path("dial.ngc")).unwrap();
     assert_eq!(program.matches("\nM0\n").count(), 30);
-    assert!(program.contains("(MSG,pose 30 of 30 at plate: type what the dial shows, in um)"));
+    assert!(program.contains("(MSG,pose 30 of 30 at plate: enter the reading of the dial in um)"));
     let (told, code) = measure(&good);
     assert_eq!(code, 2, "{told}");
-    assert!(told.contains("dial.ngc: is there already, and may hold readings"), "{told}");
+    assert!(told.contains("dial.ngc: exists already and may contain readings"), "{told}");
     assert_eq!(table, fs::read_to_string(path("dial.csv")).unwrap());
     // Nothing was typed yet.
     let (told, code) = answer(folder.path(), &["calibrate", machine.to_str().unwrap(), "dial.csv"]);

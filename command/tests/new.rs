@@ -177,7 +177,7 @@ fn a_name_that_makes_lines_too_long_for_linuxcnc_is_refused() {
     let bench = Bench::new();
     let told =
         bench.answer(&format!("new {} --out long {}", example("tripod"), "a".repeat(65)), "");
-    assert!(told.contains("64 characters at most") && told.ends_with("exit 2\n"), "{told}");
+    assert!(told.contains("at most 64 characters") && told.ends_with("exit 2\n"), "{told}");
 }
 
 #[test]
@@ -254,10 +254,10 @@ fn limits_that_are_asked_for_are_those_of_the_machine_and_its_program_or_refused
         told,
         str![[r#"
 $ --limits X -600 60 --limits Y -5 5
-pkm: --limits X -600 60, Y -5 5: not proved for every pose within: at X-600 Y-5 strut 0 is at 1082.300 mm, beyond its limit of 550 to 850 mm. Give less of them, other dimensions, or another place with --home
+pkm: --limits X -600 60, Y -5 5: not proved for every pose within: at X-600 Y-5 strut 0 is at 1082.300 mm, beyond its limit of 550 to 850 mm; use smaller limits, other dimensions, or another position with --home
 exit 1
 $ --limits Z -5 5
-pkm: --limits Z -5 5: home is at Z -650: give limits about it, or another place with --home
+pkm: --limits Z -5 5: home is at Z -650: use limits that include it, or another position with --home
 exit 2
 $ --limits x -5 5
 pkm: --limits x -5 5: expected a letter of XYZABC and two decimal numbers, such as X -60 60
@@ -269,7 +269,7 @@ $ --limits X -5 5 --limits X -6 6
 pkm: --limits X -5 5 X -6 6: expected X once
 exit 2
 $ --limits B -5 5
-pkm: --limits B -5 5: the machine moves XYZ, and no B
+pkm: --limits B -5 5: the machine moves XYZ, but not B
 exit 2
 
 "#]]
@@ -313,7 +313,7 @@ fn a_folder_that_is_there_is_left_as_it_is() {
     assert_data_eq!(
         bench.answer(&words, ""),
         str![[r#"
-pkm: mine is there already, and nothing in it is changed: give another name, or --out FOLDER
+pkm: mine exists already and was not changed: use another name, or --out FOLDER
 exit 2
 
 "#]]
@@ -335,7 +335,7 @@ fn a_machine_that_cannot_stand_anywhere_is_refused_with_the_strut_and_a_way_out(
     assert_data_eq!(
         bench.answer(&hexapod("550 750"), ""),
         str![[r#"
-pkm: at the best place found for home, X0 Y0 Z10, strut 3 would be 755.5 mm long; 550 to 750 is possible: give longer struts, or radii of base and platform that differ less
+pkm: at the best home position found, X0 Y0 Z10, strut 3 would be 755.5 mm long; 550 to 750 is possible: use longer struts, or more similar radii of base and platform
 exit 1
 
 "#]]
@@ -343,7 +343,7 @@ exit 1
     assert_data_eq!(
         bench.answer(&format!("{} --home 0 0 1100", hexapod("550 850")), ""),
         str![[r#"
-pkm: at the home given, X0 Y0 Z1100, strut 3 would be 1334.4 mm long; 550 to 850 is possible: put home nearer to the base, or give longer struts
+pkm: at the given home, X0 Y0 Z1100, strut 3 would be 1334.4 mm long; 550 to 850 is possible: move home nearer to the base, or use longer struts
 exit 1
 
 "#]]
@@ -351,7 +351,7 @@ exit 1
     assert_data_eq!(
         bench.answer(&format!("{} --diameter 300 --home 0 0 450", hexapod("550 950")), ""),
         str![[r#"
-pkm: at home the distance of legs [..] is at [..] mm, beyond its limit of 360 mm: give other dimensions, or another place with --home
+pkm: at home the distance between legs [..] is at [..] mm, beyond its limit of 360 mm: change dimensions, or choose another position with --home
 exit 1
 
 "#]]
@@ -364,7 +364,7 @@ exit 1
             ""
         ),
         str![[r#"
-pkm: the machine can stand at none of 86 places along the line through the middle of its legs; at the last one, X0 Y0 Z-850: the legs do not hold the platform at the reference pose; check the anchors: the layout is singular there [code -55]. Look at the dimensions, or give another place with --home
+pkm: the machine cannot be at any of 86 positions along the line through the middle of its legs; at the last one, X0 Y0 Z-850: the legs do not constrain the platform at the reference pose; check the anchors: the geometry is singular there [code -55]. Check the dimensions, or choose a position with --home
 exit 1
 
 "#]]
@@ -401,13 +401,13 @@ fn nonsense_is_refused_with_what_was_expected() {
         told,
         str![[r#"
 $ new
-pkm: which kind of machine? pkm new KIND, one of hexapod, tripod, struts, pentapod, linear-delta, rotary-delta, triaglide, hexaglide, linapod, pyramid, pyramid-cross, four-rod-lathe, six-rod-lathe
+pkm: no kind of machine given: run pkm new KIND with one of hexapod, tripod, struts, pentapod, linear-delta, rotary-delta, triaglide, hexaglide, linapod, pyramid, pyramid-cross, four-rod-lathe, six-rod-lathe
 exit 2
 $ new linear-delta --rod 270
-pkm: linear-delta lacks values, lengths in mm as examples; without any option, on a terminal, all are asked for:
-  --base-radius LENGTH: From the middle of the base to the centre of a joint, seen from above, such as 163
-  --platform-radius LENGTH: From the middle of the platform to the centre of a joint, such as 33
-  --carriage MIN MAX: Where a carriage begins and ends on its rail, measured from the rail's zero, such as 0 400
+pkm: linear-delta: values are missing; add them (examples in mm), or run without options on a terminal to be asked:
+  --base-radius LENGTH: Distance from the center of the base to the center of a joint, seen from above, such as 163
+  --platform-radius LENGTH: Distance from the center of the platform to the center of a joint, such as 33
+  --carriage MIN MAX: Travel of a carriage on its rail, measured from the zero of the rail, such as 0 400
 exit 2
 $ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0 400 --feed 12000 --accel 2000 --rod 270
 error: the argument '--rod <LENGTH>' cannot be used multiple times
@@ -432,19 +432,19 @@ $ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0
 pkm: --joint-angle 181: expected more than 0 and at most 180 degrees
 exit 2
 $ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0 400 --feed 12000 --accel 2000 two-words!
-pkm: "two-words!" is no name for a machine: expected letters, digits, - and _
+pkm: "two-words!" is not a valid machine name: use letters, digits, - and _
 exit 2
 $ new linear-delta --base-radius 163 --platform-radius 33 --rod 270 --carriage 0 400 --feed 12000 --accel 2000 --out none/machine
-pkm: none is no folder: make it, or give another --out
+pkm: none is not a folder: create it, or use another --out
 exit 2
 $ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --hands RLR
 pkm: --hands RLR: expected one letter, or one for each of 6 struts
 exit 2
 $ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --hands RLRLRL
-pkm: --hands RLRLRL without --lead: hands count where a turn of the screw lengthens the strut; give its lead, or leave --hands out
+pkm: --hands RLRLRL without --lead: hands only matter if turning the screw changes the strut length; add --lead, or remove --hands
 exit 2
 $ new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 180 --platform-half-angle 15 --strut 550 850 --feed 12000 --accel 2000 --turn 30 --tilt 0.1
-pkm: --tilt 0.1: expected 0.5 degrees or more
+pkm: --tilt 0.1: expected at least 0.5 degrees
 exit 2
 $ new linear-delta --rod 1e300 --carriage 0 400
 pkm: --rod 1e300: expected at most 10000000 in size
@@ -490,25 +490,25 @@ fn a_table_of_anchors_that_is_none_is_refused_at_its_line() {
         str![[r#"
 pkm: five.csv:2: expected the heading leg,base_x,base_y,base_z,platform_x,platform_y,platform_z
 exit 2
-pkm: five.csv:3: expected 7 fields, leg,base_x,base_y,base_z,platform_x,platform_y,platform_z; there are 6
+pkm: five.csv:3: expected 7 fields, leg,base_x,base_y,base_z,platform_x,platform_y,platform_z; found 6
 exit 2
-pkm: five.csv:3: expected 7 fields, leg,base_x,base_y,base_z,platform_x,platform_y,platform_z; there are 8
+pkm: five.csv:3: expected 7 fields, leg,base_x,base_y,base_z,platform_x,platform_y,platform_z; found 8
 exit 2
-pkm: five.csv:3: base_z: expected a decimal number, not "nan"
+pkm: five.csv:3: base_z: expected a decimal number, found "nan"
 exit 2
-pkm: five.csv:3: base_z: expected at most 10000000 in size, not 1e200
+pkm: five.csv:3: base_z: expected at most 10000000 in size, found 1e200
 exit 2
-pkm: five.csv:3: expected leg 0 in its order, not "1"
+pkm: five.csv:3: expected leg 0 next, found "1"
 exit 2
 pkm: five.csv:2: expected the heading leg,base_x,base_y,base_z,platform_x,platform_y,platform_z
 exit 2
-pkm: 5 legs cannot hold the 6 letters XYZABC: fewer letters, or more legs
+pkm: 5 legs cannot move 6 letters (XYZABC): use fewer letters, or more legs
 exit 2
 pkm: none.csv: No such file or directory (os error 2)
 exit 2
-pkm: a hexapod has 6 legs, the table of anchors has 5
+pkm: a hexapod has 6 legs, but the table of anchors has 5
 exit 2
-pkm: --base-radius is of no use beside --anchors, whose table says it
+pkm: --base-radius has no effect with --anchors, whose table contains it: remove one of them
 exit 2
 
 "#]]
@@ -534,6 +534,6 @@ fn on_a_terminal_everything_is_asked_for() {
     let output = child.wait_with_output().unwrap();
     let told = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{told}");
-    assert!(told.contains("Length of a rod") && told.contains("is made"), "{told}");
+    assert!(told.contains("Length of a rod") && told.contains("Created "), "{told}");
     assert!(folder.path().join("linear-delta/linear-delta.ini").exists());
 }

@@ -20,7 +20,7 @@ fn a_program_that_breaks_its_limits_is_red_and_names_every_break() {
     assert!(
         !good.contains("beyond a limit</text>")
             && !good.contains("#B40000")
-            && !good.contains("broken (")
+            && !good.contains("violated (")
     );
 
     let told = bench.answer("preflight linear-delta.ini bad.ngc --report bad.html", "");
@@ -39,7 +39,7 @@ fn a_program_that_breaks_its_limits_is_red_and_names_every_break() {
         let name = text.split_once(": ").unwrap().0;
         let row = bad.split("<tr").find(|row| row.contains(&format!("\"row\">{name}<small>")));
         let row = row.unwrap();
-        let numbers = row.split_once("broken (").unwrap().1.split_once(')').unwrap().0;
+        let numbers = row.split_once("violated (").unwrap().1.split_once(')').unwrap().0;
         assert!(numbers.split(", ").any(|own| own == (number + 1).to_string()), "{row}");
         assert!(row.contains("<td>line "), "{line}: {row}");
     }

@@ -21,7 +21,7 @@ fn both_files_are_written_beside_the_machine_or_into_a_folder_and_nothing_where_
     let files = odd.files();
     let answer = odd.answer("panel my[delta].ini", "");
     assert!(
-        answer.contains("my[delta].ini: the name holds '['") && answer.ends_with("exit 2\n"),
+        answer.contains("my[delta].ini: the name contains '['") && answer.ends_with("exit 2\n"),
         "{answer}"
     );
     assert_eq!(odd.files(), files);

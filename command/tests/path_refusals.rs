@@ -107,9 +107,9 @@ fn run(ini: &Path, case: &Case, ask: &[&str]) -> (Option<i32>, String, BTreeSet<
 fn expressions() -> Vec<Case> {
     let of_t = "'h*t'";
     vec![
-        fine(of_t, "'h*q'", &["[curve] x_mm", "the name q is unknown"]),
-        fine("z_mm = 0", "z_mm = 'w'", &["[laws] z_mm", "the name w is unknown"]),
-        fine("= 20", "= 'v*u'", &["[laws] speed_mm_per_s", "the name v is unknown"]),
+        fine(of_t, "'h*q'", &["[curve] x_mm", "unknown name q"]),
+        fine("z_mm = 0", "z_mm = 'w'", &["[laws] z_mm", "unknown name w"]),
+        fine("= 20", "= 'v*u'", &["[laws] speed_mm_per_s", "unknown name v"]),
         fine(of_t, "'h*/t'", &["[curve] x_mm", "character 3"]),
         fine(of_t, "'h/(t - 0.25)'", &["at t = 0.25:", "divides by 0"]),
         fine(of_t, "'t/t'", &["at t = 0", "divides by 0"]),
@@ -123,10 +123,7 @@ fn expressions() -> Vec<Case> {
             CARRIAGES.replace("'800 + 10*t', 0", "'800/t', 0"),
             &["laws_mm_or_deg 3: at t = 0:", "divides by 0"],
         ),
-        case(
-            CARRIAGES.replacen("10*t", "10*x", 1),
-            &["laws_mm_or_deg 0: ", "the name x is unknown"],
-        ),
+        case(CARRIAGES.replacen("10*t", "10*x", 1), &["laws_mm_or_deg 0: ", "unknown name x"]),
     ]
 }
 
@@ -146,7 +143,7 @@ fn families() -> Vec<Case> {
                 .replace("[0, 0.5]", "[0, 2]\nt_bounds = [-2, 2]"),
             &["singular point near x 0.000", "t 1.0"],
         ),
-        of("'y'", "'y - q'", &["[curve] beta", "the name q is unknown"]),
+        of("'y'", "'y - q'", &["[curve] beta", "unknown name q"]),
         of("beta = 'y'\n", "", &["[curve] beta: missing"]),
         of("start_mm = [10, 0]\n", "", &["[curve] start_mm: missing"]),
         of("'y'", "'y/t'", &["t 0.000000: ", "divides by 0"]),
@@ -155,10 +152,10 @@ fn families() -> Vec<Case> {
 
 fn limits() -> Vec<Case> {
     vec![
-        fine("h = 10", "h = 400", &["at t = ", "axis X leaves its limit of -150 to 150 mm"]),
-        fine("z_mm = 0", "z_mm = '-90*t'", &["at t = ", "axis Z leaves its limit"]),
-        fine("= 20", "= 2\nb_deg = '40*t'", &["at t = ", "axis B leaves its limit"]),
-        fine("z_mm = 0", "z_mm = 0\nc_deg = '9*t'", &["the machine holds C at 0"]),
+        fine("h = 10", "h = 400", &["at t = ", "axis X exceeds its limit of -150 to 150 mm"]),
+        fine("z_mm = 0", "z_mm = '-90*t'", &["at t = ", "axis Z exceeds its limit"]),
+        fine("= 20", "= 2\nb_deg = '40*t'", &["at t = ", "axis B exceeds its limit"]),
+        fine("z_mm = 0", "z_mm = 0\nc_deg = '9*t'", &["no joint moves C, which stays at 0"]),
         fine("= 20", "= 5000", &["at t = ", "MAX_VELOCITY allows"]),
         fine("= 20", "= '20 - 40*t'", &["speed_mm_per_s", "at t = 0.5", "expected more than 0"]),
         case(CARRIAGES.replace("'800 + 10*t', 0", "'800 + 300*t', 0"), &["at t = "]),
@@ -171,7 +168,7 @@ fn units_and_tolerances() -> Vec<Case> {
         fine("chord_mm = 0.01", "chord_mm = 0", &["chord_mm = 0", "expected more than 0"]),
         fine("chord_mm = 0.01", "chord_mm = -1", &["chord_mm = -1", "expected more than 0"]),
         fine("chord_mm = 0.01", "chord_mm = nan", &["chord_mm = nan", "expected more than 0"]),
-        fine("chord_mm = 0.01", "chord_mm = 1e-7", &["[tolerance] chord_mm", "is less than"]),
+        fine("chord_mm = 0.01", "chord_mm = 1e-7", &["[tolerance] chord_mm", "is finer than"]),
         fine("= 0.01", "= 0.01\nangle_deg = 0", &["angle_deg = 0", "expected more than 0"]),
         fine("[tolerance]\nchord_mm = 0.01\n", "", &["[tolerance] chord_mm: missing"]),
         fine("chord_mm", "chord", &["unknown field `chord`", "chord_mm"]),
@@ -180,7 +177,7 @@ fn units_and_tolerances() -> Vec<Case> {
         fine("zero_mm", "zero", &["unknown field `zero`", "zero_mm"]),
         fine("speed_mm_per_s = 20\n", "", &["[laws] speed_mm_per_s: missing"]),
         fine("t = [0, 1]\n", "", &["[curve] t: missing"]),
-        case(String::new(), &["expected one of [curve], [[operation]] and [carriages]"]),
+        case(String::new(), &["expected exactly one of [curve], [[operation]] and [carriages]"]),
         case("[curve".into(), &["path.toml", "line 1"]),
     ]
 }
@@ -196,28 +193,31 @@ fn drawings() -> Vec<Case> {
         case(drawing(by_dxf), &["a.dxf", "No such file"]),
         case(
             drawing("dxf = 'a.dxf'\nsvg = 'a.svg'"),
-            &["[curve]: expected one of points, svg and dxf"],
+            &["[curve]: expected exactly one of points, svg and dxf"],
         ),
-        case(drawing("svg = 'a.svg'\ndxf_unit_mm = 1"), &["[curve] dxf_unit_mm: only beside dxf"]),
-        fine("t = [0, 1]", "t = [0, 1]\ndegree = 2", &["[curve] degree: only beside points"]),
-        of_dxf(dxf(0, LINE), &["[curve] dxf_unit_mm: missing", "$INSUNITS", "Unitless"]),
-        of_dxf("hello\n".into(), &["a.dxf", "the line EOF is missing"]),
-        of_dxf(dxf(4, LINE).replace("0\nEOF\n", ""), &["the line EOF is missing"]),
+        case(
+            drawing("svg = 'a.svg'\ndxf_unit_mm = 1"),
+            &["[curve] dxf_unit_mm is only valid with dxf"],
+        ),
+        fine("t = [0, 1]", "t = [0, 1]\ndegree = 2", &["[curve] degree is only valid with points"]),
+        of_dxf(dxf(0, LINE), &["[curve] dxf_unit_mm is missing", "$INSUNITS", "Unitless"]),
+        of_dxf("hello\n".into(), &["a.dxf", "the line EOF at its end is missing"]),
+        of_dxf(dxf(4, LINE).replace("0\nEOF\n", ""), &["the line EOF at its end is missing"]),
         of_dxf("AutoCAD Binary DXF\r\n".into(), &["binary"]),
         of_dxf(format!("x\ny\n{}", dxf(4, LINE)), &["line 1: expected a group code"]),
-        of_dxf(dxf(4, LINE).replace("ENDSEC", "ENDS"), &["no DXF drawing"]),
+        of_dxf(dxf(4, LINE).replace("ENDSEC", "ENDS"), &["not a DXF drawing"]),
         entity("0 LINE 8 CUT 10 0 20 zero 11 1 21 1", &["line 22: zero: expected a finite number"]),
         entity("0 LINE 8 CUT 10 0 20 inf 11 1 21 1", &["line 22: inf: expected a finite number"]),
-        entity("0 LINE 8 CUT 10 0 20 0 11 0 21 0", &["entity 1 (LINE", "it has no length"]),
+        entity("0 LINE 8 CUT 10 0 20 0 11 0 21 0", &["entity 1 (LINE", "its length is 0"]),
         entity("0 ARC 8 CUT 10 0 20 0 40 0 50 0 51 9", &["entity 1 (ARC", "radius 0"]),
         entity("0 ELLIPSE 8 CUT 10 0 20 0 11 0 21 0 40 1", &["entity 1 (ELLIPSE", "more than 0"]),
-        entity("0 SPLINE 8 CUT 71 3 11 0 21 0 31 0", &["entity 1 (SPLINE", "fit points alone"]),
+        entity("0 SPLINE 8 CUT 71 3 11 0 21 0 31 0", &["entity 1 (SPLINE", "only fit points"]),
         entity(
             "0 SPLINE 8 CUT 71 1 40 0 40 0 10 0 20 0 30 0 10 9 20 0 30 0",
             &["entity 1 (SPLINE", "expected 4 knots", "found 2"],
         ),
         entity("0 INSERT 8 CUT 2 B 10 0 20 0", &["entity 1 (INSERT", "explode it"]),
-        entity("0 TEXT 8 CUT 10 0 20 0 40 5 1 hello", &["entity 1 (", "no curve"]),
+        entity("0 TEXT 8 CUT 10 0 20 0 40 5 1 hello", &["entity 1 (", "not a curve"]),
         entity("999 none", &["the drawing has no entities"]),
         entity(
             &format!(
@@ -248,7 +248,7 @@ fn drawings() -> Vec<Case> {
             "dxf = 'a.dxf'\ndxf_unit_mm = 0",
             &["dxf_unit_mm = 0", "more than 0"],
         ),
-        with("a.svg", path("M 0 0 h 9"), "svg = 'a.svg'", &["[curve] svg_unit_mm: missing"]),
+        with("a.svg", path("M 0 0 h 9"), "svg = 'a.svg'", &["[curve] svg_unit_mm is missing"]),
         of_svg("<svg", &["a.svg"]),
         of_svg("<svg/>", &["a.svg: no path"]),
         of_svg(&path("M 0 0 q"), &["line 1: d: "]),
@@ -256,7 +256,12 @@ fn drawings() -> Vec<Case> {
         with("p.csv", "x,y\n0,0\n".into(), "points = 'p.csv'", &["p.csv", "missing field `z`"]),
         with("p.csv", "x,y,z\n0,0,a\n".into(), "points = 'p.csv'", &["p.csv", "line: 2"]),
         with("p.csv", "x,y,z\n0,0,inf\n".into(), "points = 'p.csv'", &["row 2: expected finite"]),
-        with("p.csv", "x,y,z\n0,0,0\n".into(), "points = 'p.csv'", &["degree 3 needs 4 points"]),
+        with(
+            "p.csv",
+            "x,y,z\n0,0,0\n".into(),
+            "points = 'p.csv'",
+            &["degree 3 needs at least 4 points"],
+        ),
         with(
             "p.csv",
             "x,y,z,weight\n0,0,0,1\n5,5,0,-1\n9,0,0,1\n".into(),

@@ -126,7 +126,7 @@ fn judge(case: &Case) -> Option<String> {
     }
     let (text, code) = answer(folder.path(), &file, &[]);
     let wrong = |what: &str| Some(format!("{}: {what}\n{text}", case.name));
-    let is_told = code != 0 || text.contains("look at the warnings");
+    let is_told = code != 0 || text.contains("see the warnings");
     if is_told != (case.expect == Expect::Told) {
         return wrong(&format!("expected {:?}, exit status {code}", case.expect));
     }

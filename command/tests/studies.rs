@@ -22,7 +22,7 @@ fn a_study_that_is_wrong_is_refused_with_its_line_and_nothing_is_written() {
         ("[legs]\nscrew = \"stuck\"\n", ["line 2", "`backdrivable` or `self-locking`"]),
         ("[legs]\nstiffness_n_per_um = [10, 10]\n", ["expected one number, or 3", "found 2"]),
         ("[rods]\n", ["line 1", "unknown field `rods`"]),
-        ("", ["names no stiffness_n_per_um", "[legs]"]),
+        ("", ["has no stiffness_n_per_um", "[legs]"]),
     ] {
         let bench = Bench::new().with("study.toml", text);
         let files = bench.files();
@@ -43,7 +43,7 @@ fn stiffness_tells_matrix_and_axes_and_draws_its_maps() {
         "stiffness linear-delta.ini --study study.toml --grid 9 --plots drawn --csv map.csv";
     let answer = bench.answer(words, "");
     // A B C are held by the rods' parallelograms.
-    tells(&answer, 0, &["Guides hold some coordinates", "N/um", "rigid"]);
+    tells(&answer, 0, &["Guides constrain some coordinates", "N/um", "rigid"]);
     // Three maps of each kind, sizes of the platform, and one ellipsoid: nothing turns.
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 8);
     let map = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
@@ -71,7 +71,7 @@ fn sensitivity_tells_errors_and_singular_poses_and_follows_a_law() {
     let words = "sensitivity linear-delta.ini --study study.toml --draws 500 --rays 100 --law \
                  --ratios 1 --csv law.csv --plots drawn";
     let answer = bench.answer(words, "");
-    tells(&answer, 0, &["covariance", "500 draws", "parallel", "no partial derivatives"]);
+    tells(&answer, 0, &["covariance", "500 samples", "parallel", "no partial derivatives"]);
     let law = fs::read_to_string(bench.0.path().join("law.csv")).unwrap();
     assert_eq!(law.lines().count(), 502);
     assert!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count() >= 6);
@@ -106,7 +106,7 @@ fn a_workspace_that_is_empty_or_cannot_be_written_leaves_nothing_behind() {
     let files = bench.files();
     for (words, told) in [
         ("--from 0 0 900 --csv x.csv", "is not in the workspace"),
-        ("--study study.toml --mesh x.obj", "conditioning; name a place inside"),
+        ("--study study.toml --mesh x.obj", "conditioning; give a point inside"),
         ("--tilt 95", "expected 0 or more, and less than 90"),
         ("--plane zx", "expected xy, xz, yz or a normal"),
         ("--bands 4 --grid 4 --csv none/x.csv", "none/x.csv: No such file"),

@@ -18,7 +18,7 @@ fn questions_are_answered_line_by_line_and_what_cannot_be_is_told_in_its_line() 
     assert_eq!(answer(0)["travel"][2]["letter"], "Z");
     let error = |n: usize| answer(n)["error"].as_str().unwrap().to_string();
     assert!(error(1).contains("at"), "{}", error(1));
-    assert!(error(2).contains("expected 1 of them, found 2"), "{}", error(2));
+    assert!(error(2).contains("expected 1, one for each mechanism; found 2"), "{}", error(2));
     assert!(error(3).contains("does not reach"), "{}", error(3));
 }
 
@@ -27,7 +27,7 @@ fn a_pose_beyond_a_limit_is_no_place_to_stand() {
     let bench = Bench::new();
     let told = bench.answer("travel linear-delta.ini --pose Z900", "");
     assert!(
-        told.contains("the machine cannot stand at this pose: ") && told.contains("joint range"),
+        told.contains("the machine cannot be at this pose: ") && told.contains("joint range"),
         "{told}"
     );
     assert!(told.ends_with("exit 1\n"), "{told}");

@@ -38,11 +38,11 @@ fn workspace_shows_each_alone_and_beside_the_other() {
     assert!((apart - 1.0).abs() < 0.02, "{apart}");
     let one = ini("four-rod-lathe");
     for (arguments, told) in [
-        (vec![lathe, "--csv", "any.csv"], "--mechanism 1 or 2"),
+        (vec![lathe, "--csv", "any.csv"], "add --mechanism 1"),
         (vec![lathe, "--beside", "home"], "--mechanism"),
         (
             vec![one.to_str().unwrap(), "--mechanism", "1", "--beside", "home"],
-            "the file has one mechanism",
+            "the file has only one mechanism",
         ),
     ] {
         let (code, _, err) = pkm(&arguments);

@@ -29,8 +29,8 @@ fn answer(before: &str, file: &Path) -> (String, i32) {
 
 /// The parts that only a computer with LinuxCNC can show.
 const NOT_JUDGED: [&str; 2] = [
-    "programs that are started, and files that come with LinuxCNC, are not judged: it is not installed here",
-    "the drives are not judged: LIB:pkmkins_sim.tcl is neither beside the INI file nor in /usr/share/linuxcnc/hallib",
+    "LinuxCNC is not installed here, so programs to start and files of LinuxCNC are not judged",
+    "the drives are not judged from here on: LIB:pkmkins_sim.tcl is neither beside the INI file nor in /usr/share/linuxcnc/hallib",
 ];
 
 fn expect(told: &(String, i32), code: i32, parts: &[&str]) {
@@ -50,7 +50,7 @@ fn what_needs_linuxcnc_is_not_judged_and_the_rest_is() {
     expect(
         &good,
         0,
-        &[&NOT_JUDGED[..], &["The machine fits together; look at the warnings."]].concat(),
+        &[&NOT_JUDGED[..], &["The machine fits together; see the warnings."]].concat(),
     );
     assert_eq!(good.0.matches("\nwarning: ").count(), NOT_JUDGED.len(), "{}", good.0);
     // Slips that are not seen without LinuxCNC, then one that is.

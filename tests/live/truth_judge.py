@@ -23,7 +23,7 @@ CAUSES = [
     (re.compile("following error"), {"speed", "acceleration", "following-error"}),
     (re.compile(r"would exceed|soft limit|limit on joint"), {"axis", "joint", "reach"}),
     (re.compile("kinematicsInverse"), {"reach", "joint"}),
-    (re.compile("hardly hold"), {"hold"}),
+    (re.compile("approaches a singularity"), {"hold"}),
 ]
 
 

@@ -23,17 +23,18 @@ use studies::study::file::Study;
 /// Overhangs of the curve that is drawn.
 const OVERHANGS: usize = 200;
 
-/// How deep masses on springs may cut, with a force that lags behind (paper 002)
+/// Limit depth of a spring-mass model with a lagging force (paper 002)
 ///
-/// The tool moves against the work as the sum of masses on springs, or the modes of a spindle, and
-/// the cutting force K/(1 + T p) follows the displacement with a lag T. Tells the limit cutting
-/// stiffness: all K at which a pair of roots passes the imaginary axis, the smallest positive one,
-/// and that numbers of unstable roots, counted by eigenvalues, confirm it; the lag at which the
-/// limit is least; limit width and depth of cut; and at a cutting stiffness how far it is from the
-/// limit: gain, phase and distance, index of oscillation (largest amplitude over that at rest),
-/// bandwidth and settling time. --plots draws the partitions of the planes of K, of T and K, and
-/// of the first link's stiffness and K, hatched on the side with fewer unstable roots and with
-/// their number in every region; responses and hodograph; the limit by overhang.
+/// The tool moves against the work as the sum of spring-mass systems, or of the modes of a
+/// spindle; the cutting force K/(1 + T p) follows the displacement with a lag T. Reports the
+/// limit cutting stiffness: all K at which a pair of roots crosses the imaginary axis, the
+/// smallest positive one, and whether counts of unstable roots (by eigenvalues) confirm it; the
+/// lag with the lowest limit; limit width and depth of cut; and at a given cutting stiffness the
+/// margins: gain, phase and distance, oscillation index (largest amplitude over static
+/// amplitude), bandwidth and settling time. --plots draws the D-partitions of the planes of K, of
+/// T and K, and of the first link's stiffness and K, hatched on the side with fewer unstable
+/// roots and with their number in every region; responses and hodograph; and the limit by
+/// overhang.
 ///
 ///     [lag]
 ///     time_constant_ms = 3.0
@@ -49,28 +50,26 @@ const OVERHANGS: usize = 200;
 ///     angle_deg = 60
 ///     [overhang]                   # compliance of the first link: a0 + a1 l + a2 l^2, and
 ///     compliance_um_per_n = [0.0146, 1.064e-4, 3.7e-7]
-///     cantilever_um_per_n = 1.27e-4    # (l/at)^3 of that
+///     cantilever_um_per_n = 1.27e-4    # times (l/at)^3
 ///     cantilever_at_mm = 70
 ///
-///     pkm stability lag --study cutting.toml --overhang 500 300 --plots plots
-///
-/// Exit status: 0, 1 where cutting at --stiffness is unstable, 2 where input or output failed.
+/// Exit status: 0, 1 if cutting at --stiffness is unstable, 2 if input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
-    /// TOML file with links or a spindle, and the lag
+    /// Read links or a spindle, and the lag, from this TOML file
     #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
-    /// Overhangs that are compared, mm; without any the study as it stands
+    /// Overhangs to compare, mm [default: the study as it is]
     #[arg(long, value_name = "MM", num_args = 1.., value_parser = super::positive)]
     overhang: Vec<f64>,
-    /// Cutting stiffness of margins and responses, N/mm, instead of half the limit
+    /// Cutting stiffness for margins and responses, N/mm [default: half the limit]
     #[arg(long, value_name = "N_PER_MM", value_parser = super::positive)]
     stiffness: Option<f64>,
-    /// Draws SVG files into this folder, made if needed
+    /// Draw SVG files into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
-    /// Writes the responses as CSV
+    /// Write the responses as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
 }
@@ -219,7 +218,7 @@ fn tell(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failure
         None => row("limit cutting stiffness", "none: every cutting stiffness is stable".into())?,
     }
     let counts = match answer.is_confirmed_by_counts {
-        true => "counts of unstable roots confirm that there is no other",
+        true => "confirmed by counts of unstable roots",
         false => "NOT confirmed: counts of unstable roots disagree",
     };
     row("", counts.into())?;

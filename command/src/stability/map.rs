@@ -21,41 +21,40 @@ use studies::stability::floquet::fast_enough;
 use studies::study::file::Study;
 use studies::study::workspace::Workspace;
 
-/// Where in the workspace how deep may be cut
+/// Map the limit depth over a plane of the workspace
 ///
-/// The limit depth of the zero-order approximation over a plane through a pose, within the axis
-/// limits: at one spindle speed, or over all of them (the least). Feeds in all directions, every
-/// ten degrees, are looked at, and the least limit counts. What the machine cannot reach stays
-/// empty. Zero order is the quick view: `pkm stability pose` gives the answer at a pose.
+/// Computes the limit depth by the zero-order approximation over a plane through a pose, within
+/// the axis limits: at one spindle speed, or the minimum over all speeds. Feeds in all
+/// directions, every ten degrees, are examined, and the lowest limit counts. Unreachable areas
+/// stay empty. Zero order gives a quick overview; use `pkm stability pose` for the result at a
+/// pose.
 ///
-///     pkm stability map hexapod.ini --study cutting.toml --plane xy --grid 100 --plots plots
+/// mm, degrees, 1/min. The last line on standard error reports the poses per second.
 ///
-/// mm, degrees, 1/min. The last line on standard error says how many poses a second were judged.
-///
-/// Exit status: 0, or 2 where no place is within the machine's limits, or input or output failed.
+/// Exit status: 0, or 2 if no point is within the machine's limits, or input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// TOML file with masses, springs, dampers and cutting
+    /// Read masses, springs, dampers and cutting coefficients from this TOML file
     #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
-    /// Spindle speed, 1/min, instead of all speeds
+    /// Spindle speed, 1/min [default: all speeds]
     #[arg(long, value_name = "RPM", value_parser = super::positive)]
     rpm: Option<f64>,
-    /// The plane: xy, xz or yz
+    /// Plane of the map: xy, xz or yz
     #[arg(long, value_name = "PLANE", default_value = "xy", value_parser = plane)]
     plane: [usize; 2],
-    /// Points along each side
+    /// Number of points along each side
     #[arg(long, value_name = "N", default_value_t = 41, value_parser = clap::value_parser!(u16).range(2..=1001))]
     grid: u16,
-    /// Writes X Y Z and the limit depth as CSV
+    /// Write X Y Z and the limit depth as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
-    /// Draws an SVG file into this folder, made if needed
+    /// Draw an SVG file into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
 }
@@ -115,8 +114,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let places = places(&pose, arguments.plane, &sides, &depths);
     if places.is_empty() {
         return Err(refused(format!(
-            "{}: no place of the map is within the machine's limits; name another pose by --pose, or look at \
-             what pkm check says of the axis limits",
+            "{}: no point of the map is within the machine's limits; choose another pose with --pose, or \
+             review the axis limits with pkm check",
             config.file.display()
         )));
     }

@@ -17,12 +17,12 @@ use studies::study::file::Study;
 
 /// Compute the depth of cut at which chatter starts
 ///
-/// `pose` asks it of a machine at a pose, `map` over a plane, `program` along a program. `lag`
-/// treats masses on springs under a cutting force that lags behind (paper 002), `spindle` a shaft
-/// on two bearings; both need a study file alone.
+/// `pose` judges a machine at a pose, `map` over a plane, `program` along a program. `lag`
+/// analyzes a spring-mass model under a lagging cutting force (paper 002), `spindle` a shaft on
+/// two bearings; both need only a study file.
 ///
-/// Damping and cutting coefficients are your measurements: the limits are about proportional to
-/// damping and inverse to the coefficients, and the answer is as good as they are.
+/// Damping and cutting coefficients are your measurements: limits are roughly proportional to
+/// damping and inverse to the coefficients, so the results are as good as they are.
 #[derive(clap::Args, Debug)]
 #[command(subcommand_required = true, arg_required_else_help = true)]
 pub struct Arguments {
@@ -45,7 +45,7 @@ struct Speeds {
     /// Lowest and highest spindle speed, 1/min
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values = ["3000", "18000"], value_parser = positive)]
     speeds: Vec<f64>,
-    /// The largest depth looked at, mm
+    /// Largest depth to examine, mm
     #[arg(long, value_name = "MM", value_parser = depth)]
     deepest: Option<f64>,
 }

@@ -24,14 +24,14 @@ use studies::stability::process::{Row, receptance, turned};
 use studies::stability::semi;
 use studies::study::file::Study;
 
-/// How deep may be cut at a pose, and at which spindle speed
+/// Compute the limit depth at a pose, by spindle speed
 ///
-/// Joins the modes of the machine at a pose, and of a spindle where the study has one, with the
-/// cutting forces of a milling cutter (`[cutting]`) or of a lathe's edge (`[turning]`). Tells the
-/// modes, the least limit of the zero-order approximation over all speeds, and by collocation of
-/// the delay equation which depths are unstable: instability can be an island with stable depths
-/// above it, which zero order cannot see. The map over speeds gets more speeds where it changes.
-/// --rpm asks for single speeds, compared with zero order and with semi-discretisation.
+/// Combines the modes of the machine at a pose, and of a spindle if the study has one, with the
+/// cutting forces of a milling cutter (`[cutting]`) or a lathe tool (`[turning]`). Reports the
+/// modes, the lowest limit by the zero-order approximation over all speeds, and by collocation of
+/// the delay equation the depths that are unstable: an unstable island can have stable depths
+/// above it, which zero order cannot show. The map over speeds is refined where it changes. --rpm
+/// adds single speeds, compared with zero order and with semi-discretization.
 ///
 /// Masses, springs and dampers of the machine are those of `pkm dynamics`.
 ///
@@ -39,30 +39,28 @@ use studies::study::file::Study;
 ///     teeth = 2
 ///     entry_deg = 90               # half immersion, down milling; a slot: 0 to 180
 ///     exit_deg = 180
-///     kt_n_per_mm2 = 700           # tangential, radial, and axial force a mm2 of chip
+///     kt_n_per_mm2 = 700           # tangential, radial and axial force per mm2 of chip
 ///     kr_n_per_mm2 = 210
 ///     ka_n_per_mm2 = 0
 ///     [turning]                    # instead of [cutting]
 ///     kf_n_per_mm2 = 1000
-///     thicker = [0, -1, 0]         # the tool's way to a thicker chip, machine axes
-///     force = [0, 1, 0]            # where the cutting force pushes it
-///
-///     pkm stability pose hexapod.ini --study cutting.toml --pose -80 60 350 10 -20 0 --plots plots
+///     thicker = [0, -1, 0]         # direction of the tool that thickens the chip, machine axes
+///     force = [0, 1, 0]            # direction of the cutting force on the tool
 ///
 /// mm, degrees, 1/min; machine axes.
 ///
-/// Exit status: 0, 1 where --depth is unstable at a speed of --rpm, 2 where input or output failed.
+/// Exit status: 0, 1 if --depth is unstable at a speed of --rpm, 2 if input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
     #[command(flatten)]
     machine: MachineFile,
-    /// TOML file with masses, springs, dampers and cutting
+    /// Read masses, springs, dampers and cutting coefficients from this TOML file
     #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
     #[command(flatten)]
     at: At,
-    /// Direction of the feed, machine axes; without it the feed with the least limit
+    /// Feed direction, machine axes [default: the one with the lowest limit]
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     feed: Vec<f64>,
     #[command(flatten)]
@@ -70,16 +68,16 @@ pub struct Arguments {
     /// Single spindle speeds, 1/min
     #[arg(long, value_name = "RPM", num_args = 1.., value_parser = super::positive)]
     rpm: Vec<f64>,
-    /// A depth to judge at the speeds of --rpm, mm
+    /// Depth to judge at the speeds of --rpm, mm
     #[arg(long, value_name = "MM", value_parser = super::depth, requires = "rpm")]
     depth: Option<f64>,
-    /// Spindle speeds that the map begins with
+    /// Initial number of spindle speeds of the map
     #[arg(long, value_name = "N", default_value_t = 61, value_parser = clap::value_parser!(u16).range(2..=5001))]
     columns: u16,
-    /// Draws SVG files into this folder, made if needed
+    /// Draw SVG files into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
-    /// Writes the map as CSV: speed, zero-order limit, borders of unstable depths
+    /// Write the map as CSV: speed, zero-order limit, borders of unstable depths
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
 }
@@ -329,7 +327,7 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
     if let Some(angle) = answer.worst_feed_deg {
         writeln!(
             out,
-            "  feed: {angle:.0} degrees from the platform's X, where the limit is least"
+            "  feed: {angle:.0} degrees from the platform's X, the direction with the lowest limit"
         )?;
     }
     match &answer.floor {
@@ -360,13 +358,12 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
         }
         match single.semi_discretisation {
             _ if single.unstable.is_empty() => {}
-            Some(check) => writeln!(
-                out,
-                "    there semi-discretisation has a largest multiplier of {check:.4}"
-            )?,
+            Some(check) => {
+                writeln!(out, "    largest multiplier there by semi-discretization: {check:.4}")?
+            }
             None => writeln!(
                 out,
-                "    not judged by semi-discretisation: its eigenvalues were not found"
+                "    not judged by semi-discretization: its eigenvalues were not found"
             )?,
         }
         if let Some(multiplier) = single.multiplier_at_depth {
@@ -383,7 +380,7 @@ impl Speeds {
         let [low, high] = [self.speeds[0], self.speeds[1]];
         match low < high {
             true => Ok([low, high]),
-            false => Err(refused(format!("--speeds {low} {high}: expected a lower speed first"))),
+            false => Err(refused(format!("--speeds {low} {high}: expected the lower speed first"))),
         }
     }
 }

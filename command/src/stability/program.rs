@@ -18,23 +18,22 @@ use studies::stability::WORTH;
 use studies::stability::path::{Best, Depth, Path, Stop};
 use studies::study::file::Study;
 
-/// Which line of a program comes nearest to chatter
+/// Find the program line that is nearest to chatter
 ///
-/// Looks at places along the feed moves of a program, with the machine's modes there, the feed of
-/// the move and the programmed spindle speed: the depth up to which cutting is stable, by
-/// collocation. Tells the line with the least one, and the spindle speed that is best for the
-/// whole. Where the study names the depth of cut, the margin is the limit over that depth.
+/// Examines positions along the feed moves of a program, with the machine's modes there, the feed
+/// of the move and the programmed spindle speed, and computes by collocation the depth up to
+/// which the cut is stable. Reports the line with the lowest limit, and the best spindle speed
+/// for the whole program. If the study gives the depth of cut, the margin is the limit divided by
+/// that depth.
 ///
 ///     [cutting]
-///     depth_mm = 0.5               # and what `pkm stability pose` needs
-///
-///     pkm stability program hexapod.ini part.ngc --study cutting.toml --csv depths.csv
+///     depth_mm = 0.5               # and the keys of `pkm stability pose`
 ///
 /// mm, 1/min.
 ///
-/// Exit status: 0, 1 where the depth of cut is beyond the limit at some place, 2 where that could
-/// not be judged: feed moves that were not looked at, a program without a spindle speed, input or
-/// output that failed.
+/// Exit status: 0, 1 if the depth of cut exceeds the limit somewhere, 2 if that could not be
+/// judged: feed moves that were not examined, a program without a spindle speed, input or output
+/// that failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
@@ -42,10 +41,10 @@ pub struct Arguments {
     job: Job,
     #[command(flatten)]
     speeds: Speeds,
-    /// Writes line, pose, speed and depths of every place as CSV
+    /// Write line, pose, speed and depths of every position as CSV
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
-    /// Draws an SVG file into this folder, made if needed
+    /// Draw an SVG file into this folder (created if needed)
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     plots: Option<PathBuf>,
 }
@@ -55,17 +54,17 @@ pub struct Arguments {
 pub struct Job {
     #[command(flatten)]
     pub machine: MachineFile,
-    /// The program; - for standard input
+    /// The program (- for standard input)
     #[arg(value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath, value_parser = super::super::input::Program)]
     pub program: PathBuf,
-    /// TOML file with masses, springs, dampers, drives and cutting
+    /// Read masses, springs, dampers, drives and cutting coefficients from this TOML file
     #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     pub study: PathBuf,
-    /// Spindle speed for all lines instead of the program's own, 1/min
+    /// Spindle speed for all lines, 1/min [default: as programmed]
     #[arg(long, value_name = "RPM", value_parser = super::positive)]
     pub rpm: Option<f64>,
-    /// Places at which stability (and by `pkm cut` vibration and resolution) is looked at, at most; the
-    /// ends of feed moves, evenly chosen
+    /// Maximum number of positions, at the ends of feed moves, where stability (and with `pkm cut`
+    /// vibration and resolution) is examined
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub places: u32,
 }
@@ -156,7 +155,7 @@ impl Job {
         if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
             let (file, line) = (self.program.display(), step.line);
             return Err(refused(format!(
-                "{file}: line {line}: an extra axis moves in the cut: what the tool does to the work is not \
+                "{file}: line {line}: an extra axis moves in the cut: the motion of the tool in the work is not \
                  known there"
             )));
         }
@@ -234,7 +233,7 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
     let [places, moves] = [answer.places, answer.feed_moves];
     writeln!(
         out,
-        "  {places} places on {moves} feed moves, depths up to {} mm",
+        "  {places} positions on {moves} feed moves, depths up to {} mm",
         answer.deepest_mm
     )?;
     let place = in_words(&Pose::from_degrees(*pose));
@@ -244,11 +243,14 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
         at_least(*stable_to_mm)
     )?;
     if let (Some(depth), Some(margin)) = (answer.depth_mm, answer.margin) {
-        let word = if margin > 1.0 { "stable at every place" } else { "unstable" };
+        let word = if margin > 1.0 { "stable everywhere" } else { "unstable" };
         writeln!(out, "  depth of cut  {depth} mm: {word}, margin {margin:.3}")?;
         if places < moves {
             let rest = moves - places;
-            writeln!(out, "  not judged    {rest} feed moves; --places {moves} looks at all ends")?;
+            writeln!(
+                out,
+                "  not judged    {rest} feed moves; use --places {moves} to examine all"
+            )?;
         }
     }
     if let (Some(rpm), Some(depth)) = (answer.best_rpm, answer.best_stable_to_mm) {

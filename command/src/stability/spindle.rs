@@ -13,35 +13,41 @@ use std::path::PathBuf;
 use studies::stability::spindle::{Nose, ShaftMode};
 use studies::study::file::Study;
 
-/// What a shaft on two bearings yields at its nose
+/// Compute the compliance of a shaft on two bearings at its nose
 ///
-/// Static compliance, natural frequencies, damping ratios and logarithmic decrements at the end of
-/// the last cylinder: the nose of the spindle, or the tip of a tool. The shaft is slender (no
-/// shear); the housing counts as rigid.
+/// Reports static compliance, natural frequencies, damping ratios and logarithmic decrements at
+/// the end of the last cylinder: the nose of the spindle, or the tip of a tool. The shaft is
+/// slender (no shear); the housing counts as rigid.
 ///
 ///     [spindle]
 ///     youngs_n_per_mm2 = 210000
 ///     density_kg_per_m3 = 7850
 ///     damping_ratio = 0.01         # of the shaft itself
-///     modes = 3                    # how many are used
-///     [[spindle.sections]]         # cylinders from the rear end on
+///     modes = 3                    # how many to use
+///     [[spindle.sections]]         # cylinders, starting at the rear end
 ///     length_mm = 312
 ///     diameter_mm = 60
-///     bore_mm = 20                 # without it solid
+///     bore_mm = 20                 # solid without it
+///     [[spindle.sections]]         # the last one: the overhang
+///     length_mm = 32
+///     diameter_mm = 60
 ///     [[spindle.bearings]]         # two
 ///     at_mm = 0                    # from the rear end
 ///     compliance_um_per_n = 0.005  # 0: rigid
-///     angular_rad_per_n_m = 1e-5   # without it free to turn
+///     angular_rad_per_n_m = 1e-5   # free to turn without it
 ///     damping_n_s_per_mm = 0.5
+///     [[spindle.bearings]]
+///     at_mm = 280
+///     compliance_um_per_n = 0.005
 ///
-/// Exit status: 0, or 2 where input or output failed.
+/// Exit status: 0, or 2 if input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
-    /// TOML file with the spindle
+    /// Read the spindle from this TOML file
     #[arg(long, value_name = "STUDY.toml", value_hint = clap::ValueHint::FilePath)]
     study: PathBuf,
-    /// Lengths of the last cylinder that are compared, mm
+    /// Lengths of the last cylinder to compare, mm
     #[arg(long, value_name = "MM", num_args = 1.., value_parser = super::positive)]
     overhang: Vec<f64>,
 }
@@ -69,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let spindle = study.spindle.as_ref();
     let missing = || {
         refused(format!(
-            "{}: the study has no [spindle]; pkm help stability spindle shows one",
+            "{}: the study has no [spindle]; see pkm help stability spindle for an example",
             arguments.study.display()
         ))
     };

@@ -39,17 +39,17 @@ const FOLDS: usize = 5;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Misfit {
     #[error(
-        "too few readings: {numbers} numbers, which are no more than the {determined} values that they determine, so that none of them can be checked; measure more"
+        "too few readings: {numbers} numbers determine {determined} values, so none can be verified; measure more"
     )]
     TooFew { numbers: usize, determined: usize },
     #[error("{0}: {1}")]
     Unreachable(String, Fault),
     #[error(
-        "with a tool of {0} no pose in the axis limits is found that the machine can take: are length, unit and sign of the tool right?"
+        "with a tool of {0} the machine reaches no pose within the axis limits: check length, unit and sign of the tool"
     )]
     NoWorkspace(f64),
     #[error(
-        "{0} of {1} readings do not agree with the others: check plate, probe and the order of the holes, or give a larger --noise"
+        "{0} of {1} readings contradict the others: check plate, probe and the order of the holes, or use a larger --noise"
     )]
     TooManyOutliers(usize, usize),
     #[error(transparent)]
@@ -111,8 +111,9 @@ pub(crate) fn rms(values: &DVector<f64>) -> f64 {
 /// # Errors
 /// A reading that is impossible for the changed machine.
 pub fn residuals(model: &Model, readings: &[&Reading], changes: &[f64]) -> Result<Linear, Misfit> {
-    let changed = Changed::new(model, changes)
-        .map_err(|fault| Misfit::Unreachable("this geometry is no machine".into(), fault))?;
+    let changed = Changed::new(model, changes).map_err(|fault| {
+        Misfit::Unreachable("this geometry is not a valid machine".into(), fault)
+    })?;
     let rows = readings.iter().map(|reading| reading.measured.rows()).sum();
     let mut values = DVector::zeros(rows);
     let mut jacobian = DMatrix::zeros(rows, model.parameters.len());

@@ -31,7 +31,7 @@ pub(crate) fn value<'a>(
     match all.next() {
         None => Ok(first),
         Some((line, _)) => {
-            Err(BadLog { line, text: format!("\"{key}\" is there twice: give each file its own") })
+            Err(BadLog { line, text: format!("\"{key}\" appears twice: use one per file") })
         }
     }
 }
@@ -63,7 +63,7 @@ pub(crate) fn finite(text: &str) -> Option<Vec<f64>> {
 /// # Errors
 /// As [`value`], or a geometry hash other than the machine's.
 pub(crate) fn of_geometry(config: &Mechanism, text: &str) -> Result<(), BadLog> {
-    let expected = "a line \"# geometry HASH\", as pkmkins.geometry-hash shows it";
+    let expected = "a line \"# geometry HASH\", the value of pkmkins.geometry-hash";
     let (line, word) = value(text, "geometry", expected)?;
     let own = config.hash;
     let bad = |text| Err(BadLog { line, text });
@@ -71,7 +71,7 @@ pub(crate) fn of_geometry(config: &Mechanism, text: &str) -> Result<(), BadLog> 
     match keys::hash(word) {
         Some(hash) if hash == own => Ok(()),
         Some(hash) => bad(format!(
-            "measured with geometry {hash:#010x}, {} is {own:#010x}: calibrate the file that LinuxCNC ran with",
+            "measured with geometry {hash:#010x}, but {} has {own:#010x}: calibrate the file that LinuxCNC used",
             config.file.display()
         )),
         None => bad(format!("\"{word}\": expected {expected}")),

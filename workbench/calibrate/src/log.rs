@@ -110,7 +110,7 @@ pub(crate) fn touches(text: &str) -> Result<(Vec<Touch>, bool), BadLog> {
                 (true, None) => Ok((found, is_metric == 1)),
                 (true, Some((line, _))) => Err(bad(
                     line,
-                    "lines after the end: two logs in one file? give each its own".into(),
+                    "lines after the end: if there are two logs, split them into two files".into(),
                 )),
                 (false, _) => Err(bad(
                     line,
@@ -120,11 +120,11 @@ pub(crate) fn touches(text: &str) -> Result<(Vec<Touch>, bool), BadLog> {
         }
         let expected = found.len() as i64 + 1;
         let number = |part: Option<&str>| whole(*numbers(part?)?.first()?);
-        let foreign = || bad(line, format!("\"{text}\" is no line of the calibration program"));
+        let foreign = || bad(line, format!("\"{text}\" is not a line of the calibration program"));
         let own = behind(text, "touch").ok_or_else(foreign)?;
         match number(own.split(' ').next()) {
             Some(n) if n == expected => {}
-            Some(n) if n < expected => return Err(bad(line, format!("touch {n} is there twice"))),
+            Some(n) if n < expected => return Err(bad(line, format!("touch {n} appears twice"))),
             Some(n) => return Err(bad(line, format!("touch {expected} is missing, {n} follows"))),
             None => return Err(foreign()),
         }
@@ -189,7 +189,7 @@ pub(crate) fn readings(
     if is_metric != (config.units_per_mm == 1.0) {
         let (unit, own) = if is_metric { ("mm", "inches") } else { ("inches", "mm") };
         let text = format!(
-            "logged in {unit} on a machine in {own}: run the program in the machine's unit"
+            "logged in {unit} on a machine in {own}: run the program in the unit of the machine"
         );
         return Err(BadLog { line: 2, text });
     }
@@ -250,7 +250,8 @@ fn approach_name(approach: i32) -> &'static str {
 
 fn measured(plate: &Plate, touch: &Touch) -> Result<Measured, BadLog> {
     let hole = plate.hole(touch.hole);
-    let hole = hole.ok_or_else(|| touch.bad(format!("the plate has no hole {}", touch.hole)))?;
+    let hole = hole
+        .ok_or_else(|| touch.bad(format!("the plate has no hole {}: check --plate", touch.hole)))?;
     match touch.approach {
         -3 => Ok(Measured::Face(plate.ball / 2.0)),
         1 | -1 | 2 | -2 => {
@@ -267,14 +268,16 @@ fn checked(config: &Mechanism, touch: &Touch) -> Result<Taken, BadLog> {
     let own = config.hash;
     if touch.geometry != own {
         return Err(touch.bad(format!(
-            "logged with geometry {:#010x}, {} is {own:#010x}: calibrate the file that LinuxCNC ran with",
+            "logged with geometry {:#010x}, but {} has {own:#010x}: calibrate the file that LinuxCNC used",
             touch.geometry,
             config.file.display()
         )));
     }
     if touch.joints.len() != config.joints.len() {
         let (found, expected) = (touch.joints.len(), config.joints.len());
-        return Err(touch.bad(format!("{found} joints, the machine has {expected}")));
+        return Err(
+            touch.bad(format!("{found} joints, but the machine has {expected}: use its own log"))
+        );
     }
     let tool = Vector3::from(touch.tool);
     let pose = shown(config, touch.at, &tool);
@@ -300,22 +303,21 @@ fn disagreement(
 ) -> String {
     let there = config.machine.forward(joints, &config.home_pose(), tool, &Solver::default());
     let Ok(there) = there else {
-        return "these joints are no pose of this machine".into();
+        return "no pose of this machine has these joint values: use its own log".into();
     };
     let tip = there.pose.position - tool + config.spindle;
     let at = Vector3::new(touch.at[0], touch.at[1], touch.at[2]);
     let ratio = tip.norm() / at.norm();
     let unit = [25.4, 1.0 / 25.4].into_iter().find(|unit| (ratio / unit - 1.0).abs() < 1e-3);
     if unit.is_some() {
-        return "the position is in another unit than the machine's: run the program in the machine's unit".into();
+        return "the position is in another unit than the machine: run the program in the unit of the machine".into();
     }
     // Adding 0 avoids "-0".
     let [x, y, z] = (at - tip).map(|x| (x * 1e4).round() / 1e4 + 0.0).into();
     let miss = miss.map_or(String::new(), |miss| format!(", and joints {miss:.6} off"));
     format!(
-        "the joints say that the tip was {x:.4} {y:.4} {z:.4} from the position logged{miss}: work \
-         coordinates that are not those of the machine (G54 to G59.3, G92), or another tool offset or \
-         OFFSET than in the file"
+        "by its joints the tip was {x:.4} {y:.4} {z:.4} from the logged position{miss}: check for work \
+         offsets (G54 to G59.3, G92), and for another tool offset or OFFSET than in the file"
     )
 }
 

@@ -89,7 +89,7 @@ pub fn unseen(
     if missing > named {
         found.push((
             missing - named,
-            "changes that these poses do not tell apart: vary place and orientation",
+            "changes that these poses do not distinguish: vary position and orientation",
         ));
     }
     found
@@ -108,8 +108,8 @@ fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let axes = || (0..3).map(unit);
     let frames: Vec<Frame> = (0..model.frames.len()).map(|k| model.frame(k, &[])).collect();
     for axis in axes() {
-        let text = "turn of the platform's own axes about the tip: only where the tip is was measured, \
-                    not how the platform is turned";
+        let text = "rotation of the platform frame about the tip: only the tip position was measured, \
+                    not the orientation";
         let tip = readings.first().map_or(Vector3::zeros(), |reading| -reading.tool);
         let change = filled(model, |quantity| match quantity {
             Quantity::Platform(leg, k) => {
@@ -119,8 +119,8 @@ fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
         });
         all.push(Unseen { text, change });
     }
-    let text = "where base and measuring frame stand together: the frame's own place is measured by \
-                the same readings";
+    let text = "joint position of base and measuring frame: the frame is estimated from the same \
+                readings";
     for axis in axes() {
         let change = filled(model, |quantity| match quantity {
             Quantity::Base(_, k) | Quantity::Frame(_, k @ 0..3) => axis[k],
@@ -150,7 +150,7 @@ fn of_distances(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
         let own = readings.iter().filter(|reading| reading.frame == frame);
         own.into_iter().all(|reading| matches!(reading.measured, Measured::Distance(_)))
     };
-    let text = "how the frame of a ball-bar is turned";
+    let text = "orientation of the frame of a ball bar";
     let frames = (0..model.frames.len()).filter(|frame| only_distances(*frame));
     let turn = |frame: usize, axis: usize| {
         filled(model, |quantity| f64::from(u8::from(quantity == Quantity::Frame(frame, axis))))
@@ -165,7 +165,7 @@ fn of_distances(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
 fn at_one_orientation(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let Some(first) = readings.first() else { return vec![] };
     let rotation = first.pose.rotation();
-    let text = "base and platform anchor of one leg moved alike: at one orientation only their \
+    let text = "equal shifts of base and platform anchor of one leg: at one orientation only their \
                 difference shows; measure at several tilts";
     let alike = |leg: usize, axis: usize| {
         filled(model, |quantity| match quantity {

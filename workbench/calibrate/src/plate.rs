@@ -59,7 +59,7 @@ pub enum PlateError {
 pub enum BadPlate {
     #[error("ball = {0}: expected a diameter above 0")]
     Ball(f64),
-    #[error("hole {number}: diameter = {diameter}: expected more than that of the ball, {ball}")]
+    #[error("hole {number}: diameter = {diameter}: expected more than the ball diameter, {ball}")]
     Narrow { number: u32, diameter: f64, ball: f64 },
     #[error("hole {0}: place: expected two numbers")]
     Nowhere(u32),
@@ -71,16 +71,16 @@ pub enum BadPlate {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Astray {
     #[error(
-        "touches in {0} holes do not tell where the plate lies: probe three at least, not in a line"
+        "touches in {0} holes do not determine the position of the plate: probe at least three that are not collinear"
     )]
     TooFew(usize),
     #[error(
-        "holes in the wrong order: what the log calls hole {}; number them so and probe again, or \
-         correct the log's numbers",
+        "holes in the wrong order: in the log hole {}; number them like that and probe again, or \
+         correct the numbers in the log",
         .0.iter().map(|(number, other)| format!("{number} is {other}")).collect::<Vec<_>>().join(", ")
     )]
     Order(Vec<(u32, u32)>),
-    #[error("hole {0} is {1:.1} from where the plate has it: is this the plate that was probed?")]
+    #[error("hole {0} is {1:.1} from its position on the plate: check that this plate was probed")]
     Away(u32, f64),
 }
 
@@ -250,11 +250,11 @@ mod tests {
     #[test]
     fn another_order_is_reported() {
         let text = plate().found_at(&seen(&[1, 3, 2, 4, 5])).unwrap_err().to_string();
-        assert!(text.contains("what the log calls hole 2 is 3, 3 is 2;"), "{text}");
+        assert!(text.contains("in the log hole 2 is 3, 3 is 2;"), "{text}");
         let mut astray = seen(&[1, 2, 3, 4, 5]);
         astray[2].1.x += 30.0;
         let text = plate().found_at(&astray).unwrap_err().to_string();
-        assert!(text.contains("is this the plate that was probed?"), "{text}");
-        assert!(plate().found_at(&astray[..2]).unwrap_err().to_string().contains("three at least"));
+        assert!(text.contains("check that this plate was probed"), "{text}");
+        assert!(plate().found_at(&astray[..2]).unwrap_err().to_string().contains("at least three"));
     }
 }

@@ -79,7 +79,7 @@ fn of_machine(config: &Mechanism, text: &str) -> Result<(), BadLog> {
     if name == own {
         return Ok(());
     }
-    let text = format!("points of {name}: expected those of {own}, which is to be calibrated");
+    let text = format!("points of {name}: expected points of {own}, the machine to calibrate");
     Err(BadLog { line, text })
 }
 
@@ -90,16 +90,15 @@ fn in_machine_coordinates(text: &str) -> Result<(), BadLog> {
         return Ok(());
     }
     let text = format!(
-        "coordinates {name}: expected machine; probe without a work offset (G54 to G59.3, G92), as \
-         the calibration program does"
+        "coordinates {name}: expected machine; probe without a work offset (G54 to G59.3, G92)"
     );
     Err(BadLog { line, text })
 }
 
 /// Parses the approximate pose of the plate.
 fn lying(text: &str) -> Result<Frame, BadLog> {
-    let expected = "a line \"# plate X Y Z A B C\": about where it lies, its origin and angles in machine \
-         coordinates";
+    let expected = "a line \"# plate X Y Z A B C\", the approximate origin and angles of the plate in \
+         machine coordinates";
     let pose = Pose::from_degrees(heading::numbers(text, "plate", expected)?);
     Ok(Frame { origin: pose.position, rotation: pose.rotation() })
 }
@@ -113,15 +112,15 @@ fn lines(text: &str) -> Result<Vec<(usize, [f64; 6])>, BadLog> {
         let numbers = heading::finite(words).filter(|numbers| numbers.len() == COLUMNS);
         let Some(numbers) = numbers else {
             return bad(format!(
-                "\"{words}\" is no line of PROBEOPEN, which has {COLUMNS} numbers: X Y Z A B C U V W"
+                "\"{words}\" is not a line of PROBEOPEN: expected {COLUMNS} numbers X Y Z A B C U V W"
             ));
         };
         if numbers[6..].iter().any(|x| *x != 0.0) {
-            return bad("U, V and W are not 0: this machine has no such axes".into());
+            return bad("U, V and W must be 0: this machine has no such axes".into());
         }
         // LinuxCNC omits a line equal to the one before.
         if let Some((first, ..)) = found.iter().find(|(_, other, _)| *other == words) {
-            return bad(format!("line {first} is here again"));
+            return bad(format!("this line repeats line {first}; remove one"));
         }
         found.push((line, words, std::array::from_fn(|k| numbers[k])));
     }
@@ -141,11 +140,10 @@ impl fmt::Display for Spot {
 /// Why a tip touches no part of the plate.
 #[derive(Debug, thiserror::Error)]
 enum Nowhere {
-    #[error("in another unit than the machine's: run the program in the machine's unit")]
+    #[error("in another unit than the machine: run the program in the unit of the machine")]
     OtherUnit,
     #[error(
-        "{0}: work coordinates, a probing move that met nothing, or another place of the plate than \
-         \"# plate\" says?"
+        "{0}: check for work coordinates, a probing move without contact, or a wrong \"# plate\""
     )]
     Elsewhere(Box<Nowhere>),
     #[error("the plate has no hole")]
@@ -155,7 +153,7 @@ enum Nowhere {
     #[error("{0} is neither on the face nor down in a hole")]
     OffPlate(Spot),
     #[error(
-        "{place} is no wall: the axis of hole {hole} is {away:.3} away, its walls are {walls:.3}"
+        "{place} is not on a wall: the axis of hole {hole} is {away:.3} away, its walls {walls:.3}"
     )]
     NoWall { place: Spot, hole: u32, away: f64, walls: f64 },
     #[error("{0} may be a wall of hole {1} or of hole {2}")]

@@ -107,7 +107,7 @@ pub fn is_one(text: &str) -> bool {
 pub fn probing(config: &Mechanism, file: &Path, log: &str) -> Result<Probing, NoProbing> {
     if as_comment(log) != log {
         let text = format!(
-            "{log:?}: no name for a log, which LinuxCNC reads between parentheses: name another --output"
+            "{log:?}: LinuxCNC reads the log name between parentheses: use another --output"
         );
         return Err(BadProbing(text)).at(file)?;
     }
@@ -162,7 +162,7 @@ impl<'a> Maker<'a> {
         let up = rotation[(2, 2)];
         if !(up.abs() > 0.9) {
             return bad(format!(
-                "angles = {:?}: expected a face that looks up or down",
+                "angles = {:?}: expected a face that points up or down",
                 given.angles
             ));
         }
@@ -238,8 +238,8 @@ impl<'a> Maker<'a> {
         }
         match found.is_empty() {
             true => Err(BadProbing(
-                "the holes, and the way to them, are outside the machine's limits: say where the plate lies, and \
-                 how long the probe is"
+                "the holes, or the path to them, are outside the limits of the machine: check the \
+                 position of the plate and the length of the probe"
                     .into(),
             )),
             false => Ok(found),
@@ -379,7 +379,7 @@ fn hal(config: &Mechanism) -> String {
     let names = joints.clone().map(|n| format!("latch-{n}")).collect::<Vec<_>>().join(",");
     let machine = name_in_comments(config);
     let mut text = format!(
-        "# Written by `pkm measure` for {machine}: holds the joints of the servo cycle in which the probe tripped while\n\
+        "# Written by `pkm measure` for {machine}: latches the joints of the servo cycle in which the probe tripped while\n\
          # it presses, for the program to log. Behind the files that load the motion controller and the kinematics.\n\
          # The latches run after the motion controller, which takes its probed position in the same cycle; their\n\
          # switch runs after them, so that they hold from the next cycle on.\n\

@@ -59,11 +59,11 @@ fn request(setup: &Setup, pose: usize) -> String {
     match gauge.kind {
         Kind::Dial if pose == 1 => {
             format!(
-                "turn the scale to {expected} {scale}, and type what the dial shows, in {scale}"
+                "turn the scale to {expected} {scale}, and enter the reading of the dial in {scale}"
             )
         }
-        Kind::Dial => format!("type what the dial shows, in {scale}"),
-        Kind::Feeler => format!("type the gap, in {scale}"),
-        Kind::Bar => format!("put the bar on, type its length, in {scale}, and take it off"),
+        Kind::Dial => format!("enter the reading of the dial in {scale}"),
+        Kind::Feeler => format!("enter the gap in {scale}"),
+        Kind::Bar => format!("mount the bar, enter its length in {scale}, and remove it"),
     }
 }

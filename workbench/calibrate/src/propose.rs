@@ -61,20 +61,20 @@ pub struct Proposal {
 pub enum NoProposal {
     #[error(transparent)]
     Fault(#[from] Fault),
-    #[error("object {0}: the machine does not move along Z of it: give it other angles")]
+    #[error("object {0}: the machine does not move along its Z: change its angles")]
     Across(String),
     #[error(
-        "object {0}: no pose within the machine's limits: held against it without a tilt, {1}: see whether unit, place \
-         and tool are right"
+        "object {0}: no pose is within the machine's limits; without a tilt, {1}: check unit, place and \
+         tool"
     )]
     OutOfReach(String, String),
     #[error(
-        "{found} of {wanted} poses within the machine's limits: say where the objects are, or allow other \
-         angles (tilt = {tilt})"
+        "only {found} of {wanted} poses are within the machine's limits: check the places of the \
+         objects, or allow other tilts (tilt = {tilt})"
     )]
     TooFew { found: usize, wanted: usize, tilt: f64 },
     #[error(
-        "no way within the machine's limits from {0} to the poses that are left: a smaller tilt or clearance"
+        "no path within the machine's limits from {0} to the remaining poses: use a smaller tilt or clearance"
     )]
     NoWay(String),
 }
@@ -171,12 +171,12 @@ impl Maker<'_> {
     fn refused(&self, object: usize) -> String {
         let own = &self.setup.objects[object];
         let Some(at) = self.posed(object, [0.0; 5]) else {
-            return "the machine does not move to where the gauge shows what is expected".into();
+            return "the machine does not reach the position with the expected reading".into();
         };
         let over = self.away(own, &at).map_or(at, |away| self.drawn_back(at, &away));
         match self.judged(&at).and(self.judged(&over)) {
             Err(refused) => refused.sentence(self.config),
-            Ok(()) => "there is no way to it".into(),
+            Ok(()) => "no path leads to it".into(),
         }
     }
 

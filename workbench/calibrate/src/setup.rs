@@ -127,7 +127,7 @@ impl Setup {
         match config.tool_direction.filter(|it| it.contradicts(self.gauge.tool.z)) {
             None => Ok(()),
             Some(direction) => Err(BadSetup(format!(
-                "tool: expected the other sign of Z, for {}",
+                "tool: expected the other sign of Z: {}",
                 direction.rule(config.place.machine_section())
             ))),
         }
@@ -147,9 +147,9 @@ impl Setup {
 }
 
 /// Explanation for a face that points away from the platform.
-pub(super) const LOOKS_AWAY: &str = "its face looks away from the platform, so that the tool would come through it: \
-     expected angles that turn +Z towards the platform ([0, 0, 0] below a tool that points down, [180, 0, 0] above one \
-     that points up), and the sign of tool as in the tool table";
+pub(super) const LOOKS_AWAY: &str = "its face points away from the platform, so the tool would go \
+     through it: use angles that rotate +Z towards the platform ([0, 0, 0] below a tool that points down, \
+     [180, 0, 0] above one that points up), and the sign of the tool table for tool";
 
 /// Returns whether the face of a frame, its +Z, points in the direction of the tool.
 pub(super) fn looks_away(rotation: &Matrix3<f64>, tool: &Vector3<f64>) -> bool {
@@ -174,12 +174,12 @@ fn check(given: &File) -> Result<(), BadSetup> {
         }
     }
     if given.tilt > 90.0 {
-        return bad(format!("tilt = {}: expected 90 degrees at most", given.tilt));
+        return bad(format!("tilt = {}: expected at most 90 degrees", given.tilt));
     }
     let [low, high] = given.range;
     if !(low < high && low.is_finite() && high.is_finite()) {
         return bad(format!(
-            "range = [{low}, {high}]: expected the least reading, then the largest"
+            "range = [{low}, {high}]: expected the smallest reading, then the largest"
         ));
     }
     let expected = given.expected();
@@ -195,7 +195,7 @@ fn check(given: &File) -> Result<(), BadSetup> {
         return bad("tool: expected three numbers".into());
     }
     if given.object.is_empty() {
-        return bad("expected an [[object]] that the gauge is held against".into());
+        return bad("expected an [[object]] to measure".into());
     }
     for (k, object) in given.object.iter().enumerate() {
         object.check(given.gauge).map_err(|BadSetup(text)| {
@@ -218,7 +218,7 @@ impl FileObject {
             return Err(BadSetup("place, angles: expected three numbers".into()));
         }
         if gauge != Kind::Bar && !self.size.iter().all(|x| *x > 0.0 && x.is_finite()) {
-            return Err(BadSetup("size = [X, Y]: expected how large the plane is".into()));
+            return Err(BadSetup("size = [X, Y]: expected the size of the plane".into()));
         }
         if !(self.cone > 0.0 && self.cone <= 90.0) {
             return Err(BadSetup(format!(

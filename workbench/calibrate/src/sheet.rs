@@ -307,14 +307,12 @@ impl Sheet {
         }
         let own = self.gauge.scale;
         let way_out = match self.other_unit(|scale| middle * scale.in_mm() / own.in_mm()) {
-            Some(scale) => format!("were they typed in {scale}? Convert them to {own}"),
-            None => "set the gauge at the first pose to what the table expects, and say where the object is".into(),
+            Some(scale) => format!("if they are in {scale}, convert them to {own}"),
+            None => "set the gauge at the first pose to the expected reading, and correct the position of the object".into(),
         };
         bad(
             line,
-            format!(
-                "readings are about {middle:.2e} of what the table expects in {own}: {way_out}"
-            ),
+            format!("readings are about {middle:.2e} times the expected ones in {own}: {way_out}"),
         )
     }
 
@@ -334,8 +332,9 @@ impl Sheet {
                     return bad(
                         row.line,
                         format!(
-                            "{shown} {own} of pose {} is {:.4} {own} off what the table expects, half of all less than \
-                             {middle:.4}; {shown} {scale} would be like the others: type {} {own}",
+                            "{shown} {own} of pose {} differs from the expected reading by {:.4} {own}, \
+                             half of all by less than {middle:.4}; {shown} {scale} would fit: enter {} \
+                             {own}",
                             row.pose,
                             miss.abs(),
                             rounded(meant)
@@ -379,7 +378,7 @@ fn gauge(comments: &str) -> Result<Gauge, BadLog> {
     let Some(kind) = Kind::named(name) else {
         return bad(line, format!("gauge {name}: expected dial, bar or feeler"));
     };
-    let (line, name) = word("unit", "a line \"# unit um\": what the readings are in")?;
+    let (line, name) = word("unit", "a line \"# unit um\", the unit of the readings")?;
     let Some(scale) = Scale::named(name) else {
         return bad(line, format!("unit {name}: expected um, mm, thou or inch"));
     };
@@ -387,7 +386,10 @@ fn gauge(comments: &str) -> Result<Gauge, BadLog> {
     let range: [f64; 2] = heading::numbers(comments, "range", "a line \"# range LEAST MOST\"")?;
     if !(range[0] < range[1]) {
         let (line, words) = word("range", "")?;
-        return bad(line, format!("range {words}: expected the least reading, then the largest"));
+        return bad(
+            line,
+            format!("range {words}: expected the smallest reading, then the largest"),
+        );
     }
     Ok(Gauge {
         kind,
@@ -408,19 +410,20 @@ fn objects(comments: &str) -> Result<Vec<Object>, BadLog> {
         let numbers: Option<[f64; 6]> =
             heading::finite(numbers).and_then(|numbers| numbers.try_into().ok());
         let Some(numbers) = numbers else {
-            return bad(line, "expected \"# object NAME X Y Z A B C\": about where it is");
+            return bad(
+                line,
+                "expected \"# object NAME X Y Z A B C\", with its approximate position",
+            );
         };
         if found.iter().any(|object| object.name == name) {
-            return bad(line, format!("object {name} is there twice"));
+            return bad(line, format!("object {name} appears twice"));
         }
         let pose = Pose::from_degrees(numbers);
         let frame = Frame { origin: pose.position, rotation: pose.rotation() };
         found.push(Object { name: name.into(), frame });
     }
     match found.is_empty() {
-        true => {
-            bad(1, "expected a line \"# object NAME X Y Z A B C\" for what was measured against")
-        }
+        true => bad(1, "expected a line \"# object NAME X Y Z A B C\" for each measured object"),
         false => Ok(found),
     }
 }
@@ -461,8 +464,8 @@ fn rows(text: &str, gauge: &Gauge, objects: &[Object], sums: &[u16]) -> Result<V
             return bad(
                 *line,
                 format!(
-                    "the second run has a reading in one of lines {other} and {line} and none in the other: type \
-                         all of it, \"{LEFT_OUT}\" for one that could not be taken"
+                    "the second run has a reading in one of lines {other} and {line} but not in the \
+                         other: enter all of it, \"{LEFT_OUT}\" for one that could not be taken"
                 ),
             );
         }
@@ -476,7 +479,7 @@ fn rows(text: &str, gauge: &Gauge, objects: &[Object], sums: &[u16]) -> Result<V
                     return bad(
                         *line,
                         format!(
-                            "{run} of pose {number} is empty: type it, or \"{LEFT_OUT}\" if it could not be taken"
+                            "{run} of pose {number} is empty: enter it, or \"{LEFT_OUT}\" if it could not be taken"
                         ),
                     );
                 }
@@ -492,14 +495,14 @@ fn rows(text: &str, gauge: &Gauge, objects: &[Object], sums: &[u16]) -> Result<V
         (false, _) => {
             bad(end, format!("the table ends with pose {last} of {}: rows are missing", sums.len()))
         }
-        (_, true) => bad(end, "no reading: nothing was measured"),
+        (_, true) => bad(end, "the table has no reading: enter the measured values"),
         _ => Ok(found),
     }
 }
 
 fn columns(line: usize, names: &str) -> Result<Vec<Option<usize>>, BadLog> {
     if !names.contains(',') && names.contains([';', '\t']) {
-        return bad(line, "semicolons or tabs between the cells: save the table with commas");
+        return bad(line, "cells are separated by semicolons or tabs: save the table with commas");
     }
     let names: Vec<String> =
         names.split(',').map(|name| name.trim().trim_matches('"').to_ascii_lowercase()).collect();
@@ -520,12 +523,10 @@ fn pose_number(line: usize, word: &str, last: usize, count: usize) -> Result<usi
     };
     match number {
         _ if number == last + 1 => Ok(number),
-        _ if number == last => bad(line, format!("pose {number} is there twice")),
+        _ if number == last => bad(line, format!("pose {number} appears twice")),
         _ if number < last => bad(
             line,
-            format!(
-                "pose {number} stands behind pose {last}: twice, or in another order than that of the program"
-            ),
+            format!("pose {number} follows pose {last}: restore the order of the program"),
         ),
         _ => bad(line, format!("pose {} is missing, {number} follows pose {last}", last + 1)),
     }
@@ -553,8 +554,8 @@ fn stop<'a>(
         return bad(
             line,
             format!(
-                "pose {number} is not that of the program: its numbers, or gauge, unit, radius or tool above, were changed or \
-                 rounded; take them from the table as `pkm measure` wrote it"
+                "pose {number} is not that of the program: its numbers, or gauge, unit, radius or tool \
+                 above, were changed or rounded; restore them as `pkm measure` wrote them"
             ),
         );
     }
@@ -568,7 +569,7 @@ pub(crate) fn rounded(value: f64) -> f64 {
 
 fn finite(line: usize, word: &str) -> Result<f64, BadLog> {
     let number = word.parse().ok().filter(|x: &f64| x.is_finite());
-    number.map_or_else(|| bad(line, format!("\"{word}\" is no number")), Ok)
+    number.map_or_else(|| bad(line, format!("\"{word}\" is not a number")), Ok)
 }
 
 /// Parses a reading that is possible for the gauge.
@@ -582,13 +583,13 @@ fn value(line: usize, word: &str, gauge: &Gauge) -> Result<f64, BadLog> {
     let fits = |scale: &Scale| (low..=high).contains(&(value * scale.in_mm() / own.in_mm()));
     let others: Vec<&str> = Scale::ALL.into_iter().filter(fits).map(Scale::name).collect();
     let way_out = match others.is_empty() {
-        true => "read it again".to_string(),
+        true => "measure it again".to_string(),
         false => format!("in {} it could be one", others.join(" or ")),
     };
     bad(
         line,
         format!(
-            "{value} {own} is nothing that the gauge can show, {low} to {high} {own}: {way_out}"
+            "{value} {own} is outside the range of the gauge, {low} to {high} {own}: {way_out}"
         ),
     )
 }

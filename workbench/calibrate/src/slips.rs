@@ -228,7 +228,7 @@ fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
             let meant = shown * scale.in_mm() / own.in_mm();
             if let Some(chi_square) = explained(linear, &[(number, meant)]) {
                 let text = format!(
-                    "{shown} {own} of pose {} does not fit the other readings, {shown} {scale} would: type {} {own}",
+                    "{shown} {own} of pose {} does not fit the other readings, but {shown} {scale} would: enter {} {own}",
                     number.row.pose,
                     rounded(meant)
                 );
@@ -285,12 +285,12 @@ fn reordered(linear: &Linear, block: &[Number], order: &[f64], is_exchange: bool
     let (first, last) = (block.first()?.row, block.last()?.row);
     let text = match is_exchange {
         true => format!(
-            "the readings of lines {} and {} fit the others once they are exchanged: typed in the wrong order?",
+            "the readings of lines {} and {} would fit if exchanged: check their order",
             first.line, last.line
         ),
         false => format!(
-            "the readings of lines {} to {} fit the others once they are moved by a row: typed a row too \
-             high or too low?",
+            "the readings of lines {} to {} would fit if moved by a row: check for a row too high or \
+             too low",
             first.line, last.line
         ),
     };

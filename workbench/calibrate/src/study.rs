@@ -129,11 +129,11 @@ pub enum ReadError {
     Line(AtFile<BadLog>),
     #[error(transparent)]
     Astray(#[from] AtFile<Astray>),
-    #[error("{}: its readings have no stated deviation, others have: give one with --noise", .0.display())]
+    #[error("{}: its readings have no stated deviation, unlike others: add --noise", .0.display())]
     NoNoise(PathBuf),
-    #[error("{}: the same readings as {}: name them once", .0.display(), .1.display())]
+    #[error("{}: the same readings as {}: give the file only once", .0.display(), .1.display())]
     Twice(PathBuf, PathBuf),
-    #[error("{}: touches need the plate that was probed: --plate FILE.toml", .0.display())]
+    #[error("{}: touches need the probed plate: add --plate FILE.toml", .0.display())]
     NoPlate(PathBuf),
 }
 
@@ -256,8 +256,8 @@ fn of_file(
         None => Err(BadLog {
             line: 1,
             text: format!(
-                "neither a log of the calibration program (\"{HEADER}\"), nor points of PROBEOPEN, \
-                 nor a table of CSV"
+                "neither a log of the calibration program (\"{HEADER}\"), nor points of PROBEOPEN, nor \
+                 a CSV table"
             ),
         }),
     };

@@ -48,7 +48,10 @@ pub(crate) fn readings(
     let names = coordinates();
     let names: Vec<_> = names.iter().map(String::as_str).collect();
     let Some(pose) = places(&names) else {
-        return Err(bad(1, format!("expected columns {} and what was measured", names.join(","))));
+        return Err(bad(
+            1,
+            format!("expected columns {} and the measured values", names.join(",")),
+        ));
     };
     let (tip, angles, distance) = (places(&PLACE), places(&ANGLES), places(&["distance"]));
     if tip.is_none() == distance.is_none() {
@@ -62,12 +65,12 @@ pub(crate) fn readings(
         })?;
         let line = record.position().map_or(0, |p| p.line() as usize);
         if let Some((_, first)) = lines.iter().find(|(other, _)| *other == record) {
-            return Err(bad(line, format!("line {first} is here again: leave one of them out")));
+            return Err(bad(line, format!("this line repeats line {first}: remove one of them")));
         }
         let cell = |at: usize| {
             let word = record.get(at).unwrap_or_default();
             let number = word.parse().ok().filter(|x: &f64| x.is_finite());
-            number.ok_or_else(|| bad(line, format!("\"{word}\" is no number")))
+            number.ok_or_else(|| bad(line, format!("\"{word}\" is not a number")))
         };
         let cells =
             |at: &[usize]| at.iter().map(|at| cell(*at)).collect::<Result<Vec<f64>, BadLog>>();
@@ -92,7 +95,7 @@ pub(crate) fn readings(
         lines.push((record, line));
     }
     if readings.is_empty() {
-        return Err(bad(1, "no row below the names of the columns: nothing was measured".into()));
+        return Err(bad(1, "no row below the header: add the measured values".into()));
     }
     Ok(readings)
 }

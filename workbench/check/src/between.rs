@@ -37,23 +37,32 @@ pub fn check(config: &MachineConfig) -> Result<Option<Report>, MachineError> {
     found.fact("nearest parts", format!("{} at home", told(&gap)));
     let least = limits::least_distance_between(first);
     if gap.distance < least {
-        let text = format!("{}, and {} have to be kept", told(&gap), limits::shown(least));
+        let text = format!(
+            "{}, but MECHANISM_CLEARANCE requires {}; move HOME of one mechanism away",
+            told(&gap),
+            limits::shown(least)
+        );
         found.finding(Severity::Error, at_key(&config.ini, "TRAJ", "HOME", &text));
     }
     if let Some((gap, poses)) = nearest(configs) {
         let [one, other] = [0, 1].map(|i| shown_pose(configs[i], &poses[i]));
         let (apart, place) = (told(&gap), format!("{one} and {other}"));
-        found.fact("", format!("{apart}, the least seen in the axis limits of both, at {place}"));
+        found.fact(
+            "",
+            format!("{apart}, the smallest sampled within the axis limits of both, at {place}"),
+        );
         if config.mechanism_clearance.is_none() {
             let (severity, text) = match gap.distance < least {
                 true => (
                     Severity::Error,
-                    format!("{apart} at {place}: they meet within the axis limits, and nothing stops them"),
+                    format!(
+                        "{apart} at {place}: they meet within the axis limits, and nothing stops them: set this key, or narrow the limits"
+                    ),
                 ),
                 false => (
                     Severity::Warning,
-                    "the thickness of rods, platforms and carriages is not judged: give the distance that \
-                     the lines of one mechanism have to keep from those of the other"
+                    "the thickness of rods, platforms and carriages is unknown: set the minimum \
+                     distance between the lines of the two mechanisms"
                         .into(),
                 ),
             };

@@ -29,11 +29,11 @@ pub fn cautions(config: &FileFacts, texts: &[impl AsRef<str>]) -> Vec<Caution> {
     let forced =
         config.ini.first("TRAJ", "NO_FORCE_HOMING").is_some_and(|entry| entry.value != "0");
     if forced {
-        let text = "[TRAJ]NO_FORCE_HOMING lets programs start before homing, when no pose is known";
+        let text = "[TRAJ]NO_FORCE_HOMING lets programs start before homing, when the pose is unknown; remove it";
         found.push(Caution { line: None, file: 0, text: text.into() });
     }
     if config.ini.first("HAL", "HALUI").is_some() {
-        let text = "what the pins of [HAL]HALUI ask for while the program runs is not judged";
+        let text = "[HAL]HALUI: requests on its pins while the program runs are not judged";
         found.push(Caution { line: None, file: 0, text: text.into() });
     }
     let mut names_units = false;
@@ -46,19 +46,22 @@ pub fn cautions(config: &FileFacts, texts: &[impl AsRef<str>]) -> Vec<Caution> {
         let has = |word: &str| words.iter().any(|w| w == word);
         let mut tell = |text: String| found.push(Caution { line: Some(n as u32 + 1), file, text });
         if has("M52") && has("P0") {
-            tell("M52 P0 switches adaptive feed off: the guard cannot slow down any more".into());
+            tell(
+                "M52 P0 switches adaptive feed off, so the guard cannot slow the feed; remove it"
+                    .into(),
+            );
         }
         for word in SYNCHRONISED.into_iter().filter(|word| has(word)) {
             tell(format!(
-                "{word} follows the spindle: neither feed override nor the guard slows it"
+                "{word} follows the spindle: neither feed override nor the guard can slow it"
             ));
         }
         for word in ASKING.into_iter().filter(|word| has(word)) {
             let taken = match word {
-                "M66" => "it is taken as never switched",
-                _ => "the probe is taken as never touching",
+                "M66" => "the input is assumed never to switch",
+                _ => "the probe is assumed never to touch",
             };
-            tell(format!("{word}: what follows depends on an input; {taken}"));
+            tell(format!("{word}: the motion after it depends on an input; {taken}"));
         }
         names_units |= has("G20") || has("G21");
         says_m52 |= has("M52");
@@ -66,8 +69,8 @@ pub fn cautions(config: &FileFacts, texts: &[impl AsRef<str>]) -> Vec<Caution> {
     // Who switches it off knows of it, and is told where.
     if !says_m52 {
         let text = format!(
-            "the program does not say M52 P1: without it the guard cannot slow the feed down, \
-             and LinuxCNC {} loses it in the startup code",
+            "the program has no M52 P1, so the guard cannot slow the feed: add it at the start (LinuxCNC {} \
+             loses it in the startup code)",
             crate::linuxcnc()
         );
         found.push(Caution { line: None, file: 0, text });
@@ -75,8 +78,8 @@ pub fn cautions(config: &FileFacts, texts: &[impl AsRef<str>]) -> Vec<Caution> {
     if !names_units {
         let unit = config.length_unit();
         let text = format!(
-            "the program says neither G20 nor G21: its lengths are read in the units of \
-             RS274NGC_STARTUP_CODE, else in {unit}"
+            "the program has neither G20 nor G21, so its lengths are in the units of RS274NGC_STARTUP_CODE, \
+             else in {unit}: add one of them"
         );
         found.push(Caution { line: None, file: 0, text });
     }
@@ -95,8 +98,8 @@ pub fn once(found: Vec<Caution>) -> Vec<Caution> {
     let counted = kept.into_iter().map(|(caution, more)| {
         let more = match more {
             0 => String::new(),
-            1 => "; so it is in 1 more line".into(),
-            more => format!("; so it is in {more} more lines"),
+            1 => "; also in 1 more line".into(),
+            more => format!("; also in {more} more lines"),
         };
         Caution { text: caution.text + &more, ..caution }
     });
@@ -153,14 +156,14 @@ mod tests {
         assert_eq!(told("M52\nG1 X1 é"), [(None, "the program".into())]);
         assert_eq!(told("G21 (M52 P1)"), [unguarded()]);
         let probed = told("G21 M52 P1\nG38.20 Z1 F10\nM66 P0 L3 Q1\n");
-        assert_eq!(probed, [line(2, "G38.2: what"), line(3, "M66: what")]);
+        assert_eq!(probed, [line(2, "G38.2: the"), line(3, "M66: the")]);
     }
 
     #[test]
     fn a_caution_of_many_lines_is_given_once() {
         let caution = |line, text: &str| Caution { line: Some(line), file: 0, text: text.into() };
         let found = once(vec![caution(3, "a"), caution(4, "b"), caution(5, "a"), caution(9, "a")]);
-        assert_eq!(found, [caution(3, "a; so it is in 2 more lines"), caution(4, "b")]);
+        assert_eq!(found, [caution(3, "a; also in 2 more lines"), caution(4, "b")]);
     }
 
     #[test]

@@ -26,12 +26,12 @@ fn text(config: &Mechanism, tool: &Tool, direction: ToolDirection, severity: Sev
     let (length, rule) = (-tool.offset.z, direction.rule(config.place.machine_section()));
     match severity {
         Severity::Error => format!(
-            "expected {length}: {rule}; where this tool points {}, TOOL_DIRECTION = {}",
+            "expected {length}: {rule}; if this tool points {}, set TOOL_DIRECTION = {}",
             direction.other().name(),
             direction.other().name()
         ),
         Severity::Warning => format!(
-            "{rule}: expected {length}, unless the length is what this tool lacks to the one that \
+            "{rule}: expected {length}, unless the length is the difference to the tool that \
              SPINDLE_OFFSET = {} was measured with",
             config.spindle.z
         ),

@@ -29,9 +29,7 @@ fn picture(report: &mut Report, config: &Mechanism) {
         .map(|(_, letters)| letters[0])
         .collect();
     if !absent.is_empty() && !given.is_empty() {
-        let text = format!(
-            "the picture of the path in AXIS is flat, for {absent} is not in it: expected XYZ"
-        );
+        let text = format!("AXIS shows the path flat, without {absent}: expected XYZ");
         report.finding(Severity::Warning, config.ini.refuse(entry, &text));
     }
 }
@@ -42,7 +40,7 @@ fn lathe(report: &mut Report, config: &Mechanism) {
     if entry.value.is_empty() || config.machine.layout().is_held(Letter::Y) {
         return;
     }
-    let text = "with this key, whatever its value, the user interface shows X and Z alone, and the keys of AXIS jog X the \
-                other way: take the line out, for this machine moves Y";
+    let text = "with this key, whatever its value, the GUI shows only X and Z, and the keys of AXIS jog X in reverse: \
+                remove the line, because this machine moves Y";
     report.finding(Severity::Warning, config.ini.refuse(entry, text));
 }

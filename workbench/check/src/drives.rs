@@ -120,8 +120,8 @@ fn following_errors(ini: &Ini) -> Result<Vec<Found>, IniError> {
         let is_measured = ini.first(&section, "DELAY").is_some();
         let severity = if is_measured { Severity::Error } else { Severity::Warning };
         let text = format!(
-            "at MAX_VELOCITY {speed} feedback that is {cycles} servo cycles late is {least} behind, and \
-             LinuxCNC stops the machine: give more than that{}",
+            "at MAX_VELOCITY {speed} feedback that is {cycles} servo cycles late lags by {least}, and \
+             LinuxCNC stops the machine: increase it{}",
             if is_measured { "" } else { ", or the measured cycles as DELAY" }
         );
         found.push((severity, crate::wiring::at_key(ini, &section, "FERROR", &text)));
@@ -194,10 +194,7 @@ impl Plan {
     pub fn new(ini: &Ini) -> Self {
         let not_tried = |reason: String| Self { reason: Some(reason), ..Self::default() };
         if let Some(entry) = ini.first("HAL", "TWOPASS").filter(|entry| !entry.value.is_empty()) {
-            return not_tried(format!(
-                "[HAL]TWOPASS = {} carries the HAL files out twice",
-                entry.value
-            ));
+            return not_tried(format!("[HAL]TWOPASS = {} runs the HAL files twice", entry.value));
         }
         match carried_out(ini) {
             Ok(wiring) => wiring.plan().unwrap_or_else(not_tried),
@@ -219,7 +216,7 @@ impl Wiring {
         };
         let modules = self.modules.iter().filter_map(|(words, place)| {
             let name = words.first().filter(|name| !is_module(name))?;
-            let text = format!("LinuxCNC has no module {name}, and its start ends here");
+            let text = format!("LinuxCNC has no module {name}, so it fails to start; correct the name or install the module");
             Some((Severity::Error, place, name.as_str(), text))
         });
         let programs = self.programs.iter().filter_map(|(words, place)| {
@@ -227,8 +224,13 @@ impl Wiring {
             let mut options = words.iter().take_while(|word| word.starts_with('-'));
             // LinuxCNC waits for it by -W, -Wn and -w alone.
             let (severity, what) = match options.any(|word| word.contains(['W', 'w'])) {
-                true => (Severity::Error, "and LinuxCNC's start ends here"),
-                false => (Severity::Warning, "and LinuxCNC starts without it"),
+                true => {
+                    (Severity::Error, "so LinuxCNC fails to start; correct the name or install it")
+                }
+                false => (
+                    Severity::Warning,
+                    "and LinuxCNC starts without it; correct the name or install it",
+                ),
             };
             Some((severity, place, name, format!("there is no program {name}, {what}")))
         });
@@ -362,17 +364,17 @@ impl Wiring {
                     text += &format!("; and {} more", words.len() - SHOWN);
                 }
                 self.stopped =
-                    Some((Severity::Error, format!("LinuxCNC's start ends here: {text}"), place));
+                    Some((Severity::Error, format!("LinuxCNC fails to start: {text}"), place));
             }
             ("refused", [reason, ..]) => {
-                let text = format!("LinuxCNC's start ends here: {reason}");
+                let text = format!("LinuxCNC fails to start: {reason}");
                 self.stopped = Some((Severity::Error, text, place));
             }
             // What ended LinuxCNC's start is told already, and here is where.
             ("failed", [reason, ..]) => match &mut self.stopped {
                 Some((_, _, at)) => *at = place,
                 None => {
-                    let text = format!("from here on the drives are not judged: {reason}");
+                    let text = format!("the drives are not judged from here on: {reason}");
                     self.stopped = Some((Severity::Warning, text, place));
                 }
             },
@@ -457,7 +459,7 @@ impl Judge<'_> {
         };
         let missing: Vec<&String> = modules.iter().filter(|name| !is_loaded(name)).collect();
         for name in missing {
-            let text = format!("no HAL file loads {name}: expected loadrt {name} in the first one");
+            let text = format!("no HAL file loads {name}: add loadrt {name} to the first one");
             self.tell(Severity::Error, None, &text);
         }
         let arguments =
@@ -466,8 +468,9 @@ impl Judge<'_> {
             words.iter().find_map(|word| word.strip_prefix("num_joints=")?.parse::<usize>().ok())
         });
         if let Some(given) = given.filter(|given| *given != count) {
-            let text =
-                format!("{motion} is loaded with num_joints={given}, and [KINS]JOINTS is {count}");
+            let text = format!(
+                "{motion} is loaded with num_joints={given}, but [KINS]JOINTS is {count}: use the same number"
+            );
             self.tell(Severity::Error, None, &text);
         }
         let loaded = arguments.map(|(words, _)| {
@@ -493,7 +496,7 @@ impl Judge<'_> {
         for (thread, functions) in functions {
             for (function, place) in functions {
                 let text = format!(
-                    "{function} is added to {thread}, which nothing makes: LinuxCNC's start ends here; expected {SERVO}"
+                    "{function} is added to {thread}, which does not exist, so LinuxCNC fails to start; expected {SERVO}"
                 );
                 self.tell(Severity::Error, Some(place), &text);
             }
@@ -508,8 +511,8 @@ impl Judge<'_> {
         let (Some((entry, given)), Some(loaded)) = (given, loaded) else { return };
         if given > loaded {
             let text = format!(
-                "LinuxCNC's start ends here, for {motion} is loaded with num_spindles={loaded}: expected \
-                 [EMCMOT]EMCMOT = {motion} num_spindles={given}, where the HAL file loads it by that key, or {loaded}"
+                "LinuxCNC fails to start, because {motion} is loaded with num_spindles={loaded}: expected \
+                 [EMCMOT]EMCMOT = {motion} num_spindles={given} (if the HAL file loads it by that key), or {loaded}"
             );
             self.found.push((Severity::Error, self.ini.refuse(entry, &text)));
         }
@@ -522,7 +525,9 @@ impl Judge<'_> {
         let wiring = self.wiring;
         for name in [HANDLER, CONTROLLER] {
             if wiring.function(name).is_none() {
-                let text = format!("no HAL file adds {name} to the servo thread: nothing moves");
+                let text = format!(
+                    "no HAL file adds {name} to the servo thread, so nothing moves: add addf {name}"
+                );
                 self.tell(Severity::Error, None, &text);
             }
         }
@@ -530,14 +535,14 @@ impl Judge<'_> {
         for (index, (name, place)) in wiring.functions[thread].iter().enumerate() {
             let ends = |list: &[&str]| list.iter().any(|end| name.ends_with(end));
             let text = if ends(&READING) && index > controller {
-                "is read after motion-controller, so that feedback is a cycle older than it has to be: \
+                "is read after motion-controller, so feedback is a cycle older than necessary: \
                  add it before motion-command-handler"
             } else if ends(&WRITING) && index < controller {
-                "runs before motion-controller, so that every command is a cycle late: add it after it"
+                "runs before motion-controller, so every command is a cycle late: add it after motion-controller"
             } else if name == HANDLER && index > controller {
-                "runs after motion-controller: add it before it"
+                "runs after motion-controller: add it before motion-controller"
             } else if name == "pkmkins.monitor" && index < controller {
-                "runs before motion-controller, and watches the pose of the cycle before: add it after it"
+                "runs before motion-controller and monitors the pose of the previous cycle: add it after motion-controller"
             } else {
                 continue;
             };
@@ -550,8 +555,7 @@ impl Judge<'_> {
         let pin = format!("joint.{n}.motor-pos-cmd");
         let targets = wiring.beside(&pin);
         if targets.iter().all(|target| target.starts_with("joint.")) {
-            let text =
-                format!("no command leaves joint {n}: expected a net from {pin} to its drive");
+            let text = format!("joint {n} commands no drive: add a net from {pin} to its drive");
             return self.tell(Severity::Error, wiring.place_of(&pin), &text);
         }
         let loops: Vec<&str> =
@@ -567,19 +571,18 @@ impl Judge<'_> {
         let place = wiring.place_of(&format!("{pid}.command"));
         if !wiring.beside(&format!("{pid}.feedback")).iter().any(|pin| is_source(pin)) {
             let text = format!(
-                "the loop {pid} of joint {n} has no feedback: expected its encoder on {pid}.feedback"
+                "the loop {pid} of joint {n} has no feedback: net its encoder to {pid}.feedback"
             );
             self.tell(Severity::Error, place, &text);
         }
         if wiring.beside(&format!("{pid}.output")).is_empty() {
-            let text = format!(
-                "the loop {pid} of joint {n} drives nothing: expected a net from {pid}.output"
-            );
+            let text =
+                format!("the loop {pid} of joint {n} drives nothing: add a net from {pid}.output");
             self.tell(Severity::Error, place, &text);
         }
         if wiring.beside(&format!("{pid}.enable")).is_empty() {
             let text = format!(
-                "the loop {pid} of joint {n} is never enabled: expected joint.{n}.amp-enable-out on {pid}.enable"
+                "the loop {pid} of joint {n} is never enabled: net joint.{n}.amp-enable-out to {pid}.enable"
             );
             self.tell(Severity::Error, place, &text);
         }
@@ -591,13 +594,12 @@ impl Judge<'_> {
         let sources = wiring.beside(&pin);
         if sources.iter().any(|source| *source == format!("joint.{n}.motor-pos-cmd")) {
             let text = format!(
-                "the feedback of joint {n} is its own command: no following error ever shows"
+                "the feedback of joint {n} is its own command, which hides every following error: net the encoder to it"
             );
             self.tell(Severity::Warning, wiring.place_of(&pin), &text);
         } else if !sources.iter().any(|source| is_source(source)) {
-            let text = format!(
-                "no feedback on joint {n}: expected a net from its drive or encoder to {pin}"
-            );
+            let text =
+                format!("no feedback on joint {n}: add a net from its drive or encoder to {pin}");
             self.tell(Severity::Error, wiring.place_of(&pin), &text);
         }
     }
@@ -606,7 +608,7 @@ impl Judge<'_> {
         let pin = format!("joint.{n}.amp-enable-out");
         if self.wiring.beside(&pin).is_empty() {
             let text = format!(
-                "the drive of joint {n} is not enabled by {pin}: it does not know when the machine is off"
+                "the drive of joint {n} is not enabled by {pin}, so it stays on when the machine is off: net {pin} to it"
             );
             self.tell(Severity::Warning, None, &text);
         }
@@ -626,8 +628,8 @@ impl Judge<'_> {
             let pin = format!("joint.{n}.{pin}");
             if is_used && self.wiring.beside(&pin).is_empty() {
                 let text = format!(
-                    "homing waits for {what}, and no HAL file has {pin} on a signal: with the files for drives \
-                     of pkmkins [{section}]HOME_SWITCH_PIN names a switch"
+                    "homing waits for {what}, but {pin} has no signal in any HAL file: net it (with the \
+                     drive files of pkmkins, set [{section}]HOME_SWITCH_PIN)"
                 );
                 let error = crate::wiring::at_key(self.ini, &section, key, &text);
                 self.found.push((Severity::Error, error));
@@ -640,9 +642,9 @@ impl Judge<'_> {
     fn latch(&mut self, section: &str, searches: bool, index: bool) -> Result<(), IniError> {
         let latch = self.ini.number_or(section, "HOME_LATCH_VEL", 0.0)?;
         let text = if searches && latch == 0.0 {
-            "LinuxCNC homes no joint that searches without it: expected the speed at which it leaves the switch"
+            "LinuxCNC does not home a joint that searches without it: set the speed at which the joint leaves the switch"
         } else if !searches && latch != 0.0 && !index {
-            "LinuxCNC homes no joint with it alone: expected HOME_SEARCH_VEL, or HOME_USE_INDEX = YES"
+            "LinuxCNC does not home a joint with this key alone: add HOME_SEARCH_VEL, or HOME_USE_INDEX = YES"
         } else {
             return Ok(());
         };
@@ -663,7 +665,7 @@ impl Judge<'_> {
             sources.iter().find(|pin| pin.contains("stepgen.") && pin.ends_with("position-fb"));
         if let Some(pin) = counts {
             let text = format!(
-                "the feedback of joint {n} is {pin}, which counts steps from 0 wherever the joint is at the start: \
+                "the feedback of joint {n} is {pin}, which counts steps from 0 at the start, wherever the joint is: \
                  expected homing by a switch (HOME_SEARCH_VEL, HOME_LATCH_VEL, HOME_OFFSET), or the pin of an absolute encoder"
             );
             let error = crate::wiring::at_key(self.ini, section, KEY, &text);
@@ -692,7 +694,7 @@ impl Judge<'_> {
             needed.into_iter().filter(|(name, _)| !has(name)).collect();
         for (function, pin) in missing {
             let text = format!(
-                "{pin} is connected, and no HAL file adds {function} to a thread: nothing moves it"
+                "{pin} is connected, but no HAL file adds {function} to a thread, so it never moves: add addf {function}"
             );
             self.tell(Severity::Error, wiring.place_of(pin), &text);
         }
@@ -702,13 +704,12 @@ impl Judge<'_> {
     fn machine(&mut self) {
         let wiring = self.wiring;
         if wiring.beside("iocontrol.0.emc-enable-in").is_empty() {
-            let text = "iocontrol.0.emc-enable-in is on no signal: LinuxCNC never leaves the emergency stop";
+            let text = "iocontrol.0.emc-enable-in has no signal, so LinuxCNC never leaves the emergency stop: net it";
             self.tell(Severity::Error, None, text);
         }
         let asks = !wiring.modules.is_empty() && self.ini.first("EMCIO", "TOOL_TABLE").is_some();
         if asks && wiring.beside("iocontrol.0.tool-changed").is_empty() {
-            let text =
-                "iocontrol.0.tool-changed is on no signal: every M6 waits for it and never ends";
+            let text = "iocontrol.0.tool-changed has no signal, so every M6 waits forever: net it";
             self.tell(Severity::Warning, None, text);
         }
         let speed: BTreeSet<&String> =
@@ -716,7 +717,7 @@ impl Judge<'_> {
         if let Some(pin) = speed.first()
             && wiring.beside("spindle.0.at-speed").is_empty()
         {
-            let text = "spindle.0.at-speed is on no signal: a program cuts while the spindle still comes up";
+            let text = "spindle.0.at-speed has no signal, so programs cut before the spindle is at speed: net it";
             self.tell(Severity::Warning, wiring.place_of(pin), text);
         }
     }
@@ -858,7 +859,7 @@ mod tests {
         let found = told("own.hal", &without(STEPS, " stepgen.0.position-fb"), "");
         assert_one(&found, Severity::Error, "no feedback on joint 0", 10);
         let found = told("own.hal", &without(STEPS, " => stepgen.0.position-cmd"), "");
-        assert_one(&found, Severity::Error, "no command leaves joint 0", 9);
+        assert_one(&found, Severity::Error, "joint 0 commands no drive", 9);
         let found = told("own.hal", &without(STEPS, " => stepgen.0.enable"), "");
         assert_one(&found, Severity::Warning, "joint 0 is not enabled", 7);
         let found = told("own.tcl", &without(SERVO, "hm2_5i25.0.encoder.00.position "), "");
@@ -914,8 +915,8 @@ mod tests {
         let joint =
             |keys: &str| told("own.hal", STEPS, &format!("[JOINT_0]\nMAX_VELOCITY = 500\n{keys}"));
         assert_eq!(joint("FERROR = 0.5\n"), []);
-        assert_one(&joint("FERROR = 0.4\n"), Severity::Warning, "0.5 behind", 10);
-        assert_one(&joint("FERROR = 1\nDELAY = 3\n"), Severity::Error, "1.5 behind", 10);
+        assert_one(&joint("FERROR = 0.4\n"), Severity::Warning, "lags by 0.5", 10);
+        assert_one(&joint("FERROR = 1\nDELAY = 3\n"), Severity::Error, "lags by 1.5", 10);
         assert_eq!(joint("FERROR = 1.5\nDELAY = 3\n"), []);
     }
 
@@ -930,6 +931,6 @@ mod tests {
         assert!(!file.exists());
         assert_one(&told("own.tcl", "while 1 {}\n", ""), Severity::Warning, "time limit", 1);
         let ends = told("own.tcl", "puts stderr {no card}\nexit 1\n", "");
-        assert_one(&ends, Severity::Error, "start ends here: no card", 2);
+        assert_one(&ends, Severity::Error, "fails to start: no card", 2);
     }
 }

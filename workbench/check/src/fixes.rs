@@ -60,9 +60,9 @@ pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<F
     let homed = machine(file, &text)?;
     progress("homing");
     text = entered(&text, &homings(&homed)?)?;
-    progress("looking for boxes of poses");
+    progress("searching for pose boxes");
     text = axes(&homed, text)?;
-    progress("looking for a proof of the boxes");
+    progress("proving the boxes");
     let found = boxed(file, text)?;
     Ok(Fixed { text: with_ends(old, found.text), ..found })
 }
@@ -167,7 +167,7 @@ fn boxed(file: &Path, text: String) -> Result<Fixed, FixError> {
                 let sections: Vec<_> = found.into_iter().map(|(section, _)| section).collect();
                 fixed.text = rewritten(&fixed.text, mechanism, &sections)?;
             }
-            Err(doubt) => fixed.left.push(format!("no boxes are proved: {doubt}")),
+            Err(doubt) => fixed.left.push(format!("no boxes could be proved: {doubt}")),
         }
     }
     Ok(fixed)

@@ -66,8 +66,8 @@ fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), Machi
         if !(away <= tolerance(config, joint.kind)) {
             let leg = if i < config.legs() { config.place.leg_section(i) } else { "PKM".into() };
             let text = format!(
-                "off by {}: the kinematics put {} to {wanted} at [TRAJ]HOME; write that, as pkm check --fix \
-                 does, or correct [TRAJ]HOME or [{leg}] where the machine was measured with this value",
+                "off by {}: the kinematics give {} = {wanted} at [TRAJ]HOME; use that (pkm check --fix writes it), or \
+                 correct [TRAJ]HOME or [{leg}] if this value was measured",
                 off(away, unit),
                 joint.name
             );
@@ -85,7 +85,7 @@ fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), Machi
         if !(axis.min..=axis.max).contains(&home) {
             let name = config.place.letter(*letter);
             let text = format!(
-                "{name} = {home} is outside of [AXIS_{name}], {} to {}",
+                "{name} = {home} is outside [AXIS_{name}], {} to {}: move HOME, or widen the limits",
                 axis.min, axis.max
             );
             report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
@@ -95,11 +95,11 @@ fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), Machi
     axis_homes(report, ini, config);
     let (farthest, unit) = farthest;
     let text = format!(
-        "the joints' HOME are off by {} from what the kinematics make of [TRAJ]HOME; pkm check --fix \
-         writes all their digits",
+        "joint HOME differs from the inverse kinematics at [TRAJ]HOME by {}; run pkm check --fix to write all \
+         digits",
         match farthest < NEXT_TO_NOTHING {
             true => off(farthest, unit),
-            false => format!("at most {}", off(farthest, unit)),
+            false => format!("up to {}", off(farthest, unit)),
         }
     );
     report.fact("home", text);
@@ -113,8 +113,8 @@ fn axis_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
         let Ok(given) = ini.number_or(&section, "HOME", home) else { continue };
         if given != home {
             let text = format!(
-                "[TRAJ]HOME has {} at {home}, and LinuxCNC {} does not read this one: expected the same, or \
-                 no such line",
+                "[TRAJ]HOME has {} at {home}, and LinuxCNC {} ignores this key: use the same value, or \
+                 remove the line",
                 config.place.letter(letter),
                 crate::linuxcnc()
             );
@@ -130,7 +130,7 @@ fn extra_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
         let (least, most) = (joint.min.max(axis.min), joint.max.min(axis.max));
         if !(least..=most).contains(&joint.home) {
             let text = format!(
-                "{} is outside of its limits as joint and as [AXIS_{}], {least} to {most}",
+                "{} is outside its limits as joint and as [AXIS_{}], {least} to {most}: correct HOME",
                 joint.name, extra.letter
             );
             let section = format!("JOINT_{}", config.place.first_extra_joint + n);
@@ -151,12 +151,14 @@ fn homing_problem(ini: &Ini, config: &Mechanism, trouble: &Trouble) -> Result<In
         Trouble::LeftOut(i) => {
             let section = format!("JOINT_{i}");
             let text = match ini.first(&section, "HOME_SEQUENCE") {
-                None => "Home All leaves this joint out, and without it there is no world mode: give it the \
-                         number of the others"
-                    .into(),
+                None => {
+                    "Home All skips this joint, and world mode needs all joints homed: set it to \
+                         the number of the others"
+                        .into()
+                }
                 Some(_) => format!(
-                    "Home All ends before this joint, for no joint has the number {}, and without it there is no world \
-                     mode: expected numbers from 0 or 1 on without a gap",
+                    "Home All stops before this joint, because no joint has the number {}, and world mode needs all \
+                     joints homed: number from 0 or 1 without gaps",
                     sequence::end(ini)?
                 ),
             };
@@ -164,8 +166,8 @@ fn homing_problem(ini: &Ini, config: &Mechanism, trouble: &Trouble) -> Result<In
         }
         Trouble::Switch(i, beyond, unit) => {
             let text = format!(
-                "the switch is {} outside of MIN_LIMIT to MAX_LIMIT: expected the joint's value at the switch; \
-                 it is right only where the switch stands beyond the travel that programs have",
+                "the switch is {} outside MIN_LIMIT to MAX_LIMIT: expected the joint value at the switch; keep it only \
+                 if the switch is beyond the travel of programs",
                 off(*beyond, unit)
             );
             at_key(ini, &format!("JOINT_{i}"), "HOME_OFFSET", &text)

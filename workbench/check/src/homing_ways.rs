@@ -433,30 +433,33 @@ pub(crate) fn summary(
     config: &Mechanism,
 ) -> Result<(String, Option<IniError>), IniError> {
     let Some(homing) = Homing::new(config)? else {
-        return Ok(("not judged from elsewhere than HOME: axes carry something".into(), None));
+        return Ok((
+            "judged only from HOME, because axes carry the work, the tool or the legs".into(),
+            None,
+        ));
     };
     // Which is reported already.
     if homing.joints.iter().any(|joint| joint.sequence.is_none()) {
-        return Ok(("not judged from elsewhere than HOME: not all joints are homed".into(), None));
+        return Ok(("judged only from HOME, because not all joints are homed".into(), None));
     }
     if !homing.moves() {
-        return Ok(("moves nothing: every joint knows its place".into(), None));
+        return Ok(("moves nothing: all encoders are absolute".into(), None));
     }
     let Outcome { starts, broken, first } = homing.judge(&homing.order());
     if starts == 0 {
-        return Ok(("not judged: no pose was found in the axis limits to begin from".into(), None));
+        return Ok(("not judged: no legal pose was found within the axis limits".into(), None));
     }
     let kept = starts - broken;
     let fact = format!(
-        "keeps the limits of the legs from {kept} of {starts} poses seen; pkm homing shows the way"
+        "keeps the limits of the legs from {kept} of {starts} sampled poses; see pkm homing"
     );
     let better = first.and_then(|first| Some((first, homing.safe_order()?)));
     let error = better.map(|(first, order)| {
         let numbers: Vec<String> = sequences(&order).iter().map(i64::to_string).collect();
         let section = config.place.joint_section(0);
         let text = format!(
-            "from {} {}: give the joints from {section} on {}, with which that was seen from none of \
-             {starts} poses",
+            "from {} {}: set HOME_SEQUENCE from {section} on to {}, which avoids this from all {starts} \
+             poses",
             shown(config, &first.start),
             first.what,
             numbers.join(" ")

@@ -124,7 +124,7 @@ impl Structure {
     /// What the legs hold, in one line.
     pub fn mobility(&self) -> String {
         let text = format!(
-            "legs hold {} of 6 motions, {} of {}",
+            "legs constrain {} of 6 motions, {} of {}",
             self.rank,
             self.active_rank,
             letters(&self.active)
@@ -135,7 +135,7 @@ impl Structure {
         };
         let held = match self.held.as_slice() {
             [] => String::new(),
-            held => format!("; joints or guides hold {}", letters(held)),
+            held => format!("; joints or guides constrain {}", letters(held)),
         };
         text + &redundant + &held
     }

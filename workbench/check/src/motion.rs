@@ -74,7 +74,7 @@ fn angles(report: &mut Report, config: &Mechanism) {
         ["deg", "degree"].contains(&value.as_str()) || value.parse() == Ok(1.0)
     });
     if !is_degree {
-        let text = "expected degree, in which the kinematics and all angles of the file are";
+        let text = "expected degree, the unit of the kinematics and of all angles in the file";
         report.finding(Severity::Error, at_key(&config.ini, "TRAJ", "ANGULAR_UNITS", text));
     }
 }
@@ -83,13 +83,13 @@ fn period(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     let [least, most] = PERIODS;
     let given = config.ini.first("EMCMOT", "SERVO_PERIOD");
     if let Some(entry) = given.filter(|entry| entry.value.trim().parse::<i64>().is_err()) {
-        let text = "LinuxCNC's start ends here: expected whole nanoseconds, mostly 1000000";
+        let text = "LinuxCNC fails to start: expected whole nanoseconds, usually 1000000";
         report.finding(Severity::Error, config.ini.refuse(entry, text));
     }
     let period = config.ini.number_or("EMCMOT", "SERVO_PERIOD", 1e6)?;
     if !(least..=most).contains(&period) {
         let text = format!(
-            "a servo cycle of {} ms: expected nanoseconds, {least} to {most}, mostly 1000000",
+            "a servo cycle of {} ms: expected nanoseconds, {least} to {most}, usually 1000000",
             period * 1e-6
         );
         report.finding(Severity::Warning, at_key(&config.ini, "EMCMOT", "SERVO_PERIOD", &text));
@@ -101,7 +101,7 @@ fn period(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
 fn answers(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     const KEY: (&str, &str) = ("EMCMOT", "COMM_TIMEOUT");
     if config.ini.number_or(KEY.0, KEY.1, 1.0)? <= config.period {
-        let text = "LinuxCNC's start ends here, for motion answers once in a servo cycle: expected seconds, mostly 1";
+        let text = "LinuxCNC fails to start, because motion answers once per servo cycle: expected seconds, usually 1";
         report.finding(Severity::Error, at_key(&config.ini, KEY.0, KEY.1, text));
     }
     Ok(())
@@ -113,7 +113,7 @@ fn spindles(report: &mut Report, config: &Mechanism) {
     let count = entry.value.trim().parse::<usize>();
     if !count.is_ok_and(|count| (1..=SPINDLES).contains(&count)) {
         let text = format!(
-            "LinuxCNC's start ends here: expected a whole number from 1 to {SPINDLES}, 1 for a machine without a spindle"
+            "LinuxCNC fails to start: expected an integer from 1 to {SPINDLES}, 1 for a machine without a spindle"
         );
         report.finding(Severity::Error, config.ini.refuse(entry, &text));
     }
@@ -123,7 +123,7 @@ fn spindles(report: &mut Report, config: &Mechanism) {
 fn kind(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     let expected = if joint.kind == JointKind::Arm { "ANGULAR" } else { "LINEAR" };
     if let Some(entry) = config.ini.first(section, "TYPE").filter(|entry| entry.value != expected) {
-        let text = format!("expected {expected}, as {} is", joint.name);
+        let text = format!("expected {expected}, the type of {}", joint.name);
         report.finding(Severity::Error, config.ini.refuse(entry, &text));
     }
 }
@@ -140,12 +140,12 @@ fn following(
     let allowed = ini.number_or(section, "FERROR", 1.0)?;
     let least = ini.number_or(section, "MIN_FERROR", 0.0)?;
     let text = match ini.first(section, "FERROR") {
-        None => Some(format!(
-            "LinuxCNC takes 1 {unit}: give how far the drive may be behind at MAX_VELOCITY"
-        )),
+        None => {
+            Some(format!("LinuxCNC uses 1 {unit}: set the allowed following error at MAX_VELOCITY"))
+        }
         Some(_) if allowed >= most => Some(format!(
-            "{} may be {allowed} {unit} behind, {most} or more of its range of {}: nothing stops a drive that does not \
-             follow before it has moved the platform far",
+            "{} may lag by {allowed} {unit}, {most} or more of its range of {}: a drive that does not follow moves the \
+             platform far before it stops",
             joint.name,
             joint.max - joint.min
         )),
@@ -155,7 +155,8 @@ fn following(
         report.finding(Severity::Warning, at_key(ini, section, "FERROR", &text));
     }
     if least > allowed {
-        let text = format!("it is more than FERROR, {allowed}, which then never counts");
+        let text =
+            format!("it exceeds FERROR, {allowed}, which then has no effect: use less than FERROR");
         report.finding(Severity::Warning, at_key(ini, section, "MIN_FERROR", &text));
     }
     Ok(())
@@ -167,7 +168,7 @@ fn ramp(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     let most = joint.max_acceleration * config.period / IN_A_CYCLE;
     if rate > most {
         let text = format!(
-            "it begins and ends within a servo cycle, and {most} {} a second are what MAX_ACCELERATION = {} allows then: \
+            "it starts and stops within a servo cycle, in which at most {most} {} per second keep MAX_ACCELERATION = {}: \
              lower it",
             config.unit(joint.kind),
             joint.max_acceleration
@@ -187,11 +188,11 @@ fn backlash(
     let play = ini.number_or(section, KEY, 0.0)?;
     let scale = if *turns { 1.0 } else { config.units_per_mm };
     let text = if play < 0.0 {
-        format!("LinuxCNC makes the play larger then: expected {}, or no such key", -play)
+        format!("LinuxCNC then increases the play: use {}, or remove the key", -play)
     } else if play > WORN * scale {
         format!(
-            "at every reversal of {} LinuxCNC moves its drive by it, {play} {unit}, and the platform with it where there \
-             is less play: expected the play in {unit}",
+            "at every reversal of {} LinuxCNC moves the drive by {play} {unit}, and the platform too if the play is \
+             smaller: expected the play in {unit}",
             joint.name
         )
     } else {
@@ -216,7 +217,7 @@ fn tables(report: &mut Report, config: &Mechanism) {
         ] {
             if of_axis > of_joint {
                 let text = format!(
-                    "expected at most {of_joint} of [{own}], which follows this axis one to one: beyond that it falls behind, \
+                    "expected at most {of_joint} of [{own}], which follows this axis one to one: above that it falls behind, \
                      and LinuxCNC stops the machine"
                 );
                 report.finding(Severity::Error, at_key(&config.ini, &axis, key, &text));
@@ -249,8 +250,8 @@ fn ends(
         // An axis without an end is reported as that.
         if is_beyond[k] && of_axis[k].is_finite() {
             let text = format!(
-                "[{axis}]{key} = {} goes beyond it, and LinuxCNC stops programs at the joint's limit: expected an axis that \
-                 ends before its joint",
+                "[{axis}]{key} = {} is beyond this limit, and LinuxCNC stops programs at the joint's limit: make the axis \
+                 range smaller than the joint range",
                 of_axis[k]
             );
             report.finding(Severity::Warning, at_key(&config.ini, joint, key, &text));
@@ -266,7 +267,7 @@ fn letters(report: &mut Report, config: &Mechanism) {
         .chars()
         .all(|c| c.is_whitespace() || "XYZABCUVW".contains(c.to_ascii_uppercase()))
     {
-        let text = "LinuxCNC takes every letter here for an axis, those of a comment too: expected the letters of the axes alone";
+        let text = "LinuxCNC reads every letter here as an axis, also in a comment: write only the letters of the axes";
         report.finding(Severity::Error, config.ini.refuse(entry, text));
     }
 }
@@ -275,7 +276,8 @@ fn letters(report: &mut Report, config: &Mechanism) {
 fn defaults(report: &mut Report, config: &Mechanism, section: &str) {
     for key in ["MAX_VELOCITY", "MAX_ACCELERATION"] {
         if config.ini.first(section, key).is_none() {
-            let text = "LinuxCNC takes 1, which is slow for most machines: give that of the tool";
+            let text =
+                "LinuxCNC uses 1, which is slow for most machines: set the value of the tool";
             report.finding(Severity::Warning, at_key(&config.ini, section, key, text));
         }
     }
@@ -288,7 +290,7 @@ fn wrapped(report: &mut Report, config: &Mechanism, letter: Letter, section: &st
     if range < 360.0 && !["0", "no", "false", "off"].contains(&entry.value.to_lowercase().as_str())
     {
         let text = format!(
-            "LinuxCNC then goes the short way round to every angle, and the limits leave {range} degrees: take the line out"
+            "LinuxCNC then rotates the short way to every angle, but the limits allow only {range} degrees: remove the line"
         );
         report.finding(Severity::Warning, config.ini.refuse(entry, &text));
     }
@@ -311,8 +313,8 @@ fn too_fast(report: &mut Report, config: &Mechanism, letter: Letter, section: &s
     if let Some(i) = most.filter(|i| share(*i) > FAST) {
         let Joint { name, kind, max_velocity, .. } = &config.joints[i];
         let text = format!(
-            "at home {name} would have to move at {:.0} {} a second, and its MAX_VELOCITY is {max_velocity}: expected a \
-             speed a second, not a minute, that the joints can follow",
+            "at home {name} would need {:.0} {} per second, but its MAX_VELOCITY is {max_velocity}: expected a speed \
+             per second, not per minute, that the joints can follow",
             rate(i),
             config.unit(*kind)
         );

@@ -31,7 +31,7 @@ fn limit_at_home(report: &mut Report, config: &Mechanism) {
     });
     let Some(margin) = nearest.filter(|margin| margin.share().is_finite()) else { return };
     let text = format!(
-        "{} at home: {} {}, {} allowed, {:.1} % to spare; move [TRAJ]HOME away from it where that is too little",
+        "{} at home: {} {}, {} allowed, {:.1} % margin; move [TRAJ]HOME if that is too little",
         limits::part(config, margin.limit, margin.part),
         limits::shown(margin.value),
         limits::unit(config, margin.limit, margin.part),
@@ -42,7 +42,7 @@ fn limit_at_home(report: &mut Report, config: &Mechanism) {
     // Beyond it is told with the place that the limit stands at.
     if (0.0..LEAST).contains(&margin.share()) {
         let text =
-            format!("the machine stands there at the end of a limit: {}", text.replace(" ,", ","));
+            format!("the machine is at the edge of a limit there: {}", text.replace(" ,", ","));
         report.finding(Severity::Warning, at_key(&config.ini, "TRAJ", "HOME", &text));
     }
 }
@@ -50,7 +50,7 @@ fn limit_at_home(report: &mut Report, config: &Mechanism) {
 fn shown_nearest(config: &Mechanism, Nearest { distance, pair: [i, j] }: &Nearest) -> String {
     let (distance, unit) = (limits::shown(*distance), config.length_unit());
     let [i, j] = [i, j].map(|leg| config.place.first_leg + leg);
-    format!("the centre lines of legs {i} and {j} are {distance} {unit} apart")
+    format!("the center lines of legs {i} and {j} are {distance} {unit} apart")
 }
 
 /// The nearest legs at home, and those whose distance is not judged.
@@ -69,7 +69,7 @@ fn legs_at_home(report: &mut Report, config: &Mechanism) {
         .collect();
     if !meeting.is_empty() {
         let name = if nearest.is_some() { "" } else { "nearest legs" };
-        let text = format!("not judged, as they share an anchor: {}", meeting.join(", "));
+        let text = format!("not judged, because they share an anchor: {}", meeting.join(", "));
         report.fact(name, text);
     }
 }
@@ -78,7 +78,10 @@ fn legs_at_home(report: &mut Report, config: &Mechanism) {
 pub(super) fn seen(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) {
     let Some((nearest, pose)) = &seen.nearest else { return };
     let (apart, place) = (shown_nearest(config, nearest), shown_pose(config, pose));
-    report.more("nearest legs", format!("{apart}, the least seen in the axis limits, at {place}"));
+    report.more(
+        "nearest legs",
+        format!("{apart}, the smallest sampled within the axis limits, at {place}"),
+    );
     if config.clearance.is_some() {
         return;
     }
@@ -86,14 +89,14 @@ pub(super) fn seen(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Se
         true => (
             Severity::Error,
             format!(
-                "{apart} at {place}: they meet within the axis limits, and nothing stops them: give \
-                 the distance that they have to keep, narrow the axis limits, or see whether anchors are swapped"
+                "{apart} at {place}: they meet within the axis limits, and nothing stops them: set the \
+                 minimum distance, narrow the axis limits, or check for swapped anchors"
             ),
         ),
         false => (
             Severity::Warning,
-            "the thickness of the legs is not judged: give the distance that their centre lines \
-             have to keep, their diameter and some room"
+            "the thickness of the legs is unknown: set the minimum distance between center lines, their \
+             diameter and some margin"
                 .into(),
         ),
     };

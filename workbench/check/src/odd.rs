@@ -54,8 +54,8 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let Some((Quantity { name, unit, keys, values, .. }, leg)) = found else { return };
     let other = values[if leg == 0 { 1 } else { 0 }];
     let text = format!(
-        "leg {} is unlike the {} others: {name} is {} {unit}, and theirs {}. See whether a sign or a digit of it is \
-         wrong, or two anchors are exchanged; leave it where the machine is built like that",
+        "leg {} differs from the {} others: {name} is {} {unit}, theirs {}; check signs, digits and the order of \
+         the anchors, unless the machine is built like that",
         config.place.first_leg + leg,
         values.len() - 1,
         limits::shown(values[leg]),
@@ -77,8 +77,8 @@ pub(super) fn keys(report: &mut Report, config: &Mechanism) {
         let values: Vec<f64> = joints.iter().map(of).collect();
         let Some(leg) = apart(&values) else { continue };
         let text = format!(
-            "{} is alone with it: the {} others have {}. See whether a digit or the unit is wrong; leave it where the \
-             machine is built like that",
+            "{} differs from the {} others, which have {}; check digits and unit, unless the machine is built \
+             like that",
             joints[leg].name,
             values.len() - 1,
             match beside(&values, leg) {

@@ -24,7 +24,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let bases: Vec<_> = segments.iter().map(|leg| leg.base).collect();
     let platform: Vec<_> = segments.iter().map(|leg| leg.platform).collect();
     let Some(around) = around(&bases).filter(|_| !has_level_guides(config)) else {
-        let text = "not judged: the base joints stand around nothing, seen from above; see that [LEG_0] is the \
+        let text = "not judged: seen from above, the base joints surround no point; make sure that [LEG_0] is the \
                     leg that joint 0 drives, and so on";
         return report.fact("order of legs", text);
     };
@@ -32,8 +32,8 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let names: Vec<String> =
         order.iter().map(|leg| (config.place.first_leg + leg).to_string()).collect();
     let text = format!(
-        "{}, counter-clockwise seen from above, leg {} at {:.1} degrees from X: joint and drive have to be numbered \
-         like that",
+        "{}, counter-clockwise seen from above, leg {} at {:.1} degrees from X: number joints and drives in the \
+         same order",
         names.join(" "),
         names[0],
         around[order[0]]
@@ -44,8 +44,8 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
         let section = config.place.leg_section(j);
         let [i, j] = [i, j].map(|leg| config.place.first_leg + leg);
         let text = format!(
-            "legs {i} and {j} follow each other around the base, and the other way around the platform: see whether \
-             PLATFORM of two legs is swapped; leave it where the legs cross by design"
+            "legs {i} and {j} follow each other around the base, and the other way around the platform: check \
+             for swapped PLATFORM of two legs, unless the legs cross by design"
         );
         let key =
             if config.ini.first(&section, "PLATFORM").is_some() { "PLATFORM" } else { "BASE" };

@@ -46,7 +46,7 @@ pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
     let mut found: Vec<_> = parameters(ini).into_iter().collect();
     found.extend(opened(ini).map(|error| (Severity::Warning, error)));
     if !is_installed() {
-        let text = "programs that are started, and files that come with LinuxCNC, are not judged: it is not installed here";
+        let text = "LinuxCNC is not installed here, so programs to start and files of LinuxCNC are not judged";
         found.push((Severity::Warning, at_key(ini, "DISPLAY", "DISPLAY", text)));
         return found;
     }
@@ -70,16 +70,16 @@ fn parameters(ini: &Ini) -> Option<(Severity, IniError)> {
     if file(ini, section, key).is_some() {
         return None;
     }
-    let expected = "expected a file of this machine's own, which LinuxCNC makes";
+    let expected = "expected a file for this machine only, which LinuxCNC creates";
     // LinuxCNC takes a key without a value for none.
     let is_given = ini.first(section, key).is_some_and(|entry| !entry.value.trim().is_empty());
     let ends = is_axis(ini) && !is_given;
     let (severity, text) = match ends {
-        true => (Severity::Error, format!("AXIS ends here, and LinuxCNC with it: {expected}")),
+        true => (Severity::Error, format!("AXIS fails to start, and LinuxCNC with it: {expected}")),
         false => (
             Severity::Warning,
             format!(
-                "work offsets go to {PARAMETERS}, as those of every machine in this folder: {expected}"
+                "work offsets go to {PARAMETERS}, shared by every machine in this folder: {expected}"
             ),
         ),
     };
@@ -94,7 +94,7 @@ fn program(
     known: &[&str],
 ) -> Option<IniError> {
     let Some((entry, name)) = named(ini, section, key) else {
-        let text = format!("LinuxCNC's start ends here: expected {}", known[0]);
+        let text = format!("LinuxCNC fails to start: expected {}", known[0]);
         return is_needed.then(|| at_key(ini, section, key, &text));
     };
     let is_there = NAMED.contains(&name) || is_program(ini, name);
@@ -121,7 +121,7 @@ fn buffers(ini: &Ini) -> Option<IniError> {
         .into_iter()
         .find_map(|(section, key)| file(ini, section, key))?;
     (!file.is_file()).then(|| {
-        let text = "there is no such file, and LinuxCNC's start ends here: expected no such key";
+        let text = "there is no such file, so LinuxCNC fails to start: remove the key";
         ini.refuse(entry, text)
     })
 }
@@ -132,15 +132,15 @@ fn tools(ini: &Ini) -> Option<IniError> {
     let (entry, name) = named(ini, "EMCIO", "DB_PROGRAM")?;
     let name = if name.contains('/') { name.into() } else { format!("./{name}") };
     (!is_program(ini, &name)).then(|| {
-        let text = "there is no such program that can be run beside the INI file, and LinuxCNC starts without its tools: \
-                    expected one, as ./tools.py, or no such key";
+        let text = "there is no such executable beside the INI file, so LinuxCNC starts without tools: \
+                    name one, such as ./tools.py, or remove the key";
         ini.refuse(entry, text)
     })
 }
 
 fn absent(ini: &Ini, entry: &Entry, what: &str, name: &str, known: &[&str]) -> IniError {
     let meant = near::among(name, known.iter().copied()).unwrap_or(known[0]);
-    ini.refuse(entry, &format!("{what}, and LinuxCNC's start ends here: expected {meant}, say"))
+    ini.refuse(entry, &format!("{what}, so LinuxCNC fails to start: use, for example, {meant}"))
 }
 
 /// Whether LinuxCNC is on this computer.
@@ -164,14 +164,14 @@ fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
             .map(|(folder, stem)| folder.with_file_name("paths").join(stem).with_extension("toml"));
         let way_out = match path.filter(|path| path.is_file()) {
             Some(path) => format!(
-                "pkm path {} {} --output {} writes it",
+                "run pkm path {} {} --output {} to write it",
                 ini.file().display(),
                 path.display(),
                 file.display()
             ),
-            None => "expected one, or no such key".into(),
+            None => "create it, or remove the key".into(),
         };
-        let text = format!("there is no such file, which the user interface is to open: {way_out}");
+        let text = format!("there is no such file for the GUI to open: {way_out}");
         ini.refuse(entry, &text)
     });
     let folders = [
@@ -185,7 +185,7 @@ fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
             !places::named(ini.file(), name).is_dir() && !comes_with_linuxcnc(ini, name)
         };
         let name = entry.value.split(':').map(str::trim).find(is_absent)?;
-        let text = format!("there is no folder {name}: expected one, or no such key");
+        let text = format!("there is no folder {name}: create it, or remove the key");
         Some(ini.refuse(entry, &text))
     });
     let subroutines = subroutines(ini).chain(shown(ini));
@@ -221,7 +221,7 @@ fn subroutines(ini: &Ini) -> impl Iterator<Item = IniError> {
             !is_installed() && folders.iter().any(|folder| folder.starts_with(SHARE));
         (!is_there && !is_elsewhere).then(|| {
             let text = format!(
-                "there is no {file} in [DISPLAY]PROGRAM_PREFIX and [RS274NGC]SUBROUTINE_PATH, where LinuxCNC looks for it"
+                "there is no {file} in [DISPLAY]PROGRAM_PREFIX or [RS274NGC]SUBROUTINE_PATH, where LinuxCNC looks: put it there"
             );
             ini.refuse(entry, &text)
         })
@@ -241,7 +241,7 @@ fn shown(ini: &Ini) -> impl Iterator<Item = IniError> {
                 && !comes_with_linuxcnc(ini, word)
         };
         let name = entry.value.split_whitespace().find(is_absent)?;
-        Some(ini.refuse(entry, &format!("there is no file {name}: expected one, or no such key")))
+        Some(ini.refuse(entry, &format!("there is no file {name}: create it, or remove the key")))
     })
 }
 
@@ -252,7 +252,7 @@ fn kept(ini: &Ini) -> impl Iterator<Item = IniError> {
         let (entry, file) = file(ini, section, key)?;
         let folder =
             file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())?;
-        Some(ini.refuse(entry, &format!("there is no folder {}: make it", folder.display())))
+        Some(ini.refuse(entry, &format!("there is no folder {}: create it", folder.display())))
     })
 }
 
@@ -272,12 +272,12 @@ fn app(ini: &Ini, entry: &Entry) -> Option<IniError> {
     if !is_own && !is_program(ini, name) && !is_program(ini, &format!("./{name}")) {
         let meant = near::among(name, OWN).unwrap_or("the name of a program");
         let text =
-            format!("there is no such program, and LinuxCNC starts without it: expected {meant}");
+            format!("there is no such program, so LinuxCNC starts without it: expected {meant}");
         return Some(ini.refuse(entry, &text));
     }
     let of_machine = words.find(|word| is_own && word.ends_with(".ini"))?;
     (!places::named(ini.file(), of_machine).is_file()).then(|| {
-        let text = format!("there is no file {of_machine}: expected this machine's");
+        let text = format!("there is no file {of_machine}: name this machine's INI file");
         ini.refuse(entry, &text)
     })
 }
@@ -287,7 +287,7 @@ fn filter(ini: &Ini, entry: &Entry) -> Option<IniError> {
     (!OWN.contains(&name) && !is_program(ini, name)).then(|| {
         let meant = near::among(name, OWN).unwrap_or("the name of a program");
         let text = format!(
-            "there is no such program, and the user interface opens no file that ends in .{}: expected {meant}",
+            "there is no such program, so the GUI opens no file that ends in .{}: expected {meant}",
             entry.key
         );
         ini.refuse(entry, &text)
@@ -304,7 +304,7 @@ fn compensations(ini: &Ini) -> impl Iterator<Item = IniError> {
         .map(|entry| {
             ini.refuse(
                 entry,
-                "there is no such file: expected the table of the screw's errors, or no such key",
+                "there is no such file: name the table of the screw's errors, or remove the key",
             )
         })
 }

@@ -93,7 +93,7 @@ fn structure(report: &mut Report, config: &Mechanism) -> Result<(), MachineError
     report.fact("mobility", structure.mobility());
     report.fact("count", structure.loops());
     let hash = format!(
-        "{:#010x}, as halcmd show pin pkmkins.geometry-hash has it where this machine runs ({} on the panel)",
+        "{:#010x} (compare with pin pkmkins.geometry-hash; {} on the panel)",
         config.hash, config.hash
     );
     report.fact("geometry hash", hash);

@@ -51,11 +51,11 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     }
     let screws = screws(config, at);
     if screws.is_empty() {
-        let text = "none turns with the pose: no strut has a lead (SCREW_LEAD, LEAD), as with guided or locked rods";
+        let text = "no strut has a lead (SCREW_LEAD, LEAD), so no screw turns with the pose, as with guided or locked rods";
         return report.fact("screws", text);
     }
     for (hand, is_right) in
-        [("right-hand", Some(true)), ("left-hand", Some(false)), ("of unclear hand", None)]
+        [("right-hand", Some(true)), ("left-hand", Some(false)), ("of unknown hand", None)]
     {
         let own: Vec<&Screw> = screws.iter().filter(|screw| screw.is_right() == is_right).collect();
         if own.is_empty() {
@@ -66,8 +66,8 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
             .map(|screw| format!("{} ({})", name(config, screw), screw.lead.abs()))
             .collect();
         let text = format!(
-            "{hand}, with the lead in {} a turn: strut {}; another sign of the lead, or of one of the two axes, where \
-             that is not so",
+            "{hand}, with the lead in {} per turn: strut {}; if that is wrong, change the sign of the lead or of one \
+             of the two axes",
             config.length_unit(),
             list.join(", ")
         );
@@ -95,7 +95,7 @@ fn place_of_lead(config: &Mechanism, leg: usize) -> (String, &'static str) {
 fn steep(report: &mut Report, config: &Mechanism, screw: &Screw) {
     let (joint, unit) = (&config.joints[screw.leg], config.length_unit());
     let text = format!(
-        "{} turns through its {} {unit} of travel in {:.1} turns: expected {unit} a turn, as for all lengths",
+        "{} moves through its {} {unit} of travel in {:.1} turns: expected {unit} per turn, as for all lengths",
         joint.name,
         limits::shown(joint.max - joint.min),
         (joint.max - joint.min) / screw.lead.abs()
@@ -141,9 +141,8 @@ fn differing(report: &mut Report, config: &Mechanism, screws: &[Screw]) {
     for screw in screws.iter().filter(|screw| screw.is_right() == Some(rarer)) {
         let senses = if screw.is_opposite == Some(true) { "opposite" } else { "equal" };
         let text = format!(
-            "strut {} counts as {own}-hand and {} others as {other}-hand: its lead is {}, and BASE_N and PLATFORM_N are \
-             entered in {senses} senses, as seen along the strut. Turn one of the two round, or give it a LEAD of \
-             the other sign; leave it where this screw is {own}-hand",
+            "strut {} counts as {own}-hand, but {} others as {other}-hand: its lead is {}, and BASE_N and PLATFORM_N \
+             have {senses} senses along the strut; reverse one of them or its LEAD, unless this screw is {own}-hand",
             name(config, screw),
             right.max(left),
             screw.lead,

@@ -54,7 +54,7 @@ fn of_joint(
     found.extend(fast(motor, latch).map(|text| ("HOME_LATCH_VEL", text)));
     if speed != 0.0 && latch.abs() > speed.abs() {
         let text = format!(
-            "the switch is met again at this speed, for a place that is exact, and searched at {speed}: expected less"
+            "the joint approaches the switch again at this speed for an exact position, and searches at {speed}: expected less"
         );
         found.push(("HOME_LATCH_VEL", text));
     }
@@ -65,7 +65,7 @@ fn of_joint(
 fn back(motor: &Motor, speed: f64) -> Option<String> {
     (speed < 0.0).then(|| {
         format!(
-            "LinuxCNC goes to HOME at MAX_VELOCITY = {} then, on whichever side it is: expected {}",
+            "LinuxCNC then moves to HOME at MAX_VELOCITY = {}, in either direction: expected {}",
             motor.joint.max_velocity, -speed
         )
     })
@@ -76,8 +76,8 @@ fn fast(&Motor { joint, unit, .. }: &Motor, speed: f64) -> Option<String> {
     let most = joint.max_velocity;
     (speed.abs() > most).then(|| {
         format!(
-            "LinuxCNC takes MAX_VELOCITY = {most} for it, at which {} runs {} {unit} past its switch before it \
-             stands: expected a speed that is slow",
+            "LinuxCNC limits it to MAX_VELOCITY = {most}, at which {} overruns its switch by {} {unit}: \
+             expected a slow speed",
             joint.name,
             limits::shown(most * most / (2.0 * joint.max_acceleration))
         )
@@ -94,7 +94,7 @@ fn away(&Motor { joint, .. }: &Motor, speed: f64, offset: f64) -> Option<String>
     };
     is_away.then(|| {
         format!(
-            "the switch stands at the {end} end, at HOME_OFFSET = {offset}, and the search goes to the other one: \
+            "the switch is at the {end} end, at HOME_OFFSET = {offset}, but the search moves to the other end: \
              expected {}",
             -speed
         )
@@ -105,8 +105,8 @@ fn away(&Motor { joint, .. }: &Motor, speed: f64, offset: f64) -> Option<String>
 fn beyond(&Motor { joint, .. }: &Motor, speed: f64, offset: f64, share: f64) -> Option<String> {
     (share > BEYOND).then(|| {
         format!(
-            "in {:.0} % of the poses within the axis limits {} stands beyond its switch, from HOME_OFFSET = {offset} to {}, \
-             and a switch that is not closed there is never met: expected {}, or a switch that stays closed to that end",
+            "in {:.0} % of the poses within the axis limits {} is beyond its switch, from HOME_OFFSET = {offset} to {}, \
+             and never finds it unless the switch is closed there: expected {}, or a switch that stays closed to that end",
             100.0 * share,
             joint.name,
             if speed < 0.0 { joint.min } else { joint.max },

@@ -32,15 +32,15 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
         _ => format!("{:.3} x {:.3} x {:.3} {unit}, ", extent.x, extent.y, extent.z),
     };
     let text = format!(
-        "lengths in {unit}; the joints of all legs at home stand in {own}{x:.3} x {y:.3} x {z:.3} m: another \
-         LINEAR_UNITS where that is not this machine"
+        "lengths in {unit}; at home the joints of all legs span {own}{x:.3} x {y:.3} x {z:.3} m: if \
+         that is wrong, correct LINEAR_UNITS"
     );
     report.fact("size", text);
     let [least, most] = USUAL_M;
     if !(least..=most).contains(&largest) {
         let other = if unit == "mm" { "inch" } else { "mm" };
         let text = format!(
-            "a machine {largest:.3} m wide: expected {least} to {most} m; where its lengths are in {other}, \
+            "a machine {largest:.3} m wide: expected {least} to {most} m; if its lengths are in {other}, \
              LINEAR_UNITS = {other}"
         );
         report.finding(Severity::Warning, at_key(&config.ini, "TRAJ", "LINEAR_UNITS", &text));
@@ -75,7 +75,7 @@ fn speeds(report: &mut Report, config: &Mechanism) {
     let mut joints = config.joints.iter().enumerate().filter(|(_, joint)| is_length(joint.kind));
     if let Some((i, joint)) = joints.find(|(_, joint)| speed(joint.max_velocity) > FASTEST_M) {
         let text = format!(
-            "{} would run at {:.1} m/s: expected {} a second, not a minute, and at most {FASTEST_M} m/s",
+            "{} would run at {:.1} m/s: expected {} per second, not per minute, and at most {FASTEST_M} m/s",
             joint.name,
             speed(joint.max_velocity),
             config.length_unit()

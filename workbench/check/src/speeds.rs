@@ -42,13 +42,13 @@ fn path(report: &mut Report, config: &Mechanism) {
     }
     let text = if limit * OFF < fastest {
         format!(
-            "no move is faster than that, whatever the program says, and [AXIS_*]MAX_VELOCITY allow {fastest} {unit} a \
-             second: expected {unit} a second, as there"
+            "this limits every move, but [AXIS_*]MAX_VELOCITY allow {fastest} {unit} per second: \
+             expected {unit} per second, as there"
         )
     } else if limit.is_finite() && limit > OFF * squares.sqrt() {
         format!(
-            "it never counts, for [AXIS_*]MAX_VELOCITY allow {:.0} {unit} a second together: expected a speed a \
-             second, not a minute",
+            "it has no effect, because [AXIS_*]MAX_VELOCITY together allow {:.0} {unit} per second: expected a speed \
+             per second, not per minute",
             squares.sqrt()
         )
     } else {
@@ -65,26 +65,28 @@ fn jogs(report: &mut Report, ini: &Ini, kind: &str) {
     let ends = |speed: f64| is_axis && (speed <= 0.0 || (speed.is_nan() && kind == LINEAR));
     match given(ini, &most) {
         None if is_axis && kind == LINEAR => {
-            let text = "AXIS ends here, and LinuxCNC with it: expected the largest speed of jogs";
+            let text = "AXIS fails to start, and LinuxCNC with it: expected the highest jog speed";
             report.finding(Severity::Error, at_key(ini, "DISPLAY", &most, text));
         }
         Some((entry, speed)) if ends(speed) => {
-            let text = "AXIS ends here, and LinuxCNC with it: expected more than 0";
+            let text = "AXIS fails to start, and LinuxCNC with it: expected more than 0";
             report.finding(Severity::Error, ini.refuse(entry, text));
         }
         _ => (),
     }
     let (severity, error) = match given(ini, &first) {
         None if is_axis && given(ini, &most).is_some() => {
-            let text = format!("jogs begin at {most}: expected a slow speed");
+            let text = format!("jogs start at {most}: expected a slow speed");
             (Severity::Warning, ini.error("DISPLAY", &first, None, &text))
         }
         Some((entry, 0.0)) => {
-            let text = "jogs move nothing before their slider is moved: expected a slow speed";
+            let text =
+                "jogs do not move until the operator moves their slider: expected a slow speed";
             (Severity::Warning, ini.refuse(entry, text))
         }
         Some((entry, speed)) if ends(speed) => {
-            let text = "AXIS ends here, and LinuxCNC with it: expected a slow speed, more than 0";
+            let text =
+                "AXIS fails to start, and LinuxCNC with it: expected a slow speed, more than 0";
             (Severity::Error, ini.refuse(entry, text))
         }
         _ => return,

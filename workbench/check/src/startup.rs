@@ -10,8 +10,8 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return };
     if let Some(rest) = comment(&entry.value) {
         let text = format!(
-            "LinuxCNC takes what is behind # for a parameter, reads no \"{rest}\" and cannot be switched on: expected \
-             comments on lines of their own, or behind ;"
+            "LinuxCNC reads # as a parameter, rejects \"{rest}\" and cannot be switched on: put \
+             comments on separate lines, or after ;"
         );
         return report.finding(Severity::Error, config.ini.refuse(entry, &text));
     }
@@ -23,20 +23,20 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) {
     let words = words(&block);
     if let Some((letter, number)) = words.iter().find(|(_, number)| number.parse::<f64>().is_err())
     {
-        let text = format!("LinuxCNC reads no {letter}{number}: expected a letter and a number");
+        let text = format!("LinuxCNC rejects {letter}{number}: expected a letter and a number");
         report.finding(Severity::Error, config.ini.refuse(entry, &text));
         return;
     }
     let (other, own) = if config.units_per_mm == 1.0 { ("20", "21") } else { ("21", "20") };
     let meant = [
-        (other, format!("another unit than the machine's, {}", config.length_unit()), own),
-        ("91", "steps from where the tool stands".into(), "90"),
-        ("93", "turns a minute of each move, not as speeds".into(), "94"),
+        (other, format!("another unit than the machine's {}", config.length_unit()), own),
+        ("91", "distances from the current position".into(), "90"),
+        ("93", "inverse time, not speeds".into(), "94"),
     ];
     for (number, taken, expected) in meant {
         if words.contains(&("G", number)) {
             let text = format!(
-                "programs that say neither G{number} nor G{expected} are read in {taken}: expected G{expected}"
+                "programs without G{number} and G{expected} are read in {taken}: expected G{expected}"
             );
             report.finding(Severity::Warning, config.ini.refuse(entry, &text));
         }

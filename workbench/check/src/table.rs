@@ -20,7 +20,7 @@ pub(super) fn read(report: &mut Report, config: &Mechanism) -> Vec<Tool> {
     let tools = match tools::read(config) {
         Ok(tools) => tools,
         Err(error) => {
-            let text = format!("{error}; LinuxCNC needs it, if only with a line T1 P1 Z0");
+            let text = format!("{error}; LinuxCNC needs this file, with at least a line T1 P1 Z0");
             report.finding(Severity::Warning, whole(&text));
             return vec![];
         }
@@ -29,7 +29,7 @@ pub(super) fn read(report: &mut Report, config: &Mechanism) -> Vec<Tool> {
     let is_kept =
         config.program.tool_table.is_some() && config.ini.first("EMCIO", "DB_PROGRAM").is_none();
     if is_kept && tools.is_empty() && !config.place.is_second {
-        let text = "there is no tool in it, and LinuxCNC ends every program that asks for one: expected a line, if only T1 P1 Z0";
+        let text = "the file has no tool, so LinuxCNC stops every program that uses one: add a line, at least T1 P1 Z0";
         report.finding(Severity::Warning, whole(text));
     }
     let is_random = config.program.random_tools;
@@ -37,7 +37,7 @@ pub(super) fn read(report: &mut Report, config: &Mechanism) -> Vec<Tool> {
         tools.get(POCKETS).filter(|_| is_kept && !is_random && !config.place.is_second)
     {
         let text = format!(
-            "LinuxCNC has room for {POCKETS} tools, and drops T{} and the {} lines behind it: expected fewer tools",
+            "LinuxCNC has room for {POCKETS} tools, and drops T{} and the {} lines after it: remove tools",
             tool.number,
             tools.len() - POCKETS - 1
         );
@@ -63,8 +63,8 @@ const POCKETS: usize = 1000;
 fn dropped(config: &Mechanism, tool: &Tool) -> Option<IniError> {
     let word = tool.dropped_by.as_ref().filter(|_| !config.place.is_second)?;
     let text = format!(
-        "LinuxCNC drops this line for the word {word}, and T{} is not found: expected words of T P X Y Z A B C U V W D I J Q, \
-         and comments behind ;",
+        "LinuxCNC drops this line because of the word {word}, and does not find T{}: use words of T P X Y Z A B C U V W \
+         D I J Q, and comments after ;",
         tool.number
     );
     Some(tool.refuse_line(config, &text))
@@ -74,15 +74,17 @@ fn dropped(config: &Mechanism, tool: &Tool) -> Option<IniError> {
 fn of_tool(config: &Mechanism, tool: &Tool, count: usize, before: Option<usize>) -> Vec<IniError> {
     let mut found = vec![];
     if let Some(line) = before {
-        let text =
-            format!("T{} stands in line {line} already: LinuxCNC takes one of them", tool.number);
+        let text = format!(
+            "T{} is already in line {line}, and LinuxCNC uses only one: remove the other",
+            tool.number
+        );
         found.push(tool.refuse_length(config, &text));
     }
     let (size, unit) = (config.machine.size(), config.length_unit());
     if tool.offset.norm() > LONG * size {
         let text = format!(
-            "no anchor is farther than {} {unit} from the origin of its frame, and the tool is more than twice as long: \
-             expected {unit} as for all lengths",
+            "the tool is more than twice as long as the largest anchor distance, {} {unit}: expected {unit}, as for \
+             all lengths",
             limits::shown(size)
         );
         found.push(tool.refuse_length(config, &text));
@@ -93,8 +95,7 @@ fn of_tool(config: &Mechanism, tool: &Tool, count: usize, before: Option<usize>)
     }
     if !tool.has_pocket {
         let text = format!(
-            "LinuxCNC has one place for all tools without a pocket, and knows only the last of them: expected P{} \
-             behind T{}, say",
+            "LinuxCNC keeps only the last of all tools without a pocket: add, for example, P{} after T{}",
             count + 1,
             tool.number
         );
@@ -103,20 +104,20 @@ fn of_tool(config: &Mechanism, tool: &Tool, count: usize, before: Option<usize>)
     if tool.turns.iter().any(|angle| *angle != 0.0) {
         let [a, b, c] = tool.turns;
         let text = format!(
-            "G43 turns the platform by A{a} B{b} C{c} with this tool, and lengths are meant along its axis: take these words out"
+            "with this tool G43 rotates the platform by A{a} B{b} C{c}, but lengths are along its axis: remove these words"
         );
         found.push(tool.refuse_line(config, &text));
     }
     if tool.diameter < 0.0 {
         let text = format!(
-            "LinuxCNC takes G41 for G42 with it, and the other way round: expected {}, unless it is what the tool lacks to \
-             the one that programs are made for",
+            "a negative diameter swaps G41 and G42: expected {}, unless it is the difference to the tool for which \
+             programs are made",
             -tool.diameter
         );
         found.push(tool.refuse_diameter(config, &text));
     }
     if tool.number < 0 {
-        let text = format!("no program can ask for it: expected T{}", -tool.number);
+        let text = format!("no program can select it: expected T{}", -tool.number);
         found.push(tool.refuse_length(config, &text));
     }
     found

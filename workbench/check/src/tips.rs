@@ -17,7 +17,7 @@ const ALONG: f64 = 0.7;
 /// Where the tips are, seen from the middle of the platform joints.
 pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At, tools: &[Tool]) {
     if config.chain.is_bare() {
-        let text = "not judged: an axis carries the tool, or the tools stand in base";
+        let text = "not judged: an axis carries the tool, or the tools are fixed in base";
         return report.fact("tool tips", text);
     }
     let rows = match tools {
@@ -28,7 +28,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At, tools: &[T
         report.fact(if n == 0 { "tool tips" } else { "" }, text);
     }
     if tools.len() > NAMED {
-        report.fact("", format!("and of {} more tools", tools.len() - NAMED));
+        report.fact("", format!("and {} more tools", tools.len() - NAMED));
     }
     report.fact("", advice(config, tools));
 }
@@ -83,12 +83,11 @@ fn advice(config: &Mechanism, tools: &[Tool]) -> String {
         .collect();
     match directions.first() {
         Some(Some(first)) if directions.iter().all(|other| *other == Some(*first)) => format!(
-            "a tip on the wrong side has the wrong sign; TOOL_DIRECTION = {} says that these are right, and \
-             refuses others (man pkmkins, SIGN OF TOOL LENGTHS)",
+            "if a tip is on the wrong side, its sign is wrong; set TOOL_DIRECTION = {} to confirm these and to \
+             refuse others (man pkmkins, SIGN OF TOOL LENGTHS)",
             first.name()
         ),
-        _ => {
-            "a tip on the wrong side has the wrong sign (man pkmkins, SIGN OF TOOL LENGTHS)".into()
-        }
+        _ => "if a tip is on the wrong side, its sign is wrong (man pkmkins, SIGN OF TOOL LENGTHS)"
+            .into(),
     }
 }

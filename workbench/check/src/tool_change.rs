@@ -20,19 +20,19 @@ pub(super) fn check(report: &mut Report, config: &MachineConfig) {
     // In LinuxCNC's order.
     if let Some(entry) = is_on(config, "TOOL_CHANGE_QUILL_UP") {
         start[2] = 0.0;
-        let way = "every tool change moves Z to 0 first";
-        reached(report, config, entry, &start, way, "take the line out, or let Z reach 0");
+        let way = "every tool change first moves Z to 0";
+        reached(report, config, entry, &start, way, "remove the line, or let Z reach 0");
     }
     if let Some(entry) = is_on(config, "TOOL_CHANGE_AT_G30") {
         start = stored(config);
-        let way = "every tool change moves to the pose of G30, parameters 5181 to 5189, first";
+        let way = "every tool change first moves to the pose of G30 (parameters 5181 to 5189)";
         reached(
             report,
             config,
             entry,
             &start,
             way,
-            "run G30.1 at a pose within all limits first, or take the line out",
+            "run G30.1 at a pose within all limits first, or remove the line",
         );
     }
     position(report, config, start);
@@ -47,10 +47,10 @@ fn position(report: &mut Report, config: &MachineConfig, start: World) {
     let words: Vec<&str> = entry.value.split_whitespace().collect();
     // Numbers up to the first word that is none, as LinuxCNC reads them.
     let numbers: Vec<f64> = words.iter().map_while(|word| decimal(word)).collect();
-    let expected = "expected 3, 6 or 9 numbers separated by blanks: X Y Z A B C U V W";
+    let expected = "expected 3, 6 or 9 numbers separated by spaces: X Y Z A B C U V W";
     let count = match numbers.len() {
         0..3 => {
-            let text = format!("LinuxCNC cannot be switched on with it: {expected}");
+            let text = format!("LinuxCNC cannot be switched on with this value: {expected}");
             return report.finding(Severity::Error, config.ini.refuse(entry, &text));
         }
         9.. => 9,
@@ -58,7 +58,7 @@ fn position(report: &mut Report, config: &MachineConfig, start: World) {
         _ => 3,
     };
     if words.len() != count {
-        let text = format!("LinuxCNC takes {count} of these values: {expected}");
+        let text = format!("LinuxCNC reads {count} of these values: {expected}");
         report.finding(Severity::Warning, config.ini.refuse(entry, &text));
     }
     let mut at = start;

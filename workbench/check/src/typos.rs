@@ -9,14 +9,18 @@ use machine::read::places::{OF_TCL, is_of_tcl};
 pub(super) fn check(ini: &Ini) -> Vec<IniError> {
     let sections = ini.sections().filter_map(|name| {
         let meant = near::section(name)?;
-        let text = format!("nothing reads this section: expected [{meant}], or another name");
+        let text = format!(
+            "nothing reads this section: did you mean [{meant}]? If not, choose another name"
+        );
         Some(ini.refuse_section(name, &text))
     });
     let of_tcl = ini.sections().filter(|name| is_of_tcl(name));
     let of_tcl = of_tcl.map(|name| ini.refuse_section(name, OF_TCL));
     let keys = ini.entries().filter_map(|entry| {
         let meant = near::key(&entry.section, &entry.key)?;
-        let text = format!("LinuxCNC does not read this key: expected {meant}, or another name");
+        let text = format!(
+            "LinuxCNC does not read this key: did you mean {meant}? If not, choose another name"
+        );
         Some(ini.refuse_key(entry, &text))
     });
     sections.chain(of_tcl).chain(keys).collect()

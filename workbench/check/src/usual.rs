@@ -28,8 +28,8 @@ const RADIANS: f64 = std::f64::consts::PI;
 
 /// Keys with the values that machines have, and what is expected.
 const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
-    ("TASK", "CYCLE_TIME", [1e-4, 0.1], "expected seconds, mostly 0.001 to 0.01"),
-    ("EMCIO", "CYCLE_TIME", [1e-4, 1.0], "expected seconds, mostly 0.1"),
+    ("TASK", "CYCLE_TIME", [1e-4, 0.1], "expected seconds, usually 0.001 to 0.01"),
+    ("EMCIO", "CYCLE_TIME", [1e-4, 1.0], "expected seconds, usually 0.1"),
     ("DISPLAY", "MAX_FEED_OVERRIDE", [0.0, 10.0], "expected a factor: 1.2 is 120 %"),
     ("DISPLAY", "MAX_SPINDLE_OVERRIDE", [0.0, 10.0], "expected a factor: 1.2 is 120 %"),
 ];
@@ -56,7 +56,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniEr
         let axis = &config.axes[letter.index()];
         let section = config.place.axis_section(letter);
         if axis.min == axis.max {
-            let text = "the axis cannot move, for MIN_LIMIT is as much: expected more";
+            let text = "the axis cannot move, because MIN_LIMIT is the same: expected more";
             warn(report, config, (&section, "MAX_LIMIT"), text);
         }
         slow(report, config, &section, [axis.max_velocity, axis.max_acceleration]);
@@ -82,8 +82,7 @@ fn warn(report: &mut Report, config: &Mechanism, (section, key): (&str, &str), t
 fn version(report: &mut Report, config: &Mechanism) {
     const KEY: (&str, &str) = ("EMC", "VERSION");
     if config.ini.first(KEY.0, KEY.1).is_none_or(|entry| entry.value != "1.1") {
-        let text =
-            "LinuxCNC takes the file for one of an old version and asks to change it: expected 1.1";
+        let text = "LinuxCNC treats the file as one of an old version and offers to convert it: expected 1.1";
         warn(report, config, KEY, text);
     }
 }
@@ -101,8 +100,8 @@ fn tool_change(report: &mut Report, config: &Mechanism) {
     );
     if let Some(((letter, value), axis)) = beyond {
         let text = format!(
-            "LinuxCNC goes there before every change of a tool, and {} = {value} is outside of {} to {}: expected a \
-             place within the axis limits",
+            "LinuxCNC moves there before every tool change, but {} = {value} is outside {} to {}: expected a \
+             position within the axis limits",
             config.place.letter(letter),
             axis.min,
             axis.max
@@ -121,7 +120,7 @@ fn path(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     let most = moved.filter(|most| most.is_finite()).fold(0.0, f64::max);
     if config.ini.number_or(KEY.0, KEY.1, most)? * FAR < most {
         let text = format!(
-            "no move accelerates faster, and [AXIS_*]MAX_ACCELERATION allow {most}: expected {} a second squared, as there",
+            "this limits every move, but [AXIS_*]MAX_ACCELERATION allow {most}: expected {} per second squared, as there",
             config.length_unit()
         );
         warn(report, config, KEY, &text);
@@ -134,8 +133,8 @@ fn thin(report: &mut Report, config: &Mechanism) {
     let least = THIN * config.machine.size();
     if let Some(clearance) = config.clearance.filter(|clearance| *clearance < least) {
         let text = format!(
-            "centre lines of legs may come as near as {clearance} {unit}: expected their diameter and some room, in \
-             {unit} as all lengths",
+            "center lines of legs may come as close as {clearance} {unit}: expected their diameter and some margin, in \
+             {unit}, as for all lengths",
             unit = config.length_unit()
         );
         warn(report, config, ("PKM", "ROD_CLEARANCE"), &text);
@@ -164,7 +163,7 @@ fn angles(report: &mut Report, config: &Mechanism) {
     ];
     for (section, key, angle) in found.into_iter().flatten() {
         let text = format!(
-            "hardly a pose keeps it: expected degrees, as for all angles; {angle} radians are {:.1}",
+            "almost no pose is within this limit: expected degrees, as for all angles; {angle} radians are {:.1}",
             angle.to_degrees()
         );
         warn(report, config, (&section, key), &text);
@@ -172,8 +171,7 @@ fn angles(report: &mut Report, config: &Mechanism) {
     let is_turned =
         |letter: &Letter| letter.is_angle() && !config.machine.layout().is_held(*letter);
     if config.tilt_limit.is_some() && !Letter::ALL.iter().any(is_turned) {
-        let text =
-            "the platform keeps its direction, so that nothing is limited: leave the key out";
+        let text = "the platform does not tilt, so this limits nothing: remove the key";
         warn(report, config, ("PKM", "TILT_LIMIT"), text);
     }
 }
@@ -184,7 +182,7 @@ fn away(report: &mut Report, config: &Mechanism, section: &str, limits: [f64; 2]
     for (key, limit) in ["MIN_LIMIT", "MAX_LIMIT"].into_iter().zip(limits) {
         if limit.is_finite() && limit.abs() > AWAY * size {
             let text = format!(
-                "no anchor is farther than {} {unit} from the origin of its frame, and nothing comes so far: expected {unit} as for all \
+                "no anchor is more than {} {unit} from the origin of its frame, so nothing gets that far: expected {unit}, as for all \
                  lengths",
                 limits::shown(size)
             );
@@ -198,7 +196,7 @@ fn slow(report: &mut Report, config: &Mechanism, section: &str, [speed, most]: [
     let seconds = speed / most;
     if seconds.is_finite() && seconds > SLOW {
         let text = format!(
-            "MAX_VELOCITY = {speed} is reached after {} s: expected the unit of MAX_VELOCITY, a second squared",
+            "MAX_VELOCITY = {speed} is reached after {} s: expected the unit of MAX_VELOCITY, but per second squared",
             limits::shown(seconds)
         );
         warn(report, config, (section, "MAX_ACCELERATION"), &text);

@@ -43,12 +43,12 @@ fn absent(ini: &Ini) -> impl Iterator<Item = IniError> {
         let is_judged = !entry.value.starts_with("LIB:") || Path::new(HALLIB).is_dir();
         (!is_there && is_judged && !is_own(entry)).then(|| {
             let way_out = if is_panel(ini, entry) {
-                format!("pkm panel {} writes it", ini.file().display())
+                format!("run pkm panel {} to write it", ini.file().display())
             } else {
                 let tried: Vec<_> = tried.iter().map(|file| file.display().to_string()).collect();
                 format!("expected {}", tried.join(" or "))
             };
-            let text = format!("there is no such file, and LinuxCNC's start ends here: {way_out}");
+            let text = format!("there is no such file, so LinuxCNC fails to start: {way_out}");
             ini.refuse(entry, &text)
         })
     })
@@ -74,8 +74,8 @@ fn too_early(ini: &Ini) -> Option<IniError> {
             format!("{}, which loads them", entry.value)
         });
     let text = format!(
-        "it stands before the module and the motion controller are loaded, and sets pins that are not there yet: \
-         move it behind {after}"
+        "it runs before the module and the motion controller are loaded, and sets pins that do not exist yet: \
+         move it after {after}"
     );
     Some(ini.refuse(files[own], &text))
 }
@@ -91,8 +91,8 @@ fn twice(ini: &Ini) -> Option<IniError> {
             .is_some_and(|name| name.starts_with("pkmkins") && name.ends_with(".tcl"))
     })?;
     let text = format!(
-        "with this key LinuxCNC carries every HAL file out twice, and its start ends at the second time of {}: take the \
-         line out",
+        "with this key LinuxCNC runs every HAL file twice and fails to start at the second run of {}: remove the \
+         line",
         own.value
     );
     Some(ini.refuse(entry, &text))
@@ -102,8 +102,7 @@ fn twice(ini: &Ini) -> Option<IniError> {
 fn cautions(ini: &Ini) -> Result<Vec<IniError>, IniError> {
     let mut found = vec![];
     if ini.number_or("TRAJ", "NO_FORCE_HOMING", 0.0)? != 0.0 {
-        let text =
-            "programs may run before homing, from a pose that nobody knows; take the line out";
+        let text = "programs may run before homing, from an unknown pose; remove the line";
         found.push(at_key(ini, "TRAJ", "NO_FORCE_HOMING", text));
     }
     found.extend(hal(ini));
@@ -111,7 +110,7 @@ fn cautions(ini: &Ini) -> Result<Vec<IniError>, IniError> {
         && words(&entry.value).iter().any(|word| word == "M52")
     {
         let text = format!(
-            "LinuxCNC {} loses M52 in the startup code: begin every program with M52 P1",
+            "LinuxCNC {} loses M52 in the startup code: start every program with M52 P1",
             crate::linuxcnc()
         );
         found.push(ini.refuse(entry, &text));
@@ -129,8 +128,8 @@ fn hal(ini: &Ini) -> Option<IniError> {
     if files.iter().any(|entry| is_own(entry)) {
         // pkmkins.tcl leaves a feed that is taken alone.
         let (entry, _) = adaptive.filter(|_| scale.is_none())?;
-        let text = "this file takes motion.adaptive-feed, on which pkmkins.feed-scale then does not \
-                    act: multiply both, or leave it to pkmkins.tcl";
+        let text = "this file nets motion.adaptive-feed, so pkmkins.feed-scale has no effect: multiply \
+                    both, or leave it to pkmkins.tcl";
         return Some(ini.refuse(entry, text));
     }
     let last = |text: &str| match files.last() {
@@ -142,14 +141,14 @@ fn hal(ini: &Ini) -> Option<IniError> {
     };
     if !texts.iter().any(|(_, text)| monitored(text)) {
         return Some(last(
-            "expected a line HALFILE = LIB:pkmkins.tcl: it gives the geometry to the module and adds \
-             its monitor, which tells what is wrong",
+            "expected a line HALFILE = LIB:pkmkins.tcl: it passes the geometry to the module and adds \
+             its monitor, which reports errors",
         ));
     }
     if scale.is_none() || adaptive.is_none() {
         return Some(last(
-            "no HAL file nets pkmkins.feed-scale to motion.adaptive-feed, so that the guard cannot \
-             slow the feed down",
+            "no HAL file nets pkmkins.feed-scale to motion.adaptive-feed, so the guard cannot slow \
+             the feed: add this net, or HALFILE = LIB:pkmkins.tcl",
         ));
     }
     None
@@ -218,9 +217,9 @@ mod tests {
         assert!(all.len() == 1 && all[0].contains("panel.hal: there is no such file"), "{all:?}");
         let all =
             told(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = m-panel.tcl");
-        assert!(all.len() == 1 && all[0].contains("m.ini writes it"), "{all:?}");
+        assert!(all.len() == 1 && all[0].contains("m.ini to write it"), "{all:?}");
         let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "");
-        assert!(all.len() == 1 && all[0].contains("move it behind drives.hal"), "{all:?}");
+        assert!(all.len() == 1 && all[0].contains("move it after drives.hal"), "{all:?}");
         let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "TWOPASS = on\n");
         assert!(all.len() == 1 && all[0].contains("twice"), "{all:?}");
         // What another file sources is not read.
@@ -241,7 +240,7 @@ mod tests {
         let other = "net plasma plasmac.feed motion.adaptive-feed\n";
         let all =
             told(&[("own.hal", other), ("drives.hal", "loadrt motmod"), ("pkmkins.tcl", "")], "");
-        assert!(all.len() == 1 && all[0].contains("= own.hal: this file takes"), "{all:?}");
+        assert!(all.len() == 1 && all[0].contains("= own.hal: this file nets"), "{all:?}");
     }
 
     #[test]

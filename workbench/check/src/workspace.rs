@@ -45,7 +45,7 @@ pub(super) fn check(
             report.fact(
                 "conditioning",
                 format!(
-                    "{value:.4} at home (0: a singular pose); pkmkins stops the machine at {}, slows it from \
+                    "{value:.4} at home (0: singular); pkmkins stops the machine at {}, slows it from \
                      twice that",
                     config.conditioning_limit
                 ),
@@ -79,7 +79,7 @@ fn axis_limits(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) 
     report.taken = Some(share);
     let percent = 100.0 * share;
     let text = format!(
-        "the machine can take {percent:.1} % of the poses in them; pkm preflight says whether a program stays \
+        "the machine reaches {percent:.1} % of the poses in them; use pkm preflight to check that a program stays \
          in those"
     );
     report.fact("axis limits", text);
@@ -89,15 +89,15 @@ fn axis_limits(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) 
     let most = seen.refused.iter().max_by_key(|(_, count)| **count);
     let of = most.map_or(String::new(), |(limit, _)| format!(", mostly by the {}", limit.name()));
     let (severity, found) = match seen.taken {
-        0 => (Severity::Error, format!("none of {DRAWN} poses drawn from the axis limits: they")),
+        0 => (Severity::Error, format!("none of {DRAWN} poses sampled from the axis limits: they")),
         _ => (
             Severity::Warning,
             format!("only {percent:.1} % of the poses in the axis limits: most"),
         ),
     };
     let text = format!(
-        "the machine can take {found} are refused{of}. See whether a sign or a unit of that is wrong; else take the \
-         limits at the end, which are proved, as pkm check --fix does"
+        "the machine reaches {found} are refused{of}; check signs and units, or use the proved limits \
+         at the end (pkm check --fix writes them)"
     );
     report.finding(severity, first_axis(ini, config, &text));
 }
@@ -115,8 +115,8 @@ fn unlimited(report: &mut Report, ini: &Ini, config: &Mechanism) {
         for (end, key) in [(axis.min, "MIN_LIMIT"), (axis.max, "MAX_LIMIT")] {
             if end.is_infinite() {
                 let section = config.place.axis_section(letter);
-                let text = "expected a number: without it LinuxCNC refuses no pose of this axis before it \
-                            moves; take that of the limits at the end, as pkm check --fix does";
+                let text = "expected a number: without it LinuxCNC checks no pose of this axis before it \
+                            moves; use the limits below (pkm check --fix writes them)";
                 report.finding(Severity::Warning, at_key(ini, &section, key, text));
             }
         }
@@ -142,12 +142,13 @@ fn with_tools(
         let is_proved =
             tool.offset.norm() == 0.0 || axis_box::holds_with(config, &tool.offset, suggested);
         let proof = if is_proved { "proved" } else { "not proved" };
-        let text = format!("{share:.1} % of the poses in the axis limits; {proof} for those below");
+        let text =
+            format!("{share:.1} % of the poses in the axis limits; {proof} for the limits below");
         report.fact(&tool.name(), text);
         if share < 100.0 * MOST {
             let text = format!(
-                "with this tool the machine can take only {share:.1} % of the poses in the axis limits: see whether length, \
-                 unit or sign is wrong"
+                "with this tool the machine reaches only {share:.1} % of the poses in the axis limits: check \
+                 its length, unit and sign"
             );
             report.finding(Severity::Warning, tool.refuse_length(config, &text));
         }
@@ -203,12 +204,12 @@ fn tilt_of_both(config: &Mechanism, within: &AxisBox) -> f64 {
 fn worst_conditioning(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) {
     let Some((value, pose)) = seen.worst else { return };
     let place = shown_pose(config, &pose);
-    let text = format!("{value:.4} the worst found within the axis limits, at {place}");
+    let text = format!("{value:.4}, the smallest found within the axis limits, at {place}");
     report.more("conditioning", text);
     if value < config.conditioning_limit {
         let text = format!(
-            "the legs hardly hold the platform at {place}, conditioning {value:.4}, and pkmkins stops \
-             the machine at {}: keep programs away, or take the limits below",
+            "the machine is near a singularity at {place}: conditioning {value:.4}, and pkmkins stops \
+             the machine at {}; keep programs away, or use the limits below",
             config.conditioning_limit
         );
         report.finding(Severity::Warning, at_key(ini, "KINS", "KINEMATICS", &text));
@@ -218,14 +219,14 @@ fn worst_conditioning(report: &mut Report, ini: &Ini, config: &Mechanism, seen: 
 fn home_outside(report: &mut Report, ini: &Ini, config: &Mechanism, stop: Stop) {
     let way = match stop {
         Stop::Limit(Margin { limit: Limit::Clearance, .. }) => {
-            "see whether these legs have each other's anchors, or move [TRAJ]HOME"
+            "check whether the anchors of these legs are exchanged, or move [TRAJ]HOME"
         }
         Stop::Limit(Margin { limit: Limit::Conditioning, .. }) => {
-            "move [TRAJ]HOME away from where the legs lose hold, or see whether anchors or guides are entered twice"
+            "move [TRAJ]HOME away from the singularity, or check for anchors or guides entered twice"
         }
         _ => "move [TRAJ]HOME, or widen the limit",
     };
-    let text = format!("the machine cannot stand there: {}; {way}", shown_stop(config, stop));
+    let text = format!("the machine cannot be there: {}; {way}", shown_stop(config, stop));
     report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
 }
 
@@ -241,7 +242,7 @@ fn joint_ranges(report: &mut Report, config: &Mechanism, seen: &Seen) {
     for (joint, (low, high)) in config.joints.iter().zip(&seen.joints) {
         let unit = config.unit(joint.kind);
         let text = format!(
-            "{low:.3} to {high:.3} {unit} seen in the axis limits; MIN_LIMIT {}, MAX_LIMIT {}",
+            "{low:.3} to {high:.3} {unit} in sampled poses of the axis limits; MIN_LIMIT {}, MAX_LIMIT {}",
             joint.min, joint.max
         );
         report.fact(&joint.name, text);

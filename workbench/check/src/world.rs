@@ -41,7 +41,7 @@ pub fn violated(config: &MachineConfig, world: &World) -> Option<String> {
     if let Some((letter, place, axis)) = beyond {
         let value = limits::shown(world[place]);
         return Some(format!(
-            "{letter} {value} is outside of [AXIS_{letter}], {} to {}",
+            "{letter} {value} is outside [AXIS_{letter}], {} to {}",
             axis.min, axis.max
         ));
     }
@@ -57,7 +57,7 @@ pub fn violated(config: &MachineConfig, world: &World) -> Option<String> {
         if !(axis.joint.min..=axis.joint.max).contains(&value) {
             let value = limits::shown(value);
             return Some(format!(
-                "{} at {value} is outside of {} to {}",
+                "{} at {value} is outside {} to {}",
                 axis.joint.name, axis.joint.min, axis.joint.max
             ));
         }

@@ -93,7 +93,7 @@ fn legs_without_a_clearance_are_a_warning_and_the_nearest_are_told_always() {
         assert!(report.fits());
         let facts = facts(&report);
         assert!(facts.contains("nearest legs: the centre lines of legs 1 and 2 are 103.528 mm"));
-        assert!(facts.contains("the least seen in the axis limits"), "{facts}");
+        assert!(facts.contains("the smallest sampled within the axis limits"), "{facts}");
     }
 }
 
@@ -123,5 +123,5 @@ fn a_tool_without_a_length_is_proved_as_no_tool_is() {
     let report = check(&config, config.first(), |_| ()).unwrap();
     assert!(report.is_whole, "the case is about limits that are proved as a whole");
     let told = report.facts.iter().find(|(name, _)| name.starts_with("T1")).unwrap();
-    assert!(told.1.ends_with("; proved for those below"), "{told:?}");
+    assert!(told.1.ends_with("; proved for the limits below"), "{told:?}");
 }

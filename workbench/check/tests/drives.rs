@@ -55,7 +55,7 @@ fn the_drive_files_are_wired_whole() {
 #[test]
 fn a_drive_file_without_its_keys_does_not_fit() {
     let found = on_drives(&["pkmkins_mesa_step.tcl"], "", |_| String::new());
-    assert!(found.len() == 1 && found[0].contains("LinuxCNC's start ends here"), "{found:?}");
+    assert!(found.len() == 1 && found[0].contains("LinuxCNC fails to start"), "{found:?}");
     assert!(found[0].contains("[HOSTMOT2]DRIVER is missing"), "{found:?}");
 }
 
@@ -71,12 +71,12 @@ fn speeds_of_homing_that_linuxcnc_refuses_and_searches_the_wrong_way_are_told() 
         texts.collect::<Vec<String>>().join("\n")
     };
     let latch = told("HOME_LATCH_VEL = ", "HOME_LATCH_VEL = 0\n# ");
-    assert!(latch.contains("LinuxCNC homes no joint that searches without it"), "{latch}");
+    assert!(latch.contains("LinuxCNC does not home a joint that searches without it"), "{latch}");
     let search = told("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = 0\n# ");
-    assert!(search.contains("expected HOME_SEARCH_VEL, or HOME_USE_INDEX = YES"), "{search}");
+    assert!(search.contains("add HOME_SEARCH_VEL, or HOME_USE_INDEX = YES"), "{search}");
     let away = told("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = -");
     assert!(
-        away.contains("the search goes to the other one") && away.contains("expected 20"),
+        away.contains("the search moves to the other end") && away.contains("expected 20"),
         "{away}"
     );
 }

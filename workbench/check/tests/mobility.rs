@@ -48,10 +48,10 @@ fn rank_redundancy_and_held_coordinates_are_those_of_each_machine() {
 
 #[test]
 fn what_the_legs_hold_is_told_in_one_line() {
-    assert_eq!(structure("hexapod").mobility(), "legs hold 6 of 6 motions, 6 of XYZABC");
+    assert_eq!(structure("hexapod").mobility(), "legs constrain 6 of 6 motions, 6 of XYZABC");
     assert_eq!(
         structure("pyramid").mobility(),
-        "legs hold 3 of 6 motions, 3 of ZAB; redundant legs: 1; joints or guides hold XYC"
+        "legs constrain 3 of 6 motions, 3 of ZAB; redundant legs: 1; joints or guides constrain XYC"
     );
 }
 

@@ -24,7 +24,7 @@ pub fn of_cut(report: &Report, [program, machine]: [&str; 2]) -> Result<String, 
         (peaks(report))
         (drives(&report.drives))
         (worst(&report.worst_lines))
-        h2 { "What is not known" }
+        h2 { "Not known" }
         ul { @for note in report.notes() { li { (note) } } }
         @for figure in &figures { (drawing(figure)) }
     };
@@ -65,15 +65,15 @@ fn peaks(report: &Report) -> Markup {
                 }
                 (peak("chip load", "feed of each tooth", "mm", &report.chip_mm))
                 (peak("force on the tool", "the largest in a turn", "N", &report.force_n))
-                (peak("deflection", "how far the mean force moves the tool", "um", &report.deflection_um))
-                (peak("inertia", "how far speeding up and braking move the tool", "um", &report.inertia_um))
-                (peak("vibration", "how far the tool swings under the teeth", "um", &report.vibration_um))
-                (row("limit depth", "up to which nothing chatters",
+                (peak("deflection", "deflection by the mean force", "um", &report.deflection_um))
+                (peak("inertia", "deflection by acceleration", "um", &report.inertia_um))
+                (peak("vibration", "vibration under the teeth", "um", &report.vibration_um))
+                (row("limit depth", "depth at which chatter starts",
                     &format!("{:.4} mm", stability.stable_to_mm), &format!("line {}", stability.line)))
                 (row("stability margin", "limit depth over depth of cut",
-                    &format!("{:.3}", stability.margin), &format!("{} mm are cut", report.depth_mm)))
+                    &format!("{:.3}", stability.margin), &format!("depth of cut {} mm", report.depth_mm)))
                 @if let Some(error) = resolution {
-                    (row("resolution", "X, Y, Z off by half a step of every drive",
+                    (row("resolution", "X, Y, Z error with every drive off by half a step",
                         &format!("{} um", error.join(", ")), ""))
                 }
             }
@@ -182,25 +182,25 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
     let limits = points(lines, |line| line.stable_to_mm);
     let all = [
         figure(
-            "Shares of what the machine can do",
-            "The load of the hardest drive over what it can do, and the depth of cut over the depth at \
-             which the cut begins to chatter. Good: below the thick black line at 1. What is above 2 is \
-             drawn there.",
+            "Load as a share of the rating",
+            "Load of the most loaded drive divided by its rating, and depth of cut divided by the depth \
+             at which chatter starts. Good: below the thick black line at 1. Values above 2 are drawn at \
+             2.",
             "share of the limit",
             &[1.0],
             MOST_SHARE,
             shares,
         )?,
         figure(
-            "How far the tool is moved",
-            "By the mean cutting force, by speeding up and braking, and by the teeth one after the other.",
-            "way in µm",
+            "Deflection of the tool",
+            "By the mean cutting force, by acceleration, and by the individual teeth.",
+            "deflection in µm",
             &[],
             f64::INFINITY,
             yields,
         )?,
         figure(
-            "Depth up to which nothing chatters",
+            "Depth at which chatter starts",
             "At the programmed spindle speeds. Good: above the thick black line, the depth of cut.",
             "depth in mm",
             &[report.depth_mm],

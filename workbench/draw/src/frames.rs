@@ -353,9 +353,9 @@ fn tool_direction(config: &Mechanism) -> Option<ToolDirection> {
 fn keys(config: &Mechanism, hands: &[Option<char>]) -> Vec<Key> {
     let mut keys = vec![
         Key::new(Sign::Line(LEG.stroke_width(3)), "leg"),
-        Key::new(Sign::Ball(BLUE), "base joint and number of a leg"),
-        Key::new(Sign::Ball(VERMILLION), "its platform joint"),
-        Key::new(Sign::Arrow(GREEN), "the joint's value grows that way"),
+        Key::new(Sign::Ball(BLUE), "base joint, with the number of the leg"),
+        Key::new(Sign::Ball(VERMILLION), "platform joint"),
+        Key::new(Sign::Arrow(GREEN), "positive direction of the joint"),
         Key::new(Sign::Arrow(BLUE), "axes X Y Z of the base"),
         Key::new(Sign::Arrow(VERMILLION), "axes x y z of the platform"),
     ];
@@ -363,16 +363,16 @@ fn keys(config: &Mechanism, hands: &[Option<char>]) -> Vec<Key> {
         keys.insert(1, Key::new(Sign::Line(GUIDE.stroke_width(5)), "rail of a carriage, or arm"));
     }
     match tool_direction(config) {
-        Some(_) => keys.push(Key::new(Sign::Arrow(PURPLE), "tools point that way")),
+        Some(_) => keys.push(Key::new(Sign::Arrow(PURPLE), "direction of tools")),
         None if config.chain.is_bare() => {
             keys.push(Key::new(Sign::Letter("-".into()), "no tool is fixed to the platform"));
         }
         None => keys.push(Key::new(Sign::Letter("-".into()), "the file has no TOOL_DIRECTION")),
     }
-    keys.push(Key::new(Sign::Sight(true), "an arrow that points at you"));
-    keys.push(Key::new(Sign::Sight(false), "one that points away from you"));
+    keys.push(Key::new(Sign::Sight(true), "arrow towards you"));
+    keys.push(Key::new(Sign::Sight(false), "arrow away from you"));
     for (hand, name) in
-        [('R', "right-hand screw"), ('L', "left-hand screw"), ('?', "screw of unclear hand")]
+        [('R', "right-hand screw"), ('L', "left-hand screw"), ('?', "screw of unknown hand")]
     {
         if hands.contains(&Some(hand)) {
             keys.push(Key::new(Sign::Letter(hand.into()), name));
@@ -388,7 +388,7 @@ fn other_joints(config: &Mechanism) -> Vec<Key> {
         let name = letter.name();
         (
             config.place.first_joint + legs + k,
-            format!("table: moves to -{name} as joint and {name} grow"),
+            format!("table: moves to -{name} as joint and {name} increase"),
         )
     });
     let extra = config.extra_axes.places().enumerate().map(|(k, place)| {

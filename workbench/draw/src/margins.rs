@@ -85,13 +85,13 @@ impl Sheet<'_> {
     }
 
     fn path(&self) -> Result<Figure, DrawError> {
-        let about = "The way of the tool, seen from the front at a slant. On the left it runs in the machine: \
-                     the thin black box is the space that the limits of the axes leave. On the right the \
-                     same way is drawn larger. Good: a thin blue line. Near a limit, with less than a \
-                     tenth of its range left, the line is orange and wider. Bad: red and widest, beyond \
+        let about = "The tool path, seen obliquely from the front. Left: in the machine, where the thin \
+                     black box shows the axis limits. Right: the same path enlarged. Good: a thin blue \
+                     line. Near a limit, with less than a tenth of its range left, the line is orange and \
+                     wider. Bad: red and widest, beyond \
                      a limit. Red crosses are the breaks, numbered as in the table.";
         Ok(Figure {
-            title: "Where the tool goes".into(),
+            title: "Tool path".into(),
             about: about.into(),
             svg: in_its_room(self.config, self.course, self.marks)?,
         })
@@ -103,11 +103,11 @@ impl Sheet<'_> {
             self.line(limit.name(), room)
         };
         let lines: Vec<Line> = Limit::ALL.into_iter().filter_map(of).collect();
-        let about = "How much of each limit is left while the program runs, as a share of its range; of \
-                     several parts the one with the least. Good: all lines stay above the thick black \
-                     line at 0. Bad: a line that reaches it or falls below: there the machine cannot go on.";
+        let about = "Margin to each limit while the program runs, as a share of its range; for several \
+                     parts the smallest. Good: all lines stay above the thick black line at 0. Bad: a \
+                     line reaches it or goes below, where the machine cannot continue.";
         let strips = shown(with_limits(lines, &[0.0]), [LEAST_ROOM, 1.0]);
-        self.figure("Room left to limits of the place", "share that is left", &strips, about)
+        self.figure("Margins to position limits", "margin, share of the range", &strips, about)
     }
 
     fn rooms_of_motion(&self) -> Result<Figure, DrawError> {
@@ -118,12 +118,11 @@ impl Sheet<'_> {
             self.line("following error", |s| least(&s.errors)),
         ];
         let lines: Vec<Line> = lines.into_iter().flatten().collect();
-        let about = "How much is left of what the drives can do: of their speed, of how hard they can speed \
-                     up and brake, and of how far they may lag behind their command (the following \
-                     error). 1 is all of it: the drives rest. Good: all lines stay above the thick black line at 0. \
-                     Bad: a line below it: the program asks more than a drive can do.";
+        let about = "Margin to the limits of the drives: speed, acceleration, and lag behind the \
+                     command (following error). 1: the drives are at rest. Good: all lines stay above the \
+                     thick black line at 0. Bad: a line goes below, where the program overloads a drive.";
         let strips = shown(with_limits(lines, &[0.0]), [LEAST_ROOM, 1.0]);
-        self.figure("Room left to limits of the motion", "share that is left", &strips, about)
+        self.figure("Margins to motion limits", "margin, share of the range", &strips, about)
     }
 
     /// Returns the line of lowest values; `None` if there is no such limit.
@@ -140,10 +139,10 @@ impl Sheet<'_> {
             return Ok(None);
         }
         let line = Line { name: "feed".into(), points: lowest(&values) };
-        let about = "How much of the programmed feed the guard of the machine lets through, so that no drive \
-                     becomes too fast. The thick black line at 1 is the feed of the program. Good: the line \
-                     stays there. Bad: it falls: the program takes longer, and at 0 the machine stands.";
-        let title = "Feed that the guard allows";
+        let about = "Share of the programmed feed that the guard allows, so that no drive exceeds its \
+                     speed. The thick black line at 1 is the programmed feed. Good: the line stays there. \
+                     Bad: it drops, the program takes longer, and at 0 the machine stops.";
+        let title = "Feed allowed by the guard";
         let strips = with_limits(vec![line], &[1.0]);
         self.figure(title, "share of the programmed feed", &strips, about).map(Some)
     }
@@ -164,8 +163,8 @@ impl Sheet<'_> {
         if lines.is_empty() {
             return Ok(None);
         }
-        let about = "Where the tool is on each axis: 0 is the lowest place that the axis allows, 1 the highest. \
-                     Good: all lines stay between the two thick black lines. Bad: a line that leaves them.";
+        let about = "Position of the tool on each axis: 0 is the lower axis limit, 1 the upper. Good: \
+                     all lines stay between the two thick black lines. Bad: a line leaves them.";
         let y = "share of the axis range";
         self.figure("Positions of the axes", y, &with_limits(lines, &[0.0, 1.0]), about).map(Some)
     }
@@ -181,9 +180,8 @@ impl Sheet<'_> {
         };
         let strips: Vec<Strip> = group.joints.iter().map(strip).collect();
         let about = format!(
-            "Where the {name} are: each of them is moved by a drive of its own. Good: all lines stay \
-             between the thick black lines, the ends of their travel. Bad: a line that reaches or \
-             crosses one."
+            "Positions of the {name}, each with its own drive. Good: all lines stay between the thick \
+             black lines, the ends of travel. Bad: a line reaches or crosses one."
         );
         let y = format!("{} in {}", group.kind.quantity(), group.unit);
         self.figure(&format!("Positions of the {name}"), &y, &strips, &about)
@@ -200,26 +198,20 @@ impl Sheet<'_> {
             let lines: Vec<Line> = group.joints.iter().map(line).collect();
             let about = format!(
                 "{meaning} Good: all lines stay below the thick black line at 1. Bad: a line above it. \
-                 What is above {MOST_SHARE} is drawn there."
+                 Values above {MOST_SHARE} are drawn there."
             );
             let strips = shown(with_limits(lines, &[1.0]), [0.0, MOST_SHARE]);
             self.figure(&format!("{what} of the {name}"), "share of the limit", &strips, &about)
         };
         Ok([
-            figure(
-                "Speeds",
-                "How fast each drive moves, as a share of the fastest that it can.",
-                |s| &s.speeds,
-            )?,
-            figure(
-                "Accelerations",
-                "How hard each drive speeds up or brakes, as a share of the hardest that it can.",
-                |s| &s.accelerations,
-            )?,
+            figure("Speeds", "Speed of each drive, as a share of its limit.", |s| &s.speeds)?,
+            figure("Accelerations", "Acceleration of each drive, as a share of its limit.", |s| {
+                &s.accelerations
+            })?,
             figure(
                 "Following errors",
-                "How far each drive lags behind its command, as a share of what is allowed at its \
-                 speed; with more LinuxCNC stops the machine.",
+                "Following error of each drive, as a share of what is allowed at its speed; above 1 \
+                 LinuxCNC stops the machine.",
                 |s| &s.errors,
             )?,
         ])

@@ -131,7 +131,7 @@ fn advice(report: &Report) -> Markup {
             pre { (block) }
         }
         @if !report.notes.is_empty() {
-            h2 { "What to look at" }
+            h2 { "Warnings" }
             ul { @for note in &report.notes { li { (note) } } }
         }
     }
@@ -140,7 +140,7 @@ fn advice(report: &Report) -> Markup {
 fn breaks(marks: &[Mark]) -> Markup {
     html! {
         @if !marks.is_empty() {
-            h2 { "What breaks, and where" }
+            h2 { "Violated limits" }
             ol { @for mark in marks { li {
                 b { (mark.place) } " " code { (mark.block) } ": " (mark.text) "."
                 @if mark.at.is_none() { " The program stops before it." }
@@ -171,7 +171,7 @@ fn limit(row: &LimitRow) -> Markup {
     html! {
         tr class=[(!row.breaks.is_empty()).then_some("broken")] {
             td {
-                @if !numbers.is_empty() { "\u{2717} broken (" (numbers.join(", ")) ")" }
+                @if !numbers.is_empty() { "\u{2717} violated (" (numbers.join(", ")) ")" }
                 @else if row.is_judged { "\u{2713} kept" }
                 @else { "? not judged" }
             }
@@ -202,9 +202,9 @@ fn answer(text: &str) -> Markup {
     let left_out = lines.len().saturating_sub(MOST_LINES);
     html! {
         details {
-            summary { "The answer of pkm preflight" }
+            summary { "Output of pkm preflight" }
             pre { (lines[..lines.len() - left_out].join("\n")) }
-            @if left_out > 0 { p { (left_out) " more lines: the command shows them." } }
+            @if left_out > 0 { p { (left_out) " more lines: see the output of the command." } }
         }
     }
 }
@@ -262,7 +262,7 @@ mod tests {
         let page = of_program(&report(&[], &[], ""));
         let place = |name: &str| page.find(&format!(">{name}<small>")).unwrap();
         assert!(place("first") < place("second") && place("second") < place("kept limit"));
-        assert!(page.contains("broken (1, 3)") && page.contains("\u{2713} kept"));
+        assert!(page.contains("violated (1, 3)") && page.contains("\u{2713} kept"));
     }
 
     #[test]
@@ -270,7 +270,7 @@ mod tests {
         let open = LimitRow { is_judged: false, ..row("open", &[]) };
         let broken = LimitRow { is_judged: false, ..row("broken", &[1]) };
         let page = of_program(&Report { rows: vec![open, broken], ..report(&[], &[], "") });
-        assert!(page.contains("<td>? not judged</td>") && page.contains("broken (1)"), "{page}");
+        assert!(page.contains("<td>? not judged</td>") && page.contains("violated (1)"), "{page}");
         assert!(!page.contains("kept"), "{page}");
     }
 

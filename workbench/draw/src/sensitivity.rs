@@ -117,7 +117,7 @@ fn of_motion(config: &Mechanism, points: &[Point]) -> Result<Vec<Plot>, DrawErro
     let hold = thin(points.iter().map(|point| (point.time, point.hold)));
     let hold = Line { name: "singular value".into(), points: hold };
     let limit = Some(config.conditioning_limit).filter(|limit| *limit > 0.0);
-    let caption = "How well the legs hold the platform";
+    let caption = "Conditioning (smallest singular value)";
     let y = "smallest singular value, no unit";
     let strips = [Strip::of(hold, limit.into_iter().collect())];
     plots.push(strips_over(&course, "motion-hold.svg", caption, y, &strips)?);

@@ -31,7 +31,7 @@ pub(super) fn sliced(
     }
     keys.push(Key::new(Sign::Cross, "rays begin"));
     let unit = config.length_unit();
-    let title = format!("Slice {}: where the tool can be, by what limits it", slice.plane.name);
+    let title = format!("Slice {}: reachable positions, by limit", slice.plane.name);
     let frame =
         Frame { title: &title, x: &sheet.name(0, unit), y: &sheet.name(1, unit), limits: vec![] };
     let around: Vec<(f64, f64)> =

@@ -193,7 +193,7 @@ pub fn of_responses(responses: &[(String, Vec<Response>)]) -> Result<Vec<Plot>, 
             Line { name: name.clone(), points: omegas.zip(part(k, &all)).collect() }
         };
         let lines: Vec<Line> = responses.iter().map(of).collect();
-        let caption = format!("Response of the tool against the work: {name}");
+        let caption = format!("Response of the tool relative to the work: {name}");
         let unit = if k == 3 { "degrees" } else { "µm/N" };
         let y = format!("{name} in {unit}");
         let frame = Frame { title: &caption, x: "frequency in rad/s", y: &y, limits: vec![] };
@@ -226,7 +226,7 @@ fn hodograph(responses: &[(String, Vec<Response>)]) -> Result<Plot, DrawError> {
     let place = |response: &Response| (1e3 * response.cutting.re, 1e3 * response.cutting.im);
     let all: Vec<(f64, f64)> =
         responses.iter().flat_map(|(_, all)| all.iter().map(place)).collect();
-    let caption = "Response of the tool against the work: hodograph";
+    let caption = "Response of the tool relative to the work: hodograph";
     let frame = Frame {
         title: caption,
         x: "real part in µm/N",
@@ -396,7 +396,7 @@ pub fn of_path(depths: &[f64]) -> Result<Plot, DrawError> {
     let caption = "Depth up to which the program is stable";
     let frame = Frame {
         title: caption,
-        x: "number of the place along the program",
+        x: "number of the position along the program",
         y: "depth in mm",
         limits: vec![],
     };

@@ -36,8 +36,7 @@ pub fn of_workspace(
     let kinds = Kinds::of(body.rays().map(|(_, ray)| &ray.limit).chain(&outlines));
     let mut plots = vec![Plot {
         file: "workspace.svg".into(),
-        caption: "The workspace around the place where the rays begin, with the machine at home"
-            .into(),
+        caption: "The workspace around the start of the rays, with the machine at home".into(),
         svg: solid(config, body, &kinds)?,
     }];
     for slice in slices {
@@ -66,7 +65,7 @@ fn solid(config: &Mechanism, body: &Body, kinds: &Kinds) -> Result<String, DrawE
     }
     let unit = config.length_unit();
     keyed_on(SIZE, &keys, |area| {
-        let title = "Where the tool can be, by what limits it";
+        let title = "Reachable positions, by limit";
         Space::around(title, unit, &places).draw(area, parts).map(drop)
     })
 }

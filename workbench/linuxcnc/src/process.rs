@@ -95,7 +95,7 @@ pub struct OwnFiles {
 /// First word of the line by which such a script reports the step that failed.
 const FAILED: &str = "START";
 /// Its last word where LinuxCNC has ended meanwhile, and reports the reason itself.
-const GONE: &str = "LinuxCNC has gone away";
+const GONE: &str = "LinuxCNC has exited";
 
 impl Default for Options {
     fn default() -> Self {
@@ -219,7 +219,7 @@ fn at_startup_code(config: &MachineConfig, error: NotJudged) -> NotJudged {
         _ => return error,
     };
     let expected =
-        format!("{reason}; expected modes alone, such as G21 G64: put the rest into the program");
+        format!("{reason}; expected only modes, such as G21 G64: move the rest to the program");
     NotJudged::StartupCode(config.ini.refuse(entry, &expected))
 }
 

@@ -13,13 +13,13 @@ const COMPILES: &str = "/usr/share/pkmkins/virtual/build.sh";
 #[derive(Debug, thiserror::Error)]
 pub enum NotJudged {
     #[error(
-        "{}: {error}; install LinuxCNC and pkmkins, by their packages or by `make install`",
+        "{}: {error}; install LinuxCNC and pkmkins, from packages or with `make install`",
         .file.display()
     )]
     Missing { file: PathBuf, error: io::Error },
     #[error(
-        "virtual time was built for LinuxCNC {built}, and {installed} is installed: \
-         `sudo {COMPILES}` builds it for this one"
+        "virtual time was built for LinuxCNC {built}, but {installed} is installed: run `sudo \
+         {COMPILES}` to build it for this one"
     )]
     OtherVersion {
         /// Version that it was built for.
@@ -27,21 +27,21 @@ pub enum NotJudged {
         installed: String,
     },
     #[error(
-        "the installed library for virtual time is of another version of pkmkins: install both together"
+        "the installed library for virtual time belongs to another version of pkmkins: install both together"
     )]
     OtherRecords,
     #[error(
-        "the kernel cannot keep a program from your files and from starting others ({0}): use Linux 5.13 or later with \
+        "the kernel cannot protect your files from the program ({0}): use Linux 5.13 or later with \
          Landlock, or --unconfined for programs and HAL files that you trust"
     )]
     Unconfined(String),
-    #[error("{0}: {1}, which is not looked at here")]
+    #[error("{0}: {1}, which virtual time does not support")]
     Asked(String, &'static str),
     #[error(transparent)]
     File(#[from] AtFile<io::Error>),
     #[error("LinuxCNC cannot be run: {0}")]
     System(#[from] io::Error),
-    #[error("LinuxCNC runs both mechanisms of the machine or none: leave --mechanism out")]
+    #[error("LinuxCNC runs both mechanisms of the machine or none: remove --mechanism")]
     HalfOfPair,
     #[error("{0}")]
     Refused(String),
@@ -60,28 +60,26 @@ pub enum NotJudged {
     },
     #[error(transparent)]
     StartupCode(IniError),
-    #[error("LinuxCNC did not come to an end in {0} s")]
+    #[error("LinuxCNC did not finish within {0} s")]
     Slow(f64),
     #[error(
         "LinuxCNC did nothing for {0} s after line {1}: a signal stopped it, or the computer is too busy; run it again"
     )]
     Rests(u64, u32),
-    #[error("LinuxCNC ended without an end of the program{0}")]
+    #[error("LinuxCNC exited before the end of the program{0}")]
     Crashed(String),
-    #[error("the run was ended")]
+    #[error("the run was canceled")]
     Interrupted,
     #[error(
-        "LinuxCNC reads the program without coming to a move after line {0}: is there a loop without an end?"
+        "LinuxCNC reads the program without a move after line {0}: check for an endless loop, or raise --patience"
     )]
     Endless(u32),
     #[error(
-        "more than {0} moves, the next in line {1}: a loop without an end? --most-moves allows more"
+        "more than {0} moves, the next in line {1}: check for an endless loop, or raise --most-moves"
     )]
     TooManyMoves(u64, u32),
-    #[error(
-        "the program runs longer than {0} s of the machine's time (line {1}): --most-time allows more"
-    )]
+    #[error("the program runs longer than {0} s of machine time (line {1}): raise --most-time")]
     TooLong(f64, u32),
-    #[error("nothing moves for {0} s in line {1}: --most-standstill allows more")]
+    #[error("nothing moves for {0} s in line {1}: raise --most-standstill")]
     Stands(f64, u32),
 }

@@ -236,10 +236,10 @@ fn refuse_others(config: &MachineConfig, leaves_halui: bool) -> Result<(), NotJu
     let value = |section: &str, key: &str| config.ini.as_inivar(section, key);
     let remote = |file: &str| is_remote(&folder_of(config).join(file));
     let reasons = [
-        ("EMCIO", "DB_PROGRAM", "a program of its own keeps the tools"),
-        ("PYTHON", "TOPLEVEL", "it would be run"),
-        ("TASK", "TASK", "only milltask is run"),
-        ("TRAJ", "PLANNER_TYPE", "only planner 0 is run"),
+        ("EMCIO", "DB_PROGRAM", "a separate program manages the tools"),
+        ("PYTHON", "TOPLEVEL", "it would be executed"),
+        ("TASK", "TASK", "only milltask is supported"),
+        ("TRAJ", "PLANNER_TYPE", "only planner 0 is supported"),
         ("EMC", "NML_FILE", "it names processes of other computers"),
     ];
     for (section, key, why) in reasons {
@@ -262,7 +262,7 @@ fn refuse_others(config: &MachineConfig, leaves_halui: bool) -> Result<(), NotJu
     match remaps.find(|entry| is_python(&entry.value)) {
         Some(entry) => {
             let key = format!("[RS274NGC]REMAP = {}", entry.value);
-            Err(NotJudged::Asked(key, "it runs Python of the user's"))
+            Err(NotJudged::Asked(key, "it runs Python code of the user"))
         }
         None => Ok(()),
     }

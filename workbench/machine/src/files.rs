@@ -74,7 +74,7 @@ pub fn open(file: &Path) -> Result<File, AtFile<io::Error>> {
     refuse_long(metadata.len()).at(file)?;
     let is_endless = kind.is_block_device() || (kind.is_fifo() && place.is_some());
     if is_endless || (kind.is_char_device() && !is_quiet(file)) {
-        let text = "not a file but a device or a named pipe, which may have no end: write its content into a file";
+        let text = "a device or a named pipe, which may never end; copy its content to a file";
         return Err(io::Error::new(io::ErrorKind::InvalidInput, text)).at(file);
     }
     let opened = File::open(file).at(file)?;
@@ -127,7 +127,7 @@ pub fn read_all(from: &mut dyn Read) -> io::Result<Vec<u8>> {
 /// Refuses more bytes than are read.
 fn refuse_long(bytes: u64) -> io::Result<()> {
     if bytes > MOST_BYTES {
-        let text = "more than 1 GiB, which is not read into memory: divide the file";
+        let text = "larger than 1 GiB, the limit for files read into memory; split the file";
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, text));
     }
     Ok(())
@@ -281,7 +281,8 @@ impl Whole {
     pub fn new(file: &Path) -> Result<Self, AtFile<io::Error>> {
         let is_read = |place: &PathBuf| READ.lock().expect("nobody panics with it").contains(place);
         if fs::canonicalize(file).is_ok_and(|place| is_read(&place)) {
-            let text = "was read as input and would be lost: name another file for the output";
+            let text =
+                "this file was read as input and would be lost; choose another file for the output";
             return Err(io::Error::new(io::ErrorKind::InvalidInput, text)).at(file);
         }
         Self::begun(file).map_err(without_path).at(file)
@@ -295,7 +296,7 @@ impl Whole {
         if there.as_ref().is_some_and(|found| !found.is_file()) {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidInput,
-                "not a file that can be replaced",
+                "not a regular file, so it cannot be replaced; choose another name",
             ));
         }
         let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -417,7 +418,7 @@ mod tests {
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         for file in [Path::new("/dev/zero"), Path::new("/dev/urandom"), &pipe] {
             let refused = read(file).unwrap_err().to_string();
-            assert!(refused.contains("may have no end"), "{refused}");
+            assert!(refused.contains("may never end"), "{refused}");
         }
         assert_eq!(read(Path::new("/dev/null")).unwrap(), b"");
     }

@@ -65,7 +65,7 @@ pub fn between(configs: [&Mechanism; 2], bodies: [Body; 2]) -> String {
         Body::Leg(n) => format!("leg {}", configs[i].place.first_leg + n),
         Body::Platform => format!("the {} platform", ["first", "second"][i]),
     };
-    format!("the distance of {} and {}", name(0), name(1))
+    format!("the distance between {} and {}", name(0), name(1))
 }
 
 /// Visits the margins of all limits that are set at a pose.
@@ -79,19 +79,17 @@ pub fn each(at: &At, limits: &Limits, mut visit: impl FnMut(Margin)) {
 /// What a limit is there for, for those who know no kinematics.
 pub fn meaning(limit: Limit) -> &'static str {
     match limit {
-        Limit::Axis => "how far the tool may go in each direction",
-        Limit::Reach => "whether the legs are long enough to get there",
-        Limit::JointRange => "how far each drive may travel",
-        Limit::DeadPoint => "where a drive can no longer push its leg",
-        Limit::BaseCone | Limit::BasePyramid => "how far the joints at the frame may swing",
-        Limit::PlatformCone | Limit::PlatformPyramid => {
-            "how far the joints at the moving platform may swing"
-        }
-        Limit::Tilt => "how far the tool may lean",
-        Limit::Clearance => "how near the legs may come to each other",
-        Limit::Conditioning => "how firmly the legs hold the platform",
-        Limit::JointSpeed => "how fast each drive may move",
-        Limit::JointAcceleration => "how hard each drive may speed up and brake",
+        Limit::Axis => "travel of the tool in each direction",
+        Limit::Reach => "whether the legs are long enough",
+        Limit::JointRange => "travel of each drive",
+        Limit::DeadPoint => "positions where a drive can no longer move its leg",
+        Limit::BaseCone | Limit::BasePyramid => "swing of the joints at the frame",
+        Limit::PlatformCone | Limit::PlatformPyramid => "swing of the joints at the platform",
+        Limit::Tilt => "tilt of the tool",
+        Limit::Clearance => "distance between the legs",
+        Limit::Conditioning => "distance from singular poses",
+        Limit::JointSpeed => "speed of each drive",
+        Limit::JointAcceleration => "acceleration and braking of each drive",
     }
 }
 
@@ -111,7 +109,9 @@ pub fn part(config: &Mechanism, limit: Limit, part: Part) -> String {
         (Limit::JointAcceleration, Part::Joint(i)) => format!("the acceleration of {}", joint(i)),
         (_, Part::Joint(i)) => joint(i),
         (_, Part::Leg(i)) => of_legs(i),
-        (_, Part::Legs([i, j])) => format!("the distance of legs {} and {}", first + i, first + j),
+        (_, Part::Legs([i, j])) => {
+            format!("the distance between legs {} and {}", first + i, first + j)
+        }
         (Limit::Tilt, Part::Whole) => "the tilt of the tool axis".into(),
         (Limit::Conditioning, Part::Whole) => "the conditioning".into(),
         (_, Part::Whole) => "the machine".into(),
@@ -200,13 +200,13 @@ pub fn sentence(config: &Mechanism, margin: &Margin) -> String {
         Limit::Clearance if config.clearance.is_none() => {
             let Part::Legs(pair) = of else { return name };
             let [i, j] = pair.map(|leg| config.place.first_leg + leg);
-            format!("legs {i} and {j} meet, their centre lines {} {unit} apart", shown(value))
+            format!("legs {i} and {j} meet: their center lines are {} {unit} apart", shown(value))
         }
         Limit::Conditioning => format!(
-            "the legs hardly hold the platform: conditioning {value:.4} (0: a singular pose), where \
-             pkmkins stops the machine at {bound}"
+            "the pose is near a singularity: conditioning {value:.4} (0: singular); pkmkins stops the machine \
+             at {bound}"
         ),
-        Limit::DeadPoint => format!("{name} comes too near to a dead point"),
+        Limit::DeadPoint => format!("{name} comes too close to a dead point"),
         _ => format!("{name} is at {} {unit}, beyond its limit of {bound}", shown(value)),
     }
 }

@@ -156,20 +156,17 @@ fn beyond(plan: &Plan, found: &Found) -> String {
     let value = found.worst.1;
     let is_given = plan.values.list::<3>("home").is_some();
     let way_out = match plan.kind.leg {
-        leg::Kind::Slider => "give other rods or rails, or another place with --home",
-        leg::Kind::Crank => "give other arms or rods, other angles, or another place with --home",
-        _ if is_given && value > joint.max => "put home nearer to the base, or give longer struts",
-        _ if is_given => "put home farther from the base, or give shorter struts",
-        _ if value > joint.max => {
-            "give longer struts, or radii of base and platform that differ less"
-        }
-        _ => "give shorter struts, or radii of base and platform that differ more",
+        leg::Kind::Slider => "change rods or rails, or choose another position with --home",
+        leg::Kind::Crank => "change arms, rods or angles, or choose another position with --home",
+        _ if is_given && value > joint.max => "move home nearer to the base, or use longer struts",
+        _ if is_given => "move home farther from the base, or use shorter struts",
+        _ if value > joint.max => "use longer struts, or more similar radii of base and platform",
+        _ => "use shorter struts, or less similar radii of base and platform",
     };
-    let where_from =
-        if is_given { "at the home given" } else { "at the best place found for home" };
+    let where_from = if is_given { "at the given home" } else { "at the best home position found" };
     let what = match joint.kind.quantity() {
         "length" => format!("would be {value:.1} {unit} long"),
-        "angle" => format!("would stand at {value:.1} {unit}"),
+        "angle" => format!("would be at {value:.1} {unit}"),
         _ => format!("would be at {value:.1} {unit}"),
     };
     format!(
@@ -179,12 +176,13 @@ fn beyond(plan: &Plan, found: &Found) -> String {
 }
 
 fn out_of_reach(places: &[[f64; 3]], refused: Option<([f64; 3], String)>) -> String {
-    let Some(([x, y, z], text)) = refused else { return "there is no place for home".into() };
+    let Some(([x, y, z], text)) = refused else { return "no home position exists".into() };
     match places.len() {
-        1 => format!("the machine cannot stand at the home given, X{x} Y{y} Z{z}: {text}"),
+        1 => format!("the machine cannot be at the given home, X{x} Y{y} Z{z}: {text}"),
         count => format!(
-            "the machine can stand at none of {count} places along the line through the middle of its legs; \
-             at the last one, X{x} Y{y} Z{z}: {text}. Look at the dimensions, or give another place with --home"
+            "the machine cannot be at any of {count} positions along the line through the middle of its \
+             legs; at the last one, X{x} Y{y} Z{z}: {text}. Check the dimensions, or choose a position \
+             with --home"
         ),
     }
 }

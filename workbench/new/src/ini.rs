@@ -105,9 +105,9 @@ impl Plan<'_> {
         let Self { name, kind, .. } = self;
         let unit = self.values.unit();
         let text = format!(
-            "{name}, {} ({}); lengths in {unit}. Made by pkm new. {} HOME of every joint is what the \
-             kinematics give at [TRAJ]HOME. The axis limits are proved: without a tool the machine can \
-             take every pose between them. After a change of dimensions ask pkm check.",
+            "{name}, {} ({}); lengths in {unit}. Made by pkm new. {} HOME of every joint comes from the \
+             kinematics at [TRAJ]HOME. The axis limits are proved: without a tool the machine reaches \
+             every pose between them. Run pkm check after a change of dimensions.",
             kind.text, kind.name, kind.frame
         );
         comment(&text)
@@ -133,7 +133,7 @@ VERSION = 1.1
 MACHINE = {name}
 DEBUG = 0
 
-# The user interface. The path drawn is that of X Y Z, the control point, whatever the tilt.
+# The user interface. It draws the path of the control point X Y Z, at any tilt.
 [DISPLAY]
 DISPLAY = axis
 PYVCP = {name}-panel.xml
@@ -166,14 +166,14 @@ CYCLE_TIME = 0.050
 TOOL_TABLE = {name}.tbl
 
 # The first file loads the kinematics, the motion controller and simulated drives: on real hardware
-# a file of yours that loads hardware and drives takes this place. The second one gives the geometry
-# below to the kinematics and is needed always.
+# replace it by your own file that loads hardware and drives. The second file passes the geometry
+# below to the kinematics; keep it.
 [HAL]
 HALFILE = LIB:pkmkins_sim.tcl
 HALFILE = LIB:pkmkins.tcl
 POSTGUI_HALFILE = {name}-panel.tcl
 
-# Beside any user interface, a model of the machine in 3D, and what slows jogs before limits.
+# With any user interface: a 3D model of the machine, and slower jogs near limits.
 [APPLICATIONS]
 APP = pkmkins-vismach {name}.ini
 APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
@@ -206,13 +206,13 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
         let [x, y, z] = self.home;
         format!(
             "
-# The kind of the legs and the letters that they move.
+# The kind and number of the legs, and the letters that they move.
 [KINS]
 KINEMATICS = pkmkins legs={kind}:{} coordinates={}{table}{boxes}
 JOINTS = {}
 
-# HOME is the pose in which the joints stand at their HOME. Speeds and accelerations of the tool;
-# those of the joints below follow from them.
+# HOME is the pose of the machine with all joints at their HOME. Speeds and accelerations of the
+# tool; those of the joints below follow from them.
 [TRAJ]
 COORDINATES = {letters}
 HOME = {x} {y} {z} 0 0 0
@@ -232,7 +232,7 @@ MAX_LINEAR_ACCELERATION = {accel}
     }
 
     fn geometry(&self) -> String {
-        let mut text = String::from("\n# What the whole machine has.\n[PKM]\n");
+        let mut text = String::from("\n# The whole machine.\n[PKM]\n");
         if self.kind.leg == leg::Kind::Strut {
             // Geared struts need what is known after home is.
             let lead = if self.cardans.is_empty() { 0.0 } else { self.lead(0) };
@@ -240,26 +240,26 @@ MAX_LINEAR_ACCELERATION = {accel}
         }
         if let Some(direction) = self.direction() {
             text += &format!(
-                "# Which way tools point. Lengths in the tool table, and a SPINDLE_OFFSET here, are {}.\n{} = {direction}\n",
+                "# The direction of tools. Lengths in the tool table, and a SPINDLE_OFFSET here, are {}.\n{} = {direction}\n",
                 if direction == "up" { "negative" } else { "positive" },
                 of_machine::TOOL_DIRECTION.name
             );
         }
         if !self.kind.table.is_empty() {
             let centre = [0.0, 0.0, self.values.number("nose")];
-            text += "# What guides hold, they hold at this point of the platform.\n";
+            text += "# The platform point that stays at 0 in letters that no joint moves.\n";
             text += &line(of_machine::CENTRE.name, &centre);
         }
         text += &match self.values.number("diameter") {
-            0.0 => "# The thickness of the legs was not given, so that it is not judged. ROD_CLEARANCE is what their centre\n# lines have to keep: their diameter and some room.\n".into(),
+            0.0 => "# The thickness of the legs was not given, so it is not judged. Set ROD_CLEARANCE to the minimum distance\n# between center lines: their diameter and some margin.\n".into(),
             diameter => format!(
-                "# Legs are {diameter} thick; their centre lines keep a fifth more.\n{}",
+                "# The legs are {diameter} thick; the minimum distance between center lines is a fifth more.\n{}",
                 line(of_machine::ROD_CLEARANCE.name, &[digits(CLEARANCE * diameter)])
             ),
         };
-        text += "\n# Dimensions of every leg: measure them on the machine. BASE_CONE is how far its joint at the base may swing\n# from its direction at home, degrees.\n";
+        text += "\n# Dimensions of every leg: measure them on the machine. BASE_CONE is the largest swing of its base joint\n# from its direction at home, in degrees.\n";
         if !self.cardans.is_empty() {
-            text += "# LEAD is that of a left-hand screw. BASE_N and PLATFORM_N are the axes of the cardan joints that are fixed\n# in base and platform: here level and across the strut at home. Put in those of your joints.\n";
+            text += "# The sign of LEAD is for a left-hand screw. BASE_N and PLATFORM_N are the base-fixed and platform-fixed axes of\n# the cardan joints: here level and across the strut at home. Enter those of your joints.\n";
         }
         text + &(0..self.legs.len()).map(|n| self.leg(n)).collect::<Vec<_>>().join("\n")
     }
@@ -321,15 +321,16 @@ MAX_LINEAR_ACCELERATION = {accel}
     fn about_joints(&self) -> String {
         let homing = match self.kind.homing {
             Homing::Absolute => {
-                "They have absolute encoders: homing takes over what these show. With switches homing has to keep the platform within its limits: pkm check looks at that."
+                "Homing uses the values of their absolute encoders. With switches, homing must keep the platform within its limits: pkm check verifies that."
             }
             Homing::AtEnd | Homing::BeyondHome => {
-                "Their encoders do not know where they are: all move at the same time (one HOME_SEQUENCE) until each meets its switch at HOME_OFFSET, and return to HOME together (the negative number). Put the switches where HOME_OFFSET says, or say where they are. SIM_START is where a simulated drive stands at power-up."
+                "They have incremental encoders: all move at the same time (one HOME_SEQUENCE) until each reaches its switch at HOME_OFFSET, and return to HOME together (the negative number). Mount the switches at HOME_OFFSET, or enter their positions. SIM_START is the position of a simulated drive at power-up."
             }
         };
         comment(&format!(
-            "The drives: HOME from the kinematics, the range as given; speeds and accelerations that the \
-             tool needs at most anywhere within the axis limits, which your drives have to reach. {homing}"
+            "The drives: HOME from the kinematics, the range as given, and the highest speeds and \
+             accelerations that the tool needs within the axis limits; your drives must reach them. \
+             {homing}"
         ))
     }
 

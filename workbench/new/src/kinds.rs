@@ -67,10 +67,10 @@ const PYRAMID: &[Parameter] = &[
     Parameter { default: "150", ..NOSE },
 ];
 
-const IN_THE_MIDDLE: &str = "World origin: the middle of the base seen from above, Z up. Pose: the spindle's nose, which is the tip of a tool without a length.";
-const PYRAMID_FRAME: &str = "World origin: the middle between the feet of the guides as seen from above, Z up; the height of the feet is their Z. Pose: the spindle's nose; what the table moves is relative to the work. A column or slide has to hold what the legs do not move: the platform's point CENTRE at 0.";
-const RAILS_FRAME: &str = "World origin: in the middle of the carriages' travel and of the rails, Z up, rails along X. Pose: the spindle's nose. A joint value is the place of a carriage on its rail.";
-const LATHE_FRAME: &str = "World origin: between the rails where their carriages are at 0, Z along the rails and the spindle, X across them. Pose: the middle of the platform joints; the tool table carries where tips are from there. Where the spindle is in X and Y the kinematics need not know: the work offset (G54) has it, touched off.";
+const IN_THE_MIDDLE: &str = "World origin: the center of the base seen from above, Z up. Pose: the spindle nose, which is the tip of a tool of zero length.";
+const PYRAMID_FRAME: &str = "World origin: the center between the feet of the guides seen from above, Z up; the height of the feet is their Z. Pose: the spindle nose; table motion is relative to the work. A column or slide must constrain the letters that the legs do not move, at the platform point CENTRE.";
+const RAILS_FRAME: &str = "World origin: the middle of the carriage travel and of the rails, Z up, rails along X. Pose: the spindle nose. A joint value is the position of a carriage on its rail.";
+const LATHE_FRAME: &str = "World origin: between the rails at carriage position 0, Z along the rails and the spindle, X across them. Pose: the center of the platform joints; the tool table has the positions of tips from there. The kinematics do not need the X and Y of the spindle: touch off the work offset (G54).";
 
 pub const KINDS: &[MachineKind] = &[
     MachineKind {
@@ -116,8 +116,8 @@ pub const KINDS: &[MachineKind] = &[
     },
     MachineKind {
         name: "struts",
-        text: "telescopic struts between any anchors, from a table",
-        frame: "World origin and frame: those of the table of anchors. Pose: the origin of its platform columns.",
+        text: "telescopic struts between the anchors of a table",
+        frame: "World origin and frame: as in the table of anchors. Pose: the origin of its platform columns.",
         leg: leg::Kind::Strut,
         legs: 0,
         coordinates: "",
@@ -131,8 +131,8 @@ pub const KINDS: &[MachineKind] = &[
     },
     MachineKind {
         name: "pentapod",
-        text: "five struts from a wall to rings about the spindle, X Y Z A B",
-        frame: "World origin: on the spindle axis at home as seen from above, Z along it. Pose: the spindle's nose; A and B tilt it. C is the spindle's own turn and held at 0.",
+        text: "five struts from a wall to rings around the spindle, X Y Z A B",
+        frame: "World origin: on the spindle axis at home seen from above, Z along it. Pose: the spindle nose; A and B tilt it. C is the rotation of the spindle itself and stays 0.",
         leg: leg::Kind::Ring,
         legs: 5,
         coordinates: "XYZAB",
@@ -142,13 +142,13 @@ pub const KINDS: &[MachineKind] = &[
                 "wall-distance",
                 Measure::Length,
                 "500",
-                "From the spindle axis at home to the plane of the base joints",
+                "Distance from the spindle axis at home to the plane of the base joints",
             ),
             anchor(
                 "wall-width",
                 Measure::Length,
                 "836",
-                "From the left base joints to the right ones",
+                "Distance between the left and right base joints",
             ),
             anchor("lowest", Measure::Place, "-310", "Z of the base joint in the middle"),
             anchor("lower", Measure::Place, "-140", "Z of the lower pair of base joints"),
@@ -157,13 +157,13 @@ pub const KINDS: &[MachineKind] = &[
                 "ring-radius",
                 Measure::Distance,
                 "80.3",
-                "From the spindle axis to the joint of a ring",
+                "Distance from the spindle axis to the joint of a ring",
             ),
             anchor(
                 "ring-heights",
                 Measure::Places(5),
                 "87 114.5 140.5 232.5 258.5",
-                "Height of every ring over the spindle's nose: of the lower left strut, lower right, middle, upper right, upper left",
+                "Height of every ring above the spindle nose: for the lower left strut, lower right, middle, upper right, upper left",
             ),
             Parameter { default: "450 820", ..STRUT },
         ],
@@ -175,8 +175,8 @@ pub const KINDS: &[MachineKind] = &[
     },
     MachineKind {
         name: "linear-delta",
-        text: "three carriages on upright rails, pairs of rods, X Y Z",
-        frame: "World origin: the middle between the rails, Z up. Pose: the nozzle's tip. A joint value is the height of a carriage's joints over the zero of its rail.",
+        text: "three carriages on vertical rails, pairs of rods, X Y Z",
+        frame: "World origin: the center between the rails, Z up. Pose: the nozzle tip. A joint value is the height of the joints of a carriage above the zero of its rail.",
         leg: leg::Kind::Slider,
         legs: 3,
         coordinates: "XYZ",
@@ -197,8 +197,8 @@ pub const KINDS: &[MachineKind] = &[
     },
     MachineKind {
         name: "rotary-delta",
-        text: "three arms on turning drives, pairs of rods, X Y Z",
-        frame: "World origin: the middle of the arms' axes, Z up. Pose: the middle of the effector joints, or the nose below them. A joint value is the angle of an arm in degrees: 0 level and outwards, positive with its end down.",
+        text: "three arms on rotary drives, pairs of rods, X Y Z",
+        frame: "World origin: the center of the arm axes, Z up. Pose: the center of the effector joints, or the nose below them. A joint value is the angle of an arm in degrees: 0 level and outwards, positive downwards.",
         leg: leg::Kind::Crank,
         legs: 3,
         coordinates: "XYZ",
@@ -210,14 +210,14 @@ pub const KINDS: &[MachineKind] = &[
                 "arm",
                 Measure::Length,
                 "250",
-                "Length of an arm, from its axis to the rod's joints",
+                "Length of an arm, from its axis to the joints of the rod",
             ),
             Parameter { default: "450", ..ROD },
             needed(
                 "angle",
                 Measure::Swing,
                 "-45 90",
-                "Smallest and largest angle of an arm: 0 level and outwards, positive with its end down",
+                "Smallest and largest angle of an arm: 0 level and outwards, positive downwards",
             ),
             HEIGHT,
             NOSE,
@@ -230,7 +230,7 @@ pub const KINDS: &[MachineKind] = &[
     },
     MachineKind {
         name: "triaglide",
-        text: "three carriages on parallel level rails, pairs of rods, X Y Z",
+        text: "three carriages on parallel horizontal rails, pairs of rods, X Y Z",
         frame: RAILS_FRAME,
         leg: leg::Kind::Slider,
         legs: 3,
@@ -253,7 +253,7 @@ pub const KINDS: &[MachineKind] = &[
     },
     MachineKind {
         name: "hexaglide",
-        text: "six carriages on three parallel level rails, X Y Z A B C",
+        text: "six carriages on three parallel horizontal rails, X Y Z A B C",
         frame: RAILS_FRAME,
         leg: leg::Kind::Slider,
         legs: 6,
@@ -267,19 +267,19 @@ pub const KINDS: &[MachineKind] = &[
                 "middle-length",
                 Measure::Length,
                 "120",
-                "The same of the two platform joints whose rods go to the middle rail",
+                "The same for the two platform joints whose rods go to the middle rail",
             ),
             anchor(
                 "middle-offset",
                 Measure::Place,
                 "-160",
-                "Y of these two joints from the middle of the platform",
+                "Y of these two joints from the center of the platform",
             ),
             anchor(
                 "middle-rise",
                 Measure::Place,
                 "150",
-                "How much higher than the others these two joints are",
+                "Height of these two joints above the others",
             ),
             Parameter { default: "900", ..ROD },
             Parameter { default: "100 2700", ..CARRIAGE },
@@ -294,8 +294,8 @@ pub const KINDS: &[MachineKind] = &[
     },
     MachineKind {
         name: "linapod",
-        text: "six carriages on upright rails at three columns, X Y Z A B C",
-        frame: "World origin: the middle between the columns, Z up. Pose: the spindle's nose. A joint value is the height of a carriage over the zero of its rail.",
+        text: "six carriages on vertical rails at three columns, X Y Z A B C",
+        frame: "World origin: the center between the columns, Z up. Pose: the spindle nose. A joint value is the height of a carriage above the zero of its rail.",
         leg: leg::Kind::Slider,
         legs: 6,
         coordinates: "XYZABC",
@@ -383,19 +383,19 @@ pub const KINDS: &[MachineKind] = &[
                 "third-rail-distance",
                 Measure::Length,
                 "1200",
-                "From the left to the right rail of the third rods",
+                "Distance between the left and right rail of the third rods",
             ),
             anchor(
                 "third-width",
                 Measure::Length,
                 "200",
-                "From the left to the right platform joint of the third rods",
+                "Distance between the left and right platform joint of the third rods",
             ),
             anchor(
                 "third-depth",
                 Measure::Length,
                 "150",
-                "How much nearer to the rails these two joints are than the others",
+                "Distance by which these two joints are nearer to the rails than the others",
             ),
             ROD,
             Parameter { default: "-100 2100", ..CARRIAGE },

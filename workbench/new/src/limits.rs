@@ -55,17 +55,17 @@ pub fn proved(
         let why = shown(config, stop);
         let way = if is_of_two_units(config, plan) {
             format!(
-                "see whether struts and joints are all in {}, for the struts are more than {AWAY} times as long as any joint is \
-                 away from its origin",
+                "check that all struts and joints are in {}: the struts are more than {AWAY} times \
+                 longer than any distance of a joint from its origin",
                 config.length_unit()
             )
         } else {
-            "give other dimensions, or another place with --home".into()
+            "change dimensions, or choose another position with --home".into()
         };
         Refusal::Misfit(format!("at home {why}: {way}"))
     };
     if let Some(tilt) = tilt(plan).filter(|tilt| *tilt < NARROWEST[1] / 2.0) {
-        let text = format!("--tilt {tilt}: expected {} degrees or more", NARROWEST[1] / 2.0);
+        let text = format!("--tilt {tilt}: expected at least {} degrees", NARROWEST[1] / 2.0);
         return Err(Refusal::Input(text));
     }
     refuse_limits(config, plan)?;
@@ -83,7 +83,7 @@ pub fn proved(
     match others.find(|letter| is_narrow(config, &found, *letter)) {
         None => Ok(found),
         Some(letter) => Err(Refusal::Misfit(format!(
-            "about home no room is proved along {}: give {}other dimensions, or another place with --home",
+            "no travel around home can be proved along {}: use {}other dimensions, or another position with --home",
             letter.name(),
             if plan.tilts() { "less --tilt, " } else { "" }
         ))),
@@ -106,9 +106,11 @@ fn refuse_limits(config: &Mechanism, plan: &Plan) -> Result<(), Refusal> {
         let (name, home) = (letter.name(), config.home[letter.index()]);
         let why = if !plan.letters().contains(letter) {
             let moved: String = plan.letters().into_iter().map(Letter::name).collect();
-            format!("the machine moves {moved}, and no {name}")
+            format!("the machine moves {moved}, but not {name}")
         } else if !(*low <= home && home <= *high) {
-            format!("home is at {name} {home}: give limits about it, or another place with --home")
+            format!(
+                "home is at {name} {home}: use limits that include it, or another position with --home"
+            )
         } else {
             continue;
         };
@@ -135,11 +137,11 @@ fn unproved(config: &Mechanism, reach: &Reach, plan: &Plan) -> Refusal {
         Some(format!("at {place} {}", shown(config, reach.check(&pose).err()?)))
     });
     let why = stopped.unwrap_or_else(|| {
-        "the corners can be taken, but a pose between them cannot, or the proof takes too long"
+        "the corners are reachable, but a pose between them is not, or the proof takes too long"
             .into()
     });
     Refusal::Misfit(format!(
-        "--limits {}: not proved for every pose within: {why}. Give less of them, other dimensions, or another place with --home",
+        "--limits {}: not proved for every pose within: {why}; use smaller limits, other dimensions, or another position with --home",
         words.join(", ")
     ))
 }
@@ -161,8 +163,8 @@ pub fn short_of_tilt(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> Vec<F
     let finding = |letter: Letter| {
         let [low, high] = [limits.low, limits.high].map(|ends| ends[letter.index()]);
         let text = format!(
-            "--tilt {tilt} was asked for, and {low} to {high} degrees is what is proved about home: see pkm \
-             workspace what stops it, or give other dimensions"
+            "--tilt {tilt}: only {low} to {high} degrees can be proved around home; see pkm workspace \
+             for the limit, or change dimensions"
         );
         let section = config.place.axis_section(letter);
         let problem = *at_key(&config.ini, &section, "MAX_LIMIT", &text).0;

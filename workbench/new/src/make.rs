@@ -50,7 +50,7 @@ impl From<AtFile<io::Error>> for Refusal {
 /// What takes long.
 const PROVING_LIMITS: &str = "proving axis limits";
 const PROVING_BOXES: &str = "proving boxes for the start without a seed";
-const CHECKING: &str = "checking what was made";
+const CHECKING: &str = "checking the result";
 
 /// Makes it; `say` is told what goes on, and of long work the share that is done.
 ///
@@ -61,7 +61,7 @@ pub fn make(order: &Order, say: impl Fn(&str, Option<f64>) + Sync) -> Result<Mad
     refuse_name(order.name)?;
     refuse_place(order.folder)?;
     let mut plan = begun(order)?;
-    say("looking for home", None);
+    say("searching for home", None);
     let (place, config) = home::found(&plan)?;
     plan.home = place;
     if plan.values.number("lead") != 0.0 {
@@ -143,13 +143,13 @@ fn refuse_name(name: &str) -> Result<(), Refusal> {
     let is_good = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if name.len() > LONGEST_NAME {
         return Err(Refusal::Input(format!(
-            "{name:?} is too long for the lines that LinuxCNC reads: expected {LONGEST_NAME} characters at most"
+            "{name:?} is too long for the lines that LinuxCNC reads: use at most {LONGEST_NAME} characters"
         )));
     }
     match !name.is_empty() && name.chars().all(is_good) && !name.starts_with('-') {
         true => Ok(()),
         false => Err(Refusal::Input(format!(
-            "{name:?} is no name for a machine: expected letters, digits, - and _"
+            "{name:?} is not a valid machine name: use letters, digits, - and _"
         ))),
     }
 }
@@ -157,13 +157,13 @@ fn refuse_name(name: &str) -> Result<(), Refusal> {
 fn refuse_place(folder: &Path) -> Result<(), Refusal> {
     if folder.symlink_metadata().is_ok() {
         return Err(Refusal::Input(format!(
-            "{} is there already, and nothing in it is changed: give another name, or --out FOLDER",
+            "{} exists already and was not changed: use another name, or --out FOLDER",
             folder.display()
         )));
     }
     match folder.parent() {
         Some(parent) if !parent.as_os_str().is_empty() && !parent.is_dir() => Err(Refusal::Input(
-            format!("{} is no folder: make it, or give another --out", parent.display()),
+            format!("{} is not a folder: create it, or use another --out", parent.display()),
         )),
         _ => Ok(()),
     }
@@ -178,7 +178,7 @@ fn begun<'a>(order: &Order<'a>) -> Result<Plan<'a>, Refusal> {
     let count = legs.len();
     if kind.legs != 0 && count != kind.legs {
         let text =
-            format!("a {} has {} legs, the table of anchors has {count}", kind.name, kind.legs);
+            format!("a {} has {} legs, but the table of anchors has {count}", kind.name, kind.legs);
         return Err(Refusal::Input(text));
     }
     let hands = values.word("hands").len();
@@ -191,8 +191,8 @@ fn begun<'a>(order: &Order<'a>) -> Result<Plan<'a>, Refusal> {
     }
     if values.word("hands").contains('L') && values.number("lead") == 0.0 {
         let text = format!(
-            "--hands {} without --lead: hands count where a turn of the screw lengthens the strut; give its lead, or \
-             leave --hands out",
+            "--hands {} without --lead: hands only matter if turning the screw changes the strut \
+             length; add --lead, or remove --hands",
             values.word("hands")
         );
         return Err(Refusal::Input(text));
@@ -225,13 +225,13 @@ fn coordinates(kind: &MachineKind, values: &Values, legs: usize) -> Result<Strin
     };
     if letters.is_empty() {
         let text = format!(
-            "--coordinates: {legs} legs can move different letters, say which, such as XYZB"
+            "--coordinates: {legs} legs can move different letters; choose them, for example XYZB"
         );
         return Err(Refusal::Input(text));
     }
     if letters.len() > legs {
         let text = format!(
-            "{legs} legs cannot hold the {} letters {letters}: fewer letters, or more legs",
+            "{legs} legs cannot move {} letters ({letters}): use fewer letters, or more legs",
             letters.len()
         );
         return Err(Refusal::Input(text));
@@ -280,8 +280,9 @@ fn with_boxes(
         (format!("\n{text}"), 0)
     };
     if plan.values.word("boxes") != "yes" {
-        plan.boxes = without(&"they were not asked for, --boxes yes");
-        return "no boxes for the start without a seed: --boxes yes, or pkm boxes later".into();
+        plan.boxes = without(&"--boxes yes was not given");
+        return "no boxes for the start without a seed: use --boxes yes, or run pkm boxes later"
+            .into();
     }
     say(PROVING_BOXES, None);
     let told = |share: f64| say(PROVING_BOXES, Some(share));
@@ -295,7 +296,7 @@ fn with_boxes(
             let about = "\n# Start without a seed: poses on which the kinematics are one-to-one. After a change of the\n# geometry let pkm boxes write new sections.\n";
             plan.boxes = (format!("{about}{}", sections.join("\n")), found.len());
             let boxes = if found.len() == 1 { "box" } else { "boxes" };
-            format!("{} {boxes} for the start without a seed proved", found.len())
+            format!("proved {} {boxes} for the start without a seed", found.len())
         }
         Err(doubt) => {
             plan.boxes = without(&doubt);
@@ -319,7 +320,7 @@ fn checked(
     let errors = report.findings.iter().filter(|finding| finding.severity == Severity::Error);
     let lines: Vec<String> =
         errors.map(|finding| rendered(finding.severity, &finding.problem)).collect();
-    Err(Refusal::Misfit(format!("such a machine does not fit together:\n{}", lines.join("\n"))))
+    Err(Refusal::Misfit(format!("this machine does not fit together:\n{}", lines.join("\n"))))
 }
 
 /// Findings get the file that the machine will have.

@@ -97,27 +97,27 @@ pub const ANCHORS: Parameter = optional(
     "anchors",
     Measure::File,
     "",
-    "CSV file with the anchors of every leg, in place of the dimensions that make them",
+    "CSV file with the anchors of every leg, instead of dimensions",
 );
 /// Where base is.
 pub const HEIGHT: Parameter = optional(
     "height",
     Measure::Place,
     "0",
-    "Z of the base joints, or of the rails (where their carriages are at 0), over Z = 0 of programs, such as a table's top",
+    "Z of the base joints, or of the rails (at carriage position 0), above Z = 0 of programs, for example the table top",
 );
 /// From the platform joints to where tools are measured from.
 pub const NOSE: Parameter = optional(
     "nose",
     Measure::Distance,
     "0",
-    "From the plane of the platform joints to the spindle's nose, along the tool",
+    "Distance from the plane of the platform joints to the spindle nose, along the tool",
 );
 pub const TOOL: Parameter = optional(
     "tool",
     Measure::Choice(&["down", "up"]),
     "down",
-    "Where the tool points: down with the platform below its base, or up with the platform above it",
+    "Direction of the tool: down with the platform below its base, or up with the platform above it",
 );
 /// The same for what stands on its base.
 pub(super) const TOOL_UP: Parameter = Parameter { default: "up", ..TOOL };
@@ -126,74 +126,74 @@ pub const HOME: Parameter = optional(
     "home",
     Measure::Places(3),
     "",
-    "Place of the tool without a length at home; chosen by the kinematics where it is not given",
+    "Position at home of a tool of zero length; chosen automatically if not given",
 );
 /// What joints may swing.
 pub const JOINT_ANGLE: Parameter = optional(
     "joint-angle",
     Measure::Angle(180),
     "40",
-    "How far a leg's joint at the base may swing from its direction at home",
+    "Largest swing of a leg's base joint from its direction at home",
 );
 /// Thickness of legs.
 pub const DIAMETER: Parameter = optional(
     "diameter",
     Measure::Length,
     "",
-    "Thickness of the legs; their centre lines keep a fifth more. Not judged where it is not given",
+    "Thickness of the legs; center lines keep a fifth more. Not judged if not given",
 );
 /// How far the platform is to tilt.
 pub const TILT: Parameter = optional(
     "tilt",
     Measure::Angle(90),
     "",
-    "Largest A, B and C that the axis limits are to have, either way; without it up to 15, less where that would leave little of X Y Z",
+    "Axis limits of A, B and C, in both directions; by default up to 15, less if that would leave little of X Y Z",
 );
 /// Where the axes are to end.
 pub const LIMITS: Parameter = optional(
     "limits",
     Measure::Limits,
     "",
-    "Axis limits that a letter is to have, all of it proved: --limits X -60 60, again for other letters; those of the others are found",
+    "Axis limits of a letter, to be proved, such as --limits X -60 60; repeatable. Limits of other letters are computed",
 );
 /// Speed of the tool.
 pub const FEED: Parameter =
-    optional("feed", Measure::Feed, "3000", "Largest speed of the tool along X Y Z");
+    optional("feed", Measure::Feed, "3000", "Highest speed of the tool along X Y Z");
 /// How fast it is reached.
 pub const ACCEL: Parameter =
-    optional("accel", Measure::Acceleration, "400", "Largest acceleration along X Y Z");
+    optional("accel", Measure::Acceleration, "400", "Highest acceleration along X Y Z");
 /// Speed of tilts.
 pub const TURN: Parameter = optional(
     "turn",
     Measure::Turning,
     "8",
-    "Largest speed of A, B and C, reached in a tenth of a second",
+    "Highest speed of A, B and C, reached within a tenth of a second",
 );
 pub const BOXES: Parameter = optional(
     "boxes",
     Measure::Choice(&["yes", "no"]),
     "yes",
-    "Whether to prove boxes for the start without a seed; takes seconds, of a hexapod minutes",
+    "Prove boxes for the start without a seed; takes seconds, for a hexapod minutes",
 );
 /// Letters of legs that a table gives.
 pub const COORDINATES: Parameter = optional(
     "coordinates",
     Measure::Letters,
     "",
-    "Letters that the legs move: XYZ for three legs, XYZAB for five, XYZABC for six, if not given; the others are held",
+    "Letters that the legs move; by default XYZ for three legs, XYZAB for five, XYZABC for six",
 );
 
 pub(super) const STRUT: Parameter = needed(
     "strut",
     Measure::Travel,
     "550 850",
-    "Shortest and longest length of a strut, between the centres of its joints",
+    "Shortest and longest strut length, between the centers of its joints",
 );
 pub(super) const LEAD: Parameter = optional(
     "lead",
     Measure::Distance,
     "0",
-    "Travel of a strut in a turn of its screw, where the platform's turn about a strut turns the screw too; 0: it does not",
+    "Travel of a strut per turn of its screw, if rotation of the platform about a strut turns the screw; 0 if it does not",
 );
 pub(super) const HANDS: Parameter = optional(
     "hands",
@@ -205,69 +205,81 @@ pub(super) const BASE_RADIUS: Parameter = anchor(
     "base-radius",
     Measure::Length,
     "400",
-    "From the middle of the base to the centre of a joint, seen from above",
+    "Distance from the center of the base to the center of a joint, seen from above",
 );
 pub(super) const BASE_HALF_ANGLE: Parameter = anchor(
     "base-half-angle",
     Measure::Angle(60),
     "12",
-    "Half of the angle between two neighbouring joints of the base, seen from its middle",
+    "Half the angle between two neighboring joints of the base, seen from its center",
 );
 pub(super) const PLATFORM_RADIUS: Parameter = anchor(
     "platform-radius",
     Measure::Length,
     "180",
-    "From the middle of the platform to the centre of a joint",
+    "Distance from the center of the platform to the center of a joint",
 );
 pub(super) const PLATFORM_HALF_ANGLE: Parameter = anchor(
     "platform-half-angle",
     Measure::Angle(60),
     "15",
-    "Half of the angle between two neighbouring joints of the platform; these pairs stand between those of the base",
+    "Half the angle between two neighboring joints of the platform; these pairs are between those of the base",
 );
 pub(super) const CARRIAGE: Parameter = needed(
     "carriage",
     Measure::Travel,
     "0 1000",
-    "Where a carriage begins and ends on its rail, measured from the rail's zero",
+    "Travel of a carriage on its rail, measured from the zero of the rail",
 );
 pub(super) const ROD: Parameter =
-    anchor("rod", Measure::Length, "700", "Length of a rod, between the centres of its joints");
-pub(super) const RAIL_SPACING: Parameter =
-    anchor("rail-spacing", Measure::Length, "350", "From the middle rail to each outer one");
+    anchor("rod", Measure::Length, "700", "Length of a rod, between the centers of its joints");
+pub(super) const RAIL_SPACING: Parameter = anchor(
+    "rail-spacing",
+    Measure::Length,
+    "350",
+    "Distance from the middle rail to each outer rail",
+);
 pub(super) const TABLE: Parameter = needed(
     "table",
     Measure::Travel,
     "-210 210",
-    "Where the table under the work begins and ends along its axes",
+    "Travel of the table under the work along its axes",
 );
 pub(super) const FOOT_RADIUS: Parameter = anchor(
     "foot-radius",
     Measure::Length,
     "700",
-    "From the middle to the lower end of a guide, where its carriage is at 0",
+    "Distance from the center to the lower end of a guide, at carriage position 0",
 );
-pub(super) const TOP_RADIUS: Parameter =
-    anchor("top-radius", Measure::Distance, "200", "From the middle to the upper end of a guide");
-pub(super) const GUIDE_RISE: Parameter =
-    anchor("guide-rise", Measure::Length, "1000", "How much higher the upper end of a guide is");
+pub(super) const TOP_RADIUS: Parameter = anchor(
+    "top-radius",
+    Measure::Distance,
+    "200",
+    "Distance from the center to the upper end of a guide",
+);
+pub(super) const GUIDE_RISE: Parameter = anchor(
+    "guide-rise",
+    Measure::Length,
+    "1000",
+    "Height of the upper end of a guide above its lower end",
+);
 pub(super) const RAIL_DISTANCE: Parameter = anchor(
     "rail-distance",
     Measure::Length,
     "900",
-    "From the left rail to the right one, across the spindle",
+    "Distance between the left and right rail, across the spindle",
 );
 pub(super) const PLATFORM_WIDTH: Parameter = anchor(
     "platform-width",
     Measure::Length,
     "300",
-    "From the left platform joints to the right ones, across the rails",
+    "Distance between the left and right platform joints, across the rails",
 );
 pub(super) const PLATFORM_LENGTH: Parameter = anchor(
     "platform-length",
     Measure::Length,
     "120",
-    "From the platform joints at one end to those at the other, along the rails",
+    "Distance between the platform joints at both ends, along the rails",
 );
 
 impl Measure {

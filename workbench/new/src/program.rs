@@ -31,7 +31,7 @@ pub fn first(plan: &Plan, limits: &AxisBox) -> String {
     let home: [f64; 6] = std::array::from_fn(|k| plan.home.get(k).copied().unwrap_or(0.0));
     let code = if plan.values.unit() == "mm" { "G21" } else { "G20" };
     let mut text = format!(
-        "; The first program of {}: every letter alone, then all of them, within the proved limits.\n\
+        "; The first program of {}: every letter separately, then all together, within the proved limits.\n\
          {code} G17 G40 G49 G54 G80 G90 G94\n",
         plan.name
     );
@@ -72,25 +72,25 @@ pub fn readme(plan: &Plan) -> String {
     let name = plan.name;
     let tools = match plan.direction() {
         None => {
-            "Tools: X, Y and Z of the tool table are where the tip is from the middle of the platform joints."
+            "Tools: X, Y and Z of the tool table are the position of the tip relative to the center of the platform joints."
         }
         Some("up") => {
-            "Tools: the tip is above the nose, so that Z of a line of the tool table is negative: the tool's length, with a minus before it."
+            "Tools: the tip is above the nose, so Z in the tool table is negative: minus the tool length."
         }
         _ => {
-            "Tools: the tip is below the nose; Z of a line of the tool table is the tool's length, positive."
+            "Tools: the tip is below the nose, so Z in the tool table is the tool length, positive."
         }
     };
     format!(
         "# {name}: {}\n\nMade by `pkm new {}`. {} {tools}\n\n    \
-         pkm check {name}.ini                       does everything fit together?\n    \
-         pkm preflight {name}.ini programs/first.ngc   does a program fit?\n    \
-         linuxcnc {name}.ini                        runs it, with simulated drives\n    \
-         pkm frames {name}.ini -o frames.svg        axes, numbers and signs as a drawing\n    \
-         pkm view {name}.ini programs/first.ngc     a page of machine and program\n\n\
-         On real hardware put your HAL file in the place of `LIB:pkmkins_sim.tcl`; `LIB:pkmkins.tcl` stays after it.\n\
-         After changes of dimensions: `pkm check` says what HOME and the axis limits should be, `pkm boxes` proves\n\
-         `[BOX_K]` sections again, and after changes of limits `pkm panel` writes the panel again.\n",
+         pkm check {name}.ini                       check that everything fits together\n    \
+         pkm preflight {name}.ini programs/first.ngc   check that the program fits\n    \
+         linuxcnc {name}.ini                        run it with simulated drives\n    \
+         pkm frames {name}.ini -o frames.svg        draw axes, numbers and signs\n    \
+         pkm view {name}.ini programs/first.ngc     make a page of machine and program\n\n\
+         On real hardware replace `LIB:pkmkins_sim.tcl` by your HAL file; keep `LIB:pkmkins.tcl` after it.\n\
+         After changes of dimensions: run `pkm check` for the new HOME and axis limits, and `pkm boxes` to prove\n\
+         `[BOX_K]` sections again. After changes of limits: run `pkm panel` to write the panel again.\n",
         plan.kind.text, plan.kind.name, plan.kind.frame,
     )
 }

@@ -39,7 +39,11 @@ impl Dialogue<'_> {
     /// # Errors
     /// The answers have ended.
     pub fn values(&mut self, kind: &MachineKind) -> io::Result<Given> {
-        writeln!(self.questions, "{}: {}. Enter takes what is in brackets.", kind.name, kind.text)?;
+        writeln!(
+            self.questions,
+            "{}: {}. Press Enter for the value in brackets.",
+            kind.name, kind.text
+        )?;
         let mut given = Given::new();
         for parameter in kind.parameters() {
             if parameter.need == Need::Anchor && given.contains_key(ANCHORS.name) {
@@ -83,7 +87,7 @@ impl Dialogue<'_> {
         match self.answers.read_line(&mut line)? {
             0 => Err(io::Error::new(
                 io::ErrorKind::UnexpectedEof,
-                "the answers have ended; nothing is made",
+                "input ended before all answers; nothing was created",
             )),
             _ => Ok(line.trim().into()),
         }

@@ -47,7 +47,7 @@ pub fn read(file: &Path, kind: Kind) -> Result<Vec<Leg>, Refusal> {
         .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let heading = lines.next().unwrap_or((1, ""));
     if !heading.1.contains(',') && heading.1.contains([';', '\t']) {
-        let text = "semicolons or tabs between the cells: save the table with commas";
+        let text = "cells are separated by semicolons or tabs: save the table with commas";
         return Err(at(heading.0, text.into()));
     }
     if fields(heading.1) != names {
@@ -61,7 +61,7 @@ pub fn read(file: &Path, kind: Kind) -> Result<Vec<Leg>, Refusal> {
         let count = text.lines().count();
         return Err(at(
             count,
-            format!("expected a line for each of 1 to {MOST} legs, there are {}", legs.len()),
+            format!("expected 1 to {MOST} legs, one per line; found {}", legs.len()),
         ));
     }
     Ok(legs)
@@ -74,18 +74,18 @@ fn fields(line: &str) -> Vec<&str> {
 fn leg(fields: &[&str], names: &[String], kind: Kind, n: usize) -> Result<Leg, String> {
     if fields.len() != names.len() {
         let (found, wanted) = (fields.len(), names.len());
-        return Err(format!("expected {wanted} fields, {}; there are {found}", names.join(",")));
+        return Err(format!("expected {wanted} fields, {}; found {found}", names.join(",")));
     }
     if fields[0] != n.to_string() {
-        return Err(format!("expected leg {n} in its order, not {:?}", fields[0]));
+        return Err(format!("expected leg {n} next, found {:?}", fields[0]));
     }
     let mut numbers = vec![];
     for (name, field) in names.iter().zip(fields).skip(1) {
         let number = decimal(field).filter(|number| number.is_finite());
         let number =
-            number.ok_or_else(|| format!("{name}: expected a decimal number, not {field:?}"))?;
+            number.ok_or_else(|| format!("{name}: expected a decimal number, found {field:?}"))?;
         if number.abs() > MOST_LENGTH {
-            return Err(format!("{name}: expected at most {MOST_LENGTH} in size, not {field}"));
+            return Err(format!("{name}: expected at most {MOST_LENGTH} in size, found {field}"));
         }
         numbers.push(number);
     }
@@ -97,7 +97,7 @@ fn leg(fields: &[&str], names: &[String], kind: Kind, n: usize) -> Result<Leg, S
         if let Some((word, _)) = named.iter().zip(own).find(|(word, x)| !key.range.holds(word, **x))
         {
             return Err(format!(
-                "{}: expected {}, not {word}",
+                "{}: expected {}, found {word}",
                 key.name.to_ascii_lowercase(),
                 key.expected()
             ));

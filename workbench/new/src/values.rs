@@ -64,7 +64,7 @@ impl Values {
             if by_table && parameter.need == Need::Anchor {
                 if words.is_some() {
                     let text = format!(
-                        "--{} is of no use beside --anchors, whose table says it",
+                        "--{} has no effect with --anchors, whose table contains it: remove one of them",
                         parameter.name
                     );
                     return Err(Refusal::Input(text));
@@ -161,7 +161,7 @@ fn missing_text(machine: &str, missing: &[Parameter]) -> String {
     };
     let lines: String = missing.iter().map(line).collect();
     format!(
-        "{machine} lacks values, lengths in mm as examples; without any option, on a terminal, all are asked for:{lines}"
+        "{machine}: values are missing; add them (examples in mm), or run without options on a terminal to be asked:{lines}"
     )
 }
 

@@ -65,12 +65,14 @@ pub fn taken(config: &Mechanism, file: &PathFile) -> Result<Vec<CarriagePose>, C
     let tool = tool(config, file)?;
     let [first, last] = keys.t_s;
     if !(first < last && first.is_finite() && last.is_finite()) {
-        let text = format!("t_s: {first} to {last}: expected the smaller one first");
+        let text = format!("t_s: {first} to {last}: expected the smaller number first");
         return Err(CarriageError::Keys(text));
     }
     let count = ((last - first) / config.period).ceil();
     if count > MOST_PLACES {
-        return Err(CarriageError::Keys(format!("t_s: more than {MOST_PLACES} servo cycles")));
+        return Err(CarriageError::Keys(format!(
+            "t_s: more than {MOST_PLACES} servo cycles; use a shorter range"
+        )));
     }
     let mut seed = config.home_pose();
     let mut all = vec![];
@@ -96,7 +98,7 @@ fn laws(
 ) -> Result<Vec<Expression>, CarriageError> {
     let (given, count) = (keys.laws_mm_or_deg.len(), config.joints.len());
     if given != count {
-        let text = format!("laws_mm_or_deg: expected {count}, one a joint; found {given}");
+        let text = format!("laws_mm_or_deg: expected {count}, one per joint; found {given}");
         return Err(CarriageError::Keys(text));
     }
     let law = |(joint, law): (usize, &crate::file::Formula)| {
@@ -110,7 +112,11 @@ fn tool(config: &Mechanism, file: &PathFile) -> Result<Vector3<f64>, CarriageErr
     let Some(number) = file.program.tool else { return Ok(config.spindle) };
     let all = tools::read(config)?;
     let found = all.iter().find(|tool| tool.number == i64::from(number));
-    let missing = || CarriageError::Keys(format!("tool {number} is not in the tool table"));
+    let missing = || {
+        CarriageError::Keys(format!(
+            "tool {number} is not in the tool table: add it, or choose another"
+        ))
+    };
     Ok(config.spindle + found.ok_or_else(missing)?.offset)
 }
 

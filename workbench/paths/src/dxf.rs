@@ -21,7 +21,7 @@ const JOIN: f64 = 1e-3;
 /// Why the curves of a drawing cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum DxfError {
-    #[error("no DXF drawing: {0}")]
+    #[error("not a DXF drawing: {0}")]
     Read(#[from] ::dxf::DxfError),
     #[error("{0}")]
     Form(String),
@@ -55,17 +55,17 @@ pub fn elements(bytes: &[u8], keys: &CurveKeys) -> Result<Vec<Element>, DxfError
 fn check(bytes: &[u8]) -> Result<(), DxfError> {
     let form = |text: String| Err(DxfError::Form(text));
     if bytes.starts_with(b"AutoCAD Binary DXF") {
-        return form("a binary DXF drawing: save it in ASCII form".into());
+        return form("a binary DXF drawing: save it as ASCII DXF".into());
     }
     if !bytes.trim_ascii_end().ends_with(b"EOF") {
-        return form("no DXF drawing, or not all of it: the line EOF is missing at its end".into());
+        return form("not a complete DXF drawing: the line EOF at its end is missing".into());
     }
     let lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii).collect();
     for (k, [code, value]) in lines.as_chunks().0.iter().enumerate() {
         let line = 2 * k + 1;
         let code: Option<i32> = std::str::from_utf8(code).ok().and_then(|code| code.parse().ok());
         let Some(code) = code else {
-            return form(format!("no DXF drawing: line {line}: expected a group code"));
+            return form(format!("not a DXF drawing: line {line}: expected a group code"));
         };
         let value = String::from_utf8_lossy(value);
         let is_finite = || value.parse().is_ok_and(f64::is_finite);
@@ -91,8 +91,8 @@ fn unit_of(units: Units) -> Result<f64, DxfError> {
         Units::Microinches => 25.4e-6,
         other => {
             let text = format!(
-                "dxf_unit_mm: missing, and $INSUNITS of the drawing is {}, {other:?}; a drawing in mm \
-                 has 1, one in inches 25.4",
+                "dxf_unit_mm is missing, and $INSUNITS of the drawing is {}, {other:?}: set 1 for a \
+                 drawing in mm, 25.4 for inches",
                 other as i16
             );
             return Err(DxfError::Keys(text));
@@ -125,11 +125,11 @@ fn taken<'a>(drawing: &'a Drawing, keys: &CurveKeys) -> Result<Vec<(usize, &'a E
     let layers: BTreeSet<&str> = all().map(|entity| entity.common.layer.as_str()).collect();
     let layers = Vec::from_iter(layers).join(", ");
     Err(match (&keys.dxf_layer, layers.is_empty()) {
-        (_, true) => DxfError::Form("the drawing has no entities".into()),
+        (_, true) => DxfError::Form("the drawing has no entities: check the file".into()),
         (Some(layer), false) => DxfError::Keys(format!(
-            "dxf_layer: nothing to take on {layer:?}; there are entities on {layers}"
+            "dxf_layer: nothing usable on {layer:?}; there are entities on {layers}"
         )),
-        (None, false) => DxfError::Keys("dxf_handles: expected one or more".into()),
+        (None, false) => DxfError::Keys("dxf_handles: expected at least one".into()),
     })
 }
 
@@ -142,7 +142,7 @@ fn strand((number, entity): &(usize, &Entity), unit: f64) -> Result<Strand, DxfE
     if !elements.iter().all(Element::is_finite) {
         return Err(refused("a number is too large".into()));
     }
-    Strand::new(name.clone(), elements).ok_or_else(|| refused("it has no length".into()))
+    Strand::new(name.clone(), elements).ok_or_else(|| refused("its length is 0: remove it".into()))
 }
 
 /// Returns the type of an entity, and its curves.
@@ -173,7 +173,7 @@ fn curves(
             ("INSERT", Err("a block: explode it in the drawing program".into()))
         }
         _ => {
-            let text = "no curve: put curves on a layer of their own, and name that in dxf_layer";
+            let text = "not a curve: put curves on a separate layer, and name it in dxf_layer";
             ("another kind", Err(text.into()))
         }
     }
@@ -187,7 +187,7 @@ fn place(p: &Point) -> Vector3<f64> {
 /// algorithm of the DXF reference.
 fn axes(normal: &Vector) -> Result<Matrix3<f64>, String> {
     let z = Vector3::new(normal.x, normal.y, normal.z);
-    let z = z.try_normalize(0.0).ok_or("its direction of extrusion has no length")?;
+    let z = z.try_normalize(0.0).ok_or("its extrusion direction is zero")?;
     let is_near_z = z.x.abs() < 1.0 / 64.0 && z.y.abs() < 1.0 / 64.0;
     let x = if is_near_z { Vector3::y().cross(&z) } else { Vector3::z().cross(&z) }.normalize();
     Ok(Matrix3::from_columns(&[x, z.cross(&x), z]))
@@ -269,7 +269,7 @@ fn bulge_of(a: &Vector3<f64>, b: &Vector3<f64>, bulge: f64, own: &Matrix3<f64>) 
 
 fn polyline(line: &::dxf::entities::Polyline, unit: f64) -> Result<Vec<Element>, String> {
     if line.is_3d_polygon_mesh() || line.is_polyface_mesh() {
-        return Err("a mesh is no curve".into());
+        return Err("a mesh is not a curve: remove it".into());
     }
     if line.curve_fit_vertices_added() || line.spline_fit_vertices_added() {
         return Err("a polyline with a fitted curve: save it as SPLINE, or without the fit".into());
@@ -289,7 +289,7 @@ fn polyline(line: &::dxf::entities::Polyline, unit: f64) -> Result<Vec<Element>,
 
 fn free(own: &::dxf::entities::Spline, unit: f64) -> Result<Vec<Element>, String> {
     if own.control_points.is_empty() {
-        return Err("fit points alone: save the spline with its control points".into());
+        return Err("only fit points: save the spline with its control points".into());
     }
     let degree = usize::try_from(own.degree_of_curve).unwrap_or(0);
     let points: Vec<[f64; 3]> =

@@ -24,7 +24,7 @@ pub enum ExpressionError {
         at: usize,
         expected: String,
     },
-    #[error("\"{text}\": the name {name} is unknown; known are {known}")]
+    #[error("\"{text}\": unknown name {name}; known names are {known}")]
     Unknown { text: String, name: String, known: String },
 }
 
@@ -35,9 +35,11 @@ pub enum Trouble {
     Division(String),
     #[error("\"{text}\" has no real value: {function} of {argument}")]
     Complex { text: String, function: &'static str, argument: f64 },
-    #[error("the path has no bound there: a pole, a divisor of 0 or a jump of an angle")]
+    #[error(
+        "the path is unbounded there: a pole, a divisor of 0 or a jump of an angle; change the range of t"
+    )]
     Pole,
-    #[error("\"{0}\" is larger than any number")]
+    #[error("\"{0}\" overflows")]
     Overflow(String),
 }
 
@@ -277,7 +279,7 @@ mod tests {
             ("sin + 1", "a known function with its arguments"),
             ("sin(1, 2)", "a known function with its arguments"),
             ("foo(1)", "a known function with its arguments"),
-            ("q + t", "the name q is unknown; known are t, s, R_1, pi, sin"),
+            ("q + t", "unknown name q; known names are t, s, R_1, pi, sin"),
             ("", "character 1: expected a number"),
             ("é", "character 1"),
         ] {
@@ -298,9 +300,9 @@ mod tests {
             ("asin(t)", "asin of 2"),
             ("ln(t - 2)", "ln of 0"),
             ("(t-2)^-1", "divides by 0"),
-            ("exp(1e9)", "larger than any number"),
-            ("sqrt(exp(1e9) - exp(1e9))", "larger than any number"),
-            ("(exp(1e9) - exp(1e9))^t^0.5", "larger than any number"),
+            ("exp(1e9)", "overflows"),
+            ("sqrt(exp(1e9) - exp(1e9))", "overflows"),
+            ("(exp(1e9) - exp(1e9))^t^0.5", "overflows"),
         ] {
             let expression = Expression::parse(text, &["t"], &numbers()).unwrap();
             let message = expression.at(&[Taylor::constant(2.0)]).unwrap_err().to_string();

@@ -71,9 +71,9 @@ pub fn check_keys(keys: &CurveKeys) -> Result<(), FreeError> {
         ("dxf_join_mm", keys.dxf_join_mm.is_some(), "dxf", dxf),
     ];
     match all.iter().find(|(_, is_given, _, has_file)| *is_given && !has_file) {
-        Some((key, _, file, _)) => {
-            Err(FreeError::Keys(format!("[curve] {key}: only beside {file}, which is missing")))
-        }
+        Some((key, _, file, _)) => Err(FreeError::Keys(format!(
+            "[curve] {key} is only valid with {file}, which is missing"
+        ))),
         None => Ok(()),
     }
 }
@@ -89,7 +89,7 @@ pub fn free(keys: &CurveKeys, folder: &Path) -> Result<Free, FreeError> {
         }
         (None, Some(file), None) => Ok(of_drawing(of_svg(keys, &folder.join(file))?)),
         (None, None, Some(file)) => Ok(of_drawing(of_dxf(keys, &folder.join(file))?)),
-        _ => Err(FreeError::Keys("[curve]: expected one of points, svg and dxf".into())),
+        _ => Err(FreeError::Keys("[curve]: expected exactly one of points, svg and dxf".into())),
     }
 }
 

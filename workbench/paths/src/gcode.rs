@@ -20,9 +20,11 @@ const SYSTEM: [&str; 2] = ["P9", "G59.3"];
 /// Why a machine cannot run the program.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
-    #[error("{file}: the machine holds {letter} at {held}; the path asks for {asked} at t = {t}")]
+    #[error(
+        "{file}: no joint moves {letter}, which stays at {held}; the path has {asked} at t = {t}"
+    )]
     Held { file: String, letter: char, held: f64, asked: f64, t: f64 },
-    #[error("[program] tool: {tool} is not in the machine's tool table")]
+    #[error("[program] tool: {tool} is not in the machine's tool table: add it, or choose another")]
     NoTool {
         /// T number.
         tool: u32,
@@ -74,7 +76,9 @@ impl<'a> Writer<'a> {
         blend: f64,
     ) -> Result<Self, SetupError> {
         if keys.clear_z_mm.is_some() && keys.clear_x_mm.is_some() {
-            return Err(SetupError::Clear("clear_z_mm and clear_x_mm exclude each other"));
+            return Err(SetupError::Clear(
+                "clear_z_mm and clear_x_mm exclude each other: remove one",
+            ));
         }
         let mut writer = Self {
             config,

@@ -96,7 +96,7 @@ fn too_much(text: &str) -> Option<(usize, String)> {
         }
         depth > DEEPEST
     });
-    deep.map(|(at, _)| (at, format!("more than {DEEPEST} parentheses in each other")))
+    deep.map(|(at, _)| (at, format!("more than {DEEPEST} nested parentheses")))
 }
 
 type Input<'a> = &'a str;

@@ -11,7 +11,7 @@ const ONE_PLACE: f64 = 1e-6;
 /// Why entities cannot be joined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum JoinError {
-    #[error("at X {x:.6} Y {y:.6} Z {z:.6} meet ends of {names}: which way the tool goes from there is not said; name the entities of one way in dxf_handles", x = at.x, y = at.y, z = at.z)]
+    #[error("at X {x:.6} Y {y:.6} Z {z:.6} ends of {names} meet, so the path is ambiguous; list the entities of one path in dxf_handles", x = at.x, y = at.y, z = at.z)]
     Branch {
         /// The position, mm.
         at: Vector3<f64>,
@@ -188,7 +188,7 @@ mod tests {
         ];
         let message = joined(lines, 1e-3).unwrap_err().to_string();
         assert!(
-            message.starts_with("at X 1.000000 Y 2.000000 Z 0.000000 meet ends of a, b, c"),
+            message.starts_with("at X 1.000000 Y 2.000000 Z 0.000000 ends of a, b, c meet"),
             "{message}"
         );
     }

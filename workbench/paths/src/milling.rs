@@ -150,7 +150,7 @@ impl Rows {
     /// Returns why the operation is invalid.
     pub(super) fn refusal(&self) -> Option<String> {
         let zero = self.length_mm == 0.0 || self.width_mm == 0.0;
-        zero.then(|| "length_mm and width_mm: expected other than 0".into())
+        zero.then(|| "length_mm and width_mm: expected nonzero numbers".into())
     }
 }
 
@@ -229,6 +229,6 @@ impl Helix {
     /// Returns why the operation is invalid.
     pub(super) fn refusal(&self) -> Option<String> {
         let is_gone = self.shrink_mm * self.turns.0 > self.radius_mm.0;
-        is_gone.then(|| "shrink_mm: the radius ends below 0".into())
+        is_gone.then(|| "shrink_mm: too large, the radius would become negative".into())
     }
 }

@@ -34,7 +34,7 @@ impl Wanted {
         let left = |key: &str, value: f64| match value > 2.0 * ROUNDING {
             true => Ok(value - ROUNDING),
             false => Err(CurveError::Keys(format!(
-                "[tolerance] {key}: {value} is less than words of {DECIMALS} decimals can keep, {}",
+                "[tolerance] {key}: {value} is finer than words with {DECIMALS} decimals allow, {}",
                 2.0 * ROUNDING
             ))),
         };

@@ -105,8 +105,8 @@ fn longest(
 fn unbounded(curve: &Curve, part: usize, at: f64) -> CurveError {
     let t = curve.at(part, at).map_or(f64::NAN, |here| here.t.value.middle());
     CurveError::Keys(format!(
-        "at t = {t}: the curve's second derivative has no bound there, so that no chord can be \
-         proved to keep to it; let the range of t begin or end before it"
+        "at t = {t}: the second derivative of the curve is unbounded, so no chord can be proved; end or \
+         start the range of t before it"
     ))
 }
 

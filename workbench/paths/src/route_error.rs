@@ -13,7 +13,7 @@ pub enum RouteError {
     #[error(transparent)]
     Setup(#[from] SetupError),
     #[error(
-        "at t = {t}: the curve has a gap from {from:?} to {to:?}, mm; [program] clear_z_mm or clear_x_mm says how the tool crosses it"
+        "at t = {t}: the curve has a gap from {from:?} to {to:?}, mm; set [program] clear_z_mm or clear_x_mm to cross it"
     )]
     Gap {
         t: f64,
@@ -24,13 +24,13 @@ pub enum RouteError {
     },
     #[error("at t = {t}: {text}")]
     Leaves { t: f64, text: String },
-    #[error("line {line} of the program, on the way to or from the curve: {text}")]
+    #[error("line {line} of the program, on the approach or retract: {text}")]
     Beside {
         /// Line of the program.
         line: u32,
         text: String,
     },
-    #[error("at t = {t}: {joint} needs {speed:.3}/s, MAX_VELOCITY allows {most}/s; a share of {share:.3} of the programmed speed fits there", share = most / speed)]
+    #[error("at t = {t}: {joint} needs {speed:.3}/s, but MAX_VELOCITY allows {most}/s; reduce the programmed speed to {share:.3} of it there", share = most / speed)]
     TooFast { t: f64, joint: String, speed: f64, most: f64 },
     #[error("at t = {t}: {fault}")]
     Fault { t: f64, fault: Fault },

@@ -6,15 +6,15 @@ use machine::proof::jet::Taylor;
 /// Why a spline cannot be created.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SplineError {
-    #[error("a spline of degree {degree} needs {} points or more; found {points}", degree + 1)]
+    #[error("a spline of degree {degree} needs at least {} points; found {points}", degree + 1)]
     Points { degree: usize, points: usize },
-    #[error("expected {expected} knots, one for each point and {more} more; found {found}", more = expected - points)]
+    #[error("expected {expected} knots, one per point and {more} more; found {found}", more = expected - points)]
     Knots { expected: usize, points: usize, found: usize },
-    #[error("knot {0} is smaller than that before it")]
+    #[error("knot {0} is smaller than the previous one")]
     Order(usize),
-    #[error("the knots leave no range: its ends are both {0}")]
+    #[error("the knots span no range: both ends are {0}")]
     NoRange(f64),
-    #[error("expected {points} weights, one for each point; found {found}")]
+    #[error("expected {points} weights, one per point; found {found}")]
     Weights { points: usize, found: usize },
     #[error("weight {value} of point {point}: expected more than 0")]
     Weight {
@@ -22,7 +22,7 @@ pub enum SplineError {
         point: usize,
         value: f64,
     },
-    #[error("knot {0} repeats more often than the degree: the curve has a gap there")]
+    #[error("knot {0} repeats more often than the degree, so the curve has a gap there")]
     Gap(f64),
     #[error("degree 0: expected 1 or more")]
     Degree,

@@ -26,7 +26,7 @@ pub enum SvgError {
     #[error("no path")]
     NoPath,
     #[error(
-        "[curve] svg_unit_mm: missing, and width, height and viewBox of the drawing do not give the size of its unit in mm, cm, in, pt or pc; a drawing in mm has 1, one in pixels 25.4/96 = 0.26458333"
+        "[curve] svg_unit_mm is missing, and width, height and viewBox of the drawing do not define its unit in mm, cm, in, pt or pc: set 1 for mm, 25.4/96 = 0.26458333 for pixels"
     )]
     NoUnit,
     #[error("line {line}: {error}")]
@@ -56,7 +56,7 @@ fn parsed(text: &str) -> Result<Document<'_>, SvgError> {
         if depth > MOST_DEPTH {
             let line = document.text_pos_at(node.range().start).row;
             let text = format!(
-                "more than {MOST_DEPTH} groups in each other: ungroup them in the drawing program"
+                "more than {MOST_DEPTH} nested groups: ungroup them in the drawing program"
             );
             return Err(SvgError::Untaken { line, text });
         }
@@ -86,15 +86,14 @@ pub fn elements(text: &str, unit: Option<f64>) -> Result<Vec<Element>, SvgError>
         counted = start;
         match name(&node) {
             "use" => {
-                let text = "use draws what stands elsewhere: unlink clones in the drawing program";
+                let text = "use elements are not supported: unlink clones in the drawing program";
                 return Err(SvgError::Untaken { line, text: text.into() });
             }
             "path" => path(&node, line, unit, &mut all)?,
             _ => (),
         }
         if all.len() > MOST_PIECES {
-            let text =
-                format!("more than {MOST_PIECES} lines and curves up to here: split the drawing");
+            let text = format!("more than {MOST_PIECES} lines and curves: split the drawing");
             return Err(SvgError::Untaken { line, text });
         }
     }
@@ -149,10 +148,14 @@ fn moved(node: &Node, line: u32) -> Result<Affine, SvgError> {
     for node in node.ancestors().filter(Node::is_element) {
         let style = node.attribute("style").unwrap_or_default();
         if style.contains("transform") || node.has_attribute("transform-origin") {
-            return untaken("a transform by CSS: apply it in the drawing program".into());
+            return untaken(
+                "CSS transforms are not supported: apply them in the drawing program".into(),
+            );
         }
         if name(&node) == "svg" && node.parent_element().is_some() {
-            return untaken("an svg inside the svg: ungroup it in the drawing program".into());
+            return untaken(
+                "nested svg elements are not supported: ungroup them in the drawing program".into(),
+            );
         }
         let Some(text) = node.attribute("transform") else { continue };
         let own: Transform = text.parse().map_err(|error| SvgError::Attribute {
@@ -164,7 +167,7 @@ fn moved(node: &Node, line: u32) -> Result<Affine, SvgError> {
     }
     let area = whole.determinant();
     if !(area.is_finite() && area != 0.0) {
-        return untaken("transform: nothing is left of the path".into());
+        return untaken("transform: it collapses the path; correct it".into());
     }
     Ok(whole)
 }
@@ -275,7 +278,7 @@ mod tests {
         assert_eq!(elements(&within(path, 150), Some(1.0)).unwrap().len(), 1);
         for depth in [200, 100_000] {
             let refused = elements(&within(path, depth), Some(1.0)).unwrap_err().to_string();
-            assert!(refused.contains("groups in each other"), "{refused}");
+            assert!(refused.contains("nested groups"), "{refused}");
         }
         let wide = format!("<svg>{}</svg>", "<g>\n<path d='M0 0h1'/></g>".repeat(50_000));
         assert_eq!(elements(&wide, Some(1.0)).unwrap().len(), 50_000);
@@ -401,18 +404,18 @@ mod tests {
             "width='100mm' height='50mm' viewBox='0 0 100 50' preserveAspectRatio='none'",
         ] {
             let message = elements(&text(root), None).unwrap_err().to_string();
-            assert!(message.starts_with("[curve] svg_unit_mm: missing"), "{root}: {message}");
+            assert!(message.starts_with("[curve] svg_unit_mm is missing"), "{root}: {message}");
         }
     }
 
     #[test]
     fn an_unsupported_element_is_reported_with_its_line() {
         for (text, expected) in [
-            (FILE.replace("<g>", "<g transform='scale(0)'>"), "line 3: transform: nothing is left"),
+            (FILE.replace("<g>", "<g transform='scale(0)'>"), "line 3: transform: it collapses"),
             (FILE.replace("<g>", "<g transform='turn(2)'>"), "line 3: transform: "),
-            (FILE.replace("<g>", "<g style='transform: scale(2)'>"), "line 3: a transform by CSS"),
-            (FILE.replace("<g>", "<svg>").replace("</g>", "</svg>"), "line 3: an svg inside"),
-            (FILE.replace("<g>", "<g><use href='#a'/>"), "line 2: use draws"),
+            (FILE.replace("<g>", "<g style='transform: scale(2)'>"), "line 3: CSS transforms"),
+            (FILE.replace("<g>", "<svg>").replace("</g>", "</svg>"), "line 3: nested svg"),
+            (FILE.replace("<g>", "<g><use href='#a'/>"), "line 2: use elements"),
             (FILE.replace("l 3 0", "l 3 foo"), "line 3: d: "),
             (FILE.replace("l 3 0", "l 1e308 0 1e308 0 1e308 0"), "line 3: a number is too large"),
             (FILE.replace("path", "rect"), "no path"),

@@ -63,11 +63,11 @@ pub struct Trace {
 pub enum TraceError {
     #[error("near x {:.6} y {:.6} t {t:.6}: {trouble}", .at[0], .at[1])]
     Trouble { at: [f64; 2], t: f64, trouble: Trouble },
-    #[error("the families have no real branch near start_mm [{}, {}] at t = {t}: give a start that lies on both curves", .at[0], .at[1])]
+    #[error("the families have no real branch near start_mm [{}, {}] at t = {t}: use a start on both curves", .at[0], .at[1])]
     NoBranch { at: [f64; 2], t: f64 },
-    #[error("singular point near x {:.6} y {:.6} t {t:.6}: the curves of both families touch or branches cross there; end the range of t before it, or choose another start", .at[0], .at[1])]
+    #[error("singular point near x {:.6} y {:.6} t {t:.6}: the curves of both families touch, or branches cross; end the range of t before it, or choose another start", .at[0], .at[1])]
     Singular { at: [f64; 2], t: f64 },
-    #[error("the curve has no end within {STEPS} steps; it is at x {:.6} y {:.6} t {t:.6}: set the range of t, or length_mm", .at[0], .at[1])]
+    #[error("the curve does not end within {STEPS} steps; it is at x {:.6} y {:.6} t {t:.6}: set the range of t, or length_mm", .at[0], .at[1])]
     Endless { at: [f64; 2], t: f64 },
 }
 

@@ -160,6 +160,6 @@ impl Drill {
     /// Returns why the operation is invalid.
     pub(super) fn refusal(&self) -> Option<String> {
         let is_tilted = self.points == Points::Across && self.a_deg != 0.0;
-        is_tilted.then(|| "a_deg: a drill that points across leans by b_deg alone".into())
+        is_tilted.then(|| "a_deg: a transverse drill can lean only by b_deg; remove a_deg".into())
     }
 }

@@ -85,7 +85,9 @@ impl Reader<'_> {
     fn laws(&self, is_plane: bool) -> Result<Laws, CurveError> {
         let (keys, split) = (&self.0.laws, &self.0.split);
         if !is_plane && keys.z_mm.is_some() {
-            return Err(CurveError::Keys("[laws] z_mm: a curve in space has its own z".into()));
+            return Err(CurveError::Keys(
+                "[laws] z_mm: a space curve has its own z; remove the key".into(),
+            ));
         }
         let own = |key: &str, of: &Option<Formula>| self.or(key, of.as_ref(), "t", &["t"]);
         let z = is_plane
@@ -112,9 +114,9 @@ impl Reader<'_> {
         let angle = |key: &str, of: &Option<Formula>| self.or(key, of.as_ref(), "0", &NAMES);
         let has_angles = [&keys.a_deg, &keys.b_deg, &keys.c_deg].iter().any(|key| key.is_some());
         match &keys.normal {
-            Some(_) if has_angles => {
-                Err(CurveError::Keys("[laws]: give normal, or a_deg b_deg c_deg, not both".into()))
-            }
+            Some(_) if has_angles => Err(CurveError::Keys(
+                "[laws]: use either normal or a_deg b_deg c_deg, not both".into(),
+            )),
             Some([x, y, z]) => {
                 let of = |law| self.read("[laws] normal", law, &NAMES);
                 Ok(Tilt::Normal([of(x)?, of(y)?, of(z)?]))
@@ -132,7 +134,9 @@ impl Reader<'_> {
         let [first, last] = keys.t.as_ref().ok_or_else(missing)?;
         let range = [self.number("[curve] t", first)?, self.number("[curve] t", last)?];
         match range[0] == range[1] {
-            true => Err(CurveError::Keys(format!("[curve] t: {} twice: no curve", range[0]))),
+            true => {
+                Err(CurveError::Keys(format!("[curve] t: both ends are {}: use a range", range[0])))
+            }
             false => Ok(range),
         }
     }
@@ -144,7 +148,7 @@ impl Reader<'_> {
         let own = [own("[split] t_x", &split.t_x)?, own("[split] t_y", &split.t_y)?];
         let [first, last] = self.range(keys)?;
         if !(first < last) {
-            let text = format!("[curve] t: {first} to {last}: expected the smaller one first");
+            let text = format!("[curve] t: {first} to {last}: expected the smaller number first");
             return Err(CurveError::Keys(text));
         }
         Ok(Part { form: Form::Explicit(Arc::new(Explicit { both, own })), range: [first, last] })
@@ -153,8 +157,8 @@ impl Reader<'_> {
     fn families(&self, keys: &CurveKeys) -> Result<(Arc<Families>, Wanted), CurveError> {
         let missing = |key: &str| CurveError::Keys(format!("[curve] {key}: missing"));
         if self.0.split.t_x.is_some() || self.0.split.t_y.is_some() {
-            let text = "[split] t_x, t_y: families give x and y together; only t_z, t_a and t_b \
-                        may differ";
+            let text = "[split] t_x, t_y: families define x and y together; only t_z, t_a and t_b may \
+                        differ";
             return Err(CurveError::Keys(text.into()));
         }
         let names = ["x", "y", "t"];
@@ -236,7 +240,7 @@ impl Curve {
         }
         match self.length > 0.0 && self.length.is_finite() {
             true => Ok(()),
-            false => Err(CurveError::Keys("[curve]: it has no length".into())),
+            false => Err(CurveError::Keys("[curve]: its length is 0; check the range of t".into())),
         }
     }
 

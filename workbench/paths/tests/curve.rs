@@ -243,13 +243,13 @@ fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
         ("[curve]\nx_mm = '1/(1+cos(t))'\ny_mm = 0\nt = [0, '2*pi']\n".into(), "divides by 0"),
         (explicit("sqrt(t)"), "at t = -1"),
         (explicit("sqrt(t)"), "no real value: sqrt of -"),
-        (explicit("q*t"), "[curve] x_mm: \"q*t\": the name q is unknown; known are t"),
+        (explicit("q*t"), "[curve] x_mm: \"q*t\": unknown name q; known names are t"),
         (explicit("2 +"), "character 4: expected a number"),
         (explicit("2 + §"), "character 5: expected a number"),
-        (explicit("3"), "no length"),
+        (explicit("3"), "length is 0"),
         ("[curve]\nx_mm = 't'\ny_mm = 0\n".into(), "[curve] t: missing"),
         ("[curve]\nx_mm = 't'\ny_mm = 0\nt = [2, 2]\n".into(), "no curve"),
-        ("[curve]\nx_mm = 't'\ny_mm = 0\nt = [2, 1]\n".into(), "the smaller one first"),
+        ("[curve]\nx_mm = 't'\ny_mm = 0\nt = [2, 1]\n".into(), "the smaller number first"),
         ("[curve]\nx_mm = 't'\nt = [2, 1]\n".into(), "expected x_mm and y_mm, or alpha and beta"),
         ("[curve]\nalpha = 'y'\nt = [0, 1]\n".into(), "beta: missing"),
         (
@@ -257,10 +257,10 @@ fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
                 .into(),
             "no real branch near start_mm [0, 0] at t = 0",
         ),
-        (format!("{CIRCLE}[split]\nt_x = 't'\n"), "families give x and y together"),
+        (format!("{CIRCLE}[split]\nt_x = 't'\n"), "families define x and y together"),
         (
             format!("{CIRCLE}[laws]\nnormal = ['0', '0', '1']\na_deg = 1\n"),
-            "normal, or a_deg b_deg c_deg, not both",
+            "normal or a_deg b_deg c_deg, not both",
         ),
     ] {
         let message = refusal(&text);
@@ -729,15 +729,19 @@ fn what_the_machine_cannot_is_refused_with_t_and_limit() {
     };
     let speed = "speed_mm_per_s = 20\n";
     for (laws, program, expected) in [
-        ("z_mm = '400*t'\nspeed_mm_per_s = 20", "", "axis Z leaves its limit of 150 to 390 mm"),
+        ("z_mm = '400*t'\nspeed_mm_per_s = 20", "", "axis Z exceeds its limit of 150 to 390 mm"),
         ("z_mm = '400*t'\nspeed_mm_per_s = 20", "", "at t = "),
-        ("b_deg = '40*t'\nspeed_mm_per_s = 20", "", "axis B leaves its limit"),
+        ("b_deg = '40*t'\nspeed_mm_per_s = 20", "", "axis B exceeds its limit"),
         ("c_deg = '40*t'\nspeed_mm_per_s = 20", "", "the machine holds C at 0"),
         ("", "", "[laws] speed_mm_per_s: missing, needed at t = 0"),
         ("speed_mm_per_s = '1 - t'", "", "speed_mm_per_s: 0 at t = 1: expected more than 0"),
-        ("speed_mm_per_s = 1000", "", "needs 1000.000/s, MAX_VELOCITY allows 200/s"),
+        ("speed_mm_per_s = 1000", "", "needs 1000.000/s, but MAX_VELOCITY allows 200/s"),
         ("z_mm = '1/(t - 0.3)'\nspeed_mm_per_s = 20", "", "at t = 0.29"),
-        ("z_mm = 'sqrt(t)'\nspeed_mm_per_s = 20", "", "second derivative has no bound"),
+        (
+            "z_mm = 'sqrt(t)'\nspeed_mm_per_s = 20",
+            "",
+            "second derivative of the curve is unbounded",
+        ),
         (speed, "tool = 77", "[program] tool: 77 is not in the machine's tool table"),
         (speed, "clear_z_mm = 3\nclear_x_mm = 3", "exclude each other"),
     ] {
@@ -804,7 +808,7 @@ fn paths_of_a_drawing_are_cut_one_after_the_other_and_lifted_between() {
     assert!(found.program.contains("G0 X0 Y-20\nG1 Z-1\nG1 X20\n"), "{}", found.program);
     let refused = |text: &str| route(&config("pyramid"), &read(text)).unwrap_err().to_string();
     assert!(refused(&text.replace("clear_z_mm = 5", "")).contains("t = 2: the curve has a gap"));
-    assert!(refused(&text.replace("svg_unit_mm = 1", "")).contains("svg_unit_mm: missing"));
+    assert!(refused(&text.replace("svg_unit_mm = 1", "")).contains("svg_unit_mm is missing"));
 }
 
 #[test]
@@ -837,8 +841,8 @@ fn laws_of_the_carriages_give_back_the_path_that_they_were_made_from() {
         ("10*sin(t)", "300*t", "at t = "),
         ("20*t", "t/t", "laws_mm_or_deg 4: at t = 0: \"t/t\" divides by 0"),
         ("20*t", "20*x", "the name x is unknown"),
-        (", 0]", "]", "expected 6, one a joint; found 5"),
-        ("[0, 1]", "[1, 0]", "expected the smaller one first"),
+        (", 0]", "]", "expected 6, one per joint; found 5"),
+        ("[0, 1]", "[1, 0]", "expected the smaller number first"),
     ] {
         let message = refused(from, to);
         assert!(message.contains(expected), "{to}: {message}");

@@ -341,7 +341,7 @@ fn a_law_gives_the_height_of_a_plane_drawing_and_one_in_space_has_its_own() {
     assert!((ends[ends.len() - 1][2] - 4.0).abs() < WORDS);
     with_law(&mut file);
     let message = route(&config, &file).unwrap_err().to_string();
-    assert!(message.contains("[laws] z_mm: a curve in space has its own z"), "{message}");
+    assert!(message.contains("[laws] z_mm: a space curve has its own z"), "{message}");
 }
 
 /// Entities from a third-party program: a slot, an ellipse, a rational spline, a circle seen
@@ -378,7 +378,7 @@ fn a_drawing_of_another_program_gives_the_entities_of_a_layer_or_of_handles() {
     assert!((found.curve.length - 7.0 * TAU).abs() < 1e-9, "{}", found.curve.length);
     let message = read("").unwrap_err();
     assert!(
-        message.contains("on layer NOTES): no curve: put curves on a layer of their own"),
+        message.contains("on layer NOTES): not a curve: put curves on a separate layer"),
         "{message}"
     );
 }

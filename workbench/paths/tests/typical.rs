@@ -455,7 +455,7 @@ fn an_operation_that_is_none_or_leaves_the_machine_is_refused_with_its_number() 
     let circle =
         "kind = 'circle'\ncentre_mm = [0, 0]\nlevel_mm = 0\nclear_mm = 2\nfeed_mm_per_min = 900\n";
     for (operation, expected) in [
-        (format!("{circle}radius_mm = 200"), "[[operation]] 2, circle: axis X leaves its limit of -150 to 150 mm"),
+        (format!("{circle}radius_mm = 200"), "[[operation]] 2, circle: axis X exceeds its limit of -150 to 150 mm"),
         (format!("{circle}radius_mm = 0"), "0: expected more than 0"),
         (format!("{circle}radius = 3"), "unknown field `radius`"),
         (circle.into(), "missing field `radius_mm`"),
@@ -466,7 +466,7 @@ fn an_operation_that_is_none_or_leaves_the_machine_is_refused_with_its_number() 
         ),
         (
             "kind = 'drill'\npoints = 'across'\na_deg = 3\nat_mm = [0, 0, 0]\ndepth_mm = 3\nclear_mm = 1\nfeed_mm_per_min = 9".into(),
-            "leans by b_deg alone",
+            "can lean only by b_deg",
         ),
         ("kind = 'tool'\npark_mm = [0, 0, 9]\ntool = 99".into(), "99 is not in the machine's tool table"),
     ] {

@@ -435,20 +435,20 @@ impl<'a> Pilot<'a> {
         let margin = Margin { limit, part: found.part, value: f64::NAN, range: found.ends };
         let bound = limits::bound(config, &margin);
         match limit {
-            Limit::Reach => format!("{part} comes too near to a dead point"),
+            Limit::Reach => format!("{part} comes too close to a dead point"),
             Limit::Conditioning if worst < 0.0 => format!(
-                "the legs hardly hold the platform: conditioning {:.4} on this move (0: a singular \
-                 pose), where pkmkins stops the machine at {bound}",
+                "the move is near a singularity: conditioning {:.4} (0: singular); pkmkins stops the \
+                 machine at {bound}",
                 worst + config.conditioning_limit
             ),
             Limit::Clearance if config.clearance.is_none() => {
-                format!("{part} falls to nothing: they meet")
+                format!("{part} becomes 0: they meet")
             }
             _ if worst < 0.0 => {
                 let unit = limits::unit(config, limit, found.part);
-                format!("{part} leaves its limit of {bound}, on this move by {:.4} {unit}", -worst)
+                format!("{part} exceeds its limit of {bound} on this move by {:.4} {unit}", -worst)
             }
-            _ => format!("{part} touches its limit of {bound}"),
+            _ => format!("{part} reaches its limit of {bound}"),
         }
     }
 }

@@ -48,7 +48,7 @@ pub fn checked<E: From<MachineError> + From<AtFile<io::Error>>>(
 ) -> Result<Whole, E> {
     let mut mechanisms = vec![];
     for mechanism in &config.mechanisms {
-        let looking = "looking for boxes of poses";
+        let looking = "searching for pose boxes";
         show(looking, None);
         let mut report = check(config, mechanism, |share| show(looking, Some(share)))?;
         // Both mechanisms are one machine of LinuxCNC's.
@@ -56,7 +56,7 @@ pub fn checked<E: From<MachineError> + From<AtFile<io::Error>>>(
             let started = if !starts {
                 Start::not_tried("--no-start")
             } else if !report.fits() {
-                Start::not_tried("the errors come first")
+                Start::not_tried("correct the errors first")
             } else {
                 show("starting the machine in virtual time", None);
                 start(config)?

@@ -51,7 +51,7 @@ pub struct Start {
 
 impl Start {
     pub(super) fn not_tried(reason: impl std::fmt::Display) -> Self {
-        Self { fact: format!("not tried: {reason}"), error: None }
+        Self { fact: format!("not tested: {reason}"), error: None }
     }
 }
 
@@ -143,7 +143,7 @@ fn refused(
         NotJudged::Step { text, .. } | NotJudged::Refused(text) if is_of_virtual_time(text) => None,
         NotJudged::Step { is_mistake: false, .. } => None,
         NotJudged::Step { file, line, entry, text, .. } => {
-            let told = format!("LinuxCNC's start ends here: {text}");
+            let told = format!("LinuxCNC fails to start: {text}");
             let is_own = *line > 0 && !file.starts_with(HALLIB);
             if is_own && file.parent().is_some() && !is_of_library(file) {
                 return Some(drives::of_line(file, *line, &told));
@@ -156,9 +156,9 @@ fn refused(
         }
         NotJudged::StartupCode(error) => Some(error.clone()),
         NotJudged::Refused(text) => Some(at(ini, text.trim_end_matches([':', ' ']))),
-        NotJudged::Crashed(text) => Some(at(ini, &format!("LinuxCNC ends at its start{text}"))),
+        NotJudged::Crashed(text) => Some(at(ini, &format!("LinuxCNC exits while starting{text}"))),
         NotJudged::Stands(..) => {
-            let text = "LinuxCNC starts a move that never ends, and says nothing";
+            let text = "LinuxCNC starts a move that never ends, without a message";
             let key = ini.first("DISPLAY", "MAX_FEED_OVERRIDE");
             let key = key.filter(|entry| entry.value.parse().is_ok_and(|most: f64| most <= 0.0));
             Some(key.map_or_else(|| whole(ini, text), |entry| ini.refuse(entry, text)))
@@ -297,7 +297,7 @@ impl Program {
         }
         let letters: Vec<String> = letters.iter().map(char::to_string).collect();
         let moved = match letters.is_empty() {
-            true => "nothing moved, for home has no room within the limits".into(),
+            true => "nothing moved, because home leaves no travel within the limits".into(),
             false => format!("{} moved", letters.join(" ")),
         };
         format!("switched on, homed, {moved}{tools}")

@@ -79,7 +79,7 @@ pub enum JudgeError {
         text: String,
     },
     /// The machine stays where it is.
-    #[error("{}: the program moves nothing; expected a block such as G1 X10 F600", .0.display())]
+    #[error("{}: the program moves nothing; add a block such as G1 X10 F600", .0.display())]
     MovesNothing(PathBuf),
 }
 
@@ -358,10 +358,10 @@ fn sentence(config: &Mechanism, limit: Rule, joint: usize, peak: &Peak) -> (Stri
     let (part, unit) = (limits::part(config, of, joint), limits::unit(config, of, joint));
     let text = match limit {
         Rule::Limit(_) => {
-            format!("{part} goes beyond {most} {unit}, in this program up to {value:.4} {unit}")
+            format!("{part} exceeds {most} {unit}, reaching {value:.4} {unit} in this program")
         }
         _ => format!(
-            "{part} lags behind its command by {value:.4} {unit}, where LinuxCNC allows {most:.4} {unit}"
+            "{part} lags its command by {value:.4} {unit}, but LinuxCNC allows {most:.4} {unit}"
         ),
     };
     (part, text)

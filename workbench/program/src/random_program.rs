@@ -33,7 +33,7 @@ const MOVES_PER_TOOL: u32 = 8;
 
 /// A machine that finds no way on.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("no legal move found from {0:?} in {TRIES} tries")]
+#[error("no legal move found from {0:?} in {TRIES} tries; widen the limits, or move [TRAJ]HOME")]
 pub struct NoMove([f64; 6]);
 
 /// A program of at least `seconds` of motion from the machine's home; the same seed

@@ -528,7 +528,7 @@ impl fmt::Display for Replay {
             self.write_group(f, group)?;
         }
         if let Some(At { value, line }) = self.least_drive {
-            writeln!(f, "nearest to a dead point: cosine {value:.3}, line {line}")?;
+            writeln!(f, "closest to a dead point: cosine {value:.3}, line {line}")?;
         }
         write!(f, "tool changes move joints by {:.2e}", self.tool_step.value)
     }

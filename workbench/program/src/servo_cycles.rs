@@ -158,8 +158,10 @@ impl<'a> Cycles<'a> {
         {
             let configs = apart.configs;
             let name = limits::between(configs, bodies);
-            let text =
-                Text::Fault(format!("{name} falls to {distance:.4} {}", configs[0].length_unit()));
+            let text = Text::Fault(format!(
+                "{name} decreases to {distance:.4} {}",
+                configs[0].length_unit()
+            ));
             self.note(Rule::Mechanisms, (name, false), (place, step), -distance, text);
         }
     }
@@ -220,16 +222,17 @@ impl<'a> Cycles<'a> {
                     Text::Bound(sentence) => format!("{sentence}, as LinuxCNC runs the program"),
                     Text::Fault(text) => text.clone(),
                     Text::Path(allowed) => format!(
-                        "LinuxCNC leaves the programmed path by {:.4} {unit}, where the program allows {allowed} {unit}",
+                        "LinuxCNC deviates from the programmed path by {:.4} {unit}, but the program allows {allowed} {unit}",
                         found.worst
                     ),
                     Text::Turns(turns) => format!(
-                        "LinuxCNC makes a straight move of this arc of {turns} turns (naive CAM detection): \
-                         program G64 P without Q, or a smaller Q"
+                        "LinuxCNC replaces this arc of {turns} turns by a straight move (naive CAM \
+                         detection): program G64 P without Q, or a smaller Q"
                     ),
                     Text::Thread(thread) => format!(
-                        "the thread gets another pitch: {:.1} turns a minute of {} {unit} need {:.3} {unit}/s, and \
-                         LinuxCNC allows this move {:.3} {unit}/s: turn the spindle slower",
+                        "the thread gets a wrong pitch: {:.1} turns per minute of {} {unit} need {:.3} \
+                         {unit}/s, but LinuxCNC allows {:.3} {unit}/s for this move: reduce the spindle \
+                         speed",
                         thread.turning, thread.pitch, thread.needed(), thread.fastest
                     ),
                 };

@@ -246,12 +246,15 @@ impl<'a> Between<'a> {
         let worst = seen.fold(f64::INFINITY, f64::min) - self.clearance;
         let (part, unit) = (self.part(bodies), self.configs[0].length_unit());
         let text = match (self.configs[0].mechanism_clearance, worst < 0.0) {
-            (None, _) => format!("{part} falls to nothing: they meet"),
+            (None, _) => format!("{part} becomes 0: they meet"),
             (Some(limit), true) => {
                 let when = leg.when;
-                format!("{part} leaves its limit of {limit} {unit}, {when} by {:.4} {unit}", -worst)
+                format!(
+                    "{part} violates its limit of {limit} {unit} {when} by {:.4} {unit}",
+                    -worst
+                )
             }
-            (Some(limit), false) => format!("{part} touches its limit of {limit} {unit}"),
+            (Some(limit), false) => format!("{part} reaches its limit of {limit} {unit}"),
         };
         self.broken = Some(Break {
             limit: Rule::Mechanisms,

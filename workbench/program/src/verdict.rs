@@ -57,8 +57,8 @@ impl Suggestion {
     /// Returns how much of the program was checked with it.
     pub const fn checked(&self) -> &'static str {
         match self.time_judged {
-            true => "checked, with the whole program",
-            false => "what was judged of it was checked; not all of it was",
+            true => "verified with the whole program",
+            false => "verified for the judged part only",
         }
     }
 }
@@ -136,8 +136,8 @@ pub fn judge<'a>(
 }
 
 fn tilted((file, line): (usize, u32)) -> Caution {
-    let text = "the tool offset changes while the platform is tilted: the program waits while \
-                pkmkins moves it";
+    let text =
+        "the tool offset changes at a tilt: the program waits while pkmkins moves the joints";
     Caution { line: Some(line), file, text: text.into() }
 }
 
@@ -172,9 +172,9 @@ fn offset(
         let found = judged.map(|judged| judged.found).filter(Preflight::fits);
         Ok(found.map(|found| Suggestion { offset, block, time_judged: found.time.is_whole() }))
     };
-    match confirmed("looking for another work offset", work_offset::shift)? {
+    match confirmed("searching for another work offset", work_offset::shift)? {
         None if found.poses.may_turn(config.first()) => {
-            confirmed("looking for a turned work offset", work_offset::turn)
+            confirmed("searching for a rotated work offset", work_offset::turn)
         }
         shifted => Ok(shifted),
     }

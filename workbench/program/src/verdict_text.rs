@@ -38,9 +38,11 @@ impl ProgramVerdict<'_> {
     pub fn text(&self) -> String {
         let verdict = match (self.fits, self.warnings.is_empty()) {
             (Some(true), true) => "The program fits the machine.",
-            (Some(true), false) => "The program fits the machine; look at the warnings.",
+            (Some(true), false) => "The program fits the machine; see the warnings.",
             (Some(false), _) => "The program does not fit the machine.",
-            (None, _) => "What was judged of the program fits the machine; not all of it was.",
+            (None, _) => {
+                "The judged part of the program fits the machine; the rest was not judged."
+            }
         };
         format!("{}{}\n{verdict}\n", self.facts(), self.findings())
     }
@@ -61,12 +63,12 @@ impl ProgramVerdict<'_> {
             let how = match *turn {
                 0.0 => format!("shifted by X {x} Y {y} Z {z} {unit}"),
                 _ => format!(
-                    "turned by {turn} degrees about Z and then shifted by X {x} Y {y} Z {z} {unit}"
+                    "rotated by {turn} degrees about Z, then shifted by X {x} Y {y} Z {z} {unit}"
                 ),
             };
             text += &format!(
                 "\nhelp: the program fits with its work offset {how}: {}.\n  \
-                 Clamp the workpiece there, and once before the program run:\n  {block}\n",
+                 Clamp the workpiece there, and run once before the program:\n  {block}\n",
                 suggestion.checked()
             );
         }
@@ -127,7 +129,7 @@ impl ProgramVerdict<'_> {
             false => format!("{factor:.3}"),
         };
         let place = self.place(*file, *line);
-        format!("joint speeds allow {times} times the programmed one, in {place}")
+        format!("joint speeds allow {times} times the programmed feed, in {place}")
     }
 
     /// Returns the verdict in a few words, for a table.

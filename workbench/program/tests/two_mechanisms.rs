@@ -179,7 +179,7 @@ fn preflight_names_line_and_pair_where_they_meet() {
     let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
     assert_eq!((told.limit, told.line), (Rule::Mechanisms, 4));
     assert!(
-        told.text.starts_with("the distance of leg 1 and leg 4 leaves its limit of 150 mm"),
+        told.text.starts_with("the distance between leg 1 and leg 4 violates its limit of 150 mm"),
         "{}",
         told.text
     );

@@ -334,7 +334,7 @@ fn rods_and_drives_of_one_study_yield_one_after_the_other() {
         assert!(Springs::of(&config, &study("rod_stiffness_n_per_um = 20")).is_err());
         let twice = format!("stiffness_n_per_um = 1\nrod_stiffness_n_per_um = 20\n{drive}");
         let message = Springs::of(&config, &study(&twice)).unwrap_err().to_string();
-        assert!(message.contains("leave one of them out"), "{message}");
+        assert!(message.contains("remove one of them"), "{message}");
     }
 }
 

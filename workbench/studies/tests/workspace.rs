@@ -231,7 +231,7 @@ fn a_pyramid_of_the_platform_is_seen_from_the_platform() {
     assert!(error.to_string().starts_with("platform_axes: leg 4 has a pyramid"), "{error}");
     let rods = test_support::shipped::config("linear-delta");
     let error = Workspace::new(&rods, rods.spindle, vec![[0.0; 3]], &study).err().unwrap();
-    assert_eq!(error.to_string(), "platform_pyramid_deg: leg 0 has no axis; name platform_axes");
+    assert_eq!(error.to_string(), "platform_pyramid_deg: leg 0 has no axis; add platform_axes");
 }
 
 #[test]

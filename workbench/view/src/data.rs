@@ -220,12 +220,12 @@ impl Shape {
     fn read(model: &Model) -> Result<Self, String> {
         let Model { part, file, scale, place, .. } = model;
         let problem = |error: String| {
-            format!("{part} is drawn without its shape: {}: {error}", file.display())
+            format!("{part} is drawn without its model: {}: {error}", file.display())
         };
         let size = std::fs::metadata(file).map_err(|error| problem(error.to_string()))?.len();
         if size > MOST_BYTES {
             return Err(problem(format!(
-                "{size} bytes, expected {MOST_BYTES} at most: make it coarser"
+                "{size} bytes, expected at most {MOST_BYTES}: use a coarser mesh"
             )));
         }
         let bytes = files::read(file).map_err(|error| problem(error.error.to_string()))?;
@@ -312,7 +312,7 @@ impl Curves {
                     100.0 * sample.errors[i]
                 });
             }
-            add(share("feed", "feed that the guard allows".into()), &|sample| 100.0 * sample.feed);
+            add(share("feed", "feed allowed by the guard".into()), &|sample| 100.0 * sample.feed);
         }
         for limit in Limit::ALL {
             let room = |sample: &Sample| sample.rooms[limit.index()];

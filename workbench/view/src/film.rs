@@ -36,11 +36,11 @@ const SCHEME: &str = "data:image/png;base64,";
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
     #[error(
-        "no browser is there to draw with (looked for {}): install chromium, or name one by --browser",
+        "no browser found (searched for {}): install chromium, or use --browser",
         BROWSERS.join(", ")
     )]
     NoBrowser,
-    #[error("{}: cannot be started: {error}", program.display())]
+    #[error("{}: cannot start: {error}", program.display())]
     NotStarted { program: PathBuf, error: io::Error },
     #[error("{} drew {found} of {wanted} frames; it may lack WebGL: {output}", browser.display())]
     NoFrames {
@@ -52,8 +52,8 @@ pub enum FilmError {
         output: String,
     },
     #[error(
-        "{} has not drawn {wanted} frames in {} s, and was ended: --browser-seconds allows more, --size makes them \
-         smaller",
+        "{} did not draw {wanted} frames in {} s and was stopped: raise --browser-seconds, or use a \
+         smaller --size",
         browser.display(),
         patience.as_secs_f64()
     )]
@@ -229,7 +229,7 @@ fn started(program: impl AsRef<OsStr>, error: io::Error) -> FilmError {
 
 fn last_line(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
-    text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it said nothing").into()
+    text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it printed nothing").into()
 }
 
 /// Escapes a path for a URL.

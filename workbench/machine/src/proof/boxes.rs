@@ -24,7 +24,7 @@ pub fn workspace(config: &Mechanism) -> Result<([f64; 6], [f64; 6]), Doubt> {
         let margin = WIDENED * (axis.max - axis.min);
         if !margin.is_finite() {
             return Err(Doubt::Malformed(
-                "an axis that the legs move lacks MIN_LIMIT or MAX_LIMIT",
+                "an axis that the legs move has no MIN_LIMIT or MAX_LIMIT; add both",
             ));
         }
         (low[k], high[k]) = (axis.min - margin, axis.max + margin);
@@ -64,7 +64,9 @@ pub fn prove(
     told: &(dyn Fn(f64) + Sync),
 ) -> Result<usize, Doubt> {
     if section.geometry != config.hash {
-        return Err(Doubt::Malformed("GEOMETRY is that of another geometry"));
+        return Err(Doubt::Malformed(
+            "GEOMETRY is the hash of another geometry; run pkm boxes --write",
+        ));
     }
     let prover = Prover::new(&config.machine, &config.geometry).telling(told);
     prover.prove(&section.claim, MOST_CELLS)

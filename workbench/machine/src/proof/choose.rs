@@ -85,7 +85,7 @@ fn best_halves(prover: &Prover, region: &WorkspaceBox) -> Result<[Candidate; 2],
     let all = prover.active().iter().map(|k| halved(*k)).collect::<Result<Vec<_>, Doubt>>()?;
     let worse = |halves: &[Candidate; 2]| halves[0].largest.max(halves[1].largest);
     let best = all.into_iter().min_by(|a, b| worse(a).total_cmp(&worse(b)));
-    best.ok_or(Doubt::Malformed("the legs move nothing"))
+    best.ok_or(Doubt::Malformed("the legs move no coordinate"))
 }
 
 /// Matrix and weights with the smallest norm found for poses between `low` and `high`.

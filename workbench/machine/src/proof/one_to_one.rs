@@ -54,13 +54,13 @@ pub enum Doubt {
     #[error("{0}")]
     Malformed(&'static str),
     /// At this pose the norm is larger than claimed.
-    #[error("the norm is {1:.4} at {0:?}")]
+    #[error("not proved: the norm is {1:.4} (must be below 1) at {0:?}; make the box smaller")]
     Exceeded([f64; 6], f64),
     /// This pose is out of reach.
     #[error("{0:?}: {1}")]
     Reach([f64; 6], Fault),
     /// More cells than allowed would be needed.
-    #[error("not proved with {0} cells")]
+    #[error("not proved with {0} cells; make the box smaller")]
     Effort(usize),
 }
 
@@ -240,19 +240,25 @@ impl<'a> Prover<'a> {
     fn check(&self, claim: &Claim) -> Result<(), Doubt> {
         let region = &claim.region;
         if !(region.is_valid() && claim.contraction > 0.0 && claim.contraction < 1.0) {
-            return Err(Doubt::Malformed("LOW, HIGH, STEPS or CONTRACTION is out of range"));
+            return Err(Doubt::Malformed(
+                "LOW, HIGH, STEPS or CONTRACTION is out of range; run pkm boxes --write",
+            ));
         }
         for letter in Letter::ALL {
             let (k, moved) = (letter.index(), self.active.contains(&letter.index()));
             if (region.high[k] > region.low[k]) != moved || (!moved && region.low[k] != 0.0) {
-                return Err(Doubt::Malformed("LOW and HIGH differ where a leg moves, else are 0"));
+                return Err(Doubt::Malformed(
+                    "LOW and HIGH must differ for letters that the legs move, and be 0 for others",
+                ));
             }
             if moved && !(claim.weight[k] > 0.0 && claim.weight[k].is_finite()) {
-                return Err(Doubt::Malformed("WEIGHT must be positive"));
+                return Err(Doubt::Malformed("every WEIGHT must be positive"));
             }
         }
         if region.steps < steps_needed(claim, &self.active).ok_or(TOO_SLOW)? {
-            return Err(Doubt::Malformed("STEPS are fewer than CONTRACTION and WEIGHT ask for"));
+            return Err(Doubt::Malformed(
+                "STEPS is smaller than CONTRACTION and WEIGHT require; run pkm boxes --write",
+            ));
         }
         Ok(())
     }
@@ -523,7 +529,8 @@ fn matrix_of(region: &WorkspaceBox) -> SMatrix<f64, 6, 8> {
     SMatrix::from_fn(|i, j| region.matrix[i][j])
 }
 
-const TOO_SLOW: Doubt = Doubt::Malformed("CONTRACTION and WEIGHT need more than 4096 steps");
+const TOO_SLOW: Doubt =
+    Doubt::Malformed("CONTRACTION and WEIGHT require more than 4096 steps; make the box smaller");
 
 /// Steps that bring the iteration near enough to its end from anywhere in the box; `None`
 /// where they are too many, or one step says too little about the end.

@@ -44,7 +44,7 @@ pub fn read(
     for name in ini.sections().filter(|name| name.starts_with(place.box_prefix())) {
         if !names.iter().any(|own| own == name) {
             let expected = format!(
-                "one section too many; [KINS]KINEMATICS has {}={}",
+                "extra section: remove it, or raise the count; [KINS]KINEMATICS has {}={}",
                 place.boxes_parameter(),
                 load.boxes()
             );
@@ -66,8 +66,8 @@ pub fn read(
 /// Returns the refusal of a box, at its line; `hash` is that of the machine.
 fn refused(ini: &Ini, name: &str, fault: Fault, hash: u32) -> MachineError {
     let expected = format!(
-        "proved for another geometry than this one, {hash:#010x}: pkm boxes --write {} proves and writes the boxes \
-         again, once the geometry is right; until then LinuxCNC does not start",
+        "the box was proved for another geometry than this one, {hash:#010x}, so LinuxCNC does not start; when the \
+         geometry is right, run pkm boxes --write {} to prove and write the boxes again",
         ini.file().display()
     );
     let error = match ini.first(name, workspace_box::GEOMETRY.name) {
@@ -90,7 +90,7 @@ fn section(ini: &Ini, name: &str, load: &Load) -> Result<BoxSection, IniError> {
     let legs = load.layout.legs();
     let mut matrix = [[0.0; 8]; 6];
     for (letter, key) in letters.iter().zip(&rows) {
-        let expected = format!("expected {legs} decimal numbers separated by blanks");
+        let expected = format!("expected {legs} decimal numbers separated by spaces");
         let entry = ini.require(name, key, &expected)?;
         let values = ini.number_list(entry).filter(|values| values.len() == legs);
         let values = values.ok_or_else(|| ini.refuse(entry, &expected))?;

@@ -37,10 +37,16 @@ pub(super) fn geometry(ini: &Ini, load: &Load, errors: &mut Errors) -> Option<Ch
 /// Refuses a chain, which two mechanisms do not have.
 pub(super) fn refuse(ini: &Ini) -> Result<(), IniError> {
     if let Some(name) = ini.sections().find(|name| name.starts_with("CHAIN_")) {
-        return Err(ini.refuse_section(name, "one section too many; two mechanisms carry nothing"));
+        return Err(ini.refuse_section(
+            name,
+            "extra section: with two mechanisms axes carry nothing; remove it",
+        ));
     }
     match ini.first("PKM", of_machine::WORK_ON_PLATFORM.name) {
-        Some(entry) => Err(ini.refuse(entry, "expected no such key; two mechanisms carry no work")),
+        Some(entry) => {
+            Err(ini
+                .refuse(entry, "remove this key: with two mechanisms no platform carries the work"))
+        }
         None => Ok(()),
     }
 }
@@ -50,8 +56,8 @@ fn check_sections(ini: &Ini, load: &Load) -> Result<(), IniError> {
     for name in ini.sections().filter(|name| name.starts_with("CHAIN_")) {
         let is_it = |letter: &char| name == chain_section(*letter);
         if !load.extra.letters().filter(is_it).any(|letter| letters().any(|l| l == letter)) {
-            let expected = "one section too many; expected A B C U V W that are extra axes, axes= \
-                            in [KINS]KINEMATICS";
+            let expected = "extra section: remove it, or add its letter (A B C U V W) to axes= in \
+                            [KINS]KINEMATICS";
             return Err(ini.refuse_section(name, expected));
         }
     }
@@ -79,7 +85,7 @@ fn check_home(ini: &Ini, letter: char, load: &Load) -> Result<(), IniError> {
         return Ok(());
     }
     let expected =
-        format!("expected 0, where [TRAJ]HOME sees what [{}] carries", chain_section(letter));
+        format!("expected 0, because [TRAJ]HOME is the pose with [{}] at 0", chain_section(letter));
     Err(ini.refuse(ini.require(&section, "HOME", &expected)?, &expected))
 }
 

@@ -33,7 +33,7 @@ pub fn rendered(severity: Severity, problem: &Problem) -> String {
     let file = problem.file.display().to_string();
     let title = match (&problem.found, problem.section.is_empty()) {
         (Some(found), true) => found.clone(),
-        (None, true) => "this file is not read".to_string(),
+        (None, true) => "this file cannot be read".to_string(),
         (None, _) => format!("[{}]{} is missing", problem.section, problem.key),
         (Some(found), _) if found.is_empty() => format!("[{}]{}", problem.section, problem.key),
         (Some(found), _) => format!("[{}]{} = {found}", problem.section, problem.key),

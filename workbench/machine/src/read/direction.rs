@@ -54,7 +54,7 @@ impl ToolDirection {
     /// What that means for lengths, as the section says it.
     pub fn rule(self, section: &str) -> String {
         format!(
-            "[{section}]{} = {} has the tip {} the platform's reference point, where lengths are {}",
+            "with [{section}]{} = {} the tip is {} the platform's reference point and lengths are {}",
             of_machine::TOOL_DIRECTION.name,
             self.name(),
             self.side(),
@@ -94,7 +94,7 @@ pub(super) fn read(
     }
     let (name, offset) = (of_machine::SPINDLE_OFFSET.name, offset.unwrap_or(0.0));
     let text = format!(
-        "expected {}, as {}; where the spindle points {}, TOOL_DIRECTION = {}",
+        "expected {}: {}; if the spindle points {}, set TOOL_DIRECTION = {}",
         -offset,
         given.rule(section),
         found.name(),

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 /// A section that is not in the file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("[{0}] is not in the file itself: change it where its lines stand")]
+#[error("[{0}] is not in this file but in an included one: change it there")]
 pub struct Elsewhere(pub String);
 
 /// What a value of the file becomes.

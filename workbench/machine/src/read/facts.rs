@@ -109,8 +109,8 @@ fn units_per_mm(ini: &Ini) -> Result<f64, IniError> {
 /// Reads `[TRAJ]HOME` as LinuxCNC does; a second mechanism needs all nine numbers.
 fn world_home(ini: &Ini, is_whole: bool) -> Result<[f64; 9], IniError> {
     let (least, expected) = match is_whole {
-        true => (9, "expected 9 decimal numbers separated by blanks, X Y Z A B C U V W"),
-        false => (3, "expected 3 to 9 decimal numbers separated by blanks"),
+        true => (9, "expected 9 decimal numbers separated by spaces, X Y Z A B C U V W"),
+        false => (3, "expected 3 to 9 decimal numbers separated by spaces"),
     };
     let entry = ini.require("TRAJ", "HOME", expected)?;
     let values = ini.number_list(entry).filter(|values| (least..=9).contains(&values.len()));

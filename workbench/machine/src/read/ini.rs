@@ -182,7 +182,8 @@ impl Ini {
     /// A file cannot be read, or a line means different things to LinuxCNC's readers.
     pub fn read(file: &Path) -> Result<Self, IniError> {
         let text = files::read(file).map_err(|AtFile { error, .. }| {
-            let expected = format!("cannot be read: {error}; name the machine's INI file");
+            let expected =
+                format!("cannot be read: {error}; give the path of the machine's INI file");
             Self::empty(file).error("", "", None, &expected)
         })?;
         let lossy = String::from_utf8_lossy(&text);
@@ -256,15 +257,15 @@ impl Ini {
     fn included(&self, line: &Line, name: &str) -> Result<Vec<Line>, IniError> {
         let refuse = |expected: &str| self.error("", "", None, expected).at(line, name);
         if name.is_empty() {
-            return Err(refuse("expected the name of a file after #INCLUDE"));
+            return Err(refuse("expected a file name after #INCLUDE"));
         }
         // The start script hands the name to the shell.
         if name.contains(['$', '`', '*', '?', '[', '"', '\'', '(', '&', ';', '|', '<', '>']) {
-            return Err(refuse("expected a plain file name: the shell would change this one"));
+            return Err(refuse("expected a plain file name: the shell would expand this one"));
         }
         let file = places::named(&self.file, name);
         let text = files::read(&file).map_err(|AtFile { error, .. }| {
-            refuse(&format!("cannot be read: {error}; LinuxCNC would start without these lines"))
+            refuse(&format!("cannot be read: {error}; LinuxCNC would start without these lines, so correct the name"))
         })?;
         Ok(numbered(&file, &String::from_utf8_lossy(&text)))
     }
@@ -273,13 +274,15 @@ impl Ini {
     fn refuse_join(&self, line: &Line, next: &Line) -> Result<(), IniError> {
         let refuse = |expected: &str| Err(self.error("", "", None, expected).at(line, "\\"));
         if next.text.trim_start().starts_with('[') {
-            return refuse("the backslash takes the section heading below into this line");
+            return refuse(
+                "the backslash joins the section heading below to this line; remove the backslash",
+            );
         }
         let is_entry = !line.is_comment() && line.text.contains('=');
         if !is_entry && !next.text.trim().is_empty() {
             return refuse(
-                "the backslash takes the line below away from LinuxCNC's programs, but not \
-                 from its HAL files; end this line with something else",
+                "the backslash joins the next line for LinuxCNC's programs, but not for its HAL files; \
+                 remove the backslash",
             );
         }
         Ok(())
@@ -324,8 +327,8 @@ impl Ini {
     fn refuse_before_sections(&self, line: &Line) -> Result<(), IniError> {
         match line.text.split_once('=') {
             Some((key, _)) if !key.trim().is_empty() && !key.contains('#') => {
-                let expected = "expected a section heading first: LinuxCNC's haltcl takes this for a key and ends its \
-                                start; begin a comment with #";
+                let expected = "expected a section heading first: LinuxCNC's haltcl reads this line as a key and fails; \
+                                start comments with #";
                 Err(self.error("", "", None, expected).at(line, line.text.trim()))
             }
             _ => Ok(()),
@@ -337,7 +340,7 @@ impl Ini {
         let marked = lines.first().and_then(|line| Some((line, line.text.strip_prefix(MARK)?)));
         match marked {
             Some((line, text)) if text.trim_start().starts_with('[') || text.contains('=') => {
-                let expected = "a byte order mark stands before this line, which LinuxCNC then does not read: save \
+                let expected = "this line starts with a byte order mark, so LinuxCNC does not recognize it; save \
                                 the file as UTF-8 without BOM";
                 Err(self.error("", "", None, expected).at(line, text.trim()))
             }
@@ -354,7 +357,7 @@ impl Ini {
             return Ok(());
         }
         let expected = format!(
-            "LinuxCNC reads {LONGEST_LINE} bytes of a line and takes the rest for another one"
+            "LinuxCNC reads {LONGEST_LINE} bytes of a line and treats the rest as another line; shorten it"
         );
         Err(self.error("", "", None, &expected).at(line, ""))
     }
@@ -410,8 +413,8 @@ impl Ini {
             return Ok(&self.text);
         }
         let is_replaced = |line: &Line| line.text.contains(char::REPLACEMENT_CHARACTER);
-        let expected = "this line is not UTF-8, and what stands there would be lost: convert the file first, as \
-                        iconv -f latin1 -t utf-8 does";
+        let expected = "this line is not UTF-8 and would be lost: convert the file first, for example with \
+                        iconv -f latin1 -t utf-8";
         let error = self.error("", "", None, expected);
         Err(match numbered(&self.file, &self.text).iter().find(|line| is_replaced(line)) {
             Some(line) => error.at(line, line.text.trim()),
@@ -460,7 +463,7 @@ impl Ini {
             .find(|entry| near::key(section, &entry.key).is_none_or(|meant| meant == key));
         match meant {
             Some(entry) if !is_known(section, &entry.key) => {
-                let text = format!("{expected}; is it this line, {}?", entry.key);
+                let text = format!("{expected}; did you mean this line, {}?", entry.key);
                 self.error(section, key, None, &text).at(&entry.line, &entry.key)
             }
             _ if self.headings.iter().all(|(name, _)| name != section) => {
@@ -479,7 +482,7 @@ impl Ini {
             [] => Ok(None),
             [only] if only.hidden && !is_of_hal(section) => {
                 let text = format!(
-                    "LinuxCNC's programs see only the first section [{section}]; move the line there"
+                    "LinuxCNC's programs read only the first section [{section}]; move the line there"
                 );
                 Err(self.refuse(only, &text))
             }
@@ -613,7 +616,7 @@ impl Ini {
     /// Numbers of this key, `None` if the key is missing.
     ///
     /// # Errors
-    /// Not exactly `N` plain decimal numbers separated by blanks, or a repeated key.
+    /// Not exactly `N` plain decimal numbers separated by spaces, or a repeated key.
     pub fn numbers<const N: usize>(
         &self,
         section: &str,
@@ -698,7 +701,7 @@ impl Ini {
         let is_meant = |name: &str| near::section(name).is_some_and(|meant| meant == section);
         match self.headings.iter().find(|(name, _)| is_meant(name)) {
             Some((name, line)) => {
-                let text = format!("{expected}; is it this section, [{name}]?");
+                let text = format!("{expected}; did you mean this section, [{name}]?");
                 self.error(section, "", None, &text).at(line, line.text.trim())
             }
             None => self.error(section, "", None, expected),
@@ -768,7 +771,7 @@ fn heading(line: &str) -> Option<&str> {
 fn expected_numbers(count: usize) -> String {
     let what = match count {
         1 => "expected one decimal number".to_string(),
-        _ => format!("expected {count} decimal numbers separated by blanks"),
+        _ => format!("expected {count} decimal numbers separated by spaces"),
     };
     format!("{what} and nothing else on the line; put comments on lines of their own")
 }
@@ -878,7 +881,9 @@ mod tests {
 
     #[test]
     fn an_included_file_that_cannot_be_read_is_named_with_the_line_that_names_it() {
-        for (line, part) in [("#INCLUDE none.inc", "none.inc"), ("#INCLUDE", "expected the name")] {
+        for (line, part) in
+            [("#INCLUDE none.inc", "none.inc"), ("#INCLUDE", "expected a file name")]
+        {
             let text = Ini::parse(Path::new("m.ini"), line).unwrap_err().to_string();
             assert!(text.starts_with("m.ini:1: "), "{text}");
             let problem = Ini::parse(Path::new("m.ini"), line).unwrap_err();

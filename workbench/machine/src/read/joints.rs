@@ -181,7 +181,7 @@ pub(super) fn extra(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Op
     ] {
         if of_axis > of_joint {
             let expected = format!(
-                "expected at most {key} = {of_joint} of [JOINT_{number}], which this axis is"
+                "expected at most {key} = {of_joint} of [JOINT_{number}], the joint of this axis"
             );
             let entry = ini.require(&section, key, &expected);
             errors.of(entry.and_then(|entry| Err::<(), _>(ini.refuse(entry, &expected))));
@@ -242,23 +242,21 @@ fn correction(
     };
     let Some(most) = ini.value(section, limit)? else {
         return match ini.value(section, rate)? {
-            Some(_) => {
-                refuse(rate.name, "expected CORRECTION_LIMIT as well, or neither of the two")
-            }
+            Some(_) => refuse(rate.name, "expected CORRECTION_LIMIT as well, or neither key"),
             None => Ok([0.0; 2]),
         };
     };
     if kind == JointKind::Extra {
-        return refuse(limit.name, "expected no such key: joints of extra axes are not corrected");
+        return refuse(limit.name, "remove this key: joints of extra axes have no correction");
     }
     if !(2.0 * most < range) {
-        let expected = format!("expected less than {}, half of the joint's range", range / 2.0);
+        let expected = format!("expected less than {}, half the range of the joint", range / 2.0);
         return refuse(limit.name, &expected);
     }
     match ini.value(section, rate)? {
         Some(own) if own < speed => Ok([most, own]),
         Some(_) => refuse(rate.name, &format!("expected less than MAX_VELOCITY = {speed}")),
-        None => refuse(rate.name, "expected a rate beside CORRECTION_LIMIT"),
+        None => refuse(rate.name, "expected a rate as well as CORRECTION_LIMIT"),
     }
 }
 
@@ -279,7 +277,7 @@ fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
             continue;
         }
         let expected = format!(
-            "expected more than {} and less than {} degrees, where the arm of LEG_{n} points \
+            "expected more than {} and less than {} degrees, at which the arm of LEG_{n} points \
              opposite to ARM",
             -180.0 - offset,
             180.0 - offset

@@ -39,14 +39,16 @@ pub fn platform_anchor(
 pub(super) fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError> {
     for n in 0..legs {
         if !ini.sections().any(|name| name == leg_section(n)) {
-            let text = format!("[KINS]KINEMATICS has {legs} legs; give each its own section");
+            let text = format!("[KINS]KINEMATICS has {legs} legs; add a section for each");
             return Err(ini.refuse_section(&leg_section(n), &text));
         }
     }
     for name in ini.sections().filter(|name| name.starts_with("LEG_")) {
         if !(0..legs).any(|n| name == leg_section(n)) {
-            let expected =
-                format!("one section too many; [KINS]KINEMATICS has legs 0 to {}", legs - 1);
+            let expected = format!(
+                "extra section: remove it, or raise the count; [KINS]KINEMATICS has legs 0 to {}",
+                legs - 1
+            );
             return Err(ini.refuse_section(name, &expected));
         }
     }

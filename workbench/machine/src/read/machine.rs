@@ -30,8 +30,8 @@ const PARAMETERS: [&str; 9] = [
 ];
 
 /// Why a file with `sparm=` is not judged.
-const IDENTITY_FIRST: &str = "pkm judges a machine that LinuxCNC starts in its own kinematics, and sparm=identityfirst \
-     starts it in the identity: expected a copy of the file without sparm=, the machine is the same";
+const IDENTITY_FIRST: &str = "pkm needs LinuxCNC to start in the machine's kinematics, but sparm=identityfirst starts it in identity \
+     kinematics: use a copy of the file without sparm=, the machine is the same";
 
 /// Those that may be given without a value.
 const MAY_BE_EMPTY: [&str; 3] = ["table", "axes", "second_angles"];
@@ -54,7 +54,7 @@ pub enum Lenient {
 
 /// A second mechanism of a machine that has one.
 #[derive(Debug, thiserror::Error)]
-#[error("--mechanism 2: {} has one mechanism; second= in [KINS]KINEMATICS gives another", .0.display())]
+#[error("--mechanism 2: {} has only one mechanism; remove --mechanism, or add second= to [KINS]KINEMATICS", .0.display())]
 pub struct OneMechanism(pub PathBuf);
 
 impl Deref for MachineConfig {
@@ -178,7 +178,7 @@ pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
         let name = PARAMETERS[place];
         // Of several LinuxCNC takes the last one, and an empty one for none.
         if given[place].is_some() {
-            return Err(ini.refuse(entry, &format!("expected {name}= once; {expected}")));
+            return Err(ini.refuse(entry, &format!("expected {name}= only once; {expected}")));
         }
         if text.is_empty() && !MAY_BE_EMPTY.contains(&name) {
             return Err(ini.refuse(entry, &format!("expected a value after {name}=; {expected}")));
@@ -211,7 +211,7 @@ fn check_joints(ini: &Ini, load: &Load) -> Result<(), IniError> {
 /// could ever bring that coordinate back to 0. A letter too many does no harm.
 fn check_coordinates(ini: &Ini, load: &Load) -> Result<(), IniError> {
     let wanted: String = moved_letters(load).collect();
-    let expected = format!("expected the letters {wanted} that [KINS]KINEMATICS moves");
+    let expected = format!("expected the letters {wanted}, as moved by [KINS]KINEMATICS");
     let entry = ini.require("TRAJ", "COORDINATES", &expected)?;
     let given = entry.value.to_ascii_uppercase();
     match moved_letters(load).find(|letter| !given.contains(*letter)) {
@@ -232,15 +232,13 @@ fn check_second_sections(ini: &Ini, load: &Load) -> Result<(), IniError> {
     let mut names = ini.sections();
     let is_own = |name: &str| name == "SECOND" || name.starts_with("SECOND_BOX_");
     match names.find(|name| is_own(name)).filter(|_| load.second().is_none()) {
-        Some(name) => Err(ini.refuse_section(
-            name,
-            "one section too many; [KINS]KINEMATICS has no second mechanism, second=",
-        )),
+        Some(name) => Err(ini
+            .refuse_section(name, "extra section: remove it, or add second= to [KINS]KINEMATICS")),
         None => {
             let key = of_machine::MECHANISM_CLEARANCE.name;
             match ini.first("PKM", key).filter(|_| load.second().is_none()) {
                 Some(entry) => {
-                    let text = "it is for two mechanisms, and [KINS]KINEMATICS has no second=";
+                    let text = "only valid with second= in [KINS]KINEMATICS; remove the key, or add second=";
                     Err(ini.refuse(entry, text))
                 }
                 None => ini.check_keys("SECOND", of_second::ALL.iter().copied()),

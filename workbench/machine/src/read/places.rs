@@ -25,7 +25,7 @@ const FOLDERS: [(&str, &str); 4] = [
 
 /// What is wrong with a section of [`is_of_tcl`].
 pub const OF_TCL: &str =
-    "the section would overwrite a variable of Tcl, which carries out the HAL files: rename it";
+    "the section would overwrite a variable of Tcl, which runs the HAL files; rename it";
 
 /// Returns whether a section has the name of a variable of Tcl's own, as `env`. LinuxCNC makes
 /// a variable of each section before it carries out HAL files of Tcl, and these would then do something else.

@@ -104,7 +104,7 @@ pub enum BadTool {
     #[error("expected a letter and a number, such as T1 or Z40.5, not {0}")]
     Word(String),
     /// Nothing says which tool it is.
-    #[error("the tool has no number T")]
+    #[error("the tool has no number; add one, such as T1")]
     NoNumber,
 }
 
@@ -191,7 +191,7 @@ mod tests {
             ("T1 Zlong", "not Zlong"),
             ("T1 Znan", "not Znan"),
             ("T1 é", "not é"),
-            ("P1 Z3", "no number T"),
+            ("P1 Z3", "no number"),
         ] {
             assert!(
                 tool(line, ['X', 'Y', 'Z']).unwrap_err().to_string().contains(expected),

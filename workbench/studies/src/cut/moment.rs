@@ -66,9 +66,9 @@ pub struct Judged {
 pub enum NoMoment {
     #[error(transparent)]
     Fault(#[from] Fault),
-    #[error("a singular pose: the legs do not hold the platform")]
+    #[error("singular pose: the legs do not constrain the platform; choose another pose")]
     Singular,
-    #[error("at B of 90 degrees A and C turn about one axis: forces are not known there")]
+    #[error("at B = 90 degrees A and C rotate about the same axis, so forces are undefined")]
     Angles,
 }
 

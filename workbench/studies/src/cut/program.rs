@@ -18,23 +18,19 @@ pub struct Line {
 /// Why the cutting conditions of a program are unknown.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoCut {
-    #[error("the program has no feed moves")]
+    #[error("the program has no feed moves: add some")]
     NoFeed,
-    #[error(
-        "line {0}: the tool cuts without a spindle speed (an S word names one); name one with --rpm"
-    )]
+    #[error("line {0}: the tool cuts without a spindle speed; add an S word, or --rpm")]
     NoSpeed(u32),
     /// The spindle is off: neither M3 nor M4, or M5 since.
-    #[error(
-        "line {0}: the tool cuts while the spindle stands (M3 or M4 starts it); name its speed with --rpm"
-    )]
+    #[error("line {0}: the tool cuts with the spindle stopped; add M3 or M4, or --rpm")]
     Standing(u32),
     /// G96: the speed depends on the position.
-    #[error("line {0}: G96 makes the spindle speed depend on the place; name one with --rpm")]
+    #[error("line {0}: with G96 the spindle speed depends on the position; set one with --rpm")]
     Surface(u32),
-    #[error("line {0}: the spindle speed is not known there; name one with --rpm")]
+    #[error("line {0}: the spindle speed is unknown; set one with --rpm")]
     Unknown(u32),
-    #[error("line {0}: it cuts at several spindle speeds; name one with --rpm")]
+    #[error("line {0}: it cuts at several spindle speeds; set one with --rpm")]
     Several(u32),
 }
 

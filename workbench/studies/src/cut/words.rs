@@ -11,14 +11,14 @@ impl Report {
         if let Some(Drive { name, load, unit, line, share, .. }) = above {
             let share = share.unwrap_or_default();
             return format!(
-                "{name} has to do {load:.1} {unit} in line {line}, {share:.3} of what it can."
+                "{name} needs {load:.1} {unit} in line {line}, {share:.3} of its rating."
             );
         }
         let stability = &self.stability;
         if !(stability.margin > 1.0) {
             let (limit, line) = (stability.stable_to_mm, stability.line);
             return format!(
-                "In line {line} a cut chatters beyond {limit:.4} mm, and {} mm are cut.",
+                "In line {line} the cut chatters beyond {limit:.4} mm, but its depth is {} mm.",
                 self.depth_mm
             );
         }
@@ -26,18 +26,16 @@ impl Report {
             (Some(why), _) => format!("LinuxCNC stops the program: {why}."),
             (_, Some(why)) => format!("Time and inertia are not judged: {why}."),
             _ if self.fits.is_none() => {
-                "Nothing that was looked at is beyond its limit; not everything was looked at."
-                    .into()
+                "Everything examined is within its limit; not everything was examined.".into()
             }
-            _ => "Every drive can do what is asked of it, and every place looked at is stable."
-                .into(),
+            _ => "Every drive is within its rating, and every position examined is stable.".into(),
         }
     }
 
     /// Returns what was not assessed.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = vec![
-            "Where the tool is in the work: every feed move counts as a cut of the study's immersion and depth."
+            "The position of the stock: every feed move counts as a cut with the study's immersion and depth."
                 .to_string(),
             WORTH.replace('\n', " "),
         ];
@@ -46,18 +44,18 @@ impl Report {
         if places < feed_moves {
             let rest = feed_moves - places;
             notes.push(format!(
-                "Stability and vibration of {rest} feed moves: --places {feed_moves} looks at all."
+                "Stability and vibration of {rest} feed moves: use --places {feed_moves} to examine all."
             ));
         }
         if self.drives.iter().any(|drive| drive.share.is_none()) {
             notes.push(
-                "What some drives can do: the study names neither max_force_n, max_torque_n_m nor \
+                "The ratings of some drives: the study has no max_force_n, max_torque_n_m or \
                  motor_torque_n_m for them."
                     .into(),
             );
         }
         if self.resolution_um.is_none() {
-            notes.push("The drives' steps: not every [JOINT_N] has a SCALE.".into());
+            notes.push("The step size of the drives: not every [JOINT_N] has a SCALE.".into());
         }
         if let Some(why) = &self.not_judged {
             notes.push(format!("Time and inertia: {why}."));

@@ -57,11 +57,11 @@ impl Force {
 pub enum Ended {
     #[error(transparent)]
     Fault(#[from] Fault),
-    #[error("a singular pose: the legs do not hold the platform")]
+    #[error("singular pose: the legs do not constrain the platform; choose another pose")]
     Singular,
     #[error(
-        "{steps:.0} steps: {warm_up:.3} s until the start is forgotten, and {seconds} s, are more than \
-         {MOST_STEPS:.0} steps; name more damping, lower frequencies or fewer seconds"
+        "{steps:.0} steps ({warm_up:.3} s of settling and {seconds} s) exceed {MOST_STEPS:.0} steps; \
+         use more damping, lower frequencies or fewer seconds"
     )]
     Long {
         steps: f64,
@@ -69,7 +69,7 @@ pub enum Ended {
         warm_up: f64,
         seconds: f64,
     },
-    #[error("{0:.4} s: the motion grows beyond all bounds")]
+    #[error("{0:.4} s: the motion diverges; reduce the cut or add damping")]
     Unbound(f64),
 }
 

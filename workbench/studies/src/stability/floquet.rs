@@ -20,8 +20,8 @@ const MOST_PERIODS: f64 = 25.0;
 /// A spindle speed at which the modes vibrate too often between two teeth.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "{rpm} 1/min: the fastest mode, {hz:.1} Hz, swings more than {MOST_PERIODS} times from tooth to \
-     tooth; expected {slowest:.0} 1/min or more"
+    "{rpm} 1/min: the fastest mode, {hz:.1} Hz, oscillates more than {MOST_PERIODS} times between \
+     teeth; expected at least {slowest:.0} 1/min"
 )]
 pub struct TooSlow {
     pub rpm: f64,

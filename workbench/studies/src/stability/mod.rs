@@ -5,9 +5,9 @@
 //! (paper 002); `process` and the modules that use it treat cutting of the surface that the previous tooth left.
 
 /// Closing statement of every result: its quality.
-pub const WORTH: &str = "Damping and cutting coefficients are those of the study: the limits are about \
-                     proportional to damping\nand inverse to the coefficients, and the answer is as \
-                     good as they are.";
+pub const WORTH: &str = "Damping and cutting coefficients come from the study: limits are roughly \
+                     proportional to damping\nand inverse to the coefficients, so the results are as good \
+                     as they are.";
 
 pub mod bands;
 pub mod chip;

@@ -19,9 +19,9 @@ use std::f64::consts::PI;
 pub enum NoSetup {
     #[error(transparent)]
     Lacking(#[from] Lacking),
-    #[error("the study has neither [cutting], a milling cutter, nor [turning]")]
+    #[error("the study has neither [cutting] (a milling cutter) nor [turning]: add one of them")]
     Process,
-    #[error("the study has both [cutting] and [turning]; leave one of them out")]
+    #[error("the study has both [cutting] and [turning]; remove one of them")]
     Both,
     #[error(transparent)]
     Spindle(#[from] NoSpindle),
@@ -32,12 +32,12 @@ pub enum NoSetup {
 pub enum NoModes {
     #[error(transparent)]
     Fault(#[from] Fault),
-    #[error("a singular pose: the legs do not hold the platform")]
+    #[error("singular pose: the legs do not constrain the platform; choose another pose")]
     Free,
     #[error(transparent)]
     Feed(#[from] AlongAxis),
     #[error(
-        "a mode at {0:.3} Hz has no damping; name damping_n_s_per_mm or damping_ratio of [legs]"
+        "a mode at {0:.3} Hz has no damping; add damping_n_s_per_mm or damping_ratio to [legs]"
     )]
     Undamped(f64),
 }

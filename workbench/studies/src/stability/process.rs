@@ -160,7 +160,7 @@ pub struct Piece {
 
 /// A feed along the spindle axis.
 #[derive(Clone, Copy, Debug, thiserror::Error, PartialEq)]
-#[error("the feed is along the spindle axis: expected a feed across it")]
+#[error("the feed is along the spindle axis: use a feed across it")]
 pub struct AlongAxis;
 
 /// Projects modes on the cutter plane whose axes are the columns of `plane`.

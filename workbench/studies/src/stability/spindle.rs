@@ -31,15 +31,15 @@ struct Support {
 /// Why a spindle cannot be computed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoSpindle {
-    #[error("[[spindle.bearings]] at_mm = {at}: the shaft is {length} mm long")]
+    #[error("[[spindle.bearings]] at_mm = {at}: beyond the end of the shaft, {length} mm")]
     Beside { at: f64, length: f64 },
-    #[error("[[spindle.bearings]] at_mm = {0} twice: expected two places")]
+    #[error("[[spindle.bearings]] at_mm = {0} twice: expected two positions")]
     Together(f64),
-    #[error("[[spindle.sections]] bore_mm = {bore}: the cylinder has a diameter of {outer} mm")]
+    #[error("[[spindle.sections]] bore_mm = {bore}: expected less than the diameter of {outer} mm")]
     Bore { bore: f64, outer: f64 },
-    #[error("[spindle] has no [[spindle.sections]]")]
+    #[error("[spindle] has no [[spindle.sections]]: add one or more")]
     Empty,
-    #[error("[spindle] modes = 0: expected 1 or more")]
+    #[error("[spindle] modes = 0: expected at least 1")]
     Modeless,
 }
 

@@ -9,13 +9,15 @@ use crate::study::file::Study;
 /// Why a study does not describe a loop.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoLoop {
-    #[error("the study names no [[links]] and no [spindle]: nothing yields between tool and work")]
+    #[error(
+        "the study has neither [[links]] nor [spindle], so nothing yields between tool and work: add one of them"
+    )]
     Nothing,
-    #[error("the study names no time_constant_ms of [lag]")]
+    #[error("the study has no time_constant_ms in [lag]: add it")]
     Lag,
-    #[error("an overhang is given, and the study has neither [overhang] nor [spindle]")]
+    #[error("--overhang needs [overhang] or [spindle] in the study")]
     Overhang,
-    #[error("[overhang] changes the first of [[links]], and the study names none")]
+    #[error("[overhang] changes the first of [[links]], but the study has none: add one")]
     Link,
     #[error(transparent)]
     Spindle(#[from] NoSpindle),

@@ -50,11 +50,11 @@ impl TryFrom<f64> for Half {
 /// Why a cutter is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoCut {
-    #[error("teeth = 0: a cutter has one at least")]
+    #[error("teeth = 0: expected at least 1")]
     Teeth,
     #[error(
-        "entry_deg = {0}, exit_deg = {1}: expected a tooth that enters before it leaves; a slot \
-         is from 0 to 180, half immersion up milling from 0 to 90, down milling from 90 to 180"
+        "entry_deg = {0}, exit_deg = {1}: expected entry before exit; use 0 to 180 for a slot, 0 to 90 \
+         for half immersion up milling, 90 to 180 for down milling"
     )]
     Arc(f64, f64),
 }

@@ -176,16 +176,16 @@ pub enum StudyError {
 /// A value that a study lacks, or has in the wrong form.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Lacking {
-    #[error("the study names no {key} of [{section}]{}", if *.section == "table" { ", which the machine has" } else { "" })]
+    #[error("the study has no {key} in [{section}]{}: add it", if *.section == "table" { ", which this machine needs" } else { "" })]
     Key { section: &'static str, key: &'static str },
-    #[error("the study names both {} and {} of [{section}]; leave one of them out", .keys[0], .keys[1])]
+    #[error("the study has both {} and {} in [{section}]; remove one of them", .keys[0], .keys[1])]
     Both { section: &'static str, keys: [&'static str; 2] },
     #[error("{key}: expected one number, or {expected} of them; found {found}")]
     Length { key: &'static str, expected: usize, found: usize },
 }
 
 #[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected more than 0, and 1 at most")]
+#[error("{0}: expected more than 0 and at most 1")]
 pub struct NoShare(f64);
 
 /// A share of a whole, above 0.

@@ -77,7 +77,7 @@ impl TryFrom<ForceKeys> for Force {
 
 /// A helix angle out of range.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected 0 degrees or more, and less than 90")]
+#[error("{0}: expected at least 0 and less than 90 degrees")]
 pub struct NoHelix(f64);
 
 /// The angle of a helix to the tool axis: 0 to less than 90 degrees.

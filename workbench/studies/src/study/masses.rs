@@ -76,13 +76,13 @@ pub struct Inertia(pub Matrix3<f64>);
 pub enum NoBody {
     #[error("expected finite numbers")]
     NotFinite,
-    #[error("expected a symmetric tensor; found {0} and {1} on either side of the diagonal")]
+    #[error("expected a symmetric tensor; found {0} and {1} on opposite sides of the diagonal")]
     Asymmetric(f64, f64),
-    #[error("no body has it: a principal moment of inertia is {0:.6}, expected more than 0")]
+    #[error("not a physical inertia: a principal moment is {0:.6}, expected more than 0")]
     NotPositive(f64),
     #[error(
-        "no body has it: of the principal moments of inertia {0:.6}, {1:.6} and {2:.6} the largest \
-         is more than the sum of the others; are products of inertia entered with their sign?"
+        "not a physical inertia: of the principal moments {0:.6}, {1:.6} and {2:.6} the largest exceeds \
+         the sum of the others; check the signs of the products of inertia"
     )]
     Triangle(f64, f64, f64),
 }
@@ -127,7 +127,7 @@ mod tests {
     fn an_inertia_that_no_body_has_is_refused_with_the_reason() {
         let of = |rows: [[f64; 3]; 3]| Inertia::try_from(rows).unwrap_err().to_string();
         let diagonal = |a, b, c| [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]];
-        assert!(of(diagonal(0.4, 0.4, 0.9)).contains("more than the sum"));
+        assert!(of(diagonal(0.4, 0.4, 0.9)).contains("exceeds the sum"));
         assert!(of(diagonal(0.4, 0.4, -0.1)).contains("expected more than 0"));
         assert!(of(diagonal(0.4, 0.0, 0.4)).contains("expected more than 0"));
         assert!(of(diagonal(0.4, f64::NAN, 0.4)).contains("finite"));

@@ -90,17 +90,17 @@ impl fmt::Display for Border {
 /// Why there is no workspace.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoWorkspace {
-    #[error("no joint moves {0}: there is no space to look at")]
+    #[error("no joint moves {0}, so there is no workspace")]
     Held(char),
     #[error(transparent)]
     Home(#[from] Fault),
     #[error("{key}: expected {expected} axes; found {found}")]
     Axes { key: String, expected: usize, found: usize },
-    #[error("{end}_pyramid_deg: leg {leg} has no axis; name {end}_axes")]
+    #[error("{end}_pyramid_deg: leg {leg} has no axis; add {end}_axes")]
     NoAxis { end: &'static str, leg: usize },
     #[error(
-        "{end}_axes: leg {leg} has a pyramid in the machine's file, about another axis; name that axis, \
-         or leave {end}_axes out"
+        "{end}_axes: leg {leg} has a pyramid about another axis in the INI file; use that axis, or \
+         remove {end}_axes"
     )]
     OtherAxis { end: &'static str, leg: usize },
 }
