@@ -29,7 +29,7 @@ namespace eval pkmkins {
 
 # LinuxCNC ends its start when a HAL file ends with a code that is not 0.
 proc pkmkins::stop {text} {
-    puts stderr "\npkmkins: the machine is not set up, LinuxCNC does not start:\n$text\n"
+    puts stderr "\npkmkins: LinuxCNC does not start, because the machine is not configured correctly:\n$text\n"
     exit 1
 }
 
@@ -42,7 +42,7 @@ proc pkmkins::printed {ini} {
     lassign [dict get $options -errorcode] kind id code
     set refusal [regsub {\n?child process exited abnormally$} $text ""]
     if {$kind eq "CHILDSTATUS" && $code == 1 && $refusal ne ""} { stop $refusal }
-    stop "pkmkins: $program has not read $ini: [join [split $text \n] {; }]: install pkmkins again"
+    stop "pkmkins: $program could not read $ini: [join [split $text \n] {; }]; reinstall pkmkins"
 }
 
 # The pins and values of a text of pkmkins-pins, which is checked as a whole.
@@ -58,11 +58,11 @@ proc pkmkins::pins_of {ini text} {
             {^ini (\S+) ([^=]+)=(.*)$} { lappend read [lrange $found 1 end] }
             {^pin ([a-z0-9.-]+) ([0-9e.-]+)$} { lappend pins pkmkins.[lindex $found 1] [lindex $found 2] }
             {^end$} {}
-            default { stop "pkmkins: $program prints \"$line\": install pkmkins again" }
+            default { stop "pkmkins: unexpected output of $program, \"$line\"; reinstall pkmkins" }
         }
     }
     if {[lindex $lines end] ne "end" || ![info exists version] || ![info exists compared]} {
-        stop "pkmkins: $program has not printed all of its text for $ini: install pkmkins again"
+        stop "pkmkins: the output of $program for $ini is incomplete; reinstall pkmkins"
     }
     check_version $version
     check_unchanged $ini $compared $read
@@ -74,12 +74,12 @@ proc pkmkins::pins_of {ini text} {
 proc pkmkins::check_version {own} {
     variable program
     if {![llength [hal list pin pkmkins.version]]} {
-        stop "pkmkins: HAL has no pin pkmkins.version: load pkmkins by a HALFILE before LIB:pkmkins.tcl; where it is loaded, it is older than $program $own: install pkmkins again"
+        stop "pkmkins: HAL has no pin pkmkins.version: load pkmkins in a HALFILE before LIB:pkmkins.tcl; if it is loaded, it is older than $program $own: reinstall pkmkins"
     }
     set number [string trim [hal getp pkmkins.version]]
     set module [expr {$number / 1000000}].[expr {$number / 1000 % 1000}].[expr {$number % 1000}]
     if {$module ne $own} {
-        stop "pkmkins: $program is of version $own, and the module that is loaded of version $module: install pkmkins again"
+        stop "pkmkins: $program has version $own, but the loaded module has version $module; reinstall pkmkins"
     }
 }
 
@@ -98,7 +98,7 @@ proc pkmkins::check_unchanged {ini compared read} {
         foreach entry $one {
             if {$entry in $other} { continue }
             lassign $entry section key value
-            stop "pkmkins: $ini has changed while LinuxCNC was starting, at \[$section\]$key = $value: start LinuxCNC again"
+            stop "pkmkins: $ini changed while LinuxCNC was starting, at \[$section\]$key = $value; start LinuxCNC again"
         }
     }
 }
@@ -108,7 +108,7 @@ proc pkmkins::check_exist {pins} {
     set existing [hal list pin pkmkins.*]
     foreach {pin text} $pins {
         if {$pin in $existing} { continue }
-        stop "pkmkins: \[KINS\]KINEMATICS = \"[lindex $::KINS(KINEMATICS) 0]\": the module was loaded with other parameters: it has no pin $pin"
+        stop "pkmkins: \[KINS\]KINEMATICS = \"[lindex $::KINS(KINEMATICS) 0]\": the module was loaded with other parameters and has no pin $pin; load it with these"
     }
 }
 
@@ -123,7 +123,7 @@ proc pkmkins::signal_of {pin signal} {
 proc pkmkins::check_feed_inhibit {} {
     set taken [signal_of motion.feed-inhibit ""]
     if {$taken ne "" && [signal_of pkmkins.feed-inhibit ""] eq ""} {
-        stop "pkmkins: \[HAL\]HALFILE = LIB:pkmkins.tcl: motion.feed-inhibit is on signal $taken already: expected an or2 of its writer and pkmkins.feed-inhibit, in a HALFILE before this one"
+        stop "pkmkins: \[HAL\]HALFILE = LIB:pkmkins.tcl: motion.feed-inhibit already has signal $taken: in a HALFILE before this one, join its writer and pkmkins.feed-inhibit with an or2"
     }
 }
 
@@ -143,14 +143,14 @@ proc pkmkins::wire_guard {} {
     if {$taken eq ""} {
         hal net pkmkins:feed-scale pkmkins.feed-scale motion.adaptive-feed
     } elseif {$taken ne [signal_of pkmkins.feed-scale ""]} {
-        puts stderr "pkmkins: motion.adaptive-feed is on signal $taken: pkmkins.feed-scale does not act on it"
+        puts stderr "pkmkins: motion.adaptive-feed already has signal $taken, so pkmkins.feed-scale has no effect; multiply both"
     }
     connect pkmkins:jogging motion.jog-is-active pkmkins.jogging
     set taken [signal_of motion.jog-stop ""]
     if {$taken eq ""} {
         hal net pkmkins:jog-stop pkmkins.jog-stop motion.jog-stop
     } elseif {$taken ne [signal_of pkmkins.jog-stop ""]} {
-        puts stderr "pkmkins: motion.jog-stop is on signal $taken: pkmkins.jog-stop does not act on it, join both by an or2"
+        puts stderr "pkmkins: motion.jog-stop already has signal $taken, so pkmkins.jog-stop has no effect; join both with an or2"
     }
 }
 
@@ -179,5 +179,5 @@ proc pkmkins::main {ini} {
     hal setp pkmkins.apply 1
 }
 
-if {![info exists ::env(INI_FILE_NAME)]} { pkmkins::stop "pkmkins: the variable INI_FILE_NAME, which LinuxCNC sets, is missing" }
+if {![info exists ::env(INI_FILE_NAME)]} { pkmkins::stop "pkmkins: the variable INI_FILE_NAME is missing; LinuxCNC sets it, so run this file from LinuxCNC" }
 pkmkins::main $::env(INI_FILE_NAME)

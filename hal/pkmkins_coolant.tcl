@@ -21,7 +21,7 @@ proc pkmkins_coolant::load_parts {} {
     hal loadrt not names=pump-hot,pump-off
     hal loadrt flipflop names=pump-latch
     hal loadrt and2 names=pump-run,pump-hold
-    hal loadrt message names=pump-message {messages="The coolant pump is too hot: give M9 and let it cool down"}
+    hal loadrt message names=pump-message {messages="The coolant pump is too hot: run M9 and let it cool down"}
     foreach name {pump-hot pump-off pump-latch pump-run pump-hold pump-message} {
         hal addf $name servo-thread
     }
@@ -39,7 +39,7 @@ proc pkmkins_coolant::wire {} {
     pkmkins_drives::connect pump:runs pump-run.out {*}[pkmkins_drives::pins IO PUMP_PIN]
 }
 
-pkmkins_drives::need IO PUMP_PIN "the output that lets the pump run"
+pkmkins_drives::need IO PUMP_PIN "the output that enables the pump"
 pkmkins_drives::need IO PUMP_OK_PIN "the input that is true while the thermal contact of the pump is closed"
 pkmkins_drives::stop_on_errors
 pkmkins_coolant::load_parts

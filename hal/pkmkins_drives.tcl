@@ -49,7 +49,7 @@ proc pkmkins_drives::number {section key what {default ""}} {
 # The same, and not 0: what a position is multiplied by.
 proc pkmkins_drives::scale {section key what} {
     set text [number $section $key $what]
-    if {$text ne "" && $text == 0} { complain $section $key "= \"$text\": expected $what, and not 0" }
+    if {$text ne "" && $text == 0} { complain $section $key "= \"$text\": expected $what, not 0" }
     return $text
 }
 
@@ -57,7 +57,7 @@ proc pkmkins_drives::scale {section key what} {
 proc pkmkins_drives::stop_on_errors {} {
     variable errors
     if {![llength $errors]} { return }
-    puts stderr "\npkmkins: the drives are not set up, LinuxCNC does not start:"
+    puts stderr "\npkmkins: LinuxCNC does not start, because the drives are not configured correctly:"
     foreach text $errors { puts stderr "pkmkins: $text" }
     puts stderr ""
     exit 1
@@ -84,7 +84,7 @@ proc pkmkins_drives::above {n key} {
 # before anything is loaded where a key is missing or no good.
 proc pkmkins_drives::settings {of_joint} {
     need KINS JOINTS "the number of joints"
-    need IO ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"
+    need IO ESTOP_PIN "the input that is true while the emergency stop chain is closed, or NONE"
     set settings {}
     foreach n [joints] { lappend settings {*}[$of_joint $n] }
     stop_on_errors

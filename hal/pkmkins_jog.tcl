@@ -70,20 +70,20 @@ proc pkmkins_jog::unset_of {axes} {
 proc pkmkins_jog::attach {} {
     variable task_seconds
     variable answer_seconds
-    if {![exists pkmkins.jog-scale]} { return [list "there is no pin pkmkins.jog-scale: load pkmkins"] }
+    if {![exists pkmkins.jog-scale]} { return [list "the pin pkmkins.jog-scale is missing: load pkmkins"] }
     set axes [axes]
     wait $task_seconds { expr {[set late [unset_of $axes]] eq ""} }
     set reasons {}
     set asked {}
     foreach axis $axes {
         if {$axis in $late} {
-            lappend reasons "LinuxCNC's task has not set ini.$axis.max_velocity after $task_seconds s"
+            lappend reasons "LinuxCNC's task did not set ini.$axis.max_velocity within $task_seconds s"
             continue
         }
         set signal [signal_of ini.$axis.max_velocity]
         if {$signal eq "pkmkins:jog-velocity-$axis"} { continue }
         if {$signal ne ""} {
-            lappend reasons "ini.$axis.max_velocity is on signal $signal: take it off"
+            lappend reasons "ini.$axis.max_velocity already has signal $signal: remove it"
         } elseif {[catch {
             # The speed in force becomes the largest.
             set fastest [hal getp ini.$axis.max_velocity]
@@ -104,8 +104,8 @@ proc pkmkins_jog::attach {} {
     }
     foreach {axis fastest} $asked {
         if {$axis in $waiting} {
-            lappend reasons "pkmkins.jog-velocity.$axis is [hal getp pkmkins.jog-velocity.$axis] and not\
-                $fastest: does pkmkins.monitor run in a thread?"
+            lappend reasons "pkmkins.jog-velocity.$axis is [hal getp pkmkins.jog-velocity.$axis] not\
+                $fastest: check that pkmkins.monitor runs in a thread"
         } elseif {[catch {
             hal net pkmkins:jog-velocity-$axis pkmkins.jog-velocity.$axis ini.$axis.max_velocity
         } error]} {
@@ -119,5 +119,5 @@ if {[catch { pkmkins_jog::attach } pkmkins_jog::reasons]} {
     set pkmkins_jog::reasons [list $pkmkins_jog::reasons]
 }
 if {$pkmkins_jog::reasons ne ""} {
-    pkmkins_jog::tell "jogs are not slowed before limits: [join $pkmkins_jog::reasons {; }]"
+    pkmkins_jog::tell "jogs do not slow down near limits: [join $pkmkins_jog::reasons {; }]"
 }

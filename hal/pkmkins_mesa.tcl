@@ -10,8 +10,8 @@ namespace eval pkmkins_mesa {
 }
 
 proc pkmkins_mesa::check {} {
-    pkmkins_drives::need HOSTMOT2 DRIVER "the driver of the card with its parameters, as hm2_eth board_ip=10.10.10.10"
-    pkmkins_drives::need HOSTMOT2 BOARD "the name of the card in HAL, as 7i92"
+    pkmkins_drives::need HOSTMOT2 DRIVER "the driver of the card with its parameters, such as hm2_eth board_ip=10.10.10.10"
+    pkmkins_drives::need HOSTMOT2 BOARD "the HAL name of the card, such as 7i92"
 }
 
 # The card, as HAL names it.

@@ -32,7 +32,7 @@ proc pkmkins_mesa_step::of_joint {n} {
     set section JOINT_$n
     lappend settings $pin.position-scale [pkmkins_drives::scale $section SCALE "steps per unit of the joint"]
     foreach key {STEPLEN STEPSPACE DIRSETUP DIRHOLD} {
-        lappend settings $pin.[string tolower $key] [pkmkins_drives::number $section $key "nanoseconds, from the sheet of the drive"]
+        lappend settings $pin.[string tolower $key] [pkmkins_drives::number $section $key "nanoseconds, from the data sheet of the drive"]
     }
     foreach {key parameter limit} {STEPGEN_MAXVEL maxvel MAX_VELOCITY STEPGEN_MAXACCEL maxaccel MAX_ACCELERATION} {
         lappend settings $pin.$parameter [pkmkins_drives::number $section $key "units and seconds" [pkmkins_drives::above $n $limit]]

@@ -50,7 +50,7 @@ proc pkmkins_panel::is_there {} {
 # Carries out a script in the caller's place; an error becomes a message.
 proc pkmkins_panel::safely {script} {
     # 1: of an error; others are of a return.
-    if {[catch { uplevel 1 $script } error] == 1} { tell "not all is shown: $error" }
+    if {[catch { uplevel 1 $script } error] == 1} { tell "not everything is shown: $error" }
 }
 
 # Puts pins and what shows them on signals, two by two.
@@ -70,7 +70,7 @@ proc pkmkins_panel::show {nets} {
                 hal net $signal $pin pyvcp.$widget
             } error]} { lappend reasons "$pin: $error" }
         }
-        if {$missing ne ""} { lappend reasons "there is no pin [join $missing {, }]" }
+        if {$missing ne ""} { lappend reasons "missing pin [join $missing {, }]" }
         if {$reasons ne ""} { tell "not shown: [join $reasons {; }]" }
     }
 }
@@ -81,7 +81,7 @@ proc pkmkins_panel::start {ini letters} {
         if {![is_there] || [is_ready pkmkins-panel]} { return }
         set error [started [list pkmkins-panel $ini {*}$letters]]
         if {$error eq ""} { return }
-        tell "pkmkins-panel does not start: no travel left is shown: $error"
+        tell "pkmkins-panel does not start, so the travel left is not shown: $error"
         foreach letter $letters {
             foreach way {minus plus} { hal setp pyvcp.$letter-$way nan }
         }
@@ -97,10 +97,10 @@ proc pkmkins_panel::started {command} {
     set is_ready [wait $start_seconds {
         expr {[is_ready $name] || ![is_running $process]}
     }]
-    if {![is_running $process]} { return "it has ended" }
+    if {![is_running $process]} { return "it has exited" }
     if {$is_ready} { return "" }
     catch { exec kill -KILL $process }
-    return "it is not ready after $start_seconds s"
+    return "it was not ready within $start_seconds s"
 }
 
 # Returns whether a process is, and is no dead one that waits for its parent.
@@ -125,7 +125,7 @@ proc pkmkins_panel::switch {} {
         }
         set taken [signal_of $selector]
         if {$taken ne ""} {
-            tell "$selector is on signal $taken: the buttons for kinematics do nothing"
+            tell "$selector already has signal $taken, so the kinematics buttons have no effect"
             return
         }
         hal net panel:kinematics pkmkins-panel.kinematics $selector

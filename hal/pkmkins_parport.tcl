@@ -33,16 +33,16 @@ proc pkmkins_parport::ports {} {
 }
 
 proc pkmkins_parport::check {} {
-    pkmkins_drives::number EMCMOT BASE_PERIOD "nanoseconds between two steps, as latency-test shows"
-    pkmkins_drives::need PARPORT PORTS "addresses of the ports, as 0x378 out"
+    pkmkins_drives::number EMCMOT BASE_PERIOD "the base period in nanoseconds, see latency-test"
+    pkmkins_drives::need PARPORT PORTS "addresses of the ports, such as 0x378 out"
 }
 
 proc pkmkins_parport::of_joint {n} {
     set section JOINT_$n
-    foreach key {STEP_PIN DIR_PIN} { pkmkins_drives::need $section $key "an output of a port, as parport.0.pin-02-out" }
+    foreach key {STEP_PIN DIR_PIN} { pkmkins_drives::need $section $key "an output of a port, such as parport.0.pin-02-out" }
     lappend settings stepgen.$n.position-scale [pkmkins_drives::scale $section SCALE "steps per unit of the joint"]
     foreach key {STEPLEN STEPSPACE DIRSETUP DIRHOLD} {
-        lappend settings stepgen.$n.[string tolower $key] [pkmkins_drives::number $section $key "nanoseconds, from the sheet of the drive"]
+        lappend settings stepgen.$n.[string tolower $key] [pkmkins_drives::number $section $key "nanoseconds, from the data sheet of the drive"]
     }
     foreach {key parameter limit} {STEPGEN_MAXVEL maxvel MAX_VELOCITY STEPGEN_MAXACCEL maxaccel MAX_ACCELERATION} {
         lappend settings stepgen.$n.$parameter [pkmkins_drives::number $section $key "units and seconds" [pkmkins_drives::above $n $limit]]

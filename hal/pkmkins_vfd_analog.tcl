@@ -26,10 +26,10 @@ namespace eval pkmkins_vfd_analog {
 proc pkmkins_vfd_analog::key {name} { return [pkmkins_drives::ini SPINDLE_0 $name] }
 
 proc pkmkins_vfd_analog::check {} {
-    pkmkins_drives::need SPINDLE_0 OUTPUT_PIN "the analogue output, as hm2_7i76e.0.7i76.0.0.spinout"
+    pkmkins_drives::need SPINDLE_0 OUTPUT_PIN "the analog output, such as hm2_7i76e.0.7i76.0.0.spinout"
     pkmkins_drives::scale SPINDLE_0 OUTPUT_SCALE "turns per minute at full output"
     if {[key AT_SPEED_PIN] eq "" && [key SPEED_PIN] eq ""} {
-        pkmkins_drives::number SPINDLE_0 RAMP_TIME "the seconds that the spindle needs to come up, or AT_SPEED_PIN, or SPEED_PIN"
+        pkmkins_drives::number SPINDLE_0 RAMP_TIME "the spin-up time of the spindle in seconds, or AT_SPEED_PIN, or SPEED_PIN"
     }
     pkmkins_drives::stop_on_errors
 }

@@ -16,7 +16,7 @@ source [file join $::env(HALLIB_DIR) pkmkins_drives.tcl]
 namespace eval pkmkins_vfd_modbus {}
 
 proc pkmkins_vfd_modbus::main {} {
-    set command [pkmkins_drives::need SPINDLE_0 VFD "the component with its line, as hy_vfd -n vfd -d /dev/ttyUSB0"]
+    set command [pkmkins_drives::need SPINDLE_0 VFD "the component with its arguments, such as hy_vfd -n vfd -d /dev/ttyUSB0"]
     pkmkins_drives::stop_on_errors
     hal loadusr -Wn vfd {*}$command
     hal setp vfd.enable 1

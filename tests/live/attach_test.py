@@ -166,8 +166,8 @@ class Hal:
 
 
 NO_PANEL = "panel: not shown: this user interface has not loaded [DISPLAY]PYVCP"
-NOT_SLOWED = "jogs are not slowed before limits: "
-NO_TRAVEL = "panel: pkmkins-panel does not start: no travel left is shown: "
+NOT_SLOWED = "jogs do not slow down near limits: "
+NO_TRAVEL = "panel: pkmkins-panel does not start: so the travel left is not shown: "
 NO_TRAVEL_PINS = "panel: not shown: there is no pin pkmkins-panel.x-minus, "
 
 
@@ -258,7 +258,7 @@ def pins_taken(folder):
         for line in ("net theirs ini.x.max_velocity", "net limit pkmkins.axis-max-velocity.y", "newsig panel:joint-2 bit",
                      "net widget pyvcp.joint-1", "net selector motion.switchkins-type"):
             hal.command(*line.split())
-        hal.reported(f"{NOT_SLOWED}ini.x.max_velocity is on signal theirs",
+        hal.reported(f"{NOT_SLOWED}ini.x.max_velocity already has signal theirs",
                  "panel: motion.switchkins-type is on signal selector", "panel: not shown: joint.1.pos-fb: ")
         hal.is_on("ini.z.max_velocity", "pkmkins:jog-velocity-z")
         hal.is_on("pyvcp.joint-5", "panel:joint-5")
@@ -281,8 +281,8 @@ def no_files(folder):
     """Files of ours that are missing, and a folder that is not named."""
     with Hal(folder) as hal:
         (hal.library / "pkmkins_jog.tcl").unlink()
-        hal.reported("panel: not connected: ", "panel: not all is shown: ", "panel: not all is shown: ",
-                 "panel: not all is shown: ")
+        hal.reported("panel: not connected: ", "panel: not everything is shown: ", "panel: not everything is shown: ",
+                 "panel: not everything is shown: ")
         (hal.library / "pkmkins_panel.tcl").unlink()
         hal.reported("panel: not connected: ")
         del hal.environment["HALLIB_DIR"]
@@ -301,10 +301,10 @@ CASES = {
     "a panel in a window of its own": own_window, "no task": no_task, "a late task": late_task, "no monitor": no_monitor,
     "pins that are missing": pins_missing, "pins that are taken": pins_taken,
     "a component that is missing": component(None, "couldn't execute"),
-    "a component that ends": component("ends", "it has ended"),
-    "a component that ends with success": component("succeeds", "it has ended"),
-    "a component that dies": component("dies", "it has ended"),
-    "a component that hangs": component("hangs", "it is not ready after 5 s"),
+    "a component that ends": component("ends", "it has exited"),
+    "a component that ends with success": component("succeeds", "it has exited"),
+    "a component that dies": component("dies", "it has exited"),
+    "a component that hangs": component("hangs", "it was not ready within 5 s"),
     "files that are missing": no_files, "a report that nobody reads": nobody_reads,
 }
 

@@ -186,7 +186,7 @@ def operator_jogs_into_the_workspace_from_outside_all_boxes(out):
     result = scenario(HEXAPOD, "start_outside", out, edits=edits, joint=0, distance=-200, speed=200, code=-101,
                       after="G1 F3000 X10")
     reason = result["reason"]
-    steps = [reason.find(step) for step in ("joint mode while the machine is off", "switch it on", "jog", "world mode")]
+    steps = [reason.find(step) for step in ("with the machine off choose joint mode", "switch on", "jog", "world mode")]
     assert -1 < steps[0] and steps == sorted(steps), f"the message does not give these steps in this order: {reason}"
     return reason
 
@@ -879,7 +879,7 @@ def refused_start(session, out, names):
     result = session.run("moves", out, 30, blocks=[])
     log = session.log_text()
     assert not result["ok"], "LinuxCNC started"
-    assert "ended with code" in result["error"], result["error"]
+    assert "exited with code" in result["error"], result["error"]
     for name in names:
         assert name in log, f"the log lacks {name}: {log}"
 
@@ -907,7 +907,7 @@ def feed_inhibited_by_something_else_stops_the_start(out):
     with Session(HEXAPOD, edits=[edit]) as session:
         own = session.copy / "own.hal"
         own.write_text("net door motion.feed-inhibit\n")
-        refused_start(session, out, ["motion.feed-inhibit is on signal door", "or2"])
+        refused_start(session, out, ["motion.feed-inhibit already has signal door", "or2"])
         own.write_text("loadrt or2\naddf or2.0 servo-thread\nnet door or2.0.in0\n"
                        "net module pkmkins.feed-inhibit or2.0.in1\n"
                        "net inhibit or2.0.out motion.feed-inhibit\n")
@@ -931,7 +931,7 @@ def refused_load(out, parameters, words):
 def bad_load_parameters_are_refused(out):
     refused_load(out, "feet=6", ["feet"])
     refused_load(out, "legs=wheel:6", ["legs=wheel:6", "strut"])
-    refused_load(out, "legs=strut:5", ["legs=strut:5", "more coordinates than legs"])
+    refused_load(out, "legs=strut:5", ["legs=strut:5", "more letters than legs"])
     refused_load(out, "legs=strut", ["legs=strut", "KIND:COUNT"])
     refused_load(out, "coordinates=XYZABX", ["XYZABX"])
     refused_load(out, "table=X", ["table=X"])

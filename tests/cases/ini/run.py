@@ -30,7 +30,7 @@ from unprivileged import (clear_hal, is_unprivileged, lost_its_start, only_one, 
 
 SCRIPT = Path("/usr/share/linuxcnc/hallib/pkmkins.tcl")
 PROGRAM = "/usr/bin/pkmkins-pins"
-HEADING = "pkmkins: the machine is not set up, LinuxCNC does not start:\n"
+HEADING = "pkmkins: LinuxCNC does not start, because the machine is not configured correctly:\n"
 # pkm, copied there for the user who runs this.
 PKM = REPOSITORY / "given/pkm"
 REALTIME = "/usr/lib/linuxcnc/realtime"
@@ -237,18 +237,18 @@ BROKEN = {
     "not executable": Broken("exit 0", ("Permission denied",), 0o644),
     "killed": Broken("kill -9 $$", ("kill",)),
     "crashed": Broken("echo panicked >&2; exit 101", ("panicked",)),
-    "silent": Broken("exit 0", ("not printed all",)),
-    "a refusal without a word": Broken("exit 1", ("has not read",)),
-    "without an end": Broken('{0} "$1" | head -n 100', ("not printed all",)),
+    "silent": Broken("exit 0", ("is incomplete",)),
+    "a refusal without a word": Broken("exit 1", ("could not read",)),
+    "without an end": Broken('{0} "$1" | head -n 100', ("is incomplete",)),
     "text behind the end": Broken('{0} "$1"; echo end of text', ('prints "end of text"',)),
     "a warning": Broken('echo beware >&2; {0} "$1"', ('prints "beware"',)),
     "a command for a value": Broken('{0} "$1" | sed "s/^pin home.x .*/pin home.x [exit 0]/"', ("[exit 0]",)),
     "another version": Broken('{0} "$1" | sed "s/^version .*/version 0.9.12/"', ("0.9.12", "of version")),
     "too slow": Broken("sleep 20", ("sending signal TERM",)),
     "a pin too many": Broken('{0} "$1" | sed "s/^pin home.x/pin home.q/"', ("no pin pkmkins.home.q",)),
-    "another value": Broken('{0} "$1" | sed "s/^ini TRAJ HOME=.*/ini TRAJ HOME=1 2 3/"', ("has changed", "HOME")),
-    "a key more": Broken('{0} "$1" | sed "s/^end$/ini PKM CENTRE=1 2 3\\nend/"', ("has changed", "CENTRE")),
-    "a section less": Broken('{0} "$1" | grep -v "^ini LEG_3"', ("has changed", "LEG_3")),
+    "another value": Broken('{0} "$1" | sed "s/^ini TRAJ HOME=.*/ini TRAJ HOME=1 2 3/"', ("changed while", "HOME")),
+    "a key more": Broken('{0} "$1" | sed "s/^end$/ini PKM CENTRE=1 2 3\\nend/"', ("changed while", "CENTRE")),
+    "a section less": Broken('{0} "$1" | grep -v "^ini LEG_3"', ("changed while", "LEG_3")),
 }
 
 # Characters that Tcl, a shell or `exec` would act on.
