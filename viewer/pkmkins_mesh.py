@@ -20,7 +20,7 @@ def read(file):
     try:
         size = os.path.getsize(file)
         if size > MOST_BYTES:
-            raise MeshError(f"{size / 1e6:.0f} MB, expected {MOST_BYTES / 1e6:.0f} MB at most: make it coarser")
+            raise MeshError(f"{size / 1e6:.0f} MB, expected at most {MOST_BYTES / 1e6:.0f} MB: use a coarser mesh")
         with open(file, "rb") as stream:
             data = stream.read()
         triangles = of_obj(data) if file.lower().endswith(".obj") else of_stl(data)
@@ -29,7 +29,7 @@ def read(file):
     except (MeshError, ValueError, IndexError, UnicodeDecodeError) as error:
         raise MeshError(f"{file}: {error}") from error
     if not triangles:
-        raise MeshError(f"{file}: no triangles in it")
+        raise MeshError(f"{file}: the file has no triangles")
     if not all(-1e30 < number < 1e30 for triangle in triangles for point in triangle for number in point):
         raise MeshError(f"{file}: a point is NaN or too far away")
     return triangles
@@ -41,11 +41,11 @@ def of_stl(data):
         rows = struct.iter_unpack("<12f2x", data[HEAD:])
         return [(row[3:6], row[6:9], row[9:12]) for row in rows]
     if not data.lstrip().startswith(b"solid"):
-        raise MeshError("neither the STL of text nor a whole binary one")
+        raise MeshError("neither a text STL nor a complete binary STL")
     words = [line.split() for line in data.decode().splitlines()]
     points = [numbers(line[1:4]) for line in words if line[:1] == ["vertex"]]
     if len(points) % 3:
-        raise MeshError("its last triangle is not whole")
+        raise MeshError("its last triangle is incomplete")
     return [tuple(points[n:n + 3]) for n in range(0, len(points), 3)]
 
 
@@ -59,7 +59,7 @@ def of_obj(data):
             # From 1 on, or back from the last one.
             places = [int(word.split("/")[0]) for word in words[1:]]
             if not all(0 < abs(place) <= len(points) for place in places):
-                raise MeshError(f"\"{line}\" names a point that is not there")
+                raise MeshError(f"\"{line}\" names a point that does not exist")
             corners = [points[place - 1 if place > 0 else place] for place in places]
             triangles += [(corners[0], *pair) for pair in zip(corners[1:], corners[2:])]
     return triangles
@@ -68,5 +68,5 @@ def of_obj(data):
 def numbers(words):
     point = tuple(map(float, words))
     if len(point) != 3:
-        raise MeshError("a point has less than three numbers")
+        raise MeshError("a point has fewer than three numbers")
     return point

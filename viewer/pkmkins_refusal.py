@@ -21,6 +21,6 @@ def count_legs(value):
 
 def sentence(code, number, legs):
     """As the module tells it to the operator, without the value, which no pin holds."""
-    text, remedy = CAUSES.get(code, ("a cause that this version does not know", "see docs/reference/causes.md"))
+    text, remedy = CAUSES.get(code, ("unknown cause", "see docs/reference/causes.md"))
     part = "" if number < 0 else f"leg {number}: " if number < legs else f"joint {number}: "
     return f"{part}{text}; {remedy} [code {code}]"

@@ -108,7 +108,7 @@ class Scene:
     def __init__(self, fields):
         version = fields.get("version") if isinstance(fields, dict) else None
         if version != VERSION:
-            raise SceneError(f"expected a scene of version {VERSION}, as pkm scene writes it; found {version}")
+            raise SceneError(f"expected a scene of version {VERSION}; found {version}: run pkm scene again")
         self.__dict__.update(fields)
 
     @classmethod

@@ -155,7 +155,7 @@ def test_pins_that_are_missing_are_null(_):
     # C is missing, and so is the rest of the tool.
     assert state["pose"] is None and state["tool"] is None
     assert state["joints"] == [0, 1, 2, 3, 4, 5] and state["geometry_hash"] == 2**32 - 2
-    assert state["fault"].startswith("leg 4: the joint values cannot be reached"), state["fault"]
+    assert state["fault"].startswith("leg 4: no pose is reached from the last pose"), state["fault"]
     assert state["fault"].endswith("[code -33]"), state["fault"]
     json.dumps(state, allow_nan=False)
 

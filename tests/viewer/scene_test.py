@@ -80,8 +80,8 @@ def shapes(folder):
     }
     bad = {
         "cut.stl": (good["binary.stl"][:-9], "neither"), "empty.stl": (b"", "neither"),
-        "half.stl": (text.encode().rsplit(b"vertex", 1)[0], "not whole"), "words.stl": (b"solid a\nvertex 1 x 2\n", "could not"),
-        "none.obj": (b"v 0 0 0\n", "no triangles"), "far.obj": (b"v 0 0 0\nf 1 2 3\n", "not there"),
+        "half.stl": (text.encode().rsplit(b"vertex", 1)[0], "is incomplete"), "words.stl": (b"solid a\nvertex 1 x 2\n", "could not"),
+        "none.obj": (b"v 0 0 0\n", "no triangles"), "far.obj": (b"v 0 0 0\nf 1 2 3\n", "does not exist"),
         "nan.obj": (b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "NaN"),
     }
     for name, data in [*good.items(), *((name, data) for name, (data, _) in bad.items())]:
@@ -129,7 +129,7 @@ def words_failed():
     pins.update({"pkmkins.limit-soon": True, "pkmkins.limit-reason": -90, "pkmkins.limit-leg": 3})
     said.append(words(value, count_legs(value)))
     good = (said[0] == f"last: {core}" and said[1].endswith("\n" + said[0]) and
-            said[1].startswith("ahead: joint 3: the joint comes to the end of its range"))
+            said[1].startswith("ahead: joint 3: the joint reaches the end of its range"))
     print(f"{'PASS' if good else 'FAIL'} a refusal in words: {said[0]}")
     return not good
 

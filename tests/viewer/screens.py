@@ -147,7 +147,7 @@ def filter_holds_back(out):
         ini.with_name("programs").joinpath("far.ngc").write_text("G21 G90 M52 P1\nG1 F600 X200\nM2\n")
 
     log = driven("hexapod", out, "refused", edit)
-    for text in ("does not fit the machine", "line 2: axis range: axis X leaves its limit of -150 to 150 mm"):
+    for text in ("does not fit the machine", "line 2: axis range: axis X exceeds its limit of -150 to 150 mm"):
         assert text in log, f"AXIS was not told: {text}"
     return "AXIS says that the filter failed"
 
@@ -234,8 +234,8 @@ def shapes_from_files(out):
 
     driven("hexapod", out, "home", edit)
     title = json.loads((out / "home.json").read_text())["title"]
-    for text in ("base is drawn without its shape", "100 MB", "table is drawn without", "No such file",
-                 "spindle is drawn without", "not there"):
+    for text in ("base is drawn without its model", "100 MB", "table is drawn without", "No such file",
+                 "spindle is drawn without", "does not exist"):
         assert text in title, f"the window does not say {text}: {title}"
     return drawn.has_shape(out, SEEN)
 
