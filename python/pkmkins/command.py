@@ -31,7 +31,7 @@ def preflight(machine, program, *options):
     except argparse.ArgumentError as error:
         raise CommandFailed(str(error)) from None
     if unknown:
-        raise CommandFailed(f"{unknown[0]}: no option of preflight in Python; the command pkm has all options")
+        raise CommandFailed(f"{unknown[0]}: not an option of preflight in Python; use the command pkm")
     given = vars(given)
     answer = preflight_json(machine, program, given.pop("mechanism"), given.pop("trace"), json.dumps(given))
     return {"version": 1, "command": "preflight", **json.loads(answer), "errors": []}
@@ -50,7 +50,7 @@ def pkm():
     """The command `pkm`: that of the environment variable PKM, or the one in PATH."""
     found = os.environ.get("PKM") or shutil.which("pkm")
     if not found:
-        raise CommandFailed("the command pkm is not in PATH: install it, or name it in the variable PKM")
+        raise CommandFailed("the command pkm is not in PATH: install it, or set the variable PKM")
     return found
 
 

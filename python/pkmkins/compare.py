@@ -19,15 +19,15 @@ from .design.study import Required
 
 MM_PER_INCH = 25.4
 
-TEXT = """Compares machines over the same poses: workspace, stiffness, errors, speeds, natural frequencies
+TEXT = """Compare machines over the same poses: workspace, stiffness, errors, speeds, natural frequencies
 
-Every machine is looked at over a box about its own home, level and tilted. A study file adds stiffness ([legs]
-stiffness_n_per_um), errors ([legs] joint_sigma_um) and, where it has masses, the lowest natural frequency at home
-(as `pkm dynamics`); a program adds its duration and verdict. Lengths in mm for all. What cannot be said of a
-machine is "not judged".
+Judges every machine over a box around its own home, level and tilted. A study file adds stiffness ([legs]
+stiffness_n_per_um), errors ([legs] joint_sigma_um) and, if it has masses, the lowest natural frequency at home
+(as `pkm dynamics`); a program adds its duration and verdict. All lengths are in mm. A value that cannot be computed for
+a machine is "not judged".
 """
 
-EPILOG = """exit status: 0 where the table is complete, 1 where a machine does not reach the poses, 2 where something given is wrong
+EPILOG = """exit status: 0 if the table is complete, 1 if a machine does not reach the poses, 2 if the input is invalid
 
 examples:
   pkm compare hexapod.ini hexaglide.ini --box 60 60 40 --tilt 10
@@ -160,11 +160,11 @@ def main(arguments=None):
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser("pkm compare", description=TEXT, epilog=EPILOG, formatter_class=form)
     parser.add_argument("machines", metavar="MACHINE.ini", nargs="+", type=Path)
-    parser.add_argument("--box", metavar=("X", "Y", "Z"), nargs=3, type=_length, default=(0.0, 0.0, 0.0), help="half sides of the box about home, mm [0 0 0]")
-    parser.add_argument("--tilt", metavar="DEGREES", type=_length, default=0.0, help="also tilted so far in eight directions [0]")
-    parser.add_argument("--study", metavar="STUDY.toml", type=Path, help="stiffnesses, errors and masses")
-    parser.add_argument("--program", metavar="PROGRAM.ngc", type=Path, help="also what pkm preflight says of a program")
-    parser.add_argument("--page", metavar="FILE.html", type=Path, help="also the table as a page")
+    parser.add_argument("--box", metavar=("X", "Y", "Z"), nargs=3, type=_length, default=(0.0, 0.0, 0.0), help="half sides of the box around home, mm [0 0 0]")
+    parser.add_argument("--tilt", metavar="DEGREES", type=_length, default=0.0, help="also tilt by this angle in eight directions [0]")
+    parser.add_argument("--study", metavar="STUDY.toml", type=Path, help="file with stiffnesses, errors and masses")
+    parser.add_argument("--program", metavar="PROGRAM.ngc", type=Path, help="also run pkm preflight on this program")
+    parser.add_argument("--page", metavar="FILE.html", type=Path, help="also write the table as a page")
     parser.add_argument("--format", choices=["text", "json"], default="text")
     parser.add_argument("--quiet", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--version", action="version", version=f"pkmkins {VERSION}")
@@ -195,7 +195,7 @@ def _length(text):
     except ValueError:
         value = math.nan
     if not 0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text}: expected a number of 0 or more")
+        raise argparse.ArgumentTypeError(f"{text}: expected a number >= 0")
     return value
 
 

@@ -41,7 +41,7 @@ impl Machine {
             (_, Some(_)) => "the machine has two mechanisms (second=)",
         };
         Err(PyNotImplementedError::new_err(format!(
-            "{}: {text}: the command pkm knows such machines",
+            "{}: {text}: not supported in Python; use the command pkm",
             config.file.display()
         )))
     }
@@ -87,7 +87,8 @@ impl Machine {
     fn of_kind(py: Python<'_>, kind: &str, given: BTreeMap<String, Vec<String>>) -> PyResult<Self> {
         let Some(of_kind) = KINDS.iter().find(|known| known.name == kind) else {
             let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
-            let text = format!("{kind}: no kind of machine; expected one of {}", names.join(", "));
+            let text =
+                format!("{kind}: unknown kind of machine; expected one of {}", names.join(", "));
             return Err(PyValueError::new_err(text));
         };
         let parameters = of_kind.parameters();
@@ -95,8 +96,10 @@ impl Machine {
         for (name, words) in given {
             let Some(parameter) = parameters.iter().find(|parameter| parameter.name == name) else {
                 let names: Vec<&str> = parameters.iter().map(|parameter| parameter.name).collect();
-                let text =
-                    format!("{name}: a {kind} has no such value; it has {}", names.join(", "));
+                let text = format!(
+                    "{name}: unknown value of a {kind}; expected one of {}",
+                    names.join(", ")
+                );
                 return Err(PyValueError::new_err(text));
             };
             named.insert(parameter.name, words);
@@ -169,7 +172,9 @@ impl Machine {
         let given = seed.map(|seed| Rows::of("seed", seed, POSE)).transpose()?;
         let seeds = match given {
             Some(own) if !own.is_single && follow => {
-                return Err(PyValueError::new_err("seed: one pose where rows are followed"));
+                return Err(PyValueError::new_err(
+                    "seed: expected a single pose when rows are followed",
+                ));
             }
             Some(own) if !own.is_single => Seeds::Own(own),
             one => {
@@ -259,17 +264,17 @@ impl Machine {
     ) -> PyResult<Workspace> {
         let orientations = match (orientations, tilt) {
             (Some(_), Some(_)) => {
-                return Err(PyValueError::new_err("orientations or tilt, not both"));
+                return Err(PyValueError::new_err("use either orientations or tilt, not both"));
             }
             (Some(given), None) if given.is_empty() => {
-                return Err(PyValueError::new_err("orientations: none given"));
+                return Err(PyValueError::new_err("orientations: expected at least one"));
             }
             (Some(given), None) => given,
             (None, Some(tilt)) if (0.0..90.0).contains(&tilt) => {
                 tilts(&self.config, tilt, DIRECTIONS)
             }
             (None, Some(tilt)) => {
-                let text = format!("tilt: {tilt}; expected 0 or more, and less than 90 degrees");
+                let text = format!("tilt: {tilt}; expected at least 0 and less than 90 degrees");
                 return Err(PyValueError::new_err(text));
             }
             (None, None) => vec![[0.0; 3]],

@@ -10,19 +10,19 @@ pyo3::create_exception!(
     pkmkins,
     MachineError,
     PyValueError,
-    "An INI file, a study or a set of dimensions that describes no machine, with places and ways out."
+    "An INI file, a study or dimensions that do not describe a machine; the text has location and remedy."
 );
 pyo3::create_exception!(
     pkmkins,
     CommandFailed,
     PyRuntimeError,
-    "A call that does as a subcommand of `pkm` ended without an answer (exit status 2); the text says why."
+    "A call that corresponds to a subcommand of `pkm` gave no result (exit status 2); the text has the reason."
 );
 pyo3::create_exception!(
     pkmkins,
     Refused,
     PyValueError,
-    "A pose or joint values without an answer: attributes code, name, part, value and remedy."
+    "A pose or joint values without a solution: attributes code, name, part, value and remedy."
 );
 
 /// The exception of a fault.
@@ -61,7 +61,9 @@ fn of_code(code: i32) -> Option<Cause> {
 #[pyfunction]
 pub fn cause(py: Python<'_>, code: i32) -> PyResult<Bound<'_, PyDict>> {
     let Some(cause) = of_code(code) else {
-        return Err(PyKeyError::new_err(format!("{code} is no code of a refusal; 0 is success")));
+        return Err(PyKeyError::new_err(format!(
+            "{code} is not the code of a refusal (0 means success)"
+        )));
     };
     let told = PyDict::new(py);
     told.set_item("code", code)?;

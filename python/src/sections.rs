@@ -94,7 +94,7 @@ fn limits(leg: &Bound<PyDict>) -> PyResult<[f64; 2]> {
     match low.is_finite() && high.is_finite() && low < high {
         true => Ok([low, high]),
         false => Err(PyValueError::new_err(format!(
-            "limits: {low} and {high}; expected two numbers, the smaller one first"
+            "limits: {low} and {high}; expected two numbers, the smaller first"
         ))),
     }
 }

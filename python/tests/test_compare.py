@@ -48,4 +48,4 @@ def test_missing_files_are_named(words, capsys):
 def test_machines_that_the_package_does_not_cover_are_refused_with_the_command_that_does(name, why, capsys):
     assert main([str(ini("hexapod")), str(ini(name))]) == 2
     said = capsys.readouterr().err
-    assert f"{name}.ini" in said and why in said and "the command pkm knows such machines" in said
+    assert f"{name}.ini" in said and why in said and "use the command pkm" in said

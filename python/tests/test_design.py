@@ -128,7 +128,7 @@ def test_judgements_of_another_study_or_run_are_refused(study, tmp_path):
     with pytest.raises(RecordError, match="another study"):
         design(study, tmp_path / "bad.jsonl")
     (tmp_path / "worse.jsonl").write_text("no json\n")
-    with pytest.raises(RecordError, match="line 1 is no judgement"):
+    with pytest.raises(RecordError, match="line 1 is not a judgment"):
         design(study, tmp_path / "worse.jsonl")
     with pytest.raises(RecordError, match="No such file"):
         design(study, tmp_path / "no" / "folder.jsonl")
@@ -153,7 +153,7 @@ def test_what_nothing_meets_is_said_with_the_constraint(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("seed = 3", "seed = 3\npopulatoin = 3", "search.populatoin: no such key"),
+        ("seed = 3", "seed = 3\npopulatoin = 3", "search.populatoin: unknown key"),
         ("base_radius = [300, 500]", "base_radius = [500, 300]", "range.base_radius: 500.0 to 300.0 is empty"),
         ("base_radius = [300, 500]", "base_radius = [300, nan]", "range.base_radius: nan; expected a number"),
         ('["stiffness", "size"]', '["stifness"]', "objectives: stifness; expected some of"),
@@ -174,7 +174,7 @@ def test_a_study_that_cannot_be_followed_is_refused_by_its_key(old, new, text):
 def test_unknown_kinds_and_dimensions_are_refused(study):
     with pytest.raises(ValueError, match="no kind of machine"):
         judge(Study.parse(STUDY.replace('kind = "hexapod"', 'kind = "heptapod"')), [400, 15, 180])
-    with pytest.raises(ValueError, match="a hexapod has no such value"):
+    with pytest.raises(ValueError, match="unknown value of a hexapod"):
         judge(Study.parse(STUDY.replace("base_radius =", "base_width =")), [400, 15, 180])
 
 
@@ -231,7 +231,7 @@ def test_ctrl_c_ends_a_run_with_a_word_and_it_goes_on(study, tmp_path, lines):
         time.sleep(0.01)
     os.killpg(run.pid, signal.SIGINT)
     said = run.communicate(timeout=60)[1]
-    assert run.returncode == 130 and said.strip() == "pkm design: stopped; what was judged is kept, and the same command goes on"
+    assert run.returncode == 130 and said.strip() == "pkm design: stopped; results are kept, run the same command to continue"
     kept = results.read_bytes()
     front = design(study, results)
     assert results.read_bytes().startswith(kept) and front.csv() == design(study, tmp_path / "whole.jsonl").csv()
@@ -309,7 +309,7 @@ def test_a_run_whose_scheduler_is_killed_goes_on_with_another(study, tmp_path):
             if len(record) > 15:
                 dask.scheduler.kill()
 
-        with pytest.raises(EngineError, match="the scheduler is gone; what was judged is kept"):
+        with pytest.raises(EngineError, match="the scheduler has disappeared; results are kept"):
             design(study, results, engine=engine, progress=kill)
         engine.close()
     kept = results.read_bytes()
@@ -330,5 +330,5 @@ def test_workers_of_another_version_are_refused(study, tmp_path):
     other.write_text("import pkmkins._core\npkmkins._core.VERSION = '0.0.1'\n")
     with Dask(tmp_path, 1) as dask:
         dask.add("--preload", str(other))
-        with pytest.raises(EngineError, match="has pkmkins 0.0.1, this is .*: install the same on all computers"):
+        with pytest.raises(EngineError, match="has pkmkins 0.0.1, this computer .*: install the same version everywhere"):
             dask.engine()

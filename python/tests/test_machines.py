@@ -45,7 +45,7 @@ def test_a_machine_of_legs_is_that_of_its_file():
         ([{"base": (0, 0, 0)}], KeyError, "needs a kind"),
         ([{"kind": "strut", "base": (0, 0), "platform": (0, 0, 0)}] * 3, MachineError, "BASE"),
         ([{"kind": "strut", "base": (0, 0, 0), "platform": (0, 0, 0), "bass": 1}] * 3, MachineError, "BASS"),
-        ([{"kind": "strut", "base": (0, 0, 0), "platform": (0, 0, 0), "limits": (9, 2)}] * 3, ValueError, "smaller one first"),
+        ([{"kind": "strut", "base": (0, 0, 0), "platform": (0, 0, 0), "limits": (9, 2)}] * 3, ValueError, "smaller first"),
         ([{"kind": "strut", "base": (0, 0, 0), "platform": (0, 0, 0)}] * 3, MachineError, "."),
         ([], MachineError, "legs"),
     ],
@@ -77,9 +77,9 @@ def test_dimensions_make_the_machine_that_pkm_new_makes(tmp_path):
 def test_wrong_dimensions_say_what_is_wrong():
     with pytest.raises(MachineError, match="strut"):
         machine_of("hexapod", **{**DRAWING, "strut": (50, 60)})
-    with pytest.raises(ValueError, match="no kind of machine; expected one of hexapod"):
+    with pytest.raises(ValueError, match="unknown kind of machine; expected one of hexapod"):
         machine_of("heptapod")
-    with pytest.raises(ValueError, match="base-width: a hexapod has no such value"):
+    with pytest.raises(ValueError, match="base-width: unknown value of a hexapod"):
         machine_of("hexapod", base_width=3)
 
 
@@ -131,8 +131,8 @@ def test_what_starts_the_command_needs_it_and_preflight_does_not(monkeypatch):
     [
         (["--most-moves", "few"], "most-moves"),
         (["--most-moves", "-1"], "-1"),
-        (["--report", "page.html"], "--report: no option of preflight in Python"),
-        (["--mechanism", "2"], "tripod.ini has one mechanism"),
+        (["--report", "page.html"], "--report: not an option of preflight in Python"),
+        (["--mechanism", "2"], "tripod.ini has only one mechanism"),
         (["--mechanism", "3"], "mechanism"),
         pytest.param(["--hal", "no-such.hal"], "no-such.hal", marks=needs_linuxcnc),
     ],

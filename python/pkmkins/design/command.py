@@ -16,21 +16,21 @@ from .scatter import scatter
 from .search import design, merge, sample
 from .study import OBJECTIVES, Study, StudyError
 
-TEXT = """Finds the machine of a kind that serves a purpose best, before one is built
+TEXT = """Find the best machine of a kind for a purpose, before it is built
 
-STUDY.toml names a kind of `pkm new`, dimensions that are fixed and ranges of those that are looked for, a box of
-poses that the machine has to reach, and what makes one machine better than another. Every candidate that is judged
-is kept in a file at once: a run that was stopped goes on where it was, with the same result.
+STUDY.toml has a kind of `pkm new`, fixed dimensions and ranges of the others, a box of poses that the machine must
+reach, and the objectives. Every judged candidate is saved to a file immediately, so a stopped run continues where it
+was, with the same result.
 """
 
-EPILOG = """exit status: 0 where machines fit, 1 where none does (and why), 2 where something given is wrong
+EPILOG = """exit status: 0 if machines fit, 1 if none does (with the reason), 2 if the input is invalid
 
 examples:
-  pkm design study.toml                                 two processes on two cores
-  pkm design study.toml --write machine                 also the chosen machine, complete and checked
-  pkm design study.toml --scheduler tcp://host:8786     by the workers of a scheduler of Dask
-  pkm design study.toml --shard 3/64                    one part of a plain sample (Slurm, GNU parallel)
-  pkm design study.toml --merge study-*-of-64.jsonl     the front of all parts
+  pkm design study.toml                                 search with two processes
+  pkm design study.toml --write machine                 also write the chosen machine, complete and checked
+  pkm design study.toml --scheduler tcp://host:8786     use the workers of a Dask scheduler
+  pkm design study.toml --shard 3/64                    judge one part of a plain sample (Slurm, GNU parallel)
+  pkm design study.toml --merge study-*-of-64.jsonl     show the front of all parts
 
 docs/studies/design.md describes the study file.
 """
@@ -45,7 +45,7 @@ def main(arguments=None):
         print(f"pkm design: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("\npkm design: stopped; what was judged is kept, and the same command goes on", file=sys.stderr)
+        print("\npkm design: stopped; results are kept, run the same command to continue", file=sys.stderr)
         return 130
 
 
@@ -53,23 +53,23 @@ def _parser():
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser("pkm design", description=TEXT, epilog=EPILOG, formatter_class=form)
     parser.add_argument("study", metavar="STUDY.toml", type=Path)
-    parser.add_argument("--results", metavar="FILE.jsonl", type=Path, help="where judgements are kept [STUDY.jsonl]")
-    parser.add_argument("--workers", metavar="N", type=_count, default=2, help="processes on this computer [2]")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="a scheduler of Dask, such as tcp://host:8786")
+    parser.add_argument("--results", metavar="FILE.jsonl", type=Path, help="file for judgments [STUDY.jsonl]")
+    parser.add_argument("--workers", metavar="N", type=_count, default=2, help="number of processes on this computer [2]")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="use a Dask scheduler, such as tcp://host:8786")
     parser.add_argument("--shard", metavar="K/N", type=_shard, help="judge part K of N of a plain sample instead")
-    parser.add_argument("--merge", metavar="FILE", nargs="+", type=Path, help="put files of judgements together")
+    parser.add_argument("--merge", metavar="FILE", nargs="+", type=Path, help="merge files of judgments")
     parser.add_argument(
         "--tolerance",
         metavar=("LENGTH", "DEGREES"),
         nargs=2,
         type=_deviation,
-        help="also what is left of the chosen machine when lengths and angles are off by these standard deviations",
+        help="also judge the chosen machine with these standard deviations of lengths and angles",
     )
-    parser.add_argument("--csv", metavar="FILE.csv", type=Path, help="also the front as CSV")
-    parser.add_argument("--page", metavar="FILE.html", type=Path, help="also the front as a page")
-    parser.add_argument("--write", metavar="FOLDER", type=Path, help="also the chosen machine as a configuration")
-    parser.add_argument("--format", choices=["text", "json"], default="text", help="text for people or JSON for programs")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    parser.add_argument("--csv", metavar="FILE.csv", type=Path, help="also write the front as CSV")
+    parser.add_argument("--page", metavar="FILE.html", type=Path, help="also write the front as a page")
+    parser.add_argument("--write", metavar="FOLDER", type=Path, help="also write the chosen machine as a configuration")
+    parser.add_argument("--format", choices=["text", "json"], default="text", help="output format")
+    parser.add_argument("--quiet", action="store_true", help="print no progress")
     parser.add_argument("--version", action="version", version=f"pkmkins {VERSION}")
     return parser
 

@@ -21,7 +21,7 @@ BATCH = 16
 
 
 # What a run that its workers have left says of it.
-GOES_ON = "what was judged is kept, and the same command goes on"
+GOES_ON = "results are kept, run the same command to continue"
 
 
 class EngineError(RuntimeError):
@@ -59,7 +59,7 @@ class Processes:
             for done in as_completed(started):
                 yield from _placed(started[done], done.result())
         except BrokenProcessPool:
-            raise EngineError(f"a worker process was killed, perhaps for want of memory; {GOES_ON}") from None
+            raise EngineError(f"a worker process was killed, perhaps for lack of memory; {GOES_ON}") from None
 
     def close(self):
         """Ends them."""
@@ -75,7 +75,7 @@ class Cluster:
         try:
             self._client = Client(address, timeout=timeout)
         except (OSError, TimeoutError, ValueError) as error:
-            raise EngineError(f"{address}: no scheduler answers there: {error}") from None
+            raise EngineError(f"{address}: no scheduler responds: {error}") from None
         self._address = address
         self._refuse_others()
 
@@ -87,7 +87,7 @@ class Cluster:
     def _refuse_others(self):
         for worker, version in self._client.run(_version).items():
             if version != VERSION:
-                raise EngineError(f"{worker} has pkmkins {version}, this is {VERSION}: install the same on all computers")
+                raise EngineError(f"{worker} has pkmkins {version}, this computer {VERSION}: install the same version everywhere")
 
     def each(self, study, candidates):
         """Places and judgements, as they come; what a worker that dies had in hand is judged again by another."""
@@ -102,7 +102,7 @@ class Cluster:
             for done in as_completed([done for done, _ in started.values()]):
                 yield from _placed(started[done.key][1], done.result())
         except (CancelledError, OSError):
-            raise EngineError(f"{self._address}: the scheduler is gone; {GOES_ON}") from None
+            raise EngineError(f"{self._address}: the scheduler has disappeared; {GOES_ON}") from None
 
     def close(self):
         """Leaves the scheduler and its workers to others."""

@@ -33,7 +33,7 @@ class Record:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise RecordError(f"{path}: another run writes to it; wait for it, or give another file") from None
+            raise RecordError(f"{path}: another run is writing to it; wait, or choose another file") from None
         self._read(header(study))
 
     def _read(self, expected):
@@ -51,7 +51,7 @@ class Record:
             except (ValueError, KeyError, TypeError) as error:
                 if isinstance(error, RecordError):
                     raise
-                raise RecordError(f"{self.path}: line {number} is no judgement: {error}; give another file") from None
+                raise RecordError(f"{self.path}: line {number} is not a judgment: {error}; choose another file") from None
             whole += len(line)
         # What a killed run has left of its last line.
         self._file.truncate(whole)
@@ -106,9 +106,9 @@ def header(study):
 
 
 def _same(path, given, expected):
-    for word, what in [("study", "another study, or of this one before it was changed"), ("version", "another version of pkmkins")]:
+    for word, what in [("study", "another study, or an older version of this one"), ("version", "another version of pkmkins")]:
         if given.get(word) != expected[word]:
-            text = f"{path}: judgements of {what} ({given.get(word)}; this is {expected[word]}): give another file with --results"
+            text = f"{path}: judgments of {what} ({given.get(word)}; this is {expected[word]}): choose another file with --results"
             raise RecordError(text)
 
 

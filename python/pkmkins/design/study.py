@@ -123,7 +123,7 @@ class Study:
 def _known(where, table, keys):
     unknown = sorted(set(table) - keys)
     if unknown:
-        raise StudyError(f"{where}{unknown[0]}: no such key; expected one of {', '.join(sorted(keys))}")
+        raise StudyError(f"{where}{unknown[0]}: unknown key; expected one of {', '.join(sorted(keys))}")
 
 
 def _table(given, name):
@@ -149,13 +149,13 @@ def _number(name, value):
 def _whole(table, name, default, low, high):
     value = table.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise StudyError(f"search.{name}: {value}; expected a whole number from {low} to {high}")
+        raise StudyError(f"search.{name}: {value}; expected an integer from {low} to {high}")
     return value
 
 
 def _pair(name, value, *, may_meet=False):
     if not isinstance(value, list) or len(value) != 2:
-        raise StudyError(f"{name}: {value}; expected two numbers, the smaller one first")
+        raise StudyError(f"{name}: {value}; expected two numbers, the smaller first")
     low, high = (_number(name, one) for one in value)
     if not (low <= high if may_meet else low < high):
         raise StudyError(f"{name}: {low} to {high} is empty; expected the smaller number first")
@@ -170,7 +170,7 @@ def _ranges(table):
             low, high = _pair(f"range.{name}", pair)
             found.append(Range(name, place if many else None, low, high))
     if not found:
-        raise StudyError("[range]: nothing to look for; expected dimensions of `pkm new`, such as base_radius = [300, 500]")
+        raise StudyError("[range]: nothing to search; add dimensions of `pkm new`, such as base_radius = [300, 500]")
     return tuple(found)
 
 
@@ -179,9 +179,9 @@ def _required(table):
     box = tuple(_pair(f"required.{axis}", table.get(axis, [0, 0]), may_meet=True) for axis in "xyz")
     rest = {key: _number(f"required.{key}", table[key]) for key in REQUIRED - set("xyz") if key in table}
     if any(value < 0 for value in rest.values()):
-        raise StudyError("[required]: expected numbers of 0 or more")
+        raise StudyError("[required]: expected numbers >= 0")
     if ("feed" in rest) != ("joint_speed" in rest):
-        raise StudyError("required.feed and required.joint_speed belong together: machine units a second")
+        raise StudyError("required.feed and required.joint_speed belong together, in machine units per second: set both")
     return Required(box=box, **rest)
 
 
@@ -192,7 +192,7 @@ def _objectives(given):
         if name not in OBJECTIVES:
             raise StudyError(f"objectives: {name}; expected some of {', '.join(OBJECTIVES)}")
     if len(set(given)) != len(given):
-        raise StudyError("objectives: one stands there twice")
+        raise StudyError("objectives: an objective appears twice; remove it")
     return tuple(given)
 
 
