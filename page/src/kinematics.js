@@ -16,7 +16,7 @@ export class Kinematics {
     const { exports } = await WebAssembly.instantiate(module, {});
     const machine = new Kinematics(exports, seesTool);
     machine.numbers().set(described);
-    if (exports.take_machine(described.length) !== 1) throw new Error("the machine of this page is not readable");
+    if (exports.take_machine(described.length) !== 1) throw new Error("the machine data of this page are not readable");
     return machine;
   }
 

@@ -30,10 +30,10 @@ function show(page) {
   if (live.geometry_hash !== null && live.geometry_hash !== own) {
     tell(page, `the module has another geometry: ${hexadecimal(live.geometry_hash)}`, true);
   } else if (!live.pose) {
-    tell(page, "running, but its pose is not known: pins are missing", true);
+    tell(page, "running, but its pose is unknown: pins are missing", true);
   } else {
     const line = live.line ? `, line ${live.line}` : "";
-    tell(page, live.fault ?? `running${line}${live.geometry_hash === null ? ", its geometry not compared" : ""}`, live.fault !== null && live.fault !== undefined);
+    tell(page, live.fault ?? `running${line}${live.geometry_hash === null ? ", geometry not compared" : ""}`, live.fault !== null && live.fault !== undefined);
   }
   if (!live.pose) return;
   const { scene, place } = mechanisms[0];

@@ -55,7 +55,7 @@ class Page {
     try {
       frames[given.part].add(shape(given));
     } catch (error) {
-      this.problems.push(`${given.part} is drawn without its shape: ${given.name}: ${error.message}`);
+      this.problems.push(`${given.part} is drawn without its model: ${given.name}: ${error.message}`);
     }
   }
 
@@ -259,7 +259,7 @@ function interfaceOf(page) {
 async function start() {
   const [code, text] = await Promise.all([unpacked("kinematics"), unpacked("data")]);
   const data = JSON.parse(new TextDecoder().decode(text));
-  if (data.version !== VERSION) throw new Error(`this page reads data of version ${VERSION}, and found ${data.version}`);
+  if (data.version !== VERSION) throw new Error(`this page needs data of version ${VERSION}, but found ${data.version}`);
   const module = await WebAssembly.compile(code);
   document.title = data.title;
   const mechanisms = await Promise.all(data.mechanisms.map(async (mechanism) => ({

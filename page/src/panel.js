@@ -131,7 +131,7 @@ export class Panel {
     }, this.isSpaceShown);
     const all = [
       element("div", { class: "looks" }, ...looks),
-      box("numbers of joints", each((drawing, isOn) => (drawing.labels.visible = isOn)), true),
+      box("joint numbers", each((drawing, isOn) => (drawing.labels.visible = isOn)), true),
       box("cones of the joints", each((drawing, isOn) => drawing.showCones(isOn))),
       space,
       this.section(),
@@ -142,7 +142,7 @@ export class Panel {
 
   section() {
     const { stage, box: everything } = this.page;
-    const slider = element("input", { type: "range", min: 0, max: 1, step: "any", ".value": 0.5, "aria-label": "place of the cut" });
+    const slider = element("input", { type: "range", min: 0, max: 1, step: "any", ".value": 0.5, "aria-label": "position of the cut" });
     const act = () => {
       const letter = list.value.slice(5);
       const k = "XYZ".indexOf(letter);
@@ -158,11 +158,11 @@ export class Panel {
     const { page } = this;
     const names = ["trace: nothing", "trace: tool tip", ...page.mechanisms[0].scene.legs.map((_, i) => `trace: upper end ${i}`)];
     return [
-      box("path of the tool, by the nearest limit", (isOn) => {
+      box("tool path, colored by the nearest limit", (isOn) => {
         page.stage.path.visible = isOn;
         page.stage.redraw();
       }, true),
-      box("swept by rods and platform", (isOn) => page.player.sweep(isOn)),
+      box("space swept by rods and platform", (isOn) => page.player.sweep(isOn)),
       choice("trace", names, (name) => page.player.trace(names.indexOf(name) - 1)),
     ];
   }

@@ -22,7 +22,7 @@ export function shape(given) {
   const look = material(given.part === "platform" ? COLOURS.platform : COLOURS.table, { side: THREE.DoubleSide });
   const made = read(given, look);
   const box = new THREE.Box3().setFromObject(made);
-  if (box.isEmpty() || ![...box.min, ...box.max].every(Number.isFinite)) throw new Error("no triangles in it");
+  if (box.isEmpty() || ![...box.min, ...box.max].every(Number.isFinite)) throw new Error("the file has no triangles");
   const [x, y, z, ...angles] = given.place;
   made.position.set(x, y, z);
   made.rotation.set(...angles.map(THREE.MathUtils.degToRad), "ZYX");
