@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What LinuxCNC calls. Each function checks pointers, copies in, calls [`Control`], and copies out.
+//! The functions that LinuxCNC calls. Each checks pointers, copies in, calls [`Control`], and copies out.
 #![allow(missing_docs, reason = "LinuxCNC's layouts; their headers document the fields")]
 #![allow(non_camel_case_types, reason = "LinuxCNC's names")]
 
@@ -9,7 +9,7 @@ use crate::module::Kind;
 use core::ffi::{c_int, c_long, c_ulong, c_void};
 use kinematics::{Cause, Fault, Matrix3, World};
 
-/// LinuxCNC's kinds of kinematics.
+/// LinuxCNC's kinematics types.
 #[cfg(not(any(kinematics_h, linuxcnc_kinematics_h)))]
 #[repr(C)]
 pub enum KinematicsKind {
@@ -55,7 +55,7 @@ pub struct EmcPose {
     pub w: f64,
 }
 
-/// What LinuxCNC calls PmRotationMatrix: three column vectors.
+/// LinuxCNC's PmRotationMatrix: three column vectors.
 #[cfg(not(any(posemath_h, linuxcnc_posemath_h)))]
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -69,11 +69,11 @@ pub struct RotationColumns {
 #[cfg(not(any(posemath_h, linuxcnc_posemath_h)))]
 pub type PmRotationMatrix = RotationColumns;
 
-// It is a `World`.
+// An `EmcPose` is read and written as a `World`.
 const _: () = assert!(size_of::<EmcPose>() == size_of::<World>());
 const _: () = assert!(core::mem::offset_of!(EmcPose, w) == 8 * size_of::<f64>());
 
-/// What a C function returns: 0, or the code of the cause.
+/// Converts a result to the return value of a C function: 0, or the code of the cause.
 fn code<T>(result: Result<T, Fault>) -> c_int {
     result.map_or_else(|fault| fault.cause.code(), |_| 0)
 }
@@ -86,22 +86,22 @@ unsafe fn joints(joint: *const f64, control: &Control) -> Option<AllJoints> {
     if joint.is_null() {
         return None;
     }
-    // SAFETY: the caller vouches for the values.
+    // SAFETY: the caller guarantees the values.
     let given = unsafe { core::slice::from_raw_parts(joint, control.joints()) };
     let mut joints = [0.0; MOST_JOINTS];
     joints.iter_mut().zip(given).for_each(|(joint, value)| *joint = *value);
     Some(joints)
 }
 
-/// Joints to pose. `world` is the seed and receives the pose.
+/// Computes the pose of the joints. `world` is the seed and receives the pose.
 ///
-/// Returns 0, or a negative code (see the table of causes); then the coordinates of
-/// `world` that the machine moves are NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
-/// homing (all joints 0, no pose known yet) `world` is left alone. On success coordinates that the
-/// machine holds are 0, those of extra axes are the values of their joints, and other ones of U V W stay.
+/// Returns 0, or a negative code (see the table of causes). On failure the coordinates of `world` that the
+/// machine moves are NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
+/// homing (all joints 0, no pose known yet) a failure leaves `world` unchanged. On success the coordinates that
+/// the machine fixes are 0, those of extra axes are the values of their joints, and the others of U V W stay.
 ///
 /// # Safety
-/// `joint` must be null or hold as many values as the machine has joints; `world` null or valid; the flags
+/// `joint` must be null or point to as many values as the machine has joints; `world` null or valid; the flags
 /// are not read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kinematicsForward(
@@ -126,13 +126,12 @@ pub unsafe extern "C" fn kinematicsForward(
     code(control.forward(&joints, world))
 }
 
-/// Pose to joints.
+/// Computes the joints of a pose.
 ///
-/// Returns 0, or a negative code (see the table of causes); then `joint` is left alone.
+/// Returns 0, or a negative code (see the table of causes). On failure `joint` stays unchanged.
 ///
 /// # Safety
-/// `world` must be null or valid; `joint` null or room for as many values as the
-/// machine has joints; the
+/// `world` must be null or valid; `joint` null or room for as many values as the machine has joints; the
 /// flags are not read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kinematicsInverse(
@@ -155,10 +154,10 @@ pub unsafe extern "C" fn kinematicsInverse(
     code(result)
 }
 
-/// ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!),
-/// rows past the joints zero.
+/// Computes ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!);
+/// rows beyond the last joint are zero.
 ///
-/// Returns 0, or −1 and leaves `jac` alone.
+/// Returns 0, or −1 and leaves `jac` unchanged.
 ///
 /// # Safety
 /// `world` must be null or valid, `jac` null or room for 16 × 9 values; the other
@@ -182,12 +181,12 @@ pub unsafe extern "C" fn kinematicsJacobian(
     0
 }
 
-/// Tool axes in world coordinates as columns; z from the tip to the holder.
+/// Computes the tool axes in world coordinates as columns; z points from the tip to the holder.
 ///
-/// Returns 0, or −1 and leaves `rot` alone, also where any joint is NaN or infinite.
+/// Returns 0, or −1 and leaves `rot` unchanged, also if any joint is NaN or infinite.
 ///
 /// # Safety
-/// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
+/// `joint` must be null or point to as many values as the machine has joints; `rot` null or valid; the flags are
 /// not read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kinematicsToolFrame(
@@ -203,12 +202,12 @@ pub unsafe extern "C" fn kinematicsToolFrame(
     0
 }
 
-/// Returns the axes of tool and work, unless a joint is NaN or infinite or forward refuses.
+/// Returns the axes of tool and workpiece; `None` if a joint is NaN or infinite, or forward refuses.
 ///
 /// # Safety
 /// As [`joints`].
 unsafe fn frames(joint: *const f64, control: &Control) -> Option<[RotationColumns; 2]> {
-    // SAFETY: the caller vouches for the values.
+    // SAFETY: the caller guarantees the values.
     let joints = unsafe { joints(joint, control) }?;
     let frames = joints.iter().all(|value| value.is_finite()).then(|| control.frames(&joints));
     Some(frames?.ok()?.map(|frame| columns(&frame)))
@@ -219,13 +218,13 @@ fn columns(frame: &Matrix3<f64>) -> RotationColumns {
     RotationColumns { x: column(0), y: column(1), z: column(2) }
 }
 
-/// Work axes in world coordinates as columns: the extra axes that carry the work turn it, or the platform
-/// that it is on. A table moves it only.
+/// Computes the workpiece axes in world coordinates as columns: extra axes that carry the workpiece rotate it, or
+/// the platform that it is mounted on. A table only translates it.
 ///
-/// Returns 0, or −1 and leaves `rot` alone. Joints are not read where none of them turns the work.
+/// Returns 0, or −1 and leaves `rot` unchanged. The joints are read only if one of them rotates the workpiece.
 ///
 /// # Safety
-/// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
+/// `joint` must be null or point to as many values as the machine has joints; `rot` null or valid; the flags are
 /// not read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn kinematicsWorkFrame(
@@ -246,13 +245,13 @@ pub unsafe extern "C" fn kinematicsWorkFrame(
     0
 }
 
-/// KINEMATICS_BOTH: inverse and forward exist, forward is not called at every cycle.
+/// Returns KINEMATICS_BOTH: inverse and forward exist, and forward is not called in every cycle.
 #[unsafe(no_mangle)]
 pub extern "C" fn kinematicsType() -> KINEMATICS_TYPE {
     KinematicsKind::KINEMATICS_BOTH
 }
 
-/// The kinematics can be switched (0 = machine, 1 = identity).
+/// Reports that the kinematics can be switched (0 = machine, 1 = identity).
 #[unsafe(no_mangle)]
 pub extern "C" fn kinematicsSwitchable() -> c_int {
     1
@@ -266,11 +265,11 @@ pub extern "C" fn kinematicsSwitch(switchkins_type: c_int) -> c_int {
     code(control.switch(switchkins_type))
 }
 
-/// What kinematics `ktype` is: LinuxCNC's KINSTYPE_PRIMARY (2) for the machine's, its
+/// Returns the kind of kinematics `ktype`: LinuxCNC's KINSTYPE_PRIMARY (2) for the machine's, its
 /// KINSTYPE_IDENTITY (1) for the identity, and −1 for kinematics that the module does not have.
 #[unsafe(no_mangle)]
 pub extern "C" fn kinematicsTypeFlags(ktype: c_int) -> c_int {
-    // SAFETY: LinuxCNC asks from its servo thread, or while none runs.
+    // SAFETY: LinuxCNC calls it from its servo thread, or while none runs.
     let kind = unsafe { control() }.map(|control| control.first.kind_of(ktype));
     match kind {
         Some(Ok(Kind::Identity)) => 1,
@@ -279,8 +278,8 @@ pub extern "C" fn kinematicsTypeFlags(ktype: c_int) -> c_int {
     }
 }
 
-/// Takes the tool offset that LinuxCNC has in effect, as a request: the monitor brings it into effect as
-/// one of the pins, which are not read any more. U V W are for the second mechanism, if there is one.
+/// Requests the tool offset that LinuxCNC has in effect. The monitor brings it into effect like one from the
+/// pins, which are ignored from then on. U V W are for the second mechanism, if there is one.
 ///
 /// Returns 0, or −1 for a null pointer.
 ///
@@ -295,12 +294,12 @@ pub unsafe extern "C" fn kinematicsSetTool(tool: *const EmcPose) -> c_int {
     0
 }
 
-/// The HAL function `pkmkins.monitor`, to be added to the thread of the motion controller.
+/// Runs the HAL function `pkmkins.monitor`, which must be added to the motion controller's thread.
 ///
 /// # Safety
-/// To be called by HAL, from that thread.
+/// Only HAL may call it, from that thread.
 pub(crate) unsafe extern "C" fn monitor(_argument: *mut c_void, period: c_long) {
-    // SAFETY: the caller vouches for the thread.
+    // SAFETY: the caller guarantees the thread.
     if let Some(control) = unsafe { control() } {
         control.monitor(period as f64 * 1e-9);
     }

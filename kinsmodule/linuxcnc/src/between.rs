@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The watch over the distance of two mechanisms: what it is, and that the machine stops before they
-//! meet.
+//! The distance monitor of two mechanisms, which stops the machine before they collide.
 //!
-//! Both poses go on as they move now, and brake together. Where the distance falls below what has to be
-//! kept before they would stand, the feed is inhibited. In a cycle the present place, the last one and
-//! one between are looked at.
+//! Both poses are extrapolated at their present speed, and brake together. If the distance falls below the
+//! clearance before they could stop, the feed is inhibited. Each cycle checks the present pose, the last one and
+//! one between.
 //!
-//! The motion does not go on beyond the end of the last queued move, which [`Between::note_queued`] finds, so that
-//! places farther ahead are not looked at. Otherwise a move that ends short of the clearance would be stopped.
+//! The extrapolation does not go beyond the end of the last queued move, which [`Between::note_queued`] finds, so
+//! that poses farther ahead are not checked. Otherwise a move that ends just outside the clearance would be stopped.
 
 use crate::guard;
 use crate::hal::{Direction, HalError, Pin};
@@ -15,16 +14,16 @@ use crate::module::Module;
 use crate::pins::{FAR, Maker};
 use kinematics::{At, Body, Fault, Gap, Motion, Planner, Pose, World, text};
 
-/// Places before the last one, of which a cycle looks at one.
+/// Number of poses before the last one, of which a cycle checks one.
 const BETWEEN: u32 = 7;
 
-/// Cycles until what is inhibited acts on the poses, and after which every place was looked at.
+/// Cycles until an inhibited feed acts on the poses, plus those until every pose has been checked.
 const LATENCY: f64 = guard::LATENCY + BETWEEN as f64;
 
-/// Bound of the ratio of the planner's acceleration to the one that braking may count on, which is 0.43 of it.
+/// Bound of the planner's acceleration divided by the acceleration assumed for braking, which is 0.43 of it.
 const FULL_BRAKING: f64 = 2.4;
 
-/// Share of the distance by which it has to shrink ahead: less is rounding.
+/// Smallest relative decrease of the distance ahead: less is rounding.
 const NEARER: f64 = 1e-9;
 
 /// Largest distance of the end of the present motion from a queued end point that is the same point, as a share of
@@ -42,7 +41,7 @@ pub struct BetweenPins {
 }
 
 impl BetweenPins {
-    /// Makes them; `self` must be in memory from [`crate::hal::Component::allocate`].
+    /// Creates them; `self` must be in memory from [`crate::hal::Component::allocate`].
     pub fn create(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::{In, Out};
         make.one(&mut self.clearance, In, text!["pkmkins.mechanism-clearance"], 0.0)?;
@@ -65,16 +64,16 @@ impl BetweenPins {
     }
 }
 
-/// What is remembered from cycle to cycle.
+/// The state kept from cycle to cycle.
 pub struct Between {
     pins: &'static BetweenPins,
-    /// Commanded poses of the two cycles before, older first, of both.
+    /// Commanded poses of the two cycles before, older first, of both mechanisms.
     before: [[Option<Pose>; 2]; 2],
-    /// The place that is looked at next.
+    /// The intermediate pose to check next.
     next: u32,
-    /// Why the feed is inhibited, until no move is left to be made.
+    /// Why the feed is inhibited, until no move remains.
     inhibited: Option<Fault>,
-    /// Where both stand after the only move in LinuxCNC's queue.
+    /// The end poses of both after the only move in LinuxCNC's queue.
     end: Option<[World; 2]>,
 }
 
@@ -91,23 +90,23 @@ impl Between {
 
     /// Notes the end point of a move that LinuxCNC is about to queue.
     ///
-    /// The motion surely ends there only if the queue is empty before: behind other moves it may pass this point on
-    /// the way to another one. `motion.in-position` is on exactly while the queue is empty, but it is written once
+    /// The motion certainly ends there only if the queue was empty before: behind other moves it may pass this point
+    /// before it reaches another one. `motion.in-position` is on exactly while the queue is empty, but it is written once
     /// a cycle. That suffices, because the command handler queues at most one move a cycle, before or after the
-    /// controller has run. The pin off, as where nothing is connected, means that the end is not known.
+    /// controller has run. If the pin is off, as when it is not connected, the end is unknown.
     ///
-    /// The end point is not forgotten by an abort, a refusal or a jog: no motion that [`Cycle::time_to_end`] takes
+    /// An abort, a refusal or a jog does not discard the end point: no motion that [`Cycle::time_to_end`] could mistake
     /// for the move to it can follow these before another move is queued, and noted here.
     pub fn note_queued(&mut self, poses: [World; 2]) {
         self.end = self.pins.in_position.get().then_some(poses);
     }
 
-    /// Whether nothing may move until the program is aborted.
+    /// Returns whether the feed stays inhibited until the program is aborted.
     pub fn inhibits_feed(&self) -> bool {
         self.inhibited.is_some()
     }
 
-    /// One cycle, after both monitors. Returns what is too near now or ahead, and whether the feed is
+    /// Runs one cycle, after both monitors. Returns the distance violation now or ahead, and whether the feed is
     /// inhibited for it from this cycle on.
     pub fn watch(&mut self, modules: [&Module; 2], seconds: f64) -> Option<(Fault, bool)> {
         let commanded = modules.map(Module::commanded);
@@ -130,7 +129,7 @@ impl Between {
         }
         let found = self.looked(&Cycle { modules, motions, poses }, seconds);
         let is_new = found.is_some_and(|(_, is_new)| is_new);
-        // What has stopped them is shown as long as it does.
+        // Show the reason for the stop while it lasts.
         if is_new { found } else { self.inhibited.map(|fault| (fault, false)).or(found) }
     }
 
@@ -143,7 +142,7 @@ impl Between {
         if clearance == 0.0 && !is_shown {
             return None;
         }
-        // A place ahead is nearer than this one wherever this one is so far away.
+        // At this distance or more, any pose ahead that violates the clearance is nearer than this one.
         let far = clearance + 4.0 * NEARER * clearance.abs();
         let now = cycle.gap(both, 0.0, if is_shown { f64::INFINITY } else { far })?;
         let first_leg = cycle.modules[0].layout().legs();
@@ -160,7 +159,7 @@ impl Between {
             let share = f64::from(self.next) / f64::from(BETWEEN + 1);
             for time in [share * horizon, horizon] {
                 let ahead = cycle.gap(both, time, clearance);
-                // A place that cannot be reached is for the guard of its mechanism.
+                // A pose that cannot be reached is reported by the guard of its mechanism.
                 let Some(ahead) = ahead.filter(near) else { continue };
                 found = found.or(Some(ahead));
                 if ahead.distance < now.distance * (1.0 - NEARER) {
@@ -187,8 +186,8 @@ fn motion_of(
 }
 
 impl Cycle<'_> {
-    /// The nearest parts after a time at the present speed, see [`Gap::within`]; `None` where a pose cannot
-    /// be taken.
+    /// Returns the nearest parts after a time at the present speed, see [`Gap::within`]; `None` if a pose cannot
+    /// be reached.
     fn gap(&self, both: &mut [&mut At<'_>; 2], time: f64, most: f64) -> Option<Gap> {
         let mechanisms = both.iter_mut().zip(self.modules).zip(&self.motions).zip(&self.poses);
         for (((at, module), motion), pose) in mechanisms {
@@ -198,8 +197,8 @@ impl Cycle<'_> {
         Some(Gap::within(both[0], both[1], most))
     }
 
-    /// Returns the time at the present speed until both stand, if the feed is inhibited now or `end` is the end of
-    /// the queue; `None` where nothing moves, or nobody says how it brakes.
+    /// Returns the time at the present speed until both would stand, if the feed is inhibited now or `end` is the end
+    /// of the queue; `None` if nothing moves, or the braking is unknown.
     fn horizon(&self, seconds: f64, end: Option<&[World; 2]>) -> Option<f64> {
         let asked = &self.modules[0].pins.guard.asked;
         let latency = LATENCY * seconds;
@@ -210,7 +209,7 @@ impl Cycle<'_> {
             latency,
             notice: None,
         };
-        // Both brake as the path does: as slowly as the one that has to brake most.
+        // Both brake along the common path, as slowly as the slower one.
         let braking = self.motions.iter().flatten().map(|motion| motion.braking(&planner));
         let braking =
             braking.fold(f64::INFINITY, |least, own| if own >= least { least } else { own });
@@ -219,9 +218,9 @@ impl Cycle<'_> {
         }
         let stopped = latency + 0.5 / braking;
         // LinuxCNC may queue a move that goes straight on while the machine already brakes for the end. It is noted
-        // in the cycle in which the planner first follows it. Until then the planner has kept the distance in which
-        // it can stop, with an acceleration that the queued move does not lower: it is halved for a blend from the
-        // start. Until the inhibited feed acts, after a time t, the machine may gather speed with that acceleration
+        // in the cycle in which the planner first follows it. Until then the planner has kept its stopping distance,
+        // with an acceleration that the queued move does not lower: it is halved for a blend from the
+        // start. Until the inhibited feed acts, after a time t, the machine may accelerate with that acceleration
         // a. From the speed v it then stops at most 2 v t + a t^2 beyond the end.
         let late = guard::LATENCY * seconds;
         let beyond = late * (2.0 + FULL_BRAKING * braking * late);
@@ -232,8 +231,8 @@ impl Cycle<'_> {
     /// Returns the time at the present speed until the end point of the only queued move, if it is less than `most`
     /// and the present motion leads there.
     ///
-    /// The end of the motion is where it goes straight on by `.distance-to-go`. That is another point on an arc until
-    /// its end is near, in a jog, in a reversed run, and with external offsets, which `end` is without.
+    /// The end of the motion is the pose straight ahead by `.distance-to-go`. It differs from `end` on an arc until
+    /// its end is near, in a jog, in a reversed run, and with external offsets, which `end` does not include.
     fn time_to_end(&self, end: &[World; 2], most: f64) -> Option<f64> {
         let to_go = self.modules[0].pins.guard.asked.distance_to_go.get();
         let time = to_go / self.motions.iter().flatten().next()?.speed();

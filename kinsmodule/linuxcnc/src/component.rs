@@ -18,7 +18,7 @@ struct Loaded {
     control: Control,
 }
 
-/// Room for the component, once it is loaded.
+/// A cell for the component, once it is loaded.
 struct Cell(UnsafeCell<Option<Loaded>>);
 
 // SAFETY: LinuxCNC calls the kinematics from its servo thread only, and main and exit
@@ -27,13 +27,13 @@ unsafe impl Sync for Cell {}
 
 static LOADED: Cell = Cell(UnsafeCell::new(None));
 
-/// Returns the state, where the component is loaded.
+/// Returns the state, if the component is loaded.
 ///
 /// # Safety
-/// No other reference to it may be alive: to be called once by an exported function,
+/// No other reference to it may be alive: an exported function calls this once,
 /// from LinuxCNC's servo thread, or while no thread runs.
 pub unsafe fn control<'a>() -> Option<&'a mut Control> {
-    // SAFETY: the caller vouches that this is the only reference.
+    // SAFETY: the caller guarantees that this is the only reference.
     unsafe { (*LOADED.0.get()).as_mut() }.map(|loaded| &mut loaded.control)
 }
 
@@ -93,7 +93,7 @@ fn start(load: &Load) -> Result<(), HalError> {
     started
 }
 
-/// Makes pins and state of all mechanisms.
+/// Creates pins and state of all mechanisms.
 fn build(component: Component, load: &Load) -> Result<Control, HalError> {
     let pins = make_pins(component, load, Place::FIRST)?;
     let mut control = Control { first: Module::new(pins, *load, Place::FIRST), second: None };
@@ -116,11 +116,11 @@ fn make_pins(component: Component, load: &Load, place: Place) -> Result<&'static
     Ok(pins)
 }
 
-/// Returns pins in fresh HAL memory, not yet made: all-zero bytes are null pins.
+/// Returns pins in fresh HAL memory, not yet created: all-zero bytes are null pins.
 fn zeroed<T>(component: Component) -> Result<&'static mut T, HalError> {
     let pins = component.allocate::<T>()?;
-    // SAFETY: HAL memory of this size, of structures that hold pins alone, which lives as long as
-    // LinuxCNC; nobody else knows it.
+    // SAFETY: HAL memory of this size, of structures that contain only pins, which lives as long as
+    // LinuxCNC; no other reference to it exists.
     Ok(unsafe { &mut *pins })
 }
 
@@ -128,7 +128,7 @@ fn zeroed<T>(component: Component) -> Result<&'static mut T, HalError> {
 fn refuse_load(error: LoadError, texts: [Option<&CStr>; COUNT]) {
     let mut message = text!["pkmkins: refused"];
     for ((name, _), value) in PARAMETERS.iter().zip(texts) {
-        // Those of a second mechanism and sparm only where they are given.
+        // Those of a second mechanism and sparm only if they are given.
         let is_seldom = name.starts_with("second") || *name == "sparm";
         if !is_seldom || value.is_some() {
             message.push(" ");

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The mechanism, or two of them behind one pose of nine letters and one row of joints.
 //!
-//! A call comes here in LinuxCNC's terms: its pose, and the joints of the whole machine. Each mechanism
-//! is a [`Module`], which knows nothing of another one: frozen, certified and guarded for itself. Forward
-//! and inverse succeed where both do, and write nothing otherwise; both geometries are frozen or none is;
-//! feed is inhibited where one asks for it, and scaled as the slower one needs it.
+//! A call arrives in LinuxCNC's terms: its pose, and the joints of the whole machine. Each mechanism
+//! is a [`Module`], independent of any other: frozen, certified and guarded separately. Forward
+//! and inverse succeed if both do, and write nothing otherwise; both geometries are frozen or none is;
+//! the feed is inhibited if either requires it, and scaled by the smaller of the two scales.
 //!
-//! Inverse is `#[inline(always)]` from here down to the core: in one frame the pose stays in registers. In frames
-//! of their own the functions take a seventh longer on the hexapod (`make bench`). Everything else is left to the
+//! Inverse is `#[inline(always)]` from here down to the core: in one frame the pose stays in registers. In separate
+//! frames the functions take a seventh longer on the hexapod (`make bench`). Everything else is left to the
 //! compiler.
 
 use crate::between::Between;
@@ -22,17 +22,17 @@ pub const MOST_JOINTS: usize = 16;
 /// Joints of legs and table, of a second mechanism and of extra axes, in this order; 0 beyond the last one.
 pub type AllJoints = [f64; MOST_JOINTS];
 
-// The letters of a table are none of an extra axis. A second mechanism shares the legs with the first, and
-// a letter of its own is none of an extra axis.
+// A table and extra axes share no letter. A second mechanism shares the legs with the first, and
+// its own letters are not those of an extra axis.
 const _: () = assert!(MAX_JOINTS <= MOST_JOINTS && MAX_LEGS + MAX_EXTRA <= MOST_JOINTS);
 
-/// All that LinuxCNC controls.
+/// All mechanisms and axes that LinuxCNC controls.
 pub struct Control {
     pub first: Module,
     pub second: Option<Second>,
 }
 
-/// A second mechanism, and what is between it and the first.
+/// A second mechanism, and the distance monitor between it and the first.
 pub struct Second {
     pub module: Module,
     pub letters: SecondLetters,
@@ -40,15 +40,15 @@ pub struct Second {
 }
 
 impl Control {
-    /// Returns the number of all joints.
+    /// Returns the total number of joints.
     pub fn joints(&self) -> usize {
         self.first.load().joints()
     }
 
-    /// Replaces the seed in `world` by the pose of the joints. Its address distinguishes the kinds of call.
+    /// Replaces the seed in `world` with the pose of the joints. Its address distinguishes the kinds of call.
     ///
     /// A refusal makes the coordinates that the machine moves NaN: LinuxCNC ignores the result in some
-    /// places, and only NaN stops it safely. Before homing they stay: that is not yet a failure, and
+    /// places, and only NaN stops it safely. Before homing they stay unchanged: that is not yet a failure, and
     /// LinuxCNC would pass NaN on to its planner.
     pub fn forward(&mut self, joints: &AllJoints, world: &mut World) -> Result<(), Fault> {
         let address = &raw const *world as usize;
@@ -86,7 +86,7 @@ impl Control {
         let Second { module, letters, .. } = second;
         let first = self.first.forward(of_first, extra, &own, address);
         let second = module.forward(of_second, &[], &other, address);
-        // That joints are not homed yet counts only where nothing else is wrong.
+        // Unhomed joints are reported only if there is no other fault.
         let result = match (first, second) {
             (Err(Fault { cause: Cause::NotHomed, .. }), Err(fault)) | (Err(fault), _) => Err(fault),
             (Ok(_), Err(fault)) => Err(fault),
@@ -96,7 +96,7 @@ impl Control {
             }
         };
         if result.is_err_and(|fault| fault.cause != Cause::NotHomed) {
-            // The pose of the one that has found its own is NaN as well.
+            // The pose of a mechanism that has found its own is NaN as well.
             self.first.note_refusal(address);
             module.note_refusal(address);
         }
@@ -128,7 +128,7 @@ impl Control {
                 if !self.first.awaits_command() {
                     second.between.note_queued([own, other]);
                 }
-                // Every call is a call of both.
+                // Every call counts for both.
                 let of_second = second.module.inverse(&other);
                 let of_first = self.first.inverse(&own)?;
                 let behind = joints.iter_mut().skip(self.first.load().layout.joints());
@@ -146,7 +146,7 @@ impl Control {
         Ok(joints)
     }
 
-    /// Returns a row for each joint: its rates with LinuxCNC's nine letters, degrees for angles.
+    /// Returns a row for each joint: its derivatives with respect to LinuxCNC's nine letters, degrees for angles.
     pub fn jacobian(&self, world: &World) -> Result<[World; MOST_JOINTS], Fault> {
         self.share_pins();
         let load = self.first.load();
@@ -155,7 +155,7 @@ impl Control {
         let of_first = self.first.jacobian(worlds.as_ref().map_or(world, |[own, _]| own))?;
         rows.iter_mut().zip(of_first).for_each(|(row, own)| *row = own);
         if let (Some(Second { module, letters, .. }), Some([_, other])) = (&self.second, &worlds) {
-            // A letter that the first one holds is the second one's, an extra axis', or nobody's.
+            // A letter that the first mechanism fixes belongs to the second one, an extra axis, or none.
             for row in &mut rows {
                 let letters = Letter::ALL.into_iter().zip(row.iter_mut());
                 let held = letters.filter(|(letter, _)| load.layout.is_held(*letter));
@@ -172,13 +172,13 @@ impl Control {
         Ok(rows)
     }
 
-    /// Returns the orientations of tool and work in base. A second mechanism has none of its own in LinuxCNC.
+    /// Returns the orientations of tool and workpiece in base. LinuxCNC has none for a second mechanism.
     pub fn frames(&self, joints: &AllJoints) -> Result<[Matrix3<f64>; 2], Fault> {
         let [own, _, extra] = self.parts(joints);
         self.first.frames(own, extra)
     }
 
-    /// Changes the kinematics of both mechanisms, or of none.
+    /// Switches the kinematics of both mechanisms, or of neither.
     pub fn switch(&mut self, number: i32) -> Result<(), Fault> {
         self.share_pins();
         let first = self.first.grant_switch(number)?;
@@ -190,7 +190,7 @@ impl Control {
         Ok(())
     }
 
-    /// Takes the tool offset that LinuxCNC has in effect, as a request. U V W are for the second mechanism.
+    /// Requests the tool offset that LinuxCNC has in effect. U V W are for the second mechanism.
     pub fn request_tool(&mut self, [x, y, z, .., u, v, w]: &World) {
         self.first.request_tool([*x, *y, *z]);
         if let Some(Second { module, .. }) = &mut self.second {
@@ -198,7 +198,7 @@ impl Control {
         }
     }
 
-    /// Runs the monitors at the end of a cycle, and asks of LinuxCNC what either asks for.
+    /// Runs the monitors at the end of a cycle, and passes the requests of either to LinuxCNC.
     pub fn monitor(&mut self, seconds: f64) {
         self.begin();
         self.first.monitor(seconds);
@@ -230,7 +230,7 @@ impl Control {
         }
     }
 
-    /// Freezes both geometries that are offered, or none. (A single mechanism does that itself.)
+    /// Freezes both offered geometries, or neither. (A single mechanism does this in its own module.)
     #[inline(always)]
     fn begin(&mut self) {
         self.share_pins();
@@ -242,7 +242,7 @@ impl Control {
             second.note_offered();
             return self.first.take_offered();
         }
-        // Both are checked, so that the faults of both are reported.
+        // Check both, so that the faults of both are reported.
         let is_good = self.first.checks_offered() & second.checks_offered();
         for mechanism in [&mut self.first, second] {
             if is_good {
@@ -265,7 +265,7 @@ impl Control {
 }
 
 impl Second {
-    /// Returns LinuxCNC's pose as either mechanism has it: the first one without the letters of the second,
+    /// Returns LinuxCNC's pose for each mechanism: the first one without the letters of the second,
     /// which has its own X Y Z A B C.
     fn worlds(&self, world: &World) -> [World; 2] {
         let mut own = *world;

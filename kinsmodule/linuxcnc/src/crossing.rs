@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Whether the pose that forward finds is connected with the commanded one.
 //!
-//! Forward follows the joints and stays on its side of the singular poses. A commanded motion that passes
-//! one leaves forward behind, on the mirror image of the commanded pose: both fit the joints, and only the
-//! commanded poses show it. After cycles without feedback, the straight line of the joints may lead to
+//! Forward follows the joints and stays on its side of the singular poses. If a commanded motion passes
+//! one, forward stays behind, on the mirror image of the commanded pose: both fit the joints, and only the
+//! commanded poses distinguish them. After cycles without feedback, the straight line of the joints may lead to
 //! another pose as well. So both poses are compared in every cycle.
 //!
-//! On a ball on which the joints determine the pose ([`Side`]) two poses are connected. In most cycles both
-//! stand on the ball of an earlier comparison, and nothing is computed. Where they do not, the joints are
+//! Two poses are connected on a ball in which the joints determine the pose ([`Side`]). In most cycles both
+//! are in the ball of an earlier comparison, and nothing is computed. Otherwise the joints are
 //! followed from one to the other.
 //!
-//! A doubt lasts: which of the two poses is the machine's cannot be seen in the joints. It ends where the
-//! commanded motion comes back to the pose found, and where [`Crossing::end_doubt`] is called.
+//! A doubt lasts: the joints do not determine which of the two poses is the machine's. It ends when the
+//! commanded motion returns to the pose found, and when [`Crossing::end_doubt`] is called.
 
 use kinematics::{Cause, Fault, Joints, Machine, Pose, Side, Solver, Vector3};
 
@@ -19,7 +19,7 @@ use kinematics::{Cause, Fault, Joints, Machine, Pose, Side, Solver, Vector3};
 const SAME_POSE: f64 = 1e-6;
 
 /// Share of the machine's size by which joints that follow the commanded pose may differ from its
-/// joints: on a machine of 1 m twice the following error at which drives usually stop.
+/// joints: on a machine of 1 m twice the usual following error limit of drives.
 const FOLLOWING: f64 = 0.02;
 
 /// The commanded pose beside the one that forward has found.
@@ -32,16 +32,16 @@ pub struct Comparison<'a> {
     pub commanded: &'a Pose,
 }
 
-/// What a comparison shows.
+/// The result of a comparison.
 enum Verdict {
     Connected,
-    /// The poses are different ones.
+    /// The poses differ.
     Apart(Cause),
-    /// The joints do not follow, or a singular pose is nearer than lag and noise of the joints.
+    /// The joints do not follow, or a singular pose is nearer than the lag and noise of the joints.
     Undecided,
 }
 
-/// What is known of the commanded motion.
+/// The state of the comparison with the commanded motion.
 pub struct Crossing {
     /// A ball on which the joints determine the pose.
     side: Option<Side>,
@@ -59,12 +59,12 @@ impl Crossing {
         self.doubt
     }
 
-    /// Takes the pose found for the machine's: the operator says so, or the machine was homed.
+    /// Accepts the pose found as the machine's: the operator confirmed it, or the machine was homed.
     pub fn end_doubt(&mut self) {
         self.doubt = None;
     }
 
-    /// Returns whether both poses certainly are connected, as an earlier comparison shows.
+    /// Returns whether both poses are certainly connected, according to an earlier comparison.
     pub fn is_settled(&self, commanded: &Pose, found: &Pose, tool: &Vector3<f64>) -> bool {
         self.doubt.is_none()
             && self
@@ -73,7 +73,7 @@ impl Crossing {
                 .is_some_and(|side| side.reaches(commanded, tool) && side.reaches(found, tool))
     }
 
-    /// Looks in a refused cycle whether the commanded motion has passed a singular pose: forward finds no pose
+    /// Checks in a refused cycle whether the commanded motion has passed a singular pose: forward finds no pose
     /// to compare then, and later one that fits the joints on the side of its last pose.
     pub fn watch_refused(
         &mut self,
@@ -108,7 +108,7 @@ impl Crossing {
 }
 
 impl Comparison<'_> {
-    /// Follows the joints from the pose found to the commanded one, on whose side `there` is.
+    /// Follows the joints from the pose found to the commanded one, whose side is `there`.
     fn verdict(&self, there: &Side) -> Verdict {
         let Self { machine, tool, solver, found, commanded, .. } = self;
         let Ok(joints) = machine.inverse(commanded, tool) else { return Verdict::Undecided };
@@ -118,7 +118,7 @@ impl Comparison<'_> {
         if machine.side(found, tool).is_ok_and(|here| there.opposes(&here)) {
             return Verdict::Apart(Cause::SingularPassed);
         }
-        // The sign of det J does not decide alone: it is the same again beyond two singular poses.
+        // The sign of det J alone does not decide: it is the same again beyond two singular poses.
         let apart = match machine.forward(&joints, found, tool, solver) {
             Ok(led) => led.pose.distance(commanded, machine.radius()),
             Err(_) if self.distance() <= FOLLOWING * machine.size() => return Verdict::Undecided,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The part of the monitor that guards the motion: what it shows about the pose, and the
-//! feed that it allows.
+//! The part of the monitor that guards the motion: the pins it sets about the pose, and the
+//! feed scale that it allows.
 //!
-//! The calculation is [`At::ahead_in_turn`]. Here is what is remembered from cycle to cycle.
+//! [`At::ahead_in_turn`] does the calculation. This module keeps the state from cycle to cycle.
 
 use crate::jog::{Jog, Led, NOTICE};
 use crate::pins::{GuardInputs, GuardPins, Pins, Place};
@@ -11,14 +11,14 @@ use kinematics::{
 };
 use libm::sqrt;
 
-/// How fast the feed scale rises, per second: a tenth of a second from 0 to 1.
+/// Rate of rise of the feed scale, per second: a tenth of a second from 0 to 1.
 const RISE: f64 = 10.0;
 
 /// Cycles until a feed scale acts on the poses: the planner reads it in the next one, and its
 /// poses show it in the one after that.
 pub const LATENCY: f64 = 3.0;
 
-/// What the guard goes by in one cycle.
+/// The guard's inputs of one cycle.
 pub struct Cycle<'a> {
     pub pins: &'a Pins,
     /// Which mechanism it is.
@@ -30,17 +30,17 @@ pub struct Cycle<'a> {
     pub pose: Option<Pose>,
     /// The pose commanded in this cycle; none outside of world mode.
     pub commanded: Option<Pose>,
-    /// Feedback that is no number: LinuxCNC's comparison with it sees no following error.
+    /// NaN or infinite feedback: LinuxCNC's comparison with it detects no following error.
     pub lost: Option<Fault>,
-    /// How LinuxCNC moves, where that is not the machine's own motion.
+    /// LinuxCNC's motion, if it differs from the machine's own.
     pub programmed: Option<Programmed>,
     /// Servo period, seconds.
     pub period: f64,
-    /// What is shown of the pose in this cycle.
+    /// The part of the pose's pins that is updated in this cycle.
     pub shows: Option<Shown>,
 }
 
-/// A part of what people read about the pose.
+/// A part of the pins about the pose that only users read.
 #[derive(Clone, Copy)]
 pub enum Shown {
     Joints,
@@ -52,16 +52,16 @@ pub enum Shown {
 /// LinuxCNC's motion in a cycle.
 #[derive(Clone, Copy)]
 pub struct Programmed {
-    /// As LinuxCNC counts it, per second: of X Y Z, else of U V W, else of A B C.
+    /// As LinuxCNC defines it, per second: of X Y Z, otherwise of U V W, otherwise of A B C.
     pub speed: f64,
-    /// The largest rates of what has lengths and of angles, per second.
+    /// The largest rates of the lengths and of the angles, per second.
     pub rates: [f64; 2],
     /// Rates of LinuxCNC's axes, per second.
     pub axes: World,
 }
 
 impl Programmed {
-    /// Of two poses a period apart.
+    /// Computes the motion between two poses a period apart.
     pub fn between(before: &World, now: &World, period: f64) -> Self {
         let mut axes = *now;
         axes.iter_mut().zip(before).for_each(|(now, before)| *now = (*now - before) / period);
@@ -78,13 +78,13 @@ impl Programmed {
         Self { speed, rates: [tip.max(slides), turns], axes }
     }
 
-    /// Share of the speed per second that LinuxCNC brakes by at least.
+    /// Returns the fraction of the speed by which LinuxCNC brakes per second at least.
     fn braking(&self, asked: &GuardInputs) -> f64 {
         let limits = [asked.linear_acceleration.get(), asked.angular_acceleration.get()];
         let mut least = f64::INFINITY;
         for (limit, rate) in limits.iter().zip(self.rates) {
             let braking = if rate > 0.0 { limit / rate } else { f64::INFINITY };
-            // What is no number brakes nothing.
+            // Treat NaN as no braking.
             if !(braking >= least) {
                 least = braking;
             }
@@ -96,14 +96,14 @@ impl Programmed {
 pub struct Guard {
     /// Commanded poses of the two cycles before, older first.
     before: [Option<Pose>; 2],
-    /// What was found ahead.
+    /// The result of looking ahead.
     sight: Sight,
-    /// The move that goes on, until another one begins.
+    /// The present straight move, until another one begins.
     straight: Straight,
     /// `.current-vel` of the cycle before.
     speed_before: f64,
     scale: f64,
-    /// Why the feed is inhibited, until no move is left to be made.
+    /// Why the feed is inhibited, until no move remains.
     inhibited: Option<Fault>,
     jog: Jog,
     inverse_time: i64,
@@ -125,17 +125,17 @@ impl Guard {
         }
     }
 
-    /// Nanoseconds that the first forward of a cycle took.
+    /// Keeps the duration of the first forward of a cycle, in nanoseconds.
     pub fn timed_forward(&mut self, nanoseconds: i64) {
         self.forward_time = nanoseconds;
     }
 
-    /// Nanoseconds that the inverse of the commanded pose took.
+    /// Keeps the duration of the inverse of the commanded pose, in nanoseconds.
     pub fn timed_inverse(&mut self, nanoseconds: i64) {
         self.inverse_time = nanoseconds;
     }
 
-    /// One cycle without the machine's kinematics in force: there is nothing to guard.
+    /// Runs one cycle without the machine's kinematics in force: there is nothing to guard.
     pub fn idle(&mut self, pins: &Pins, period: f64) {
         self.forget();
         self.inhibited = None;
@@ -144,7 +144,7 @@ impl Guard {
         self.set_scale(&pins.guard, 1.0, period);
     }
 
-    /// One cycle. Returns why the feed is inhibited, or a jog is stopped, from this cycle on.
+    /// Runs one cycle. Returns why the feed is inhibited, or a jog is stopped, from this cycle on.
     pub fn run(&mut self, cycle: &Cycle<'_>) -> Option<Fault> {
         let pins = &cycle.pins.guard;
         let commanded = cycle.commanded;
@@ -152,7 +152,7 @@ impl Guard {
         self.show_pose(cycle, at);
         pins.shown.inverse_time.set(shown_time(self.inverse_time));
         pins.shown.forward_time.set(shown_time(self.forward_time));
-        // The mean speed of this cycle is that of the speeds at its ends.
+        // The mean speed of this cycle is the mean of the speeds at its ends.
         let speed = pins.asked.current_vel.get();
         let mean = (speed + self.speed_before) / 2.0;
         let was_inhibited = self.inhibited.is_some();
@@ -170,7 +170,7 @@ impl Guard {
         stopped.or(self.inhibited.filter(|_| !was_inhibited))
     }
 
-    /// A part of what people read about the pose that forward found.
+    /// Shows a part of the pins about the pose that forward found.
     fn show_pose(&self, cycle: &Cycle<'_>, at: &mut At<'_>) {
         let Some(part) = cycle.shows else { return };
         let moved = cycle.pose.map(|pose| at.move_to(&pose, cycle.tool));
@@ -185,7 +185,7 @@ impl Guard {
         }
     }
 
-    /// What is, or lies ahead, beyond a limit; and the outlook if the machine moves, with the
+    /// Returns the limit violated now or ahead; and the outlook if the machine moves, with the
     /// speed that it is a multiple of. `reported` is the speed that the planner reports.
     fn looked(
         &mut self,
@@ -200,7 +200,7 @@ impl Guard {
             return (at.here(cycle.tool, &limits, &pose), None);
         };
         let asked = &cycle.pins.guard.asked;
-        // In the first and last cycles of a motion only the poses show how fast the machine is.
+        // In the first and last cycles of a motion only the poses show the actual speed.
         let slow = !(reported >= 0.5 * cycle.pins.guard.floor() * requested(asked));
         let own = cycle.programmed.map_or(motion.speed(), |programmed| programmed.speed);
         let corner = if slow { None } else { self.corner(cycle, &pose, reported) };
@@ -220,13 +220,13 @@ impl Guard {
         };
         let mut view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
         if corner.is_some_and(|corner| corner.may_outrun(view.allowed * speed, LATENCY)) {
-            // As slow as can be, until it is known; it is no reason to stop.
+            // As slow as possible until the outlook is known; that is no reason to stop.
             (view.allowed, view.because) = (0.0, None);
         }
         (view.soon, Some((view, speed)))
     }
 
-    /// A cycle of a jog in world mode: what is, or lies ahead, beyond a limit; and why it is stopped.
+    /// Checks a cycle of a jog in world mode: returns the limit violated now or ahead, and why the jog is stopped.
     fn led(&mut self, cycle: &Cycle<'_>, at: &mut At<'_>) -> (Option<Fault>, Option<Fault>) {
         let guard = &cycle.pins.guard;
         let limits = guard.limits(cycle.pins, cycle.machine.layout());
@@ -252,7 +252,7 @@ impl Guard {
             Some(programmed) => motion.braked(programmed.braking(&guard.asked), &planner),
             None => planner,
         };
-        // What lies so far ahead that the axes can be told in time.
+        // Limits far enough ahead for a speed limit of the axes to act in time.
         let (latency, braking) = (planner.latency, motion.braking(&planner));
         let outlook = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
         let led = Led {
@@ -266,7 +266,7 @@ impl Guard {
         (outlook.soon, self.jog.follow(&led, &cycle.pins.jog))
     }
 
-    /// Two moves at once, where LinuxCNC rounds a corner; not those of U V W, and so none of a second
+    /// Returns the two simultaneous moves when LinuxCNC rounds a corner; not those of U V W, and so none of a second
     /// mechanism, whose speed is not the one reported.
     fn corner(&mut self, cycle: &Cycle<'_>, now: &Pose, reported: f64) -> Option<Corner> {
         if cycle.place.is_second {
@@ -282,7 +282,7 @@ impl Guard {
         if counts_other { None } else { self.straight.corner([&programmed, &own], reported) }
     }
 
-    /// Rates of LinuxCNC's axes, per second.
+    /// Returns the rates of LinuxCNC's axes, per second.
     fn rates(&self, cycle: &Cycle<'_>, now: &Pose) -> World {
         if let Some(programmed) = &cycle.programmed {
             return programmed.axes;
@@ -291,7 +291,7 @@ impl Guard {
         [x, y, z, a, b, c, 0.0, 0.0, 0.0]
     }
 
-    /// Rates of the machine's pose, per second.
+    /// Returns the rates of the machine's pose, per second.
     fn own_rates(&self, now: &Pose, period: f64) -> [f64; 6] {
         let Some(before) = self.before[1] else { return [0.0; 6] };
         let (now, before) = (now.to_degrees(), before.to_degrees());
@@ -306,14 +306,14 @@ impl Guard {
         Motion::of(cycle.machine, poses, cycle.period, linear)
     }
 
-    /// Turns the outlook into a feed scale, or inhibits the feed: where the floor is too fast, and
-    /// the machine may be so fast before the feed scale acts.
+    /// Sets the feed scale from the outlook, or inhibits the feed if even the floor is too fast and
+    /// the machine may reach that speed before the feed scale acts.
     fn allow(&mut self, cycle: &Cycle<'_>, view: Option<(Outlook, f64)>) {
         let pins = &cycle.pins.guard;
         let requested = requested(&pins.asked);
         let mut wanted = 1.0;
         if requested == 0.0 {
-            // No move is left to be made: aborted, or at its end.
+            // No move remains: aborted, or at its end.
             self.inhibited = None;
         } else if cycle.lost.is_some() {
             self.inhibited = cycle.lost;
@@ -328,7 +328,7 @@ impl Guard {
         self.set_scale(pins, wanted, cycle.period);
     }
 
-    /// Sets the feed scale within [floor, 1] that falls at once and rises slowly.
+    /// Sets the feed scale within [floor, 1]; it falls at once and rises slowly.
     fn set_scale(&mut self, pins: &GuardPins, wanted: f64, period: f64) {
         let floor = pins.floor();
         let risen = self.scale + RISE * period;
@@ -337,7 +337,7 @@ impl Guard {
         pins.shown.feed_scale.set(self.scale);
     }
 
-    /// Whether nothing may move until the program is aborted.
+    /// Returns whether the feed stays inhibited until the program is aborted.
     pub fn inhibits_feed(&self) -> bool {
         self.inhibited.is_some()
     }
@@ -346,19 +346,19 @@ impl Guard {
         self.jog.is_stopped()
     }
 
-    /// Forgets the motion, as for a newly frozen machine.
+    /// Resets the motion, as for a newly frozen machine.
     pub fn forget(&mut self) {
         self.before = [None; 2];
         (self.sight, self.straight) = (Sight::NONE, Straight::NONE);
     }
 }
 
-/// Speed that the program may ask for at most: the feed override comes on top of it.
+/// Returns the largest speed that the program may request, including the largest feed override.
 fn requested(asked: &GuardInputs) -> f64 {
     asked.requested_vel.get() * asked.max_override.get().max(1.0)
 }
 
-/// How many times as fast the axes may be, each for itself.
+/// Returns the largest multiple of the present rates that every axis allows.
 fn multiple(rates: &World, fastest: &World) -> f64 {
     let each = rates.iter().zip(fastest).filter(|(rate, _)| **rate != 0.0);
     each.map(|(rate, fastest)| fastest / rate.abs()).fold(f64::INFINITY, f64::min)

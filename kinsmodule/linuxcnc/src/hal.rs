@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! LinuxCNC's HAL and RTAPI: the calls this module makes, and typed pins.
 //!
-//! Pins are made and accessed as the HAL does it that the module is built for: by [`pointers`], or by
+//! Pins are created and accessed as the HAL that the module is built for requires: by [`pointers`], or by
 //! [`references`]. Everything else is the same in both.
 
 #[cfg(not(hal_references))]
@@ -45,7 +45,7 @@ unsafe extern "C" {
     fn rtapi_print_msg(level: c_int, format: *const c_char, ...);
 }
 
-/// A HAL call that failed; its negative return code.
+/// The negative return code of a failed HAL call.
 #[derive(Clone, Copy, Debug)]
 pub struct HalError(pub c_int);
 
@@ -64,7 +64,7 @@ pub fn print_error(message: &Message) {
     unsafe { rtapi_print_msg(RTAPI_MSG_ERR, c"%s\n".as_ptr(), message.as_bytes_with_zero()) }
 }
 
-/// Nanoseconds since some moment: the clock that every version of LinuxCNC exports.
+/// Returns nanoseconds since an arbitrary moment, from the clock that every version of LinuxCNC exports.
 pub fn nanoseconds() -> i64 {
     // SAFETY: takes nothing and reads a clock.
     unsafe { rtapi_get_time() }
@@ -90,7 +90,7 @@ impl Component {
         let _ = unsafe { hal_exit(self.0) };
     }
 
-    /// Zeroed HAL memory for one `T`, which lives as long as LinuxCNC.
+    /// Allocates zeroed HAL memory for one `T`, which lives as long as LinuxCNC.
     pub fn allocate<T>(self) -> Result<*mut T, HalError> {
         // SAFETY: plain request for memory; null is checked below.
         let memory = unsafe { hal_malloc(size_of::<T>() as c_long) }.cast::<T>();
@@ -115,10 +115,10 @@ impl Component {
     }
 }
 
-/// A value that HAL can hold: how a pin of it is made, read and written. `build.rs` chooses one of two
+/// A value type that HAL supports: how a pin of it is created, read and written. `build.rs` chooses one of two
 /// implementations.
 pub trait PinValue: Copy {
-    /// Makes a pin with its first value.
+    /// Creates a pin with its first value.
     ///
     /// # Safety
     /// The name must end with a zero; `pin` must point to HAL memory that outlives the component.
@@ -131,7 +131,7 @@ pub trait PinValue: Copy {
     ) -> c_int;
 
     /// # Safety
-    /// `pin` must be what HAL has put into a pin of this type.
+    /// `pin` must be the pointer that HAL has stored in a pin of this type.
     unsafe fn read(pin: *mut Self) -> Self;
 
     /// # Safety
@@ -145,7 +145,7 @@ pub trait PinValue: Copy {
 pub struct Pin<T>(UnsafeCell<*mut T>);
 
 impl<T: PinValue> Pin<T> {
-    /// Makes the pin with its first value.
+    /// Creates the pin with its first value.
     ///
     /// # Safety
     /// `self` must be in memory from [`Component::allocate`].
@@ -156,7 +156,7 @@ impl<T: PinValue> Pin<T> {
         name: &Name,
         value: T,
     ) -> Result<(), HalError> {
-        // SAFETY: the name ends with a zero; the caller vouches for the memory.
+        // SAFETY: the name ends with a zero; the caller guarantees the memory.
         checked(unsafe {
             T::create(
                 name.as_bytes_with_zero().as_ptr().cast(),
@@ -169,8 +169,8 @@ impl<T: PinValue> Pin<T> {
         .map(|_| ())
     }
 
-    /// Makes this, which is no pin of its own, stand for another one: to be done before each use,
-    /// because HAL moves the pointer of a pin that is netted.
+    /// Makes this alias, which has no HAL pin, refer to another pin. Call it before each use,
+    /// because HAL changes the pointer of a pin that is netted.
     pub fn share(&self, other: &Self) {
         // SAFETY: both are in HAL memory, and only the thread that calls this uses this one.
         unsafe { self.0.get().write_volatile(other.0.get().read_volatile()) }

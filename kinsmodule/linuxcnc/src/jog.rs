@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Jogs in world mode: LinuxCNC moves each axis for itself there, and the feed scale does not act.
+//! Jogs in world mode: LinuxCNC moves each axis separately there, and the feed scale has no effect.
 //!
-//! What acts is the largest speed of an axis, which LinuxCNC's task takes from a pin, outside of real
-//! time, and the stop of all jogs, which the motion controller takes in its next cycle. The first slows
-//! a jog in good time; the second ends one that was not slowed.
+//! Two things have an effect: the largest speed of an axis, which LinuxCNC's task reads from a pin, outside of
+//! real time, and the stop of all jogs, which the motion controller obeys in its next cycle. The first slows
+//! a jog in time; the second ends one that was not slowed.
 
 use crate::pins::{FAR, JogPins};
 use kinematics::{Cause, Fault, Outlook, World};
@@ -11,34 +11,34 @@ use kinematics::{Cause, Fault, Outlook, World};
 /// Seconds until a speed limit of an axis acts: some cycles of LinuxCNC's task, on a busy computer.
 pub const NOTICE: f64 = 0.05;
 
-/// Cycles in which the pins are shown anew where nothing is jogged.
+/// Cycles between updates of the pins while nothing is jogged.
 const SHOWN_IN: u32 = 4;
 
-/// A speed limit that has to be lower becomes lower by so much more: each takes the task a cycle.
+/// Factor on a lowered speed limit, so that it is lowered less often: each change takes the task a cycle.
 const STEP: f64 = 0.95;
 
-/// A motion led by hand.
+/// The motion of a jog.
 pub struct Led<'a> {
     pub outlook: &'a Outlook,
-    /// What it brakes with: the speed, as a multiple of the present one, falls by so much a second.
+    /// Fraction of the present speed by which it brakes per second.
     pub braking: f64,
-    /// Seconds that [`Outlook`] allows for an answer.
+    /// Seconds until a response acts, as [`Outlook`] assumes.
     pub latency: f64,
     /// Rates of LinuxCNC's axes, per second.
     pub rates: &'a World,
     pub period: f64,
-    /// Smallest share of its largest speed that an axis is slowed to.
+    /// Smallest fraction of its largest speed that an axis is slowed to.
     pub floor: f64,
 }
 
-/// What is remembered of a jog, until it has ended for some cycles.
+/// The state of a jog, until it has ended for some cycles.
 pub struct Jog {
-    /// Of the largest speed of each axis.
+    /// Fractions of the largest speed of each axis.
     shares: World,
-    /// Seconds for which it has been faster than is allowed.
+    /// Seconds for which it has been faster than allowed.
     overdue: f64,
     is_stopped: bool,
-    /// Cycles at rest since its pins were shown.
+    /// Cycles at rest since the pins were updated.
     unshown: u32,
 }
 
@@ -47,7 +47,7 @@ impl Jog {
         Self { shares: [1.0; 9], overdue: 0.0, is_stopped: false, unshown: 0 }
     }
 
-    /// One cycle in which nothing is jogged, or what is jogged stands.
+    /// Runs one cycle in which nothing is jogged, or a jogged axis stands.
     pub fn rest(&mut self, pins: &JogPins) {
         self.unshown += 1;
         if !(self.unshown >= SHOWN_IN || self.is_stopped || pins.is_jogging()) {
@@ -61,13 +61,13 @@ impl Jog {
         self.show(pins);
     }
 
-    /// One cycle of a jog. Returns why it is stopped from this cycle on.
+    /// Runs one cycle of a jog. Returns why it is stopped from this cycle on.
     pub fn follow(&mut self, led: &Led<'_>, pins: &JogPins) -> Option<Fault> {
         let fastest = pins.fastest();
         let allowed = led.in_time();
         for ((share, rate), fastest) in self.shares.iter_mut().zip(led.rates).zip(fastest) {
             let wanted = allowed * rate.abs() / fastest;
-            // Without a largest speed there is no share of it, and what is no number is none either.
+            // An axis without a largest speed has no limit to lower. NaN lowers it to the floor.
             if *rate != 0.0 && !(fastest >= FAR) && !(wanted >= *share) {
                 *share = (STEP * wanted).max(led.floor);
             }
@@ -81,15 +81,15 @@ impl Jog {
         }
     }
 
-    /// Ends all jogs. Returns why, if they had not to end already.
+    /// Ends all jogs. Returns why, unless they were stopped already.
     pub fn stop(&mut self, why: Fault, pins: &JogPins) -> Option<Fault> {
         let was_stopped = core::mem::replace(&mut self.is_stopped, true);
         self.show(pins);
         (!was_stopped).then_some(why)
     }
 
-    /// Why this is too fast to be braked for later: at once where a limit of the pose comes, and a while
-    /// after the axes were told where joints are too fast.
+    /// Returns why the jog is too fast to brake later: at once for a limit of the pose, and for joint speeds
+    /// only some time after the speed limits of the axes were lowered.
     fn too_late(&mut self, led: &Led<'_>) -> Option<Fault> {
         let (fault, _) = led.outlook.because?;
         self.overdue = if led.outlook.allowed < 1.0 { self.overdue + led.period } else { 0.0 };
@@ -108,8 +108,8 @@ impl Jog {
 }
 
 impl Led<'_> {
-    /// Largest speed at which the answer may come by [`NOTICE`] later, as a multiple of the present
-    /// one: the way until then is missing to brake.
+    /// Returns the largest speed, as a multiple of the present one, that allows for a response later by [`NOTICE`]:
+    /// the distance traveled until then is not available for braking.
     fn in_time(&self) -> f64 {
         let Some((_, until)) = self.outlook.because else { return self.outlook.allowed };
         let missing = (until - self.latency).clamp(0.0, NOTICE);

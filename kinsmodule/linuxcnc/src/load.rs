@@ -11,7 +11,7 @@ struct Shared<T>(T);
 // SAFETY: rtapi_app reads these once at load, from one thread; the module never writes them.
 unsafe impl<T> Sync for Shared<T> {}
 
-/// Where rtapi_app puts the text of a string parameter.
+/// A string parameter, whose text rtapi_app sets.
 #[repr(transparent)]
 pub struct Parameter(core::cell::UnsafeCell<*mut c_char>);
 
@@ -23,7 +23,7 @@ impl Parameter {
         Self(core::cell::UnsafeCell::new(null_mut()))
     }
 
-    /// The text given at load, or `None`.
+    /// Returns the text given at load, or `None`.
     pub fn text(&self) -> Option<&CStr> {
         // SAFETY: only rtapi_app writes the cell, before this is called.
         let text = unsafe { *self.0.get() };
@@ -32,7 +32,7 @@ impl Parameter {
     }
 }
 
-/// Exports the parameters with what `rtapi_app` reads of each: address, type and description.
+/// Exports the parameters with the symbols that `rtapi_app` reads for each: address, type and description.
 macro_rules! string_parameters {
     ($($name:ident: $text:literal;)*) => {
         $(#[allow(non_upper_case_globals, reason = "the name of the parameter")]
@@ -47,7 +47,7 @@ macro_rules! string_parameters {
             static DESCRIPTION: Shared<*const c_char> = Shared($text.as_ptr());
         };)*
 
-        /// How many load parameters there are.
+        /// Number of load parameters.
         pub const COUNT: usize = [$($text),*].len();
 
         /// The load parameters, by name.
@@ -72,7 +72,7 @@ string_parameters! {
 #[allow(non_upper_case_globals)]
 static rtapi_info_license: Shared<*const c_char> = Shared(c"GPL".as_ptr());
 
-/// Puts names where LinuxCNC's own tools read what a module exports.
+/// Exports names for LinuxCNC's own tools, which read what a module exports.
 macro_rules! exported_names {
     ($($name:literal)*) => {$(const _: () = {
         #[unsafe(link_section = ".rtapi_export")]

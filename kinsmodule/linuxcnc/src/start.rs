@@ -7,7 +7,7 @@ use kinematics::{
     WorkspaceBox,
 };
 
-/// Boxes in use, and how far a search has come.
+/// The boxes in use, and the progress of a search.
 pub struct Start {
     boxes: [WorkspaceBox; MAX_BOXES],
     count: usize,
@@ -21,7 +21,7 @@ impl Start {
         Self { boxes: [WorkspaceBox::EMPTY; MAX_BOXES], count: 0, search: None, idle: 0 }
     }
 
-    /// Reads the boxes of the pins, if all can be computed with and belong to the geometry with this hash.
+    /// Reads the boxes of the pins, and checks that all are valid and belong to the geometry with this hash.
     pub fn read(pins: &Pins, load: &Load, hash: u32) -> Result<Self, Fault> {
         let mut start = Self { count: load.boxes(), ..Self::new() };
         for (k, place) in start.boxes.iter_mut().enumerate().take(load.boxes()) {
@@ -37,15 +37,15 @@ impl Start {
         Ok(start)
     }
 
-    /// Whether there are boxes to search.
+    /// Returns whether there are boxes to search.
     pub fn has_boxes(&self) -> bool {
         self.count > 0
     }
 
-    /// Goes on searching: the pose that forward starts from, or why there is none (yet).
+    /// Continues the search: returns the pose from which forward starts, or why there is none (yet).
     ///
     /// The search is for the joints of its first call until it ends. From the pose found for them
-    /// forward leads to the present joints.
+    /// forward follows to the present joints.
     pub fn seed(
         &mut self,
         machine: &Machine,
@@ -68,18 +68,18 @@ impl Start {
         self.search.is_some()
     }
 
-    /// The monitor has run once more.
+    /// Counts a run of the monitor.
     pub fn count_cycle(&mut self) {
         self.idle = self.idle.saturating_add(1);
     }
 
-    /// Returns, as forward is called, whether LinuxCNC had ceased to call it. It does so while a joint
-    /// is not homed; the joints may then have been anywhere.
+    /// Returns, as forward is called, whether LinuxCNC had stopped calling it. It does so while a joint
+    /// is not homed; the joints may have moved arbitrarily since.
     pub fn resumes(&mut self) -> bool {
         core::mem::take(&mut self.idle) > 1
     }
 
-    /// Ends a search, as its joints are no longer the present ones.
+    /// Ends a search, because its joints are no longer the present ones.
     pub fn stop_searching(&mut self) {
         self.search = None;
     }

@@ -44,7 +44,7 @@ macro_rules! pin_value {
                 // SAFETY: passed on to the caller.
                 let code = unsafe { $call(name, direction, pin, component) };
                 if code >= 0 {
-                    // SAFETY: HAL has made the pointer valid.
+                    // SAFETY: HAL has set the pointer to a valid value.
                     unsafe { Self::write(pin.read(), value) };
                 }
                 code

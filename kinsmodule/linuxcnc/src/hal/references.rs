@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A HAL with references: a pin is a reference to 64 bits, of which each type has its way to be read
-//! and written.
+//! A HAL with references: a pin is a reference to 64 bits, which each type reads and writes
+//! differently.
 //!
-//! LinuxCNC's header has these ways as inline functions, which a library cannot import. They are
-//! written here once more, and `tests/module/c` compares them with the header's own.
+//! LinuxCNC's header does this with inline functions, which a library cannot import. They are
+//! repeated here, and `tests/module/c` compares them with the header's own.
 //!
-//! Whole numbers have 32 bits: HAL nets a pin only with signals of its type, and those of other modules
+//! Integers have 32 bits: HAL nets a pin only with signals of its type, and those of other modules
+//! have 32 as well until LinuxCNC changes all of them.
 //! have 32 as well until LinuxCNC changes all of them.
 
 use super::PinValue;
@@ -46,7 +47,7 @@ unsafe extern "C" {
     ) -> c_int;
 }
 
-/// The type, the call that makes its pin, the part of the 64 bits that is read, and what is written.
+/// Implements a type: the call that creates its pin, the part of the 64 bits that is read, and the value written.
 macro_rules! pin_value {
     ($($type:ty => $call:ident, $part:ty => $read:expr, $whole:ty => $write:expr;)*) => {$(
         impl PinValue for $type {
@@ -69,7 +70,7 @@ macro_rules! pin_value {
 
             unsafe fn write(pin: *mut Self, value: Self) {
                 let whole: fn(Self) -> $whole = $write;
-                // SAFETY: the caller vouches for the 64 bits of a pin.
+                // SAFETY: the caller guarantees the 64 bits of a pin.
                 unsafe { pin.cast::<$whole>().write_volatile(whole(value)) }
             }
         }

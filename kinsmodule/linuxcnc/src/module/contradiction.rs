@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The way into world mode of a machine with more legs than coordinates.
+//! The change to world mode of a machine with more legs than coordinates.
 //!
-//! Its joints may contradict each other a little: a home switch that is off by 0.3 mm is enough. Joint mode
-//! leaves them as they are, and forward takes the pose that fits them best. The joints of that pose are
-//! others, so that all would jump as LinuxCNC enters world mode and calls inverse. Here is what they differ
-//! by: inverse adds it, and the monitor brings it to 0 at a low speed. Without a monitor, or without limits
-//! of the joints, inverse refuses a difference that would be felt, and names the joint.
+//! Its joints may be slightly inconsistent: a home switch that is off by 0.3 mm is enough. Joint mode
+//! leaves them unchanged, and forward finds the pose that fits them best. The joints of that pose
+//! differ, so that all joints would jump as LinuxCNC enters world mode and calls inverse. This module keeps
+//! the difference: inverse adds it, and the monitor reduces it to 0 at a low speed. Without a monitor, or
+//! without limits of the joints, inverse refuses a noticeable difference, and names the joint.
 
 use super::Module;
 use crate::tool::{IMPERCEPTIBLE, JointLimits, NOTICEABLE};
 use kinematics::{Cause, Fault, Joints, MAX_JOINTS, Pose};
 
-/// What joint values differ by from those of the pose that they fit best.
+/// The difference of joint values from those of the pose that fits them best.
 pub(super) struct Contradiction {
     left: Joints,
     is_on: bool,
-    /// Whether the joints are on their way to those of the commanded pose.
+    /// Whether the joints are moving to those of the commanded pose.
     is_settling: bool,
     /// Why inverse is refused while it lasts.
     fault: Option<Fault>,
@@ -31,7 +31,7 @@ impl Contradiction {
 }
 
 impl Module {
-    /// Keeps what the joints differ by from those of the pose found for them: for the commanded joints, in
+    /// Keeps the difference of the joints from those of the pose found for them: for the commanded joints, in
     /// joint mode, and for the present ones while the machine is off, which then become the commanded ones.
     pub(super) fn note_contradiction(&mut self, joints: &Joints, found: &Pose, address: usize) {
         if self.layout().is_redundant() && (!self.handed.is_feedback(address) || self.is_off()) {
@@ -65,7 +65,7 @@ impl Module {
         Some(Contradiction { left, is_on: can_settle || is_refused, is_settling: false, fault })
     }
 
-    /// Adds to the joints of a pose what those of joint mode differ by.
+    /// Adds the difference from joint mode to the joints of a pose.
     ///
     /// # Errors
     /// `JointsInconsistent`, with the joint that differs most.
@@ -79,7 +79,7 @@ impl Module {
         Ok(())
     }
 
-    /// Brings the joints nearer to those of the commanded pose, in a cycle of world mode.
+    /// Moves the joints toward those of the commanded pose, in a cycle of world mode.
     pub(super) fn settle_contradiction(&mut self, is_commanded: bool, seconds: f64) {
         let Contradiction { is_on, fault, .. } = &self.contradiction;
         self.contradiction.is_settling = *is_on && is_commanded && fault.is_none();
@@ -99,7 +99,7 @@ impl Module {
         self.contradiction.is_on = kept > 0.0;
     }
 
-    /// Returns whether the joints are on their way to those of the commanded pose, so that no other motion may
+    /// Returns whether the joints are moving to those of the commanded pose, so that no other motion may
     /// begin.
     pub(super) fn is_settling(&self) -> bool {
         self.contradiction.is_settling

@@ -1,34 +1,34 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Corrections of the joints while the machine runs: what heat and weight add to the legs' lengths.
+//! Corrections of the joints while the machine runs, for the changes of leg length from heat and weight.
 //!
-//! LinuxCNC's joint values are those of the kinematics with the correction in effect added. It follows
-//! what the pins ask for at a limited rate, within a limit that the ranges of the joints leave room for:
-//! every proof is about the joint values of the kinematics, and holds as it stands.
+//! LinuxCNC's joint values are those of the kinematics plus the correction in effect. It follows
+//! the values on the pins at a limited rate, within a limit for which the joint limits are narrowed:
+//! every proof is about the joint values of the kinematics, and remains valid.
 
 use super::{Kind, Module};
 use crate::pins::CorrectionPins;
 use kinematics::{Cause, Fault, Joints, MAX_JOINTS};
 
-/// What is added to the joint values now.
+/// The correction added to the joint values now.
 pub(super) struct Correction {
     in_effect: Joints,
-    /// Whether any of it is not 0.
+    /// Whether any value is not 0.
     is_on: bool,
 }
 
 impl Correction {
     pub(super) const NONE: Self = Self { in_effect: [0.0; MAX_JOINTS], is_on: false };
 
-    /// Adds it to joint values of the kinematics.
+    /// Adds the correction to joint values of the kinematics.
     pub(super) fn add(&self, joints: &mut Joints) {
-        // Without a correction every bit stays.
+        // Without a correction the values stay identical bit by bit.
         if !self.is_on {
             return;
         }
         joints.iter_mut().zip(&self.in_effect).for_each(|(joint, own)| *joint += own);
     }
 
-    /// LinuxCNC's joint values without it.
+    /// Returns LinuxCNC's joint values minus the correction.
     pub(super) fn taken_from(&self, joints: &Joints) -> Joints {
         let mut own = *joints;
         own.iter_mut().zip(&self.in_effect).for_each(|(joint, added)| *joint -= added);
@@ -37,8 +37,8 @@ impl Correction {
 }
 
 impl Module {
-    /// One cycle: brings the correction in effect nearer to the one asked for. One that is beyond its
-    /// limit, or no number, changes nothing.
+    /// Moves the correction in effect toward the requested one, once a cycle. A request beyond its
+    /// limit, or NaN, changes nothing.
     pub(super) fn advance_correction(&mut self, seconds: f64) {
         let mut pins = self.pins.corrections(self.load.layout.joints());
         let is_wanted = self.correction.is_on || pins.any(CorrectionPins::is_allowed);
@@ -55,10 +55,10 @@ impl Module {
             if !is_within && limit > 0.0 {
                 refused = refused.or(Some((i, asked)));
             }
-            // A limit that has become smaller holds for what is in effect, too.
+            // A reduced limit also applies to the correction in effect.
             let wanted = if is_within { asked } else { own.max(-limit).min(limit) };
             let step = pins.step(seconds);
-            // What this cycle's joint values have: the next ones get the new one.
+            // The correction in this cycle's joint values: the next ones get the new one.
             let shown = *own;
             pins.shown.set(shown);
             *own += (wanted - *own).max(-step).min(step);

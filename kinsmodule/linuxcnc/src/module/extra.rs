@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Extra axes: joints that pass a coordinate of LinuxCNC's pose through, and may carry work, tool or
-//! legs. State between calls is of the machine's own poses; LinuxCNC's are translated here.
+//! Extra axes: joints that pass a coordinate of LinuxCNC's pose through, and may carry workpiece, tool or
+//! legs. The state between calls is in the machine's own poses; LinuxCNC's are converted here.
 
 use super::Module;
 use crate::guard::Programmed;
@@ -8,7 +8,7 @@ use kinematics::{
     Cause, Chain, ChainGeometry, ExtraAxes, Fault, Load, Matrix3, Pose, Vector3, World,
 };
 
-/// What is frozen of the chain, and what is remembered of LinuxCNC's poses where there is one.
+/// The frozen chain, and LinuxCNC's poses kept for it.
 pub(super) struct Carrying {
     pub(super) chain: Chain,
     given: ChainGeometry,
@@ -16,12 +16,12 @@ pub(super) struct Carrying {
     commanded: World,
     before: World,
     pub(super) has_moved: bool,
-    /// How the platform shifts with the tool vector, while that changes.
+    /// The shift of the platform per change of the tool vector, during a tool change.
     pub(super) shift: Matrix3<f64>,
 }
 
 impl Carrying {
-    /// Of a chain that is not given yet.
+    /// Creates an empty chain.
     pub(super) fn new(axes: ExtraAxes) -> Self {
         Self::of(Chain::none(axes), ChainGeometry::NONE)
     }
@@ -42,7 +42,7 @@ impl Carrying {
         }
     }
 
-    /// Returns the machine's pose that LinuxCNC's is with a tool offset.
+    /// Converts LinuxCNC's pose to the machine's, with a tool offset.
     #[inline(always)]
     pub(super) fn pose_of(&self, world: &World, tool: &Vector3<f64>) -> Result<Pose, Fault> {
         self.chain.to_machine(world, tool).map(Pose::from_degrees)
@@ -56,13 +56,13 @@ impl Carrying {
         self.commanded = *world;
     }
 
-    /// LinuxCNC's motion in this cycle, where it is not the machine's own.
+    /// Returns LinuxCNC's motion in this cycle, if it differs from the machine's own.
     pub(super) fn programmed(&self, period: f64) -> Option<Programmed> {
         let is_other = !self.chain.is_empty();
         is_other.then(|| Programmed::between(&self.before, &self.commanded, period))
     }
 
-    /// Finds how the platform shifts with the tool vector at the commanded pose.
+    /// Computes the shift of the platform per change of the tool vector at the commanded pose.
     pub(super) fn see_shift(&mut self, pose: &Pose, tool: &Vector3<f64>) {
         self.shift = match self.chain.is_empty() {
             true => pose.rotation() - Matrix3::identity(),
@@ -70,14 +70,14 @@ impl Carrying {
         };
     }
 
-    /// The same where there is a chain.
+    /// Computes the same with a chain.
     pub(super) fn tool_shift(&self, tool: &Vector3<f64>) -> Matrix3<f64> {
         self.chain.tool_shift(&self.commanded, tool)
     }
 }
 
 impl Module {
-    /// Whether the pins give the chain that is in force.
+    /// Returns whether the pins give the chain that is in force.
     pub(super) fn has_chain_of_pins(&self) -> bool {
         self.pins.give_chain(&self.carrying.given, &self.load)
     }
@@ -89,7 +89,7 @@ impl Module {
         }
     }
 
-    /// Refuses joints of extra axes, those behind all others, that are NaN or infinite.
+    /// Refuses joints of extra axes, the last ones, that are NaN or infinite.
     pub(super) fn check_extra(&self, joints: &[f64]) -> Result<(), Fault> {
         match joints.iter().enumerate().find(|(_, value)| !value.is_finite()) {
             None => Ok(()),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Joints to pose: what is refused, and what is shown of the answer.
+//! Joints to pose: which calls are refused, and what is shown of the result.
 
 use super::freezing::Frozen;
 use super::{Kind, Module, NO_POSE, is_zero, joints_of, nanoseconds_if};
@@ -45,8 +45,8 @@ impl Module {
     ) -> Result<World, Fault> {
         let prepared = self.prepared(|| !(is_zero(joints) && is_blank(seed)));
         let was_known = self.seeds.last().is_some();
-        // LinuxCNC calls with all joints 0 until it knows them: a failure is no fault then. With the machine
-        // on they are homed, and LinuxCNC has to see the refusal.
+        // LinuxCNC calls with all joints 0 until they are homed: a failure is not a fault then. With the machine
+        // on they are homed, and LinuxCNC must get the refusal.
         let unhomed = !was_known && is_zero(joints) && !self.pins.machine_on();
         let mut result = prepared.and_then(|()| self.solve(joints, seed, address));
         if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
@@ -55,9 +55,9 @@ impl Module {
         self.has_found = result.is_ok();
         if let Ok(Solution { pose, .. }) = result {
             let doubtful = self.refuse_doubtful(joints, &pose);
-            // LinuxCNC takes over no pose that is refused.
+            // LinuxCNC does not accept a refused pose.
             self.pose_is_unknown &= doubtful.is_err();
-            // Beyond a singular pose the mirror image is followed, to see the motion come back.
+            // Beyond a singular pose the mirror image is followed, to detect that the motion comes back.
             let is_mirrored = doubtful.is_err_and(|fault| fault.cause == Cause::SingularPassed);
             if doubtful.is_ok() || (is_mirrored && was_known) {
                 self.seeds.remember(address, pose);
@@ -112,13 +112,13 @@ impl Module {
         machine.forward(joints, &seed, &tool, &self.pins.solver())
     }
 
-    /// Returns the machine's pose that LinuxCNC's seed is; NaN where it is none.
+    /// Converts LinuxCNC's seed to the machine's pose; NaN if that is impossible.
     pub(super) fn seed_in(&self, world: &World) -> Pose {
         self.carrying.pose_of(world, &self.tool.offset()).unwrap_or(NO_POSE)
     }
 
-    /// Refuses the pose found where it is not connected with the commanded one, and goes on refusing it
-    /// where none is commanded.
+    /// Refuses the pose found if it is not connected with the commanded one, and continues to refuse it
+    /// while none is commanded.
     fn refuse_doubtful(&mut self, joints: &Joints, found: &Pose) -> Result<(), Fault> {
         let (Some(commanded), Some(Frozen { machine, .. })) =
             (self.calls.commanded_before(), &self.frozen)
@@ -135,7 +135,7 @@ impl Module {
         self.crossing.doubt().map_or(Ok(()), |cause| Err(comparison.refusal(cause)))
     }
 
-    /// Raises the doubt where the commanded motion passes a singular pose while forward is refused.
+    /// Raises the doubt if the commanded motion passes a singular pose while forward is refused.
     fn watch_refused(&mut self) {
         let (Some(commanded), Some(last)) = (self.calls.commanded_before(), self.seeds.last())
         else {
@@ -156,7 +156,7 @@ impl Module {
     }
 }
 
-/// Whether a refusal may come from joints and seed alone, as before homing.
+/// Returns whether a refusal may come from joints and seed alone, as before homing.
 fn is_of_joints(cause: Cause) -> bool {
     use Cause::{
         CriterionInvalid, LimitIterationsInvalid, ResidualLimitInvalid, ToolNotFinite, ToolTooLong,
@@ -171,7 +171,7 @@ fn is_of_joints(cause: Cause) -> bool {
     )
 }
 
-/// Returns whether a seed has no information: zeros, and the NaN that a refusal left.
+/// Returns whether a seed has no information: zeros, or the NaN of a refusal.
 fn is_blank(seed: &World) -> bool {
     seed.iter().all(|value| *value == 0.0 || value.is_nan())
 }

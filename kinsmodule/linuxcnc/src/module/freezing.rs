@@ -11,8 +11,8 @@ use crate::pins::Given;
 use crate::start::Start;
 use kinematics::{Cause, ChainGeometry, Fault, Machine, Pose};
 
-/// Calls of forward of which one looks at all pins of the geometry where no monitor does: that takes
-/// about as long as forward itself, and people read what it shows.
+/// Number of forward calls per check of all pins of the geometry if no monitor does that: the check takes
+/// about as long as forward itself, and only users read its result.
 const WATCHED_EVERY: u32 = 16;
 
 /// The geometry in use.
@@ -21,7 +21,7 @@ pub(super) struct Frozen {
     pub(super) given: Given,
 }
 
-/// What the pins offer, checked.
+/// The checked values of the pins.
 struct Offered {
     frozen: Frozen,
     carrying: Carrying,
@@ -30,7 +30,7 @@ struct Offered {
 }
 
 impl Module {
-    /// Reads the pins that ask for something, and freezes what has to be frozen before a
+    /// Handles the pins that request something, and freezes the geometry if that is needed before a
     /// kinematics call; `drop_in` returns whether the call may do so without `.apply`.
     #[inline(always)]
     pub(super) fn prepared(&mut self, drop_in: impl Fn() -> bool) -> Result<(), Fault> {
@@ -49,7 +49,7 @@ impl Module {
         Ok(())
     }
 
-    /// Honours a rising edge of `.apply`. Of two mechanisms none does that by itself: both are frozen
+    /// Handles a rising edge of `.apply`. One of two mechanisms does not: both are frozen
     /// together, see [`crate::control`].
     pub(super) fn watch_apply(&mut self) {
         let apply = self.pins.apply();
@@ -63,7 +63,7 @@ impl Module {
         }
     }
 
-    /// Freezes what the pins offer, with the machine off.
+    /// Freezes the values of the pins, if the machine is off.
     pub fn take_offered(&mut self) {
         self.note_offered();
         let result =
@@ -73,7 +73,7 @@ impl Module {
         }
     }
 
-    /// The rising edge of `.apply` is taken.
+    /// Marks the rising edge of `.apply` as handled.
     pub fn note_offered(&mut self) {
         (self.apply_was, self.apply_used) = (true, true);
     }
@@ -83,12 +83,12 @@ impl Module {
         self.report_unmonitored(fault);
     }
 
-    /// Whether `.apply` has risen and nothing was frozen since.
+    /// Returns whether `.apply` has risen and nothing was frozen since.
     pub fn is_offered(&self) -> bool {
         self.pins.apply() && !self.apply_was
     }
 
-    /// Whether the pins hold a geometry that can be frozen; nothing is. A refusal is recorded.
+    /// Checks whether the geometry of the pins can be frozen, without freezing it. A refusal is recorded.
     pub fn checks_offered(&mut self) -> bool {
         let checked = self.offered().map(|_| ());
         self.pins.geometry_ok.set(checked.is_ok());
@@ -98,7 +98,7 @@ impl Module {
         checked.is_ok()
     }
 
-    /// Returns what the pins offer, checked.
+    /// Returns the values of the pins, checked.
     fn offered(&self) -> Result<Offered, Fault> {
         let (given, chain) = (self.pins.given(&self.load), self.pins.chain(&self.load));
         let hash = chain.hash(&self.load.extra, given.geometry.hash());
@@ -109,7 +109,7 @@ impl Module {
         Ok(Offered { frozen: Frozen { machine, given }, carrying, boxes, hash })
     }
 
-    /// Takes the geometry of the pins, or leaves the last good one in force.
+    /// Freezes the geometry of the pins, or leaves the last good one in force.
     fn freeze(&mut self) -> Result<(), Fault> {
         let offered = self.offered();
         self.pins.geometry_ok.set(offered.is_ok());
@@ -124,7 +124,7 @@ impl Module {
             self.tool.take(tool);
         }
         self.guard.forget();
-        // The poses commanded before were those of another machine.
+        // The poses commanded before belong to another machine.
         self.calls = Calls::default();
         self.crossing = Crossing::new();
         self.frozen = Some(Frozen { machine, given });
@@ -140,8 +140,8 @@ impl Module {
         self.frozen.as_ref().ok_or(Cause::NoGeometry.into())
     }
 
-    /// What the monitor shows in every cycle where it runs: shown by one of [`WATCHED_EVERY`] calls of
-    /// forward, the first one after a geometry was frozen among them.
+    /// Updates in one of [`WATCHED_EVERY`] calls of forward, including the first after a geometry was frozen, the
+    /// pins that the monitor, if it runs, updates in every cycle.
     pub(super) fn watch_seldom(&mut self) {
         if self.until_watched > 0 {
             self.until_watched -= 1;
@@ -154,7 +154,7 @@ impl Module {
 
     /// Shows whether the pins differ from the frozen values.
     pub(super) fn watch_geometry(&self) {
-        // NaN on a pin counts as a change: a frozen geometry holds none.
+        // NaN on a pin counts as a change: a frozen geometry contains none.
         let changed = self.frozen.as_ref().is_some_and(|frozen| {
             self.pins.given(&self.load) != frozen.given || !self.has_chain_of_pins()
         });

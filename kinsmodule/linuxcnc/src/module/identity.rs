@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The identity kinematics, in which each joint is a letter, and the switch to and from them.
+//! The identity kinematics, in which each joint equals a letter, and the switch to and from them.
 
 use super::Module;
 use kinematics::{Cause, Fault, Joints, Letter, Load, MAX_JOINTS, Pose, World};
@@ -12,12 +12,12 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kinematics with which LinuxCNC starts.
+    /// Returns the kinematics with which LinuxCNC starts.
     pub(super) fn first(load: &Load) -> Self {
         if load.is_identity_first() { Self::Identity } else { Self::Machine }
     }
 
-    /// The kinematics of a number that there may be.
+    /// Returns the kinematics with a number, if they exist.
     fn numbered(number: i32, load: &Load) -> Option<Self> {
         match number {
             0 => Some(Self::first(load)),
@@ -27,23 +27,22 @@ impl Kind {
         }
     }
 
-    /// Its number.
     fn number(self, load: &Load) -> usize {
         usize::from(self != Self::first(load))
     }
 }
 
-/// What a switch of the kinematics leads to.
+/// The result of a switch of the kinematics.
 #[derive(Clone, Copy)]
 pub struct Asked {
     kind: Kind,
-    /// The pose to which the identity kinematics have moved the joints, if they have.
+    /// The pose to which the joints have moved in the identity kinematics, if they have.
     pose: Option<Pose>,
 }
 
 impl Module {
-    /// Returns what a switch to the kinematics of a number leads to: 0 the machine, 1 identity, or the other
-    /// way round. Nothing changes; a refusal is recorded.
+    /// Returns the result of a switch to the kinematics with a number: 0 the machine, 1 identity, or the
+    /// reverse. Changes nothing; a refusal is recorded.
     pub fn grant_switch(&mut self, number: i32) -> Result<Asked, Fault> {
         let asked = self.asked(number);
         if let Err(fault) = &asked {
@@ -52,8 +51,8 @@ impl Module {
         self.recorded(asked)
     }
 
-    /// In doubt about the pose there is none: after the switch back LinuxCNC's planner would go on from what
-    /// it had in the identity kinematics, because it refuses a pose of NaN.
+    /// Returns the result of a switch, or refuses if the pose is in doubt: after the switch back LinuxCNC's planner would
+    /// continue from its pose in the identity kinematics, because it refuses a pose of NaN.
     fn asked(&self, number: i32) -> Result<Asked, Fault> {
         let kind = self.kind_of(number)?;
         if let Some(cause) = self.crossing.doubt() {
@@ -64,7 +63,7 @@ impl Module {
         Ok(Asked { kind, pose })
     }
 
-    /// Switches.
+    /// Switches the kinematics.
     pub fn switch_to(&mut self, asked: Asked) {
         let Asked { kind, pose } = asked;
         match kind {
@@ -82,10 +81,10 @@ impl Module {
         self.pins.show_type(kind.number(&self.load));
     }
 
-    /// The pose to which the identity kinematics have moved the joints, if they have.
+    /// Returns the pose to which the joints have moved in the identity kinematics, if they have.
     ///
-    /// LinuxCNC does not look whether the first forward after a switch succeeds, and would go on
-    /// from the pose before. Where no pose was ever known, as before homing, there is none to start
+    /// LinuxCNC does not check whether the first forward after a switch succeeds, and would continue
+    /// from the pose before. If no pose was ever known, as before homing, there is none to start
     /// from, and nothing is refused here.
     fn pose_after_identity(&self) -> Result<Option<Pose>, Fault> {
         let (Some(last), Some(joints)) = (self.seeds.last(), &self.identity_joints) else {
@@ -107,7 +106,7 @@ impl Module {
         }
     }
 
-    /// Returns LinuxCNC's pose in which each joint is its letter, 0 at those that no joint moves.
+    /// Returns LinuxCNC's pose in which each letter equals its joint, and is 0 if no joint moves it.
     pub(super) fn identity_forward(
         &mut self,
         joints: &Joints,
@@ -135,7 +134,7 @@ impl Module {
 
     /// Follows the joints with the machine's pose, so that it is known after the switch back.
     ///
-    /// Joints that close no platform leave it where it was. After homing, joints at the reference pose begin
+    /// Joints for which no pose exists leave it unchanged. After homing, joints at the reference pose start
     /// anew, or in a drop-in at LinuxCNC's seed `given`, which is `[TRAJ]HOME` then.
     fn track_machine(&mut self, joints: &Joints, given: &Pose) {
         let joints = self.correction.taken_from(joints);
@@ -164,13 +163,13 @@ impl Module {
     /// Returns the joints of LinuxCNC's pose, each the value of its letter.
     pub(super) fn identity_inverse(&mut self, world: &World) -> Result<Joints, Fault> {
         let extra = &self.load.extra;
-        // Others of U V W are nobody's.
+        // The others of U V W are unused.
         let mut own = world.iter().enumerate().filter(|(place, _)| *place < 6 || extra.has(*place));
         if !own.all(|(_, value)| value.is_finite()) {
             return Err(Cause::PoseNotFinite.into());
         }
-        // Nothing would bring a value back to 0 for a letter that no joint moves. Before a geometry is known
-        // rounding is that of one machine unit.
+        // Nothing would reset a value to 0 for a letter that no joint moves. Before a geometry is known
+        // the rounding tolerance is that of one machine unit.
         let size = self.frozen.as_ref().map_or(1.0, |frozen| frozen.machine.size());
         for (letter, value) in Letter::ALL.into_iter().zip(world) {
             if self.layout().is_held(letter) && !extra.has(letter.index()) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The state between calls, and what LinuxCNC asks of the machine's kinematics.
+//! The state between calls, and the functions for LinuxCNC's kinematics calls.
 
 mod contradiction;
 mod correction;
@@ -45,25 +45,25 @@ pub struct Module {
     frozen: Option<Frozen>,
     carrying: Carrying,
     apply_was: bool,
-    /// Once `.apply` was used, no call freezes by itself.
+    /// Once `.apply` was used, no kinematics call freezes the geometry.
     apply_used: bool,
-    /// Whether `.machine-on` was ever true: only then does false mean that it is off.
+    /// Whether `.machine-on` was ever true: only then does false mean that the machine is off.
     machine_was_on: bool,
     kind: Kind,
-    /// Joints commanded last in identity kinematics, where there was a call.
+    /// Joints commanded last in identity kinematics, if there was a call.
     identity_joints: Option<Joints>,
     /// The kinematics were switched back to the machine, and forward has found no pose of the
-    /// joints since: what LinuxCNC takes for the pose may be one from before the switch, far from
-    /// where the joints are.
+    /// joints since: LinuxCNC's pose may be one from before the switch, far from
+    /// the present joints.
     pose_is_unknown: bool,
-    /// The kinematics were switched in this cycle: LinuxCNC goes on from the pose that forward finds next.
+    /// The kinematics were switched in this cycle: LinuxCNC continues from the pose that forward finds next.
     was_switched: bool,
-    /// Forward was refused, and no pose has been asked for since: LinuxCNC may hand the NaN of the
-    /// refusal over to inverse.
+    /// Forward was refused, and no pose has been requested since: LinuxCNC may pass the NaN of the
+    /// refusal to inverse.
     refused: bool,
     /// The last call of forward has found a pose, even if it was in doubt.
     has_found: bool,
-    /// A joint's feedback that is no number, in the last forward.
+    /// A NaN or infinite joint feedback in the last forward.
     lost: Option<Fault>,
     tool: Tool,
     sent_tool: SentTool,
@@ -78,9 +78,9 @@ pub struct Module {
     guard: Guard,
     reports: Reports,
     reset_was: bool,
-    /// Calls of forward before one that looks at all pins of the geometry, where no monitor runs.
+    /// Calls of forward before one that checks all pins of the geometry, if no monitor runs.
     until_watched: u32,
-    /// Of the cycles in which the monitor shows what only people read, which one this is.
+    /// Index of this cycle among those over which the monitor spreads updates for users.
     turn: u32,
 }
 
@@ -125,12 +125,11 @@ impl Module {
         &self.load.layout
     }
 
-    /// The frozen machine.
     pub fn machine(&self) -> Option<&Machine> {
         Some(&self.frozen.as_ref()?.machine).filter(|_| self.kind == Kind::Machine)
     }
 
-    /// The tool offset in effect.
+    /// Returns the tool offset in effect.
     pub fn tool(&self) -> Vector3<f64> {
         self.tool.offset()
     }
@@ -140,12 +139,12 @@ impl Module {
         self.calls.awaits_command()
     }
 
-    /// After the monitor: the pose that was commanded in its cycle.
+    /// Returns, after the monitor, the pose that was commanded in its cycle.
     pub fn commanded(&self) -> Option<Pose> {
         self.calls.commanded_before().copied()
     }
 
-    /// The last good pose that forward found.
+    /// Returns the last good pose that forward found.
     pub fn last_pose(&self) -> Option<Pose> {
         self.seeds.last()
     }
@@ -156,8 +155,8 @@ impl Module {
 
     /// Returns the joints of legs and table at a pose of LinuxCNC.
     ///
-    /// Changes nothing that a later call would depend on, so that LinuxCNC may ask for end
-    /// points of queued moves at any time; the first call of all freezes the geometry.
+    /// Changes nothing that affects a later call, so that LinuxCNC may ask for end
+    /// points of queued moves at any time; the very first call freezes the geometry.
     #[inline(always)]
     pub fn inverse(&mut self, world: &World) -> Result<Joints, Fault> {
         if self.kind == Kind::Identity {
@@ -183,7 +182,7 @@ impl Module {
         }
         match &result {
             Ok(_) => self.refused = false,
-            // The NaN of a refused forward: its cause is the one to report.
+            // The NaN of a refused forward: report its cause.
             Err(Fault { cause: Cause::PoseNotFinite | Cause::PoseUnknown, .. }) if self.refused => {
             }
             Err(fault) => self.record(fault),
@@ -191,7 +190,7 @@ impl Module {
         result
     }
 
-    /// Returns the joints of the machine's pose, with what LinuxCNC's have beside those of the kinematics.
+    /// Returns the joints of the machine's pose, with the additions of LinuxCNC's joints to those of the kinematics.
     #[inline(always)]
     fn joints_at(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
         let tool = self.carrying.chain.machine_tool(tool);
@@ -225,9 +224,9 @@ impl Module {
         Ok(rows)
     }
 
-    /// Returns the orientations of tool and work in base: no state changes, no fault is recorded.
+    /// Returns the orientations of tool and workpiece in base: no state changes, no fault is recorded.
     ///
-    /// Identity kinematics have no joint that turns a tool, whatever the letters of the pose say.
+    /// In identity kinematics no joint rotates a tool, whatever the letters of the pose are.
     pub fn frames(&self, joints: &[f64], extra: &[f64]) -> Result<[Matrix3<f64>; 2], Fault> {
         if self.kind == Kind::Identity {
             return Ok([Matrix3::identity(); 2]);
@@ -242,26 +241,26 @@ impl Module {
         Ok(self.carrying.chain.frames(&pose, &world))
     }
 
-    /// Returns whether a joint turns the work: that of an axis which carries it, or the platform's.
+    /// Returns whether a joint rotates the workpiece: that of an axis which carries it, or the platform's.
     pub fn turns_work(&self) -> bool {
         self.kind == Kind::Machine && !self.carrying.chain.is_empty()
     }
 }
 
-/// Where a call has none.
+/// The pose of a call that has none.
 const NO_POSE: Pose = Pose {
     position: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
     angles: Vector3::new(f64::NAN, f64::NAN, f64::NAN),
 };
 
-/// Returns joint values, 0 beyond the last one.
+/// Copies joint values; 0 beyond the last one.
 fn joints_of(given: &[f64]) -> Joints {
     let mut joints = [0.0; MAX_JOINTS];
     joints.iter_mut().zip(given).for_each(|(joint, value)| *joint = *value);
     joints
 }
 
-/// The clock, read only where it is needed: calls take some tens of nanoseconds.
+/// Reads the clock only if needed: calls take some tens of nanoseconds.
 fn nanoseconds_if(wanted: bool) -> i64 {
     if wanted { nanoseconds() } else { 0 }
 }

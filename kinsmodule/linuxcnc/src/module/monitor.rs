@@ -5,12 +5,12 @@ use super::{Kind, Module};
 use crate::guard::{Cycle, Shown};
 use kinematics::{Fault, Pose};
 
-/// Cycles in which all of what only people read is shown anew: sixty times a second at 1 kHz.
+/// Cycles in which all pins that only users read are updated: sixty times a second at 1 kHz.
 const SHOWN_IN: u32 = 16;
 
 impl Module {
-    /// One cycle: honours `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
-    /// shows what only people read, and reports faults to the operator.
+    /// Runs one cycle: handles `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
+    /// updates the pins for users, and reports faults to the operator.
     pub fn monitor(&mut self, seconds: f64) {
         self.is_monitored = true;
         self.start.count_cycle();
@@ -32,7 +32,7 @@ impl Module {
         self.reports.report_pending();
     }
 
-    /// A cycle of the guard, `period` seconds long.
+    /// Runs a cycle of the guard, `period` seconds long.
     fn guarded(&mut self, commanded: Option<Pose>, period: f64) -> Option<Fault> {
         let Some(frozen) = self.frozen.as_ref().filter(|_| self.kind == Kind::Machine) else {
             self.guard.idle(self.pins, period);
@@ -49,7 +49,7 @@ impl Module {
             lost: self.lost,
             programmed: self.carrying.programmed(period),
             period,
-            // Two mechanisms show their poses in cycles of their own.
+            // Two mechanisms update their poses in different cycles.
             shows: match (self.turn + u32::from(self.place.is_second)) % SHOWN_IN {
                 1 => Some(Shown::Joints),
                 5 => Some(Shown::Cones),
@@ -60,17 +60,17 @@ impl Module {
         })
     }
 
-    /// Whether this cycle shows the distance of two mechanisms.
+    /// Returns whether this cycle updates the distance of two mechanisms.
     pub fn shows_distance(&self) -> bool {
         self.turn == SHOWN_IN - 1
     }
 
-    /// Whether no motion may begin or go on.
+    /// Returns whether no motion may begin or continue.
     pub fn inhibits_feed(&self) -> bool {
         self.tool.is_busy() || self.is_settling() || self.guard.inhibits_feed()
     }
 
-    /// Whether jogs have to end.
+    /// Returns whether jogs must end.
     pub fn stops_jogs(&self) -> bool {
         self.guard.stops_jogs()
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What is reported to the operator: each fault once, until no fault has come for a while.
+//! Reports to the operator: each fault once, until no fault has occurred for some time.
 
 use super::Module;
 use crate::hal::print_error;
@@ -8,14 +8,14 @@ use kinematics::{Cause, Fault, MachinePart, text};
 /// Cycles without a fault after which the same fault is reported again.
 const QUIET_CYCLES: u32 = 1000;
 
-/// Most different faults that are reported before a quiet while.
+/// Largest number of different faults reported before a quiet period.
 const MOST_REPORTED: usize = 4;
 
-/// Faults to report, and those reported.
+/// Faults to report, and those already reported.
 pub(super) struct Reports {
     /// The last fault, until the monitor reports it.
     pending: Option<Fault>,
-    /// Reported since the last quiet while; when it is full, nothing more is until then.
+    /// Faults reported since the last quiet period; when it is full, nothing more is reported until then.
     reported: [Option<(Cause, Option<MachinePart>)>; MOST_REPORTED],
     /// Cycles since the last fault.
     quiet: u32,
@@ -27,17 +27,17 @@ impl Reports {
         Self { pending: None, reported: [None; MOST_REPORTED], quiet: 0, is_of_second }
     }
 
-    /// Leaves a fault to the monitor.
+    /// Passes a fault to the monitor.
     pub(super) fn add(&mut self, fault: Fault) {
         self.pending = Some(fault);
     }
 
-    /// Whatever was reported may be reported again.
+    /// Allows all faults to be reported again.
     fn allow_repeats(&mut self) {
         self.reported = [None; MOST_REPORTED];
     }
 
-    /// One cycle of the monitor: reports a pending fault.
+    /// Reports a pending fault, once a cycle of the monitor.
     pub(super) fn report_pending(&mut self) {
         if let Some(fault) = self.pending.take() {
             self.quiet = 0;
@@ -59,7 +59,7 @@ impl Reports {
         if let Some(free) = self.reported.iter_mut().find(|place| place.is_none()) {
             *free = key;
             let mut message = text!["pkmkins: "];
-            // A leg or joint says by its number which mechanism it belongs to.
+            // The number of a leg or joint already identifies its mechanism.
             if self.is_of_second && fault.part.is_none() {
                 message.push("second mechanism: ");
             }
@@ -78,8 +78,8 @@ impl Module {
         result
     }
 
-    /// Shows a fault on the pins, and leaves its report to the monitor.
-    // Inlined into inverse, its table of jumps is one that `cargo xtask prove` cannot follow.
+    /// Shows a fault on the pins, and leaves the report to the monitor.
+    // If it is inlined into inverse, `cargo xtask prove` cannot follow its jump table.
     #[inline(never)]
     pub fn record(&mut self, fault: &Fault) {
         let fault = self.place.counted(fault);
@@ -87,11 +87,11 @@ impl Module {
         self.reports.add(fault);
     }
 
-    /// Honours a rising edge of `.fault-reset`.
+    /// Handles a rising edge of `.fault-reset`.
     ///
-    /// The operator confirms the pose found by it. Where the last call has found none, a pose that comes later is
-    /// still in doubt. In world mode LinuxCNC commands a pose that is not the one found: it would go on from
-    /// there, so the doubt stays until the machine is off or in joint mode.
+    /// The operator confirms the pose found with it. If the last call has found none, a later pose is
+    /// still in doubt. In world mode the pose that LinuxCNC commands is not the one found, and LinuxCNC would continue
+    /// from it, so the doubt stays until the machine is off or in joint mode.
     pub(super) fn watch_reset(&mut self) {
         let reset = self.pins.fault_reset();
         if reset && !self.reset_was {
@@ -104,8 +104,8 @@ impl Module {
         self.reset_was = reset;
     }
 
-    /// Reports a refused geometry or kinematics type at once where no monitor runs: nobody else
-    /// would, and it does not happen in the course of motion.
+    /// Reports a refused geometry or kinematics type at once if no monitor runs: nothing else
+    /// would report it, and it does not happen during motion.
     pub(super) fn report_unmonitored(&mut self, fault: &Fault) {
         if !self.is_monitored {
             self.reports.report(&self.place.counted(fault));

@@ -2,26 +2,26 @@
 //! The pose from which forward starts: one rule, for machines with a monitor and for drop-ins.
 //!
 //! LinuxCNC passes a seed with every call. After a refusal that is `[TRAJ]HOME`, after a switch of the
-//! kinematics it holds joint values, and a motion from `[TRAJ]HOME` is not the motion that the machine has
+//! kinematics it contains joint values, and a motion from `[TRAJ]HOME` is not the motion that the machine has
 //! made. So the module keeps the pose itself. A pose is accepted only if it is connected with the last good
-//! pose, or with the reference pose where none is known, or if a search in proved boxes has found it.
+//! pose, or with the reference pose if none is known, or if a search in proved boxes has found it.
 //!
 //! | event | effect |
 //! | --- | --- |
 //! | success | The pose found becomes the last good pose, of its kind of call and of all calls. |
 //! | refusal | Nothing is forgotten. The next call starts from the newest good pose of any kind of call. The commanded pose is compared with it meanwhile. |
-//! | a kind of call is left out | It starts from the newest good pose of the other kind: the machine has moved on. |
+//! | a kind of call is left out | It starts from the newest good pose of the other kind: the machine has moved since. |
 //! | LinuxCNC passes another seed | Ignored while a pose is known. |
 //! | kinematics switch | Nothing is forgotten: the identity kinematics track the machine's pose. Refused in doubt. |
-//! | machine off, sagging | Nothing is forgotten: LinuxCNC goes on calling forward, which follows the joints. |
+//! | machine off, sagging | Nothing is forgotten: LinuxCNC continues to call forward, which follows the joints. |
 //! | missed cycles | Nothing is forgotten: forward follows the straight line of the joints. |
 //! | tool change | The poses move with the tool, as the joints stay. |
 //! | homing | The poses are forgotten, in the identity kinematics too: the joints have been moved and set unseen. |
 //! | freezing a geometry | Everything is forgotten. |
 //!
-//! Where no pose is known, forward starts from the pose that boxes or three spheres give without a seed,
-//! else from the reference pose, and in a drop-in without one from LinuxCNC's seed, which is `[TRAJ]HOME`
-//! then. A doubt about the pose ([`crate::crossing`]) outlives all of these events but three: the commanded
+//! If no pose is known, forward starts from the pose that boxes or three spheres give without a seed,
+//! otherwise from the reference pose, and in a drop-in without one from LinuxCNC's seed, which is `[TRAJ]HOME`
+//! then. A doubt about the pose ([`crate::crossing`]) survives all but three events: the commanded
 //! motion comes back, `.fault-reset` rises while forward finds a pose and none is commanded, or the machine is
 //! homed to its reference pose.
 
@@ -31,16 +31,16 @@ use crate::hal::nanoseconds;
 use crate::tool::shift;
 use kinematics::{Cause, Fault, Joints, Pose, Solution, Vector3, World};
 
-/// Kinds of forward calls that LinuxCNC makes (feedback, command), distinguished by where they keep
+/// Number of kinds of forward calls that LinuxCNC makes (feedback, command), distinguished by the address of
 /// their pose.
 const CALLERS: usize = 2;
 
-/// Share of the machine's size within which the joints stand at the reference pose: above following errors
-/// and the resolution of switches, far below the distance of two poses that share their joints.
+/// Distance from the reference pose, as a fraction of the machine's size, within which the joints count as at it:
+/// above following errors and the resolution of switches, far below the distance of two poses with the same joints.
 const AT_REFERENCE: f64 = 1e-3;
 
-/// Nanoseconds without a call of forward after which joints may have been homed, where no monitor counts
-/// cycles: LinuxCNC pauses 100 ms before a joint's final move, and no servo thread stands still for so long.
+/// Nanoseconds without a call of forward after which joints may have been homed, if no monitor counts
+/// cycles: LinuxCNC pauses 100 ms before a joint's final move, and no servo thread pauses for so long.
 const HOMING_PAUSE: i64 = 50_000_000;
 
 /// Last good pose of one kind of forward call.
@@ -55,7 +55,7 @@ struct Caller {
 
 /// Poses that forward has found.
 pub(super) struct Seeds {
-    /// Of those that succeeded in this cycle or the last one.
+    /// Poses of those that succeeded in this cycle or the last one.
     callers: [Option<Caller>; CALLERS],
     /// Newest good pose of any kind of call.
     last: Option<Pose>,
@@ -71,12 +71,12 @@ impl Seeds {
         self.last
     }
 
-    /// Returns the pose that forward found for this caller in its last call, if that succeeded.
+    /// Returns the pose that forward found for this caller in its last call, if it succeeded.
     pub(super) fn of(&self, address: usize) -> Option<&Pose> {
         self.callers.iter().flatten().find(|c| c.address == address).map(|c| &c.pose)
     }
 
-    /// Returns the pose that the next call of this caller starts from, if one is known.
+    /// Returns the pose from which the next call of this caller starts, if one is known.
     fn start(&self, address: usize) -> Option<&Pose> {
         self.of(address).or(self.last.as_ref())
     }
@@ -95,17 +95,17 @@ impl Seeds {
                 Some(caller) if caller.address != address && !caller.is_behind => {
                     caller.is_behind = true;
                 }
-                // The caller's own; or of a kind not called in the last cycle: the machine has moved on since.
+                // The caller's own, or of a kind not called in the last cycle: the machine has moved since.
                 _ => (*kept, free) = (None, i),
             }
         }
-        // Two kinds are called in turn; a third one would take the place of the first.
+        // Two kinds are called in turn; a third one would replace the first.
         if let Some(caller) = self.callers.get_mut(free) {
             *caller = Some(Caller { address, pose, is_behind: false });
         }
     }
 
-    /// Records that a call was refused: the caller goes on from the newest good pose of all.
+    /// Records that a call was refused: the caller continues from the newest good pose of all.
     pub(super) fn refuse(&mut self, address: usize) {
         for caller in &mut self.callers {
             if caller.is_some_and(|c| c.address == address) {
@@ -128,14 +128,15 @@ impl Seeds {
     }
 }
 
-/// What the module wrote for LinuxCNC's feedback call, which LinuxCNC passes back as the seed of the next one.
+/// The values that the module wrote for LinuxCNC's feedback call, which LinuxCNC passes back as the seed of the
+/// next one.
 ///
-/// LinuxCNC replaces it with `[TRAJ]HOME` after a refusal, and after joints were homed. A seed that differs
+/// LinuxCNC replaces them with `[TRAJ]HOME` after a refusal, and after joints were homed. A seed that differs
 /// although the last call succeeded shows that joints were homed.
 pub(super) struct Handed {
     /// Address of the feedback pose: the first that LinuxCNC ever passes.
     address: Option<usize>,
-    /// What was written there, if the last call succeeded.
+    /// The values written there, if the last call succeeded.
     written: Option<World>,
     /// The clock at the last refused call of a drop-in, nanoseconds.
     refused_at: Option<i64>,
@@ -149,22 +150,22 @@ impl Handed {
         Self { address: None, written: None, refused_at: None, standing: None }
     }
 
-    /// Returns whether a call is the one for the joints' feedback.
+    /// Returns whether a call is for the joints' feedback.
     pub(super) fn is_feedback(&self, address: usize) -> bool {
         self.address.is_none_or(|own| own == address)
     }
 }
 
 impl Module {
-    /// Compares the seed of a forward call with what the module wrote; returns whether joints were homed in
-    /// between.
+    /// Compares the seed of a forward call with the values that the module wrote; returns whether joints were homed
+    /// in between.
     pub fn was_homed_before(&mut self, world: &World) -> bool {
         let address = &raw const *world as usize;
         *self.handed.address.get_or_insert(address) == address
             && self.handed.written.as_ref().is_some_and(|written| written != world)
     }
 
-    /// Keeps what a forward call has written.
+    /// Keeps the values that a forward call has written.
     pub fn note_handed(&mut self, world: &World, is_good: bool) {
         let address = &raw const *world as usize;
         if *self.handed.address.get_or_insert(address) == address {
@@ -175,8 +176,8 @@ impl Module {
     /// Keeps the commanded joints of joint mode that forward has refused.
     ///
     /// LinuxCNC's planner refuses the NaN that forward writes for them and keeps the pose from before joint
-    /// mode. On entering MDI it asks inverse for that pose: all joints would jump there. A refusal at that
-    /// moment is no better, as LinuxCNC's empty interpolators then command 0 to every joint for a cycle.
+    /// mode. On entering MDI it asks inverse for that pose, to which all joints would jump. A refusal at that
+    /// moment is no better, because LinuxCNC's empty interpolators then command 0 to every joint for a cycle.
     pub fn note_command(&mut self, joints: &AllJoints, address: usize, is_good: bool) {
         let is_feedback = self.handed.is_feedback(address);
         if is_good {
@@ -192,15 +193,15 @@ impl Module {
         }
     }
 
-    /// Returns whether inverse has no pose to go on from, because forward has refused the commanded joints.
+    /// Returns whether inverse has no pose to continue from, because forward has refused the commanded joints.
     pub fn is_standing(&self) -> bool {
         self.handed.standing.is_some() && self.kind == Kind::Machine
     }
 
-    /// Returns the refused joints to the first call for a commanded pose, so that they stand still.
+    /// Returns the refused joints for the first call for a commanded pose, so that they stay at rest.
     ///
     /// # Errors
-    /// `PoseUnknown` to every other call: LinuxCNC then switches the machine off, or refuses the move.
+    /// `PoseUnknown` for every other call: LinuxCNC then switches the machine off, or refuses the move.
     pub fn stand(&mut self) -> Result<AllJoints, Fault> {
         let is_commanded = self.calls.takes_command();
         match &mut self.handed.standing {
@@ -212,20 +213,20 @@ impl Module {
         }
     }
 
-    /// Drops the poses, as joints were homed.
+    /// Drops the poses after joints were homed.
     pub fn forget_poses(&mut self) {
         self.seeds.forget();
         self.start.stop_searching();
     }
 
-    /// Records that forward was refused: LinuxCNC may hand its NaN over to inverse.
+    /// Records that forward was refused: LinuxCNC may pass its NaN to inverse.
     pub fn note_refusal(&mut self, address: usize) {
         self.seeds.refuse(address);
         self.refused = true;
         self.pins.fwd_kins_fail.set(true);
     }
 
-    /// Counts a call of forward, whatever becomes of it, and drops the poses where LinuxCNC had ceased to call
+    /// Counts a call of forward, whatever its result, and drops the poses if LinuxCNC had stopped calling
     /// it, as it does while a joint is not homed.
     pub(super) fn begin_forward(&mut self) {
         if self.start.resumes() {
@@ -234,9 +235,9 @@ impl Module {
         self.calls.note_forward();
     }
 
-    /// Drops the poses of a drop-in that was refused before a pause, and now stands at LinuxCNC's `[TRAJ]HOME`.
+    /// Drops the poses of a drop-in that was refused before a pause, and is now at LinuxCNC's `[TRAJ]HOME`.
     ///
-    /// A homing after a refusal shows in nothing else where no monitor counts the cycles.
+    /// Without a monitor that counts the cycles, homing after a refusal has no other sign.
     pub(super) fn forget_before_pause(
         &mut self,
         joints: &Joints,
@@ -274,7 +275,7 @@ impl Module {
         }
     }
 
-    /// Returns the pose to start from where none is known.
+    /// Returns the pose to start from if none is known.
     fn first_start(
         &mut self,
         joints: &Joints,
@@ -295,13 +296,13 @@ impl Module {
             self.crossing.end_doubt();
         }
         let machine = &self.frozen()?.machine;
-        // A drop-in has no reference pose: HOME of its joints is what LinuxCNC's seed belongs to.
+        // A drop-in has no reference pose: LinuxCNC's seed corresponds to HOME of its joints.
         let beside = reference.filter(|_| is_set);
         let found = beside.and_then(|side| machine.pose_beside(joints, &side, &self.pins.solver()));
         Ok(found.unwrap_or(start))
     }
 
-    /// Returns whether the joints stand at a pose.
+    /// Returns whether the joints are at a pose.
     pub(super) fn is_at(&self, pose: &Pose, joints: &Joints, tool: &Vector3<f64>) -> bool {
         let Some(frozen) = &self.frozen else { return false };
         let machine = &frozen.machine;
@@ -312,9 +313,9 @@ impl Module {
     /// Runs forward while no pose has fixed the folds of nut corrections, as in a drop-in, which has no
     /// reference pose.
     ///
-    /// The first pose known takes its place. That is the seed, `[TRAJ]HOME`, which is the same after
-    /// every start; joints that were homed are not. Zeros are no seed; then it is the pose found.
-    /// Inverse never fixes the folds: LinuxCNC may ask it for the end point of a move that is not
+    /// The first pose known replaces it. That is the seed, `[TRAJ]HOME`, which is the same after
+    /// every start, unlike the pose of the homed joints. Zeros are not a seed; then it is the pose found.
+    /// Inverse never fixes the folds: LinuxCNC may call it for the end point of a move that is not
     /// made.
     pub(super) fn solve_first(
         &mut self,

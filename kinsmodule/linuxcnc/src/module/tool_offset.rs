@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Which tool offset the kinematics use.
+//! The tool offset that the kinematics use.
 
 use super::freezing::Frozen;
 use super::{Kind, Module};
@@ -7,14 +7,14 @@ use crate::hal::print_error;
 use crate::tool::{Cycle, NOTICEABLE, shift};
 use kinematics::{Cause, Fault, Pose, Vector3, text};
 
-/// Cycles for which pins may differ from what LinuxCNC hands over: it sets its own pins later in a cycle,
-/// and what is netted to them through another component is later by some more.
+/// Cycles for which pins may differ from the offset that LinuxCNC passes: it sets its own pins later in a cycle,
+/// and pins netted to them through another component are later still.
 const LATE_CYCLES: u32 = 1000;
 
-/// The tool offset that LinuxCNC hands over, where it does.
+/// The tool offset that LinuxCNC passes, if it does.
 pub(super) struct SentTool {
     offset: Option<Vector3<f64>>,
-    /// For so many cycles the pins have differed from it.
+    /// Number of cycles for which the pins have differed from it.
     differing: u32,
 }
 
@@ -35,12 +35,12 @@ impl SentTool {
 }
 
 impl Module {
-    /// Takes a request that replaces the one of the pins, from now on.
+    /// Accepts a request that replaces the pins from now on.
     pub fn request_tool(&mut self, offset: [f64; 3]) {
         self.sent_tool.offset = Some(offset.into());
     }
 
-    /// The requested tool vector o, with the spindle offset in force.
+    /// Returns the requested tool vector o, with the spindle offset in force.
     #[inline(always)]
     pub(super) fn requested_tool(&self, spindle_offset: f64) -> Vector3<f64> {
         let mut tool = self.sent_tool.offset.unwrap_or_else(|| self.pins.tool());
@@ -48,7 +48,7 @@ impl Module {
         tool
     }
 
-    /// Reports pins that are not read although they say something else: once.
+    /// Reports once that pins which are not read differ from the request.
     pub(super) fn watch_tool_pins(&mut self) {
         if self.sent_tool.offset.is_some() && self.sent_tool.is_contradicted_by(&self.pins.tool()) {
             print_error(&text![
@@ -58,11 +58,11 @@ impl Module {
         }
     }
 
-    /// The tool offset to compute with.
+    /// Returns the tool offset to compute with.
     ///
     /// A request takes effect at once with the machine off, in the identity kinematics, in which no joint
     /// depends on it, and before any pose is known.
-    /// Otherwise the monitor brings it into effect. Without a monitor it takes effect where it
+    /// Otherwise the monitor brings it into effect. Without a monitor it takes effect if it
     /// moves no joint: while the platform is level.
     #[inline(always)]
     pub(super) fn tool_in_effect(&self) -> Result<Vector3<f64>, Fault> {
@@ -88,7 +88,7 @@ impl Module {
         Err(Fault::with_value(Cause::ToolChangedTilted, jump))
     }
 
-    /// How far the platform shifts for a change of the offset; at the pose commanded last where an axis
+    /// Returns the shift of the platform for a change of the offset; at the pose commanded last if an axis
     /// carries something.
     fn shift_of(&self, pose: &Pose, tool: &Vector3<f64>, change: &Vector3<f64>) -> Vector3<f64> {
         match self.carrying.chain.is_empty() {
@@ -97,13 +97,13 @@ impl Module {
         }
     }
 
-    /// Whether the machine is off, as far as this can be known: a HAL file that does not
-    /// connect `.machine-on` never says so.
+    /// Returns whether the machine is known to be off: in a HAL file that does not
+    /// connect `.machine-on` this is never known.
     pub(super) fn is_off(&self) -> bool {
         (self.machine_was_on || self.is_monitored) && !self.pins.machine_on()
     }
 
-    /// Brings the tool offset nearer to the one requested. Shows the one that belongs to the pose
+    /// Moves the tool offset toward the requested one. Shows the one that belongs to the pose
     /// and joints of this cycle: LinuxCNC's request changes after forward and inverse.
     pub(super) fn advance_tool(&mut self, commanded: Option<Pose>, seconds: f64) {
         let of_this_cycle = self.tool.offset();
@@ -152,7 +152,7 @@ impl Module {
         self.kind == Kind::Machine && !self.is_off() && !is_joint_mode
     }
 
-    /// Takes a tool offset. The joints stay, so that the poses move.
+    /// Sets the tool offset. The joints stay, so that the poses move.
     fn retool(&mut self, tool: Vector3<f64>) {
         if tool == self.tool.offset() {
             return;
@@ -162,14 +162,14 @@ impl Module {
         self.seeds.change_tool(&(self.tool.of_machine() - before));
     }
 
-    /// Takes the tool offset that forward has to use.
+    /// Sets the tool offset that forward must use.
     pub(super) fn retool_for_forward(&mut self) -> Result<(), Fault> {
         let request = self.requested_tool(self.frozen()?.given.spindle_offset);
         if self.tool.has(&request) {
             return Ok(());
         }
         let usable = self.frozen()?.machine.check_tool(&request).is_ok();
-        // LinuxCNC goes on from the pose that it gets now: in joint mode, on entering teleop mode, and after
+        // LinuxCNC continues from the pose that it gets now: in joint mode, on entering teleop mode, and after
         // a switch of the kinematics. The change then ends at once, and no joint moves.
         let is_of_command = self.was_switched || self.calls.is_for_commanded_joints();
         let sets_command = self.pose_is_unknown || (self.is_monitored && is_of_command);

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The pins of the axes that carry work, tool or legs, and of a work on the platform.
+//! The pins of the axes that carry workpiece, tool or legs, and of a workpiece on the platform.
 
 use super::maker::{Maker, Vector, read};
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::{ChainGeometry, LinkGeometry, Load, MAX_LINKS, text};
 
-/// Letters of the axes that can carry something, and the first one's place in LinuxCNC's pose.
+/// Letters of the axes that can carry something.
 const LETTERS: [&str; MAX_LINKS] = ["a", "b", "c", "u", "v", "w"];
 const FIRST: usize = 3;
 
-/// How many of them turn: they have a point.
+/// Number of rotary ones, which have a point.
 const ROTARY: usize = 3;
 
 #[repr(C)]
@@ -19,16 +19,16 @@ struct LinkPins {
     point: Vector,
 }
 
-/// Pins of the chain; those of letters that are no extra axes are not made and never read.
+/// Pins of the chain; those of letters that are not extra axes are not created and never read.
 #[repr(C)]
 pub(super) struct ChainPins {
     links: [LinkPins; MAX_LINKS],
     holder: Vector,
-    /// Not where there are two mechanisms.
+    /// False with two mechanisms.
     is_made: bool,
 }
 
-/// Places of the extra axes that can carry something, from the first letter on.
+/// Returns the indices of the extra axes that can carry something, from the first letter on.
 fn places(load: &Load) -> impl Iterator<Item = usize> + '_ {
     load.extra.places().filter_map(|place| place.checked_sub(FIRST))
 }
@@ -53,8 +53,8 @@ impl ChainPins {
         Ok(())
     }
 
-    /// Where the control point of the resting holder is; all NaN is the default and means that the
-    /// work is not on the platform.
+    /// Returns the position of the control point of the fixed holder; all NaN is the default and means that the
+    /// workpiece is not on the platform.
     pub(super) fn holder(&self) -> Option<[f64; 3]> {
         if !self.is_made {
             return None;
@@ -63,7 +63,7 @@ impl ChainPins {
         (!holder.iter().all(|v| v.is_nan())).then_some(holder)
     }
 
-    /// The chain as the pins give it now.
+    /// Reads the chain from the pins.
     pub(super) fn given(&self, load: &Load) -> ChainGeometry {
         let mut given = ChainGeometry { holder: self.holder(), ..ChainGeometry::NONE };
         for i in places(load).filter(|_| self.is_made) {
@@ -74,7 +74,7 @@ impl ChainPins {
         given
     }
 
-    /// Whether the pins give what was frozen.
+    /// Returns whether the pins give the frozen chain.
     pub(super) fn give(&self, frozen: &ChainGeometry, load: &Load) -> bool {
         let same = |i: usize| match (frozen.links.get(i), self.links.get(i)) {
             (Some(link), Some(pins)) => pins.given(i < ROTARY) == *link,

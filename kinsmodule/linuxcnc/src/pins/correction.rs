@@ -5,7 +5,7 @@ use super::maker::Maker;
 use crate::hal::{Direction, HalError, Pin};
 use crate::tool::JointLimits;
 
-/// What is asked, allowed and in effect, in joint units.
+/// The requested, allowed and effective correction, in joint units.
 #[repr(C)]
 pub struct CorrectionPins {
     pub asked: Pin<f64>,
@@ -28,22 +28,22 @@ impl CorrectionPins {
         Ok(())
     }
 
-    /// Whether there may be one.
+    /// Returns whether a correction is allowed.
     pub fn is_allowed(&self) -> bool {
         self.limit.get() != 0.0
     }
 
-    /// The largest correction, either way; 0 where the pin gives no length.
+    /// Returns the largest correction in either direction; 0 if the pin gives no length.
     pub fn bound(&self) -> f64 {
         positive(self.limit.get())
     }
 
-    /// How much it may change in a cycle.
+    /// Returns the largest change in a cycle.
     pub fn step(&self, seconds: f64) -> f64 {
         positive(self.rate.get() * seconds)
     }
 
-    /// What the limits of the joint leave to its motion.
+    /// Returns the limits that remain for the motion of the joint.
     pub(super) fn room_in(&self, limits: JointLimits) -> JointLimits {
         let (bound, rate) = (self.bound(), positive(self.rate.get()));
         JointLimits {
@@ -55,7 +55,7 @@ impl CorrectionPins {
     }
 }
 
-/// A number that is more than 0 and finite, or 0.
+/// Returns a positive finite number unchanged, otherwise 0.
 fn positive(value: f64) -> f64 {
     if value > 0.0 && value.is_finite() { value } else { 0.0 }
 }

@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The pins of the guard: the limits that it is given, and what it shows.
+//! The pins of the guard: its limits and its results.
 
 use super::Pins;
 use super::maker::Maker;
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::{CONDITIONING_LIMIT, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, text};
 
-/// Floor of the feed where the value of the pin is no share.
+/// Floor of the feed scale if the value of the pin is not in (0, 1].
 const FLOOR: f64 = 0.02;
 
-/// The distance shown where nothing can come near to each other, or none is known; no limit, where it is
-/// given.
+/// The distance shown if nothing can come near to each other, or none is known; as an input it means no
+/// limit.
 pub const FAR: f64 = 1e99;
 
-/// What the guard shows of one joint.
+/// The guard's outputs for one joint.
 #[repr(C)]
 pub struct GuardJointPins {
     pub margin: Pin<f64>,
     pub speed_ratio: Pin<f64>,
 }
 
-/// What the guard shows and is given of one leg.
+/// The guard's outputs and inputs for one leg.
 #[repr(C)]
 pub struct GuardLegPins {
     pub base_angle: Pin<f64>,
@@ -77,11 +77,11 @@ impl GuardPins {
             leg.create(make, n)?;
         }
         self.shown.create(make)?;
-        // A second mechanism goes by those of the first.
+        // A second mechanism uses those of the first.
         if make.place.is_second { Ok(()) } else { self.asked.create(make) }
     }
 
-    /// Limits of the machine, live.
+    /// Returns the limits of the machine, live.
     pub fn limits(&self, pins: &Pins, layout: &Layout) -> Limits {
         let [min, max, speed] = pins.joint_limits(layout.joints());
         let mut limits = Limits {
@@ -105,7 +105,7 @@ impl GuardPins {
         limits
     }
 
-    /// Smallest feed scale, in (0, 1].
+    /// Returns the smallest feed scale, in (0, 1].
     pub fn floor(&self) -> f64 {
         let floor = self.asked.feed_floor.get();
         if floor > 0.0 && floor <= 1.0 { floor } else { FLOOR }
@@ -155,7 +155,7 @@ impl GuardOutputs {
         make.one(&mut self.limit_reason, Out, text![make.stem(), "limit-reason"], 0)
     }
 
-    /// Shows which limit is near of another mechanism, where none is of this one.
+    /// Shows the near limit of another mechanism, if this one has none.
     pub fn limit_of_either(&self, other: &Self) {
         if !self.limit_soon.get() && other.limit_soon.get() {
             self.limit_soon.set(true);
@@ -164,14 +164,14 @@ impl GuardOutputs {
         }
     }
 
-    /// Shows a limit that is near, where no other one is.
+    /// Shows a near limit, if no other one is shown.
     pub fn limit_if_none(&self, fault: &Fault) {
         if !self.limit_soon.get() {
             self.limit(Some(*fault));
         }
     }
 
-    /// Shows which limit is near, if one is.
+    /// Shows the near limit, if there is one.
     pub fn limit(&self, soon: Option<Fault>) {
         self.limit_soon.set(soon.is_some());
         self.limit_leg.set(soon.and_then(|fault| fault.number()).map_or(-1, i32::from));
@@ -195,7 +195,7 @@ impl GuardInputs {
         ]
     }
 
-    /// Takes those of the first mechanism for its own.
+    /// Uses the pins of the first mechanism.
     pub(super) fn share(&self, first: &Self) {
         for (own, first) in self.all().into_iter().zip(first.all()) {
             own.share(first);

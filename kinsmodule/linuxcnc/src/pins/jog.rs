@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Pins of jogs in world mode: how fast LinuxCNC may jog its axes.
+//! Pins of jogs in world mode: the speeds at which LinuxCNC may jog its axes.
 
 use super::FAR;
 use super::maker::Maker;
@@ -40,17 +40,17 @@ impl JogPins {
         Ok(())
     }
 
-    /// A second mechanism goes by what the first is told. It has no pins of its own here.
+    /// Uses the pins of the first mechanism: a second one has none here.
     pub(super) fn share(&self, first: &Self) {
         self.jogging.share(&first.jogging);
     }
 
-    /// Whether LinuxCNC jogs.
+    /// Returns whether LinuxCNC jogs.
     pub fn is_jogging(&self) -> bool {
         self.jogging.get()
     }
 
-    /// The largest speed of each axis; infinite where it has no pins.
+    /// Returns the largest speed of each axis; infinite if it has no pins.
     pub fn fastest(&self) -> World {
         let mut fastest = [f64::INFINITY; 9];
         for (k, (value, pin)) in fastest.iter_mut().zip(&self.fastest).enumerate() {
@@ -61,8 +61,8 @@ impl JogPins {
         fastest
     }
 
-    /// Shows the shares of their largest speeds at which the axes may be jogged, and whether all jogs
-    /// have to end.
+    /// Shows the fractions of their largest speeds at which the axes may be jogged, and whether all jogs
+    /// must end.
     pub fn show(&self, shares: &World, is_stopped: bool) {
         if self.made == 0 {
             return;

@@ -30,7 +30,7 @@ const PENTAKINS: [([f64; 3], [f64; 2]); 5] = [
     ([-0.06, -492.96, 895.56], [80.32, -14.0]),
 ];
 
-/// Pins of one leg; those that its kind does not have are not made and never read.
+/// Pins of one leg; those that its kind does not have are not created and never read.
 #[repr(C)]
 pub(super) struct LegPins {
     base: Vector,
@@ -49,14 +49,14 @@ pub(super) struct LegPins {
     // Slider and crank.
     rod: Pin<f64>,
     side: Pin<i32>,
-    // Ring, in place of the platform anchor: its radius, and its height along the tool axis.
+    // Ring, instead of the platform anchor: its radius, and its height along the tool axis.
     effector: [Pin<f64>; 2],
 }
 
 impl LegPins {
     pub(super) fn create(&mut self, make: &Maker, n: usize, kind: Kind) -> Result<(), HalError> {
         use Direction::In;
-        // genhexkins' machine where it has such a leg, so that its HAL files work.
+        // genhexkins' machine if it has such a leg, so that its HAL files work.
         let drop_in = (kind == Kind::Strut).then(|| make.drop_in(&GENHEXKINS, n)).flatten();
         let [base, platform, base_axis, platform_axis] = *drop_in.unwrap_or(&[[0.0; 3]; 4]);
         if kind != Kind::Ring {
@@ -110,9 +110,9 @@ impl LegPins {
         make.one(&mut self.side, In, make.of_leg("side", n, ""), 0)
     }
 
-    /// The leg as the pins give it now; `common_lead` is that of all struts.
+    /// Reads the leg from the pins; `common_lead` is that of all struts.
     pub(super) fn given(&self, kind: Kind, common_lead: f64) -> LegGeometry {
-        // A ring has no pins of a platform anchor.
+        // A ring has no platform anchor pins.
         let (base, platform) = (read(&self.base), || read(&self.platform));
         match kind {
             Kind::Ring => self.ring(base),

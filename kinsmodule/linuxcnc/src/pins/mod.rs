@@ -2,7 +2,7 @@
 //! The HAL pins: names, directions, defaults, and the machine read from them.
 //!
 //! Names and defaults are genhexkins' where the meaning is the same, so that a HAL
-//! file for genhexkins works after replacing the name.
+//! file for genhexkins works after the name is replaced.
 
 mod chain;
 mod correction;
@@ -29,7 +29,7 @@ use leg::LegPins;
 use maker::{Pose6, Vector, read};
 use workspace_box::BoxPins;
 
-/// The version as one number: a million for each major one, a thousand for each minor one.
+/// The version as one number: a million per major version, a thousand per minor version.
 const VERSION: u32 = 1_000_000 * number(env!("CARGO_PKG_VERSION_MAJOR"))
     + 1000 * number(env!("CARGO_PKG_VERSION_MINOR"))
     + number(env!("CARGO_PKG_VERSION_PATCH"));
@@ -95,17 +95,17 @@ pub struct Pins {
     pub guard: GuardPins,
 }
 
-/// What is frozen at `.apply`.
+/// The values frozen at `.apply`.
 #[derive(Clone, Copy, PartialEq)]
 pub struct Given {
     pub geometry: Geometry,
-    /// Taken from the native joint values.
+    /// Subtracted from the native joint values.
     pub offset: PerLeg,
     pub spindle_offset: f64,
 }
 
 impl Given {
-    /// The machine, or why it is refused.
+    /// Builds the machine, or returns why it is refused.
     pub fn checked(&self) -> Result<Machine, Fault> {
         let machine = Machine::freeze(&self.geometry, &self.offset)?;
         machine.check_tool(&Vector3::new(0.0, 0.0, self.spindle_offset))?;
@@ -143,8 +143,8 @@ impl JointPins {
 }
 
 impl Pins {
-    /// Makes all pins of a mechanism; `self` must be in memory from [`Component::allocate`]. Those that
-    /// a second mechanism has in common with the first are not made: see [`Pins::share`].
+    /// Creates all pins of a mechanism; `self` must be in memory from [`Component::allocate`]. Those that
+    /// a second mechanism shares with the first are not created: see [`Pins::share`].
     pub fn create(
         &mut self,
         component: Component,
@@ -177,7 +177,7 @@ impl Pins {
         self.guard.create(&make, &load.layout)
     }
 
-    /// Takes the pins that both mechanisms have in common from those of the first.
+    /// Uses the pins that both mechanisms share, from those of the first.
     pub fn share(&self, first: &Self) {
         for (own, first) in [
             (&self.screw_lead, &first.screw_lead),
@@ -198,7 +198,7 @@ impl Pins {
         self.fault_leg.share(&first.fault_leg);
         self.fault_count.share(&first.fault_count);
         self.is_type.iter().zip(&first.is_type).for_each(|(own, first)| own.share(first));
-        // The pose has one set of names here.
+        // The pose has only one set of names here.
         self.skgui.iter().zip(&self.pose).for_each(|(gui, own)| gui.share(own));
         self.guard.asked.share(&first.guard.asked);
         self.jog.share(&first.jog);
@@ -232,7 +232,7 @@ impl Pins {
         make.one(&mut self.geometry_changed, Out, name("geometry-changed"), false)
     }
 
-    /// Those that a module has once, however many mechanisms it has.
+    /// Creates the pins that a module has once, regardless of the number of mechanisms.
     fn create_common(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::{In, Out};
         make.one(&mut self.screw_lead, In, text!["pkmkins.screw-lead"], 0.0)?;
@@ -254,7 +254,7 @@ impl Pins {
         make.one(&mut self.version, Out, text!["pkmkins.version"], VERSION)
     }
 
-    /// What enters the joint values as the pins give it now, the tool aside.
+    /// Reads the pins that affect the joint values, except the tool.
     pub fn given(&self, load: &Load) -> Given {
         let common_lead = self.screw_lead.get();
         let kind = |i: usize| load.kinds().get(i).copied().unwrap_or(Kind::Strut);
@@ -273,28 +273,28 @@ impl Pins {
         Given { geometry, offset, spindle_offset: self.spindle_offset.get() }
     }
 
-    /// What the extra axes carry as the pins give it now.
+    /// Reads what the extra axes carry.
     pub fn chain(&self, load: &Load) -> ChainGeometry {
         self.chain.given(load)
     }
 
-    /// Whether the pins give what was frozen of the chain.
+    /// Returns whether the pins give the frozen chain.
     pub fn give_chain(&self, frozen: &ChainGeometry, load: &Load) -> bool {
         self.chain.give(frozen, load)
     }
 
-    /// Box `k` of the workspace as the pins give it now, and the hash of its geometry.
+    /// Reads box `k` of the workspace, and the hash of its geometry.
     pub fn workspace_box(&self, k: usize, layout: &Layout) -> (WorkspaceBox, u32) {
         let pins = &self.boxes[k.min(MAX_BOXES - 1)];
         (pins.given(layout), pins.geometry.get())
     }
 
-    /// The requested tool offset.
+    /// Returns the requested tool offset.
     pub fn tool(&self) -> Vector3<f64> {
         Vector3::new(self.tool_offset_x.get(), self.tool_offset_y.get(), self.tool_offset.get())
     }
 
-    /// Limits of the joints, live, with room for their corrections; those beyond the last joint are none.
+    /// Returns the limits of the joints, live, narrowed for their corrections; joints beyond the last one have none.
     pub fn limits(&self, load: &Load) -> [JointLimits; MAX_JOINTS] {
         let mut limits = [JointLimits::ABSENT; MAX_JOINTS];
         let joints = self.joints.iter().take(load.layout.joints());
@@ -304,12 +304,12 @@ impl Pins {
         limits
     }
 
-    /// Corrections of the first `count` joints.
+    /// Returns the corrections of the first `count` joints.
     pub fn corrections(&self, count: usize) -> impl Iterator<Item = &CorrectionPins> {
         self.joints.iter().take(count).map(|joint| &joint.correction)
     }
 
-    /// Solver settings, live.
+    /// Returns the solver settings, live.
     pub fn solver(&self) -> Solver {
         Solver {
             convergence_criterion: self.convergence_criterion.get(),
@@ -319,7 +319,7 @@ impl Pins {
         }
     }
 
-    /// Smallest and largest values and largest speeds of the first `count` joints, with room for
+    /// Returns the smallest and largest values and largest speeds of the first `count` joints, narrowed for
     /// their corrections.
     pub fn joint_limits(&self, count: usize) -> [Joints; 3] {
         let mut limits = [[0.0; MAX_JOINTS]; 3];
@@ -349,14 +349,14 @@ impl Pins {
         self.fault_reset.get()
     }
 
-    /// Shows a fault: the code, the number of the leg or joint (−1: none), one more counted.
+    /// Shows a fault: the code, the number of the leg or joint (−1: none), and increments the count.
     pub fn show_fault(&self, fault: &Fault) {
         self.fault.set(fault.cause.code());
         self.fault_leg.set(fault.number().map_or(-1, i32::from));
         self.fault_count.set(self.fault_count.get().wrapping_add(1));
     }
 
-    /// Takes the shown fault back; the count stays.
+    /// Clears the shown fault; the count stays.
     pub fn clear_fault(&self) {
         self.fault.set(0);
         self.fault_leg.set(-1);
@@ -378,7 +378,7 @@ impl Pins {
         }
     }
 
-    /// Only a module with boxes has the pin.
+    /// Shows whether a search runs; only a module with boxes has the pin.
     pub fn show_searching(&self, searching: bool) {
         self.searching.set(searching);
     }

@@ -5,12 +5,12 @@ use super::maker::{LETTERS, Maker, Pose6, read};
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::{Layout, Load, MAX_LEGS, WorkspaceBox, text};
 
-/// Pins of one box of the workspace; those beyond `boxes=` are not made and never read.
+/// Pins of one box of the workspace; those beyond `boxes=` are not created and never read.
 #[repr(C)]
 pub(super) struct BoxPins {
     low: Pose6,
     high: Pose6,
-    /// Rows of the coordinates X … C, one pin a leg.
+    /// Rows of the coordinates X … C, one pin per leg.
     matrix: [[Pin<f64>; MAX_LEGS]; 6],
     steps: Pin<u32>,
     pub(super) geometry: Pin<u32>,

@@ -2,13 +2,13 @@
 //! The tool offset in effect, and how it follows the one requested.
 //!
 //! With the platform tilted by R, an offset that changes by Δo shifts the platform by
-//! (R − I) Δo along a straight line, without turning it, while the control point stays; where an axis
-//! carries work or tool, by another linear function of Δo.
-//! A change waits until the machine stands still. Its path along this line is then surveyed, some
-//! places a cycle, and followed at a constant speed.
+//! (R − I) Δo along a straight line, without rotating it, while the control point stays; if an axis
+//! carries workpiece or tool, by another linear function of Δo.
+//! A change waits until the machine is at rest. Its path along this line is then surveyed, some
+//! poses per cycle, and followed at a constant speed.
 //!
-//! LinuxCNC commands no motion meanwhile and therefore counts as in position: it carries out a change of
-//! mode in any cycle, and no kinematics module can prevent or even see that. Outside of world mode it
+//! LinuxCNC commands no motion meanwhile and therefore counts as in position: it may change
+//! the mode in any cycle, and no kinematics module can prevent or even detect that. Outside of world mode it
 //! does not call inverse, so that no braking is possible then. The speed is therefore so low that every
 //! joint can stop within one cycle (see [`survey`]), and a change may end anywhere.
 
@@ -22,33 +22,33 @@ use path::Path;
 use survey::Survey;
 
 /// A tool change without a monitor, or without known limits, may shift the platform by no
-/// more than this share of the machine's size: less than what following errors of a level
-/// platform make of it.
+/// more than this fraction of the machine's size: less than the error of a level platform from
+/// following errors.
 pub const NOTICEABLE: f64 = 1e-5;
 
-/// A shift of the platform by no more than this share of the machine's size is made in
+/// A shift of the platform by no more than this fraction of the machine's size is made in
 /// one cycle: on a machine of 1 m in cycles of 1 ms that is an acceleration of 1 mm/s².
 pub const IMPERCEPTIBLE: f64 = 1e-9;
 
 /// Cycles without motion before and after a change: LinuxCNC's interpolators lag by two.
 const REST_CYCLES: u32 = 5;
 
-/// Longest time in seconds that a motion under way may take to stop.
+/// Longest time in seconds that a motion may take to stop.
 const MAX_WAIT: f64 = 5.0;
 
-/// Share of a joint's limits for a motion that LinuxCNC knows nothing of: of the velocity limit, and of the
+/// Fraction of a joint's limits for a motion that LinuxCNC does not command: of the velocity limit, and of the
 /// speed that the acceleration limit reaches within one cycle.
 ///
 /// LinuxCNC may change its mode in any cycle. Let V be the largest step of a joint from one point to the
 /// next. The joints follow a cubic B-spline of these points, which lags by two of them.
-/// - To joint mode: the joint stands from one cycle to the next, an acceleration of V / T².
-/// - From coordinated to teleop mode or back: the spline begins anew, filled with the next point. The joint
-///   jumps there within one cycle, by 2 V for the lag and by V for the point itself, then stands for a
+/// - To joint mode: the joint stops from one cycle to the next, an acceleration of V / T².
+/// - From coordinated to teleop mode or back: the spline starts anew, filled with the next point. The joint
+///   jumps there within one cycle, by 2 V for the lag and by V for the point itself, then stops for a
 ///   cycle: at most 3 V / T for the speed, and 3 V / T² for the acceleration.
 /// - To the identity kinematics: the spline returns to the joint's last value, by at most 5 V / 3 T².
 ///
-/// So a third is the bound; a tenth less leaves room for the second derivative and for rounding. T is the
-/// servo period even where the trajectory period is longer: the jump happens within a servo cycle.
+/// So a third is the bound; a tenth less allows for the second derivative and for rounding. T is the
+/// servo period even if the trajectory period is longer: the jump happens within a servo cycle.
 const STEP_SHARE: f64 = 0.3;
 
 /// Limits of a joint, in joint units and seconds.
@@ -61,10 +61,10 @@ pub struct JointLimits {
 }
 
 impl JointLimits {
-    /// Where nobody has set any.
+    /// Limits that are not set.
     pub const ABSENT: Self = Self { least: -1e99, most: 1e99, velocity: 1e99, acceleration: 1e99 };
 
-    /// Whether velocity and acceleration have limits.
+    /// Returns whether velocity and acceleration have limits.
     pub fn are_known(&self) -> bool {
         let Self { velocity, acceleration, .. } = Self::ABSENT;
         self.velocity > 0.0
@@ -73,13 +73,13 @@ impl JointLimits {
             && self.acceleration < acceleration
     }
 
-    /// Returns the speed of a joint that LinuxCNC may stop in any cycle, `seconds` long.
+    /// Returns the speed from which LinuxCNC may stop a joint in any cycle, `seconds` long.
     pub fn stoppable_speed(&self, seconds: f64) -> f64 {
         STEP_SHARE * self.velocity.min(self.acceleration * seconds)
     }
 }
 
-/// What a change goes by in one cycle.
+/// The inputs of a change in one cycle.
 pub struct Cycle<'a> {
     pub machine: &'a Machine,
     pub limits: [JointLimits; MAX_JOINTS],
@@ -88,21 +88,21 @@ pub struct Cycle<'a> {
     pub request: Vector3<f64>,
     /// The pose commanded in this cycle; none outside of world mode.
     pub commanded: Option<Pose>,
-    /// Whether the pose that LinuxCNC commands is another than in the cycle before, where the machine's
-    /// own does not tell: an axis that carries something changes it with the tool offset.
+    /// Whether LinuxCNC's commanded pose differs from that of the cycle before, if the machine's
+    /// own does not show it: an axis that carries something changes it with the tool offset.
     pub has_moved: Option<bool>,
-    /// How the platform shifts at that pose for a change of the offset.
+    /// The shift of the platform per change of the offset at that pose.
     pub shift: &'a Matrix3<f64>,
     pub seconds: f64,
 }
 
 impl Cycle<'_> {
-    /// Whether the commanded pose, once `from`, is another one.
+    /// Returns whether the commanded pose, previously `from`, has changed.
     fn is_elsewhere(&self, from: &Pose, pose: &Pose) -> bool {
         self.has_moved.unwrap_or(pose != from)
     }
 
-    /// The refusal where a joint has no limits of velocity and acceleration.
+    /// Returns the refusal if a joint has no limits of velocity and acceleration.
     fn unlimited(&self) -> Option<Fault> {
         let layout = self.machine.layout();
         let mut known = self.limits.iter().take(layout.joints());
@@ -111,7 +111,7 @@ impl Cycle<'_> {
     }
 }
 
-/// The offset in effect, and the change that is under way.
+/// The offset in effect, and the present change.
 pub struct Tool {
     offset: Vector3<f64>,
     /// The tool vector of the machine's poses: the offset, or 0.
@@ -124,11 +124,11 @@ pub struct Tool {
 #[allow(clippy::large_enum_variant, reason = "one of it exists, and there is no allocator")]
 enum Change {
     None,
-    /// Until the motion under way has stopped.
+    /// Until the motion has stopped.
     Waiting(Waiting),
     Surveying(Survey),
     Moving(Moving),
-    /// Until LinuxCNC's interpolators have come to the end, for so many cycles.
+    /// Until LinuxCNC's interpolators have reached the end, for this number of cycles.
     Resting(u32),
     Refused {
         request: Vector3<f64>,
@@ -150,12 +150,12 @@ impl Tool {
         self.offset
     }
 
-    /// The tool vector of the machine's poses.
+    /// Returns the tool vector of the machine's poses.
     pub fn of_machine(&self) -> Vector3<f64> {
         self.of_machine
     }
 
-    /// Whether the machine's poses are those of the platform, whatever the offset.
+    /// Sets whether the machine's poses are those of the platform, regardless of the offset.
     pub fn set_bare(&mut self, is_bare: bool) {
         self.is_bare = is_bare;
         self.set(self.offset);
@@ -171,22 +171,22 @@ impl Tool {
         self.change = Change::None;
     }
 
-    /// Whether a change is under way, so that nothing else may move.
+    /// Returns whether a change is active, so that nothing else may move.
     pub fn is_busy(&self) -> bool {
         !matches!(self.change, Change::None | Change::Refused { .. })
     }
 
-    /// Whether this offset is in effect.
+    /// Returns whether this offset is in effect.
     pub fn has(&self, request: &Vector3<f64>) -> bool {
         *request == self.offset
     }
 
-    /// Whether this offset is in effect and nothing is left to be done about it.
+    /// Returns whether this offset is in effect and nothing remains to be done for it.
     pub fn is_at(&self, request: &Vector3<f64>) -> bool {
         matches!(self.change, Change::None) && self.has(request)
     }
 
-    /// Why this request was refused, if it was.
+    /// Returns why this request was refused, if it was.
     pub fn refusal(&self, request: &Vector3<f64>) -> Option<Fault> {
         match &self.change {
             Change::Refused { request: refused, fault } if refused == request => Some(*fault),
@@ -194,13 +194,13 @@ impl Tool {
         }
     }
 
-    /// One cycle towards the request.
+    /// Runs one cycle toward the request.
     ///
     /// # Errors
-    /// The fault of a request that is refused from now on. What is in effect stays.
+    /// The fault of a request that is refused from now on. The offset in effect stays.
     pub fn advance(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
         let stepped = match &cycle.commanded {
-            // Outside of world mode inverse is not called, so that nothing can be moved by it.
+            // Outside of world mode inverse is not called, so that it cannot move anything.
             None => Ok(Change::None),
             Some(pose) => self.stepped(cycle, pose),
         };
@@ -225,7 +225,7 @@ impl Tool {
         }
     }
 
-    /// The first step towards a request, if there is one: to wait until the machine stands still.
+    /// Returns the first step toward a request, if there is one: wait until the machine is at rest.
     fn started(&mut self, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
         if self.is_settled(cycle) {
             return Ok(Change::None);
@@ -236,10 +236,10 @@ impl Tool {
         }
     }
 
-    /// Whether nothing is left to be done; a request that moves nothing is taken.
+    /// Returns whether nothing remains to be done; a request that moves nothing takes effect.
     fn is_settled(&mut self, cycle: &Cycle<'_>) -> bool {
         let request = cycle.request;
-        // One that cannot be computed with makes inverse fail, which is enough.
+        // An invalid offset makes inverse fail, which is enough.
         if request == self.offset || cycle.machine.check_tool(&request).is_err() {
             return true;
         }
@@ -274,7 +274,7 @@ impl Tool {
     fn moved(&mut self, moving: Moving, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
         moving.path.refuse_other_pose(cycle, pose)?;
         if cycle.request != moving.path.to {
-            // It is slow enough to stop at once.
+            // The motion is slow enough to stop at once.
             return self.started(cycle, pose);
         }
         let moving = moving.continued();
@@ -294,9 +294,9 @@ fn disturbed() -> Fault {
 #[derive(Clone, Copy)]
 struct Waiting {
     pose: Pose,
-    /// At rest for so many cycles.
+    /// Number of cycles at rest.
     cycles: u32,
-    /// Since the change was requested.
+    /// Time since the change was requested.
     seconds: f64,
 }
 
@@ -317,14 +317,14 @@ impl Waiting {
 struct Moving {
     path: Path,
     share: f64,
-    /// Share of the path in a cycle.
+    /// Fraction of the path per cycle.
     step: f64,
 }
 
 impl Moving {
-    /// Goes one cycle further.
+    /// Advances one cycle.
     fn continued(self) -> Self {
-        // Not more than what is left, nor what rounding would leave for another cycle.
+        // Not more than the rest, including a rest that is only rounding.
         let is_last = !(self.step * (1.0 + 1e-9) < 1.0 - self.share);
         Self { share: if is_last { 1.0 } else { self.share + self.step }, ..self }
     }

@@ -4,10 +4,10 @@
 use super::{Cycle, disturbed};
 use kinematics::{Fault, Pose, Vector3};
 
-/// From one offset to another at a pose of LinuxCNC's that stays.
+/// A path from one offset to another, while LinuxCNC's pose stays.
 #[derive(Clone, Copy)]
 pub(super) struct Path {
-    /// The machine's pose at the beginning, and the tool vector that it belongs to.
+    /// The machine's pose at the beginning, and its tool vector.
     pub(super) pose: Pose,
     pub(super) tool: Vector3<f64>,
     pub(super) travel: Vector3<f64>,
@@ -16,12 +16,12 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// The offset after a share of the path, from 0 to 1.
+    /// Returns the offset after a fraction of the path, from 0 to 1.
     pub(super) fn at(&self, share: f64) -> Vector3<f64> {
         if share >= 1.0 { self.to } else { self.from + (self.to - self.from) * share }
     }
 
-    /// The machine's pose there, for the tool vector at the beginning.
+    /// Returns the machine's pose there, for the tool vector at the beginning.
     pub(super) fn pose_at(&self, share: f64) -> Pose {
         Pose { position: self.pose.position + self.travel * share, ..self.pose }
     }
@@ -32,7 +32,7 @@ impl Path {
     }
 }
 
-/// How far the platform shifts when the offset changes by `change` at a pose: (R − I) Δo.
+/// Returns the shift of the platform when the offset changes by `change` at a pose: (R − I) Δo.
 pub fn shift(pose: &Pose, change: &Vector3<f64>) -> Vector3<f64> {
     pose.rotation() * change - change
 }

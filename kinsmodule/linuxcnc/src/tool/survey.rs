@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The survey of a path before it is followed.
 //!
-//! Inverse and forward must find every place, within the limits of the joints. The largest rates
+//! Inverse and forward must succeed at every surveyed pose, within the limits of the joints. The largest rates
 //! and second derivatives of the joints bound the speed of the motion.
 
 use super::path::Path;
@@ -15,30 +15,30 @@ const PARTS: u32 = 64;
 
 const PLACES_PER_CYCLE: u32 = 4;
 
-/// Linear solves that forward may take for a place, so that a cycle's work stays a small part of
-/// it: six are enough for every path of the tests. One that asks for four times as many comes too
+/// Linear solves that forward may take per pose, so that a cycle's work stays a small part of
+/// it: six are enough for every path of the tests. A path that needs four times as many comes too
 /// near to a singular pose.
 const SOLVES_PER_PLACE: u32 = 24;
 
-/// Share of the machine's size within which a pose found again is the same one.
+/// Fraction of the machine's size within which a pose found again counts as the same.
 const SAME_POSE: f64 = 1e-9;
 
-/// Share of the acceleration limit for the second derivative of a joint at constant speed.
+/// Fraction of the acceleration limit for the second derivative of a joint at constant speed.
 const SECOND_DERIVATIVE_SHARE: f64 = 0.05;
 
-/// What the survey has found of a joint, per share of the path.
+/// The survey's results for a joint, per fraction of the path.
 #[derive(Clone, Copy, Default)]
 struct JointRates {
     rate: f64,
     largest_rate: f64,
     second_derivative: f64,
     largest_second_derivative: f64,
-    /// Of the second derivative, from one part of the path to the next.
+    /// Largest change of the second derivative from one part of the path to the next.
     largest_change: f64,
 }
 
 impl JointRates {
-    /// Takes in the rate at the next place.
+    /// Adds the rate at the next pose.
     fn with(self, place: u32, rate: f64) -> Self {
         let second_derivative = if place > 0 { (rate - self.rate) * f64::from(PARTS) } else { 0.0 };
         let change = if place > 1 { second_derivative - self.second_derivative } else { 0.0 };
@@ -51,19 +51,19 @@ impl JointRates {
         }
     }
 
-    /// Bound of the second derivative: what was found is the mean of each part, and within
-    /// a part it changes about as much as between neighbours.
+    /// Bounds the second derivative: the values found are the mean of each part, and within
+    /// a part it changes about as much as between neighbors.
     fn second_derivative_bound(&self) -> f64 {
         self.largest_second_derivative + self.largest_change
     }
 
-    /// Bound of the rate, between the places too.
+    /// Bounds the rate, between the poses too.
     fn rate_bound(&self) -> f64 {
         self.largest_rate + self.second_derivative_bound() / f64::from(PARTS)
     }
 }
 
-/// A survey under way.
+/// An active survey.
 #[derive(Clone, Copy)]
 pub(super) struct Survey {
     pub(super) path: Path,
@@ -76,7 +76,7 @@ impl Survey {
         Self { path, next: 0, rates: [JointRates::default(); MAX_JOINTS] }
     }
 
-    /// Goes a cycle further: surveys, or starts the motion at the end of the path.
+    /// Continues for one cycle: surveys, or starts the motion at the end of the path.
     pub(super) fn continued(mut self, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
         self.path.refuse_other_pose(cycle, pose)?;
         for _ in 0..PLACES_PER_CYCLE {
@@ -89,7 +89,7 @@ impl Survey {
         Ok(Change::Surveying(self))
     }
 
-    /// The rates at the next place, if the machine can be there.
+    /// Adds the rates at the next pose, if the machine can reach it.
     fn visit(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
         let Path { tool, travel, .. } = &self.path;
         let part = 1.0 / f64::from(PARTS);
@@ -122,8 +122,8 @@ impl Survey {
     }
 }
 
-/// Refuses a place whose joints are beyond their limits, or from which forward does not come back to
-/// the pose. Forward starts from `before`, one part of the path back.
+/// Refuses a pose whose joints are beyond their limits, or which forward does not find again.
+/// Forward starts from `before`, one part of the path back.
 fn refuse_unreachable(
     pose: &Pose,
     before: &Pose,
@@ -135,7 +135,7 @@ fn refuse_unreachable(
     let limit_iterations = cycle.solver.limit_iterations.min(SOLVES_PER_PLACE);
     let solver = Solver { limit_iterations, ..cycle.solver };
     let found = cycle.machine.forward(&joints, before, tool, &solver).map_err(blocked)?;
-    // Another pose would mean that a singular one lies between this place and the last.
+    // Another pose would mean that a singular one lies between this pose and the last.
     let miss = found.pose.distance(pose, cycle.machine.radius());
     if !(miss <= SAME_POSE * cycle.machine.size()) {
         return Err(Cause::ToolOutOfReach.into());
@@ -158,7 +158,7 @@ fn within(joints: &Joints, cycle: &Cycle<'_>) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Rate of joint `i` while the platform travels without turning.
+/// Returns the rate of joint `i` while the platform translates without rotation.
 fn rate_along(jacobian: &Jacobian, i: usize, travel: &Vector3<f64>) -> f64 {
     let of = |axis| jacobian.get((i, axis)).map_or(0.0, |rate: &f64| *rate);
     of(0) * travel.x + of(1) * travel.y + of(2) * travel.z
