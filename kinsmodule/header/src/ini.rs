@@ -5,7 +5,7 @@ use keys::{Key, Need, ROW, Range, chain, joint, leg, machine, second, workspace_
 use kinematics::leg::Kind;
 use std::fmt::Write as _;
 
-/// Sections of the INI file: their names, what they are for, their keys, and the same of a box's rows.
+/// Sections of the INI file: their names, purposes and keys, and the purpose of a box's rows.
 const SECTIONS: &[(&str, &str, &[&Key], Option<&str>)] = &[
     ("[PKM]", "the machine", machine::ALL, None),
     ("[SECOND]", "values of a second mechanism", second::ALL, None),
@@ -28,7 +28,7 @@ const SECTIONS: &[(&str, &str, &[&Key], Option<&str>)] = &[
     ),
 ];
 
-/// The sections of the manual page.
+/// Returns the sections of the manual page.
 pub fn manual() -> String {
     let section = |(names, text, keys, row): &(&str, &str, &[&Key], Option<&str>)| {
         let keys: String = keys.iter().map(|key| paragraph(key)).collect();
@@ -38,7 +38,7 @@ pub fn manual() -> String {
     SECTIONS.iter().map(section).collect()
 }
 
-/// What stands between the names of sections in the usual font.
+/// Sets the text between section names in the regular font.
 fn bold_names(names: &str) -> String {
     let text = names.replace(']', "]\\fR").replace('[', "\\fP[");
     let text = text.strip_prefix("\\fP").unwrap_or(&text);
@@ -48,7 +48,7 @@ fn bold_names(names: &str) -> String {
     }
 }
 
-/// The page of the documentation: a table for each section.
+/// Returns the documentation page: a table for each section.
 pub fn page() -> String {
     let mut text = String::from(
         "# Keys of the INI file\n\n\
@@ -85,7 +85,7 @@ fn paragraph(key: &Key) -> String {
     format!(".TP\n.B {}{parts}\n{}\n", key.name, sentence(key).replace(" -1", " \\-1"))
 }
 
-/// What a key is, which numbers it takes, and what goes without it.
+/// Describes a key: its purpose, the accepted numbers, and the default.
 fn sentence(key: &Key) -> String {
     let mut text = String::new();
     if key.kinds != Kind::ALL {
@@ -94,7 +94,7 @@ fn sentence(key: &Key) -> String {
     }
     text.push_str(key.text);
     let (unit, expected) = (key.unit, key.expected());
-    // Degrees stand in the words of the range.
+    // Degrees are already in the text of the range.
     let words = match (unit, expected.as_str()) {
         ("", words) | (_, words) if words.ends_with(unit) => words.into(),
         (unit, "") => unit.into(),

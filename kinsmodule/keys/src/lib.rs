@@ -9,10 +9,10 @@ use Range::{Above, Any, From, Hash, Model, Sign, Whole, Word};
 use kinematics::leg::Kind;
 use kinematics::{Carries, MAX_ITERATIONS};
 
-/// Name of the key with row L of a box's matrix, in front of the letter; one number a leg.
+/// Name of the key with row L of a box's matrix, without the letter; one number per leg.
 pub const ROW: &str = "ROW_";
 
-/// Those whose legs end at a point of the platform.
+/// Kinds of legs that end at a point of the platform.
 const POINTED: &[Kind] = &[Kind::Strut, Kind::Slider, Kind::Crank];
 
 const XYZ: &[&str] = &["x", "y", "z"];
@@ -22,44 +22,44 @@ const RADIUS_HEIGHT: &[&str] = &["r", "z"];
 const LENGTH: &str = "machine units";
 const DEGREES: &str = "degrees";
 
-/// One key.
+/// A key of the INI file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Key {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Names of its numbers; none where it is one number.
+    /// Names of its numbers; empty for a single number.
     pub parts: &'static [&'static str],
-    /// Whether it has to be given.
+    /// Whether it is required.
     pub need: Need,
-    /// The pin without `pkmkins.`, with N for the leg or joint, K for the box and L for the axis; its numbers
-    /// go to pins of their own. Empty: no pin.
+    /// The pin without `pkmkins.`, with N for the leg or joint, K for the box and L for the axis; each number
+    /// has its own pin. Empty: no pin.
     pub pin: &'static str,
-    /// What each of its numbers may be.
+    /// Range of each of its numbers.
     pub range: Range,
-    /// Unit of its numbers; empty where they have none.
+    /// Unit of its numbers; empty if they have none.
     pub unit: &'static str,
-    /// What the pin is set to where the key is absent, if not left at its default.
+    /// Value of the pin if the key is absent, unless the pin keeps its default.
     pub absent: Option<u32>,
     /// Kinds of legs that have the key.
     pub kinds: &'static [Kind],
-    /// One sentence, as the manual page has it.
+    /// One sentence, as in the manual page.
     pub text: &'static str,
 }
 
-/// Whether a key has to be given.
+/// Whether a key is required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
     /// Always.
     Needed,
     /// Never.
     Optional,
-    /// Where the strut has a lead.
+    /// If the strut has a lead.
     Cardan,
-    /// Never, but where it is given this other key of the section is needed.
+    /// Never, but if it is given, this other key of the section is required.
     With(&'static str),
 }
 
-/// What a number may be.
+/// Range of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
     /// Any decimal number.
@@ -68,20 +68,20 @@ pub enum Range {
     Above(f64, f64),
     /// From the first to the second.
     From(f64, f64),
-    /// Digits alone, from the first to the second.
+    /// Only digits, from the first to the second.
     Whole(u32, u32),
     /// 1 or -1.
     Sign,
-    /// A word instead of a number: its place in the list, counted from 1, goes to the pin, where there is one.
+    /// A word instead of a number: its index in the list, counted from 1, is the value of the pin, if there is one.
     Word(&'static [&'static str]),
     /// A hash of 32 bits, as 0x and hexadecimal digits or decimal.
     Hash,
-    /// Instead of numbers the file with a shape, its unit, and where its zero is.
+    /// Instead of numbers the file with a shape, its unit, and its origin.
     Model,
 }
 
 impl Range {
-    /// Whether a number, written like this, is in it.
+    /// Returns whether `value` (spelled `word`) is in the range.
     pub fn holds(self, word: &str, value: f64) -> bool {
         match self {
             Any | Model => true,
@@ -99,12 +99,12 @@ impl Range {
 }
 
 impl Key {
-    /// How many numbers.
+    /// Returns the number of its numbers.
     pub const fn count(&self) -> usize {
         if self.parts.is_empty() { 1 } else { self.parts.len() }
     }
 
-    /// What a number of it may be, for people; empty where any number will do.
+    /// Describes the range of its numbers for users; empty if any number is accepted.
     pub fn expected(&self) -> String {
         let unit = if self.unit == DEGREES { " degrees" } else { "" };
         match self.range {
@@ -122,7 +122,7 @@ impl Key {
     }
 }
 
-/// An optional number of all kinds of legs.
+/// Creates an optional number of all kinds of legs.
 const fn key(text: &'static str) -> Key {
     Key {
         name: "",
@@ -147,7 +147,7 @@ macro_rules! table {
                 pub const $name: Key = Key { name: stringify!($name), ..$key };
             )*
 
-            /// All of them.
+            /// All keys of the section.
             pub const ALL: &[&Key] = &[$(&$name),*];
         })*
     };
@@ -194,7 +194,7 @@ table! {
             ..key("Shape of the table under the work, in base, with all axes at 0.") };
     }
 
-    /// `[SECOND]`: what a second mechanism has of its own.
+    /// `[SECOND]`: the differences of a second mechanism.
     second {
         CENTRE = Key { parts: XYZ, pin: "second.centre", unit: LENGTH,
             ..key("Point of its platform that stays at 0 in those of its X, Y, Z that no joint moves.") };
@@ -250,7 +250,7 @@ table! {
             ..key("(A, B, C) Point on the axis, in the frame of its carrier with every axis of the chain at 0.") };
     }
 
-    /// `[JOINT_N]`: joint N, beside LinuxCNC's own keys.
+    /// `[JOINT_N]`: joint N, in addition to LinuxCNC's own keys.
     joint {
         MIN_LIMIT = Key { need: Needed, pin: "min-limit.N", unit: "joint units",
             ..key("Smallest value; less than MAX_LIMIT.") };
@@ -266,7 +266,7 @@ table! {
             ..key("Largest rate of the correction. Required with CORRECTION_LIMIT.") };
     }
 
-    /// `[BOX_K]`: box K for the start without a seed, beside the rows of its matrix.
+    /// `[BOX_K]`: box K for the start without a seed, in addition to the rows of its matrix.
     workspace_box {
         LOW = Key { parts: XYZABC, need: Needed, pin: "box.K.low",
             ..key("Lower ends of the box.") };
@@ -283,30 +283,30 @@ table! {
     }
 }
 
-/// A hash as people and programs write it: hexadecimal, as everything here does, or decimal.
+/// Parses a hash as users and programs write it: hexadecimal, as everywhere in pkmkins, or decimal.
 pub fn hash(text: &str) -> Option<u32> {
     let (digits, radix) = match text.strip_prefix("0x") {
         Some(digits) => (digits, 16),
         None => (text, 10),
     };
-    // Without this a sign would be taken.
+    // Otherwise a sign would be accepted.
     let is_digits = digits.len() <= 10 && digits.bytes().all(|b| b.is_ascii_hexdigit());
     u32::from_str_radix(digits, radix).ok().filter(|_| is_digits)
 }
 
-/// Words of what an axis carries.
+/// Names of the things that an axis can carry.
 const CARRIED: &[&str] = &[Carries::ALL[0].name(), Carries::ALL[1].name(), Carries::ALL[2].name()];
 
-/// Words of which way tools point: down, where lengths are positive, and up, where they are negative.
+/// Directions of tools: down, with positive lengths, and up, with negative ones.
 const DIRECTIONS: &[&str] = &["down", "up"];
 
-/// The keys of the axis with this letter: only those that turn have a point.
+/// Returns the keys of the axis with this letter: only rotary axes have a point.
 pub fn of_axis(letter: char) -> impl Iterator<Item = &'static Key> {
     let turns = "ABC".contains(letter);
     chain::ALL.iter().copied().filter(move |key| turns || key.name != chain::POINT.name)
 }
 
-/// The keys of a leg of this kind.
+/// Returns the keys of a leg of this kind.
 pub fn of_leg(kind: Kind) -> impl Iterator<Item = &'static Key> {
     leg::ALL.iter().copied().filter(move |key| key.kinds.contains(&kind))
 }

@@ -2,7 +2,7 @@
 //! `pkmkins-pins MACHINE.ini` prints the values of the module's pins, for `hal/pkmkins.tcl`.
 //!
 //! Exit code 1: the file is refused, and standard error has the message of `pkm check`; 2: the command line or standard
-//! output is wrong. Nothing is printed on standard output unless the whole file is in order.
+//! output is wrong. Nothing is printed on standard output unless the whole file is valid.
 
 use machine::read::diagnostic::of_machine;
 use machine::read::pins::printed;

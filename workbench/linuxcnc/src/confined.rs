@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a run may touch. A program can run Python and a HAL file is Tcl, so that only the kernel can enforce it.
+//! The confinement of a run. A program can run Python and a HAL file is Tcl, so that only the kernel can enforce it.
 //!
-//! Landlock decides which files are read, written and started, a filter of system calls (seccomp) everything else. Both
-//! bind a thread and the processes that it starts, and cannot be removed.
+//! Landlock decides which files are read, written and executed; a filter of system calls (seccomp) decides the rest.
+//! Both bind a thread and the processes that it starts, and cannot be removed.
 
 use crate::refusal::NotJudged;
 use landlock::{
@@ -20,10 +20,10 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
 use std::thread;
 
-/// The newest Landlock whose rights are listed here. Under an older one the filter of system calls closes the gaps.
+/// The newest Landlock ABI whose rights are listed here. Under an older one the filter of system calls closes the gaps.
 const LANDLOCK: ABI = ABI::V5;
 
-/// Files and folders of the system that are read. No program stands in them.
+/// Readable files and folders of the system. They contain no programs.
 const SYSTEM: [&str; 12] = [
     "/lib",
     "/lib64",
@@ -39,29 +39,29 @@ const SYSTEM: [&str; 12] = [
     "/dev/urandom",
 ];
 
-/// The loaders of programs, which the kernel starts with each program; a processor has one of them.
+/// The program loaders, which the kernel starts with each program; a processor has one of them.
 const LOADERS: [&str; 2] = ["/lib64/ld-linux-x86-64.so.2", "/lib/ld-linux-aarch64.so.1"];
 
-/// What a process may do in the folder of its run: it makes plain files alone, for the files are copied afterwards.
+/// Rights of a process in the folder of its run: it creates only regular files, because they are copied afterwards.
 const WRITES: BitFlags<AccessFs> =
     make_bitflags!(AccessFs::{ReadFile | ReadDir | WriteFile | RemoveFile | MakeReg | Truncate});
 
-/// The files of a run.
+/// The file access of a run.
 #[derive(Debug)]
 pub struct Rights {
-    /// Files and folders that are read.
+    /// Readable files and folders.
     pub reads: Vec<PathBuf>,
-    /// The folder that is written.
+    /// Writable folder.
     pub writes: PathBuf,
     pub starts: Vec<PathBuf>,
 }
 
-/// The thread whose rights the processes of a run have. The kernel may end them with it.
+/// The thread that gives the processes of a run its rights. The kernel may end them with it.
 pub struct Keeper {
     _ended: Sender<()>,
 }
 
-/// Starts processes that have these rights, or without `rights` those of the user.
+/// Starts processes with these rights, or without `rights` with those of the user.
 ///
 /// # Errors
 /// The kernel enforces no such rights, or what `start` returns.
@@ -74,7 +74,7 @@ pub fn start<T: Send + 'static>(
     thread::spawn(move || {
         let enforced = rights.map_or(Ok(()), |rights| rights.enforce());
         let enforced = enforced.map_err(|error| NotJudged::Unconfined(error.to_string()));
-        // Nobody waits where the caller has panicked.
+        // Nothing receives if the caller has panicked.
         let _ = send.send(enforced.and_then(|()| start()));
         let _ = wait.recv();
     });
@@ -124,7 +124,7 @@ fn any(
 fn filter() -> Result<SeccompFilter, seccompiler::BackendError> {
     let mut rules: BTreeMap<i64, Vec<SeccompRule>> =
         CALLS.iter().chain(OLD_CALLS).map(|call| (*call, vec![])).collect();
-    // Landlock before Linux 6.2 lets a file be emptied that is opened for reading.
+    // Landlock before Linux 6.2 allows truncating a file that is opened for reading.
     let opens = |flags: u8| {
         any([
             argument(flags, libc::O_ACCMODE, libc::O_WRONLY),
@@ -148,7 +148,7 @@ fn filter() -> Result<SeccompFilter, seccompiler::BackendError> {
         libc::F_SETLKW,
     ];
     rules.insert(libc::SYS_fcntl, any(uses.map(|call| argument(1, -1, call)))?);
-    // Rust starts a process by a pair of connected sockets, which reach nobody else.
+    // Rust starts a process with a pair of connected sockets, which reach no other process.
     rules.insert(libc::SYS_socketpair, any([argument(0, -1, libc::AF_UNIX)])?);
     // Limits of the process itself.
     rules.insert(libc::SYS_prlimit64, any([argument(0, -1, 0)])?);
@@ -156,9 +156,9 @@ fn filter() -> Result<SeccompFilter, seccompiler::BackendError> {
     SeccompFilter::new(rules, refused, SeccompAction::Allow, ARCH.try_into()?)
 }
 
-/// System calls of every processor: files, memory, time, and the process itself. There are no sockets to anybody else, no signals to
-/// other processes, no memory of theirs, and no changes of rights, owners or times of files, which Landlock leaves alone.
-/// Processes are started before the preloaded library forbids it.
+/// System calls of every processor: files, memory, time, and the process itself. Excluded are sockets to others,
+/// signals to other processes, access to their memory, and changes of rights, owners or times of files, which
+/// Landlock does not control. Processes are started before the preloaded library forbids it.
 const CALLS: &[i64] = &[
     libc::SYS_brk,
     libc::SYS_chdir,
@@ -265,7 +265,7 @@ const CALLS: &[i64] = &[
     libc::SYS_writev,
 ];
 
-/// Older forms of some of these calls, which processors of later design do not have.
+/// Older forms of some of these calls, which newer processor architectures do not have.
 #[cfg(target_arch = "x86_64")]
 const OLD_CALLS: &[i64] = &[
     libc::SYS_access,
@@ -277,7 +277,7 @@ const OLD_CALLS: &[i64] = &[
     libc::SYS_fork,
     libc::SYS_getpgrp,
     libc::SYS_lstat,
-    // LinuxCNC keeps the old file of parameters by a link beside it; Landlock lets none lead out of the folder.
+    // LinuxCNC keeps the old parameter file with a link beside it; Landlock allows no link out of the folder.
     libc::SYS_link,
     libc::SYS_pause,
     libc::SYS_pipe,

@@ -24,77 +24,77 @@ use std::sync::atomic::AtomicBool;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// Where the library is compiled for a LinuxCNC that pkmkins was not built with.
+/// Folder of the library compiled for a LinuxCNC that pkmkins was not built with.
 const COMPILED: &str = "/var/lib/pkmkins";
-/// What stands in for HAL, RTAPI and the clock; between these stands the LinuxCNC that it was built for.
+/// Name of the library that replaces HAL, RTAPI and the clock, before and after the LinuxCNC version it was built for.
 const LIBRARY: (&str, &str) = ("libpkmkins-virtual-", ".so");
 const MILLTASK: &str = "/usr/bin/milltask";
 const TCL: &str = "/usr/bin/tclsh";
-/// Reads the INI file for pkmkins.tcl; one that is not installed yet is beside the library.
+/// Reads the INI file for pkmkins.tcl; if it is not installed yet, it is beside the library.
 const PINS: &str = "pkmkins-pins";
-/// Prints what LinuxCNC was built as.
+/// Prints LinuxCNC's build variables.
 const VERSIONS: &str = "/usr/bin/linuxcnc_var";
 
 /// Number of the file that the library writes its records to.
 const STREAM: i32 = 3;
 
-/// Lines of a log that are told where a run fails.
+/// Lines of a log that are reported if a run fails.
 const LINES: usize = 4;
 
-/// Seconds of a standstill after LinuxCNC or the module has said why: nothing more is to come.
+/// Seconds of a standstill after LinuxCNC or the module has reported an error: nothing follows it.
 const AFTER_ERROR: f64 = 5.0;
 
-/// How often, and after which pause, a file that is busy is tried again.
+/// Number of retries, and the pause before each, while a file is busy.
 const BUSY_TRIES: usize = 100;
 const BUSY_PAUSE: Duration = Duration::from_millis(10);
 
-/// How a program is run.
+/// Options of a run.
 #[derive(Clone, Debug, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
     /// Seconds of the machine's time.
     pub most_seconds: f64,
-    /// Seconds in which nothing moves.
+    /// Seconds of standstill after which the run ends.
     pub most_standstill: f64,
     /// Moves after which a program counts as endless.
     pub most_moves: u64,
-    /// Seconds of a processor that LinuxCNC may work without a cycle: none of them takes one.
+    /// Seconds of CPU time that LinuxCNC may use without a cycle: no cycle takes that long.
     pub most_work: f64,
-    /// HAL files, of halcmd or of Tcl, that are carried out after those of the simulated machine: probes,
-    /// other spindles, logic of one's own. Modules are looked for beside them first.
+    /// HAL files, of halcmd or of Tcl, that are executed after those of the simulated machine: probes,
+    /// other spindles, the user's logic. Modules are searched beside them first.
     pub hal: Vec<PathBuf>,
-    /// Block that is run before the program: a work offset.
+    /// Block that is run before the program, such as a work offset.
     pub block: Option<String>,
-    /// Folder that gets what the program writes into files, by the files' names.
+    /// Folder for the files that the program writes, under their names.
     pub written: Option<PathBuf>,
-    /// Leaves out lines that begin with `/`, as LinuxCNC does until the operator decides otherwise.
+    /// Skips lines that begin with `/`, as LinuxCNC does until the operator decides otherwise.
     pub block_delete: bool,
-    /// Opens the limits of axes, joints and the guard, so that a program goes on beyond them.
+    /// Opens the limits of axes, joints and the guard, so that a program continues beyond them.
     pub open_limits: bool,
-    /// Runs the program with all rights of the user: for a kernel that cannot confine it.
+    /// Runs the program with all rights of the user: for a kernel without confinement.
     pub unconfined: bool,
-    /// The machine's own HAL files in place of the simulated machine's, and its own way of homing.
+    /// The machine's own HAL files instead of the simulated machine's, and its own homing.
     #[serde(skip)]
     pub own: Option<OwnFiles>,
-    /// Seconds of a processor that the whole run may take.
+    /// Seconds of CPU time that the whole run may use.
     pub most_in_all: f64,
     /// Ends the run within a second, once it is set.
     #[serde(skip)]
     pub stop: Arc<AtomicBool>,
 }
 
-/// A script of Tcl that carries out the machine's own HAL files, called with the INI file of the run, the
+/// A Tcl script that executes the machine's own HAL files, called with the INI file of the run, the
 /// folder of the library, the folder of LinuxCNC's modules, and these arguments.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OwnFiles {
     pub script: String,
-    /// What it is given besides.
+    /// Additional arguments.
     pub arguments: Vec<OsString>,
 }
 
-/// First word of the line by which such a script reports the step that failed.
+/// First word of the line with which such a script reports the step that failed.
 const FAILED: &str = "START";
-/// Its last word where LinuxCNC has ended meanwhile, and reports the reason itself.
+/// Its last word if LinuxCNC has ended meanwhile, and reports the reason itself.
 const GONE: &str = "LinuxCNC has exited";
 
 impl Default for Options {
@@ -117,21 +117,21 @@ impl Default for Options {
     }
 }
 
-/// What happens in a run, in its order. Moves come before the cycles in which they are made.
+/// An event of a run, in order. Moves come before the cycles in which they are made.
 #[derive(Clone, Copy, Debug)]
 pub enum Event<'a> {
     /// A servo cycle.
     Row(&'a Row),
     /// The next move; the first one ends where the program starts.
     Move(&'a Commanded),
-    /// The next file that lines are in; the first one is the program.
+    /// The next file with program lines; the first one is the program.
     File(&'a str),
 }
 
-/// Runs a program and shows every servo cycle of it.
+/// Runs a program and passes on every servo cycle.
 ///
 /// # Errors
-/// Why nothing is known of its motion.
+/// Why its motion is unknown.
 pub fn run(
     config: &MachineConfig,
     program: &Path,
@@ -144,7 +144,7 @@ pub fn run(
     })
 }
 
-/// Runs a program and shows its moves as well.
+/// Runs a program and passes on its moves as well.
 ///
 /// # Errors
 /// As [`run`].
@@ -175,7 +175,7 @@ pub fn run_with_moves(
         is_begun = true;
         see(event)
     });
-    // LinuxCNC does not notice that a disk is full: it ends without a word, or what it writes lacks its end.
+    // LinuxCNC does not detect a full disk: it ends without a message, or its output is truncated.
     if outcome.is_err() || options.written.is_some() {
         scratch.check_room()?;
     }
@@ -187,14 +187,14 @@ pub fn run_with_moves(
     Ok(outcome)
 }
 
-/// What LinuxCNC's last words contain where it refuses a block of the startup code.
+/// Text in LinuxCNC's last message if it refuses a block of the startup code.
 const STARTUP_REFUSED: [&str; 2] = ["can't initialize interpreter", "need to be enabled"];
-/// What they contain as well where the interpreter does not start for another reason.
+/// Text that it also contains if the interpreter fails to start for another reason.
 const NOT_OF_STARTUP: [&str; 2] = ["REMAP", "arameter file"];
 /// Words that wait for the machine: a tool change, an input, a probe.
 const WAITING: [&str; 4] = ["M6", "M06", "M66", "G38"];
 
-/// Names the startup code where it is the reason why a run ended before its program: LinuxCNC executes it before
+/// Names the startup code if it is the reason why a run ended before its program: LinuxCNC executes it before
 /// the machine is on, and its messages name neither the key nor the line.
 fn at_startup_code(config: &MachineConfig, error: NotJudged) -> NotJudged {
     let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return error };
@@ -223,11 +223,11 @@ fn at_startup_code(config: &MachineConfig, error: NotJudged) -> NotJudged {
     NotJudged::StartupCode(config.ini.refuse(entry, &expected))
 }
 
-/// The library for the LinuxCNC that is installed, or the one that the environment names: one that is not
-/// installed yet, with the module and HAL files beside it where there are any.
+/// Returns the library for the installed LinuxCNC, or the one that the environment names: one that is not
+/// installed yet, with the module and HAL files beside it if there are any.
 fn library(installed: &str) -> Result<PathBuf, NotJudged> {
     if let Some(named) = env::var_os("PKM_VIRTUAL_LIBRARY").map(PathBuf::from) {
-        // The run has a folder of its own.
+        // The run has its own working directory.
         return Ok(path::absolute(&named).unwrap_or(named));
     }
     let folders = [MODULES, COMPILED].map(Path::new);
@@ -247,7 +247,7 @@ fn library(installed: &str) -> Result<PathBuf, NotJudged> {
     }
 }
 
-/// For which LinuxCNC a folder has libraries.
+/// Returns the LinuxCNC versions for which a folder has libraries.
 fn versions(folder: &Path) -> Vec<String> {
     let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
     let version =
@@ -257,7 +257,7 @@ fn versions(folder: &Path) -> Vec<String> {
     found
 }
 
-/// Two processes that are gone with their owner: milltask, and the HAL files' interpreter.
+/// The two processes of a run, which end with it: milltask, and the HAL files' interpreter.
 struct Run<'a> {
     scratch: &'a Scratch,
     milltask: Child,
@@ -416,17 +416,17 @@ impl<'a> Run<'a> {
         Err(NotJudged::Crashed(self.last_words()))
     }
 
-    /// What the HAL files complain of: Tcl tells the reason first, and then where.
+    /// Returns the error of the HAL files: Tcl prints the reason first, and then the location.
     fn complaint(&mut self) -> String {
-        // It has seen the end of milltask, and tells what it has to.
+        // It sees the end of milltask, prints its message and ends.
         let _ = self.wiring.wait();
         let lines = self.log("wiring.log");
         let reason: Vec<String> =
             lines.into_iter().take_while(|line| line.trim() != "while executing").collect();
-        told(&reason[..reason.len().min(LINES)])
+        joined(&reason[..reason.len().min(LINES)])
     }
 
-    /// Why the machine's own files do not start it: the step that failed, where one of them did.
+    /// Returns why the machine's own files do not start it: the step that failed, if one did.
     fn refused(&mut self, text: String) -> NotJudged {
         let _ = self.wiring.wait();
         let lines = self.log("wiring.log");
@@ -442,7 +442,7 @@ impl<'a> Run<'a> {
             _ => None,
         });
         let Some((is_mistake, file, line, entry, reason)) = failed else {
-            // The operator has reported what LinuxCNC says.
+            // LinuxCNC's errors are among the operator messages already.
             let words =
                 if text.starts_with("LinuxCNC") { String::new() } else { self.last_words() };
             return NotJudged::Refused(text + &words);
@@ -451,12 +451,12 @@ impl<'a> Run<'a> {
         NotJudged::Step { file, line, entry, is_mistake, text }
     }
 
-    /// What LinuxCNC said last.
+    /// Returns LinuxCNC's last messages.
     fn last_words(&self) -> String {
         let mut lines = self.log("milltask.log");
-        // It is not the computer that is judged.
+        // A slow computer is not the subject of the check.
         lines.retain(|line| !line.contains("main loop took"));
-        told(&lines[lines.len().saturating_sub(LINES)..])
+        joined(&lines[lines.len().saturating_sub(LINES)..])
     }
 
     fn log(&self, name: &str) -> Vec<String> {
@@ -473,12 +473,12 @@ impl Drop for Run<'_> {
     }
 }
 
-fn told(lines: &[String]) -> String {
+fn joined(lines: &[String]) -> String {
     if lines.is_empty() { String::new() } else { format!(": {}", lines.join("; ")) }
 }
 
-/// Starts a file that was just written: while any thread of this process starts another program, that one
-/// has the file open for writing for a moment.
+/// Starts a file that was just written: while another thread of this process starts a program, that program
+/// briefly has the file open for writing.
 fn spawned(command: &mut Command) -> io::Result<Child> {
     for _ in 0..BUSY_TRIES {
         match command.spawn() {
@@ -490,7 +490,7 @@ fn spawned(command: &mut Command) -> io::Result<Child> {
 }
 
 fn end(child: &mut Child) {
-    // It may have ended by itself.
+    // It may have ended already.
     let _ = child.kill();
     let _ = child.wait();
 }
@@ -499,7 +499,7 @@ fn installed() -> Result<String, NotJudged> {
     linuxcnc("LINUXCNCVERSION")
 }
 
-/// A value that LinuxCNC was built with.
+/// Returns one of LinuxCNC's build variables.
 fn linuxcnc(name: &str) -> Result<String, NotJudged> {
     let output = Command::new(VERSIONS).arg(name).stdin(Stdio::null()).output();
     let output = output.map_err(|error| NotJudged::Missing { file: VERSIONS.into(), error })?;
@@ -516,7 +516,7 @@ fn check_version(version: u32, built: &str, installed: &str) -> Result<(), NotJu
     }
 }
 
-/// What is known so far.
+/// The state of a run so far.
 struct Watch<'a> {
     period: f64,
     options: &'a Options,
@@ -545,7 +545,7 @@ impl<'a> Watch<'a> {
         cycles as f64 * self.period
     }
 
-    /// How the program ended, where it stands and will not go on.
+    /// Returns how the program ended, if it stands and will not continue.
     fn row(&mut self, row: &Row) -> Result<Option<Ending>, NotJudged> {
         let pose = [row.pose, row.second.pose];
         if pose != self.pose {

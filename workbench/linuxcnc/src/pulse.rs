@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Whether a run still goes on: what it writes, read with a look at the time that it takes.
+//! The output of a run, read with a check of its CPU time and of whether it still makes progress.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::fs;
@@ -8,24 +8,24 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Between two looks.
+/// Interval between two checks.
 const LOOK: Timespec = Timespec { tv_sec: 1, tv_nsec: 0 };
 
-/// As long a run may be quiet without work, as on a computer that does something else.
+/// Time that a run may be silent without work, as on a busy computer.
 pub const MOST_REST: Duration = Duration::from_secs(120);
 
-/// Ticks of a second in /proc, the same on every Linux.
+/// Clock ticks per second in /proc, the same on every Linux.
 const TICKS: f64 = 100.0;
 
-/// The reading end of what a process writes.
+/// The reading end of a process's pipe.
 pub struct Pulse {
     pipe: PipeReader,
     process: u32,
-    /// Seconds of a processor that it may work without a sign.
+    /// Seconds of CPU time that it may use without a sign of progress.
     most_work: f64,
-    /// Seconds of a processor that it may work in all.
+    /// Seconds of CPU time that it may use in total.
     most_in_all: f64,
-    /// What the process had worked, and when, at its last sign.
+    /// CPU time of the process, and the wall time, at its last sign.
     work: f64,
     sign: Instant,
     most_rest: Duration,
@@ -33,7 +33,7 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// Reads the pipe that a process writes to, which may work so many seconds of a processor in between and in all,
+    /// Reads the pipe of a process, which may use this CPU time in seconds between two signs and in total,
     /// until `stop` is set.
     pub fn new(
         pipe: PipeReader,
@@ -66,10 +66,10 @@ impl Pulse {
     }
 }
 
-/// Seconds of a processor that a process has worked.
+/// Returns the seconds of CPU time that a process has used.
 fn worked(process: u32) -> f64 {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
-    // Behind the name, which may hold blanks: state, ..., user and system ticks as 12th and 13th.
+    // After the name, which may contain blanks: state, ..., user and system ticks as 12th and 13th.
     let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();
     fields.skip(11).take(2).filter_map(|field| field.parse::<f64>().ok()).sum::<f64>() / TICKS
 }
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn a_process_that_rests_works_without_end_or_is_stopped_is_reported_as_such() {
-        // This one works less than it waits; the other end of its pipe stays open.
+        // This process waits more than it works; the other end of its pipe stays open.
         let (pipe, _open) = io::pipe().unwrap();
         let stop: Arc<AtomicBool> = Arc::default();
         let pulse = Pulse::new(pipe, std::process::id(), [f64::INFINITY; 2], stop.clone());

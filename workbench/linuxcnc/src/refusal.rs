@@ -6,10 +6,10 @@ use machine::read::ini::IniError;
 use std::io;
 use std::path::PathBuf;
 
-/// Compiles what stands in for HAL, RTAPI and the clock, for the LinuxCNC that is installed.
+/// Compiles the library that replaces HAL, RTAPI and the clock, for the installed LinuxCNC.
 const COMPILES: &str = "/usr/share/pkmkins/virtual/build.sh";
 
-/// Why nothing is known of a program's motion.
+/// Why a program's motion is unknown.
 #[derive(Debug, thiserror::Error)]
 pub enum NotJudged {
     #[error(
@@ -22,7 +22,7 @@ pub enum NotJudged {
          {COMPILES}` to build it for this one"
     )]
     OtherVersion {
-        /// Version that it was built for.
+        /// LinuxCNC version that it was built for.
         built: String,
         installed: String,
     },
@@ -47,15 +47,15 @@ pub enum NotJudged {
     Refused(String),
     #[error("{text}")]
     Step {
-        /// File of the step; empty where it stands in the INI file.
+        /// File of the step; empty if it is in the INI file.
         file: PathBuf,
-        /// Its line; 0 where it is not known.
+        /// Its line; 0 if unknown.
         line: usize,
-        /// Which of the entries it belongs to, counted from 0.
+        /// Index of its entry, counted from 0.
         entry: usize,
-        /// Whether LinuxCNC refuses the step, too, and not only what carries it out here.
+        /// Whether LinuxCNC refuses the step too, not only this simulation.
         is_mistake: bool,
-        /// Why, in the words of who refused it.
+        /// The message of the program that refused it.
         text: String,
     },
     #[error(transparent)]

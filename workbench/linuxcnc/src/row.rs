@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a run of the control tells: a row in every servo cycle, messages, and its end.
+//! The results of a run: a row in every servo cycle, messages, and the end.
 
 use kinematics::{Joints, MAX_EXTRA, Vector3, World};
 use machine::read::mechanism::Mechanism;
@@ -10,9 +10,9 @@ use serde::Serialize;
 pub struct Flags {
     /// `motion.motion-enabled`: the drives are on.
     pub on: bool,
-    /// `pkmkins.tool-busy`: the module moves the joints for another tool offset.
+    /// `pkmkins.tool-busy`: the module moves the joints to another tool offset.
     pub tool_busy: bool,
-    /// `pkmkins.feed-inhibit`: the module holds the program.
+    /// `pkmkins.feed-inhibit`: the module stops the program.
     pub held: bool,
 }
 
@@ -23,8 +23,8 @@ pub struct Extra {
     pub positions: [f64; MAX_EXTRA],
     pub errors: [f64; MAX_EXTRA],
     pub allowed: [f64; MAX_EXTRA],
-    /// LinuxCNC's whole commanded pose, in which they are coordinates: `axis.L.pos-cmd`. Commands of
-    /// joints are two cycles behind it, and smoothed.
+    /// LinuxCNC's whole commanded pose with their coordinates: `axis.L.pos-cmd`. Commands of
+    /// joints lag it by two cycles, and are smoothed.
     pub world: World,
 }
 
@@ -46,26 +46,26 @@ pub struct Row {
     pub line: u32,
     /// Number of the file that the line is in, as of [`Commanded`].
     pub file: usize,
-    /// Number of the move that is made, or was made last; [`Commanded`] counts from 0.
+    /// Number of the present or last move; [`Commanded`] counts from 0.
     pub number: usize,
     /// States.
     pub flags: Flags,
     /// Commanded pose of the tool, `axis.L.pos-cmd`: X Y Z in machine units, A B C in degrees. 0 for a
-    /// letter of an extra axis or of a second mechanism, whose coordinate is no part of it.
+    /// letter of an extra axis or of a second mechanism, whose coordinate is not part of it.
     pub pose: [f64; 6],
     /// Pose and tool offset in effect of a second mechanism, in its own coordinates; zeros without one.
     pub second: Beside,
-    /// Commanded joint values, `joint.N.pos-cmd`, those of a second mechanism behind the first one's.
+    /// Commanded joint values, `joint.N.pos-cmd`, those of a second mechanism after the first one's.
     pub joints: Joints,
-    /// Following errors, `joint.N.f-error`, of drives that keep the joint's speed and acceleration.
+    /// Following errors, `joint.N.f-error`, of drives that obey the joint's limits of speed and acceleration.
     pub errors: Joints,
-    /// What LinuxCNC allows them, `joint.N.f-error-lim`.
+    /// LinuxCNC's limits of them, `joint.N.f-error-lim`.
     pub allowed: Joints,
     /// The same of the extra axes.
     pub extra: Extra,
     /// Tool offset in effect, `pkmkins.tool-offset-eff-x` to `-z`, machine units.
     pub tool: [f64; 3],
-    /// Share of the feed that the guard allows, `pkmkins.feed-scale`.
+    /// Fraction of the feed that the guard allows, `pkmkins.feed-scale`.
     pub feed: f64,
 }
 
@@ -78,8 +78,8 @@ impl Row {
         }
     }
 
-    /// The machine's own pose (x y z in machine units, a b c in degrees), and the tool vector that it
-    /// belongs to.
+    /// Returns the machine's own pose (x y z in machine units, a b c in degrees), and its tool
+    /// vector.
     pub fn machine(&self, config: &Mechanism) -> ([f64; 6], Vector3<f64>) {
         let Beside { pose, tool } = self.of(config);
         let tool = Vector3::from(tool);
@@ -93,13 +93,13 @@ impl Row {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Spindle {
-    /// It stands. The speed of its S word, 1/min; 0 where there was none.
+    /// Stopped. The speed of its S word, 1/min; 0 without one.
     Standing(f64),
-    /// It turns, 1/min.
+    /// Turning, 1/min.
     Turning(f64),
-    /// G96: its speed depends on the place.
+    /// G96: its speed depends on the position.
     Surface,
-    /// Nobody knows.
+    /// Not known.
     #[default]
     Unknown,
 }
@@ -117,36 +117,36 @@ pub enum CommandedKind {
     Tap,
 }
 
-/// What a circular move goes around.
+/// The circle of an arc move.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Arc {
     /// Center, machine units.
     pub center: [f64; 3],
     /// Axis, of any length.
     pub normal: [f64; 3],
-    /// Full turns beside the arc, from 0 on anticlockwise, from -1 down clockwise.
+    /// Additional full turns: from 0 up counterclockwise, from -1 down clockwise.
     pub turns: i32,
 }
 
-/// What a spindle asks of a move that keeps to its places: G33 and G33.1.
+/// The spindle's requirements on a synchronized move: G33 and G33.1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Thread {
-    /// Machine units a turn.
+    /// Machine units per turn.
     pub pitch: f64,
-    /// The fastest turning, 1/min.
+    /// The largest spindle speed, 1/min.
     pub turning: f64,
-    /// The fastest speed that LinuxCNC gives the move, machine units a second.
+    /// The largest speed that LinuxCNC gives the move, machine units per second.
     pub fastest: f64,
 }
 
 impl Thread {
-    /// Returns the speed that the thread needs, machine units a second.
+    /// Returns the speed that the thread needs, machine units per second.
     pub fn needed(&self) -> f64 {
         self.pitch * self.turning / 60.0
     }
 }
 
-/// A move as milltask asks motion for it: straight or circular in X Y Z, straight in all other letters.
+/// A move as milltask commands it: straight or circular in X Y Z, straight in all other letters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Commanded {
     /// Line of the program, counted from 1; 0 for none.
@@ -156,21 +156,21 @@ pub struct Commanded {
     pub kind: CommandedKind,
     /// X Y Z A B C U V W of its end: machine units and degrees.
     pub end: World,
-    /// The circle, where it is not straight.
+    /// The circle; `None` for a straight move.
     pub arc: Option<Arc>,
-    /// Feed in machine units a second; in degrees where only rotary axes move.
+    /// Feed in machine units per second; in degrees if only rotary axes move.
     pub feed: f64,
     /// Whether the feed follows the spindle.
     pub follows_spindle: bool,
-    /// Full turns of the program's arc that LinuxCNC has made this straight move of; 0 where it has not.
+    /// Full turns of the program's arc that LinuxCNC has lost in making this straight move of it; otherwise 0.
     pub lost_turns: u32,
-    /// How far the tool may leave the path at its end, machine units; 0 for an exact stop, infinite where the
+    /// Allowed deviation from the path at its end, machine units; 0 for an exact stop, infinite if the
     /// program sets no bound.
     pub tolerance: f64,
     /// Tool offset in effect, in LinuxCNC's letters.
     pub tool: World,
     pub spindle: Spindle,
-    /// What the spindle asks of it, where it keeps to the spindle's places.
+    /// The spindle's requirements, if the move is synchronized with the spindle's position.
     pub thread: Option<Thread>,
 }
 
@@ -180,18 +180,18 @@ pub enum MessageKind {
     /// An error, which stops the program.
     Error,
     Text,
-    /// `(MSG,...)` and the like in the program.
+    /// `(MSG,...)` and similar in the program.
     Display,
 }
 
-/// What LinuxCNC shows to the operator.
+/// A message that LinuxCNC shows to the operator.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Message {
     /// Channel.
     pub kind: MessageKind,
-    /// Its words.
+    /// Text.
     pub text: String,
-    /// Line of the program that moves or moved last; 0 before the first.
+    /// Line of the program of the present or last move; 0 before the first.
     pub line: u32,
     /// Number of the file that the line is in, 0 for the program.
     pub file: usize,
@@ -202,14 +202,14 @@ pub struct Message {
 }
 
 impl Message {
-    /// The line that it is about: the one that it names, else the one that moves, else the one that is read.
+    /// Returns the line of the message: the one that it names, otherwise the move's, otherwise the one being read.
     pub fn place(&self) -> u32 {
         let behind = self.text.split_once(" on line ").map_or("", |(_, rest)| rest);
         let digits = behind.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
         digits.parse().unwrap_or(if self.line > 0 { self.line } else { self.read })
     }
 
-    /// Whether it tells what went wrong.
+    /// Returns whether it reports an error.
     pub fn is_error(&self) -> bool {
         self.kind == MessageKind::Error
     }
@@ -219,11 +219,11 @@ impl Message {
 #[serde(rename_all = "lowercase")]
 pub enum Ending {
     Finished,
-    /// The control stopped it; the messages say why.
+    /// LinuxCNC stopped it; the messages give the reason.
     Stopped,
 }
 
-/// What is known after a run.
+/// The result of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outcome {
     pub ending: Ending,
@@ -231,6 +231,6 @@ pub struct Outcome {
     pub cycles: u64,
     /// The same in seconds of the machine's time.
     pub seconds: f64,
-    /// Everything the operator would have seen.
+    /// All messages for the operator.
     pub messages: Vec<Message>,
 }

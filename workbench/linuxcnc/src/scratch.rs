@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The folder in which LinuxCNC runs: copies of what it writes, and an INI file that leads to them.
+//! The folder in which LinuxCNC runs: copies of the files that it writes, and an INI file that refers to them.
 
 use crate::refusal::NotJudged;
 use machine::files::{self, AtFile, Folder, Locate, Whole};
@@ -12,11 +12,11 @@ use std::path::{self, Path, PathBuf};
 const DRIVER: &str = include_str!("../virtual/driver.py");
 const WIRING: &str =
     concat!(include_str!("../../machine/src/read/ini.tcl"), include_str!("../virtual/wiring.tcl"));
-/// Carries out the simulated machine's HAL files.
+/// Executes the simulated machine's HAL files.
 const SIMULATED: &str = "\nwiring::main {*}$argv\n";
 
-/// Buffers in which milltask, the tool changer and the driver meet: their names, sizes, numbers, and what
-/// LinuxCNC's own file says of them beside.
+/// Buffers through which milltask, the tool changer and the driver communicate: their names, sizes, numbers, and
+/// the additional settings in LinuxCNC's own file.
 const BUFFERS: [(&str, u32, u32, &str); 5] = [
     ("emcCommand", 8192, 1, "queue confirm_write serial"),
     ("emcStatus", 20480, 2, ""),
@@ -25,10 +25,10 @@ const BUFFERS: [(&str, u32, u32, &str); 5] = [
     ("toolSts", 1024, 5, ""),
 ];
 
-/// Who opens them: the library, which makes them, milltask, the driver.
+/// Processes that open them: the library, which creates them, milltask, the driver.
 const OPENERS: [(&str, u32); 3] = [("pkmkins", 1), ("emc", 0), ("xemc", 0)];
 
-/// What decides how a joint homes; it starts where it is at home instead.
+/// Keys that determine how a joint homes; it starts at its home position instead.
 const HOMING: [&str; 9] = [
     "HOME_OFFSET",
     "HOME_SEARCH_VEL",
@@ -41,26 +41,26 @@ const HOMING: [&str; 9] = [
     "SIM_START",
 ];
 
-/// The folder; it is gone with its owner.
+/// The folder; it is deleted when its owner is dropped.
 pub struct Scratch {
     folder: Folder,
-    /// The tool table's copy; empty where there is none.
+    /// The tool table's copy; empty without a tool table.
     pub tool_table: PathBuf,
     /// Folders with programs and subroutines that the INI file names.
     pub folders: Vec<PathBuf>,
-    /// Whether joints home as the machine's file says, instead of at once.
+    /// Whether joints home as in the machine's file, instead of at once.
     homes: bool,
 }
 
-/// Bytes without which a disk counts as full: some blocks of any file system.
+/// Free bytes below which a disk counts as full: some blocks of any file system.
 const ROOM: usize = 1 << 16;
 
 impl Scratch {
-    /// Makes it. With `own`, a script, the machine's own HAL files are carried out in place of the simulated
-    /// machine's, and its joints home as its file says.
+    /// Creates the folder. With `own`, a script, the machine's own HAL files are executed instead of the simulated
+    /// machine's, and its joints home as in its file.
     ///
     /// # Errors
-    /// A file cannot be read or written, or the INI file asks for what is not run.
+    /// A file cannot be read or written, or the INI file requires something that is not supported.
     pub fn new(config: &MachineConfig, own: Option<&str>) -> Result<Self, NotJudged> {
         refuse_others(config, own.is_some())?;
         Ok(Self::made(config, own)?)
@@ -93,12 +93,12 @@ impl Scratch {
         Ok(scratch)
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 
-    /// The INI file that LinuxCNC reads.
+    /// Returns the INI file that LinuxCNC reads.
     pub fn ini(&self) -> PathBuf {
         self.path().join("machine.ini")
     }
@@ -106,7 +106,7 @@ impl Scratch {
     /// Checks that the disk is not full.
     ///
     /// # Errors
-    /// It is, or the folder cannot be written for another reason.
+    /// The disk is full, or the folder cannot be written for another reason.
     pub fn check_room(&self) -> Result<(), AtFile<io::Error>> {
         let file = self.path().join("room");
         fs::write(&file, [0; ROOM]).at(self.path())?;
@@ -130,15 +130,15 @@ impl Scratch {
         Ok(())
     }
 
-    /// A copy of milltask by another name: LinuxCNC ends every process of its own name when it stops.
+    /// Copies milltask under another name: LinuxCNC ends every process of its own name when it stops.
     ///
     /// # Errors
-    /// It cannot be made.
+    /// The copy cannot be made.
     pub fn milltask(&self, original: &Path) -> Result<PathBuf, AtFile<io::Error>> {
         copied(original, &self.path().join("pkm-control"))
     }
 
-    /// The script that carries out the HAL files.
+    /// Returns the script that executes the HAL files.
     pub fn wiring(&self) -> PathBuf {
         self.path().join("wiring.tcl")
     }
@@ -147,7 +147,7 @@ impl Scratch {
         self.path().join("parameters.var")
     }
 
-    /// The machine's INI file with the files and folders of the run; every joint homes at once, where it is.
+    /// Returns the machine's INI file with the files and folders of the run; every joint homes at once, where it is.
     fn ini_text(&self, config: &MachineConfig) -> String {
         let file = &from_root(config);
         let mut text = String::new();
@@ -168,7 +168,7 @@ impl Scratch {
         text
     }
 
-    /// What stands at the head of a section.
+    /// Returns the lines added at the head of a section.
     fn added(&self, config: &MachineConfig, section: &str) -> String {
         let joint = section.strip_prefix("JOINT_").and_then(|n| n.parse::<usize>().ok());
         match (section, joint.and_then(|n| config.all_joints().nth(n))) {
@@ -182,7 +182,7 @@ impl Scratch {
         }
     }
 
-    /// A line of the INI file as the run needs it; `None` for one that it must not see.
+    /// Adapts a line of the INI file to the run; returns `None` for one that is left out.
     fn replaced(&self, section: &str, key: &str, value: &str, file: &Path) -> Option<String> {
         let said = |value: String| Some(format!("{key} = {value}"));
         match (section, key) {
@@ -198,7 +198,7 @@ impl Scratch {
     }
 }
 
-/// The folder of the INI file, from the root on.
+/// Returns the absolute path of the INI file's folder.
 fn folder_of(config: &MachineConfig) -> PathBuf {
     from_root(config).parent().unwrap_or(Path::new("/")).into()
 }
@@ -212,7 +212,7 @@ fn write(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
 }
 
 fn copied(from: &Path, to: &Path) -> Result<PathBuf, AtFile<io::Error>> {
-    // What is missing is named, and what has no room.
+    // Name the missing file; later errors concern the target, such as a full disk.
     files::open(from)?;
     fs::copy(from, to).at(to)?;
     Ok(to.into())
@@ -230,8 +230,8 @@ fn buffers() -> String {
     BUFFERS.into_iter().map(buffer).chain(OPENERS.into_iter().map(opener)).collect()
 }
 
-/// Refuses what would run other programs of the user's, whose part in the motion is not known, and what this
-/// LinuxCNC does not know.
+/// Refuses a configuration that runs other user programs, whose effect on the motion is unknown, or that
+/// this LinuxCNC does not support.
 fn refuse_others(config: &MachineConfig, leaves_halui: bool) -> Result<(), NotJudged> {
     let value = |section: &str, key: &str| config.ini.as_inivar(section, key);
     let remote = |file: &str| is_remote(&folder_of(config).join(file));
@@ -268,13 +268,13 @@ fn refuse_others(config: &MachineConfig, leaves_halui: bool) -> Result<(), NotJu
     }
 }
 
-/// Whether a remapped code is or calls Python, instead of a subroutine alone.
+/// Returns whether a remapped code is or calls Python, instead of only a subroutine.
 fn is_python(remap: &str) -> bool {
     let begins = ["py=", "python=", "prolog=", "epilog="];
     remap.split_whitespace().any(|word| begins.iter().any(|begin| word.starts_with(begin)))
 }
 
-/// Whether a file of NML buffers has processes of other computers; the run has buffers of its own.
+/// Returns whether a file of NML buffers has processes of other computers; the run has its own buffers.
 fn is_remote(file: &Path) -> bool {
     let text = fs::read_to_string(file).unwrap_or_default();
     text.lines()

@@ -8,7 +8,7 @@ use kinematics::{ExtraAxes, Second};
 use std::collections::VecDeque;
 use std::io::{self, Read};
 
-/// Version of the records that is read here.
+/// Supported version of the records.
 pub const VERSION: u32 = 5;
 
 const HEAD: u32 = 1;
@@ -18,10 +18,10 @@ const END: u32 = 4;
 const MOVE: u32 = 5;
 const FILE: u32 = 6;
 const READING: u32 = 7;
-/// Of the kind of a message: the interpreter stopped in the line that it reads.
+/// Flag of a message kind: the interpreter stopped in the line being read.
 const OF_INTERPRETER: u32 = 256;
 
-/// No record is longer: a row of as many joints as LinuxCNC has, or a message.
+/// Largest length of a record: a row with LinuxCNC's largest number of joints, or a message.
 const LONGEST: usize = 1 << 16;
 
 /// Why a run ended.
@@ -30,36 +30,36 @@ pub enum Cause {
     /// The program came to its end.
     Finished,
     Stopped,
-    /// It could not be run; the text says why.
+    /// It could not be run; the text gives the reason.
     NotJudged,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Record<'a> {
-    /// The first one.
+    /// The first record.
     Head {
         version: u32,
-        /// LinuxCNC that the library was built for.
+        /// LinuxCNC version that the library was built for.
         linuxcnc: String,
     },
     /// A servo cycle.
     Row(&'a Row),
-    /// What LinuxCNC tells the operator; its time is still in cycles.
+    /// A message for the operator; its time is still in cycles.
     Message(u64, Message),
-    /// A move that motion is asked for, before it begins.
+    /// A move that the task commands, before it begins.
     Move(&'a Commanded),
-    /// A file that lines of moves are in; files count from 0, the program.
+    /// A file with lines of moves; files count from 0, the program.
     File(String),
-    /// A line in which the interpreter reads on and on.
+    /// A line in which the interpreter reads endlessly.
     Reading(u32),
-    /// The last one: cycles, line, cause, text.
+    /// The last record: cycles, line, cause, text.
     End(u64, u32, Cause, String),
 }
 
-/// What the rows are of.
+/// The columns of the rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Columns {
-    /// Number of joints of legs and table, of both mechanisms where there are two.
+    /// Number of joints of legs and table, of both mechanisms if there are two.
     pub joints: usize,
     pub extra: ExtraAxes,
     /// Letters of a second mechanism.
@@ -71,18 +71,18 @@ pub struct Records<R> {
     from: R,
     columns: Columns,
     bytes: Vec<u8>,
-    /// The newest one: nearly all records are rows, and large to be handed on.
+    /// The newest row: nearly all records are rows, and large to copy.
     row: Row,
     commanded: Commanded,
-    /// Files of the moves that are not made yet, the first of which has this number.
+    /// Files of the moves that are not yet made; the first one has this number.
     files: VecDeque<usize>,
     first: usize,
-    /// Files that have been named.
+    /// Number of files named so far.
     known: usize,
 }
 
 impl<R: Read> Records<R> {
-    /// Records from a buffered reader.
+    /// Reads records from a buffered reader.
     pub fn new(from: R, columns: Columns) -> Self {
         let (row, commanded) = (Row::default(), Commanded::default());
         Self {
@@ -97,10 +97,10 @@ impl<R: Read> Records<R> {
         }
     }
 
-    /// The next record; `None` where there are no more.
+    /// Returns the next record; `None` at the end.
     ///
     /// # Errors
-    /// It cannot be read, or is none.
+    /// It cannot be read, or is not a record.
     pub fn read(&mut self) -> io::Result<Option<Record<'_>>> {
         let mut head = [0; 8];
         if self.from.read(&mut head[..1])? == 0 {
@@ -118,7 +118,7 @@ impl<R: Read> Records<R> {
         let record = match kind {
             HEAD => head_of(&fields.text()),
             ROW => fields.row(&self.columns, &mut self.row).map(|()| {
-                // Between moves LinuxCNC has none, or an earlier one.
+                // Between moves LinuxCNC has no move number, or an earlier one.
                 while self.first < self.row.number && self.files.len() > 1 {
                     self.files.pop_front();
                     self.first += 1;
@@ -127,7 +127,7 @@ impl<R: Read> Records<R> {
                 self.row.file = self.files.front().copied().unwrap_or_default();
                 Record::Row(&self.row)
             }),
-            // Before the program is read the machine stands in it.
+            // Until a file is named, moves belong to file 0, the program.
             MOVE => fields
                 .commanded(&mut self.commanded)
                 .filter(|()| self.commanded.file < self.known.max(1))
@@ -160,7 +160,7 @@ fn head_of(text: &str) -> Option<Record<'static>> {
     })
 }
 
-/// The fields of a record, one after another.
+/// The fields of a record, in order.
 struct Fields<'a>(&'a [u8]);
 
 impl Fields<'_> {
@@ -174,7 +174,7 @@ impl Fields<'_> {
         self.take().map(u64::from_ne_bytes)
     }
 
-    /// LinuxCNC has lines below 0 for what is in no program.
+    /// Reads a line; LinuxCNC uses negative lines for moves that are in no program.
     fn line(&mut self) -> Option<u32> {
         self.take().map(|bytes| i32::from_ne_bytes(bytes).max(0) as u32)
     }
@@ -194,13 +194,13 @@ impl Fields<'_> {
         Some(())
     }
 
-    /// Returns the rest as text; one that is no UTF-8 is taken as Latin-1, as in comments of old programs.
+    /// Returns the rest as text; text that is not UTF-8 is read as Latin-1, as in comments of old programs.
     fn text(&self) -> String {
         let latin = || self.0.iter().map(|&byte| char::from(byte)).collect();
         str::from_utf8(self.0).map_or_else(|_| latin(), String::from)
     }
 
-    /// Into a row that has been of the same columns, or of none.
+    /// Reads into a row that is empty or has the same columns.
     fn row(&mut self, columns: &Columns, row: &mut Row) -> Option<()> {
         let (joints, axes) = (columns.joints, columns.extra.len());
         (row.cycle, row.line) = (self.cycle()?, self.line()?);

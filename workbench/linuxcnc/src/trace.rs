@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Every servo cycle of a run, in a file.
+//! A file with every servo cycle of a run.
 
 use crate::row::Row;
 use machine::files::{AtFile, Locate, Whole};
@@ -10,18 +10,18 @@ use std::io::{self, Write as _};
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// A file with a row for every servo cycle; it takes its name when it is whole.
+/// A file with a row for every servo cycle; it gets its name when it is complete.
 pub struct Trace<'a> {
     config: &'a MachineConfig,
     out: Whole,
     file: &'a Path,
-    /// The row that is being written.
+    /// The row being written.
     text: String,
     unwritten: Option<AtFile<io::Error>>,
 }
 
 impl<'a> Trace<'a> {
-    /// A file with the names of its columns.
+    /// Creates a file with the names of its columns.
     ///
     /// # Errors
     /// It cannot be written.
@@ -42,7 +42,7 @@ impl<'a> Trace<'a> {
         Ok(Self { config, out, file, text: String::new(), unwritten: None })
     }
 
-    /// A servo cycle; breaks off where the file cannot be written, which [`Self::finish`] says.
+    /// Adds a servo cycle; breaks off if the file cannot be written, which [`Self::finish`] reports.
     pub fn see(&mut self, row: &Row) -> ControlFlow<()> {
         if self.unwritten.is_none() {
             self.unwritten = self.write(row).err();
@@ -94,7 +94,7 @@ impl<'a> Trace<'a> {
     }
 }
 
-/// Numbers need no quotes; a long program has millions of rows.
+/// Writes a row. Numbers need no quotes; a long program has millions of rows.
 fn put_cycle(text: &mut String, time: f64, line: impl Display, values: impl Iterator<Item = f64>) {
     put_number(text, time);
     write!(text, ",{line}").expect("a text takes all");
@@ -105,7 +105,7 @@ fn put_cycle(text: &mut String, time: f64, line: impl Display, values: impl Iter
     text.push('\n');
 }
 
-/// The fewest digits that are read as the same number; below 1e-5 and from 1e16 on with an exponent.
+/// Writes the fewest digits that are read as the same number; below 1e-5 and from 1e16 on with an exponent.
 fn put_number(text: &mut String, value: f64) {
     let mut digits = zmij::Buffer::new();
     let told = digits.format(value);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! LinuxCNC in virtual time, as `make install` has installed it.
+//! LinuxCNC in virtual time, as installed by `make install`.
 
 use linuxcnc::process::Options;
 use linuxcnc::refusal::NotJudged;
@@ -16,7 +16,7 @@ fn programs(machine: &str) -> Vec<PathBuf> {
     programs
 }
 
-// What becomes of all programs, and that every cycle has a row, tests/live/truth.py looks at.
+// tests/live/truth.py checks the result of all programs, and that every cycle has a row.
 #[test]
 fn a_program_runs_to_its_end_with_a_row_for_every_cycle() {
     for machine in ["hexapod", "rotary-delta"] {
@@ -56,7 +56,7 @@ fn what_linuxcnc_stops_is_told_with_its_line_and_words() {
 #[test]
 fn messages_in_latin_1_are_shown() {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
-    // More than the channel of messages has room for.
+    // More messages than the channel can store.
     let lines = b"(MSG,Fr\xe4ser)\nG4 P0.001\n".repeat(50);
     fs::write(&file, [b"G21 G90\nG0 X1\n", &lines[..], b"M2\n"].concat()).unwrap();
     let (outcome, _) = run("hexapod", file.path());
@@ -77,7 +77,7 @@ fn loops_without_an_end_and_standstills_without_an_end_are_not_judged() {
 #[test]
 fn an_endless_loop_without_motion_is_not_judged() {
     let text = "G21 G90\nG0 X1\no1 while [1]\n#1 = 1\no1 endwhile\nM2\n";
-    // It comes to its last cycle in a small part of this.
+    // It reaches its last cycle in a small part of this.
     let impatient = Options { most_work: 1.5, ..Options::default() };
     let refusal = run_text("hexapod", text, &impatient).unwrap_err();
     assert!(refusal.to_string().contains("an endless loop"), "{refusal}");

@@ -1,4 +1,4 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! All tests of the crate from outside in one program, which is linked once.
+//! All integration tests of the crate in one program, which is linked once.
 
 mod control;

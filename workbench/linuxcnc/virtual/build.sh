@@ -1,10 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Compiles the library for virtual time for the LinuxCNC that is installed; its version is in the name.
+# Compiles the library for virtual time for the installed LinuxCNC; its version is in the name.
 #
 #     build.sh [FOLDER]     /var/lib/pkmkins, where pkm looks after the folder of LinuxCNC's modules
 #
-# A package has it for the LinuxCNC of Debian. For another one this makes it, once after each upgrade.
+# A package contains it for Debian's LinuxCNC. For another one run this once after each upgrade.
 set -eu
 sources=$(dirname "$(realpath "$0")")
 folder=${1:-/var/lib/pkmkins}
@@ -23,7 +23,7 @@ if ! mkdir -p "$folder" || [ ! -w "$folder" ]; then
 fi
 
 version=$(linuxcnc_var LINUXCNCVERSION)
-# Without the headers that milltask's messages are read by there is no library.
+# Without the headers of milltask's messages the library cannot be compiled.
 [ -e /usr/include/linuxcnc/nml.hh ] || {
     echo "pkmkins: /usr/include/linuxcnc has no nml.hh: LinuxCNC $version does not run in virtual time, and pkm run" \
         "and pkm preflight judge nothing that depends on time"
@@ -32,8 +32,8 @@ version=$(linuxcnc_var LINUXCNCVERSION)
 library=$folder/libpkmkins-virtual-$version.so
 made=$(mktemp -d)
 trap 'rm -rf "$made" "$library.new"' EXIT
-# Every function of HAL and RTAPI that LinuxCNC's library has gets a substitute: those without one of their own
-# end the run by their name, so that nothing reaches the HAL of this computer.
+# Every function of HAL and RTAPI in LinuxCNC's library gets a substitute: those not implemented here
+# end the run with their name, so that nothing reaches the HAL of this computer.
 nm -D --defined-only /usr/lib/liblinuxcnchal.so.0 |
     sed -nE 's/^[0-9a-f]+ T ((hal|halpr|rtapi)_[a-z0-9_]+)$/UNCOVERED(\1)/p' > "$made/uncovered.inc"
 g++ -std=c++17 -O2 -Wall -Wextra -Wno-ignored-qualifiers -shared -s -fPIC -fvisibility=hidden \

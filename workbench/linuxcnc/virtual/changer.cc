@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// LinuxCNC's `io`, which is a process of its own in 2.9: estop, coolant and the tool changer. It answers
-// milltask through the buffers toolCmd and toolSts, and acts on pins that the HAL files connect.
+// LinuxCNC's `io`, which is a separate process in 2.9: estop, coolant and the tool changer. It answers
+// milltask through the buffers toolCmd and toolSts, and uses pins that the HAL files connect.
 
 #include "virtual.h"
 
@@ -14,7 +14,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-// LinuxCNC's table of tools; its header is not installed.
+// LinuxCNC's tool table; its header is not installed.
 CANON_TOOL_TABLE tooldata_entry_init();
 int tooldata_get(CANON_TOOL_TABLE *entry, int index);
 int tooldata_put(CANON_TOOL_TABLE entry, int index);
@@ -27,7 +27,7 @@ int tooldata_save(const char *file, char **comments);
 int tool_mmap_creator(const EMC_TOOL_STAT *status, int is_random);
 
 namespace {
-// Nanoseconds that `io` waits between two looks at its pins: [EMCIO]CYCLE_TIME, read as `io` reads it.
+// Nanoseconds between two reads of the pins by `io`: [EMCIO]CYCLE_TIME, read as `io` reads it.
 long long cycle() {
     double seconds = DEFAULT_EMC_IO_CYCLE_TIME;
     std::sscanf(environment::value("PKMKINS_VIRTUAL_CHANGER_CYCLE"), "%lf", &seconds);
@@ -53,7 +53,7 @@ void put_into_spindle(int index) {
     tooldata_get(&tool, index);
     tooldata_get(&spindle, 0);
     if (is_random) {
-        // The two change places.
+        // Swap the two pockets.
         spindle.pocketno = tool.pocketno;
         tooldata_put(spindle, index);
         tool.pocketno = 0;
@@ -141,9 +141,9 @@ void enable(bool on) {
     *io.request_enable = on;
 }
 
-void turn(hal_bit_t *pin, int &told, bool on) {
+void turn(hal_bit_t *pin, int &reported, bool on) {
     *pin = on;
-    told = on;
+    reported = on;
 }
 
 void obey(RCS_CMD_MSG *command) {
@@ -169,7 +169,7 @@ void obey(RCS_CMD_MSG *command) {
     }
 }
 
-// Whether the answer has changed by what the pins say.
+// Returns whether the pins have changed the answer.
 bool looks_at_pins() {
     const EMC_AUX_STAT before = status->aux;
     status->aux.estop = !*io.enable_in;
@@ -201,7 +201,7 @@ void answer(NMLTYPE type, int serial) {
     answers->write(status);
 }
 
-// On the heap: EMC_TOOL_STAT is milltask's to construct.
+// On the heap: milltask constructs EMC_TOOL_STAT.
 void begin() {
     status = new EMC_IO_STAT;
     status->status = RCS_STATUS::RCS_DONE;

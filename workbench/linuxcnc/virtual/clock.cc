@@ -8,7 +8,7 @@
 #include <cmath>
 
 namespace {
-// Any moment but 0, which LinuxCNC's timers take for "not yet".
+// Any moment but 0, which LinuxCNC's timers interpret as "not yet".
 constexpr long long START = 1'000'000'000'000;
 // Waits shorter than this are polls for an answer of the servo thread, which comes with its next cycle.
 constexpr double POLL = 1e-4;
@@ -17,7 +17,7 @@ long long time_ = START;
 long long next_ = 0;
 long period_ = 1'000'000;
 long cycles_ = 0;
-// The driver waits for answers that come only after it returns: its own clock runs ahead meanwhile.
+// The driver waits for answers that arrive only after it returns: its own clock runs ahead meanwhile.
 bool in_driver_ = false;
 double ahead_ = 0.0;
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The operator: switches the machine on, homes it, opens the program and runs it.
 
-Runs in the Python that milltask has for itself, called by start.cc: `step()` now and then between two
-cycles of milltask, and at once when there is a message for the operator. To wait is to return.
+Runs in milltask's Python interpreter. start.cc calls `step()` regularly between two
+cycles of milltask, and at once when there is a message for the operator. It waits by returning.
 """
 
 import ctypes
@@ -12,28 +12,28 @@ import linuxcnc
 
 linuxcnc.nmlfile = os.environ["PKMKINS_VIRTUAL_FOLDER"] + "/buffers.nml"
 PROGRAM = os.environ["PKMKINS_VIRTUAL_PROGRAM"]
-# A block that is run first.
+# A block to run first.
 BLOCK = os.environ["PKMKINS_VIRTUAL_BLOCK"]
-# Whether lines that begin with / are left out.
+# Whether lines that begin with / are skipped.
 BLOCK_DELETE = os.environ["PKMKINS_VIRTUAL_BLOCK_DELETE"] == "1"
 LIBRARY = ctypes.CDLL(None)
 LIBRARY.virtual_error.restype = ctypes.c_char_p
 COMMAND, STATUS = linuxcnc.command(), linuxcnc.stat()
 FINISHED, STOPPED, NOT_JUDGED = range(3)
-# Looks before anything is asked for: milltask carries out what [RS274NGC]RS274NGC_STARTUP_CODE has queued, one
-# command in each of its cycles, and to leave the estop would clear what is left of it.
+# Steps before the first command: milltask executes the commands queued by [RS274NGC]RS274NGC_STARTUP_CODE, one in
+# each of its cycles, and leaving the estop would clear the rest.
 STARTUP = 50
-# Looks in which the interpreter reads on and on and nothing moves or waits: 10 s of the machine's time, in
+# Steps in which the interpreter only reads and nothing moves or waits: 10 s of the machine's time, in
 # which it reads millions of lines.
 MOST_READING = 500
-# Looks until something that takes no motion has to be done: far more than any of them takes.
+# Steps allowed for a command without motion: far more than any of them takes.
 PATIENCE = 2000
-# Looks in which no joint homes, between two sequences.
+# Steps in which no joint homes, between two sequences.
 BETWEEN = 200
 
 
 class Operator:
-    """What is done, as a generator that goes on with every look at the machine."""
+    """The operator's actions, as a generator that continues with every step."""
 
     def __init__(self):
         self.errors = []
@@ -67,7 +67,7 @@ class Operator:
         yield from self.reached(lambda: STATUS.task_mode == linuxcnc.MODE_AUTO, "automatic mode")
 
     def homed(self):
-        """Searches take minutes: homing has time as long as a joint homes."""
+        """Homes all joints. Searches take minutes: there is no timeout while a joint homes."""
         COMMAND.home(-1)
         rests = 0
         while not (all(STATUS.homed[:STATUS.joints]) and STATUS.inpos):

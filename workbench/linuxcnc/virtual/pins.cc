@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// HAL for one process: pins, parameters, signals and functions, in memory of its own.
+// HAL for one process: pins, parameters, signals and functions, in the process's memory.
 
 #include "virtual.h"
 
@@ -17,19 +17,19 @@
 namespace {
 struct Pin {
     hal_type_t type;
-    // HAL_IN, HAL_OUT or HAL_IO; of a parameter HAL_RO or HAL_RW.
+    // HAL_IN, HAL_OUT or HAL_IO; for a parameter HAL_RO or HAL_RW.
     int direction;
     bool is_parameter;
     // The pointer that the component reads and writes through.
     void **where;
-    // Signal that it is on, if any.
+    // Its signal, if any.
     std::string signal;
 };
 
 struct Signal {
     hal_type_t type;
     void *value;
-    // Pins that write it: by HAL_OUT, and by HAL_IO.
+    // Pins that write it: with HAL_OUT, and with HAL_IO.
     std::string writer, other;
 };
 
@@ -224,7 +224,7 @@ std::string unlink(const std::string &name) {
     for (std::string *writer : {&signal.writer, &signal.other}) {
         *writer = *writer == name ? "" : *writer;
     }
-    // It keeps the value that it had.
+    // It keeps its value.
     *pin.where = std::memcpy(new_value(), signal.value, sizeof(hal_data_u));
     pin.signal.clear();
     return "";
@@ -253,7 +253,7 @@ void run(long period) {
 }
 }
 
-// ---- what components call
+// ---- functions that components call
 
 REPLACES int hal_init(const char *) {
     static int last = 0;
@@ -279,7 +279,7 @@ REPLACES int hal_export_functf(void (*call)(void *, long), void *argument, int, 
     return functions().emplace(name, Function{call, argument, false}).second ? 0 : -EINVAL;
 }
 
-// The value of a pin or parameter by its name, as #<_hal[...]> of a program reads it.
+// Returns the value of a pin or parameter by its name, as #<_hal[...]> of a program reads it.
 static int value_by_name(const char *name, hal_type_t *type, hal_data_u **data) {
     const auto found = all().find(name);
     if (found == all().end()) {

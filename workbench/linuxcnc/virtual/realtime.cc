@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// RTAPI for one process: shared memory that only it sees, messages, the virtual clock.
+// RTAPI for one process: memory visible only to it, messages, the virtual clock.
 
 #include "virtual.h"
 
@@ -20,7 +20,7 @@ std::map<int, void *> &shared() {
 rtapi_msg_handler_t handler = nullptr;
 int level = RTAPI_MSG_ERR;
 
-// Standard error is kept by whoever started the run, to be told where it fails.
+// The process that started the run keeps standard error, to report it on a failure.
 void print(msg_level_t of, const char *format, va_list arguments) {
     if (of <= level) {
         std::vfprintf(stderr, format, arguments);
@@ -66,8 +66,8 @@ REPLACES int rtapi_set_msg_level(int wanted) {
     return 0;
 }
 REPLACES int rtapi_get_msg_level(void) { return level; }
-// LinuxCNC 2.9 makes no number of an arc whose rotary axes move by rounding alone, such as the first after homing, and
-// then says so in every cycle for ever.
+// LinuxCNC 2.9 computes NaN for an arc whose rotary axes move by rounding alone, such as the first one after homing,
+// and then reports this in every cycle.
 static const char *const NO_NUMBER = "invalid pose in tpAddCurrentPos";
 
 REPLACES void rtapi_print_msg(msg_level_t of, const char *format, ...) {

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// What happens, as a stream of records for whoever started the run:
+// The events of a run, as a stream of records for the process that started it:
 //
 //     u32 kind, u32 bytes that follow, then
 //     1 head      text, lines of KEY=VALUE; once, first
-//     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 held), u32 number
-//                 of the move, f64 feed, pose[9],
-//                 tool[6], of it that of a second mechanism last, then for every joint command, following error and what is allowed of it
-//     3 message   u64 cycle, i32 line, u32 kind (from 256 on of the interpreter), i32 line that is read, text
+//     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 feed inhibited), u32 number
+//                 of the move, f64 feed, pose[9], tool[6] (that of a second mechanism last),
+//                 then for every joint command, following error and its limit
+//     3 message   u64 cycle, i32 line, u32 kind (from 256 up from the interpreter), i32 line being read, text
 //     4 end       u64 cycle, i32 line, u32 cause (record::End), text; last
-//     5 move      as motion is asked for it, before it begins: i32 line, u32 file, u32 kind (record::Move::Kind),
+//     5 move      as commanded, before it begins: i32 line, u32 file, u32 kind (record::Move::Kind),
 //                 u32 flags (1 arc, 2 follows the spindle, 4 the spindle turns, 8 at a constant surface speed),
 //                 i32 turns, u32 turns of an arc that has become straight, then f64 feed, speed, tolerance,
 //                 pitch, turning, fastest, end[9], tool[9], center[3], normal[3]
 //     6 file      its name; files count from 0, the program
-//     7 reading   i32 line in which the interpreter reads on and on
+//     7 reading   i32 line in which the interpreter reads endlessly
 //
 // Moves count from 0; the first one ends where the program starts.
-// Numbers are as the computer has them; cycles count from the start of the program.
+// Numbers have the computer's format; cycles count from the start of the program.
 
 #include "virtual.h"
 
@@ -32,7 +32,7 @@
 namespace {
 constexpr int VERSION = 5;
 constexpr size_t BLOCK = 1 << 16;
-// Of a pose, and tool offsets of two mechanisms.
+// Number of coordinates of a pose, and of values of the tool offsets of two mechanisms.
 constexpr int LETTERS = 9, TOOLS = 6;
 constexpr unsigned HEAD = 1, ROW = 2, MESSAGE = 3, END = 4, MOVE = 5, FILE_NAME = 6, READING = 7, OF_INTERPRETER = 256;
 
@@ -58,7 +58,7 @@ void flush() {
     for (size_t done = 0; done < block.size();) {
         const ssize_t count = write(out, block.data() + done, block.size() - done);
         if (count < 0 && errno != EINTR) {
-            // Nobody reads any more.
+            // The reader is gone.
             _exit(1);
         }
         done += count > 0 ? static_cast<size_t>(count) : 0;
@@ -95,7 +95,7 @@ template <typename T> const T *needed(const std::string &name) {
     return pin;
 }
 
-// The line that moves, or moved last: LinuxCNC forgets it when it aborts.
+// Updates the line of the present or last move: LinuxCNC clears it when it aborts.
 void follow_line() {
     bool moves = false;
     for (int n = 0; n < LETTERS; n++) {

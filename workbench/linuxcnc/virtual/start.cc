@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // LinuxCNC in virtual time: this library is preloaded into an unmodified milltask. Before milltask's own
 // code runs, it loads the modules of the configuration into the same process; HAL, RTAPI and the clock are
-// its own, so that nothing of a machine that runs on this computer is touched.
+// replaced, so that a machine that runs on this computer is not affected.
 
 #include "virtual.h"
 
@@ -34,13 +34,13 @@ const char *value(const char *name) {
 const char *folder() { return value("PKMKINS_VIRTUAL_FOLDER"); }
 }
 
-// ---- the driver: Python in the interpreter that milltask has for itself
+// ---- the driver: Python in milltask's interpreter
 
 namespace {
 int (*run_python)(const char *) = nullptr;
 // Errors of LinuxCNC that the driver has not seen.
 std::deque<std::string> errors;
-// Cycles of milltask between two looks of the driver, which cost as much as several cycles each.
+// Cycles of milltask between two steps of the driver, each of which takes as long as several cycles.
 constexpr int LOOK = 10;
 int waited = LOOK;
 
@@ -89,13 +89,13 @@ extern "C" int write_message(void *channel, NMLmsg *message, int *serial) {
     if (!text) {
         return write(channel, message, serial);
     }
-    // Nobody reads the channel, which would be full after some of them.
+    // Nothing reads the channel, which would be full after some messages.
     record::message(message->type - EMC_OPERATOR_ERROR_TYPE, text);
     return 0;
 }
 
-// The next error that the driver has not seen, or null. The Python module of LinuxCNC is not asked: it ends the
-// process over a text that is no UTF-8.
+// Returns the next error that the driver has not seen, or null. LinuxCNC's Python module is not used: it ends the
+// process over a text that is not UTF-8.
 FOR_DRIVER const char *virtual_error() {
     static std::string seen;
     if (errors.empty()) {
@@ -106,17 +106,17 @@ FOR_DRIVER const char *virtual_error() {
     return seen.c_str();
 }
 
-// ---- no other process, and no memory of another one
+// ---- no other process, and no shared memory of another one
 
-// M100 to M199 are programs of the user's, and Python has other ways to start one.
+// M100 to M199 are programs of the user, and Python can start them in other ways.
 [[noreturn]] static void refuse_program() {
     give_up("the program starts another program or process (M100 to M199, or by Python), which is not run");
 }
 REPLACES pid_t vfork(void) { refuse_program(); }
 REPLACES pid_t fork(void) { refuse_program(); }
 REPLACES int system(const char *) { refuse_program(); }
-// The kernel refuses every other way: threads alone are started. Calls that a processor does not have count as
-// seccomp, which nobody needs any more.
+// Installs a filter with which the kernel refuses every other way: only threads are started. Calls that a processor
+// does not have are replaced by seccomp, which is no longer needed.
 static void stay_alone() {
 #ifndef SYS_fork
 #define SYS_fork SYS_seccomp
@@ -128,10 +128,10 @@ static void stay_alone() {
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_execveat, 7, 0),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_fork, 6, 0),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_vfork, 5, 0),
-        // Its flags stand in memory, which a filter cannot read. The C library then takes clone.
+        // Its flags are in memory, which a filter cannot read. The C library then uses clone.
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_clone3, 5, 0),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_clone, 0, 2),
-        // The lower half of the flags, on processors of this order of bytes.
+        // The lower half of the flags, on little-endian processors.
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, args)),
         BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, CLONE_THREAD, 0, 1),
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
@@ -139,7 +139,7 @@ static void stay_alone() {
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS),
     };
     const sock_fprog program = {sizeof filter / sizeof *filter, filter};
-    // pkm has refused a kernel without filters, unless the user wants no confinement.
+    // pkm has already refused a kernel without filters, unless the user disabled confinement.
     syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, 0, &program);
 }
 REPLACES int shmget(int, size_t, int) {
@@ -151,8 +151,8 @@ REPLACES int semget(int, int, int) {
     return -1;
 }
 
-// The kernel lets files be written in the folder of the run alone. What LOGOPEN and the like write elsewhere goes into
-// its folder `written`, so that such a program runs.
+// Returns the path to write instead: the kernel allows writing only in the folder of the run. Files that LOGOPEN and
+// the like write elsewhere go into its folder `written`, so that such a program runs.
 static std::string own(const std::string &file) {
     const std::string folder = environment::folder();
     if (file.compare(0, folder.size(), folder) == 0) {
@@ -175,7 +175,7 @@ struct Start {
             return;
         }
         unsetenv("LD_PRELOAD");
-        // Whoever reads the records may be killed.
+        // The reader of the records may be killed.
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         stay_alone();
         record::open(std::atoi(environment::value("PKMKINS_VIRTUAL_STREAM")));

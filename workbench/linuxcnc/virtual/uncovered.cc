@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// A substitute for every function of LinuxCNC's own HAL library that has none here: whoever calls it ends
-// the run. The list is made from that library when this one is built; those that are defined here win.
+// A substitute for every function of LinuxCNC's HAL library that is not implemented here: a call to it ends
+// the run. The build generates the list from that library; functions defined here take precedence.
 
 #include <cstdio>
 #include <cstdlib>

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The configuration: modules to load, pins to set, nets, functions of the servo thread. One step a line, its
+// Executes the configuration: modules to load, pins to set, nets, functions of the servo thread. One step per line, its
 // words separated by tabs:
 //
 //     load FILE NAME=VALUE...    addf FUNCTION    setp PIN VALUE    net SIGNAL PIN    newsig SIGNAL TYPE
 //     sets SIGNAL VALUE    unlinkp PIN    list pin PATTERN    getp PIN    done
 //
-// They come on standard input from wiring.tcl; each is answered by a line on standard output, ok or error.
+// Standard input has the steps from wiring.tcl; each is answered with a line on standard output, ok or error.
 
 #include "virtual.h"
 
@@ -29,8 +29,8 @@ std::vector<std::string> split(const std::string &text, char at) {
     return parts;
 }
 
-// Load parameters: their address and their type are symbols of the module. The type is i, l or s, with a
-// number before it where the parameter is an array.
+// Sets load parameters: their address and type are symbols of the module. The type is i, l or s, with a
+// number before it if the parameter is an array.
 void set_parameter(void *module, const std::string &file, const std::string &name, const std::string &value) {
     void **address = static_cast<void **>(dlsym(module, ("rtapi_info_address_" + name).c_str()));
     char **type = static_cast<char **>(dlsym(module, ("rtapi_info_type_" + name).c_str()));
@@ -110,7 +110,7 @@ void follow() {
     for (std::string line; std::getline(std::cin, line);) {
         std::cout << step(line) << std::endl;
         if (line == "done") {
-            // What milltask prints goes where its errors go.
+            // Standard output of milltask goes to its standard error.
             dup2(STDERR_FILENO, STDOUT_FILENO);
             return;
         }

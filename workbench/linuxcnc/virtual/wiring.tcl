@@ -3,21 +3,21 @@
 #
 #     tclsh wiring.tcl MACHINE.ini BESIDE MODULES [FILE...]
 #
-# pkm writes `ini.tcl`, this and a line that calls `wiring::main` into one file. It runs LIB:pkmkins_sim.tcl, LIB:pkmkins.tcl and the files, which
-# are of Tcl or of halcmd, as LinuxCNC would, with a command `hal` that asks for one step a line on standard output
-# and reads the answer from standard input: "ok" and what was asked for, or "error" and why. The words of a step are
-# separated by tabs: the names of files may have blanks. MODULES is the folder of LinuxCNC's modules, BESIDE that of
-# the library for virtual time: what stands there comes first, so that what is built can be tried before it is
-# installed.
+# pkm writes `ini.tcl`, this script and a line that calls `wiring::main` into one file. It runs LIB:pkmkins_sim.tcl,
+# LIB:pkmkins.tcl and the files, of Tcl or of halcmd, as LinuxCNC would. The command `hal` prints one step per line on
+# standard output and reads the answer from standard input: "ok" and the result, or "error" and the reason. The words
+# of a step are separated by tabs, because file names may contain blanks. MODULES is the folder of LinuxCNC's modules,
+# BESIDE that of the library for virtual time: files in BESIDE take precedence, so that a build can be tested before
+# it is installed.
 
 namespace eval wiring {
-    # Signal of each pin that is on one.
+    # Signal of each connected pin.
     variable signals [dict create]
     # Folders of modules: those of the files, the library's, and LinuxCNC's.
     variable modules {}
 }
 
-# As haltcl does it: every section is a global array, every key a list of its values.
+# Reads the INI file as haltcl does: every section is a global array, every key a list of its values.
 proc wiring::parse {ini} {
     foreach {section key value} [ini_values $ini] { lappend ::${section}($key) $value }
 }
@@ -39,14 +39,14 @@ proc wiring::net {signal args} {
     }
 }
 
-# As halcmd prints a pin that is on a signal.
+# Returns a connected pin as halcmd prints it.
 proc wiring::show {pin} {
     variable signals
     if {![dict exists $signals $pin]} { return "" }
     return "  $pin ==> [dict get $signals $pin]"
 }
 
-# The file of a name in the first of the folders that has one.
+# Returns the file with a name in the first folder that has one.
 proc wiring::first {folders name} {
     foreach folder $folders {
         set file [file join $folder $name]
@@ -60,7 +60,7 @@ proc wiring::loadrt {name args} {
     ask load [first $modules $name.so] {*}$args
 }
 
-# A file of halcmd: a command a line.
+# Runs a file of halcmd, with one command per line.
 proc wiring::run_hal {file} {
     set lines [open $file]
     while {[gets $lines line] >= 0} {
@@ -85,7 +85,7 @@ proc hal {verb args} {
     error "the HAL files do more than is known here: hal $verb $args"
 }
 
-# Without the program that limits the time of pkmkins-pins: the kernel lets a run start few programs, and the time of
+# Runs pkmkins-pins without the program that limits its time: the kernel lets a run start few programs, and the time of
 # a run is limited anyway.
 rename exec wiring::exec
 proc exec args {
@@ -93,11 +93,11 @@ proc exec args {
     return [wiring::exec {*}$args]
 }
 
-# As haltcl has them: the commands of HAL by themselves, and `setp` with an expression.
+# As in haltcl: the HAL commands without `hal`, and `setp` with an expression.
 foreach verb {loadrt net addf} { proc $verb args "hal $verb {*}\$args" }
 proc setp {pin value} { hal setp $pin [uplevel [list expr $value]] }
 
-# A key of the INI file, or what LinuxCNC takes without it.
+# Returns a key of the INI file, or LinuxCNC's default.
 proc wiring::value {section key default} {
     if {![info exists ::${section}($key)]} { return $default }
     return [lindex [set ::${section}($key)] 0]
