@@ -4,7 +4,7 @@
 #
 #     tests/live/as-user.sh COMMAND [ARGUMENT...]
 #
-# Who is not root already runs the command directly. As root, the system user pkmkins-run is made
+# Users other than root run the command directly. As root, the system user pkmkins-run is created
 # once (no password, no login, home folder /var/lib/pkmkins-run) and the command runs as that
 # user; `userdel -r pkmkins-run` removes it again.
 set -eu

@@ -1,12 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The files that a user interface carries out, where parts are missing, taken, slow or dead.
+"""Tests the files that a user interface executes, with parts that are missing, taken, slow or dead.
 
     tests/live/attach_test.py [--only TEXT]
 
-A user interface ends LinuxCNC where a file of [HAL]POSTGUI_HALFILE fails. HAL alone runs, with the module and with
+A user interface ends LinuxCNC if a file of [HAL]POSTGUI_HALFILE fails. HAL alone runs, with the module and with
 stand-ins for LinuxCNC's task, motion, PyVCP and pkmkins-panel. In every case the panel's file of a shipped machine
-has to end with code 0 within a bound, and to report each fault in one line. Prints a line for each case and a
+must end with code 0 within a time bound, and report each fault in one line. Prints a line for each case and a
 closing line; exit code 1 if any fails.
 """
 
@@ -25,18 +25,19 @@ from unprivileged import REPOSITORY, clear_hal, is_unprivileged, only_one, rerun
 
 HALLIB = "/usr/share/linuxcnc/hallib"
 PANEL = "hexapod-panel.tcl"
-# What the test changes in them: waits are shorter, and pkmkins-panel is a stand-in, for haltcl looks into /usr/bin first.
+# Changes in the test: waits are shorter, and pkmkins-panel is a stand-in, because haltcl searches /usr/bin first.
 CHANGES = {"pkmkins_jog.tcl": {"task_seconds 20": "task_seconds 2"},
            "pkmkins_panel.tcl": {"start_seconds 10": "start_seconds 5",
                                  "exec {*}$command": "exec $::env(STAND_INS)/[lindex $command 0]"}}
-# All waits, and what haltcl takes on a computer that has other work.
+# All waits, and the time of haltcl on a busy computer.
 WORST_SECONDS = 15
 
 MODULE = ["loadrt pkmkins legs=strut:6", "loadrt threads name1=servo period1=1000000", "addf pkmkins.monitor servo"]
 AXES = "xyzabc"
 SPEED = 200.0
 
-# What has the pins, what hangs before it is ready, what ends, what ends with success, and what is ready and dies.
+# One that has the pins, one that hangs before it is ready, one that fails, one that ends with success, and one that
+# becomes ready and dies.
 PROGRAMS = {
     "stands": f"#!/bin/sh\nexec {sys.executable} {__file__} --stand-in pkmkins-panel $(dirname $0)/..\n",
     "hangs": "#!/bin/sh\nexec sleep 60\n",
@@ -47,7 +48,7 @@ PROGRAMS = {
 
 
 class Wrong(Exception):
-    """What a file did not do."""
+    """A deviation from the expected behavior of a file."""
 
 
 def stand_in(name, folder):
@@ -64,12 +65,12 @@ def stand_in(name, folder):
     try:
         signal.pause()
     except KeyboardInterrupt:
-        # So HAL ends a component in Python.
+        # HAL ends a component in Python in this way.
         pass
 
 
 def widgets():
-    """Pins of the panel's widgets, by its nets, with the kinds that the pins behind them have."""
+    """Returns the pins of the panel's widgets, by its nets, with the kinds of the pins behind them."""
     kinds = {"joint": "FLOAT", "margin": "FLOAT", "geometry-hash": "U32"}
     bits = re.compile(r"travel-known|guard-on|limit-soon|feed-inhibit|tool-busy|is-|geometry-ok|geometry-changed")
     for line in (REPOSITORY / "configs/hexapod" / PANEL).read_text().splitlines():
@@ -80,7 +81,7 @@ def widgets():
 
 
 def parts(without=()):
-    """Pins of the stand-ins by component, but for those that are missing."""
+    """Returns the pins of the stand-ins by component, except those that are missing."""
     made = {
         "inihal": [("ini", "traj_max_velocity", "FLOAT", "IN"),
                    *(("ini", f"{axis}.max_velocity", "FLOAT", "IN") for axis in AXES)],
@@ -144,7 +145,7 @@ class Hal:
         return text
 
     def reported(self, *expected, file=None, shell=""):
-        """Carries out the panel's file: code 0, and these lines of ours, each once and in this order."""
+        """Executes the panel's file: expects code 0, and these lines of pkmkins, each once and in this order."""
         begin = time.monotonic()
         with open(self.folder / "told", "w+") as out:
             done = subprocess.run(["sh", "-c", f"exec haltcl {file or self.file} {shell}"], stdin=subprocess.DEVNULL,
@@ -172,7 +173,7 @@ NO_TRAVEL_PINS = "panel: not shown: there is no pin pkmkins-panel.x-minus, "
 
 
 def everything(folder):
-    """All is there, and the file is carried out again."""
+    """Tests the complete set of parts, and executes the file again."""
     with Hal(folder) as hal:
         for _ in range(2):
             hal.reported()
@@ -181,7 +182,7 @@ def everything(folder):
             hal.is_on("pyvcp.joint-5", "panel:joint-5")
             hal.is_on("pyvcp.x-plus", "panel:x-plus")
             hal.is_on("pyvcp.kinematics.joints", "panel:ask-joints")
-            # The second time the selector is on a signal.
+            # The second time the selector is connected.
             hal.command("unlinkp", "motion.switchkins-type")
             hal.command("unlinkp", "pkmkins-panel.kinematics")
 
@@ -192,7 +193,7 @@ def nothing(folder):
 
 
 def no_panel(folder):
-    """As under gmoccapy, with today's file and one of version 1.0."""
+    """Tests the file as under gmoccapy, the present one and that of version 1.0."""
     with Hal(folder, ("pyvcp",)) as hal:
         hal.reported(NO_PANEL)
         hal.is_on("ini.x.max_velocity", "pkmkins:jog-velocity-x")
@@ -205,7 +206,7 @@ def no_panel(folder):
 
 
 def own_window(folder):
-    """A panel in a window of its own, which comes late."""
+    """Tests a panel in a separate window, which starts late."""
     with Hal(folder, ("pyvcp",)) as hal:
         pins = parts()["pyvcp"]
         (folder / "pyvcp.pins").write_text("".join(" ".join(pin) + "\n" for pin in pins))
@@ -225,7 +226,7 @@ def no_task(folder):
 
 
 def late_task(folder):
-    """A task that has made its pins and not set them yet, when it is busy: a speed of 0 would stay in force."""
+    """Tests a busy task that has created its pins but not set them yet: a speed of 0 would stay in force."""
     with Hal(folder, ("pyvcp",)) as hal:
         for axis in AXES:
             hal.command("setp", f"ini.{axis}.max_velocity", "0")
@@ -239,7 +240,7 @@ def late_task(folder):
 
 
 def no_monitor(folder):
-    """A thread that does not run."""
+    """Tests a thread that does not run."""
     with Hal(folder, ("pyvcp",), start=False) as hal:
         hal.reported(f"{NOT_SLOWED}pkmkins.jog-velocity.x is 1e+99 and not 200", NO_PANEL)
 
@@ -253,7 +254,7 @@ def pins_missing(folder):
 
 
 def pins_taken(folder):
-    """Pins on signals of others, and a signal of our name with another kind."""
+    """Tests pins on other signals, and a signal of our name with another type."""
     with Hal(folder) as hal:
         for line in ("net theirs ini.x.max_velocity", "net limit pkmkins.axis-max-velocity.y", "newsig panel:joint-2 bit",
                      "net widget pyvcp.joint-1", "net selector motion.switchkins-type"):
@@ -265,7 +266,7 @@ def pins_taken(folder):
 
 
 def component(program, *reasons):
-    """Checks a pkmkins-panel that is not there, or does not become ready."""
+    """Checks a pkmkins-panel that is missing, or does not become ready."""
     def check(folder):
         with Hal(folder, program=program) as hal:
             hal.reported(f"{NO_TRAVEL}{reasons[0]}", NO_TRAVEL_PINS)
@@ -278,7 +279,7 @@ def component(program, *reasons):
 
 
 def no_files(folder):
-    """Files of ours that are missing, and a folder that is not named."""
+    """Tests files of pkmkins that are missing, and a folder that is not named."""
     with Hal(folder) as hal:
         (hal.library / "pkmkins_jog.tcl").unlink()
         hal.reported("panel: not connected: ", "panel: not everything is shown: ", "panel: not everything is shown: ",
@@ -290,7 +291,7 @@ def no_files(folder):
 
 
 def nobody_reads(folder):
-    """A standard error that is closed, or that nobody reads."""
+    """Tests a standard error that is closed, or not read."""
     with Hal(folder, ("pyvcp",), start=False) as hal:
         hal.reported(shell="2>&-")
         hal.reported(shell="2>/dev/full")

@@ -47,7 +47,7 @@ class Browser(threading.Thread):
         return self.events[-1][1] if self.events else None
 
     def wait(self, condition, seconds, what):
-        """The first state from now on for which the condition holds."""
+        """Returns the first state from now on for which the condition holds."""
         seen, limit = len(self.events), time.monotonic() + seconds
         while True:
             for _, state in self.events[seen:]:
@@ -60,7 +60,7 @@ class Browser(threading.Thread):
 
 
 def deaf(port):
-    """A connection whose answer is never read, with as little room for it as there can be."""
+    """Opens a connection whose answer is never read, with the smallest possible buffer."""
     connection = socket.socket()
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
     connection.connect((HOST, port))
@@ -69,7 +69,7 @@ def deaf(port):
 
 
 def is_dropped(connection):
-    """Whether the other end has closed the connection of one that does not read."""
+    """Returns whether the other end has closed the connection of a client that does not read."""
     try:
         connection.sendall(b"\r\n")
         time.sleep(0.1)

@@ -1,15 +1,15 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Closes the loop of a calibration in the real LinuxCNC, and reports before and after.
+"""Runs a complete calibration in the real LinuxCNC, and reports before and after.
 
     tests/live/calibration_demo.py --pkm target/host/pkm --out build/calibration [--virtual]
 
-The hexapod as drawn probes a plate with holes; what touches is pkmkins_truth, which plays a machine
-built a little differently. `pkm calibrate` makes a new INI file of LinuxCNC's log; LinuxCNC starts
-with that one and probes again. Exit code 1 where the plate's holes are then still off.
+The hexapod as drawn probes a plate with holes. pkmkins_truth closes the probe contact: it simulates a machine
+built slightly differently. `pkm calibrate` makes a new INI file from LinuxCNC's log; LinuxCNC starts
+with that one and probes again. Exit code 1 if the plate's holes are then still off.
 
-Live it takes minutes and needs the component in LinuxCNC's module folder (`cargo xtask calibration-demo`
-puts it there). In virtual time (`--virtual`) it takes seconds, with the component where cargo builds it.
+A live run takes minutes and needs the component in LinuxCNC's module folder (`cargo xtask calibration-demo`
+installs it there). In virtual time (`--virtual`) it takes seconds, with the component in cargo's build folder.
 """
 
 import argparse
@@ -29,20 +29,20 @@ from unprivileged import REPOSITORY, is_unprivileged, only_one, rerun_unprivileg
 CONFIG = REPOSITORY / "configs/hexapod"
 PLAYER = REPOSITORY / "target/host/libpkmkins_truth.so"
 PROGRAM = "calibration/calibration.ngc"
-TOLERANCE = 0.3  # mm, standard deviation of what was built from what was drawn
-PLATE = "0.9,-0.7,150.4,0.15,-0.2,0.4"  # where the plate lies
+TOLERANCE = 0.3  # mm, standard deviation of the built from the drawn dimensions
+PLATE = "0.9,-0.7,150.4,0.15,-0.2,0.4"  # pose of the plate
 SEED = 7
 PROBING_SECONDS = 1500
 
-# On a busy computer LinuxCNC 2.9 at times takes a probe move for done before it is, and ends the
+# On a busy computer LinuxCNC 2.9 sometimes considers a probe move complete too early, and ends the
 # program with "Queue is not empty after probing".
 TRIES = 3
-# What calibration.ngc needs to read pins.
+# calibration.ngc needs this to read pins.
 PIN_VARIABLES = {"section": "RS274NGC", "append": ["HAL_PIN_VARS = 1"]}
 
 
 def as_built(text, random_numbers):
-    """The drawing's text with every anchor and length a little off; no boxes, which belong to the
+    """Returns the drawing's text with every anchor and length slightly off, without boxes, which belong to the
     geometry they were proved for."""
     edits = [{"section": "BOX_0", "remove": True},
              {"section": "KINS", "key": "KINEMATICS", "lines": ["KINEMATICS = pkmkins legs=strut:6"]}]
@@ -59,7 +59,7 @@ def as_built(text, random_numbers):
 
 
 def probe(given, out):
-    """One run of LinuxCNC with given/hexapod.ini on the machine of given/true.ini."""
+    """Runs LinuxCNC once with given/hexapod.ini on the machine of given/true.ini."""
     wiring = [
         "HALFILE = calibration/latch.hal",
         "HALFILE = calibration/truth.hal",
@@ -81,13 +81,13 @@ def probe(given, out):
 
 
 def put_truth(folder, truth):
-    """The true machine, and the HAL file with it, beside the plate."""
+    """Writes the true machine, and its HAL file, beside the plate."""
     shutil.copy(truth, folder / "true.ini")
     (folder / "truth.hal").write_text(wires(folder / "true.ini"))
 
 
 def wires(truth):
-    """HAL commands that put the true machine and its probe in place of a probe."""
+    """Returns HAL commands that replace the probe with the true machine and its probe."""
     plate = truth.parent / "plate.toml"
     joints = "\n".join(f"net J{n}:motor-pos-fb pkmkins_truth.joint-{n}" for n in range(6))
     return f"""loadrt pkmkins_truth machine={truth} plate={plate} pose={PLATE}
@@ -101,7 +101,7 @@ net latch-probe pkmkins_truth.touch
 
 
 def calibrate(pkm, machine, log, *more):
-    """What `pkm calibrate` says; 2 means no result."""
+    """Runs `pkm calibrate` and returns its output; exit code 2 means no result."""
     plate = CONFIG / "calibration/plate.toml"
     command = [pkm, "calibrate", machine, log, "--plate", plate, *more]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -115,7 +115,7 @@ def fact(text, name):
 
 
 def probed_live(machine, truth, folder):
-    """Log of one run of LinuxCNC, in a process of a user that LinuxCNC accepts."""
+    """Returns the log of one run of LinuxCNC, in a process of a user that LinuxCNC accepts."""
     given = folder / "given"
     given.mkdir()
     shutil.copy(machine, given / "hexapod.ini")
@@ -131,13 +131,13 @@ def probed_live(machine, truth, folder):
 
 
 def probed_virtually(pkm, machine, truth, folder):
-    """Log of one run in virtual time."""
+    """Returns the log of one run in virtual time."""
     config = folder / "hexapod"
     shutil.copytree(CONFIG, config)
     (config / "hexapod.ini").write_text(ini_edit.edited(machine.read_text(), [PIN_VARIABLES]))
     wiring = config / "calibration"
     put_truth(wiring, truth)
-    # Modules are looked for beside the HAL file first.
+    # Modules are searched beside the HAL file first.
     shutil.copy(PLAYER, wiring / "pkmkins_truth.so")
     command = [pkm, "run", config / "hexapod.ini", config / PROGRAM, "--hal", wiring / "latch.hal",
                "--hal", wiring / "truth.hal", "--written", folder]
@@ -148,7 +148,7 @@ def probed_virtually(pkm, machine, truth, folder):
 
 
 def probed(options, machine, truth, name):
-    """Log of the plate probed with a machine's INI file while another machine is the true one."""
+    """Returns the log of the plate probed with a machine's INI file while another machine is the true one."""
     folder = Path(options.out).resolve() / name
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -180,14 +180,14 @@ def demo(options):
 
 
 def lateness(ini):
-    """Way of one servo cycle at the feed of the touches that are logged, the slowest, in mm."""
+    """Returns the travel in one servo cycle at the feed of the logged (slowest) touches, in mm."""
     feeds = re.findall(r"^ *G38\.2 .*F(\d+)$", (CONFIG / PROGRAM).read_text(), re.MULTILINE)
     return min(map(float, feeds)) / 60 * float(ini_edit.value(ini, "EMCMOT", "SERVO_PERIOD")) / 1e9
 
 
 def misses(before, after, most):
-    """What the reports miss. A touch is late by something between nothing and `most`, of which the mean is
-    found with the rest: where nothing but that is left no hole is off by more than `most`."""
+    """Returns the expectations that the reports violate. A touch is detected late by between 0 and `most`. The mean is
+    estimated with the rest: if nothing else remains, no hole is off by more than `most`."""
     if not worst(after) <= most:
         yield f"after calibration a hole is off by {worst(after)} mm, more than {most} mm"
     if not worst(before) > most:
@@ -195,7 +195,7 @@ def misses(before, after, most):
 
 
 def worst(report):
-    """How far a hole is off at most, in mm."""
+    """Returns the largest deviation of a hole, in mm."""
     return float(re.search(r"off by ([\d.]+) mm at most", fact(report, "holes"))[1])
 
 

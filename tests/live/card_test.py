@@ -1,12 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What LinuxCNC's test card has: which of its patterns hostmot2 registers, and with what parts.
+"""Checks which patterns of LinuxCNC's test card hostmot2 registers, and with what parts.
 
     tests/live/card_test.py
 
-The live tests run the HAL files for cards of Mesa on this card (hm2_test), with stand-ins (`board/board.tcl`) for
-what it has not. Here hostmot2 is asked, for every pattern, for all parts that those files use. HAL alone runs.
-Prints a line for each pattern and a closing line; exit code 1 if any is not as docs/guide/drives.md says.
+The live tests run the HAL files for Mesa cards on this card (hm2_test), with stand-ins (`board/board.tcl`) for
+the parts that it lacks. This test requests from hostmot2, for every pattern, all parts that those files use. HAL
+alone runs. Prints a line for each pattern and a closing line; exit code 1 if any differs from docs/guide/drives.md.
 """
 
 import re
@@ -18,10 +18,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from unprivileged import clear_hal, is_unprivileged, only_one, rerun_unprivileged
 
-# What the files for cards ask hostmot2 for.
+# The parts that the files for cards request from hostmot2.
 CONFIG = "num_encoders=6 num_pwmgens=6 num_stepgens=6"
 
-# What hostmot2 says of every pattern that it refuses; the last one hm2_test has not.
+# The messages of hostmot2 for every pattern that it refuses; hm2_test lacks the last one.
 REFUSED = {
     0: "invalid cookie, got 0x00000000, expected 0x55AACAFE",
     1: "invalid config name",
@@ -48,15 +48,15 @@ CARD = "hm2_test.0."
 
 
 class Wrong(Exception):
-    """What is not as expected."""
+    """An unexpected result."""
 
 
 def answered(folder, pattern):
-    """Exit code of halrun that loads the card, and what was written."""
+    """Loads the card in halrun; returns the exit code and the output."""
     script, out = folder / "card.hal", folder / "out"
     script.write_text(f'loadrt hostmot2\nloadrt hm2_test test_pattern={pattern} config="{CONFIG}"\n'
                       f"show pin {CARD}*\nshow funct {CARD}*\n")
-    # The process that runs the realtime modules inherits the file, hence no pipe.
+    # The process that runs the realtime modules inherits the file; a pipe would stay open.
     with open(out, "w") as written:
         done = subprocess.run(["halrun", "-f", str(script)], stdin=subprocess.DEVNULL, stdout=written,
                               stderr=written, timeout=60)
@@ -74,7 +74,7 @@ def registered(code, text):
         raise Wrong(f"exit code {code}: {text}")
     pins, _, functions = text.partition("Exported Functions:")
     named = [sorted(re.findall(rf" {re.escape(CARD)}(\S+)$", part, re.MULTILINE)) for part in (pins, functions)]
-    # How long each function takes is a pin too.
+    # The execution time of each function is a pin too.
     parts = [name for name in named[0] if not name.endswith(".time")]
     if parts != sorted(GPIO) or named[1] != FUNCTIONS:
         raise Wrong(f"pins {parts}, functions {named[1]}")

@@ -4,12 +4,12 @@
 #
 #     tests/live/demo.sh [MACHINE [PROGRAM]]
 #
-# MACHINE is a folder of configs/, or the INI file of a machine of one's own, in a folder of its own as `pkm new`
-# makes it. PROGRAM is a file of its programs; without it the one its INI file opens. Trace, result and report with
-# plots are left in build/demo/NAME.
+# MACHINE is a folder of configs/, or the INI file of the user's machine, in its own folder as `pkm new`
+# creates it. PROGRAM is a file of its programs; the default is the one that its INI file opens. Trace, result and
+# report with plots are left in build/demo/NAME.
 set -eu
 machine=${1:-hexapod}
-# Where make was called, before this goes to the root of the repository.
+# Relative to the folder of the make call, before the script changes to the root of the repository.
 [ ! -f "$machine" ] || ini=$(realpath "$machine")
 cd "$(dirname "$0")/../.."
 
@@ -27,7 +27,7 @@ out=build/demo/$name
 tools/progress.sh "building pkm and the judge" cargo build --profile host --locked --quiet --bin pkm --bin judge
 rm -rf "$out"
 mkdir -p "$out"
-# LinuxCNC runs in real time: as long as it takes in virtual time, and half as long again.
+# LinuxCNC runs in real time: allow 1.5 times the duration in virtual time.
 tools/progress.sh "preflight" target/host/pkm preflight "$ini" "$folder/programs/$program" --quiet --format json \
     > "$out/preflight.json" ||
     { echo "demo: preflight does not pass it: target/host/pkm preflight $ini $folder/programs/$program" >&2; exit 1; }

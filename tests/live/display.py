@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Stands in for LinuxCNC's user interface: runs one scenario, then ends, which ends LinuxCNC.
+"""Replaces LinuxCNC's user interface: runs one scenario, then ends, which ends LinuxCNC.
 
-The job beside this file (job.json) names the scenario, its arguments and where results belong.
+The job beside this file (job.json) names the scenario, its arguments and the folder for results.
 """
 
 import json

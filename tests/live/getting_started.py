@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The commands of docs/guide/getting-started.md, run as they stand there, and how long they take.
+"""Runs the commands of docs/guide/getting-started.md as written, and measures their times.
 
     tests/live/getting_started.py FOLDER
 
-writes the table of that page from what live_test.py --only getting_started --out FOLDER has left.
+writes the table of that page from the results of live_test.py --only getting_started --out FOLDER.
 """
 
 import json
@@ -26,7 +26,7 @@ TIMES = "commands.json"
 
 
 def commands(page):
-    """Of every machine of the page, by its name: the lines of its commands."""
+    """Returns the command lines of every machine of the page, by its name."""
     section = page.read_text().split(f"\n## {SECTION}\n")[1].split("\n## ")[0]
     found = {}
     for part in section.split("\n### ")[1:]:
@@ -57,7 +57,7 @@ def run(lines, pkm, out):
 
 
 def row(times):
-    """What a machine took, as a row of the table."""
+    """Returns the times of a machine as a row of the table."""
     def seconds(begin):
         return sum(spent for line, spent in times if line.startswith(begin))
 

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the monitor's watch over the motion is judged by: joint speeds, and the time it costs.
+"""Quantities by which the monitor's motion guard is judged: joint speeds, and the time it costs.
 
-Plain calculation on recorded columns; nothing here talks to LinuxCNC.
+Pure calculation on recorded columns; nothing here communicates with LinuxCNC.
 """
 
 from math import dist, inf, sqrt
 
 
 def joint_speeds(joints, period):
-    """Largest speed of each joint, units per second; `joints` holds one list a cycle."""
+    """Returns the largest speed of each joint, units per second; `joints` is one list per cycle."""
     pairs = list(zip(joints, joints[1:]))
     return [max(abs(b[n] - a[n]) for a, b in pairs) / period for n in range(len(joints[0]))]
 
 
 def moving(places, least=1e-6):
-    """Numbers of the cycles in which the tool has moved on, so that rates along the path exist."""
+    """Returns the indices of the cycles in which the tool has moved, so that rates along the path exist."""
     kept = [0]
     for n, place in enumerate(places):
         if dist(place, places[kept[-1]]) > least:
@@ -23,10 +23,10 @@ def moving(places, least=1e-6):
 
 
 def least_seconds(places, joints, limits, feed, acceleration):
-    """Least time from standstill to standstill along the recorded path.
+    """Returns the least time from standstill to standstill along the recorded path.
 
-    At no place faster than `feed` or than `limits` let any joint be, and with no more than
-    `acceleration` along the path: swept forwards and backwards over the places.
+    Nowhere faster than `feed` or than `limits` allow for any joint, and with no more than
+    `acceleration` along the path: swept forwards and backwards over the positions.
     """
     kept = moving(places)
     steps = [dist(places[a], places[b]) for a, b in zip(kept, kept[1:])]
@@ -42,7 +42,7 @@ def least_seconds(places, joints, limits, feed, acceleration):
 
 
 def turns(values, least=1e-3):
-    """How often a row of values changes between rising and falling by more than `least`."""
+    """Counts the changes of a sequence between rising and falling by more than `least`."""
     count, direction, extreme = 0, 0, values[0]
     for value in values:
         if (value - extreme) * direction >= 0 and direction:

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The pins of the hexapod-sim sample's graphic model and panel, without their windows."""
+"""Provides the pins of the hexapod-sim sample's graphic model and panel, without their windows."""
 
 import signal
 

@@ -5,7 +5,7 @@ import re
 
 
 def edited(text, edits):
-    """The INI text after `edits`, in their order."""
+    """Returns the INI text after `edits`, applied in order."""
     lines = text.splitlines()
     for edit in edits:
         lines = _edited_lines(lines, edit)
@@ -13,7 +13,7 @@ def edited(text, edits):
 
 
 def value(text, section, key, default=None):
-    """First value of a key, as LinuxCNC's own readers take it."""
+    """Returns the first value of a key, as LinuxCNC's own readers do."""
     first, end = _section(text.splitlines(), section)
     for line in text.splitlines()[first:end]:
         found = re.fullmatch(rf"\s*{re.escape(key)}\s*=\s*(.*?)\s*", line)
@@ -23,13 +23,13 @@ def value(text, section, key, default=None):
 
 
 def extra_letters(text):
-    """Letters of the axes that pass their coordinate through; their joints are the last ones."""
+    """Returns the letters of the axes that pass their coordinate through; their joints are the last ones."""
     found = re.search(r"\baxes=(\S*)", value(text, "KINS", "KINEMATICS"))
     return found[1].upper() if found else ""
 
 
 def second_letters(text):
-    """Letters of a second mechanism, whose joints stand in front of those."""
+    """Returns the letters of a second mechanism, whose joints precede those of extra axes."""
     words = dict(re.findall(r"(\S+)=(\S*)", value(text, "KINS", "KINEMATICS")))
     linear = "".join("UVW"["XYZ".index(letter)] for letter in words.get("second_coordinates", "").upper()
                      if letter in "XYZ")
@@ -37,7 +37,7 @@ def second_letters(text):
 
 
 def second_legs(text):
-    """Number of its legs."""
+    """Returns the number of its legs."""
     words = dict(re.findall(r"(\S+)=(\S*)", value(text, "KINS", "KINEMATICS")))
     return sum(int(group.split(":")[1]) for group in words.get("second", "").split(",") if group)
 
@@ -63,7 +63,7 @@ def _edited_lines(lines, edit):
 
 
 def _section(lines, section):
-    """Range of lines of a section with its heading; empty at the end of the file if absent."""
+    """Returns the range of lines of a section with its heading; empty at the end of the file if absent."""
     headings = [n for n, line in enumerate(lines) if re.match(r"\s*\[.*\]\s*$", line)]
     for n, following in zip(headings, headings[1:] + [len(lines)]):
         if lines[n].strip() == f"[{section}]":

@@ -1,12 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Instructions of LinuxCNC's servo cycle, alone and while ten browsers watch the machine through pkm-live.
+"""Counts the instructions of LinuxCNC's servo cycle, alone and while ten browsers watch the machine through pkm-live.
 
     tests/live/instructions.py
 
-Steps through the servo thread of a machine that stands in the middle of its program, one instruction after
-another, for some cycles. Needs root: LinuxCNC's real-time process belongs to root. A 64-bit x86 processor alone is
-known.
+Single-steps the servo thread of a machine that stands in the middle of its program, for some cycles.
+Needs root, because LinuxCNC's real-time process belongs to root. Only 64-bit x86 processors are
+supported.
 """
 
 import ctypes
@@ -27,16 +27,16 @@ from unprivileged import REPOSITORY, is_unprivileged, only_one, rerun_unprivileg
 
 MODULE = Path("/usr/lib/linuxcnc/modules/pkmkins.so")
 BROWSERS = 10
-# Whole turns in which the module writes what only people read.
+# Full periods in which the module updates the pins that only users read.
 CYCLES = 16
-# Whether a drive's last digit has moved, and how long the last cycle took, are branches: two counts of the machine
+# Whether a drive's last digit has changed, and how long the last cycle took, are branches: two counts of the machine
 # alone differ by 0.1 %.
 SLACK = 0.005
-# Below that it was another thread: the kinematics alone are more.
+# Fewer instructions mean another thread: the kinematics alone need more.
 LEAST = 10_000
 SECONDS = 100
 
-# Linux: numbers of requests and of a system call, where registers are, and how threads are waited for.
+# Linux: numbers of requests and of a system call, positions of registers, and how to wait for threads.
 SEIZE, INTERRUPT, STEP, REGISTERS, DETACH = 0x4206, 0x4207, 9, 12, 17
 CLOCK_NANOSLEEP = "230"
 INSTRUCTION_POINTER = 16
@@ -44,7 +44,7 @@ ALL_THREADS = 0x40000000
 
 
 class Thread:
-    """A thread that is stepped through."""
+    """A thread that is single-stepped."""
 
     def __init__(self, number):
         self.number = number
@@ -67,14 +67,14 @@ class Thread:
             raise OSError(number, f"ptrace {request}: {os.strerror(number)}")
 
     def step(self):
-        """Carries out an instruction; returns the place of the next one."""
+        """Executes an instruction; returns the address of the next one."""
         self.ask(STEP)
         os.waitpid(self.number, ALL_THREADS)
         self.ask(REGISTERS, ctypes.addressof(self.registers))
         return self.registers[INSTRUCTION_POINTER]
 
     def cycles(self, count, place):
-        """Instructions of some cycles, from one arrival at `place` to the next. A cycle that comes too late, as all do
+        """Counts the instructions of some cycles, from one arrival at `place` to the next. A late cycle, as all are
         here, begins without a pause."""
         numbers = []
         for _ in range(count + 1):
@@ -86,7 +86,7 @@ class Thread:
 
 
 def servo_thread(home):
-    """The thread of the real-time process that has worked most; the process has this home folder."""
+    """Returns the thread of the real-time process that has worked most; the process has this home folder."""
     for process in filter(str.isdigit, os.listdir("/proc")):
         folder = Path("/proc") / process
         try:
@@ -99,19 +99,19 @@ def servo_thread(home):
 
 
 def worked(thread):
-    """Ticks of its processor time."""
+    """Returns its processor time in ticks."""
     return sum(map(int, (thread / "stat").read_text().rpartition(")")[2].split()[11:13]))
 
 
 def asleep(thread):
-    """Its number, once it waits for the next cycle."""
+    """Returns its number, once it waits for the next cycle."""
     while (thread / "syscall").read_text().split()[0] != CLOCK_NANOSLEEP:
         time.sleep(0.0002)
     return int(thread.name)
 
 
 def forward_of(thread):
-    """Where a thread finds kinematicsForward, which LinuxCNC calls once a cycle."""
+    """Returns the address of kinematicsForward in a thread, which LinuxCNC calls once a cycle."""
     maps = Path(f"/proc/{thread}/maps").read_text().splitlines()
     first = next(line for line in maps if line.endswith(f"/{MODULE.name}"))
     symbols = subprocess.run(["nm", "-D", MODULE], check=True, capture_output=True, text=True).stdout.split("\n")
@@ -120,7 +120,7 @@ def forward_of(thread):
 
 
 def count(place):
-    """Both counts, asked of the machine that runs elsewhere by files in `place`."""
+    """Returns both counts, requested through files in `place` from the machine that runs elsewhere."""
     found = {}
     for what in ("alone", "watched"):
         wait_for(place / what)
@@ -139,7 +139,7 @@ def wait_for(file):
 
 
 def run(place):
-    """The machine, as a normal user."""
+    """Runs the machine as a normal user."""
     out = REPOSITORY / "out"
     with Session(REPOSITORY / "configs/hexapod") as session, Served(session, out) as served:
         (place / "home").write_text(str(session.folder))

@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""All live tests, a few at a time: PASS or FAIL a test, a closing line, exit code 1 on failure.
+"""Runs all live tests, a few at a time: PASS or FAIL per test, a closing line, exit code 1 on failure.
 
     tests/live/live_test.py [--only TEXT] [--long] [--out FOLDER] [--judge target/host/judge] [--list]
 
-With --judge every recorded trace is given to `judge`: joints against the host library, speeds
+With --judge every recorded trace is checked by `judge`: joints against the host library, speeds
 and accelerations against the limits.
 """
 
@@ -43,12 +43,12 @@ PYRAMID = REPOSITORY / "configs/pyramid"
 SAMPLE = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
 PENTAPOD_SAMPLE = SAMPLE.parents[1] / "pentapod"
 TESTS = {}
-RECORDING = set()  # tests that leave a trace to be judged
-PASSED = "passed"  # a file that a test which passed has in its folder
-LONG = set()  # tests for `--long`, or when asked for by name
-AGAIN = set()  # tests that a delayed thread can fail: it takes TRIES failures to fail them
+RECORDING = set()  # tests that leave a trace for the judge
+PASSED = "passed"  # a file that a passed test has in its folder
+LONG = set()  # tests that run with `--long`, or when requested by name
+AGAIN = set()  # tests that a delayed thread can fail: they fail after TRIES failures
 TRIES = 3
-# What takes longest begins first: the lanes come to their ends together.
+# The longest test begins first, so that the lanes finish together.
 FIRST = "tools_change_while_tilted_hexapod"
 
 
@@ -90,8 +90,8 @@ def slug(text):
 
 
 def add_machine(config):
-    """With `--long` every folder of configs/ runs each of its programs. Otherwise they run in virtual time,
-    and each machine a shorter one live, both by truth.py."""
+    """Adds the tests of a machine. With `--long` every folder of configs/ runs each of its programs. Otherwise truth.py
+    runs them in virtual time, and one shorter program per machine live."""
     name = slug(config.name)
     programs = sorted((config / "programs").glob("*.ngc"))
     if not programs:
@@ -114,9 +114,9 @@ GUI_PINS = REPOSITORY / "tests/live/gui_pins.py"
 
 
 def sample(kinematics, edits=()):
-    """LinuxCNC's hexapod-sim: display and tool change replaced, POSTGUI file loaded by HAL.
+    """Returns LinuxCNC's hexapod-sim: display and tool change replaced, POSTGUI file loaded by HAL.
 
-    The graphic model and the panel are replaced by a component with their pins.
+    A component with their pins replaces the graphic model and the panel.
     """
     session = Session(SAMPLE, "hexapod.ini", edits=[
         {"section": "HAL", "key": "HALFILE",
@@ -159,7 +159,7 @@ def drop_in_for_genhexkins_switches_kinematics(out):
 # -------------------------------------------------------------------- start without a seed
 
 def power_cycle(config, block, joint, after, out):
-    """The machine is switched off at `block` and homed there. Drives whose encoders keep the position."""
+    """Switches the machine off at `block` and homes it there, with drives whose encoders keep the position."""
     stood = scenario(config, "power_down_at", out / "before", block=block)
     edits = []
     for n, position in enumerate(stood["joints"]):
@@ -210,7 +210,7 @@ def operator_jogs_back_from_joints_that_close_no_platform(out):
 
 
 def jogged(out, speed, letter="z", share=1.0):
-    """Jogs of the hexapod with axis limits far away: joints have 40 % of their speed and short ranges."""
+    """Jogs the hexapod with axis limits far away: joints have 40 % of their speed and short ranges."""
     edits = [{"section": f"AXIS_{axis}", "key": key, "lines": [f"{key} = {value}"]}
              for axis in "XYZABC" for key, value in (("MIN_LIMIT", -9999), ("MAX_LIMIT", 9999))]
     limits = [(500 * share, 840, 1040)] * 6
@@ -229,14 +229,14 @@ def jogs_in_world_mode_end_before_a_joint_leaves_its_range(out):
 @test
 def jogs_in_world_mode_are_slowed_for_joints(out):
     result = jogged(out, -200, share=0.2)
-    # LinuxCNC's task is told while the jog gathers speed; joints are too fast for some cycles of it.
+    # LinuxCNC's task gets the limit while the jog accelerates; joints are too fast for some of its cycles.
     assert result["joints_to"] < 1.1, f"a joint went at {result['joints_to']:.3f} of its speed"
     return f"joints to {result['joints_to']:.3f} of their speed"
 
 
 CORRECTED = ["G3 X40 Y0 I-40 J0 A6 B6 F4000", "G3 X40 Y0 I-40 J0 A-6 B-6 F4000"]
 CORRECTION_LIMIT = 0.1
-# mm, of sums and differences of joint values of a metre, which are exact to 1e-13 each.
+# mm, for sums and differences of joint values of a meter, which are exact to 1e-13 each.
 OF_ROUNDING = 1e-9
 
 
@@ -246,9 +246,9 @@ def correctable(rate):
 
 
 def corrections(out, rate, circles):
-    """0.1 mm either way, at this rate in mm a second, while a program runs. In every cycle joints are those of the
-    commanded pose with what is in effect added; that follows a ramp with its corners; and what the drives are told
-    keeps the limits of the joints."""
+    """Corrects by 0.1 mm in both directions, at this rate in mm/s, while a program runs. In every cycle the joints are
+    those of the commanded pose plus the correction in effect; the correction follows a ramp with its corners; and the
+    commands of the drives respect the limits of the joints."""
     asked = [0.0, 0.1, 0.0, 0.0, -0.1, 0.0]
     out.mkdir(parents=True, exist_ok=True)
     path = out / "circles.ngc"
@@ -274,7 +274,7 @@ def corrections(out, rate, circles):
     assert apart < OF_ROUNDING, f"joints are {apart} mm off the commanded pose's"
     corner = abs(effect - ramp(effect, asked, rate * period)).max()
     assert corner < OF_ROUNDING, f"what is in effect is {corner} mm off its ramp"
-    # The drives get joint values two cycles later, smoothed over three by LinuxCNC, the corners of the ramp as well.
+    # The drives get joint values two cycles later, smoothed over three by LinuxCNC, including the corners of the ramp.
     smooth = computed + effect
     smooth = (smooth[:-2] + 4 * smooth[1:-1] + smooth[2:]) / 6
     late = abs(told[3:] - smooth[:-1]).max()
@@ -289,7 +289,7 @@ def corrections(out, rate, circles):
 
 
 def ramp(effect, asked, step):
-    """What is in effect where it begins in the cycle that the trace shows, and goes by a step a cycle to its end."""
+    """Returns corrections that begin in the same cycles as in the trace and change by a step per cycle to their end."""
     ramps = numpy.zeros_like(effect)
     for n, end in enumerate(asked):
         begun = numpy.cumsum(effect[:, n] != 0)
@@ -312,7 +312,7 @@ LONG.add("corrections_come_in_at_a_micrometre_a_second")
 
 @test
 def corrections_that_are_refused_move_nothing(out):
-    """No number, and beyond the limit, in the middle of a move: told, and the last one stays in effect."""
+    """Requests NaN, and a value beyond the limit, during a move: reported, and the last correction stays in effect."""
     result = scenario(HEXAPOD, "refused_corrections", out, edits=correctable(1), joint=2, good=0.05,
                       bad=["nan", "0.11", "-1e300", "inf"], code=-87)
     return result["reason"]
@@ -339,7 +339,7 @@ def commanded_motion_through_a_singular_pose_is_told(out):
     return result["reason"]
 
 
-# A turn about Z at a pace that the struts keep, to where the commanded motion is beyond a singular pose.
+# A rotation about Z at a rate that the struts can follow, to where the commanded motion is beyond a singular pose.
 FAST_TURN = [{"section": section, "key": key, "lines": [f"{key} = {value}"]} for section, key, value in (
     ("AXIS_C", "MIN_LIMIT", -200), ("AXIS_C", "MAX_LIMIT", 200), ("AXIS_C", "MAX_VELOCITY", 60),
     ("TRAJ", "MAX_ANGULAR_VELOCITY", 60))]
@@ -360,7 +360,7 @@ def operator_homes_a_machine_beyond_a_singular_pose(out):
 
 @test
 def operator_of_a_drop_in_leaves_a_pose_beyond_a_singular_one(out):
-    # LinuxCNC's sample nets no pin of the module. Both ways out: the motion commanded back, and homing.
+    # LinuxCNC's sample nets no pin of the module. Both remedies: commanding the motion back, and homing.
     edits = [{"section": "TRAJ", "key": "MAX_ANGULAR_VELOCITY", "lines": ["MAX_ANGULAR_VELOCITY = 60"]}]
     with sample("pkmkins", edits) as session:
         check(session.run("singular_passed", out / "back", 120, letter="C", end=115, feed=1200, code=-41,
@@ -395,7 +395,7 @@ def held_coordinate_is_refused(out):
 @test
 def carriage_beyond_the_end_of_its_rail_is_refused(out):
     # Carriage 1 is at 1504 at Z = 1000 and follows Z one to one. The dwell makes LinuxCNC finish the
-    # good move before it looks at the next one.
+    # good move before it checks the next one.
     edits = [{"section": "JOINT_1", "key": "MAX_LIMIT", "lines": ["MAX_LIMIT = 1560"]}]
     blocks = ["G1 F3000 Z1020", "G4 P0.1", "G1 Z1100", "G1 Z1000", "M2"]
     with Session(SIX_ROD_LATHE, edits=edits) as session:
@@ -441,7 +441,7 @@ def feedback_that_is_no_number_once_costs_a_drop_in_for_pentakins_no_pose(out):
                           block="G1 F6000 X12.906 Y-155.398 Z-113.614 A16.573 B-5.715"))
 
 
-# Base anchors of pentakins where no HAL file sets others, radius and heights of its rings, in mm.
+# Default base anchors of pentakins, radius and heights of its rings, in mm.
 PENTAKINS = [((-418.03, 324.56, 895.56), -185.5), ((417.96, 324.56, 895.56), -159.5), ((-418.03, -325.44, 895.56), -67.5),
              ((417.96, -325.44, 895.56), -41.5), ((-0.06, -492.96, 895.56), -14.0)]
 PENTAKINS_RADIUS = 80.32
@@ -454,7 +454,7 @@ def pentakins_home(leg):
 
 
 def pentapod_sample():
-    """LinuxCNC's pentapod on this module, with the anchors that are the defaults of both modules. On these the
+    """Returns LinuxCNC's pentapod on this module, with the anchors that are the defaults of both modules. On these the
     straight line of the joints from home ends at another pose than some motions do."""
     return Session(PENTAPOD_SAMPLE, "pentapod.ini", edits=[
         {"section": "HAL", "key": "HALFILE",
@@ -468,7 +468,7 @@ def pentapod_sample():
 
 @test
 def joints_that_contradict_each_other_enter_world_mode_slowly(out):
-    off = 0.3  # mm that a home switch is off
+    off = 0.3  # error of a home switch, mm
     edits = [{"section": "JOINT_2", "key": "HOME_OFFSET", "lines": [f"HOME_OFFSET = {off}"]}]
     found = scenario(PYRAMID, "contradiction_settles", out, edits=edits, off=off, after="G1 F600 X10 Z280")
     return (f"{found['acceleration_share']:.3f} of the acceleration limit, {found['step']:.2g} mm in a cycle, "
@@ -477,7 +477,7 @@ def joints_that_contradict_each_other_enter_world_mode_slowly(out):
 
 @test
 def geometry_is_taken_while_the_machine_is_off(out):
-    # Boxes hold for the geometry they were proved for.
+    # Boxes are valid only for the geometry they were proved for.
     edits = [{"section": "KINS", "key": "KINEMATICS", "lines": ["KINEMATICS = pkmkins legs=strut:6"]},
              {"section": "BOX_0", "remove": True}]
     scenario(HEXAPOD, "new_geometry", out, edits=edits)
@@ -496,13 +496,13 @@ def tool_offset_of_nan_moves_no_joint(out):
 # -------------------------------------------------------------------- tool changes while tilted
 
 def tilt_program(count, centre, letters, step):
-    """`count` tilts on a spiral up to `step` * sqrt(count) degrees, all about `centre`; at each
+    """Returns `count` tilts on a spiral up to `step` * sqrt(count) degrees, all about `centre`; at each
     another tool offset, and the next move follows at once."""
     changes = ["G43 H1", "G43.1 X8 Y-6 Z55", "G49", "G43 H2", "G43.1 X-10 Y4 Z20"]
     place = " ".join(f"{letter}{value}" for letter, value in zip("XYZ", centre))
     lines = ["G21 G17 G40 G49 G80 G90 G94 G64", f"G1 F4000 {place}"]
     for n in range(1, count + 1):
-        # Archimedes' spiral: equal steps between neighbours, in every direction.
+        # Archimedes' spiral: equal steps between neighbors, in every direction.
         tilt, azimuth = step * math.sqrt(n), 2 * math.sqrt(math.pi * n)
         angles = [tilt * math.cos(azimuth), tilt * math.sin(azimuth), tilt * math.sin(2 * azimuth) / 3]
         words = " ".join(f"{letter}{angle:.3f}" for letter, angle in zip(letters, angles))
@@ -568,19 +568,19 @@ def drive_that_cannot_follow_stops_the_machine(out):
     scenario(HEXAPOD, "weak_drive", out)
 
 
-# -------------------------------------------------------------------- watch over the motion
+# -------------------------------------------------------------------- motion guard
 
 LINEAR_DELTA = REPOSITORY / "configs/linear-delta"
-# Straight lines and arcs that run into each other without a bend, near the edge of the plate, where
+# Straight lines and tangent arcs, near the edge of the plate, where
 # some carriages are nearly twice as fast as the nozzle.
 ROUND_THE_PLATE = ["G90 G94 G64 P0.01", "F12000"] + 2 * [
     "G1 X40", "G3 X78 Y-40 J38", "G1 Y40", "G3 X40 Y78 I-38", "G1 X-40", "G3 X-78 Y40 J-38",
     "G1 Y-40", "G3 X-40 Y-78 I38"] + ["M2"]
-FEED, SLOW_DRIVES = 200, 120  # mm/s; shipped are 100 and 300, enough for every place and direction
+FEED, SLOW_DRIVES = 200, 120  # mm/s; shipped are 100 and 300, enough for every position and direction
 
 
 def fast_delta(out, name, first, more_edits=(), **arguments):
-    """The round on the linear delta with faster axes on slower drives."""
+    """Runs the round on the linear delta with faster axes on slower drives."""
     edits = [{"section": f"AXIS_{letter}", "key": "MAX_VELOCITY",
               "lines": [f"MAX_VELOCITY = {FEED}"]} for letter in "XYZ"]
     edits += [{"section": section, "key": "MAX_LINEAR_VELOCITY",
@@ -604,8 +604,8 @@ def guarded_round(out, **arguments):
     found = fast_delta(out, "guarded", "M52 P1", limits=[SLOW_DRIVES] * 3, feed=FEED,
                        acceleration=1000, **arguments)
     lost = found["seconds"] / found["least"] - 1
-    # Two per cent are kept of the speed limits. LinuxCNC is slower in arcs than the joints need,
-    # and before an arc the guard sees the straight line go on to where joints are faster.
+    # Two per cent of the speed limits are a margin. LinuxCNC is slower in arcs than the joints need,
+    # and before an arc the guard extrapolates the straight line, on which joints are faster.
     assert lost < 0.15, f"{100 * lost:.1f} % of time lost: {found}"
     return (f"{found['seconds']:.3f} s, {100 * lost:.1f} % more than the least possible, joints to "
             f"{found['fastest']:.4f} of their limits, feed scale down to {found['slowest_scale']:.3f}, "
@@ -632,17 +632,17 @@ def guard_stops_the_machine_before_the_legs_lose_their_hold(out):
 # -------------------------------------------------------------------- drives
 
 BOARD = REPOSITORY / "tests/live/board"
-# Slow enough for a busy computer without a real-time kernel, whose base thread stood still for 36 ms, and for more than
-# 125 ms where make test built one thing more beside it: struts run at some 2 mm/s, and 0.5 mm are allowed.
+# Slow enough for a busy computer without a real-time kernel, whose base thread paused for 36 ms, and for more than
+# 125 ms while make test built something in parallel: struts move at some 2 mm/s, and 0.5 mm are allowed.
 ON_DRIVES = ["G21 G17 G40 G49 G54 G64 P0.01 G80 G90 G94", "G1 F120 X5 Y-4 Z253 A1 B-1 C1",
              "G1 X-5 Y3 Z248 A-1 B1 C-1", "G1 X0 Y0 Z250 A0 B0 C0", "M2"]
-# ns; behind the names of a card software makes the steps and counts the encoders.
+# ns; with the pin names of a card, software makes the steps and counts the encoders.
 BASE_PERIOD = 100_000
 STEP_TIMES = {"STEPLEN": 5000, "STEPSPACE": 5000, "DIRSETUP": 5000, "DIRHOLD": 5000}
 
 
 def drive_edits(file, machine_keys, joint_keys):
-    """The hexapod on a drive file instead of the simulated drives."""
+    """Returns edits that connect the hexapod to a drive file instead of the simulated drives."""
     edits = [{"section": "HAL", "key": "HALFILE",
               "lines": [f"HALFILE = board/board.tcl LIB:{file}", "HALFILE = LIB:pkmkins.tcl"]},
              {"section": "EMCMOT", "key": "BASE_PERIOD", "lines": [f"BASE_PERIOD = {BASE_PERIOD}"]},
@@ -660,13 +660,13 @@ def hexapod_home(n):
 
 
 def at_home(n):
-    """Homing of a machine that is switched off at HOME and does not creep away from it."""
+    """Returns homing keys for a machine that is switched off at HOME and does not move away from it."""
     return {"HOME_ABSOLUTE_ENCODER": 0, "HOME_OFFSET": hexapod_home(n), "HOME_SEARCH_VEL": 0, "HOME_LATCH_VEL": 0}
 
 
 def by_switch_and_index(n):
-    """From power-up the switch closes after 6 mm and the index pulse behind it comes after 8, at HOME_OFFSET: HOME
-    is 4 mm from power-up, 200 counts."""
+    """Returns homing keys: after power-up the switch closes at 6 mm and the index pulse comes at 8, at HOME_OFFSET;
+    HOME is 4 mm from power-up, 200 counts."""
     return {"HOME_ABSOLUTE_ENCODER": 0, "HOME_SEARCH_VEL": 10, "HOME_LATCH_VEL": 2, "HOME_FINAL_VEL": 20,
             "HOME_USE_INDEX": "YES", "HOME_OFFSET": hexapod_home(n) + 4, "HOME_SEQUENCE": -1,
             "HOME_SWITCH_PIN": f"switch-{n}.out"}
@@ -681,7 +681,7 @@ def on_drives(session, out, counts=None, outputs=()):
 
 @test
 def absolute_encoders_bring_every_joint_home(out):
-    """HOME_ABSOLUTE_ENCODER = 1, switched off 10 to 20 mm away from HOME."""
+    """Tests HOME_ABSOLUTE_ENCODER = 1, switched off 10 to 20 mm away from HOME."""
     edits = [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]} for n in range(6) for key, value in
              {"HOME_ABSOLUTE_ENCODER": 1, "HOME_FINAL_VEL": 50, "SIM_START": hexapod_home(n) + 10 + 2 * n}.items()]
     with Session(HEXAPOD, edits=edits) as session:
@@ -690,7 +690,7 @@ def absolute_encoders_bring_every_joint_home(out):
 
 
 def drives(file, machine_keys, joint_keys, out, counts=None, outputs=()):
-    """The names that the file uses of a card are those of its manual."""
+    """Runs a drive file. The names that the file uses of a card are those of its manual."""
     with Session(HEXAPOD, edits=drive_edits(file, machine_keys, joint_keys)) as session:
         shutil.copytree(BOARD, session.copy / "board")
         result = on_drives(session, out, counts, outputs)
@@ -707,7 +707,7 @@ def drives(file, machine_keys, joint_keys, out, counts=None, outputs=()):
 HOSTMOT2_MANUAL = Path("/usr/share/man/man9/hostmot2.9.gz")
 
 
-# gpio of hostmot2's test card. It has no inputs: `in` and `in_not` of a gpio stay false both.
+# gpio of hostmot2's test card. It has no inputs: `in` and `in_not` of a gpio are always false.
 CARD_OUTPUTS = ["hm2_test.0.gpio.000.out", "hm2_test.0.gpio.001.out"]
 
 
@@ -726,7 +726,7 @@ def of_servo(homing, n):
 
 
 def of_port(n):
-    """Twelve outputs of a port, two for each joint."""
+    """Returns the twelve outputs of a port, two for each joint."""
     pins = [1, *range(2, 10), 14, 16, 17]
     step, direction = (f"parport.0.pin-{pin:02}-out" for pin in pins[2 * n:2 * n + 2])
     return {"STEP_PIN": step, "DIR_PIN": direction, **of_steps(n)}
@@ -734,7 +734,7 @@ def of_port(n):
 
 @test
 def spindle_and_hot_coolant_pump(out):
-    """On parallel ports, with a pwmgen of LinuxCNC as the analogue output."""
+    """Tests them on parallel ports, with a pwmgen of LinuxCNC as the analogue output."""
     machine_keys = {"PARPORT": ["PORTS = 0x378 out 0x278 out"],
                     "IO": ["PUMP_PIN = parport.1.pin-02-out", "PUMP_OK_PIN = parport.1.pin-10-in"],
                     "SPINDLE_0": ["OUTPUT_PIN = pwmgen.0.value", "OUTPUT_SCALE = 24000", "RAMP_TIME = 0.5",
@@ -759,15 +759,15 @@ for name, arguments in {
 }.items():
     options = {"outputs": CARD_OUTPUTS} if "mesa" in name else {}
     add_test(f"drives_{name}", partial(drives, *arguments, **options, **({"counts": 200} if "index" in name else {})))
-# The card's encoders are counted, and the steps of a port made, in a thread of their own: a computer that delays it, as
-# one without real time does beside other work, makes following errors that no drive makes; both processors held for
-# 50 ms of a second are enough. What is wrong with the wiring fails every try.
+# A separate thread counts the card's encoders and makes the steps of a port. A computer that delays it, as one
+# without a real-time kernel and with other work does, makes following errors that no drive makes; 50 ms of a second on
+# both processors are enough. Wrong wiring fails every try.
 AGAIN.update({"drives_mesa_servos_homed_by_switch_and_index", "drives_steps_of_a_port"})
-# A failure while it homes is told after a minute: three would hold up the other live tests.
+# A failure while homing takes a minute: three would delay the other live tests.
 LONG.add("drives_mesa_servos_homed_by_switch_and_index")
 
 
-# -------------------------------------------------------------------- beside virtual time
+# -------------------------------------------------------------------- in parallel to virtual time
 
 PKM = REPOSITORY / "given/pkm"
 
@@ -789,13 +789,13 @@ for name in getting_started.commands(getting_started.PAGE if getting_started.PAG
     add_test(f"getting_started_{slug(name)}", partial(documented, name))
 
 
-# Seconds, so that other machines live have a processor meanwhile.
+# Seconds between runs, so that the other live machines get processor time.
 BETWEEN_RUNS = 0.7
 LEAST_RUNS = 6
 
 
 def virtual_trace(trace):
-    """The bytes of a virtual run of the hexapod's main program."""
+    """Returns the bytes of a virtual run of the hexapod's main program."""
     command = [PKM, "run", HEXAPOD / "hexapod.ini", HEXAPOD / "programs/five-axis-surface.ngc", "--trace", trace]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -804,8 +804,8 @@ def virtual_trace(trace):
 
 @test
 def virtual_runs_and_a_live_one_leave_each_other_alone(out):
-    """Two at a time, over and over while LinuxCNC runs the same machine: it loses no cycle and says
-    nothing, and they come to the same bytes as alone. What they could share they take at their start."""
+    """Runs two at a time, repeatedly while LinuxCNC runs the same machine: LinuxCNC loses no cycle and reports
+    nothing, and the runs give the same bytes as alone. Anything they could share they open at their start."""
     alone = virtual_trace(out / "alone.csv")
     runs, is_over = [], threading.Event()
 
@@ -941,7 +941,7 @@ def bad_load_parameters_are_refused(out):
 # -------------------------------------------------------------------- driver
 
 def run_one(name, out):
-    """Whether the test passed; prints its line, and one for every failure that is tried again."""
+    """Returns whether the test passed; prints its line, and one for every failure that is repeated."""
     begin = time.monotonic()
     for left in reversed(range(TRIES if name in AGAIN else 1)):
         try:
@@ -958,7 +958,7 @@ def run_one(name, out):
 
 
 def judge_one(judge, trace):
-    """Whether the judge is content with a trace; prints its line, and its table if not."""
+    """Returns whether the judge accepts a trace; prints its line, and its table if not."""
     folder = trace.parent
     config = json.loads((folder / "result.json").read_text())["config"]
     made = folder / config
@@ -973,7 +973,7 @@ def judge_one(judge, trace):
 
 
 def run_and_judge(options, out):
-    """Exit code of the tests as a normal user and of the judge on what they recorded."""
+    """Returns the exit code of the tests as a normal user and of the judge on their recordings."""
     for stale in [*out.glob("*/trace.csv"), *out.glob(f"*/{PASSED}")]:
         stale.unlink()
     arguments = ["--only", options.only, *(["--long"] if options.long else [])]
@@ -998,7 +998,7 @@ def run_and_judge(options, out):
 
 
 def chosen(options):
-    """Names of the tests to run."""
+    """Returns the names of the tests to run."""
     every = options.long or options.only
     names = [name for name in TESTS if options.only in name and (every or name not in LONG)]
     return sorted(names, key=lambda name: name != FIRST)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""LinuxCNC as one object: commands, status, messages, HAL. Runs inside a LinuxCNC session."""
+"""Controls LinuxCNC as one object: commands, status, messages, HAL. Runs inside a LinuxCNC session."""
 
 import os
 import subprocess
@@ -18,17 +18,17 @@ KINDS = {
     linuxcnc.NML_DISPLAY: "text", linuxcnc.OPERATOR_DISPLAY: "text",
 }
 POLL_SECONDS = 0.01
-# Many of the task's cycles of 10 ms, for a computer that has much else to do.
+# Many of the task's cycles of 10 ms, for a busy computer.
 TELLING_SECONDS = 5
 AXES = "xyzabc"
 
 
 class Failure(Exception):
-    """LinuxCNC did something else than the scenario wants."""
+    """Behavior of LinuxCNC that the scenario does not expect."""
 
 
 def halcmd(*arguments):
-    """Output of one halcmd; a refused command is a failure of the scenario."""
+    """Returns the output of one halcmd; a refused command is a failure of the scenario."""
     done = subprocess.run(["halcmd", *arguments], stdin=subprocess.DEVNULL, capture_output=True,
                           text=True, timeout=20)
     if done.returncode != 0:
@@ -37,7 +37,7 @@ def halcmd(*arguments):
 
 
 def link(pin, signal):
-    """Puts `pin` on the signal it is on already, else on a new one; returns the signal's name."""
+    """Connects `pin` to its present signal, or to a new one; returns the signal's name."""
     for line in halcmd("-s", "show", "pin", pin).splitlines():
         words = line.split()  # owner type direction value name [arrow signal]
         if words[4:5] == [pin] and len(words) > 6:
@@ -47,14 +47,14 @@ def link(pin, signal):
 
 
 class Layout(NamedTuple):
-    """What the INI file tells about joints and letters."""
+    """The joints and letters of the INI file."""
     joints: range
-    struts: list  # numbers of the legs that are struts
-    letters: str  # that the kinematics move, in the order of the identity kinematics
-    second_home: list  # of a second mechanism, its letters with their values in [TRAJ]HOME
+    struts: list  # indices of the legs that are struts
+    letters: str  # letters that the kinematics move, in the order of the identity kinematics
+    second_home: list  # letters of a second mechanism with their values in [TRAJ]HOME
     home: list  # [TRAJ]HOME, a pose
     joint_home: list  # HOME of every joint
-    is_home_whole: bool  # whether these have more than six decimals, or are whole numbers
+    is_home_whole: bool  # whether these have more than six decimals, or are integers
 
     @classmethod
     def of_running(cls):
@@ -75,12 +75,12 @@ class Layout(NamedTuple):
                    letters=(given.get("coordinates", AXES) + given.get("table", "")).lower())
 
     def moved_home(self):
-        """Letters that legs and tables move, of both mechanisms, with their values at home."""
+        """Returns the letters that legs and tables move, of both mechanisms, with their values at home."""
         return [(letter, value) for letter, value in zip(AXES, self.home) if letter in self.letters] + self.second_home
 
 
 class Machine:
-    """The running LinuxCNC. Every wait has a limit and collects messages meanwhile."""
+    """The running LinuxCNC. Every wait has a timeout and collects messages meanwhile."""
 
     def __init__(self):
         self.layout = Layout.of_running()
@@ -100,7 +100,7 @@ class Machine:
             self.messages.append([KINDS.get(kind, str(kind)), text])
 
     def wait(self, condition, seconds, what):
-        """Until `condition()` is true; Failure after `seconds`."""
+        """Waits until `condition()` is true; Failure after `seconds`."""
         limit = time.monotonic() + seconds
         self.poll()
         while not condition():
@@ -110,7 +110,7 @@ class Machine:
             self.poll()
 
     def pause(self, seconds):
-        """Lets time pass, collecting messages."""
+        """Waits, collecting messages."""
         limit = time.monotonic() + seconds
         while time.monotonic() < limit:
             time.sleep(POLL_SECONDS)
@@ -151,7 +151,7 @@ class Machine:
         self.wait(lambda: self.stat.task_mode == mode, 5, f"mode {mode}")
 
     def joint_mode(self):
-        """After homing LinuxCNC goes to world mode by itself, as it does at any change to manual."""
+        """Enters joint mode. After homing LinuxCNC enters world mode automatically, as at any change to manual."""
         self.set_mode(linuxcnc.MODE_MANUAL)
         self.command.teleop_enable(0)
         self.wait(lambda: self.stat.motion_mode == linuxcnc.TRAJ_MODE_FREE, 5, "joint mode")
@@ -162,7 +162,7 @@ class Machine:
         self.wait(self.is_world, 5, "world mode")
 
     def start(self):
-        """Machine on, homed, world mode."""
+        """Switches the machine on, homes it and enters world mode."""
         self.turn_on()
         self.home()
         self.world_mode()
@@ -174,7 +174,7 @@ class Machine:
         self.wait(self.is_idle, seconds, f"MDI {text}")
 
     def run_program(self, path, progress, seconds, begun=lambda: None):
-        """Runs a program to its end; `progress` is told how far it is, and `begun` is called when it runs."""
+        """Runs a program to its end; reports to `progress`, and calls `begun` when it runs."""
         self.set_mode(linuxcnc.MODE_AUTO)
         self.command.program_open(path)
         self.command.auto(linuxcnc.AUTO_RUN, 0)
@@ -212,8 +212,8 @@ class Machine:
         return [text for kind, text in self.messages if kind == "error"]
 
     def told(self, part):
-        """Errors with this part that the operator is shown, waited for: a text comes later than the pins
-        of the servo cycle that found its cause, by way of LinuxCNC's task."""
+        """Returns the operator's error messages that contain this part. Waits for them: LinuxCNC's task shows a text
+        later than the servo cycle sets the pins of its cause."""
         def found():
             return [text.strip() for text in self.error_texts() if part in text]
 
@@ -222,8 +222,8 @@ class Machine:
 
 
 class Progress:
-    """How far a program is, in a file for whoever started the run: loops make lines repeat, so
-    that the furthest line is told beside the time."""
+    """The progress of a program, in a file for the process that started the run: the furthest line and
+    the time, because loops repeat lines."""
 
     def __init__(self, path, lines):
         self.path = path

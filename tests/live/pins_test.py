@@ -1,12 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Every pin of the module through halcmd, with the load parameters of every configuration.
+"""Tests every pin of the module through halcmd, with the load parameters of every configuration.
 
     tests/live/pins_test.py [--only TEXT]
 
-HAL alone runs, of the LinuxCNC that stands first in PATH. Each input takes each of several values from
-`setp`, and again from a signal that it is netted with; an output cannot be set, and a signal shows its
-value. In the end the module itself answers to what signals say. Prints a line for each set of load
+HAL alone runs, of the LinuxCNC that is first in PATH. Each input is set to several values with
+`setp`, and again through a signal; an output cannot be set, and a signal shows its
+value. Finally the module's reaction to signals is tested. Prints a line for each set of load
 parameters and a closing line; exit code 1 if any fails.
 """
 
@@ -32,7 +32,7 @@ VALUES = {
     "s32": ["-2147483648", "2147483647", "0"],
 }
 PATTERNS = ("pkmkins.*", "kinstype.*", "skgui.*")
-# Direction words of pins, and of parameters that may be written.
+# Direction words of pins, and of writable parameters.
 INPUTS, OUTPUTS = ("IN", "I/O", "RW"), ("OUT", "RO")
 
 
@@ -44,7 +44,7 @@ class Pin(NamedTuple):
 
 
 class Wrong(Exception):
-    """What a pin did not do."""
+    """A deviation from the expected behavior of a pin."""
 
 
 class Hal:
@@ -69,24 +69,24 @@ class Hal:
         clear_hal()
 
     def tried(self, commands):
-        """Exit code of halcmd and lines that it wrote."""
+        """Returns the exit code of halcmd and its output lines."""
         script, out = self.folder / "script.hal", self.folder / "out"
         script.write_text("\n".join(commands) + "\n")
-        # The process that runs the realtime modules inherits the file, hence no pipe.
+        # The process that runs the realtime modules inherits the file; a pipe would stay open.
         with open(out, "w") as written:
             done = subprocess.run(["halcmd", "-s", "-f", str(script)], stdin=subprocess.DEVNULL, stdout=written,
                                   stderr=written, timeout=60)
         return done.returncode, out.read_text().splitlines()
 
     def answers(self, commands):
-        """Lines that commands wrote, none of which may fail."""
+        """Returns the output lines of commands, none of which may fail."""
         code, lines = self.tried(commands)
         if code != 0:
             raise Wrong(f"halcmd: {' | '.join(lines[-3:])}")
         return lines
 
     def listed(self, what, first):
-        """Pins or parameters of the module, in whose lines `first` words come before the type."""
+        """Returns pins or parameters of the module, whose lines have `first` words before the type."""
         found = []
         for pattern in PATTERNS:
             for line in self.answers([f"show {what} {pattern}"]):
@@ -113,7 +113,7 @@ def values_of(pins, turn):
 
 
 def check_inputs(hal, pins, is_netted):
-    """Every value, by setp or by signals that the pins are netted with."""
+    """Checks every value, by setp or by signals that the pins are netted with."""
     set_, places = "setp", [pin.name for pin in pins]
     if is_netted:
         set_, places = "sets", [f"s{i}" for i in range(len(pins))]
@@ -125,7 +125,7 @@ def check_inputs(hal, pins, is_netted):
 
 
 def check_outputs(hal, pins):
-    """None can be set, and a signal shows the same as the pin."""
+    """Checks that no output can be set, and that a signal shows the same value as the pin."""
     shown = hal.answers([f"getp {pin.name}" for pin in pins])
     for pin in pins:
         if hal.tried([f"setp {pin.name} {VALUES[pin.kind][0]}"])[0] == 0:
@@ -136,7 +136,7 @@ def check_outputs(hal, pins):
 
 
 def check(folder, kinematics):
-    """Words about a set of load parameters."""
+    """Checks a set of load parameters; returns a description."""
     with Hal(folder, kinematics) as hal:
         pins, parameters = hal.listed("pin", 1), hal.listed("param", 1)
         unknown = [pin for pin in pins + parameters
@@ -155,7 +155,7 @@ def check(folder, kinematics):
 
 
 def check_answers(folder):
-    """The module itself, beside what signals say."""
+    """Checks the module's reaction to signals."""
     netted = {"apply": "pkmkins.apply", "length": "pkmkins.tool-offset-x"}
     with Hal(folder, "pkmkins") as hal:
         hal.answers([f"net {signal} {pin}" for signal, pin in netted.items()])
@@ -169,7 +169,7 @@ def check_answers(folder):
 
 
 def cases(only):
-    """Checks by name: each set of load parameters once."""
+    """Returns the checks by name: each set of load parameters once."""
     found = {}
     for ini in sorted((REPOSITORY / "configs").glob("*/*.ini")):
         kinematics = ini_edit.value(ini.read_text(), "KINS", "KINEMATICS")

@@ -1,13 +1,13 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Probing programs of `pkm measure` on several machines, in virtual time.
+"""Tests the probing programs of `pkm measure` on several machines, in virtual time.
 
     make install
     tests/live/probing_test.py --pkm target/host/pkm --out build/probing
 
-Each machine probes a plate whose holes a machine built a little differently touches (pkmkins_truth), is
-calibrated with the log, and probes again. Exit code 1 where a hole is then off by more than what a probe is late
-by, or where none was off before.
+Each machine probes a plate, whose holes are touched by a machine built slightly differently (pkmkins_truth), is
+calibrated with the log, and probes again. Exit code 1 if a hole is then off by more than the delay of a probe,
+or if none was off before.
 """
 
 import argparse
@@ -23,10 +23,10 @@ import ini_edit  # noqa: E402
 from calibration_demo import PIN_VARIABLES, PLAYER, fact, worst  # noqa: E402
 from unprivileged import REPOSITORY  # noqa: E402
 
-TOLERANCE = 0.1  # mm, standard deviation of what was built from what was drawn
+TOLERANCE = 0.1  # mm, standard deviation of the built from the drawn dimensions
 SEED = 11
 
-# Machine, where the face of the plate is taken to be, which way it looks (A of the plate), length of the probe, mm.
+# Machine, assumed position of the plate's face, its direction (A of the plate), length of the probe, mm.
 # The last one is the hexapod with its tool pointing up, to a plate above it.
 MACHINES = {
     "linear-delta": ((0, 0, 10), 0, 60),
@@ -35,11 +35,11 @@ MACHINES = {
     "pyramid": ((0, 0, 220), 0, 30),
     "hexapod": ((0, 0, 380), 180, -60),
 }
-PLACES = [-30, 0, 32]  # of the holes, mm; no mirror image of themselves
+PLACES = [-30, 0, 32]  # of the holes, mm; no two are mirror images
 
 
 def plate():
-    """A plate of nine bores as TOML."""
+    """Returns a plate of nine bores as TOML."""
     places = [(x + (2 if y > 0 else 0), y) for y in PLACES for x in PLACES]
     holes = [f"    {{ number = {n}, place = [{x}.0, {y}.0], diameter = 12.0 }},"
              for n, (x, y) in enumerate(places, 1)]
@@ -47,15 +47,15 @@ def plate():
 
 
 def gauge(place, looks, probe):
-    """What `pkm measure` is told."""
+    """Returns the arguments for `pkm measure`."""
     return (f'unit = "mm"\ngauge = "probe"\nplate = "plate.toml"\nplace = {list(map(float, place))}\n'
             f"angles = [{looks}.0, 0.0, 0.0]\ntool = [0.0, 0.0, {probe}.0]\ndepth = 4.0\nclearance = 8.0\n"
             "tilt = 8.0\nfast = 900.0\nslow = 30.0\n")
 
 
 def as_built(text, random_numbers):
-    """The drawing's text with every base anchor and length a little off; no boxes, which belong to the geometry
-    they were proved for."""
+    """Returns the drawing's text with every base anchor and length slightly off, without boxes, which belong to the
+    geometry they were proved for."""
     kinematics = re.sub(r" boxes=\d+", "", ini_edit.value(text, "KINS", "KINEMATICS"))
     edits = [{"section": "KINS", "key": "KINEMATICS", "lines": [f"KINEMATICS = {kinematics}"]}]
     edits += [{"section": f"BOX_{n}", "remove": True} for n in range(9) if f"[BOX_{n}]" in text]
@@ -70,7 +70,7 @@ def as_built(text, random_numbers):
 
 
 def wires(folder, joints, place, looks):
-    """HAL commands that put the true machine and its probe in place of a probe; the plate lies a little off."""
+    """Returns HAL commands that replace the probe with the true machine and its probe; the plate is slightly off."""
     x, y, z = place
     pose = f"{x + 0.3},{y - 0.2},{z + 0.2},{looks + 0.1},-0.1,0.2"
     nets = "\n".join(f"net J{n}:motor-pos-fb pkmkins_truth.joint-{n}" for n in range(joints))
@@ -85,7 +85,7 @@ net latch-probe pkmkins_truth.touch
 
 
 def told(*command):
-    """What a command says; 2 means no result."""
+    """Returns the output of a command; exit code 2 means no result."""
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if done.returncode == 2:
         sys.exit(f"probing_test: {' '.join(map(str, command))}: {(done.stdout + done.stderr).strip()}")
@@ -93,7 +93,7 @@ def told(*command):
 
 
 def probed(pkm, folder, name, machine, text):
-    """Report of a plate probed with this text of the machine's INI file."""
+    """Returns the report of a plate probed with this text of the machine's INI file."""
     place, looks, probe = MACHINES[machine]
     config = folder / name
     shutil.copytree(REPOSITORY / "configs" / machine, config)
@@ -113,7 +113,7 @@ def probed(pkm, folder, name, machine, text):
 
 
 def looped(pkm, out, machine):
-    """Whether calibration closes the loop on a machine."""
+    """Returns whether calibration corrects a machine."""
     folder = out / machine
     folder.mkdir(parents=True)
     drawn = (REPOSITORY / f"configs/{machine}/{machine}.ini").read_text()
@@ -140,7 +140,7 @@ def main():
     out = Path(options.out).resolve()
     shutil.rmtree(out, ignore_errors=True)
     machines = [options.only] if options.only else MACHINES
-    # Every machine, also after one that failed.
+    # Test every machine, also after a failure.
     passed = [looped(Path(options.pkm).resolve(), out, machine) for machine in machines]
     return 0 if all(passed) else 1
 

@@ -8,12 +8,12 @@ import hal
 
 from machine import AXES, Failure, halcmd, link
 
-DEPTH = 20000  # cycles the reader may be late by: 20 s
+DEPTH = 20000  # largest delay of the reader in cycles: 20 s
 PIN_TYPE = {"float": "f", "s32": "s", "u32": "u", "bit": "b"}
 
 
 def program_columns(layout):
-    """Columns of the trace with their pins and HAL types; README.md tells what they are."""
+    """Returns the columns of the trace with their pins and HAL types; README.md describes them."""
     columns = [("phase", "live.phase", "s32")]
     columns += [(letter, f"axis.{letter}.pos-cmd", "float") for letter in AXES]
     columns += [(f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in layout.joints]
@@ -98,8 +98,8 @@ class Recorder:
         raise KeyError(name)
 
     def write(self, path, count):
-        """The first `count` columns. Python writes a float with the digits that give the same bits
-        back."""
+        """Writes the first `count` columns. Python writes a float with the digits that restore the same
+        bits."""
         with open(path, "w") as trace:
             trace.write(",".join(["t_s"] + [name for name, _, _ in self.columns[:count]]) + "\n")
             for cycle, parts in enumerate(zip(*self.rows)):

@@ -4,7 +4,7 @@
 
     tests/live/run_live.py --config configs/hexapod --program five-axis-surface.ngc --out FOLDER
 
---config is a folder of the repository whose INI file has its name, or any INI file in a folder of its own.
+--config is a folder of the repository whose INI file has the folder's name, or any INI file in its own folder.
 Writes trace.csv, result.json and linuxcnc.log into FOLDER (see README.md). Exit code 0 if the
 machine homed, ran the program to its end and gave no message.
 """
@@ -24,8 +24,8 @@ MOTIONS = ("STRAIGHT_FEED", "STRAIGHT_TRAVERSE", "ARC_FEED")
 
 
 def moves_in(session, program):
-    """Motions that LinuxCNC's own interpreter makes of a program, those of U V W alone left out: by itself
-    it knows the other six letters only."""
+    """Returns LinuxCNC's number of motions for a program, without those of U V W alone: its stand-alone interpreter
+    has only the other six letters."""
     known = session.copy / "known-letters.ngc"
     known.write_text(re.sub(r"(?m)^(?!;)(.*)$", lambda line: re.sub(r"[UVW]-?[\d.]+", "", line[1]),
                             program.read_text()))
@@ -36,7 +36,7 @@ def moves_in(session, program):
 
 
 def run(config, program, out, seconds, text=None, scenario="program", ini_name=None, **arguments):
-    """Result of one program, of the shipped one or of `text`; also written to out/result.json."""
+    """Returns the result of one program, the shipped one or `text`; also written to out/result.json."""
     with Session(REPOSITORY / config, ini_name) as session:
         path = session.copy / "programs" / program
         if text is not None:
@@ -61,7 +61,7 @@ def parsed():
 
 
 def place_of(config):
-    """Folder and name of the INI file."""
+    """Returns folder and name of the INI file."""
     path = REPOSITORY / config
     if path.suffix == ".ini":
         return path.parent, path.name
@@ -69,7 +69,7 @@ def place_of(config):
 
 
 def refuse_bad_names(options):
-    """Ends with a sentence before anything is started in vain."""
+    """Ends with an error before anything is started."""
     config, ini = place_of(options.config)
     if not (config / ini).is_file():
         sys.exit(f"run_live: {options.config} holds no {ini}")
@@ -87,7 +87,7 @@ def main():
         out.mkdir(parents=True, exist_ok=True)
         given, config = (), options.config
         if Path(config).suffix == ".ini":
-            # The copy that runs has it where it can be read.
+            # The copy that runs has it in a readable place.
             ini = (REPOSITORY / config).resolve()
             given, config = (ini.parent,), f"given/{ini.parent.name}/{ini.name}"
         forwarded = ["--config", config, "--program", options.program, "--out", str(out),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the live tests do with a running machine, and what they must see.
+"""The actions of the live tests on a running machine, and their expected results.
 
-Each function gets the Machine, a folder for its files and its arguments; it returns what belongs
-into result.json and raises Failure or AssertionError where the machine did not do as it must.
+Each function gets the Machine, a folder for its files and its arguments; it returns the content
+of result.json and raises Failure or AssertionError if the machine behaves differently.
 """
 
 import math
@@ -24,12 +24,12 @@ SERVO_PERIOD_NS = 1_000_000
 
 # mm or degrees: LinuxCNC's joint planner ends a move up to about 1e-7 mm before its end.
 AT_REST = 1e-6
-# The pose where a file gives HOME with six decimals: each is off by half of the last one, and legs that hold the
-# platform badly make some twenty times that of it. Files with all digits are held to AT_REST.
+# The pose if a file gives HOME with six decimals: each has an error of half of the last one, which badly conditioned
+# legs amplify some twenty times. Files with all digits must satisfy AT_REST.
 OF_ROUNDED_HOME = 1e-5
 
-# Roundings of second differences of positions of 1000 mm, as a share of what a joint may do in a cycle squared: 0.0005 mm
-# and more.
+# Rounding of second differences of positions of 1000 mm, as a fraction of a joint's largest second difference per
+# cycle: 0.0005 mm and more.
 ROUNDED = 1e-9
 
 
@@ -39,21 +39,21 @@ def program(machine: Machine, out, path, lines, seconds):
 
 
 def probing(machine: Machine, out, path, lines, seconds):
-    """Runs the calibration program; what it logs is the result."""
+    """Runs the calibration program; its log is the result."""
     machine.start()
     machine.run_program(path, Progress(out / "progress", lines), seconds)
     expect_quiet(machine)
 
 
 def recorded_program(machine, out, path, lines, seconds, more_columns=()):
-    """What was found, and the recorder with `more_columns` beside those of the trace."""
+    """Returns the result, and the recorder with `more_columns` in addition to those of the trace."""
     columns = program_columns(machine.layout)
     recorder = Recorder(machine.component, [*columns, *more_columns], SERVO_PERIOD_NS)
     machine.turn_on()
     recorder.start()
     machine.home()
     machine.component["phase"] = 1
-    # The judge takes the drives' zeros from here: after 0.2 s one was 3e-6 mm off once.
+    # The judge reads the drives' zeros here: after 0.2 s one was 3e-6 mm off once.
     machine.pause(1)
     machine.world_mode()
     expect_home(machine)
@@ -72,8 +72,8 @@ def recorded_program(machine, out, path, lines, seconds, more_columns=()):
 
 
 def on_drives(machine: Machine, out, path, lines, seconds, counts, outputs):
-    """Homes a machine and runs a program: the largest following error and the largest share of what LinuxCNC
-    allows at that speed. With `counts` every encoder stands that far from where it was switched on. The
+    """Homes a machine and runs a program: returns the largest following error and the largest fraction of LinuxCNC's
+    limit at that speed. With `counts` every encoder must be that far from its value at power-up. The
     `outputs` of a card are true while the machine is on."""
     columns = [(f"{name}{n}", f"joint.{n}.{pin}", "float") for n in machine.layout.joints
                for name, pin in (("error", "f-error"), ("limit", "f-error-lim"))]
@@ -108,7 +108,7 @@ def on_drives(machine: Machine, out, path, lines, seconds, counts, outputs):
 
 
 def expect_order(functions):
-    """They run in this order in the servo thread, and the monitor after the motion controller."""
+    """Checks that they run in this order in the servo thread, and the monitor after the motion controller."""
     shown = halcmd("-s", "show", "thread", "servo-thread").split()
     places = [shown.index(name) for name in functions]
     assert places == sorted(places), f"order of the servo thread: {shown}"
@@ -116,7 +116,7 @@ def expect_order(functions):
 
 
 def forget_test_card(machine):
-    """What hostmot2 says as its test card comes up: that this has no pins to switch."""
+    """Drops hostmot2's messages at the start of its test card, which has no pins to switch."""
     said = re.compile(r"hm2_test: loading HostMot2|hm2/hm2_test\.0: hm2_set_pin_\w+: invalid pin number \d+$")
     machine.wait(machine.error_texts, 5, "the test card")
     machine.pause(0.2)
@@ -124,7 +124,7 @@ def forget_test_card(machine):
 
 
 def spindle_and_pump(machine: Machine, out, speed, ramp, ok, pump, forward):
-    """The spindle comes up before a move with feed begins; a hot pump stops, holds feed and stays off."""
+    """Checks that the spindle is up before a move with feed begins; a hot pump stops, holds feed and stays off."""
     def set_pin(pin, value):
         halcmd("setp", pin, str(value))
 
@@ -163,8 +163,8 @@ TOOL_COLUMNS = [("busy", "pkmkins.tool-busy", "bit"),
 
 
 def tool_changes(machine: Machine, out, path, lines, seconds, changes, spindle):
-    """A program that changes tools at tilts and goes on at once: while the offset in effect is
-    not the one requested nothing but the change moves the machine."""
+    """Runs a program that changes tools at tilts and continues at once: while the offset in effect is
+    not the requested one, only the change moves the machine."""
     found, recorder = recorded_program(machine, out, path, lines, seconds, TOOL_COLUMNS)
     pose = list(zip(*(recorder.column(letter) for letter in AXES)))
     tool = list(zip(*(recorder.column(f"tool_{l}") for l in "xyz")))
@@ -175,13 +175,13 @@ def tool_changes(machine: Machine, out, path, lines, seconds, changes, spindle):
     for cycle, (wanted, shown) in enumerate(zip(before, tool)):
         expected = (wanted[0], wanted[1], spindle + wanted[2])
         assert busy[cycle + 1] or shown == expected, f"cycle {cycle}: {shown} holds, not {expected}"
-        # The cycle that changes the request still belongs to the motion before it.
+        # The cycle that changes the request is still part of the motion before it.
         assert not busy[cycle] or pose[cycle] == pose[cycle - 1], f"cycle {cycle}: motion in a change"
     requested = [cycle for cycle in range(1, len(request))
                  if request[cycle] != request[cycle - 1]
                 and max(abs(angle) for angle in pose[cycle][3:]) > LEVEL]
-    # LinuxCNC's task at times takes the way back to level for done before it is: the last change,
-    # meant for the level platform, then comes at a tilt as well.
+    # LinuxCNC's task sometimes considers the move back to level complete too early: the last change,
+    # meant for the level platform, is then at a tilt as well.
     assert len(requested) in (changes, changes + 1), \
         f"{len(requested)} changes at a tilt, expected {changes}"
     unanswered = [cycle for cycle in requested if not busy[cycle + 1]]
@@ -190,8 +190,8 @@ def tool_changes(machine: Machine, out, path, lines, seconds, changes, spindle):
 
 
 def use_of_limits(machine, recorder, busy):
-    """The longest tool change, the largest shares of the joints' limits in tool changes, and what share
-    of the speed limits all of a change in one cycle would be."""
+    """Returns the longest tool change, the largest fractions of the joints' limits in tool changes, and the fraction
+    of the speed limits that the whole change would need in one cycle."""
     dt = SERVO_PERIOD_NS * 1e-9
     flags = "".join("x" if flag else " " for flag in busy)
     runs = [match.span() for match in re.finditer("x+", flags)]
@@ -219,7 +219,7 @@ def module_state(machine):
 
 
 def timing(machine):
-    """Longest runs in ns. HAL counts processor clocks; the thread's period tells their length."""
+    """Returns the longest runs in ns. HAL counts processor clocks; the thread's period gives their length."""
     clocks = []
     for _ in range(200):
         clocks.append(machine.get("motion.servo.last-period"))
@@ -230,7 +230,7 @@ def timing(machine):
 
 
 def expect_quiet(machine):
-    """No message to the operator and no fault of the module."""
+    """Checks that there is no message to the operator and no fault of the module."""
     machine.poll()
     assert not machine.messages, f"messages: {machine.messages}"
     assert machine.get("pkmkins.fault-count") == 0, f"faults: {machine.get('pkmkins.fault-count')}"
@@ -239,7 +239,7 @@ def expect_quiet(machine):
 
 
 def expect_home(machine):
-    """After homing: nothing to tell the operator, and the pose that forward finds is [TRAJ]HOME."""
+    """Checks after homing that there are no messages, and that the pose found by forward is [TRAJ]HOME."""
     machine.pause(0.2)
     expect_quiet(machine)
     allowed = AT_REST
@@ -252,7 +252,7 @@ def expect_home(machine):
 
 
 def moves(machine: Machine, out, blocks):
-    """Joints and poses after each MDI block, at rest."""
+    """Returns joints and poses after each MDI block, at rest."""
     machine.start()
     settled = []
     for block in blocks:
@@ -260,13 +260,13 @@ def moves(machine: Machine, out, blocks):
         machine.pause(0.1)
         settled.append({"block": block, "joints": machine.commanded_joints(), "pose": machine.pose()})
     machine.poll()
-    # LinuxCNC's sample shows a text of its own when it starts, sooner or later.
+    # LinuxCNC's sample shows its own text when it starts, at varying times.
     assert not machine.error_texts(), f"messages: {machine.messages}"
     return {"settled": settled}
 
 
 def switched(machine, to_type_1, to_type_0):
-    """Kinematics 0 -> 1 -> 0: the joints stay, the pose comes back, no message."""
+    """Switches the kinematics 0 -> 1 -> 0: the joints stay, the pose comes back, no message."""
     machine.pause(0.3)
     joints, pose = machine.commanded_joints(), machine.pose()
     watch = JointWatch(machine)
@@ -282,14 +282,14 @@ def switched(machine, to_type_1, to_type_0):
     assert moved < 1e-9, f"a joint moved by {moved} in the switch"
     assert_close(machine.pose(), pose, 1e-8, "pose before and after the switch")
     machine.poll()
-    # LinuxCNC's sample shows a text of its own when it starts, sooner or later.
+    # LinuxCNC's sample shows its own text when it starts, at varying times.
     told = [text for _, text in machine.messages if "ini: set offsets" not in text]
     assert not told, f"messages: {told}"
     return {"moved": moved, "pose": pose}
 
 
 def net_switch(machine: Machine, out, start):
-    """Kinematics switch of a shipped configuration, by an analog output as LinuxCNC does it."""
+    """Switches the kinematics of a shipped configuration, by an analog output as LinuxCNC does it."""
     net_kinematics_type()
     machine.start()
     machine.mdi(start)
@@ -301,7 +301,7 @@ def net_kinematics_type():
 
 
 def refused_switch(machine: Machine, out, start, code, after):
-    """The identity kinematics refused with a reason: no joint moves, the machine goes on."""
+    """Checks that the identity kinematics are refused with a reason, no joint moves, and the machine continues."""
     net_kinematics_type()
     machine.start()
     machine.mdi(start)
@@ -322,17 +322,17 @@ def refused_switch(machine: Machine, out, start, code, after):
 
 
 def reason_of(machine, code):
-    """The message that first tells the operator this code."""
+    """Returns the first message to the operator with this code."""
     return reasons_of(machine, code)[0]
 
 
 def reasons_of(machine, code):
-    """All messages that tell the operator this code."""
+    """Returns all messages to the operator with this code."""
     return machine.told(f"[code {code}]")
 
 
 def goes_on(machine, block):
-    """A good move is still made, without a further message."""
+    """Checks that a good move is still made, without a further message."""
     if not machine.is_on():
         machine.turn_on()
     told = len(machine.messages)
@@ -343,7 +343,7 @@ def goes_on(machine, block):
 
 
 def refused_move(machine: Machine, out, block, code, after):
-    """A move that the kinematics refuse: the reason is told, no joint moves, the machine goes on."""
+    """Makes a move that the kinematics refuse: the reason is reported, no joint moves, the machine continues."""
     machine.start()
     watch = JointWatch(machine)
     machine.mdi(block)
@@ -356,7 +356,7 @@ def refused_move(machine: Machine, out, block, code, after):
 
 
 def refused_program(machine: Machine, out, path, lines, joint, most):
-    """A program with an end point beyond the limit of a joint stops before it and names the joint."""
+    """Checks that a program with an end beyond the limit of a joint stops before it and names the joint."""
     machine.start()
     watch = JointWatch(machine)
     machine.run_program(path, Progress(out / "progress", lines), 30)
@@ -369,8 +369,8 @@ def refused_program(machine: Machine, out, path, lines, joint, most):
 
 
 def refused_switch_back(machine: Machine, out, block):
-    """In identity kinematics the joints go to where no platform closes: the switch back is refused and
-    moves no joint; from where they came it is made."""
+    """Moves the joints in identity kinematics to where no pose exists: the switch back is refused and
+    moves no joint; from the original position it is made."""
     net_kinematics_type()
     machine.start()
     pose = machine.pose()
@@ -402,8 +402,8 @@ def refused_switch_back(machine: Machine, out, block):
 
 
 def singular_passed(machine: Machine, out, letter, end, feed, code, is_reported=True):
-    """A move through a singular pose, unguarded: forward never shows the mirror image of the commanded
-    pose, the reason is reported where the module has a monitor, and the way back heals it."""
+    """Moves through a singular pose, unguarded: forward never shows the mirror image of the commanded
+    pose, the reason is reported if the module has a monitor, and the motion back ends the refusal."""
     machine.start()
     guard_nothing(machine)
     start = machine.pose()
@@ -412,7 +412,7 @@ def singular_passed(machine: Machine, out, letter, end, feed, code, is_reported=
     apart = []
 
     def look():
-        # The commanded pose first: it goes on while the other is read.
+        # The commanded pose first: it advances while the other is read.
         commanded = machine.get(f"axis.{letter.lower()}.pos-cmd")
         if not machine.get("pkmkins.fwd-kins-fail"):
             apart.append(abs(machine.get(f"pkmkins.{letter.lower()}") - commanded))
@@ -420,7 +420,7 @@ def singular_passed(machine: Machine, out, letter, end, feed, code, is_reported=
 
     machine.wait(look, 60, f"code {code}")
     reason = reason_of(machine, code) if is_reported else ""
-    # What the drives lag and reading two pins one after the other take is a fifth of a second.
+    # The lag of the drives, and the delay between reading two pins, are at most a fifth of a second.
     assert max(apart) < feed / 60 * 0.2, f"forward was {max(apart)} from the commanded pose"
     machine.wait(machine.is_idle, 60, "end of the move")
     assert machine.get("pkmkins.fwd-kins-fail"), "forward succeeds beyond the singular pose"
@@ -447,7 +447,7 @@ def go_beyond_singular(machine, block, code, is_reported=True):
 
 
 def assert_doubtful(machine, code, when):
-    """Asserts that forward refuses the pose for 0.2 s, as far as a look every 10 ms shows."""
+    """Asserts that forward refuses the pose for 0.2 s, sampled every 10 ms."""
     for _ in range(20):
         machine.pause(0.01)
         assert machine.get("pkmkins.fwd-kins-fail"), f"{when}: the mirror image is reported as the pose"
@@ -455,7 +455,7 @@ def assert_doubtful(machine, code, when):
 
 
 def singular_switched(machine: Machine, out, block, code, back):
-    """Beyond a singular pose the kinematics are switched to 1 and to 0 again, with the machine on: no joint moves,
+    """Switches the kinematics to 1 and back to 0 beyond a singular pose, with the machine on: no joint moves,
     the pose stays refused, and commanding the motion back ends it."""
     net_kinematics_type()
     machine.start()
@@ -486,8 +486,8 @@ def assert_found(machine, pose):
 
 
 def singular_homed(machine: Machine, out, block, code, speed, after, is_reported=True):
-    """Beyond a singular pose machine off and on end no refusal. Jogging the joints to HOME, unhoming and homing do:
-    LinuxCNC homes joints with absolute encoders only once."""
+    """Checks that machine off and on do not end a refusal beyond a singular pose. Jogging the joints to HOME, unhoming
+    and homing do: LinuxCNC homes joints with absolute encoders only once."""
     machine.start()
     guard_nothing(machine)
     start = machine.pose()
@@ -521,14 +521,14 @@ def jog_home(machine, speed):
 
 
 def sample_switch(machine: Machine, out, start):
-    """The same in LinuxCNC's sample configuration, by its own M428 and M429."""
+    """Does the same in LinuxCNC's sample configuration, by its own M428 and M429."""
     machine.start()
     machine.mdi(start)
     return switched(machine, "M429", "M428")
 
 
 def escape(machine: Machine, out, joint, distance, speed):
-    """One joint is jogged to where no platform closes; then world mode is asked for."""
+    """Jogs one joint to where no pose exists; then requests world mode."""
     machine.turn_on()
     machine.home()
     machine.joint_mode()
@@ -548,8 +548,7 @@ def escape(machine: Machine, out, joint, distance, speed):
 
 
 def escape_to_mdi(machine: Machine, out, joint, distance, speed):
-    """The same with MDI asked for: LinuxCNC's planner keeps the pose from before the jog, because it refuses one of
-    NaN."""
+    """Does the same with MDI requested: LinuxCNC's planner keeps the pose from before the jog, because it refuses NaN."""
     machine.turn_on()
     machine.home()
     machine.joint_mode()
@@ -571,7 +570,7 @@ def escape_to_mdi(machine: Machine, out, joint, distance, speed):
 
 def jogs(machine: Machine, out, letter, speed, limits, slowest):
     """Jogs to where a joint would leave its range, and back. `limits` of every joint are largest speed and
-    range; `slowest` is the share of the axis' speed below which the jog has to be slowed on the way."""
+    range; `slowest` is the fraction of the axis' speed below which the jog must be slowed."""
     done = subprocess.run(["haltcl", "-i", os.environ["INI_FILE_NAME"],
                            "/usr/share/linuxcnc/hallib/pkmkins_jog.tcl"], capture_output=True, text=True, timeout=30)
     assert done.returncode == 0 and not done.stderr, done.stderr
@@ -617,7 +616,7 @@ def jogs(machine: Machine, out, letter, speed, limits, slowest):
 
 
 def correction(machine: Machine, out, path, lines, seconds, asked):
-    """Asks for corrections of the joints while a program runs, and records every cycle from before to its end."""
+    """Requests corrections of the joints while a program runs, and records every cycle from before to its end."""
     columns = [*((letter, f"axis.{letter}.pos-cmd", "float") for letter in AXES),
                *((f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in machine.layout.joints),
                *((f"e{n}", f"pkmkins.joint-correction-eff.{n}", "float") for n in machine.layout.joints),
@@ -626,7 +625,7 @@ def correction(machine: Machine, out, path, lines, seconds, asked):
     machine.start()
     recorder.start()
 
-    # Not before: where LinuxCNC changes its mode it drops the two cycles by which its smoothing is late.
+    # Not before: when LinuxCNC changes its mode it drops the two cycles of its smoothing delay.
     def begun():
         for n, value in enumerate(asked):
             machine.set(f"pkmkins.joint-correction.{n}", value)
@@ -639,7 +638,7 @@ def correction(machine: Machine, out, path, lines, seconds, asked):
 
 
 def refused_corrections(machine: Machine, out, joint, good, bad, code):
-    """In a move: the bad ones are told, and the good one before them stays in effect in every cycle."""
+    """Requests corrections in a move: bad ones are reported, and the good one before stays in effect in every cycle."""
     machine.start()
     asked, effect = f"pkmkins.joint-correction.{joint}", f"pkmkins.joint-correction-eff.{joint}"
     machine.set(asked, good)
@@ -667,7 +666,7 @@ def refused_corrections(machine: Machine, out, joint, good, bad, code):
 
 
 def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, after):
-    """More legs than coordinates, one leg off: refused, that joint named; jogging back heals it."""
+    """Jogs one leg of a redundant machine off: refused, with the joint named; jogging back ends the refusal."""
     machine.turn_on()
     machine.home()
     machine.joint_mode()
@@ -675,7 +674,7 @@ def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, afte
     assert machine.get("pkmkins.fwd-kins-fail"), "forward still succeeds"
     told = machine.get("pkmkins.fault"), machine.get("pkmkins.fault-leg")
     assert told == (code, joint), f"fault and fault-leg are {told}, expected {(code, joint)}"
-    # At the limit none may stand out yet: a joint that creeps away takes the last pose along.
+    # At the limit no joint stands out yet: a joint that moves slowly away takes the last pose along.
     named = [text for text in reasons_of(machine, code) if text.startswith("pkmkins: joint ")]
     assert named, f"joint {joint} is not named: {machine.messages}"
     reason, others = named[0], [text for text in named if f"joint {joint}:" not in text]
@@ -688,7 +687,7 @@ def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, afte
 
 
 def way_back(machine: Machine, out, joint, distance, speed):
-    """After the same jog the operator jogs back and goes on: world mode, right pose."""
+    """Jogs one joint off; the operator jogs back and continues: world mode, right pose."""
     machine.turn_on()
     machine.home()
     home = machine.pose()
@@ -703,7 +702,7 @@ def way_back(machine: Machine, out, joint, distance, speed):
 
 
 def power_down_at(machine: Machine, out, block):
-    """Moves the machine somewhere and tells where it stands."""
+    """Moves the machine and returns its position."""
     machine.start()
     machine.mdi(block)
     machine.pause(0.3)
@@ -712,7 +711,7 @@ def power_down_at(machine: Machine, out, block):
 
 
 def power_up_at(machine: Machine, out, pose, joint, distance, speed, after):
-    """Homed where it was switched off, the machine knows its pose without having moved; and again after
+    """Checks that the machine, homed where it was switched off, has its pose without having moved; and again after
     a joint was moved with the machine on, and after it was off."""
     machine.turn_on()
     watch = JointWatch(machine)
@@ -732,7 +731,7 @@ def power_up_at(machine: Machine, out, pose, joint, distance, speed, after):
     machine.turn_on()
     machine.joint_mode()
     machine.jog_joint(joint, -distance, speed)
-    machine.pause(0.2)  # near its end LinuxCNC still takes the jog for going on
+    machine.pause(0.2)  # near its end LinuxCNC still considers the jog active
     machine.world_mode()
     assert_close(machine.pose(), pose, AT_REST, "pose after the jog and back")
     expect_quiet(machine)
@@ -741,8 +740,8 @@ def power_up_at(machine: Machine, out, pose, joint, distance, speed, after):
 
 
 def start_outside(machine: Machine, out, joint, distance, speed, code, after):
-    """Homed where no box has a pose of the joints, the machine goes off, and in world mode it cannot stay on. In
-    joint mode, chosen while it is off, it stays on; once the joint is jogged into the workspace world mode works."""
+    """Homes where no box has a pose of the joints: the machine goes off, and does not stay on in world mode. In
+    joint mode, chosen while it is off, it stays on; after the joint is jogged into the workspace world mode works."""
     machine.turn_on()
     watch = JointWatch(machine)
     machine.set_mode(linuxcnc.MODE_MANUAL)
@@ -763,7 +762,7 @@ def start_outside(machine: Machine, out, joint, distance, speed, code, after):
     assert machine.get("pkmkins.fault") == code and machine.get("pkmkins.fwd-kins-fail")
     machine.jog_joint(joint, distance, speed)
     machine.wait(lambda: not machine.get("pkmkins.fwd-kins-fail"), 2, "forward kinematics in the workspace")
-    machine.pause(0.2)  # near its end LinuxCNC still takes the jog for going on
+    machine.pause(0.2)  # near its end LinuxCNC still considers the jog active
     machine.world_mode()
     machine.pause(0.5)
     assert machine.is_on() and machine.is_world(), "the machine is off, or not in world mode"
@@ -772,7 +771,7 @@ def start_outside(machine: Machine, out, joint, distance, speed, code, after):
 
 
 def refused_geometry(machine: Machine, out):
-    """New geometry on the pins while the machine is on: shown, refused, no joint moves."""
+    """Sets a new geometry on the pins while the machine is on: shown, refused, no joint moves."""
     machine.start()
     machine.mdi("G1 F3000 X10 Y5 Z260 A5 B-5")
     old_hash = machine.get("pkmkins.geometry-hash")
@@ -800,7 +799,7 @@ def refused_geometry(machine: Machine, out):
 
 
 def refused_geometry_in_a_move(machine: Machine, out):
-    """The same while the machine moves: it runs on as if nothing had been, no joint jumps."""
+    """Does the same while the machine moves: the motion continues unaffected, no joint jumps."""
     machine.start()
     machine.mdi("G1 F3000 X-60 Y5 Z260 A5 B-5")
     old = machine.get("pkmkins.base.2.x")
@@ -823,7 +822,7 @@ def refused_geometry_in_a_move(machine: Machine, out):
 
 
 def largest_acceleration_share(machine, recorder):
-    """Of all joints and cycles, as a share of the joint's limit."""
+    """Returns the largest acceleration of all joints and cycles, as a fraction of the joint's limit."""
     largest = 0.0
     for n in machine.layout.joints:
         way = recorder.column(f"j{n}")
@@ -833,8 +832,8 @@ def largest_acceleration_share(machine, recorder):
 
 
 def feedback_jump(machine: Machine, out, joint, jump, after):
-    """The encoder of one joint jumps in a move: the machine goes off, no drive runs away; with the
-    encoder right again it goes on from where it is."""
+    """Makes the encoder of one joint jump in a move: the machine goes off, no drive runs away; with the
+    encoder correct again it continues from its position."""
     machine.start()
     machine.command.mode(linuxcnc.MODE_MDI)
     machine.command.wait_complete()
@@ -862,12 +861,12 @@ def feedback_jump(machine: Machine, out, joint, jump, after):
 
 
 def feedback_without_a_number(machine: Machine, out, joint, code, after):
-    """The encoder of one joint says NaN in a move: LinuxCNC sees no following error. The module says so and holds
-    the feed until the move is aborted, also when the encoder is right again; then all goes on."""
+    """Makes the encoder of one joint return NaN in a move: LinuxCNC detects no following error. The module reports it
+    and holds the feed until the move is aborted, also when the encoder is correct again; then motion continues."""
     machine.start()
     machine.command.mode(linuxcnc.MODE_MDI)
     machine.command.wait_complete()
-    # Nine seconds of motion: a busy computer may take two of them until the encoder says NaN, and a move that has
+    # Nine seconds of motion: a busy computer may need two of them until the encoder returns NaN, and a move that has
     # ended by then leaves no feed to hold.
     machine.command.mdi("G1 F200 X30")
     machine.wait(lambda: not machine.stat.inpos, 5, "start of the move")
@@ -892,8 +891,8 @@ def feedback_without_a_number(machine: Machine, out, joint, code, after):
 
 
 def feedback_loses_a_number(machine: Machine, out, block, joint, code, after):
-    """The encoder of one joint reports NaN for a moment while the machine stands away from home: the pose is the
-    machine's again without an operator."""
+    """Makes the encoder of one joint return NaN for a moment while the machine stands away from home: the module finds
+    the pose again without an operator."""
     machine.start()
     machine.mdi(block)
     machine.pause(0.5)
@@ -913,8 +912,8 @@ def feedback_loses_a_number(machine: Machine, out, block, joint, code, after):
 
 
 def contradiction_settles(machine: Machine, out, off, after):
-    """One joint was homed a little off: entering world mode, and leaving and entering it again, keep every
-    motor's command within its acceleration, and the joints end without a contradiction."""
+    """Homes one joint slightly off: entering world mode, and leaving and entering it again, keep every
+    motor's command within its acceleration, and the joints end consistent."""
     columns = [(f"j{n}", f"joint.{n}.motor-pos-cmd", "float") for n in machine.layout.joints]
     recorder = Recorder(machine.component, columns, SERVO_PERIOD_NS)
     machine.turn_on()
@@ -940,7 +939,7 @@ def contradiction_settles(machine: Machine, out, off, after):
 
 
 def new_geometry(machine: Machine, out):
-    """With the machine off a good geometry is taken and a bad one refused; the old stays."""
+    """Offers geometries with the machine off: a good one takes effect and a bad one is refused; the old one stays."""
     machine.start()
     machine.turn_off()
     old_hash = machine.get("pkmkins.geometry-hash")
@@ -964,7 +963,7 @@ def apply(machine, pin, value):
 
 
 def no_iterations(machine: Machine, out):
-    """limit-iterations 0 in world mode: refused with a reason, no joint moves."""
+    """Sets limit-iterations 0 in world mode: refused with a reason, no joint moves."""
     machine.start()
     watch = JointWatch(machine)
     machine.set("pkmkins.limit-iterations", 0)
@@ -976,7 +975,7 @@ def no_iterations(machine: Machine, out):
 
 
 def tool_pin_nan(machine: Machine, out):
-    """NaN as tool offset: the machine stops, no joint moves."""
+    """Sets NaN as tool offset: the machine stops, no joint moves."""
     machine.start()
     halcmd("unlinkp", "pkmkins.tool-offset")
     watch = JointWatch(machine)
@@ -989,8 +988,8 @@ def tool_pin_nan(machine: Machine, out):
 
 
 def tool_out_of_reach(machine: Machine, out, tilt, tool, code, after):
-    """A tool offset that takes a joint beyond its limits at a tilt: told, no joint moves; the machine
-    goes off, which takes the offset without motion."""
+    """Requests a tool offset that moves a joint beyond its limits at a tilt: reported, no joint moves; the machine
+    goes off, and the offset takes effect without motion."""
     machine.start()
     machine.mdi(tilt)
     machine.pause(0.2)
@@ -1011,7 +1010,7 @@ def tool_out_of_reach(machine: Machine, out, tilt, tool, code, after):
 
 
 def uninhibited_feed(machine: Machine, out, tilt, code):
-    """M49 makes LinuxCNC ignore feed-inhibit: the move after a tool change is stopped instead."""
+    """Makes LinuxCNC ignore feed-inhibit with M49: the move after a tool change is stopped instead."""
     machine.start()
     machine.mdi(tilt)
     machine.mdi("M49")
@@ -1022,7 +1021,7 @@ def uninhibited_feed(machine: Machine, out, tilt, code):
 
 
 def off_in_a_tool_change(machine: Machine, out, tilt, tool):
-    """Machine off while the offset is on its way: it is taken, and nothing moves when it is on."""
+    """Switches off during a change of the offset: it takes effect, and nothing moves when the machine is on."""
     machine.start()
     machine.mdi(tilt)
     machine.set("pkmkins.max-velocity.0", 1)  # so slow that there is time
@@ -1047,7 +1046,7 @@ def off_in_a_tool_change(machine: Machine, out, tilt, tool):
 
 
 def axis_touch_off(machine):
-    """AXIS's tool touch-off (commands.touch_off_tool), at the position that shows 0: a tool 15 mm longer."""
+    """Executes AXIS's tool touch-off (commands.touch_off_tool), at position 0: a tool 15 mm longer."""
     machine.set_mode(linuxcnc.MODE_MDI)
     machine.command.mdi("G10 L10 P1 Z[[-15]*1.000000000000]")
     machine.command.wait_complete()
@@ -1058,7 +1057,7 @@ def axis_touch_off(machine):
 
 
 def halui_command(machine):
-    """A command of halui, which goes back to manual mode when it has sent it."""
+    """Executes a command of halui, which returns to manual mode afterwards."""
     machine.set_mode(linuxcnc.MODE_MANUAL)
     machine.set("halui.mdi-command-00", 1)
     machine.pause(0.1)
@@ -1066,7 +1065,7 @@ def halui_command(machine):
 
 
 def interrupted(*actions):
-    """G43 in MDI; when the joints move, what else LinuxCNC can do, then manual mode."""
+    """Executes G43 in MDI; when the joints move, other actions of LinuxCNC, then manual mode."""
     def run(machine):
         machine.set_mode(linuxcnc.MODE_MDI)
         machine.command.mdi("G43.1 Z65")
@@ -1088,7 +1087,7 @@ def manual_mode(machine):
 
 
 def changed_in_manual_mode(machine):
-    """A tool offset from elsewhere in world mode, and MDI while the joints move."""
+    """Changes the tool offset externally in world mode, and enters MDI while the joints move."""
     machine.set_mode(linuxcnc.MODE_MANUAL)
     signal = link("pkmkins.tool-offset", "live:tool-offset")
     halcmd("unlinkp", "pkmkins.tool-offset")
@@ -1119,14 +1118,14 @@ INTERRUPTED = {
 
 
 def tool_change_columns(layout):
-    """What `peaks` needs of every servo cycle."""
+    """Returns the columns that `peaks` needs of every servo cycle."""
     return [("phase", "live.phase", "s32"), *((f"p{n}", f"joint.{n}.motor-pos-cmd", "float") for n in layout.joints),
             ("busy", "pkmkins.tool-busy", "bit")]
 
 
 def interrupted_tool_changes(machine: Machine, out, level, tilt):
-    """What LinuxCNC can do in the middle of a tool change at a tilt: no joint exceeds its acceleration, the
-    machine stays on, and the offset in effect ends as the one requested."""
+    """Executes actions of LinuxCNC during a tool change at a tilt: no joint exceeds its acceleration, the
+    machine stays on, and the offset in effect ends equal to the requested one."""
     recorder = Recorder(machine.component, tool_change_columns(machine.layout), SERVO_PERIOD_NS)
     machine.start()
     machine.mdi("T1 M6")
@@ -1151,7 +1150,7 @@ def interrupted_tool_changes(machine: Machine, out, level, tilt):
 
 
 def peaks(machine, recorder, number):
-    """Of a phase: the largest share of a joint's acceleration limit, and how long tool-busy was on."""
+    """Returns a phase's largest fraction of a joint's acceleration limit, and the duration of tool-busy."""
     cycles = [cycle for cycle, phase in enumerate(recorder.column("phase")) if phase == number]
     first, last = cycles[0], cycles[-1]
     largest = 0.0
@@ -1164,7 +1163,7 @@ def peaks(machine, recorder, number):
 
 
 def watched_program(machine, out, start, path, lines, seconds, period_ns):
-    """Runs a program from a start and returns what the watch over its motion was about, cycle by
+    """Runs a program from a start and returns the data of the motion guard, cycle by
     cycle."""
     columns = [(f"j{n}", f"joint.{n}.coarse-pos-cmd", "float") for n in machine.layout.joints]
     columns += [(letter, f"axis.{letter}.pos-cmd", "float") for letter in "xyz"]
@@ -1185,7 +1184,7 @@ def watched_program(machine, out, start, path, lines, seconds, period_ns):
 
 
 def unguarded(machine: Machine, out, start, path, lines):
-    """The program stops with a following error."""
+    """Checks that the program stops with a following error."""
     machine.start()
     machine.mdi(start)
     machine.set_mode(linuxcnc.MODE_AUTO)
@@ -1197,7 +1196,7 @@ def unguarded(machine: Machine, out, start, path, lines):
 
 def guarded(machine: Machine, out, start, path, lines, limits, feed, acceleration,
             period_ns=SERVO_PERIOD_NS):
-    """The program runs to its end, no joint faster than its limit in any cycle, little time lost."""
+    """Checks that the program ends, no joint exceeds its limit in any cycle, and little time is lost."""
     recorder = watched_program(machine, out, start, path, lines, 60, period_ns)
     expect_quiet(machine)
     assert machine.stat.adaptive_feed_enabled, "M52 P1 is not in force"
@@ -1220,8 +1219,8 @@ def guarded(machine: Machine, out, start, path, lines, limits, feed, acceleratio
 
 
 def stopped_by_guard(machine: Machine, out, far, code):
-    """Where the legs lose their hold the feed is inhibited, with a message, and the machine stands
-    instead of creeping on. Aborted, it goes back as if nothing had been."""
+    """Checks that the feed is inhibited near a singularity, with a message, and that the machine stops
+    instead of creeping. After an abort it moves back normally."""
     machine.start()
     machine.mdi("M52 P1")
     begin = machine.get("pkmkins.conditioning")
@@ -1237,8 +1236,8 @@ def stopped_by_guard(machine: Machine, out, far, code):
     moved = watch.stop()
     assert moved < AT_REST, f"a joint crept on by {moved}"
     assert machine.is_on() and machine.get("pkmkins.feed-inhibit") and not machine.is_idle()
-    # The feed is stopped where the share of it that is allowed is the floor, and that is by how much
-    # the hold exceeds its limit there; the feed override that is reckoned with comes on top.
+    # The feed is stopped if its allowed fraction is the floor, which is the fraction by which the
+    # conditioning exceeds its limit there; the guard's assumed feed override multiplies it.
     most = 1 + machine.get("pkmkins.feed-floor") * machine.get("pkmkins.max-override")
     assert limit < hold < limit * most * 1.001, f"stands at {hold}, limit {limit}"
     reasons = reasons_of(machine, code)
@@ -1250,7 +1249,7 @@ def stopped_by_guard(machine: Machine, out, far, code):
 
 
 def weak_drive(machine: Machine, out):
-    """A drive slower than its command: the simulated machine stops with a following error."""
+    """Checks that the simulated machine stops with a following error if a drive is slower than its command."""
     machine.start()
     machine.set("J0_drive.maxv", 2)
     machine.set_mode(linuxcnc.MODE_MDI)
@@ -1265,7 +1264,7 @@ def assert_close(found, wanted, tolerance, what):
 
 
 class JointWatch:
-    """Records the drives in every servo cycle and tells the largest way one has gone."""
+    """Records the drives in every servo cycle and returns the largest distance that one has moved."""
 
     def __init__(self, machine):
         self.joints = machine.layout.joints
@@ -1279,11 +1278,11 @@ class JointWatch:
         return max(max(way) - min(way) for way in map(self.way, self.joints))
 
     def fastest(self):
-        """Ends the record: the largest speed of each drive."""
+        """Ends the record; returns the largest speed of each drive."""
         self.recorder.stop()
         ways = map(self.way, self.joints)
         return [max(abs(b - a) for a, b in zip(way, way[1:])) * 1e9 / SERVO_PERIOD_NS for way in ways]
 
     def way(self, joint):
-        """Position of one drive in every cycle."""
+        """Returns the position of one drive in every cycle."""
         return self.recorder.column(f"m{joint}")

@@ -17,7 +17,7 @@ from unprivileged import clear_hal, lost_its_start
 HERE = Path(__file__).resolve().parent
 DISPLAY_FILES = ("browsers.py", "display.py", "guard.py", "ini_edit.py", "machine.py", "recorder.py", "scenarios.py", "truth_run.py",
                  "watched.py")
-START_SECONDS = 60  # LinuxCNC's start and end, on top of what the scenario may take
+START_SECONDS = 60  # for LinuxCNC's start and end, in addition to the time of the scenario
 
 
 class Session:
@@ -48,7 +48,7 @@ class Session:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def run(self, scenario, out, limit, **arguments):
-        """Result of a scenario as display.py writes it; `ok` is false if it was not reached."""
+        """Returns the result of a scenario as display.py writes it; `ok` is false if it was not reached."""
         out.mkdir(parents=True, exist_ok=True)
         for stale in ("result.json", "progress"):
             (out / stale).unlink(missing_ok=True)
@@ -66,10 +66,10 @@ class Session:
 
     def start_linuxcnc(self, limit, progress=None):
         """Runs LinuxCNC to its end and returns its exit code; None if it had to be stopped."""
-        # RUNTESTS: everything goes to our log, not to files in the home folder.
+        # RUNTESTS: all output goes to our log, not to files in the home folder.
         environment = {**os.environ, "HOME": str(self.folder), "RUNTESTS": "1"}
         with open(self.log, "w") as log:
-            # A session of its own, so that everything LinuxCNC starts can be ended together.
+            # A separate session, so that all processes that LinuxCNC starts can be ended together.
             process = subprocess.Popen(["linuxcnc", str(self.ini)], stdin=subprocess.DEVNULL,
                                        stdout=log, stderr=log, env=environment, cwd=self.copy,
                                        start_new_session=True)
@@ -86,7 +86,7 @@ class Session:
 
     @staticmethod
     def _stop(process):
-        """First LinuxCNC's own way of ending, then whatever is left of it."""
+        """Ends LinuxCNC in its own way first, then the remaining processes."""
         process.send_signal(signal.SIGTERM)
         try:
             process.wait(20)

@@ -1,12 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Random legal moves, tilts and tool changes on every configuration, in the real LinuxCNC.
+"""Runs random legal moves, tilts and tool changes on every configuration, in the real LinuxCNC.
 
     tests/live/soak.py --minutes 10 [--seed 1] [--only hexapod] [--out FOLDER]
 
 Each configuration runs its share of the time, at most a minute of motion at a time, with machine
-on and homing before it. Every servo cycle is recorded and judged by tests/live/judge. Ends with a
-table; exit code 1 if a program stopped, a message or a fault came, or a trace is not as it must be.
+on and homing before it. Every servo cycle is recorded and checked by tests/live/judge. Ends with a
+table; exit code 1 if a program stopped, a message or a fault occurred, or a trace is wrong.
 """
 
 import argparse
@@ -24,15 +24,15 @@ from unprivileged import (LANES, REPOSITORY, claimed, is_unprivileged,  # noqa: 
 
 TOOLS = REPOSITORY / "target/host"
 LONGEST = 60.0  # seconds of motion in one run: a trace of some ten megabytes
-# Beside its least duration a program takes corners and accelerations, and LinuxCNC its start.
+# In addition to its least duration a program needs time for corners and accelerations, and LinuxCNC to start.
 SLACK = 5
 START_SECONDS = 180
-ROW = "row.json"  # what a program did, in the folder of its results
+ROW = "row.json"  # the results of a program, in the folder of its results
 MISMATCH = re.compile(r"forward against inverse \(pose\) +(\S+) (\S+)")
 
 
 def generated(folder, options):
-    """Program files, round by round over the machines, for the minutes asked for."""
+    """Generates program files, in turn over the machines, for the given minutes."""
     configs = [path for path in sorted((REPOSITORY / "configs").iterdir())
                if path.is_dir() and options.only in path.name]
     if not configs:
@@ -52,7 +52,7 @@ def generated(folder, options):
 
 
 def run_one(file, out, seconds):
-    """What one program did, as a row of the table."""
+    """Returns the results of one program, as a row of the table."""
     name = file.name.split(".")[0]
     text = file.read_text()
     result = run_live.run(Path("configs") / name, file.name, out, SLACK * seconds + 30, text)
@@ -96,7 +96,7 @@ def table(rows):
 
 
 def run_all(seconds):
-    """Runs what other lanes have not taken."""
+    """Runs the programs that other lanes have not claimed."""
     files = sorted((REPOSITORY / "given").glob("*.ngc"), key=lambda path: (int(path.suffixes[0][1:]), path.name))
     with only_one():
         for file in files:
@@ -107,7 +107,7 @@ def run_all(seconds):
 
 
 def sum_up(files, out):
-    """Prints the table; whether every program ran as it must."""
+    """Prints the table; returns whether every program ran correctly."""
     found = [out / file.stem / ROW for file in files]
     rows = [json.loads(path.read_text()) for path in found if path.exists()]
     print(table(rows))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Traces of every servo cycle: their motions, what two of the same program differ by, their peaks.
+"""Traces of every servo cycle: their motions, the differences between two of the same program, their peaks.
 
-Plain calculation on recorded columns; nothing here talks to LinuxCNC.
+Pure calculation on recorded columns; nothing here communicates with LinuxCNC.
 """
 
 from typing import NamedTuple
@@ -10,15 +10,15 @@ import numpy
 
 AXES = "xyzabc"
 
-# Machine units and degrees. Recorded and virtual commands are of the same arithmetic on the same
-# numbers; what may differ is where homing ended, by the rounding of one forward kinematics.
+# Machine units and degrees. Recorded and virtual commands use the same arithmetic on the same
+# numbers; only the position after homing may differ, by the rounding of one forward kinematics.
 SAME = 1e-9
 
-# Cycles in which a machine comes to rest: the slowest of the shipped ones brakes for 0.2 s.
+# Cycles in which a machine comes to rest: the slowest shipped one brakes for 0.2 s.
 STOPPING = 250
 
-# Cycles left out of peaks about a tool change at a tilt, in which pkmkins moves the joints: the
-# interpolator of LinuxCNC answers two cycles late and over three.
+# Cycles left out of peaks about a tool change at a tilt, in which pkmkins moves the joints:
+# LinuxCNC's interpolator lags by two cycles and smooths over three.
 AROUND_TOOL_CHANGES = 5
 
 
@@ -30,7 +30,7 @@ class Trace(NamedTuple):
     busy: numpy.ndarray  # whether a tool change moves the joints
 
     def until_off(self):
-        """The cycles up to where the drives go off."""
+        """Returns the cycles until the drives switch off."""
         last = first(~self.on, len(self.on))
         return Trace(*(column[:last] for column in self))
 
@@ -39,18 +39,18 @@ class Trace(NamedTuple):
 
 
 def first(is_it, otherwise):
-    """Index of the first true one."""
+    """Returns the index of the first true value."""
     found = numpy.flatnonzero(is_it)
     return int(found[0]) if len(found) else otherwise
 
 
 def table(trace, columns, **options):
-    """Columns of what is left of an open file."""
+    """Reads columns of the rest of an open file."""
     return numpy.loadtxt(trace, delimiter=",", usecols=columns, ndmin=2, **options).reshape(-1, len(columns))
 
 
 def recorded(path):
-    """What truth_run.py wrote."""
+    """Reads a trace of truth_run.py."""
     with open(path) as trace:
         columns = range(next(trace).count(",") + 1)
         rows = table(trace, columns, converters={n: lambda text: text == "True" for n in (1, 2)}, encoding="utf-8")
@@ -58,8 +58,8 @@ def recorded(path):
 
 
 def virtual(path, joints, has_poses=True):
-    """What `pkm run --trace` wrote. While a tool change moves the joints, its offset changes. Where nobody looks
-    at the poses they are left out, zeros in their place: reading them takes a third of the time."""
+    """Reads a trace of `pkm run --trace`. While a tool change moves the joints, its offset changes. Without `has_poses`
+    the poses are zeros: reading them takes a third of the time."""
     with open(path) as trace:
         names = next(trace).rstrip("\n").split(",")
         tool, joint, behind = (names.index(name) for name in ("tool_x", "joint_0", "feed"))
@@ -77,7 +77,7 @@ def virtual(path, joints, has_poses=True):
 
 
 def without(trace, letters):
-    """The same without the letters of extra axes: in virtual time they are those of their joints, which are
+    """Returns the trace without the letters of extra axes: in virtual time they equal their joints, which are
     recorded in any case."""
     places = trace.places.copy()
     places[:, [n for n, letter in enumerate(AXES) if letter in letters]] = 0.0
@@ -85,23 +85,23 @@ def without(trace, letters):
 
 
 def is_apart(a, b):
-    """Of two places, or of the rows of two arrays of them."""
+    """Returns whether two places differ, or which rows of two arrays of them."""
     return (abs(a - b) > SAME).any(axis=-1)
 
 
 def motions(places):
-    """Longest stretches in which something moves, as first and last cycle: it stands in the first."""
+    """Returns the longest stretches of motion as first and last cycle; in the first the machine is at rest."""
     moves = is_apart(places[1:], places[:-1]).astype(int)
     edges = numpy.diff(moves, prepend=0, append=0)
     return [(int(begin), int(end)) for begin, end in zip(*(numpy.flatnonzero(edges == turn) for turn in (1, -1)))]
 
 
 def compared(live, offline, is_stopped=False):
-    """What a recorded and a virtual run of a program differ by: `why` is empty where nothing does.
+    """Compares a recorded and a virtual run of a program: `why` is empty if they agree.
 
-    Motions are compared cycle by cycle. A standstill lasts longer where the real clock goes on while
-    LinuxCNC's interpreter reads: it is compared by its place alone, with which a motion begins and ends.
-    Of a motion that LinuxCNC stops, what comes before is compared.
+    Motions are compared cycle by cycle. A standstill lasts longer while the real clock advances and
+    LinuxCNC's interpreter reads: only its place is compared, with which a motion begins and ends.
+    Of a motion that LinuxCNC stops, the part before the stop is compared.
     """
     live = live.until_off()
     ours, theirs = motions(live.places), motions(offline.places)
@@ -127,10 +127,10 @@ def compared(live, offline, is_stopped=False):
 
 
 def is_same_path(live, offline, is_stopped=False):
-    """Whether the poses of all cycles that move are the same, wherever the machine stands between them: it does
-    where an operator presses a button or LinuxCNC's task waits for a real clock, and joints come to rest there.
-    Of a motion that LinuxCNC stops, what comes before is compared: all of it up to where the drives go off, as they
-    do at once, else up to where the machine begins to brake."""
+    """Returns whether the poses of all moving cycles are equal, wherever the machine stops between them. It stops
+    when an operator presses a button or LinuxCNC's task waits for a real clock, and joints come to rest there.
+    Of a motion that LinuxCNC stops, the part before is compared: all of it until the drives switch off, if they
+    do so at once, otherwise until the machine begins to brake."""
     ours, theirs = (poses[1:][is_apart(poses[1:], poses[:-1])]
                     for poses in (trace.places[:, :len(AXES)] for trace in (live.until_off(), offline)))
     if live.was_switched_off():
@@ -142,8 +142,8 @@ def is_same_path(live, offline, is_stopped=False):
 
 
 def before_stop(ours, theirs):
-    """Both stretches up to where the machine begins to stop. LinuxCNC's task hears of an error in one of
-    its next cycles and only then stops the motion; where it was switched off, the drives end it."""
+    """Returns both stretches until the machine begins to stop. LinuxCNC's task receives an error in one of
+    its next cycles and only then stops the motion; if the machine was switched off, the drives end it."""
     (begin, end), (other, last) = ours, theirs
     if end - begin == last - other:
         return ours, theirs
@@ -152,26 +152,26 @@ def before_stop(ours, theirs):
 
 
 def difference(one, other):
-    """Largest, and the first cycle beyond what counts as the same, else the last."""
+    """Returns the largest difference, and the first cycle beyond the tolerance, or the last cycle."""
     apart = numpy.max(abs(one - other), axis=1)
     return float(apart.max(initial=0.0)), first(~(apart <= SAME), max(0, len(apart) - 1))
 
 
 def ratio(live, ours, offline, theirs):
-    """Largest speed of a joint in virtual time to the recorded one, of the joint with the worst."""
+    """Returns the ratio of the largest virtual to the largest recorded speed, of the worst joint."""
     ratios = [there / here for here, there in zip(peaks(live, ours), peaks(offline, theirs)) if here > 0]
     return max(ratios, key=lambda share: abs(share - 1), default=None)
 
 
 def peaks(places, stretches):
-    """Longest way of each joint in a cycle."""
+    """Returns the largest step of each joint in a cycle."""
     joints = places[:, len(AXES):]
     ways = [abs(numpy.diff(joints[begin:end + 1], axis=0)).max(axis=0, initial=0.0) for begin, end in stretches]
     return numpy.max(ways, axis=0, initial=0.0).tolist() if ways else [0.0] * joints.shape[1]
 
 
 def largest(values, cycles, lines):
-    """Largest size of each column in some cycles, and the line of the first that has it."""
+    """Returns the largest absolute value of each column in some cycles, and the line of its first occurrence."""
     if not len(cycles):
         return [[0, 0] for _ in values.T]
     sizes = abs(values[cycles])
@@ -180,7 +180,7 @@ def largest(values, cycles, lines):
 
 
 def figures(trace, period):
-    """Peaks of the joints with their lines."""
+    """Returns the peaks of the joints with their lines."""
     lines, places, _, busy = trace
     quiet = numpy.ones(len(lines), bool)
     around = numpy.flatnonzero(busy)[:, None] + numpy.arange(-AROUND_TOOL_CHANGES, AROUND_TOOL_CHANGES)
@@ -188,14 +188,14 @@ def figures(trace, period):
     speed = numpy.diff(places[:, len(AXES):], axis=0) / period
     change = numpy.zeros_like(speed)
     change[1:] = numpy.diff(speed, axis=0) / period
-    # A speed is of two cycles, its change of three.
+    # A speed needs two cycles, its change three.
     steps = 1 + numpy.flatnonzero(quiet[1:-1] & quiet[2:])
     return {"speed": largest(speed, steps, lines),
             "acceleration": largest(change, steps[quiet[steps - 1]], lines)}
 
 
 def stopped_line(trace):
-    """The line that moved last."""
+    """Returns the line of the last motion."""
     poses = trace.places[:, :len(AXES)]
     moved = numpy.flatnonzero((poses[1:] != poses[:-1]).any(axis=1))
     return int(trace.lines[moved[-1] + 1 if len(moved) else 0])

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What `traces.py` takes for the same motion, and what it does not."""
+"""Tests which traces `traces.py` considers the same motion."""
 
 import sys
 import unittest
@@ -15,7 +15,7 @@ STEPS = [0.0, 1e-4, 5e-4, 1e-3, 1e-3, 5e-4, 1e-4]
 
 
 def trace(pauses, change=None, off=None):
-    """Motions of one joint and X, the n-th after `pauses[n]` cycles at rest."""
+    """Returns motions of one joint and X, the n-th after `pauses[n]` cycles at rest."""
     x, places = 0.0, [[0.0] * 7]
     for pause in pauses:
         places += [list(places[-1]) for _ in range(pause)]

@@ -1,18 +1,18 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`pkm preflight` compared with LinuxCNC in virtual time, and that with the real LinuxCNC.
+"""Compares `pkm preflight` with LinuxCNC in virtual time, and that with the real LinuxCNC.
 
     tests/live/truth.py [--random NUMBER [--seed SEED]] [--live short|all] [--alone] [--only EXPRESSION] [--out FOLDER]
 
-With --random the programs are random ones, and every servo cycle of them is judged by limits that
-`truth_cycles.py` reads itself; their table has only those that are not as predicted.
+With --random the programs are random, and every servo cycle of them is checked against limits that
+`truth_cycles.py` reads itself; their table has only those that differ from the prediction.
 
-Each program is judged by `pkm preflight`, which keeps LinuxCNC's run of it as a trace; ends in a table of
-what LinuxCNC did, in which line, and what was predicted. With --live all of them, or a handful, run in
-LinuxCNC itself as well, every servo cycle recorded, and a second table compares the two runs; with --alone
-the other programs are left out. Exit code 1 where LinuxCNC stops a program and it was not predicted with its
-line, where something was predicted that did not come, where a peak is not as predicted, or where the two
-runs do anything else in any cycle of a motion.
+`pkm preflight` judges each program and keeps LinuxCNC's run of it as a trace; the result is a table of
+LinuxCNC's behavior, the line, and the prediction. With --live all of them, or a handful, also run in
+the real LinuxCNC, every servo cycle recorded, and a second table compares the two runs; with --alone
+the other programs are left out. Exit code 1 if LinuxCNC stops a program and this was not predicted with its
+line, if a prediction did not come true, if a peak differs from its prediction, or if the two
+runs differ in any cycle of a motion.
 """
 
 import argparse
@@ -41,13 +41,13 @@ G54 = {letter: 5221 + n for n, letter in enumerate("XYZABC")}
 STATE = ("G40 G49 G54 G80 G90 G92.1 M5")
 SECONDS_A_PROGRAM = 200
 VIRTUAL_AT_ONCE = 2
-# A busy computer lets LinuxCNC's interpreter fall behind: the machine then stands, or blends a motion,
-# where it would not. What differs in that way is run again, the others being at rest.
+# On a busy computer LinuxCNC's interpreter lags behind: the machine then stops, or blends a motion,
+# unexpectedly. Such differences are run again, with the others at rest.
 TRIES = 3
 
 
 def prepared(folder, programs, is_live=False):
-    """A folder for every different machine: configuration with its edits and work offset, programs."""
+    """Prepares a folder for every different machine: configuration with its edits and work offset, programs."""
     groups = {}
     for program in programs:
         key = (program.machine, json.dumps(program.edits), program.offset, program.name if program.is_random else "")
@@ -81,7 +81,7 @@ def name_of(machine, program):
 # -------------------------------------------------------------------- in virtual time
 
 def run_virtual(folders, out, kept):
-    """Outcome and prediction of every program by its name, some at a time; the traces of those that are
+    """Returns outcome and prediction of every program by its name, run some at a time; the traces of those that are
     `kept` stay in `out`."""
     out.mkdir(parents=True, exist_ok=True)
     jobs = [(folder, machine, program, out / f"{name_of(machine, program)}.csv", name_of(machine, program) in kept)
@@ -109,7 +109,7 @@ def run_one(job):
 # -------------------------------------------------------------------- live
 
 def run_live(scratch, programs, out, lanes):
-    """Outcomes of programs by their names; what was recorded goes to `out`."""
+    """Returns outcomes of programs by their names; recordings go to `out`."""
     folders = prepared(scratch, programs, is_live=True)
     shutil.rmtree(out, ignore_errors=True)
     rerun_unprivileged("tests/live/truth.py", [], SECONDS_A_PROGRAM * len(programs), out, folders, lanes)
@@ -117,7 +117,7 @@ def run_live(scratch, programs, out, lanes):
 
 
 def gathered(folders, out):
-    """Outcomes, and the traces by the names of their programs."""
+    """Collects outcomes, and the traces by the names of their programs."""
     found = {}
     for folder in folders:
         file = out / folder.name / "outcomes.json"
@@ -132,7 +132,7 @@ def gathered(folders, out):
 
 
 def run_group(folder, out):
-    """Outcomes of all programs of a group; LinuxCNC is started anew after each that it stops."""
+    """Returns outcomes of all programs of a group; restarts LinuxCNC after each program that it stops."""
     waiting = listed(folder)
     name = waiting[0][0]
     offset = json.loads((folder / "list.json").read_text())["offset"]
@@ -146,7 +146,7 @@ def run_group(folder, out):
             result = session.run("truth", out, limit, programs=jobs, before=[*STATE, offset, startup], startup=startup)
         done = result.get("outcomes", {})
         if not done:
-            # Told once, and not tried for ever.
+            # Reported once, and not retried forever.
             outcomes[waiting[0][1]] = {"failed": result["error"]}
             waiting = waiting[1:]
             continue
@@ -159,7 +159,7 @@ def run_group(folder, out):
 
 
 def run_all():
-    """Runs what other lanes have not taken."""
+    """Runs the programs that other lanes have not claimed."""
     with only_one():
         for folder in sorted(path for path in (REPOSITORY / "given").iterdir() if path.is_dir()):
             out = REPOSITORY / "out" / folder.name
@@ -170,7 +170,7 @@ def run_all():
 
 
 def judged_live(scratch, programs, found, out, is_recorded):
-    """Rows of the comparison of live and virtual runs; a program that differs is run again."""
+    """Returns rows of the comparison of live and virtual runs; a program that differs is run again."""
     rows = {}
     for turn in range(1 if is_recorded else TRIES):
         waiting = [p for p in programs if not rows.get(name_of(p.machine, p.name), {}).get("same")]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Verdicts of preflight compared with every servo cycle that LinuxCNC executed.
+"""Compares verdicts of preflight with every servo cycle that LinuxCNC executed.
 
-The limits are read from the INI file here, by other code than pkm's. Where LinuxCNC stops at one, or lines begin
-with `/`, the program runs once more with an INI file without limits, so that the cycles behind are seen as well.
+The limits are read from the INI file here, by code independent of pkm's. If LinuxCNC stops at one, or lines begin
+with `/`, the program runs again with an INI file without limits, so that the later cycles are checked as well.
 """
 
 import re
@@ -17,21 +17,21 @@ import traces
 import truth_judge
 import truth_virtual
 
-# A cycle this far beyond a limit, in machine units and degrees, is beyond it: rounding is below 1e-9.
+# A cycle that exceeds a limit by this, in machine units and degrees, violates it: rounding is below 1e-9.
 BEYOND = 1e-6
-# By how much preflight may leave a cycle out of a range: its own rounding, 1e-9 of a machine's size of up to 4 m.
+# Largest amount by which preflight may exclude a cycle from a range: rounding, 1e-9 of a machine's size of up to 4 m.
 ROUNDED = 5e-6
-# Of a cycle's distance to a limit, as a share of its range, that a proof of the whole move may call beyond: a cycle
-# is up to 0.2 mm from the next one.
+# Distance of a cycle from a limit, as a fraction of its range, at which a proof of the whole move may report a
+# violation: a cycle is up to 0.2 mm from the next one.
 NEAR = 2e-4
-# By how much, in machine units, a range may be beyond the cycles: a move's chords of arcs and the way of half a cycle.
+# Largest excess of a range over the cycles, in machine units: a move's chords of arcs and the motion of half a cycle.
 CHORDS = 3e-4
-# Cycles around a change of the tool offset in which the platform may still be moved.
+# Cycles around a change of the tool offset in which the platform may still move.
 AROUND = 20
-# Share by which ranges of joints, which preflight gives to first order for a whole move, may exceed those of the cycles:
-# 4.7 % were seen, of a compensated move that turns the platform as well.
+# Fraction by which ranges of joints, which preflight computes to first order for a whole move, may exceed those of the
+# cycles: 4.7 % were observed, for a compensated move that also rotates the platform.
 COARSE = 0.05
-# How far, in machine units and degrees, the last cycle may be from the end that LinuxCNC reports: its message
+# Largest distance, in machine units and degrees, of the last cycle from the end that LinuxCNC reports: its message
 # has six decimals, of an inch at most.
 ENDING = 3e-5
 # Findings that these limits do not cover.
@@ -50,14 +50,14 @@ class Limit(NamedTuple):
 
 
 def opened(text):
-    """An INI file without limits of poses."""
+    """Returns an INI file without limits of poses."""
     text = re.sub(r"(?m)^(TILT_LIMIT|ROD_CLEARANCE|MECHANISM_CLEARANCE|\w+_CONE|\w+_PYRAMID|CORRECTION_\w+)\s*=.*\n", "", text)
     far = 170 if "legs=crank" in text else 1e6
     return re.sub(r"(?m)^(MIN|MAX)_LIMIT\s*=.*", lambda found: f"{found[1]}_LIMIT = {'-' if found[1] == 'MIN' else ''}{far}", text)
 
 
 class Run:
-    """Servo cycles of a run."""
+    """The servo cycles of a run."""
 
     def __init__(self, text, trace, names, errors=()):
         with open(trace) as file:
@@ -92,15 +92,15 @@ class Run:
         self.find_speeds(of, names, count, period, value, errors)
 
     def find_speeds(self, of, names, count, period, value, errors):
-        """Peaks of the joints, up to where a following error switches the drives off: with and without the cycles around
-        a change of the tool offset, since the trace does not say in which of them the platform is moved."""
+        """Finds the peaks of the joints, until a following error switches the drives off: with and without the cycles
+        around a change of the tool offset, because the trace does not contain in which of them the platform moves."""
         tools = numpy.array([column for name, column in of.items() if name.startswith("tool_")]).T
         busy = numpy.zeros(len(self.lines), bool)
         busy[1:] = (tools[1:] != tools[:-1]).any(axis=1)
-        # The module is busy a little longer than that.
+        # The module is busy slightly longer than that.
         busy = numpy.convolve(busy, numpy.ones(2 * AROUND + 1), "same") > 0
         joints = numpy.array([of[f"joint_{n}"] for n in range(count)]).T
-        # The command then jumps to where the drive is, farther than a joint goes in a cycle.
+        # The command then jumps to the drive's position, farther than a joint moves in a cycle.
         late = [int(abs(numpy.diff(of[f"joint_{joint}"])).argmax()) + 1 for text in errors
                 for joint in re.findall(r"joint (\d+) following error", text)]
         self.end = min(late, default=len(joints))
@@ -114,7 +114,7 @@ class Run:
                 self.speeds.append((kind, f"the {kind} of {names[n]}", peak, limit, line))
 
     def violations(self):
-        """Kind, part, lines of the first cycle beyond each limit with those around it, and the cycle."""
+        """Returns kind, part, lines of the first cycle beyond each limit with those around it, and the cycle."""
         found = []
         for limit in self.limits:
             beyond = numpy.flatnonzero((limit.values < limit.low - BEYOND) | (limit.values > limit.high + BEYOND))
@@ -127,15 +127,15 @@ class Run:
         line = self.lines[cycle]
         after = self.lines[cycle:][self.lines[cycle:] != line][:1]
         before = self.lines[:cycle][self.lines[:cycle] != line][-1:]
-        # Joints are two cycles behind the pose, so that a motion still goes on where LinuxCNC names no line any more.
+        # Joints lag two cycles behind the pose, so that a motion may continue after LinuxCNC reports line 0.
         return [int(n) for n in (*([] if line == 0 and len(before) else [line]), *before, *after)]
 
     def comes(self, line, cycle):
-        """Whether a line moves before a cycle."""
+        """Returns whether a line moves before a cycle."""
         return line in self.lines[:cycle]
 
     def is_near(self, kind, part, slack):
-        """Whether a cycle comes up to a limit."""
+        """Returns whether a cycle comes close to a limit."""
         for limit in self.limits:
             if (limit.kind, limit.part) == (kind, part):
                 room = min(limit.high - limit.values.max(), limit.values.min() - limit.low)
@@ -144,7 +144,7 @@ class Run:
 
 
 def judged(pkm, ini, file, trace):
-    """Outcome and prediction, as `truth_virtual.judged`, and what is wrong with the prediction."""
+    """Returns outcome and prediction, as `truth_virtual.judged`, and the errors of the prediction."""
     found = truth_virtual.judged(pkm, ini, file, trace)
     flight, outcome = found["flight"], found["outcome"]
     if "refused" in flight or "judged" not in flight.get("time", {}):
@@ -175,13 +175,13 @@ def judged(pkm, ini, file, trace):
 
 
 def wrong(flight, outcome, first, seen, is_whole, source, is_inch):
-    """What preflight says otherwise than the cycles."""
+    """Returns where preflight differs from the cycles."""
     found, timing = [], flight["time"]["judged"]
     is_exact = "G64" not in source and "g64" not in source
-    # Corners are cut by as much.
+    # Corners are rounded by as much.
     slack = 0.0 if is_exact else inf if "G64\n" in source or "G64 G" in source else 5 * max(
         float(word) for word in re.findall(r"G64 P([\d.]+)", source))
-    # What LinuxCNC stops at beforehand needs no cycle.
+    # LinuxCNC stops in advance for some errors, without a cycle.
     stop = ("axis", truth_judge.error_line(outcome)) if outcome["errors"] else None
     breaks = [(limit_left["limit"], limit_left["part"], limit_left["line"], limit_left["text"].startswith(OFF)) for limit_left in flight["breaks"]]
     expected = [(run, *limit_left) for run in seen for limit_left in run.violations()]
@@ -230,7 +230,7 @@ def wrong(flight, outcome, first, seen, is_whole, source, is_inch):
 
 
 def unfinished(timing, run, is_inch, has_end):
-    """Reports cycles that are missing at the end, by the messages that LinuxCNC gives on the way and at the end."""
+    """Reports cycles that are missing at the end, by the messages that LinuxCNC gives in between and at the end."""
     found, messages = [], timing["messages"]
     late = max((message["seconds"] for message in messages), default=0.0)
     if run.seconds < late - 1e-6:
@@ -247,7 +247,7 @@ def unfinished(timing, run, is_inch, has_end):
 
 
 def row(program, outcome, flight, wrong):
-    """One program; `right` is false where prediction and cycles disagree."""
+    """Returns the row of one program; `right` is false if prediction and cycles disagree."""
     if "refused" in flight:
         wrong = ["refused: " + flight["refused"][:200]] if not outcome.get("errors") else []
     said = "not run" if "failed" in outcome else truth_judge.said(outcome)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Rows of the tables of `truth.py`: what preflight said beside what LinuxCNC did in virtual time, and that
-beside what it did live."""
+"""Rows of the tables of `truth.py`: the verdict of preflight, the behavior of LinuxCNC in virtual time, and its
+behavior live."""
 
 import re
 
@@ -8,17 +8,17 @@ import ini_edit
 import traces
 from unprivileged import REPOSITORY
 
-# Share of a limit or a peak by which figures of two runs may differ: they are of the same cycles, and one
-# comes from the decimals of a trace.
+# Fraction by which limits or peaks of two runs may differ: they are from the same cycles, and one
+# is read from the decimals of a trace.
 AGREE = 1e-9
 
-# A joint that is no faster stands still: rounding of a value of 1e4 makes that of it in one servo cycle.
+# A slower joint is at rest: rounding of a value of 1e4 gives this speed in one servo cycle.
 STILL = 1e-8
 
 # LinuxCNC's messages about the moves of G70, G71 and G72.
 NO_LINE = " on line -1"
 
-# Which limits of preflight tell of an error of LinuxCNC with these words.
+# Limits of preflight that correspond to an error of LinuxCNC with these words.
 CAUSES = [
     (re.compile("following error"), {"speed", "acceleration", "following-error"}),
     (re.compile(r"would exceed|soft limit|limit on joint"), {"axis", "joint", "reach"}),
@@ -28,7 +28,7 @@ CAUSES = [
 
 
 def row(program, outcome, flight):
-    """One program; `right` is false where prediction and outcome disagree."""
+    """Returns the row of one program; `right` is false if prediction and outcome disagree."""
     ini = program_ini(program)
     told = {"machine": program.machine, "program": program.name, "kind": program.kind, "linuxcnc": "",
             "preflight": "", "ratio": None, "joint": None, "alarm": False, "missed": False, "right": False}
@@ -56,13 +56,13 @@ def row(program, outcome, flight):
 
 
 def program_ini(program):
-    """The INI file that a program runs with."""
+    """Returns the INI file that a program runs with."""
     text = (REPOSITORY / "configs" / program.machine / f"{program.machine}.ini").read_text()
     return ini_edit.edited(text, program.edits)
 
 
 def error_line(outcome):
-    """The line that LinuxCNC names, else the one that moved last."""
+    """Returns the line that LinuxCNC names, otherwise the line of the last motion."""
     for text in outcome["errors"]:
         if found := re.search(r"on line (\d+)", text):
             return int(found[1])
@@ -83,12 +83,12 @@ def first_break(flight):
 
 
 def timing(flight):
-    """What preflight says of the motion in time."""
+    """Returns preflight's results for the motion in time."""
     return flight["time"]["judged"]
 
 
 def is_predicted(outcome, flight):
-    """Whether the same is said, and a limit that such an error comes from breaks in its line."""
+    """Returns whether the same is reported, and a limit that causes such an error is violated in its line."""
     said = [message["text"].strip() for message in timing(flight)["messages"] if message["kind"] == "error"]
     if said != outcome["errors"]:
         return False
@@ -98,7 +98,7 @@ def is_predicted(outcome, flight):
 
 
 def is_seen(found, ini, outcome):
-    """Whether the recorded run went beyond the limit as well; what it cannot show counts as seen."""
+    """Returns whether the recorded run violated the limit as well; limits that it cannot show count as violated."""
     limits = {"speed": "MAX_VELOCITY", "acceleration": "MAX_ACCELERATION"}
     if found["limit"] not in limits:
         return found["limit"] in ("base-cone", "platform-cone", "hold")
@@ -108,7 +108,7 @@ def is_seen(found, ini, outcome):
 
 
 def worst_ratio(outcome, flight):
-    """Predicted to recorded peak speed, of the joint where they differ most."""
+    """Returns the ratio of predicted to recorded peak speed, of the joint with the largest difference."""
     ratios = []
     for joint, ((recorded, _), predicted) in enumerate(zip(outcome["speed"], timing(flight)["speeds"])):
         if max(recorded, predicted["value"]) > STILL:
@@ -139,7 +139,7 @@ def summary(rows):
 
 
 def beside(job):
-    """A live and a virtual run of a program; `same` is false where they differ."""
+    """Compares a live and a virtual run of a program; `same` is false if they differ."""
     name, live, offline, recorded, trace, is_random = job
     told = {"program": name, "cycles": 0, "motions": 0, "difference": None, "ratio": None, "why": "", "same": False}
     for kind, outcome in (("live", live), ("in virtual time", offline)):
@@ -159,13 +159,13 @@ def beside(job):
 
 
 def other_end(live, offline, seen):
-    """What LinuxCNC said otherwise; empty if nothing."""
+    """Returns the messages of LinuxCNC that differ; empty if none."""
     said, repeated = ([" ".join(text.split()) for text in outcome["errors"]] for outcome in (live, offline))
     has_line = not any(NO_LINE in text for text in said)
     if not has_line:
         # In virtual time they have the line of the cycle.
         repeated = [re.sub(r" on line \d+", NO_LINE, text) for text in repeated]
-    # LinuxCNC's task passes on one message a cycle; virtual time ends with the first.
+    # LinuxCNC's task passes on one message per cycle; virtual time ends with the first.
     if said[:len(repeated) or None] != repeated:
         return f"{said} live, {repeated} in virtual time"
     if live["ended"] != offline["ended"] and not said:

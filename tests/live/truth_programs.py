@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The programs of `truth.py`: shipped ones, those that come with LinuxCNC, generated and seeded bad ones.
+"""The programs of `truth.py`: shipped ones, those of LinuxCNC, generated ones and deliberately bad ones.
 
-Everything is generated from a seed; the same seed gives the same programs.
+All programs are generated from a seed; the same seed gives the same programs.
 """
 
 import csv
@@ -25,7 +25,7 @@ NC_FILES = Path("/usr/share/linuxcnc/ncfiles")
 # Read by workbench/program/tests/reading.rs as well.
 READING = Path(__file__).resolve().parents[1] / "cases/reading/reading.toml"
 
-# Programs of LinuxCNC that are short enough, with the machine and the work offset that they run with.
+# LinuxCNC's programs that are short enough, with their machine and work offset.
 LINUXCNC = [
     ("polar", "hexapod", {"Z": 112.8}),
     ("hole-circle", "hexapod", {"Z": 150}),
@@ -38,7 +38,7 @@ LINUXCNC = [
     ("daisy", "lab-hexapod", {"Z": 600}),
 ]
 
-# Those that every test run runs live as well, some seconds each: every machine, moves of all kinds, tools,
+# Programs that every test run also runs live, some seconds each: every machine, moves of all kinds, tools,
 # the spindle, the guard, and programs that LinuxCNC stops.
 SHORT = {"hexapod": ("tilted-tools", "inverse-time", "spindle", "too-fast", "reading-moves-of-a-preview",
                      "reading-a-deleted-move", "reading-steps-after-a-tool", "reading-a-tap-that-runs-on"),
@@ -59,11 +59,11 @@ class Program(NamedTuple):
     offset: tuple = ()  # pairs of a letter and its value: the stored G54
     seconds: float = 120.0
     is_random: bool = False
-    lines: tuple = None  # in which preflight finds limits, where the case says so
-    deletes: bool = True  # lines that begin with /: block delete
+    lines: tuple = None  # in which preflight finds limits, if the case specifies it
+    deletes: bool = True  # whether lines that begin with / are skipped: block delete
 
     def run_text(self):
-        """What is the same with block delete on, which virtual time has."""
+        """Returns the text with the same effect under block delete, which is always on in virtual time."""
         return self.text if self.deletes else re.sub(r"^/", "", self.text, flags=re.M)
 
 
@@ -72,34 +72,34 @@ def is_short(program):
 
 
 class Config:
-    """What is needed of a shipped configuration."""
+    """The data of a shipped configuration."""
 
     def __init__(self, folder):
         self.name = folder.name
         self.file = folder / f"{folder.name}.ini"
         self.text = self.file.read_text()
         coordinates = self.value("TRAJ", "COORDINATES").replace(" ", "")
-        # Without those of axes that move neither tool nor work in space, and of a second mechanism.
+        # Without those of axes that move neither tool nor workpiece in space, and of a second mechanism.
         passed = self.passed = ini_edit.extra_letters(self.text)
         others = passed + ini_edit.second_letters(self.text)
         self.letters = [letter for letter in LETTERS if letter in coordinates and letter not in others]
         home = [float(word) for word in self.value("TRAJ", "HOME").split()]
         self.home = dict(zip(ALL_LETTERS, home + [0.0] * 9))
-        # Of the second mechanism.
+        # Letters of the second mechanism.
         self.others = ini_edit.second_letters(self.text)
-        # That carry the work, the tool or the legs: what is programmed is then not the machine's own pose.
+        # Letters of axes that carry workpiece, tool or legs: the programmed pose then differs from the machine's own.
         self.carrying = re.findall(r"^\[CHAIN_(.)\]", self.text, re.M)
         self.is_carried = bool(self.carrying) or bool(re.search(r"^WORK_ON_PLATFORM", self.text, re.M))
         self.low, self.high, self.fastest = ({
             letter: float(self.value(f"AXIS_{letter}", key)) for letter in [*self.letters, *self.others, *passed]}
             for key in ("MIN_LIMIT", "MAX_LIMIT", "MAX_VELOCITY"))
-        # Of legs and table.
+        # Joints of legs and table.
         self.joints = int(self.value("KINS", "JOINTS")) - len(passed) - ini_edit.second_legs(self.text)
         self.speed = float(self.value("TRAJ", "MAX_LINEAR_VELOCITY"))
         self.acceleration = float(self.value("TRAJ", "MAX_LINEAR_ACCELERATION"))
         inch = self.value("TRAJ", "LINEAR_UNITS") == "inch"
         self.start = f"{'G20' if inch else 'G21'} G17 G40 G49 G54 G80 G90 G94"
-        # Room about the home pose in X Y Z, from which programs are scaled.
+        # Free space about the home pose in X Y Z, by which programs are scaled.
         self.room = min(min(self.high[l] - self.home[l], self.home[l] - self.low[l])
                         for l in self.letters if l in "XY")
 
@@ -110,7 +110,7 @@ class Config:
         return float(self.value(f"JOINT_{joint}", key))
 
     def joint_values(self, pkm, poses):
-        """Joint values of poses, one list each; None where there are none."""
+        """Returns the joint values of poses, one list each; None if there are none."""
         rows = io.StringIO()
         writer = csv.writer(rows)
         writer.writerow([letter.lower() for letter in LETTERS])
@@ -123,7 +123,7 @@ class Config:
         return [[float(value) for value in row] for row in found]
 
     def replayed(self, pkm, text):
-        """Joint values of a program at a constant period, as lists by its lines."""
+        """Returns the joint values of a program at a constant period, as lists by its lines."""
         done = subprocess.run([pkm, "replay", self.file, "-", "--period", "0.01"], input=text, text=True,
                               capture_output=True)
         rows = {}
@@ -141,12 +141,12 @@ def words(place):
 
 
 def all_programs(configs, pkm):
-    """Every program, in a fixed order."""
+    """Returns all programs, in a fixed order."""
     machines = {config.name: config for config in configs}
     programs = []
     for config in configs:
         programs += shipped(config)
-        # The second half looks for moves in the machine's own poses.
+        # The second half searches for moves in the machine's own poses.
         for generated in (random_moves, short_rapids, circles, corners, far_rapids, bad_end,
                           *((carried, carried_too_fast, carried_middle) if config.is_carried
                             else (too_fast, broken_middle, narrow_cone))):
@@ -172,7 +172,7 @@ def all_programs(configs, pkm):
 
 
 def reading():
-    """Programs that mean something else to a reader that is not the control; those with / both ways."""
+    """Returns programs that a reader other than the control interprets differently; those with / in both versions."""
     programs = []
     for case in tomllib.loads(READING.read_text())["case"]:
         name = "reading-" + re.sub(r"\W+", "-", case["name"]).strip("-")
@@ -186,7 +186,7 @@ def reading():
 
 
 def shipped(config):
-    """The programs of the configuration, with the guard off: it would make them slower."""
+    """Returns the programs of the configuration, with the guard off: it would slow them down."""
     files = sorted((config.file.parent / "programs").glob("*.ngc"))
     return [Program(f"shipped-{file.stem}", config.name, "shipped",
                     file.read_text().replace("M52 P1", "M52 P0")) for file in files]
@@ -198,7 +198,7 @@ def from_linuxcnc(name, machine, offset, config):
 
 
 def random_moves(config, pkm):
-    """Straight moves of `pkm random` with and without blending, without the guard."""
+    """Returns straight moves of `pkm random` with and without blending, without the guard."""
     made = []
     for seed, mode in ((11, "G64"), (12, "G61")):
         done = subprocess.run([pkm, "random", config.file, "--seed", str(seed), "--seconds", "6"], check=True, text=True,
@@ -209,7 +209,7 @@ def random_moves(config, pkm):
 
 
 def short_rapids(config, pkm):
-    """Rapids that never reach their speed, of the length of a speed ramp and far below."""
+    """Returns rapids that never reach their speed, of the length of a speed ramp and far below."""
     draw = random.Random(f"rapids {config.name}")
     ramp = config.speed ** 2 / config.acceleration
     lines = [f"{config.start} G61", "M52 P0"]
@@ -225,7 +225,7 @@ def short_rapids(config, pkm):
 
 
 def circles(config, pkm):
-    """Full circles and helices from small to large, at feeds that curvature limits and that it does not."""
+    """Returns full circles and helices from small to large, at feeds that curvature limits and that it does not."""
     x, y, z = (config.home[l] for l in "XYZ")
     lines = [f"{config.start} G64", "M52 P0", f"G0 X{x:.4f} Y{y:.4f}"]
     for share in (0.02, 0.1, 0.3):
@@ -238,7 +238,7 @@ def circles(config, pkm):
 
 
 def corners(config, pkm):
-    """Polygons with few and with many corners, blended with several tolerances and not at all."""
+    """Returns polygons with few and with many corners, blended with several tolerances and without blending."""
     x, y = config.home["X"], config.home["Y"]
     radius = 0.2 * config.room
     lines = [config.start, "M52 P0"]
@@ -251,7 +251,7 @@ def corners(config, pkm):
 
 
 def far_rapids(config, pkm):
-    """Long rapids in place and angles through the whole range, one after another and blended."""
+    """Returns long rapids in position and angles through the whole range, one after another and blended."""
     draw = random.Random(f"far {config.name}")
     lines = [f"{config.start} G64", "M52 P0"]
     for _ in range(6):
@@ -262,8 +262,8 @@ def far_rapids(config, pkm):
 
 
 def swept(config, pkm, wanted, tries=40, at_once=50):
-    """A move with its joint values at 33 places: the first that `wanted` likes. The way to it from
-    home comes as a second list."""
+    """Returns a move with its joint values at 33 positions: the first that `wanted` accepts. The path to it from
+    home is a second list."""
     draw = random.Random(f"sweep {config.name} {wanted.__name__}")
     for _ in range(tries):
         moves = [random_ends(config, draw) for _ in range(at_once)]
@@ -278,7 +278,7 @@ def swept(config, pkm, wanted, tries=40, at_once=50):
 
 
 def random_ends(config, draw):
-    """Far in some letters and near in others, so that joints go there and back."""
+    """Returns ends far in some letters and near in others, so that joints reverse."""
     begin, end = ({l: config.home[l] + 0.8 * (config.between(draw.random(), l) - config.home[l])
                    for l in config.letters} for _ in range(2))
     for letter in config.letters:
@@ -291,7 +291,7 @@ def along(config, begin, end):
 
 
 def bulge(config, way, there):
-    """A joint farther out in the middle than at the ends, and the limit between."""
+    """Returns a joint farther out in the middle than at the ends, and a limit between."""
     for joint in range(config.joints):
         span = config.joint_value(joint, "MAX_LIMIT") - config.joint_value(joint, "MIN_LIMIT")
         for side, key in ((1, "MAX_LIMIT"), (-1, "MIN_LIMIT")):
@@ -310,14 +310,14 @@ def back_and_forth(config, ends):
 
 
 def broken_middle(config, pkm):
-    """Both ends fine, the middle beyond a joint's range: the INI file's limit is narrowed to between."""
+    """Returns a move with both ends legal and the middle beyond a joint's range: the INI file's limit is narrowed."""
     ends, (joint, key, value) = swept(config, pkm, bulge)
     edit = {"section": f"JOINT_{joint}", "key": key, "lines": [f"{key} = {value:.6f}"]}
     return [Program("broken-middle", config.name, "middle", back_and_forth(config, ends), (edit,))]
 
 
 def too_fast(config, pkm):
-    """A joint slower than the feed asks for, on one line of three."""
+    """Returns a joint slower than the feed requires, on one line of three."""
     def busy(config, way, there):
         joint = max(range(config.joints), key=lambda j: max(abs(a[j] - b[j]) for a, b in zip(way, way[1:])))
         return joint, max(abs(a[joint] - b[joint]) for a, b in zip(way, way[1:])) * 32
@@ -334,18 +334,18 @@ def too_fast(config, pkm):
 
 
 def turning(config):
-    """The letter whose turn the legs follow: an axis that carries something, else a tilt of the work."""
+    """Returns the letter of the rotation to test: an axis that carries something, otherwise a tilt of the workpiece."""
     return (config.carrying or ["B"])[0]
 
 
 def some_turn(config, share):
-    """A value of that letter, as a share of an eighth of a turn, or of three quarters of what its limits allow."""
+    """Returns a value of that letter, as a fraction of an eighth of a turn, or of three quarters of its limits."""
     letter = turning(config)
     return share * min(45.0, 0.75 * min(config.high[letter], -config.low[letter]) / max(1.0, abs(share)))
 
 
 def carried(config, pkm):
-    """Straight moves and arcs in which what carries something turns along, in every mode of blending."""
+    """Returns straight moves and arcs during which a carrying axis rotates, in every mode of blending."""
     made = []
     for mode in ("G61", "G64", "G64 P0.05"):
         draw = random.Random(f"carried {config.name}")
@@ -363,13 +363,13 @@ def carried(config, pkm):
 
 
 def beside_home(config, draw):
-    """A place off what the letter turns about, as a line."""
+    """Returns a position off the letter's rotation axis, as a line."""
     place = {l: config.home[l] + 0.7 * config.room * draw.uniform(-1, 1) for l in "XYZ"}
     return f"G1 F{60 * 0.1 * config.speed:.3f} {words(place)}"
 
 
 def carried_too_fast(config, pkm):
-    """A joint slower than what follows the turn asks for, on one line of three."""
+    """Returns a joint slower than following the rotation requires, on one line of three."""
     letter, turn = turning(config), some_turn(config, 1)
     fast = 60 * config.fastest[letter]
     lines = [f"{config.start} G61", "M52 P0", beside_home(config, random.Random(f"fast {config.name}")),
@@ -382,12 +382,12 @@ def carried_too_fast(config, pkm):
 
 
 def carried_middle(config, pkm):
-    """A turn with both ends fine and a joint beyond its range between."""
+    """Returns a rotation with both ends legal and a joint beyond its range between."""
     draw, letter = random.Random(f"middle {config.name}"), turning(config)
     feed = f"F{0.5 * 60 * config.fastest[letter]:.3f}"
     for _ in range(30):
         begin = some_turn(config, draw.choice((-2, -1, 1, 2)))
-        # The place comes after the first turn: from there on no pose of the second one was passed before.
+        # The position comes after the first rotation: after it no pose of the second one was passed before.
         lines = [f"{config.start} G61", "M52 P0", f"G1 {letter}{begin:.4f} {feed}", beside_home(config, draw),
                  f"G1 {letter}{-begin:.4f} {feed}", f"G1 {letter}{begin:.4f}", "M2", ""]
         rows = config.replayed(pkm, "\n".join(lines))
@@ -399,7 +399,7 @@ def carried_middle(config, pkm):
 
 
 def both(config):
-    """Moves in which both mechanisms go, one stands, and each has its own angle; then one too slow for it."""
+    """Returns moves in which both mechanisms move, one stands, and each has its own angle; then one too slow for it."""
     draw = random.Random(f"both {config.name}")
     letters = [*config.letters, *config.others]
     lines = [config.start, "M52 P0", f"F{60 * 0.2 * config.speed:.3f}"]
@@ -417,7 +417,7 @@ def both(config):
 
 
 def narrow_cone(config, pkm):
-    """A base joint whose cone is too narrow: nothing that LinuxCNC would notice."""
+    """Returns a base joint whose cone is too narrow, which LinuxCNC does not detect."""
     sections = re.findall(r"^\[(LEG_\d+)\]", config.text, re.M)
     edit = {"section": sections[0], "key": "BASE_CONE", "lines": ["BASE_CONE = 2"]}
     place = {l: config.home[l] + 0.6 * (config.between(0.9, l) - config.home[l])
@@ -427,7 +427,7 @@ def narrow_cone(config, pkm):
 
 
 def bad_end(config, pkm):
-    """An end beyond the axis limits, which LinuxCNC looks at itself."""
+    """Returns an end beyond the axis limits, which LinuxCNC checks itself."""
     letter = config.letters[0]
     room = config.high[letter] - config.home[letter]
     lines = [f"{config.start} G61", "M52 P0",
@@ -438,7 +438,7 @@ def bad_end(config, pkm):
 
 
 def singular(config):
-    """Turned about Z until the legs lose their hold: axis and joint limits made wide."""
+    """Returns a rotation about Z to a singularity, with wide axis and joint limits."""
     edits = [{"section": "AXIS_C", "key": "MAX_LIMIT", "lines": ["MAX_LIMIT = 180"]}]
     edits += [{"section": f"LEG_{n}", "key": "BASE_CONE", "lines": ["BASE_CONE = 89"]} for n in range(6)]
     edits += [{"section": f"JOINT_{n}", "key": key, "lines": [f"{key} = {value}"]}
@@ -448,9 +448,9 @@ def singular(config):
 
 
 def misplaced(config, pkm):
-    """Programs that fit elsewhere only, each with the work offset that preflight suggests for it."""
+    """Returns programs that fit only elsewhere, each with the work offset that preflight suggests for it."""
     side = config.high["X"] - config.low["X"]
-    # Along X too long for the box, along its diagonal not.
+    # Too long for the box along X, but not along its diagonal.
     turned = [{"X": 0.58 * side}, {"X": -0.58 * side}]
     shifted = [{"X": 0.7 * side, "Y": 0.2 * side}, {"X": 0.9 * side, "Y": 0.2 * side}]
     return [Program(name, config.name, name, suggested(config, pkm, places))
@@ -458,7 +458,7 @@ def misplaced(config, pkm):
 
 
 def suggested(config, pkm, places):
-    # Without blending, which hangs on how many moves the interpreter reads in the first cycle.
+    # Without blending, which depends on the number of moves that the interpreter reads in the first cycle.
     begun = [f"{config.start} G61", "M52 P0"]
     moves = [f"G1 F{60 * 0.5 * config.speed:.3f} {words(place)}" for place in (*places, places[0])]
     with tempfile.NamedTemporaryFile("w", suffix=".ngc") as file:
@@ -467,12 +467,12 @@ def suggested(config, pkm, places):
         done = subprocess.run([pkm, "preflight", config.file, file.name, "--format", "json"], text=True,
                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
     block = json.loads(done.stdout)["offset"]["block"]
-    # The programs after this one have their old offset again.
+    # The programs after this one get their old offset back.
     return "\n".join([*begun, block, *moves, "G10 L2 P1 X0 Y0 Z0 R0", "M2", ""])
 
 
 def suggested_limits(config, pkm):
-    """From corner to corner of the axis limits that check suggests where the file's are too wide."""
+    """Returns moves between corners of the axis limits that check suggests if the file's are too wide."""
     wide = [axis_limits(letter, config.between(-0.3, letter), config.between(1.3, letter))
             for letter in config.letters]
     with tempfile.TemporaryDirectory() as scratch:
@@ -497,7 +497,7 @@ def axis_limits(letter, low, high):
 
 
 def modes(config):
-    """Lines, arcs in all planes, helices and short lines in every mode of blending."""
+    """Returns lines, arcs in all planes, helices and short lines in every mode of blending."""
     x, y, z = (config.home[l] for l in "XYZ")
     radius = 0.08 * config.room
     wide, near = 0.05 * radius, 0.002 * radius
@@ -515,7 +515,7 @@ def modes(config):
 
 
 def cycles_and_words(config):
-    """Canned cycles, dwells, offsets, outputs, inputs, subroutines and stops."""
+    """Returns canned cycles, dwells, offsets, outputs, inputs, subroutines and stops."""
     x, y, z = (config.home[l] for l in "XYZ")
     deep, side = 0.05 * config.room, 0.08 * config.room
     feed = f"F{60 * 0.3 * config.speed:.3f}"
@@ -536,7 +536,7 @@ def cycles_and_words(config):
 
 
 def inverse_time(config):
-    """Feed as the time that a move takes, with and without angles."""
+    """Returns feed as the time of a move, with and without angles."""
     x, y = config.home["X"], config.home["Y"]
     side = 0.1 * config.room
     turn = "A" if "A" in config.letters else "B"
@@ -547,9 +547,9 @@ def inverse_time(config):
 
 
 def spindle(config):
-    """Feed per revolution, moves that keep in step with the spindle, and what waits for its speed.
+    """Returns feed per revolution, spindle-synchronized moves, and moves that wait for the spindle's speed.
 
-    Before what waits for a place of the spindle the machine stands long enough to be seen standing.
+    Before a wait for a position of the spindle the machine stands long enough for the standstill to be detected.
     """
     x, z = config.home["X"], config.home["Z"]
     way = 0.05 * config.room
@@ -564,7 +564,7 @@ def spindle(config):
 
 
 def tilted_tool_changes(config):
-    """Other tool offsets at a tilt, the next move at once."""
+    """Returns changes of the tool offset at a tilt, each followed by a move at once."""
     tilts = [letter for letter in "AB" if letter in config.letters]
     lines = [f"{config.start} G64", "M52 P0", f"F{60 * 0.4 * config.speed:.3f}"]
     for n, change in enumerate(("T1 M6", "G43", "G43.1 X4 Y-3 Z22", "T2 M6 G43", "G49", "G43.1 Z10", "T0 M6 G49")):
@@ -575,7 +575,7 @@ def tilted_tool_changes(config):
 
 
 def guarded(config):
-    """Faster axes on slower drives: the guard slows the machine down near the edge of the plate."""
+    """Returns faster axes on slower drives: the guard slows the machine down near the edge of the plate."""
     edits = [{"section": section, "key": key, "lines": [f"{key} = {value}"]} for section, key, value in (
         *((f"AXIS_{letter}", "MAX_VELOCITY", 200) for letter in "XYZ"),
         ("TRAJ", "MAX_LINEAR_VELOCITY", 200), ("DISPLAY", "MAX_LINEAR_VELOCITY", 200),

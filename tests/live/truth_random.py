@@ -2,8 +2,8 @@
 """Random programs for `truth.py --random`, which use all of the interpreter's state.
 
 The writer follows the machine position with a model of LinuxCNC's offsets, so that most moves end where they
-should. Verdicts do not depend on this model: `truth_cycles.py` judges what LinuxCNC executed. A third of the programs
-has one move beyond a limit, slightly or grossly, in whatever state the program is in at that point.
+should. Verdicts do not depend on this model: `truth_cycles.py` judges the executed motion. A third of the programs
+has one move beyond a limit, slightly or grossly, in the program's state at that point.
 """
 
 import random
@@ -15,9 +15,9 @@ from truth_programs import Program
 
 PLANES = {"G17": "XYZ", "G18": "ZXY", "G19": "YZX"}
 SYSTEMS = ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"]
-# Forms of several moves: the plane, the profile of a turning cycle, and the blocks. A lower-case letter is a target as seen
-# from the beginning of the form, in its size, or in 3 degrees. Behind a letter * multiplies by the size, @ by the feed of
-# G93 for a move that long, % by the feed of a turn of the spindle. The writer replaces words in braces.
+# Forms of several moves: the plane, the profile of a turning cycle, and the blocks. A lower-case letter is a target
+# relative to the beginning of the form, in units of its size, or of 3 degrees. After a letter * multiplies by the size,
+# @ by the G93 feed for a move of that length, % by the feed per spindle turn. The writer replaces words in braces.
 SIDE = ("G17", "", "{side}; G1 x.5 y.3; G1 x1 z-.1; G3 x1.4 y.7 R*.4; G1 y1.2; G1 x.5; G40; G0 x0 y0 z0")
 SPIN = "M3 S300; G4 P1"
 PROFILE = "G0 x-.6; G1 z-.2; G3 x-.5 z-.3 R*.1; G1 x-.3; G1 x-.3 z-.6; G1 x.05 z-.9"
@@ -33,18 +33,18 @@ FORMS = [
     ("G18", "", f"{SPIN}; G76 P% z-.9 I*-.1 J*.03 K*.08 R1.5 Q29.5 H1 E*.1 L{{taper}}; G0 z0; M5"),
     ("G18", PROFILE, "{rough} Q{profile} {start} D*.05 I*.15 R*.03; G70 Q{profile} {start} D*.1 E*.02 P2; {back}"),
 ]
-# Messages at the end, half of them of the place: M66 waits for the motion and takes the place from it. Without that the
-# interpreter is elsewhere where G10 L2 R has turned an offset under G92.
+# Messages at the end, half of them with the position: M66 waits for the motion and reads the position from it.
+# Otherwise the interpreter's position is wrong after G10 L2 R has rotated an offset under G92.
 ENDS = ("(MSG,last)", "M66 P0 L0\n(DEBUG,end #<_metric> #<_abs_x> #<_abs_y> #<_abs_z> #<_abs_a> #<_abs_b> #<_abs_c>)")
 
 
 def random_programs(configs, number, seed=0):
-    """That many programs, over all machines in turn."""
+    """Returns that many programs, over all machines in turn."""
     return [Writer(configs[n % len(configs)], f"{seed} {n}").program(f"r{n:04}") for n in range(number)]
 
 
 def variant(config, number):
-    """Edits of the INI file: as shipped; with a tool-change position; with corrections and a narrow joint; with slow
+    """Returns edits of the INI file: none; a tool-change position; corrections and a narrow joint; slow
     joints."""
     draw = random.Random(f"variant {config.name} {number}")
 
@@ -65,7 +65,7 @@ def variant(config, number):
                   for key, value in (("CORRECTION_LIMIT", 0.01 * scale), ("CORRECTION_RATE", 0.02 * config.speed))),
                 edit(f"JOINT_{narrow}", side, min(max(limit, low[narrow]), high[narrow])))
     if number == 3:
-        # What a short move comes to.
+        # The speed that a short move reaches.
         slow = 0.4 * min(config.speed, (config.acceleration * 0.06 * config.room) ** 0.5)
         slow = 0.1 * config.joint_value(narrow, "MAX_VELOCITY") if "crank" in config.text else slow
         return (edit(f"JOINT_{narrow}", "MAX_VELOCITY", slow),
@@ -74,7 +74,7 @@ def variant(config, number):
 
 
 class Writer:
-    """Writes one program, and follows where it is."""
+    """Writes one program, and tracks its position."""
 
     def __init__(self, config, seed):
         self.config, self.draw = config, random.Random(f"{config.name} {seed}")
@@ -83,7 +83,7 @@ class Writer:
             config.home[letter] = config.joint_value(config.joints + ini_edit.second_legs(config.text) + n, "HOME")
         self.at = {l: config.home[l] for l in self.letters}
         self.lines, self.subs, self.labels, self.slot = [], [], 100, 31
-        self.unit = 1.0  # program units in a machine unit
+        self.unit = 1.0  # program units per machine unit
         self.is_inch = "G20" in config.start
         self.incremental = False
         self.plane = "G17"
@@ -106,7 +106,7 @@ class Writer:
     # ---------------------------------------------------------------- coordinates
 
     def to_program(self, place):
-        """Program coordinates, in program units, of a machine position."""
+        """Converts a machine position to program coordinates, in program units."""
         system = self.systems[self.current]
         found = {l: place[l] - system[l] - self.tool[l] for l in place}
         turn = radians(system["R"])
@@ -116,7 +116,7 @@ class Writer:
         return {l: (found[l] - self.shift[l]) * self.of(l) for l in found}
 
     def to_machine(self, place):
-        """The reverse, of all letters."""
+        """Does the reverse, of all letters."""
         system = self.systems[self.current]
         found = {l: place[l] / self.of(l) + self.shift[l] for l in place}
         turn = radians(system["R"])
@@ -128,7 +128,7 @@ class Writer:
         return 1.0 if letter in "ABC" else self.unit
 
     def near(self, size=0.06):
-        """A target around home, with some of the letters changed."""
+        """Returns a target around home, with some of the letters changed."""
         there = dict(self.at)
         for letter in self.draw.sample(self.letters, self.draw.randint(1, len(self.letters))):
             home, draw = self.config.home[letter], self.draw.uniform(-1, 1)
@@ -137,7 +137,7 @@ class Writer:
         return there
 
     def beyond(self):
-        """A target beyond a limit: of an axis, or in tilt and joints at a corner of the axes."""
+        """Returns a target beyond a limit: of an axis, or in tilt and joints at a corner of the axes."""
         there = self.near()
         if self.draw.random() < 0.75:
             letter = self.draw.choice([l for l in self.letters if self.config.high[l] - self.config.low[l] < 800])
@@ -155,7 +155,7 @@ class Writer:
         self.lines.append(line)
 
     def number(self, value):
-        """A value, in one of the ways to write it; parameters are set in lines before."""
+        """Returns a value in one of several spellings; parameters are set in lines before."""
         text = f"{value:.6f}"
         way = self.draw.randrange(9)
         self.slot = 31 + (self.slot - 30) % 30
@@ -172,7 +172,7 @@ class Writer:
         return text.rstrip("0") if way == 3 else text
 
     def words(self, there, letters=None):
-        """Words of a target, absolute or as increments or from the position's parameters."""
+        """Returns words of a target, absolute or as increments or from the position's parameters."""
         now, then = self.to_program(self.at), self.to_program(there)
         letters = letters or [l for l in self.letters if abs(now[l] - then[l]) > 5e-7]
         if self.incremental:
@@ -187,7 +187,7 @@ class Writer:
     # ---------------------------------------------------------------- moves
 
     def line(self, there):
-        """A straight move, or a probe that touches nothing."""
+        """Writes a straight move, or a probe that touches nothing."""
         way = self.draw.random()
         if way < 0.12 and not self.incremental:
             word = " ".join(f"{l}{there[l] * self.of(l):.6f}" for l in self.letters)
@@ -211,8 +211,8 @@ class Writer:
             self.plane = plane
 
     def arc(self, bulge=0.0):
-        """An arc in any form; with `bulge` one whose middle is as far beyond the limit of X, and its ends are not."""
-        # LinuxCNC turns work offsets in X Y alone.
+        """Writes an arc in any form; with `bulge` its middle exceeds the limit of X by that, and its ends do not."""
+        # LinuxCNC rotates work offsets only in X Y.
         turned = radians(self.systems[self.current]["R"])
         self.use("G17" if turned or bulge else self.draw.choice(list(PLANES)))
         one, two, deep = PLANES[self.plane]
@@ -247,7 +247,7 @@ class Writer:
         self.at = there
 
     def cycle(self):
-        """A canned cycle, once or repeated."""
+        """Writes a canned cycle, once or repeated."""
         self.use("G17")
         now = self.to_program(self.at)
         deep, side = 0.03 * self.config.room * self.unit, 0.05 * self.config.room * self.unit
@@ -268,10 +268,10 @@ class Writer:
         self.at = self.to_machine(end)
 
     def spindle(self):
-        """Rigid tapping, thread or feed per revolution."""
+        """Writes rigid tapping, thread or feed per revolution."""
         pitch = 0.15 * self.config.speed / 5 * self.unit
         depth = 0.04 * self.config.room * self.unit
-        # Up to its speed, from where a turn takes a whole number of servo cycles.
+        # Accelerates to a speed at which a turn takes a whole number of servo cycles.
         self.put(self.draw.choice(("M3 S300", "S300 M4")) + "\nG4 P1")
         now = self.to_program(self.at)
         way = self.draw.randrange(3)
@@ -290,9 +290,9 @@ class Writer:
         self.put("M5")
 
     def form(self, size, flip=None):
-        """Writes one of the forms, of a size in machine units; `flip` is 1, or -1 for the form turned by half."""
+        """Writes one of the forms, of a size in machine units; `flip` is 1, or -1 to rotate it by half a turn."""
         draw, is_turned = self.draw, bool(self.systems[self.current]["R"])
-        # A program with M98 has no subroutines, and a turned work offset turns no arcs of the other planes.
+        # A program with M98 has no subroutines, and a rotated work offset does not rotate arcs of the other planes.
         plane, profile, text = draw.choice([form for form in FORMS if not (form[1] and self.is_fanuc)
                                             and not (form[0] != "G17" and is_turned)])
         self.use(plane)
@@ -302,7 +302,7 @@ class Writer:
         kinds = {"*": length, "@": 30 * self.config.speed / size, "%": 0.03 * self.config.speed * self.unit}
 
         def word(found):
-            """A word as the program has it, in absolute or incremental distances; moves `now` to its target."""
+            """Returns a word as in the program, in absolute or incremental distances; moves `now` to its target."""
             letter, kind, value = found[1], found[2], float(found[3] or 1)
             if letter.isupper():
                 return f"{letter}{(flip if letter in 'IJPQ' else 1) * kinds[kind] * value:.6f}" if kind else found[0]
@@ -322,7 +322,7 @@ class Writer:
         words = {
             "side": self.side(size), "feed": self.feed(), "surface": draw.randint(3, 60), "taper": draw.randrange(4),
             "rough": draw.choice(("G71", "G71.1", "G71.2", "G72", "G72.1", "G72.2")), "profile": label,
-            # In G91 LinuxCNC's turning cycles go to X and Z as if they were absolute.
+            # In G91 LinuxCNC's turning cycles use X and Z as if they were absolute.
             "start": "" if self.incremental else "x0 z0",
             "back": f"G90 G0 {' '.join(f'{l}{begin[l]:.6f}' for l in 'XYZ')}{'; G91' if self.incremental else ''}"}
         for block in blocks(text.format(**words)):
@@ -330,7 +330,7 @@ class Writer:
         self.at = self.to_machine(now)
 
     def side(self, size):
-        """Cutter compensation by a diameter, or by a tool that is small beside a form of a size in machine units."""
+        """Starts cutter compensation by a diameter, or by a tool smaller than a form of a size in machine units."""
         small = [number for number, diameter in self.diameters.items() if 4 * diameter < size]
         tools = [f" D{number}" for number in small] + [""] * (self.loaded in small)
         code, diameter = self.draw.choice(("G41", "G42")), f".1 D{0.2 * size * self.unit:.6f}"
@@ -362,12 +362,12 @@ class Writer:
                 if draw.random() < 0.4:
                     system[l] = round(draw.uniform(-30, 30), 3) / self.of(l)
                     words.append(f"{l}{system[l] * self.of(l):.6f}")
-            # Arcs in the other planes do not go with it.
+            # Arcs in the other planes do not rotate with it.
             system["R"] = draw.choice((0.0, round(draw.uniform(-180, 180), 2)))
             self.put(f"G10 L2 P{number + 1 if number != self.current else draw.choice((0, number + 1))} {' '.join(words)} R{system['R']}")
         elif way == 6:
             self.put(f"G10 L20 P{self.current + 1} {letter}{value}")
-            # The offset under which the machine is there: what it is at offset 0 and what it should be differ by it.
+            # The offset with which the letter has this value here: the position minus that of the value at offset 0.
             for l in self.letters:
                 self.systems[self.current][l] = 0.0
             there = self.to_machine({**now, letter: value})
@@ -404,7 +404,7 @@ class Writer:
     def tool_change(self):
         draw = self.draw
         number = draw.choice(list(self.table))
-        # At a tilt pkmkins moves the platform for it, slowly.
+        # At a tilt pkmkins slowly moves the platform for it.
         level = {l: self.config.home[l] if l in "ABC" else self.at[l] for l in self.at}
         if level != self.at and draw.random() < 0.8:
             self.line(level)
@@ -437,7 +437,7 @@ class Writer:
     # ---------------------------------------------------------------- programs
 
     def within(self, write):
-        """What `write` writes, in a branch, a loop, a subroutine, behind / or plain."""
+        """Writes the output of `write` in a branch, a loop, a subroutine, after / or plain."""
         draw, label = self.draw, self.labels
         way = draw.randrange(14)
         self.labels += 1
@@ -451,7 +451,7 @@ class Writer:
             self.put(f"o{label} else\nG53 G0 X{3 * self.config.high['X']}\no{label} endif" if not self.incremental else f"o{label} endif")
             return None
         if way == 1:
-            # Deleted by default: the machine stays, and the state of the writer with it.
+            # Skipped by default: the machine stays, and so does the state of the writer.
             saved = dict(self.__dict__)
             write()
             self.lines[begin:] = ["/" + line for part in self.lines[begin:] for line in part.split("\n")]
@@ -470,7 +470,7 @@ class Writer:
         write()
         body, self.lines[begin:] = self.lines[begin:], []
         if way == 4 and not self.is_fanuc:
-            # What it was set to in a subroutine stays, but numbers up to 30 and local names do not.
+            # State set in a subroutine stays, except numbers up to 30 and local names.
             self.subs.append("\n".join([f"o{label} sub", *body, f"o{label} endsub"]))
             return self.put(f"o{label} call [1] [2]")
         self.is_fanuc = True if not self.subs else self.is_fanuc
@@ -486,7 +486,7 @@ class Writer:
         self.put(f"{config.start} {draw.choice(('G61', 'G64', 'G64 P%.5f' % (0.001 * config.room)))} G91.1")
         self.put("M52 P0\n" + self.feed())
         count = draw.randint(5, 9)
-        # A third of them.
+        # In a third of them.
         bad = draw.randrange(count) if draw.random() < 1 / 3 else None
         for n in range(count):
             if n == bad:
@@ -509,7 +509,7 @@ class Writer:
         return self.line(self.beyond())
 
     def form_beyond(self):
-        """A form that begins within the limits, and may leave them on its way."""
+        """Writes a form that begins within the limits, and may exceed them later."""
         letter, up = self.draw.choice("XYZ"), self.draw.choice((1, -1))
         size = self.draw.uniform(0.03, 0.1) * self.config.room
         inside = self.draw.uniform(0.02, 1) * size

@@ -19,10 +19,10 @@ def columns(layout):
 
 
 def truth(machine, out, programs, before, startup):
-    """Runs programs one after another from home, up to the first that LinuxCNC stops. Homing ends
+    """Runs programs one after another from home, until LinuxCNC stops one. Homing ends
     up to 1e-6 beside home, and LinuxCNC makes no move of that length: one leads away and back.
 
-    LinuxCNC executes the startup code at home, and it may use the position."""
+    LinuxCNC executes the startup code at home, and the code may use the position."""
     recorder = Recorder(machine.component, columns(machine.layout), PERIOD_NS)
     machine.start()
     recorder.start()
@@ -30,7 +30,7 @@ def truth(machine, out, programs, before, startup):
                   for beside in (-BESIDE, 0.0))
     outcomes = {}
     for name, path, seconds, deletes in programs:
-        # No tool is not changed to itself, which would move to where tools are changed.
+        # Without a tool there is no change to T0, which would move to the tool change position.
         unload = ("T0 M6",) if machine.stat.tool_in_spindle else ()
         for block in (*unload, *before, f"G53 G0 {away}", f"G53 G0 {home}", startup):
             machine.mdi(block)
@@ -45,7 +45,7 @@ def truth(machine, out, programs, before, startup):
 
 
 def observed(machine, recorder, path, seconds):
-    """One program to its end, or to where LinuxCNC stops it."""
+    """Runs one program to its end, or until LinuxCNC stops it."""
     machine.pause(0.1)
     discard(recorder)
     del machine.messages[:]
@@ -67,7 +67,7 @@ def observed(machine, recorder, path, seconds):
 
 
 def is_over(machine):
-    """Whether the program is at its end. At M0, M1 and M60 the operator presses the button at once."""
+    """Returns whether the program is at its end. At M0, M1 and M60 the operator presses the button at once."""
     if machine.stat.interp_state == linuxcnc.INTERP_PAUSED:
         machine.command.auto(linuxcnc.AUTO_RESUME)
     return machine.is_idle()
@@ -80,6 +80,6 @@ def write(path, layout, rows):
 
 
 def discard(recorder):
-    """Forgets what was recorded so far; the place where the machine stands is kept."""
+    """Drops the recording so far; the machine's present position is kept."""
     rows = recorder.rows[0]
     del rows[:max(0, len(rows) - 1)]

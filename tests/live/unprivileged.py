@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Runs a test script as a normal user in a folder of its own, in several lanes at once.
+"""Runs a test script as a normal user in a private folder, in several lanes in parallel.
 
-LinuxCNC refuses root, and the repository may be where a normal user cannot read it. So the parts
-the tests need are copied to a fresh temporary folder and the script runs from there. LinuxCNC
-exists once per machine, but hardly uses it: `lane.sh` gives each lane what would else be shared.
+LinuxCNC refuses root, and a normal user may be unable to read the repository. So the parts
+that the tests need are copied to a fresh temporary folder and the script runs from there. LinuxCNC
+runs once per machine, but shares little: `lane.sh` makes that private to each lane.
 """
 
 import fcntl
@@ -20,20 +20,20 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parents[2]
 PARTS = ("configs", "tests/live", "tests/viewer", "viewer", "tests/cases/ini")
 MARK = "PKMKINS_UNPRIVILEGED"
-LANES = 3  # beyond that two cores have too much to do where LinuxCNC starts
+LANES = 3  # more overload two cores while LinuxCNC starts
 SYSTEM_PYTHON = "/usr/bin/python3"  # the one LinuxCNC's Python modules are built for
 
 
 def rerun_unprivileged(script, arguments, timeout, out=None, given=(), lanes=1):
     """Runs `script` (path inside the repository) as a normal user and returns its exit code, the
-    largest of all lanes. `timeout` is for all lanes at once; where there can be only one it has that
+    largest of all lanes. `timeout` is for all lanes together; if only one can run, it gets that
     much for the work of each.
 
-    Every lane runs the same script with the same arguments in the same folder: they share out the
-    work with `claimed`. The script finds the files and folders `given` in its folder `given`. What it writes
-    into its folder `out` is copied to the folder `out` names.
+    Every lane runs the same script with the same arguments in the same folder: they divide the
+    work with `claimed`. The script finds the files and folders `given` in its folder `given`. Files that it writes
+    into its folder `out` are copied to the folder `out`.
     """
-    # Not in /tmp: there the lanes have folders of their own.
+    # Not in /tmp, which is private to each lane.
     folder = Path(tempfile.mkdtemp(prefix="pkmkins-live-", dir="/var/tmp"))
     try:
         for part in PARTS:
@@ -63,9 +63,9 @@ def _run_as_user(folder, script, arguments, timeout, lanes):
     environment = {**os.environ, MARK: "1", "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop("DISPLAY", None)
     lane = ["sh", str(folder / "tests/live/lane.sh")]
-    commands, end = [command], signal.SIGINT  # lets it end its LinuxCNC
+    commands, end = [command], signal.SIGINT  # allows it to end its LinuxCNC
     if lanes > 1 and can_split(lane):
-        commands, end = [[*lane, *command]] * lanes, signal.SIGKILL  # takes the whole lane along
+        commands, end = [[*lane, *command]] * lanes, signal.SIGKILL  # ends the whole lane
     elif lanes > 1:
         print("one LinuxCNC after another: only root can give each what it needs for itself")
         timeout *= lanes
@@ -84,12 +84,12 @@ def _run_as_user(folder, script, arguments, timeout, lanes):
 
 
 def can_split(lane):
-    """Whether this user may run commands in lanes."""
+    """Returns whether this user may run commands in lanes."""
     return os.getuid() == 0 and subprocess.run([*lane, "true"], capture_output=True).returncode == 0
 
 
 def claimed(out):
-    """Whether this lane is to do the work whose results go to the folder `out`: the first one there."""
+    """Claims the work whose results go to the folder `out`: returns whether this lane is the first."""
     try:
         out.mkdir()
         return True
@@ -98,13 +98,13 @@ def claimed(out):
 
 
 def is_unprivileged():
-    """Whether this process is the copy that rerun_unprivileged started."""
+    """Returns whether this process is the copy that rerun_unprivileged started."""
     return MARK in os.environ
 
 
 @contextmanager
 def only_one():
-    """Holds the lock without which no HAL session may be started: HAL exists once per machine."""
+    """Holds the lock that every HAL session needs: HAL exists once per machine."""
     with open(Path.home() / ".pkmkins-live.lock", "w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -112,14 +112,14 @@ def only_one():
             print("waiting for another live run to end", file=sys.stderr)
             fcntl.flock(lock, fcntl.LOCK_EX)
         refuse_beside_other_sessions()
-        # What an earlier run has left behind; from here on each session ends what it began.
+        # Ends a session of an earlier run; from here on each session ends itself.
         clear_hal()
         yield
 
 
 def refuse_beside_other_sessions():
-    """Ends this process if HAL is in use: what clears up after a run would end that session too."""
-    # The realtime process of a session that has just ended is still there for a moment.
+    """Ends this process if HAL is in use: the cleanup after a run would end that session too."""
+    # The realtime process of a session that has just ended still exists for a moment.
     for _ in range(20):
         running = subprocess.run(["pgrep", "-x", "rtapi_app"], capture_output=True, text=True)
         if running.returncode != 0:
@@ -135,15 +135,15 @@ def clear_hal():
 
 
 def lost_its_start(log):
-    """Whether what a session said shows that HAL did not start for a reason of LinuxCNC's own, which goes away.
+    """Returns whether the output of a session shows that HAL did not start because of a temporary problem of LinuxCNC.
 
-    rtapi_app makes shared memory as root and only then hands it to the user: a process that asks in between is
-    refused, in less than one start in a thousand according to its source. Memory that the session before is still
-    removing is refused as well. The test is that of the messages.
+    rtapi_app creates shared memory as root and only then gives it to the user: a process that opens it in between is
+    refused, in less than one start in a thousand according to its source. Memory that the previous session is still
+    removing is refused as well. The test is for these messages.
     """
     return ("due to shmget" in log and "Permission denied" in log) or "could not initialize RTAPI" in log
 
 
 def has_ended(log):
-    """Returns whether LinuxCNC has begun to end, by what a session said."""
+    """Returns whether LinuxCNC has begun to end, according to the output of a session."""
     return "Shutting down and cleaning up LinuxCNC" in log

@@ -16,19 +16,19 @@ from browsers import Browser, deaf, is_dropped
 from machine import AXES, Progress, halcmd
 
 POSE = [f"pkmkins.{letter}" for letter in AXES]
-# Updates a second that the page is promised.
+# Updates per second that the page promises.
 RATE = 20
-# Where it stands still, forward kinematics answers to their convergence criterion.
+# At a standstill, forward kinematics agrees to its convergence criterion.
 FORWARD = 1e-9
-# A state that arrives is at most so old: an update, and what a busy computer adds. One that stands still is found by
-# every move that takes longer.
+# Largest age of a state that arrives: an update, and the delay of a busy computer. Every move that takes longer detects
+# a state that no longer changes.
 OLD_SECONDS = 1
-# Every instruction of some servo cycles, one by one.
+# Single-stepping some servo cycles takes this long.
 COUNTING_SECONDS = 60
 
 
 class Sampler(threading.Thread):
-    """The pose on the pins, as often as it can be read beside other work, with times."""
+    """The pose on the pins, sampled as often as a busy computer allows, with times."""
 
     def __init__(self):
         super().__init__(daemon=True)
@@ -47,13 +47,13 @@ class Sampler(threading.Thread):
 
 
 def farthest(samples, events):
-    """How far the coordinates of events are at most from what their pins showed shortly before they came. Pins are read
-    one after the other, and a busy computer puts time between them: each is compared for itself. Between two looks at
-    a pin it moves: a coordinate may be as far from both, and not farther."""
+    """Returns the largest difference of the coordinates of events from the pins shortly before. Pins are read
+    one after the other, and a busy computer delays them: each is compared separately. Between two samples
+    of a pin it moves: a coordinate may be as far from both, and not farther."""
     times = [when for when, _ in samples]
     most = 0.0
     for at, state in events:
-        # The look after the event too: it may have been read after the last one before.
+        # Include the sample after the event: it may have been read after the last one before.
         near = [pose for _, pose in samples[bisect(times, at - OLD_SECONDS):bisect(times, at) + 1]]
         for pin, shown, seen in zip(POSE, state["pose"] or [], zip(*near)):
             own = min(abs(shown - one) for one in seen)
@@ -68,13 +68,13 @@ def distance(one, other):
 
 
 def servo_functions():
-    """What the servo thread carries out, in order."""
+    """Returns the functions of the servo thread, in order."""
     lines = map(str.split, halcmd("-s", "show", "thread").splitlines())
     return [words[1] for words in lines if words and words[0].isdigit()]
 
 
 def watched(machine, out, port, path, lines, seconds, count, rounds):
-    """A program runs while `count` browsers watch, and one that never reads; then LinuxCNC is killed."""
+    """Runs a program while `count` browsers watch, and one that never reads; then kills LinuxCNC."""
     machine.start()
     first = Browser(port)
     at_rest = first.wait(lambda state: state["pose"] is not None, 20, "a pose")
@@ -120,7 +120,7 @@ def kill(name):
 
 
 def watched_again(machine, out, port):
-    """A LinuxCNC that starts after one that was killed is shown."""
+    """Checks that a LinuxCNC that starts after one that was killed is shown."""
     machine.start()
     browser = Browser(port)
     state = browser.wait(lambda state: state["pose"] is not None, 20, "a pose")
@@ -129,7 +129,7 @@ def watched_again(machine, out, port):
 
 
 def stands(machine, _out, path, place, port, count):
-    """The machine stands in the middle of its program, alone and watched, until its instructions are counted."""
+    """Keeps the machine at rest in the middle of its program, alone and watched, until its instructions are counted."""
     place = Path(place)
     machine.start()
     machine.set_mode(linuxcnc.MODE_AUTO)
