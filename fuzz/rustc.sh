@@ -1,10 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
 # rustc for the crates of the workspace, as cargo's RUSTC_WORKSPACE_WRAPPER: with the coverage that guides libFuzzer.
-# Libraries of others have the sanitizer alone. Cargo knows this file by its name alone: where its flags change, the
-# crates have to be built anew by hand.
+# Other libraries have only the sanitizer. Cargo detects no change of this file: after a change of flags, rebuild
+# the crates manually.
 case " $* " in
-# Runs while something is built, without libFuzzer.
+# Build scripts run during the build, without libFuzzer.
 *" --crate-name build_script_"*) exec "$@" ;;
 esac
 exec "$@" -Cpasses=sancov-module \

@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Shapes from STL and OBJ files, as triangles: docs/reference/view.md."""
+"""Reads shapes from STL and OBJ files, as triangles: docs/reference/view.md."""
 
 import os
 import struct
 
-# Larger files would be drawn too slowly beside a machine that runs, and take long to read.
+# Larger files would be drawn too slowly beside a running machine, and take long to read.
 MOST_BYTES = 20_000_000
 
-# Of binary STL: what stands before the triangles, and how long one is.
+# Sizes in binary STL: the header before the triangles, and a triangle.
 HEAD, TRIANGLE = 84, 50
 
 
 class MeshError(Exception):
-    """A file that holds no shape, with the reason."""
+    """A file without a valid shape, with the reason."""
 
 
 def read(file):
-    """Triangles of three points each."""
+    """Reads triangles of three points each."""
     try:
         size = os.path.getsize(file)
         if size > MOST_BYTES:
@@ -56,7 +56,7 @@ def of_obj(data):
         if words[:1] == ["v"]:
             points.append(numbers(words[1:4]))
         elif words[:1] == ["f"]:
-            # From 1 on, or back from the last one.
+            # Indices count from 1, or backward from the last one.
             places = [int(word.split("/")[0]) for word in words[1:]]
             if not all(0 < abs(place) <= len(points) for place in places):
                 raise MeshError(f"\"{line}\" names a point that does not exist")

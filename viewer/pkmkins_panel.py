@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Why something was refused, in words, for a panel of PyVCP: docs/guide/panel.md.
+"""The reason of a refusal as text, for a panel of PyVCP: docs/guide/panel.md.
 
-PyVCP has no widget that shows a text from HAL. The panel's label therefore has a variable of its own,
-which this keeps up to date from pins that it reads by name.
+PyVCP has no widget that shows a text from HAL. The panel's label therefore has a variable,
+which this module updates from pins that it reads by name.
 """
 
 import os
@@ -11,12 +11,12 @@ import sys
 sys.path.append(os.path.dirname(os.path.realpath(__file__)))
 from pkmkins_refusal import count_legs, sentence  # noqa: E402
 
-# Milliseconds between two looks.
+# Milliseconds between two updates.
 PERIOD = 300
 
 
 def words(value, legs):
-    """What is ahead, and what was refused last."""
+    """Returns the limit ahead, and the last refusal."""
     told = []
     if value("pkmkins.limit-soon"):
         told.append("ahead: " + sentence(value("pkmkins.limit-reason"), value("pkmkins.limit-leg"), legs))
@@ -26,13 +26,13 @@ def words(value, legs):
 
 
 def reason(master):
-    """A variable of Tk that always has the words."""
+    """Returns a Tk variable that always contains the text."""
     import tkinter
 
     import hal
 
     text = tkinter.StringVar(master)
-    # Tk forgets a variable that nobody holds.
+    # Tk deletes a variable without a reference.
     master.pkmkins_reason = text
     legs = []
 

@@ -1,14 +1,14 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a running LinuxCNC with pkmkins shows on its pins and in its status, as objects of JSON.
+"""Writes the pins and status of a running LinuxCNC with pkmkins, as objects of JSON.
 
     pkmkins_pins.py MACHINE.ini
 
-writes one object a line, 25 of them a second, to standard output, until LinuxCNC or the reader of that output
-ends; docs/reference/view.md lists the fields. Without a running LinuxCNC it ends at once. It has a HAL component without pins,
-whose name is pkm-live and the number of the process. LinuxCNC ends it as it ends its other components, so that a
-program that outlives LinuxCNC starts it as a process of its own. It reads pins by name, writes nothing into HAL, and
-takes no message from LinuxCNC's operator interface.
+writes one object per line, 25 per second, to standard output, until LinuxCNC or the reader of that output
+ends; docs/reference/view.md lists the fields. Without a running LinuxCNC it ends at once. It has a HAL component
+without pins, named pkm-live and the number of the process. LinuxCNC ends it like its other components, so that a
+program that outlives LinuxCNC must start it as a separate process. It reads pins by name, writes nothing into HAL,
+and takes no message from LinuxCNC's operator interface.
 """
 
 import json
@@ -25,23 +25,23 @@ PERIOD = 0.04
 
 LETTERS = "xyzabc"
 
-# LinuxCNC's task, where the INI file names no other, and what carries out its real-time part.
+# LinuxCNC's task, unless the INI file names another one, and the program of its real-time part.
 TASK = "milltask"
 REALTIME = "rtapi_app"
 
-# Of HAL's shared memory, which LinuxCNC in virtual time and in another container do not share.
+# Key of HAL's shared memory, which LinuxCNC in virtual time and in another container do not share.
 HAL_KEY = str(0x48414C32)
 
-# Linux cuts the names of processes there.
+# Linux truncates the names of processes to this length.
 NAME = 15
 
 
 class NotAMachine(Exception):
-    """An INI file that names no machine of pkmkins, with the reason."""
+    """An INI file without a machine of pkmkins, with the reason."""
 
 
 class Machine:
-    """What the INI file tells of joints, pins and LinuxCNC's processes."""
+    """The joints, pins and LinuxCNC processes of an INI file."""
 
     def __init__(self, file):
         words, ini = read(file)
@@ -58,7 +58,7 @@ class Machine:
 
 
 def read(file):
-    """Words of [KINS]KINEMATICS, and all values by section and key, the first of each."""
+    """Returns the words of [KINS]KINEMATICS, and the first value of each section and key."""
     values, section = {}, ""
     try:
         with open(file, encoding="utf-8", errors="replace") as lines:
@@ -77,7 +77,7 @@ def read(file):
 
 
 def process_of(name):
-    """The number of a process of this name, or None."""
+    """Returns the number of a process with this name, or None."""
     for number in filter(str.isdigit, os.listdir("/proc")):
         try:
             with open(f"/proc/{number}/comm", encoding="utf-8") as file:
@@ -89,7 +89,7 @@ def process_of(name):
 
 
 def is_dead(number):
-    """Whether a process is gone, or waits for its parent to see its end."""
+    """Returns whether a process is gone, or waits for its parent to read its exit status."""
     try:
         with open(f"/proc/{number}/stat", encoding="utf-8") as file:
             return file.read().rpartition(")")[2].split()[0] in "ZX"
@@ -98,7 +98,7 @@ def is_dead(number):
 
 
 def running(machine):
-    """The numbers of LinuxCNC's processes where it runs, or None."""
+    """Returns the numbers of LinuxCNC's processes if it runs, or None."""
     try:
         with open("/proc/sysvipc/shm", encoding="utf-8") as segments:
             if not any(words[:1] == [HAL_KEY] for words in map(str.split, segments)):
@@ -110,7 +110,7 @@ def running(machine):
 
 
 class Values:
-    """What HAL and LinuxCNC's status say now; None where they do not say it."""
+    """The present values of HAL and LinuxCNC's status; None if unknown."""
 
     def __init__(self, machine, value, status):
         self.machine, self.value, self.status = machine, value, status
@@ -123,7 +123,7 @@ class Values:
         return value if math.isfinite(value) else None
 
     def pins(self, names):
-        """All of them, or None where one is missing: half a pose is none."""
+        """Returns all of them, or None if one is missing: half a pose is useless."""
         values = [self.pin(name) for name in names]
         return None if None in values else values
 
@@ -144,7 +144,7 @@ class Values:
 
 
 def status_reader(linuxcnc):
-    """A function that gives what LinuxCNC's status says."""
+    """Returns a function that reads LinuxCNC's status."""
     names = {"mode": ("MODE_MANUAL", "MODE_AUTO", "MODE_MDI"),
              "task state": ("STATE_ESTOP", "STATE_ESTOP_RESET", "STATE_OFF", "STATE_ON"),
              "interpreter": ("INTERP_IDLE", "INTERP_READING", "INTERP_PAUSED", "INTERP_WAITING")}
@@ -159,7 +159,7 @@ def status_reader(linuxcnc):
                 channel.append(linuxcnc.stat())
             stat = channel[0]
             stat.poll()
-        # The second is how it fails where LinuxCNC is another user's, whose table of tools is not found.
+        # SystemError: LinuxCNC belongs to another user, whose tool table is not found.
         except (linuxcnc.error, SystemError):
             channel.clear()
             return nothing
@@ -174,15 +174,15 @@ def status_reader(linuxcnc):
 
 
 def follow(machine, processes):
-    """Writes what is now, until one of LinuxCNC's processes or the reader ends."""
+    """Writes the present values, until one of LinuxCNC's processes or the reader ends."""
     import hal
     import linuxcnc
 
-    # LinuxCNC's library writes what it likes to standard output.
+    # LinuxCNC's library writes to standard output.
     out = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     component = hal.component(f"pkm-live-{os.getpid()}")
-    # LinuxCNC ends its components so; an interrupt is for the one who started both.
+    # LinuxCNC ends its components with it; an interrupt is for the process that started both.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -197,7 +197,7 @@ def follow(machine, processes):
             due = max(due + PERIOD, time.monotonic())
             time.sleep(max(0, due - time.monotonic()))
     except BrokenPipeError:
-        # Nothing is left to say at the end either.
+        # Suppress the output at exit too.
         os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
     finally:
         component.exit()
@@ -211,7 +211,7 @@ def main():
     except NotAMachine as reason:
         sys.exit(f"pkmkins_pins: {reason}")
     processes = running(machine)
-    # Without LinuxCNC a HAL component would make a HAL of its own, in which LinuxCNC would start.
+    # Without LinuxCNC a HAL component would create its own HAL, in which LinuxCNC would start.
     if processes is not None:
         follow(machine, processes)
 

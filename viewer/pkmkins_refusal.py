@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Why the kinematics refused something, in words, from what pins say."""
+"""The reason of a refusal by the kinematics as text, from the values of pins."""
 
 import os
 import sys
@@ -9,7 +9,7 @@ from pkmkins_causes import CAUSES  # noqa: E402
 
 
 def count_legs(value):
-    """Legs of the module: joints behind them are called joints; `value` reads a pin."""
+    """Returns the number of legs of the module: later joints are called joints; `value` reads a pin."""
     count = 0
     try:
         while True:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A machine as `pkm scene` describes it, and where its parts are: docs/reference/view.md.
+"""A machine as described by `pkm scene`, and the positions of its parts: docs/reference/view.md.
 
-No kinematics: lower ends of legs follow from joint values, upper ends from the pose.
+No kinematics: lower ends of legs are computed from joint values, upper ends from the pose.
 Vectors are tuples of three, machine units; angles are degrees.
 """
 
@@ -10,12 +10,12 @@ from math import cos, radians, sin, sqrt
 
 VERSION = 1
 
-# Share of a machine's size that the first view has around it.
+# Margin around the machine in the first view, as a fraction of its size.
 ROOM = 1.2
 
 
 class SceneError(Exception):
-    """A file that is no scene, with the reason."""
+    """An invalid scene file, with the reason."""
 
 
 def add(a, b):
@@ -43,7 +43,7 @@ def norm(a):
 
 
 def rotation(a, b, c):
-    """Rz(c) Ry(b) Rx(a) as three columns."""
+    """Returns Rz(c) Ry(b) Rx(a) as three columns."""
     ca, cb, cc = (cos(radians(angle)) for angle in (a, b, c))
     sa, sb, sc = (sin(radians(angle)) for angle in (a, b, c))
     return ((cc * cb, sc * cb, -sb),
@@ -52,52 +52,52 @@ def rotation(a, b, c):
 
 
 def turned(columns, v):
-    """The vector of the platform's frame in base."""
+    """Rotates a vector from the platform's frame to base."""
     return tuple(sum(column[k] * part for column, part in zip(columns, v)) for k in range(3))
 
 
 def about(axis, angle, v):
-    """`v` turned about a unit vector, right-handed."""
+    """Rotates `v` about a unit vector, right-handed."""
     along = scaled(axis, dot(axis, v))
     across = subtract(v, along)
     return add(along, add(scaled(across, cos(radians(angle))), scaled(cross(axis, v), sin(radians(angle)))))
 
 
 class Frame:
-    """Where a body is: three columns of its rotation, and its origin."""
+    """The position of a body: three columns of its rotation, and its origin."""
 
     def __init__(self, columns=((1, 0, 0), (0, 1, 0), (0, 0, 1)), origin=(0, 0, 0)):
         self.columns, self.origin = columns, origin
 
     def out(self, point):
-        """A point of the body, outside."""
+        """Converts a point of the body to the outer frame."""
         return add(self.origin, turned(self.columns, point))
 
     def into(self, point):
-        """A point outside, in the body's frame."""
+        """Converts a point of the outer frame to the body's frame."""
         way = subtract(point, self.origin)
         return tuple(dot(column, way) for column in self.columns)
 
     def carrying(self, other):
-        """The frame outside of what is fixed in this body."""
+        """Converts a frame fixed in this body to the outer frame."""
         return Frame(tuple(turned(self.columns, column) for column in other.columns), self.out(other.origin))
 
 
 def frame(place):
-    """Of X Y Z A B C."""
+    """Returns the frame of X Y Z A B C."""
     return Frame(rotation(*place[3:]), tuple(place[:3]))
 
 
 class Place:
-    """Where everything is at one pose."""
+    """The positions of all parts at one pose."""
 
     def __init__(self, lower, upper, platform, base, work, tool):
         # Ends of the legs, and the platform, in base, which an axis may carry.
         self.lower, self.upper, self.platform = lower, upper, platform
         self.columns, self.nose = platform.columns, platform.origin
-        # Base and work on the ground.
+        # Base and workpiece on the ground.
         self.base, self.work = base, work
-        # Points of what holds the tool, from its holder to its tip, on the ground.
+        # Points of the tool, from its holder to its tip, on the ground.
         self.tool = tool
         self.tip = tool[-1]
 
@@ -120,7 +120,7 @@ class Scene:
             raise SceneError(f"{file}: {error}") from error
 
     def lower(self, leg, joint):
-        """The lower end of a leg at its joint value."""
+        """Returns the lower end of a leg at its joint value."""
         base, value = tuple(leg["base"]), joint + leg["offset"]
         if leg["kind"] == "slider":
             return add(base, scaled(leg["guide"], value))
@@ -129,7 +129,7 @@ class Scene:
         return base
 
     def upper(self, leg, lower, point, columns):
-        """The upper end of a leg on the platform that has `point` where its centre is."""
+        """Returns the upper end of a leg on the platform whose center is at `point`."""
         end = add(point, turned(columns, subtract(leg["platform"], self.centre)))
         if leg["kind"] != "ring":
             return end
@@ -138,7 +138,7 @@ class Scene:
         return add(end, scaled(outward, leg["radius"] / norm(outward)))
 
     def carried(self, carries, values):
-        """Frame of what the axes carry, and the points of those that turn, all of them at these values."""
+        """Returns the frame of the carried body, and the points of the rotary axes, all at these values."""
         all_, points = Frame(), []
         for link in self.chain:
             if link["carries"] != carries:
@@ -155,8 +155,8 @@ class Scene:
         return all_, points
 
     def place(self, joints, pose, tool, values=None):
-        """Everything at joint values and a pose that belong together; `tool` points from the tip to the
-        control point, the spindle's offset included; `values` are those of axes that carry something."""
+        """Returns the positions at consistent joint values and pose; `tool` points from the tip to the
+        control point, including the spindle's offset; `values` are those of axes that carry something."""
         values = values or {}
         columns = rotation(*pose[3:6])
         own = tool if self.sees_tool else (0.0, 0.0, 0.0)
@@ -168,7 +168,7 @@ class Scene:
         upper = [self.upper(leg, end, point, columns) for leg, end in zip(self.legs, lower)]
         platform = Frame(columns, subtract(point, turned(columns, self.centre)))
         (base, _), (work, _), (held, pivots) = (self.carried(what, values) for what in ("legs", "work", "tool"))
-        # From the holder over the axes that turn it to the tip, where the holder is.
+        # From the holder through the rotary axes to the tip, at the holder's position.
         held = [*pivots, held.out(scaled(tool, -1))]
         if self.holder is None:
             work = Frame(work.columns, add(work.origin, turned(base.columns, table)))
@@ -181,7 +181,7 @@ class Scene:
 
 
 def extent(scene):
-    """Half of what a first view of the machine shows, and its middle."""
+    """Returns half the extent of the first view of the machine, and its center."""
     place = scene.place(scene.home["joints"], scene.home["pose"], (0, 0, scene.spindle_offset))
     points = [end for leg in zip(place.lower, place.upper) for end in leg] + place.tool + [place.work.origin]
     for leg, joint in zip(scene.legs, scene.joints):
@@ -192,7 +192,7 @@ def extent(scene):
 
 
 def whole(scenes):
-    """The same of mechanisms together."""
+    """Returns the same for several mechanisms together."""
     sizes, middles = zip(*map(extent, scenes))
     middle = scaled(tuple(map(sum, zip(*middles))), 1 / len(middles))
     return max(size + norm(subtract(own, middle)) for size, own in zip(sizes, middles)), middle

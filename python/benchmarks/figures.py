@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Writes build/design-figures.md: poses a second in Python, candidates a second, cost of every engine.
+"""Writes build/design-figures.md: poses per second in Python, candidates per second, cost of every engine.
 
-Ratios of one run on one computer; times are printed, never asserted.
+Ratios are from one run on one computer; times are printed, never asserted.
 """
 
 import json
@@ -37,7 +37,7 @@ def timed(call):
 
 
 def by_numpy(machine):
-    """Inverse kinematics of a hexapod without a lead, as somebody would write them in numpy."""
+    """Computes the inverse kinematics of a hexapod without a lead, as a user would in numpy."""
     text = machine.text
     anchors = [[list(map(float, line.split("=")[1].split())) for line in text.splitlines() if line.startswith(key + " =")] for key in ("BASE", "PLATFORM")]
     base, platform = np.array(anchors)
@@ -57,7 +57,7 @@ def by_numpy(machine):
 
 
 class Batch:
-    """The batch of command/benches/batch.rs, which answers in turns with Python."""
+    """The batch of command/benches/batch.rs, which runs in turns with Python."""
 
     def __init__(self, ini, poses, folder):
         rows = folder / "poses"
@@ -74,7 +74,7 @@ class Batch:
 
 
 def rates():
-    """Rows of poses a second, in millions, on one core and on all: processes of their own, as cores are set at the start."""
+    """Returns rows of poses per second, in millions, on one core and on all, in separate processes."""
     code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from figures import measured; measured()"
     found = []
     for cores in ({"RAYON_NUM_THREADS": "1"}, {}):
@@ -84,7 +84,7 @@ def rates():
 
 
 def measured():
-    """Prints what one process measures, the calls in turns."""
+    """Prints the measurements of one process, the calls in turns."""
     ini = ROOT / "configs" / "lab-hexapod" / "lab-hexapod.ini"
     machine = Machine.from_ini(ini)
     rng = np.random.default_rng(1)
@@ -108,7 +108,7 @@ def measured():
 
 
 def searched():
-    """The front of the study with all its candidates by two processes, and the seconds that it took."""
+    """Returns the front of the study with all its candidates, by two processes, and its duration in seconds."""
     study = Study.read(STUDY)
     with tempfile.TemporaryDirectory() as name:
         pool = Processes(2)
@@ -120,7 +120,7 @@ def searched():
 
 
 def engines():
-    """Seconds of a sample of candidates by every engine, and bytes a judgement."""
+    """Returns seconds for a sample of candidates by every engine, and bytes per judgement."""
     text = STUDY.read_text()
     lines = [f"candidates = {CANDIDATES}" if line.startswith("candidates") else line for line in text.splitlines()]
     study = Study.parse("\n".join(lines))
@@ -136,7 +136,7 @@ def engines():
         found = {"this process": run("serial", Serial())}
         for workers in (1, 2):
             pool = Processes(workers)
-            # What starts the interpreters is no part of a judgement.
+            # Exclude the start of the interpreters from the judgements.
             list(pool.each(study, [middle(study)] * workers))
             found[f"--workers {workers}"] = run(f"pool-{workers}", pool)
         with dask(folder, 2) as address:
@@ -153,7 +153,7 @@ def middle(study):
 
 
 def nothing(address):
-    """Milliseconds that client, scheduler and a worker take for a batch without work, many of them under way."""
+    """Returns milliseconds of client, scheduler and a worker for a batch without work, many of them in parallel."""
     from distributed import Client
 
     study, count = Study.read(STUDY), 500
@@ -194,7 +194,7 @@ def processor():
 
 
 def table(head, rows):
-    """Lines of a table."""
+    """Returns the lines of a table."""
     return ["| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows]]
 
 
@@ -206,7 +206,7 @@ def write(name, lines):
 
 
 def of_rates(one, both):
-    """Poses a second, and beside what."""
+    """Returns lines about poses per second, compared with others."""
     def share(name, other):
         return f"{one[name] / one[other]:.2f} and {both[name] / both[other]:.2f}"
 
@@ -222,7 +222,7 @@ def of_rates(one, both):
 
 
 def of_search(front, seconds):
-    """The study with all its candidates."""
+    """Returns lines about the study with all its candidates."""
     return [
         f"[design-hexapod.toml](../docs/studies/examples/design-hexapod.toml) as it is, `pkm design --workers 2`: {front.judged} candidates in {seconds:.0f} s,",
         f"of which {front.fitting} keep their limits at the poses looked at; {len(front.machines)} are on the front.",
@@ -230,7 +230,7 @@ def of_search(front, seconds):
 
 
 def of_engines(found, cost, size, each):
-    """Engines beside one another, and what follows for many computers."""
+    """Returns lines that compare engines, and the consequences for many computers."""
     alone = found["this process"]
     batch = max(1, int(np.ceil(cost / (0.05 * each))))
     rows = [[name, f"{CANDIDATES / seconds:.1f}", f"{alone / seconds:.2f}"] for name, seconds in found.items()]

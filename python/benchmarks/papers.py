@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Writes build/design-papers.md: results of the shipped studies of what papers 001, 003 and 004 ask.
+"""Writes build/design-papers.md: results of the shipped studies for the questions of papers 001, 003 and 004.
 
-docs/studies/sources.md compares them with the papers. No times: the same on every computer.
+docs/studies/sources.md compares them with the papers. No times: the results are the same on every computer.
 """
 
 import json
@@ -19,16 +19,16 @@ EXAMPLES = ROOT / "docs/studies/examples"
 NOTEBOOK = ROOT / "python" / "notebooks" / "stiffness-and-platform.ipynb"
 # Machines of a front that a table shows.
 ROWS = 8
-# Inclination of the struts of paper 001, degrees: between what it prints.
+# Inclination of the struts of paper 001, degrees: between its printed values.
 PAPER_001 = (65.0, 67.0)
-# Steps of a level move up and down, mm, and how far it is followed.
+# Steps of a level move up and down, mm, and its largest length.
 STEP, FAR = 0.5, 700.0
-# Tips of paper 004's statement: this far outside the plane of the platform joints, with that plane so high, mm.
+# Tips of paper 004's statement: their distance outside the plane of the platform joints, and its height, mm.
 NOSES, HEIGHTS = (0.0, 100.0, 250.0, 400.0), (600.0, 800.0, 1000.0)
 
 
 def found(name):
-    """The front of a shipped study."""
+    """Returns the front of a shipped study."""
     study = Study.read(EXAMPLES / name)
     with tempfile.TemporaryDirectory() as folder:
         pool = Processes(2)
@@ -38,7 +38,7 @@ def found(name):
 
 
 def some(front):
-    """Machines from one end of a front to the other, evenly by their number."""
+    """Returns machines from one end of a front to the other, evenly by their number."""
     last = len(front.machines) - 1
     return [front.machines[k] for k in sorted({round(k * last / (ROWS - 1)) for k in range(ROWS)})]
 
@@ -48,12 +48,12 @@ def machine(front, values):
 
 
 def inclination(hexapod):
-    """Angle of the struts to the base at home, degrees: all six of a symmetric hexapod stand alike."""
+    """Returns the angle of the struts to the base at home, degrees: all six of a symmetric hexapod have the same."""
     return np.degrees(np.arcsin(hexapod.jacobian(hexapod.home).values[0, 2]))
 
 
 def level_travel(hexapod):
-    """How far the level platform moves up and down through home within its limits, mm."""
+    """Returns the travel of the level platform up and down through home within its limits, mm."""
     def steps(way):
         poses = np.tile(hexapod.home, (int(FAR / STEP), 1))
         poses[:, 2] += way * STEP * np.arange(len(poses))
@@ -71,7 +71,7 @@ def said(front):
 
 
 def of_001(front):
-    """Stroke, tilt and inclination."""
+    """Returns stroke, tilt and inclination."""
     asked = [(values, *objectives, inclination(machine(front, values))) for values, objectives in front.machines]
     largest = max(volume for _, volume, _, _ in asked)
 
@@ -101,7 +101,7 @@ def of_001(front):
 
 
 def of_003(front):
-    """A lathe on four rods."""
+    """Returns a lathe on four rods."""
     head = ["between the rails", "platform width", "platform length", "rod", "least stiffness, N/µm"]
     rows = [[*(f"{x:.4g}" for x in values), f"{objectives[0] * 1e-3:.1f}"] for values, objectives in some(front)]
     ruled = ", ".join(f"{name} ({count})" for name, count in front.killers)
@@ -116,7 +116,7 @@ def of_003(front):
 
 
 def of_004():
-    """Stiffness over the ratio of radii, by the notebook's own lines."""
+    """Returns stiffness over the ratio of radii, by the notebook's own lines."""
     cell = next(cell for cell in json.loads(NOTEBOOK.read_text())["cells"] if cell["cell_type"] == "code")
     lines = {}
     exec("".join(cell["source"]), lines)

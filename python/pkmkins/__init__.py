@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Kinematics and studies of parallel machines, on arrays of numpy.
 
-A machine comes from the INI file of a LinuxCNC configuration with pkmkins, from its legs, or from the
-dimensions that `pkm new` asks for. It answers for any number of poses at once, on all cores, without the
+A machine is defined by the INI file of a LinuxCNC configuration with pkmkins, by its legs, or by the
+dimensions of `pkm new`. It computes any number of poses at once, on all cores, without the
 interpreter's lock, with the same bits as the module that LinuxCNC loads::
 
     import numpy as np
@@ -15,7 +15,7 @@ interpreter's lock, with the same bits as the module that LinuxCNC loads::
     found.values, found.ok
 
 Poses are X Y Z A B C, lengths in the machine's unit, angles in degrees. A row without an answer is NaN
-and has a code; one pose asked by itself raises `Refused`.
+and has a code; a single pose raises `Refused`.
 """
 
 from ._core import (

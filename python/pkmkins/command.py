@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What needs LinuxCNC or files of measurements, as subcommands of `pkm` do it; docs/reference/json.md describes the answers."""
+"""Functions that need LinuxCNC or measurement files, like subcommands of `pkm`: docs/reference/json.md."""
 
 import argparse
 import json
@@ -12,10 +12,10 @@ from ._core import preflight as preflight_json
 
 
 def preflight(machine, program, *options):
-    """Whether a program fits a machine: the answer of `pkm preflight --format json` as a dictionary.
+    """Checks whether a program fits a machine: returns the answer of `pkm preflight --format json` as a dictionary.
 
-    `machine` and `program` are files, `options` further words of the command line, all but --report. `fits` is True,
-    False, or None where that could not be judged.
+    `machine` and `program` are files, `options` further words of the command line, except --report. `fits` is True,
+    False, or None if that could not be judged.
     """
     parser = argparse.ArgumentParser(add_help=False, exit_on_error=False, argument_default=argparse.SUPPRESS)
     parser.add_argument("--mechanism", type=int, choices=(1, 2), default=None)
@@ -38,7 +38,7 @@ def preflight(machine, program, *options):
 
 
 def calibrate(machine, *files):
-    """The geometry that measurements tell: the answer of `pkm calibrate --format json` as a dictionary.
+    """Calibrates the geometry from measurements: returns the answer of `pkm calibrate --format json` as a dictionary.
 
     `files` are logs, tables of readings, and further words of the command line, such as
     `"--plate", "plate.toml", "--write", "new.ini"`.
@@ -47,7 +47,7 @@ def calibrate(machine, *files):
 
 
 def pkm():
-    """The command `pkm`: that of the environment variable PKM, or the one in PATH."""
+    """Returns the path of `pkm`: from the environment variable PKM, or the one in PATH."""
     found = os.environ.get("PKM") or shutil.which("pkm")
     if not found:
         raise CommandFailed("the command pkm is not in PATH: install it, or set the variable PKM")
@@ -55,13 +55,13 @@ def pkm():
 
 
 def asked(*words):
-    """The answer of a subcommand of `pkm` as a dictionary, as docs/reference/json.md describes it."""
+    """Returns the answer of a subcommand of `pkm` as a dictionary, as docs/reference/json.md describes it."""
     run = subprocess.run([pkm(), "--format", "json", *map(str, words)], capture_output=True, text=True)
     try:
         answer = json.loads(run.stdout)
     except json.JSONDecodeError:
         answer = None
-    # 1 is an answer as well: what was asked about does not fit. So is 2 where something was not judged.
+    # Exit status 1 is an answer as well: the machine or program does not fit. So is 2 if something was not judged.
     if answer is None or answer.get("errors"):
         said = "\n".join(answer["errors"]) if answer else run.stderr.strip()
         raise CommandFailed(said or f"pkm ended with {run.returncode}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`pkm compare`: layouts side by side over the same poses about each one's home, in one table."""
+"""`pkm compare`: layouts side by side over the same poses about their homes, in one table."""
 
 import argparse
 import html
@@ -37,7 +37,7 @@ examples:
 
 @dataclass(frozen=True)
 class Asked:
-    """What machines are compared by."""
+    """The parameters of the comparison."""
 
     box: tuple
     tilt: float
@@ -46,7 +46,7 @@ class Asked:
 
 
 def compare(files, asked):
-    """Rows of (what, unit, one value for each machine); NaN or text where there is no number."""
+    """Returns rows of (quantity, unit, one value for each machine); NaN or text if there is no number."""
     machines = [Machine.from_ini(file) for file in files]
     columns = [dict(_rows(file, machine, asked)) for file, machine in zip(files, machines)]
     names = list(dict.fromkeys(name for column in columns for name in column))
@@ -125,7 +125,7 @@ def _of_program(file, program):
 
 
 def table(files, rows):
-    """The rows as text."""
+    """Returns the rows as text."""
     cells = [["", "", *(Path(file).stem for file in files)]]
     cells += [[name, unit, *map(shown, values)] for name, unit, values in rows]
     widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))]
@@ -133,7 +133,7 @@ def table(files, rows):
 
 
 def page(files, rows):
-    """The rows as an HTML page."""
+    """Returns the rows as an HTML page."""
     head = "".join(f"<th>{html.escape(Path(file).stem)}</th>" for file in files)
     body = "".join(
         f"<tr><th>{html.escape(name)}</th><td>{html.escape(unit)}</td>"
@@ -149,7 +149,7 @@ def page(files, rows):
 
 
 def shown(value):
-    """A value for people."""
+    """Formats a value for users."""
     if isinstance(value, str):
         return value
     return "not judged" if math.isnan(value) else f"{value:.5g}"

@@ -10,7 +10,7 @@ import pytest
 from pkmkins import Machine
 
 ROOT = Path(__file__).resolve().parents[2]
-# Those whose axes carry something and pairs of mechanisms are refused, which has a test of its own.
+# Machines whose axes carry something and pairs of mechanisms are refused, which has a separate test.
 OTHERS = {"hexapod-rotary-table", "lathe-mirrored", "lathe-two-turrets", "lathe-work-on-platform"}
 MACHINES = sorted(ini.stem for ini in ROOT.glob("configs/*/*.ini") if ini.stem not in OTHERS)
 
@@ -19,7 +19,7 @@ CASES = int(os.environ.get("PKMKINS_CASES", "1"))
 
 
 # Programs run by LinuxCNC, which the package itself does not need, in virtual time: with the library that make install
-# puts beside it, or the one that PKM_VIRTUAL_LIBRARY names.
+# installs beside it, or the one that PKM_VIRTUAL_LIBRARY names.
 needs_linuxcnc = pytest.mark.skipif(shutil.which("linuxcnc") is None, reason="LinuxCNC is not installed here")
 
 
@@ -28,7 +28,7 @@ def ini(name):
 
 
 def poses(machine, count, seed=1):
-    """Random poses about home, some of them out of reach."""
+    """Returns random poses about home, some of them out of reach."""
     rng = np.random.default_rng(seed)
     spread = np.array([machine.size / 4] * 3 + [20.0] * 3)
     moved = np.array([letter in machine.coordinates for letter in "XYZABC"])

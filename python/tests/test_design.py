@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The search over geometries: a known optimum, the same result with every engine, nothing lost on the way."""
+"""The search over geometries: a known optimum, the same result with every engine, no loss on an interruption."""
 
 import json
 import os
@@ -83,11 +83,11 @@ population = 20
 
 
 def test_a_known_optimum_is_found(tmp_path):
-    """Three struts of stiffness k that meet in a point at height h over feet on a circle of radius R lean by s, tan s =
-    R/h. The point has the stiffness 3 k cos² s along Z and 3/2 k sin² s across it. The least of both is largest
-    where they are equal: R = sqrt(2) h, and both are k."""
+    """Tests the optimum of three struts of stiffness k that meet at height h over feet on a circle of radius R.
+    They lean by s, tan s = R/h. The point has the stiffness 3 k cos² s along Z and 3/2 k sin² s across it. The least of
+    both is largest when they are equal: R = sqrt(2) h, and both are k."""
     [(values, objectives)] = design(Study.parse(TRIPOD), tmp_path / "r.jsonl").machines
-    # 600 candidates come within a thousandth; the stiffness has a kink there, so that it is as near.
+    # 600 candidates reach a thousandth; the stiffness has a kink there, so that it is as near.
     assert values[0] == pytest.approx(400 * np.sqrt(2), rel=1e-3)
     assert objectives[0] == pytest.approx(10_000, rel=2e-3)
 
@@ -179,12 +179,12 @@ def test_unknown_kinds_and_dimensions_are_refused(study):
 
 
 def test_inaccuracies_of_making_scatter_as_the_slope_says():
-    """Across the kink of the tripod's stiffness both sides have slopes that are known: 3 k cos² s, 3/2 k sin² s."""
+    """Tests the kink of the tripod's stiffness, where both sides have known slopes: 3 k cos² s, 3/2 k sin² s."""
     study, far = Study.parse(TRIPOD), 800.0
     spread = scatter(study, [far], 1.0, 0.0)
     slope = -2 * 3 * 10_000 * 400**2 * far / (far**2 + 400**2) ** 2
     assert spread.fitting == 1
-    # 64 draws know a standard deviation to a tenth; three of them.
+    # 64 samples give a standard deviation to a tenth; allow three of them.
     assert spread.deviation[0] == pytest.approx(abs(slope), rel=0.3)
     assert scatter(study, [far], 0.0, 0.0).deviation == (0.0,)
 
@@ -221,7 +221,7 @@ def test_an_objective_that_is_no_number_rules_a_machine_out_by_name(study, tmp_p
 
 @pytest.mark.parametrize("lines", [0, 2, 20])
 def test_ctrl_c_ends_a_run_with_a_word_and_it_goes_on(study, tmp_path, lines):
-    """To all processes of the terminal, as soon as the file has so many lines: with none, while workers start."""
+    """Sends it to all processes of the terminal, when the file has this many lines: with none, while workers start."""
     file, results = tmp_path / "study.toml", tmp_path / "study.jsonl"
     file.write_text(STUDY)
     command = [sys.executable, "-m", "pkmkins.design.command", file]
@@ -248,7 +248,7 @@ def test_a_worker_process_that_is_killed_ends_the_run_with_a_word(study):
 
 
 class Dask:
-    """A scheduler of Dask on this computer, and worker processes of it."""
+    """A Dask scheduler on this computer, and its worker processes."""
 
     def __init__(self, folder, workers):
         self.distributed = pytest.importorskip("distributed")
@@ -262,11 +262,11 @@ class Dask:
         return subprocess.Popen(command, stderr=subprocess.DEVNULL)
 
     def add(self, *words):
-        """One more worker."""
+        """Adds a worker."""
         self.workers.append(self._started("dask_worker", "--nthreads", "1", "--no-nanny", "--local-directory", str(self.folder), *words))
 
     def engine(self):
-        """Of its workers, as soon as all of them are there."""
+        """Returns an engine of its workers, once all of them have started."""
         deadline = time.monotonic() + 60
         while not self.info.exists() or not self.info.read_text():
             assert time.monotonic() < deadline

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Kinematics on arrays: the same bits as the command, masks for what has no answer."""
+"""Kinematics on arrays: the same bits as the command, masks for rows without an answer."""
 
 import csv
 import io
@@ -14,7 +14,7 @@ from pkmkins.command import pkm
 
 
 def asked(command, machine, names, rows):
-    """What `pkm` answers for rows, NaN where it has none."""
+    """Returns the results of `pkm` for rows, NaN if it has none."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(names)
@@ -45,7 +45,7 @@ def test_forward_of_inverse_is_the_pose(machine):
     joints = machine.inverse(given)
     back = machine.forward(joints.values[joints.ok])
     assert joints.ok.all() and back.ok.all()
-    # The module's promise: 1e-10 of the machine's size, angles by the platform's radius.
+    # The module's guarantee: 1e-10 of the machine's size, angles times the platform's radius.
     apart = np.abs(back.values - given)
     apart[:, 3:] *= np.radians(machine.radius)
     assert apart.max() < 1e-10 * machine.size

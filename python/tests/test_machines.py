@@ -104,7 +104,7 @@ def test_stiffness_of_one_spring_a_leg_follows_from_the_jacobian(hexapod):
     given = np.array([hexapod.home, hexapod.home + [5, -3, 8, 2, 1, 3]])
     found = hexapod.stiffness(given, study)
     least = 1 / np.linalg.eigvalsh(found.compliance.values[:, :3, :3])[:, -1]
-    # Both by the same numbers: rounding of an eigenvalue.
+    # Both use the same numbers: rounding of an eigenvalue.
     np.testing.assert_allclose(found.translation.values[:, 0], least, rtol=1e-9)
     with pytest.raises(MachineError, match="study"):
         hexapod.stiffness(given, "[leg]\n")
@@ -113,7 +113,7 @@ def test_stiffness_of_one_spring_a_leg_follows_from_the_jacobian(hexapod):
 def test_sensitivity_is_the_inverse_of_the_jacobian(hexapod):
     found = hexapod.sensitivity(hexapod.home, length=hexapod.radius)
     jacobian = hexapod.jacobian(hexapod.home).values
-    # Condition numbers of some hundred take that many units of the last place.
+    # Condition numbers of some hundred lose that many units in the last place.
     np.testing.assert_allclose(found.gain.values @ jacobian, np.eye(6), atol=1e-10)
 
 
@@ -150,7 +150,7 @@ def test_preflight_answers_as_the_command_does(name, program, tmp_path):
     program, trace = tmp_path / program, tmp_path / "trace.csv"
     words = ["--trace", trace, "--most-time", "3600"]
     assert pkmkins.preflight(ini(name), program, *words) == asked("preflight", ini(name), program, *words)
-    # Twice: what was written or read once is no input of the next call.
+    # Twice: files written or read once are not an input of the next call.
     assert pkmkins.preflight(ini(name), program, *words)["fits"] is (name == "tripod")
     assert trace.exists()
 
@@ -166,7 +166,7 @@ def test_ctrl_c_ends_preflight_and_leaves_no_process_and_no_folder(tmp_path, tex
     program, folder = tmp_path / "endless.ngc", tmp_path / "tmp"
     program.write_text(text)
     folder.mkdir()
-    # A shell starts what runs in the background with SIGINT ignored.
+    # A shell starts background processes with SIGINT ignored.
     code = ("import signal, sys, pkmkins; signal.signal(signal.SIGINT, signal.default_int_handler); "
             "pkmkins.preflight(sys.argv[1], sys.argv[2], '--patience', '1000')")
     words = [sys.executable, "-c", code, ini("hexapod"), program]
@@ -183,10 +183,10 @@ def test_ctrl_c_ends_preflight_and_leaves_no_process_and_no_folder(tmp_path, tex
 
 
 def processes_of(folder):
-    """Command lines that name a folder."""
+    """Returns the command lines that name a folder."""
     lines = []
     for file in Path("/proc").glob("[0-9]*/cmdline"):
-        # Others end meanwhile.
+        # Other processes end meanwhile.
         with contextlib.suppress(OSError):
             lines.append(file.read_text(errors="replace"))
     return [line for line in lines if str(folder) in line]

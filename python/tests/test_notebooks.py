@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The notebooks run to their end."""
+"""Runs the notebooks to their end."""
 
 import pytest
 from conftest import ROOT
@@ -14,6 +14,6 @@ NOTEBOOKS = sorted((ROOT / "python" / "notebooks").glob("*.ipynb"))
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_a_notebook_runs_to_its_end(file):
     book = nbformat.read(file, as_version=4)
-    # Where the configurations are, which a notebook of one's own would name.
+    # The folder of the configurations, which a user's notebook would name.
     book.cells.insert(0, nbformat.v4.new_code_cell(f"CONFIGS = {str(ROOT / 'configs')!r}"))
     nbclient.NotebookClient(book, timeout=300, kernel_name="python3").execute()

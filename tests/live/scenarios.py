@@ -548,7 +548,7 @@ def escape(machine: Machine, out, joint, distance, speed):
 
 
 def escape_to_mdi(machine: Machine, out, joint, distance, speed):
-    """Does the same with MDI requested: LinuxCNC's planner keeps the pose from before the jog, because it refuses NaN."""
+    """Does the same with MDI requested: LinuxCNC's planner keeps the pose before the jog, because it refuses NaN."""
     machine.turn_on()
     machine.home()
     machine.joint_mode()

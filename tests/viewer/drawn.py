@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Whether pictures of a model show every part where the scene's formulas and the projection say."""
+"""Checks whether pictures of a model show every part where the scene's formulas and the projection place it."""
 
 import json
 import sys
@@ -10,16 +10,16 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY / "viewer"))
 from pkmkins_scene import Scene, add, scaled, subtract, whole  # noqa: E402
 
-# How LinuxCNC's library looks at a model: degrees, and sizes of the model away.
+# The view of a model in LinuxCNC's library: degrees, and the distance in sizes of the model.
 LATITUDE, LONGITUDE, FIELD, DISTANCE = -70, 30, 30, 3
-# Rounding of a place; a part is a few pixels wide.
+# Rounding of a position; a part is a few pixels wide.
 NEIGHBOURS = 1
-# Parts that others hide: legs cross, and a platform stands before rods. With a view turned by 8 degrees 12 of the
+# Parts may hide others: legs cross, and a platform is in front of rods. With a view rotated by 8 degrees 12 of the
 # 18 configurations fall below this, by 15 degrees 17 do.
 SEEN = 0.7
-# Pixels that a part has to go for its motion to be seen.
+# Pixels that a part must move for its motion to be visible.
 MOTION = 6
-# Share of the model's window that changes at least where parts have moved: rods are thin.
+# Smallest fraction of the model's window that changes if parts have moved: rods are thin.
 CHANGED = 0.002
 
 
@@ -41,7 +41,7 @@ class Picture:
         return tuple(self.pixels[start:start + 3 * self.step:self.step])
 
     def differs(self, other, window):
-        """Share of a window whose pixels are not those of another picture."""
+        """Returns the fraction of a window whose pixels differ from those of another picture."""
         left, top, width, height = window
         rows = [slice(*(3 * self.step * (y * self.width + x) for x in (left, left + width)))
                 for y in range(top, top + height)]
@@ -56,7 +56,7 @@ class Picture:
         return any(is_colour(self.at(x + i, y + j)) for i in near for j in near)
 
 
-# Colours under LinuxCNC's two lights, one of them blue: told by which part is larger.
+# Colors under LinuxCNC's two lights, one of them blue: distinguished by the larger part.
 def is_green(colour):
     red, green, blue = colour
     return green > 45 and green > 1.15 * red and green > 1.15 * blue
@@ -68,12 +68,12 @@ def is_blue(colour):
 
 
 def is_metal(colour):
-    # The red of a window where something is wrong is none.
+    # The red warning background does not count.
     return max(colour) > 60 and colour[0] < 1.8 * colour[2] and not is_green(colour)
 
 
 class View:
-    """Places of the machine as pixels of the whole screen."""
+    """The projection of the machine onto pixels of the whole screen."""
 
     def __init__(self, scenes, window):
         self.left, self.top, self.width, self.height = window
@@ -89,7 +89,7 @@ class View:
 
 
 def parts(scenes, state):
-    """Name, a point in it, and whether a colour is its own, of all mechanisms."""
+    """Returns name, a point, and a color test of all parts of all mechanisms."""
     return [part for scene, own in zip(scenes, state["mechanisms"]) for part in parts_of(scene, own)]
 
 
@@ -110,19 +110,19 @@ def parts_of(scene, state):
 
 
 def farthest(view, before, after):
-    """Pixels that the part has gone which has gone farthest."""
+    """Returns the largest motion of a part in pixels."""
     return max(hypot(*subtract(view.pixel(one[1]), view.pixel(two[1]))) for one, two in zip(before, after))
 
 
 def missing(scenes, state, picture):
-    """Names of parts that are not where they should be; none where nearly all are, as parts cover each other."""
+    """Returns names of missing parts; none if nearly all are visible, because parts hide each other."""
     view, all_parts = View(scenes, state["window"]), parts(scenes, state)
     names = [name for name, point, colour in all_parts if not picture.shows(view.pixel(point), colour)]
     return names if len(names) > (1 - SEEN) * len(all_parts) else []
 
 
 def judged(out):
-    """Says what was seen; AssertionError where a part is not drawn, or has not moved."""
+    """Returns a summary; raises AssertionError if a part is not drawn, or has not moved."""
     scenes = [Scene(fields) for fields in json.loads((out / "scenes.json").read_text())]
     log = (out / "linuxcnc.log").read_text(errors="replace")
     assert "pkmkins: panel:" not in log, [line for line in log.splitlines() if "pkmkins: panel:" in line]
@@ -142,7 +142,7 @@ def judged(out):
 
 
 def has_shape(out, points):
-    """Whether points of a shape, in the platform's frame, are drawn at home, and the legs as well."""
+    """Returns whether points of a shape, in the platform's frame, are drawn at home, and the legs as well."""
     scene = Scene(json.loads((out / "scenes.json").read_text())[0])
     state = json.loads((out / "home.json").read_text())
     view, picture = View([scene], state["window"]), Picture(out / "home.ppm")

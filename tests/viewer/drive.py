@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Homes the machine that AXIS shows, runs its program, and makes a picture of both: `screens.py` runs it.
+"""Homes the machine that AXIS shows, runs its program, and takes a picture of both: `screens.py` runs it.
 
     drive.py FOLDER home|program|refused|bare|touch-off        with INI_FILE_NAME and DISPLAY set
-    drive.py FOLDER outlived WINDOW PROCESS WORD     of another user interface, with INI_FILE_NAME set
+    drive.py FOLDER outlived WINDOW PROCESS WORD     for another user interface, with INI_FILE_NAME set
 
-`program` writes home.png and program.png, and what HAL said at the time, home.json and program.json.
+`program` writes home.png and program.png, and HAL's values at the time, home.json and program.json.
 """
 
 import json
@@ -26,21 +26,21 @@ from drawn import Picture, Scene, View, farthest, missing, parts  # noqa: E402
 
 COMPONENTS = ("pyvcp", "pkmkins-panel", "pkmkins-vismach")
 START_SECONDS = 120
-# The model is drawn anew ten times a second, on a computer that draws slowly.
+# The model is redrawn ten times a second, on a computer that draws slowly.
 SETTLE_SECONDS = 2.0
 MOST_PICTURES = 10
 # limit-iterations must be 1 to 288.
 NO_ITERATIONS = -37
-# How far a program runs before its picture is made, at most, and pixels that some part has gone then: after half
-# of the time fewer, for those whose moves are short.
+# Largest duration of a program before its picture is taken, and pixels that some part must have moved then: fewer
+# after half of the time, for programs with short moves.
 RUN_SECONDS = 24.0
 MOTION, LESS_MOTION = 30, 8
 
 
 def wait_for_axis(name):
-    """Until AXIS has connected the panel, which it does last, and both windows are there."""
+    """Waits until AXIS has connected the panel, its last step, and both windows exist."""
     wait(lambda: windows(name), "windows of AXIS and of the model")
-    # Not before LinuxCNC has made the memory that it is a part of.
+    # Not before LinuxCNC has created the shared memory of the component.
     kept = hal.component("screens")
     kept.ready()
     for part in COMPONENTS:
@@ -57,7 +57,7 @@ def wait(condition, what):
 
 
 def tree():
-    """All windows of the screen, in words."""
+    """Returns all windows of the screen as text."""
     return subprocess.run(["xwininfo", "-root", "-tree"], capture_output=True, text=True).stdout
 
 
@@ -67,7 +67,7 @@ def title(name):
 
 
 def windows(name):
-    """Left, top, width and height of the model's window, once it has its place."""
+    """Returns left, top, width and height of the model's window, once it has its position."""
     if not re.search('"(AXIS|axis)', tree()):
         return None
     found = re.search(rf'"{re.escape(name)}: pkmkins.*?\s(\d+)x(\d+)\+-?\d+\+-?\d+\s+\+(-?\d+)\+(-?\d+)', tree())
@@ -87,7 +87,7 @@ def state(machine, scenes, name):
 
 
 def picture(machine, scenes, out, stem, name):
-    """Takes a picture once the model is drawn where it should be and stays there: on a loaded computer that takes a while."""
+    """Takes a picture once the model is drawn at its position and stays there, which takes time on a busy computer."""
     before = None
     for _ in range(MOST_PICTURES):
         time.sleep(SETTLE_SECONDS)
@@ -103,7 +103,7 @@ def picture(machine, scenes, out, stem, name):
 
 
 def described(ini):
-    """The scenes of the mechanisms."""
+    """Returns the scenes of the mechanisms."""
     def asked(number):
         done = subprocess.run(["pkm", "scene", ini, "--mechanism", number], capture_output=True, text=True, check=True)
         return Scene(json.loads(done.stdout))
@@ -113,7 +113,7 @@ def described(ini):
 
 
 def home(out, ini, name):
-    """Homes the machine; returns what the picture of it needs."""
+    """Homes the machine; returns the data for its picture."""
     scenes = described(ini)
     (out / "scenes.json").write_text(json.dumps([vars(scene) for scene in scenes]))
     kept = wait_for_axis(name)
@@ -145,14 +145,14 @@ def program(out, ini, name):
 
 
 def refused(out, _ini, _name):
-    """A picture of what AXIS says of a program that it opens at the start."""
+    """Takes a picture of AXIS's message about a program that it opens at the start."""
     wait(lambda: '"Filter failed' in tree(), "what AXIS says of the program")
     time.sleep(SETTLE_SECONDS)
     subprocess.run(["import", "-window", "root", str(out / "refused.png")], check=True, timeout=60)
 
 
 def bare(out, _ini, _name):
-    """Homes a machine whose panel knows nothing."""
+    """Homes a machine whose panel has no data."""
     wait(lambda: '"AXIS ' in tree() or '"axis' in tree(), "window of AXIS")
     kept = hal.component("screens")
     kept.ready()
@@ -161,12 +161,12 @@ def bare(out, _ini, _name):
     from machine import Machine, halcmd
     machine = Machine()
     machine.start()
-    # As long as the panel would take to know.
+    # As long as the panel would need for its data.
     machine.pause(3)
     assert not machine.get("pkmkins-panel.known") and machine.get("pyvcp.geometry-ok")
     assert machine.get("pyvcp.x-plus") != machine.get("pyvcp.x-plus"), "a number that nobody knows"
     switch_kinematics(machine)
-    # A refusal for the picture.
+    # Causes a refusal for the picture.
     machine.command.abort()
     halcmd("setp", "pkmkins.limit-iterations", "0")
     machine.wait(lambda: machine.get("pkmkins.fault") == NO_ITERATIONS, 5, "a refusal")
@@ -176,8 +176,8 @@ def bare(out, _ini, _name):
 
 
 def switch_kinematics(machine):
-    """As the buttons of the panel do it, whose pins are taken off for this: refused in world mode and in a move,
-    there and back in MDI and in joint mode, and no joint moves."""
+    """Switches the kinematics like the buttons of the panel, whose pins are disconnected for this: refused in world
+    mode and in a move, both directions in MDI and in joint mode, and no joint moves."""
     from machine import halcmd
     for choice in ("machine", "joints"):
         halcmd("unlinkp", f"pyvcp.kinematics.{choice}")
@@ -200,7 +200,7 @@ def switch_kinematics(machine):
 
 
 def touch_off(out, ini, name):
-    """Has AXIS touch off a tool that is 15 mm longer, at a tilt, and records the joints in every servo cycle."""
+    """Makes AXIS touch off a tool that is 15 mm longer, at a tilt, and records the joints in every servo cycle."""
     kept = wait_for_axis(name)
     from machine import Machine
     from scenarios import SERVO_PERIOD_NS, peaks, tool_change_columns
@@ -216,7 +216,7 @@ def touch_off(out, ini, name):
     recorder.start()
     machine.component["phase"] = 1
     asked, done = (Path(ini).with_name(name) for name in ("touch-off", "touched-off"))
-    # Written elsewhere first: AXIS looks all the time.
+    # Written elsewhere first: AXIS checks the file continuously.
     done.write_text("185")
     done.rename(asked)
     machine.wait(done.exists, 60, "AXIS's answer to its dialog")
@@ -233,16 +233,16 @@ def touch_off(out, ini, name):
     kept.exit()
 
 
-# A user interface loads the panel's files 10 to 25 s after LinuxCNC's start, and LinuxCNC used to end then.
+# A user interface loads the panel's files 10 to 25 s after LinuxCNC's start; in the past LinuxCNC ended then.
 LOADED_SECONDS = 30
 PROGRAM = "G21 G90 M52 P1\nG91 F600\nG1 Z-5\nG1 Z5\nG90\nM2\n"
 
 
 def outlived(out, ini, window, process, word):
-    """Homes the machine under any user interface, once that has loaded what says `word`, runs a program and stays on
+    """Homes the machine under any user interface, once its log contains `word`, runs a program and waits
     until everything is loaded."""
     def age():
-        # Ticks since the computer's start, in the field behind the name in parentheses.
+        # Clock ticks since the computer's start, in the field after the name in parentheses.
         return time.clock_gettime(time.CLOCK_BOOTTIME) - int(
             Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[19]) / os.sysconf("SC_CLK_TCK")
 
@@ -281,8 +281,8 @@ def outlived(out, ini, window, process, word):
 
 
 def insist(machine, act, is_so, what):
-    """Acts until that has lasted for a while: gmoccapy repeats the command before, or takes the mode back, when it sees
-    late what another has done."""
+    """Repeats an action until its result has lasted for a while: gmoccapy repeats an earlier command, or resets the
+    mode, when it detects a change by another program late."""
     end = time.monotonic() + START_SECONDS
     while time.monotonic() < end:
         machine.poll()
@@ -308,7 +308,7 @@ def home_joints(machine):
 
 
 def hal_is_there():
-    """Whether LinuxCNC has made the memory that a component is a part of: the first one would make it else."""
+    """Returns whether LinuxCNC has created the shared memory of components: otherwise the first component would."""
     return any(words[:1] == [HAL_KEY] for words in map(str.split, open("/proc/sysvipc/shm")))
 
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""pkm-live without a LinuxCNC: the page, the stream, requests that are refused, and starts that are.
+"""Tests pkm-live without a LinuxCNC: the page, the stream, refused requests, and refused starts.
 
     tests/viewer/live_test.py
 """
@@ -26,7 +26,7 @@ PAGE = b"<!doctype html><title>Machine</title>"
 
 
 class Served:
-    """pkm-live at a free port, with a page of its own."""
+    """pkm-live at a free port, with a separate page."""
 
     def __init__(self, folder, *options):
         page = pathlib.Path(folder) / "page.html"
@@ -43,7 +43,7 @@ class Served:
         self.process.communicate()
 
     def answer(self, request, name=f"Host: {HOST}"):
-        """Status and body of a request as it is written."""
+        """Returns status and body of a request as written."""
         with socket.create_connection((HOST, self.port), timeout=10) as connection:
             connection.sendall(f"{request} HTTP/1.1\r\n{name}\r\nConnection: close\r\n\r\n".encode())
             answer = b"".join(iter(lambda: connection.recv(65536), b""))
@@ -52,7 +52,7 @@ class Served:
 
 
 def refused(*arguments):
-    """What a start says that ends with 2."""
+    """Returns the message of a start that ends with exit code 2."""
     done = subprocess.run([LIVE, *map(str, arguments)], capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and not done.stdout, done
     assert done.stderr.startswith("pkm-live: ") and "Traceback" not in done.stderr, done.stderr
@@ -71,7 +71,7 @@ def test_the_page_and_the_state_are_served(served):
 
 
 def pkmkins_fields():
-    """The fields that docs/reference/view.md lists."""
+    """Returns the fields that docs/reference/view.md lists."""
     rows = (REPOSITORY / "docs/reference/view.md").read_text().split("### Events")[1].split("\n## ")[0].splitlines()
     return [name for row in rows if row.startswith("| `") for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
 
@@ -107,7 +107,7 @@ def test_only_reading_is_served(served):
 def test_connections_that_say_nothing_hold_nobody(served):
     idle = [socket.create_connection((HOST, served.port)) for _ in range(200)]
     end = time.monotonic() + 20
-    # The first fifty end by themselves, those beyond at once.
+    # The first fifty end normally, those beyond at once.
     while True:
         try:
             assert served.answer("GET /") == (200, PAGE)

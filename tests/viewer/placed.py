@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Where the viewer puts tool tip, work, and lower and upper ends of legs: a line of JSON in, a line out.
-`command/tests/scene.rs` and `tests/page` ask.
+"""Returns the viewer's positions of tool tip, workpiece, and lower and upper ends of legs: a line of JSON in, a line
+out. Used by `command/tests/scene.rs` and `tests/page`.
 
     placed.py SCENE.json < {"joints": [...], "pose": [...], "tool": [...], "values": {...}, "of_work": [...]}
 """

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Where the model puts the ends of legs, against `pkm rods`, for every shipped machine; files with shapes.
+"""Compares the model's leg ends with `pkm rods`, for every shipped machine; tests files with shapes.
 
     tests/viewer/scene_test.py PKM
 """
@@ -37,7 +37,7 @@ def pkm(*arguments, given=""):
 
 
 def poses(scene, chance):
-    """Poses within the limits of the axes, as CSV."""
+    """Returns poses within the limits of the axes, as CSV."""
     ranges = {axis["letter"]: (axis["min"], axis["max"]) for axis in scene.axes}
     home = dict(zip("XYZABC", scene.home["pose"]))
     text = io.StringIO()
@@ -49,9 +49,9 @@ def poses(scene, chance):
 
 
 def largest_difference(ini, chance):
-    """Of the ends of legs over random poses with a tool, and how many poses there were."""
+    """Returns the largest difference of leg ends over random poses with a tool, and the number of poses."""
     scene = Scene(json.loads(pkm("scene", ini)))
-    # Where the pose is the platform's own, rods know no tool.
+    # If the pose is the platform's own, `pkm rods` has no tool.
     own = [chance.uniform(-20, 20) * scene.units_per_mm * scene.sees_tool for _ in range(3)]
     tool = (own[0], own[1], own[2] + scene.spindle_offset)
     table = pkm("rods", ini, "--tool", *own, given=poses(scene, chance))
@@ -71,7 +71,7 @@ CORNERS = [(0, 0, 0), (2, 0, 0), (0, 3, 0)]
 
 
 def shapes(folder):
-    """Files of one triangle, and files that hold none, with a word of what is said of each."""
+    """Tests files of one triangle, and files without one, with a word of the message for each."""
     text = "solid a\nfacet normal 0 0 1\nouter loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in CORNERS)
     good = {
         "text.stl": (text + "endloop\nendfacet\nendsolid\n").encode(),
@@ -113,7 +113,7 @@ def shapes_failed():
 
 
 def words_failed():
-    """What the panel says of a refusal is what the core says of it, without the value."""
+    """Checks that the panel's text of a refusal is the core's, without the value."""
     ini = REPOSITORY / "configs/linear-delta/linear-delta.ini"
     done = subprocess.run([sys.argv[1], "joints", ini, "--pose", "9999", *"00000"], capture_output=True, text=True)
     core = re.sub(r" \(value [^)]*\)", "", done.stderr.removeprefix("pkm: ")).strip()

@@ -1,13 +1,13 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Shipped configurations in AXIS, with panel and model, on a screen in memory.
+"""Tests shipped configurations in AXIS, with panel and model, on a virtual screen.
 
     tests/viewer/screens.py [--only TEXT] [--out FOLDER] [--pkm target/host/pkm]
 
-Of every configuration: AXIS comes up, the machine is homed and its program runs. A picture is made at
-home and one in the program. In both every part of the machine has to be where the scene's formulas and
-the window's projection say, in its colour; and the parts have to have moved. More cases: a program that the
-filter holds back, a computer without the command `pkm`, and shapes from files, good and bad; and every other user
+For every configuration: AXIS starts, the machine is homed and its program runs. A picture is taken at
+home and one in the program. In both every part of the machine must be where the scene's formulas and
+the window's projection place it, in its color; and the parts must have moved. More cases: a program that the
+filter rejects, a computer without the command `pkm`, and shapes from files, good and bad; and every other user
 interface with the shipped INI file. `--out` keeps the pictures.
 Needs Xvfb, ImageMagick and Mesa's software GL, and PyQt5 for QtDragon.
 """
@@ -36,7 +36,7 @@ import drawn  # noqa: E402
 
 SCREEN = "1900x1000x24"
 MODEL = "560x560+1330+10"
-# A computer that draws without a graphics card and runs two more machines.
+# For a computer that draws without a graphics card and runs two more machines.
 START_SECONDS = 120
 END_SECONDS = 20
 SIGNAL_SECONDS = 4
@@ -44,7 +44,7 @@ PASSED = "passed"
 
 
 class Screen:
-    """A screen in memory."""
+    """A virtual screen."""
 
     def __enter__(self):
         read, write = os.pipe()
@@ -61,16 +61,16 @@ class Screen:
 
 
 def copied(name, folder):
-    """A copy of a configuration, and its INI file."""
+    """Copies a configuration; returns its INI file."""
     copy = folder / "config"
     shutil.copytree(REPOSITORY / "configs" / name, copy)
     ini = copy / f"{name}.ini"
     model = f"APP = pkmkins-vismach {name}.ini"
     text = ini.read_text()
     assert text.count(model) == 1, f"{name}.ini starts no model"
-    # Nobody moves the windows apart.
+    # The windows must not overlap.
     text = text.replace(model, f"{model} --geometry {MODEL}")
-    # AXIS draws ten times a second otherwise, which without a card is more than a quarter of what this costs.
+    # Otherwise AXIS draws ten times a second, which without a graphics card takes more than a quarter of the time.
     ini.write_text(text.replace("[DISPLAY]\n", "[DISPLAY]\nCYCLE_TIME = 0.5\n"))
     return ini
 
@@ -87,11 +87,11 @@ def started(ini, log, env):
 
 
 def stop(process, display="bin/axis ", patience=END_SECONDS):
-    """Ends the user interface, by force after `patience` seconds, whereupon LinuxCNC ends; then what is left of it."""
+    """Ends the user interface (by force after `patience` seconds), thereby LinuxCNC, then the remaining processes."""
     end = time.monotonic() + patience + END_SECONDS
     while time.monotonic() < end:
-        # A signal that comes while AXIS answers to its window only ends that answer. Some end with an error, of
-        # which LinuxCNC makes a window.
+        # A signal during AXIS's response to its window only ends that response. Some end with an error, for
+        # which LinuxCNC opens a window.
         number = signal.SIGTERM if time.monotonic() < end - END_SECONDS else signal.SIGKILL
         group = ["pgrep", "-g", str(process.pid), "-f", f"{display}|show_errors"]
         for shown in subprocess.run(group, capture_output=True, text=True).stdout.split():
@@ -111,7 +111,7 @@ def stop(process, display="bin/axis ", patience=END_SECONDS):
 
 
 def driven(name, out, task, edit=lambda ini: None, path=None):
-    """Brings a configuration up and has `drive.py` do its task; returns what LinuxCNC has told."""
+    """Starts a configuration and runs a task of `drive.py`; returns LinuxCNC's output."""
     with tempfile.TemporaryDirectory(prefix="pkmkins-screen-") as temporary, Screen() as screen:
         folder = Path(temporary)
         ini = copied(name, folder)
@@ -139,7 +139,7 @@ def shown(name, out):
 
 
 def filter_holds_back(out):
-    """AXIS asks the filter, which the program that it opens at the start does not pass."""
+    """Checks that AXIS runs the filter, which rejects the program that it opens at the start."""
     def edit(ini):
         text = re.sub("(?m)^OPEN_FILE = .*$", "OPEN_FILE = programs/far.ngc", ini.read_text())
         text += "\n[FILTER]\nPROGRAM_EXTENSION = .ngc G code that fits the machine\nngc = pkm filter\n"
@@ -153,8 +153,8 @@ def filter_holds_back(out):
 
 
 def without_the_command(out):
-    """Where `pkm` is not installed, and pins are missing that the panel would show, the machine starts, with
-    what there is, and the reasons are told."""
+    """Checks that a machine without `pkm` and without pins that the panel would show starts with
+    the existing ones, and reports the reasons."""
     def edit(ini):
         wiring = ini.with_name("hexapod-panel.tcl")
         wiring.write_text(wiring.read_text().replace(" pkmkins.margin.5 ", " pkmkins.margin.6 "))
@@ -166,8 +166,8 @@ def without_the_command(out):
     return "homed, kinematics switched, without model and travel left"
 
 
-# AXIS executes ~/.axisrc in its own names. When drive.py asks for it, this presses the button of the tool touch-off and
-# answers its dialog, which waits in a loop of its own.
+# AXIS executes ~/.axisrc in its own namespace. When drive.py requests it, this presses the button of the tool touch-off
+# and answers its dialog, which waits in its own loop.
 AXISRC = """
 import os
 touch_off_asked, touch_off_done = (
@@ -196,21 +196,21 @@ root_window.after(100, touch_off_when_asked)
 
 
 def tool_touch_off_at_a_tilt(out):
-    """AXIS's own dialog makes the tool 15 mm longer: no joint exceeds its acceleration."""
+    """Makes the tool 15 mm longer in AXIS's own dialog: no joint exceeds its acceleration."""
     driven("hexapod", out, "touch-off", lambda ini: ini.parent.with_name(".axisrc").write_text(AXISRC))
     found = json.loads((out / "touch-off.json").read_text())
     assert found["acceleration_share"] <= 1.02, found
     return f"{found['acceleration_share']} of the acceleration limit, {found['busy_s']} s"
 
 
-# A plate of 20 cm with 6 cm of height under it, in centimetres, and points of its front and its left side.
+# A plate of 20 cm with a height of 6 cm below it, in centimeters, and points of its front and its left side.
 BOX = ((-10, -10, -6), (10, 10, 0))
 PLACE = (0, 0, -60)
 SEEN = ((0, -100, -90), (60, -100, -90), (-60, -100, -80))
 
 
 def box():
-    """Its twelve triangles, as the STL of text."""
+    """Returns its twelve triangles, as text STL."""
     corners = [tuple(BOX[bit][k] for k, bit in enumerate(bits)) for bits in itertools.product((0, 1), repeat=3)]
     faces = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     lines = ["solid box"]
@@ -222,7 +222,7 @@ def box():
 
 
 def shapes_from_files(out):
-    """A platform with a shape, a frame whose file is 100 MB, a table whose file is missing, a broken spindle."""
+    """Tests a platform with a shape, a frame whose file is 100 MB, a table whose file is missing, a broken spindle."""
     def edit(ini):
         ini.with_name("box.stl").write_text(box())
         ini.with_name("broken.obj").write_text("v 0 0 0\nf 1 2 3\n")
@@ -241,10 +241,10 @@ def shapes_from_files(out):
 
 
 class Interface(NamedTuple):
-    """A user interface of LinuxCNC beside AXIS."""
+    """A user interface of LinuxCNC other than AXIS."""
     display: str  # value of [DISPLAY]DISPLAY
-    process: str  # in its command line, and in no other
-    window: str = ""  # part of the title of its window; none where it has no window
+    process: str  # part of its command line, and of no other
+    window: str = ""  # part of the title of its window; empty without a window
     machine: str = "hexapod"
     # Whether it loads [HAL]POSTGUI_HALFILE.
     loads_panel: bool = False
@@ -264,8 +264,8 @@ NO_MODEL = "pkmkins-vismach: "
 
 
 def survived(interface, out):
-    """Runs a shipped INI file in which DISPLAY alone is another: the machine is homed, runs a program and is still on
-    after the time in which LinuxCNC used to end."""
+    """Runs a shipped INI file with only DISPLAY changed: the machine is homed, runs a program and is still on
+    after the time at which LinuxCNC ended in the past."""
     with tempfile.TemporaryDirectory(prefix="pkmkins-screen-") as temporary, Screen() as screen:
         folder = Path(temporary)
         copy = folder / "config"
@@ -288,14 +288,14 @@ def survived(interface, out):
             finally:
                 try:
                     process.stdin.close()
-                    # Those in Python take a signal for the user's interruption, and go on.
+                    # Those in Python treat a signal as a user interruption, and continue.
                     stop(process, interface.process, patience=0)
                 finally:
                     clear_hal()
         log = (out / "linuxcnc.log").read_text(errors="replace")
         assert not ended, f"LinuxCNC has ended: {log[-1500:]}"
         assert done.returncode == 0, done.stdout + done.stderr
-    # What attaches nowhere is reported once, and the rest attaches without a word.
+    # Missing pins are reported once, and the rest is connected silently.
     told = [line for line in log.splitlines() if "pkmkins: " in line]
     assert len(told) == interface.loads_panel and all(line.startswith(NO_PANEL) for line in told), told
     assert log.count(NO_MODEL) == (not interface.window), "the model is silent, or reports its fault more than once"

@@ -1,12 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Random programs with the guard on, run by LinuxCNC in virtual time on every shipped machine.
+"""Runs random programs with the guard on in LinuxCNC in virtual time, on every shipped machine.
 
     tests/virtual/guarded.py [--programs 50] [--seed 1] [--only hexapod]
 
-Moves and tool changes of `pkm random`, at four times their feeds, on the shipped drives and on drives of a
-fraction of their speed. Ends in a table; exit code 1 if a program does not run to its end, gives a
-message, or takes a joint beyond what docs/develop/contract.md promises of its speed in any cycle.
+Moves and tool changes of `pkm random`, at four times their feeds, on the shipped drives and on drives with a
+fraction of their speed. Ends with a table; exit code 1 if a program does not run to its end, gives a
+message, or moves a joint faster than docs/develop/contract.md promises in any cycle.
 """
 
 import argparse
@@ -28,11 +28,11 @@ PKM = REPOSITORY / "target/host/pkm"
 AT_ONCE = 2
 SECONDS = 2  # least duration at the feeds of `pkm random`
 FEED = 4
-# Shares of the drives' speeds, and how moves meet, taken in turn. With M52 P0 none of 24 programs with the
-# first share ends in a message, 16 of 48 with the second, 21 of 24 with the last. There G64 is left out.
+# Fractions of the drives' speeds, and path control modes, in turn. With M52 P0 none of 24 programs with the
+# first fraction ends with a message, 16 of 48 with the second, 21 of 24 with the last. There G64 is left out.
 CASES = ((1.0, "G64"), (0.4, "G61"), (0.4, "G64"), (0.2, "G61"))
-# Largest share of a joint's speed in any cycle: the guard aims at 0.98. LinuxCNC's interpolation overshoots
-# where the feed changes, and an arc that rounds a corner (G64) turns a joint's speed up faster than the feed
+# Largest fraction of a joint's speed in any cycle: the guard aims at 0.98. LinuxCNC's interpolation overshoots
+# when the feed changes, and an arc that rounds a corner (G64) increases a joint's speed faster than the feed
 # can fall along it.
 MOST = {"G61": 1.0, "G64": 1.02}
 
@@ -43,20 +43,20 @@ def configs(only):
 
 
 def jobs(options):
-    """Machine, seed, speeds and mode of every program: all combinations in turn."""
+    """Returns machine, seed, speeds and mode of every program: all combinations in turn."""
     names = configs(options.only)
     for n in range(options.programs):
         yield (names[n % len(names)], options.seed + n, *CASES[n // len(names) % len(CASES)])
 
 
 def run(job):
-    """Share of its speed that a joint reaches at most, cycles, and what went wrong."""
+    """Returns the largest fraction of a joint's speed, the cycles, and the errors."""
     name, seed, speed, mode = job
     shipped = REPOSITORY / "configs" / name
     with tempfile.TemporaryDirectory(prefix="pkmkins-guard-") as scratch:
         folder = Path(scratch)
         text = (shipped / f"{name}.ini").read_text()
-        # The guard watches legs and table; an extra axis may not be faster than its joint.
+        # The guard covers legs and table; an extra axis may not be faster than its joint.
         joints = int(ini_edit.value(text, "KINS", "JOINTS")) - len(ini_edit.extra_letters(text))
         limits = [speed * float(ini_edit.value(text, f"JOINT_{n}", "MAX_VELOCITY")) for n in range(joints)]
         period = 1e-9 * float(ini_edit.value(text, "EMCMOT", "SERVO_PERIOD"))
@@ -78,7 +78,7 @@ def run(job):
 
 
 def hurried(ini, seed, mode):
-    """A program of `pkm random`, faster."""
+    """Returns a program of `pkm random` with higher feeds."""
     done = subprocess.run([PKM, "random", ini, "--seed", str(seed), "--seconds", str(SECONDS)], check=True,
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
     faster = re.sub(r"F([\d.]+)", lambda feed: f"F{FEED * float(feed[1]):.4f}", done.stdout)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What one machine is worth: a pure function of a study and numbers, the same on every computer.
+"""The value of one machine: a pure function of a study and numbers, the same on every computer.
 
-Cheap questions come first: whether such a machine exists, whether home keeps its limits, whether the poses
-of the required box do. Only what passes is measured by the objectives.
+Cheap checks come first: whether such a machine exists, whether home satisfies its limits, whether the poses
+of the required box do. The objectives are computed only for machines that pass them.
 """
 
 import re
@@ -18,25 +18,25 @@ from ..kinds import machine_of
 SIDE = 3
 # Directions in which the platform is tilted.
 DIRECTIONS = 8
-# A violation of machines that do not exist, beyond that of any share of a range.
+# The violation of machines that do not exist, larger than any fraction of a range.
 NO_MACHINE = 1e3
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Objectives as they are (NaN where not measured), and by how much each constraint is violated, 0 where kept."""
+    """Objectives (NaN if not computed), and by how much each constraint is violated, 0 if satisfied."""
 
     objectives: tuple
     violations: dict
 
     @property
     def fits(self):
-        """Whether every constraint is kept."""
+        """Returns whether every constraint is satisfied."""
         return not self.violations
 
 
 def judge(study, values):
-    """Judges the machine of these numbers, in the order of `study.ranges`."""
+    """Judges the machine with these numbers, in the order of `study.ranges`."""
     nothing = (float("nan"),) * len(study.objectives)
     try:
         machine = machine_of(study.kind, **study.dimensions(values))
@@ -56,7 +56,7 @@ def judge(study, values):
 
 
 def required_poses(machine, required):
-    """(n, 6): the corners, edges and middle of the required box about home, level and tilted every way."""
+    """Returns (n, 6): corners, edges and middle of the required box about home, level and tilted in all directions."""
     sides = [np.linspace(low, high, SIDE if low < high else 1) for low, high in required.box]
     places = np.array(list(product(*sides)))
     turns = [(0.0, 0.0, 0.0)]
@@ -74,7 +74,7 @@ def required_poses(machine, required):
 
 
 def _violations(machine, poses, required):
-    """Sums of what is missing to each kind of limit, as shares of its range."""
+    """Returns the sums of the violations of each kind of limit, as fractions of its range."""
     margins = machine.margins(poses)
     found = {}
     unreached = np.count_nonzero(~margins.answer.ok)
@@ -83,7 +83,7 @@ def _violations(machine, poses, required):
     shares = np.where(np.isnan(margins.share), 0.0, np.minimum(margins.share, 0.0))
     for name, missing in zip(margins.names, -shares.min(axis=0)):
         kind = name.split(":")[0]
-        # What [AXIS_*] allows is written for the machine that is chosen.
+        # The axis limits are written only for the chosen machine.
         if missing > 0 and kind != "axis range":
             found[kind] = found.get(kind, 0.0) + float(min(missing, NO_MACHINE))
     if required.conditioning > 0:
@@ -102,7 +102,7 @@ def _add(found, name, missing):
 
 
 def _by_how_much(text):
-    """How far a machine is from existing, where its refusal says so, below 1: a way for the search to follow."""
+    """Returns the distance of a machine from existing, if its refusal states it, below 1: a gradient for the search."""
     found = re.search(r"would (?:be|stand at) (-?[\d.]+).*?; (-?[\d.]+) to (-?[\d.]+)", text)
     if not found:
         return 1.0
@@ -116,12 +116,12 @@ def _volume(study, machine, _poses):
 
 
 def _stiffness(study, machine, poses):
-    """Least stiffness of the tool tip over the required poses, N/mm."""
+    """Returns the least stiffness of the tool tip over the required poses, N/mm."""
     return machine.stiffness(poses, study.legs).translation.values[:, 0].min()
 
 
 def _tool_error(study, machine, poses):
-    """Largest standard deviation of the tip's place over the required poses, machine units."""
+    """Returns the largest standard deviation of the tip's position over the required poses, machine units."""
     gain = machine.sensitivity(poses).gain.values[:, :3, :]
     return np.sqrt((gain**2).sum(axis=(1, 2))).max() * _sigma(study, machine)
 
@@ -136,7 +136,7 @@ def _size(_study, machine, _poses):
 
 
 def _stroke(_study, machine, poses):
-    """Largest travel of a joint over the required poses."""
+    """Returns the largest travel of a joint over the required poses."""
     joints = machine.inverse(poses).values
     return (joints.max(axis=0) - joints.min(axis=0)).max()
 

@@ -155,7 +155,7 @@ def _quiet(_record):
 
 
 class Progress:
-    """One line that is written over: how many were judged, time left, the best of each objective."""
+    """One line that is overwritten: number of judged machines, time left, the best of each objective."""
 
     def __init__(self, study):
         self._study, self._start, self._first, self._shown = study, time.monotonic(), None, 0.0
@@ -172,7 +172,7 @@ class Progress:
         print(f"\r{done} of {total}, {left:.0f} s left; best so far: {', '.join(best)}\033[K", end="", file=sys.stderr)
 
     def end(self):
-        """Leaves the line."""
+        """Ends the line."""
         print("\r\033[K", end="", file=sys.stderr)
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Where machines are judged: in this process, in several of this computer, or by Dask's workers on many.
+"""The places where machines are judged: in this process, in several of this computer, or by Dask's workers on many.
 
-An engine takes a study and the numbers of candidates and hands back places and judgements in any order, each as it
-comes. As a judgement depends on study and numbers alone, no engine changes the result of a search.
+An engine gets a study and the numbers of candidates, and returns their indices and judgements in any order, each as it
+completes. A judgement depends only on study and numbers, so no engine changes the result of a search.
 """
 
 import os
@@ -16,16 +16,16 @@ from multiprocessing import get_context
 from .._core import VERSION
 from .candidate import judge
 
-# Candidates that go to a worker at a time, at the most: some seconds of work, so that sending costs little beside it.
+# Largest number of candidates per message to a worker: some seconds of work, so that sending costs little.
 BATCH = 16
 
 
-# What a run that its workers have left says of it.
+# Advice in the message of a run that its workers have left.
 GOES_ON = "results are kept, run the same command to continue"
 
 
 class EngineError(RuntimeError):
-    """Workers that cannot be used: not to be reached, gone, or of another version."""
+    """Workers that cannot be used: unreachable, gone, or of another version."""
 
 
 class Serial:
@@ -34,12 +34,12 @@ class Serial:
     workers = 1
 
     def each(self, study, candidates):
-        """Places and judgements, as they come."""
+        """Yields indices and judgements, as they complete."""
         for place, values in enumerate(candidates):
             yield place, judge(study, values)
 
     def close(self):
-        """Nothing to end."""
+        """Does nothing."""
 
 
 class Processes:
@@ -51,7 +51,7 @@ class Processes:
         self._pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_alone)
 
     def each(self, study, candidates):
-        """Places and judgements, as they come."""
+        """Yields indices and judgements, as they complete."""
         pieces = list(batches(candidates, self.workers))
         try:
             with _uninterrupted():
@@ -62,12 +62,12 @@ class Processes:
             raise EngineError(f"a worker process was killed, perhaps for lack of memory; {GOES_ON}") from None
 
     def close(self):
-        """Ends them."""
+        """Ends the processes."""
         self._pool.shutdown(cancel_futures=True)
 
 
 class Cluster:
-    """The workers of a scheduler of Dask: any number, which may come and go while they work."""
+    """The workers of a Dask scheduler: any number, which may join and leave while they work."""
 
     def __init__(self, address, timeout=30):
         from distributed import Client
@@ -81,7 +81,7 @@ class Cluster:
 
     @property
     def workers(self):
-        """How many there are now."""
+        """Returns the present number of workers."""
         return max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
 
     def _refuse_others(self):
@@ -90,12 +90,12 @@ class Cluster:
                 raise EngineError(f"{worker} has pkmkins {version}, this computer {VERSION}: install the same version everywhere")
 
     def each(self, study, candidates):
-        """Places and judgements, as they come; what a worker that dies had in hand is judged again by another."""
+        """Yields indices and judgements, as they complete; the unfinished ones of a worker that dies are repeated."""
         from distributed import as_completed
 
         started = {}
         for piece in batches(candidates, self.workers):
-            # The same question twice would have one answer: a run is its own.
+            # Dask would cache a repeated call: every run is separate.
             done = self._client.submit(judged, study, [values for _, values in piece], VERSION, pure=False, retries=10)
             started[done.key] = (done, piece)
         try:
@@ -105,19 +105,19 @@ class Cluster:
             raise EngineError(f"{self._address}: the scheduler has disappeared; {GOES_ON}") from None
 
     def close(self):
-        """Leaves the scheduler and its workers to others."""
+        """Leaves the scheduler and its workers running."""
         self._client.close()
 
 
 def batches(candidates, workers):
-    """Candidates with their places, in pieces that keep every worker busy to the end."""
+    """Returns candidates with their indices, in pieces that keep every worker busy to the end."""
     size = max(1, min(BATCH, len(candidates) // (4 * workers)))
     numbered = list(enumerate(candidates))
     return (numbered[start : start + size] for start in range(0, len(numbered), size))
 
 
 def judged(study, candidates, version=VERSION):
-    """What a worker does."""
+    """Judges candidates in a worker."""
     if version != VERSION:
         raise EngineError(f"this worker has pkmkins {VERSION}, the study comes from {version}")
     return [judge(study, values) for values in candidates]
@@ -129,13 +129,13 @@ def _placed(piece, judgements):
 
 @contextmanager
 def _uninterrupted():
-    """Ctrl-C, which a terminal sends to all processes, comes when this is over, and never to those that start here."""
+    """Delays Ctrl-C, which a terminal sends to all processes, to the end; processes started meanwhile never get it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     asked = []
     handler = signal.signal(signal.SIGINT, lambda *_: asked.append(True))
-    # What is blocked here stays so in processes that start; a handler would not.
+    # A blocked signal stays blocked in processes that start; a handler would not.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -147,7 +147,7 @@ def _uninterrupted():
 
 
 def _alone():
-    # One core a process: they share out candidates, not the poses of one.
+    # One core per process: they divide the candidates, not the poses of one.
     os.environ["RAYON_NUM_THREADS"] = "1"
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The file of a study's judgements: one line of JSON each, written as it comes, and read back by who goes on.
+"""The file of a study's judgements: one line of JSON each, written as it completes, and read back to continue a run.
 
-The first line says which study and which version they belong to. A line that was cut off when its writer was
-killed is dropped; what is judged twice counts once. The same search asks the same questions in the same
-order, so that a run goes on by asking again and finding the answers here.
+The first line contains the study and version. A line that was cut off when its writer was
+killed is dropped; repeated judgements count once. The same search asks for the same judgements in the same
+order, so that a run continues by repeating them and finding the results here.
 """
 
 import fcntl
@@ -16,17 +16,17 @@ from .candidate import Judgement
 
 
 class RecordError(ValueError):
-    """A file of judgements that cannot be used: of another study or version, in use, or no such file."""
+    """A file of judgements that cannot be used: of another study or version, in use, or missing."""
 
 
 class Record:
-    """The judgements of a study, kept in a file that no one else may write to meanwhile."""
+    """The judgements of a study, in a file that no other process may write meanwhile."""
 
     def __init__(self, path, study):
         self.path = path
         self._judgements = {}
         try:
-            # Also where it is not there yet.
+            # "a" also creates the file.
             self._file = open(path, "a+b")
         except OSError as error:
             raise RecordError(f"{path}: {error.strerror}") from None
@@ -53,18 +53,18 @@ class Record:
                     raise
                 raise RecordError(f"{self.path}: line {number} is not a judgment: {error}; choose another file") from None
             whole += len(line)
-        # What a killed run has left of its last line.
+        # Remove the partial last line of a killed run.
         self._file.truncate(whole)
         self._file.seek(0, os.SEEK_END)
         if whole == 0:
             self._write(expected)
 
     def get(self, values):
-        """The judgement of these numbers, or None."""
+        """Returns the judgement of these numbers, or None."""
         return self._judgements.get(key(values))
 
     def add(self, values, judgement):
-        """Keeps a judgement, at once."""
+        """Adds a judgement, and writes it at once."""
         if self.get(values) is not None:
             return
         self._judgements[key(values)] = judgement
@@ -80,11 +80,11 @@ class Record:
         return len(self._judgements)
 
     def items(self):
-        """Numbers and judgements, in the order in which they came."""
+        """Yields numbers and judgements, in the order in which they were added."""
         return [(tuple(float.fromhex(x) for x in values), found) for values, found in self._judgements.items()]
 
     def close(self):
-        """Lets others write."""
+        """Lets other processes write."""
         self._file.close()
 
     def __enter__(self):
@@ -95,12 +95,12 @@ class Record:
 
 
 def key(values):
-    """Numbers to the last bit."""
+    """Returns an exact key of numbers."""
     return tuple(float(value).hex() for value in values)
 
 
 def header(study):
-    """What the first line says."""
+    """Returns the first line."""
     ranges = [[one.name, one.place, one.low, one.high] for one in study.ranges]
     return {"study": study.hash, "name": study.name, "version": VERSION, "ranges": ranges}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a study has found: the front as table, CSV and page, and the chosen machine as a configuration."""
+"""The result of a study: the front as table, CSV and page, and the chosen machine as a configuration."""
 
 import csv
 import html
@@ -19,7 +19,7 @@ MOST_ROWS = 20
 
 @dataclass(frozen=True)
 class Front:
-    """Machines of which none is better than another in every objective."""
+    """Machines that no other one dominates."""
 
     study: object
     machines: tuple
@@ -31,7 +31,7 @@ class Front:
 
     @classmethod
     def of(cls, study, record):
-        """Of all judgements of a record. Does not depend on their order."""
+        """Creates the front of all judgements of a record. Their order does not matter."""
         items = record.items()
         fitting = [(values, found.objectives) for values, found in items if found.fits]
         front = _undominated(study, fitting)
@@ -40,7 +40,7 @@ class Front:
         return cls(study, tuple(front), len(items), len(fitting), most)
 
     def chosen(self):
-        """The machine nearest to the best of every objective, each as a share of its range on the front."""
+        """Returns the machine nearest to the best of every objective, each as a fraction of its range on the front."""
         if not self.machines:
             return None
         columns = list(zip(*(_costs(self.study, objectives) for _, objectives in self.machines)))
@@ -53,12 +53,12 @@ class Front:
         return min(self.machines, key=far)
 
     def names(self):
-        """Headings of a row."""
+        """Returns the headings of a row."""
         ranges = [one.name if one.place is None else f"{one.name}[{one.place}]" for one in self.study.ranges]
         return [*ranges, *self.study.objectives]
 
     def csv(self):
-        """The front as CSV, full digits."""
+        """Returns the front as CSV, full digits."""
         text = io.StringIO()
         rows = csv.writer(text, lineterminator="\n")
         rows.writerow(self.names())
@@ -66,14 +66,14 @@ class Front:
         return text.getvalue()
 
     def fields(self):
-        """The front for programs."""
+        """Returns the front for programs."""
         rows = [dict(zip(self.names(), (*values, *objectives))) for values, objectives in self.machines]
         chosen = self.chosen()
         return {
             "version": 1,
             "command": "design",
             "study": self.study.name,
-            # Poses were looked at, nothing is proved: that a machine fits is for `pkm check` to say.
+            # Poses were sampled, nothing is proved: only `pkm check` proves that a machine fits.
             "fits": None if self.machines else False,
             "judged": self.judged,
             "fitting": self.fitting,
@@ -97,7 +97,7 @@ class Front:
         return "\n".join(lines)
 
     def why_nothing(self):
-        """Which constraint rules out most, where nothing fits."""
+        """Returns the constraint that excludes most machines, if none fits."""
         if not self.killers:
             return f"{self.study.name}: nothing was judged"
         told = ", ".join(f"{name} ({count})" for name, count in self.killers)
@@ -107,7 +107,7 @@ class Front:
         )
 
     def page(self):
-        """The front as an HTML page."""
+        """Returns the front as an HTML page."""
         title = html.escape(self.study.name)
         head = "".join(f"<th>{html.escape(name)}</th>" for name in self.names())
         chosen = self.chosen()
@@ -135,7 +135,7 @@ def _costs(study, objectives):
 
 
 def _undominated(study, fitting):
-    """Sorted, so that a machine is compared with those alone that may be better."""
+    """Returns the machines that no other one dominates; sorting limits comparisons to possibly better machines."""
     ordered = sorted({(_costs(study, objectives), values, objectives) for values, objectives in fitting})
     front = []
     for costs, values, objectives in ordered:
@@ -145,7 +145,7 @@ def _undominated(study, fitting):
 
 
 def _pictures(front):
-    """One plot for each pair of neighbouring objectives."""
+    """Returns one plot for each pair of neighboring objectives."""
     pairs = zip(range(len(front.study.objectives)), range(1, len(front.study.objectives)))
     return "".join(_picture(front, across, up) for across, up in pairs) if front.machines else ""
 
@@ -181,9 +181,9 @@ def _picture(front, across, up):
 def write_machine(study, values, folder):
     """Writes the machine as a complete configuration by `pkm new`, which proves it for every pose of the required box.
 
-    The axis limits are the required box about home, where the study asks for one. Returns what pkm check says;
-    CommandFailed where the machine does not fit, which a sample of poses could not see: nothing is written then.
-    `folder` must not be there yet.
+    The axis limits are the required box about home, if the study has one. Returns the output of pkm check;
+    raises CommandFailed if the machine does not fit, which the sampled poses cannot exclude: nothing is written then.
+    `folder` must not exist.
     """
     folder = Path(folder)
     options = []
@@ -197,7 +197,7 @@ def write_machine(study, values, folder):
 
 
 def _limits(required, machine):
-    """Limits of the letters of the required box, if it is one; angles that tilt go as far as the tilt."""
+    """Returns the limits of the letters of the required box, if it is one; tilting angles are limited by the tilt."""
     sides = zip("XYZ", machine.home, required.box)
     limits = {letter: (home + low, home + high) for letter, home, (low, high) in sides if low < high}
     if limits and required.tilt:

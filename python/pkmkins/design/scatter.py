@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What inaccuracies of making do to a machine: its objectives with every dimension a little off."""
+"""The effect of manufacturing errors on a machine: its objectives with an error in every dimension."""
 
 from dataclasses import dataclass
 
@@ -7,27 +7,27 @@ import numpy as np
 
 from .candidate import judge
 
-# Machines drawn: their deviations are so known to a tenth.
+# Number of sampled machines: their deviations are then accurate to a tenth.
 DRAWN = 64
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Mean and standard deviation of every objective over machines that fit, and the share that does."""
+    """Mean and standard deviation of every objective over machines that fit, and the fraction that does."""
 
     mean: tuple
     deviation: tuple
     fitting: float
 
     def lines(self, study):
-        """For people, one line an objective."""
+        """Returns a text for users, one line per objective."""
         told = [f"  {name}: {m:.6g}, standard deviation {d:.3g}" for name, m, d in zip(study.objectives, self.mean, self.deviation)]
         return "\n".join([f"made within these tolerances {100 * self.fitting:.0f} % still keep their limits at the poses looked at:", *told])
 
 
 def scatter(study, values, length, angle, drawn=DRAWN):
-    """Draws machines whose dimensions are off by normal errors: lengths of this standard deviation in machine units, angles
-    in degrees. The same numbers in every run; dimensions that [fixed] names stay."""
+    """Samples machines whose dimensions have normal errors: lengths of this standard deviation in machine units, angles
+    in degrees. The numbers are the same in every run; dimensions that [fixed] names stay."""
     sigma = np.array([angle if "angle" in one.name else length for one in study.ranges])
     errors = np.random.default_rng(study.seed).normal(size=(drawn, len(sigma))) * sigma
     found = [judge(study, row) for row in np.asarray(values) + errors]

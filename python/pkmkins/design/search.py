@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Proposes machines: NSGA-II of pymoo, which looks for the front of several objectives at once, or a plain sample.
+"""Proposes machines: NSGA-II of pymoo, which searches the front of several objectives at once, or a plain sample.
 
-A generation is proposed whole and judged whole, in any order and anywhere: the search sees it sorted. The
-same study and seed so give the same machines with any engine, and a run that was stopped goes on by proposing
-the same again, for which the record has the answers.
+A generation is proposed as a whole and judged as a whole, in any order and anywhere: the search gets it sorted. So the
+same study and seed give the same machines with any engine, and a stopped run continues by proposing
+the same again, for which the record has the results.
 """
 
 import numpy as np
@@ -19,16 +19,16 @@ from .record import Record
 from .result import Front
 from .study import OBJECTIVES
 
-# What the search sees of an objective that was not measured; candidates that break a constraint are compared by
-# that alone.
+# The value of an objective that was not computed; candidates that violate a constraint are compared only by
+# that.
 UNMEASURED = 1e30
 
 
 def design(study, results, *, engine=None, progress=lambda *_: None):
-    """Runs a study to its end, or goes on where a run was stopped; `results` is the file of judgements.
+    """Runs a study to its end, or continues a stopped run; `results` is the file of judgements.
 
     `progress` is called with the number of candidates judged and the best of each objective so far. Returns the
-    front. The same bits with every engine.
+    front. The result is the same to the bit with every engine.
     """
     engine = engine or Serial()
     with Record(results, study) as record:
@@ -38,10 +38,10 @@ def design(study, results, *, engine=None, progress=lambda *_: None):
 
 
 def sample(study, results, shard, *, engine=None, progress=lambda *_: None):
-    """Judges one part of a plain sample: number `shard[0]` of `shard[1]`, each with a file of its own.
+    """Judges one part of a plain sample: number `shard[0]` of `shard[1]`, each with a separate file.
 
-    The sample is Halton's sequence over the ranges, as many points as the study has candidates; `merge` puts the
-    files together.
+    The sample is Halton's sequence over the ranges, as many points as the study has candidates; `merge` combines the
+    files.
     """
     engine = engine or Serial()
     number, count = shard
@@ -55,7 +55,7 @@ def sample(study, results, shard, *, engine=None, progress=lambda *_: None):
 
 
 def merge(study, results, parts):
-    """Puts files of judgements together into one; what stands in several counts once."""
+    """Combines files of judgements into one; repeated judgements count once."""
     with Record(results, study) as record:
         for part in parts:
             with Record(part, study) as other:
@@ -92,7 +92,7 @@ def _generations(study, record, engine, progress):
 
 
 def _judged(study, record, engine, candidates, progress):
-    """Judgements of candidates in their order, from the record or the engine."""
+    """Returns judgements of candidates in their order, from the record or the engine."""
     candidates = [tuple(float(x) for x in row) for row in candidates]
     missing = list(dict.fromkeys(values for values in candidates if record.get(values) is None))
     for place, judgement in engine.each(study, missing):

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A design study as its TOML file describes it."""
+"""A design study, as read from its TOML file."""
 
 import hashlib
 import math
 import tomllib
 from dataclasses import dataclass, field
 
-# Objectives, with the way that is better.
+# Objectives, with the direction that is better.
 OBJECTIVES = {
     "volume": "largest",
     "stiffness": "largest",
@@ -15,17 +15,17 @@ OBJECTIVES = {
     "stroke": "smallest",
 }
 
-# What a pose of the required box has to keep beside the limits of the machine.
+# Requirements on a pose of the required box in addition to the limits of the machine.
 REQUIRED = {"x", "y", "z", "tilt", "conditioning", "joint_speed", "feed"}
 
 
 class StudyError(ValueError):
-    """A study that asks for nothing that can be looked for: file, key, value and what is expected."""
+    """An invalid study: file, key, value and what is expected."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """One number that is looked for: number `place` of a dimension of `pkm new`."""
+    """One number to search for: number `place` of a dimension of `pkm new`."""
 
     name: str
     place: int | None
@@ -35,7 +35,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Required:
-    """Poses that the machine has to reach, about its home, in machine units and degrees."""
+    """Poses that the machine must reach, about its home, in machine units and degrees."""
 
     box: tuple = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
     tilt: float = 0.0
@@ -46,7 +46,7 @@ class Required:
 
 @dataclass(frozen=True)
 class Study:
-    """What is asked."""
+    """The parsed study."""
 
     name: str
     kind: str
@@ -63,7 +63,7 @@ class Study:
 
     @classmethod
     def read(cls, path):
-        """Of a file. StudyError names file and key."""
+        """Reads a file. StudyError names file and key."""
         try:
             with open(path, "rb") as file:
                 return cls.parse(file.read())
@@ -74,7 +74,7 @@ class Study:
 
     @classmethod
     def parse(cls, text):
-        """Of the file's text."""
+        """Parses the file's text."""
         text = text.encode() if isinstance(text, str) else text
         try:
             given = tomllib.loads(text.decode())
@@ -110,7 +110,7 @@ class Study:
         return study
 
     def dimensions(self, values):
-        """The words of `pkm new` for numbers in the order of `ranges`."""
+        """Returns the words of `pkm new` for numbers in the order of `ranges`."""
         found = dict(self.fixed)
         for one, value in zip(self.ranges, values, strict=True):
             if one.place is None:
@@ -197,7 +197,7 @@ def _objectives(given):
 
 
 def _legs(table):
-    """The table [legs] of a study file of `pkm`, which takes numbers and words."""
+    """Converts the table [legs] to a study file of `pkm`, which accepts numbers and words."""
     lines = []
     for key, value in table.items():
         text = f'"{value}"' if isinstance(value, str) else str(value)

@@ -43,7 +43,7 @@ must_not_compile() {
     echo "ok: refused by the compiler: $name"
 }
 
-# plant NAME SED_SCRIPT: the header itself with a mistake in it.
+# plant NAME SED_SCRIPT: a copy of the header with an error in it.
 plant() {
     rm -rf "$work/include"
     mkdir "$work/include"
@@ -73,7 +73,7 @@ $cc -std=gnu11 -Wall -Wextra -Werror -fvisibility=hidden -shared -fPIC -DRTAPI -
     "$root/tests/module/stub_hal/stub_hal.c" -o "$work/stub_hal.so"
 $runner "$work/abi_check" "$work/stub_hal.so" "$module"
 
-# Pins by the header's own accessors, where the module is built for the same HAL as the header.
+# Pins by the header's own accessors, if the module is built for the same HAL as the header.
 constructor=hal_pin_float_new
 grep -q 'hal_pin_new_real(' "$headers/hal.h" && constructor=hal_pin_new_real
 if nm -D --undefined-only "$module" | grep -qw "$constructor"; then
@@ -84,7 +84,7 @@ else
     echo "not judged: pins beside $headers/hal.h, for which the module is not built"
 fi
 
-# What watches a client follows the instructions of this processor alone.
+# The tools that watch a client support only this processor's instructions.
 if [ -n "$runner" ]; then
     echo "not judged under sanitizers and valgrind: a program of another processor"
     exit 0
@@ -95,7 +95,7 @@ compile "$root/include" "$work/watched" -fsanitize=address,undefined -fno-saniti
 ASAN_OPTIONS=detect_leaks=0 "$work/watched" "$work/stub_hal.so" "$module" >/dev/null
 echo "ok: the same under address and undefined-behaviour sanitizers"
 
-# And under valgrind, which watches the module itself too: no byte read that nobody wrote.
+# And under valgrind, which watches the module itself too: no read of an uninitialized byte.
 valgrind --quiet --error-exitcode=1 --leak-check=no \
     "$work/abi_check" "$work/stub_hal.so" "$module" >/dev/null
 echo "ok: the same under valgrind's memcheck"
