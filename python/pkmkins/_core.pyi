@@ -5,8 +5,8 @@ In every method poses are an array (n, 6) of float64, X Y Z in the machine's uni
 (R = Rz(C) Ry(B) Rx(A)), in any memory order and without a copy, or one pose (6,). `tool` is the tool offset
 X Y Z as G43 sets it, without the spindle offset of the INI file. n may be 0.
 
-Arrays of another type of number or shape raise TypeError or ValueError. What has no answer is NaN in its row,
-with a code; one pose by itself raises Refused. Arrays must not be written to while a call reads them.
+Arrays of another type of number or shape raise TypeError or ValueError. A row without an answer is NaN,
+with a code; a single pose raises Refused. Arrays must not be written to while a call reads them.
 """
 
 from os import PathLike
@@ -20,10 +20,10 @@ Rows = NDArray[np.float64] | Sequence[float] | Sequence[Sequence[float]]
 VERSION: str
 
 class MachineError(ValueError):
-    """An INI file, a study or a set of dimensions that describes no machine, with places and ways out."""
+    """An INI file, a study or a set of dimensions that describes no machine, with locations and remedies."""
 
 class CommandFailed(RuntimeError):
-    """A call that does as a subcommand of `pkm` ended without an answer (exit status 2); the text says why."""
+    """A call equivalent to a subcommand of `pkm` ended without an answer (exit status 2); the text gives the reason."""
 
 class Refused(ValueError):
     """A pose or joint values without an answer."""
@@ -44,20 +44,20 @@ class _Cause(TypedDict):
     remedy: str
 
 def cause(code: int) -> _Cause:
-    """What a code means. KeyError where it is none; 0 is success."""
+    """Describes a code. Raises KeyError for an unknown one; 0 is success."""
 
 def preflight(
     machine: str | PathLike[str], program: str | PathLike[str], mechanism: int | None, trace: str | None, options: str
 ) -> str:
-    """The answer of `pkm preflight` as JSON. `options` is an object of JSON: hal, unconfined, most_moves, most_seconds,
-    most_standstill and most_work (--patience).
+    """Returns the answer of `pkm preflight` as JSON. `options` is an object of JSON: hal, unconfined, most_moves,
+    most_seconds, most_standstill and most_work (--patience).
 
-    LinuxCNC runs in processes of its own; other threads of Python run meanwhile. Where the handler of a signal raises, as
-    that of Ctrl-C does, the run ends within a second or two, its processes and its folder are gone, and the exception is
-    raised."""
+    LinuxCNC runs in separate processes; other threads of Python run meanwhile. If the handler of a signal raises, as
+    that of Ctrl-C does, the run ends within a second or two, its processes and its folder are removed, and the
+    exception is raised."""
 
 class Answer:
-    """What a batch answered."""
+    """The answer of a batch."""
 
     values: NDArray[np.float64]
     """One row for each row asked; NaN where there is no answer."""
@@ -67,7 +67,7 @@ class Answer:
     """Number of the leg or joint that a refusal names, -1 where it names none."""
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Where there is an answer."""
+        """Returns which rows have an answer."""
 
 class Margins:
     answer: Answer
@@ -80,10 +80,10 @@ class Margins:
     """What each column is about."""
     @property
     def value(self) -> NDArray[np.float64]:
-        """(n, columns): machine units, degrees or no dimension, by column."""
+        """Returns (n, columns): machine units, degrees or no dimension, by column."""
     @property
     def share(self) -> NDArray[np.float64]:
-        """(n, columns): room as a share of the range, 0 at the limit, negative beyond it, inf without one."""
+        """Returns (n, columns): room as a fraction of the range, 0 at the limit, negative beyond it, inf without."""
 
 class Stiffness:
     compliance: Answer
@@ -115,9 +115,9 @@ class Workspace:
     """(3,): where the rays begin."""
 
 class Machine:
-    """A machine with its limits. It does not change, and any number of threads may ask it.
+    """A machine with its limits. It is immutable, and any number of threads may use it.
 
-    `legs` is one dictionary a leg: its kind ("strut", "slider", "crank", "ring"), the keys of [LEG_N] in the INI
+    `legs` is one dictionary per leg: its kind ("strut", "slider", "crank", "ring"), the keys of [LEG_N] in the INI
     file in small letters (base, platform, rod, guide, side, axis, arm, lead, base_n, ...; pkmkins(9)), and limits =
     (smallest, largest joint value) if there are any::
 
@@ -139,40 +139,40 @@ class Machine:
     ) -> None: ...
     @staticmethod
     def from_ini(path: str | PathLike[str]) -> Machine:
-        """Of an INI file. MachineError with every place that is wrong. NotImplementedError for machines whose axes carry
-        something, and for two mechanisms: `pkm` knows them."""
+        """Reads an INI file. Raises MachineError with every error and its location, NotImplementedError for machines
+        whose axes carry something, and for two mechanisms: only `pkm` supports them."""
     @staticmethod
     def from_text(text: str, name: str = "machine.ini") -> Machine:
-        """The same of the file's text; `name` stands in messages."""
+        """Reads the file's text; `name` appears in messages."""
     @staticmethod
     def of_kind(kind: str, given: Mapping[str, Sequence[str]]) -> Machine:
-        """Of the words of `pkm new`; see `pkmkins.machine_of`."""
+        """Creates a machine from the words of `pkm new`; see `pkmkins.machine_of`."""
     @property
     def text(self) -> str:
-        """Its INI file."""
+        """Returns its INI file."""
     @property
     def joints(self) -> list[str]:
-        """Names of the joints, legs then table."""
+        """Returns the names of the joints, legs then table."""
     @property
     def coordinates(self) -> str:
-        """Letters that joints move; the others are held at 0, and refused otherwise."""
+        """Returns the letters that joints move; the others must be 0, and are refused otherwise."""
     @property
     def home(self) -> NDArray[np.float64]:
-        """(6,): [TRAJ]HOME."""
+        """Returns (6,): [TRAJ]HOME."""
     @property
     def unit(self) -> str:
-        """Unit of length, mm or inch."""
+        """Returns the unit of length, mm or inch."""
     @property
     def size(self) -> float:
-        """Largest length of the geometry: what relative tolerances refer to."""
+        """Returns the largest length of the geometry: relative tolerances refer to it."""
     @property
     def radius(self) -> float:
-        """Root mean square distance of the platform anchors from their middle: turns angles into lengths."""
+        """Returns the RMS distance of the platform anchors from their center: converts angles to lengths."""
     @property
     def geometry_hash(self) -> int:
-        """As the module's pin `geometry-hash`."""
+        """Returns the same value as the module's pin `geometry-hash`."""
     def inverse(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
-        """Joint values (n, joints): lengths in the machine's unit, arms in degrees. Limits are not looked at."""
+        """Returns joint values (n, joints): lengths in the machine's unit, arms in degrees. Does not check limits."""
     def forward(
         self,
         joints: Rows,
@@ -181,21 +181,21 @@ class Machine:
         follow: bool = False,
         tool: Sequence[float] | None = None,
     ) -> Answer:
-        """Poses (n, 6) of joint values (n, joints), each the one that the machine comes to when its joints run straight
-        from the seed; where that is not certain there is no answer. `seed`: one pose for all rows (home without
-        it), or (n, 6), one a row. With `follow` each row starts from the last pose found, on one core."""
+        """Returns poses (n, 6) of joint values (n, joints), each the one that the machine reaches if its joints move
+        straight from the seed; if that is not certain there is no answer. `seed`: one pose for all rows (default: home),
+        or (n, 6), one per row. With `follow` each row starts from the last pose found, on one core."""
     def jacobian(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
-        """(n, joints, 6): derivatives of joint values by X Y Z (machine unit) and A B C (degree)."""
+        """Returns (n, joints, 6): derivatives of joint values by X Y Z (machine unit) and A B C (degree)."""
     def conditioning(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
-        """(n,): smallest singular value of the legs' constraint rows, 0 at a singular pose."""
+        """Returns (n,): smallest singular value of the legs' constraint rows, 0 at a singular pose."""
     def margins(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Margins:
-        """How far poses are from every limit of the machine's file; joint speeds belong to programs (`preflight`)."""
+        """Returns the distances from every limit of the machine's file; for joint speeds see `preflight`."""
     def stiffness(self, poses: Rows, study: str, *, tool: Sequence[float] | None = None) -> Stiffness:
-        """At the tool tip; `study` is the text of a study file, as of `pkm stiffness`."""
+        """Returns the stiffness at the tool tip; `study` is the text of a study file, as for `pkm stiffness`."""
     def sensitivity(
         self, poses: Rows, *, length: float | None = None, tool: Sequence[float] | None = None
     ) -> Sensitivity:
-        """Errors of poses by errors of joints; `length` turns angles into lengths (default: `radius`)."""
+        """Returns errors of poses by errors of joints; `length` converts angles to lengths (default: `radius`)."""
     def workspace(
         self,
         *,
@@ -207,6 +207,6 @@ class Machine:
         grid: int = 0,
         tool: Sequence[float] | None = None,
     ) -> Workspace:
-        """Where the tool can go, along rays from home or `start`, as `pkm workspace`: level, in every one of several
+        """Returns the reach of the tool, along rays from home or `start`, as `pkm workspace`: level, in each of several
         orientations A B C, or at `tilt` degrees in twelve directions. `bands` rays from pole to pole (4 to 2000), `grid`
-        cells along the longest side (0: none). MachineError where the start is not inside."""
+        cells along the longest side (0: none). MachineError if the start is not inside."""

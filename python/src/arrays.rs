@@ -12,15 +12,15 @@ use pyo3::prelude::*;
 /// Most numbers of a row: joints of a machine.
 pub const WIDEST: usize = kinematics::MAX_JOINTS;
 
-/// Rows as Python gave them: an array (n, width), or one row (width,).
+/// Rows from Python: an array (n, width), or one row (width,).
 pub struct Rows<'py> {
     array: PyReadonlyArrayDyn<'py, f64>,
-    /// Whether one row came by itself, whose answer is one row too.
+    /// Whether a single row was given, whose answer is a single row too.
     pub is_single: bool,
 }
 
 impl<'py> Rows<'py> {
-    /// Of an array of float64, or of anything else that numpy makes one of.
+    /// Converts an array of float64, or anything that numpy converts to one.
     ///
     /// # Errors
     /// The array has another type of number, or another shape.
@@ -45,7 +45,6 @@ impl<'py> Rows<'py> {
         Ok(Self { array: array.try_readonly()?, is_single })
     }
 
-    /// The rows.
     pub fn view(&self) -> ArrayView2<'_, f64> {
         let view = self.array.as_array();
         match self.is_single {
@@ -55,13 +54,13 @@ impl<'py> Rows<'py> {
         .expect("the shape was looked at")
     }
 
-    /// How many.
+    /// Returns the number of rows.
     pub fn count(&self) -> usize {
         self.view().nrows()
     }
 }
 
-/// Anything but float64 is refused rather than copied behind the caller's back.
+/// Refuses anything but float64 instead of copying it silently.
 fn float64<'py>(
     name: &str,
     array: &Bound<'py, PyUntypedArray>,
@@ -75,7 +74,7 @@ fn float64<'py>(
     Ok(array.cast::<PyArrayDyn<f64>>()?.clone())
 }
 
-/// Three numbers of an argument that may be missing.
+/// Returns three numbers of an optional argument.
 pub fn triple(name: &str, given: Option<Vec<f64>>) -> PyResult<[f64; 3]> {
     let given = given.unwrap_or_else(|| vec![0.0; 3]);
     let count = given.len();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! One question asked of every row of an array, on all cores and without the interpreter's lock.
+//! A calculation for every row of an array, on all cores and without the interpreter's lock.
 
 use crate::arrays::{Rows, WIDEST};
 use crate::refusal::refused;
@@ -10,24 +10,24 @@ use pyo3::prelude::*;
 use pyo3::types::PySlice;
 use rayon::prelude::*;
 
-/// Rows that one core takes at a time: some ten microseconds of work at the least, so that handing
-/// them out costs nothing beside it.
+/// Rows per task: some ten microseconds of work at least, so that distributing
+/// them costs little.
 const CHUNK: usize = 256;
 
-/// What a batch answered: values, and for each row a code, 0 where it has an answer.
+/// The answer of a batch: values, and for each row a code, 0 if it has an answer.
 #[pyclass(frozen, get_all, module = "pkmkins")]
 pub struct Answer {
-    /// One row for each row asked; NaN where there is no answer.
+    /// One row for each input row; NaN if there is no answer.
     pub values: Py<PyArrayDyn<f64>>,
-    /// Codes of refusals, int32, 0 where there is an answer; `pkmkins.cause` explains them.
+    /// Codes of refusals, int32, 0 if there is an answer; `pkmkins.cause` explains them.
     pub code: Py<PyArray1<i32>>,
-    /// Number of the leg or joint that a refusal names, int32, −1 where it names none.
+    /// Number of the leg or joint that a refusal names, int32, −1 if it names none.
     pub part: Py<PyArray1<i32>>,
 }
 
 #[pymethods]
 impl Answer {
-    /// Whether each row has an answer.
+    /// Returns whether each row has an answer.
     #[getter]
     fn ok<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.code.bind(py).call_method1("__eq__", (0,))
@@ -35,7 +35,7 @@ impl Answer {
 }
 
 impl Answer {
-    /// Numbers `from` to `to` of every row, which become of shape `inner`, in the same memory.
+    /// Returns the numbers `from` to `to` of every row with shape `inner`, in the same memory.
     pub fn numbers(
         &self,
         py: Python<'_>,
@@ -55,7 +55,7 @@ impl Answer {
     }
 }
 
-/// Numbers of the rows, with their codes and parts, before Python sees them.
+/// Numbers of the rows, with their codes and parts, before they are converted to Python objects.
 pub struct Found {
     pub values: Vec<f64>,
     pub codes: Vec<i32>,
@@ -73,10 +73,10 @@ impl Found {
         }
     }
 
-    /// As arrays; the shape of one row is `inner`.
+    /// Converts to arrays; the shape of one row is `inner`.
     ///
     /// # Errors
-    /// One row was asked by itself and has no answer.
+    /// A single row was given and has no answer.
     pub fn answer(self, py: Python<'_>, rows: &Rows, inner: &[usize]) -> PyResult<Answer> {
         if let (true, Some(fault)) = (rows.is_single, self.first) {
             return Err(refused(py, &fault));
@@ -92,10 +92,10 @@ impl Found {
     }
 }
 
-/// The rows that are asked, as they lie in memory.
+/// The input rows in their memory layout.
 struct Given<'a> {
     view: ArrayView2<'a, f64>,
-    /// All numbers, where each row follows the one before.
+    /// All numbers, if the rows are contiguous.
     flat: Option<&'a [f64]>,
 }
 
@@ -104,7 +104,7 @@ impl<'a> Given<'a> {
         Self { view: view.view(), flat: view.as_slice() }
     }
 
-    /// One row; `copy` holds it where its numbers are apart.
+    /// Returns one row; `copy` stores it if its numbers are not contiguous.
     fn row<'b>(&'b self, number: usize, copy: &'b mut [f64; WIDEST]) -> &'b [f64] {
         let width = self.view.ncols();
         if let Some(flat) = self.flat {
@@ -116,7 +116,7 @@ impl<'a> Given<'a> {
     }
 }
 
-/// Rows of answers that belong together, and the number of the first one.
+/// Consecutive rows of answers, and the number of the first one.
 struct Piece<'a> {
     start: usize,
     width: usize,
@@ -126,7 +126,7 @@ struct Piece<'a> {
 }
 
 impl Piece<'_> {
-    /// Asks one row after the other; the first that has no answer.
+    /// Computes one row after the other; returns the first one without an answer.
     fn ask<S>(
         self,
         given: &Given,
@@ -147,7 +147,7 @@ impl Piece<'_> {
     }
 }
 
-/// Asks every row, on all cores; `new` makes what is kept between the rows of a piece, `ask` writes the
+/// Computes every row, on all cores; `new` creates the state kept between the rows of a piece, `ask` writes the
 /// `width` numbers of an answer.
 pub fn each<S>(
     py: Python<'_>,
@@ -175,7 +175,7 @@ pub fn each<S>(
     })
 }
 
-/// Asks one row after the other, each with what the one before has left in `state`.
+/// Computes one row after the other, each with the `state` left by the one before.
 pub fn in_order<S: Send>(
     py: Python<'_>,
     rows: &Rows,

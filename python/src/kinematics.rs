@@ -33,13 +33,13 @@ pub fn inverse(
     each(py, poses, joints, || (), ask).answer(py, poses, &[joints])
 }
 
-/// Where forward starts.
+/// The seeds of forward.
 pub enum Seeds<'py> {
-    /// Every row from the same pose.
+    /// Every row starts from the same pose.
     One(Pose),
-    /// Each from a row of its own.
+    /// Each starts from a separate row.
     Own(Rows<'py>),
-    /// The first from this pose, each other one from the last pose that was found.
+    /// The first starts from this pose, each other one from the last pose found.
     Followed(Pose),
 }
 
@@ -78,7 +78,7 @@ pub fn forward(
     found.answer(py, joints, &[POSE])
 }
 
-/// Asks the machine at every pose, moved from one to the next in the same memory.
+/// Calculates at every pose, moving from one to the next in the same memory.
 fn at_each(
     py: Python<'_>,
     config: &Mechanism,
@@ -124,28 +124,28 @@ pub fn conditioning(
     at_each(py, config, poses, tool, 1, ask).answer(py, poses, &[])
 }
 
-/// Margins of many poses: columns are the limits that the machine's file sets.
+/// Margins of many poses: columns are the limits of the machine's file.
 #[pyclass(frozen, get_all, module = "pkmkins")]
 pub struct Margins {
     /// Values and shares, (n, 2, columns), with the codes of poses that have none.
     pub answer: Py<Answer>,
-    /// Smallest allowed value of each column, −inf where there is none.
+    /// Smallest allowed value of each column, −inf if there is none.
     pub low: Py<PyArray1<f64>>,
-    /// Largest allowed value of each column, inf where there is none.
+    /// Largest allowed value of each column, inf if there is none.
     pub high: Py<PyArray1<f64>>,
-    /// What each column is about, in words.
+    /// Description of each column.
     pub names: Vec<String>,
 }
 
 #[pymethods]
 impl Margins {
-    /// Value of each limit, machine units, degrees or no dimension.
+    /// Returns the value of each limit, machine units, degrees or no dimension.
     #[getter]
     fn value<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.plane(py, 0)
     }
 
-    /// Room as a share of the range: 0 at the limit, negative beyond it, inf where there is none.
+    /// Returns the room as a fraction of the range: 0 at the limit, negative beyond it, inf if there is none.
     #[getter]
     fn share<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.plane(py, 1)
@@ -170,7 +170,7 @@ pub fn margins(
     let count = columns.len();
     let ask = |at: &At, answer: &mut [f64]| {
         let (values, shares) = answer.split_at_mut(count);
-        // Which limits are visited is a matter of the machine, not of the pose.
+        // The visited limits depend on the machine, not on the pose.
         let mut places = values.iter_mut().zip(shares);
         limits::each(at, &all, |margin| {
             if let Some((value, share)) = places.next() {
@@ -192,7 +192,7 @@ pub fn margins(
     })
 }
 
-/// The margins at home, where every machine has all of them.
+/// Returns the margins at home, where every machine has all of them.
 fn columns(config: &Mechanism, all: &Limits) -> Vec<Margin> {
     let mut columns = vec![];
     if let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) {

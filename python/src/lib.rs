@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The compiled half of the Python package `pkmkins`: the core and the studies of `pkm` on arrays of numpy.
 //!
-//! `machine` is the class that Python sees; what its methods compute stands in `kinematics` and `studies`;
-//! `program` judges programs; `sections` writes the text of a machine that has no file. `arrays` takes arrays apart, `batch` asks row by
-//! row on all cores, `refusal` turns errors into exceptions. Signatures, shapes and units are documented in
-//! `pkmkins/_core.pyi`.
+//! `machine` is the class for Python; its methods call `kinematics` and `studies`;
+//! `program` judges programs; `sections` writes the text of a machine without a file. `arrays` converts arrays,
+//! `batch` computes row by row on all cores, `refusal` converts errors to exceptions. Signatures, shapes and units are
+//! documented in `pkmkins/_core.pyi`.
 
 mod arrays;
 mod batch;
@@ -15,7 +15,7 @@ mod refusal;
 mod sections;
 mod studies;
 
-/// Functions and classes that `pkmkins/__init__.py` shows.
+/// Functions and classes that `pkmkins/__init__.py` exports.
 #[pyo3::pymodule]
 mod _core {
     #[pymodule_export]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The class `Machine`: a machine as its INI file describes it, or as `pkm new` would make it.
+//! The class `Machine`: a machine from its INI file, or from the dimensions of `pkm new`.
 
 use crate::arrays::{Rows, triple};
 use crate::batch::Answer;
@@ -22,11 +22,11 @@ use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Directions of a tilt, and steps along a ray, as `pkm workspace` has them.
+/// Number of directions of a tilt, as in `pkm workspace`.
 const DIRECTIONS: usize = 12;
 const STEPS: f64 = 300.0;
 
-/// A machine with its limits. It does not change, and any number of threads may ask it.
+/// A machine with its limits. It is immutable, and any number of threads may use it.
 #[pyclass(frozen, module = "pkmkins")]
 pub struct Machine {
     config: Mechanism,
@@ -46,7 +46,7 @@ impl Machine {
         )))
     }
 
-    /// The tool vector, spindle offset included, as `pkm joints --tool` has it.
+    /// Returns the tool vector, spindle offset included, as in `pkm joints --tool`.
     fn tool(&self, given: Option<Vec<f64>>) -> PyResult<Vector3<f64>> {
         Ok(self.config.spindle + Vector3::from(triple("tool", given)?))
     }
@@ -82,7 +82,7 @@ impl Machine {
         Self::of(MachineConfig::from_ini(&ini).map_err(machine_error)?)
     }
 
-    /// Of a kind of `pkm new` and its values as words, keyed as the command's options.
+    /// Creates a machine of a kind of `pkm new` from its values as words, keyed as the command's options.
     #[staticmethod]
     fn of_kind(py: Python<'_>, kind: &str, given: BTreeMap<String, Vec<String>>) -> PyResult<Self> {
         let Some(of_kind) = KINDS.iter().find(|known| known.name == kind) else {

@@ -15,11 +15,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Time between two looks for signals, such as Ctrl-C.
+/// Time between two checks for signals, such as Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Works in a thread of its own, without the interpreter's lock. A signal whose handler raises an exception sets `stop`;
-/// the exception follows once the work has ended.
+/// Runs work in a separate thread, without the interpreter's lock. A signal whose handler raises an exception sets
+/// `stop`; the exception is raised once the work has ended.
 fn interruptible(
     py: Python<'_>,
     stop: &AtomicBool,
@@ -47,7 +47,7 @@ fn interruptible(
     })
 }
 
-/// The answer of `pkm preflight` as JSON; `options` are those of a run, as JSON.
+/// Returns the answer of `pkm preflight` as JSON; `options` are those of a run, as JSON.
 #[pyfunction]
 pub fn preflight(
     py: Python<'_>,
@@ -67,7 +67,7 @@ pub fn preflight(
         let mut trace = trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
         let verdict = judge(&config, &program, &options, true, &mut |step| {
             if let (Step::Row(row), Some(trace)) = (step, &mut trace) {
-                // What cannot be written is reported at the end.
+                // A write error is reported at the end.
                 let _ = trace.see(row);
             }
         })?;

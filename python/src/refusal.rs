@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Refusals as exceptions: of a machine that its file does not describe, of a pose, and of a subcommand.
+//! Refusals as exceptions: of a machine file, of a pose, and of a subcommand.
 
 use kinematics::{CAUSES, Cause, Fault};
 use pyo3::exceptions::{PyKeyError, PyRuntimeError, PyValueError};
@@ -25,7 +25,7 @@ pyo3::create_exception!(
     "A pose or joint values without a solution: attributes code, name, part, value and remedy."
 );
 
-/// The exception of a fault.
+/// Converts a fault to an exception.
 pub fn refused(py: Python<'_>, fault: &Fault) -> PyErr {
     let error = Refused::new_err(fault.to_string());
     let instance = error.value(py);
@@ -43,12 +43,12 @@ pub fn refused(py: Python<'_>, fault: &Fault) -> PyErr {
     }
 }
 
-/// What is wrong with a machine, in the words of `pkm`.
+/// Converts an error of a machine, with the text of `pkm`.
 pub fn machine_error(error: impl ToString) -> PyErr {
     MachineError::new_err(error.to_string())
 }
 
-/// Makes an exception of why a call that does as a subcommand of `pkm` has no answer.
+/// Converts the error of a call equivalent to a subcommand of `pkm`.
 pub fn failed(error: impl ToString) -> PyErr {
     CommandFailed::new_err(error.to_string())
 }
@@ -57,7 +57,7 @@ fn of_code(code: i32) -> Option<Cause> {
     CAUSES.iter().copied().find(|cause| cause.code() == code)
 }
 
-/// What a code means: `{"code", "name", "text", "remedy"}`.
+/// Describes a code: `{"code", "name", "text", "remedy"}`.
 #[pyfunction]
 pub fn cause(py: Python<'_>, code: i32) -> PyResult<Bound<'_, PyDict>> {
     let Some(cause) = of_code(code) else {

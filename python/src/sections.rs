@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The text of an INI file for a machine that has none: legs and letters, with the keys of the file.
+//! The text of an INI file for a machine without one: legs and letters, with the keys of the file.
 //!
-//! It is read back as any other file, so that keys, ranges and words of refusal are the reader's.
+//! It is read like any other file, so that keys, ranges and messages are the reader's.
 
 use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use std::fmt::Write;
 
-/// Limits of a joint or axis for which none are given: farther than any machine goes.
+/// Limits of a joint or axis without given ones: beyond the reach of any machine.
 const FAR: f64 = 1e9;
 
-/// What a machine is made of.
+/// The parts of a machine.
 pub struct Parts<'py> {
     pub legs: Vec<Bound<'py, PyDict>>,
     pub coordinates: String,
@@ -23,7 +23,7 @@ pub struct Parts<'py> {
 }
 
 impl Parts<'_> {
-    /// The text.
+    /// Returns the text.
     ///
     /// # Errors
     /// A leg without a kind, or a value that is neither a word nor numbers.
@@ -99,7 +99,7 @@ fn limits(leg: &Bound<PyDict>) -> PyResult<[f64; 2]> {
     }
 }
 
-/// Keys in small letters, without those that are no keys of the file.
+/// Adds keys in small letters, except those that are not keys of the file.
 fn push_keys(text: &mut String, keys: &Bound<PyDict>, others: &[&str]) -> PyResult<()> {
     for (key, value) in keys.iter() {
         let key: String = key.extract()?;
@@ -110,7 +110,7 @@ fn push_keys(text: &mut String, keys: &Bound<PyDict>, others: &[&str]) -> PyResu
     Ok(())
 }
 
-/// A word, a number or a sequence of numbers, as the file has them.
+/// Formats a word, a number or a sequence of numbers as in the file.
 fn words(key: &str, value: &Bound<PyAny>) -> PyResult<String> {
     if let Ok(word) = value.cast::<PyString>() {
         return Ok(word.to_str()?.into());

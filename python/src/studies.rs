@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Studies of a machine as `pkm` makes them: workspace, stiffness, sensitivity.
+//! Studies of a machine as in `pkm`: workspace, stiffness, sensitivity.
 
 use crate::arrays::Rows;
 use crate::batch::{Answer, each};
@@ -17,17 +17,17 @@ use studies::study::springs::Springs;
 use studies::study::stiffness;
 use studies::study::workspace;
 
-/// A study from the text of its file.
+/// Reads a study from the text of its file.
 pub fn study(text: Option<&str>) -> PyResult<Study> {
     let parsed = text.map_or(Ok(Study::default()), Study::parse);
     parsed.map_err(|error| machine_error(format!("study: {error}")))
 }
 
-/// Numbers of a compliance, and principal axes of displacements or turns.
+/// Size of a compliance matrix.
 const MATRIX: usize = POSE * POSE;
 const AXES: usize = 3;
 
-/// Where the legs do not hold the platform, as forward refuses it.
+/// The refusal at a singular pose, as from forward.
 const SINGULAR: Fault = Fault::with_value(Cause::Singular, 0.0);
 
 /// Stiffness at the tool tip of many poses.
@@ -37,7 +37,7 @@ pub struct Stiffness {
     pub compliance: Py<Answer>,
     /// (n, 3): stiffness along the principal axes of displacements, smallest first, N/mm.
     pub translation: Py<Answer>,
-    /// (n, 3): the same of turns, N mm/rad.
+    /// (n, 3): the same for rotations, N mm/rad.
     pub rotation: Py<Answer>,
 }
 
@@ -67,10 +67,10 @@ pub fn stiffness(
     })
 }
 
-/// What errors of joints make of many poses.
+/// The effect of errors of joints on many poses.
 #[pyclass(frozen, get_all, module = "pkmkins")]
 pub struct Sensitivity {
-    /// (n, 6, joints): change of the pose, machine units and degrees, by that of a joint.
+    /// (n, 6, joints): change of the pose, machine units and degrees, per change of a joint.
     pub gain: Py<Answer>,
     /// (n, 2): largest and smallest singular value of the inverse Jacobian, angles times the length.
     pub singular_values: Py<Answer>,
@@ -101,7 +101,7 @@ pub fn sensitivity(
     })
 }
 
-/// How closely a workspace is looked at.
+/// The resolution of a workspace.
 pub struct Look {
     /// Rays from pole to pole.
     pub bands: usize,
@@ -111,20 +111,20 @@ pub struct Look {
     pub steps: f64,
 }
 
-/// The workspace around a place.
+/// The workspace around a start pose.
 #[pyclass(frozen, get_all, module = "pkmkins")]
 pub struct Workspace {
     /// Volume within the boundary, machine units cubed.
     pub volume: f64,
-    /// The same by counting a grid; NaN where none was asked for.
+    /// The same by counting a grid; NaN without a grid.
     pub volume_by_grid: f64,
-    /// Share of the directions that each limit ends.
+    /// Fraction of the directions that each limit ends.
     pub limits: Py<PyDict>,
     /// Points of the boundary, (n, 3).
     pub vertices: Py<PyArray2<f64>>,
-    /// Triangles of the boundary, (m, 3) numbers of vertices.
+    /// Triangles of the boundary, (m, 3) indices of vertices.
     pub triangles: Py<PyArray2<usize>>,
-    /// Where the rays begin, X Y Z.
+    /// Origin of the rays, X Y Z.
     pub start: Py<PyArray1<f64>>,
 }
 

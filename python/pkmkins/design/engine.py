@@ -129,7 +129,7 @@ def _placed(piece, judgements):
 
 @contextmanager
 def _uninterrupted():
-    """Delays Ctrl-C, which a terminal sends to all processes, to the end; processes started meanwhile never get it."""
+    """Delays Ctrl-C, which a terminal sends to all processes, to the end; processes started here never get it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
