@@ -2,9 +2,9 @@
 //! [`fuzz::entry_points`] for libFuzzer.
 #![no_main]
 
-/// What the module calls where it panics: nothing defines it in LinuxCNC, so that a module with a
-/// panic path would not load. Under the sanitizer the compiler cannot show that there is none, and
-/// a panic is what is looked for.
+/// Ends the run. The module calls it if it panics: LinuxCNC does not define it, so that a module with a
+/// panic path would not load. Under the sanitizer the compiler cannot prove that there is none, and
+/// the fuzzer searches for panics.
 #[unsafe(no_mangle)]
 pub extern "C" fn pkmkins_has_a_panic_path() -> ! {
     std::process::abort()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The core with any geometry, pose, seed, joints, tool and settings: nothing panics,
-//! nothing that is not finite is a success, and what is found fits what was asked.
+//! The core with arbitrary geometry, pose, seed, joints, tool and settings: nothing panics,
+//! no success has a value that is not finite, and results satisfy the equations.
 
 use crate::Bytes;
 use crate::common::Case;
@@ -19,11 +19,11 @@ thread_local! {
     });
 }
 
-/// Poses farther away than this many sizes have joints whose roundings count in sizes.
+/// Beyond this many sizes, rounding of the joints of a pose is significant relative to the size.
 const FAR: f64 = 100.0;
 
-/// What a round trip may lose, relative to size: a pose that is not refused as nearly
-/// singular amplifies the roundings of joints (1e-14 of FAR sizes) by 1e6 at most.
+/// Tolerance of a round trip, relative to size: a pose that is not refused as nearly
+/// singular amplifies the rounding of joints (1e-14 of FAR sizes) by 1e6 at most.
 const ROUND_TRIP: f64 = 1e-6;
 
 /// Changes some values of the geometry.
@@ -94,7 +94,7 @@ fn solver(bytes: &mut Bytes) -> Solver {
     solver
 }
 
-/// What a machine is asked, and all it answers.
+/// The inputs of all calculations of a machine.
 struct Question<'a> {
     machine: &'a Machine,
     tool: Vector3<f64>,
@@ -102,7 +102,7 @@ struct Question<'a> {
 }
 
 impl Question<'_> {
-    /// Everything that needs no seed.
+    /// Checks all calculations without a seed.
     fn at(&self, pose: &Pose) -> Result<Joints, Fault> {
         let (machine, tool) = (self.machine, &self.tool);
         let joints = machine.inverse(pose, tool)?;
@@ -117,7 +117,7 @@ impl Question<'_> {
         Ok(joints)
     }
 
-    /// Forward, and its result judged by the equations of the reference tracker.
+    /// Runs forward, and checks its result against the equations of the reference tracker.
     fn back(&self, joints: &Joints, seed: &Pose, tracker: Option<&Tracker>) -> Option<Pose> {
         let found = self.machine.forward(joints, seed, &self.tool, &self.solver).ok()?;
         assert!(found.pose.is_finite(), "{found:?}");
@@ -133,7 +133,7 @@ impl Question<'_> {
 }
 
 trait Finite {
-    /// Refused, or all elements are finite.
+    /// Returns whether it is refused, or all elements are finite.
     fn is_ok_and_finite(&self) -> bool;
 }
 
@@ -147,13 +147,13 @@ fn ask(case: &Case, bytes: &mut Bytes) {
     let geometry = changed(&case.geometry, bytes);
     let offset = match bytes.byte() {
         0..=223 => [0.0; 8],
-        // Larger ones swallow the digits of the joint that they are added to.
+        // Larger ones would absorb the digits of the joint that they are added to.
         _ => std::array::from_fn(|_| bytes.number(0.0, 1.0).clamp(-FAR, FAR)),
     };
     let Ok(machine) = Machine::freeze(&geometry, &offset) else { return };
     let size = machine.size();
-    // The tracker wants a reference pose, knows nothing of offsets, and takes all poses
-    // about the centre.
+    // The tracker needs a reference pose, supports no offsets, and defines all poses
+    // about the center.
     let centred = geometry.centre.iter().all(|c| c.abs() <= FAR * size);
     let tracked = geometry.home.is_some() && offset == [0.0; 8] && centred;
     let tracker = tracked.then(|| Tracker::new(&geometry));
@@ -176,7 +176,7 @@ fn ask(case: &Case, bytes: &mut Bytes) {
     question.back(&joints, &case.home, tracker.as_ref());
 }
 
-/// Asks one machine what the bytes say.
+/// Tests one machine with inputs from the bytes.
 pub fn run(data: &[u8]) {
     let mut bytes = Bytes::new(data);
     MACHINES.with(|machines| ask(&machines[bytes.below(machines.len())], &mut bytes));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The module's C entry points through the stub HAL, with anything on its pins and in its
-//! arguments: it writes nothing but what it may, and success means finite numbers.
+//! The module's C entry points through the stub HAL, with arbitrary values on its pins and in its
+//! arguments: it writes only where it may, and success means finite numbers.
 
 use crate::Bytes;
 use abi_tests::control::{Control, controls};
@@ -8,13 +8,13 @@ use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::stub::PinDir;
 use std::cell::LazyCell;
 
-/// Stands in what a call must leave alone.
+/// Value of memory that a call must leave unchanged.
 const UNTOUCHED: f64 = -7777.75;
 
 struct Loaded {
     control: Control,
     module: Module,
-    /// Pins that others set, in their order.
+    /// Input pins, in order.
     inputs: Vec<String>,
 }
 
@@ -41,7 +41,7 @@ fn inverse(module: &Module, pose: &Pose, count: usize) -> Joints {
     joints
 }
 
-/// U V W that nothing moves are none of the module's.
+/// Calls forward. U V W that no joint moves are ignored.
 fn forward(Loaded { control, module, .. }: &Loaded, joints: &Joints, seed: &Pose) {
     let mut pose = *seed;
     let others = || (6..9).filter(|k| !control.moves(*k));
@@ -63,7 +63,7 @@ fn jacobian(module: &Module, joints: &Joints, pose: &Pose) {
     }
 }
 
-/// One call of a kind that the bytes choose.
+/// Makes one call of a kind that the bytes choose.
 fn call(loaded: &Loaded, pose: &mut Pose, joints: &mut Joints, bytes: &mut Bytes) {
     let module = &loaded.module;
     match bytes.byte() % 8 {
@@ -87,12 +87,12 @@ fn call(loaded: &Loaded, pose: &mut Pose, joints: &mut Joints, bytes: &mut Bytes
     }
 }
 
-/// Makes the calls that the bytes say.
+/// Makes the calls chosen by the bytes.
 pub fn run(data: &[u8]) {
     let mut bytes = Bytes::new(data);
     LOADED.with(|all| {
         let loaded = &all[bytes.below(all.len())];
-        // As it was at first, whatever the last run left.
+        // Reset the state, whatever the last run was.
         loaded.module.switch(0);
         loaded.control.apply(&loaded.module);
         let mut pose = loaded.control.home();

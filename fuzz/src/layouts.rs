@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Load parameters of any text, axes that carry something at any place, and two mechanisms at any poses:
-//! nothing panics, what is taken has every letter and every joint once, and results are finite and fit.
+//! Load parameters of arbitrary text, carrying axes at arbitrary positions, and two mechanisms at arbitrary poses:
+//! nothing panics, accepted parameters have every letter and every joint once, and results are finite and consistent.
 
 use crate::Bytes;
 use crate::common::Case;
@@ -15,16 +15,16 @@ thread_local! {
     static MACHINES: LazyCell<Vec<Case>> = LazyCell::new(declared);
 }
 
-/// Poses and points of axes farther away than this many sizes lose digits that count in sizes.
+/// Poses and axis points beyond this many sizes lose digits that are significant relative to the size.
 const FAR: f64 = 100.0;
 
-/// What turning there and back may lose, as a share of the largest length: some rotations of 2⁻⁵² each, at
+/// Tolerance of a rotation and its inverse, as a fraction of the largest length: some rotations of 2⁻⁵² each, at
 /// arms of FAR sizes.
 const THERE_AND_BACK: f64 = 1e-12;
 
 const LINUXCNC_JOINTS: usize = 16;
 
-/// Words that load parameters are made of, beside single characters.
+/// Words of load parameters, in addition to single characters.
 const WORDS: [&str; 12] = [
     "strut:6", "slider:4", "crank:3", "ring:5", ",", "XYZ", "XYZB", "XYZABC", "UVW", "C", "A", "1",
 ];
@@ -48,7 +48,7 @@ fn loaded(bytes: &mut Bytes) -> Result<Load, LoadError> {
     load.with_second(second, of_second, angles)?.with_axes(axes)
 }
 
-/// Every letter that something moves stands once, and the joints have room.
+/// Checks that every moved letter occurs once, and that the joints have room.
 fn parameters(bytes: &mut Bytes) {
     let Ok(load) = loaded(bytes) else { return };
     assert!(load.joints() <= LINUXCNC_JOINTS, "{load:?}");
@@ -85,7 +85,7 @@ fn is_rotation(matrix: &Matrix3<f64>) -> bool {
     off.iter().all(|x| x.abs() < 1e-9)
 }
 
-/// LinuxCNC's pose to the machine's and back.
+/// Converts LinuxCNC's pose to the machine's and back.
 fn chain(case: &Case, bytes: &mut Bytes) {
     let (layout, size) = (case.machine.layout(), case.machine.size());
     let free: Vec<u8> = b"ABCUVW"
@@ -107,7 +107,7 @@ fn chain(case: &Case, bytes: &mut Bytes) {
     let lengths = world.iter().enumerate().filter(|(k, _)| !(3..6).contains(k)).map(|(_, x)| *x);
     let largest =
         lengths.chain(points).chain(tool.iter().copied()).fold(size, |most, x| most.max(x.abs()));
-    // A tool that is none is refused before it comes here.
+    // An invalid tool is refused earlier.
     if !(largest <= FAR * size) || tool.iter().any(|x| !x.is_finite()) {
         return;
     }
@@ -128,7 +128,7 @@ fn chain(case: &Case, bytes: &mut Bytes) {
     assert!(rates.iter().all(|x| x.is_finite()), "{rates}");
 }
 
-/// The distance of two machines at two poses is the same from either side.
+/// Checks that the distance of two machines at two poses is symmetric.
 fn pair(one: &Case, other: &Case, bytes: &mut Bytes) {
     let mut pose = |case: &Case| {
         let (home, size) = (case.home.to_degrees(), case.machine.size());
@@ -144,7 +144,7 @@ fn pair(one: &Case, other: &Case, bytes: &mut Bytes) {
     };
     let (there, back) = (Gap::between(&first, &second), Gap::between(&second, &first));
     if !there.distance.is_finite() {
-        // Poses so far away that the squares of lengths overflow.
+        // At such distances the squares of lengths overflow.
         return;
     }
     let size = one.machine.size().max(other.machine.size());
@@ -156,7 +156,7 @@ fn pair(one: &Case, other: &Case, bytes: &mut Bytes) {
     }
 }
 
-/// Tries one of the three with what the bytes say.
+/// Runs one of the three with inputs from the bytes.
 pub fn run(data: &[u8]) {
     let mut bytes = Bytes::new(data);
     MACHINES.with(|machines| match bytes.byte() % 3 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the fuzz targets do, and bytes of a fuzzer read as numbers.
+//! The fuzz targets, and the conversion of a fuzzer's bytes to numbers.
 
 pub mod core;
 pub mod entry_points;
@@ -10,7 +10,7 @@ mod common;
 #[cfg(test)]
 mod short;
 
-/// Numbers that code stumbles over.
+/// Numbers that often cause errors.
 const AWKWARD: [f64; 16] = [
     0.0,
     -0.0,
@@ -38,7 +38,7 @@ impl<'a> Bytes<'a> {
         Self(data)
     }
 
-    /// Whether all are used up.
+    /// Returns whether all bytes are used up.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -49,17 +49,17 @@ impl<'a> Bytes<'a> {
         *first
     }
 
-    /// A number below `limit`, which is at most 65536.
+    /// Returns a number below `limit`, which is at most 65536.
     pub fn below(&mut self, limit: usize) -> usize {
         usize::from(u16::from_le_bytes([self.byte(), self.byte()])) % limit
     }
 
-    /// A number from −1 to 1.
+    /// Returns a number from −1 to 1.
     fn share(&mut self) -> f64 {
         f64::from(i16::from_le_bytes([self.byte(), self.byte()])) / 32768.0
     }
 
-    /// Any number at all, an awkward one, or one near `usual` by up to `spread`.
+    /// Returns an arbitrary number, an awkward one, or one that differs from `usual` by up to `spread`.
     pub fn number(&mut self, usual: f64, spread: f64) -> f64 {
         match self.byte() {
             0..=15 => f64::from_le_bytes(std::array::from_fn(|_| self.byte())),

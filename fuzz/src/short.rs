@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The targets without libFuzzer: what is kept, and inputs made of it at random. Nothing guides them, and nothing more
-//! has to be built for them. Crashes and endless loops are reported by `cargo xtask fuzz` with their input.
+//! The targets without libFuzzer: the kept inputs, and random changes of them, without guidance. They need no
+//! additional build. `cargo xtask fuzz` reports crashes and endless loops with their input.
 
 use crate::common::cases;
 use rand::{Rng, SeedableRng};
@@ -9,10 +9,10 @@ use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Longest input, as libFuzzer is told in `run.sh`.
+/// Longest input, the same as for libFuzzer in `run.sh`.
 const LONGEST: usize = 600;
 
-/// The corpus of a target, in the order of names.
+/// Returns the corpus of a target, sorted by name.
 fn kept(target: &str) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
     let files = fs::read_dir(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
@@ -22,7 +22,7 @@ fn kept(target: &str) -> Vec<Vec<u8>> {
     files.iter().map(|file| fs::read(file).unwrap()).collect()
 }
 
-/// One of them with up to eight changes.
+/// Returns one of them with up to eight changes.
 fn changed(rng: &mut Pcg64, kept: &[Vec<u8>]) -> Vec<u8> {
     let mut input = kept[rng.random_range(0..kept.len())].clone();
     for _ in 0..rng.random_range(1..=8) {
@@ -44,7 +44,7 @@ fn changed(rng: &mut Pcg64, kept: &[Vec<u8>]) -> Vec<u8> {
     input
 }
 
-/// Runs a target; an input at which it panics is told byte by byte.
+/// Runs a target; reports the bytes of an input that panics.
 fn survives(target: &str, run: fn(&[u8]), count: usize) {
     let kept = kept(target);
     let mut rng = Pcg64::seed_from_u64(1);

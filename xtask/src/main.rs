@@ -8,7 +8,7 @@ use std::process::{Command, ExitCode};
 
 const TASKS: &str = include_str!("../tasks.sh");
 
-/// Returns the lines of `tasks.sh` that describe a task: its name, what may follow it, and what it does.
+/// Returns the lines of `tasks.sh` that describe a task: its name, its arguments, and its effect.
 fn described() -> impl Iterator<Item = (&'static str, &'static str)> {
     TASKS.lines().filter_map(|line| line.strip_prefix("## ")?.split_once(": "))
 }
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
     let error = Command::new("bash")
         .args(["-euo", "pipefail", "xtask/tasks.sh"])
         .args(arguments)
-        // In place of the switches of a make that runs this.
+        // Replaces the switches of a make that runs this.
         .env("MAKEFLAGS", "--no-print-directory")
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
         .exec();

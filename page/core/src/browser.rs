@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the page calls. Numbers and text pass through one block of memory each, whose places it asks for once.
+//! The functions for the page. One block of memory each transfers numbers and text; the page reads its address once.
 
 // Names without mangling, and the one state of a program without threads.
 #![allow(unsafe_code)]
@@ -25,7 +25,7 @@ unsafe impl Sync for Only {}
 static STATE: Only = Only(UnsafeCell::new(None));
 
 fn state() -> &'static mut State {
-    // SAFETY: one thread, and no function here calls another one of the page's.
+    // SAFETY: one thread, and no function here calls another exported one.
     let state = unsafe { &mut *STATE.0.get() };
     state.get_or_insert_with(|| State {
         numbers: [0.0; NUMBERS],
@@ -34,49 +34,49 @@ fn state() -> &'static mut State {
     })
 }
 
-/// The block of numbers.
+/// Returns the address of the block of numbers.
 #[unsafe(no_mangle)]
 pub extern "C" fn numbers() -> *mut f64 {
     state().numbers.as_mut_ptr()
 }
 
-/// How many fit into it.
+/// Returns the capacity of the block.
 #[unsafe(no_mangle)]
 pub extern "C" fn capacity() -> usize {
     NUMBERS
 }
 
-/// Joint values in an answer.
+/// Returns the number of joint values in an answer.
 #[unsafe(no_mangle)]
 pub extern "C" fn most_joints() -> usize {
     MAX_JOINTS
 }
 
-/// Legs in an answer.
+/// Returns the number of legs in an answer.
 #[unsafe(no_mangle)]
 pub extern "C" fn most_legs() -> usize {
     MAX_LEGS
 }
 
-/// Numbers of a margin.
+/// Returns the size of a margin in numbers.
 #[unsafe(no_mangle)]
 pub extern "C" fn margin_length() -> usize {
     MARGIN
 }
 
-/// The bytes of the last refusal's message.
+/// Returns the address of the last refusal's message.
 #[unsafe(no_mangle)]
 pub extern "C" fn message() -> *const u8 {
     state().text.as_str().as_ptr()
 }
 
-/// How many they are.
+/// Returns the length of the message in bytes.
 #[unsafe(no_mangle)]
 pub extern "C" fn message_length() -> usize {
     state().text.as_str().len()
 }
 
-/// Takes the machine that the first `count` numbers describe: 1, or 0 where they describe none.
+/// Reads the machine from the first `count` numbers: returns 1, or 0 if they describe none.
 #[unsafe(no_mangle)]
 pub extern "C" fn take_machine(count: usize) -> i32 {
     let state = state();
@@ -85,8 +85,8 @@ pub extern "C" fn take_machine(count: usize) -> i32 {
     i32::from(state.machine.is_some())
 }
 
-/// Answers for the pose and the tool vector in the first nine numbers: 0, with the answer in their place, or
-/// the code of a refusal, with its message.
+/// Draws the pose and tool vector in the first nine numbers: returns 0 and overwrites them with the answer, or
+/// returns the code of a refusal, with its message.
 #[unsafe(no_mangle)]
 pub extern "C" fn draw() -> i32 {
     let state = state();

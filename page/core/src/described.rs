@@ -6,7 +6,7 @@ use kinematics::{
     Geometry, LegGeometry, LegKind, Letter, Letters, Limits, MAX_LEGS, Machine, PerLeg,
 };
 
-/// What is needed to freeze a machine and to judge its poses.
+/// The data to freeze a machine and to judge its poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Described {
     /// The geometry as given.
@@ -24,7 +24,7 @@ const CRANK: f64 = 3.0;
 const RING: f64 = 4.0;
 
 impl Described {
-    /// The numbers, one after the other.
+    /// Writes the numbers in order.
     pub fn write(&self, mut put: impl FnMut(f64)) {
         let mut all = |values: &[f64]| values.iter().for_each(|value| put(*value));
         let layout = self.geometry.layout();
@@ -76,7 +76,7 @@ impl Described {
         all(&[limits.tilt, limits.conditioning, limits.clearance]);
     }
 
-    /// The machine that [`Described::write`] wrote; none where these are other numbers.
+    /// Reads a machine that [`Described::write`] wrote; `None` for invalid numbers.
     pub fn read(numbers: &[f64]) -> Option<Self> {
         let mut from = Numbers(numbers);
         let (coordinates, table) = (from.letters()?, from.letters()?);
@@ -97,13 +97,13 @@ impl Described {
         from.0.is_empty().then_some(Self { geometry, offsets, limits })
     }
 
-    /// The machine; none where it is refused.
+    /// Freezes the machine; `None` if it is refused.
     pub fn freeze(&self) -> Option<Machine> {
         Machine::freeze(&self.geometry, &self.offsets).ok()
     }
 }
 
-/// Numbers that are still to be read.
+/// Numbers that remain to be read.
 struct Numbers<'a>(&'a [f64]);
 
 impl Numbers<'_> {

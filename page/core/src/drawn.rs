@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What is drawn of a machine at a pose.
+//! The drawing of a machine at a pose.
 
 use core::ops::ControlFlow;
 use kinematics::{
@@ -7,11 +7,11 @@ use kinematics::{
     Segment, Vector3,
 };
 
-/// Most margins of a pose: of axes, joints, dead points, cones, pyramids, and of the whole.
+/// Largest number of margins of a pose: of axes, joints, dead points, cones, pyramids, and of the whole machine.
 pub const MOST_MARGINS: usize = 6 + MAX_JOINTS + 7 * MAX_LEGS + 3;
 
-/// Numbers of a margin: limit by its place in the list, kind of part (0 whole, 1 axis, 2 joint, 3 leg, 4 two
-/// legs), its two numbers, value, smallest and largest allowed value, share of the range that is left.
+/// Numbers of a margin: index of the limit in the list, kind of part (0 whole, 1 axis, 2 joint, 3 leg, 4 two
+/// legs), its two numbers, value, smallest and largest allowed value, remaining fraction of the range.
 pub const MARGIN: usize = 8;
 
 /// Numbers of a [`Drawn`].
@@ -22,17 +22,17 @@ pub const NUMBERS: usize = 2 * MAX_JOINTS + 6 * MAX_LEGS + 9 + 9 + 2 + MARGIN * 
 pub struct Drawn {
     /// Joint values of legs and table.
     pub joints: Joints,
-    /// Largest joint motion for a unit motion of the control point that does not turn; NaN where it has none.
+    /// Largest joint motion for a unit translation of the control point; NaN if it has none.
     pub ratios: Joints,
     /// The legs, from moving base anchor to platform anchor.
     pub segments: [Segment; MAX_LEGS],
     /// Base from platform.
     pub rotation: Matrix3<f64>,
-    /// Origin of the platform's frame, where the tool begins.
+    /// Origin of the platform's frame, at which the tool begins.
     pub nose: Vector3<f64>,
     /// Tip of the tool.
     pub tip: Vector3<f64>,
-    /// What the table has carried the work by.
+    /// Displacement of the workpiece by the table.
     pub table: Vector3<f64>,
     /// Smallest singular value of the legs' constraint rows.
     pub conditioning: f64,
@@ -40,7 +40,7 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    /// Of a pose (x y z in machine units, a b c in degrees) with the tool vector o, spindle included.
+    /// Draws a pose (x y z in machine units, a b c in degrees) with the tool vector o, spindle included.
     ///
     /// # Errors
     /// As [`Machine::at`].
@@ -63,7 +63,7 @@ impl Drawn {
         let point = by_letter(&|letter| layout.coordinates().contains(letter));
         let nose = point - rotation * centre;
         Ok(Self {
-            // To the last bit what the module commands.
+            // Identical bit by bit to the module's commands.
             joints: machine.inverse(&pose, &tool)?,
             ratios: at.speed_ratios().unwrap_or([f64::NAN; MAX_JOINTS]),
             segments: *at.segments(),
@@ -76,12 +76,12 @@ impl Drawn {
         })
     }
 
-    /// Margins of all limits that are set.
+    /// Returns the margins of all limits that are set.
     pub fn margins(&self) -> impl Iterator<Item = &Margin> {
         self.margins.iter().flatten()
     }
 
-    /// As numbers: joints, ratios, base and platform end of each leg, the rotation by columns, origin of the
+    /// Writes it as numbers: joints, ratios, base and platform end of each leg, the rotation by columns, origin of the
     /// platform's frame, tip, table, conditioning, number of margins, and [`MARGIN`] numbers for each.
     pub fn write(&self, mut put: impl FnMut(f64)) {
         let mut all = |values: &[f64]| values.iter().for_each(|value| put(*value));
@@ -108,7 +108,7 @@ fn margins(at: &At, limits: &Limits) -> [Option<Margin>; MOST_MARGINS] {
     let mut all = [None; MOST_MARGINS];
     let mut places = all.iter_mut();
     let _ = at.margins(limits, |margin| {
-        // A held coordinate has the value 0, which is no news.
+        // A held coordinate always has the value 0, so leave it out.
         let is_held = matches!(margin.part, Part::Axis(letter) if at.layout().is_held(letter));
         if let Some(place) = (!is_held).then(|| places.next()).flatten() {
             *place = Some(margin);
@@ -118,7 +118,7 @@ fn margins(at: &At, limits: &Limits) -> [Option<Margin>; MOST_MARGINS] {
     all
 }
 
-/// Kind of part, and its numbers.
+/// Returns the kind of part, and its numbers.
 pub fn numbers(part: Part) -> [f64; 3] {
     match part {
         Part::Whole => [0.0; 3],

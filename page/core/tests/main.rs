@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the page is given, and what its kinematics answer. tests/page opens it in a browser.
+//! Tests of the page's inputs and of the answers of its kinematics. tests/page opens it in a browser.
 
 use kinematics::{Joints, Limits, MAX_JOINTS, Pose, Vector3};
 use machine::proof::axis_box::range;
@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 use studies::study::rods::View;
 use test_support::shipped::{MACHINES, config, whole};
 
-/// Some roundings of lengths of 1e3.
+/// Rounding errors of lengths of 1e3.
 const LENGTH: f64 = 1e-9;
 
 fn described(config: &Mechanism) -> Described {
@@ -76,7 +76,7 @@ fn what_is_drawn_is_what_the_machine_and_the_rods_say() {
             for (end, rod) in drawn.segments.iter().zip(&rods.rods) {
                 assert_eq!([end.base, end.platform], [rod.ends.base, rod.ends.platform]);
             }
-            // A table carries the work below a platform that stands; else the tip is where it is programmed.
+            // A table carries the workpiece below a fixed platform; otherwise the tip is at its programmed position.
             let tip = drawn.tip - drawn.table - (pose.position - tool);
             assert!(tip.norm() < LENGTH * config.machine.size().max(1.0), "{tip}");
             let ranges = drawn.margins().filter(|margin| margin.part != kinematics::Part::Whole);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //
-// pkmkins.h against LinuxCNC's own headers, and the built module against both.
+// Compares pkmkins.h with LinuxCNC's own headers, and the built module with both.
 //
 // The first half is for the compiler: with LinuxCNC's kinematics.h in the same
-// unit every prototype of pkmkins.h is a repeated declaration, and one that
-// differs is an error. Built with -DALONE the unit has pkmkins.h only, and the
-// same sizes and offsets must hold for the types it defines itself.
+// unit every prototype of pkmkins.h is a repeated declaration, and a difference
+// is an error. With -DALONE the unit has only pkmkins.h, and the
+// same sizes and offsets must hold for the types that it defines.
 //
 // The second half runs: a C program loads the module as rtapi_app does and
 // calls it through the prototypes.
@@ -49,8 +49,8 @@ _Static_assert(sizeof(KINEMATICS_TYPE) == sizeof(int), "KINEMATICS_TYPE");
 _Static_assert(sizeof(KINEMATICS_FORWARD_FLAGS) == sizeof(unsigned long), "forward flags");
 _Static_assert(sizeof(KINEMATICS_INVERSE_FLAGS) == sizeof(unsigned long), "inverse flags");
 
-// What LinuxCNC calls, once more in its own words: these are compared even when
-// its headers are absent, and those that its 2.9 headers do not have yet.
+// The functions that LinuxCNC calls, declared again here: these are compared even if
+// its headers are absent, including those that its 2.9 headers do not have yet.
 extern int kinematicsForward(const double *joint, struct EmcPose *world,
                              const KINEMATICS_FORWARD_FLAGS *fflags,
                              KINEMATICS_INVERSE_FLAGS *iflags);
@@ -69,7 +69,7 @@ extern int kinematicsWorkFrame(const double *joint, PmRotationMatrix *rot,
 extern int kinematicsTypeFlags(int ktype);
 extern int kinematicsSetTool(const EmcPose *tool);
 
-// run.sh plants one mismatch at a time here and expects the compiler to object.
+// run.sh plants one mismatch at a time here and expects a compiler error.
 #ifdef PLANT
 PLANT;
 #endif
@@ -100,7 +100,7 @@ static int round_trip(void)
     const KINEMATICS_FORWARD_FLAGS fflags = 0;
     KINEMATICS_FORWARD_FLAGS new_fflags = 0;
     KINEMATICS_INVERSE_FLAGS new_iflags = 0;
-    // A pose of the default geometry, each component of a value of its own.
+    // A pose of the default geometry, with different components.
     EmcPose pose = {{0.5, -0.25, 20.0}, 1.0, -2.0, 3.0, 4.0, 5.0, 6.0};
     EmcPose found = pose;
     double joints[16] = {0}, jacobian[16][9] = {{0}};

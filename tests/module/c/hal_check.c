@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //
-// The module's access to its pins against LinuxCNC's own header: what the header's accessors write the
-// module reads, and what the module writes they read. The accessors are the inline getters and setters
+// Compares the module's access to its pins with LinuxCNC's own header: the module reads the values that the header's
+// accessors write, and vice versa. The accessors are the inline getters and setters
 // of 2.10, or the typed pointers of 2.9.
 //
-// Before a write all 64 bits of the pin are set, so that an access of another width is seen.
+// Before a write all 64 bits of the pin are set, to detect an access of another width.
 
 #include "rtapi.h"
 #include "hal.h"
@@ -21,7 +21,7 @@
 #define CONSTRUCTOR "hal_pin_new_real"
 #define READ(type, at) hal_get_##type((void *)(at))
 #define WRITE(type, at, value) hal_set_##type((void *)(at), value)
-// A reader of the whole number sees the same one.
+// Reading all 64 bits gives the same number.
 #define WHOLE_si32(at) hal_get_sint((void *)(at))
 #define WHOLE_ui32(at) hal_get_uint((void *)(at))
 #else
@@ -79,7 +79,7 @@ static void *dirty(const char *name)
     return memset(pin(name), 0xff, sizeof(double));
 }
 
-// The first values, which the module or HAL itself has written.
+// Checks the first values, which the module or HAL has written.
 static int defaults(void)
 {
     int bad = check(READ(real, pin("pkmkins.max-error")) == 500.0, "first value of a float");
@@ -90,7 +90,7 @@ static int defaults(void)
     return bad;
 }
 
-// What the header writes, seen in what the module does.
+// Checks by the module's behavior that it reads the values that the header writes.
 static int reads(void)
 {
     int (*inverse)(const EmcPose *, double *, const unsigned long *, unsigned long *) =
@@ -123,14 +123,14 @@ static int reads(void)
     return bad;
 }
 
-// What only people read is written in turn: after so many cycles all of it has been.
+// Runs the cycles over which the module spreads updates for users.
 static void show_all(void)
 {
     for (int cycle = 0; cycle < 100; cycle++)
         monitor();
 }
 
-// What the module writes, read by the header. No pin of an s32 is read by the module.
+// Checks that the header reads the values that the module writes. The module reads no s32 pin.
 static int writes(void)
 {
     dirty("pkmkins.fault-leg");

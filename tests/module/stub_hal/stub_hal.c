@@ -3,9 +3,9 @@
 // A HAL and RTAPI without LinuxCNC: just enough of both for kinematics modules
 // to be loaded, wired and called inside a test process.
 //
-// One process holds many modules that all want the same pin names, and cargo
-// runs tests on several threads. So pins, functions and messages belong to a
-// "world", and each thread chooses the world its next calls act on.
+// One process contains many modules that all need the same pin names, and cargo
+// runs tests in several threads. So pins, functions and messages belong to a
+// "world", and each thread selects the world for its next calls.
 //
 // The stub refuses what the real HAL refuses (long or repeated names, pins
 // outside HAL memory, pins after hal_ready), so that a module which loads here
@@ -29,7 +29,7 @@
 #define MESSAGE_LEN 1024
 #define COMPONENT_ID 7
 
-// A pin, or a parameter: that has a value of the module's own.
+// A pin, or a parameter, whose value is in the module's memory.
 struct pin {
     char name[HAL_NAME_LEN + 1];
     hal_type_t type;
@@ -69,7 +69,7 @@ struct world {
 
 static __thread struct world *here;
 
-// ---- what the tests call ---------------------------------------------------
+// ---- functions that the tests call ------------------------------------------
 
 EXPORT struct world *stub_world_new(void)
 {
@@ -105,7 +105,7 @@ EXPORT void stub_messages_clear(struct world *world) { world->message_count = 0;
 EXPORT int stub_ready(const struct world *world) { return world->ready; }
 EXPORT int stub_exited(const struct world *world) { return world->exited; }
 
-// Calls into HAL and RTAPI so far: kinematics calls must not raise it.
+// Returns the number of calls into HAL and RTAPI so far: kinematics calls must not increase it.
 EXPORT unsigned long stub_calls(const struct world *world) { return world->calls; }
 
 EXPORT int stub_funct_call(struct world *world, const char *name, long period)
@@ -186,7 +186,7 @@ EXPORT void *hal_malloc(long size)
     return block->start;
 }
 
-// A new entry of the list of pins; NULL, with a message, if the name is taken.
+// Adds an entry to the list of pins; returns NULL, with a message, if the name is taken.
 static struct pin *new_pin(const char *name, hal_type_t type, int dir)
 {
     for (int i = 0; i < here->pin_count; i++) {
@@ -225,7 +225,7 @@ EXPORT int hal_pin_new(const char *name, hal_type_t type, hal_pin_dir_t dir,
     return 0;
 }
 
-// The one form of parameter that a module of LinuxCNC's uses here (pentakins).
+// The only form of parameter that a module of LinuxCNC uses here (pentakins).
 EXPORT int hal_param_float_newf(hal_param_dir_t dir, hal_float_t *data_addr, int comp_id,
                                 const char *fmt, ...)
 {
@@ -272,8 +272,8 @@ PIN_CONSTRUCTORS(float, FLOAT)
 PIN_CONSTRUCTORS(u32, U32)
 PIN_CONSTRUCTORS(s32, S32)
 
-// Those of LinuxCNC 2.10, also beside the header of an older one: which HAL a module is built for is
-// not the stub's affair.
+// The constructors of LinuxCNC 2.10, even with the header of an older version: the stub supports modules for
+// either HAL.
 #ifndef HAL_REAL
 typedef struct stub_reference *hal_bool_t, *hal_real_t, *hal_sint_t, *hal_uint_t;
 typedef hal_pin_dir_t hal_pdir_t;
@@ -338,7 +338,7 @@ EXPORT void rtapi_print(const char *fmt, ...)
     va_end(args);
 }
 
-// Counts its own calls: a clock that moves, and the same in every run.
+// Counts its calls: a clock that advances, identically in every run.
 static _Thread_local long long int now;
 
 EXPORT long long int rtapi_get_time(void)

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The rigid machine in long double: leg equations, Newton corrections, and a watch for singular poses.
+// The rigid machine in long double: leg equations, Newton corrections, and detection of singular poses.
 //
-// It shares no code with the module and is written from docs/ and the papers' equations. Poses are those
-// of the centre point D = P + R centre with the angles A B C (machine units, degrees): the legs see D with
-// held and table letters replaced by 0, a table joint is its letter of D. Angles count with the platform's
-// radius as arm, so that all unknowns are lengths.
+// It shares no code with the module and is based on docs/ and the papers' equations. Poses are those
+// of the center point D = P + R center with the angles A B C (machine units, degrees): the legs use D with
+// held and table letters replaced by 0, a table joint is its letter of D. Angles are multiplied by the platform's
+// radius, so that all unknowns are lengths.
 
 #include <float.h>
 #include <math.h>
@@ -19,14 +19,14 @@ typedef long double ld;
 
 enum { STRUT, SLIDER, CRANK, RING };
 
-// As truth.rs writes it: doubles only, so that both languages agree about the layout.
+// In the layout of truth.rs: only doubles, so that both languages have the same layout.
 struct leg {
     double kind, base[3], platform[3], first[3], second[3], rod, side, lead;
 };
 
 struct machine {
     double legs, size, radius;
-    // 1 where legs move the letter, 2 where a table does, 0 where it is held.
+    // 1 if legs move the letter, 2 if a table does, 0 if it is held.
     double letters[6];
     double centre[3];
     struct leg leg[LEGS];
@@ -34,11 +34,11 @@ struct machine {
     double fold[LEGS];
 };
 
-// What a look at a place finds.
+// The result of a check at a pose.
 struct fold {
-    // Smallest singular value, its slope where it falls fastest, distance of the singular pose.
+    // Smallest singular value, its steepest slope, distance of the singular pose.
     double sigma, curvature, distance;
-    // Least of the margins of the legs: 1 is comfortable, 0 is where a leg ends.
+    // Least margin of the legs: 1 is comfortable, 0 is the end of a leg's range.
     double margin;
     // Sign of the determinant; 0 for more legs than coordinates.
     double sign;
@@ -69,7 +69,7 @@ static void unit(const double a[3], ld u[3])
     for (int k = 0; k < 3; k++) u[k] = n > 0 ? v[k] / n : 0;
 }
 
-// Rotation and the map of (dA, dB, dC) to the angular velocity, columns in `rates`.
+// Computes the rotation and the map of (dA, dB, dC) to the angular velocity, columns in `rates`.
 static void rotation(const ld p[6], ld r[3][3], ld rates[3][3])
 {
     const ld sa = sinl(p[3] * DEGREE), ca = cosl(p[3] * DEGREE);
@@ -92,7 +92,7 @@ static void turn(ld r[3][3], const ld v[3], ld out[3])
     for (int k = 0; k < 3; k++) out[k] = dot(r[k], v);
 }
 
-// Where the lower end of a leg is at a joint value, and how it moves (per radian or length).
+// Computes the lower end of a leg at a joint value, and its derivative (per radian or length).
 static void lower_end(const struct leg *leg, ld q, ld c[3], ld move[3])
 {
     ld k[3], arm[3] = { leg->second[0], leg->second[1], leg->second[2] };
@@ -114,8 +114,8 @@ static void lower_end(const struct leg *leg, ld q, ld c[3], ld move[3])
     }
 }
 
-// The nut's part of a strut's joint value, and what w and z add to its row: w per velocity, rho x w + z
-// per angular velocity.
+// Computes the nut's part of a strut's joint value, and the contributions w and z to its row: w per velocity,
+// rho x w + z per angular velocity.
 static ld nut(const struct leg *leg, ld fold, const ld n[3], ld l, ld r[3][3], ld w[3], ld z[3], ld *margin)
 {
     ld a[3], own[3], b[3], ab[3], an[3], bn[3];
@@ -133,16 +133,16 @@ static ld nut(const struct leg *leg, ld fold, const ld n[3], ld l, ld r[3][3], l
         w[k] = fold * per_turn * (beta * bn[k] / fb - alpha * an[k] / fa) / l;
         z[k] = fold * per_turn * (n[k] - beta * b[k]) / fb;
     }
-    // Beyond 170 degrees, and along an axis, the module may refuse.
+    // The module may refuse beyond 170 degrees, and along an axis.
     const ld length = hypotl(s, c);
     const ld turned = (1 + fold * c / length) / 0.1L, lies = fminl(fa, fb) / 0.01L;
     *margin = fminl(*margin, fminl(turned, lies));
     return fold * per_turn * atan2l(fold * s, fold * c);
 }
 
-// The leg as the legs' equations see it at a pose.
+// A leg at a pose, as in the legs' equations.
 struct span {
-    // From base to anchor of the platform; lever of the anchor about D.
+    // From base to platform anchor; lever of the anchor about D.
     ld from_base[3], lever[3];
 };
 
@@ -169,10 +169,10 @@ static void spanned(const struct machine *m, const ld p[6], ld r[3][3], int i, s
     }
 }
 
-// Margin of an arm to where inverse goes on with a whole turn less: 1 at 4 degrees, about as far as a cosine of 0.08.
+// Returns the margin of an arm to where inverse subtracts a turn: 1 at 4 degrees, about as far as a cosine of 0.08.
 static ld half_turn(ld q) { return (180 - fabsl(q)) / 4; }
 
-// Residual of the length of leg i, its row over D and omega, and the drive's cosine.
+// Computes the residual of the length of leg i, its row over D and omega, and the drive's cosine.
 static ld residual(const struct machine *m, const ld p[6], ld r[3][3], int i, ld q, ld row[6], ld *margin)
 {
     const struct leg *leg = &m->leg[i];
@@ -211,7 +211,7 @@ static ld residual(const struct machine *m, const ld p[6], ld r[3][3], int i, ld
     return f;
 }
 
-// Letters that legs move.
+// Lists the letters that legs move.
 static int actives(const struct machine *m, int index[MOST])
 {
     int n = 0;
@@ -220,7 +220,7 @@ static int actives(const struct machine *m, int index[MOST])
     return n;
 }
 
-// Residuals, and rows over the active letters; angles as lengths at the arm `radius`.
+// Computes residuals, and rows over the active letters; angles as lengths at the arm `radius`.
 static ld rows_at(const struct machine *m, const ld p[6], const double *q, ld f[LEGS], ld j[LEGS][MOST], int *n)
 {
     ld r[3][3], rates[3][3], margin = 1e9L;
@@ -240,7 +240,7 @@ static ld rows_at(const struct machine *m, const ld p[6], const double *q, ld f[
 
 static int is_square(const struct machine *m, int n) { return (int)m->legs == n; }
 
-// LU with row pivots; the determinant's sign, 0 if it is singular.
+// Factors a matrix (LU with row pivots); returns the determinant's sign, 0 if it is singular.
 static int factored(int n, ld a[MOST][MOST], int pivot[MOST])
 {
     int sign = 1;
@@ -291,7 +291,7 @@ static void normal(const struct machine *m, int n, ld j[LEGS][MOST], ld a[MOST][
         }
 }
 
-// One Gauss-Newton step for residuals f: dx in lengths. Returns the sign of the determinant (1 for least
+// Computes one Gauss-Newton step for residuals f: dx in lengths. Returns the sign of the determinant (1 for least
 // squares), 0 if there is no step.
 static int step(const struct machine *m, int n, ld j[LEGS][MOST], const ld f[LEGS], ld dx[MOST])
 {
@@ -339,13 +339,13 @@ static void tabled(const struct machine *m, const double *q, ld p[6])
         if (m->letters[k] == 2) p[k] = q[joint++];
 }
 
-// In Euler angles the determinant has the factor cos B, which is no singular pose.
+// Returns the sign of cos B, a factor of the determinant in Euler angles that does not indicate a singular pose.
 static int sheet(const struct machine *m, const ld p[6])
 {
     return m->letters[3] == 1 && m->letters[5] == 1 && cosl(p[4] * DEGREE) < 0 ? -1 : 1;
 }
 
-// Newton's method at joints q. Returns the sign of the determinant where it ended, 0 where it did not.
+// Runs Newton's method at joints q. Returns the sign of the determinant at its end, 0 if it did not converge.
 static int corrected(const struct machine *m, const double *q, ld p[6], ld most, ld *went)
 {
     ld f[LEGS], j[LEGS][MOST], dx[MOST], last = HUGE_VALL;
@@ -359,7 +359,7 @@ static int corrected(const struct machine *m, const double *q, ld p[6], ld most,
         moved(m, p, dx, 1);
         *went += length;
         if (!(*went <= most)) return 0;
-        // Least squares converge by a factor of their own; rounding ends both.
+        // Least squares converge linearly; rounding ends both.
         if (length <= 1e-15L * m->size || (i > 2 && length >= last && length <= 1e-12L * m->size))
             return sign * sheet(m, p);
         last = length;
@@ -379,7 +379,7 @@ static void narrow(const ld p[6], double *pose)
 
 EXPORT int truth_inverse(const struct machine *m, const double *pose, double *q, double *margin);
 
-// The rows at a pose whose joints go with it: near a dead point a drive moves far, and its rod turns as far.
+// Computes the rows at a pose with its joints: near a dead point a drive moves far, and its rod rotates as far.
 static void rows_along(const struct machine *m, const ld p[6], const double *q, ld j[LEGS][MOST])
 {
     double pose[6], own[16], margin;
@@ -389,7 +389,7 @@ static void rows_along(const struct machine *m, const ld p[6], const double *q, 
     rows_at(m, p, truth_inverse(m, pose, own, &margin) ? q : own, f, j, &n);
 }
 
-// Smallest singular value of the rows and how near a singular pose is along its direction.
+// Computes the smallest singular value of the rows and the distance of a singular pose along its direction.
 static void look(const struct machine *m, const ld p[6], const double *q, struct fold *out)
 {
     ld f[LEGS], j[LEGS][MOST], a[MOST][MOST], v[MOST];
@@ -446,14 +446,14 @@ static void look(const struct machine *m, const ld p[6], const double *q, struct
         along /= 2 * h;
         slope += along * along;
     }
-    // At least as of a leg as long as the machine: elsewhere terms of higher order bend.
+    // At least the value of a leg as long as the machine: terms of higher order bend it elsewhere.
     const ld k = fmaxl(sqrtl(slope / size), 0.2L / m->size);
     out->curvature = (double)k;
-    // To first order; farther than this the slope says nothing.
+    // To first order; beyond this the slope is meaningless.
     out->distance = (double)fminl(sqrtl(value) / k, 0.3L * m->size);
 }
 
-// 0, or 1 where a leg does not reach.
+// Computes joints; returns 0, or 1 if a leg does not reach.
 EXPORT int truth_inverse(const struct machine *m, const double *pose, double *q, double *margin)
 {
     ld p[6], r[3][3], least = 1e9L;
@@ -535,7 +535,7 @@ EXPORT void truth_look(const struct machine *m, const double *pose, const double
     look(m, p, q, out);
 }
 
-// Sign of the determinant; 1 for least squares.
+// Returns the sign of the determinant; 1 for least squares.
 EXPORT int truth_sign(const struct machine *m, const double *pose, const double *q)
 {
     ld p[6], f[LEGS], j[LEGS][MOST], dx[MOST];
@@ -545,7 +545,7 @@ EXPORT int truth_sign(const struct machine *m, const double *pose, const double 
     return step(m, n, j, f, dx) * sheet(m, p);
 }
 
-// How far the pose is from the equations of the joints: the largest residual, and the next step.
+// Computes the deviation of the pose from the equations of the joints: the largest residual, and the next step.
 EXPORT void truth_misfit(const struct machine *m, const double *pose, const double *q, double *most, double *next)
 {
     ld p[6], f[LEGS], j[LEGS][MOST], dx[MOST], largest = 0;
@@ -561,7 +561,7 @@ EXPORT void truth_misfit(const struct machine *m, const double *pose, const doub
     *next = step(m, n, j, f, dx) ? (double)fmaxl(length_of(n, dx), table) : HUGE_VAL;
 }
 
-// Distance of two poses as a length.
+// Returns the distance of two poses as a length.
 EXPORT double truth_distance(const struct machine *m, const double *one, const double *other)
 {
     ld p[6], o[6], r[3][3], s[3][3], way = 0, turned = 0;
@@ -577,8 +577,8 @@ EXPORT double truth_distance(const struct machine *m, const double *one, const d
     return (double)hypotl(sqrtl(way), m->radius * angle);
 }
 
-// Follows the straight line of joints from (q0, pose) to q1, by steps that are short beside the distance
-// of the nearest singular pose. 1 where it arrives, with the pose in `pose`; 0 where it does not.
+// Follows the straight line of joints from (q0, pose) to q1, in steps that are short compared with the distance
+// of the nearest singular pose. Returns 1 if it arrives, with the pose in `pose`, otherwise 0.
 EXPORT int truth_follow(const struct machine *m, const double *q0, double *pose, const double *q1,
                         struct followed *out)
 {
@@ -640,7 +640,7 @@ EXPORT int truth_follow(const struct machine *m, const double *q0, double *pose,
     return 0;
 }
 
-// Newton's method from a pose near by: 1 where it arrives within `most` of it.
+// Runs Newton's method from a nearby pose; returns 1 if it arrives within `most` of it.
 EXPORT int truth_near(const struct machine *m, double *pose, const double *q, double most)
 {
     ld p[6], went;
@@ -651,7 +651,7 @@ EXPORT int truth_near(const struct machine *m, double *pose, const double *q, do
     return 1;
 }
 
-// Axes that carry something, in their order.
+// Axes that carry something, in order.
 struct chain {
     double count, tool[3], has_holder, holder[3];
     struct {
@@ -676,7 +676,7 @@ static void carried(const struct chain *c, int n, const double *world, int back,
         x[k] = c->link[n].point[k] + v[k] * o + across[k] * s + a[k] * along * (1 - o);
 }
 
-// The pose of D at a pose of LinuxCNC's. Letters of extra axes in `world` are none of the machine's
+// Computes the pose of D at a pose of LinuxCNC's. Letters of extra axes in `world` do not belong to the machine's
 // orientation; `mine` are the letters in the order X Y Z A B C.
 EXPORT void truth_pose(const struct machine *m, const struct chain *c, const double *world, const double *angles,
                        double *pose)

@@ -11,7 +11,7 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Runs a program on a shipped machine; what came of it, and a row for every cycle.
+/// Runs a program on a shipped machine; returns its outcome, and a row for every cycle.
 pub fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     let mut rows = vec![];
     let config = shipped::whole(machine);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Edits of INI files, as lists of cases name them.
+//! Edits of INI files, as the lists of cases specify them.
 
 use serde::Deserialize;
 
-/// What is done to a section or a key of a file.
+/// A change of a section or a key of a file.
 #[derive(Deserialize)]
 #[serde(from = "Written")]
 pub struct Edit {

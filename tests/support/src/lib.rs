@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the tests of several crates share.
+//! Helpers that the tests of several crates share.
 
 pub mod control;
 pub mod edits;
 pub mod shipped;
 pub mod stability;
 
-/// A study of a linear delta that cuts, for `pkm cut` and for what it calculates.
+/// A study of a linear delta that cuts, for `pkm cut` and its calculations.
 pub const CUT: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
     inertia_kg_m2 = [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]\n\
     [legs]\nstiffness_n_per_um = 5\ndamping_ratio = 0.05\nmax_force_n = 500\n\

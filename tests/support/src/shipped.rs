@@ -32,12 +32,12 @@ pub const MACHINES: [&str; 18] = [
     "tripod",
 ];
 
-/// Those whose own pose is that of programs: no axis carries work, tool or legs.
+/// Returns those whose own pose is that of programs: no axis carries workpiece, tool or legs.
 pub fn unchained() -> Vec<&'static str> {
     MACHINES.into_iter().filter(|machine| config(machine).chain.is_empty()).collect()
 }
 
-/// `usual` cases, times PKMKINS_CASES where that is set.
+/// Returns `usual` cases, times PKMKINS_CASES if it is set.
 pub fn cases(usual: usize) -> usize {
     let factor = std::env::var("PKMKINS_CASES").map_or(1.0, |text| text.parse().unwrap());
     (usual as f64 * factor).ceil() as usize
@@ -48,7 +48,7 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// Returns the folder `configs`. Panics where a file in it that pkm makes is missing.
+/// Returns the folder `configs`. Panics if a generated file in it is missing.
 pub fn configs() -> &'static Path {
     static CONFIGS: LazyLock<PathBuf> = LazyLock::new(|| {
         let sums = std::fs::read_to_string(root().join("tests/cases/generated.sha256")).unwrap();
@@ -67,7 +67,7 @@ pub fn folder(machine: &str) -> PathBuf {
     configs().join(machine)
 }
 
-/// Puts the programs of a machine beside a copy of its files.
+/// Copies the programs of a machine beside a copy of its files.
 pub fn with_programs(machine: &str, copy: &Path) {
     let programs = folder(machine).join("programs").canonicalize().unwrap();
     std::os::unix::fs::symlink(programs, copy.join("programs")).unwrap();
@@ -116,7 +116,7 @@ pub fn machine_of(file: &Path, text: &str) -> MachineConfig {
     MachineConfig::from_ini(&Ini::parse(file, text).unwrap()).unwrap()
 }
 
-/// Draws a pose from a box. Every third value is at an end: there bounds are nearest to what they bound.
+/// Samples a pose from a box. Every third value is at an end, where bounds are tightest.
 pub fn drawn(rng: &mut Pcg64, part: &AxisBox) -> [f64; 6] {
     part.at(std::array::from_fn(|_| match rng.random_range(0..3) {
         0 => f64::from(rng.random_range(0..2_u8)),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Values of stability in the cut, computed elsewhere.
+//! Values of stability in the cut, computed by other software.
 
 use crate::shipped::root;
 use std::sync::LazyLock;

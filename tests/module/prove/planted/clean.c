@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //
-// A library that keeps its contract (contract.toml beside it), unless one of the faults
-// below is planted: -D of its name.
+// A library that satisfies its contract (contract.toml beside it), unless one of the faults
+// below is planted with -D and its name.
 
 #include <stdarg.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The same contract as clean.c beside it; with `--cfg planted`, an index that may panic.
-//! With `--cfg wide`, `--cfg aligned` its frame holds 1000 values, on a multiple of 64.
+//! With `--cfg wide`, `--cfg aligned` its frame has 1000 values, aligned to 64.
 #![no_std]
 
 use core::mem::MaybeUninit;
@@ -13,7 +13,7 @@ unsafe extern "C" {
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    // SAFETY: never linked where nothing panics.
+    // SAFETY: never linked if nothing panics.
     unsafe { pkmkins_has_a_panic_path() }
 }
 

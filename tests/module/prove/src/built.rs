@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A shared library as its linker left it.
+//! A shared library as written by its linker.
 
 use object::elf::{
     DF_BIND_NOW, DF_TEXTREL, DT_BIND_NOW, DT_FLAGS, DT_TEXTREL, DynamicFlags, DynamicTag,
@@ -17,18 +17,18 @@ use std::ops::Range;
 /// A function or another symbol that the file defines.
 #[derive(Clone, Debug)]
 pub struct Symbol {
-    /// Demangled, without the hash that the compiler adds.
+    /// Demangled name, without the hash that the compiler adds.
     pub name: String,
-    /// Where it begins.
+    /// Start address.
     pub address: u64,
     /// Its length in bytes.
     pub size: u64,
     pub is_code: bool,
-    /// Whether others see it.
+    /// Whether it is visible to other libraries.
     pub is_exported: bool,
 }
 
-/// Where a pointer of the file leads once it is loaded.
+/// The target of a pointer of the file once it is loaded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Pointer {
     /// To a function of another library.
@@ -37,44 +37,44 @@ pub enum Pointer {
     Here(u64),
 }
 
-/// A piece of memory as the loader maps it.
+/// A segment of memory as the loader maps it.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
     pub address: u64,
-    /// Whether it may be written.
+    /// Whether it is writable.
     pub is_writable: bool,
-    /// Whether it may be executed.
+    /// Whether it is executable.
     pub is_executable: bool,
 }
 
 /// A shared library.
 pub struct Built {
-    /// Whether its instructions can be followed, and pointers are known: on x86-64. What needs neither is
+    /// Whether its instructions can be followed, and pointers are known: on x86-64. The rest is
     /// read for 64-bit ARM too.
     pub is_followed: bool,
     bytes: Vec<(Range<u64>, Vec<u8>)>,
-    /// What it defines.
+    /// Symbols that it defines.
     pub symbols: Vec<Symbol>,
-    /// Every symbol it wants from others; weak ones, which may stay without a definition, too.
+    /// Symbols that it imports; weak ones, which may stay undefined, too.
     pub imports: BTreeSet<String>,
-    /// Pointers that the loader fills in, by the place where they stand.
+    /// Pointers that the loader fills in, by their address.
     pub pointers: BTreeMap<u64, Pointer>,
-    /// Functions whose address stands in data, those that the C start files register aside.
+    /// Functions whose address is in data, except those registered by the C start files.
     pub taken: BTreeSet<u64>,
     /// Mapped memory.
     pub segments: Vec<Segment>,
-    /// The rights asked for the stack; `None` where the file says nothing, which means all.
+    /// Requested rights of the stack; `None` if the file does not specify them, which means all.
     pub stack: Option<Segment>,
-    /// Whether the loader has to change code.
+    /// Whether the loader must change code.
     pub has_text_relocations: bool,
-    /// Whether every symbol is looked up when the file is loaded, and none later.
+    /// Whether all symbols are resolved when the file is loaded.
     pub is_bound_at_load: bool,
 }
 
 impl Built {
     /// Reads a file.
     /// # Errors
-    /// Words for whoever runs the check.
+    /// A message for the user of the check.
     pub fn read(data: &[u8]) -> Result<Built, String> {
         let file = ElfFile64::<Endianness>::parse(data).map_err(|e| format!("no ELF file: {e}"))?;
         let is_followed = match file.architecture() {
@@ -143,13 +143,13 @@ impl Built {
         self.is_bound_at_load |= tag == DT_BIND_NOW || flag(DF_BIND_NOW);
     }
 
-    /// What stands in the file from an address to the end of its section.
+    /// Returns the bytes of the file from an address to the end of its section.
     pub fn bytes(&self, address: u64) -> &[u8] {
         let section = self.bytes.iter().find(|(range, _)| range.contains(&address));
         section.map_or(&[], |(range, bytes)| &bytes[(address - range.start) as usize..])
     }
 
-    /// The function that begins at an address.
+    /// Returns the function that begins at an address.
     pub fn function(&self, address: u64) -> Option<&Symbol> {
         self.symbols.iter().find(|s| s.is_code && s.address == address && s.size > 0)
     }
@@ -159,7 +159,7 @@ impl Built {
     }
 }
 
-/// Demangled, without the compiler's hashes.
+/// Demangles a name, without the compiler's hashes.
 fn plain(name: &str) -> String {
     format!("{:#}", rustc_demangle::demangle(name))
 }
@@ -222,7 +222,7 @@ fn pointers(file: &ElfFile64<'_, Endianness>) -> BTreeMap<u64, Pointer> {
     pointers
 }
 
-/// Functions whose addresses the loader writes into data. Those in the tables of the C start
+/// Returns functions whose addresses the loader writes into data. Those in the tables of the C start
 /// files run at load and unload.
 fn taken(
     file: &ElfFile64<'_, Endianness>,

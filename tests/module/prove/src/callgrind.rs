@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Instructions counted by valgrind's callgrind, call by call.
+//! Instructions counted by valgrind's callgrind, per call.
 //!
-//! Callgrind counts while one of the module's functions runs, LinuxCNC's `rtapi_print_msg`
-//! aside. The program that is measured has the count written into valgrind's log before and
-//! after each call. (To have callgrind dump its counts after each call gives the same and
-//! takes a hundred times as long.)
+//! Callgrind counts while one of the module's functions runs, except LinuxCNC's `rtapi_print_msg`.
+//! The measured program writes the count into valgrind's log before and
+//! after each call. (If callgrind dumps its counts after each call, the result is the same, but
+//! it takes a hundred times as long.)
 
 use std::arch::asm;
 use std::path::Path;
@@ -13,23 +13,23 @@ use std::process::Command;
 /// The client request that runs a monitor command (valgrind.h).
 const MONITOR_COMMAND: u64 = 0x1202;
 
-/// The client request from which on callgrind looks at instructions (callgrind.h).
+/// The client request that makes callgrind start to trace instructions (callgrind.h).
 const START_INSTRUMENTATION: u64 = 0x4354_0004;
 
-/// Functions while which is counted: the entry points of the module.
+/// Functions during which callgrind counts: the entry points of the module.
 const COUNTED: [&str; 5] = [
     "kinematicsForward",
     "kinematicsInverse",
     "kinematicsJacobian",
     "*pkmkins*abi*monitor*",
-    // Inside the others this stops the count.
+    // Called by the others, this stops the count.
     "rtapi_print_msg",
 ];
 
-/// Asks valgrind for something; does nothing outside.
+/// Sends a request to valgrind; does nothing without valgrind.
 fn request(number: u64, argument: u64) {
     let request = [number, argument, 0, 0, 0, 0];
-    // SAFETY: valgrind.h's sequence for amd64: four rotations that together change nothing,
+    // SAFETY: valgrind.h's sequence for amd64: four rotations whose composition is the identity,
     // and an exchange of a register with itself. The request is only read.
     unsafe {
         asm!(
@@ -41,12 +41,12 @@ fn request(number: u64, argument: u64) {
     }
 }
 
-/// Lets callgrind begin: what is read and made before would take it ten times as long.
+/// Starts callgrind, because the preparation before would take ten times as long under it.
 pub fn begin() {
     request(START_INSTRUMENTATION, 0);
 }
 
-/// Counts what the module does in `call`; calls are numbered as they come.
+/// Counts the module's instructions in `call`; calls are numbered in order.
 pub fn counted<T>(call: impl FnOnce() -> T) -> T {
     request(MONITOR_COMMAND, c"status internal".as_ptr() as u64);
     let result = call();
@@ -54,9 +54,9 @@ pub fn counted<T>(call: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Runs this program again under callgrind with these arguments; the counts of all calls.
+/// Runs this program again under callgrind with these arguments; returns the counts of all calls.
 /// # Errors
-/// Words for whoever runs it.
+/// A message for the user.
 pub fn run(arguments: &[&str], folder: &Path) -> Result<Vec<u64>, String> {
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
     let log = folder.join("log");
@@ -76,7 +76,7 @@ pub fn run(arguments: &[&str], folder: &Path) -> Result<Vec<u64>, String> {
     Ok(parsed(&text))
 }
 
-/// The differences between every second count of a log and the one before.
+/// Returns the differences between every second count of a log and the one before.
 fn parsed(log: &str) -> Vec<u64> {
     let counts: Vec<u64> = log
         .lines()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The calls that are counted: what a servo step asks for, and what was searched for to be
-//! hard. The search runs at full speed and counts solves; valgrind then counts instructions.
+//! The calls to count: typical ones of a servo cycle, and hard ones found by
+//! search. The search runs at full speed and counts solves; valgrind then counts instructions.
 
 use crate::monitored::{PASSING, begin_forward, pass_singular, passing_pose};
 use abi_tests::control::{Control, in_a_chain, on_one_guide};
@@ -28,7 +28,7 @@ pub enum Call {
     Applying,
     /// `kinematicsInverse` as the call that freezes the geometry.
     Freezing,
-    /// `kinematicsForward` that searches a box with all steps it may make, to no end.
+    /// `kinematicsForward` that searches a box with all its steps, without success.
     Searching,
     /// `kinematicsForward` in the cycles around a commanded motion through a singular pose, code -41
     /// among them, and back.
@@ -37,8 +37,8 @@ pub enum Call {
     Jog,
 }
 
-/// Every state that is counted, with its name in the tables: a new one is a line here, its cases in
-/// [`Search::cases`], and what goes before its call in [`crate::monitored`].
+/// Every counted state, with its name in the tables: a new one needs a line here, its cases in
+/// [`Search::cases`], and the preparation of its call in [`crate::monitored`].
 const CALLS: [(Call, &str); 10] = [
     (Call::Inverse, "inverse"),
     (Call::Forward, "forward"),
@@ -59,14 +59,14 @@ impl Call {
     }
 }
 
-/// What a call is counted for.
+/// The purpose of a count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aim {
     /// The usual count.
     Typical,
     /// The largest count.
     Worst,
-    /// One of a row of forward calls that are cut off after 1, 2, 3 … solves; the row's number.
+    /// One of a row of forward calls limited to 1, 2, 3 … solves; the row's number.
     Row(usize),
 }
 
@@ -77,29 +77,29 @@ pub struct Case {
     /// The function.
     pub call: Call,
     pub aim: Aim,
-    /// Pose to ask for, or seed.
+    /// Pose to calculate, or seed.
     pub pose: Pose,
-    /// Joints of forward; how far the monitor's machine goes in a cycle, its new tool offset.
+    /// Joints of forward; the motion of the monitor's machine in a cycle, its new tool offset.
     pub joints: Joints,
-    /// Most solves allowed to forward; per cent of hold that the monitor's machine has to
-    /// keep, or the number of the cycle since its tool offset was asked for, or of one that passes a
+    /// Largest number of solves for forward; per cent of conditioning that the monitor's machine must
+    /// keep; or the number of the cycle since its tool offset was requested, or of one that passes a
     /// singular pose.
     pub limit: u32,
     /// Solves that forward needs, allowed or not.
     pub solves: u32,
 }
 
-/// Poses a function is asked for in the usual case.
+/// Number of poses of a function in the typical case.
 const TYPICAL: usize = 31;
 
-/// Searches a machine: their steps differ by little.
+/// Number of searches per machine: their steps differ little.
 const SEARCHES: usize = 4;
 
-/// Wild poses a machine, and pairs of poses with nothing in common.
+/// Number of wild poses per machine, and of pairs of unrelated poses.
 const WILD: usize = 80;
 
-/// Hard forward calls that are counted, and others; of each kind the ones that are cut off,
-/// and after how many solves, chosen at random.
+/// Number of hard forward calls that are counted, and of others; for each kind the number of limited ones,
+/// and of their limits, chosen at random.
 const HARD: usize = 40;
 const ROWS: usize = 6;
 const CUTS: usize = 12;
@@ -107,35 +107,35 @@ const CUTS: usize = 12;
 /// Letters of LinuxCNC's pose.
 const LETTERS: usize = 9;
 
-/// Whether a letter is a length; the others are angles.
+/// Returns whether a letter is a length; the others are angles.
 fn is_length(letter: usize) -> bool {
     !(3..6).contains(&letter)
 }
 
-/// Cycles of a tool change: five at rest, the survey of 65 places, four a cycle, and some of
-/// the way itself. Changes in the usual case, and at wild poses.
+/// Cycles of a tool change: five at rest, the survey of 65 poses, four per cycle, and some of
+/// the motion itself. Changes in the typical case, and at wild poses.
 const CHANGE: u32 = 26;
 const CHANGES: usize = 3;
 const WILD_CHANGES: usize = 20;
 
-/// Per cent of hold (conditioning) that machines have to keep, unless told otherwise, and more
-/// than any has: these stop, and say why.
+/// Per cent of conditioning that machines must keep by default, and a value above that of every
+/// machine, which makes them stop and report.
 const USUAL_HOLD: u32 = 5;
 const EVERY_HOLD: u32 = 300;
 
-/// Lines from home that are followed to pass a singular pose, their longest in steps, and the share of the
-/// machine's size, or degrees, of a step.
+/// Number of lines from home that are followed to pass a singular pose, their longest in steps, and the length of a
+/// step as a fraction of the machine's size, or in degrees.
 const LINES: usize = 40;
 const LONGEST: u32 = 600;
 const STEP: f64 = 2e-3;
 const STEP_DEGREES: f64 = 0.5;
 
-/// Halvings between a pose that forward finds and one that it does not: the last two are
-/// next to each other, with a singular pose between.
+/// Number of bisections between a pose that forward finds and one that it does not: the last two are
+/// adjacent, with a singular pose between.
 const HALVINGS: usize = 40;
 
-/// Every kind of leg, with and without a lead, least squares, and eight legs; then a chain, and two
-/// mechanisms, each of which is here alone as well.
+/// Returns every kind of leg, with and without a lead, least squares, and eight legs; then a chain, and two
+/// mechanisms, each of which is also included alone.
 pub fn machines() -> Vec<Control> {
     let mut struts = subjects();
     let plain = abi_tests::machines::Hexapod { lead: 0.0, ..paper_004() };
@@ -148,7 +148,7 @@ pub fn machines() -> Vec<Control> {
     alone.chain([in_a_chain(), on_one_guide()]).collect()
 }
 
-/// A machine as it is searched: frozen by its first call, no monitor beside it.
+/// Creates the machine for the search: frozen by its first call, without a monitor.
 pub fn unmonitored(control: &Control) -> Module {
     let module = control.loaded();
     control.wire(&module);
@@ -156,7 +156,7 @@ pub fn unmonitored(control: &Control) -> Module {
     module
 }
 
-/// A machine with a box about home whose steps are so short that they lead nowhere, for each mechanism.
+/// Creates a machine with a box about home whose steps are too short to reach anything, for each mechanism.
 pub fn searching(control: &Control) -> Module {
     let plain = control.module();
     let module = control.loaded_with_boxes(1);
@@ -182,7 +182,7 @@ pub fn searching(control: &Control) -> Module {
     module
 }
 
-/// All calls of all machines; the same every time.
+/// Returns all calls of all machines; the same every time.
 pub fn all(machines: &[Control]) -> Vec<Case> {
     machines.iter().enumerate().flat_map(|(i, control)| Search::new(i, control).cases()).collect()
 }
@@ -245,7 +245,7 @@ impl<'a> Search<'a> {
         Case { machine, call, aim, pose, joints: [0.0; 16], limit, solves: 0 }
     }
 
-    /// A pose one servo step away, in U V W as well where something moves them.
+    /// Returns a pose one servo step away, in U V W as well if something moves them.
     fn near(&mut self, pose: &Pose) -> Pose {
         let size = self.control.size();
         let mut near = one_servo_step_from(pose, size, &mut self.random);
@@ -256,7 +256,7 @@ impl<'a> Search<'a> {
         near
     }
 
-    /// Forward one servo step away.
+    /// Returns forward one servo step away.
     fn servo_step(&mut self, pose: Pose) -> Case {
         let near = self.near(&pose);
         let mut seed = pose;
@@ -269,7 +269,7 @@ impl<'a> Search<'a> {
         Case { joints, ..self.case(Call::Forward, Aim::Typical, seed) }
     }
 
-    /// A motion at a pose, by `far` servo steps in a cycle.
+    /// Returns a motion at a pose, by `far` servo steps in a cycle.
     fn motion(&mut self, aim: Aim, pose: Pose, far: f64, limit: u32) -> Case {
         let near = self.near(&pose);
         let mut case = Case { limit, ..self.case(Call::Monitor, aim, pose) };
@@ -281,7 +281,7 @@ impl<'a> Search<'a> {
         case
     }
 
-    /// All cycles of a tool change at a pose, by up to a fifteenth of the machine's size.
+    /// Returns all cycles of a tool change at a pose, by up to a fifteenth of the machine's size.
     fn change(&mut self, aim: Aim, pose: Pose) -> Vec<Case> {
         let mut case = self.case(Call::ToolChange, aim, pose);
         for value in case.joints.iter_mut().take(3) {
@@ -290,14 +290,14 @@ impl<'a> Search<'a> {
         (0..CHANGE).map(|limit| Case { limit, ..case.clone() }).collect()
     }
 
-    /// The same motions as those of [`Call::Monitor`], as jogs.
+    /// Returns the same motions as those of [`Call::Monitor`], as jogs.
     fn jogs(&self, cases: &[Case]) -> Vec<Case> {
         let motions = cases.iter().filter(|case| case.call == Call::Monitor);
         motions.map(|case| Case { call: Call::Jog, ..case.clone() }).collect()
     }
 
-    /// All cycles of a commanded motion through a singular pose and back, where one of some random lines from
-    /// home leads through one. The cycles in which forward is asked beyond it are the usual ones here.
+    /// Returns all cycles of a commanded motion through a singular pose and back, if one of some random lines from
+    /// home leads through one. The cycles in which forward is called beyond it are the typical ones here.
     fn passing(&self) -> Vec<Case> {
         let mut random = Random::new(93);
         let module = self.control.module();
@@ -308,7 +308,7 @@ impl<'a> Search<'a> {
                 case.joints[i] = random.within(most);
             }
             let Some(crossing) = first_passed(self.control, &module, &case) else { continue };
-            // Anew from shortly before.
+            // Restart from shortly before.
             for (value, step) in case.pose.iter_mut().zip(&case.joints) {
                 *value += f64::from(crossing.saturating_sub(PASSING / 4)) * step;
             }
@@ -333,7 +333,7 @@ impl<'a> Search<'a> {
         vec![]
     }
 
-    /// Poses that nobody should ask for.
+    /// Returns poses that no program should contain.
     fn wild(&mut self) -> Vec<Pose> {
         let mut wild = vec![[f64::NAN; 9], [f64::INFINITY; 9], [0.0; 9]];
         let size = self.control.size();
@@ -355,12 +355,12 @@ impl<'a> Search<'a> {
         wild
     }
 
-    /// Values of a coordinate at which library functions take another way.
+    /// Returns values of a coordinate at which library functions take another branch.
     fn odd(&mut self, coordinate: usize, size: f64) -> Vec<f64> {
         let small = [f64::NAN, f64::NEG_INFINITY, 5e-324, 1e-310, -0.0, 1e-30];
         let large: Vec<f64> = match coordinate {
             _ if is_length(coordinate) => vec![3.0 * size, -100.0 * size, 1e15 * size, 1e300],
-            // Near whole quarter turns the argument cancels, far from 0 it is reduced in parts.
+            // Near whole quarter turns the argument cancels; far from 0 it is reduced in parts.
             _ => vec![
                 89.999_999,
                 90.0,
@@ -380,7 +380,7 @@ impl<'a> Search<'a> {
         small.into_iter().chain(large).collect()
     }
 
-    /// Forward calls that need many solves, and those that fail in every way.
+    /// Returns forward calls that need many solves, and those that fail in every way.
     fn hard(&mut self, wild: &[Pose]) -> Vec<Case> {
         let mut cases = Vec::new();
         let mut noisy = Vec::new();
@@ -391,7 +391,7 @@ impl<'a> Search<'a> {
             cases.extend(self.edge(&from, &to));
             noisy.extend(self.noisy(&from, &home));
         }
-        // Legs that contradict each other are searched for the wrong one at the end.
+        // Inconsistent legs are searched for the wrong one at the end.
         let contradicting: Vec<Case> = noisy.iter().take(ROWS).cloned().collect();
         cases.extend(noisy);
         cases.sort_by_key(|case| std::cmp::Reverse(case.solves));
@@ -408,8 +408,8 @@ impl<'a> Search<'a> {
         cases
     }
 
-    /// A call cut off after one solve, after all but the last, and at random pairs of
-    /// successive solves between.
+    /// Returns a call limited to one solve, to all but the last, and at random pairs of
+    /// successive limits between.
     fn row(&mut self, case: &Case, number: usize) -> Vec<Case> {
         let mut limits = BTreeSet::from([1, case.solves.max(2) - 1, case.solves]);
         for _ in 0..CUTS {
@@ -420,13 +420,13 @@ impl<'a> Search<'a> {
         limits.into_iter().map(cut).collect()
     }
 
-    /// Forward from one pose to the joints of another.
+    /// Returns forward from one pose to the joints of another.
     fn forward(&self, joints: Joints, seed: Pose) -> Case {
         let case = Case { joints, ..self.case(Call::Forward, Aim::Worst, seed) };
         Case { solves: self.solves(&case), ..case }
     }
 
-    /// On the way from one pose to another: the last that forward finds, and the first that
+    /// Returns two neighbors between one pose and another: the last that forward finds, and the first that
     /// it does not.
     fn edge(&self, from: &Pose, to: &Pose) -> Vec<Case> {
         let between = |t: f64| -> Pose { std::array::from_fn(|i| from[i] + t * (to[i] - from[i])) };
@@ -443,7 +443,7 @@ impl<'a> Search<'a> {
         [low, high].into_iter().filter_map(joints).map(|q| self.forward(q, *from)).collect()
     }
 
-    /// Joints that no pose has, or that contradict each other.
+    /// Returns joints that no pose has, or that are inconsistent.
     fn noisy(&mut self, pose: &Pose, seed: &Pose) -> Option<Case> {
         let mut joints = self.module.inverse(pose).ok()?;
         let share = self.random.between(0.0, 0.1);
@@ -453,7 +453,7 @@ impl<'a> Search<'a> {
         Some(self.forward(joints, *seed))
     }
 
-    /// NaN, infinity and denormals in a joint or in the seed.
+    /// Returns NaN, infinity and denormals in a joint or in the seed.
     fn broken(&self) -> Vec<Case> {
         let home = self.control.home();
         let joints = self.module.inverse(&home).expect("home");
@@ -468,7 +468,7 @@ impl<'a> Search<'a> {
         cases
     }
 
-    /// Fewest solves with which a forward call ends otherwise than for want of solves.
+    /// Returns the fewest solves with which a forward call ends otherwise than for want of solves.
     fn solves(&self, case: &Case) -> u32 {
         let (mut low, mut high) = (0, MAX_ITERATIONS);
         while high - low > 1 {
@@ -494,7 +494,7 @@ impl Case {
         self.joints.iter().all(|joint| *joint == 0.0)
     }
 
-    /// For the program that is measured: what it needs, as one line.
+    /// Writes the data for the measured program as one line.
     pub fn to_line(&self) -> String {
         let mut line = format!("{} {} {} ", self.machine, self.call as usize, self.limit);
         line.push_str(if self.aim == Aim::Typical { "monitored" } else { "alone" });
@@ -504,7 +504,7 @@ impl Case {
         line
     }
 
-    /// Reads a line; the aim is told apart by whether a monitor runs, no more.
+    /// Reads a line; of the aim only whether a monitor runs is restored.
     pub fn from_line(line: &str) -> Option<Case> {
         let mut words = line.split_whitespace();
         let machine = words.next()?.parse().ok()?;

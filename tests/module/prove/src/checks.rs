@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The checks: each says what it found, what is allowed, and what to do about a difference.
+//! The checks: each reports its result, the bound, and the remedy for a difference.
 
 use crate::built::{Built, Pointer, Symbol};
 use crate::contract::{Contract, Entry, Provider, Version, When};
@@ -8,12 +8,12 @@ use std::collections::BTreeSet;
 
 #[derive(Clone, Debug)]
 pub struct Check {
-    /// What is looked at.
+    /// What is checked.
     pub name: String,
     pub found: String,
-    /// What is allowed.
+    /// Allowed value.
     pub bound: String,
-    /// What is wrong; empty if nothing is.
+    /// Violations; empty if there are none.
     pub complaints: Vec<String>,
 }
 
@@ -23,7 +23,7 @@ impl Check {
     }
 }
 
-/// Parts of the names of functions that are there only to panic or to unwind.
+/// Parts of the names of functions that exist only to panic or to unwind.
 const PANIC_MACHINERY: [&str; 6] = [
     "core::panicking",
     "core::result::unwrap_failed",
@@ -33,15 +33,15 @@ const PANIC_MACHINERY: [&str; 6] = [
     "_Unwind_",
 ];
 
-/// What the module's panic handler calls, which nobody defines, and what a handler that
-/// stops the process would.
+/// The undefined function that the module's panic handler calls, and functions that a handler that
+/// stops the process would call.
 const PANIC_IMPORTS: [&str; 3] = ["pkmkins_has_a_panic_path", "abort", "__stack_chk_fail"];
 
 /// Parts of the names of allocators.
 const ALLOCATORS: [&str; 5] =
     ["__rust_alloc", "__rust_realloc", "__rust_dealloc", "alloc::", "__rdl_"];
 
-/// Functions of libc that allocate or give back.
+/// Functions of libc that allocate or free.
 const ALLOCATING: [&str; 10] = [
     "malloc",
     "calloc",
@@ -55,13 +55,13 @@ const ALLOCATING: [&str; 10] = [
     "brk",
 ];
 
-/// An entry point with everything from it on.
+/// An entry point with everything that it reaches.
 struct Proved<'a> {
     entry: &'a Entry,
     reached: Reached,
 }
 
-/// All checks; where instructions cannot be followed, those that do not need it.
+/// Runs all checks; if instructions cannot be followed, those that do not need it.
 pub fn checks(built: &Built, contract: &Contract) -> Vec<Check> {
     let contract = &contract.of(&built.imports);
     let mut checks =
@@ -74,7 +74,7 @@ pub fn checks(built: &Built, contract: &Contract) -> Vec<Check> {
     checks
 }
 
-/// Those that follow the instructions from the entry points on.
+/// Runs the checks that follow the instructions from the entry points on.
 fn followed(built: &Built, contract: &Contract) -> Vec<Check> {
     let mut graph = Graph::new(built);
     let proved: Vec<Proved> = contract
@@ -118,7 +118,7 @@ fn exports(built: &Built, contract: &Contract) -> Check {
     Check::new("exported symbols", found.len().to_string(), bound, complaints)
 }
 
-/// Every function that others can get hold of has to be an entry point of the contract.
+/// Checks that every function reachable by other libraries is an entry point of the contract.
 fn entries(
     built: &Built,
     contract: &Contract,
@@ -171,7 +171,7 @@ fn imports(built: &Built, contract: &Contract) -> Check {
     Check::new("imported symbols", built.imports.len().to_string(), bound, complaints)
 }
 
-/// LinuxCNC refuses a module of which it cannot find every symbol.
+/// Checks the symbols of a version: LinuxCNC refuses a module with an unresolved symbol.
 fn missing(built: &Built, contract: &Contract, version: &Version) -> Check {
     let Version { version, exports, .. } = version;
     let complaints: Vec<String> = contract
@@ -205,7 +205,7 @@ fn imports_at_run(contract: &Contract, proved: &[Proved<'_>]) -> Check {
     Check::new("imports called in the servo thread", quoted(found), quoted(allowed), complaints)
 }
 
-/// Complaints about symbols with one of these parts in their names.
+/// Returns complaints about symbols with one of these parts in their names.
 fn named<'a>(symbols: impl Iterator<Item = &'a Symbol>, parts: &[&str], say: &str) -> Vec<String> {
     symbols
         .filter(|s| parts.iter().any(|part| s.name.contains(part)))
@@ -232,7 +232,7 @@ fn allocators(built: &Built) -> Check {
     Check::new("allocators", complaints.len().to_string(), "none", complaints)
 }
 
-/// All functions that entry points reach.
+/// Returns all functions that entry points reach.
 fn functions(proved: &[Proved<'_>]) -> BTreeSet<u64> {
     proved.iter().flat_map(|p| p.reached.functions.iter().copied()).collect()
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the module promises: a table that people read and extend.
+//! The guarantees of the module: a table that developers read and extend.
 
 use serde::Deserialize;
 use std::collections::BTreeSet;
@@ -14,7 +14,7 @@ pub enum When {
     Run,
 }
 
-/// A function that others call.
+/// A function that other libraries call.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
@@ -24,7 +24,7 @@ pub struct Entry {
     pub when: When,
     /// Bound of its stack in bytes.
     pub stack: u64,
-    /// Whether it is found by name; otherwise its address is handed over.
+    /// Whether it is found by name; otherwise its address is passed.
     #[serde(default = "yes")]
     pub exported: bool,
 }
@@ -33,7 +33,7 @@ fn yes() -> bool {
     true
 }
 
-/// Who defines an imported symbol.
+/// The provider of an imported symbol.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Provider {
@@ -44,7 +44,7 @@ pub enum Provider {
     C,
 }
 
-/// How LinuxCNC makes pins; the module is built for one of the two.
+/// How LinuxCNC creates pins; the module is built for one of the two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Hal {
@@ -59,14 +59,14 @@ pub enum Hal {
 #[serde(deny_unknown_fields)]
 pub struct Import {
     pub name: String,
-    /// Who defines it.
+    /// Its provider.
     #[serde(default)]
     pub from: Provider,
     /// `run`: may be called in the servo thread.
     pub when: When,
-    /// Only of a module that is built for this HAL.
+    /// Only for a module built for this HAL.
     pub hal: Option<Hal>,
-    /// Why it is needed, and why it does no harm.
+    /// Why it is needed, and why it is harmless.
     pub reason: String,
 }
 
@@ -76,21 +76,21 @@ pub struct Import {
 pub struct Version {
     /// Its first two numbers.
     pub version: String,
-    /// The Debians that ship it.
+    /// The Debian releases that ship it.
     #[serde(default)]
     pub debian: Vec<String>,
-    /// What it offers; none: the module has no pins.
+    /// Supported HALs; empty: the module has no pins.
     #[serde(default)]
     pub hal: Vec<Hal>,
     /// Symbols of HAL and RTAPI that it exports to realtime modules.
     pub exports: Vec<String>,
 }
 
-/// Everything that is promised.
+/// All guarantees.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contract {
-    /// Functions that others call.
+    /// Functions that other libraries call.
     pub entry: Vec<Entry>,
     pub data: Vec<String>,
     /// Symbols of other libraries.
@@ -99,7 +99,7 @@ pub struct Contract {
     pub linuxcnc: Vec<Version>,
 }
 
-/// The promises of the module, and the LinuxCNCs that load it.
+/// The guarantees of the module, and the LinuxCNC versions that load it.
 pub const CONTRACT: &str = concat!(
     include_str!("../contract.toml"),
     include_str!("../../../../workbench/linuxcnc/versions.toml")
@@ -108,12 +108,12 @@ pub const CONTRACT: &str = concat!(
 impl Contract {
     /// Reads the table.
     /// # Errors
-    /// The place of the mistake in words.
+    /// A message with the location of the error.
     pub fn parse(text: &str) -> Result<Contract, String> {
         toml::from_str(text).map_err(|error| error.to_string())
     }
 
-    /// What is promised of a module with these imports: of the HAL that it is built for.
+    /// Returns the guarantees of a module with these imports: those of the HAL that it is built for.
     #[must_use]
     pub fn of(&self, imports: &BTreeSet<String>) -> Contract {
         let own = self.import.iter().find(|i| i.hal.is_some() && imports.contains(&i.name));

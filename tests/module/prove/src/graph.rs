@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What an entry point reaches, and how deep the stack gets on the way.
+//! The functions that an entry point reaches, and the largest stack depth on their paths.
 
 use crate::built::{Built, Pointer};
 use crate::walk::{Walked, walk};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// All functions that were walked through, by address.
+/// All walked functions, by address.
 pub struct Graph<'a> {
     built: &'a Built,
     walked: BTreeMap<u64, Walked>,
@@ -19,23 +19,23 @@ struct Deepest {
     next: Option<Pointer>,
 }
 
-/// What an entry point does.
+/// The properties of an entry point.
 #[derive(Clone, Debug, Default)]
 pub struct Reached {
-    /// Most bytes of stack, return address included, what imports use themselves aside.
+    /// Largest stack in bytes, including return addresses, without the stack of imports.
     pub stack: u64,
-    /// The chain of calls that needs them.
+    /// The chain of calls that needs it.
     pub chain: Vec<String>,
     /// Imports that it may call.
     pub imports: BTreeSet<String>,
     /// Functions that it may call.
     pub functions: BTreeSet<u64>,
-    /// Functions that call themselves, by way of others or not.
+    /// Functions that call themselves, directly or indirectly.
     pub recursive: BTreeSet<String>,
 }
 
 impl<'a> Graph<'a> {
-    /// Of a library.
+    /// Creates the graph of a library.
     pub fn new(built: &'a Built) -> Self {
         Self { built, walked: BTreeMap::new(), deepest: BTreeMap::new() }
     }
@@ -46,7 +46,7 @@ impl<'a> Graph<'a> {
         })
     }
 
-    /// Everything from an entry point on.
+    /// Returns everything that an entry point reaches.
     pub fn reached(&mut self, entry: u64) -> Reached {
         let mut reached = Reached::default();
         let mut path = Vec::new();
@@ -100,7 +100,7 @@ impl<'a> Graph<'a> {
             }
         }
         path.pop();
-        // A function of a cycle is looked at again from every entry point, and named again.
+        // A function of a cycle is visited again from every entry point, and named again.
         if recursive.is_empty() {
             self.deepest.insert(address, deepest.clone());
         }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Proofs about the built `pkmkins.so`, made from the file alone.
+//! Proofs about the built `pkmkins.so`, based only on the file.
 //!
 //! [`built`] reads the file, [`walk`] follows every path through a function, [`graph`]
-//! what the functions of an entry point call, [`contract`] is what was promised, and
-//! [`checks`] compares the two. The file has to have its symbols, as `cargo xtask module`
+//! follows the calls of an entry point, [`contract`] has the guarantees, and
+//! [`checks`] compares the two. The file must have its symbols, as `cargo xtask module`
 //! leaves it.
 //!
-//! Beside them what running it shows: [`cases`] are calls searched for to be dear, and
+//! In addition the module is run: [`cases`] are expensive calls found by search, and
 //! [`callgrind`] counts their instructions.
 
 pub mod built;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What goes before a counted run of `pkmkins.monitor`: a machine in motion with everything
+//! The preparation of a counted run of `pkmkins.monitor`: a machine in motion with everything
 //! to guard, a geometry to freeze, a tool that changes at a tilt.
 
 use crate::cases::{Aim, Case};
@@ -10,13 +10,13 @@ use abi_tests::module::{Joints, Module, Pose};
 /// Seconds of a servo cycle.
 const PERIOD: f64 = 1e-3;
 
-/// Cycles of a motion until it is seen as one, and until each place ahead of it was looked at.
+/// Cycles of a motion until it is detected, and until each pose ahead of it was checked.
 const BEGINNING: u32 = 3;
 const GOING_ON: u32 = BEGINNING + 9;
 
-/// A motion up to the case's pose, by the case's step in each cycle: one that goes on in the usual
-/// case; else one that has just begun, with all places to be looked at. Every limit is
-/// set and none of those that would spare the rest is met, so that all of them are compared.
+/// Moves to the case's pose, by the case's step in each cycle: the motion continues in the typical
+/// case; otherwise it has just begun, with all poses ahead to check. Every limit is
+/// set and none is violated that would skip the rest, so that all of them are compared.
 pub fn move_on(case: &Case, control: &Control, module: &Module) {
     stand_still(module);
     set_limits(&control.mechanisms(), module);
@@ -24,7 +24,7 @@ pub fn move_on(case: &Case, control: &Control, module: &Module) {
     for pin in ["requested-vel", "current-vel"] {
         module.set(pin, speed);
     }
-    // `limit` is a share in per cent here: of the hold that the legs would have to keep.
+    // `limit` is in per cent of the required conditioning here.
     module.set("conditioning-limit", f64::from(case.limit) / 100.0);
     let cycles = if case.aim == Aim::Typical { GOING_ON } else { BEGINNING };
     for back in (0..cycles).rev().map(f64::from) {
@@ -32,7 +32,7 @@ pub fn move_on(case: &Case, control: &Control, module: &Module) {
         for (value, step) in pose.iter_mut().zip(&case.joints) {
             *value -= back * step;
         }
-        // A little off the straight line, so that the way ahead is a circle.
+        // Slightly off the straight line, so that the path ahead is a circle.
         pose[2] += 1e-3 * back * back * case.joints[0];
         servo_cycle(module, &pose);
         if back > 0.0 {
@@ -41,8 +41,8 @@ pub fn move_on(case: &Case, control: &Control, module: &Module) {
     }
 }
 
-/// Sets what makes of a motion a jog in world mode, with a correction of every joint on its way: at 1e-6 of the
-/// size a second none arrives within the cycles that are counted.
+/// Turns a motion into a jog in world mode, with an active correction of every joint: at 1e-6 of the
+/// size per second none arrives within the counted cycles.
 pub fn begin_jog(case: &Case, control: &Control, module: &Module) {
     let size = control.size();
     module.set("jogging", 1.0);
@@ -55,22 +55,22 @@ pub fn begin_jog(case: &Case, control: &Control, module: &Module) {
     for n in (0..).take_while(|n| module.has(&format!("joint-correction.{n}"))) {
         module.set(&format!("correction-limit.{n}"), 1e-3 * size);
         module.set(&format!("correction-rate.{n}"), 1e-6 * size);
-        // To and fro, from case to case.
+        // Alternate the direction from case to case.
         module.set(&format!("joint-correction.{n}"), (1e-6 * size).copysign(case.joints[0]));
     }
 }
 
-/// Cycles of a commanded motion through a singular pose: so many there, and as many back.
+/// Cycles of a commanded motion through a singular pose in each direction.
 pub const PASSING: u32 = 24;
 
-/// The pose that is commanded in a cycle of [`pass_singular`].
+/// Returns the pose commanded in a cycle of [`pass_singular`].
 pub fn passing_pose(case: &Case, cycle: u32) -> Pose {
     let steps = f64::from(cycle.min(PASSING - cycle));
     std::array::from_fn(|k| case.pose[k] + steps * case.joints[k])
 }
 
-/// What goes before forward in a cycle of a commanded motion through a singular pose, the first of which
-/// begins anew; returns the joints of the cycle.
+/// Prepares forward in a cycle of a commanded motion through a singular pose, the first of which
+/// restarts; returns the joints of the cycle.
 pub fn pass_singular(case: &Case, control: &Control, module: &Module) -> Joints {
     let mut joints = [0.0; 16];
     if case.limit == 0 {
@@ -84,8 +84,8 @@ pub fn pass_singular(case: &Case, control: &Control, module: &Module) -> Joints 
     joints
 }
 
-/// Ends a motion and what was told about it. The number of cycles is odd together with those of the
-/// motion, so that one case after the other counts each of the cycles in which the monitor shows all it has.
+/// Ends a motion and clears its reports. The number of cycles plus those of the
+/// motion is odd, so that successive cases cover each of the cycles over which the monitor spreads its updates.
 fn stand_still(module: &Module) {
     module.set("requested-vel", 0.0);
     for reset in [1.0, 0.0, 0.0] {
@@ -94,14 +94,14 @@ fn stand_still(module: &Module) {
     }
 }
 
-/// Lets the seed of the next call of forward be where it starts, with the pose at home known until then unless
+/// Makes the seed of the next call of forward its start, with the pose at home known until then unless
 /// the joints are not homed.
 pub fn begin_forward(case: &Case, control: &Control, module: &Module) {
     let home = if case.is_before_homing() { [f64::NAN; 9] } else { control.home() };
     module.take_reference_away_at(&home);
 }
 
-/// The kinematics calls of a cycle; any may be refused.
+/// Makes the kinematics calls of a cycle; any may be refused.
 fn servo_cycle(module: &Module, pose: &Pose) {
     if let Ok(joints) = module.inverse(pose) {
         let _ = module.forward(&joints, pose);
@@ -109,7 +109,7 @@ fn servo_cycle(module: &Module, pose: &Pose) {
     let _ = module.inverse(pose);
 }
 
-/// One cycle of a change of the tool at the case's pose; in the first it is asked for.
+/// Runs one cycle of a change of the tool at the case's pose; the first one requests it.
 pub fn change_tool(case: &Case, control: &Control, module: &Module) {
     if case.limit == 0 {
         begin_change(case, control, module);
@@ -119,7 +119,7 @@ pub fn change_tool(case: &Case, control: &Control, module: &Module) {
 
 fn begin_change(case: &Case, control: &Control, module: &Module) {
     let offset = |joints: &Joints| {
-        // Of a second mechanism at the same time.
+        // Request it for a second mechanism at the same time.
         for stem in ["", "second."].into_iter().take(control.mechanisms().len()) {
             let pins = ["tool-offset-x", "tool-offset-y", "tool-offset"];
             for (pin, value) in pins.into_iter().zip(joints) {
@@ -127,7 +127,7 @@ fn begin_change(case: &Case, control: &Control, module: &Module) {
             }
         }
     };
-    // Taken at once with the machine off.
+    // It takes effect at once with the machine off.
     module.set("machine-on", 0.0);
     offset(&[0.0; 16]);
     stand_still(module);
@@ -140,7 +140,7 @@ fn begin_change(case: &Case, control: &Control, module: &Module) {
     offset(&case.joints);
 }
 
-/// A geometry to freeze again and a fault to tell.
+/// Prepares a geometry to freeze again and a fault to report.
 pub fn make_busy(case: &Case, control: &Control, module: &Module) {
     module.set("apply", 0.0);
     module.monitor();

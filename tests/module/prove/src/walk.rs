@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Every path through one function: how deep its stack gets, and what it calls.
+//! Every path through one function: its stack depth, and its calls.
 //!
-//! The walk keeps, for each instruction, how far the stack pointer is below the function's
-//! first one, and what is known of the registers: enough to see through calls by way of a
-//! register that holds an import, and jumps by way of a table. Whatever it does not
+//! The walk keeps, for each instruction, the depth of the stack pointer below its value at the function's
+//! first one, and the known values of the registers: enough to resolve calls through a
+//! register with an import, and jumps through a table. Anything that it does not
 //! understand is a complaint, not a guess.
 
 use crate::built::{Built, Pointer, Symbol};
@@ -18,45 +18,45 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct Call {
     /// Bytes of stack in use when the callee starts, its return address included.
     pub depth: u64,
-    /// Where it leads.
+    /// Its target.
     pub to: Pointer,
 }
 
 /// One function.
 #[derive(Clone, Debug, Default)]
 pub struct Walked {
-    /// Deepest stack of its own, its return address aside.
+    /// Deepest stack of the function, without its return address.
     pub depth: u64,
     pub calls: Vec<Call>,
     /// Functions whose address it takes.
     pub taken: BTreeSet<u64>,
-    /// Instructions that stop the process or enter the system, with their places.
+    /// Instructions that stop the process or enter the system, with their addresses.
     pub traps: Vec<String>,
-    /// Calls to where nobody can tell, and what else was not understood.
+    /// Calls with an unknown target, and other instructions that were not understood.
     pub unknown: Vec<String>,
 }
 
-/// What is known of a register.
+/// The known value of a register.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 enum Value {
     #[default]
     Unknown,
-    /// What the loader puts in.
+    /// A value that the loader fills in.
     Loaded(Pointer),
     Address(u64),
     /// An entry of the jump table at this address.
     Entry(u64),
-    /// Where an entry of this jump table leads.
+    /// The target of an entry of this jump table.
     Target(u64),
     Stack(i64),
 }
 
-/// What is known before an instruction.
+/// The known state before an instruction.
 #[derive(Clone, PartialEq, Eq)]
 struct State {
     depth: i64,
     registers: [Value; 16],
-    /// What was put aside in the frame, by depth.
+    /// Values saved in the frame, by depth.
     frame: BTreeMap<i64, Value>,
 }
 
@@ -73,7 +73,7 @@ const CLOBBERED: [Register; 9] = [
     Register::R11,
 ];
 
-/// Rounds after which a walk is given up: none of a real function comes near.
+/// Rounds after which a walk is aborted: no real function comes near.
 const MOST_STEPS: usize = 4_000_000;
 
 pub fn walk(built: &Built, function: &Symbol) -> Walked {
@@ -118,7 +118,7 @@ impl State {
         }
     }
 
-    /// What both know; `None` if the stacks differ.
+    /// Returns the common knowledge of both; `None` if the stacks differ.
     fn joined(&self, other: &State) -> Option<State> {
         if self.depth != other.depth {
             return None;
@@ -157,7 +157,7 @@ impl Walker<'_> {
         self.report();
     }
 
-    /// An instruction is reached with a state.
+    /// Records that an instruction is reached with a state.
     fn reach(&mut self, at: u64, state: State) {
         if !self.code.contains_key(&at) {
             self.complain(at, "leads into the middle of something");
@@ -200,9 +200,9 @@ impl Walker<'_> {
                 for register in CLOBBERED {
                     after.set(register, Value::Unknown);
                 }
-                // A callee may write into the frame where it was given its address, but not
-                // where compilers put registers aside; those are not handed out.
-                // Behind a call that ends a function there is nothing: it does not return.
+                // A callee may write into the frame if it was given its address, but not
+                // where compilers save registers; those addresses are not passed on.
+                // After a call that ends a function nothing follows: it does not return.
                 if self.is_inside(next) {
                     self.reach(next, after);
                 }
@@ -228,8 +228,8 @@ impl Walker<'_> {
 
     fn branch(&mut self, instruction: &Instruction, mut state: State) {
         let to = instruction.near_branch_target();
-        // A large frame is opened page by page: compare rsp with a register that says where
-        // it ends, and jump back while they differ.
+        // A large frame is probed page by page: compare rsp with a register that contains
+        // its end, and jump back while they differ.
         let before = self.code.range(..instruction.ip()).next_back().map(|(_, i)| *i);
         if let Some(compare) = before
             && instruction.mnemonic() == Mnemonic::Jne
@@ -251,7 +251,7 @@ impl Walker<'_> {
         (self.function.address..self.function.address + self.function.size).contains(&address)
     }
 
-    /// Where the entries of a jump table lead: as many as lead into the function.
+    /// Returns the targets of a jump table: its entries up to the first outside the function.
     fn table(&self, table: u64) -> Vec<u64> {
         let mut targets = Vec::new();
         for entry in self.built.bytes(table).chunks_exact(4) {
@@ -265,7 +265,7 @@ impl Walker<'_> {
         targets
     }
 
-    /// The state after an instruction that does not branch.
+    /// Returns the state after an instruction that does not branch.
     fn after(&mut self, instruction: &Instruction, mut state: State) -> State {
         let known = self.result(instruction, &state);
         let stored = stored(instruction, &state);
@@ -311,7 +311,7 @@ impl Walker<'_> {
         state
     }
 
-    /// The register that an instruction gives a known value, and that value.
+    /// Returns the register that an instruction gives a known value, and that value.
     fn result(&self, instruction: &Instruction, state: &State) -> Option<(Register, Value)> {
         let to = instruction.op0_register();
         let is_register = instruction.op0_kind() == OpKind::Register && to.is_gpr64();
@@ -358,7 +358,7 @@ impl Walker<'_> {
         }
     }
 
-    /// What a call or jump leads to.
+    /// Returns the target of a call or jump.
     fn operand(&self, instruction: &Instruction, state: &State) -> Value {
         match instruction.op0_kind() {
             OpKind::Register => state.get(instruction.op0_register()),
@@ -367,7 +367,7 @@ impl Walker<'_> {
         }
     }
 
-    /// What stands where the memory operand points to.
+    /// Returns the value at the address of the memory operand.
     fn memory(&self, instruction: &Instruction, state: &State) -> Value {
         if is_frame(instruction) {
             let slot = state.depth - instruction.memory_displacement64() as i64;
@@ -380,7 +380,7 @@ impl Walker<'_> {
         self.built.pointers.get(&place).cloned().map_or(Value::Unknown, Value::Loaded)
     }
 
-    /// Reads the result off the states.
+    /// Reports the result from the states.
     fn report(&mut self) {
         for (at, state) in std::mem::take(&mut self.states) {
             let instruction = self.code[&at];
@@ -440,12 +440,12 @@ impl Walker<'_> {
     }
 }
 
-/// Whether the memory operand is a fixed place of the frame.
+/// Returns whether the memory operand is a fixed position in the frame.
 fn is_frame(instruction: &Instruction) -> bool {
     instruction.memory_base() == Register::RSP && instruction.memory_index() == Register::None
 }
 
-/// A register with a known value that is put aside in the frame, and where.
+/// Returns a register with a known value that is saved in the frame, and its position.
 fn stored(instruction: &Instruction, state: &State) -> Option<(i64, Value)> {
     let is_store = instruction.code() == Code::Mov_rm64_r64
         && instruction.op0_kind() == OpKind::Memory
@@ -458,7 +458,7 @@ fn stored(instruction: &Instruction, state: &State) -> Option<(i64, Value)> {
     (value != Value::Unknown).then_some((slot, value))
 }
 
-/// The depth after an instruction that moves the stack pointer; `None` if it cannot be told.
+/// Returns the depth after an instruction that moves the stack pointer; `None` if unknown.
 fn moved(instruction: &Instruction, state: &State, pushed: i32) -> Option<i64> {
     let depth = state.depth;
     if instruction.is_stack_instruction() {
@@ -493,7 +493,7 @@ fn moved(instruction: &Instruction, state: &State, pushed: i32) -> Option<i64> {
     }
 }
 
-/// A function whose address an instruction takes.
+/// Returns a function whose address an instruction takes.
 fn taken(built: &Built, instruction: &Instruction) -> Option<u64> {
     if !instruction.is_ip_rel_memory_operand() {
         return None;
@@ -509,7 +509,7 @@ fn taken(built: &Built, instruction: &Instruction) -> Option<u64> {
 
 const SYSTEM_CALL: &str = "system call";
 
-/// What stops the process or enters the system.
+/// Returns the name of an instruction that stops the process or enters the system.
 fn trap(instruction: &Instruction) -> Option<&'static str> {
     match instruction.mnemonic() {
         Mnemonic::Ud0 | Mnemonic::Ud1 | Mnemonic::Ud2 => Some("trap"),
@@ -520,9 +520,9 @@ fn trap(instruction: &Instruction) -> Option<&'static str> {
     }
 }
 
-/// Where a linker's stub leads: it jumps through a pointer that the loader fills in.
+/// Returns the target of a linker's stub, which jumps through a pointer that the loader fills in.
 fn through_stub(built: &Built, address: u64) -> Option<Pointer> {
-    /// An end-of-branch mark, the jump, and one to spare.
+    /// An end-of-branch instruction, the jump, and a reserve.
     const LONGEST: usize = 3;
     let decoder = Decoder::with_ip(64, built.bytes(address), address, DecoderOptions::NONE);
     let jump = decoder

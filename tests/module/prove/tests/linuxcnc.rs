@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the contract says of LinuxCNC, held to the one that is installed.
+//! Checks the contract's statements about LinuxCNC against the installed one.
 
 use object::{Object, ObjectSymbol};
 use prove::contract::{CONTRACT, Contract};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The stack that calls really use, seen on paint: never more than the sum that `cargo xtask prove`
-//! reads from the file.
+//! The stack that calls actually use, measured with a painted stack: never more than the sum that `cargo xtask prove`
+//! computes from the file.
 
 use abi_tests::module::{Jacobian, Joints, Module, Pose, pkmkins_path};
 use abi_tests::random::Random;
@@ -10,21 +10,21 @@ use prove::graph::Graph;
 use std::ffi::c_void;
 use std::ptr::null_mut;
 
-/// Of a stack, in bytes.
+/// Size of a stack, in bytes.
 const SIZE: usize = 1 << 20;
 
 const PAINT: u8 = 0xa5;
 
-/// What may lie between the mark and the module: the frames of this file's closure, of the
-/// call's wrapper and of the stub HAL; the Jacobian's keeps its result twice.
+/// Largest size of the frames between the mark and the module: of this file's closure, of the
+/// call's wrapper and of the stub HAL; the Jacobian's has its result twice.
 const BETWEEN: usize = 512;
 const BETWEEN_JACOBIAN: usize = BETWEEN + 2 * size_of::<Jacobian>();
 
-/// The sum assumes that the largest frames meet; where they do not, it says too much, but
-/// more than this would say nothing.
+/// Largest ratio of the sum to the measurement. The sum assumes that the largest frames meet; otherwise it is
+/// too large, but a larger ratio would make it meaningless.
 const TOO_WIDE: usize = 3;
 
-/// A painted stack and what runs on it.
+/// A painted stack and its task.
 struct Job<'a> {
     run: &'a mut dyn FnMut(),
     /// Address of the frame that calls it.
@@ -40,14 +40,14 @@ extern "C" fn on_paint(job: *mut c_void) -> *mut c_void {
     null_mut()
 }
 
-/// Bytes of stack that `run` uses, on a thread of its own.
+/// Returns the bytes of stack that `run` uses, on a separate thread.
 fn used(run: &mut dyn FnMut()) -> usize {
     let mut stack = vec![PAINT; SIZE + 4096];
     let bottom = stack.as_mut_ptr() as usize;
     let aligned = bottom.next_multiple_of(4096);
     let mut job = Job { run, mark: 0 };
-    // SAFETY: attributes are made before use; the stack and the job outlive the thread, which
-    // is joined; nobody else touches either in between.
+    // SAFETY: attributes are initialized before use; the stack and the job outlive the thread, which
+    // is joined; no other code accesses either in between.
     unsafe {
         let mut attributes = std::mem::zeroed::<libc::pthread_attr_t>();
         assert_eq!(libc::pthread_attr_init(&mut attributes), 0);
@@ -65,7 +65,7 @@ fn used(run: &mut dyn FnMut()) -> usize {
     job.mark - (aligned + lowest)
 }
 
-/// What the file says about an entry point.
+/// Returns the stack of an entry point according to the file.
 fn promised(entry: &str) -> usize {
     let data = std::fs::read(pkmkins_path()).expect("the module can be read");
     let built = Built::read(&data).expect("a library");
@@ -73,7 +73,7 @@ fn promised(entry: &str) -> usize {
     Graph::new(&built).reached(function.address).stack as usize
 }
 
-/// A pose of the workspace, one far off, one that nobody can reach.
+/// Returns a pose of the workspace, one far off, one that is unreachable.
 fn poses(subject: &Subject) -> Vec<Pose> {
     let mut random = Random::new(81);
     let mut poses = vec![subject.home()];
@@ -88,7 +88,7 @@ fn poses(subject: &Subject) -> Vec<Pose> {
     poses
 }
 
-/// A module with the pins of a machine, which its first call or the monitor freezes.
+/// Creates a module with the pins of a machine, which its first call or the monitor freezes.
 fn wired(subject: &Subject) -> Module {
     let module = subject.machine.loaded();
     subject.machine.wire(&module);
@@ -99,13 +99,13 @@ fn frozen(subject: &Subject) -> Module {
     subject.machine.module()
 }
 
-/// Poses to ask for, and joints of those that have some.
+/// Poses to calculate, and joints of those that have some.
 struct Asked {
     poses: Vec<Pose>,
     joints: Vec<Joints>,
 }
 
-/// The most that a call uses with any machine, beside what the file says.
+/// Compares the largest use of a call with any machine to the value from the file.
 fn compare(entry: &str, between: usize, made: fn(&Subject) -> Module, call: fn(&Module, &Asked)) {
     let mut most = 0;
     for subject in subjects() {

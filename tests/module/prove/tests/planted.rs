@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Every check catches the fault it is there for, and finds nothing where there is none.
+//! Every check detects the fault that it is for, and reports nothing without a fault.
 
 use prove::built::Built;
 use prove::checks::{Check, checks};
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 const CONTRACT: &str = include_str!("../planted/contract.toml");
 
-/// A file of the test's own, which goes when the test ends.
+/// A temporary file of the test, which is deleted when the test ends.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -40,16 +40,16 @@ fn checked(command: &mut Command, file: &Scratch, contract: &str) -> Vec<Check> 
     checks(&Built::read(&data).expect("a library"), &contract)
 }
 
-/// The checks of clean.c with these options of the compiler.
+/// Runs the checks of clean.c with these options of the compiler.
 fn of_c(options: &[&str], contract: &str) -> Vec<Check> {
     let mut command = Command::new("gcc");
     command.args(["-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-Wl,-z,now"]);
-    // gcc would split functions in two, which the compiler of the module does not.
+    // gcc would split functions in two, which the module's compiler does not.
     command.arg("-fno-reorder-blocks-and-partition");
     checked(command.args(options).arg(source("clean.c")), &Scratch::new(), contract)
 }
 
-/// The checks of panics.rs with these options of the compiler.
+/// Runs the checks of panics.rs with these options of the compiler.
 fn of_rust(options: &[&str]) -> Vec<Check> {
     let mut command = Command::new(std::env::var_os("RUSTC").unwrap_or("rustc".into()));
     command.args(["--crate-type=cdylib", "--edition=2024", "-Copt-level=3", "-Cpanic=abort"]);
@@ -66,7 +66,7 @@ fn assert_clean(checks: &[Check]) {
     assert!(complaints.is_empty(), "{complaints:?}");
 }
 
-/// The planted fault fails these checks and no other, and the complaints name it.
+/// Asserts that the planted fault fails these checks and no other, and that the complaints name it.
 fn assert_caught(checks: &[Check], expected: &[&str], name: &str) {
     assert_eq!(failed(checks), expected, "{checks:?}");
     for check in checks.iter().filter(|c| !c.complaints.is_empty()) {
@@ -90,7 +90,7 @@ fn stack_of_run(checks: &[Check]) -> u64 {
 
 #[test]
 fn frames_opened_page_by_page_are_measured() {
-    // 1000 values of eight bytes, and what calls and saved registers take.
+    // 1000 values of eight bytes, plus calls and saved registers.
     let plain = stack_of_run(&of_c(&["-fno-stack-clash-protection"], CONTRACT));
     assert!((8000..8300).contains(&plain), "{plain}");
     assert_eq!(stack_of_run(&of_c(&["-fstack-clash-protection"], CONTRACT)), plain);
@@ -100,7 +100,7 @@ fn frames_opened_page_by_page_are_measured() {
 fn aligned_frames_are_measured() {
     let plain = stack_of_run(&of_rust(&["--cfg", "wide"]));
     assert!((8000..8300).contains(&plain), "{plain}");
-    // What aligning loses, and sizes of this frame and its neighbour rounded up to 64.
+    // The loss by alignment, and sizes of this frame and its neighbor rounded up to 64.
     let aligned = stack_of_run(&of_rust(&["--cfg", "wide", "--cfg", "aligned"]));
     assert!((plain + 56..plain + 56 + 2 * 64).contains(&aligned), "{aligned} {plain}");
 }
@@ -116,7 +116,7 @@ fn a_panic_is_caught() {
     assert!(complaints.contains("pkmkins_has_a_panic_path is called"), "{complaints}");
 }
 
-/// What a release of libc's start files calls and how is not ours; one fault, one place.
+/// The calls of libc's start files depend on its release, so they are not tested; one fault has one location.
 #[test]
 fn imports_are_caught_by_name_and_by_when_they_are_called() {
     let checks = of_c(&["-DIMPORT_MALLOC"], CONTRACT);

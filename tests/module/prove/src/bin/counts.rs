@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `counts`: instructions of the module's calls as a table, beside their bounds in
-//! counts.toml; exit 1 if one is exceeded. `counts write` writes that file anew.
+//! `counts`: prints instructions of the module's calls as a table, with their bounds from
+//! counts.toml; exit 1 if one is exceeded. `counts write` rewrites that file.
 //!
-//! `counts measure FILE` is what runs under valgrind.
+//! `counts measure FILE` is run under valgrind.
 //!
-//! Forward is cut off after `limit-iterations` solves, at most [`MAX_ITERATIONS`]. Its calls are
-//! counted cut off after 1, 2, 3 … solves: that gives what one more solve costs at most (with the
-//! sub-step around it), and the most that all the rest costs. So often the one and once the other
-//! is more than any call can take.
+//! Forward ends after `limit-iterations` solves, at most [`MAX_ITERATIONS`]. Its calls are
+//! counted with limits of 1, 2, 3 … solves: that gives the largest cost of one more solve (with the
+//! sub-step around it), and the largest cost of the rest. The maximum number of solves times the one plus the other
+//! bounds every call.
 
 use abi_tests::control::Control;
 use abi_tests::module::Module;
@@ -21,20 +21,20 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Bounds are what was found when they were written, and this much more: another release of
-/// the compiler, and what the search did not find.
+/// Bounds are the counts at the time of writing times this factor: for another release of
+/// the compiler, and for calls that the search did not find.
 const MARGIN: f64 = 1.25;
 
-/// Places that the survey of a tool change visits in a cycle, and solves that forward may take
+/// Poses that the survey of a tool change visits in a cycle, and solves that forward may take
 /// for each: as in the module's `tool/survey.rs`.
 const PLACES_PER_CYCLE: u64 = 4;
 const SOLVES_PER_PLACE: u32 = 24;
 
-/// Calls of forward of which one looks at all pins where no monitor runs: as in the module's
+/// Number of forward calls per check of all pins if no monitor runs: as in the module's
 /// `module/freezing.rs`.
 const LOOKS: u32 = 16;
 
-/// Head of counts.toml.
+/// Returns the head of counts.toml.
 fn head() -> String {
     format!(
         "\
@@ -50,29 +50,29 @@ fn head() -> String {
 /// Bounds by machine and call: typical and worst.
 type Bounds = BTreeMap<String, BTreeMap<String, [u64; 2]>>;
 
-/// What was counted of one function on one machine.
+/// The counts of one function on one machine.
 #[derive(Clone, Debug, Default)]
 struct Found {
     /// Median.
     typical: u64,
     /// Largest.
     worst: u64,
-    /// Of forward.
+    /// For forward.
     solving: Option<Solving>,
-    /// Of a call that calls forward: what these calls cannot exceed.
+    /// For a call that calls forward: a bound of these calls.
     survey: Option<u64>,
-    /// Calls of forward that take more than the bound for their number of solves.
+    /// Calls of forward that exceed the bound for their number of solves.
     dearer: Vec<String>,
 }
 
-/// What bounds forward.
+/// The components of forward's bound.
 #[derive(Clone, Debug, Default)]
 struct Solving {
-    /// Most solves that any case needs.
+    /// Largest number of solves in any case.
     most: u32,
-    /// Most that one more solve costs.
+    /// Largest cost of one more solve.
     each: u64,
-    /// Most that everything else costs.
+    /// Largest cost of the rest.
     rest: u64,
 }
 
@@ -87,7 +87,7 @@ impl Solving {
 }
 
 impl Found {
-    /// What no call exceeds.
+    /// Returns the bound of any call.
     fn bound(&self) -> u64 {
         match (&self.solving, self.survey) {
             (Some(solving), _) => solving.bound(),
@@ -133,7 +133,7 @@ fn count() -> Result<(Vec<Control>, Table), String> {
     Ok((machines, table))
 }
 
-/// A folder of its own, which goes at the end.
+/// A temporary folder, which is removed at the end.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -150,7 +150,7 @@ impl Drop for Scratch {
     }
 }
 
-/// Runs the calls of a list, under valgrind.
+/// Makes the calls of a list, under valgrind.
 fn measure(list: &Path) -> Result<(), String> {
     let machines = machines();
     let text = std::fs::read_to_string(list).map_err(|e| e.to_string())?;
@@ -174,13 +174,13 @@ fn measure(list: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// What a module is for: one of each is kept for every machine, as under valgrind to load one takes longer than
-/// most of its calls.
+/// The purpose of a module: one per purpose is kept for every machine, because under valgrind loading one takes longer
+/// than most of its calls.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 enum Purpose {
     Alone,
     Search,
-    /// A call that leaves its own state behind.
+    /// A call that leaves a changed state.
     Of(Call),
 }
 
@@ -197,7 +197,7 @@ impl Purpose {
     }
 }
 
-/// One call, counted.
+/// Makes one call, counted.
 fn make(case: &Case, control: &Control, module: &Module) {
     match case.call {
         Call::Inverse => {
@@ -210,8 +210,8 @@ fn make(case: &Case, control: &Control, module: &Module) {
                 module.set("machine-on", 1.0);
             }
             begin_forward(case, control, module);
-            // Without a monitor one call of 16 looks at all pins: every call that is counted. Extra joints that are
-            // no number would be refused before that.
+            // Without a monitor one call of 16 checks all pins: every call that is counted. NaN or infinite extra
+            // joints would be refused before that.
             if Purpose::of(case) == Purpose::Alone && !case.is_before_homing() {
                 let mut broken = [0.0; 16];
                 let of_mechanisms = control.mechanisms().iter().map(|m| m.joints()).sum();
@@ -258,7 +258,7 @@ fn make(case: &Case, control: &Control, module: &Module) {
             counted(|| module.inverse_into(&case.pose, &mut joints));
         }
         Call::Searching => {
-            // Anew: a search goes on for the joints of its first call.
+            // Restart: a search continues for the joints of its first call.
             assert!(control.apply(module), "{:?}", module.messages());
             let mut world = control.home();
             let code = counted(|| module.forward_into(&case.joints, &mut world));
@@ -286,8 +286,8 @@ fn table(counted: &[(Case, u64)]) -> Table {
     table
 }
 
-/// A call of two mechanisms may take all solves of both, and no call that was found takes the dearest of
-/// both at once: what each needs alone is added up.
+/// Adds the bounds of two mechanisms for calls of both: a call may take all solves of both, but no call that was
+/// found takes the most expensive of both at once.
 fn bound_pairs(machines: &[Control], table: &mut Table) {
     for (machine, control) in machines.iter().enumerate() {
         let Control::Pair(_, two) = control else { continue };
@@ -305,8 +305,8 @@ fn bound_pairs(machines: &[Control], table: &mut Table) {
     }
 }
 
-/// The survey of a tool change calls forward, and so does forward itself beyond a singular pose, once more
-/// with all its solves: whatever of that is among the worst found, the most it could be comes on top.
+/// Records the largest possible cost of inner forward calls: the survey of a tool change calls forward, and beyond a
+/// singular pose forward repeats itself with all its solves. It is added in full, whatever part the worst call has.
 fn bound_surveys(table: &mut Table) {
     let most: Vec<(usize, [(Call, u64); 2])> = table
         .iter()
@@ -325,14 +325,14 @@ fn bound_surveys(table: &mut Table) {
     }
 }
 
-/// Forward calls, searched for to be hard, that take more than their solves explain. (Without
-/// a seed a call starts from the last good pose: which that is, and how many solves away,
+/// Returns hard forward calls that take more than their solves explain. (Without
+/// a seed a call starts from the last good pose: which one that is, and how many solves away,
 /// depends on the calls before.)
 fn dearer(cases: &[&(Case, u64)], solving: &Solving) -> Vec<String> {
     cases
         .iter()
         .filter(|(case, _)| case.aim == Aim::Worst && case.pose.iter().all(|x| !x.is_nan()))
-        // Before homing every refusal has the same code, which does not show how many solves it took.
+        // Before homing every refusal has the same code, which does not contain the number of solves.
         .filter(|(case, _)| !case.is_before_homing())
         .filter(|(case, count)| *count > solving.of(case.solves))
         .map(|(case, count)| format!("{} solves took {count} instructions", case.solves))
@@ -346,7 +346,7 @@ fn median(cases: &[&(Case, u64)]) -> u64 {
     counts.get(counts.len() / 2).copied().unwrap_or(0)
 }
 
-/// Reads off the rows of cut calls what a solve costs, and what the rest does.
+/// Computes from the rows of limited calls the cost of a solve, and that of the rest.
 fn solving(cases: &[&(Case, u64)]) -> Solving {
     let mut rows: BTreeMap<usize, BTreeMap<u32, u64>> = BTreeMap::new();
     for (case, count) in cases {
@@ -357,7 +357,7 @@ fn solving(cases: &[&(Case, u64)]) -> Solving {
     let (mut each, mut first, mut last) = (0, 0, 0);
     for row in rows.values() {
         first = first.max(row.values().next().copied().unwrap_or(0));
-        // The last solve goes on to the end of the call.
+        // The last solve continues to the end of the call.
         let end = row.keys().next_back().copied().unwrap_or(0);
         for (limit, count) in row {
             let Some(next) = row.get(&(limit + 1)) else { continue };
@@ -427,7 +427,7 @@ fn judge((machines, table): &(Vec<Control>, Table)) -> Result<ExitCode, String> 
     Ok(ExitCode::from(u8::from(!complaints.is_empty())))
 }
 
-/// What is above its bound, or has none.
+/// Returns counts that exceed their bound, or have none.
 fn complaints(machines: &[&str], table: &Table, bounds: &Bounds) -> Vec<String> {
     let mut complaints = Vec::new();
     for ((machine, call), found) in table {
@@ -459,7 +459,7 @@ mod tests {
         Case { machine: 0, call: Call::Forward, aim, pose, joints, limit, solves }
     }
 
-    /// Six solves: 100 before the first, 10 to 14 each, and 50 after the last.
+    /// Returns a row of six solves: 100 before the first, 10 to 14 each, and 50 after the last.
     fn row() -> Vec<(Case, u64)> {
         let counts = [(1, 110), (3, 134), (4, 148), (5, 158), (6, 218)];
         counts.map(|(limit, count)| (case(Aim::Row(0), limit, 6), count)).to_vec()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `prove [FILE]`: all checks of the built module as a table; exit 1 if one fails. Instructions are
-//! followed on x86-64 alone: for 64-bit ARM it says which checks that leaves out.
+//! `prove [FILE]`: prints all checks of the built module as a table; exit 1 if one fails. Only x86-64 instructions are
+//! followed: for 64-bit ARM it lists the checks that this excludes.
 
 use abi_tests::module::pkmkins_path;
 use prove::built::Built;
