@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The look ahead along a motion: which speed it allows, and that no input makes it careless.
+//! The look ahead along a motion: the speed that it allows, and its safety for any input.
 
 use crate::common::machines::declared;
 use crate::common::tolerances::{CENTRAL_DIFFERENCE, SPEED_BETWEEN_PLACES, SPEED_SHARE};
@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 
 const PERIOD: f64 = 1e-3;
 
-/// Share of the planner's acceleration that the core counts on, as the manual says.
+/// Fraction of the planner's acceleration that the core assumes, as in the manual.
 const COUNTED_ON: f64 = 0.43;
 
 /// A machine in straight motion. Units of the machine, degrees and seconds.
@@ -22,7 +22,7 @@ struct Drive<'a> {
 }
 
 impl<'a> Drive<'a> {
-    /// Speeds and limits of a usual machine, so that joints now limit it and now do not.
+    /// Returns speeds and limits of a typical machine, so that joints limit only some of the motions.
     fn random(case: &'a Case, rng: &mut Pcg64) -> Self {
         let size = case.machine.size();
         let pose = (case.sample)(rng);
@@ -66,7 +66,7 @@ impl<'a> Drive<'a> {
         self.case.machine.nowhere().ahead((&NO_TOOL, &self.limits), &motion, &self.planner)
     }
 
-    /// The same after a time, with what was seen before.
+    /// Returns the outlook after a time, using the sight from before.
     fn outlook_in_turn(&self, sight: &mut Sight) -> Outlook {
         let motion = self.motion().expect("it moves");
         let mut at = self.case.machine.nowhere();
@@ -78,7 +78,7 @@ impl<'a> Drive<'a> {
         Self { pose, limits: self.limits, planner: self.planner, ..*self }
     }
 
-    /// Deceleration of the speed as a multiple of the present one, per second.
+    /// Returns the deceleration as a multiple of the present speed, per second.
     fn braking(&self) -> f64 {
         let norm = |part: &[f64]| part.iter().map(|v| v * v).sum::<f64>().sqrt();
         let fastest = self.rate[3..].iter().fold(0.0, |most: f64, v| most.max(v.abs()));
@@ -86,8 +86,8 @@ impl<'a> Drive<'a> {
         COUNTED_ON * linear.min(self.planner.angular / fastest)
     }
 
-    /// Largest multiple of the present speed at which no joint is too fast after a time, by
-    /// differences of inverse; 0 where there are no joints.
+    /// Returns the largest multiple of the present speed at which no joint is too fast after a time, by
+    /// differences of inverse; 0 if there are no joints.
     fn fastest(&self, time: f64) -> f64 {
         let step = 1e-5;
         let inverse = |time| self.case.machine.inverse(&self.at(time), &NO_TOOL).ok();
@@ -101,9 +101,9 @@ impl<'a> Drive<'a> {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Largest multiple of the present speed from which all of the way ahead can be braked
-    /// for, seen at so many places that nothing is missed, and where it is decided as a share of
-    /// the way that braking takes.
+    /// Returns the largest multiple of the present speed from which the whole path ahead can be braked
+    /// for, sampled so densely that nothing is missed, and the deciding position as a fraction of
+    /// the braking distance.
     fn least(&self) -> (f64, f64) {
         let braking = self.braking();
         let horizon = 1.0 / (2.0 * braking);
@@ -115,7 +115,7 @@ impl<'a> Drive<'a> {
         speeds.min_by(|one, other| one.0.total_cmp(&other.0)).expect("places")
     }
 
-    /// Whether there are joints all the way.
+    /// Returns whether joints exist along the whole path.
     fn stays_within_reach(&self) -> bool {
         let horizon = 0.6 / self.braking();
         (0..=40).all(|k| self.fastest(horizon * f64::from(k) / 40.0) > 0.0)
@@ -136,14 +136,14 @@ fn each_drive(count: usize, seed: u64, mut check: impl FnMut(&Drive<'_>, &mut Pc
 fn the_speed_allowed_can_be_braked_for_all_that_lies_ahead_and_is_no_slower_than_needed() {
     let (mut here, mut ahead, mut boldest, mut shyest) = (0, 0, 0.0_f64, f64::INFINITY);
     each_drive(300, 71, |drive, rng| {
-        // One joint alone is limited, so that it often gets there only on the way.
+        // Only one joint is limited, so that the limit is often reached only later on the path.
         let one = uniform(rng, 0.0, drive.case.machine.layout().joints() as f64) as usize;
         let speed =
             std::array::from_fn(|i| if i == one { drive.limits.speed[i] / 3.0 } else { 1e99 });
         let limits = Limits { speed, ..drive.limits };
         let drive = Drive { limits, planner: drive.planner, ..*drive };
         let (needed, share) = drive.least();
-        // A way that is braked for within its own length says nothing about faster ones.
+        // A path whose braking distance is shorter than itself gives no bound for faster ones.
         if needed < 1.0 && drive.stays_within_reach() {
             let found = drive.outlook().allowed;
             *if share > 0.0 { &mut ahead } else { &mut here } += 1;
@@ -181,7 +181,7 @@ fn what_takes_longer_to_act_or_brakes_worse_never_makes_it_faster() {
     each_drive(60, 73, |drive, rng| {
         let found = drive.outlook().allowed;
         let mut later = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
-        // The places looked at lie elsewhere then: what is between them may differ.
+        // The sampled positions differ then, so the values between them may differ too.
         later.planner.latency = uniform(rng, 0.0, 0.01);
         assert!(later.outlook().allowed <= found * SPEED_BETWEEN_PLACES / SPEED_SHARE);
         let mut weaker = Drive { limits: drive.limits, planner: drive.planner, ..*drive };
@@ -191,7 +191,7 @@ fn what_takes_longer_to_act_or_brakes_worse_never_makes_it_faster() {
     });
 }
 
-/// NaN, infinities, denormals and nonsense in every number that the look ahead is given.
+/// Tests NaN, infinities, denormals and nonsense in every input of the look ahead.
 #[test]
 fn no_input_makes_the_allowed_speed_nan_or_negative_and_nan_allows_nothing() {
     let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 5e-324, -1.0, 0.0, 1e308];
@@ -242,7 +242,7 @@ fn the_hold_of_the_legs_slows_in_proportion_only_on_the_way_where_it_falls() {
         drive.pose = [0.0, 0.0, 250.0, 0.0, 0.0, c];
         drive.rate = [0.0, 0.0, 0.0, 0.0, 0.0, rate];
         drive.limits.speed = [1e99; MAX_JOINTS];
-        // So quick to brake that the place itself decides.
+        // Braking so fast that the position itself decides.
         drive.planner = Planner { linear: 1e9, angular: 1e9, requested: 1.0, ..drive.planner };
         drive
     };
@@ -259,7 +259,7 @@ fn the_hold_of_the_legs_slows_in_proportion_only_on_the_way_where_it_falls() {
     for share in [0.5, 1.0, 1.25, 1.5, 1.9] {
         let found = allowed(share, 10.0);
         let expected = (share - 1.0).max(0.0);
-        // The way ahead, some 1e-8 degrees, changes the hold by as little.
+        // The path ahead, some 1e-8 degrees, changes the conditioning by as little.
         assert!((found.allowed - expected).abs() < 1e-6, "{share}: {found:?}");
         let why = found.because.expect("something limits").0.cause;
         assert_eq!(why, Cause::ConditioningAhead);
@@ -294,7 +294,7 @@ fn joints_and_rates_of_a_motion_are_those_of_the_poses_themselves() {
         let (before, after) = (joints(-step), joints(step));
         for (i, rate) in rates.iter().enumerate() {
             let expected = (after[i] - before[i]) / (2.0 * step);
-            // The speeds are some hundred units a second, and steps of time 1e-6.
+            // The speeds are some hundred units per second, and steps of time 1e-6.
             let most = CENTRAL_DIFFERENCE * (1.0 + expected.abs()) * 100.0;
             assert!((rate - expected).abs() < most, "{}: {rate} {expected}", drive.case.name);
         }
@@ -322,12 +322,12 @@ fn places_looked_at_in_turn_show_what_all_at_once_show_some_cycles_later() {
                 least = least.min(found.allowed / whole.allowed);
             }
         }
-        // Around a corner everything is new.
+        // Beyond a corner everything is new.
         let corner = Drive::random(drive.case, rng);
         all_at_last(&corner, &mut sight);
     });
     println!("{limited} looks in turn allow {least} to {most} of those at all places");
     assert!(limited > cases(1000));
-    // Eight cycles of 0.4 machine sizes a second are a three hundredth of the machine.
+    // Eight cycles at 0.4 machine sizes per second are a three hundredth of the machine.
     assert!(most < 1.03 && least > 0.97, "{least} {most}");
 }

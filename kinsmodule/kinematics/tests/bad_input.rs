@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Bad input: each is refused with its own cause, naming the leg where there is one.
+//! Bad input: each is refused with its own cause, which names the leg if there is one.
 
 use crate::common::machines::{
     changed_legs, declared, four_rod_lathe, genhexkins_case, geometry, hexapod, hexapods,
@@ -18,7 +18,7 @@ fn refused(geometry: &Geometry) -> Fault {
     Machine::freeze(geometry, &NO_OFFSET).unwrap_err()
 }
 
-/// Paper 004's hexapod with one leg changed.
+/// Returns paper 004's hexapod with one leg changed.
 fn with_leg(i: usize, change: impl Fn(&mut LegGeometry)) -> Geometry {
     changed_legs(&paper_004(10.0), |k, leg| {
         if k == i {
@@ -27,7 +27,7 @@ fn with_leg(i: usize, change: impl Fn(&mut LegGeometry)) -> Geometry {
     })
 }
 
-/// The same with the strut of one leg changed.
+/// Returns the same with the strut of one leg changed.
 fn with_strut(i: usize, change: impl Fn(&mut StrutGeometry)) -> Geometry {
     with_leg(i, |leg| match &mut leg.kind {
         LegKind::Strut(strut) => change(strut),
@@ -114,7 +114,7 @@ fn joints_that_close_no_platform_are_refused() {
         assert_eq!(refuse(zero), Cause::JointNotPositive);
         zero[4] = -500.0;
         assert_eq!(refuse(zero), Cause::JointNotPositive);
-        // Far beyond what closes, either limit of the tracker may be met first.
+        // Far beyond any pose, either limit of the tracker may be reached first.
         let mut torn = joints;
         torn[0] *= 3.0;
         for q in [torn, [1.0; 11]] {
@@ -216,7 +216,7 @@ fn a_singular_pose_is_an_error_of_forward_and_not_of_inverse() {
     assert!(matches!(fault.cause, Cause::Singular | Cause::NearlySingular), "{fault}");
 }
 
-/// Why a machine is refused after a change of leg `i`.
+/// Returns the refusal of a machine after a change of leg `i`.
 fn fault_of(given: &Geometry, i: usize, change: impl Fn(&mut LegGeometry)) -> Fault {
     refused(&changed_legs(given, |k, leg| {
         if k == i {
@@ -333,7 +333,7 @@ fn directions_of_any_length_are_the_same_guide_and_axis() {
         let (a, b) = (case.joints(&case.home), Machine::freeze(&longer, &NO_OFFSET).unwrap());
         let b = b.inverse(&case.home, &NO_TOOL).unwrap();
         for i in 0..3 {
-            // A rounding or two of the direction.
+            // One or two rounding errors of the direction.
             assert!((a[i] - b[i]).abs() < 1e-12 * case.machine.size(), "{}", case.name);
         }
     }
@@ -363,7 +363,7 @@ fn parallel_guides_that_leave_a_free_motion_are_refused() {
         [rod(150.0, -60.0, -1), rod(150.0, 60.0, 1), rod(-150.0, -60.0, -1), rod(-150.0, 60.0, 1)];
     let home = Some([0.0, 0.0, 1000.0, 0.0, 0.0, 0.0]);
     assert_eq!(refused(&geometry(&legs, "XYZB", "", home)).cause, Cause::SingularAtHome);
-    // Four rods of the lathe's kind hold neither A nor C.
+    // Four rods of the lathe's kind constrain neither A nor C.
     let lathe = four_rod_lathe().geometry;
     for coordinates in ["XYZA", "XYZC"] {
         let other = geometry(lathe.legs(), coordinates, "", lathe.home);
@@ -372,7 +372,7 @@ fn parallel_guides_that_leave_a_free_motion_are_refused() {
     for coordinates in ["XYZB", "XYAB", "YZBC", "YABC"] {
         let mut other = geometry(lathe.legs(), coordinates, "", lathe.home);
         if !coordinates.contains('X') || !coordinates.contains('Z') {
-            // What is held is held at 0, so the guides must pass there.
+            // Held coordinates are 0, so the guides must pass there.
             let shift = lathe.home.unwrap();
             other = changed_legs(&other, |_, leg| leg.base[2] -= shift[2]);
             other.home = Some([0.0, shift[1], 0.0, 0.0, 0.0, 0.0]);
@@ -396,7 +396,7 @@ fn a_home_out_of_reach_or_at_a_dead_point_is_refused_with_its_leg() {
         let segments = *case.machine.at(&case.home, &NO_TOOL).unwrap().segments();
         let base = Vector3::from(case.geometry.legs()[2].base);
         let span = segments[2].platform - base;
-        // The shortest rod that reaches: square to the guide, or in line with the arm.
+        // The shortest rod that reaches: perpendicular to the guide, or in line with the arm.
         let shortest = match case.geometry.legs()[2].kind {
             LegKind::Slider(_) => span.xy().norm(),
             LegKind::Crank(_) => span.norm() - 10.0,
@@ -429,7 +429,7 @@ fn a_crank_angle_that_inverse_does_not_return_is_refused() {
     }
 }
 
-/// Whether a machine is refused as too long in leg 1 after a change of that leg.
+/// Returns whether a machine is refused as too long in leg 1 after a change of that leg.
 fn is_too_long(given: &Geometry, change: impl Fn(&mut LegGeometry)) -> bool {
     let changed = changed_legs(given, |i, leg| {
         if i == 1 {
@@ -538,7 +538,7 @@ fn rates_of_angles_are_refused_where_a_and_c_are_one_and_only_there() {
         hexapod.machine.at(&upright(90.0), &NO_TOOL).and_then(|at| at.pose_jacobian()).unwrap_err();
     assert_eq!(fault.cause, Cause::TiltNearRightAngle);
     assert!(hexapod.machine.at(&upright(89.0), &NO_TOOL).and_then(|at| at.pose_jacobian()).is_ok());
-    // Two angles are told apart everywhere.
+    // Two angles are distinguished everywhere.
     assert!(
         pentapod().machine.at(&upright(90.0), &NO_TOOL).and_then(|at| at.pose_jacobian()).is_ok()
     );

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Searches without a seed, in boxes that are one-to-one: narrow ones, about a pose whose Jacobian
-//! serves as the matrix.
+//! is the matrix.
 
 use crate::common::machines::{geometry, hexapods, linear_delta, pyramid, strut, tripod};
 use crate::common::{Case, NO_TOOL, cases, rng, uniform, within};
@@ -13,7 +13,7 @@ use rand_pcg::Pcg64;
 
 const EMPTY: WorkspaceBox = WorkspaceBox::EMPTY;
 
-/// A box of half widths `by` about a pose, with the inverse of the Jacobian there.
+/// Returns a box of half widths `by` about a pose, with the inverse of the Jacobian there.
 fn about(case: &Case, middle: [f64; 6], by: [f64; 6]) -> WorkspaceBox {
     let jacobian =
         case.machine.at(&Pose::from_degrees(middle), &NO_TOOL).unwrap().pose_jacobian().unwrap();
@@ -31,7 +31,7 @@ fn about(case: &Case, middle: [f64; 6], by: [f64; 6]) -> WorkspaceBox {
     given
 }
 
-/// Boxes on which the matrix of the middle is near to all inverse Jacobians.
+/// Returns boxes in which the matrix of the middle is near all inverse Jacobians.
 fn boxed() -> Vec<(Case, WorkspaceBox)> {
     let small = [30.0, 30.0, 30.0, 4.0, 4.0, 4.0];
     let [first, second] = hexapods();
@@ -50,7 +50,7 @@ fn boxed() -> Vec<(Case, WorkspaceBox)> {
     .collect()
 }
 
-/// A pose of the box widened by `factor`.
+/// Returns a pose of the box widened by `factor`.
 fn drawn(rng: &mut Pcg64, given: &WorkspaceBox, factor: f64) -> [f64; 6] {
     std::array::from_fn(|k| {
         let (middle, half) =
@@ -59,7 +59,7 @@ fn drawn(rng: &mut Pcg64, given: &WorkspaceBox, factor: f64) -> [f64; 6] {
     })
 }
 
-/// The end of a search, and how many calls it took.
+/// Returns the result of a search, and the number of calls it took.
 fn searched(
     case: &Case,
     joints: &Joints,
@@ -92,7 +92,7 @@ fn a_pose_is_found_from_its_joints_alone_where_it_is_in_the_box_and_nowhere_else
             let found = searched(&case, &joints, &[given], &tool).0.unwrap();
             // Forward's own tolerance is 1e-12 of the size.
             assert!(case.apart(&found, &pose) < 1e-10, "{}: {at:?}", case.name);
-            // Beside it in every coordinate that the box has: by a hundredth of its width.
+            // Outside it in every coordinate of the box: by a hundredth of its width.
             for k in (0..6).filter(|k| given.high[*k] > given.low[*k]) {
                 let mut beside = at;
                 beside[k] = given.high[k] + 0.01 * (given.high[k] - given.low[k]);
@@ -130,7 +130,7 @@ fn neighbouring_boxes_have_one_pose_at_their_face_and_two_poses_are_told() {
     let joints = case.joints(&case.home);
     let found = searched(&case, &joints, &halves, &NO_TOOL).0.unwrap();
     assert!(case.apart(&found, &case.home) < 1e-10);
-    // Struts from a plane reach its other side as well.
+    // Struts from a plane also reach its other side.
     let mirrored = [home[0], home[1], -home[2], 0.0, 0.0, 0.0];
     let below = about(&case, mirrored, [0.4; 6]);
     let fault = searched(&case, &joints, &[whole, below], &NO_TOOL).0.unwrap_err();
@@ -154,7 +154,7 @@ fn a_long_search_goes_on_in_later_calls_and_ends_after_the_steps_that_were_given
     assert!(case.apart(&found.unwrap(), &corner) < 1e-10);
     let least = 1 + 700 / STEPS_PER_CALL as usize;
     assert!((least..=2000_usize.div_ceil(STEPS_PER_CALL as usize)).contains(&calls), "{calls}");
-    // As many steps as are given: where they have not come to rest, the proof was for another box.
+    // The given number of steps: if the search has not converged by then, the proof was for another box.
     slow.steps = 10;
     let (ended, calls) = searched(&case, &joints, &[slow], &NO_TOOL);
     assert_eq!((ended.map_err(|fault| fault.cause), calls), (Err(Cause::OutsideBoxes), 1));
@@ -167,7 +167,7 @@ fn a_long_search_asks_each_box_from_its_own_beginning() {
     let slow = |middle: [f64; 6]| {
         let mut slow = about(&case, middle, [0.4; 6]);
         slow.matrix.iter_mut().flatten().for_each(|m| *m *= 0.02);
-        // Each box takes some 1300: more are given than one takes, fewer than both.
+        // Each box takes some 1300: more are given than one needs, fewer than both.
         slow.steps = 2000;
         slow
     };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Certified forward at scale: over the shipped machines and random ones of every kind of
-//! leg, no call may return another pose than the one that is connected with its seed.
+//! leg, no call may return a pose other than the one connected with its seed.
 //!
 //! `cargo xtask certify` prints the tables.
 
@@ -15,10 +15,10 @@ use kinematics::{Joints, Pose, Solver};
 use rand_pcg::Pcg64;
 use std::cell::Cell;
 
-/// Random machines drawn of each recipe.
+/// Number of random machines of each recipe.
 const MACHINES: usize = 20;
 
-/// Poses of a row, apart by the sign of det J: those with another sign than home lie behind
+/// The counts for poses, separated by the sign of det J: those with a sign other than home's are beyond
 /// a singular pose, as seen from there.
 #[derive(Default)]
 struct Row {
@@ -26,7 +26,7 @@ struct Row {
     behind: Outcome,
 }
 
-/// A pose to be found again, with its joints.
+/// A pose to find again, with its joints.
 struct Call<'a> {
     case: &'a Case,
     tracker: &'a Tracker<'a>,
@@ -34,7 +34,7 @@ struct Call<'a> {
     joints: Joints,
 }
 
-/// Machines with a workspace of their own: those with names, and genhexkins' default
+/// Returns machines with their own workspace: the named ones, and genhexkins' default
 /// geometry tilted until singular poses lie between.
 fn named() -> Vec<Case> {
     let mut named = declared();
@@ -44,8 +44,8 @@ fn named() -> Vec<Case> {
     named
 }
 
-/// The next pose of a machine: of its workspace; of random machines every other one lies
-/// as far out as to meet singular poses and dead points.
+/// Returns the next pose of a machine: from its workspace; for random machines every other one is
+/// far enough out to include singular poses and dead points.
 fn next(case: &Case, wide: bool, k: usize, rng: &mut Pcg64) -> Pose {
     match wide && k.is_multiple_of(2) {
         true => case.without_held(&wild(case, 0.15, 40.0)(rng)),
@@ -73,7 +73,7 @@ fn of_machine(
     row
 }
 
-/// The same of as many machines of a recipe as the count allows.
+/// Judges as many machines of a recipe as the count allows.
 fn of_recipe(
     recipe: &Recipe,
     count: usize,
@@ -112,8 +112,8 @@ impl Row {
     }
 }
 
-/// Judges `count` poses of every machine and recipe, and prints a row of each. Not one may
-/// be wrong, and those of the shipped machines' workspaces are all found. Returns what became of each recipe's calls.
+/// Judges `count` poses of every machine and recipe, and prints a row for each. None may
+/// be wrong, and those of the shipped machines' workspaces are all found. Returns the outcome of each recipe's calls.
 fn survey(
     title: &str,
     seed: u64,
@@ -165,8 +165,8 @@ fn one_servo_step_away_every_result_is_the_pose_that_the_joints_came_from() {
     });
 }
 
-/// How many of a hundred calls from home may be refused although a path exists, for each recipe: the larger share of the
-/// short and the long tier, and some more. What one kind of machine gains, no other is to pay for.
+/// Largest number of a hundred calls from home that may be refused although a path exists, for each recipe: the larger
+/// fraction of the short and the long tier, plus a margin. An improvement for one kind of machine must not harm others.
 const MOST_MISSED: [(&str, f64); RECIPES.len()] = [
     ("six struts", 6.0),
     ("six sliders", 8.0),
@@ -198,18 +198,18 @@ fn from_home_every_result_is_the_pose_that_the_reference_tracker_reaches() {
     for ((recipe, outcome), (name, most)) in RECIPES.iter().zip(found).zip(MOST_MISSED) {
         assert_eq!(recipe.name, name);
         let missed = 100.0 * outcome.missed as f64 / outcome.calls() as f64;
-        // Of fewer calls a share says nothing.
+        // A fraction of fewer calls is meaningless.
         assert!(count < FROM_HOME || missed <= most, "{name}: {missed} of a hundred are missed");
     }
 }
 
-/// What the search for every solution says about the calls of a row.
+/// The results of the search for every solution for the calls of a row.
 #[derive(Default)]
 struct Searched {
     found: Cell<usize>,
-    /// Results of forward that the search did not find: what it may miss of others.
+    /// Results of forward that the search did not find: an estimate of what it misses.
     overlooked: Cell<usize>,
-    /// Real poses of the same joints besides the right one.
+    /// Real poses of the same joints other than the right one.
     others: Cell<usize>,
 }
 
@@ -217,8 +217,8 @@ fn add(count: &Cell<usize>, more: usize) {
     count.set(count.get() + more);
 }
 
-/// Judges one call by all real poses of its joints: from the one that forward returns the
-/// straight joint path leads back to the seed, and from no other.
+/// Judges one call by all real poses of its joints: the straight joint path leads back to the seed
+/// from the pose that forward returns, and from no other.
 fn judged_by_all(call: &Call, seed: &Pose, searched: &Searched, rng: &mut Pcg64) -> Outcome {
     let Call { case, tracker, joints, .. } = call;
     let others = all_solutions(tracker, joints, rng);
@@ -235,7 +235,7 @@ fn judged_by_all(call: &Call, seed: &Pose, searched: &Searched, rng: &mut Pcg64)
     add(&searched.found, 1);
     add(&searched.overlooked, usize::from(same.is_empty()));
     add(&searched.others, others.len());
-    // The least-squares path of a redundant machine is none to go back.
+    // The least-squares path of a redundant machine cannot be reversed.
     let redundant = case.geometry.layout().is_redundant();
     let right = redundant
         || ((leads_back(&returned) || closely_seen(&returned))

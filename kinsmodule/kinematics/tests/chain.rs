@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Axes that carry work, tool or legs: LinuxCNC's pose and the machine's.
+//! Axes that carry workpiece, tool or legs: LinuxCNC's pose and the machine's.
 
 use crate::common::{cases, rng};
 use kinematics::{
@@ -15,10 +15,10 @@ const WORK: i32 = 1;
 const TOOL: i32 = 2;
 const LEGS: i32 = 3;
 
-/// Roundings of places up to some thousand, through a dozen rotations.
+/// Rounding errors of positions up to some thousand, through a dozen rotations.
 const PLACE: f64 = 1e-10;
 
-/// Of a machine whose legs move X Y Z and what the axes leave of A B C.
+/// Returns the layout of a machine whose legs move X Y Z and those of A B C that are not axes.
 fn layout(axes: &str) -> Layout {
     let left: String = "XYZABC".chars().filter(|letter| !axes.contains(*letter)).collect();
     Layout::new(6, Letters::parse(left.as_bytes()).unwrap(), Letters::NONE).unwrap()
@@ -34,7 +34,7 @@ fn link(carries: i32, axis: [f64; 3], point: [f64; 3]) -> LinkGeometry {
     LinkGeometry { carries, axis, point }
 }
 
-/// A chain in which only this letter carries something.
+/// Returns a chain in which only this letter carries something.
 fn one(letter: char, link: LinkGeometry) -> ChainGeometry {
     let mut given = ChainGeometry::NONE;
     given.links["ABCUVW".find(letter).unwrap()] = link;
@@ -45,7 +45,7 @@ fn three(rng: &mut Pcg64, size: f64) -> [f64; 3] {
     std::array::from_fn(|_| rng.random_range(-size..size))
 }
 
-/// Any axes, carrying anything, and now and then the work on the platform.
+/// Arbitrary axes that carry arbitrary parts, sometimes with the workpiece on the platform.
 struct Drawn {
     axes: String,
     given: ChainGeometry,
@@ -75,7 +75,7 @@ fn world(rng: &mut Pcg64) -> World {
 }
 
 impl Drawn {
-    /// Frames of nalgebra in the order of the letters, from what carries them outwards.
+    /// Returns the frame, by nalgebra in the order of the letters, from the carrier outward.
     fn frame(&self, carries: i32, world: &World) -> Isometry3<f64> {
         let mut frame = Isometry3::identity();
         for letter in self.axes.chars() {
@@ -97,14 +97,14 @@ impl Drawn {
         frame
     }
 
-    /// The machine's angles: those of letters that are no axes.
+    /// Returns the machine's angles: those of letters that are not axes.
     fn angles(&self, world: &World) -> [f64; 3] {
         let own = |k: usize| if self.axes.contains(POSE_LETTERS[k]) { 0.0 } else { world[k] };
         [own(3), own(4), own(5)]
     }
 
-    /// Where the platform is by the loop of frames: the tip is at the same place of base, whether one
-    /// goes by the work or by the tool.
+    /// Returns the platform's position by the loop of frames: the tip has the same position in base through
+    /// the workpiece and through the tool.
     fn platform(&self, world: &World, tool: &Vector3<f64>) -> Vector3<f64> {
         let [a, b, c] = self.angles(world).map(f64::to_radians);
         let turn = UnitQuaternion::from_euler_angles(a, b, c);
@@ -145,7 +145,7 @@ fn a_machines_pose_and_its_axes_give_linuxcncs_pose_back() {
         let asked = world(&mut rng);
         let machine = drawn.chain.to_machine(&asked, &tool).unwrap();
         let mut found = asked;
-        // What forward does not know: everything but the axes.
+        // Forward does not use them: everything except the axes.
         for (k, value) in found.iter_mut().enumerate().take(6) {
             if !drawn.axes.contains(POSE_LETTERS[k]) {
                 *value = f64::NAN;
@@ -162,7 +162,7 @@ fn a_machines_pose_and_its_axes_give_linuxcncs_pose_back() {
 fn rates_and_the_shift_of_the_tool_are_differences() {
     const STEP: f64 = 1e-4;
     let mut rng = rng(192);
-    // Differences: h² off, times places of some thousand, and rounding over h.
+    // Differences: error h² times positions of some thousand, and rounding over h.
     const OFF: f64 = 1e-5;
     for _ in 0..cases(500) {
         let (drawn, tool) = (drawn(&mut rng), Vector3::from(three(&mut rng, 100.0)));
@@ -209,7 +209,7 @@ fn frames_of_tool_and_work_are_those_of_the_loop() {
         for (found, expected) in
             drawn.chain.frames(&Pose::from_degrees(machine), &at).iter().zip(expected)
         {
-            // Some roundings of directions.
+            // Some rounding errors of directions.
             assert!((found - expected.to_rotation_matrix().matrix()).norm() < 1e-13);
         }
     }
@@ -229,19 +229,19 @@ fn signs_are_those_of_the_sketch() {
         chain.to_machine(&at(place, value), &tool).unwrap().map(|v| (v * 1e9).round() / 1e9)
     };
     let up = [0.0, 0.0, 7.0];
-    // A table turned by a quarter takes a point at (10, 20) to (−20, 10), the tool with it.
+    // A table rotated by a quarter turn moves a point from (10, 20) to (−20, 10), the tool with it.
     let turned = found('C', link(WORK, up, [0.0; 3]), 90.0);
     assert_eq!(turned, [-20.0, 10.0, 80.0, 0.0, 0.0, 0.0]);
-    // The same about the point (10, 0): a point 20 beside it along Y comes 20 beside it along −X.
+    // The same about the point (10, 0): a point 20 beside it along Y moves to 20 beside it along −X.
     assert_eq!(found('C', link(WORK, up, [10.0, 0.0, 5.0]), 90.0)[..3], [-10.0, 0.0, 80.0]);
-    // A slide that lifts the work lifts the tip with it; one that lifts the legs lets them down.
+    // A slide that lifts the workpiece lifts the tip with it; one that lifts the legs lowers them relative to it.
     assert_eq!(found('W', link(WORK, up, [0.0; 3]), 4.0)[2], 84.0);
     assert_eq!(found('W', link(LEGS, up, [0.0; 3]), 4.0)[2], 76.0);
-    // A turret about Y of the platform, whose pivot is the platform's origin: a tool that hangs 50
-    // down points along −X after a quarter, and the platform stands 50 beside the tip.
+    // A turret about Y of the platform, whose pivot is the platform's origin: a tool that extends 50
+    // down points along −X after a quarter turn, and the platform is 50 beside the tip.
     let turret = found('B', link(TOOL, [0.0, 1.0, 0.0], [0.0; 3]), 90.0);
     assert_eq!(turret[..3], [60.0, 20.0, 30.0]);
-    // A work on the platform: the tip at (10, 20, 30) of it is at the holder less the tool.
+    // A workpiece on the platform: the tip at (10, 20, 30) of it is at the holder minus the tool.
     let given = ChainGeometry { holder: Some([100.0, 200.0, 300.0]), ..ChainGeometry::NONE };
     let chain = frozen("W", &given).unwrap();
     let pose = chain.to_machine(&at(8, 5.0), &tool).unwrap();
@@ -293,7 +293,7 @@ fn what_cannot_be_is_refused_with_its_axis() {
     assert_eq!(refused(LinkGeometry { point: far, ..good }).cause, Cause::ChainTooFar);
     let given = ChainGeometry { holder: Some(far), ..ChainGeometry::NONE };
     assert_eq!(frozen("WC", &given).unwrap_err().cause, Cause::HolderTooFar);
-    // What carries nothing, or has no point, is not looked at.
+    // Links that carry nothing, and points that are not used, are ignored.
     let mut given = one('C', LinkGeometry { carries: 0, axis: [f64::NAN; 3], point: far });
     given.links[5] = link(LEGS, [1.0, 0.0, 0.0], [f64::NAN; 3]);
     assert_eq!(frozen("WC", &given).unwrap().links().len(), 1);
@@ -342,7 +342,7 @@ fn the_hash_knows_every_value_of_the_chain_and_the_order_of_its_axes() {
     seen.sort_unstable();
     seen.dedup();
     assert_eq!(seen.len(), count);
-    // Values of what carries nothing, and of letters that are no axes, are not looked at.
+    // Values of letters that carry nothing or are not axes are ignored.
     let mut other = given;
     other.links[1] = link(WORK, [1.0; 3], [1.0; 3]);
     other.links[5].axis = [1.0; 3];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where a rod stands square to the motion of its lower end, or does not reach: refused
+//! Poses in which a rod is perpendicular to the motion of its lower end, or does not reach: refused
 //! with the leg's number, by inverse and by forward.
 
 use crate::common::machines::{declared, geometry, linear_delta, ring_pentapod, rotary_delta};
@@ -8,7 +8,7 @@ use crate::common::{Case, NO_OFFSET, NO_TOOL, direction, rng};
 use kinematics::leg::CrankGeometry;
 use kinematics::{Cause, Fault, LEAST_DRIVE, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 
-/// Cosine between a rod and its lower end's motion, of `leg` and the smallest of all.
+/// Returns the cosine between a rod and its lower end's motion, of `leg` and the smallest of all.
 fn drives(case: &Case, pose: &Pose, leg: usize) -> (f64, f64) {
     let segments = *case.machine.at(pose, &NO_TOOL).unwrap().segments();
     let joints = case.joints(pose);
@@ -27,8 +27,8 @@ fn moved(from: &Pose, along: &Vector3<f64>, by: f64) -> Pose {
     Pose { position: from.position + along * by, ..*from }
 }
 
-/// The last pose of a walk away from home that inverse accepts, the first refusal of a rod
-/// and what lies beyond it; `None` where another leg kind refuses, or nothing in the end.
+/// Returns the last pose of a walk away from home that inverse accepts, the first refusal of a rod
+/// and the one beyond it; `None` if another leg kind refuses, or nothing in the end.
 fn walk(case: &Case, along: &Vector3<f64>) -> Option<(Pose, Fault, Fault)> {
     let mut by = 0.0;
     let mut refused = None;
@@ -70,7 +70,7 @@ fn a_platform_that_walks_away_meets_the_dead_point_of_the_rod_that_is_nearest_to
             }
             let leg = usize::from(first.number().unwrap());
             let (drive, least) = drives(&case, &last, leg);
-            // Alike in symmetric poses; one step of the walk changes them by less than 0.02.
+            // Equal in symmetric poses; one step of the walk changes them by less than 0.02.
             assert!(drive < least + 0.02, "{}: {drive} {least} {first}", case.name);
             assert_eq!(first.cause, Cause::DeadPoint, "{}: {first}", case.name);
             assert!(
@@ -86,7 +86,7 @@ fn a_platform_that_walks_away_meets_the_dead_point_of_the_rod_that_is_nearest_to
     assert!(dead > 100, "{dead} walks met a dead point");
 }
 
-/// The carriage place or arm angle at a platform anchor, however near the dead point, by
+/// Computes the carriage position or arm angle at a platform anchor, however near the dead point, by
 /// Newton's method on the rod's length.
 fn native(case: &Case, i: usize, pose: &Pose, from: f64) -> f64 {
     let leg = &case.geometry.legs()[i];
@@ -109,7 +109,7 @@ fn forward_names_the_rod_at_its_dead_point() {
         for _ in 0..50 {
             let along = direction(&mut rng);
             let Some((last, first, _)) = walk(&case, &along) else { continue };
-            // A little further on the rod still reaches, with a cosine of 0.03 to 0.05.
+            // Slightly further on the rod still reaches, with a cosine of 0.03 to 0.05.
             let pose = moved(&last, &along, 4e-4 * case.machine.size());
             let from = case.joints(&last);
             let mut joints = from;
@@ -125,7 +125,7 @@ fn forward_names_the_rod_at_its_dead_point() {
             }
             let solver = Solver::default();
             let fault = case.machine.forward(&joints, &last, &NO_TOOL, &solver).unwrap_err();
-            // Near its end a rod may as well spoil the certificate first.
+            // Near its end a rod may also make the certificate fail first.
             if fault.cause == Cause::DeadPoint {
                 assert_eq!(fault.number(), first.number(), "{}: {fault}", case.name);
                 assert!(fault.value < LEAST_DRIVE, "{fault}");
@@ -152,7 +152,7 @@ fn a_seed_beyond_reach_is_refused_with_its_leg() {
     }
 }
 
-/// An arm of 100 and a rod of 300 reach from 200 to 400; 30 beside the arm's plane a little
+/// Tests an arm of 100 and a rod of 300, which reach from 200 to 400; 30 beside the arm's plane slightly
 /// less far.
 #[test]
 fn a_crank_out_of_reach_tells_how_much_rod_it_lacks_or_has_too_much() {
@@ -172,13 +172,13 @@ fn a_crank_out_of_reach_tells_how_much_rod_it_lacks_or_has_too_much() {
             assert_eq!((fault.cause, fault.number()), (Cause::OutOfReach, Some(0)));
             let end = if nearest > 300.0 { nearest } else { -z + 100.0 };
             let lacks = end.hypot(beside) - 300.0;
-            // A few roundings of lengths of some hundred.
+            // A few rounding errors of lengths of some hundred.
             assert!((fault.value - lacks).abs() < 1e-12 * 300.0, "{z}: {fault} {lacks}");
         }
     }
 }
 
-/// The tool axis is led through the base anchor of leg 2, by its own numbers: at A = 0 its distance
+/// Moves the tool axis through the base anchor of leg 2, by its own numbers: at A = 0 its distance
 /// from there is 500 − y.
 #[test]
 fn a_ring_is_refused_from_where_its_axis_is_nearer_to_the_base_anchor_than_its_radius() {
@@ -186,7 +186,7 @@ fn a_ring_is_refused_from_where_its_axis_is_nearer_to_the_base_anchor_than_its_r
     let radius = case.geometry.legs()[2].kind.ring_radius();
     let at = |distance: f64| Pose::from_degrees([0.0, 500.0 - distance, 0.0, 0.0, 0.0, 0.0]);
     let joints = case.machine.inverse(&at(radius + 1e-6), &NO_TOOL).expect("beside the cylinder");
-    // On the ring's edge the strut stands upright.
+    // On the ring's edge the strut is upright.
     assert!((joints[2] - 450.5).abs() < 1e-9, "{joints:?}");
     for distance in [radius - 1e-6, 40.0, 1e-9, 0.0, -1e-9, -40.0] {
         let faults = [
@@ -197,14 +197,14 @@ fn a_ring_is_refused_from_where_its_axis_is_nearer_to_the_base_anchor_than_its_r
         ];
         for fault in faults {
             assert_eq!((fault.cause, fault.number()), (Cause::AxisAtAnchor, Some(2)), "{distance}");
-            // Some roundings of a difference of hundreds.
+            // Some rounding errors of a difference of hundreds.
             assert!((fault.value - distance.abs()).abs() < 1e-12, "{distance}: {fault}");
         }
     }
 }
 
-/// Joints of poses within the cylinder are those of the equation there, which nothing but the refusal
-/// tells from others.
+/// Tests that only the refusal excludes poses within the cylinder: their joints satisfy the equation
+/// there.
 #[test]
 fn forward_answers_no_pose_whose_axis_is_within_the_ring_of_a_base_anchor() {
     let case = ring_pentapod();

@@ -7,7 +7,7 @@ use crate::common::{Case, NO_TOOL, cases, rng, within};
 use kinematics::leg::StrutGeometry;
 use kinematics::{Cause, Certificate, MAX_ITERATIONS, Method, Pose, Solution, Solver, Vector3};
 
-/// What was seen of one machine.
+/// The results for one machine.
 #[derive(Default)]
 struct Figures {
     worst: f64,
@@ -67,9 +67,9 @@ fn forward_recovers_pose_one_servo_step_away_within_three_certified_iterations()
 
 #[test]
 fn forward_recovers_poses_of_struts_that_are_all_but_parallel() {
-    // Struts of 1000 mm, every other one 10 mm off to the left at its foot and the others to the right:
-    // what holds the platform across them is a hundredth of what holds it along them. They stand
-    // askew to X, Y and Z, so that no column of the Jacobian is apart from the others.
+    // Struts of 1000 mm, alternately offset by 10 mm to the left and to the right at their feet:
+    // the stiffness across them is a hundredth of that along them. They are
+    // inclined to X, Y and Z, so that no column of the Jacobian is separate from the others.
     let askew = Pose::from_degrees([0.0, 0.0, 0.0, 45.0, 35.0, 20.0]).rotation();
     let angle = |i: usize| 60.0 * i as f64;
     let platform =
@@ -98,7 +98,7 @@ fn forward_from_home_reaches_the_whole_workspace_certified() {
                 .machine
                 .forward(&case.joints(&pose), &case.home, &NO_TOOL, &Solver::default())
                 .unwrap_or_else(|e| panic!("{}: {pose:?}: {e}", case.name));
-            // Each sub-step takes a solve of its own.
+            // Each sub-step needs a separate solve.
             assert!((1..=found.iterations).contains(&found.sub_steps), "{}: {found:?}", case.name);
             f.add(&case, &pose, &found);
         }

@@ -91,11 +91,11 @@ fn the_table_takes_x_and_y_over_and_forward_gives_them_back() {
         let Ok(joints) = case.machine.inverse(&pose, &tool) else { continue };
         let d = pose.position - tool + pose.rotation() * (tool + Vector3::new(0.0, 0.0, 150.0));
         assert!((joints[4] - d.x).abs() < GOLDEN_JOINT && (joints[5] - d.y).abs() < GOLDEN_JOINT);
-        // Where the table stood before says nothing about the legs.
+        // The table's earlier position does not affect the legs.
         let seed = with(&with(&case.home, 0, 1e4), 1, -1e4);
         let found = case.machine.forward(&joints, &seed, &tool, &Solver::default()).unwrap();
         assert!(case.apart(&found.pose, &pose) <= ROUND_TRIP, "{pose:?}");
-        // The table alone moves the pose alone.
+        // The table alone only moves the pose.
         let mut moved = joints;
         moved[4] += 10.0;
         let other = case.machine.forward(&moved, &seed, &tool, &Solver::default()).unwrap();

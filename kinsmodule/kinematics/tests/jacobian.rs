@@ -11,11 +11,11 @@ use nalgebra::Rotation3;
 use rand_pcg::Pcg64;
 
 /// Step of the differences, in thousandths of the size and in degrees; taken twice, with
-/// twice the step, so that what their error has in step² drops out.
+/// twice the step, so that the error term in step² cancels.
 const STEP: f64 = 1e-4;
 
-/// The same machine with all its angles and no other letter set free: legs are added for
-/// the letters to fit, which changes no row of the legs that there are. Differences of
+/// Returns the same machine with all angles free, in addition to its own letters: legs are added for
+/// the letters to fit, which changes no row of the existing legs. Differences of
 /// inverse then exist for held angles too.
 fn with_angles_free(given: &Geometry) -> Machine {
     let layout = given.layout();
@@ -35,7 +35,7 @@ fn with_angles_free(given: &Geometry) -> Machine {
     }
     let mut free = Geometry::new(&legs, letters(&coordinates), *layout.table()).unwrap();
     free.centre = given.centre;
-    // Screws are folded as at home; without any the added legs need not hold the platform.
+    // Screws are folded as at home; without screws the added legs need not constrain the platform.
     free.home = given.home.filter(|_| legs.iter().any(is_screw));
     Machine::freeze(&free, &NO_OFFSET).unwrap()
 }
@@ -44,10 +44,10 @@ fn is_screw(leg: &LegGeometry) -> bool {
     matches!(leg.kind, LegKind::Strut(strut) if strut.lead != 0.0)
 }
 
-/// Largest error of a Jacobian against differences of inverse along `change`, all lengths
-/// in thousandths of the size and angles in degrees; of rows with elements above 1 as a
-/// share of the largest: near a dead point joints run fast, and bend as sharply. `None` where
-/// the legs do not reach the neighbours of the pose.
+/// Returns the largest error of a Jacobian against differences of inverse along `change`, all lengths
+/// in thousandths of the size and angles in degrees; for rows with elements above 1 as a
+/// fraction of the largest: near a dead point joints are fast, and their curvature is as large. `None` if
+/// the legs do not reach the neighbors of the pose.
 fn largest_difference(
     case: &Case,
     free: &Machine,
@@ -60,13 +60,13 @@ fn largest_difference(
     let length = case.machine.size() / 1000.0;
     let mut largest = 0.0_f64;
     for i in 0..layout.joints() {
-        // Legs of `free` beyond those of the machine stand before its table axes.
+        // Legs of `free` beyond those of the machine precede its table axes.
         let j = if i < layout.legs() { i } else { i + free.layout().legs() - layout.legs() };
         let joint = if case.is_angle(i) { 1.0 } else { length };
         let (mut error, mut fast) = (0.0_f64, 1.0_f64);
         for k in 0..6 {
             let coordinate = if k < 3 { length } else { 1.0 };
-            // Legs do not see a held X, Y or Z: there is nothing to take differences of.
+            // A held X, Y or Z does not affect the legs: there is nothing to take differences of.
             let difference = if k < 3 && layout.is_held(Letter::ALL[k]) {
                 0.0
             } else {
@@ -84,14 +84,14 @@ fn largest_difference(
     Some(largest)
 }
 
-/// A pose coordinate changed by a length or by degrees.
+/// Changes a pose coordinate by a length or by degrees.
 fn coordinate(pose: &Pose, k: usize, by: f64) -> Pose {
     let mut v = pose.to_degrees();
     v[k] += by;
     Pose::from_degrees(v)
 }
 
-/// The platform moved along, or turned about, an axis of base through the control point.
+/// Moves the platform along, or rotates it about, an axis of base through the control point.
 fn twisted(pose: &Pose, k: usize, by: f64) -> Pose {
     if k < 3 {
         return coordinate(pose, k, by);
@@ -110,12 +110,12 @@ impl Case {
     }
 }
 
-/// A tool of some tenths of the size, out of the axis.
+/// Returns a tool of some tenths of the size, off the axis.
 fn tool_of(case: &Case) -> Vector3<f64> {
     Vector3::new(0.02, -0.012, 0.14) * case.machine.size()
 }
 
-/// Both Jacobians of a machine at a pose, if the pose and its neighbours are reached.
+/// Checks both Jacobians of a machine at a pose, if the pose and its neighbors are reached.
 fn check(case: &Case, free: &Machine, pose: &Pose) -> Option<f64> {
     let tool = tool_of(case);
     let at = case.machine.at(pose, &tool).ok()?;
@@ -143,7 +143,7 @@ fn both_jacobians_match_central_differences_on_every_machine_with_tool_and_centr
         }
         println!("{}: {worst:.1e} over {checked}", case.name);
         assert!(worst < CENTRAL_DIFFERENCE, "{}: {worst:e}", case.name);
-        // The long tool takes some poses of the rods' machines out of reach.
+        // The long tool moves some poses of the rods' machines out of reach.
         assert!(checked * 2 > cases(1000), "{}: only {checked} were reached", case.name);
     }
 }
@@ -182,12 +182,12 @@ fn table_rows_and_columns_are_those_of_a_slide_under_the_work() {
         }
         assert_eq!((j[(4, 0)], j[(4, 1)], j[(4, 2)]), (1.0, 0.0, 0.0));
         assert_eq!((j[(5, 0)], j[(5, 1)], j[(5, 2)]), (0.0, 1.0, 0.0));
-        // Rows past the joints are empty.
+        // Rows beyond the joints are empty.
         assert!(j.rows(6, 5).iter().all(|v| *v == 0.0));
     }
 }
 
-/// Paper 004 with axes in random directions and struts of different leads and hands.
+/// Returns paper 004 with axes in random directions and struts of different leads and hands.
 fn random_screws(rng: &mut Pcg64) -> ([StrutGeometry; 6], Case) {
     let struts: [_; 6] = std::array::from_fn(|_| StrutGeometry {
         base_axis: std::array::from_fn(|_| uniform(rng, -1.0, 1.0)),
@@ -201,7 +201,7 @@ fn random_screws(rng: &mut Pcg64) -> ([StrutGeometry; 6], Case) {
     (struts, Case { geometry: given, machine, ..hexapod })
 }
 
-/// Whether differences of this step say anything: no strut near one of its joint axes,
+/// Returns whether differences of this step are meaningful: no strut near one of its joint axes,
 /// no torsion near the quarter turn where the arcsin folds.
 fn is_smooth(struts: &[StrutGeometry; 6], machine: &Machine, pose: &Pose) -> bool {
     let Ok(segments) = machine.at(pose, &Vector3::zeros()).map(|at| *at.segments()) else {
@@ -245,7 +245,7 @@ fn the_twist_jacobian_is_the_pose_jacobian_at_a_level_pose_without_turns() {
         for i in 0..case.machine.layout().joints() {
             for k in 0..6 {
                 let unit = if k < 3 { 1.0 } else { 1.0_f64.to_radians() };
-                // 1e-13: a few roundings of numbers below 200.
+                // 1e-13: a few rounding errors of numbers below 200.
                 assert!((of_twist[(i, k)] * unit - of_pose[(i, k)]).abs() < 1e-13);
             }
         }
@@ -259,7 +259,7 @@ fn a_speed_ratio_is_the_largest_rate_that_a_unit_velocity_gives_a_joint() {
         let at = case.machine.at(&(case.sample)(&mut rng), &Vector3::zeros()).unwrap();
         let (ratios, jacobian) = (at.speed_ratios().unwrap(), at.inverse_jacobian().unwrap());
         for (i, ratio) in ratios.iter().enumerate() {
-            // 1e-13: a few roundings of numbers below 200.
+            // 1e-13: a few rounding errors of numbers below 200.
             let expected = jacobian.fixed_view::<1, 3>(i, 0).norm();
             assert!((ratio - expected).abs() < 1e-13, "{}: {ratio} {expected}", case.name);
         }

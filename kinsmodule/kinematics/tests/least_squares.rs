@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! More legs than coordinates: forward by least squares, and joints that contradict
-//! each other.
+//! More legs than coordinates: forward by least squares, and inconsistent
+//! joints.
 
 use crate::common::machines::{eight_struts, pyramid};
 use crate::common::tolerances::ROUND_TRIP;
@@ -16,7 +16,7 @@ fn one_carriage_of_the_pyramid_1_mm_off_at_home_leaves_a_quarter_of_it() {
             let mut joints = case.joints(&case.home);
             joints[leg] += off;
             let found = case.machine.forward(&joints, &case.home, &NO_TOOL, &solver).unwrap();
-            // 0.2503 as computed independently, over legs and signs; to its last digit.
+            // 0.2503 was computed independently, over legs and signs; to its last digit.
             assert!((found.residual - 0.2503).abs() < 1e-3, "{leg} {off}: {}", found.residual);
             assert!(found.pose.is_finite());
         }
@@ -35,7 +35,7 @@ fn the_residual_limit_separates_following_errors_from_contradictions_and_names_t
                 let solver = Solver { residual_limit, ..Solver::default() };
                 case.machine.forward(&joints, &case.home, &NO_TOOL, &solver)
             };
-            // The default is 5e-3 of 120 mm = 0.6 mm: 2.4 mm off, less what is not linear.
+            // The default is 5e-3 of 120 mm = 0.6 mm: 2.4 mm off, minus the nonlinear part.
             for (off, limit) in [(2.2, 0.0), (0.9, 0.25), (1e-3, 1e-3)] {
                 assert!(judged(off, limit).is_ok(), "{leg} {sign} {off}");
             }
@@ -73,13 +73,13 @@ fn the_carriage_that_is_off_is_named_all_over_the_workspace() {
             }
         }
         println!("{}: {named} of {}", case.name, cases(1000));
-        // What the others say differs from the seed by a servo step at most, far less than
-        // what the wrong joint says.
+        // The joints of the others differ from the seed by a servo step at most, far less than
+        // the wrong joint.
         assert!(named == cases(1000), "{}: {named}", case.name);
     }
 }
 
-/// A jog, or an encoder that loses counts: the last pose goes along until the limit is met.
+/// Tests a jog, or an encoder that loses counts: the last pose follows until the limit is reached.
 #[test]
 fn a_carriage_that_creeps_away_is_never_taken_for_another_and_is_named_in_the_end() {
     let case = pyramid();
@@ -89,7 +89,7 @@ fn a_carriage_that_creeps_away_is_never_taken_for_another_and_is_named_in_the_en
         let (leg, step) = (n % 4, if n % 8 < 4 { 0.02 } else { -0.02 });
         let mut joints = case.joints(&seed);
         let mut named = None;
-        // 10 mm, four times what the limit allows.
+        // 10 mm, four times the allowed deviation.
         for _ in 0..500 {
             joints[leg] += step;
             match case.machine.forward(&joints, &seed, &NO_TOOL, &Solver::default()) {
@@ -121,7 +121,7 @@ fn consistent_joints_leave_nothing_and_need_three_solves() {
     }
 }
 
-/// Sum of the squares of what the joints leave is least at the pose found.
+/// Tests that the sum of the squared residuals is least at the pose found.
 #[test]
 fn the_pose_of_contradicting_joints_is_the_least_squares_one_by_either_search() {
     let case = eight_struts();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The equations of the legs against formulas that share nothing with them.
+//! The equations of the legs against independent formulas.
 
 use crate::common::machines::{
     declared, four_rod_lathe, geometry, linear_delta, pyramid, six_rod_lathe, slider,
@@ -11,16 +11,16 @@ use crate::common::{Case, NO_OFFSET, NO_TOOL, cases, rng};
 use kinematics::leg::{CrankGeometry, SliderGeometry};
 use kinematics::{LEAST_DRIVE, LegGeometry, LegKind, Machine, Pose, Solver, Vector3};
 
-/// A few roundings of lengths of the machine's size.
+/// A few rounding errors of lengths of the machine's size.
 const LENGTH: f64 = 1e-13;
 
-/// Every leg of a reached pose joins the points that its joint says, on its side.
+/// Checks that every leg of a reached pose joins the points given by its joint, on its side.
 fn check(case: &Case, pose: &Pose, tool: &Vector3<f64>) -> Option<()> {
     let joints = case.machine.inverse(pose, tool).ok()?;
     let at = case.machine.at(pose, tool).unwrap();
     let (segments, corrections) = (at.segments(), at.corrections());
     let layout = case.machine.layout();
-    // D = t − o + R (o + centre); table and held letters do not reach the legs.
+    // D = t − o + R (o + center); table and held letters do not affect the legs.
     let centre = Vector3::from(case.geometry.centre);
     let r = pose.rotation();
     let d = pose.position - tool + r * (tool + centre);
@@ -39,11 +39,11 @@ fn check(case: &Case, pose: &Pose, tool: &Vector3<f64>) -> Option<()> {
         let at = rod(leg, native);
         assert!((segments[i].base - at.anchor).norm() < 10.0 * most, "{}: {i}", case.name);
         let span = p - at.anchor;
-        // A rod's place on its guide is exact to rounding over the cosine to its motion.
+        // A rod's position on its guide is exact to rounding over the cosine to its motion.
         assert!((span.norm() - at.length).abs() < 100.0 * most, "{}: leg {i} {span:?}", case.name);
         if !leg.kind.stands() {
             let drive = span.normalize().dot(&at.onwards);
-            // Less rounding: nearer to the dead point inverse refuses.
+            // Minus rounding: nearer to the dead point inverse refuses.
             assert!(
                 drive > 0.998 * LEAST_DRIVE,
                 "{}: leg {i} stands on its other side: {drive}",
@@ -88,12 +88,12 @@ fn slider_of(leg: &LegGeometry) -> SliderGeometry {
     slider
 }
 
-/// Platform anchors of a machine without table or held X, Y, Z.
+/// Returns the platform anchors of a machine without table or held X, Y, Z.
 fn platform_anchor(leg: &LegGeometry, pose: &Pose) -> Vector3<f64> {
     pose.position + pose.rotation() * Vector3::from(leg.platform)
 }
 
-/// Paper 003, equation 13 with l²: guides along z.
+/// Tests paper 003, equation 13 with l²: guides along z.
 #[test]
 fn carriages_on_guides_along_z_stand_where_paper_003_says() {
     let mut rng = rng(31);
@@ -113,7 +113,7 @@ fn carriages_on_guides_along_z_stand_where_paper_003_says() {
     }
 }
 
-/// Paper 003, equations 7 to 9 (corrected): guide x = t z + d, y = k z + b.
+/// Tests paper 003, equations 7 to 9 (corrected): guide x = t z + d, y = k z + b.
 #[test]
 fn carriages_on_any_guide_stand_where_paper_003_says() {
     let recipe =
@@ -147,7 +147,7 @@ fn carriages_on_any_guide_stand_where_paper_003_says() {
     assert!(checked > cases(300), "{checked}");
 }
 
-/// Paper 000, equations 7 and 8 (corrected), for the pair of guides in XZ while A = 0.
+/// Tests paper 000, equations 7 and 8 (corrected), for the pair of guides in XZ while A = 0.
 #[test]
 fn carriages_of_the_pyramid_stand_where_paper_000_says() {
     let case = pyramid();
@@ -157,7 +157,7 @@ fn carriages_of_the_pyramid_stand_where_paper_000_says() {
         pose.angles.x = 0.0;
         let joints = case.joints(&pose);
         let (sin_b, cos_b) = pose.angles.y.sin_cos();
-        // The centre lies 150 above the tip; X and Y of it are the table's.
+        // The center is 150 above the tip; its X and Y are the table's.
         let height = pose.position.z + 150.0 * cos_b;
         for (i, sign) in [(0, 1.0), (2, -1.0)] {
             let (x0, z0) = (sign * 120.0 * cos_b, height - sign * 120.0 * sin_b);
@@ -178,8 +178,8 @@ fn carriages_of_the_pyramid_stand_where_paper_000_says() {
     }
 }
 
-/// Guides along X, Y, Z that cross in the origin, and rods that end in one point: the only
-/// lengths of the machine are its rods. So with a single crank.
+/// Tests guides along X, Y, Z that cross in the origin, and rods that end in one point: the only
+/// lengths of the machine are its rods. The same with a single crank.
 #[test]
 fn a_machine_may_have_all_its_anchors_in_the_origin() {
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -202,7 +202,7 @@ fn a_machine_may_have_all_its_anchors_in_the_origin() {
         }
         let found = machine.forward(&joints, &home, &NO_TOOL, &Solver::default()).unwrap();
         let apart = found.pose.distance(&at(other), machine.radius());
-        // What README promises of forward(inverse(pose)).
+        // The guarantee of README for forward(inverse(pose)).
         assert!(apart <= 1e-10 * size, "{found:?}");
     }
 }

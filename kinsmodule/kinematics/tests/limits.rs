@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Margins of a pose: which limits are visited, with which values, and which of them is broken.
+//! Margins of a pose: which limits are visited, with which values, and which of them is violated.
 
 use crate::common::machines::{declared, paper_004};
 use crate::common::{NO_TOOL, cases, rng};
@@ -16,7 +16,7 @@ fn margins(at: &At<'_>, limits: &Limits) -> Vec<Margin> {
     all
 }
 
-/// Everything is limited, and nothing comes near.
+/// Limits everything, with nothing near a limit.
 const WIDE: Limits = Limits {
     base_cone: [180.0; MAX_LEGS],
     platform_cone: [180.0; MAX_LEGS],
@@ -108,7 +108,7 @@ fn joints_turn_about_the_axes_that_are_named_for_them_and_nothing_else_changes()
         for i in 0..case.machine.layout().legs() {
             let (axis, leg) = (Vector3::from(axes[i]).normalize(), one.segments()[i].span());
             let across = axis.dot(&leg.normalize()).asin().to_degrees();
-            // Degrees: some ten roundings.
+            // Degrees: some ten rounding errors.
             assert!((base.across[i] - across).abs() < 1e-11, "{}: {i}", case.name);
             assert!(base.about[i].is_finite() && near(platform.about[i], own.about[i]));
         }
@@ -124,7 +124,7 @@ fn the_tilt_is_the_angle_of_the_tool_axis_to_z_whatever_turns_about_it() {
         ([0.0, 0.0, 250.0, 0.0, 9.0, -7.0], 9.0),
     ] {
         let at = case.machine.at(&Pose::from_degrees(pose), &NO_TOOL).expect("a pose");
-        // Degrees: some roundings.
+        // Degrees: some rounding errors.
         assert!((at.tilt() - tilt).abs() < 1e-12, "{}", at.tilt());
         if tilt > 0.0 {
             let here = |most: f64| {
@@ -169,7 +169,7 @@ fn a_leg_beyond_its_pyramid_is_named_with_its_turn_and_one_without_an_axis_keeps
                 assert_eq!(here(turn.abs() * 1.001), None);
                 let fault = here(turn.abs() * 0.999).expect("beyond");
                 assert_eq!((fault.cause, fault.number()), (cause, Some(leg as u8)));
-                // Degrees: some ten roundings.
+                // Degrees: some ten rounding errors.
                 assert!((fault.value - turn).abs() < 1e-11, "{fault:?} {turn}");
             }
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! All tests of the core from outside in one program: building it takes half the processor time of a
+//! All integration tests of the core in one program: building it takes half the processor time of a
 //! program for each file.
 
 mod ahead;

@@ -22,20 +22,20 @@ fn with_struts(given: &Geometry, struts: [StrutGeometry; 6]) -> Geometry {
     changed_legs(given, |i, leg| leg.kind = LegKind::Strut(struts[i]))
 }
 
-/// The same machine without a reference pose.
+/// Returns the same machine without a reference pose.
 fn without_home(given: &Geometry) -> Geometry {
     let mut other = *given;
     other.home = None;
     other
 }
 
-/// Unit vectors along the struts, base to platform.
+/// Returns unit vectors along the struts, base to platform.
 fn directions(machine: &Machine, pose: &Pose) -> [Vector3<f64>; 6] {
     let segments = *machine.at(pose, &NO_TOOL).unwrap().segments();
     std::array::from_fn(|i| (segments[i].platform - segments[i].base).normalize())
 }
 
-/// Paper 004, equation 1, as printed: l + (t/2π) asin of a scalar product.
+/// Computes paper 004, equation 1, as printed: l + (t/2π) asin of a scalar product.
 fn printed(strut: &StrutGeometry, n: &Vector3<f64>, pose: &Pose) -> f64 {
     let a1 = Vector3::from(strut.base_axis);
     let b = pose.rotation() * Vector3::from(strut.platform_axis);
@@ -44,10 +44,10 @@ fn printed(strut: &StrutGeometry, n: &Vector3<f64>, pose: &Pose) -> f64 {
     strut.lead / std::f64::consts::TAU * sine.asin()
 }
 
-/// Inverse has the correction in a form of its own, without divisions.
+/// Tests inverse, which computes the correction in a different form, without divisions.
 #[test]
 fn joints_are_lengths_and_corrections_with_and_without_reference_pose() {
-    // One leg without a screw among the others, as it shares its vector registers.
+    // One leg without a screw among the others, because it shares their vector registers.
     let mut mixed = struts(&paper_004(10.0));
     mixed[3].lead = 0.0;
     let given = with_struts(&paper_004(10.0), mixed);
@@ -63,7 +63,7 @@ fn joints_are_lengths_and_corrections_with_and_without_reference_pose() {
             for i in 0..6 {
                 let length = (segments[i].platform - segments[i].base).norm();
                 let off = joints[i] - length - corrections[i];
-                // 1e-11: some tens of roundings of lengths near 1000 mm.
+                // 1e-11: some tens of rounding errors of lengths near 1000 mm.
                 assert!(off.abs() < 1e-11, "{i}: {off:e} at {pose:?}");
             }
         }
@@ -107,12 +107,12 @@ fn correction_is_continuous_beyond_a_quarter_turn_where_the_arcsin_folds() {
         folds |= (at(&literal, d) - at(&literal, c)) * (at(&folded, d) - at(&folded, c)) < 0.0;
     }
     // A screw of 10 mm lead gains about 10/360 mm per degree of torsion; the torsion of a
-    // strut is at most a few times the turn of the platform.
+    // strut is at most a few times the rotation of the platform.
     assert!(largest < 10.0 * 10.0 / 360.0 * step, "{largest}");
     assert!(folds, "the arcsin does fold in this range");
 }
 
-/// Turns about the vertical that lead each strut through half a turn.
+/// Tests rotations about the vertical that rotate each strut through half a turn.
 #[test]
 fn a_correction_never_jumps_by_a_lead_without_a_refusal_in_between() {
     let folded = machine(&paper_004(10.0));
@@ -126,10 +126,10 @@ fn a_correction_never_jumps_by_a_lead_without_a_refusal_in_between() {
         match folded.at(&pose, &NO_TOOL).map(|at| at.corrections()) {
             Ok(here) => {
                 let change = |from: [f64; 8]| (0..6).map(move |i| (here[i] - from[i]).abs());
-                // 10/360 mm per degree of torsion, which is at most a few times the turn.
+                // 10/360 mm per degree of torsion, which is at most a few times the rotation.
                 let most = 10.0 * 10.0 / 360.0 * step;
                 assert!(last.is_none_or(|last| change(last).all(|c| c <= most)), "{c}");
-                // A lead less what the degrees between them, some 33, are worth.
+                // A lead minus the correction of the degrees between them, some 33.
                 jumps += u32::from(change(before).any(|c| c > 8.5));
                 (last, before) = (Some(here), here);
             }
@@ -148,8 +148,8 @@ fn a_correction_never_jumps_by_a_lead_without_a_refusal_in_between() {
 
 #[test]
 fn a_right_hand_screw_gets_shorter_when_the_platform_turns_with_the_strut_direction() {
-    // One strut straight up: turning the platform by +c about n unscrews a right-hand
-    // nut by c/360 of the lead, so the motor must take that length back.
+    // One strut straight up: rotating the platform by +c about n unscrews a right-hand
+    // nut by c/360 of the lead, so the motor must compensate that length.
     let given = paper_004(10.0);
     let mut base: [_; 6] = std::array::from_fn(|i| given.legs()[i].base);
     let mut platform: [_; 6] = std::array::from_fn(|i| given.legs()[i].platform);

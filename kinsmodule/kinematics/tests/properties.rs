@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Properties that hold for any machine: tool offset, joint offsets, units, hash.
+//! Properties of any machine: tool offset, joint offsets, units, hash.
 
 use crate::common::machines::{
     changed_legs, declared, genhexkins_case, hexapods, letters, linear_delta, mixed, paper_004,
@@ -26,7 +26,7 @@ fn a_tool_changes_no_joint_of_a_level_platform_and_moves_the_tip_of_a_tilted_one
     let tilted = Pose::from_degrees([40.0, -20.0, 200.0, 15.0, -10.0, 5.0]);
     let joints = case.machine.inverse(&tilted, &tool).unwrap();
     let found = case.machine.forward(&joints, &tilted, &NO_TOOL, &Solver::default()).unwrap();
-    // P = t − o + R o: without its tool the control point lies at t + (R − 1) o.
+    // P = t − o + R o: without its tool the control point is at t + (R − 1) o.
     let expected = tilted.position + tilted.rotation() * tool - tool;
     assert!((found.pose.position - expected).norm() < GOLDEN_JOINT);
 }
@@ -43,7 +43,7 @@ fn a_long_tool_keeps_the_servo_step_certified() {
         for _ in 0..cases(2000) {
             let pose = (case.sample)(&mut rng);
             let seed = case.servo_step(&mut rng, &pose);
-            // The tool takes some poses of the rods' machines out of reach.
+            // The tool moves some poses of the rods' machines out of reach.
             let Ok(joints) = case.machine.inverse(&pose, &tool) else { continue };
             if case.machine.inverse(&seed, &tool).is_err() {
                 continue;
@@ -59,7 +59,7 @@ fn a_long_tool_keeps_the_servo_step_certified() {
 
 #[test]
 fn a_joint_offset_is_taken_from_the_joint_and_given_back_by_forward() {
-    // Struts whose offsets are all positive take a way of their own in forward.
+    // Forward has a separate branch for struts whose offsets are all positive.
     let offsets =
         [[1.0, -2.0, 3.0, 0.0, 5.5, -600.0, 7.0, -8.0], [1.0, 2.0, 3.0, 0.5, 5.5, 600.0, 7.0, 8.0]];
     for (case, offset) in offsets.iter().flat_map(|o| declared().into_iter().map(move |c| (c, *o)))
@@ -80,13 +80,13 @@ fn a_joint_offset_is_taken_from_the_joint_and_given_back_by_forward() {
             assert!(case.apart(&found.pose, &pose) <= ROUND_TRIP, "{}", case.name);
             let jacobians = [&case.machine, &shifted]
                 .map(|m| m.at(&pose, &NO_TOOL).unwrap().pose_jacobian().unwrap());
-            // Joints of 1e3 lose 1e-13 to the offset; near a dead point rows bend 1e2 times.
+            // Joints of 1e3 lose 1e-13 to the offset; near a dead point rows amplify it by 1e2.
             assert!((jacobians[0] - jacobians[1]).amax() < 1e-9, "{}", case.name);
         }
     }
 }
 
-/// The same machine with every length multiplied.
+/// Returns the same machine with every length multiplied.
 fn scaled(given: &Geometry, by: f64) -> Geometry {
     let scale = |v: [f64; 3]| v.map(|x| x * by);
     let mut other = changed_legs(given, |_, leg| {
@@ -107,7 +107,7 @@ fn scaled(given: &Geometry, by: f64) -> Geometry {
     other
 }
 
-/// What joint `i` is multiplied by: angles of cranks keep their value.
+/// Returns the factor of joint `i`: angles of cranks keep their value.
 fn joint_scale(case: &Case, i: usize, by: f64) -> f64 {
     match case.geometry.legs().get(i) {
         Some(leg) if leg.kind.is_angular() => 1.0,
@@ -115,7 +115,7 @@ fn joint_scale(case: &Case, i: usize, by: f64) -> f64 {
     }
 }
 
-/// Every declared machine, and one of each recipe.
+/// Returns every declared machine, and one of each recipe.
 fn all_machines() -> Vec<Case> {
     let mut rng = rng(11);
     let mut all = declared();
@@ -171,7 +171,7 @@ fn a_machine_in_inches_or_metres_behaves_as_in_millimetres() {
                 let joints = other.inverse(&pose, &NO_TOOL).unwrap();
                 for i in 0..11 {
                     let same = plain[i] * joint_scale(&case, i, by);
-                    // Some roundings; over 0.05 near a dead point.
+                    // Some rounding errors; over 0.05 near a dead point.
                     let most = 1e-11 * case.machine.size().max(1.0) * joint_scale(&case, i, by);
                     assert!((joints[i] - same).abs() <= most, "{} {i}", case.name);
                 }
@@ -204,13 +204,13 @@ fn the_hash_follows_every_value_that_enters_the_joints_and_no_other() {
     assert_eq!(layout("XYZABC"), hash);
     assert_ne!(layout("XYZCBA"), hash);
     assert_ne!(layout("XYZAB"), hash);
-    // A letter of the table is not one of the platform.
+    // A letter of the table is not a letter of the platform.
     let with_table = |coordinates: &str, table: &str| {
         Geometry::new(given.legs(), letters(coordinates), letters(table)).unwrap().hash()
     };
     assert_ne!(with_table("ZAB", "XY"), with_table("ZAB", "YX"));
     assert_ne!(with_table("ZAB", "X"), with_table("ZAB", ""));
-    // Without a lead the axes say nothing.
+    // Without a lead the axes have no effect.
     let plain = paper_004(0.0);
     let turned = changed_legs(&plain, |i, leg| {
         if i == 0 {
@@ -221,13 +221,13 @@ fn the_hash_follows_every_value_that_enters_the_joints_and_no_other() {
     assert_eq!(plain.hash(), turned.hash());
 }
 
-/// Every number of a leg that moves a joint, one after the other.
+/// Visits every number of a leg that affects a joint, in order.
 fn each_value(leg: &mut LegGeometry, mut see: impl FnMut(&mut f64)) {
     leg.base.iter_mut().for_each(&mut see);
     leg.platform.iter_mut().for_each(&mut see);
     match &mut leg.kind {
         LegKind::Strut(strut) => {
-            // Without a lead the axes move no joint.
+            // Without a lead the axes affect no joint.
             if strut.lead != 0.0 {
                 strut.base_axis.iter_mut().for_each(&mut see);
                 strut.platform_axis.iter_mut().for_each(&mut see);
@@ -257,7 +257,7 @@ fn the_hash_follows_every_value_of_every_kind_the_order_of_legs_and_not_the_sign
             let mut count = 0;
             each_value(&mut case.geometry.legs()[i].clone(), |_| count += 1);
             for which in 0..count {
-                // Set to a number of its own, and to either zero.
+                // Set to a different number, and to either zero.
                 let set = |to: f64| {
                     changed_legs(&case.geometry, |k, leg| {
                         let mut n = 0;
@@ -288,7 +288,7 @@ fn the_hash_follows_every_value_of_every_kind_the_order_of_legs_and_not_the_sign
         let all = seen.len();
         seen.sort_unstable();
         seen.dedup();
-        // Some 100 numbers of 32 bits meet once in a million such tests.
+        // Some 100 numbers of 32 bits collide once in a million such tests.
         assert_eq!(seen.len(), all, "{}", recipe.name);
     }
 }
@@ -319,21 +319,21 @@ fn a_machine_tells_its_radius_and_the_largest_residual_that_forward_may_return()
         let rings: f64 = legs.iter().map(ring).sum();
         let squares = centres + rings;
         let radius = (squares / legs.len() as f64).sqrt();
-        // Where all anchors are one point and nothing turns, the size takes its place.
+        // If all anchors are one point and nothing rotates, the size replaces it.
         let expected = if radius > 0.0 { radius } else { case.machine.size() };
-        // Some roundings of sums of eight.
+        // Some rounding errors of sums of eight.
         assert!((case.machine.radius() - expected).abs() <= 1e-14 * expected, "{}", case.name);
     }
     let [hexapod, _] = hexapods();
     let solver = Solver { convergence_criterion: 1e-7, ..Solver::default() };
     assert_eq!(hexapod.machine.largest_residual(&solver), 1e-7);
-    // No length is computed better than to 16 roundings of the largest.
+    // No length is computed more accurately than to 16 rounding errors of the largest.
     let rounding = 16.0 * f64::EPSILON * hexapod.machine.size();
     let finest = Solver { convergence_criterion: 1e-300, ..solver };
     assert_eq!(hexapod.machine.largest_residual(&finest), rounding);
-    // A rod's length tells twenty times as little of its joint at the dead point's edge.
+    // At the edge of the dead point, a rod's length is twenty times less sensitive to its joint.
     assert_eq!(linear_delta().machine.largest_residual(&solver), 1e-7 / LEAST_DRIVE);
-    // Four rods that hold three coordinates may contradict each other.
+    // Four rods that constrain three coordinates may be inconsistent.
     let redundant = pyramid().machine;
     assert_eq!(redundant.largest_residual(&solver), 5e-3 * redundant.radius());
     let limited = Solver { residual_limit: 0.25, ..solver };
@@ -356,7 +356,7 @@ fn a_strut_is_too_short_at_a_millionth_of_the_machine_and_not_before() {
                 let told = |fault: Option<Fault>| fault.map(|fault| (fault.cause, fault.number()));
                 let refused = told(case.machine.inverse(&pose, &NO_TOOL).err());
                 assert_eq!(refused == expected, is_refused, "{}: {i}", case.name);
-                // The same as a seed, from which forward sets out.
+                // The same as a seed, from which forward starts.
                 let joints = case.joints(&case.home);
                 let found = case.machine.forward(&joints, &pose, &NO_TOOL, &Solver::default());
                 assert_eq!(told(found.err()) == expected, is_refused, "{}: {i}", case.name);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Sides of the singular poses, against the sign of det J.
+//! Sides of the singular poses, compared with the sign of det J.
 
 use crate::common::machines::declared;
 use crate::common::random::{RECIPES, draw};
@@ -13,7 +13,7 @@ fn all(rng: &mut Pcg64) -> Vec<Case> {
     declared().into_iter().chain(drawn).collect()
 }
 
-/// A pose `way` from another, an angle counted by the radius.
+/// Returns a pose `way` from another, with angles multiplied by the radius.
 fn away(case: &Case, from: &Pose, way: f64, rng: &mut Pcg64) -> Pose {
     let share = uniform(rng, 0.0, 1.0);
     case.without_held(&Pose {
@@ -26,7 +26,7 @@ fn away(case: &Case, from: &Pose, way: f64, rng: &mut Pcg64) -> Pose {
 fn what_is_said_to_be_on_a_side_has_its_sign_of_the_determinant() {
     let mut rng = rng(71);
     let (mut near, mut far) = (0, 0);
-    // With more legs than coordinates there is no sign, and every pose is on the one side.
+    // With more legs than coordinates there is no sign, and all poses are on one side.
     let square = |case: &Case| {
         case.machine.layout().legs() == case.machine.layout().coordinates().as_slice().len()
     };
@@ -80,7 +80,7 @@ fn poses_oppose_each_other_where_the_signs_of_the_determinant_differ() {
     assert!(opposed > 20 && agreed > 20, "{opposed} {agreed}");
 }
 
-/// A servo step seldom leaves the reach, so that the side is seldom computed.
+/// Tests that a servo step seldom leaves the reach, so that the side is seldom computed.
 #[test]
 fn a_side_reaches_over_many_servo_steps_of_the_declared_workspaces() {
     let mut rng = rng(73);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The closed form of three legs beside the general method: the same poses and refusals, from any seed,
-//! within reach and beyond it, and near the plane of the spheres' centres.
+//! The closed form of three legs compared with the general method: the same poses and refusals, from any seed,
+//! within reach and beyond it, and near the plane of the spheres' centers.
 
 use crate::common::machines::{declared, wild};
 use crate::common::random::{RECIPES, coin, draw};
@@ -10,10 +10,10 @@ use crate::common::{Case, NO_TOOL, cases, direction, rng, uniform};
 use kinematics::{Certificate, Fault, Joints, Method, Pose, Solution, Solver};
 use rand_pcg::Pcg64;
 
-/// Random machines drawn of each recipe.
+/// Number of random machines of each recipe.
 const MACHINES: usize = 10;
 
-/// Machines that have the closed form: those with names, and random ones.
+/// Returns machines that have the closed form: named ones, and random ones.
 fn three_legged(rng: &mut Pcg64) -> Vec<Case> {
     let mut all: Vec<Case> = declared().into_iter().filter(is_three_legged).collect();
     let recipes = RECIPES.iter().filter(|recipe| recipe.coordinates == "XYZ");
@@ -28,15 +28,15 @@ fn is_three_legged(case: &Case) -> bool {
     layout.legs() == 3 && layout.coordinates().as_slice().iter().all(|letter| !letter.is_angle())
 }
 
-/// What was seen of one machine.
+/// The results for one machine.
 #[derive(Debug, Default)]
 struct Figures {
     calls: usize,
-    /// Answered by the closed form.
+    /// Found by the closed form.
     closed: usize,
     /// Of these, refused by the general method.
     more: usize,
-    /// Of these, those in which the tracker gives up.
+    /// Of these, those for which the tracker gives up.
     untold: usize,
     refused: usize,
     worst: f64,
@@ -46,7 +46,7 @@ fn found(case: &Case, joints: &Joints, seed: &Pose, method: Method) -> Result<So
     case.machine.forward(joints, seed, &NO_TOOL, &Solver { method, ..Solver::default() })
 }
 
-/// A pose that the machine reaches: of its workspace, far out, or near the plane of the centres, where
+/// Returns a pose that the machine reaches: of its workspace, far out, or near the plane of the centers, where
 /// det J changes its sign between two poses.
 fn pose(case: &Case, tracker: &Tracker, rng: &mut Pcg64) -> Option<Pose> {
     let reached = |pose: &Pose| case.machine.inverse(pose, &NO_TOOL).is_ok();
@@ -69,7 +69,7 @@ fn pose(case: &Case, tracker: &Tracker, rng: &mut Pcg64) -> Option<Pose> {
     Some(near)
 }
 
-/// A seed one servo step away, some of them, or farther.
+/// Returns a seed: home, a random distance away, or (for half of the calls) one servo step away.
 fn seed(case: &Case, at: &Pose, rng: &mut Pcg64) -> Pose {
     match uniform(rng, 0.0, 4.0) as usize {
         0 => case.home,
@@ -81,7 +81,7 @@ fn seed(case: &Case, at: &Pose, rng: &mut Pcg64) -> Pose {
     }
 }
 
-/// One call by both methods. What only the closed form finds has to lead back to the seed.
+/// Runs one call with both methods. Poses that only the closed form finds must lead back to the seed.
 fn compare(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose, seen: &mut Figures) {
     seen.calls += 1;
     let closed = found(case, joints, seed, Method::Certified);
@@ -128,7 +128,7 @@ fn the_closed_form_finds_the_pose_of_the_general_method_and_leaves_refusals_to_i
             case.assert_joints_at(&at, &joints);
             let three = case.machine.joints_of_three(&pose, &NO_TOOL);
             assert_eq!(three.as_ref(), joints.first_chunk(), "{}: {pose:?}", case.name);
-            // Joints that no pose has, now and then.
+            // Occasionally joints that no pose has.
             if uniform(&mut rng, 0.0, 1.0) < 0.1 {
                 let leg = uniform(&mut rng, 0.0, 3.0) as usize;
                 joints[leg] += uniform(&mut rng, -1.0, 1.0) * case.machine.size();
@@ -137,11 +137,11 @@ fn the_closed_form_finds_the_pose_of_the_general_method_and_leaves_refusals_to_i
             compare(&case, &tracker, &joints, &seed, &mut seen);
         }
         println!("{}: {seen:?}", case.name);
-        // Half of the calls have a near seed. Of these some end next to a singular pose, or nowhere.
+        // Half of the calls have a near seed. Some of these end next to a singular pose, or nowhere.
         assert!(seen.closed * 6 > seen.calls, "{}: {seen:?}", case.name);
         assert!(seen.refused > 0 && seen.worst <= ROUND_TRIP, "{}: {seen:?}", case.name);
-        // From a seed 1.3 above the plane, with legs of 800, the tracker gives up where 40 digits show a way (once in
-        // a million calls of the triaglide). It gives up at dead points too: so not once in the calls of `make test`.
+        // From a seed 1.3 above the plane, with legs of 800, the tracker gives up where 40 digits show a path (once in
+        // a million calls of the triaglide). It gives up at dead points too: so never in the calls of `make test`.
         assert!(seen.untold <= seen.calls / 500_000, "{}: {seen:?}", case.name);
     }
 }

@@ -50,7 +50,7 @@ fn a_pose_behind_a_singular_one_is_refused_and_never_replaced_by_another() {
     }
 }
 
-/// The same machine with the rods of some legs on their other side.
+/// Returns the same machine with the rods of some legs on their other side.
 fn mirrored(rng: &mut Pcg64, case: &Case) -> Option<Machine> {
     let mut turned = false;
     let mut legs = case.geometry.legs().to_vec();

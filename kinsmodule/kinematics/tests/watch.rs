@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the watch sees where the machine stands, against the same from the legs' ends alone.
+//! The watch's results for the present pose, compared with the same from the legs' ends alone.
 
 use crate::common::machines::{declared, on_circle, paper_004, strut, with_legs};
 use crate::common::{Case, NO_TOOL, cases, rng, uniform};
@@ -7,7 +7,7 @@ use kinematics::{Cause, Limits, MAX_LEGS, Machine, Pose, Segment, Vector3, Watch
 use nalgebra::SMatrix;
 use rand_pcg::Pcg64;
 
-/// Rounding of angles in degrees: acos of a number near 1 keeps half of the digits.
+/// Rounding of angles in degrees: acos of a number near 1 loses half of the digits.
 const ANGLE: f64 = 2e-6;
 
 fn each_pose(seed: u64, mut check: impl FnMut(&Case, &Watch, &Pose, &[Segment; 8], &mut Pcg64)) {
@@ -23,7 +23,7 @@ fn each_pose(seed: u64, mut check: impl FnMut(&Case, &Watch, &Pose, &[Segment; 8
     }
 }
 
-/// Whether two legs of a machine meet in an anchor that joins them.
+/// Returns whether two legs of a machine meet in a common anchor.
 fn meet(case: &Case, i: usize, j: usize) -> bool {
     let legs = case.geometry.legs();
     let stand = [i, j].iter().all(|k| legs[*k].kind.stands());
@@ -105,7 +105,7 @@ fn cones_are_the_angles_to_the_direction_at_home_in_base_and_platform() {
     });
 }
 
-/// The platform joints see the legs from the platform, wherever that was at the reference pose.
+/// Tests that the platform joints measure the legs from the platform, whatever its orientation at the reference pose.
 #[test]
 fn with_a_tilted_reference_pose_cones_are_0_there_and_stay_so_while_all_of_it_turns() {
     let mut geometry = paper_004(0.0);
@@ -116,7 +116,7 @@ fn with_a_tilted_reference_pose_cones_are_0_there_and_stay_so_while_all_of_it_tu
     let legs = *machine.at(&home, &NO_TOOL).expect("a pose").segments();
     let there = watch.cones(&home.rotation(), &legs);
     assert!(there.base.iter().chain(&there.platform).all(|angle| *angle < ANGLE), "{there:?}");
-    // Where legs turn with the platform only the base joints see it.
+    // If legs rotate with the platform only the base joints are affected.
     let by = Pose::from_degrees([0.0, 0.0, 0.0, 0.0, 0.0, 25.0]).rotation();
     let turned = legs.map(|leg| Segment { base: by * leg.base, platform: by * leg.platform });
     let cones = watch.cones(&(by * home.rotation()), &turned);
@@ -141,7 +141,7 @@ fn conditioning_is_the_smallest_singular_value_of_the_legs_as_unit_forces() {
         let active = |k: usize| {
             case.machine.layout().coordinates().as_slice().iter().any(|l| l.index() == k)
         };
-        // With one or two angles the columns are those of the angles; where the legs do not move
+        // With one or two angles the columns are those of the angles; if the legs do not move
         // all of X, Y, Z the moments are about another point.
         let plain = (3..6).all(active) || !(3..6).any(active);
         if !plain || !(0..3).all(active) {

@@ -19,7 +19,7 @@ pub fn on_circle(radius: f64, degrees: f64, z: f64) -> [f64; 3] {
     [radius * angle.cos(), radius * angle.sin(), z]
 }
 
-/// A machine of `legs` with a reference pose.
+/// Creates a machine of `legs` with a reference pose.
 pub fn geometry(
     legs: &[LegGeometry],
     coordinates: &str,
@@ -31,7 +31,7 @@ pub fn geometry(
     geometry
 }
 
-/// A hexapod from anchors, and from axes and lead where the struts are screws.
+/// Creates a hexapod from anchors, and from axes and lead if the struts are screws.
 pub fn hexapod(
     base: [[f64; 3]; 6],
     platform: [[f64; 3]; 6],
@@ -42,7 +42,7 @@ pub fn hexapod(
     geometry(&legs, "XYZABC", "", home)
 }
 
-/// The same machine with other legs.
+/// Returns the same machine with other legs.
 pub fn with_legs(given: &Geometry, legs: &[LegGeometry]) -> Geometry {
     let layout = given.layout();
     let mut other = Geometry::new(legs, *layout.coordinates(), *layout.table()).expect("layout");
@@ -51,7 +51,7 @@ pub fn with_legs(given: &Geometry, legs: &[LegGeometry]) -> Geometry {
     other
 }
 
-/// The same machine with its legs changed one by one.
+/// Returns the same machine with each leg changed.
 pub fn changed_legs(given: &Geometry, change: impl Fn(usize, &mut LegGeometry)) -> Geometry {
     let mut legs = given.legs().to_vec();
     for (i, leg) in legs.iter_mut().enumerate() {
@@ -74,7 +74,7 @@ pub fn slider(
     LegGeometry { base, platform, kind: LegKind::Slider(SliderGeometry { guide, rod, side }) }
 }
 
-/// The machine of paper 004 (machine a of the configurations): inverted, lead 10 mm.
+/// Returns the machine of paper 004 (machine a of the configurations): inverted, lead 10 mm.
 pub fn paper_004(lead: f64) -> Geometry {
     let base = [-15.0, 15.0, 105.0, 135.0, 225.0, 255.0].map(|t| on_circle(560.0, t, 1250.0));
     let platform = [-45.0, 45.0, 75.0, 165.0, 195.0, 285.0].map(|t| on_circle(200.0, t, 150.0));
@@ -103,7 +103,7 @@ fn paper_004_pose(rng: &mut Pcg64) -> Pose {
     }
 }
 
-/// The laboratory machine of paper 001: platform on top, no lead.
+/// Returns the laboratory machine of paper 001: platform on top, no lead.
 pub fn paper_001() -> Geometry {
     let base = [
         (400.0, 78.0),
@@ -118,7 +118,7 @@ pub fn paper_001() -> Geometry {
     hexapod(base, platform, [StrutGeometry::default(); 6], Some([0.0, 0.0, 640.0, 0.0, 0.0, 0.0]))
 }
 
-/// The default geometry of LinuxCNC's genhexkins (inches), axes included.
+/// Returns the default geometry of LinuxCNC's genhexkins (inches), axes included.
 #[allow(clippy::approx_constant, reason = "genhexkins' own rounding")]
 pub fn genhexkins_default(lead: f64) -> Geometry {
     let (x, y) = (22.95, 13.25);
@@ -152,7 +152,7 @@ pub fn genhexkins_default(lead: f64) -> Geometry {
     hexapod(base, platform, struts, Some([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]))
 }
 
-/// The two hexapods of papers 004 and 001 over their declared workspaces.
+/// Returns the two hexapods of papers 004 and 001 over their declared workspaces.
 pub fn hexapods() -> [Case; 2] {
     let lab =
         within([-60.0, -60.0, 520.0, -15.0, -15.0, -15.0], [60.0, 60.0, 800.0, 15.0, 15.0, 15.0]);
@@ -162,12 +162,12 @@ pub fn hexapods() -> [Case; 2] {
     ]
 }
 
-/// genhexkins' default geometry with ±20° in every angle.
+/// Returns genhexkins' default geometry with ±20° in every angle.
 pub fn genhexkins_case() -> Case {
     genhexkins_tilted("genhexkins default, ±20°", 20.0)
 }
 
-/// The same with more; from ±40° on singular poses lie between.
+/// Returns the same with larger angles; from ±40° singular poses lie between.
 pub fn genhexkins_tilted(name: &'static str, most: f64) -> Case {
     let sample =
         within([-5.0, -5.0, 15.0, -most, -most, -most], [5.0, 5.0, 25.0, most, most, most]);
@@ -176,7 +176,7 @@ pub fn genhexkins_tilted(name: &'static str, most: f64) -> Case {
 
 const ALONG_Z: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// The four-rod lathe of paper 003 (machine c).
+/// Returns the four-rod lathe of paper 003 (machine c).
 pub fn four_rod_lathe() -> Case {
     let rod = |x: f64, z: f64, side| slider([3.0 * x, 0.0, 0.0], [x, 0.0, z], ALONG_Z, 700.0, side);
     let legs =
@@ -187,7 +187,7 @@ pub fn four_rod_lathe() -> Case {
     Case::new("four-rod-lathe (paper 003)", geometry(&legs, "XYZB", "", home), sample, 0.5)
 }
 
-/// The six-rod lathe of paper 003 (machine d).
+/// Returns the six-rod lathe of paper 003 (machine d).
 pub fn six_rod_lathe() -> Case {
     let rod = |x: f64, z: f64, side| slider([3.0 * x, 0.0, 0.0], [x, 0.0, z], ALONG_Z, 700.0, side);
     let third = |x: f64| slider([6.0 * x, 0.0, 0.0], [x, -150.0, 0.0], ALONG_Z, 700.0, 1);
@@ -205,7 +205,7 @@ pub fn six_rod_lathe() -> Case {
     Case::new("six-rod-lathe (paper 003)", geometry(&legs, "XYZABC", "", home), sample, 0.5)
 }
 
-/// The pyramid of paper 000 (machine e): inclined guides, cross table, one carriage more
+/// Returns the pyramid of paper 000 (machine e): inclined guides, cross table, one carriage more
 /// than the platform has coordinates.
 pub fn pyramid_geometry() -> Geometry {
     let legs: [_; 4] = std::array::from_fn(|i| {
@@ -224,7 +224,7 @@ pub fn pyramid() -> Case {
     Case::new("pyramid (paper 000)", pyramid_geometry(), sample, 0.5)
 }
 
-/// The pyramid with longer rods whose platform moves X, Z and A, and the table Y.
+/// Returns the pyramid with longer rods whose platform moves X, Z and A, and the table Y.
 pub fn pyramid_cross() -> Case {
     let of = changed_legs(&pyramid_geometry(), |_, leg| {
         if let LegKind::Slider(slider) = &mut leg.kind {
@@ -238,7 +238,7 @@ pub fn pyramid_cross() -> Case {
     Case::new("pyramid-cross", given, sample, 0.5)
 }
 
-/// Six rods on carriages that all run along X, two on each of three rails.
+/// Returns six rods on carriages that all run along X, two on each of three rails.
 pub fn hexaglide() -> Case {
     let [outer, middle] = [[100.0, 160.0, 150.0], [60.0, -160.0, 300.0]];
     let legs: [_; 6] = std::array::from_fn(|i| {
@@ -255,7 +255,7 @@ pub fn hexaglide() -> Case {
     Case::new("hexaglide", geometry(&legs, "XYZABC", "", home), sample, 0.2)
 }
 
-/// Six rods on carriages on upright guides, two at each of three columns.
+/// Returns six rods on carriages on upright guides, two at each of three columns.
 pub fn linapod() -> Case {
     let legs: [_; 6] = std::array::from_fn(|i| {
         let (column, side) = (90.0 + 120.0 * (i / 2) as f64, [-1.0, 1.0][i % 2]);
@@ -271,7 +271,7 @@ pub fn linapod() -> Case {
     Case::new("linapod", geometry(&legs, "XYZABC", "", home), sample, 0.5)
 }
 
-/// Three rods on carriages that all run along X.
+/// Returns three rods on carriages that all run along X.
 pub fn triaglide() -> Case {
     let legs = [(-350.0, -60.0, -120.0, -1), (0.0, 60.0, 0.0, 1), (350.0, -60.0, 120.0, -1)].map(
         |(rail, x, y, side)| {
@@ -284,7 +284,7 @@ pub fn triaglide() -> Case {
     Case::new("triaglide", geometry(&legs, "XYZ", "", home), sample, 0.5)
 }
 
-/// Three upright guides; the default of LinuxCNC's lineardeltakins.
+/// Returns three upright guides; the default of LinuxCNC's lineardeltakins.
 pub fn linear_delta() -> Case {
     let legs = [90.0, 210.0, 330.0]
         .map(|t| slider(on_circle(163.25, t, 0.0), on_circle(33.0, t, 0.0), ALONG_Z, 269.0, 1));
@@ -293,7 +293,7 @@ pub fn linear_delta() -> Case {
     Case::new("linear-delta", geometry(&legs, "XYZ", "", home), sample, 0.5)
 }
 
-/// Three arms of 10 in with rods of 18 in; the default of LinuxCNC's rotarydeltakins.
+/// Returns three arms of 10 in with rods of 18 in; the default of LinuxCNC's rotarydeltakins.
 pub fn rotary_delta() -> Case {
     let legs = [-90.0, 30.0, 150.0].map(|t| {
         let axis = on_circle(1.0, t + 90.0, 0.0);
@@ -309,7 +309,7 @@ pub fn rotary_delta() -> Case {
     Case::new("rotary-delta", geometry(&legs, "XYZ", "", home), sample, INCH_STEP)
 }
 
-/// Three struts that meet in the control point.
+/// Returns three struts that meet in the control point.
 pub fn tripod() -> Case {
     let legs = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [5.0, 7.071, 0.0]].map(|b| strut(b, [0.0; 3]));
     let home = Some([5.0, 1.768, 3.06, 0.0, 0.0, 0.0]);
@@ -317,7 +317,7 @@ pub fn tripod() -> Case {
     Case::new("tripod", geometry(&legs, "XYZ", "", home), sample, INCH_STEP)
 }
 
-/// Five struts whose upper ends lie on the tool axis, so that C is of no consequence.
+/// Returns five struts whose upper ends lie on the tool axis, so that C has no effect.
 pub fn pentapod() -> Case {
     let heights = [0.0, 0.0, 0.0, 600.0, 500.0];
     let legs: [_; 5] = std::array::from_fn(|i| {
@@ -331,7 +331,7 @@ pub fn pentapod() -> Case {
     Case::new("pentapod", geometry(&legs, "XYZAB", "", home), sample, 0.5)
 }
 
-/// Five struts on rings about the tool axis; the sample geometry of LinuxCNC's pentakins.
+/// Returns five struts on rings about the tool axis; the sample geometry of LinuxCNC's pentakins.
 pub fn ring_pentapod() -> Case {
     let legs = [
         [-418.0, 500.0, -140.0, 87.0],
@@ -347,11 +347,11 @@ pub fn ring_pentapod() -> Case {
     });
     let sample =
         within([-80.0, -80.0, -80.0, -12.0, -10.0, 0.0], [80.0, 80.0, 80.0, 12.0, 10.0, 0.0]);
-    // Twice the speed of its axes there.
+    // Twice the speed of its axes.
     Case::new("ring-pentapod", geometry(&legs, "XYZAB", "", Some([0.0; 6])), sample, 0.2)
 }
 
-/// Screws and carriages under one platform.
+/// Returns screws and carriages under one platform.
 pub fn mixed() -> Case {
     let screws = paper_004(10.0);
     let legs: [_; 6] = std::array::from_fn(|i| match i % 2 {
@@ -370,7 +370,7 @@ pub fn mixed() -> Case {
     Case::new("mixed", geometry(&ordered, "XYZABC", "", home), sample, 0.5)
 }
 
-/// Eight struts for six coordinates.
+/// Returns eight struts for six coordinates.
 pub fn eight_struts() -> Case {
     let legs: [_; 8] = std::array::from_fn(|i| {
         let t = 45.0 * i as f64;
@@ -384,7 +384,7 @@ pub fn eight_struts() -> Case {
     Case::new("eight-struts", geometry(&legs, "XYZABC", "", home), sample, 0.5)
 }
 
-/// A platform that only turns, about a point held by a ball joint.
+/// Returns a platform that only rotates, about a point supported by a ball joint.
 pub fn wrist() -> Case {
     let legs: [_; 3] = std::array::from_fn(|i| {
         let t = 120.0 * i as f64;
@@ -394,7 +394,7 @@ pub fn wrist() -> Case {
     Case::new("wrist", geometry(&legs, "ABC", "", Some([0.0; 6])), sample, 0.5)
 }
 
-/// Every machine with a declared workspace.
+/// Returns every machine with a declared workspace.
 pub fn declared() -> Vec<Case> {
     let [hexapod, lab_hexapod] = hexapods();
     vec![
@@ -418,7 +418,7 @@ pub fn declared() -> Vec<Case> {
     ]
 }
 
-/// Poses around home by up to this share of the size and these degrees, in every letter.
+/// Samples poses around home by up to this fraction of the size and these degrees, in every letter.
 pub fn wild(case: &Case, share: f64, degrees: f64) -> Sample {
     let home = case.home.to_degrees();
     let length = share * case.machine.size();

@@ -32,7 +32,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// The machine of `geometry`, which has a reference pose.
+    /// Freezes the machine of `geometry`, which has a reference pose.
     pub fn new(name: &'static str, geometry: Geometry, sample: Sample, step: f64) -> Self {
         let machine = Machine::freeze(&geometry, &NO_OFFSET);
         Self {
@@ -45,18 +45,18 @@ impl Case {
         }
     }
 
-    /// Distance of two poses relative to the machine's size.
+    /// Returns the distance of two poses relative to the machine's size.
     pub fn apart(&self, one: &Pose, other: &Pose) -> f64 {
         one.distance(other, self.machine.radius()) / self.machine.size()
     }
 
-    /// The joints of a pose that the machine reaches.
+    /// Returns the joints of a pose that the machine reaches.
     pub fn joints(&self, pose: &Pose) -> Joints {
         let joints = self.machine.inverse(pose, &NO_TOOL);
         joints.unwrap_or_else(|e| panic!("{}: {pose:?}: {e}", self.name))
     }
 
-    /// Compares joints with those at a pose: where three spheres meet these take the tool away and add it
+    /// Compares joints with those at a pose: where three spheres meet, `at` subtracts the tool and adds it
     /// again, and inverse does not.
     pub fn assert_joints_at(&self, at: &At, joints: &Joints) {
         let ratios = at.speed_ratios().expect("no dead point");
@@ -67,7 +67,7 @@ impl Case {
         }
     }
 
-    /// A pose one servo step away in every coordinate that moves: up to 0.5 m/s and 60°/s.
+    /// Returns a pose one servo step away in every coordinate that moves: up to 0.5 m/s and 60°/s.
     pub fn servo_step(&self, rng: &mut Pcg64, from: &Pose) -> Pose {
         let moved = Pose {
             position: from.position + direction(rng) * self.step,
@@ -76,7 +76,7 @@ impl Case {
         self.without_held(&moved)
     }
 
-    /// The pose with its held coordinates at 0.
+    /// Returns the pose with its held coordinates at 0.
     pub fn without_held(&self, pose: &Pose) -> Pose {
         let mut pose = *pose;
         for letter in Letter::ALL {
@@ -95,7 +95,7 @@ pub fn rng(seed: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed)
 }
 
-/// Number of cases: `base` in CI, multiplied by PKMKINS_CASES: more than 1 in the long tier, less
+/// Returns the number of cases: `base` in CI, multiplied by PKMKINS_CASES: more than 1 in the long tier, less
 /// where the tests run many times.
 pub fn cases(base: usize) -> usize {
     let factor: f64 = std::env::var("PKMKINS_CASES")
@@ -108,7 +108,7 @@ pub fn uniform(rng: &mut Pcg64, low: f64, high: f64) -> f64 {
     low + (high - low) * rng.random::<f64>()
 }
 
-/// A direction, all alike likely.
+/// Returns a uniformly distributed direction.
 pub fn direction(rng: &mut Pcg64) -> Vector3<f64> {
     loop {
         let v = Vector3::from_fn(|_, _| uniform(rng, -1.0, 1.0));
@@ -118,7 +118,7 @@ pub fn direction(rng: &mut Pcg64) -> Vector3<f64> {
     }
 }
 
-/// Poses of a box, machine units and degrees.
+/// Samples poses of a box, machine units and degrees.
 pub fn within(low: [f64; 6], high: [f64; 6]) -> Sample {
     Box::new(move |rng| Pose::from_degrees(std::array::from_fn(|k| uniform(rng, low[k], high[k]))))
 }

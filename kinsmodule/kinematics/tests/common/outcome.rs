@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What forward made of a call, by the reference tracker's judgement.
+//! The outcome of a forward call, judged by the reference tracker.
 
 use super::reference::Tracker;
 use super::tolerances::WRONG;
@@ -7,18 +7,18 @@ use super::{Case, NO_TOOL};
 use kinematics::{Joints, Pose, Solver};
 use std::ops::AddAssign;
 
-/// What became of a batch of calls.
+/// The outcomes of a batch of calls.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outcome {
     pub right: usize,
-    /// Refused; by [`judged_with_path`] where no path leads there either.
+    /// Refused; with [`judged_with_path`] only if no path leads there either.
     pub refused: usize,
     pub wrong: usize,
     /// Refused although the reference tracker reached the pose with a regular Jacobian.
     pub missed: usize,
-    /// More legs than coordinates only: the least-squares path breaks off, but every leg
-    /// fits the pose. Between two poses the straight joint path is the joints of no pose;
-    /// what is followed there depends on how the legs are weighted, the end does not.
+    /// Only with more legs than coordinates: the least-squares path breaks off, but every leg
+    /// fits the pose. Between two poses no pose has the joints of the straight joint path;
+    /// the path followed there depends on the weights of the legs, its end does not.
     pub fitting: usize,
 }
 
@@ -44,7 +44,7 @@ fn one(count: fn(&mut Outcome) -> &mut usize) -> Outcome {
     outcome
 }
 
-/// One call of forward, counted in the one field that it belongs to. What is refused is not looked into.
+/// Judges one call of forward, counted in one field. Refusals are not examined.
 pub fn judged(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) -> Outcome {
     match case.machine.forward(joints, seed, &NO_TOOL, &Solver::default()) {
         Ok(found) => answered(case, tracker, (joints, seed), &found.pose),
@@ -52,7 +52,7 @@ pub fn judged(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) -> O
     }
 }
 
-/// The same with a look at whether a path leads there that was refused, which takes as long as the rest.
+/// Judges it and searches the path of a refusal, which takes as long as the rest.
 pub fn judged_with_path(case: &Case, tracker: &Tracker, joints: &Joints, seed: &Pose) -> Outcome {
     let outcome = judged(case, tracker, joints, seed);
     match outcome.refused > 0 && tracker.follow(seed, joints).is_some() {
@@ -76,8 +76,8 @@ fn answered(
         return one(|o| &mut o.right);
     }
     let redundant = case.geometry.layout().is_redundant();
-    // Near a singular pose the end of the way is known to rounding over the least singular value
-    // only. Where it set out from is known well, and one way alone leads back there.
+    // Near a singular pose the end of the path is accurate only to rounding over the least singular value.
+    // Its start is accurate, and only one path leads back there.
     let back = tracker.follow_closely(found, &case.joints(seed));
     if !redundant && back.is_some_and(|back| case.apart(&back, seed) <= WRONG) {
         return one(|o| &mut o.right);

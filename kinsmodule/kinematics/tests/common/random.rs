@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Random machines: anchors, guides and cranks anywhere, well conditioned at home.
+//! Random machines: anchors, guides and cranks at random, well conditioned at home.
 
 use super::machines::geometry;
 use super::{Case, NO_TOOL, direction, uniform, within};
@@ -9,7 +9,7 @@ use nalgebra::Rotation3;
 use rand::Rng;
 use rand_pcg::Pcg64;
 
-/// Kind of a leg to be drawn.
+/// Kind of a random leg.
 #[derive(Clone, Copy, Debug)]
 pub enum Draw {
     Strut,
@@ -20,7 +20,7 @@ pub enum Draw {
     Ring,
 }
 
-/// Kinds, coordinates and table of machines to be drawn.
+/// Kinds, coordinates and table of random machines.
 pub struct Recipe {
     pub name: &'static str,
     pub kinds: &'static [Draw],
@@ -75,11 +75,11 @@ pub const RECIPES: &[Recipe] = &[
     },
 ];
 
-/// Least singular value of the rows, angles times the radius, that makes a machine worth
-/// testing: below it the workspace is a matter of millimetres.
+/// Least singular value of the rows, angles times the radius, of a machine that is
+/// tested: below it the workspace is a few millimeters.
 const CONDITION: f64 = 0.15;
 
-/// A machine of the recipe that holds its platform well at home.
+/// Creates a machine of the recipe that is well conditioned at home.
 pub fn draw(rng: &mut Pcg64, recipe: &Recipe) -> Case {
     loop {
         let given = given(rng, recipe);
@@ -96,7 +96,7 @@ pub fn draw(rng: &mut Pcg64, recipe: &Recipe) -> Case {
     }
 }
 
-/// Poses up to 60 mm and 12° from home in what moves.
+/// Samples poses up to 60 mm and 12° from home in the moving coordinates.
 fn case(name: &'static str, geometry: Geometry, machine: Machine, home: Pose) -> Case {
     let given = home.to_degrees();
     let spread = |k: usize| match kinematics::Letter::ALL[k] {
@@ -109,7 +109,7 @@ fn case(name: &'static str, geometry: Geometry, machine: Machine, home: Pose) ->
     Case { name, geometry, machine, home, sample: within(low, high), step: 0.5 }
 }
 
-/// Of the rows of struts and of rods' ends along their path, over the active coordinates.
+/// Computes it for the rows of struts and of rods' ends along their path, over the active coordinates.
 fn least_singular_value(machine: &Machine, rows: &Jacobian) -> f64 {
     let layout = machine.layout();
     let mut normal = nalgebra::SMatrix::<f64, 6, 6>::identity();
@@ -137,7 +137,7 @@ fn given(rng: &mut Pcg64, recipe: &Recipe) -> Geometry {
     }
     let centre = direction(rng) * 60.0;
     let at = Pose::from_degrees(home);
-    // D = t + R centre; neither a table's letter nor a held one reaches the legs.
+    // D = t + R center; neither a table's letter nor a held one affects the legs.
     let mut d = at.position + at.rotation() * centre;
     for (k, letter) in "XYZ".chars().enumerate() {
         if !recipe.coordinates.contains(letter) {
@@ -157,7 +157,7 @@ fn given(rng: &mut Pcg64, recipe: &Recipe) -> Geometry {
     given
 }
 
-/// A leg whose platform anchor `platform` stands at `p` in base at home.
+/// Creates a leg whose platform anchor `platform` is at `p` in base at home.
 fn leg(rng: &mut Pcg64, kind: Draw, platform: Vector3<f64>, p: Vector3<f64>) -> LegGeometry {
     let n = direction(rng);
     let length = uniform(rng, 400.0, 900.0);
@@ -179,7 +179,7 @@ fn leg(rng: &mut Pcg64, kind: Draw, platform: Vector3<f64>, p: Vector3<f64>) -> 
         }
         Crank => crank(rng, platform, c, n, length),
         Ring => {
-            // Up to most of the way from the axis to the base anchor, where the platform is level.
+            // Up to most of the distance from the axis to the base anchor, if the platform is level.
             let radius = uniform(rng, 0.0, 0.7) * (n * length).xy().norm();
             let kind = LegKind::Ring(RingGeometry { radius });
             LegGeometry { base: c.into(), platform: platform.into(), kind }
@@ -187,7 +187,7 @@ fn leg(rng: &mut Pcg64, kind: Draw, platform: Vector3<f64>, p: Vector3<f64>) -> 
     }
 }
 
-/// A direction at least 27° from the plane across `n` (u·e at least 0.45).
+/// Returns a direction at least 27° from the plane perpendicular to `n` (u·e at least 0.45).
 fn across_not(rng: &mut Pcg64, n: &Vector3<f64>) -> Vector3<f64> {
     loop {
         let guide = direction(rng);
@@ -208,7 +208,7 @@ fn screw(rng: &mut Pcg64, n: &Vector3<f64>) -> StrutGeometry {
     StrutGeometry { base_axis: a.into(), platform_axis: b.into(), lead: uniform(rng, -20.0, 20.0) }
 }
 
-/// A crank whose arm ends at `c` at home; not always square to its axis.
+/// Creates a crank whose arm ends at `c` at home; not always perpendicular to its axis.
 fn crank(
     rng: &mut Pcg64,
     platform: Vector3<f64>,
@@ -239,7 +239,7 @@ fn crank(
     }
 }
 
-/// True or false, alike likely.
+/// Returns true or false with equal probability.
 pub fn coin(rng: &mut Pcg64) -> bool {
     rng.random()
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The reference tracker: what the right pose is, found the slow way.
+//! The reference tracker: finds the right pose in the slow way.
 //!
 //! Follows the straight joint path from the seed in 1000 steps with Newton's method at
-//! each, and gives up where the Jacobian changes its sign or a rod passes its dead point.
-//! Equations, frames and solver are its own: of the core it uses the numbers of a
+//! each, and gives up if the Jacobian changes its sign or a rod passes its dead point.
+//! Equations, frames and solver are independent: from the core it uses only the numbers of a
 //! [`Geometry`] and the pose of the seed. (Joints of the seed come from inverse, which the
 //! tests of the legs' equations check.)
 
@@ -14,34 +14,34 @@ use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
 const STEPS: usize = 1000;
 
-/// Steps of the second, closer look where the first one found no way.
+/// Steps of the second, closer tracking if the first one found no path.
 const CLOSE_STEPS: usize = 20_000;
 
-/// Shortest step of the closer look, as a share of the path: next to a singular pose a step is halved.
+/// Shortest step of the closer tracking, as a fraction of the path: next to a singular pose a step is halved.
 const SHORTEST: f64 = 1e-8;
 
 /// Newton's steps at one point of the path: with the exact rows two are enough.
 const CORRECTIONS: usize = 40;
 
 /// Newton's step, relative to size, that ends the correction at the end of the path: ten
-/// roundings of the joints; what is left is at most a tenth of it.
+/// rounding errors of the joints; the remaining error is at most a tenth of it.
 const EXACT: f64 = 1e-12;
 
-/// The same on the way, relative to how far the platform moves from place to place: what
-/// such a step leaves is its square, and nothing builds up, as every place is corrected anew.
+/// The same within the path, relative to the platform's motion between two poses: the error left
+/// by such a step is its square, and does not accumulate, because every pose is corrected anew.
 const ON_THE_WAY: f64 = 1e-2;
 
-/// Residuals, relative to size, that are roundings: near a singular pose they keep Newton's
+/// Residuals, relative to size, that are rounding errors: near a singular pose they keep Newton's
 /// step above any limit.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// Steps after which the gradient of the nut correction, by differences, joins the rows of
-/// the first look; the closer one has it from the start.
+/// Steps after which the gradient of the nut correction, by differences, is added to the rows of
+/// the first tracking; the closer one includes it from the start.
 const PLAIN: usize = 15;
 
 pub type Row = SVector<f64, 6>;
 
-/// A leg as the equations see it at given joints.
+/// A leg in the equations at given joints.
 pub struct Rod {
     pub anchor: Vector3<f64>,
     pub length: f64,
@@ -49,7 +49,7 @@ pub struct Rod {
     pub onwards: Vector3<f64>,
 }
 
-/// Where the platform is: the centre as the legs see it, and the orientation.
+/// The platform's position: the center as in the legs' equations, and the orientation.
 #[derive(Clone, Copy)]
 pub struct State {
     pub centre: Vector3<f64>,
@@ -57,18 +57,18 @@ pub struct State {
     pub angles: Vector3<f64>,
 }
 
-/// A machine by its equations alone.
+/// A machine based only on its equations.
 pub struct Tracker<'a> {
     geometry: &'a Geometry,
     machine: Machine,
     /// Coordinates that the legs move.
     active: [bool; 6],
-    /// Per leg the sign of the nut correction's fold.
+    /// The sign of the nut correction's fold for each leg.
     hands: [f64; 8],
 }
 
 impl<'a> Tracker<'a> {
-    /// For a geometry with a reference pose.
+    /// Creates it for a geometry with a reference pose.
     pub fn new(geometry: &'a Geometry) -> Self {
         let machine = Machine::freeze(geometry, &NO_OFFSET).expect("a machine");
         let coordinates = geometry.layout().coordinates();
@@ -83,7 +83,7 @@ impl<'a> Tracker<'a> {
         tracker
     }
 
-    /// Where the platform is at the reference pose.
+    /// Returns the platform's position at the reference pose.
     pub fn home(&self) -> State {
         self.state(&Pose::from_degrees(self.geometry.home.expect("a reference pose")))
     }
@@ -104,7 +104,7 @@ impl<'a> Tracker<'a> {
         (3..6).all(|k| self.is_active(k))
     }
 
-    /// D = t + R centre, as the legs see it.
+    /// Computes D = t + R center, as in the legs' equations.
     fn state(&self, pose: &Pose) -> State {
         let rotation = pose.rotation();
         let centre = Vector3::from(self.geometry.centre);
@@ -123,7 +123,7 @@ impl<'a> Tracker<'a> {
         anchor + along_ring(leg, &anchor, &state.rotation) - state.centre
     }
 
-    /// From base anchor to platform anchor.
+    /// Returns the vector from base anchor to platform anchor.
     fn span(&self, leg: &LegGeometry, state: &State) -> Vector3<f64> {
         state.centre + self.lever(leg, state) - Vector3::from(leg.base)
     }
@@ -137,13 +137,13 @@ impl<'a> Tracker<'a> {
         h * strut.lead / std::f64::consts::TAU * (h * s).atan2(h * c)
     }
 
-    /// Residuals and rows in (v, ω) about the centre; `None` where a rod is not on its side.
+    /// Returns residuals and rows in (v, ω) about the center; `None` if a rod is not on its side.
     fn equations(&self, joints: &Joints, state: &State) -> Option<([f64; 8], [Row; 8])> {
         let (residuals, rows, on_side) = self.of_any_side(joints, state);
         on_side.then_some((residuals, rows))
     }
 
-    /// The same whatever the sides of the rods, and whether each is on its own.
+    /// Returns the same for any sides of the rods, and whether each is on its own.
     pub fn of_any_side(&self, joints: &Joints, state: &State) -> ([f64; 8], [Row; 8], bool) {
         let (mut residuals, mut rows) = ([0.0; 8], [Row::zeros(); 8]);
         let mut on_side = true;
@@ -160,7 +160,7 @@ impl<'a> Tracker<'a> {
         (residuals, rows, on_side)
     }
 
-    /// Rows in the coordinates of the solver: angles where not all of them are active.
+    /// Converts rows to the coordinates of the solver: angles if not all of them are active.
     pub fn charted(&self, rows: &[Row; 8], state: &State) -> [Row; 8] {
         let map = match self.turns_freely() {
             true => Matrix3::identity(),
@@ -190,8 +190,8 @@ impl<'a> Tracker<'a> {
         State { centre, rotation, angles }
     }
 
-    /// Newton's (Gauss-Newton's) method at one point of the path; the sign of det JᵀJ has
-    /// no meaning, that of a square J has.
+    /// Runs Newton's (Gauss-Newton's) method at one point of the path; the sign of det JᵀJ is
+    /// meaningless, that of a square J is not.
     fn corrected(
         &self,
         joints: &Joints,
@@ -212,7 +212,7 @@ impl<'a> Tracker<'a> {
                 return Some((state, sign));
             }
         }
-        // Joints of a redundant machine that contradict each other settle slowly.
+        // Inconsistent joints of a redundant machine converge slowly.
         self.geometry.layout().is_redundant().then_some((state, 1.0))
     }
 
@@ -232,7 +232,7 @@ impl<'a> Tracker<'a> {
 
     pub fn newton_step(&self, rows: &[Row; 8], residuals: &[f64; 8]) -> Option<(Row, f64)> {
         let layout = self.geometry.layout();
-        // Coordinates that do not move get an equation of their own, x = 0.
+        // Coordinates that do not move get a separate equation, x = 0.
         let mut a = SMatrix::<f64, 6, 6>::identity();
         let mut b = Row::zeros();
         let active = || (0..6).filter(|k| self.is_active(*k));
@@ -256,12 +256,12 @@ impl<'a> Tracker<'a> {
         Some((-lu.solve(&b)?, sign))
     }
 
-    /// The right pose, or `None` where the path meets a singular pose or a dead point.
+    /// Returns the right pose, or `None` if the path meets a singular pose or a dead point.
     pub fn follow(&self, seed: &Pose, joints: &Joints) -> Option<Pose> {
         self.follow_in(STEPS, seed, joints)
     }
 
-    /// The same by a closer look, for paths that steps of a thousandth overstep.
+    /// Returns the same by closer tracking, for paths on which steps of a thousandth are too long.
     pub fn follow_closely(&self, seed: &Pose, joints: &Joints) -> Option<Pose> {
         self.follow_in(CLOSE_STEPS, seed, joints)
     }
@@ -277,14 +277,14 @@ impl<'a> Tracker<'a> {
         let whole = 1.0 / steps as f64;
         let (mut done, mut length, mut before) = (0.0, whole, whole);
         while done < 1.0 {
-            // The last step ends at the end, whatever the sum of those before it.
+            // The last step ends at the end, regardless of the sum of those before it.
             let is_last = done + 1.5 * length > 1.0;
             let to = if is_last { 1.0 } else { done + length };
             let at = std::array::from_fn(|i| from[i] + to * (joints[i] - from[i]));
             let guess = self.onwards(&last, &state, (to - done) / before);
             let on_the_way = if is_last { 0.0 } else { ON_THE_WAY };
             let enough = exact.max(on_the_way * self.apart(&state, &last));
-            // A Newton step that leaves the neighbourhood follows another path.
+            // A Newton step that leaves the neighborhood follows another path.
             let far = 50.0 * self.machine.radius() * length;
             let next = self.corrected(&at, guess, plain, enough).filter(|(next, sign)| {
                 *seen.get_or_insert(*sign) == *sign && self.apart(next, &guess) <= far
@@ -295,7 +295,7 @@ impl<'a> Tracker<'a> {
                     (last, state) = (state, next);
                     length = whole.min(2.0 * length);
                 }
-                // Next to a singular pose the platform goes ever farther in a step of the joints.
+                // Next to a singular pose the platform moves ever farther in a step of the joints.
                 None if is_close && length > SHORTEST => length /= 2.0,
                 None => return None,
             }
@@ -303,16 +303,16 @@ impl<'a> Tracker<'a> {
         Some(self.pose(&state, joints))
     }
 
-    /// Distance of two places, a length.
+    /// Returns the distance of two positions, a length.
     fn apart(&self, one: &State, other: &State) -> f64 {
         (one.centre - other.centre).norm() + self.radius() * (one.rotation - other.rotation).norm()
     }
 
-    /// The next place if the last step is repeated, so many times.
+    /// Returns the next position if the last step is repeated this many times.
     fn onwards(&self, last: &State, state: &State, times: f64) -> State {
         let centre = state.centre + (state.centre - last.centre) * times;
         if self.turns_freely() {
-            // By a rotation vector: products alone would lose orthogonality step by step.
+            // By a rotation vector: repeated products would lose orthogonality.
             let turn = rotation_vector(&(state.rotation * last.rotation.transpose())) * times;
             let rotation = Rotation3::new(turn).matrix() * state.rotation;
             return State { centre, rotation, angles: state.angles };
@@ -321,7 +321,7 @@ impl<'a> Tracker<'a> {
         State { centre, rotation: Pose { position: centre, angles }.rotation(), angles }
     }
 
-    /// t = D − R centre, held coordinates 0.
+    /// Computes t = D − R center, held coordinates 0.
     pub fn pose(&self, state: &State, joints: &Joints) -> Pose {
         let layout = self.geometry.layout();
         let mut d = state.centre;
@@ -346,15 +346,15 @@ impl<'a> Tracker<'a> {
         Pose { position, angles }
     }
 
-    /// Whether every leg fits a pose to the tolerance by which poses count as equal.
+    /// Returns whether every leg fits a pose to the tolerance by which poses count as equal.
     pub fn fits(&self, pose: &Pose, joints: &Joints) -> bool {
         let limit = WRONG * self.machine.size();
         let fits = |residuals: [f64; 8]| residuals.iter().all(|r| r.abs() <= limit);
         self.equations(joints, &self.state(pose)).is_some_and(|(residuals, _)| fits(residuals))
     }
 
-    /// The same to what forward promises of any machine, however badly made: its limit of a
-    /// residual, and the roundings of what it is a difference of.
+    /// Returns the same to the tolerance that forward guarantees for any machine, however badly conditioned: its limit
+    /// of a residual, and the rounding errors of the lengths whose difference it is.
     pub fn holds(&self, pose: &Pose, joints: &Joints) -> bool {
         let limit = self.machine.largest_residual(&Solver::default());
         let state = self.state(pose);
@@ -371,7 +371,7 @@ impl<'a> Tracker<'a> {
         on_side && (0..self.geometry.legs().len()).all(fits)
     }
 
-    /// Sign of the square Jacobian's determinant over the active coordinates.
+    /// Returns the sign of the square Jacobian's determinant over the active coordinates.
     pub fn handedness(&self, pose: &Pose, joints: &Joints) -> Option<bool> {
         let state = self.state(pose);
         let (residuals, rows) = self.equations(joints, &state)?;
@@ -380,7 +380,7 @@ impl<'a> Tracker<'a> {
     }
 }
 
-/// Axis times angle of a rotation by less than half a turn, exact for small ones too.
+/// Returns axis times angle of a rotation by less than half a turn, exact for small ones too.
 fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     let difference = r - r.transpose();
     let sine = Vector3::new(difference[(2, 1)], difference[(0, 2)], difference[(1, 0)]) / 2.0;
@@ -391,7 +391,7 @@ fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     }
 }
 
-/// Axes of A, B and C in base: columns of ω = E (Ȧ, Ḃ, Ċ).
+/// Returns the axes of A, B and C in base: columns of ω = E (Ȧ, Ḃ, Ċ).
 fn axes_of(angles: &Vector3<f64>) -> Matrix3<f64> {
     let turn = |axis: Vector3<f64>| Rotation3::new(axis);
     let about_c = turn(Vector3::z() * angles.z);
@@ -399,14 +399,14 @@ fn axes_of(angles: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[about_b * Vector3::x(), about_c * Vector3::y(), Vector3::z()])
 }
 
-/// Unit vector of a direction of any length, be it denormal.
+/// Returns the unit vector of a direction of any length, even denormal.
 fn direction(given: [f64; 3]) -> Vector3<f64> {
     let given = Vector3::from(given);
     (given / given.amax()).normalize()
 }
 
-/// From the centre of a leg's ring, at `centre` in base, to the strut's end on it; 0 for a leg without
-/// ring. The ring's own X and Y turn to where the base anchor is.
+/// Returns the vector from the center of a leg's ring, at `centre` in base, to the strut's end on it; 0 for a leg
+/// without ring. The ring's own X and Y rotate toward the base anchor.
 pub fn along_ring(
     leg: &LegGeometry,
     centre: &Vector3<f64>,
@@ -418,7 +418,7 @@ pub fn along_ring(
     rotation * (Vector3::new(turn.cos(), turn.sin(), 0.0) * ring.radius)
 }
 
-/// Anchor and length that a joint value sets.
+/// Returns the anchor and length that a joint value sets.
 pub fn rod(leg: &LegGeometry, q: f64) -> Rod {
     let g = Vector3::from(leg.base);
     match leg.kind {
@@ -438,7 +438,7 @@ pub fn rod(leg: &LegGeometry, q: f64) -> Rod {
     }
 }
 
-/// Sine and cosine of a screw's torsion; `None` for a leg without a lead.
+/// Returns sine and cosine of a screw's torsion; `None` for a leg without a lead.
 fn torsion(leg: &LegGeometry, rotation: &Matrix3<f64>, span: &Vector3<f64>) -> Option<(f64, f64)> {
     let LegKind::Strut(strut) = leg.kind else { return None };
     if strut.lead == 0.0 {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Every real pose of given joints, by Newton's method from many random starts.
 //!
-//! Stands on the equations of the reference tracker, and knows of no seed: which of the
-//! poses is the right one is for others to say.
+//! Based on the equations of the reference tracker, without a seed: it does not decide which of the
+//! poses is the right one.
 
 use super::reference::{Row, State, Tracker};
 use super::uniform;
@@ -11,21 +11,21 @@ use nalgebra::{UnitQuaternion, Vector4};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
-/// Starts of one search. Of poses that are known beforehand it misses one in some thousand,
+/// Starts of one search. Of poses known beforehand it misses one in some thousand,
 /// which the test that uses it counts.
 const STARTS: usize = 200;
 
-/// Steps of one start; most that come to anything need a dozen.
+/// Steps of one start; most that converge need a dozen.
 const STEPS: usize = 40;
 
-/// Newton's step, relative to size, that ends a start: its square is no error any more.
+/// Newton's step, relative to size, that ends a start: its square is negligible.
 const SETTLED: f64 = 1e-8;
 
-/// Poses nearer than this, relative to size, are one: a hundred times what a start may
-/// leave of it near a singular pose.
+/// Poses nearer than this, relative to size, count as equal: a hundred times the error that a start may
+/// have near a singular pose.
 pub const SAME_POSE: f64 = 1e-6;
 
-/// The poses that the joints allow, with every rod on its side.
+/// Returns the poses that the joints allow, with every rod on its side.
 pub fn all_solutions(tracker: &Tracker, joints: &Joints, rng: &mut Pcg64) -> Vec<Pose> {
     let mut poses: Vec<Pose> = Vec::new();
     for _ in 0..STARTS {
@@ -37,12 +37,12 @@ pub fn all_solutions(tracker: &Tracker, joints: &Joints, rng: &mut Pcg64) -> Vec
     poses
 }
 
-/// Whether two poses of the same joints are one.
+/// Returns whether two poses of the same joints are equal.
 pub fn is_same(tracker: &Tracker, one: &Pose, other: &Pose) -> bool {
     one.distance(other, tracker.radius()) <= SAME_POSE * tracker.size()
 }
 
-/// A place within one size about home, turned in any way that its angles allow.
+/// Returns a position within one size about home, with any orientation that its angles allow.
 fn anywhere(tracker: &Tracker, rng: &mut Pcg64) -> State {
     let mut state = tracker.home();
     let size = tracker.size();
@@ -60,7 +60,7 @@ fn anywhere(tracker: &Tracker, rng: &mut Pcg64) -> State {
     state
 }
 
-/// An orientation, all alike likely.
+/// Returns a uniformly distributed orientation.
 fn turned_anyhow(rng: &mut Pcg64) -> UnitQuaternion<f64> {
     loop {
         let q = Vector4::from_fn(|_, _| uniform(rng, -1.0, 1.0));
@@ -70,7 +70,7 @@ fn turned_anyhow(rng: &mut Pcg64) -> UnitQuaternion<f64> {
     }
 }
 
-/// Newton's method with steps of at most one radius, which keeps it from leaping about.
+/// Runs Newton's method with steps of at most one radius, which keeps it from jumping.
 fn settled(tracker: &Tracker, joints: &Joints, mut state: State) -> Option<Pose> {
     for _ in 0..STEPS {
         let (residuals, rows, _) = tracker.of_any_side(joints, &state);
