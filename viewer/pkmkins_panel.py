@@ -17,12 +17,12 @@ PERIOD = 300
 
 def words(value, legs):
     """Returns the limit ahead, and the last refusal."""
-    told = []
+    lines = []
     if value("pkmkins.limit-soon"):
-        told.append("ahead: " + sentence(value("pkmkins.limit-reason"), value("pkmkins.limit-leg"), legs))
+        lines.append("ahead: " + sentence(value("pkmkins.limit-reason"), value("pkmkins.limit-leg"), legs))
     if value("pkmkins.fault"):
-        told.append("last: " + sentence(value("pkmkins.fault"), value("pkmkins.fault-leg"), legs))
-    return "\n".join(told) or "nothing"
+        lines.append("last: " + sentence(value("pkmkins.fault"), value("pkmkins.fault-leg"), legs))
+    return "\n".join(lines) or "nothing"
 
 
 def reason(master):

@@ -178,8 +178,8 @@ def main(arguments=None):
         print(f"pkm compare: {error}", file=sys.stderr)
         return 2
     if given.format == "json":
-        told = [{"name": name, "unit": unit, "values": [_number(value) for value in values]} for name, unit, values in rows]
-        print(json.dumps({"version": 1, "command": "compare", "machines": [str(file) for file in given.machines], "rows": told}, indent=2))
+        listed = [{"name": name, "unit": unit, "values": [_number(value) for value in values]} for name, unit, values in rows]
+        print(json.dumps({"version": 1, "command": "compare", "machines": [str(file) for file in given.machines], "rows": listed}, indent=2))
     else:
         print(table(given.machines, rows))
     return 1 if any("not judged" in map(shown, values) for _, _, values in rows) else 0

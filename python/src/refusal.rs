@@ -65,10 +65,10 @@ pub fn cause(py: Python<'_>, code: i32) -> PyResult<Bound<'_, PyDict>> {
             "{code} is not the code of a refusal (0 means success)"
         )));
     };
-    let told = PyDict::new(py);
-    told.set_item("code", code)?;
-    told.set_item("name", cause.name())?;
-    told.set_item("text", cause.text())?;
-    told.set_item("remedy", cause.remedy())?;
-    Ok(told)
+    let described = PyDict::new(py);
+    described.set_item("code", code)?;
+    described.set_item("name", cause.name())?;
+    described.set_item("text", cause.text())?;
+    described.set_item("remedy", cause.remedy())?;
+    Ok(described)
 }

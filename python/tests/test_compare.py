@@ -15,8 +15,8 @@ def test_machines_stand_side_by_side_in_one_table_and_page(tmp_path, capsys):
     study.write_text(STUDY)
     words = [str(ini("lab-hexapod")), str(ini("linapod")), "--box", "20", "20", "20", "--study", str(study)]
     assert main([*words, "--page", str(page), "--format", "json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    rows = {row["name"]: row["values"] for row in told["rows"]}
+    printed = json.loads(capsys.readouterr().out)
+    rows = {row["name"]: row["values"] for row in printed["rows"]}
     assert rows["poses within every limit"] == ["27 of 27"] * 2
     assert all(value > 0 for value in rows["least stiffness at the tool"])
     assert "<h1>Machines compared</h1>" in page.read_text()

@@ -31,9 +31,9 @@ def test_inverse_and_forward_have_the_bits_of_pkm(name):
     given = poses(machine, 7200 * CASES)
     found = machine.inverse(given)
     assert found.ok.any()
-    told = asked("joints", ini(name), "xyzabc", given)
+    printed = asked("joints", ini(name), "xyzabc", given)
     # pkm writes the shortest text of every number, which reads back to the same bits.
-    np.testing.assert_array_equal(found.values, told)
+    np.testing.assert_array_equal(found.values, printed)
     joints = found.values[found.ok][:500]
     followed = machine.forward(joints, follow=True)
     names = [f"joint_{n}" for n in range(len(machine.joints))]

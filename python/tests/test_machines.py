@@ -90,9 +90,9 @@ def test_workspace_is_that_of_pkm(hexapod):
         text=True,
         check=True,
     )
-    told = json.loads(run.stdout)
+    printed = json.loads(run.stdout)
     seen = hexapod.workspace(bands=20, grid=30)
-    assert (seen.volume, seen.volume_by_grid) == (told["volume_by_boundary"], told["volume_by_grid"])
+    assert (seen.volume, seen.volume_by_grid) == (printed["volume_by_boundary"], printed["volume_by_grid"])
     assert sum(seen.limits.values()) == pytest.approx(1)
     assert seen.triangles.max() < len(seen.vertices)
     with pytest.raises(MachineError, match="is not in the workspace"):

@@ -147,7 +147,7 @@ class Hal:
     def reported(self, *expected, file=None, shell=""):
         """Executes the panel's file: expects code 0, and these lines of pkmkins, each once and in this order."""
         begin = time.monotonic()
-        with open(self.folder / "told", "w+") as out:
+        with open(self.folder / "printed", "w+") as out:
             done = subprocess.run(["sh", "-c", f"exec haltcl {file or self.file} {shell}"], stdin=subprocess.DEVNULL,
                                   stdout=out, stderr=out, env=self.environment, cwd=self.folder, timeout=100)
             out.seek(0)

@@ -84,8 +84,8 @@ def registered(code, text):
 def passes(folder, pattern):
     try:
         code, text = answered(folder, pattern)
-        told = registered(code, text) if pattern == REGISTERED else refused(pattern, code, text)
-        print(f"PASS pattern {pattern}: {told}", flush=True)
+        outcome = registered(code, text) if pattern == REGISTERED else refused(pattern, code, text)
+        print(f"PASS pattern {pattern}: {outcome}", flush=True)
         return True
     except (Wrong, subprocess.TimeoutExpired) as error:
         print(f"FAIL pattern {pattern}: {error}", flush=True)

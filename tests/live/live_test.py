@@ -223,7 +223,7 @@ def jogged(out, speed, letter="z", share=1.0):
 @test
 def jogs_in_world_mode_end_before_a_joint_leaves_its_range(out):
     result = jogged(out, 200)
-    return f"{result['room']:.1f} mm before the limit, {result['told'][-1]}"
+    return f"{result['room']:.1f} mm before the limit, {result['reported'][-1]}"
 
 
 @test
@@ -260,7 +260,7 @@ def corrections(out, rate, circles):
                                    seconds=seconds, asked=asked))
         with open(out / "corrected.csv") as trace:
             rows = numpy.loadtxt(trace, delimiter=",", skiprows=1)[:, 1:]
-        poses, joints, effect, told = rows[:, :6], rows[:, 6:12], rows[:, 12:18], rows[:, 18:24]
+        poses, joints, effect, sent = rows[:, :6], rows[:, 6:12], rows[:, 12:18], rows[:, 18:24]
         text = "x,y,z,a,b,c\n" + "".join(",".join(map(repr, map(float, pose))) + "\n" for pose in poses)
         done = subprocess.run([PKM, "joints", session.ini], input=text, capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, done.stderr[-300:]
@@ -277,10 +277,10 @@ def corrections(out, rate, circles):
     # The drives get joint values two cycles later, smoothed over three by LinuxCNC, including the corners of the ramp.
     smooth = computed + effect
     smooth = (smooth[:-2] + 4 * smooth[1:-1] + smooth[2:]) / 6
-    late = abs(told[3:] - smooth[:-1]).max()
+    late = abs(sent[3:] - smooth[:-1]).max()
     assert late < OF_ROUNDING, f"drives are told values {late} mm off those of the commanded pose"
     shares = [max(abs(numpy.diff(values, n=order, axis=0)).max(axis=0) / period**order / limits[order - 1])
-              for order in (1, 2) for values in (joints, told)]
+              for order in (1, 2) for values in (joints, sent)]
     assert max(shares) <= 1, f"of their speed and acceleration joints need {shares}"
     assert list(effect[-1]) == asked, f"in effect at the end: {effect[-1]}"
     return (f"{result['cycles']} cycles; joints within {apart:.1e} mm of those of the commanded pose, the ramp within "
@@ -747,7 +747,7 @@ def spindle_and_hot_coolant_pump(out):
         (session.copy / "pwm.hal").write_text("loadrt pwmgen output_type=0\naddf pwmgen.update servo-thread\n")
         result = check(session.run("spindle_and_pump", out, 60, speed=1200, ramp=0.5, ok="parport.1.pin-10-in-fake",
                                    pump="parport.1.pin-02-out-fake", forward="parport.1.pin-03-out-fake"))
-    return result["told"]
+    return result["reported"]
 
 
 for name, arguments in {

@@ -19,7 +19,7 @@ KINDS = {
 }
 POLL_SECONDS = 0.01
 # Many of the task's cycles of 10 ms, for a busy computer.
-TELLING_SECONDS = 5
+MESSAGE_SECONDS = 5
 AXES = "xyzabc"
 
 
@@ -180,7 +180,7 @@ class Machine:
         self.command.auto(linuxcnc.AUTO_RUN, 0)
         self.wait(lambda: self.stat.interp_state != linuxcnc.INTERP_IDLE, 10, "start of the program")
         begun()
-        self.wait(lambda: progress.tell(self.stat) or self.is_idle(), seconds, "end of the program")
+        self.wait(lambda: progress.update(self.stat) or self.is_idle(), seconds, "end of the program")
         progress.finish()
 
     def jog_joint(self, joint, distance, speed):
@@ -211,13 +211,13 @@ class Machine:
         self.poll()
         return [text for kind, text in self.messages if kind == "error"]
 
-    def told(self, part):
+    def errors_with(self, part):
         """Returns the operator's error messages that contain this part. Waits for them: LinuxCNC's task shows a text
         later than the servo cycle sets the pins of its cause."""
         def found():
             return [text.strip() for text in self.error_texts() if part in text]
 
-        self.wait(found, TELLING_SECONDS, f"an error with {part!r}")
+        self.wait(found, MESSAGE_SECONDS, f"an error with {part!r}")
         return found()
 
 
@@ -230,14 +230,14 @@ class Progress:
         self.lines = lines
         self.start = time.monotonic()
         self.furthest = 0
-        self.told = 0.0
+        self.reported_at = 0.0
 
-    def tell(self, stat):
+    def update(self, stat):
         now = time.monotonic()
         self.furthest = max(self.furthest, min(stat.motion_line, self.lines))
-        if now - self.told < 0.3:
+        if now - self.reported_at < 0.3:
             return
-        self.told = now
+        self.reported_at = now
         self._write(now)
 
     def finish(self):

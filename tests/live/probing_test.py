@@ -84,7 +84,7 @@ net latch-probe pkmkins_truth.touch
 """
 
 
-def told(*command):
+def output_of(*command):
     """Returns the output of a command; exit code 2 means no result."""
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if done.returncode == 2:
@@ -105,10 +105,10 @@ def probed(pkm, folder, name, machine, text):
     joints = len(re.findall(r"^\[JOINT_\d+\]", text, re.MULTILINE))
     (config / "truth.hal").write_text(wires(config, joints, place, looks))
     shutil.copy(PLAYER, config / "pkmkins_truth.so")
-    told(pkm, "measure", ini, config / "probe.toml", "--output", config / "plate")
-    told(pkm, "run", ini, config / "plate.ngc", "--hal", config / "plate.hal", "--hal",
+    output_of(pkm, "measure", ini, config / "probe.toml", "--output", config / "plate")
+    output_of(pkm, "run", ini, config / "plate.ngc", "--hal", config / "plate.hal", "--hal",
          config / "truth.hal", "--written", config)
-    return told(pkm, "calibrate", ini, config / "plate.log", "--plate", config / "plate.toml",
+    return output_of(pkm, "calibrate", ini, config / "plate.log", "--plate", config / "plate.toml",
                 "--write", folder / f"{name}.ini")
 
 

@@ -151,7 +151,7 @@ def spindle_and_pump(machine: Machine, out, speed, ramp, ok, pump, forward):
     machine.wait(lambda: machine.get(pump), 2, "the cold pump to run again")
     machine.mdi("M9")
     machine.mdi("M5")
-    return {"told": machine.messages[0][1]}
+    return {"reported": machine.messages[0][1]}
 
 
 # Degrees: rounding leaves 1e-14 of a level platform, and at this tilt a tool 100 long moves the joints
@@ -283,8 +283,8 @@ def switched(machine, to_type_1, to_type_0):
     assert_close(machine.pose(), pose, 1e-8, "pose before and after the switch")
     machine.poll()
     # LinuxCNC's sample shows its own text when it starts, at varying times.
-    told = [text for _, text in machine.messages if "ini: set offsets" not in text]
-    assert not told, f"messages: {told}"
+    shown = [text for _, text in machine.messages if "ini: set offsets" not in text]
+    assert not shown, f"messages: {shown}"
     return {"moved": moved, "pose": pose}
 
 
@@ -328,18 +328,18 @@ def reason_of(machine, code):
 
 def reasons_of(machine, code):
     """Returns all messages to the operator with this code."""
-    return machine.told(f"[code {code}]")
+    return machine.errors_with(f"[code {code}]")
 
 
 def goes_on(machine, block):
     """Checks that a good move is still made, without a further message."""
     if not machine.is_on():
         machine.turn_on()
-    told = len(machine.messages)
+    before = len(machine.messages)
     before = machine.pose()
     machine.mdi(block)
     assert machine.pose() != before, f"{block} did not move the machine"
-    assert not machine.messages[told:], f"messages after {block}: {machine.messages[told:]}"
+    assert not machine.messages[before:], f"messages after {block}: {machine.messages[before:]}"
 
 
 def refused_move(machine: Machine, out, block, code, after):
@@ -365,7 +365,7 @@ def refused_program(machine: Machine, out, path, lines, joint, most):
     assert moved > 1, f"the good moves before were not made: the farthest joint moved by {moved}"
     furthest = max(watch.way(joint))
     assert furthest <= most, f"joint {joint} went to {furthest}, beyond its limit {most}"
-    return {"reason": machine.told(f"joint {joint}")[0]}
+    return {"reason": machine.errors_with(f"joint {joint}")[0]}
 
 
 def refused_switch_back(machine: Machine, out, block):
@@ -592,7 +592,7 @@ def jogs(machine: Machine, out, letter, speed, limits, slowest):
         recorder.write(out / "jog.csv", len(columns))
         raise
     there = machine.get(f"axis.{letter}.pos-cmd")
-    told = machine.told("pkmkins: ")
+    shown = machine.errors_with("pkmkins: ")
     assert machine.is_on() and machine.is_world(), "the machine is off, or not in world mode"
     assert machine.get(f"ini.{letter}.max_velocity") == abs(speed), "the axis' speed was not given back"
     machine.command.jog(linuxcnc.JOG_CONTINUOUS, False, axis, -speed)
@@ -612,7 +612,7 @@ def jogs(machine: Machine, out, letter, speed, limits, slowest):
     way = recorder.column("axis")
     back = max(abs(b - a) for a, b in zip(way, way[1:])) * 1000
     return {"joints_to": fastest, "room": least, "slowest": min(scales), "there": there, "fastest": back,
-            "told": told}
+            "reported": shown}
 
 
 def correction(machine: Machine, out, path, lines, seconds, asked):
@@ -672,8 +672,8 @@ def inconsistent_joint(machine: Machine, out, joint, distance, speed, code, afte
     machine.joint_mode()
     machine.jog_joint(joint, distance, speed)
     assert machine.get("pkmkins.fwd-kins-fail"), "forward still succeeds"
-    told = machine.get("pkmkins.fault"), machine.get("pkmkins.fault-leg")
-    assert told == (code, joint), f"fault and fault-leg are {told}, expected {(code, joint)}"
+    shown = machine.get("pkmkins.fault"), machine.get("pkmkins.fault-leg")
+    assert shown == (code, joint), f"fault and fault-leg are {shown}, expected {(code, joint)}"
     # At the limit no joint stands out yet: a joint that moves slowly away takes the last pose along.
     named = [text for text in reasons_of(machine, code) if text.startswith("pkmkins: joint ")]
     assert named, f"joint {joint} is not named: {machine.messages}"
@@ -791,7 +791,7 @@ def refused_geometry(machine: Machine, out):
         assert machine.is_on(), f"{what} geometry: the machine went off"
     moved = watch.stop()
     assert moved < 1e-9, f"a joint moved by {moved}"
-    texts = machine.told("pkmkins")
+    texts = machine.errors_with("pkmkins")
     machine.set("pkmkins.base.2.x", repr(old))
     machine.pause(0.1)
     assert not machine.get("pkmkins.geometry-changed"), "geometry-changed after restoring the pin"
@@ -850,7 +850,7 @@ def feedback_jump(machine: Machine, out, joint, jump, after):
     watch.recorder.stop()
     # At this feed a strut moves 10 mm/s at most, and a drive brakes within a millimetre.
     assert moved < 10, f"a drive ran {moved} on after the jump of joint {joint}"
-    texts = machine.told("following error")
+    texts = machine.errors_with("following error")
     halcmd("net", signal, pin)
     machine.pause(0.2)
     machine.turn_on()
@@ -946,7 +946,7 @@ def new_geometry(machine: Machine, out):
     old = machine.get("pkmkins.base.2.x")
     apply(machine, "pkmkins.base.2.x", "nan")
     assert machine.get("pkmkins.geometry-hash") == old_hash, "a geometry with NaN was taken"
-    machine.told("leg 2")
+    machine.errors_with("leg 2")
     apply(machine, "pkmkins.base.2.x", repr(old + 0.25))
     taken = machine.get("pkmkins.geometry-hash")
     assert taken != old_hash, "a good geometry was refused with the machine off"
@@ -971,7 +971,7 @@ def no_iterations(machine: Machine, out):
     moved = watch.stop()
     assert machine.get("pkmkins.fault") < 0, "no fault with limit-iterations 0"
     assert moved < 1e-9, f"a joint moved by {moved}"
-    return {"moved": moved, "messages_seen": machine.told("iterations"), "on": machine.is_on()}
+    return {"moved": moved, "messages_seen": machine.errors_with("iterations"), "on": machine.is_on()}
 
 
 def tool_pin_nan(machine: Machine, out):
@@ -984,7 +984,7 @@ def tool_pin_nan(machine: Machine, out):
     moved = watch.stop()
     assert moved < 1e-9, f"a joint moved by {moved}"
     assert machine.get("pkmkins.fault") < 0, "no fault with a tool offset of NaN"
-    return {"moved": moved, "messages_seen": machine.told("pkmkins"), "on": machine.is_on()}
+    return {"moved": moved, "messages_seen": machine.errors_with("pkmkins"), "on": machine.is_on()}
 
 
 def tool_out_of_reach(machine: Machine, out, tilt, tool, code, after):
@@ -1191,7 +1191,7 @@ def unguarded(machine: Machine, out, start, path, lines):
     machine.command.program_open(path)
     machine.command.auto(linuxcnc.AUTO_RUN, 0)
     machine.wait(lambda: not machine.is_on(), 30, "machine off by a following error")
-    return {"reason": machine.told("following error")[0]}
+    return {"reason": machine.errors_with("following error")[0]}
 
 
 def guarded(machine: Machine, out, start, path, lines, limits, feed, acceleration,
@@ -1255,7 +1255,7 @@ def weak_drive(machine: Machine, out):
     machine.set_mode(linuxcnc.MODE_MDI)
     machine.command.mdi("G1 F3000 X60")
     machine.wait(lambda: not machine.is_on(), 10, "machine off by a following error")
-    return {"messages_seen": machine.told("following error")}
+    return {"messages_seen": machine.errors_with("following error")}
 
 
 def assert_close(found, wanted, tolerance, what):

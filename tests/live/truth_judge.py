@@ -30,29 +30,29 @@ CAUSES = [
 def row(program, outcome, flight):
     """Returns the row of one program; `right` is false if prediction and outcome disagree."""
     ini = program_ini(program)
-    told = {"machine": program.machine, "program": program.name, "kind": program.kind, "linuxcnc": "",
+    entry = {"machine": program.machine, "program": program.name, "kind": program.kind, "linuxcnc": "",
             "preflight": "", "ratio": None, "joint": None, "alarm": False, "missed": False, "right": False}
     if "failed" in outcome:
-        return {**told, "linuxcnc": "not run: " + outcome["failed"][:60]}
-    told["linuxcnc"] = said(outcome)
+        return {**entry, "linuxcnc": "not run: " + outcome["failed"][:60]}
+    entry["linuxcnc"] = said(outcome)
     if "refused" in flight:
-        told["preflight"] = flight["refused"][:60]
-        told["missed"] = not outcome["errors"]
-        return {**told, "right": bool(outcome["errors"])}
+        entry["preflight"] = flight["refused"][:60]
+        entry["missed"] = not outcome["errors"]
+        return {**entry, "right": bool(outcome["errors"])}
     if "judged" not in flight["time"]:
-        return {**told, "preflight": "not judged", "missed": bool(outcome["errors"])}
-    told["preflight"] = first_break(flight)
+        return {**entry, "preflight": "not judged", "missed": bool(outcome["errors"])}
+    entry["preflight"] = first_break(flight)
     if program.lines is not None:
         found = {found["line"] for found in flight["breaks"]}
-        return {**told, "missed": bool(set(program.lines) - found), "right": found == set(program.lines)}
+        return {**entry, "missed": bool(set(program.lines) - found), "right": found == set(program.lines)}
     if outcome["errors"]:
-        told["missed"] = not is_predicted(outcome, flight)
-        return {**told, "right": not told["missed"]}
+        entry["missed"] = not is_predicted(outcome, flight)
+        return {**entry, "right": not entry["missed"]}
     unseen = [found for found in flight["breaks"] if not is_seen(found, ini, outcome)]
-    told["alarm"] = bool(unseen)
-    told["ratio"], told["joint"] = worst_ratio(outcome, flight)
-    near = told["ratio"] is None or abs(told["ratio"] - 1) <= AGREE
-    return {**told, "right": near and not unseen}
+    entry["alarm"] = bool(unseen)
+    entry["ratio"], entry["joint"] = worst_ratio(outcome, flight)
+    near = entry["ratio"] is None or abs(entry["ratio"] - 1) <= AGREE
+    return {**entry, "right": near and not unseen}
 
 
 def program_ini(program):
@@ -119,43 +119,43 @@ def worst_ratio(outcome, flight):
 def table(rows):
     lines = ["| machine | program | kind | LinuxCNC | preflight | peak ratio | |",
              "| --- | --- | --- | --- | --- | --: | --- |"]
-    for told in rows:
-        ratio = "" if told["ratio"] is None else f"{told['ratio']:.4f}"
-        verdict = "" if told["right"] else "missed" if told["missed"] else "false alarm" if told["alarm"] else "off"
-        did = " ".join(told["linuxcnc"].split())[:60]
-        lines.append(f"| {told['machine']} | {told['program']} | {told['kind']} | {did} "
-                     f"| {told['preflight']} | {ratio} | {verdict} |")
+    for entry in rows:
+        ratio = "" if entry["ratio"] is None else f"{entry['ratio']:.4f}"
+        verdict = "" if entry["right"] else "missed" if entry["missed"] else "false alarm" if entry["alarm"] else "off"
+        did = " ".join(entry["linuxcnc"].split())[:60]
+        lines.append(f"| {entry['machine']} | {entry['program']} | {entry['kind']} | {did} "
+                     f"| {entry['preflight']} | {ratio} | {verdict} |")
     return "\n".join(lines)
 
 
 def summary(rows):
-    compared = [told["ratio"] for told in rows if told["ratio"] is not None]
+    compared = [entry["ratio"] for entry in rows if entry["ratio"] is not None]
     near = sum(abs(ratio - 1) <= AGREE for ratio in compared)
-    stopped = [told for told in rows if told["linuxcnc"] not in ("", "runs")]
+    stopped = [entry for entry in rows if entry["linuxcnc"] not in ("", "runs")]
     return (f"truth: {len(rows)} programs; {len(stopped)} stopped by LinuxCNC, "
-            f"{sum(told['missed'] for told in rows)} of them not predicted with their line; "
-            f"{sum(told['alarm'] for told in rows)} false alarms; peaks of {len(compared)} compared, "
+            f"{sum(entry['missed'] for entry in rows)} of them not predicted with their line; "
+            f"{sum(entry['alarm'] for entry in rows)} false alarms; peaks of {len(compared)} compared, "
             f"{near} of them equal")
 
 
 def beside(job):
     """Compares a live and a virtual run of a program; `same` is false if they differ."""
     name, live, offline, recorded, trace, is_random = job
-    told = {"program": name, "cycles": 0, "motions": 0, "difference": None, "ratio": None, "why": "", "same": False}
+    entry = {"program": name, "cycles": 0, "motions": 0, "difference": None, "ratio": None, "why": "", "same": False}
     for kind, outcome in (("live", live), ("in virtual time", offline)):
         if outcome is None or "failed" in outcome:
-            return {**told, "why": f"not run {kind}: {(outcome or {}).get('failed', '')[:60]}"}
+            return {**entry, "why": f"not run {kind}: {(outcome or {}).get('failed', '')[:60]}"}
     machine = name.split(".")[0]
     extra = ini_edit.extra_letters((REPOSITORY / "configs" / machine / f"{machine}.ini").read_text()).lower()
     seen = traces.without(traces.recorded(recorded), extra)
     joints = len(seen.places[0]) - len(traces.AXES)
     offline_seen = traces.without(traces.virtual(trace, joints), extra)
-    told.update(traces.compared(seen, offline_seen, bool(live["errors"])))
-    if told["why"] and is_random and traces.is_same_path(seen, offline_seen, bool(live["errors"])):
-        told["why"] = ""
-    if not told["why"]:
-        told["why"] = other_end(live, offline, seen)
-    return {**told, "same": not told["why"]}
+    entry.update(traces.compared(seen, offline_seen, bool(live["errors"])))
+    if entry["why"] and is_random and traces.is_same_path(seen, offline_seen, bool(live["errors"])):
+        entry["why"] = ""
+    if not entry["why"]:
+        entry["why"] = other_end(live, offline, seen)
+    return {**entry, "same": not entry["why"]}
 
 
 def other_end(live, offline, seen):
@@ -179,16 +179,16 @@ def other_end(live, offline, seen):
 def table_beside(rows):
     lines = ["| program | cycles that move | motions | largest difference | peak ratio | |",
              "| --- | --: | --: | --: | --: | --- |"]
-    for told in rows:
-        apart = "" if told["difference"] is None else f"{told['difference']:.1e}"
-        ratio = "" if told["ratio"] is None else f"{told['ratio']:.9f}"
-        lines.append(f"| {told['program']} | {told['cycles']} | {told['motions']} | {apart} | {ratio} | {told['why']} |")
+    for entry in rows:
+        apart = "" if entry["difference"] is None else f"{entry['difference']:.1e}"
+        ratio = "" if entry["ratio"] is None else f"{entry['ratio']:.9f}"
+        lines.append(f"| {entry['program']} | {entry['cycles']} | {entry['motions']} | {apart} | {ratio} | {entry['why']} |")
     return "\n".join(lines)
 
 
 def summary_beside(rows):
-    same = [told for told in rows if told["same"]]
-    most = max((told["difference"] for told in same), default=0.0)
+    same = [entry for entry in rows if entry["same"]]
+    most = max((entry["difference"] for entry in same), default=0.0)
     return (f"truth: {len(rows)} programs live, {len(same)} of them the same in virtual time; "
-            f"{sum(told['motions'] for told in same)} motions of {sum(told['cycles'] for told in same)} cycles, "
-            f"largest difference {most:.1e}; {sum(not told['difference'] for told in same)} programs bit for bit")
+            f"{sum(entry['motions'] for entry in same)} motions of {sum(entry['cycles'] for entry in same)} cycles, "
+            f"largest difference {most:.1e}; {sum(not entry['difference'] for entry in same)} programs bit for bit")

@@ -19,7 +19,7 @@ def judged(pkm, ini, program, trace):
     if timing is None:
         # Preflight did not run it, but its verdict is still judged.
         return {"outcome": run(pkm, ini, program, trace), "flight": flight}
-    errors = [(told["text"].strip(), told["line"]) for told in timing["messages"] if told["kind"] == "error"]
+    errors = [(shown["text"].strip(), shown["line"]) for shown in timing["messages"] if shown["kind"] == "error"]
     return {"outcome": outcome(ini, trace, errors, timing["ending"] == "finished"), "flight": flight}
 
 
@@ -43,8 +43,8 @@ def run(pkm, ini, program, trace):
     if done.returncode not in (0, 1):
         return {"failed": done.stderr.strip()}
     # A message may have several lines; each message begins with the name of the program.
-    told = [MESSAGE.match(text) for text in done.stdout.split(f"{program}: ")]
-    errors = [(found[3].strip(), int(found[1] or 0)) for found in told if found and found[2]]
+    shown = [MESSAGE.match(text) for text in done.stdout.split(f"{program}: ")]
+    errors = [(found[3].strip(), int(found[1] or 0)) for found in shown if found and found[2]]
     return outcome(ini, trace, errors, done.returncode == 0)
 
 

@@ -123,14 +123,14 @@ def test_starts_that_cannot_be_are_refused(served):
     with tempfile.TemporaryDirectory() as folder:
         page = pathlib.Path(folder) / "page.html"
         page.write_bytes(PAGE)
-        told = refused(INI, "--page", page, "--port", served.port)
-        assert "in use" in told and str(served.port) in told and "--port" in told, told
+        message = refused(INI, "--page", page, "--port", served.port)
+        assert "in use" in message and str(served.port) in message and "--port" in message, message
         assert "No such file" in refused(INI, "--page", page.parent / "none.html")
         assert "No such file" in refused(page.parent / "none.ini", "--page", page)
         other = page.parent / "other.ini"
         other.write_text("[KINS]\nKINEMATICS = trivkins\n")
-        told = refused(other, "--page", page)
-        assert "expected pkmkins" in told and "trivkins" in told, told
+        message = refused(other, "--page", page)
+        assert "expected pkmkins" in message and "trivkins" in message, message
         other.write_text("[KINS]\nKINEMATICS = pkmkins legs=strut\n")
         assert "legs=strut" in refused(other, "--page", page)
         assert "--port" in refused(INI, "--page", page, "--port", 70000)

@@ -296,8 +296,8 @@ def survived(interface, out):
         assert not ended, f"LinuxCNC has ended: {log[-1500:]}"
         assert done.returncode == 0, done.stdout + done.stderr
     # Missing pins are reported once, and the rest is connected silently.
-    told = [line for line in log.splitlines() if "pkmkins: " in line]
-    assert len(told) == interface.loads_panel and all(line.startswith(NO_PANEL) for line in told), told
+    reports = [line for line in log.splitlines() if "pkmkins: " in line]
+    assert len(reports) == interface.loads_panel and all(line.startswith(NO_PANEL) for line in reports), reports
     assert log.count(NO_MODEL) == (not interface.window), "the model is silent, or reports its fault more than once"
     return f"on after {done.stdout.strip()} s, jogs are guarded"
 

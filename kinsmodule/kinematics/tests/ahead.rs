@@ -220,8 +220,8 @@ fn no_input_makes_the_allowed_speed_nan_or_negative_and_nan_allows_nothing() {
                 let needed = [true, travels, turns, true].get(field) == Some(&true);
                 let nothing = value.is_nan() && needed;
                 assert!(!nothing || found.allowed == 0.0, "field {field}: {found:?}");
-                let told = value.is_nan() && [6, 7, 9, 10].contains(&field);
-                assert!(!told || found.soon.is_some(), "field {field}: {found:?}");
+                let is_reported = value.is_nan() && [6, 7, 9, 10].contains(&field);
+                assert!(!is_reported || found.soon.is_some(), "field {field}: {found:?}");
             }
         }
         for k in (0..6).filter(|k| drive.rate[*k] != 0.0) {

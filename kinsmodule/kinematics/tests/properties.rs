@@ -353,13 +353,14 @@ fn a_strut_is_too_short_at_a_millionth_of_the_machine_and_not_before() {
                 let position = anchor + Vector3::new(0.0, 0.0, length);
                 let pose = Pose { position, angles: Vector3::zeros() };
                 let expected = Some((Cause::StrutTooShort, Some(i as u8)));
-                let told = |fault: Option<Fault>| fault.map(|fault| (fault.cause, fault.number()));
-                let refused = told(case.machine.inverse(&pose, &NO_TOOL).err());
+                let cause_of =
+                    |fault: Option<Fault>| fault.map(|fault| (fault.cause, fault.number()));
+                let refused = cause_of(case.machine.inverse(&pose, &NO_TOOL).err());
                 assert_eq!(refused == expected, is_refused, "{}: {i}", case.name);
                 // The same as a seed, from which forward starts.
                 let joints = case.joints(&case.home);
                 let found = case.machine.forward(&joints, &pose, &NO_TOOL, &Solver::default());
-                assert_eq!(told(found.err()) == expected, is_refused, "{}: {i}", case.name);
+                assert_eq!(cause_of(found.err()) == expected, is_refused, "{}: {i}", case.name);
             }
         }
     }

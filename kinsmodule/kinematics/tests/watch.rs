@@ -173,7 +173,7 @@ fn conditioning_is_the_smallest_singular_value_of_the_legs_as_unit_forces() {
 
 #[test]
 fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
-    let mut told = [0; 3];
+    let mut counted = [0; 3];
     each_pose(84, |case, watch, pose, legs, rng| {
         let at = |limits: &Limits| case.machine.nowhere().here(&NO_TOOL, limits, pose);
         assert_eq!(at(&Limits::NONE), None, "{}", case.name);
@@ -199,7 +199,7 @@ fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
                     (fault.cause, fault.number(), fault.value),
                     (cause, Some(leg as u8), angle)
                 );
-                told[k] += 1;
+                counted[k] += 1;
             }
         }
         let near = |clearance: f64| at(&Limits { clearance, ..Limits::NONE });
@@ -208,12 +208,12 @@ fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
             let fault = near(nearest.distance * 1.001).expect("too near");
             let found = (fault.cause, fault.number(), fault.value);
             assert_eq!(found, (Cause::LegsNear, Some(nearest.pair[0] as u8), nearest.distance));
-            told[2] += 1;
+            counted[2] += 1;
         } else {
             assert_eq!(near(1e9), None);
         }
     });
-    assert!(told.iter().all(|count| *count > 0), "{told:?}");
+    assert!(counted.iter().all(|count| *count > 0), "{counted:?}");
 }
 
 #[test]

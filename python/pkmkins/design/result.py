@@ -100,9 +100,9 @@ class Front:
         """Returns the constraint that excludes most machines, if none fits."""
         if not self.killers:
             return f"{self.study.name}: nothing was judged"
-        told = ", ".join(f"{name} ({count})" for name, count in self.killers)
+        summary = ", ".join(f"{name} ({count})" for name, count in self.killers)
         return (
-            f"{self.study.name}: none of {self.judged} candidates fits. Most are ruled out by: {told}. "
+            f"{self.study.name}: none of {self.judged} candidates fits. Most are ruled out by: {summary}. "
             f"Ask less of {self.killers[0][0]}, or widen [range]"
         )
 
@@ -115,11 +115,11 @@ class Front:
             f"<tr{' class=chosen' if one == chosen else ''}>" + "".join(f"<td>{x:.6g}</td>" for x in (*one[0], *one[1])) + "</tr>"
             for one in self.machines
         )
-        told = f"{self.fitting} of {self.judged} candidates keep their limits at the poses looked at, which proves nothing between them. Marked: nearest to the best of every objective."
+        summary = f"{self.fitting} of {self.judged} candidates keep their limits at the poses looked at, which proves nothing between them. Marked: nearest to the best of every objective."
         why = "" if self.machines else f"<p>{html.escape(self.why_nothing())}</p>"
         return (
             f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{title}</title><style>{STYLE}</style>"
-            f"<h1>{title}</h1><p>{told}</p>{why}{_pictures(self)}<table><tr>{head}</tr>{body}</table></html>\n"
+            f"<h1>{title}</h1><p>{summary}</p>{why}{_pictures(self)}<table><tr>{head}</tr>{body}</table></html>\n"
         )
 
 

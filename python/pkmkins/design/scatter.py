@@ -21,8 +21,8 @@ class Scatter:
 
     def lines(self, study):
         """Returns a text for users, one line per objective."""
-        told = [f"  {name}: {m:.6g}, standard deviation {d:.3g}" for name, m, d in zip(study.objectives, self.mean, self.deviation)]
-        return "\n".join([f"made within these tolerances {100 * self.fitting:.0f} % still keep their limits at the poses looked at:", *told])
+        listed = [f"  {name}: {m:.6g}, standard deviation {d:.3g}" for name, m, d in zip(study.objectives, self.mean, self.deviation)]
+        return "\n".join([f"made within these tolerances {100 * self.fitting:.0f} % still keep their limits at the poses looked at:", *listed])
 
 
 def scatter(study, values, length, angle, drawn=DRAWN):

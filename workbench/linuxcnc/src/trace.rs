@@ -108,6 +108,6 @@ fn put_cycle(text: &mut String, time: f64, line: impl Display, values: impl Iter
 /// Writes the fewest digits that are read as the same number; below 1e-5 and from 1e16 on with an exponent.
 fn put_number(text: &mut String, value: f64) {
     let mut digits = zmij::Buffer::new();
-    let told = digits.format(value);
-    text.push_str(told.strip_suffix(".0").unwrap_or(told));
+    let shortest = digits.format(value);
+    text.push_str(shortest.strip_suffix(".0").unwrap_or(shortest));
 }

@@ -505,8 +505,8 @@ mod tests {
             (bound(90, most - 1), "at worst"),
             (Bounds::new(), "no bound"),
         ] {
-            let told = complaints(&bounds);
-            assert!(told.len() == 1 && told[0].contains(word), "{told:?}");
+            let reported = complaints(&bounds);
+            assert!(reported.len() == 1 && reported[0].contains(word), "{reported:?}");
         }
     }
 
@@ -514,7 +514,7 @@ mod tests {
     fn a_call_that_its_solves_do_not_explain_is_told() {
         let mut cases = row();
         cases.push((case(Aim::Worst, MAX_ITERATIONS, 2), 170 + 2 * 14 + 1));
-        let told = complaints(&["m"], &of(&cases), &bound(0, 10_000));
-        assert!(told.len() == 1 && told[0].contains("solves explain"), "{told:?}");
+        let reported = complaints(&["m"], &of(&cases), &bound(0, 10_000));
+        assert!(reported.len() == 1 && reported[0].contains("solves explain"), "{reported:?}");
     }
 }
