@@ -7,14 +7,14 @@
 host=(--profile host --locked --quiet)
 mkdir -p build
 
-# virtually COMMAND...: runs it with the library for virtual time that is built here; installs nothing.
+# virtually COMMAND...: runs it with the library for virtual time of this build; installs nothing.
 virtually() {
     make virtual
     PKM=$PWD/target/host/pkm PYTHONDONTWRITEBYTECODE=1 \
         PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so "$@"
 }
 
-# environment FOLDER: makes a Python environment with the libraries that the package needs.
+# environment FOLDER: creates a Python environment with the libraries that the package needs.
 environment() {
     "${PYTHON:-python3}" -m venv "$1"
     "$1/bin/pip" install --quiet --require-hashes -r python/requirements.txt
@@ -76,7 +76,7 @@ screens() { make install setup-screen && tests/viewer/screens.py --out build/scr
 calibration-demo() {
     make install
     cargo build "${host[@]}" --lib
-    # Only this task needs the component that plays the true machine: remove it at the end.
+    # Only this task needs the component of the true machine: remove it at the end.
     root=$([ "$(id -u)" = 0 ] || command -v sudo)
     player=/usr/lib/linuxcnc/modules/pkmkins_truth.so
     trap '$root rm -f $player' EXIT

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Which HAL the module is built for: that of the installed headers, or the one that `PKMKINS_HAL` names.
+//! Selects the HAL that the module is built for: that of the installed headers, or the one that `PKMKINS_HAL` names.
 
 use std::path::Path;
 use std::{env, fs};
 
-/// Where LinuxCNC's development package puts its headers, unless told otherwise.
+/// Default folder of the headers of LinuxCNC's development package.
 const LINUXCNC_HEADERS: &str = "/usr/include/linuxcnc";
 
 /// Declared by a HAL whose pins are references with getters and setters.

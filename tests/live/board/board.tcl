@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Stands in for the hardware that a drive file of pkmkins loads:
+# Replaces the hardware that a drive file of pkmkins loads:
 #
 #     HALFILE = board/board.tcl LIB:pkmkins_mesa_step.tcl
 #
-# hostmot2 runs on the card of its test driver, hm2_test: the file's own lines load both, have the thread read and
+# hostmot2 runs on the card of its test driver, hm2_test: the file's own lines load both, make the thread read and
 # write the card, and use its gpio. Of the patterns of that card, 0 to 14, hostmot2 registers only number 12,
-# which has 24 gpio without inputs and nothing else. So LinuxCNC's own step generators and encoders stand behind the names that
-# these would have on a card, motors with a lag turn the encoders, and the watchdog never bites; LinuxCNC's
-# simulated port stands behind hal_parport. Every name of the card that is used goes to the file `names`,
+# which has 24 gpio without inputs and nothing else. So LinuxCNC's own step generators and encoders replace the card's
+# parts under their names, motors with a lag turn the encoders, and the watchdog never bites; LinuxCNC's
+# simulated port replaces hal_parport. Every name of the card that is used is written to the file `names`,
 # for the test to compare with the manual of hostmot2.
 
 namespace eval board {
     # Kind of the card's parts, from CONFIG; and names without effect here.
     variable kind {}
     variable left_out {timeout_ns step_type control-type}
-    # Counts of a motor's encoder in a turn.
+    # Counts of a motor's encoder per turn.
     variable counts 400
     variable names [open names w]
 }
@@ -28,7 +28,7 @@ proc board::ini {section key {default ""}} {
 
 proc board::joints {} { return [ini KINS JOINTS] }
 
-# The name here of a pin or parameter of the card.
+# Returns the name here of a pin or parameter of the card.
 proc board::here {name} {
     variable names
     if {[regexp {^hm2_test\.0\.(.*)$} $name -> part]} { puts $names $part; flush $names }
@@ -52,8 +52,8 @@ proc board::load_steps {} {
     hal_of_linuxcnc addf stepgen.make-pulses base-thread
 }
 
-# A motor reaches 1 - 1/e of a commanded speed in 4.5 cycles. Its encoder has a pulse of index in a turn,
-# and a switch closes three quarters of a turn after the place where it stood at first.
+# Creates the motors. A motor reaches 1 - 1/e of a commanded speed in 4.5 cycles. Its encoder has one index pulse per
+# turn, and a switch closes three quarters of a turn after its initial position.
 proc board::load_motors {} {
     variable counts
     hal_of_linuxcnc loadrt sim_encoder num_chan=[joints]
@@ -78,7 +78,7 @@ proc board::load_motors {} {
 
 proc board::load_card {config} {
     variable kind
-    # A module is loaded once: `not` is left to the files that stand behind.
+    # A module is loaded once: the files that follow load `not`.
     hal_of_linuxcnc loadrt or2 names=watchdog,[names_of powered]
     if {[regexp {num_stepgens=[1-9]} $config]} {
         set kind steps
@@ -89,7 +89,7 @@ proc board::load_card {config} {
     }
 }
 
-# What runs where the file has the card read or written.
+# Functions that run where the file reads or writes the card.
 proc board::functions {way} {
     variable kind
     switch $kind-$way {

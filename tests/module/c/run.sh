@@ -5,7 +5,7 @@
 #   tests/module/c/run.sh
 # Environment: LINUXCNC_HEADERS (default /usr/include/linuxcnc),
 #   PKMKINS_SO (default target/module/release/libpkmkins.so), CC (default cc),
-#   RUNNER (what runs programs of another processor, for which CC compiles).
+#   RUNNER (the emulator for another processor, for which CC compiles).
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
@@ -23,7 +23,7 @@ say_and_fail() { echo "tests/module/c: $*" >&2; exit 1; }
 [ -f "$headers/kinematics.h" ] || say_and_fail "$headers/kinematics.h is missing: install linuxcnc-uspace-dev"
 [ -f "$module" ] || say_and_fail "$module is missing: run 'cargo xtask module'"
 
-# compile INCLUDE_FOLDER OUTPUT [FLAG...]: LinuxCNC's headers are not ours to warn about.
+# compile INCLUDE_FOLDER OUTPUT [FLAG...]: without warnings about LinuxCNC's headers.
 compile() {
     include=$1 output=$2
     shift 2
@@ -90,7 +90,7 @@ if [ -n "$runner" ]; then
     exit 0
 fi
 
-# The same client watched by the sanitizers: it owns every byte the module may write.
+# The same client under the sanitizers: it owns every byte that the module may write.
 compile "$root/include" "$work/watched" -fsanitize=address,undefined -fno-sanitize-recover=all
 ASAN_OPTIONS=detect_leaks=0 "$work/watched" "$work/stub_hal.so" "$module" >/dev/null
 echo "ok: the same under address and undefined-behaviour sanitizers"

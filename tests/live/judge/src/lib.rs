@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Judges what was recorded of a running LinuxCNC: every servo cycle against the host library and
+//! Checks the recording of a running LinuxCNC: every servo cycle against the host library and
 //! the limits of the machine.
 
 pub mod page;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `judge INI TRACE.csv RESULT.json OUT_DIR`: judges one recorded run.
+//! `judge INI TRACE.csv RESULT.json OUT_DIR`: checks one recorded run.
 //!
 //! Prints a table and writes report.html with plots into OUT_DIR. Exit code 0: all
-//! figures are as they must be; 1: at least one is not; 2: the run cannot be judged.
+//! figures are within their bounds; 1: at least one is not; 2: the run cannot be judged.
 
 use judge::{page, trace};
 use machine::read::machine::MachineConfig;
@@ -30,7 +30,7 @@ fn unjudged(error: &str) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// Whether every figure is as it must be.
+/// Returns whether every figure is within its bound.
 fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, Box<dyn Error>> {
     let machine = MachineConfig::read(ini)?;
     let config = machine.first();
@@ -41,7 +41,7 @@ fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, Bo
     })?;
     let judged = trace::judge(config, &samples, &result)?;
     page::write(folder, config, &samples, &result, &judged)?;
-    // A reader that has gone away does not change the verdict.
+    // If the reader has closed the pipe the verdict is the same.
     let _ = writeln!(std::io::stdout(), "{judged}report: {}", folder.join("report.html").display());
     Ok(judged.kept())
 }

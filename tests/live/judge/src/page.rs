@@ -12,12 +12,12 @@ use maud::{Markup, html};
 use std::error::Error;
 use std::path::Path;
 
-/// Writes plots and report.html into `folder`, which is made if needed.
+/// Writes plots and report.html into `folder`, which is created if needed.
 ///
 /// Every file appears complete or not at all.
 ///
 /// # Errors
-/// A file that cannot be written, or what cannot be drawn.
+/// A file cannot be written, or a plot cannot be drawn.
 pub fn write(
     folder: &Path,
     config: &Mechanism,

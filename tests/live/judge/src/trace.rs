@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Traces of a running LinuxCNC, judged against the host library.
+//! Traces of a running LinuxCNC, checked against the host library.
 //!
-//! A trace holds one line a servo cycle; its columns are described in
-//! tests/live/README.md. The checks recompute what the module did with the same core,
-//! and hold positions, speeds and cones to the limits of the INI file.
+//! A trace has one line per servo cycle; its columns are described in
+//! tests/live/README.md. The checks recompute the module's results with the same core,
+//! and compare positions, speeds and cones with the limits of the INI file.
 
 use check::mobility::Structure;
 use draw::sample::Sample;
@@ -18,7 +18,7 @@ use std::path::Path;
 /// Coarse joint commands against host inverse, in mm or degrees.
 const JOINT_TOLERANCE: f64 = 1e-9;
 
-/// Host forward of the coarse joints against the commanded pose, as a share of the size.
+/// Host forward of the coarse joints against the commanded pose, as a fraction of the size.
 const ROUND_TRIP: f64 = 1e-10;
 
 /// Joints of the pose that forward shows against the feedback, in units of the
@@ -37,7 +37,7 @@ const WIDEST: usize = 34;
 const PROGRAM_PHASE: f64 = 2.0;
 const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
-/// What `run_live.py` found; fields that a failed run lacks are zero.
+/// The results of `run_live.py`; fields that a failed run lacks are zero.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default)]
 pub struct RunResult {
@@ -57,9 +57,9 @@ pub struct RunResult {
     pub geometry_hash: u32,
     /// Longest run of the servo thread, nanoseconds.
     pub servo_tmax_ns: f64,
-    /// Longest run of the motion controller alone, kinematics included, nanoseconds.
+    /// Longest run of the motion controller, kinematics included, nanoseconds.
     pub motion_tmax_ns: f64,
-    /// Whether the run went to its end without a message.
+    /// Whether the run ended normally without a message.
     pub ok: bool,
     pub error: Option<String>,
 }
@@ -69,7 +69,7 @@ const MOST_JOINTS: usize = 16;
 /// Reads a trace of this machine.
 ///
 /// # Errors
-/// A sentence naming file, line and what was expected.
+/// A message naming file, line and what was expected.
 pub fn read_trace(config: &Mechanism, file: &Path) -> Result<Vec<Sample>, String> {
     let named = |error: &dyn fmt::Display| format!("{}: {error}", file.display());
     let mut reader = csv::Reader::from_path(file).map_err(|e| named(&e))?;
@@ -100,7 +100,7 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// Joints of legs and table, of a second mechanism, which is not judged here, and of extra axes.
+    /// Returns the joints of legs and table, of a second mechanism, which is not judged here, and of extra axes.
     fn joints(&self) -> impl Iterator<Item = usize> + use<> {
         0..self.config.place.first_extra_joint + self.config.extra.len()
     }
@@ -156,8 +156,8 @@ impl Columns<'_> {
 }
 
 impl Columns<'_> {
-    /// Takes the coordinates of extra axes and of a second mechanism out of a pose; the largest difference of
-    /// one of an extra axis from its joint.
+    /// Removes the coordinates of extra axes and of a second mechanism from a pose; returns the largest difference
+    /// of an extra axis's coordinate from its joint.
     fn take_out(&self, pose: &mut [f64; 6], joints: &[f64; MOST_JOINTS]) -> f64 {
         let second = self.config.second_letters.iter().flat_map(|letters| letters.places());
         for place in second {
@@ -172,8 +172,8 @@ impl Columns<'_> {
         gaps.fold(0.0, f64::max)
     }
 
-    /// Puts the machine's own pose and tool vector in place of LinuxCNC's, where axes carry something.
-    /// U V W are in no line of a trace.
+    /// Replaces LinuxCNC's pose and tool vector with the machine's own if axes carry something.
+    /// A trace contains no U V W.
     fn carry(&self, given: &[f64; 6], sample: &mut Sample) -> Result<(), String> {
         let (chain, tool) = (&self.config.chain, Vector3::from(sample.tool));
         if chain.is_empty() {
@@ -189,19 +189,19 @@ impl Columns<'_> {
         Ok(())
     }
 
-    /// Joints of legs and table.
+    /// Returns the joints of legs and table.
     fn own(&self, joints: &[f64; MOST_JOINTS]) -> Joints {
         let count = self.config.joints.len();
         std::array::from_fn(|i| if i < count { joints[i] } else { 0.0 })
     }
 }
 
-/// The next value of a line, which is as long as the heading: the CSV reader sees to that.
+/// Returns the next value of a line, which has as many as the heading: the CSV reader checks that.
 fn next(values: &mut impl Iterator<Item = f64>) -> f64 {
     values.next().unwrap_or_default()
 }
 
-/// The next values, put to these places; 0 elsewhere.
+/// Returns the next values at these indices; 0 elsewhere.
 fn placed<const N: usize>(
     values: &mut impl Iterator<Item = f64>,
     places: impl Iterator<Item = usize>,
@@ -216,31 +216,31 @@ fn placed<const N: usize>(
 /// Reads the result file of a run.
 ///
 /// # Errors
-/// A sentence naming the file.
+/// A message naming the file.
 pub fn read_result(file: &Path) -> Result<RunResult, String> {
     let text = std::fs::read(file).map_err(|e| format!("{}: {e}", file.display()))?;
     serde_json::from_slice(&text).map_err(|e| format!("{}: {e}", file.display()))
 }
 
-/// A figure, what is allowed, and whether it was kept.
+/// A figure, its bound, and whether it is within the bound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Check {
-    /// What was measured.
+    /// Name of the figure.
     pub name: String,
-    /// The figure with its unit.
+    /// Value with its unit.
     pub found: String,
-    /// What is allowed; empty where nothing is asked.
+    /// Bound; empty if there is none.
     pub allowed: String,
-    /// Whether the figure is as it must be.
+    /// Whether the figure is within its bound.
     pub kept: bool,
 }
 
-/// A sample on which the host library fails.
+/// A failure of the host library on a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceFault {
     /// Seconds since the first line of the trace.
     pub time: f64,
-    /// Why.
+    /// Cause.
     pub fault: Fault,
 }
 
@@ -252,7 +252,7 @@ impl fmt::Display for TraceFault {
 
 impl std::error::Error for TraceFault {}
 
-/// What a failure of the host library on a sample is told as.
+/// Returns a function that converts a failure of the host library on a sample to an error.
 fn failed(sample: &Sample) -> impl Fn(Fault) -> TraceFault + use<> {
     let time = sample.time;
     move |fault| TraceFault { time, fault }
@@ -266,7 +266,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether everything was as it must be.
+    /// Returns whether every figure is within its bound.
     pub fn kept(&self) -> bool {
         self.checks.iter().all(|check| check.kept)
     }
@@ -277,7 +277,7 @@ impl fmt::Display for Report {
         let width = |text: fn(&Check) -> &str| {
             self.checks.iter().map(|check| text(check).chars().count()).max().unwrap_or(0)
         };
-        // A long message must not push the last column off the screen.
+        // A long message must not move the last column off the screen.
         let (names, found) = (width(|c| &c.name), width(|c| &c.found).min(WIDEST));
         for Check { name, found: value, allowed, kept } in &self.checks {
             let mark = if *kept { "    " } else { "BAD " };
@@ -291,7 +291,7 @@ impl fmt::Display for Report {
 /// Judges a trace and its result against the machine.
 ///
 /// # Errors
-/// A call of the host library that fails on a sampled pose or on sampled joints.
+/// The host library fails on a sampled pose or on sampled joints.
 pub fn judge(
     config: &Mechanism,
     samples: &[Sample],
@@ -315,8 +315,8 @@ pub fn judge(
 /// Cycles without any motion after which command and drive have settled.
 const SETTLED: usize = 10;
 
-/// Joint value minus motor position, from where the machine first stands still in world mode: as
-/// that begins, the last of the motion before may still be on its way.
+/// Returns joint values minus motor positions, from the first standstill in world mode: as world mode
+/// begins, the motion before may not have ended yet.
 fn motor_offsets(world: &[Sample]) -> Joints {
     let still = |part: &&[Sample]| {
         part.iter().all(|s| s.joints == part[0].joints && s.motors == part[0].motors)
@@ -385,7 +385,7 @@ impl Deviations {
         Ok(most)
     }
 
-    /// Host forward of the sampled joints.
+    /// Adds host forward of the sampled joints.
     fn add(&mut self, config: &Mechanism, sample: &Sample, seed: &Pose) -> Result<Pose, Fault> {
         let (pose, tool) = (Pose::from_degrees(sample.pose), sample.tool());
         let asked = config.machine.at(&pose, &tool)?;
@@ -397,8 +397,8 @@ impl Deviations {
         Ok(found)
     }
 
-    /// Joints that contradict each other have no pose of their own: there the pose shown is
-    /// held to the one that the host finds to fit best.
+    /// Adds the feedback. Inconsistent joints have no exact pose: then the pose shown is
+    /// compared with the one that the host finds to fit best.
     fn add_feedback(
         &mut self,
         config: &Mechanism,
@@ -458,7 +458,7 @@ fn kinematics_checks(
     Ok(checks)
 }
 
-/// Joints by kind, because their units differ.
+/// Returns the checks of joints by kind, because their units differ.
 fn joint_checks(config: &Mechanism, found: &Deviations) -> Vec<Check> {
     let mut checks = vec![];
     for Group { kind, unit, joints } in config.groups() {
@@ -473,7 +473,7 @@ fn joint_checks(config: &Mechanism, found: &Deviations) -> Vec<Check> {
     checks
 }
 
-/// Joint units per machine unit of a residual, which is a length: at the end of an arm
+/// Returns joint units per machine unit of a residual, which is a length: at the end of an arm
 /// one degree is a length too.
 fn per_length(config: &Mechanism, kind: JointKind) -> f64 {
     let arms = config.geometry.legs().iter().filter(|leg| leg.kind.is_angular());
@@ -517,7 +517,7 @@ fn range(values: &[f64]) -> (f64, f64) {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)))
 }
 
-/// Largest first and second differences, per second and per second squared.
+/// Returns the largest first and second differences, per second and per second squared.
 fn rates(positions: &[f64], period: f64) -> (f64, f64) {
     let largest = |values: &mut dyn Iterator<Item = f64>| values.map(f64::abs).fold(0.0, f64::max);
     let speed = largest(&mut positions.windows(2).map(|w| w[1] - w[0]));
@@ -525,7 +525,7 @@ fn rates(positions: &[f64], period: f64) -> (f64, f64) {
     (speed / period, acceleration / (period * period))
 }
 
-/// Limits of the poses during homing and in the program, beside those of joints and axes.
+/// Checks limits of the poses during homing and in the program, in addition to those of joints and axes.
 fn pose_checks(
     config: &Mechanism,
     samples: &[Sample],
@@ -546,7 +546,7 @@ fn pose_checks(
     Ok(checks)
 }
 
-/// Where the platform was before world mode: followed back from the pose that is known.
+/// Returns the platform's poses before world mode: followed back from the known pose.
 fn homing_poses<'a>(
     config: &Mechanism,
     samples: &'a [Sample],
@@ -618,13 +618,13 @@ fn info(name: &str, found: String) -> Check {
     check(name, found, "", true)
 }
 
-/// A deviation that may not be passed.
+/// Checks a deviation against its bound.
 fn most(name: &str, found: f64, unit: &str, allowed: f64) -> Check {
     let text = |value: f64| format!("{value:.2e} {unit}");
     check(name, text(found), &format!("at most {}", text(allowed)), found <= allowed)
 }
 
-/// A share of a limit that may not be passed.
+/// Checks a fraction of a limit.
 fn share(name: &str, found: f64) -> Check {
     let kept = found <= 1.0 + LIMIT_ROUNDING;
     check(name, format!("{:.1} % of the limit", found * 100.0), "at most 100 %", kept)

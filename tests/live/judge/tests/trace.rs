@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Traces made up from the host library are judged as they deserve, and the report of
-//! `judge` holds what it promises.
+//! Tests the verdicts on traces generated with the host library, and the content of `judge`'s
+//! report.
 
 use draw::sample::Sample;
 use judge::trace::{RunResult, judge, read_trace};
@@ -15,7 +15,7 @@ use std::process::Command;
 
 const PERIOD: f64 = 1e-3;
 
-/// A tool that reaches out to the side, in units of any of the machines.
+/// A tool that extends to the side, in units of any of the machines.
 const TOOL: [f64; 3] = [1.5, -0.5, 2.0];
 
 fn ini(machine: &str) -> PathBuf {
@@ -31,14 +31,14 @@ fn config() -> Mechanism {
     config_of("hexapod")
 }
 
-/// How far the made-up trace moves from home: a smooth way out and back in X and Z, and a tilt.
+/// Motion of the generated trace from home: smoothly out and back in X and Z, and a tilt.
 const HEXAPOD: [f64; 6] = [60.0, 0.0, -40.0, 20.0, 10.0, 0.0];
 
 fn samples(config: &Mechanism) -> Vec<Sample> {
     samples_by(config, HEXAPOD)
 }
 
-/// From rest to rest; drives without lag.
+/// Returns samples from rest to rest; drives without lag.
 fn samples_by(config: &Mechanism, by: [f64; 6]) -> Vec<Sample> {
     let cycles = 4000;
     let mut samples: Vec<Sample> = (0..cycles)
@@ -79,7 +79,7 @@ fn result(config: &Mechanism) -> RunResult {
     RunResult { ok: true, geometry_hash: config.hash, ..RunResult::default() }
 }
 
-/// Names of the figures that are not as they must be.
+/// Returns names of the figures that exceed their bounds.
 fn bad(change: impl Fn(&mut Vec<Sample>, &mut RunResult)) -> Vec<String> {
     let config = config();
     let (mut samples, mut result) = (samples(&config), result(&config));
@@ -163,7 +163,7 @@ fn a_cone_left_in_the_program_is_seen() {
     assert_eq!(bad, ["base cone, program"]);
 }
 
-/// Machines with other joints than struts, and what they can do.
+/// Machines with joints other than struts, and their motions.
 const OTHERS: [(&str, [f64; 6]); 3] = [
     ("four-rod-lathe", [50.0, 20.0, -40.0, 0.0, 10.0, 0.0]),
     ("pyramid", [60.0, 30.0, -40.0, 10.0, 10.0, 0.0]),
@@ -206,7 +206,7 @@ fn carriages_that_lag_apart_are_no_fault_of_a_redundant_machine() {
         let found = found.unwrap();
         (samples[k].forward, samples[k].residual) = (found.pose.to_degrees(), found.residual);
     }
-    // The sudden lag is a jump of the motors, which is another matter.
+    // The sudden lag is a jump of the motors, which is not tested here.
     let report = judge(&config, &samples, &result(&config)).unwrap();
     let bad = report.checks.iter().filter(|c| !c.kept && !c.name.ends_with(", motors"));
     assert_eq!(bad.map(|c| &c.name).collect::<Vec<_>>(), Vec::<&String>::new());
@@ -249,7 +249,7 @@ fn a_trace_reads_back_to_the_same_bits_and_bad_columns_are_refused() {
     }
 }
 
-/// Exit code and standard output of judge, which writes into `folder`/out.
+/// Returns exit code and standard output of judge, which writes into `folder`/out.
 fn report(folder: &Path, machine: &str, hash: u32, trace: &Path) -> (Option<i32>, String) {
     let (json, out) = (folder.join("r.json"), folder.join("out"));
     std::fs::write(&json, format!(r#"{{"ok": true, "geometry_hash": {hash}}}"#)).unwrap();

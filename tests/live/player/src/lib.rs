@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkmkins_truth.so`: plays the true machine in a simulated LinuxCNC, with a probe and a plate.
+//! `pkmkins_truth.so`: simulates the true machine in a simulated LinuxCNC, with a probe and a plate.
 //!
 //! ```text
 //! loadrt pkmkins_truth machine=true.ini plate=plate.toml pose=x,y,z,a,b,c
 //! ```
 //!
-//! The machine built is that of another INI file than the one LinuxCNC runs with. In every servo
-//! cycle the joints (`pkmkins_truth.joint-N`) give, by the core's forward kinematics of that
-//! machine, where the ball of the probe (`.tool-x` … `-z`) really is, `.x .y .z`; `.touch` is on while
-//! it presses on the plate at `pose`. As a component of the servo thread it answers in the
-//! cycle in which the ball goes in: what it is late by is the way of one cycle, speed times period.
+//! The true machine is described by an INI file other than LinuxCNC's. In every servo
+//! cycle it computes from the joints (`pkmkins_truth.joint-N`), by the core's forward kinematics of that
+//! machine, the true position of the probe's ball (`.tool-x` … `-z`), `.x .y .z`; `.touch` is on while
+//! the ball touches the plate at `pose`. As a function of the servo thread it responds in the
+//! cycle of the contact: its delay is the motion of one cycle, speed times period.
 //!
-//! Only for simulation: files are read when it is loaded. In a cycle it allocates nothing.
+//! Only for simulation: files are read when it is loaded. It allocates nothing in a cycle.
 
 use calibrate::model::Frame;
 use calibrate::plate::Plate;
@@ -58,12 +58,12 @@ unsafe extern "C" {
     fn rtapi_print_msg(level: c_int, format: *const c_char, ...);
 }
 
-/// A load parameter, and what rtapi_app looks up about it by symbol.
+/// A load parameter, with the data that rtapi_app looks up by symbol.
 #[repr(transparent)]
 pub struct Shared<T>(UnsafeCell<T>);
 
-// SAFETY: rtapi_app writes parameters before rtapi_app_main runs, and calls main, exit and the
-// function of the thread never at the same time.
+// SAFETY: rtapi_app writes parameters before rtapi_app_main runs, and never calls main, exit and the
+// function of the thread at the same time.
 unsafe impl<T> Sync for Shared<T> {}
 
 macro_rules! parameter {
@@ -117,7 +117,7 @@ struct Pins {
     touch: *mut bool,
 }
 
-/// What there is between cycles.
+/// The state between cycles.
 struct Truth {
     component: c_int,
     pins: *mut Pins,
@@ -131,7 +131,7 @@ static TRUTH: Shared<Option<Truth>> = Shared(UnsafeCell::new(None));
 
 impl Truth {
     fn cycle(&mut self) {
-        // SAFETY: HAL keeps the pins' pointers valid from their making on.
+        // SAFETY: HAL keeps the pins' pointers valid from their creation on.
         let pins = unsafe { &*self.pins };
         // SAFETY: as above; other threads write the values.
         let read = |pin: &*mut f64| unsafe { pin.read_volatile() };
@@ -159,7 +159,7 @@ impl Truth {
     }
 }
 
-/// Whether a ball with its centre there presses on the plate, which is solid but for its holes.
+/// Returns whether a ball with its center there touches the plate, which is solid except for its holes.
 fn is_touching(plate: &Plate, centre: &Vector3<f64>) -> bool {
     let radius = plate.ball / 2.0;
     let inside = plate.hole.iter().find_map(|hole| {
@@ -168,7 +168,7 @@ fn is_touching(plate: &Plate, centre: &Vector3<f64>) -> bool {
         (free > 0.0).then_some(free)
     });
     match inside {
-        // To the wall, or above the face to the edge.
+        // Distance to the wall, or above the face to the edge.
         Some(free) => free.hypot(centre.z.max(0.0)) < radius,
         None => centre.z < radius,
     }
@@ -195,16 +195,16 @@ fn loaded() -> Result<(Mechanism, Plate, Frame), Box<dyn Error>> {
     Ok((config, plate, Frame { origin: pose.position, rotation: pose.rotation() }))
 }
 
-/// Makes the pins of a component.
+/// Creates the pins of a component.
 ///
 /// # Safety
-/// `pins` must stand in HAL memory.
+/// `pins` must be in HAL memory.
 unsafe fn make_pins(component: c_int, pins: *mut Pins, joints: usize) -> Result<(), String> {
-    // SAFETY: the caller vouches for the memory.
+    // SAFETY: the caller guarantees the memory.
     let pins = unsafe { &mut *pins };
     let float = |name: String, direction: c_int, pin: *mut *mut f64| {
         let full = CString::new(format!("pkmkins_truth.{name}")).unwrap_or_default();
-        // SAFETY: the name ends with a zero, the pin stands in HAL memory.
+        // SAFETY: the name ends with a zero, the pin is in HAL memory.
         let code = unsafe { hal_pin_float_new(full.as_ptr(), direction, pin, component) };
         if code < 0 { Err(format!("pin {name}: code {code}")) } else { Ok(()) }
     };
@@ -233,7 +233,7 @@ fn start() -> Result<Truth, Box<dyn Error>> {
     if component < 0 || pins.is_null() {
         return Err("LinuxCNC refused the component".into());
     }
-    // SAFETY: hal_malloc gave so much, aligned to 8.
+    // SAFETY: hal_malloc returned that many bytes, aligned to 8.
     unsafe { pins.cast::<u8>().write_bytes(0, size_of::<Pins>()) };
     // SAFETY: HAL memory.
     unsafe { make_pins(component, pins, config.joints.len())? };
@@ -248,7 +248,7 @@ fn start() -> Result<Truth, Box<dyn Error>> {
 }
 
 unsafe extern "C" fn cycle(_: *mut c_void, _: c_long) {
-    // SAFETY: the servo thread alone calls this, and never beside main or exit.
+    // SAFETY: only the servo thread calls this, and never during main or exit.
     if let Some(truth) = unsafe { (*TRUTH.0.get()).as_mut() } {
         truth.cycle();
     }
@@ -274,7 +274,6 @@ pub extern "C" fn rtapi_app_main() -> c_int {
     }
 }
 
-/// Unloads it.
 #[unsafe(no_mangle)]
 pub extern "C" fn rtapi_app_exit() {
     // SAFETY: LinuxCNC stops its threads before.
