@@ -187,7 +187,7 @@ enum pkmkins_cause {
 
 
 #if !(defined(KINEMATICS_H) || defined(__LINUXCNC_KINEMATICS_H))
-// LinuxCNC's kinds of kinematics.
+// LinuxCNC's kinematics types.
 typedef enum KinematicsKind {
   KINEMATICS_IDENTITY = 1,
   KINEMATICS_FORWARD_ONLY,
@@ -229,7 +229,7 @@ typedef unsigned long KINEMATICS_INVERSE_FLAGS;
 #endif
 
 #if !(defined(POSEMATH_H) || defined(__LINUXCNC_POSEMATH_H))
-// What LinuxCNC calls PmRotationMatrix: three column vectors.
+// LinuxCNC's PmRotationMatrix: three column vectors.
 typedef struct RotationColumns {
   struct PmCartesian x;
   struct PmCartesian y;
@@ -251,38 +251,37 @@ typedef enum KinematicsKind KINEMATICS_TYPE;
 extern "C" {
 #endif // __cplusplus
 
-// Joints to pose. `world` is the seed and receives the pose.
+// Computes the pose of the joints. `world` is the seed and receives the pose.
 //
-// Returns 0, or a negative code (see the table of causes); then the coordinates of
-// `world` that the machine moves are NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
-// homing (all joints 0, no pose known yet) `world` is left alone. On success coordinates that the
-// machine holds are 0, those of extra axes are the values of their joints, and other ones of U V W stay.
+// Returns 0, or a negative code (see the table of causes). On failure the coordinates of `world` that the
+// machine moves are NaN: LinuxCNC ignores the result in some places, and only NaN stops it safely. Before
+// homing (all joints 0, no pose known yet) a failure leaves `world` unchanged. On success the coordinates that
+// the machine fixes are 0, those of extra axes are the values of their joints, and the others of U V W stay.
 //
 // # Safety
-// `joint` must be null or hold as many values as the machine has joints; `world` null or valid; the flags
+// `joint` must be null or point to as many values as the machine has joints; `world` null or valid; the flags
 // are not read.
 int kinematicsForward(const double *joint,
                       struct EmcPose *world,
                       const KINEMATICS_FORWARD_FLAGS *_fflags,
                       KINEMATICS_INVERSE_FLAGS *_iflags);
 
-// Pose to joints.
+// Computes the joints of a pose.
 //
-// Returns 0, or a negative code (see the table of causes); then `joint` is left alone.
+// Returns 0, or a negative code (see the table of causes). On failure `joint` stays unchanged.
 //
 // # Safety
-// `world` must be null or valid; `joint` null or room for as many values as the
-// machine has joints; the
+// `world` must be null or valid; `joint` null or room for as many values as the machine has joints; the
 // flags are not read.
 int kinematicsInverse(const struct EmcPose *world,
                       double *joint,
                       const KINEMATICS_INVERSE_FLAGS *_iflags,
                       KINEMATICS_FORWARD_FLAGS *_fflags);
 
-// ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!),
-// rows past the joints zero.
+// Computes ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!);
+// rows beyond the last joint are zero.
 //
-// Returns 0, or −1 and leaves `jac` alone.
+// Returns 0, or −1 and leaves `jac` unchanged.
 //
 // # Safety
 // `world` must be null or valid, `jac` null or room for 16 × 9 values; the other
@@ -292,44 +291,44 @@ int kinematicsJacobian(const double *_joint,
                        double (*jac)[9],
                        const KINEMATICS_INVERSE_FLAGS *_iflags);
 
-// Tool axes in world coordinates as columns; z from the tip to the holder.
+// Computes the tool axes in world coordinates as columns; z points from the tip to the holder.
 //
-// Returns 0, or −1 and leaves `rot` alone, also where any joint is NaN or infinite.
+// Returns 0, or −1 and leaves `rot` unchanged, also if any joint is NaN or infinite.
 //
 // # Safety
-// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
+// `joint` must be null or point to as many values as the machine has joints; `rot` null or valid; the flags are
 // not read.
 int kinematicsToolFrame(const double *joint,
                         PmRotationMatrix *rot,
                         const KINEMATICS_FORWARD_FLAGS *_fflags);
 
-// Work axes in world coordinates as columns: the extra axes that carry the work turn it, or the platform
-// that it is on. A table moves it only.
+// Computes the workpiece axes in world coordinates as columns: extra axes that carry the workpiece rotate it, or
+// the platform that it is mounted on. A table only translates it.
 //
-// Returns 0, or −1 and leaves `rot` alone. Joints are not read where none of them turns the work.
+// Returns 0, or −1 and leaves `rot` unchanged. The joints are read only if one of them rotates the workpiece.
 //
 // # Safety
-// `joint` must be null or hold as many values as the machine has joints; `rot` null or valid; the flags are
+// `joint` must be null or point to as many values as the machine has joints; `rot` null or valid; the flags are
 // not read.
 int kinematicsWorkFrame(const double *joint,
                         PmRotationMatrix *rot,
                         const KINEMATICS_FORWARD_FLAGS *_fflags);
 
-// KINEMATICS_BOTH: inverse and forward exist, forward is not called at every cycle.
+// Returns KINEMATICS_BOTH: inverse and forward exist, and forward is not called in every cycle.
 KINEMATICS_TYPE kinematicsType(void);
 
-// The kinematics can be switched (0 = machine, 1 = identity).
+// Reports that the kinematics can be switched (0 = machine, 1 = identity).
 int kinematicsSwitchable(void);
 
 // Switches to kinematics 0 (machine) or 1 (identity). Returns 0, or a negative code.
 int kinematicsSwitch(int switchkins_type);
 
-// What kinematics `ktype` is: LinuxCNC's KINSTYPE_PRIMARY (2) for the machine's, its
+// Returns the kind of kinematics `ktype`: LinuxCNC's KINSTYPE_PRIMARY (2) for the machine's, its
 // KINSTYPE_IDENTITY (1) for the identity, and −1 for kinematics that the module does not have.
 int kinematicsTypeFlags(int ktype);
 
-// Takes the tool offset that LinuxCNC has in effect, as a request: the monitor brings it into effect as
-// one of the pins, which are not read any more. U V W are for the second mechanism, if there is one.
+// Requests the tool offset that LinuxCNC has in effect. The monitor brings it into effect like one from the
+// pins, which are ignored from then on. U V W are for the second mechanism, if there is one.
 //
 // Returns 0, or −1 for a null pointer.
 //
