@@ -119,8 +119,15 @@ soak() { make install && cargo build "${host[@]}" --bin judge && tests/live/soak
 truth() { make install && tests/live/truth.py "$@"; }
 ## guard [--programs N]: random programs with the guard on, in virtual time
 guard() { virtually tests/virtual/guarded.py "$@"; }
-## mutants [PART]: changes of the core that its tests do not notice; 0/10: every tenth
-mutants() { make setup && tests/mutants/run.sh "$@"; }
+## mutants AREA [PART]: changes that tests do not notice; AREA: core, module, workbench, tcl, page, python; 0/10: every tenth
+mutants() {
+    case ${1:-} in
+        core | module | workbench | tcl | page | python) ;;
+        *) echo "mutants: AREA is \"${1:-}\": expected core, module, workbench, tcl, page or python" >&2; exit 2 ;;
+    esac
+    make setup
+    "tests/mutants/$1.sh" "${2:-0/1}"
+}
 ## bare-metal: compiles the core for a processor without an operating system
 bare-metal() { make setup && tools/bare-metal.sh; }
 ## msrv: compiles all with the first Rust that is promised, which rustup gets
