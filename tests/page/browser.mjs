@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// What the tests of the page share: pkm, a browser, and the page in it.
+import { spawnSync } from "node:child_process";
+import { mkdtempSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { dirname, join, resolve } from "node:path";
+import { fileURLToPath } from "node:url";
+
+export const HOME = resolve(dirname(fileURLToPath(import.meta.url)), "../..");
+const { chromium } = createRequire(join(HOME, "page/package.json"))("playwright-core");
+
+/** Files of this run. */
+export const FOLDER = mkdtempSync(join(tmpdir(), "pkmkins-page-test-"));
+export const file = (name) => join(FOLDER, name);
+export const ini = (machine) => join(HOME, "configs", machine, `${machine}.ini`);
+
+/** Machines by their folders, each with its first program. */
+export const MACHINES = readdirSync(join(HOME, "configs")).map((machine) => {
+  const programs = join(HOME, "configs", machine, "programs");
+  return { machine, program: join(programs, readdirSync(programs).filter((name) => name.endsWith(".ngc")).sort()[0]) };
+});
+
+/** The command `pkm` and the folder of pictures. A run of mutants also gives the code that replaces the page's own, a script
+ * that runs before it, and a function that is called before a page is left. */
+export const given = { pkm: undefined, out: undefined, code: undefined, before: undefined, left: async () => {} };
+
+// The page and pkm compute with the same code, so that the bits are the same.
+export const SAME = 0;
+// Where pkm is given a tool without the spindle's offset and adds it again, some roundings of lengths of 1e3.
+export const ROUNDED = 1e-9;
+
+export function check(is, text) {
+  if (!is) throw new Error(text);
+}
+
+/** Fails where two numbers, or lists of them, are further apart than a tolerance. */
+export function near(found, expected, tolerance, text) {
+  const [a, b] = [[found].flat(), [expected].flat()];
+  const apart = Math.max(...b.map((value, k) => (a[k] === value ? 0 : Math.abs(a[k] - value))));
+  check(a.length === b.length && apart <= tolerance, `${text}: ${a} where ${b} is expected`);
+}
+
+/** Answers of `pkm` to the same words and input, which a run of mutants asks for again and again. */
+const answers = new Map();
+
+export function pkm(args, input = "") {
+  const asked = JSON.stringify([args, input]);
+  if (given.code && answers.has(asked)) return answers.get(asked);
+  const done = spawnSync(given.pkm, args, { input, encoding: "utf8", maxBuffer: 1 << 28 });
+  if (done.error) throw done.error;
+  answers.set(asked, done);
+  return done;
+}
+
+/** The answer of a subcommand as an object. */
+export function answer(...words) {
+  const done = pkm([...words.map(String), "--format", "json"]);
+  check(done.stdout !== "", `${words.join(" ")}: ${done.stderr}`);
+  return JSON.parse(done.stdout);
+}
+
+/** Poses of a mechanism and one tool as CSV in, a list of objects out. */
+export function table(command, machine, mechanism, poses, tool) {
+  const rows = ["x,y,z,a,b,c", ...poses.map((pose) => pose.join(","))].join("\n");
+  const done = pkm([command, machine, "--mechanism", String(mechanism + 1), "--tool", ...tool.map(String)], `${rows}\n`);
+  const [names, ...lines] = done.stdout.trim().split("\n").map((line) => line.split(","));
+  check(lines.length === poses.length, `${machine}: ${lines.length} answers for ${poses.length} poses: ${done.stderr}`);
+  const number = (text) => (text === "" ? undefined : Number(text));
+  const answers = lines.map((line) => Object.fromEntries(names.map((name, k) => [name, number(line[k])])));
+  return { rows: answers, values: lines.map((line) => line.map(number)), told: done.stderr };
+}
+
+/** The tool vector as pkm is given it: without the spindle's offset, and none where the pose is the platform's own. */
+export function ownTool({ scene, tool: spindle }, tool) {
+  return tool.map((value, k) => (scene.sees_tool ? value - spindle[k] : 0));
+}
+
+export async function browser() {
+  return chromium.launch({
+    executablePath: "/usr/bin/chromium",
+    args: ["--use-angle=swiftshader", "--disable-gpu-compositing", "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic", "--no-first-run", ...(process.getuid() === 0 ? ["--no-sandbox"] : [])],
+  });
+}
+
+/** Three.js reports every scene and renderer to a developer's tool; this one keeps the last of each, with the camera. */
+const OBSERVER = () => {
+  window.seen = {};
+  window.__THREE_DEVTOOLS__ = new EventTarget();
+  window.__THREE_DEVTOOLS__.addEventListener("observe", ({ detail }) => {
+    if (detail.isScene) window.seen.scene = detail;
+    else if (detail.render) {
+      const { render } = detail;
+      window.seen.renderer = detail;
+      detail.render = (scene, camera) => {
+        window.seen.camera = camera;
+        render.call(detail, scene, camera);
+      };
+    }
+  });
+};
+
+/** A tab without a network; what its pages complain about is collected. */
+export async function tab(browser, options = { offline: true }) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });
+  const page = await context.newPage();
+  page.complaints = [];
+  page.on("console", (told) => ["error", "warning"].includes(told.type()) && page.complaints.push(told.text()));
+  page.on("pageerror", (error) => page.complaints.push(error.message));
+  if (options.offline) page.on("request", (request) => request.url().match(/^(file|data|blob):/) || page.complaints.push(`asked for ${request.url()}`));
+  await page.addInitScript(OBSERVER);
+  if (given.before) await page.addInitScript(given.before);
+  return page;
+}
+
+/** Pages whose code a run of mutants has replaced. */
+const replaced = new Set();
+
+/** Makes a page by `pkm view`; what the command said. */
+export function view(html, ...words) {
+  const made = pkm(["view", ...words, "--html", html]);
+  if (given.code && !replaced.has(html)) {
+    replaced.add(html);
+    const [before, rest] = readFileSync(html, "utf8").split('<script type="module">');
+    const [, after] = rest.split("</script>");
+    writeFileSync(html, `${before}<script type="module">${given.code}</script>${after}`);
+  }
+  return made;
+}
+
+/** Another page in the same tab: a tab of its own takes more than half of the time of a page. */
+export async function open(page, html, address = `file://${html}`) {
+  page.complaints.length = 0;
+  await given.left(page);
+  await page.goto("about:blank");
+  await page.goto(address);
+  await page.waitForFunction(() => window.pkm ?? document.querySelector("#page > .error"));
+  check(await page.evaluate(() => window.pkm !== undefined), `${html}: ${await page.locator("#page").textContent()}`);
+}
+
+/** The page of a machine, with a program or without one, in the tab; its mechanisms. */
+export async function opened(page, name, machine, ...words) {
+  const made = view(file(`${name}.html`), machine, ...words);
+  check(made.status !== 2 && made.stderr !== undefined, `${name}: ${made.stderr}`);
+  await open(page, file(`${name}.html`));
+  return page.evaluate(() => window.pkm.mechanisms());
+}
+
+/** Nothing but what a browser without a graphics card says of itself. */
+export function complaints(page) {
+  return page.complaints.filter((text) => !/GPU stall|GL Driver Message|swiftshader|software WebGL/i.test(text));
+}
+
+const NO_NUMBERS = ["NaN", "Infinity", "-Infinity"];
+
+/** What a function gives in the page, as one text: value by value the browser's protocol takes longer than the page. What
+ * is no finite number stays that. */
+export async function asText(page, ask, given) {
+  const named = (_, value) => (typeof value === "number" && !Number.isFinite(value) ? String(value) : value);
+  const text = await page.evaluate(`JSON.stringify((${ask})(${JSON.stringify(given)}), ${named})`);
+  return JSON.parse(text, (_, value) => (NO_NUMBERS.includes(value) ? Number(value) : value));
+}
+
+/** What the page has at each pose is what the command says, refusals included. */
+export function compare(machine, mechanism, own, states, tolerance) {
+  const byTool = new Map();
+  for (const state of states) {
+    const key = ownTool(own, state.tool).join(",");
+    byTool.set(key, [...(byTool.get(key) ?? []), state]);
+  }
+  for (const [key, group] of byTool) {
+    const { values, told } = table("joints", ini(machine), mechanism, group.map(({ pose }) => pose), key.split(",").map(Number));
+    group.forEach((state, i) => {
+      if (values[i][0] === undefined) {
+        check(state.code !== 0, `${machine}: the page takes ${state.pose}, pkm joints refuses it`);
+        check(told.includes(state.refusal), `${machine}: "${state.refusal}" is not what pkm joints says: ${told}`);
+      } else {
+        check(state.code === 0, `${machine}: the page refuses ${state.pose}: ${state.refusal}`);
+        near(state.joints, values[i], tolerance, `${machine}: joints at ${state.pose}`);
+      }
+    });
+  }
+}

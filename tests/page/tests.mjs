@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// What the page shows: the tests of page_test.mjs, each a name and a function of a tab.
+import { spawnSync } from "node:child_process";
+import { readFileSync, readdirSync, statSync, writeFileSync } from "node:fs";
+import { createServer } from "node:http";
+import { join } from "node:path";
+import { FOLDER, HOME, MACHINES, ROUNDED, SAME, asText, check, compare, complaints, file, given, ini, open, pkm, tab, view } from "./browser.mjs";
+import { carrying, ownMachines } from "./machines.mjs";
+
+const POSES = 300;
+// Of each machine whose axes carry something, beside these.
+const CARRIED = 60;
+// Bytes of the page of a program with 5,000 lines.
+const MOST_BYTES = 2_000_000;
+
+/** Random poses within the axes and beyond, taken as a drag would. */
+async function dragged(page, scene, tool, which) {
+  return asText(page, ({ axes, home, tool, which, count }) => {
+    let seed = 12345;
+    const chance = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
+    return Array.from({ length: count }, (_, n) => {
+      const beyond = n % 4 === 0 ? 3 : 0;
+      const pose = [...home];
+      for (const { letter, min, max } of axes) {
+        const wide = (max - min) * (1 + beyond);
+        pose["XYZABC".indexOf(letter)] = (min + max) / 2 + (chance() - 0.5) * wide;
+      }
+      window.pkm.take(pose, tool, which);
+      return window.pkm.state(which);
+    });
+  }, { axes: scene.axes, home: scene.home.pose, tool, which, count: POSES });
+}
+
+/** The picture has the colours of the machine where they should be. */
+async function isDrawn(page, name) {
+  const shot = await page.screenshot();
+  if (given.out) writeFileSync(join(given.out, `${name}.png`), shot);
+  const seen = await page.evaluate(async (base64) => {
+    const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+    const bitmap = await createImageBitmap(new Blob([bytes]));
+    const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
+    const pen = canvas.getContext("2d", { willReadFrequently: true });
+    pen.drawImage(bitmap, 0, 0);
+    const colour = ([x, y]) => Array.from(pen.getImageData(Math.round(x), Math.round(y), 1, 1).data.slice(0, 3));
+    return window.pkm.seen().map((part) => ({ ...part, colour: colour(part.at) }));
+  }, shot.toString("base64"));
+  const background = [244, 246, 248];
+  const isOther = ({ colour }) => Math.hypot(...colour.map((c, k) => c - background[k])) > 40;
+  const missing = seen.filter((part) => !isOther(part));
+  check(seen.length > 2 && missing.length === 0, `${name}: not drawn: ${JSON.stringify(missing)}`);
+  return seen;
+}
+
+async function machineTest(page, { machine, program }) {
+  const html = file(`${machine}.html`);
+  const made = view(html, ini(machine), program);
+  check(made.status === 0, `${machine}: ${made.stderr}`);
+  await open(page, html);
+  const scenes = await page.evaluate(() => window.pkm.mechanisms());
+  const before = await isDrawn(page, machine);
+  for (const [which, own] of scenes.entries()) {
+    const along = await asText(page, (which) => Array.from({ length: 60 }, (_, n) => {
+      window.pkm.go((n / 59) * window.pkm.end());
+      return window.pkm.state(which);
+    }), which);
+    compare(machine, which, own, along, ROUNDED);
+    for (const { platform, nose } of along) {
+      check(Math.hypot(...nose.map((value, k) => value - platform[12 + k])) < 1e-6, `${machine}: the platform is drawn elsewhere`);
+    }
+    compare(machine, which, own, await dragged(page, own.scene, own.tool, which), SAME);
+  }
+  await page.locator("input[aria-label=time]").evaluate((slider) => {
+    slider.value = slider.max / 3;
+    slider.dispatchEvent(new Event("input"));
+  });
+  const { time } = await page.evaluate(() => window.pkm.state());
+  const end = await page.evaluate(() => window.pkm.end());
+  check(Math.abs(time - end / 3) < 1e-6 * end, `${machine}: the slider shows ${time} of ${end}`);
+  const after = await page.evaluate(() => window.pkm.seen());
+  check(after.some(({ at }, i) => Math.hypot(at[0] - before[i].at[0], at[1] - before[i].at[1]) > 1), `${machine}: nothing has moved`);
+  const placed = scenes[0].scene.is_carried && (await carry(page, machine, ini(machine), scenes[0]));
+  check(complaints(page).length === 0, `${machine}: ${complaints(page).join("; ")}`);
+  return `${scenes.length * (POSES + 60)} poses as pkm joints${placed ? `, ${placed} as the model beside AXIS` : ""}`;
+}
+
+async function alone(page) {
+  for (const machine of ["linear-delta", "lathe-mirrored"]) {
+    const html = file(`${machine}-alone.html`);
+    view(html, ini(machine));
+    await open(page, html);
+    const [body, limits] = await page.evaluate(() => window.pkm.workspace());
+    check(body > 100 && limits === 24, `${machine}: workspace of ${body} points, box of ${limits}`);
+    await isDrawn(page, `${machine}-workspace`);
+    check(complaints(page).length === 0, complaints(page).join("; "));
+  }
+}
+
+async function marks(page) {
+  writeFileSync(file("marks.ngc"), "G21 G90\nG1 X10 F1000\nG1 X20\nG1 A24 B24\nG1 A0 B0\nM2\n");
+  const made = view(file("marks.html"), ini("hexapod"), file("marks.ngc"));
+  check(made.status === 1, `status ${made.status}: ${made.stderr}`);
+  await open(page, file("marks.html"));
+  await page.locator(".finding").first().click();
+  const { line, time } = await page.evaluate(() => window.pkm.state());
+  check(line === 4 && time > 0, `the mark leads to line ${line} at ${time} s`);
+  check((await page.locator(".space .now b").textContent()) === "4", "the line is not shown");
+  check((await page.locator(".verdict").textContent()) === "does not fit", "the verdict is not shown");
+  await page.evaluate(() => window.pkm.take([5000, 0, 250, 0, 0, 0]));
+  const reason = await page.locator(".reason").textContent();
+  check(/axis X is at 5000.000 mm, above its limit of 150.000/.test(reason), `beyond a limit without a reason: ${reason}`);
+  await page.evaluate(() => window.pkm.take([NaN, 0, 250, 0, 0, 0]));
+  const refused = await page.locator(".reason").textContent();
+  check(refused.includes("[code -"), `refused without a reason: ${refused}`);
+  await isDrawn(page, "marks");
+}
+
+async function unread(page) {
+  writeFileSync(file("unread.ngc"), "G1 X10 F100\nG1 X[1+\nM2\n");
+  const made = view(file("unread.html"), ini("hexapod"), file("unread.ngc"));
+  check(made.status === 2, `status ${made.status}`);
+  await open(page, file("unread.html"));
+  const told = await page.locator("header .error").textContent();
+  check(told.includes("unread.ngc"), `not told: ${told}`);
+  await isDrawn(page, "unread");
+}
+
+async function own(page) {
+  for (const [name, text] of Object.entries(ownMachines())) {
+    writeFileSync(file(`${name}.ini`), text);
+    const made = view(file(`${name}.html`), file(`${name}.ini`));
+    check(made.status === 0, `${name}: ${made.stderr}`);
+    await open(page, file(`${name}.html`));
+    await isDrawn(page, name);
+    const { refusal, joints } = await page.evaluate(() => window.pkm.state());
+    check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `${name}: ${refusal}`);
+    check(complaints(page).length === 0, complaints(page).join("; "));
+  }
+}
+
+/** Random poses, tools and values of the extra axes, and where the page draws everything. */
+async function carried(page, scene) {
+  return asText(page, ({ axes, home, extra, count }) => {
+    let seed = 54321;
+    const within = (low, high) => low + ((seed = (seed * 48271) % 2147483647) / 2147483647) * (high - low);
+    return Array.from({ length: count }, () => {
+      const pose = [...home];
+      for (const { letter, min, max } of axes) pose["XYZABC".indexOf(letter)] = within(0.75 * min + 0.25 * max, 0.25 * min + 0.75 * max);
+      const values = Object.fromEntries(extra.map(({ letter }) => [letter, within(-180, 180)]));
+      window.pkm.take(pose, [within(-50, 50), within(-50, 50), within(-50, 50)], 0, values);
+      return window.pkm.state();
+    });
+  }, { axes: scene.axes, home: scene.home.pose, extra: scene.extra_axes, count: CARRIED });
+}
+
+const OF_WORK = [12, -34, 56];
+
+/** Where the page draws ends of legs, tip and work is where the viewer of LinuxCNC has them. */
+function compareGround(name, sceneFile, states) {
+  const questions = states.map(({ joints, pose, tool, extra }) => JSON.stringify({ joints, pose, tool, values: extra, of_work: OF_WORK }));
+  const told = spawnSync("python3", [join(HOME, "tests/viewer/placed.py"), sceneFile], { input: `${questions.join("\n")}\n`, encoding: "utf8" });
+  const lines = told.stdout.trim().split("\n").map((line) => JSON.parse(line));
+  check(lines.length === states.length, `${name}: ${told.stderr}`);
+  states.forEach(({ ground, pose, extra }, i) => {
+    const { work: m, tip, lower, upper } = ground;
+    const ofWork = [0, 1, 2].map((k) => m[k] * OF_WORK[0] + m[4 + k] * OF_WORK[1] + m[8 + k] * OF_WORK[2] + m[12 + k]);
+    const pairs = [[tip, lines[i][0]], [ofWork, lines[i][1]], ...lower.map((end, n) => [end, lines[i][2][n]]), ...upper.map((end, n) => [end, lines[i][3][n]])];
+    const apart = Math.max(...pairs.map(([a, b]) => Math.hypot(...a.map((value, k) => value - b[k]))));
+    check(apart <= ROUNDED, `${name}: drawn ${apart} apart at ${pose}, ${JSON.stringify(extra)}`);
+  });
+}
+
+/** Axes that carry something move what they carry as the scene says, and their sliders move the axes alone; the number of
+ * poses compared. */
+async function carry(page, name, machine, { scene }) {
+  const sceneFile = file(`${name}.json`);
+  const told = pkm(["scene", machine, "-o", sceneFile]);
+  check(told.status === 0, `${name}: ${told.stderr}`);
+  const states = (await carried(page, scene)).filter(({ code }) => code === 0);
+  check(states.length > CARRIED / 3, `${name}: ${states.length} of ${CARRIED} poses are reached`);
+  compareGround(name, sceneFile, states);
+  await page.getByRole("button", { name: "home" }).click();
+  for (const { letter } of scene.chain) {
+    await page.locator(`input[type=range][aria-label=${letter}]`).evaluate((slider) => {
+      slider.value = 0.6 * slider.max;
+      slider.dispatchEvent(new Event("input"));
+    });
+  }
+  await isDrawn(page, `${name}-carried`);
+  const { extra, pose } = await page.evaluate(() => window.pkm.state());
+  for (const { letter } of scene.chain) check(extra[letter] > 0, `${name}: ${letter} is at ${extra[letter]}`);
+  check(pose.every((value, k) => value === scene.home.pose[k]), `${name}: the mechanism has moved to ${pose}`);
+  return states.length;
+}
+
+async function carriers(page) {
+  let count = 0;
+  for (const [name, text] of Object.entries(carrying())) {
+    writeFileSync(file(`${name}.ini`), text);
+    const made = view(file(`${name}.html`), file(`${name}.ini`));
+    check(made.status === 0, `${name}: ${made.stderr}`);
+    await open(page, file(`${name}.html`));
+    const [own] = await page.evaluate(() => window.pkm.mechanisms());
+    count += await carry(page, name, file(`${name}.ini`), own);
+    check(complaints(page).length === 0, complaints(page).join("; "));
+  }
+  return `${count} poses as the model beside AXIS`;
+}
+
+/** A table turns under the tip, which stays in base: on the work it goes round, and the path is drawn on the work. */
+async function workPath(page) {
+  writeFileSync(file("turn.ngc"), "G21 G90\nG0 X40 Y0 Z200 A0 B0 C0\nG1 C90 F1000\nM2\n");
+  const made = view(file("turn.html"), ini("hexapod-rotary-table"), file("turn.ngc"));
+  check(made.status === 0, made.stderr);
+  await open(page, file("turn.html"));
+  const ends = await page.evaluate(() => [0.5, 1].map((part) => {
+    window.pkm.go(part * window.pkm.end());
+    return window.pkm.state();
+  }));
+  const turned = ends.map(({ extra }) => extra.C);
+  check(turned[0] > 10 && turned[0] < 80 && Math.abs(turned[1] - 90) < 1e-3, `C is at ${turned}`);
+  const [x, y, z] = ends[1].ground.tip;
+  check(Math.hypot(x, y - 40, z - 200) < 1e-3, `the tip is at ${ends[1].ground.tip} in base`);
+  // X Y Z of a program are the tip on the work: the table's turn is no way on it.
+  const path = await page.evaluate(() => window.pkm.path());
+  const apart = Math.max(...path.filter(({ time }) => time > ends[0].time).map(({ at }) => Math.hypot(at[0] - 40, at[1], at[2] - 200)));
+  check(apart < 1e-5, `the path is drawn ${apart} beside the point of the work`);
+  await isDrawn(page, "turn");
+}
+
+/** The machine is drawn whatever is wrong with the shapes of its parts, and what is wrong is told. */
+async function shapes(page) {
+  const triangles = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 300 0 0\nvertex 0 300 0\nendloop\nendfacet\nendsolid\n";
+  writeFileSync(file("good.stl"), triangles);
+  writeFileSync(file("broken.stl"), "not a shape");
+  const text = readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", "[PKM]\nTABLE_MODEL = good.stl mm -100 -100 0\nPLATFORM_MODEL = broken.stl mm\nBASE_MODEL = missing.obj inch\n");
+  writeFileSync(file("shapes.ini"), text);
+  const made = view(file("shapes.html"), file("shapes.ini"));
+  check(made.status === 0 && made.stderr.includes("missing.obj"), `status ${made.status}: ${made.stderr}`);
+  await open(page, file("shapes.html"));
+  const told = (await page.locator("header .error").allTextContents()).join("; ");
+  check(told.includes("missing.obj") && told.includes("broken.stl") && !told.includes("good.stl"), `told: ${told}`);
+  await isDrawn(page, "shapes");
+}
+
+/** Of a program that LinuxCNC does not run there is no motion: machine, lines and findings are shown, and why. */
+async function unjudged(page) {
+  // Too far a tilt, which LinuxCNC does not know, and then a dwell that is longer than anybody waits.
+  writeFileSync(file("unjudged.ngc"), "G21 G90 M52 P0\nG1 X10 F1000\nG1 A24 B24\nG4 P700\nM2\n");
+  const made = view(file("unjudged.html"), ini("hexapod"), file("unjudged.ngc"));
+  check(made.status === 1 && made.stderr.includes("nothing moves for 600 s"), `status ${made.status}: ${made.stderr}`);
+  await open(page, file("unjudged.html"));
+  check((await page.locator(".warning").first().textContent()).includes("nothing moves for 600 s"), "why is not told");
+  const mark = page.locator(".finding").first();
+  check((await mark.textContent()).includes("line 3"), "the finding is not shown");
+  await mark.click();
+  check((await page.locator(".space .now b").textContent()) === "3", "the mark does not lead to its line");
+  await isDrawn(page, "unjudged");
+  check(complaints(page).length === 0, complaints(page).join("; "));
+}
+
+/** An axis without limits can be set, and its travel is told as without an end. */
+async function unlimited(page) {
+  const text = Object.values(ownMachines())[0].replace(/(\[AXIS_X\]\n)MIN_LIMIT = .*\nMAX_LIMIT = .*\n/, "$1");
+  writeFileSync(file("unlimited.ini"), text);
+  const made = view(file("unlimited.html"), file("unlimited.ini"));
+  check(made.status === 0, made.stderr);
+  await open(page, file("unlimited.html"));
+  await page.evaluate(() => window.pkm.take([30, 0, -300, 0, 0, 0]));
+  const { refusal, joints } = await page.evaluate(() => window.pkm.state());
+  check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `refused: ${refusal}`);
+  await isDrawn(page, "unlimited");
+  check(complaints(page).length === 0, complaints(page).join("; "));
+}
+
+/** A stream of events as pkm-live sends them, beside the page that it serves. */
+async function streaming(html) {
+  const streams = new Set();
+  const server = createServer((request, answer) => {
+    if (request.url !== "/events") {
+      answer.writeHead(request.url === "/" ? 200 : 404, { "Content-Type": "text/html; charset=utf-8" }).end(request.url === "/" ? readFileSync(html) : "");
+      return;
+    }
+    answer.writeHead(200, { "Content-Type": "text/event-stream" }).write("retry: 100\n\n");
+    streams.add(answer);
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  return {
+    address: `http://127.0.0.1:${server.address().port}/`,
+    send: (state) => streams.forEach((stream) => stream.write(`data: ${JSON.stringify(state)}\n\n`)),
+    cut: () => { streams.forEach((stream) => stream.destroy()); streams.clear(); },
+    watched: async () => {
+      for (let n = 0; streams.size === 0; n++) {
+        check(n < 200, "nobody asks for events");
+        await new Promise((resolve) => setTimeout(resolve, 50));
+      }
+    },
+    close: () => server.close(),
+  };
+}
+
+/** The page of pkm-live says what the stream says; that the stream is LinuxCNC's is seen in tests/live. */
+async function live(offline) {
+  const machine = "hexapod-rotary-table";
+  const made = view(file("live.html"), ini(machine), "--live");
+  check(made.status === 0, made.stderr);
+  const stream = await streaming(file("live.html"));
+  const page = await tab(offline.context().browser(), {});
+  await open(page, file("live.html"), stream.address);
+  const { geometry_hash: hash, home } = await page.evaluate(() => window.pkm.mechanisms()[0].scene);
+  const running = { state: "running", pose: home.pose, joints: null, extra: { c: 30 }, tool: null, geometry_hash: hash, line: 7, fault: null };
+  const says = async (state, words) => {
+    stream.send(state);
+    await page.waitForFunction((words) => document.querySelector(".state").textContent.includes(words), words, { timeout: 5000 });
+  };
+  await stream.watched();
+  const pose = [10, -20, home.pose[2] + 5, 2, -1, 0];
+  await says({ ...running, pose }, "running, line 7");
+  const shown = await page.evaluate(() => window.pkm.state());
+  check(shown.pose.every((value, k) => value === pose[k]), `the pose shown is ${shown.pose}`);
+  const { work } = shown.ground;
+  check(Math.abs(Math.atan2(work[1], work[0]) - Math.PI / 6) < 1e-12, `the table stands at ${work}`);
+  compare(machine, 0, { scene: { sees_tool: true }, tool: shown.tool }, [shown], SAME);
+  await says({ ...running, fault: "leg 2: too far; go back [code -34]" }, "leg 2: too far");
+  await says({ ...running, geometry_hash: hash ^ 1 }, "another geometry: 0x");
+  await says({ ...running, pose: null }, "pins are missing");
+  await says({ state: "not running", pose: null }, "LinuxCNC is not running");
+  stream.cut();
+  await page.waitForFunction(() => document.querySelector(".state").textContent.includes("no connection"), undefined, { timeout: 10000 });
+  await stream.watched();
+  await says(running, "running, line 7");
+  await isDrawn(page, "live");
+  await given.left(page);
+  await page.context().close();
+  stream.close();
+}
+
+async function long(page) {
+  const lines = Array.from({ length: 5000 }, (_, i) => `G1 X${(40 * Math.cos(i / 30)).toFixed(4)} Y${(40 * Math.sin(i / 30)).toFixed(4)} Z${(200 + i / 200).toFixed(4)}`);
+  writeFileSync(file("long.ngc"), `G21 G90 G64 P0.01\nG1 F3000\n${lines.join("\n")}\nM2\n`);
+  view(file("long.html"), ini("hexapod"), file("long.ngc"));
+  const { size } = statSync(file("long.html"));
+  check(size < MOST_BYTES, `${size} bytes`);
+  await open(page, file("long.html"));
+  await isDrawn(page, "long");
+  return `${size} bytes for 5,000 lines`;
+}
+
+/** A browser that does not end is ended, and nothing is written. */
+async function endless() {
+  writeFileSync(file("endless"), "#!/bin/sh\nsleep 600 &\nsleep 600\n", { mode: 0o755 });
+  const { program } = MACHINES.find(({ machine }) => machine === "rotary-delta");
+  const made = pkm(["view", ini("rotary-delta"), program, "--video", file("endless.mp4"), "--browser", file("endless"), "--browser-seconds", "1"]);
+  check(made.status === 2 && made.stderr.includes("--browser-seconds"), `status ${made.status}: ${made.stderr}`);
+  check(!readdirSync(FOLDER).some((name) => name.includes("endless.mp4")), "a part of the video is left");
+}
+
+async function video() {
+  if (spawnSync("ffprobe", ["-version"]).error) return "skipped: no ffmpeg";
+  const made = pkm(["view", ini("rotary-delta"), MACHINES.find(({ machine }) => machine === "rotary-delta").program,
+    "--video", file("v.mp4"), "--video-seconds", "0.4", "--size", "320", "180"]);
+  check(made.status === 0, made.stderr);
+  const told = spawnSync("ffprobe", ["-v", "error", "-count_frames", "-select_streams", "v:0", "-show_entries", "stream=nb_read_frames,width,height", "-of", "csv=p=0", file("v.mp4")], { encoding: "utf8" });
+  check(told.stdout.trim() === "320,180,10", `frames: ${told.stdout}`);
+}
+
+export const TESTS = [
+  ...MACHINES.map((one) => [`the page of ${one.machine} moves as pkm joints says`, (page) => machineTest(page, one)]),
+  ["a machine without a program shows its workspace and the axis limits", alone],
+  ["a mark leads to its line, and a refused pose has a reason", marks],
+  ["a program that cannot be read is told beside the machine", unread],
+  ["a machine of one's own appears without a line of code", own],
+  ["what axes carry is drawn where they put it", carriers],
+  ["the path stands on the work that an axis turns", workPath],
+  ["a shape that cannot be read is told, and the machine is drawn", shapes],
+  ["a program that LinuxCNC does not run to its end is shown as far as it ran", unjudged],
+  ["an axis without limits can be set", unlimited],
+  ["the live page says what pkm-live sends, and finds it again", live],
+  ["the page of 5,000 lines is below 2 MB", long],
+  ["a browser that does not end is ended, without a video", endless],
+  ["a video has the frames that were asked for", video],
+];
