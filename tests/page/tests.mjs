@@ -6,6 +6,7 @@ import { createServer } from "node:http";
 import { join } from "node:path";
 import { FOLDER, HOME, MACHINES, ROUNDED, SAME, asText, check, compare, complaints, file, given, ini, open, pkm, tab, view } from "./browser.mjs";
 import { carrying, ownMachines } from "./machines.mjs";
+import { TESTS as PANEL } from "./panel.mjs";
 
 const POSES = 300;
 // Of each machine whose axes carry something, beside these.
@@ -365,6 +366,7 @@ async function video() {
 
 export const TESTS = [
   ...MACHINES.map((one) => [`the page of ${one.machine} moves as pkm joints says`, (page) => machineTest(page, one)]),
+  ...PANEL,
   ["a machine without a program shows its workspace and the axis limits", alone],
   ["a mark leads to its line, and a refused pose has a reason", marks],
   ["a program that cannot be read is told beside the machine", unread],

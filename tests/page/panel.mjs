@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The panel of the page beside the answers of pkm: pose, joints, nearest limits, travel, reasons.
+import { writeFileSync } from "node:fs";
+import { answer, asText, check, complaints, file, ini, near, opened, ownTool, pkm, table } from "./browser.mjs";
+import { carrying } from "./machines.mjs";
+
+/** Rows of a table or a list as texts. */
+export const texts = (page, rows, cells) => page.evaluate(([rows, cells]) => Array.from(document.querySelectorAll(rows),
+  (row) => Array.from(row.querySelectorAll(cells), (cell) => cell.textContent)), [rows, cells]);
+
+/** As the page writes numbers: rounded to so many places, and no minus before a zero. */
+const shown = (value, places) => (Math.round(value * 10 ** places) / 10 ** places + 0).toFixed(places);
+
+/** Half a unit of the last place that is shown. */
+const half = (places) => 0.5 * 10 ** -places + 1e-9;
+
+/** Milliseconds after which the page has computed what it computes once in a while, and after which nothing is computed any more. */
+const RESTED = 650;
+
+/** Letters of the second mechanism of lathe-mirrored as LinuxCNC has them. */
+const SECOND = { X: "U", Y: "V", Z: "W", B: "C" };
+
+/** Limits of a mechanism as pkm knows them: words of the part, value, smallest and largest, room as a share. */
+function limitsOf(machine, which, { scene, tool: spindle }, { pose, tool }) {
+  const own = ownTool({ scene, tool: spindle }, tool);
+  const [row] = table("joints", machine, which, [pose], own).values;
+  const [rods] = table("rods", machine, which, [pose], own).rows;
+  const all = new Map();
+  const add = (words, value, low, high, scale) => {
+    const [min, max] = [low ?? -Infinity, high ?? Infinity];
+    if (Number.isFinite(min) || Number.isFinite(max)) all.set(words, Math.min(value - min, max - value) / (scale ?? (Number.isFinite(max - min) ? max - min : Math.abs(Number.isFinite(min) ? min : max))));
+  };
+  for (const { letter, min, max, hasMin, hasMax } of scene.axes) add(`axis ${which ? SECOND[letter] : letter}`, pose["XYZABC".indexOf(letter)], hasMin ? min : null, hasMax ? max : null);
+  const { joints } = JSON.parse(pkm(["scene", machine, "--mechanism", String(which + 1)]).stdout);
+  joints.forEach(({ name, min, max }, i) => add(name, row[i], min, max));
+  scene.legs.forEach((leg, i) => {
+    const { number } = joints[i];
+    if (leg.base_cone) add(`the base joint of leg ${number}, base cone`, rods[`base_cone_${i}`], null, leg.base_cone);
+    if (leg.platform_cone) add(`the platform joint of leg ${number}, platform cone`, rods[`platform_cone_${i}`], null, leg.platform_cone);
+  });
+  return all;
+}
+
+/** The nearest limits are listed, nearest first, each with the share of its range that is left. */
+async function compareLimits(page, told, limits, count) {
+  const listed = await page.evaluate(() => Array.from(document.querySelectorAll(".limits > div"), (row) => {
+    const bar = row.querySelector("meter-bar");
+    return { words: row.querySelector("span").textContent, share: row.querySelector("em").textContent, is: row.className, title: bar.title, width: bar.style.getPropertyValue("--share") };
+  }));
+  const shares = listed.map(({ share, width }) => (share === "beyond" ? -1 : parseFloat(width) / 100));
+  check(listed.length === count, `${told}: ${listed.length} limits are listed`);
+  check(shares.every((share, k) => k === 0 || shares[k - 1] <= share + 1e-12), `${told}: the nearest is not the first: ${shares}`);
+  let compared = 0;
+  for (const [words, share] of limits) {
+    const row = listed.find((one) => one.words === words.replace(/^the /, ""));
+    check(row || share >= shares.at(-1) - 1e-9, `${told}: ${words} with ${share} is not listed: ${listed.map((one) => one.words)}`);
+    if (!row) continue;
+    compared += 1;
+    check(share < 0 === (row.share === "beyond") && share < 0 === (row.is === "limit broken"), `${told}: ${words} has ${share} and is ${row.share}`);
+    if (share < 0) continue;
+    near(parseFloat(row.width), 100 * Math.min(share, 1), 1e-6, `${told}: bar of ${words}`);
+    check(row.share === `${shown(100 * Math.min(share, 1), 0)} %`, `${told}: ${words} has ${share} and is ${row.share}`);
+  }
+  return compared;
+}
+
+/** Sliders and fields show the pose and the extra axes, with their units. */
+async function compareSliders(page, told, scene, { pose, extra }) {
+  const sliders = await page.evaluate(() => Array.from(document.querySelectorAll(".pose label"), (label) => {
+    const [range, field] = label.querySelectorAll("input");
+    return { letter: label.querySelector("b").textContent, unit: label.querySelector("i").textContent, value: Number(range.value), min: Number(range.min), max: Number(range.max), text: field.value };
+  }));
+  check(sliders.map(({ letter }) => letter).join("") === [...scene.axes, ...scene.extra_axes].map(({ letter }) => letter).join(""), `${told}: ${sliders.map(({ letter }) => letter)}`);
+  for (const { letter, unit, value, min, max, text } of sliders) {
+    const axis = [...scene.axes, ...scene.extra_axes].find((one) => one.letter === letter);
+    const isExtra = scene.extra_axes.includes(axis);
+    const wanted = isExtra ? extra[letter] : pose["XYZABC".indexOf(letter)];
+    const isAngle = "ABC".includes(letter);
+    check(unit === (isAngle ? "°" : scene.length_unit), `${told}: ${letter} is in ${unit}`);
+    const [low, high] = isExtra && isAngle ? [Math.max(axis.min, -360), Math.min(axis.max, 360)] : [axis.min, axis.max];
+    const beyond = isExtra ? 0 : 0.1 * (high - low);
+    near([min, max], [low - beyond, high + beyond], 1e-9 * (high - low), `${told}: range of ${letter}`);
+    near(value, Math.min(Math.max(wanted, min), max), 1e-9, `${told}: slider of ${letter}`);
+    near(Number(text), wanted, half(4), `${told}: field of ${letter}`);
+  }
+}
+
+/** Travel of `pkm travel`, which looks at every point of the way; the page at a hundred. */
+async function compareTravel(page, told, machine, which, own, { pose, tool }) {
+  const words = own.scene.axes.map(({ letter }) => `${which ? SECOND[letter] : letter}${pose["XYZABC".indexOf(letter)].toFixed(12)}`);
+  const { travel } = answer("travel", machine, "--mechanism", which + 1, "--tool", ...ownTool(own, tool), "--pose", ...words);
+  const rows = await texts(page, "table.travel tr", "td");
+  const expected = own.scene.axes.flatMap(({ letter }) => {
+    const axis = which ? SECOND[letter] : letter;
+    const way = travel.find((one) => one.letter === axis);
+    return [["−", way.minus], ["+", way.plus]].map(([sign, side]) => ({ axis, letter, sign, unit: way.unit, ...side }));
+  });
+  check(rows.length === expected.length, `${told}: ${rows.length} ways, ${expected.length} of pkm travel`);
+  expected.forEach(({ axis, letter, unit, sign, left, stop }, k) => {
+    const [name, value, shownUnit, end] = rows[k];
+    check(name === `${sign}${letter}` && shownUnit === (unit === "degrees" ? "°" : unit), `${told}: ${rows[k]} where ${sign}${letter} in ${unit} is expected`);
+    near(Number(value), left, half(2) + 2e-5 * Math.abs(left), `${told}: travel ${name}`);
+    check(stop.replace(`axis ${axis}: `, "") === end, `${told}: ${name} ends at "${end}", by pkm travel at "${stop}"`);
+  });
+  return rows.length;
+}
+
+/** A pose a share of the way from home to the ends of the axes, by turns to either. */
+function part({ home, axes }, share) {
+  const pose = [...home.pose];
+  axes.forEach(({ letter, min, max }, n) => {
+    const k = "XYZABC".indexOf(letter);
+    pose[k] += share * ((n + (share < 0)) % 2 ? max - pose[k] : min - pose[k]);
+  });
+  return pose;
+}
+
+const POSES = [0, 0.3, -0.45];
+
+async function panel(page) {
+  writeFileSync(file("letters.ini"), carrying()["carried-legs"]);
+  const machines = [...["tripod", "hexapod", "lathe-mirrored", "lathe-counter-spindle", "pyramid", "rotary-delta"].map((name) => [name, ini(name)]), ["letters", file("letters.ini")]];
+  let [limits, ways] = [0, 0];
+  for (const [name, machine] of machines) {
+    const mechanisms = await opened(page, `${name}-panel`, machine);
+    check(await page.locator("select[aria-label=mechanism]").count() === (mechanisms.length > 1 ? 1 : 0), `${name}: which mechanism is not asked`);
+    for (const [which, own] of mechanisms.entries()) {
+      if (mechanisms.length > 1) await page.locator("select[aria-label=mechanism]").selectOption(`mechanism ${which + 1}`);
+      for (const share of POSES) {
+        const told = `${name}, mechanism ${which + 1}, ${share}`;
+        const { scene } = own;
+        const extra = Object.fromEntries(scene.extra_axes.map(({ letter }, k) => [letter, share * (20 + k)]));
+        await page.evaluate(([pose, tool, which, extra]) => window.pkm.take(pose, tool, which, extra), [part(scene, share), own.tool.map((value) => value + share), which, extra]);
+        await page.waitForTimeout(RESTED);
+        const state = await asText(page, (which) => window.pkm.state(which), which);
+        const [values] = table("joints", machine, which, [state.pose], ownTool(own, state.tool)).values;
+        const rows = await texts(page, "table.joints tr", "td");
+        check(rows.length === scene.joints.length, `${told}: ${rows.length} joints`);
+        rows.forEach(([joint, value, unit], k) => {
+          check(joint === scene.joints[k].name && unit === scene.joints[k].unit, `${told}: joint ${k} is ${joint} in ${unit}`);
+          near(Number(value), values[k], half(4), `${told}: ${joint}`);
+        });
+        await compareSliders(page, told, scene, state);
+        limits += await compareLimits(page, told, limitsOf(machine, which, own, state), 9);
+        if (scene.chain.length === 0) ways += await compareTravel(page, told, machine, which, own, state);
+      }
+    }
+    check(complaints(page).length === 0, complaints(page).join("; "));
+  }
+  return `${limits} limits and ${ways} ways as pkm says`;
+}
+
+export const TESTS = [["the panel shows what pkm joints, rods and travel say", panel]];
