@@ -59,12 +59,13 @@ export class Rows {
     this.space.replaceChildren(...rows);
   }
 
-  /** Brings a row into sight. */
-  go(i) {
+  /** Brings a row into sight. Rows that have not changed stay the same elements: a click on an element that is replaced
+   * between press and release is lost. */
+  go(i, hasChanged) {
     const [top, height] = [i * this.height, this.root.clientHeight];
     if (top < this.root.scrollTop || top > this.root.scrollTop + height - 2 * this.height) {
       this.root.scrollTop = top - height / 2;
     }
-    this.draw(true);
+    this.draw(hasChanged);
   }
 }

@@ -248,6 +248,7 @@ function interfaceOf(page) {
       };
     },
     path: () => page.player.path,
+    curves: () => Array.from(page.player.groups, ([name, group]) => ({ name, ...group })),
     end: () => page.program?.end ?? 0,
     mechanisms: () => page.mechanisms.map(({ scene, tool }) => ({ scene, tool })),
     seen: () => page.seen(),

@@ -180,9 +180,10 @@ export class Player {
   }
 
   setLine(line) {
+    const hasChanged = line !== this.line;
     this.line = line;
     const { length_unit: unit } = this.page.mechanisms[0].scene;
-    this.rows.go(Math.max(line - 1, 0));
+    this.rows.go(Math.max(line - 1, 0), hasChanged);
     if (this.program.isEmpty) return;
     this.told.textContent = `${shown(this.time, 2)} of ${shown(this.program.end, 1)} s · line ${line} · ${shown(this.program.speed(this.time), 1)} ${unit}/s`;
   }

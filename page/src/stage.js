@@ -159,7 +159,7 @@ export class Stage {
   showTrace(points) {
     clear(this.traces);
     if (points.length) {
-      const geometry = new THREE.BufferGeometry().setFromPoints(points.map(vector));
+      const geometry = new THREE.BufferGeometry().setFromPoints(points);
       this.traces.add(new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: 0xcc79a7 })));
     }
     this.redraw();

@@ -56,7 +56,7 @@ export function pkm(args, input = "") {
 /** The answer of a subcommand as an object. */
 export function answer(...words) {
   const done = pkm([...words.map(String), "--format", "json"]);
-  check(done.stdout !== "", `${words.join(" ")}: ${done.stderr}`);
+  check(done.status !== 2 && done.stdout !== "", `${words.join(" ")}: ${done.stderr}`);
   return JSON.parse(done.stdout);
 }
 
@@ -119,7 +119,7 @@ const replaced = new Set();
 /** Makes a page by `pkm view`; what the command said. */
 export function view(html, ...words) {
   const made = pkm(["view", ...words, "--html", html]);
-  if (given.code && !replaced.has(html)) {
+  if (given.code && made.status !== 2 && !replaced.has(html)) {
     replaced.add(html);
     const [before, rest] = readFileSync(html, "utf8").split('<script type="module">');
     const [, after] = rest.split("</script>");
@@ -141,7 +141,7 @@ export async function open(page, html, address = `file://${html}`) {
 /** The page of a machine, with a program or without one, in the tab; its mechanisms. */
 export async function opened(page, name, machine, ...words) {
   const made = view(file(`${name}.html`), machine, ...words);
-  check(made.status !== 2 && made.stderr !== undefined, `${name}: ${made.stderr}`);
+  check(made.status !== 2, `${name}: ${made.stderr}`);
   await open(page, file(`${name}.html`));
   return page.evaluate(() => window.pkm.mechanisms());
 }

@@ -7,6 +7,8 @@ import { join } from "node:path";
 import { FOLDER, HOME, MACHINES, ROUNDED, SAME, asText, check, compare, complaints, file, given, ini, open, pkm, tab, view } from "./browser.mjs";
 import { carrying, ownMachines } from "./machines.mjs";
 import { TESTS as PANEL } from "./panel.mjs";
+import { TESTS as PICTURE } from "./picture.mjs";
+import { TESTS as PROGRAM } from "./program.mjs";
 
 const POSES = 300;
 // Of each machine whose axes carry something, beside these.
@@ -367,6 +369,8 @@ async function video() {
 export const TESTS = [
   ...MACHINES.map((one) => [`the page of ${one.machine} moves as pkm joints says`, (page) => machineTest(page, one)]),
   ...PANEL,
+  ...PROGRAM,
+  ...PICTURE,
   ["a machine without a program shows its workspace and the axis limits", alone],
   ["a mark leads to its line, and a refused pose has a reason", marks],
   ["a program that cannot be read is told beside the machine", unread],

@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+// The picture of the page beside the answers of pkm: cones, colours, tool, workspace, cuts, views, and what is dragged.
+import { readFileSync, writeFileSync } from "node:fs";
+import { answer, asText, check, complaints, file, ini, near, opened, ownTool, table } from "./browser.mjs";
+import { carrying } from "./machines.mjs";
+
+/** Positions in the picture are kept as 32-bit numbers of lengths of 1e3. */
+const SINGLE = 2e-4;
+
+const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
+const less = (a, b) => a.map((value, k) => value - b[k]);
+const scaled = (a, by) => a.map((value) => value * by);
+const unit = (a) => scaled(a, 1 / Math.hypot(...a));
+const degrees = (a, b) => (Math.acos(Math.min(Math.max(dot(unit(a), unit(b)), -1), 1)) * 180) / Math.PI;
+
+/** Base and platform end of a leg in a row of `pkm rods`. */
+const ends = (row, n) => ["base", "platform"].map((which) => ["x", "y", "z"].map((axis) => row[`${which}_${n}_${axis}`]));
+
+const box = (page, words) => page.locator("label.box", { hasText: words }).locator("input");
+
+/** Cones as they stand in the picture: tip, direction and half angle. */
+const cones = (page) => asText(page, () => {
+  const found = [];
+  window.seen.scene.updateMatrixWorld(true);
+  window.seen.scene.traverse((object) => {
+    if (object.geometry?.type !== "ConeGeometry" || !object.geometry.parameters.openEnded) return;
+    let isShown = true;
+    object.traverseAncestors((above) => (isShown &&= above.visible));
+    const { height, radius } = object.geometry.parameters;
+    const places = object.geometry.attributes.position;
+    const point = (k) => object.position.clone().fromBufferAttribute(places, k).applyMatrix4(object.matrixWorld).toArray();
+    const tip = object.getWorldPosition(object.position.clone()).toArray();
+    const rim = Array.from({ length: places.count }, (_, k) => point(k)).filter((p) => Math.hypot(p[0] - tip[0], p[1] - tip[1], p[2] - tip[2]) > 0.5 * height).slice(1);
+    const middle = [0, 1, 2].map((k) => rim.reduce((sum, p) => sum + p[k], 0) / rim.length);
+    found.push({ tip, middle, rim: rim.slice(0, 12), isShown: isShown && object.visible, half: (Math.atan(radius / height) * 180) / Math.PI });
+  });
+  return found;
+});
+
+/** Each cone stands at its joint, about the leg at home, with the angle of the INI file; those of the platform go with it. */
+async function conesTest(page) {
+  let count = 0;
+  for (const machine of ["hexapod", "lab-hexapod", "tripod", "rotary-delta", "lathe-mirrored"]) {
+    const mechanisms = await opened(page, `${machine}-cones`, ini(machine));
+    check((await cones(page)).every(({ isShown }) => !isShown), `${machine}: cones are shown before they are asked for`);
+    await box(page, "cones of the joints").check();
+    const found = await cones(page);
+    let wanted = 0;
+    for (const [which, own] of mechanisms.entries()) {
+      const { rows: [row] } = table("rods", ini(machine), which, [own.scene.home.pose], [0, 0, 0]);
+      own.scene.legs.forEach((leg, n) => {
+        const [low, high] = ends(row, n);
+        for (const [at, way, angle] of [[low, less(high, low), leg.base_cone], [high, less(low, high), leg.platform_cone]]) {
+          if (!angle) continue;
+          wanted += 1;
+          const cone = found.find(({ tip, middle }) => Math.hypot(...less(tip, at)) < SINGLE && degrees(less(middle, tip), way) < 1e-2);
+          check(cone?.isShown, `${machine}: no cone at ${at} along ${way}`);
+          near(cone.half, Math.min(angle, 80), 1e-6, `${machine}: half angle at leg ${n}`);
+          for (const point of cone.rim) near(degrees(less(point, cone.tip), way), Math.min(angle, 80), 0.01, `${machine}: rim of the cone of leg ${n}`);
+        }
+      });
+    }
+    check(found.length === wanted && wanted > 0, `${machine}: ${found.length} cones, ${wanted} in the INI file`);
+    count += wanted;
+    const before = found.map(({ tip }) => tip);
+    const home = mechanisms[0].scene.home.pose;
+    await page.evaluate((pose) => window.pkm.take(pose), home.map((value, k) => value + (k === 2 ? 0.01 * Math.abs(value) : 0)));
+    const after = (await cones(page)).map(({ tip }) => tip);
+    const gone = before.map((tip, n) => Math.hypot(...less(after[n], tip))).filter((way) => way > SINGLE).length;
+    check(gone === mechanisms[0].scene.legs.filter(({ platform_cone: angle }) => angle).length, `${machine}: ${gone} cones go with the platform`);
+    await box(page, "cones of the joints").uncheck();
+    check((await cones(page)).every(({ isShown }) => !isShown), `${machine}: cones stay`);
+  }
+  return `${count} cones`;
+}
+
+const NEAR = "e69f00";
+const BEYOND = "d55e00";
+
+/** A leg is orange within a tenth of its range and red beyond it; the words beside the picture name the limit that is left. */
+async function colours(page) {
+  for (const machine of ["tripod", "hexapod", "linear-delta"]) {
+    const text = readFileSync(ini(machine), "utf8").replace(/(\[AXIS_Z\][^[]*?MIN_LIMIT = )\S+/, "$1-9999").replace(/(\[AXIS_Z\][^[]*?MAX_LIMIT = )\S+/, "$19999").replaceAll(/_CONE = \S+/g, "_CONE = 179").replace(/^\[BOX_\d+\][^[]*/gm, "").replace(" boxes=1", "");
+    const narrow = file(`${machine}-long.ini`);
+    writeFileSync(narrow, text);
+    const [own] = await opened(page, `${machine}-colours`, narrow);
+    const seen = new Set();
+    const size = Math.max(...own.scene.legs.map(({ base }) => Math.hypot(...base)));
+    for (let n = -16; n <= 16; n++) {
+      const pose = own.scene.home.pose.map((value, k) => value + (k === 2 ? (n / 16) * size : 0));
+      const state = await asText(page, (pose) => (window.pkm.take(pose), window.pkm.state()), pose);
+      if (state.code !== 0) continue;
+      const [values] = table("joints", narrow, 0, [pose], ownTool(own, own.tool)).values;
+      const found = await asText(page, () => {
+        const rods = [];
+        window.seen.scene.updateMatrixWorld(true);
+        window.seen.scene.traverse((object) => object.geometry?.type === "CylinderGeometry" && object.geometry.parameters.height === 1 && rods.push({ colour: object.material.color.getHexString(), at: object.getWorldPosition(object.position.clone()).toArray(), end: object.localToWorld(object.position.clone().set(0, 1, 0)).toArray() }));
+        return rods;
+      });
+      const { legs } = state;
+      const shares = values.map((value, k) => Math.min(value - own.scene.joints[k].min, own.scene.joints[k].max - value) / (own.scene.joints[k].max - own.scene.joints[k].min));
+      legs.forEach(({ lower, upper }, k) => {
+        const rod = found.find(({ at, end }) => Math.hypot(...less(at, lower)) < SINGLE * size && Math.hypot(...less(end, upper)) < SINGLE * size);
+        check(rod, `${machine}: no rod of leg ${k} at ${pose}`);
+        // Dead points count too; the struts of these machines have none, the rods of a delta on rails are far from theirs near home.
+        if (own.scene.legs[k].kind !== "strut" && shares[k] > 0.1) return;
+        const wanted = shares[k] < 0 ? BEYOND : shares[k] < 0.1 ? NEAR : "c3ccd6";
+        check(rod.colour === wanted, `${machine}: rod of leg ${k} with ${shares[k]} is ${rod.colour}`);
+        seen.add(wanted);
+      });
+      const reason = await page.locator(".reason").textContent();
+      const worst = Math.min(...shares);
+      if (worst < 0) {
+        const k = shares.indexOf(worst);
+        const { name, min, max } = own.scene.joints[k];
+        const isBelow = values[k] < min;
+        check(!reason.includes(name) || reason.startsWith(`${name} is at ${values[k].toFixed(3)} ${own.scene.joints[k].unit}, ${isBelow ? "below" : "above"} its limit of ${(isBelow ? min : max).toFixed(3)} (`), `${machine}: ${reason}, joint at ${values[k]}`);
+        check(reason !== "", `${machine}: no reason at ${pose}`);
+      }
+    }
+    check(seen.size === (own.scene.legs[0].kind === "strut" ? 3 : 2), `${machine}: rods are ${[...seen]}`);
+  }
+}
+
+/** The surface of the workspace as points and triangles, and the lines of the axis limits. */
+const space = (page) => asText(page, () => {
+  const found = {};
+  window.seen.scene.traverse((object) => {
+    const { position, normal } = object.geometry?.attributes ?? {};
+    if (object.material?.opacity === 0.38) found.body = { points: Array.from(position.array), faces: Array.from(object.geometry.index.array), normals: normal.count };
+    if (object.type === "LineSegments" && object.material.color.getHexString() === "3d4650") found.lines = Array.from(position.array);
+  });
+  return found;
+});
+
+const triples = (list) => Array.from({ length: list.length / 3 }, (_, n) => list.slice(3 * n, 3 * n + 3));
+
+/** Where a ray from a point meets a surface, nearest first. */
+function meeting({ points, faces }, from, way) {
+  const all = triples(points);
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  return triples(faces).flatMap(([i, j, k]) => {
+    const [p, q, r] = [all[i], all[j], all[k]];
+    const [e, f] = [less(q, p), less(r, p)];
+    const h = cross(way, f);
+    const det = dot(e, h);
+    if (Math.abs(det) < 1e-12) return [];
+    const s = less(from, p);
+    const u = dot(s, h) / det;
+    const v = dot(way, cross(s, e)) / det;
+    const t = dot(f, cross(s, e)) / det;
+    return u >= -1e-9 && v >= -1e-9 && u + v <= 1 + 1e-9 && t > 0 ? [t] : [];
+  }).sort((a, b) => a - b);
+}
+
+/** From home and from a tilted pose each way to the surface is the travel of pkm on the machine whose axes have no limits. */
+async function workspaceTest(page) {
+  let ways = 0;
+  for (const [machine, turn] of [["hexapod", [0, 0, 0]], ["hexapod", [8, -5, 4]], ["tripod", [0, 0, 0]], ["linear-delta", [0, 0, 0]]]) {
+    const [own] = await opened(page, `${machine}-space`, ini(machine));
+    const wide = file(`${machine}-wide.ini`);
+    const letter = (text, name) => text.replace(new RegExp(`(\\[AXIS_${name}\\][^[]*?MIN_LIMIT = )\\S+`), "$1-99999").replace(new RegExp(`(\\[AXIS_${name}\\][^[]*?MAX_LIMIT = )\\S+`), "$199999");
+    writeFileSync(wide, [..."XYZ"].reduce(letter, readFileSync(ini(machine), "utf8")).replace(/^\[BOX_\d+\][^[]*/gm, "").replace(" boxes=1", ""));
+    const pose = own.scene.home.pose.map((value, k) => value + (k < 3 ? 0 : turn[k - 3]));
+    await page.evaluate((pose) => window.pkm.take(pose), pose);
+    await page.waitForTimeout(500);
+    const { body, lines } = await space(page);
+    check(body.normals * 3 === body.points.length, `${machine}: normals`);
+    const { travel } = answer("travel", wide, "--pose", ...pose, "--tool", 0, 0, 0);
+    const all = triples(body.points);
+    const cell = Math.max(...[0, 1, 2].map((k) => Math.max(...all.map((p) => p[k])) - Math.min(...all.map((p) => p[k])))) / 24;
+    for (const [k, name] of [..."XYZ"].entries()) {
+      const way = travel.find((one) => one.letter === name);
+      for (const [sign, { left }] of [[-1, way.minus], [1, way.plus]]) {
+        const [at] = meeting(body, pose.slice(0, 3), [0, 1, 2].map((n) => (n === k ? sign : 0)));
+        check(at !== undefined, `${machine}: ${sign}${name} meets no surface`);
+        // A surface of cells cuts a sharp corner off.
+        near(at, left, 2 * cell, `${machine}: way ${sign}${name} to the surface`);
+        ways += 1;
+      }
+    }
+    // Seen from outside faces are turned right: their volume is positive.
+    const volume = triples(body.faces).reduce((sum, [i, j, k]) => {
+      const [p, q, r] = [all[i], all[j], all[k]];
+      return sum + (p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2]) + p[2] * (q[0] * r[1] - q[1] * r[0])) / 6;
+    }, 0);
+    check(Math.abs(volume) > 0, `${machine}: volume ${volume}`);
+    const inside = answer("workspace", wide, "--bands", 12, "--grid", 20).volume_by_boundary;
+    if (turn.every((angle) => angle === 0)) near(Math.abs(volume), inside, 0.12 * inside, `${machine}: volume of the workspace`);
+    const range = own.scene.axes.slice(0, 3).map(({ min, max }) => [min, max]);
+    const edges = triples(lines).reduce((pairs, point, n) => (n % 2 ? [...pairs.slice(0, -1), [pairs.at(-1), point]] : [...pairs, point]), []);
+    check(edges.length === 12 && new Set(edges.map((edge) => String(edge.map(String).sort()))).size === 12, `${machine}: ${edges.length} edges of the axis limits`);
+    for (const [a, b] of edges) {
+      check([a, b].every((point) => point.every((value, k) => range[k].some((end) => Math.abs(value - end) < SINGLE))), `${machine}: an edge from ${a} to ${b}`);
+      check(a.filter((value, k) => value !== b[k]).length === 1, `${machine}: an edge across, from ${a} to ${b}`);
+    }
+    await box(page, "workspace at these angles").uncheck();
+    check((await space(page)).body === undefined, `${machine}: the workspace stays`);
+    await box(page, "workspace at these angles").check();
+    check((await space(page)).body.points.length === body.points.length, `${machine}: the workspace does not come back`);
+  }
+  return `${ways} ways to the surface`;
+}
+
+const RIGHT = { X: [1, 0, 0], Y: [0, 1, 0], Z: [0, 0, 1] };
+
+/** Views look along the axes; a cut leaves what lies on the reader's side away. */
+async function viewsTest(page) {
+  for (const [machine, standing] of [["hexapod", true], ["four-rod-lathe", false]]) {
+    await opened(page, `${machine}-views`, ini(machine));
+    const looks = {};
+    for (const name of ["front", "side", "top", "3D"]) {
+      await page.getByRole("button", { name, exact: true }).click();
+      await page.waitForTimeout(50);
+      looks[name] = await asText(page, () => {
+        const { camera, scene } = window.seen;
+        camera.updateMatrixWorld();
+        const box = [];
+        scene.traverse((object) => object.geometry?.type === "CylinderGeometry" && box.push(object.getWorldPosition(object.position.clone()).project(camera).toArray()));
+        const way = camera.getWorldDirection(camera.position.clone()).toArray();
+        const up = camera.up.clone().set(0, 1, 0).applyQuaternion(camera.quaternion).toArray();
+        return { way, up, box };
+      });
+    }
+    const wanted = standing ? { front: [[0, 1, 0], [0, 0, 1]], side: [[-1, 0, 0], [0, 0, 1]], top: [[0, 0, -1], [0, 1, 0]] } : { front: [[1, 0, 0], [0, 1, 0]], side: [[0, 0, -1], [0, 1, 0]], top: [[0, -1, 0], [1, 0, 0]] };
+    for (const [name, [way, up]] of Object.entries(wanted)) {
+      near(looks[name].way, way, 1e-3, `${machine}: ${name} looks`);
+      near(looks[name].up, up, 1e-3, `${machine}: up of ${name}`);
+    }
+    for (const [name, { box: all }] of Object.entries(looks)) {
+      check(all.every(([x, y]) => Math.abs(x) <= 1.01 && Math.abs(y) <= 1.01), `${machine}: from ${name} something is out of sight`);
+      check(all.some(([x, y]) => Math.max(Math.abs(x), Math.abs(y)) > 0.5), `${machine}: from ${name} all is small`);
+    }
+    for (const letter of "XYZ") {
+      await page.locator("select[aria-label=cut]").selectOption(`cut: ${letter}`);
+      const planes = await asText(page, () => {
+        const slider = document.querySelector("input[aria-label='place of the cut']");
+        return [0.25, 0.75].map((value) => {
+          slider.value = value;
+          slider.dispatchEvent(new Event("input"));
+          const [{ normal, constant }] = window.seen.renderer.clippingPlanes;
+          return { normal: normal.toArray(), at: -constant / (normal.x + normal.y + normal.z) };
+        });
+      });
+      const sign = letter === "Y" ? 1 : -1;
+      planes.forEach(({ normal }) => near(normal, scaled(RIGHT[letter], sign), 0, `${machine}: cut ${letter}`));
+      const { min, max } = await asText(page, (k) => {
+        const places = [];
+        window.seen.scene.traverse((object) => object.geometry?.parameters?.widthSegments === 24 && places.push(object.getWorldPosition(object.position.clone()).toArray()[k]));
+        return { min: Math.min(...places), max: Math.max(...places) };
+      }, "XYZ".indexOf(letter));
+      const step = planes[1].at - planes[0].at;
+      check(step > 0.45 * (max - min) && planes[0].at > min - 0.3 * (max - min) && planes[1].at < max + 0.3 * (max - min), `${machine}: cut ${letter} at ${planes.map(({ at }) => at)} of ${min} to ${max}`);
+    }
+    await page.locator("select[aria-label=cut]").selectOption("cut: nothing");
+    check((await page.evaluate(() => window.seen.renderer.clippingPlanes.length)) === 0, `${machine}: the cut stays`);
+  }
+}
+
+/** The tip of the tool stands where pkm says, its shaft between platform and tip, labels at their legs. */
+async function toolTest(page) {
+  writeFileSync(file("held.ini"), carrying()["carried-tool"]);
+  for (const [machine, path] of [["hexapod", ini("hexapod")], ["tripod", ini("tripod")], ["pyramid", ini("pyramid")], ["carried-tool", file("held.ini")]]) {
+    const [own] = await opened(page, `${machine}-tool`, path);
+    const { home } = own.scene;
+    const scale = Math.max(...own.scene.legs.map(({ base }) => Math.hypot(...base)));
+    for (const length of [0, 0.05 * scale, -0.1 * scale]) {
+      const tool = [0, 0, length];
+      const state = await asText(page, ([pose, tool]) => (window.pkm.take(pose, tool), window.pkm.state()), [home.pose, tool]);
+      const parts = await asText(page, () => {
+        const found = { cone: [], bars: [], labels: [] };
+        window.seen.scene.updateMatrixWorld(true);
+        window.seen.scene.traverse((object) => {
+          const place = () => object.getWorldPosition(object.position.clone()).toArray();
+          if (object.geometry?.type === "ConeGeometry" && !object.geometry.parameters.openEnded && object.geometry.parameters.radialSegments === 24) found.cone.push({ tip: object.localToWorld(object.position.clone().set(0, object.geometry.parameters.height / 2, 0)).toArray(), at: place(), height: object.geometry.parameters.height });
+          if (object.geometry?.type === "CylinderGeometry" && object.geometry.parameters.height === 1 && object.visible && object.material.color.getHexString() === "009e73") found.bars.push([place(), object.localToWorld(object.position.clone().set(0, 1, 0)).toArray()]);
+          if (object.type === "Sprite" && object.renderOrder === 10) found.labels.push(place());
+        });
+        return found;
+      });
+      const { tip } = state.ground;
+      const [cone] = parts.cone;
+      check(parts.cone.length === 1, `${machine}: ${parts.cone.length} tips`);
+      if (own.scene.chain.length === 0 || length) {
+        near(cone.tip, tip, SINGLE * 10, `${machine}: point of the tool of ${length}`);
+        near(Math.hypot(...less(cone.at, tip)), cone.height / 2, SINGLE * 10, `${machine}: middle of the point`);
+      }
+      if (parts.bars.length && own.scene.chain.length === 0) {
+        const [from, to] = parts.bars[0];
+        near(Math.hypot(...less(to, tip)), cone.height, 1e-3 * scale, `${machine}: neck of the tool of ${length}`);
+        check(Math.abs(degrees(less(to, from), less(tip, to))) < 0.1, `${machine}: the shaft of ${length} is bent`);
+      }
+      own.scene.legs.forEach((_, n) => {
+        const [lower, upper] = [state.ground.lower[n], state.ground.upper[n]];
+        const at = lower.map((value, k) => value + 0.3 * (upper[k] - value));
+        check(parts.labels.some((place) => Math.hypot(place[0] - at[0], place[1] - at[1]) < SINGLE * scale && place[2] > at[2] && place[2] - at[2] < 0.3 * scale), `${machine}: no number at leg ${n}`);
+      });
+    }
+    await box(page, "numbers of joints").uncheck();
+    const isShown = await page.evaluate(() => {
+      let shown = 0;
+      window.seen.scene.traverse((object) => {
+        const { parent } = object;
+        if (object.type === "Sprite" && parent.visible && parent.children.every(({ type }) => type === "Sprite")) shown += 1;
+      });
+      return shown;
+    });
+    check(isShown === 0, `${machine}: numbers stay`);
+    await page.getByRole("button", { name: "home", exact: true }).click();
+    const { pose, tool } = await asText(page, () => window.pkm.state());
+    near([...pose, ...tool], [...home.pose, ...own.tool], 0, `${machine}: home`);
+  }
+}
+
+/** The tool is dragged along X, and turned about Z, by the mouse; nothing else moves. */
+async function dragTest(page) {
+  const [own] = await opened(page, "dragged", ini("hexapod"));
+  await page.evaluate(() => window.pkm.take([10, -20, 240, 2, 3, 4]));
+  await page.getByRole("button", { name: "front", exact: true }).click();
+  const before = await asText(page, () => window.pkm.state());
+  await page.locator("select[aria-label=drag]").selectOption("drag: move");
+  await page.waitForTimeout(100);
+  const place = await asText(page, () => {
+    const { camera, scene } = window.seen;
+    const canvas = document.querySelector("canvas.picture").getBoundingClientRect();
+    const onPage = (v) => {
+      const { x, y } = v.project(camera);
+      return [canvas.left + ((x + 1) / 2) * canvas.width, canvas.top + ((1 - y) / 2) * canvas.height];
+    };
+    let proxy;
+    scene.traverse((object) => object.type === "Object3D" && object.rotation.order === "ZYX" && object.children.length === 0 && (proxy = object));
+    const at = proxy.getWorldPosition(proxy.position.clone());
+    const scale = at.distanceTo(camera.position) * Math.min((1.9 * Math.tan((Math.PI * camera.fov) / 360)) / camera.zoom, 7) * 0.7 / 4;
+    const off = at.clone().set(1, 0, 0);
+    return { at: at.toArray(), from: onPage(at.clone().addScaledVector(off, 0.3 * scale)), to: onPage(at.clone().addScaledVector(off, 0.3 * scale + 25)), rotation: proxy.rotation.toArray().slice(0, 3), middle: onPage(at.clone()) };
+  });
+  near(place.at, before.tip, 1e-9, "the handle stands at the tip");
+  near(scaled(place.rotation, 180 / Math.PI), before.pose.slice(3), 1e-9, "turn of the handle");
+  await page.mouse.move(...place.from);
+  await page.waitForTimeout(50);
+  await page.mouse.down();
+  await page.mouse.move((place.from[0] + place.to[0]) / 2, place.to[1], { steps: 3 });
+  await page.mouse.move(...place.to, { steps: 3 });
+  await page.mouse.up();
+  const after = await asText(page, () => window.pkm.state());
+  near(after.pose[0], before.pose[0] + 25, 3, "X dragged by 25");
+  after.pose.forEach((value, k) => k > 0 && near(value, before.pose[k], 1e-9, `${"XYZABC"[k]} dragged along X`));
+  near(after.tool, before.tool, 0, "the tool of what is dragged");
+  check((await page.locator("input[aria-label='X as a number']").inputValue()) === after.pose[0].toFixed(4), "the field follows what is dragged");
+  for (const [letter, value] of [["Y", "12.5"], ["C", "-3"]]) {
+    await page.locator(`input[aria-label='${letter} as a number']`).fill(value);
+    await page.locator(`input[aria-label='${letter} as a number']`).press("Enter");
+    const { pose } = await asText(page, () => window.pkm.state());
+    near(pose["XYZABC".indexOf(letter)], Number(value), 0, `${letter} typed`);
+  }
+  const { pose } = await asText(page, () => window.pkm.state());
+  for (const k of [0, 2, 3, 4]) near(pose[k], after.pose[k], 0, `${"XYZABC"[k]} while others are typed`);
+  await page.locator("select[aria-label=drag]").selectOption("drag: nothing");
+  const [x, y] = place.to;
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + 40, y, { steps: 3 });
+  await page.mouse.up();
+  near((await asText(page, () => window.pkm.state())).pose, pose, 0, "dragged with nothing to drag");
+  check(own.scene.coordinates === "XYZABC" && complaints(page).length === 0, complaints(page).join("; "));
+}
+
+export const TESTS = [
+  ["cones stand at their joints", conesTest],
+  ["legs near their limits and beyond have their colours, and the reason is told", colours],
+  ["the workspace ends where travel does", workspaceTest],
+  ["views and cuts look along the axes", viewsTest],
+  ["tool and numbers stand where they belong", toolTest],
+  ["the tool is dragged, and poses are typed", dragTest],
+];
