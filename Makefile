@@ -158,7 +158,7 @@ test-machines: setup setup-page
 # Never before a machine that is live, which a priority alone does not make sure of.
 BEHIND := chrt --idle 0
 
-test-programs: setup
+test-programs: setup setup-page
 	$(BEHIND) $(CARGO) test --profile host $(LOCKED) --no-fail-fast
 
 test-virtual: setup

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // Builds the page's code into the folder built, or with --check says whether it stands there byte for byte.
 import { build } from "esbuild";
+import { execFileSync } from "node:child_process";
 import { mkdtemp, readFile, writeFile, mkdir, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
@@ -45,6 +46,10 @@ async function check() {
     }
   } finally {
     await rm(folder, { recursive: true });
+  }
+  const sources = execFileSync(join(HERE, "core/sources.sh"), { encoding: "utf8" });
+  if (sources !== await readFile(join(BUILT, "kinematics.sources"), "utf8")) {
+    throw new Error("page/built/kinematics.wasm is built from other sources of the core or of page/core: run cargo xtask page-core");
   }
 }
 

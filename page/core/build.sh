@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Builds the page's kinematics: page/core for wasm32, into the file given.
+# Builds the page's kinematics: page/core for wasm32, into the file given, with a checksum of its sources beside it.
 #
 # Uses rustc if it has the target's library (rustup target add wasm32-unknown-unknown), otherwise
 # Debian's rustc-web, whose sources contain the library.
@@ -22,3 +22,4 @@ else
         --target $target -Zbuild-std=core,compiler_builtins --target-dir target/page --quiet
 fi
 install -m 644 target/page/$target/release/page_core.wasm "$out"
+page/core/sources.sh > "${out%.wasm}.sources"

@@ -100,10 +100,14 @@ const OBSERVER = () => {
   });
 };
 
+/** How long an element of the page is waited for, milliseconds. */
+const MOST_WAIT = 15_000;
+
 /** A tab without a network; what its pages complain about is collected. */
 export async function tab(browser, options = { offline: true }) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });
   const page = await context.newPage();
+  page.setDefaultTimeout(MOST_WAIT);
   page.complaints = [];
   page.on("console", (told) => ["error", "warning"].includes(told.type()) && page.complaints.push(told.text()));
   page.on("pageerror", (error) => page.complaints.push(error.message));
@@ -134,7 +138,8 @@ export async function open(page, html, address = `file://${html}`) {
   await given.left(page);
   await page.goto("about:blank");
   await page.goto(address);
-  await page.waitForFunction(() => window.pkm ?? document.querySelector("#page > .error"));
+  const failed = new Promise((_, fail) => page.once("pageerror", fail));
+  await Promise.race([page.waitForFunction(() => window.pkm ?? document.querySelector("#page > .error")), failed]);
   check(await page.evaluate(() => window.pkm !== undefined), `${html}: ${await page.locator("#page").textContent()}`);
 }
 

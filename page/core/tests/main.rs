@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Tests of the page's inputs and of the answers of its kinematics. tests/page opens it in a browser.
 
+mod built;
+
 use kinematics::{Joints, Limits, MAX_JOINTS, Pose, Vector3};
 use machine::proof::axis_box::range;
 use machine::read::mechanism::Mechanism;
