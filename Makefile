@@ -165,6 +165,7 @@ test-virtual: setup
 	$(BEHIND) tests/live/traces_test.py
 	$(BEHIND) tests/live/truth.py --random 200 --out build/truth-random
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
+	PKM=target/host/pkm $(BEHIND) /usr/bin/python3 -m pytest -q -p no:cacheprovider tests/viewer/scripts_test.py
 	$(BEHIND) tests/virtual/guarded.py --programs 50
 
 # Waits until cargo has built the tests; the component that plays the true machine comes with those of Python.

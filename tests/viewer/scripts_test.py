@@ -1,0 +1,585 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The viewer's programs without LinuxCNC: stand-ins for HAL and LinuxCNC's status say what the real ones would.
+
+    PKM=target/host/pkm /usr/bin/python3 -m pytest -q -p no:cacheprovider tests/viewer/scripts_test.py
+"""
+
+import importlib.machinery
+import importlib.util
+import json
+import math
+import os
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+VIEWER = Path(os.environ.get("PKMKINS_VIEWER", REPOSITORY / "viewer"))
+sys.path.insert(0, str(VIEWER))
+sys.dont_write_bytecode = True
+import pkmkins_pins  # noqa: E402
+from pkmkins_mesh import read as read_mesh  # noqa: E402
+from pkmkins_panel import words  # noqa: E402
+from pkmkins_refusal import count_legs, sentence  # noqa: E402
+from pkmkins_scene import Frame, Scene, SceneError, about, extent, frame, whole  # noqa: E402
+
+PKM = os.environ.get("PKM", str(REPOSITORY / "target/host/pkm"))
+
+
+def ini(name):
+    return REPOSITORY / "configs" / name / f"{name}.ini"
+
+
+def scene(name, mechanism=1):
+    done = subprocess.run([PKM, "scene", ini(name), "--mechanism", str(mechanism)], capture_output=True, text=True, check=True)
+    return Scene(json.loads(done.stdout))
+
+
+class Component(dict):
+    """A HAL component."""
+
+    def __init__(self, name):
+        self.name, self.pins, self.is_ready, self.has_ended = name, {}, False, False
+
+    def newpin(self, name, kind, way):
+        self.pins[name] = (kind, way)
+        self[name] = 0
+
+    def ready(self):
+        self.is_ready = True
+
+    def exit(self):
+        self.has_ended = True
+
+
+class Hal(types.ModuleType):
+    """HAL with pins that a test sets."""
+
+    HAL_FLOAT, HAL_BIT, HAL_OUT, HAL_IN = "float", "bit", "out", "in"
+
+    def __init__(self):
+        super().__init__("hal")
+        self.values, self.made = {}, []
+
+    def component(self, name):
+        self.made.append(Component(name))
+        return self.made[-1]
+
+    def get_value(self, name):
+        if name not in self.values:
+            raise RuntimeError(f"Can't get {name}")
+        return self.values[name]
+
+
+class Status:
+    """LinuxCNC's status."""
+
+    def __init__(self):
+        self.actual_position = (1, 2, 3, 4, 5, 6, 7, 8, 9, 0)
+        self.inpos, self.interp_state, self.motion_mode = True, 1, 2
+        self.joints, self.homed = 6, (1,) * 6 + (0,) * 10
+        self.adaptive_feed_enabled = False
+        self.motion_line, self.file, self.current_vel = 12, "/nc/part.ngc", 2.5
+        self.task_mode, self.task_state = 2, 4
+        self.fails = None
+
+    def poll(self):
+        if self.fails:
+            raise self.fails
+
+
+class LinuxCNC(types.ModuleType):
+    """The module of that name."""
+
+    MODE_MANUAL, MODE_AUTO, MODE_MDI = 1, 2, 3
+    STATE_ESTOP, STATE_ESTOP_RESET, STATE_OFF, STATE_ON = 1, 2, 3, 4
+    INTERP_IDLE, INTERP_READING, INTERP_PAUSED, INTERP_WAITING = 1, 2, 3, 4
+    TRAJ_MODE_FREE, TRAJ_MODE_COORD, TRAJ_MODE_TELEOP = 1, 2, 3
+
+    class error(Exception):
+        """What its calls raise."""
+
+    def __init__(self):
+        super().__init__("linuxcnc")
+        self.status, self.told, self.opened = Status(), [], 0
+
+    def stat(self):
+        self.opened += 1
+        return self.status
+
+    def command(self):
+        return types.SimpleNamespace(error_msg=self.told.append)
+
+
+@pytest.fixture
+def hal(monkeypatch):
+    made = Hal()
+    monkeypatch.setitem(sys.modules, "hal", made)
+    return made
+
+
+@pytest.fixture
+def linuxcnc(monkeypatch):
+    made = LinuxCNC()
+    monkeypatch.setitem(sys.modules, "linuxcnc", made)
+    return made
+
+
+def program(name):
+    """One of the programs without an ending, as a module."""
+    loader = importlib.machinery.SourceFileLoader(name.replace("-", "_"), str(VIEWER / name))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
+    loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def panel(hal, linuxcnc):
+    return program("pkmkins-panel")
+
+
+@pytest.fixture
+def vismach():
+    return program("pkmkins-vismach")
+
+
+def pkm_in_path(folder, text):
+    """A command `pkm` of a few lines."""
+    script = folder / "pkm"
+    script.write_text(f"#!/usr/bin/python3\n{text}")
+    script.chmod(0o755)
+    return str(folder)
+
+
+# Travel left, on pins.
+
+
+def test_the_panel_has_a_pin_for_every_way_and_asks_with_both_tools(panel, hal, linuxcnc):
+    made = panel.Panel("machine.ini", ["x", "c", "w"]).component
+    ways = {f"{letter}-{way}": ("float", "out") for letter in "xcw" for way in ("minus", "plus")}
+    assert made.pins == ways | {"known": ("bit", "out"), "guard-on": ("bit", "out"), "kinematics": ("float", "out"),
+                                "ask-machine": ("bit", "in"), "ask-joints": ("bit", "in")}
+    assert made.name == "pkmkins-panel" and made.is_ready
+    assert all(math.isnan(made[way]) for way in ways) and made["known"] is False
+    machine = panel.Machine()
+    hal.values |= {f"pkmkins.tool-offset-eff-{letter}": value for letter, value in zip("xyz", (0.5, 0.25, 60))}
+    assert machine.question() == {"at": [1, 2, 3, 4, 5, 6, 7, 8, 9], "tools": [[0.5, 0.25, 60]]}
+    hal.values |= {f"pkmkins.second.tool-offset-eff-{letter}": value for letter, value in zip("xyz", (1, 2, 3))}
+    assert machine.question()["tools"] == [[0.5, 0.25, 60], [1, 2, 3]]
+
+
+ANSWER = {"travel": [{"letter": "X", "minus": {"left": 1.5, "stop": "a"}, "plus": {"left": 2.5, "stop": "b"}},
+                     {"letter": "W", "minus": {"left": None, "stop": None}, "plus": {"left": 7, "stop": "c"}},
+                     {"letter": "Y", "minus": {"left": 3, "stop": "a"}, "plus": {"left": 4, "stop": "b"}}]}
+
+
+def test_answers_go_to_their_pins_and_an_error_takes_them_back(panel, capsys):
+    own = panel.Panel("machine.ini", ["x", "w"])
+    own.show(ANSWER)
+    assert {name: own.component[name] for name in ("x-minus", "x-plus", "w-minus", "w-plus", "known")} == {
+        "x-minus": 1.5, "x-plus": 2.5, "w-minus": math.inf, "w-plus": 7, "known": True}
+    assert "y-minus" not in own.component
+    for _ in range(2):
+        own.show({"error": "out of reach"})
+        assert own.component["known"] is False and math.isnan(own.component["x-plus"]) and math.isnan(own.component["w-minus"])
+    assert capsys.readouterr().err == "pkmkins-panel: out of reach\n"
+    own.show(ANSWER)
+    own.show({"error": "out of reach"})
+    assert capsys.readouterr().err == "pkmkins-panel: out of reach\n"
+
+
+def test_a_question_is_asked_once_and_not_before_homing(panel, hal, linuxcnc):
+    own, asked = panel.Panel("machine.ini", ["x", "w"]), []
+    own.travel.ask = lambda question: asked.append(question) or ANSWER
+    linuxcnc.status.homed = (1, 1, 1, 1, 1, 0)
+    own.look()
+    assert asked == [] and own.component["known"] is False
+    linuxcnc.status.homed = (1,) * 6 + (0,) * 10
+    linuxcnc.status.adaptive_feed_enabled = True
+    own.look()
+    own.look()
+    assert len(asked) == 1 and own.component["known"] is True and own.component["guard-on"] is True
+    linuxcnc.status.actual_position = (1.5, *linuxcnc.status.actual_position[1:])
+    linuxcnc.status.adaptive_feed_enabled = False
+    own.look()
+    assert len(asked) == 2 and own.component["guard-on"] is False
+    linuxcnc.status.homed = (0,) * 16
+    own.look()
+    assert own.component["known"] is False
+    linuxcnc.status.homed = (1,) * 16
+    own.look()
+    assert len(asked) == 3 and own.component["known"] is True
+
+
+@pytest.mark.parametrize(
+    ("status", "why"),
+    [({}, None), ({"inpos": False}, "the machine moves"), ({"interp_state": 2}, "a program runs"), ({"motion_mode": 3}, "world mode")],
+)
+def test_kinematics_are_switched_by_a_press_at_rest_alone(panel, linuxcnc, status, why):
+    own = panel.Panel("machine.ini", ["x"])
+    vars(linuxcnc.status).update(status)
+    own.switch(True)
+    assert own.component["kinematics"] == (0 if why else 1) and len(linuxcnc.told) == (1 if why else 0)
+    assert why is None or why in linuxcnc.told[0]
+    own.switch(True)
+    assert len(linuxcnc.told) == (1 if why else 0)
+    own.switch(False)
+    # What stays as it is asked for is no news.
+    assert own.component["kinematics"] == 0 and len(linuxcnc.told) == (1 if why else 0)
+
+
+def test_a_button_is_looked_at_each_time(panel, linuxcnc):
+    own = panel.Panel("machine.ini", ["x"])
+    own.travel.ask = lambda _: ANSWER
+    own.component["ask-joints"] = True
+    own.look()
+    assert own.component["kinematics"] == 1
+    own.component["ask-joints"] = False
+    own.look()
+    assert own.component["kinematics"] == 0
+
+
+ECHO = """import sys, json
+assert sys.argv[1:] == ["travel", "machine.ini", "--serve"], sys.argv
+for line in sys.stdin:
+    at = json.loads(line)["at"]
+    if at == "end":
+        sys.exit(3)
+    print("no json" if at == "words" else json.dumps({"error": at}), flush=True)
+"""
+
+
+def test_the_command_is_kept_open_and_started_again_in_time(panel, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", pkm_in_path(tmp_path, ECHO))
+    travel = panel.Travel("machine.ini")
+    assert travel.ask({"at": "a"}) == {"error": "a"}
+    process = travel.process
+    assert travel.ask({"at": "b"}) == {"error": "b"} and travel.process is process
+    with pytest.raises(panel.Stopped, match="pkm travel machine.ini has written 'no json'"):
+        travel.ask({"at": "words"})
+    with pytest.raises(panel.Stopped, match="pkm travel machine.ini has ended with code 3"):
+        travel.ask({"at": "end"})
+    # Not again at once, and without a word.
+    with pytest.raises(panel.Stopped, match="^$"):
+        travel.ask({"at": "a"})
+    travel.since -= panel.AGAIN
+    assert travel.ask({"at": "c"}) == {"error": "c"}
+    travel.process.kill()
+    monkeypatch.setenv("PATH", str(tmp_path / "none"))
+    with pytest.raises(panel.Stopped, match="make install-pkm"):
+        panel.Travel("machine.ini").ask({})
+
+
+def test_a_command_that_is_silent_is_ended(panel, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", pkm_in_path(tmp_path, "import time\ntime.sleep(60)\n"))
+    monkeypatch.setattr(panel, "SILENCE", 0.2)
+    travel = panel.Travel("machine.ini")
+    with pytest.raises(panel.Stopped, match="code -9"):
+        travel.ask({})
+    assert travel.process is None
+
+
+def test_the_panel_tells_why_it_knows_nothing_and_leaves_no_numbers(panel, linuxcnc, monkeypatch, capsys):
+    own = panel.Panel("machine.ini", ["x"])
+    own.show(ANSWER)
+    ways = iter([lambda: setattr(linuxcnc.status, "fails", linuxcnc.error("no NML")), lambda: setattr(linuxcnc.status, "fails", SystemError("tools"))])
+
+    def sleep(seconds):
+        assert seconds == panel.PERIOD
+        step = next(ways, None)
+        if step is None:
+            raise KeyboardInterrupt
+        step()
+
+    def stopped(_question):
+        raise panel.Stopped("pkm is gone")
+
+    own.travel.ask = stopped
+    monkeypatch.setattr(panel.time, "sleep", sleep)
+    with pytest.raises(KeyboardInterrupt):
+        own.run()
+    assert capsys.readouterr().err.splitlines() == [
+        "pkmkins-panel: pkm is gone", "pkmkins-panel: LinuxCNC does not answer: no NML", "pkmkins-panel: LinuxCNC does not answer: tools"]
+    assert own.component["known"] is False and math.isnan(own.component["x-minus"])
+
+
+@pytest.mark.parametrize("words", [[], ["machine.ini"], ["machine.ini", "x", "q"], ["machine.ini", "xy"]])
+def test_wrong_words_get_the_help(panel, monkeypatch, words):
+    monkeypatch.setattr(sys, "argv", ["pkmkins-panel", *words])
+    with pytest.raises(SystemExit, match="loadusr"):
+        panel.main()
+
+
+# The model in 3D.
+
+
+def test_colours_of_legs_are_those_of_the_room_of_their_joints(vismach):
+    joint = {"min": 100.0, "max": 300.0}
+    expected = {99.9: vismach.RED, 100: vismach.ORANGE, 119.9: vismach.ORANGE, 120.1: vismach.STEEL, 200: vismach.STEEL,
+                279.9: vismach.STEEL, 280.1: vismach.ORANGE, 300: vismach.ORANGE, 300.1: vismach.RED}
+    assert {value: vismach.colour_of(joint, value) for value in expected} == expected
+    for end in ("min", "max"):
+        assert vismach.colour_of({**joint, end: None}, 99) == vismach.STEEL
+
+
+@pytest.mark.parametrize(("name", "mechanism"), [("hexapod", 1), ("lathe-mirrored", 2), ("hexapod-rotary-table", 1)])
+def test_values_come_from_the_pins_of_their_mechanism(vismach, name, mechanism):
+    own, hal = scene(name, mechanism), Hal()
+    joints = [joint["number"] for joint in own.joints]
+    chain = {link["letter"]: link["joint"] for link in own.chain}
+    hal.values = {f"joint.{number}.pos-fb": 100.0 + number for number in [*joints, *chain.values()]}
+    hal.values |= {f"{own.pins}{letter}": float(k) for k, letter in enumerate("xyzabc")}
+    hal.values |= {f"{own.pins}tool-offset-eff-{letter}": 50.0 + k for k, letter in enumerate("xyz")}
+    hal.values[f"{own.pins}geometry-hash"] = own.geometry_hash - (2**32 if own.geometry_hash >= 2**31 else 0)
+    values = vismach.Values(own, hal.get_value)
+    pose = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    carrying = {letter: 100.0 + joint for letter, joint in chain.items()}
+    assert values.now() == ([100.0 + n for n in joints], pose, [50.0, 51.0, 52.0], carrying, "")
+    assert (mechanism == 2) == own.pins.startswith("pkmkins.second.")
+    hal.values[f"{own.pins}geometry-hash"] ^= 1
+    assert values.now()[-1].startswith("ANOTHER MACHINE: loaded 0x")
+    del hal.values[f"{own.pins}tool-offset-eff-z"]
+    assert values.now() == (own.home["joints"], own.home["pose"], [0.0, 0.0, own.spindle_offset], {}, f"not connected: Can't get {own.pins}tool-offset-eff-z")
+
+
+def test_all_joints_of_both_mechanisms_count_for_homing(vismach):
+    scenes, hal = [scene("lathe-mirrored", n) for n in (1, 2)], Hal()
+    is_homed = vismach.Homed(scenes, hal.get_value)
+    assert not is_homed()
+    hal.values = {f"joint.{n}.homed": True for n in range(8)}
+    assert is_homed()
+    for n in range(8):
+        hal.values[f"joint.{n}.homed"] = False
+        assert not is_homed()
+        hal.values[f"joint.{n}.homed"] = True
+
+
+def test_scenes_come_from_the_command_both_of_a_pair(vismach, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", f"{Path(PKM).resolve().parent}:{os.environ['PATH']}")
+    pair = vismach.read_scenes(str(ini("lathe-mirrored")))
+    assert [own.pins for own in pair] == ["pkmkins.", "pkmkins.second."]
+    [alone] = vismach.read_scenes(str(ini("tripod")))
+    assert alone.length_unit == "inch"
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(vars(alone)))
+    [again] = vismach.read_scenes(str(file))
+    assert vars(again) == vars(alone)
+    with pytest.raises(SceneError, match="missing.ini"):
+        vismach.read_scenes("missing.ini")
+    with pytest.raises(SceneError, match="missing.json"):
+        vismach.read_scenes("missing.json")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(SceneError, match="make install-pkm"):
+        vismach.read_scenes(str(ini("tripod")))
+
+
+def test_shapes_that_cannot_be_read_are_told_and_the_others_drawn(vismach, tmp_path):
+    good, bad = tmp_path / "good.obj", tmp_path / "bad.stl"
+    good.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    bad.write_text("no shape")
+    mesh = {"part": "table", "file": str(good), "scale": 25.4, "place": [1, 2, 3, 0, 0, 90]}
+    found, wrong = vismach.meshes(types.SimpleNamespace(meshes=[mesh, {**mesh, "part": "base", "file": str(bad)}]))
+    [(part, at, scale, triangles)] = found
+    assert part == "table" and scale == 25.4 and len(triangles) == 1 and at.out((1, 0, 0)) == pytest.approx((1, 3, 3))
+    assert len(wrong) == 1 and wrong[0].startswith("base is drawn without its shape: ") and "bad.stl" in wrong[0]
+
+
+def test_the_backplot_forgets_its_oldest_points(vismach):
+    plot = vismach.Backplot()
+    for n in range(vismach.POINTS + 1):
+        plot.append(n)
+    assert len(plot) == vismach.POINTS - vismach.POINTS // 10 + 1
+    assert plot[-1] == vismach.POINTS and plot[0] == vismach.POINTS // 10
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [(["m.ini"], ("m.ini", None)), (["m.ini", "--geometry", "1x2+3+4"], ("m.ini", "1x2+3+4")), ([], None), (["--help"], None),
+     (["m.ini", "--geometry"], None), (["a", "b"], None)],
+)
+def test_words_of_the_model(vismach, monkeypatch, given, expected):
+    monkeypatch.setattr(sys, "argv", ["pkmkins-vismach", *given])
+    if expected is None:
+        with pytest.raises(SystemExit, match="APP = pkmkins-vismach"):
+            vismach.parsed()
+    else:
+        assert vismach.parsed() == expected
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(SystemExit, match="no display" if expected else "APP"):
+        vismach.main()
+
+
+# Formulas of the scene.
+
+
+def test_frames_turn_right_handed_and_there_and_back():
+    assert frame([1, 2, 3, 0, 0, 90]).out((1, 0, 0)) == pytest.approx((1, 3, 3))
+    assert frame([0, 0, 0, 90, 0, 0]).out((0, 1, 0)) == pytest.approx((0, 0, 1))
+    assert frame([0, 0, 0, 0, 90, 0]).out((0, 0, 1)) == pytest.approx((1, 0, 0))
+    # A first, then B, then C, about axes that stand.
+    assert frame([0, 0, 0, 90, 90, 90]).out((0, 1, 0)) == pytest.approx((0, 1, 0))
+    assert about((0, 0, 1), 90, (1, 0, 5)) == pytest.approx((0, 1, 5))
+    own = frame([1, -2, 3, 20, -30, 40])
+    point = (5.0, 6.0, -7.0)
+    assert own.into(own.out(point)) == pytest.approx(point) and own.into(point) != pytest.approx(own.out(point))
+    inner = frame([3, 1, 2, -10, 5, 60])
+    assert own.carrying(inner).out(point) == pytest.approx(own.out(inner.out(point)))
+    assert Frame().out(point) == point
+
+
+@pytest.mark.parametrize("name", ["tripod", "hexapod", "linear-delta", "hexapod-rotary-table"])
+def test_a_first_view_shows_the_whole_machine(name):
+    own = scene(name)
+    place = own.place(own.home["joints"], own.home["pose"], (0, 0, own.spindle_offset))
+    points = [*place.lower, *place.upper, place.tip, place.work.origin]
+    for leg, joint in zip(own.legs, own.joints):
+        if leg["kind"] == "slider":
+            points += [own.lower(leg, joint["min"]), own.lower(leg, joint["max"])]
+    low, high = ([pick(p[k] for p in points) for k in range(3)] for pick in (min, max))
+    size, middle = extent(own)
+    assert middle == pytest.approx([(a + b) / 2 for a, b in zip(low, high)])
+    assert size == pytest.approx(0.6 * math.dist(low, high))
+    assert whole([own]) == (size, pytest.approx(middle))
+
+
+def test_a_first_view_shows_both_mechanisms():
+    scenes = [scene("lathe-mirrored", n) for n in (1, 2)]
+    (one, here), (two, there) = map(extent, scenes)
+    size, middle = whole(scenes)
+    assert middle == pytest.approx([(a + b) / 2 for a, b in zip(here, there)])
+    assert size == pytest.approx(max(one + math.dist(here, middle), two + math.dist(there, middle)))
+
+
+# Pins and status for pkm-live.
+
+
+def test_joints_and_letters_are_counted_as_linuxcnc_does(tmp_path):
+    for name, joints, extra in [("hexapod", 6, {}), ("pyramid", 6, {}), ("lathe-counter-spindle", 4, {"c": 4, "w": 5}),
+                                ("hexapod-rotary-table", 6, {"c": 6}), ("tripod", 3, {}), ("pyramid-cross", 5, {})]:
+        machine = pkmkins_pins.Machine(ini(name))
+        assert (list(machine.joints), machine.extra) == (list(range(joints)), extra), name
+        assert machine.task == "milltask" and machine.nml is None
+    file = tmp_path / "own.ini"
+    file.write_text("; a = 1\n# [KINS]\n[EMC]\nNML_FILE = own.nml\nNML_FILE = other.nml\n[TASK]\nTASK = /opt/bin/a-task-with-a-long-name -x\n"
+                    "[KINS]\nKINEMATICS = pkmkins legs=strut:2,slider:3 table=X axes=UV\n")
+    machine = pkmkins_pins.Machine(file)
+    assert list(machine.joints) == list(range(6)) and machine.extra == {"u": 6, "v": 7}
+    assert machine.nml == "own.nml" and machine.task == "a-task-with-a-l"
+    file.write_text("[KINS]\nKINEMATICS = pkmkins\n")
+    assert list(pkmkins_pins.Machine(file).joints) == list(range(6))
+    for text, why in [("[KINS]\nKINEMATICS = trivkins coordinates=XYZ\n", "found trivkins coordinates=XYZ"), ("", "found nothing"),
+                      ("[KINS]\nKINEMATICS = pkmkins legs=strut:x\n", "legs=strut:x")]:
+        file.write_text(text)
+        with pytest.raises(pkmkins_pins.NotAMachine, match=why):
+            pkmkins_pins.Machine(file)
+    with pytest.raises(pkmkins_pins.NotAMachine, match="No such file"):
+        pkmkins_pins.Machine(tmp_path / "none.ini")
+
+
+def test_a_state_has_every_value_at_its_name(hal):
+    machine = pkmkins_pins.Machine(ini("lathe-counter-spindle"))
+    hal.values = {f"joint.{n}.pos-fb": 10.0 + n for n in range(6)} | {f"pkmkins.{letter}": k / 2 for k, letter in enumerate("xyzabc")}
+    hal.values |= {f"pkmkins.tool-offset-eff-{letter}": -float(k) for k, letter in enumerate("xyz")} | {"pkmkins.geometry-hash": 77, "pkmkins.fault": 0}
+    values = pkmkins_pins.Values(machine, hal.get_value, lambda: {"line": 3})
+    assert values.now() == {"state": "running", "pose": [0, 0.5, 1, 1.5, 2, 2.5], "joints": [10, 11, 12, 13], "extra": {"c": 14, "w": 15},
+                            "tool": [0, -1, -2], "geometry_hash": 77, "fault": None, "line": 3}
+    hal.values |= {"pkmkins.fault": -19, f"pkmkins.base.{0}.x": 0, "pkmkins.base.1.x": 0, "pkmkins.fault-leg": 1}
+    assert values.now()["fault"] == sentence(-19, 1, 2)
+    del hal.values["pkmkins.fault-leg"]
+    assert values.now()["fault"] == sentence(-19, -1, 2)
+    hal.values["joint.5.pos-fb"] = math.inf
+    del hal.values["pkmkins.geometry-hash"]
+    state = values.now()
+    assert state["extra"] == {"c": 14, "w": None} and state["geometry_hash"] is None
+
+
+def test_status_is_told_in_words_and_is_null_where_linuxcnc_is_silent(linuxcnc):
+    read, status = pkmkins_pins.status_reader(linuxcnc), linuxcnc.status
+    assert read() == {"line": 12, "file": "part.ngc", "feed": 2.5, "mode": "auto", "task state": "on", "interpreter": "idle"}
+    status.task_mode, status.task_state, status.interp_state, status.file, status.current_vel = 3, 2, 4, "", math.nan
+    assert read() == {"line": 12, "file": None, "feed": None, "mode": "mdi", "task state": "estop reset", "interpreter": "waiting"}
+    assert linuxcnc.opened == 1
+    for error in (linuxcnc.error("gone"), SystemError("tools")):
+        status.fails = error
+        assert read() == dict.fromkeys(("line", "file", "feed", "mode", "task state", "interpreter"))
+        status.fails = None
+        # It is opened anew.
+        assert read()["mode"] == "mdi"
+    assert linuxcnc.opened == 3
+
+
+def test_a_process_is_found_by_its_name_while_it_lives():
+    own = Path("/proc/self/comm").read_text().strip()
+    child = subprocess.Popen(["sleep", "60"])
+    try:
+        assert not pkmkins_pins.is_dead(str(child.pid)) and pkmkins_pins.process_of("sleep") is not None
+        child.kill()
+        while Path(f"/proc/{child.pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
+            pass
+        assert pkmkins_pins.is_dead(str(child.pid))
+    finally:
+        child.kill()
+        child.wait()
+    assert pkmkins_pins.is_dead(str(child.pid)) and not pkmkins_pins.is_dead(str(os.getpid()))
+    assert pkmkins_pins.process_of(own) is not None and pkmkins_pins.process_of("no-such-process") is None
+
+
+def test_states_are_written_until_linuxcnc_ends(hal, linuxcnc, monkeypatch, tmp_path):
+    machine, lives, slept = pkmkins_pins.Machine(ini("tripod")), [3], []
+    machine.nml = "own.nml"
+
+    def is_dead(_process):
+        lives[0] -= 1
+        return lives[0] < 0
+
+    monkeypatch.setattr(pkmkins_pins, "is_dead", is_dead)
+    monkeypatch.setattr(pkmkins_pins.time, "sleep", slept.append)
+    handlers = {}
+    monkeypatch.setattr(pkmkins_pins.signal, "signal", handlers.__setitem__)
+    with open(tmp_path / "out", "w") as out, open(tmp_path / "errors", "w") as errors:
+        monkeypatch.setattr(sys, "stdout", out)
+        monkeypatch.setattr(sys, "stderr", errors)
+        # LinuxCNC's library writes to standard output by itself.
+        linuxcnc.status.poll = lambda: out.flush() or os.write(out.fileno(), b"noise")
+        pkmkins_pins.follow(machine, ["1"])
+    lines = [json.loads(line) for line in (tmp_path / "out").read_text().splitlines()]
+    assert (tmp_path / "errors").read_text() == 3 * "noise"
+    assert handlers[pkmkins_pins.signal.SIGINT] == pkmkins_pins.signal.SIG_IGN
+    with pytest.raises(SystemExit):
+        handlers[pkmkins_pins.signal.SIGTERM]()
+    assert len(lines) == 3 and all(line["state"] == "running" and line["line"] == 12 for line in lines)
+    # No time passes in these sleeps, so that the next one is longer by a period.
+    assert len(slept) == 3 and all(0 < one <= n * pkmkins_pins.PERIOD for n, one in enumerate(slept, 1))
+    [component] = hal.made
+    assert component.name == f"pkm-live-{os.getpid()}" and component.is_ready and component.has_ended and linuxcnc.nmlfile == "own.nml"
+
+
+# Refusals in words, and shapes.
+
+
+def test_a_refusal_names_its_part():
+    for number, legs, part in [(-1, 6, ""), (0, 6, "leg 0: "), (5, 6, "leg 5: "), (6, 6, "joint 6: ")]:
+        said = sentence(-19, number, legs)
+        assert said.startswith(part) and said.endswith("[code -19]") and ("leg " in said.split(";")[0][:5]) == (part[:3] == "leg"), said
+    assert "docs/reference/causes.md" in sentence(-999, -1, 6)
+    pins = {f"pkmkins.base.{n}.x": 0 for n in range(4)}
+    assert count_legs(lambda name: pins[name] if name in pins else int("no")) == 4
+
+
+def test_the_panel_says_what_is_ahead_before_what_was():
+    pins = {"pkmkins.limit-soon": True, "pkmkins.limit-reason": -90, "pkmkins.limit-leg": 2, "pkmkins.fault": -19, "pkmkins.fault-leg": 1}
+    assert words(pins.get, 6).splitlines() == ["ahead: " + sentence(-90, 2, 6), "last: " + sentence(-19, 1, 6)]
+    assert words({**pins, "pkmkins.limit-soon": False}.get, 6) == "last: " + sentence(-19, 1, 6)
+    assert words({**pins, "pkmkins.fault": 0}.get, 6) == "ahead: " + sentence(-90, 2, 6)
+    assert words({}.get, 6) == "nothing"
+
+
+def test_corners_of_faces_are_those_of_the_file(tmp_path):
+    file = tmp_path / "a.OBJ"
+    file.write_text("v 0 0 0\nv 2 0 0\nv 2 3 0\nv 0 3 1\nf 1/1 2/2 3/3 4/4\nf -1 -2 -3\n")
+    a, b, c, d = (0, 0, 0), (2, 0, 0), (2, 3, 0), (0, 3, 1)
+    assert read_mesh(str(file)) == [(a, b, c), (a, c, d), (d, c, b)]
