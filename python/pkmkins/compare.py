@@ -182,7 +182,7 @@ def main(arguments=None):
         print(json.dumps({"version": 1, "command": "compare", "machines": [str(file) for file in given.machines], "rows": listed}, indent=2))
     else:
         print(table(given.machines, rows))
-    return 1 if any("not judged" in map(shown, values) for _, _, values in rows) else 0
+    return 1 if any(shown(value).startswith("not judged") for _, _, values in rows for value in values) else 0
 
 
 def _number(value):

@@ -3,9 +3,14 @@
 
 import json
 
+import numpy as np
 import pytest
-from conftest import ini
-from pkmkins.compare import main
+from conftest import ini, needs_linuxcnc
+from pkmkins import Machine
+from pkmkins.command import asked
+from pkmkins.compare import main, page, table
+from pkmkins.design.candidate import required_poses
+from pkmkins.design.study import Required
 
 STUDY = "[legs]\nstiffness_n_per_um = 10\njoint_sigma_um = 5\n"
 
