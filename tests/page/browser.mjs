@@ -83,9 +83,12 @@ export async function browser() {
   });
 }
 
-/** Three.js reports every scene and renderer to a developer's tool; this one keeps the last of each, with the camera. */
+/** Three.js reports every scene and renderer to a developer's tool; this one keeps the last of each, with the camera. Where a
+ * run of mutants needs no picture none is drawn, which takes longest; and nothing waits for long. */
 const OBSERVER = () => {
-  window.seen = {};
+  const later = window.setTimeout;
+  window.setTimeout = (act, delay, ...rest) => later(act, Math.min(delay, 40), ...rest);
+  window.seen = { rested: () => new Promise((rested) => later(rested, 60)) };
   window.__THREE_DEVTOOLS__ = new EventTarget();
   window.__THREE_DEVTOOLS__.addEventListener("observe", ({ detail }) => {
     if (detail.isScene) window.seen.scene = detail;
@@ -94,11 +97,16 @@ const OBSERVER = () => {
       window.seen.renderer = detail;
       detail.render = (scene, camera) => {
         window.seen.camera = camera;
-        render.call(detail, scene, camera);
+        if (!window.__stryker__ || location.hash) return render.call(detail, scene, camera);
+        scene.updateMatrixWorld();
+        camera.updateMatrixWorld();
       };
     }
   });
 };
+
+/** Until the page has computed what it computes once in a while. */
+export const rested = (page) => page.evaluate(() => window.seen.rested());
 
 /** How long an element of the page is waited for, milliseconds. */
 const MOST_WAIT = 15_000;

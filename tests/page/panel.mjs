@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The panel of the page beside the answers of pkm: pose, joints, nearest limits, travel, reasons.
 import { writeFileSync } from "node:fs";
-import { answer, asText, check, complaints, file, ini, near, opened, ownTool, pkm, table } from "./browser.mjs";
+import { answer, asText, check, complaints, file, ini, near, opened, ownTool, pkm, rested, table } from "./browser.mjs";
 import { carrying } from "./machines.mjs";
 
 /** Rows of a table or a list as texts. */
@@ -13,9 +13,6 @@ const shown = (value, places) => (Math.round(value * 10 ** places) / 10 ** place
 
 /** Half a unit of the last place that is shown. */
 const half = (places) => 0.5 * 10 ** -places + 1e-9;
-
-/** Milliseconds after which the page has computed what it computes once in a while, and after which nothing is computed any more. */
-const RESTED = 650;
 
 /** Letters of the second mechanism of lathe-mirrored as LinuxCNC has them. */
 const SECOND = { X: "U", Y: "V", Z: "W", B: "C" };
@@ -131,7 +128,7 @@ async function panel(page) {
         const { scene } = own;
         const extra = Object.fromEntries(scene.extra_axes.map(({ letter }, k) => [letter, share * (20 + k)]));
         await page.evaluate(([pose, tool, which, extra]) => window.pkm.take(pose, tool, which, extra), [part(scene, share), own.tool.map((value) => value + share), which, extra]);
-        await page.waitForTimeout(RESTED);
+        await rested(page);
         const state = await asText(page, (which) => window.pkm.state(which), which);
         const [values] = table("joints", machine, which, [state.pose], ownTool(own, state.tool)).values;
         const rows = await texts(page, "table.joints tr", "td");

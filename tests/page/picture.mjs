@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The picture of the page beside the answers of pkm: cones, colours, tool, workspace, cuts, views, and what is dragged.
 import { readFileSync, writeFileSync } from "node:fs";
-import { answer, asText, check, complaints, file, ini, near, opened, ownTool, table } from "./browser.mjs";
+import { answer, asText, check, complaints, file, ini, near, opened, ownTool, rested, table } from "./browser.mjs";
 import { carrying } from "./machines.mjs";
 
 /** Positions in the picture are kept as 32-bit numbers of lengths of 1e3. */
@@ -163,7 +163,7 @@ async function workspaceTest(page) {
     writeFileSync(wide, [..."XYZ"].reduce(letter, readFileSync(ini(machine), "utf8")).replace(/^\[BOX_\d+\][^[]*/gm, "").replace(" boxes=1", ""));
     const pose = own.scene.home.pose.map((value, k) => value + (k < 3 ? 0 : turn[k - 3]));
     await page.evaluate((pose) => window.pkm.take(pose), pose);
-    await page.waitForTimeout(500);
+    await rested(page);
     const { body, lines } = await space(page);
     check(body.normals * 3 === body.points.length, `${machine}: normals`);
     const { travel } = answer("travel", wide, "--pose", ...pose, "--tool", 0, 0, 0);

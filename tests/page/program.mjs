@@ -2,7 +2,7 @@
 // A program on the page beside the answers of pkm: marks, time, curves, path, traces, frames.
 import { copyFileSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { answer, asText, check, complaints, file, ini, near, opened, ownTool, table } from "./browser.mjs";
+import { answer, asText, check, file, ini, near, opened, ownTool, rested, table } from "./browser.mjs";
 
 // Limits that LinuxCNC does not know, so that it runs the programs to their ends: cones of one leg of each mechanism are narrow,
 // and of the hexapod the tilt is limited.
@@ -183,7 +183,7 @@ async function plot(page, machine, end) {
   });
   for (const share of [0.25, 0.7]) {
     await page.evaluate((time) => window.pkm.go(time), share * end);
-    await page.waitForTimeout(120);
+    await rested(page);
     const line = await column();
     check(line.share > 0.6, `${machine}: no line of the time in the plot`);
     near(line.at, share, 0.02, `${machine}: the line of the time`);

@@ -36,6 +36,7 @@ async function dragged(page, scene, tool, which) {
 
 /** The picture has the colours of the machine where they should be. */
 async function isDrawn(page, name) {
+  if (given.code) return page.evaluate(() => window.pkm.seen());
   const shot = await page.screenshot();
   if (given.out) writeFileSync(join(given.out, `${name}.png`), shot);
   const seen = await page.evaluate(async (base64) => {

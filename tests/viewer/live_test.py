@@ -160,13 +160,6 @@ def test_pins_that_are_missing_are_null(_):
     json.dumps(state, allow_nan=False)
 
 
-def test_table_and_extra_axes_follow_the_legs(_):
-    pyramid = pkmkins_pins.Machine(REPOSITORY / "configs/pyramid/pyramid.ini")
-    assert len(pyramid.joints) == 6
-    lathe = pkmkins_pins.Machine(REPOSITORY / "configs/lathe-counter-spindle/lathe-counter-spindle.ini")
-    assert lathe.extra and min(lathe.extra.values()) == len(lathe.joints)
-
-
 def main():
     tests = [(name, test) for name, test in globals().items() if name.startswith("test_")]
     with tempfile.TemporaryDirectory() as folder:

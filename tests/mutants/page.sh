@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: GPL-2.0-or-later
+# Which changes of the page's code its tests do not notice: tests/mutants/page.sh [PART]
+#
+# Stryker makes the changes, tests/mutants/page/runner.mjs runs the tests of tests/page that reach a change until one fails.
+# Changed words are left out: most of them are names of styles.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+make setup-page virtual
+PAGE_PART=${1:-0/1}
+PKM=$PWD/target/host/pkm
+PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so
+export PAGE_PART PKM PKM_VIRTUAL_LIBRARY
+here=$PWD/tests/mutants/page out=$PWD/build/mutants/page
+[ "$here/node_modules/.package-lock.json" -nt "$here/package-lock.json" ] ||
+    npm ci --prefix "$here" --silent --no-audit --no-fund
+rm -rf "$out"
+mkdir -p "$out/work"
+cp -r page/src "$out/work/src"
+(cd "$out/work" && "$here/node_modules/.bin/stryker" run --plugins "$here/runner.mjs" "$here/stryker.config.json")
+node "$here/results.mjs" "$out/work/report.json" "$out"
+tests/mutants/table.sh "$out" 85

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Changes one place of Python code after the other, and runs the tests of the file: mutants.py FOLDER PART
+
+FOLDER has copies of `python` and `viewer`. Cosmic-ray makes the changes; only those that a slip of the hand could be. Writes
+caught.txt, missed.txt and unviable.txt into FOLDER's parent.
+"""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.plugins import get_operator
+
+# A test that waits for what a change has taken away has noticed it, seconds.
+PATIENCE = 120
+
+OPERATORS = [
+    *(f"core/ReplaceBinaryOperator_{pair}" for pair in ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "FloorDiv_Mul", "Mod_Mul", "Pow_Mul", "BitAnd_BitOr")),
+    *(f"core/ReplaceComparisonOperator_{pair}" for pair in ("Eq_NotEq", "NotEq_Eq", "Lt_LtE", "LtE_Lt", "Gt_GtE", "GtE_Gt", "Lt_GtE", "Gt_LtE", "LtE_Gt", "GtE_Lt", "Is_IsNot", "IsNot_Is")),
+    "core/ReplaceUnaryOperator_Delete_USub", "core/ReplaceUnaryOperator_Delete_Not", "core/NumberReplacer", "core/AddNot", "core/ReplaceTrueWithFalse",
+    "core/ReplaceFalseWithTrue", "core/ReplaceAndWithOr", "core/ReplaceOrWithAnd", "core/ReplaceBreakWithContinue", "core/ReplaceContinueWithBreak", "core/ExceptionReplacer",
+    "core/ZeroIterationForLoop",
+]
+
+# Files with the tests that judge them. What draws, searches (which needs pymoo) or talks to a terminal is not among them.
+VIEWER = ["tests/viewer/scripts_test.py"]
+FILES = {
+    "viewer/pkmkins_scene.py": VIEWER + ["scene"], "viewer/pkmkins_pins.py": VIEWER, "viewer/pkmkins_mesh.py": VIEWER + ["scene"],
+    "viewer/pkmkins_refusal.py": VIEWER, "viewer/pkmkins_panel.py": VIEWER + ["scene"], "viewer/pkmkins-panel": VIEWER, "viewer/pkmkins-vismach": VIEWER,
+    "viewer/pkm-live": ["live"],
+    "python/pkmkins/compare.py": ["python/tests/test_compare.py"], "python/pkmkins/kinds.py": ["python/tests/test_judging.py"],
+    "python/pkmkins/command.py": ["python/tests/test_command.py"],
+    **{f"python/pkmkins/design/{name}.py": ["python/tests/test_judging.py"] for name in ("candidate", "engine", "record", "result", "scatter", "study")},
+}
+SCRIPTS = {"scene": ["tests/viewer/scene_test.py", os.environ["PKM"]], "live": ["tests/viewer/live_test.py"]}
+
+# Of the model only what needs no OpenGL, of engines what needs no second process: the rest of a file from these lines on is drawn
+# on a screen, which tests/viewer/screens.py judges, or spread over processes, which test-wheel does.
+UNTIL = {"viewer/pkmkins-vismach": "def model(", "python/pkmkins/design/engine.py": "class Processes:"}
+
+
+def mutants(text):
+    """Names of operators, places as line and column, and texts with one change each."""
+    for name in OPERATORS:
+        operator = get_operator(name)()
+        places = [start for node in ast_nodes(get_ast(text)) for start, _ in operator.mutation_positions(node)]
+        for occurrence, place in enumerate(places):
+            yield name, place, mutate_code(text, operator, occurrence)
+
+
+def is_noticed(tests):
+    """Whether a test fails."""
+    for test in tests:
+        own = SCRIPTS.get(test)
+        command = [sys.executable, *own] if own else ["/usr/bin/python3", "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", test]
+        try:
+            done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            return True
+        if done.returncode:
+            return True
+    return False
+
+
+def main():
+    folder, (part, parts) = Path(sys.argv[1]), map(int, sys.argv[2].split("/"))
+    os.chdir(folder)
+    found = {"caught": [], "missed": [], "unviable": []}
+    for tests in {tuple(tests): None for tests in FILES.values()}:
+        if is_noticed(tests):
+            sys.exit(f"mutants: {tests} fail before anything is changed")
+    for file, tests in FILES.items():
+        path = Path(file)
+        text = path.read_text()
+        end = text.index(UNTIL[file]) if file in UNTIL else len(text)
+        last = text.count("\n", 0, end)
+        for name, (line, column), changed in mutants(text):
+            # A number that stays the same when others come: of file, line and change.
+            number = int(hashlib.sha256(f"{file} {line} {column} {name}".encode()).hexdigest(), 16)
+            if line > last or number % parts != part:
+                continue
+            what = f"{file}:{line}:{column}: {name.partition('/')[2]}: {text.splitlines()[line - 1].strip()[:80]}"
+            try:
+                compile(changed, file, "exec")
+                path.write_text(changed)
+                found["caught" if is_noticed(tests) else "missed"].append(what)
+            except SyntaxError:
+                found["unviable"].append(what)
+            finally:
+                path.write_text(text)
+            for kind, lines in found.items():
+                (folder.parent / f"{kind}.txt").write_text("".join(f"{line}\n" for line in lines))
+
+
+if __name__ == "__main__":
+    main()
