@@ -5,8 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from conftest import ini, needs_linuxcnc
-from pkmkins import Machine
+from conftest import ini
+from pkmkins import CommandFailed, Machine, compare
 from pkmkins.command import asked
 from pkmkins.compare import main, page, table
 from pkmkins.design.candidate import required_poses
