@@ -101,8 +101,8 @@ def test_required_poses_are_corners_edges_and_middle_at_every_tilt():
     assert len(turns) == 9 and len(poses) == 81 and (0, 0, 0) in turns
     azimuths = []
     for a, b, c in turns:
-        a, b = np.radians([a, b])
-        axis = [np.sin(b) * np.cos(a), -np.sin(a), np.cos(b) * np.cos(a)]
+        about_x, about_y = np.radians([a, b])
+        axis = [np.sin(about_y) * np.cos(about_x), -np.sin(about_x), np.cos(about_y) * np.cos(about_x)]
         assert c == 0 and np.degrees(np.arccos(axis[2])) == pytest.approx(10 if a or b else 0, abs=1e-5)
         if a or b:
             azimuths.append(np.degrees(np.arctan2(axis[1], axis[0])) % 360)
@@ -260,7 +260,7 @@ def test_a_long_front_is_cut_with_a_word(study):
     machines = tuple(((float(k),), (float(-k), float(-k))) for k in range(30))
     two = dataclasses.replace(study, objectives=("stiffness", "size"))
     text = str(Front(two, machines, 30, 30, ())).splitlines()
-    assert text[-1] == "and 10 more: --csv FILE.csv or --page FILE.html has all" or text[-1].startswith("and 9 more")
+    assert text[-1] == "and 10 more: --csv FILE.csv or --page FILE.html has all"
     assert sum("nearest" in line for line in text) == 1
 
 

@@ -188,6 +188,20 @@ async function plot(page, machine, end) {
     check(line.share > 0.6, `${machine}: no line of the time in the plot`);
     near(line.at, share, 0.02, `${machine}: the line of the time`);
   }
+  // The cone of a strut is left, so that the limit of the margins stands between them.
+  if (machine === "tripod") {
+    for (const [name, isLimited] of [["margins", true], ["joint motion for tool motion", false]]) {
+      await page.locator("select[aria-label=curves]").selectOption(name);
+      await rested(page);
+      const share = await page.evaluate(() => {
+        const canvas = document.querySelector(".u-wrap canvas");
+        const { data, width, height } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        const isOrange = (at) => data[at] > 190 && Math.abs(data[at + 1] - 94) < 40 && data[at + 2] < 60;
+        return Math.max(...Array.from({ length: height }, (_, row) => Array.from({ length: width }, (_, n) => 4 * (row * width + n)).filter(isOrange).length / width));
+      });
+      check(share > 0.3 === isLimited, `${machine}: ${name} has a limit over ${share} of its width`);
+    }
+  }
   await page.locator("button.play").click();
   await page.mouse.move(left + 0.4 * width, top + height / 2);
   await page.mouse.click(left + 0.4 * width, top + height / 2);
