@@ -9,7 +9,7 @@ import { answer, asText, check, file, ini, near, opened, ownTool, rested, table 
 const PROGRAMS = {
   "lathe-mirrored": { legs: [1, 5], cone: 0.4, text: "G21 G90 M52 P1\nG1 X20 F2000\nG1 B10\nG1 X0 U10\nG4 P0.5\nG1 C10 W2650\nG1 B-5\nG1 U0 C0 B0\nM2\n" },
   tripod: { legs: [0], cone: 8, text: "G20 G90 M52 P1\nG0 X5 Y2 Z3\nG1 X6 F60\nG1 Y2.8 Z3.5\nG1 X4 F20\nG1 X5 Y2\nM2\n" },
-  hexapod: { legs: [], cone: 0, text: "G21 G90\nG1 X10 F1000\nG1 X20\nG1 A24 B24\nG1 A0 B0\nG1 X30 C5\nM2\n" },
+  hexapod: { legs: [], cone: 0, text: "G21 G90\nG1 X10 F1000\nG1 X20\nG1 A24 B24\nG1 A0 B0\nT2 M6 G43\nG1 X30 Y-7 Z245 C5\nM2\n" },
 };
 
 const told = (machine) => file(join(machine, `${machine}.ini`));
@@ -63,6 +63,25 @@ async function marks(page) {
     PROGRAMS[machine].text.split("\n").forEach((text, k) => check(lines[k] === `${k + 1}${text}`, `${machine}: line ${k + 1} is shown as ${lines[k]}`));
   }
   return `${count} findings`;
+}
+
+/** Pose, tool and extra axes at the end are those that the program has named, also of the second mechanism. */
+async function ends(page) {
+  await withProgram(page, "hexapod");
+  const end = () => asText(page, () => (window.pkm.go(window.pkm.end()), [0, 1].slice(0, window.pkm.mechanisms().length).map((which) => window.pkm.state(which))));
+  const [{ pose, tool, tip }] = await end();
+  // Tool 2 of the tool table is 65 mm long; the last points are within what the page leaves out.
+  near([...pose, ...tool], [30, -7, 310, 0, 0, 5, 0, 0, 65], 0.05, "the end of the hexapod's program");
+  near(tip, [30, -7, 245], 0.05, "the tip at the end");
+  writeFileSync(file("letters.ngc"), "G21 G90\nG1 F2000 X10 Y440 Z1010 B3 U-20 V460 W2590 C-4\nM2\n");
+  await opened(page, "letters-end", ini("lathe-mirrored"), file("letters.ngc"));
+  const [first, second] = await end();
+  near(first.pose, [10, 440, 1010, 0, 3, 0], 0.1, "the first mechanism at the end");
+  near(second.pose, [-20, 460, 2590, 0, -4, 0], 0.1, "the second mechanism at the end");
+  writeFileSync(file("extra.ngc"), "G21 G90\nG1 F2000 C30 W790 X5\nM2\n");
+  await opened(page, "extra-end", ini("lathe-counter-spindle"), file("extra.ngc"));
+  const [{ extra }] = await end();
+  near([extra.C, extra.W], [30, 790], 0.05, "the extra axes at the end");
 }
 
 /** Seconds of a real clock that a page may be late under load. */
@@ -330,6 +349,7 @@ async function frames(page) {
 
 export const TESTS = [
   ["findings of preflight are marks at their times", marks],
+  ["a program ends at its last pose, with its tool", ends],
   ["a program is played, and stops", play],
   ["curves are what pkm joints says, and the plot shows the time", curves],
   ["the path, traces and what is swept are where the machine goes", traces],

@@ -431,7 +431,7 @@ def test_frames_turn_right_handed_and_there_and_back():
     assert Frame().out(point) == point
 
 
-@pytest.mark.parametrize("name", ["tripod", "hexapod", "linear-delta", "hexapod-rotary-table"])
+@pytest.mark.parametrize("name", ["tripod", "hexapod", "linear-delta", "four-rod-lathe", "hexaglide", "hexapod-rotary-table"])
 def test_a_first_view_shows_the_whole_machine(name):
     own = scene(name)
     place = own.place(own.home["joints"], own.home["pose"], (0, 0, own.spindle_offset))

@@ -17,6 +17,11 @@ const { build } = await import(pathToFileURL(createRequire(join(HOME, "page/pack
 /** Tests of pkm rather than of the page, and machines that are like others. */
 const LEFT_OUT = /video has|without a video|5,000 lines|the page of (?!hexapod|lathe-mirrored|rotary-delta|pentapod)/;
 
+/** A test that takes longer has noticed a change that lets the page wait or loop for ever, milliseconds. */
+const PATIENCE = 120_000;
+
+const late = (delay) => new Promise((_, fail) => setTimeout(() => fail(new Error(`not over after ${delay} ms`)), delay).unref());
+
 const [part, parts] = process.env.PAGE_PART.split("/").map(Number);
 export const isChosen = (id) => Number(id) % parts === part;
 
@@ -46,13 +51,14 @@ class PageRunner {
     const page = await tab(this.browser);
     const began = performance.now();
     try {
-      await test(page);
+      await Promise.race([test(page), late(PATIENCE)]);
       return { id, name: id, status: TestStatus.Success, timeSpentMs: performance.now() - began };
     } catch (error) {
       return { id, name: id, status: TestStatus.Failed, failureMessage: error.message, timeSpentMs: performance.now() - began };
     } finally {
       await left(page).catch(() => {});
-      await page.context().close();
+      // A page in a loop does not close: another browser goes on without it.
+      await Promise.race([page.context().close(), late(5000)]).catch(async () => (this.browser = await started()));
     }
   }
 

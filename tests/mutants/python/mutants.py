@@ -43,20 +43,21 @@ SCRIPTS = {"scene": ["tests/viewer/scene_test.py", os.environ["PKM"]], "live": [
 UNTIL = {"viewer/pkmkins-vismach": "def model(", "python/pkmkins/design/engine.py": "class Processes:"}
 
 
-def mutants(text):
-    """Names of operators, places as line and column, and texts with one change each."""
+def changes(text):
+    """Operators with their names, the place as line and column, and which of the operator's places it is."""
+    tree = get_ast(text)
     for name in OPERATORS:
         operator = get_operator(name)()
-        places = [start for node in ast_nodes(get_ast(text)) for start, _ in operator.mutation_positions(node)]
+        places = [start for node in ast_nodes(tree) for start, _ in operator.mutation_positions(node)]
         for occurrence, place in enumerate(places):
-            yield name, place, mutate_code(text, operator, occurrence)
+            yield name, operator, place, occurrence
 
 
 def is_noticed(tests):
     """Whether a test fails."""
     for test in tests:
         own = SCRIPTS.get(test)
-        command = [sys.executable, *own] if own else ["/usr/bin/python3", "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", test]
+        command = ["/usr/bin/python3", *own] if own else ["/usr/bin/python3", "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", test]
         try:
             done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=PATIENCE)
         except subprocess.TimeoutExpired:
@@ -78,11 +79,12 @@ def main():
         text = path.read_text()
         end = text.index(UNTIL[file]) if file in UNTIL else len(text)
         last = text.count("\n", 0, end)
-        for name, (line, column), changed in mutants(text):
+        for name, operator, (line, column), occurrence in changes(text):
             # A number that stays the same when others come: of file, line and change.
             number = int(hashlib.sha256(f"{file} {line} {column} {name}".encode()).hexdigest(), 16)
             if line > last or number % parts != part:
                 continue
+            changed = mutate_code(text, operator, occurrence)
             what = f"{file}:{line}:{column}: {name.partition('/')[2]}: {text.splitlines()[line - 1].strip()[:80]}"
             try:
                 compile(changed, file, "exec")
