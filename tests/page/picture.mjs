@@ -315,6 +315,25 @@ async function baseTest(page) {
   }
 }
 
+/** The body of the platform reaches to all anchors, and round the rings on which anchors slide. */
+async function platformTest(page) {
+  for (const machine of ["pentapod", "hexapod"]) {
+    const [{ scene }] = await opened(page, `${machine}-platform`, ini(machine));
+    const points = triples(await asText(page, () => {
+      const found = [];
+      window.seen.scene.traverse((object) => object.isMesh && object.geometry.type === "BufferGeometry" && object.material.color.getHexString() === "0072b2" && found.push(...object.geometry.attributes.position.array));
+      return found;
+    }));
+    const size = Math.max(...scene.legs.map(({ platform }) => Math.hypot(...platform)));
+    for (const { kind, platform, radius } of scene.legs) {
+      const away = points.map((point) => Math.hypot(...less(point, platform)));
+      const across = points.map(([x, y]) => Math.hypot(x - platform[0], y - platform[1]));
+      if (kind === "ring") check(Math.max(...across) >= radius, `${machine}: the body reaches ${Math.max(...across)} of a ring of ${radius}`);
+      else check(Math.min(...away) < 0.1 * size, `${machine}: the body ends ${Math.min(...away)} before ${platform}`);
+    }
+  }
+}
+
 /** The tip of the tool stands where pkm says, its shaft between platform and tip, labels at their legs. */
 async function toolTest(page) {
   writeFileSync(file("held.ini"), carrying()["carried-tool"]);
@@ -429,6 +448,7 @@ export const TESTS = [
   ["the workspace ends where travel does", workspaceTest],
   ["views and cuts look along the axes", viewsTest],
   ["base, guides, arms and barrels are drawn where the machine has them", baseTest],
+  ["the platform reaches to its anchors", platformTest],
   ["tool and numbers stand where they belong", toolTest],
   ["the tool is dragged, and poses are typed", dragTest],
 ];

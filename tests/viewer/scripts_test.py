@@ -7,6 +7,7 @@
 
 import importlib.machinery
 import importlib.util
+import io
 import json
 import math
 import os
@@ -556,6 +557,42 @@ def test_states_are_written_until_linuxcnc_ends(hal, linuxcnc, monkeypatch, tmp_
     assert len(slept) == 3 and all(0 < one <= n * pkmkins_pins.PERIOD for n, one in enumerate(slept, 1))
     [component] = hal.made
     assert component.name == f"pkm-live-{os.getpid()}" and component.is_ready and component.has_ended and linuxcnc.nmlfile == "own.nml"
+
+
+def test_linuxcnc_runs_where_its_memory_and_both_processes_are(monkeypatch):
+    machine, lives, memory = pkmkins_pins.Machine(ini("tripod")), {"rtapi_app": "12", "milltask": "34"}, [f"key shmid\n1 2\n{0x48414C32} 5\n"]
+    monkeypatch.setattr(pkmkins_pins, "process_of", lives.get)
+    monkeypatch.setattr(pkmkins_pins, "open", lambda *_, **__: io.StringIO(memory[0]), raising=False)
+    assert pkmkins_pins.running(machine) == ["12", "34"]
+    memory[0] = "key shmid\n1 2\n"
+    assert pkmkins_pins.running(machine) is None
+    memory[0] = f"{0x48414C32} 5\n"
+    for name in list(lives):
+        process = lives.pop(name)
+        assert pkmkins_pins.running(machine) is None
+        lives[name] = process
+
+    def missing(*_, **__):
+        raise OSError("no /proc")
+
+    monkeypatch.setattr(pkmkins_pins, "open", missing, raising=False)
+    assert pkmkins_pins.running(machine) is None
+
+
+def test_the_reader_follows_a_linuxcnc_that_runs_alone(monkeypatch, tmp_path):
+    followed, runs = [], [None]
+    monkeypatch.setattr(pkmkins_pins, "running", lambda _: runs[0])
+    monkeypatch.setattr(pkmkins_pins, "follow", lambda machine, processes: followed.append(processes))
+    for words, why in [([], "LinuxCNC"), (["--help"], "LinuxCNC"), (["a", "b"], "LinuxCNC"), ([str(tmp_path / "none.ini")], "pkmkins_pins: .*No such file")]:
+        monkeypatch.setattr(sys, "argv", ["pkmkins_pins.py", *words])
+        with pytest.raises(SystemExit, match=why):
+            pkmkins_pins.main()
+    monkeypatch.setattr(sys, "argv", ["pkmkins_pins.py", str(ini("tripod"))])
+    pkmkins_pins.main()
+    assert followed == []
+    runs[0] = ["12", "34"]
+    pkmkins_pins.main()
+    assert followed == [["12", "34"]]
 
 
 # Refusals in words, and shapes.
