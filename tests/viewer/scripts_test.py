@@ -583,8 +583,8 @@ def test_the_reader_follows_a_linuxcnc_that_runs_alone(monkeypatch, tmp_path):
     followed, runs = [], [None]
     monkeypatch.setattr(pkmkins_pins, "running", lambda _: runs[0])
     monkeypatch.setattr(pkmkins_pins, "follow", lambda machine, processes: followed.append(processes))
-    for words, why in [([], "LinuxCNC"), (["--help"], "LinuxCNC"), (["a", "b"], "LinuxCNC"), ([str(tmp_path / "none.ini")], "pkmkins_pins: .*No such file")]:
-        monkeypatch.setattr(sys, "argv", ["pkmkins_pins.py", *words])
+    for given, why in [([], "LinuxCNC"), (["--help"], "LinuxCNC"), (["a", "b"], "LinuxCNC"), ([str(tmp_path / "none.ini")], "pkmkins_pins: .*No such file")]:
+        monkeypatch.setattr(sys, "argv", ["pkmkins_pins.py", *given])
         with pytest.raises(SystemExit, match=why):
             pkmkins_pins.main()
     monkeypatch.setattr(sys, "argv", ["pkmkins_pins.py", str(ini("tripod"))])
