@@ -11,7 +11,7 @@ import re
 import numpy as np
 import pytest
 from conftest import ini
-from pkmkins import Machine, MachineError, kinds
+from pkmkins import CommandFailed, Machine, MachineError, kinds
 from pkmkins.design import Front, Judgement, Study, StudyError, candidate, judge, result, scatter
 from pkmkins.design.engine import BATCH, Serial, batches, judged
 from pkmkins.design.record import Record, RecordError
@@ -287,6 +287,16 @@ def test_machines_that_do_not_fit_are_a_share_of_those_drawn(study):
     del angle.fixed["joint_angle"]
     assert scatter(angle, [85.0], 500.0, 0.0, drawn=4).deviation == (0.0,)
     assert "100 %" in spread.lines(two) and "size: " in spread.lines(two)
+
+
+@pytest.mark.parametrize(("said", "text"), [("sys.stderr.write(' why '); print('other')", "^why$"), ("print(' only ')", "^only$")])
+def test_a_machine_that_is_not_written_says_why(study, tmp_path, monkeypatch, said, text):
+    script = tmp_path / "pkm"
+    script.write_text(f"#!/usr/bin/python3\nimport sys\n{said}\nsys.exit(1)\n")
+    script.chmod(0o755)
+    monkeypatch.setenv("PKM", str(script))
+    with pytest.raises(CommandFailed, match=text):
+        result.write_machine(study, [550.0], tmp_path / "machine")
 
 
 @pytest.mark.parametrize(("value", "expected"), [("up", ["up"]), (3, ["3.0"]), (0.1, ["0.1"]), ((550, 850), ["550.0", "850.0"]), (np.array([1, 2]), ["1.0", "2.0"])])

@@ -595,6 +595,19 @@ def test_the_reader_follows_a_linuxcnc_that_runs_alone(monkeypatch, tmp_path):
     assert followed == [["12", "34"]]
 
 
+@pytest.mark.parametrize("last", ["no json\n", "", "{half", "silent"])
+def test_states_are_passed_on_until_their_reader_ends_fails_or_is_silent(tmp_path, monkeypatch, last):
+    live, states = program("pkm-live"), []
+    reader = tmp_path / "reader.py"
+    ending = "import time; time.sleep(60)" if last == "silent" else f"sys.stdout.write({last!r})"
+    reader.write_text(f"import sys\nassert sys.argv[1:] == ['m.ini']\nsys.stdout.write('{{\"n\": 1}}\\n{{\"n\": 2}}\\n')\nsys.stdout.flush()\n{ending}\n")
+    monkeypatch.setattr(live.pkmkins_pins, "__file__", str(reader))
+    # Under load a process takes a while to start.
+    monkeypatch.setattr(live, "SILENCE", 3)
+    live.relay("m.ini", types.SimpleNamespace(put=states.append))
+    assert states == [{"n": 1}, {"n": 2}]
+
+
 # Refusals in words, and shapes.
 
 
