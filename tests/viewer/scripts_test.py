@@ -256,6 +256,8 @@ for line in sys.stdin:
 
 def test_the_command_is_kept_open_and_started_again_in_time(panel, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", pkm_in_path(tmp_path, ECHO))
+    # Behind other tests a process takes a while to start.
+    monkeypatch.setattr(panel, "SILENCE", 30)
     travel = panel.Travel("machine.ini")
     assert travel.ask({"at": "a"}) == {"error": "a"}
     process = travel.process
@@ -602,8 +604,8 @@ def test_states_are_passed_on_until_their_reader_ends_fails_or_is_silent(tmp_pat
     ending = "import time; time.sleep(60)" if last == "silent" else f"sys.stdout.write({last!r})"
     reader.write_text(f"import sys\nassert sys.argv[1:] == ['m.ini']\nsys.stdout.write('{{\"n\": 1}}\\n{{\"n\": 2}}\\n')\nsys.stdout.flush()\n{ending}\n")
     monkeypatch.setattr(live.pkmkins_pins, "__file__", str(reader))
-    # Under load a process takes a while to start.
-    monkeypatch.setattr(live, "SILENCE", 3)
+    # Behind other tests a process takes a while to start.
+    monkeypatch.setattr(live, "SILENCE", 5 if last == "silent" else 30)
     live.relay("m.ini", types.SimpleNamespace(put=states.append))
     assert states == [{"n": 1}, {"n": 2}]
 
