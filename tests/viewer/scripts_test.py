@@ -434,6 +434,23 @@ def test_frames_turn_right_handed_and_there_and_back():
     assert Frame().out(point) == point
 
 
+def test_axes_carry_one_after_the_other_what_is_theirs():
+    def link(letter, carries, axis, point=None):
+        return {"letter": letter, "carries": carries, "axis": axis, "point": point, "is_rotary": point is not None}
+
+    own = Scene.__new__(Scene)
+    own.chain = [link("U", "legs", (1, 0, 0)), link("C", "tool", (0, 0, 1), (10, 0, 0)), link("V", "legs", (0, 1, 0)), link("A", "tool", (1, 0, 0), (10, 5, 0))]
+    legs, points = own.carried("legs", {"U": 5, "V": 7})
+    assert legs.out((1, 2, 3)) == (6, 9, 3) and points == []
+    tool, points = own.carried("tool", {"C": 90, "A": 90})
+    # C has turned the pivot of A about its own.
+    assert points == [pytest.approx((10, 0, 0)), pytest.approx((5, 0, 0))]
+    assert tool.out((10, 6, 0)) == pytest.approx((5, 0, 1)) and tool.out((12, 5, 0)) == pytest.approx((5, 2, 0))
+    assert own.carried("work", {})[0].out((1, 2, 3)) == (1, 2, 3)
+    # An axis without a value stands at 0.
+    assert own.carried("legs", {"V": 7})[0].origin == (0, 7, 0)
+
+
 @pytest.mark.parametrize("name", ["tripod", "hexapod", "linear-delta", "four-rod-lathe", "hexaglide", "hexapod-rotary-table"])
 def test_a_first_view_shows_the_whole_machine(name):
     own = scene(name)
