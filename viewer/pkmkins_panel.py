@@ -38,8 +38,9 @@ def reason(master):
 
     def look():
         try:
-            if not legs:
-                legs.append(count_legs(hal.get_value))
+            # None are counted before the module is there.
+            if not any(legs):
+                legs[:] = [count_legs(hal.get_value)]
             text.set(words(hal.get_value, legs[0]))
         except (RuntimeError, TypeError, ValueError) as error:
             text.set(f"pins are missing: {error}")

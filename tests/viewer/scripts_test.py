@@ -24,7 +24,7 @@ sys.path.insert(0, str(VIEWER))
 sys.dont_write_bytecode = True
 import pkmkins_pins  # noqa: E402
 from pkmkins_mesh import read as read_mesh  # noqa: E402
-from pkmkins_panel import words  # noqa: E402
+from pkmkins_panel import reason, words  # noqa: E402
 from pkmkins_refusal import count_legs, sentence  # noqa: E402
 from pkmkins_scene import Frame, Scene, SceneError, about, extent, frame, whole  # noqa: E402
 
@@ -647,8 +647,29 @@ def test_the_panel_says_what_is_ahead_before_what_was():
     assert words({}.get, 6) == "nothing"
 
 
+def test_the_words_of_a_panel_are_kept_up_to_date(hal, monkeypatch):
+    waiting = []
+    variable = types.SimpleNamespace(set=lambda text: setattr(variable, "text", text))
+    monkeypatch.setitem(sys.modules, "tkinter", types.SimpleNamespace(StringVar=lambda _: variable))
+    master = types.SimpleNamespace(after=lambda time, look: waiting.append((time, look)))
+    assert reason(master) is variable and master.pkmkins_reason is variable
+    assert variable.text.startswith("pins are missing: ")
+    hal.values = {f"pkmkins.base.{n}.x": 0 for n in range(3)} | {"pkmkins.limit-soon": False, "pkmkins.fault": -19, "pkmkins.fault-leg": 3}
+    (time, look) = waiting.pop()
+    assert time == 300
+    look()
+    assert variable.text == "last: " + sentence(-19, 3, 3) and sentence(-19, 3, 3).startswith("joint 3")
+    assert len(waiting) == 1
+    hal.values["pkmkins.fault-leg"] = 2
+    waiting.pop()[1]()
+    assert variable.text.startswith("last: leg 2")
+
+
 def test_corners_of_faces_are_those_of_the_file(tmp_path):
     file = tmp_path / "a.OBJ"
     file.write_text("v 0 0 0\nv 2 0 0\nv 2 3 0\nv 0 3 1\nf 1/1 2/2 3/3 4/4\nf -1 -2 -3\n")
     a, b, c, d = (0, 0, 0), (2, 0, 0), (2, 3, 0), (0, 3, 1)
     assert read_mesh(str(file)) == [(a, b, c), (a, c, d), (d, c, b)]
+    text = tmp_path / "two.stl"
+    text.write_text("solid two\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in (a, b, c, c, d, a)) + "endsolid\n")
+    assert read_mesh(str(text)) == [(a, b, c), (c, d, a)]
