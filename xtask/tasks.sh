@@ -32,7 +32,7 @@ wheel-env() {
 affected() { virtually tools/affected.sh "$@"; }
 ## test-long: make test with ten times as many cases, every program live, 10,000 random programs with the guard on
 test-long() {
-    make install
+    make install setup-page
     PKMKINS_CASES=10 cargo test --profile host --locked --no-fail-fast
     cargo build "${host[@]}" --bin pkm --bin judge
     tests/live/live_test.py --long --judge target/host/judge
