@@ -3,6 +3,7 @@
 
 pub mod control;
 pub mod edits;
+pub mod generated;
 pub mod shipped;
 pub mod stability;
 

@@ -4,6 +4,7 @@
 mod boxes;
 mod cell;
 mod configs;
+mod generated;
 mod golden;
 mod ini_cases;
 mod inivar;

@@ -147,7 +147,12 @@ impl Mechanism {
         let mut padded = PerLeg::default();
         padded.iter_mut().zip(offsets?).for_each(|(to, given)| *to = given.unwrap_or(0.0));
         let [x, y, z, a, b, c, u, v, w] = facts.world_home;
-        let start = if place.is_second { [u, v, w, 0.0, 0.0, 0.0] } else { [x, y, z, a, b, c] };
+        let mut start = if place.is_second { [u, v, w, 0.0, 0.0, 0.0] } else { [x, y, z, a, b, c] };
+        if place.is_second {
+            // The letter of a coordinate that it holds may be an extra axis.
+            let held = Letter::ALL.into_iter().filter(|letter| load.layout.is_held(*letter));
+            held.for_each(|letter| start[letter.index()] = 0.0);
+        }
         let home = ChainGeometry::machine_home(carried.holder, start);
         let (coordinates, table) = (*load.layout.coordinates(), *load.layout.table());
         let mut geometry = Geometry::new(&of_legs?, coordinates, table)

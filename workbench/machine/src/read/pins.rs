@@ -97,10 +97,10 @@ impl Pins<'_> {
             self.mechanism(mechanism);
         }
         self.leads(config);
-        let [x, y, z, a, b, c, u, v, w] = config.world_home;
+        let [x, y, z, a, b, c, ..] = config.world_home;
         self.letters("home", [x, y, z, a, b, c]);
-        if config.second_letters.is_some() {
-            self.letters("second.home", [u, v, w, 0.0, 0.0, 0.0]);
+        if let Some(second) = config.mechanisms.get(1) {
+            self.letters("second.home", second.start);
         }
         self.planner(load);
     }
