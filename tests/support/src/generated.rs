@@ -90,8 +90,8 @@ pub struct Built {
     pub letters: [Option<char>; 6],
     pub joints: Vec<Joint>,
     pub axes: Vec<Axis>,
-    /// Tool vector of tool 1 without the spindle offset.
-    pub tool: Vector3<f64>,
+    /// Tool vectors of tools 1 and 2 without the spindle offset.
+    pub tools: [Vector3<f64>; 2],
 }
 
 /// A machine.
@@ -318,11 +318,11 @@ impl Generated {
         Some(all)
     }
 
-    /// Returns the tool vectors of the mechanisms without a tool, or with tool 1.
-    pub fn tools(&self, with_tool: bool) -> Vec<Vector3<f64>> {
+    /// Returns the tool vectors of the mechanisms with a tool, or without one for 0.
+    pub fn tools(&self, tool: usize) -> Vec<Vector3<f64>> {
         let of = |built: &Built| {
             let spindle = Vector3::z() * built.spindle_offset;
-            if with_tool { spindle + built.tool } else { spindle }
+            if tool > 0 { spindle + built.tools[tool - 1] } else { spindle }
         };
         self.mechanisms.iter().map(of).collect()
     }
@@ -339,14 +339,16 @@ impl Generated {
         world
     }
 
-    /// Returns the words of a block that leads to a pose of LinuxCNC's with tool 1.
-    pub fn words(&self, world: &[f64; 9]) -> String {
+    /// Returns the words of a block that leads to a pose of LinuxCNC's with a tool.
+    pub fn words(&self, world: &[f64; 9], tool: usize) -> String {
         let mut text = String::new();
         for letter in self.letters().chars() {
             let k = LETTERS.iter().position(|own| *own == letter).unwrap();
             let of_tool = match (k, self.mechanisms.get(1)) {
-                (0..3, _) => self.mechanisms[0].tool[k],
-                (6.., Some(second)) if second.letters[k - 6].is_some() => second.tool[k - 6],
+                (0..3, _) => self.mechanisms[0].tools[tool - 1][k],
+                (6.., Some(second)) if second.letters[k - 6].is_some() => {
+                    second.tools[tool - 1][k - 6]
+                }
                 _ => 0.0,
             };
             let _ = write!(text, " {letter}{:.9}", world[k] - of_tool);
@@ -506,11 +508,13 @@ pub fn generated(seed: u64) -> Generated {
             letters,
             joints: vec![],
             axes,
-            tool: Vector3::from_fn(|k, _| match letters[k] {
-                // A tool must not lead to a coordinate that nothing moves.
-                None => 0.0,
-                Some(_) if k == 2 => unit * within(rng, 10.0, 50.0),
-                Some(_) => unit * within(rng, -3.0, 3.0),
+            tools: [(); 2].map(|()| {
+                Vector3::from_fn(|k, _| match letters[k] {
+                    // A tool must not lead to a coordinate that nothing moves.
+                    None => 0.0,
+                    Some(_) if k == 2 => unit * within(rng, 10.0, 50.0),
+                    Some(_) => unit * within(rng, -3.0, 3.0),
+                })
             }),
         };
         let spindle = Vector3::z() * built.spindle_offset;
@@ -526,7 +530,7 @@ pub fn generated(seed: u64) -> Generated {
                 max: value + unit * within(rng, 110.0, 130.0),
                 velocity: unit * within(rng, 300.0, 400.0),
                 acceleration: unit * within(rng, 3000.0, 4000.0),
-                correction: if corrected { [5.0 * unit, 2.0 * unit] } else { [0.0; 2] },
+                correction: if corrected { [5.0 * unit, 0.2 * unit] } else { [0.0; 2] },
                 is_angular,
             });
         }
@@ -554,7 +558,8 @@ pub fn generated(seed: u64) -> Generated {
                 },
                 joint: Joint {
                     home: at,
-                    min: at - reach * 1.1,
+                    // Of the two ends one is nearer than that of the axis.
+                    min: at - reach * 0.7,
                     max: at + reach * 1.2,
                     velocity: 1.5 * speed,
                     acceleration: 2.0 * brake,
@@ -607,14 +612,17 @@ fn numbers(values: &[f64]) -> String {
 }
 
 fn table(machine: &Generated) -> String {
-    let mut text = String::from("T1 P1 D0.1");
-    for (built, letters) in machine.mechanisms.iter().zip(["XYZ", "UVW"]) {
-        for (letter, value) in letters.chars().zip(&built.tool).filter(|(_, value)| **value != 0.0)
-        {
-            let _ = write!(text, " {letter}{value:+}");
+    let line = |tool: usize| {
+        let mut text = format!("T{0} P{0} D0.1", tool + 1);
+        for (built, letters) in machine.mechanisms.iter().zip(["XYZ", "UVW"]) {
+            let words = letters.chars().zip(&built.tools[tool]);
+            for (letter, value) in words.filter(|(_, value)| **value != 0.0) {
+                let _ = write!(text, " {letter}{value:+}");
+            }
         }
-    }
-    text + " ;drawn\n"
+        text + " ;drawn\n"
+    };
+    line(0) + &line(1)
 }
 
 fn ini(machine: &Generated) -> String {

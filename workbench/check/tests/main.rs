@@ -3,5 +3,6 @@
 
 mod check;
 mod drives;
+mod generated;
 mod homing;
 mod mobility;

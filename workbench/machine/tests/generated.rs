@@ -216,7 +216,7 @@ fn joints_at_poses_of_linuxcnc_are_those_of_the_equations() {
         let mut reached = 0;
         for n in 0..30 {
             let world = drawn.world(1.0);
-            let tools = drawn.tools(n % 2 == 1);
+            let tools = drawn.tools(n % 3);
             let Some(wanted) = drawn.joints(&world, &tools) else { continue };
             for (m, mechanism) in config.mechanisms.iter().enumerate() {
                 let own = drawn.mechanisms[m].own(&world);
@@ -351,7 +351,7 @@ fn a_scene_has_the_numbers_of_the_file() {
 #[test]
 fn limits_of_the_platform_hold_every_pose_that_the_axes_allow() {
     each(|drawn, config| {
-        let tools = drawn.tools(false);
+        let tools = drawn.tools(0);
         for _ in 0..200 {
             let world = drawn.world(1.0);
             let (pose, _) = drawn.platform(0, &world, &tools[0]);

@@ -5,6 +5,7 @@ mod axis_limits;
 mod chain;
 mod correction;
 mod extra_axes;
+mod generated;
 mod joint_curves;
 mod motion;
 mod preflight;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! All integration tests of the crate in one binary, which is linked once.
 
+mod generated;
+
 use linuxcnc::row::{Beside, Row};
 use test_support::control::standing;
 use test_support::shipped::whole;

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Generated machines: what `pkm check` finds of them, and what it proves, beside the equations of their legs.
+
+use check::between;
+use check::report::check;
+use machine::read::diagnostic::Severity;
+use machine::read::machine::MachineConfig;
+use rand::Rng;
+use test_support::generated::generated;
+
+/// Room beside a limit, as a share of its range, that may be a rounding.
+const ROUNDED: f64 = 1e-9;
+
+#[test]
+fn machines_fit_and_every_pose_that_is_proved_keeps_ranges_and_tilt() {
+    let mut proved = 0;
+    for seed in 0..11 {
+        let mut drawn = generated(seed);
+        let folder = tempfile::tempdir().unwrap();
+        let config = MachineConfig::read(&drawn.write(folder.path())).unwrap();
+        for (n, mechanism) in config.mechanisms.iter().enumerate() {
+            let report = check(&config, mechanism, |_| ()).unwrap();
+            let fact = |name: &str| {
+                let found = report.facts.iter().find(|(own, _)| own == name);
+                found.map(|(_, value)| value.clone()).unwrap_or_default()
+            };
+            let errors = report.findings.iter().filter(|one| one.severity == Severity::Error);
+            let told: Vec<_> = errors.map(|finding| finding.problem.message()).collect();
+            let told = format!("{} {n}: {told:?}", drawn.name);
+            assert!(report.fits(), "{told}");
+            assert!(fact("geometry hash").starts_with(&format!("{:#010x}", mechanism.hash)));
+            for joint in mechanism.joints.iter() {
+                let value = fact(&joint.name);
+                assert!(value.contains(&format!("MIN_LIMIT {}", joint.min)), "{told}: {value}");
+                assert!(value.contains(&format!("MAX_LIMIT {}", joint.max)), "{told}: {value}");
+            }
+            let Some(limits) = report.suggestion else { continue };
+            let built = &drawn.mechanisms[n];
+            let spindle = if mechanism.chain.is_bare() {
+                kinematics::Vector3::zeros()
+            } else {
+                mechanism.spindle
+            };
+            for _ in 0..300 {
+                let shares = std::array::from_fn(|_| drawn.rng.random());
+                let pose = limits.at(shares);
+                let room = built.room(&pose, &spindle, drawn.tilt_limit);
+                assert!(room > -ROUNDED, "{} {n}: {pose:?} is beyond by {room}", drawn.name);
+            }
+            proved += 1;
+        }
+        assert_eq!(between::check(&config).unwrap().is_some(), config.mechanisms.len() == 2);
+    }
+    assert!(proved > 8, "{proved}");
+}
+
+/// The joint whose HOME is wrong is named with its own number, also one of the second mechanism and behind a table.
+#[test]
+fn a_wrong_home_is_found_in_every_joint() {
+    for seed in [1, 3, 5, 7, 9] {
+        let drawn = generated(seed);
+        for (m, built) in drawn.mechanisms.iter().enumerate() {
+            let i = (seed as usize + m) % built.joints.len();
+            let number = built.first_joint + i;
+            let head = format!("[JOINT_{number}]\n");
+            let (before, after) = drawn.text.split_once(&head).unwrap();
+            let home = built.joints[i].home;
+            let unit = if built.joints[i].is_angular { 1.0 } else { drawn.unit };
+            let moved = format!("HOME = {}\n", home + 3.0 * unit);
+            let wrong = after.replacen(&format!("HOME = {home}\n"), &moved, 1);
+            let folder = tempfile::tempdir().unwrap();
+            let file = drawn.write(folder.path());
+            std::fs::write(&file, format!("{before}{head}{wrong}")).unwrap();
+            let config = MachineConfig::read(&file).unwrap();
+            for (n, mechanism) in config.mechanisms.iter().enumerate() {
+                let report = check(&config, mechanism, |_| ()).unwrap();
+                let of_home: Vec<&str> = report
+                    .findings
+                    .iter()
+                    .filter(|finding| finding.problem.key == "HOME")
+                    .map(|finding| finding.problem.section.as_str())
+                    .collect();
+                let is_here = of_home.contains(&format!("JOINT_{number}").as_str());
+                assert_eq!(is_here, n == m, "{} {number}: {:?}", drawn.name, report.findings);
+            }
+        }
+    }
+}
