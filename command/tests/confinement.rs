@@ -11,6 +11,7 @@ use std::os::unix::net::UnixListener;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, Output};
+use test_support::control::ended;
 
 /// A program with these lines of Python.
 fn python(lines: &[String]) -> String {
@@ -277,7 +278,7 @@ fn an_interruption_leaves_no_part_of_a_file() {
         }));
         let killed = Command::new("kill").args([signal, &child.id().to_string()]).status();
         assert!(killed.unwrap().success());
-        assert_eq!(child.wait().unwrap().code(), Some(130), "{command} {signal}");
+        assert_eq!(ended(&mut child).code(), Some(130), "{command} {signal}");
         assert!(!part() && !copy.file("trace.csv").exists(), "{command} {signal}: a part is left");
         assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0, "{command} {signal}");
         let proc = Path::new("/proc").join(&control);
@@ -300,7 +301,7 @@ fn an_interruption_at_any_moment_leaves_nothing() {
         let killed =
             Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
         assert!(killed.unwrap().success());
-        let status = child.wait().unwrap();
+        let status = ended(&mut child);
         // The first moments have no handler yet.
         assert!(status.code() == Some(130) || status.signal() == Some(signal), "{n}: {status}");
         assert!(parts(&copy.file("")).next().is_none() && !copy.file("trace.csv").exists(), "{n}");

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
-use test_support::control::run_text;
+use test_support::control::{ended, run_text};
 use test_support::shipped;
 
 #[test]
@@ -481,7 +481,7 @@ fn a_control_that_is_killed_and_a_command_that_is_interrupted_leave_nothing() {
         let control = control_of(child.id());
         let target = if signal != "-INT" { &control } else { &child.id().to_string() };
         assert!(Command::new("kill").args([signal, target]).status().unwrap().success());
-        let status = child.wait().unwrap();
+        let status = ended(&mut child);
         assert_eq!(status.code(), Some(if signal == "-INT" { 130 } else { 2 }));
         assert_eq!(fs::read_dir(copy.file("tmp")).unwrap().count(), 0);
         let proc = Path::new("/proc").join(&control);

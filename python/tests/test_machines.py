@@ -172,8 +172,9 @@ def test_ctrl_c_ends_preflight_and_leaves_no_process_and_no_folder(tmp_path, tex
     words = [sys.executable, "-c", code, ini("hexapod"), program]
     environment = os.environ | {"TMPDIR": str(folder)}
     run = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    end = time.monotonic() + 60
     while not any("pkm-control" in process for process in processes_of(folder)):
-        assert run.poll() is None
+        assert run.poll() is None and time.monotonic() < end
         time.sleep(0.05)
     time.sleep(0.5)
     (os.killpg if is_whole_group else os.kill)(run.pid, signal.SIGINT)

@@ -10,6 +10,13 @@ use machine::read::mechanism::Mechanism;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::process::{Child, ExitStatus};
+use std::sync::atomic::Ordering;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// More than any test waits for on a computer with ten other jobs: what takes three seconds of a processor took two minutes there.
+const MOST: Duration = Duration::from_secs(600);
 
 /// Runs a program on a shipped machine; returns its outcome, and a row for every cycle.
 pub fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
@@ -20,6 +27,31 @@ pub fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
         ControlFlow::Continue(())
     });
     (outcome.unwrap(), rows)
+}
+
+/// Returns options whose run is interrupted after [`MOST`]: where nothing else ends an endless program, its test fails.
+pub fn bounded(options: Options) -> Options {
+    let stop = options.stop.clone();
+    thread::spawn(move || {
+        thread::sleep(MOST);
+        stop.store(true, Ordering::Relaxed);
+    });
+    options
+}
+
+/// Waits for the end of a process. Panics after [`MOST`], and ends the process.
+pub fn ended(child: &mut Child) -> ExitStatus {
+    let begin = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status;
+        }
+        if begin.elapsed() > MOST {
+            child.kill().unwrap();
+            panic!("process {} does not end", child.id());
+        }
+        thread::sleep(Duration::from_millis(5));
+    }
 }
 
 /// Runs the text of a program on a shipped machine.

@@ -6,7 +6,7 @@ use linuxcnc::refusal::NotJudged;
 use linuxcnc::row::{Ending, MessageKind};
 use std::fs;
 use std::path::PathBuf;
-use test_support::control::{run, run_text};
+use test_support::control::{bounded, run, run_text};
 use test_support::shipped;
 
 fn programs(machine: &str) -> Vec<PathBuf> {
@@ -67,6 +67,7 @@ fn messages_in_latin_1_are_shown() {
 #[test]
 fn loops_without_an_end_and_standstills_without_an_end_are_not_judged() {
     let short = Options { most_seconds: 20.0, most_standstill: 2.0, ..Options::default() };
+    let short = bounded(short);
     let moving = "G21 G90\no1 while [1]\nG0 X1\nG0 X-1\no1 endwhile\nM2\n";
     assert!(matches!(run_text("hexapod", moving, &short), Err(NotJudged::TooLong(..))));
     let standing = "G21 G90\nG0 X1\nG4 P60\nM2\n";
@@ -77,7 +78,7 @@ fn loops_without_an_end_and_standstills_without_an_end_are_not_judged() {
 #[test]
 fn an_endless_loop_without_motion_is_not_judged() {
     let text = "G21 G90\nG0 X1\no1 while [1]\n#1 = 1\no1 endwhile\nM2\n";
-    // It reaches its last cycle in a small part of this.
+    // It comes to its last cycle in a small part of this.
     let impatient = Options { most_work: 1.5, ..Options::default() };
     let refusal = run_text("hexapod", text, &impatient).unwrap_err();
     assert!(refusal.to_string().contains("an endless loop"), "{refusal}");

@@ -8,6 +8,7 @@ use program::preflight::judge;
 use program::replay::duration;
 use std::path::Path;
 use std::sync::Arc;
+use test_support::control::bounded;
 use test_support::shipped;
 
 /// Homing, which forward answers to some roundings of the machine's size, and inch and back.
@@ -247,6 +248,7 @@ fn loops_without_an_end_end() {
     let mut config = config(folder.path());
     Arc::make_mut(&mut config.facts).program.tool_table = None;
     let options = Options { most_moves: 1000, most_work: 3.0, ..Options::default() };
+    let options = bounded(options);
     let told = |body: &str| {
         std::fs::write(&program, format!("F100\nO1 while [1]\n{body}\nO1 endwhile\nM2\n")).unwrap();
         let judged = judge(&config.clone().into(), &program, &options, &mut |_| ());
