@@ -126,7 +126,7 @@ mutants() {
         *) echo "mutants: AREA is \"${1:-}\": expected core, module, workbench, tcl, page or python" >&2; exit 2 ;;
     esac
     make setup
-    "tests/mutants/$1.sh" "${2:-0/1}"
+    "tests/mutants/$1.sh" "${@:2}"
 }
 ## bare-metal: compiles the core for a processor without an operating system
 bare-metal() { make setup && tools/bare-metal.sh; }
