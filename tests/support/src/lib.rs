@@ -7,6 +7,10 @@ pub mod generated;
 pub mod shipped;
 pub mod stability;
 
+/// Machines and equations of the core's tests.
+#[path = "../../../kinsmodule/kinematics/tests/common/mod.rs"]
+pub mod common;
+
 /// A study of a linear delta that cuts, for `pkm cut` and its calculations.
 pub const CUT: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
     inertia_kg_m2 = [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]\n\

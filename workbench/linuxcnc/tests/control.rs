@@ -78,7 +78,7 @@ fn loops_without_an_end_and_standstills_without_an_end_are_not_judged() {
 #[test]
 fn an_endless_loop_without_motion_is_not_judged() {
     let text = "G21 G90\nG0 X1\no1 while [1]\n#1 = 1\no1 endwhile\nM2\n";
-    // It comes to its last cycle in a small part of this.
+    // It reaches its last cycle in a small part of this.
     let impatient = Options { most_work: 1.5, ..Options::default() };
     let refusal = run_text("hexapod", text, &impatient).unwrap_err();
     assert!(refusal.to_string().contains("an endless loop"), "{refusal}");

@@ -104,7 +104,7 @@ impl<'a> Tracker<'a> {
         (3..6).all(|k| self.is_active(k))
     }
 
-    /// D = t + R centre, as the legs see it.
+    /// Computes D = t + R center, as in the legs' equations.
     fn state(&self, pose: &Pose) -> State {
         let rotation = pose.rotation();
         let centre = Vector3::from(self.geometry.centre);
@@ -123,12 +123,12 @@ impl<'a> Tracker<'a> {
         anchor + along_ring(leg, &anchor, &state.rotation) - state.centre
     }
 
-    /// From base anchor to platform anchor.
+    /// Returns the vector from base anchor to platform anchor.
     fn span(&self, leg: &LegGeometry, state: &State) -> Vector3<f64> {
         state.centre + self.lever(leg, state) - Vector3::from(leg.base)
     }
 
-    /// Length that the nut rotation adds to strut `i`.
+    /// Computes the length that the nut rotation adds to strut `i`.
     pub fn correction(&self, i: usize, leg: &LegGeometry, state: &State) -> f64 {
         let LegKind::Strut(strut) = leg.kind else { return 0.0 };
         let Some((s, c)) = torsion(leg, &state.rotation, &self.span(leg, state)) else {
