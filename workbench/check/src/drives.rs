@@ -16,11 +16,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const SCRIPT: &str = concat!(
-    include_str!("../../machine/src/read/ini.tcl"),
-    include_str!("hal_files.tcl"),
-    "\ndrives::main {*}$argv\n"
-);
+const SCRIPT: &str =
+    concat!(include_str!("../../machine/src/read/ini.tcl"), include_str!("hal_files.tcl"));
 
 /// Carries the HAL files out in LinuxCNC in virtual time.
 pub const START: &str = concat!(include_str!("hal_files.tcl"), include_str!("start.tcl"));
@@ -133,14 +130,20 @@ fn joints(ini: &Ini) -> Result<std::ops::Range<usize>, IniError> {
     Ok(0..ini.number_or("KINS", "JOINTS", 0.0)? as usize)
 }
 
-/// Runs the script on all HAL files; the reason where that cannot be.
+/// Carries out all HAL files; the reason where that cannot be.
 fn carried_out(ini: &Ini) -> Result<Wiring, String> {
+    let entries: Vec<String> = entries(ini).into_iter().map(|(_, text)| text).collect();
+    Ok(Wiring::of(&recorded(ini, "main", &entries)?))
+}
+
+/// Runs a command of the script on entries; the reason where that cannot be.
+pub(crate) fn recorded(ini: &Ini, command: &str, entries: &[String]) -> Result<String, String> {
     let folder = Folder::new().map_err(|error| error.to_string())?;
     let [script, copy] = ["hal_files.tcl", "machine.ini"].map(|name| folder.path().join(name));
     let write = |file: &Path, text: &str| {
         std::fs::write(file, text).map_err(|error| format!("{}: {error}", file.display()))
     };
-    write(&script, SCRIPT)?;
+    write(&script, &format!("{SCRIPT}\ndrives::{command} {{*}}$argv\n"))?;
     write(&copy, ini.expanded().unwrap_or(ini.text()))?;
     let beside = ini.file().parent().filter(|folder| !folder.as_os_str().is_empty());
     let done = Command::new(TCL)
@@ -148,13 +151,13 @@ fn carried_out(ini: &Ini) -> Result<Wiring, String> {
         .arg(&copy)
         .arg(beside.unwrap_or(Path::new(".")))
         .arg(HALLIB)
-        .args(entries(ini).into_iter().map(|(_, text)| text))
+        .args(entries)
         .output()
         .map_err(|error| format!("{TCL}: {error}; install tcl"))?;
     if !done.status.success() {
         return Err(String::from_utf8_lossy(&done.stderr).lines().next().unwrap_or("").into());
     }
-    Ok(Wiring::of(&String::from_utf8_lossy(&done.stdout)))
+    Ok(String::from_utf8_lossy(&done.stdout).into())
 }
 
 /// Entries of `[HAL]` in the order in which LinuxCNC carries them out, as the script takes them.
@@ -302,7 +305,7 @@ impl Place {
 }
 
 /// The program that loadusr starts.
-fn program(words: &[String]) -> Option<&str> {
+pub(crate) fn program(words: &[String]) -> Option<&str> {
     let mut words = words.iter().map(String::as_str);
     while let Some(word) = words.next() {
         match word.strip_prefix('-') {

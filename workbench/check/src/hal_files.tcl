@@ -34,6 +34,10 @@ namespace eval drives {
     }
     # Seconds that a file may take.
     variable longest 5
+    # Files that are being carried out, each from the one before it.
+    variable open_files {}
+    # Whether what cannot be carried out is listed, and the rest carried out all the same.
+    variable goes_on 0
 }
 
 # As haltcl does it: every section is a global array, every key a list of its values.
@@ -104,7 +108,9 @@ proc drives::hal {frames verb args} {
         getp { return [expr {[dict exists $values [lindex $args 0]] ? [dict get $values [lindex $args 0]] : 0}] }
         show { return [show [lindex $args 1]] }
         list { return [dict keys $signals [lindex $args 1]] }
-        newsig - sets - start - waitusr - alias - lock - unlock - debug - echo - unecho - print - status {}
+        sets { say {*}$where sets {*}$args }
+        alias { say {*}$where alias {*}$args }
+        newsig - start - waitusr - lock - unlock - debug - echo - unecho - print - status {}
         default {
             variable verbs
             if {$verb ni $verbs} { mistake "hal $verb $args: LinuxCNC has no such command" }
@@ -155,10 +161,18 @@ proc drives::run_hal {file} {
         incr number
         if {[regexp {^(.*)\\$} $line -> part]} { append before $part " "; continue }
         set place [list $file $number]
-        run_line [substituted [regsub {(^|\s)#.*$} $before$line ""]]
+        set command [regsub {(^|\s)#.*$} $before$line ""]
         set before ""
+        run_alone $command { run_line [substituted $command] }
     }
     set place {}
+}
+
+# Carries out a line, and lists it as skipped where that cannot be and the rest counts.
+proc drives::run_alone {command script} {
+    variable goes_on
+    if {!$goes_on} { return [uplevel $script] }
+    if {[catch { uplevel $script } message options]} { say {*}[where $options] skipped $message $command }
 }
 
 proc drives::run_line {line} {
@@ -178,10 +192,18 @@ proc drives::run_file {name args} {
         variable hallibs
         error "$name is neither beside the INI file nor in [lindex $hallibs end]"
     }
-    if {[file extension $file] ne ".tcl"} { return [run_hal $file] }
+    if {[file extension $file] ne ".tcl"} { return [run_once $file] }
     $box eval [list set ::argv $args]
     $box eval [list set ::argc [llength $args]]
     try { interp invokehidden $box source $file } trap {DRIVES DONE} {} {}
+}
+
+# Carries out a file of halcmd that is not being carried out already.
+proc drives::run_once {file} {
+    variable open_files
+    if {$file in $open_files} { error "$file sources itself" }
+    lappend open_files $file
+    try { run_hal $file } finally { set open_files [lrange $open_files 0 end-1] }
 }
 
 proc drives::source_file {name} {
@@ -277,12 +299,19 @@ proc drives::main {ini in libs args} {
         $box eval [list set ::env($name) $value]
     }
     set number 0
+    variable goes_on
     foreach entry $args {
         if {[catch { run_entry $entry } message options]} {
             failed $number $message $options
-            return 0
+            if {!$goes_on} { return 0 }
         }
         incr number
     }
     return 1
+}
+
+# Carries out as much as can be: for who wants the values that pins and signals get.
+proc drives::all {args} {
+    variable goes_on 1
+    main {*}$args
 }

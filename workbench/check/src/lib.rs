@@ -13,6 +13,7 @@ mod display;
 pub mod drives;
 pub mod findings;
 pub mod fixes;
+pub mod hal_values;
 mod homes;
 mod homing;
 pub mod homing_ways;

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Values that the HAL files of a configuration give to the pins of a component, for its migration.
+//!
+//! The files are carried out as for the drives, in an interpreter that can touch nothing. What it cannot carry out is a
+//! [`Gap`]: a value that could be set there is not determined.
+
+use crate::drives::{program, recorded};
+use machine::read::ini::Ini;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Keys whose files LinuxCNC carries out, in its order.
+const FILES: [&str; 2] = ["HALFILE", "POSTGUI_HALFILE"];
+
+/// Programs that carry out a file of the owner's, which may set pins.
+const INTERPRETERS: [&str; 8] =
+    ["python", "python2", "python3", "sh", "bash", "halcmd", "haltcl", "tclsh"];
+
+/// A place in a HAL file, or without a name an entry of `[HAL]`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    pub file: PathBuf,
+    /// Counted from 1; 0 where the file as a whole is meant.
+    pub line: usize,
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match (self.file.as_os_str().is_empty(), self.line) {
+            (true, _) => f.write_str("[HAL]"),
+            (_, 0) => write!(f, "{}", self.file.display()),
+            (_, line) => write!(f, "{}:{line}", self.file.display()),
+        }
+    }
+}
+
+/// A part of the HAL files that is not carried out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Gap {
+    pub place: Place,
+    pub reason: String,
+    /// The command, where one line is left out; without it the rest of the file is.
+    pub command: Option<String>,
+}
+
+/// The value of a pin.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// The word it was set to, and where.
+    Set(String, Place),
+    /// It is on a signal that no `sets` gives a value, and where it was put there.
+    Driven(String, Place),
+}
+
+/// Everything that the HAL files set.
+#[derive(Clone, Debug, Default)]
+pub struct HalValues {
+    pins: BTreeMap<String, (String, Place)>,
+    signals: BTreeMap<String, (String, Place)>,
+    on: BTreeMap<String, (String, Place)>,
+    /// Modules in the order in which they are loaded, with their load parameters.
+    pub modules: Vec<Vec<String>>,
+    pub gaps: Vec<Gap>,
+    /// Programs of the owner's that are started, and could set pins.
+    pub programs: Vec<(String, Place)>,
+}
+
+impl HalValues {
+    /// Carries out the HAL files that an INI file names, or one file in their place.
+    ///
+    /// # Errors
+    /// The files cannot be carried out at all, with the reason.
+    pub fn read(ini: &Ini, instead: Option<&Path>) -> Result<Self, String> {
+        let mut found = Self::default();
+        let of = |key: &str, kind: &str| -> Vec<String> {
+            ini.all("HAL", key).iter().map(|entry| format!("{kind} {}", entry.value)).collect()
+        };
+        let mut entries = match instead {
+            Some(file) => {
+                let whole = std::path::absolute(file).unwrap_or_else(|_| file.into());
+                vec![format!("file {}", whole.display())]
+            }
+            None => {
+                let [files, late] = FILES.map(|key| of(key, "file"));
+                [files, of("HALCMD", "command"), late].concat()
+            }
+        };
+        // Machinekit's HAL files of Python.
+        entries.retain(|entry| match entry.split_whitespace().nth(1) {
+            Some(name) if name.ends_with(".py") => {
+                let place = Place { file: name.into(), line: 0 };
+                let reason = "a program of Python computes what is set".into();
+                found.gaps.push(Gap { place, reason, command: None });
+                false
+            }
+            _ => true,
+        });
+        for line in recorded(ini, "all", &entries)?.lines() {
+            let words: Vec<&str> = line.split('\t').collect();
+            let [file, line, what, words @ ..] = &words[..] else { continue };
+            found.take(Place { file: file.into(), line: line.parse().unwrap_or(0) }, what, words);
+        }
+        Ok(found)
+    }
+
+    fn take(&mut self, place: Place, what: &str, words: &[&str]) {
+        match (what, words) {
+            ("setp", [pin, value, ..]) => {
+                self.pins.insert((*pin).into(), ((*value).into(), place));
+            }
+            ("sets", [signal, value, ..]) => {
+                self.signals.insert((*signal).into(), ((*value).into(), place));
+            }
+            ("net", [signal, pins @ ..]) => {
+                for pin in pins {
+                    self.on.insert((*pin).into(), ((*signal).into(), place.clone()));
+                }
+            }
+            ("unlinkp", [pin, ..]) => drop(self.on.remove(*pin)),
+            ("loadrt", words) => {
+                self.modules.push(words.iter().map(|word| (*word).into()).collect());
+            }
+            ("loadusr", words) => {
+                let words: Vec<String> = words.iter().map(|word| (*word).into()).collect();
+                if let Some(name) = program(&words).filter(|name| is_own(name)) {
+                    self.programs.push((name.into(), place));
+                }
+            }
+            // A pin may be set by its other name.
+            ("alias", _) => {
+                let (reason, command) =
+                    ("another name of a pin is not followed".into(), words.join(" "));
+                self.gaps.push(Gap { place, reason, command: Some(command) });
+            }
+            ("skipped", [reason, command, ..]) => {
+                let is_file = command.split_whitespace().next() == Some("source");
+                let command = (!is_file).then(|| (*command).into());
+                self.gaps.push(Gap { place, reason: (*reason).into(), command });
+            }
+            ("refused" | "failed", [reason, ..]) => {
+                self.gaps.push(Gap { place, reason: (*reason).into(), command: None });
+            }
+            _ => {}
+        }
+    }
+
+    /// Returns the value that a pin has once all files are carried out; `None` where no file sets it.
+    pub fn get(&self, pin: &str) -> Option<Value> {
+        let Some((signal, place)) = self.on.get(pin) else {
+            return self.pins.get(pin).map(|(word, place)| Value::Set(word.clone(), place.clone()));
+        };
+        Some(match self.signals.get(signal) {
+            Some((word, place)) => Value::Set(word.clone(), place.clone()),
+            None => Value::Driven(signal.clone(), place.clone()),
+        })
+    }
+
+    /// Returns whether two pins are on one signal.
+    pub fn are_connected(&self, pin: &str, other: &str) -> bool {
+        let signal = |pin: &str| self.on.get(pin).map(|(signal, _)| signal);
+        signal(pin).is_some_and(|own| signal(other) == Some(own))
+    }
+
+    /// Returns the pins of a component that are set or on a signal, with a place that names them.
+    pub fn pins_of<'a>(&'a self, component: &'a str) -> impl Iterator<Item = (&'a str, &'a Place)> {
+        let all = self.pins.iter().chain(&self.on);
+        let own = move |pin: &str| pin.split('.').next() == Some(component);
+        all.filter(move |(pin, _)| own(pin)).map(|(pin, (_, place))| (pin.as_str(), place))
+    }
+}
+
+/// Returns whether a program may be the owner's, or carries out a file of the owner's.
+fn is_own(name: &str) -> bool {
+    let is_script = [".py", ".sh", ".tcl"].iter().any(|end| name.ends_with(end));
+    name.contains('/') || is_script || INTERPRETERS.contains(&name)
+}
