@@ -173,6 +173,7 @@ impl<'a> Pilot<'a> {
                 runnable: 1.0,
                 time: Time::NotJudged(String::new()),
                 tilted_tool_changes: vec![],
+                rapids_to_zero: vec![],
                 off_path: vec![],
                 is_still: true,
                 poses: Poses::default(),

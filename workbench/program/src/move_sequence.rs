@@ -2,11 +2,12 @@
 //! The moves of one mechanism followed one after the other, with the changes of its tool.
 
 use crate::follow_move::{Course, Found, Leg, Pilot, length};
-use crate::motion::{Move, ROUNDING};
+use crate::motion::{Move, MoveKind, ROUNDING};
 use crate::report::{LeastMargin, Preflight};
 use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
 use machine::limits;
 use machine::proof::reach::Reach;
+use machine::read::direction::ToolDirection;
 use machine::read::mechanism::Mechanism;
 
 /// Follows the moves of a program one after the other, from `[TRAJ]HOME` on.
@@ -109,6 +110,9 @@ impl Pilot<'_> {
             leg.from.copy_from_slice(&from[..6]);
             leg.delta.copy_from_slice(&delta[..6]);
         }
+        if self.falls_to_zero(step) {
+            self.result.rapids_to_zero.push((step.file, step.line));
+        }
         self.check_axes(&leg, &step.end);
         self.follow(&leg);
         self.widen_axes(&step.end);
@@ -118,6 +122,18 @@ impl Pilot<'_> {
         self.result.length += length(&delta);
         self.result.advance += self.advance(&leg);
         (self.at, self.extra) = (step.end, step.extra_end);
+    }
+
+    /// Returns whether a rapid goes down to the machine's own Z0 (`G53 G0 Z0`, or `G28` whose place is not stored), where
+    /// that is neither home nor above it. Posts mean the top by it, which it is on other machines.
+    fn falls_to_zero(&self, step: &Move) -> bool {
+        let slack = ROUNDING * self.config.machine.size();
+        let z = Letter::Z.index();
+        step.kind == MoveKind::Rapid
+            && self.config.tool_direction == Some(ToolDirection::Down)
+            && self.config.home[z] > slack
+            && step.end[z].abs() <= slack
+            && self.at[z] > slack
     }
 
     /// What the machine does in a move.

@@ -300,6 +300,8 @@ pub struct Preflight {
     pub time: Time,
     /// Files and lines before which the tool offset changes while the platform is tilted.
     pub tilted_tool_changes: Vec<(usize, u32)>,
+    /// Files and lines of rapids that go down to the machine's own Z0, below home.
+    pub rapids_to_zero: Vec<(usize, u32)>,
     /// Where LinuxCNC leaves the path by more than the program allows: limits are judged where it goes.
     #[serde(skip)]
     pub off_path: Vec<Break>,

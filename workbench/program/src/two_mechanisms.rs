@@ -74,6 +74,11 @@ impl Preflight {
         self.ranges.extend(second.ranges);
         self.margins.extend(second.margins);
         self.breaks.extend(second.breaks.into_iter().map(|told| Break { of_second: true, ..told }));
+        for rapid in second.rapids_to_zero {
+            if !self.rapids_to_zero.contains(&rapid) {
+                self.rapids_to_zero.push(rapid);
+            }
+        }
         for change in second.tilted_tool_changes {
             if !self.tilted_tool_changes.contains(&change) {
                 self.tilted_tool_changes.push(change);

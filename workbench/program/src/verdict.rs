@@ -6,6 +6,7 @@ use crate::preflight::{self, JudgeError, Judged};
 use crate::report::{Preflight, Rule, Time};
 use crate::work_offset::{self, Offset};
 use check::cautions::{Caution, cautions, once};
+use kinematics::Letter;
 use linuxcnc::process::Options;
 use linuxcnc::refusal::NotJudged;
 use linuxcnc::row::Row;
@@ -105,6 +106,8 @@ pub fn judge<'a>(
     let texts = files.iter().map(text).collect::<Result<Vec<_>, AtFile<io::Error>>>()?;
     let mut warnings = cautions(config, &texts);
     warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
+    let home = config.first().home[Letter::Z.index()];
+    warnings.extend(found.rapids_to_zero.iter().map(|rapid| to_zero(*rapid, home)));
     warnings.extend(found.off_path.iter().map(|off| Caution {
         line: Some(off.line),
         file: off.file,
@@ -139,6 +142,14 @@ fn tilted((file, line): (usize, u32)) -> Caution {
     let text =
         "the tool offset changes at a tilt: the program waits while pkmkins moves the joints";
     Caution { line: Some(line), file, text: text.into() }
+}
+
+fn to_zero((file, line): (usize, u32), home: f64) -> Caution {
+    let text = format!(
+        "a rapid goes down to Z0 of the machine, which G53 G0 Z0 and G28 mean: here that is below home, and not the top as on other \
+         machines. Let the post write G53 G0 Z{home}"
+    );
+    Caution { line: Some(line), file, text }
 }
 
 /// Returns whether another work offset may help. Another place does not make a program slower, two mechanisms have two

@@ -329,6 +329,29 @@ fn a_singular_pose_between_is_never_missed() {
 }
 
 #[test]
+fn a_rapid_down_to_the_machines_own_zero_is_told() {
+    let delta = config("linear-delta");
+    let at = |z: f64| [0.0, 0.0, z, 0.0, 0.0, 0.0];
+    let cut = |line, z| Move { kind: MoveKind::Feed, ..rapid(line, at(z)) };
+    // From home, and from the work; a feed to it, a rapid beside it and a rapid that leaves it are meant.
+    let moves = [
+        rapid(1, at(0.0)),
+        rapid(2, at(40.0)),
+        cut(3, 0.0),
+        rapid(4, at(40.0)),
+        rapid(5, at(0.001)),
+        rapid(6, at(30.0)),
+        rapid(7, at(0.0)),
+        rapid(8, [10.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    ];
+    assert_eq!(follow(&delta, &moves).rapids_to_zero, [(0, 1), (0, 7)]);
+    // Where home is at Z0, it is the place to go to.
+    let pentapod = config("pentapod");
+    let moves = [rapid(1, at(20.0)), rapid(2, at(0.0))];
+    assert_eq!(follow(&pentapod, &moves).rapids_to_zero, []);
+}
+
+#[test]
 fn a_tool_offset_at_a_tilt_is_told_and_followed() {
     let mut config = config("hexapod");
     let tilted = [0.0, 0.0, 220.0, 20.0, 0.0, 0.0];
