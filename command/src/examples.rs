@@ -52,6 +52,17 @@ const PAGES: &[Page] = &[
         &["check", "view", "preflight", "docs/reference/pkm.md"],
     ),
     page(
+        "migrate",
+        &[
+            ("pkm migrate ldelta.ini", "a machine of lineardeltakins, into ../../ldelta-pkmkins"),
+            (
+                "pkm migrate delta.ini --geometry delta.hal --out delta-29",
+                "with its geometry from a file of setp lines",
+            ),
+        ],
+        &["new", "check", "docs/guide/migrating.md"],
+    ),
+    page(
         "check",
         &[
             ("pkm check hexapod.ini", "print what was found, and everything that does not fit"),

@@ -19,6 +19,7 @@ mod input;
 mod joints;
 mod man;
 mod measure;
+mod migrate;
 mod new;
 mod other;
 mod output;
@@ -214,6 +215,7 @@ macro_rules! commands {
 commands! {
     "Machine": {
         New => new,
+        Migrate => migrate,
         Check => check,
         Homing => homing,
         Frames => frames,

@@ -33,6 +33,7 @@ const CASES: &[Case] = &[
         "",
         0,
     ),
+    ("migrate", "OLDER --out migrated", "", 0),
     ("check", "linear-delta.ini", "", 0),
     ("check", "lean.ini", "", 1),
     ("check", "PAIR", "", 0),
@@ -171,6 +172,7 @@ fn words(text: &str) -> String {
     let file = |name: &str| folder.join(name).display().to_string();
     text.replace("HEXAPOD", &file("configs/hexapod/hexapod.ini"))
         .replace("PAIR", &file("configs/lathe-mirrored/lathe-mirrored.ini"))
+        .replace("OLDER", &file("tests/cases/older/rotary-delta/picker.ini"))
         .replace("PAPER", &file("docs/studies/examples/paper-002.toml"))
         .replace("SPINDLE", &file("docs/studies/examples/spindle.toml"))
         .replace("PLATE", &file("configs/hexapod/calibration/plate.toml"))

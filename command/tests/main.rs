@@ -20,6 +20,7 @@ mod generated_machines;
 mod installed;
 mod json;
 mod measure;
+mod migrate;
 mod new;
 mod offsets;
 mod page;

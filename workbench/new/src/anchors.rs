@@ -12,16 +12,22 @@ const DIGITS: f64 = 1e9;
 pub struct Leg(pub Vec<(&'static Key, Vec<f64>)>);
 
 impl Leg {
-    fn with(mut self, key: &'static Key, numbers: &[f64]) -> Self {
+    pub(crate) fn with(mut self, key: &'static Key, numbers: &[f64]) -> Self {
         self.0.push((key, numbers.to_vec()));
         self
     }
 
-    fn base(at: [f64; 3]) -> Self {
+    pub(crate) fn base(at: [f64; 3]) -> Self {
         Self::default().with(&key::BASE, &at)
     }
 
-    fn slider(base: [f64; 3], guide: [f64; 3], platform: [f64; 3], rod: f64, side: f64) -> Self {
+    pub(crate) fn slider(
+        base: [f64; 3],
+        guide: [f64; 3],
+        platform: [f64; 3],
+        rod: f64,
+        side: f64,
+    ) -> Self {
         let leg = Self::base(base).with(&key::GUIDE, &guide).with(&key::PLATFORM, &platform);
         leg.with(&key::ROD, &[rod]).with(&key::SIDE, &[side])
     }

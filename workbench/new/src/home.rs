@@ -65,12 +65,17 @@ fn fault(error: &MachineError) -> String {
 }
 
 /// The machine with its home at a place, read from its text as any other.
-fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
+pub(crate) fn standing(plan: &Plan, home: [f64; 3]) -> Result<MachineConfig, MachineError> {
     let plan = Plan { home, ..plan.clone() };
     let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())?;
-    let machine = MachineConfig::from_ini(&ini)?;
+    MachineConfig::from_ini(&ini)
+}
+
+/// The same, judged.
+fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
+    let machine = standing(plan, home)?;
     let config = machine.first();
-    let refused = |fault| MachineError::of_geometry(&ini, &config.place, fault);
+    let refused = |fault| MachineError::of_geometry(&config.ini, &config.place, fault);
     let at =
         config.machine.at(&Pose::from_degrees(config.home), &config.spindle).map_err(refused)?;
     let share = |n: usize, value: f64| {

@@ -2,6 +2,7 @@
 //! The INI file of a machine that is being made, with comments for who goes on with it.
 
 use crate::anchors::Leg;
+use crate::carried::{Carried, CarriedJoint};
 use crate::kinds::{Homing, MachineKind};
 use crate::values::Values;
 use keys::{leg as of_leg, machine as of_machine};
@@ -15,6 +16,9 @@ const CLEARANCE: f64 = 1.2;
 
 /// A servo cycle, nanoseconds.
 const PERIOD: u32 = 1_000_000;
+
+/// The user interface of a machine that has none yet.
+const DISPLAY: &str = "DISPLAY = axis\nPOSITION_OFFSET = RELATIVE\nPOSITION_FEEDBACK = ACTUAL\nMAX_FEED_OVERRIDE = 1.0\n";
 
 /// Servo cycles that a drive may lag behind at its largest speed, as in the shipped machines.
 const LAG: f64 = 4.0;
@@ -47,6 +51,8 @@ pub struct Plan<'a> {
     pub speeds: Vec<[f64; 2]>,
     /// Sections of boxes, and how many.
     pub boxes: (String, usize),
+    /// What an older configuration has, where one is migrated.
+    pub carried: Option<Carried>,
 }
 
 /// Numbers with blanks between.
@@ -78,14 +84,35 @@ impl Plan<'_> {
         self.letters().iter().any(|letter| letter.is_angle())
     }
 
+    /// Letters of extra axes.
+    fn extra(&self) -> &str {
+        self.carried.as_ref().map_or("", |carried| &carried.extra)
+    }
+
     pub fn all_joints(&self) -> usize {
-        self.legs.len() + self.kind.table.len()
+        self.legs.len() + self.kind.table.len() + self.extra().len()
     }
 
     /// Largest speed and acceleration along X Y Z and of angles, a second.
     pub fn motion(&self) -> [[f64; 2]; 2] {
+        if let Some(carried) = &self.carried {
+            return carried.motion;
+        }
         let turn = self.values.number("turn");
         [[self.values.number("feed") / 60.0, self.values.number("accel")], [turn, 10.0 * turn]]
+    }
+
+    /// Speeds that a user interface starts with, along X Y Z and of angles.
+    fn start(&self) -> [f64; 2] {
+        let [[feed, _], [turn, _]] = self.motion();
+        let usual = [0.2 * feed, 0.5 * turn];
+        let carried = self.carried.as_ref();
+        carried.map_or(usual, |carried| [carried.start[0].min(feed), carried.start[1].min(turn)])
+    }
+
+    /// Returns whether programs have words of degrees.
+    fn turns(&self) -> bool {
+        self.tilts() || self.extra().contains(['A', 'B', 'C'])
     }
 
     pub fn text(&self) -> String {
@@ -97,6 +124,7 @@ impl Plan<'_> {
             self.boxes.0.clone(),
             (0..self.all_joints()).map(|n| self.joint(n)).collect(),
             self.letters().into_iter().map(|letter| self.axis(letter)).collect(),
+            self.extra().chars().map(|letter| self.extra_axis(letter)).collect(),
         ];
         parts.concat()
     }
@@ -104,6 +132,10 @@ impl Plan<'_> {
     fn head(&self) -> String {
         let Self { name, kind, .. } = self;
         let unit = self.values.unit();
+        if let Some(carried) = &self.carried {
+            let paragraphs: Vec<String> = carried.about.iter().map(|text| comment(text)).collect();
+            return paragraphs.join("#\n");
+        }
         let text = format!(
             "{name}, {} ({}); lengths in {unit}. Made by pkm new. {} HOME of every joint comes from the \
              kinematics at [TRAJ]HOME. The axis limits are proved: without a tool the machine reaches \
@@ -117,13 +149,16 @@ impl Plan<'_> {
     fn interface(&self) -> String {
         let Self { name, .. } = self;
         let [[feed, _], [turn, _]] = self.motion();
-        let angular = match self.tilts() {
-            true => format!(
-                "DEFAULT_ANGULAR_VELOCITY = {}\nMAX_ANGULAR_VELOCITY = {turn}\n",
-                0.5 * turn
-            ),
+        let [start, start_turn] = self.start();
+        let angular = match self.turns() {
+            true => {
+                format!("DEFAULT_ANGULAR_VELOCITY = {start_turn}\nMAX_ANGULAR_VELOCITY = {turn}\n")
+            }
             false => String::new(),
         };
+        let carried = self.carried.as_ref();
+        let display = carried.map_or(DISPLAY, |carried| &carried.display);
+        let period = carried.map_or(PERIOD, |carried| carried.period);
         let (code, blend) =
             if self.values.unit() == "mm" { ("G21", 0.01) } else { ("G20", 0.0005) };
         format!(
@@ -135,16 +170,12 @@ DEBUG = 0
 
 # The user interface. It draws the path of the control point X Y Z, at any tilt.
 [DISPLAY]
-DISPLAY = axis
-PYVCP = {name}-panel.xml
+{display}PYVCP = {name}-panel.xml
 CYCLE_TIME = 0.1
-POSITION_OFFSET = RELATIVE
-POSITION_FEEDBACK = ACTUAL
-MAX_FEED_OVERRIDE = 1.0
 PROGRAM_PREFIX = programs
 OPEN_FILE = programs/first.ngc
 GEOMETRY = XYZ
-DEFAULT_LINEAR_VELOCITY = {}
+DEFAULT_LINEAR_VELOCITY = {start}
 MAX_LINEAR_VELOCITY = {feed}
 {angular}
 [RS274NGC]
@@ -154,7 +185,7 @@ RS274NGC_STARTUP_CODE = {code} G17 G40 G49 G54 G64 P{blend} G80 G90 G94
 [EMCMOT]
 EMCMOT = motmod
 COMM_TIMEOUT = 1.0
-SERVO_PERIOD = {PERIOD}
+SERVO_PERIOD = {period}
 
 [TASK]
 TASK = milltask
@@ -177,14 +208,19 @@ POSTGUI_HALFILE = {name}-panel.tcl
 [APPLICATIONS]
 APP = pkmkins-vismach {name}.ini
 APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
-",
-            0.2 * feed
+"
         )
     }
 
     /// What moves, and how fast.
     fn machine(&self) -> String {
         let letters: String = self.letters().iter().map(|letter| letter.name()).collect();
+        let letters = letters + self.extra();
+        let extra = match self.extra() {
+            "" => String::new(),
+            extra => format!(" axes={extra}"),
+        };
+        let [start, start_turn] = self.start();
         let kind = self.kind.leg.name();
         let table = match self.kind.table {
             "" => String::new(),
@@ -195,11 +231,10 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
             count => format!(" boxes={count}"),
         };
         let [[feed, accel], [turn, turn_accel]] = self.motion();
-        let angular = match self.tilts() {
+        let angular = match self.turns() {
             true => format!(
-                "DEFAULT_ANGULAR_VELOCITY = {}\nMAX_ANGULAR_VELOCITY = {turn}\n\
-                 DEFAULT_ANGULAR_ACCELERATION = {turn_accel}\nMAX_ANGULAR_ACCELERATION = {turn_accel}\n",
-                0.5 * turn
+                "DEFAULT_ANGULAR_VELOCITY = {start_turn}\nMAX_ANGULAR_VELOCITY = {turn}\n\
+                 DEFAULT_ANGULAR_ACCELERATION = {turn_accel}\nMAX_ANGULAR_ACCELERATION = {turn_accel}\n"
             ),
             false => String::new(),
         };
@@ -208,7 +243,7 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
             "
 # The kind and number of the legs, and the letters that they move.
 [KINS]
-KINEMATICS = pkmkins legs={kind}:{} coordinates={}{table}{boxes}
+KINEMATICS = pkmkins legs={kind}:{} coordinates={}{table}{extra}{boxes}
 JOINTS = {}
 
 # HOME is the pose of the machine with all joints at their HOME. Speeds and accelerations of the
@@ -218,7 +253,7 @@ COORDINATES = {letters}
 HOME = {x} {y} {z} 0 0 0
 LINEAR_UNITS = {}
 ANGULAR_UNITS = degree
-DEFAULT_LINEAR_VELOCITY = {}
+DEFAULT_LINEAR_VELOCITY = {start}
 MAX_LINEAR_VELOCITY = {feed}
 DEFAULT_LINEAR_ACCELERATION = {accel}
 MAX_LINEAR_ACCELERATION = {accel}
@@ -227,13 +262,14 @@ MAX_LINEAR_ACCELERATION = {accel}
             self.coordinates,
             self.all_joints(),
             self.values.unit(),
-            0.2 * feed,
         )
     }
 
     fn geometry(&self) -> String {
         let mut text = String::from("\n# The whole machine.\n[PKM]\n");
-        if self.kind.leg == leg::Kind::Strut {
+        if let Some(carried) = &self.carried {
+            text += &carried.machine;
+        } else if self.kind.leg == leg::Kind::Strut {
             // Geared struts need what is known after home is.
             let lead = if self.cardans.is_empty() { 0.0 } else { self.lead(0) };
             text += &line(of_machine::SCREW_LEAD.name, &[lead]);
@@ -257,7 +293,14 @@ MAX_LINEAR_ACCELERATION = {accel}
                 line(of_machine::ROD_CLEARANCE.name, &[digits(CLEARANCE * diameter)])
             ),
         };
-        text += "\n# Dimensions of every leg: measure them on the machine. BASE_CONE is the largest swing of its base joint\n# from its direction at home, in degrees.\n";
+        text += match &self.carried {
+             Some(_) => {
+                 "\n# Dimensions of every leg. BASE_CONE is the largest swing of its base joint from its direction at home, in\n# degrees: add it to every leg, such as BASE_CONE = 40; without it the swing is not judged.\n"
+             }
+             None => {
+                 "\n# Dimensions of every leg: measure them on the machine. BASE_CONE is the largest swing of its base joint\n# from its direction at home, in degrees.\n"
+             }
+         };
         if !self.cardans.is_empty() {
             text += "# The sign of LEAD is for a left-hand screw. BASE_N and PLATFORM_N are the base-fixed and platform-fixed axes of\n# the cardan joints: here level and across the strut at home. Enter those of your joints.\n";
         }
@@ -266,6 +309,9 @@ MAX_LINEAR_ACCELERATION = {accel}
 
     /// Which way tools point, where they are along Z.
     pub fn direction(&self) -> Option<&str> {
+        if let Some(carried) = &self.carried {
+            return carried.direction;
+        }
         match self.values.word("tool") {
             _ if self.kind.axis != 2 => None,
             "" => Some("down"),
@@ -294,10 +340,16 @@ MAX_LINEAR_ACCELERATION = {accel}
             text += &line(of_leg::BASE_N.name, axis);
             text += &line(of_leg::PLATFORM_N.name, &axis.map(|x| 0.0 - x));
         }
-        text + &line(of_leg::BASE_CONE.name, &[self.values.number("joint-angle")])
+        match &self.carried {
+            Some(_) => text,
+            None => text + &line(of_leg::BASE_CONE.name, &[self.values.number("joint-angle")]),
+        }
     }
 
     fn joint(&self, n: usize) -> String {
+        if let Some(joint) = self.carried.as_ref().and_then(|carried| carried.joints.get(n)) {
+            return self.carried_joint(n, joint);
+        }
         let is_leg = n < self.legs.len();
         let is_arm = is_leg && self.kind.leg == leg::Kind::Crank;
         let [min, max] = match is_leg {
@@ -306,15 +358,49 @@ MAX_LINEAR_ACCELERATION = {accel}
         };
         let home = self.joints.get(n).copied().unwrap_or_default();
         let [speed, acceleration] = self.speeds.get(n).copied().unwrap_or([1.0; 2]);
-        let least = if is_arm { LEAST_ERROR[1] } else { self.values.from_mm(LEAST_ERROR[0]) };
-        let error = digits((LAG * speed * f64::from(PERIOD) * 1e-9).max(least));
+        let (error, least) = self.following_error(speed, is_arm);
         let kind = if is_arm { "ANGULAR" } else { "LINEAR" };
         format!(
             "\n{}[JOINT_{n}]\nTYPE = {kind}\nHOME = {home}\nMIN_LIMIT = {min}\nMAX_LIMIT = {max}\n\
              MAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration}\nFERROR = {error}\nMIN_FERROR = {}\n{}",
             if n == 0 { self.about_joints() } else { String::new() },
-            digits(STANDSTILL * error),
+            least,
             self.homing(n, home)
+        )
+    }
+
+    /// What a drive may be behind at its largest speed, and at standstill.
+    fn following_error(&self, speed: f64, is_angle: bool) -> (f64, f64) {
+        let least = if is_angle { LEAST_ERROR[1] } else { self.values.from_mm(LEAST_ERROR[0]) };
+        let error = digits((LAG * speed * f64::from(PERIOD) * 1e-9).max(least));
+        (error, digits(STANDSTILL * error))
+    }
+
+    fn carried_joint(&self, n: usize, joint: &CarriedJoint) -> String {
+        let CarriedJoint { kind, range: [min, max], motion: [speed, acceleration], lines, .. } =
+            joint;
+        let mut error = String::new();
+        let has = |key: &str| lines.lines().any(|line| line.starts_with(key));
+        let (ferror, least) = self.following_error(*speed, *kind == "ANGULAR");
+        if !has("FERROR ") {
+            error += &format!("FERROR = {ferror}\n");
+        }
+        if !has("MIN_FERROR ") {
+            error += &format!("MIN_FERROR = {least}\n");
+        }
+        let home = match n < self.legs.len() {
+            true => self.joints.get(n).copied().unwrap_or_default(),
+            false => joint.home,
+        };
+        let about = match n {
+            0 => {
+                "\n# The drives as they were. HOME is from the kinematics; SIM_START is where a simulated drive stands at power-up."
+            }
+            _ => "",
+        };
+        format!(
+            "{about}\n[JOINT_{n}]\nTYPE = {kind}\nHOME = {home}\nMIN_LIMIT = {min}\nMAX_LIMIT = {max}\n\
+             MAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration}\n{error}{lines}"
         )
     }
 
@@ -355,10 +441,23 @@ MAX_LINEAR_ACCELERATION = {accel}
     }
 
     fn axis(&self, letter: Letter) -> String {
-        let [linear, angular] = self.motion();
-        let [speed, acceleration] = if letter.is_angle() { angular } else { linear };
         let kind = if letter.is_angle() { "ANGULAR" } else { "LINEAR" };
         let k = letter.index();
+        let [linear, angular] = self.motion();
+        let [speed, acceleration] = if letter.is_angle() { angular } else { linear };
+        let carried = self.carried.as_ref().and_then(|carried| carried.axis(letter.name()));
+        // No more than the tool may have together.
+        let [speed, acceleration] = carried.map_or([speed, acceleration], |axis| {
+            [axis.motion[0].min(speed), axis.motion[1].min(acceleration)]
+        });
+        let about = match (carried.and_then(|axis| axis.limits), &self.limits) {
+            (Some([low, high]), Some(found)) if [found.low[k], found.high[k]] != [low, high] => {
+                format!(
+                    "# The older configuration has {low} to {high}: not every pose between these is proved.\n"
+                )
+            }
+            _ => String::new(),
+        };
         let limits = match &self.limits {
             Some(AxisBox { low, high }) => {
                 format!("MIN_LIMIT = {}\nMAX_LIMIT = {}\n", low[k], high[k])
@@ -366,13 +465,30 @@ MAX_LINEAR_ACCELERATION = {accel}
             None => String::new(),
         };
         format!(
-            "\n[AXIS_{}]\nTYPE = {kind}\n{limits}MAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration}\n",
+            "\n{about}[AXIS_{}]\nTYPE = {kind}\n{limits}MAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration}\n",
             letter.name()
         )
     }
 }
 
-fn line(key: &str, numbers: &[f64]) -> String {
+impl Plan<'_> {
+    /// A coordinate that a joint of its own is.
+    fn extra_axis(&self, letter: char) -> String {
+        let Some(axis) = self.carried.as_ref().and_then(|carried| carried.axis(letter)) else {
+            return String::new();
+        };
+        let kind = if "ABC".contains(letter) { "ANGULAR" } else { "LINEAR" };
+        let [speed, acceleration] = axis.motion;
+        let limits = axis.limits.map_or(String::new(), |[low, high]| {
+            format!("MIN_LIMIT = {low}\nMAX_LIMIT = {high}\n")
+        });
+        format!(
+            "\n[AXIS_{letter}]\nTYPE = {kind}\n{limits}MAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration}\n"
+        )
+    }
+}
+
+pub(crate) fn line(key: &str, numbers: &[f64]) -> String {
     format!("{key} = {}\n", list(numbers))
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Limits of the axes, proved, and what they ask of the drives.
 
+use crate::carried::Carried;
 use crate::ini::Plan;
 use crate::values::Refusal;
 use check::findings::Finding;
@@ -38,6 +39,9 @@ const STEP: [f64; 2] = [1e-4, 0.01];
 
 /// Room over the speeds and accelerations that were found at these poses.
 const ROOM: f64 = 1.2;
+
+/// Share of a drive's acceleration that constant speed of the tool may need.
+const FOR_BENDS: f64 = 0.5;
 
 /// Accelerations of two motions that are blended add.
 const BLENDED: f64 = 2.0;
@@ -191,6 +195,10 @@ fn extents(config: &Mechanism, reach: &Reach, plan: &Plan) -> Result<AxisBox, Re
     let mut extents = AxisBox { low: config.home, high: config.home };
     for letter in plan.letters() {
         let k = letter.index();
+        let carried = plan.carried.as_ref();
+        let carried = carried.and_then(|carried| carried.axis(letter.name())?.limits);
+        // Where home is outside they are no limits of this machine.
+        let cap = carried.filter(|[low, high]| (*low..=*high).contains(&config.home[k]));
         if let Some([low, high]) = asked(plan, letter) {
             (extents.low[k], extents.high[k]) = (low, high);
             continue;
@@ -201,7 +209,8 @@ fn extents(config: &Mechanism, reach: &Reach, plan: &Plan) -> Result<AxisBox, Re
         };
         let [(low, before), (high, behind)] =
             [-1.0, 1.0].map(|way| ray(config, reach, k, way * far));
-        (extents.low[k], extents.high[k]) = (low, high);
+        let [least, most] = cap.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        (extents.low[k], extents.high[k]) = (low.max(least), high.min(most));
         if let Some(stop) = before.or(behind).filter(|_| is_narrow(config, &extents, letter)) {
             return Err(Refusal::Misfit(format!(
                 "the machine cannot leave home along {}: {}",
@@ -251,6 +260,39 @@ pub fn speeds(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> Vec<[f64; 2]
         }
     }
     most.into_iter().map(|found| found.map(|value| rounded_up(ROOM * value))).collect()
+}
+
+/// Speeds and accelerations of the tool, along X Y Z and of angles, that drives of an older configuration can follow
+/// anywhere within the limits: those that it has, or less.
+pub fn slowed(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> [[f64; 2]; 2] {
+    let Some(carried) = &plan.carried else { return plan.motion() };
+    let needed = |share: f64| {
+        let motion = carried.motion.map(|[speed, acceleration]| [speed, share * acceleration]);
+        let carried = Carried { motion, ..carried.clone() };
+        speeds(config, &Plan { carried: Some(carried), ..plan.clone() }, limits)
+    };
+    // The rest is what joints need at constant speed of the tool.
+    let (whole, bends) = (needed(1.0), needed(f64::MIN_POSITIVE));
+    let drives = || carried.joints.iter().map(|joint| joint.motion).zip(whole.iter().zip(&bends));
+    let least = |shares: &mut dyn Iterator<Item = f64>| shares.fold(1.0, f64::min);
+    let speed = least(&mut drives().map(|([most, _], ([speed, _], _))| most / speed));
+    let bend = least(&mut drives().map(|([_, most], (_, [_, bend]))| FOR_BENDS * most / bend));
+    let speed = speed.min(bend.sqrt());
+    let acceleration = least(&mut drives().map(|([_, most], ([_, whole], [_, bend]))| {
+        (most - speed * speed * bend) / (whole - bend)
+    }));
+    carried.motion.map(|[own_speed, own_acceleration]| {
+        [rounded_down(speed, own_speed), rounded_down(acceleration, own_acceleration)]
+    })
+}
+
+/// A share of a value: two digits, and no more; all of it unchanged.
+fn rounded_down(share: f64, value: f64) -> f64 {
+    if !(share < 1.0) {
+        return value;
+    }
+    let grid = 10_f64.powi(1 - (share * value).max(f64::MIN_POSITIVE).log10().floor() as i32);
+    (share * value * grid).floor() / grid
 }
 
 /// The same at a pose; the second derivative along one way through it.

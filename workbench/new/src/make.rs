@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Makes the folder of a machine, whole or not at all.
 
+use crate::carried::Carried;
 use crate::ini::Plan;
 use crate::kinds::MachineKind;
 use crate::panel::Panel;
@@ -11,6 +12,7 @@ use check::findings::{Finding, Report};
 use check::report::check;
 use kinematics::{Letter, Vector3};
 use machine::files::{AtFile, Folder, write_over, write_whole};
+use machine::proof::axis_box::AxisBox;
 use machine::proof::boxes;
 use machine::read::boxes::text as box_text;
 use machine::read::diagnostic::{Severity, rendered};
@@ -19,7 +21,7 @@ use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use std::fmt::Display;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What is to be made.
 #[derive(Debug)]
@@ -39,6 +41,10 @@ pub struct Made {
     pub report: Report,
     /// What has to be known of boxes for the start without a seed.
     pub boxes: String,
+    /// The axis limits.
+    pub limits: AxisBox,
+    /// Largest speed and acceleration along X Y Z and of angles, a second.
+    pub motion: [[f64; 2]; 2],
 }
 
 impl From<AtFile<io::Error>> for Refusal {
@@ -67,6 +73,18 @@ pub fn make(order: &Order, say: impl Fn(&str, Option<f64>) + Sync) -> Result<Mad
     if plan.values.number("lead") != 0.0 {
         plan.cardans = cardans(config.first());
     }
+    completed(order, plan, say)
+}
+
+/// Makes the folder of a machine whose home is known.
+///
+/// # Errors
+/// As [`make`](fn@make).
+pub(crate) fn completed(
+    order: &Order,
+    plan: Plan,
+    say: impl Fn(&str, Option<f64>) + Sync,
+) -> Result<Made, Refusal> {
     let folder = Folder::beside(order.folder)?;
     // Nobody knows the folder that becomes whole.
     let report = filled(order, folder.path(), plan, say).map_err(|refusal| {
@@ -85,12 +103,18 @@ fn filled(
     say: impl Fn(&str, Option<f64>) + Sync,
 ) -> Result<Made, Refusal> {
     let read = |plan: &Plan| written(folder, plan);
-    write_whole(&folder.join(format!("{}.tbl", order.name)), program::tools())?;
+    write_whole(&folder.join(format!("{}.tbl", order.name)), program::tools(&plan))?;
     let config = read(&plan)?;
     plan.joints = joints(config.first())?;
     say(PROVING_LIMITS, None);
     let found = limits::proved(config.first(), &plan, |share| say(PROVING_LIMITS, Some(share)))?;
-    plan.speeds = limits::speeds(config.first(), &plan, &found);
+    match plan.carried.is_some() {
+        true => {
+            let motion = limits::slowed(config.first(), &plan, &found);
+            plan.carried = plan.carried.map(|carried| Carried { motion, ..carried });
+        }
+        false => plan.speeds = limits::speeds(config.first(), &plan, &found),
+    }
     plan.limits = Some(found);
     let config = read(&plan)?;
     let boxes = with_boxes(&mut plan, config.first(), &say);
@@ -109,10 +133,12 @@ fn filled(
     }
     // With all files in their places, which it looks for.
     say(CHECKING, None);
-    let mut report = checked(&config, order, |share| say(CHECKING, Some(share)))?;
+    let mut report = checked(&config, (folder, order), plan.carried.is_some(), |share| {
+        say(CHECKING, Some(share))
+    })?;
     report.findings.extend(limits::short_of_tilt(config.first(), &plan, &found));
-    name_place(&mut report, order);
-    Ok(Made { report, boxes })
+    name_place(&mut report, folder, order);
+    Ok(Made { report, boxes, limits: found, motion: plan.motion() })
 }
 
 /// The machine of these values in memory, with its home, but with neither proved axis limits nor boxes: for who
@@ -139,7 +165,7 @@ pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<MachineCo
 const LONGEST_NAME: usize = 64;
 
 /// Names go into HAL files, where blanks separate and signs mean something.
-fn refuse_name(name: &str) -> Result<(), Refusal> {
+pub(crate) fn refuse_name(name: &str) -> Result<(), Refusal> {
     let is_good = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if name.len() > LONGEST_NAME {
         return Err(Refusal::Input(format!(
@@ -154,7 +180,7 @@ fn refuse_name(name: &str) -> Result<(), Refusal> {
     }
 }
 
-fn refuse_place(folder: &Path) -> Result<(), Refusal> {
+pub(crate) fn refuse_place(folder: &Path) -> Result<(), Refusal> {
     if folder.symlink_metadata().is_ok() {
         return Err(Refusal::Input(format!(
             "{} exists already and was not changed: use another name, or --out FOLDER",
@@ -210,6 +236,7 @@ fn begun<'a>(order: &Order<'a>) -> Result<Plan<'a>, Refusal> {
         limits: None,
         speeds: vec![],
         boxes: (String::new(), 0),
+        carried: None,
     })
 }
 
@@ -308,13 +335,15 @@ fn with_boxes(
 /// What `pkm check` says of the file, with the place that it will have.
 fn checked(
     config: &MachineConfig,
-    order: &Order,
+    (folder, order): (&Path, &Order),
+    is_carried: bool,
     progress: impl FnMut(f64),
 ) -> Result<Report, Refusal> {
     let mut report = check(config, config.first(), progress)
         .map_err(|error| Refusal::Misfit(error.to_string()))?;
-    name_place(&mut report, order);
-    if report.fits() {
+    name_place(&mut report, folder, order);
+    // What an older configuration has wrong is not made here.
+    if report.fits() || is_carried {
         return Ok(report);
     }
     let errors = report.findings.iter().filter(|finding| finding.severity == Severity::Error);
@@ -323,11 +352,12 @@ fn checked(
     Err(Refusal::Misfit(format!("this machine does not fit together:\n{}", lines.join("\n"))))
 }
 
-/// Findings get the file that the machine will have.
-fn name_place(report: &mut Report, order: &Order) {
-    let file: PathBuf = order.folder.join(format!("{}.ini", order.name));
+/// Findings get the place that their files will have.
+fn name_place(report: &mut Report, folder: &Path, order: &Order) {
     for Finding { problem, .. } in &mut report.findings {
-        problem.file.clone_from(&file);
+        if let Ok(name) = problem.file.strip_prefix(folder) {
+            problem.file = order.folder.join(name);
+        }
     }
 }
 

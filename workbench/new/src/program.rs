@@ -62,15 +62,19 @@ pub fn first(plan: &Plan, limits: &AxisBox) -> String {
     text
 }
 
-/// One tool without a length.
-pub fn tools() -> &'static str {
-    "T1 P1 Z0 D0 ;no length yet: measure your tools\n"
+/// One tool without a length, or the table of an older configuration.
+pub fn tools<'a>(plan: &'a Plan) -> &'a str {
+    let carried = plan.carried.as_ref();
+    carried.map_or("T1 P1 Z0 D0 ;no length yet: measure your tools\n", |old| &old.tools)
 }
 
 /// What to do next.
 pub fn readme(plan: &Plan) -> String {
     let name = plan.name;
     let tools = match plan.direction() {
+        None if plan.carried.is_some() => {
+            "Tools: the older configuration does not say which way they point; `TOOL_DIRECTION = down` or `up` in `[PKM]` lets `pkm check` judge their lengths."
+        }
         None => {
             "Tools: X, Y and Z of the tool table are the position of the tip relative to the center of the platform joints."
         }
@@ -81,8 +85,13 @@ pub fn readme(plan: &Plan) -> String {
             "Tools: the tip is below the nose, so Z in the tool table is the tool length, positive."
         }
     };
+    let source = match &plan.carried {
+        Some(carried) => carried.source.clone(),
+        None => format!("Made by `pkm new {}`.", plan.kind.name),
+    };
+    let frame = if plan.carried.is_some() { "" } else { plan.kind.frame };
     format!(
-        "# {name}: {}\n\nMade by `pkm new {}`. {} {tools}\n\n    \
+        "# {name}: {}\n\n{source} {frame} {tools}\n\n    \
          pkm check {name}.ini                       check that everything fits together\n    \
          pkm preflight {name}.ini programs/first.ngc   check that the program fits\n    \
          linuxcnc {name}.ini                        run it with simulated drives\n    \
@@ -91,6 +100,6 @@ pub fn readme(plan: &Plan) -> String {
          On real hardware replace `LIB:pkmkins_sim.tcl` by your HAL file; keep `LIB:pkmkins.tcl` after it.\n\
          After changes of dimensions: run `pkm check` for the new HOME and axis limits, and `pkm boxes` to prove\n\
          `[BOX_K]` sections again. After changes of limits: run `pkm panel` to write the panel again.\n",
-        plan.kind.text, plan.kind.name, plan.kind.frame,
+        plan.kind.text,
     )
 }

@@ -5,6 +5,10 @@
 /// number: both round a few hundred times in double precision, 2⁻⁵² each.
 pub const INVERSE_REL: f64 = 1e-12;
 
+/// Joints of a migrated configuration beside its module, in machine units or degrees: what is promised. Both round lengths
+/// of some hundred units by some tens of operations.
+pub const MIGRATED_JOINT: f64 = 1e-9;
+
 /// sin² of a torsion beyond which genhexkins' arcsin is no reference: its slope
 /// there is above 1/√(1 − 0.9999) = 100 and turns one rounding into hundreds.
 pub const ARCSIN_MAX_SINE_SQUARED: f64 = 0.9999;

@@ -19,6 +19,7 @@ mod host_library;
 mod jacobian;
 mod jog;
 mod loading;
+mod migrated;
 mod pair;
 mod peers;
 mod pins;

@@ -156,7 +156,7 @@ fn interrupted(
             return None;
         }
         let what = format!("{name}, {} at {pose:?}", control.name());
-        assert_eq!(controller.refusals, [], "{what}: {:?}", module.messages());
+        assert_eq!(controller.refusals, [0_i32; 0], "{what}: {:?}", module.messages());
         assert_eq!(in_effect(&module), requested(&module, spindle), "{what}");
     }
     let what = format!("{name}, {} at {pose:?}", control.name());

@@ -8,6 +8,7 @@ use crate::read::facts::FileFacts;
 use crate::read::ini::{Ini, IniError};
 use crate::read::legs::check_leg_sections;
 use crate::read::mechanism::Mechanism;
+use crate::read::older;
 use crate::read::place::Place;
 use keys::{machine as of_machine, second as of_second};
 use kinematics::{Letter, Load, POSE_LETTERS, Second};
@@ -164,6 +165,7 @@ fn refuse_identity(ini: &Ini) -> Result<(), IniError> {
 /// The load parameters in `[KINS]KINEMATICS`.
 pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
     let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]";
+    older::refuse(ini)?;
     let entry = ini.require("KINS", "KINEMATICS", expected)?;
     let mut words = entry.value.split_ascii_whitespace();
     if words.next() != Some("pkmkins") {

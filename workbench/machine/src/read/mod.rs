@@ -16,6 +16,7 @@ pub mod machine;
 pub mod mechanism;
 pub mod models;
 pub mod near;
+pub mod older;
 pub mod pins;
 pub mod place;
 pub mod places;

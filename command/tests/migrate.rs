@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! `pkm migrate`: LinuxCNC's samples and layouts of older files become machines that fit together and run their first
+//! program in LinuxCNC in virtual time. `pkm check` names it, and `pkm preflight` what posts write for other machines.
+
+use crate::commands::Bench;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const SAMPLES: &str = "/usr/share/doc/linuxcnc/examples/sample-configs/sim";
+
+/// LinuxCNC's samples of its five modules.
+const OF_LINUXCNC: [(&str, &str); 5] = [
+    ("axis/ldelta.ini", "lineardeltakins"),
+    ("axis/rdelta.ini", "rotarydeltakins"),
+    ("tklinuxcnc/tripod.ini", "tripodkins"),
+    ("axis/pentapod/pentapod.ini", "pentakins"),
+    ("axis/vismach/hexapod-sim/hexapod.ini", "genhexkins"),
+];
+
+fn older() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/older")
+}
+
+/// Migrates, checks and runs a file, and returns what is said of it.
+fn assert_migrated(bench: &Bench, file: &Path) -> String {
+    let name = file.file_stem().unwrap().to_str().unwrap();
+    let (file, made) = (file.display(), format!("{name}-new"));
+    let told = bench.answer(&format!("migrate {file} --out {made}"), "");
+    assert!(told.ends_with("exit 0\n"), "{file}: {told}");
+    let ini = format!("{made}/{name}.ini");
+    let checked = bench.answer(&format!("check {ini}"), "");
+    assert!(checked.ends_with("exit 0\n"), "{file}: {checked}");
+    assert!(checked.contains("every pose within its axis limits"), "{file}: {checked}");
+    let ran = bench.answer(&format!("preflight {ini} {made}/programs/first.ngc"), "");
+    assert!(ran.ends_with("\nThe program fits the machine.\nexit 0\n"), "{file}: {ran}");
+    told
+}
+
+#[test]
+fn the_samples_of_linuxcnc_become_machines_that_run() {
+    let bench = Bench::new();
+    for (sample, module) in OF_LINUXCNC {
+        let file = Path::new(SAMPLES).join(sample);
+        let checked = bench.answer(&format!("check {}", file.display()), "");
+        let way_out = format!("pkm migrate {} makes one of it", file.display());
+        assert!(checked.contains(&way_out) && checked.contains(module), "{checked}");
+        assert!(checked.ends_with("exit 2\n"), "{checked}");
+        let told = assert_migrated(&bench, &file);
+        assert!(told.contains(&format!("is made, of a configuration for {module}.")), "{told}");
+    }
+}
+
+#[test]
+fn older_layouts_become_machines_that_run() {
+    let bench = Bench::new();
+    let mut count = 0;
+    for folder in fs::read_dir(older()).unwrap() {
+        let files = fs::read_dir(folder.unwrap().path()).unwrap().map(|file| file.unwrap().path());
+        for file in files.filter(|file| file.extension().is_some_and(|end| end == "ini")) {
+            assert_migrated(&bench, &file);
+            count += 1;
+        }
+    }
+    assert_eq!(count, 8);
+}
+
+#[test]
+fn check_names_the_command_for_files_from_before_joints_and_axes_and_for_no_others() {
+    let bench = Bench::new();
+    let old = older().join("delta-27/delta.ini");
+    let told = bench.answer(&format!("check {}", old.display()), "");
+    assert!(told.contains("from before LinuxCNC had joints and axes"), "{told}");
+    assert!(told.contains("pkm migrate") && told.ends_with("exit 2\n"), "{told}");
+    let bench = bench.with("mill.ini", "[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n");
+    let told = bench.answer("check mill.ini", "");
+    assert!(!told.contains("migrate") && told.contains("expected pkmkins"), "{told}");
+}
+
+#[test]
+fn what_is_refused_leaves_no_folder() {
+    let bench = Bench::new().with("old/mill.ini", "[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n");
+    let told = bench.answer("migrate old/mill.ini", "");
+    assert!(told.contains("old/mill.ini:2") && told.ends_with("exit 2\n"), "{told}");
+    assert!(!bench.0.path().join("mill-pkmkins").exists());
+    let file = older().join("delta-27/delta.ini");
+    let told = bench.answer(&format!("migrate {} --out old", file.display()), "");
+    assert!(told.contains("old is there already") && told.ends_with("exit 2\n"), "{told}");
+    // No such machine: its home is out of reach.
+    let words = format!("migrate {} --home 0 0 900 --out far", file.display());
+    let told = bench.answer(&words, "");
+    assert!(told.contains("at the home given") && told.ends_with("exit 1\n"), "{told}");
+    assert!(!bench.0.path().join("far").exists());
+}
+
+#[test]
+fn a_post_for_a_machine_whose_zero_is_the_top_gets_a_warning() {
+    let header = "G21 G90 G94 G17 G54\nG0 Z40\n";
+    for (words, line) in [
+        ("G53 G0 Z0\n", Some(3)),
+        // The post's retract after an offset, which G53 passes over.
+        ("G10 L20 P1 Z10\nG53 G0 Z0\n", Some(4)),
+        ("G91 G28 Z0\nG90\n", Some(3)),
+        ("o<retract> sub\nG53 G0 Z0\no<retract> endsub\no<retract> call\n", Some(4)),
+        ("G53 G0 Z90\n", None),
+        ("G1 Z0 F600\nG0 Z40\n", None),
+    ] {
+        let bench = Bench::new().with("part.ngc", &format!("{header}{words}G0 Z50\nM2\n"));
+        let told = bench.answer("preflight linear-delta.ini part.ngc", "");
+        let warning = "a rapid goes down to Z0 of the machine";
+        match line {
+            Some(line) => {
+                assert!(
+                    told.contains(&format!("warning: line {line}: {warning}")),
+                    "{words}{told}"
+                );
+                assert!(told.contains("Let the post write G53 G0 Z90"), "{words}{told}");
+                assert!(told.ends_with("look at the warnings.\nexit 0\n"), "{words}{told}");
+            }
+            None => assert!(!told.contains(warning), "{words}{told}"),
+        }
+    }
+}
