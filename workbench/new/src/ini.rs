@@ -294,13 +294,13 @@ MAX_LINEAR_ACCELERATION = {accel}
             ),
         };
         text += match &self.carried {
-             Some(_) => {
-                 "\n# Dimensions of every leg. BASE_CONE is the largest swing of its base joint from its direction at home, in\n# degrees: add it to every leg, such as BASE_CONE = 40; without it the swing is not judged.\n"
-             }
-             None => {
-                 "\n# Dimensions of every leg: measure them on the machine. BASE_CONE is the largest swing of its base joint\n# from its direction at home, in degrees.\n"
-             }
-         };
+            Some(_) => {
+                "\n# Dimensions of every leg. BASE_CONE is the largest swing of its base joint from its direction at home, in\n# degrees: add it to every leg, such as BASE_CONE = 40; without it the swing is not judged.\n"
+            }
+            None => {
+                "\n# Dimensions of every leg: measure them on the machine. BASE_CONE is the largest swing of its base joint\n# from its direction at home, in degrees.\n"
+            }
+        };
         if !self.cardans.is_empty() {
             text += "# The sign of LEAD is for a left-hand screw. BASE_N and PLATFORM_N are the base-fixed and platform-fixed axes of\n# the cardan joints: here level and across the strut at home. Enter those of your joints.\n";
         }
