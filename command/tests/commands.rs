@@ -1088,7 +1088,7 @@ middle.ngc on linear-delta.ini
   feed               joint speeds allow 1.658 times the programmed feed, in line 2 (up to the stop)
   runs               54.9 % of the path before the first limit
 
-error: line 4: joint range: carriage 0 exceeds its limit of 0 to 330 mm on this move by 3.2650 mm
+error: line 4: joint range: carriage 0 violates its limit of 0 to 330 mm on this move by 3.2650 mm
   G1 X75 F3000
   at X-41.3333 Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
 
@@ -1128,19 +1128,19 @@ far.ngc on linear-delta.ini
   carriage 2         76.642 to 325.385 of 0 to 375 mm
   runs               6.3 % of the path before the first limit
 
-error: line 1: joint range: carriage 0 exceeds its limit of 0 to 330 mm on this move by 12.4602 mm
+error: line 1: joint range: carriage 0 violates its limit of 0 to 330 mm on this move by 12.4602 mm
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y12.5463 Z88.1180 A0.0000 B0.0000 C0.0000
 
-error: line 1: axis range: axis Y exceeds its limit of -80 to 80 mm on this move by 120.0000 mm
+error: line 1: axis range: axis Y violates its limit of -80 to 80 mm on this move by 120.0000 mm
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y80.0000 Z78.0000 A0.0000 B0.0000 C0.0000
 
-error: line 1: base cone: the base joint of leg 1 exceeds its limit of 40 degrees on this move by 15.2543 degrees
+error: line 1: base cone: the base joint of leg 1 violates its limit of 40 degrees on this move by 15.2543 degrees
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y145.7890 Z68.1317 A0.0000 B0.0000 C0.0000
 
-error: line 1: base cone: the base joint of leg 2 exceeds its limit of 40 degrees on this move by 15.2543 degrees
+error: line 1: base cone: the base joint of leg 2 violates its limit of 40 degrees on this move by 15.2543 degrees
   G1 X0 Y200 Z60 F3000
   at X0.0000 Y145.7890 Z68.1317 A0.0000 B0.0000 C0.0000
 

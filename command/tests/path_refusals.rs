@@ -152,9 +152,9 @@ fn families() -> Vec<Case> {
 
 fn limits() -> Vec<Case> {
     vec![
-        fine("h = 10", "h = 400", &["at t = ", "axis X exceeds its limit of -150 to 150 mm"]),
-        fine("z_mm = 0", "z_mm = '-90*t'", &["at t = ", "axis Z exceeds its limit"]),
-        fine("= 20", "= 2\nb_deg = '40*t'", &["at t = ", "axis B exceeds its limit"]),
+        fine("h = 10", "h = 400", &["at t = ", "axis X violates its limit of -150 to 150 mm"]),
+        fine("z_mm = 0", "z_mm = '-90*t'", &["at t = ", "axis Z violates its limit"]),
+        fine("= 20", "= 2\nb_deg = '40*t'", &["at t = ", "axis B violates its limit"]),
         fine("z_mm = 0", "z_mm = 0\nc_deg = '9*t'", &["no joint moves C, which stays at 0"]),
         fine("= 20", "= 5000", &["at t = ", "MAX_VELOCITY allows"]),
         fine("= 20", "= '20 - 40*t'", &["speed_mm_per_s", "at t = 0.5", "expected more than 0"]),

@@ -147,7 +147,7 @@ def filter_holds_back(out):
         ini.with_name("programs").joinpath("far.ngc").write_text("G21 G90 M52 P1\nG1 F600 X200\nM2\n")
 
     log = driven("hexapod", out, "refused", edit)
-    for text in ("does not fit the machine", "line 2: axis range: axis X exceeds its limit of -150 to 150 mm"):
+    for text in ("does not fit the machine", "line 2: axis range: axis X violates its limit of -150 to 150 mm"):
         assert text in log, f"AXIS was not told: {text}"
     return "AXIS says that the filter failed"
 

@@ -729,9 +729,9 @@ fn what_the_machine_cannot_is_refused_with_t_and_limit() {
     };
     let speed = "speed_mm_per_s = 20\n";
     for (laws, program, expected) in [
-        ("z_mm = '400*t'\nspeed_mm_per_s = 20", "", "axis Z exceeds its limit of 150 to 390 mm"),
+        ("z_mm = '400*t'\nspeed_mm_per_s = 20", "", "axis Z violates its limit of 150 to 390 mm"),
         ("z_mm = '400*t'\nspeed_mm_per_s = 20", "", "at t = "),
-        ("b_deg = '40*t'\nspeed_mm_per_s = 20", "", "axis B exceeds its limit"),
+        ("b_deg = '40*t'\nspeed_mm_per_s = 20", "", "axis B violates its limit"),
         ("c_deg = '40*t'\nspeed_mm_per_s = 20", "", "the machine holds C at 0"),
         ("", "", "[laws] speed_mm_per_s: missing, needed at t = 0"),
         ("speed_mm_per_s = '1 - t'", "", "speed_mm_per_s: 0 at t = 1: expected more than 0"),

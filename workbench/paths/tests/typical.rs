@@ -455,7 +455,7 @@ fn an_operation_that_is_none_or_leaves_the_machine_is_refused_with_its_number() 
     let circle =
         "kind = 'circle'\ncentre_mm = [0, 0]\nlevel_mm = 0\nclear_mm = 2\nfeed_mm_per_min = 900\n";
     for (operation, expected) in [
-        (format!("{circle}radius_mm = 200"), "[[operation]] 2, circle: axis X exceeds its limit of -150 to 150 mm"),
+        (format!("{circle}radius_mm = 200"), "[[operation]] 2, circle: axis X violates its limit of -150 to 150 mm"),
         (format!("{circle}radius_mm = 0"), "0: expected more than 0"),
         (format!("{circle}radius = 3"), "unknown field `radius`"),
         (circle.into(), "missing field `radius_mm`"),

@@ -447,7 +447,7 @@ impl<'a> Pilot<'a> {
             }
             _ if worst < 0.0 => {
                 let unit = limits::unit(config, limit, found.part);
-                format!("{part} exceeds its limit of {bound} on this move by {:.4} {unit}", -worst)
+                format!("{part} violates its limit of {bound} on this move by {:.4} {unit}", -worst)
             }
             _ => format!("{part} reaches its limit of {bound}"),
         }
