@@ -66,7 +66,7 @@ fn struts_that_cross_at_home_do_not_fit() {
         let errors = told(&report, Severity::Error);
         let is_told = |text: &String| text.contains("[TRAJ]HOME") && text.contains("legs 0 and 1");
         assert!(errors.iter().any(is_told), "{errors:?}");
-        assert!(facts(&report).contains("nearest legs: the centre lines of legs 0 and 1 are"));
+        assert!(facts(&report).contains("nearest legs: the center lines of legs 0 and 1 are"));
     }
 }
 
@@ -92,7 +92,7 @@ fn legs_without_a_clearance_are_a_warning_and_the_nearest_are_told_always() {
     for report in [report, hexapod(str::to_string)] {
         assert!(report.fits());
         let facts = facts(&report);
-        assert!(facts.contains("nearest legs: the centre lines of legs 1 and 2 are 103.528 mm"));
+        assert!(facts.contains("nearest legs: the center lines of legs 1 and 2 are 103.528 mm"));
         assert!(facts.contains("the smallest sampled within the axis limits"), "{facts}");
     }
 }
