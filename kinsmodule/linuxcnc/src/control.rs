@@ -201,9 +201,11 @@ impl Control {
     /// Runs the monitors at the end of a cycle, and passes the requests of either to LinuxCNC.
     pub fn monitor(&mut self, seconds: f64) {
         self.begin();
-        self.first.monitor(seconds);
-        let Some(Second { module, between, .. }) = &mut self.second else { return };
-        module.monitor(seconds);
+        let Some(Second { module, between, .. }) = &mut self.second else {
+            return self.first.monitor(seconds, None);
+        };
+        self.first.monitor(seconds, Some(module.rates(seconds)));
+        module.monitor(seconds, Some(self.first.rates(seconds)));
         let near = between.watch([&self.first, &*module], seconds);
         let (first, second) = (self.first.pins, module.pins);
         let inhibits = [self.first.inhibits_feed(), module.inhibits_feed()];

@@ -34,6 +34,8 @@ pub struct Cycle<'a> {
     pub lost: Option<Fault>,
     /// LinuxCNC's motion, if it differs from the machine's own.
     pub programmed: Option<Programmed>,
+    /// Rates of everything that LinuxCNC moves, if that is more than the machine's own motion.
+    pub path: Option<Rates>,
     /// Servo period, seconds.
     pub period: f64,
     /// The part of the pose's pins that is updated in this cycle.
@@ -54,8 +56,7 @@ pub enum Shown {
 pub struct Programmed {
     /// As LinuxCNC defines it, per second: of X Y Z, otherwise of U V W, otherwise of A B C.
     pub speed: f64,
-    /// The largest rates of the lengths and of the angles, per second.
-    pub rates: [f64; 2],
+    pub rates: Rates,
     /// Rates of LinuxCNC's axes, per second.
     pub axes: World,
 }
@@ -75,14 +76,30 @@ impl Programmed {
         } else {
             turns
         };
-        Self { speed, rates: [tip.max(slides), turns], axes }
+        let rates = Rates { lengths: tip.max(slides), angles: turns };
+        Self { speed, rates, axes }
+    }
+}
+
+/// The largest rates of lengths and of angles, per second.
+#[derive(Clone, Copy)]
+pub struct Rates {
+    lengths: f64,
+    angles: f64,
+}
+
+impl Rates {
+    /// Returns the larger rates of two mechanisms that move together.
+    pub fn with(self, other: Self) -> Self {
+        Self { lengths: self.lengths.max(other.lengths), angles: self.angles.max(other.angles) }
     }
 
-    /// Returns the fraction of the speed by which LinuxCNC brakes per second at least.
+    /// Returns the least share of the speed by which LinuxCNC brakes per second: a move brakes as slowly as the axis
+    /// that has to brake most.
     fn braking(&self, asked: &GuardInputs) -> f64 {
         let limits = [asked.linear_acceleration.get(), asked.angular_acceleration.get()];
         let mut least = f64::INFINITY;
-        for (limit, rate) in limits.iter().zip(self.rates) {
+        for (limit, rate) in limits.iter().zip([self.lengths, self.angles]) {
             let braking = if rate > 0.0 { limit / rate } else { f64::INFINITY };
             // Treat NaN as no braking.
             if !(braking >= least) {
@@ -214,8 +231,8 @@ impl Guard {
             latency: (LATENCY + f64::from(Sight::OLDEST)) * cycle.period,
             notice: None,
         };
-        let planner = match &cycle.programmed {
-            Some(programmed) => motion.braked(programmed.braking(asked), &planner),
+        let planner = match &cycle.path {
+            Some(rates) => motion.braked(rates.braking(asked), &planner),
             None => planner,
         };
         let mut view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
@@ -248,8 +265,9 @@ impl Guard {
             latency: (LATENCY + f64::from(Sight::OLDEST)) * cycle.period,
             notice: Some(NOTICE),
         };
+        // In a jog every axis brakes independently.
         let planner = match &cycle.programmed {
-            Some(programmed) => motion.braked(programmed.braking(&guard.asked), &planner),
+            Some(programmed) => motion.braked(programmed.rates.braking(&guard.asked), &planner),
             None => planner,
         };
         // Limits far enough ahead for a speed limit of the axes to act in time.

@@ -56,10 +56,9 @@ impl Carrying {
         self.commanded = *world;
     }
 
-    /// Returns LinuxCNC's motion in this cycle, if it differs from the machine's own.
-    pub(super) fn programmed(&self, period: f64) -> Option<Programmed> {
-        let is_other = !self.chain.is_empty();
-        is_other.then(|| Programmed::between(&self.before, &self.commanded, period))
+    /// Returns LinuxCNC's motion in this cycle, including axes that carry nothing.
+    pub(super) fn programmed(&self, period: f64) -> Programmed {
+        Programmed::between(&self.before, &self.commanded, period)
     }
 
     /// Computes the shift of the platform per change of the tool vector at the commanded pose.

@@ -2,7 +2,7 @@
 //! The function in the servo thread beside the kinematics calls.
 
 use super::{Kind, Module};
-use crate::guard::{Cycle, Shown};
+use crate::guard::{Cycle, Rates, Shown};
 use kinematics::{Fault, Pose};
 
 /// Cycles in which all pins that only users read are updated: sixty times a second at 1 kHz.
@@ -11,7 +11,7 @@ const SHOWN_IN: u32 = 16;
 impl Module {
     /// Runs one cycle: handles `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
     /// updates the pins for users, and reports faults to the operator.
-    pub fn monitor(&mut self, seconds: f64) {
+    pub fn monitor(&mut self, seconds: f64, other: Option<Rates>) {
         self.is_monitored = true;
         self.start.count_cycle();
         self.watch_apply();
@@ -25,7 +25,7 @@ impl Module {
         if self.turn == 0 {
             self.watch_geometry();
         }
-        if let Some(fault) = self.guarded(commanded, seconds) {
+        if let Some(fault) = self.guarded(commanded, seconds, other) {
             self.record(&fault);
         }
         self.pins.feed_inhibit.set(self.inhibits_feed());
@@ -33,12 +33,20 @@ impl Module {
     }
 
     /// Runs a cycle of the guard, `period` seconds long.
-    fn guarded(&mut self, commanded: Option<Pose>, period: f64) -> Option<Fault> {
+    fn guarded(
+        &mut self,
+        commanded: Option<Pose>,
+        period: f64,
+        other: Option<Rates>,
+    ) -> Option<Fault> {
         let Some(frozen) = self.frozen.as_ref().filter(|_| self.kind == Kind::Machine) else {
             self.guard.idle(self.pins, period);
             self.show_assembly();
             return None;
         };
+        let moves_more = other.is_some() || !self.load.extra.is_empty();
+        let programmed = moves_more.then(|| self.carrying.programmed(period));
+        let path = programmed.map(|own| other.map_or(own.rates, |other| own.rates.with(other)));
         self.guard.run(&Cycle {
             pins: self.pins,
             place: self.place,
@@ -47,7 +55,8 @@ impl Module {
             pose: self.seeds.last(),
             commanded,
             lost: self.lost,
-            programmed: self.carrying.programmed(period),
+            programmed: programmed.filter(|_| !self.carrying.chain.is_empty()),
+            path,
             period,
             // Two mechanisms update their poses in different cycles.
             shows: match (self.turn + u32::from(self.place.is_second)) % SHOWN_IN {
@@ -58,6 +67,11 @@ impl Module {
                 _ => None,
             },
         })
+    }
+
+    /// Returns the rates of the mechanism and the extra axes in this cycle, as LinuxCNC moves them.
+    pub fn rates(&self, period: f64) -> Rates {
+        self.carrying.programmed(period).rates
     }
 
     /// Returns whether this cycle updates the distance of two mechanisms.

@@ -3,6 +3,7 @@
 //! or two mechanisms.
 
 use crate::carrying::{Carrying, LEGS, TOOL, WORK};
+use crate::geometry::scaled;
 use crate::machines::paper_004;
 use crate::module::{Module, Pose};
 use crate::pair::{Two, two};
@@ -57,6 +58,28 @@ pub fn on_one_guide() -> Control {
 }
 
 impl Control {
+    /// Returns the same with all lengths multiplied, as in another unit. [`Self::sample`] stays in the old one.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let of =
+            |subject: &Subject| Subject { machine: subject.machine.scaled(factor), ..*subject };
+        match self {
+            Self::Alone(subject) => Self::Alone(of(subject)),
+            Self::Carrying(subject, carrying) => {
+                let mut given = carrying.given;
+                for link in &mut given.links {
+                    link.point = scaled(link.point, factor);
+                }
+                let (machine, axes) = (carrying.machine.scaled(factor), carrying.axes.clone());
+                Self::Carrying(of(subject), Box::new(Carrying { machine, axes, given }))
+            }
+            Self::Pair(name, two) => {
+                let Two { first, second, angles } = &**two;
+                Self::Pair(name, Box::new(Two { first: of(first), second: of(second), angles }))
+            }
+        }
+    }
+
     pub fn name(&self) -> &'static str {
         match self {
             Self::Alone(subject) | Self::Carrying(subject, _) => subject.name,

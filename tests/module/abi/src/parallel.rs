@@ -137,6 +137,30 @@ impl Parallel {
         }
     }
 
+    /// Returns the machine with all its lengths multiplied, as in another unit.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let mut machine = self.clone();
+        for leg in &mut machine.legs {
+            leg.base = scaled(leg.base, factor);
+            leg.platform = scaled(leg.platform, factor);
+            match &mut leg.kind {
+                Kind::Strut { lead, .. } => *lead *= factor,
+                Kind::Slider { rod, .. } => *rod *= factor,
+                Kind::Crank { arm, rod, .. } => {
+                    *arm = scaled(*arm, factor);
+                    *rod *= factor;
+                }
+                Kind::Ring { radius } => *radius *= factor,
+            }
+        }
+        machine.centre = scaled(machine.centre, factor);
+        machine.home.iter_mut().for_each(|home| *home = in_unit(home, factor));
+        machine.tool = scaled(machine.tool, factor);
+        machine.spindle_offset *= factor;
+        machine
+    }
+
     /// Number of joints: legs, then table axes.
     pub fn joints(&self) -> usize {
         self.legs.len() + self.table.len()
@@ -279,6 +303,12 @@ impl Parallel {
         let squares = self.legs.iter().map(square);
         (squares.sum::<f64>() / count).sqrt()
     }
+}
+
+/// Returns a pose with its lengths multiplied.
+#[must_use]
+pub fn in_unit(pose: &Pose, factor: f64) -> Pose {
+    std::array::from_fn(|k| if (3..6).contains(&k) { pose[k] } else { factor * pose[k] })
 }
 
 /// Sets the pins of leg `n`.

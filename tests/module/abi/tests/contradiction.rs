@@ -248,3 +248,66 @@ fn misfit(machine: &Parallel, joints: &Joints, pose: &Pose) -> f64 {
     };
     (0..machine.legs.len()).map(of).sum()
 }
+
+/// In joint mode LinuxCNC asks for the poses of feedback and command, and for no joints.
+fn joint_mode(module: &Module, joints: &Joints, poses: &mut [Pose; 2], period: i64) {
+    for pose in poses {
+        assert!(module.forward_into(joints, pose) >= 0, "joints that nearly fit");
+    }
+    module.monitor_in_cycle_of(period);
+}
+
+#[test]
+fn joints_of_joint_mode_go_to_those_of_the_pose_as_slowly_as_they_can_stop_in_a_cycle() {
+    let mut random = Random::new(431);
+    for subject in redundant() {
+        let machine = &subject.machine;
+        for period in [250_000, 1_000_000, 2_000_000] {
+            let (module, size) = (machine.module(), machine.size());
+            let dt = period as f64 * 1e-9;
+            // A third of what changes the mode at any time allows, a tenth less: 0.3 of the smaller limit.
+            let (speed, acceleration) = (0.1 * size, 2.0 * size);
+            for n in 0..machine.joints() {
+                module.set(&format!("max-velocity.{n}"), speed);
+                module.set(&format!("max-acceleration.{n}"), acceleration);
+            }
+            module.set("residual-limit", 0.01 * size);
+            let most = 0.3 * speed.min(acceleration * dt) * dt;
+            let home = (subject.sample)(&mut random);
+            let fitting = module.inverse(&home).expect("a pose of the workspace");
+            let mut joints = fitting;
+            joints[1] += 100.0 * most;
+            let mut poses = [home; 2];
+            module.monitor_in_cycle_of(period);
+            module.set("machine-on", 1.0);
+            (0..5).for_each(|_| joint_mode(&module, &joints, &mut poses, period));
+            // LinuxCNC's poses keep their addresses.
+            let command = poses[1];
+            // World mode: the joints start where they are, and end at those of the pose.
+            let expected = machine.module().inverse(&command).expect("the pose found");
+            let (mut before, mut cycles) = (joints, 0);
+            while cycles < 1000 {
+                assert!(module.forward_into(&before, &mut poses[0]) >= 0);
+                let now = module.inverse(&command).expect("on the way");
+                module.monitor_in_cycle_of(period);
+                let steps = now.iter().zip(&before).map(|(a, b)| (a - b).abs());
+                let step = steps.fold(0.0, f64::max);
+                assert!(step <= most * (1.0 + 1e-6), "{}: {step} of {most}", subject.name);
+                before = now;
+                cycles += 1;
+                if !module.is_on("feed-inhibit") {
+                    break;
+                }
+            }
+            for n in 0..machine.joints() {
+                let off = (before[n] - expected[n]).abs();
+                assert!(off <= most, "{}: joint {n} off by {off}", subject.name);
+            }
+            // The one that is off by most goes at that step, and has to go less than a hundred of them.
+            let all = joints.iter().zip(&expected).map(|(a, b)| (a - b).abs());
+            let needed = all.fold(0.0, f64::max) / most;
+            let range = needed.floor()..=needed + 3.0;
+            assert!(range.contains(&f64::from(cycles)), "{}: {cycles} of {needed}", subject.name);
+        }
+    }
+}

@@ -493,6 +493,22 @@ fn the_guard_stops_before_the_clearance_is_lost_and_lets_them_move_apart() {
 }
 
 #[test]
+fn two_that_stand_too_near_are_told_and_may_move_apart() {
+    let (two, module) = on_guides(150.0);
+    let pose = two.homes();
+    let distance = gap(&module, &pose);
+    for (clearance, is_near) in [(distance * (1.0 + 1e-6), true), (distance * (1.0 - 1e-6), false)]
+    {
+        module.set("mechanism-clearance", clearance);
+        (0..20).for_each(|_| cycle(&module, &pose));
+        assert_eq!(module.is_on("limit-soon"), is_near, "{clearance} at {distance}");
+        let reason = if is_near { Cause::MechanismsNear.code() } else { 0 };
+        assert_eq!(module.get("limit-reason") as i32, reason);
+        assert!(!module.is_on("feed-inhibit"), "at rest");
+    }
+}
+
+#[test]
 fn without_a_clearance_nothing_is_stopped_and_one_that_is_no_number_stops_what_comes_nearer() {
     let (two, module) = on_guides(0.0);
     let (least, stopped) = approach(&two, &module, two.homes(), -60.0, 500.0);

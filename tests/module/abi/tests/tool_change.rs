@@ -19,6 +19,9 @@ const LONG: [f64; 3] = [5.0, -3.0, 80.0];
 /// of 20°, with the least acceleration in cycles of 250 us is 12,000.
 const MOST_CYCLES: usize = 40_000;
 
+/// Cycles after a change.
+const AFTER: usize = 3;
+
 /// What LinuxCNC's servo thread does with a machine at rest in world mode, where the drives
 /// follow exactly.
 struct Thread<'a> {
@@ -62,7 +65,7 @@ impl<'a> Thread<'a> {
         for count in 1..MOST_CYCLES {
             self.cycle()?;
             if !self.module.is_on("tool-busy") {
-                (0..3).try_for_each(|_| self.cycle())?;
+                (0..AFTER).try_for_each(|_| self.cycle())?;
                 return Ok(count);
             }
         }
@@ -154,6 +157,9 @@ fn change(
     };
     assert_eq!(in_effect(&module), plus_spindle(&machine, tools[1]));
     assert!(!module.is_on("feed-inhibit"));
+    // LinuxCNC's interpolators lag by two points of four: they stand once four equal ones have passed.
+    let still = thread.joints.iter().rev().take_while(|joints| **joints == expected).count();
+    assert!(still >= 4 + AFTER, "released {still} cycles after the last motion");
     assert_eq!(module.inverse(&pose), Ok(expected), "{machine:?} at {pose:?}");
     let (speed, acceleration) = thread.shares(&limits);
     assert!(
