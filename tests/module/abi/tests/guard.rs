@@ -4,7 +4,7 @@
 use abi_tests::geometry::{Vector, cross, dot, minus, norm, plus, rotation, scaled, turned, unit};
 use abi_tests::machines::{PAPER_004_HOME, paper_004, paper_004_pose};
 use abi_tests::module::{Joints, Module, Pose};
-use abi_tests::parallel::Parallel;
+use abi_tests::parallel::{Kind, Parallel};
 use abi_tests::random::{Random, cases};
 use abi_tests::subjects::{Subject, subjects};
 use kinematics::Cause;
@@ -711,4 +711,54 @@ fn with_the_identity_kinematics_nothing_is_guarded() {
         module.monitor();
     }
     assert_eq!((module.get("feed-scale"), module.is_on("limit-soon")), (1.0, false));
+}
+
+/// Turns of a leg in a cardan joint since the reference pose: about the axis that is fixed in the joint's body, and
+/// across it.
+fn turns(axis: Vector, home: Vector, now: Vector) -> [f64; 2] {
+    let across = |v: Vector| dot(v, axis).asin();
+    let flat = |v: Vector| minus(v, scaled(axis, dot(v, axis)));
+    let about = angle(flat(home), flat(now));
+    [about, (across(now) - across(home)).abs().to_degrees()]
+}
+
+#[test]
+fn each_cone_and_each_turn_of_a_cardan_joint_has_the_limit_of_its_own_pin() {
+    let machine = Parallel::from(paper_004());
+    let module = machine.module();
+    let mut random = Random::new(65);
+    let home_joints = module.inverse(&PAPER_004_HOME).expect("home");
+    let home = directions(&machine, &PAPER_004_HOME, &home_joints);
+    for _ in 0..cases(2) {
+        let pose = paper_004_pose(&mut random);
+        let joints = module.inverse(&pose).expect("a pose of the workspace");
+        let now = directions(&machine, &pose, &joints);
+        for n in 0..6 {
+            let Kind::Strut { base_axis, platform_axis, .. } = machine.legs[n].kind else {
+                unreachable!("six struts")
+            };
+            let in_platform = untilted(&pose, now[n]);
+            let base = turns(unit(base_axis), home[n], now[n]);
+            let platform = turns(unit(platform_axis), home[n], in_platform);
+            for (pin, value, cause) in [
+                ("base-cone.N", angle(now[n], home[n]), Cause::BaseConeAhead),
+                ("platform-cone.N", angle(in_platform, home[n]), Cause::PlatformConeAhead),
+                ("base-pyramid.N.about", base[0], Cause::BasePyramidAhead),
+                ("base-pyramid.N.across", base[1], Cause::BasePyramidAhead),
+                ("platform-pyramid.N.about", platform[0], Cause::PlatformPyramidAhead),
+                ("platform-pyramid.N.across", platform[1], Cause::PlatformPyramidAhead),
+            ] {
+                let pin = pin.replace('N', &n.to_string());
+                // A millionth is far above rounding, and tells one turn from any other.
+                for (share, code) in [(1.0 - 1e-6, cause.code()), (1.0 + 1e-6, 0)] {
+                    module.set(&pin, value * share);
+                    (0..3).for_each(|_| cycle(&module, &pose, &pose));
+                    let found = ["limit-reason", "limit-leg"].map(|pin| module.get(pin) as i32);
+                    let leg = if code == 0 { -1 } else { n as i32 };
+                    assert_eq!(found, [code, leg], "{pin} of {share} times {value} at {pose:?}");
+                }
+                module.set(&pin, 0.0);
+            }
+        }
+    }
 }
