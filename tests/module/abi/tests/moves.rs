@@ -48,7 +48,7 @@ impl Machine {
         self.plain.inverse(pose).expect("within reach")
     }
 
-    /// Joint values of a pose, 0 for those of extra axes: LinuxCNC limits these itself.
+    /// Returns a random pose of the workspace; `original` is the machine in its old unit.
     fn sample(&self, original: &Control, random: &mut Random) -> Pose {
         in_unit(&original.sample(random), self.factor)
     }
@@ -74,8 +74,8 @@ struct Outcome {
     /// Share of the move at its end.
     share: f64,
     is_inhibited: bool,
-    /// Share of the move at which a limit was first told, with leg or joint and cause.
-    told: Option<(f64, i32, i32)>,
+    /// Share of the move at which a limit was first reported, with leg or joint and cause.
+    reported: Option<(f64, i32, i32)>,
     scales: Vec<f64>,
 }
 
@@ -84,8 +84,7 @@ fn lengths(pose: &Pose) -> [f64; 3] {
 }
 
 impl<'a> Move<'a> {
-    /// A move of some tenths of a second between two poses of the workspace. How much of it is a turn, and whether
-    /// X Y Z move at all, is random.
+    /// Returns a move of some tenths of a second between two poses of the workspace, of all letters or of one group.
     fn random(machine: &'a Machine, original: &Control, random: &mut Random) -> Self {
         let [from, other] = [0, 1].map(|_| machine.sample(original, random));
         let mut to = from;
@@ -123,7 +122,7 @@ impl<'a> Move<'a> {
         std::array::from_fn(|k| self.from[k] + share * change[k])
     }
 
-    /// Length as LinuxCNC counts it: of X Y Z, else of U V W, else of A B C.
+    /// Returns the length as LinuxCNC counts it: of X Y Z, else of U V W, else of A B C.
     fn counted(&self) -> f64 {
         let [tip, turn, slides] = lengths(&self.change());
         [tip, slides, turn].into_iter().find(|length| *length > 0.0).expect("a move")
@@ -133,24 +132,24 @@ impl<'a> Move<'a> {
         self.period as f64 * 1e-9
     }
 
-    /// Joint values at places along the move and beyond.
+    /// Returns the joint values at places along the move.
     fn along(&self) -> Vec<Joints> {
         (0..=PLACES).map(|n| self.machine.joints(&self.at(n as f64 / PLACES as f64))).collect()
     }
 
-    /// Largest rate of a joint along the move, per share of it.
+    /// Returns the largest rate of a joint along the move, per share of it.
     fn steepest(&self, joint: usize) -> f64 {
         let along = self.along();
         let steps = along.windows(2).map(|two| (two[1][joint] - two[0][joint]).abs());
         steps.fold(0.0, f64::max) * PLACES as f64
     }
 
-    /// Feed that the program asks for, with the override, as shares of the move per second.
+    /// Returns the requested feed with the override, in shares of the move per second.
     fn fastest(&self) -> f64 {
         self.feed * self.feed_override / self.counted()
     }
 
-    /// Accelerations of LinuxCNC's axes with which its planner gives the move its acceleration.
+    /// Sets the accelerations of LinuxCNC's axes with which its planner gives the move its acceleration.
     fn set_up(&self) {
         let module = &self.machine.module;
         let [tip, all, slides] = lengths(&self.change());
@@ -169,7 +168,7 @@ impl<'a> Move<'a> {
         module.set("max-override", self.feed_override);
     }
 
-    fn tell(&self, requested: f64, speed: f64, to_go: f64) {
+    fn report(&self, requested: f64, speed: f64, to_go: f64) {
         let pins =
             [("requested-vel", requested), ("current-vel", speed), ("distance-to-go", to_go)];
         pins.into_iter().for_each(|(pin, value)| self.machine.module.set(pin, value));
@@ -182,12 +181,12 @@ impl<'a> Move<'a> {
         module.monitor_in_cycle_of(self.period);
     }
 
-    /// Makes the move with M52 P1.
+    /// Makes the move with M52 P1, and returns what happened.
     fn make(&self) -> Outcome {
         let module = &self.machine.module;
         self.set_up();
         let mut joints = self.machine.joints(&self.from);
-        self.tell(0.0, 0.0, 0.0);
+        self.report(0.0, 0.0, 0.0);
         (0..30).for_each(|_| self.servo(&mut joints, &self.from));
         let (length, dt) = (self.counted(), self.seconds());
         let mut outcome = Outcome { fastest: vec![0.0; 16], ..Outcome::default() };
@@ -201,16 +200,16 @@ impl<'a> Move<'a> {
             let before = speed;
             speed = asked.min(end).clamp((speed - step).max(0.0), speed + step);
             gone = (gone + ((before + speed) / 2.0 * dt).max(1e-9 * length)).min(length);
-            self.tell(self.feed, speed, length - gone);
+            self.report(self.feed, speed, length - gone);
             let old = joints;
             self.servo(&mut joints, &self.at(gone / length));
             for (most, (a, b)) in outcome.fastest.iter_mut().zip(old.iter().zip(joints)) {
                 *most = most.max((b - a).abs() / dt);
             }
             outcome.share = gone / length;
-            if outcome.told.is_none() && module.is_on("limit-soon") {
+            if outcome.reported.is_none() && module.is_on("limit-soon") {
                 let [leg, why] = ["limit-leg", "limit-reason"].map(|pin| module.get(pin) as i32);
-                outcome.told = Some((outcome.share, leg, why));
+                outcome.reported = Some((outcome.share, leg, why));
             }
             let now = (module.get("feed-scale"), module.is_on("feed-inhibit"));
             outcome.scales.push(now.0);
@@ -233,7 +232,7 @@ impl<'a> Move<'a> {
     }
 }
 
-/// The hexapod of paper 004 with axes that carry nothing: they move with it, and it brakes with them.
+/// Returns the hexapod of paper 004 with axes that carry nothing: it brakes as slowly as these need.
 fn beside_axes() -> Control {
     let Control::Carrying(subject, mut carrying) = in_a_chain() else { unreachable!("a chain") };
     carrying.given = ChainGeometry::NONE;
@@ -241,7 +240,7 @@ fn beside_axes() -> Control {
     Control::Carrying(subject, carrying)
 }
 
-/// Moves of all machines, each with its own unit, period and override.
+/// Tests moves of all machines, each with its own unit, period and override.
 fn each_move(seed: u64, count: usize, test: &mut dyn FnMut(&Move<'_>, &mut Random)) {
     let mut random = Random::new(seed);
     for original in controls().into_iter().chain([beside_axes()]) {
@@ -268,25 +267,32 @@ fn no_joint_is_faster_than_its_limit_and_one_comes_near_to_it() {
         let what = || format!("{}: joint {joint} at {share} of its limit", step.words());
         assert!(outcome.share > 1.0 - 1e-6 && !outcome.is_inhibited, "{}", what());
         // The guard aims at 0.98, and makes room for an override of at least 1. What the places between those that
-        // it looks at add is less than 0.02, and what a short move leaves unused than 0.03. Below that override it brakes late, as there is room.
+        // it looks at add is less than 0.02, and what a short move leaves unused than 0.03. Below that override it brakes
+        // late, as there is room.
         let (aim, more) = match step.feed_override {
             below if below < 1.0 => (0.98 * below, 0.05),
             _ => (0.98, 0.02),
         };
         assert!(share > aim - 0.03 && share < aim + more, "{}, not {aim}", what());
-        if let Some(told) = outcome.told {
-            assert_eq!((told.1, told.2), (joint as i32, Cause::JointTooFast.code()), "{}", what());
+        if let Some(reported) = outcome.reported {
+            assert_eq!(
+                (reported.1, reported.2),
+                (joint as i32, Cause::JointTooFast.code()),
+                "{}",
+                what()
+            );
         }
     });
 }
 
-/// Angle of the platform's normal from Z.
+/// Returns the angle of the platform's normal from Z.
 fn tilt(pose: &Pose) -> f64 {
     let [a, b] = [pose[3].to_radians(), pose[4].to_radians()];
     (a.cos() * b.cos()).acos().to_degrees()
 }
 
-/// Sets one limit that the move leaves between two shares of it; the leg or joint that the guard names, and why.
+/// Sets one limit that the move violates from some share on; returns the share, the joint that the guard names, and
+/// the cause.
 fn limited(step: &Move<'_>, random: &mut Random) -> Option<(f64, i32, i32)> {
     let (module, share) = (&step.machine.module, random.between(0.4, 0.8));
     let place = step.at(share);
@@ -311,13 +317,13 @@ fn limited(step: &Move<'_>, random: &mut Random) -> Option<(f64, i32, i32)> {
 }
 
 #[test]
-fn a_limit_of_the_pose_is_told_from_the_braking_distance_on_and_not_much_sooner() {
-    let mut told = 0;
+fn a_limit_of_the_pose_is_reported_from_the_braking_distance_on_and_not_much_sooner() {
+    let mut checked = 0;
     each_move(402, 4, &mut |step, random| {
         let Some((share, leg, why)) = limited(step, random) else { return };
         let outcome = step.make();
-        let what = || format!("{}, limit at {share}: {:?}", step.words(), outcome.told);
-        let (at, found_leg, found_why) = outcome.told.unwrap_or_else(|| panic!("{}", what()));
+        let what = || format!("{}, limit at {share}: {:?}", step.words(), outcome.reported);
+        let (at, found_leg, found_why) = outcome.reported.unwrap_or_else(|| panic!("{}", what()));
         assert_eq!((found_leg, found_why), (leg, why), "{}", what());
         // What it needs to stop, with the whole acceleration; in shares of the move.
         let stop = step.fastest() * step.fastest() * step.counted() / (2.0 * step.acceleration);
@@ -327,14 +333,14 @@ fn a_limit_of_the_pose_is_told_from_the_braking_distance_on_and_not_much_sooner(
         assert!(share - at <= most, "{}: at most {most}", what());
         if at > stop + 10.0 * cycle {
             assert!(share - at >= least, "{}: at least {least}", what());
-            told += 1;
+            checked += 1;
         }
     });
-    println!("{told} at full speed");
-    assert!(told >= cases(20).min(20));
+    println!("{checked} at full speed");
+    assert!(checked >= cases(20).min(20));
 }
 
-/// A joint whose speed grows along the whole move.
+/// Returns a joint whose speed grows along the whole move, and its speeds.
 fn growing(step: &Move<'_>) -> Option<(usize, Vec<f64>)> {
     let along = step.along();
     (0..step.machine.joints).find_map(|n| {
@@ -423,19 +429,19 @@ impl Jog<'_> {
         }
     }
 
-    /// Seconds in which an axis gathers its speed.
+    /// Returns the seconds in which an axis gathers its speed.
     fn ramp(&self) -> f64 {
         self.step.feed * self.step.feed_override / self.step.acceleration
     }
 
-    /// Whether the key of a letter is released: beyond either end of the move there may be other limits.
+    /// Returns whether the key of a letter is released: beyond either end of the move there may be other limits.
     fn is_at_end(&self, k: usize, sign: f64) -> bool {
         let change = self.step.to[k] - self.step.from[k];
         let share = (self.pose[k] - self.step.from[k]) / change;
         change == 0.0 || share > 1.0 || (sign < 0.0 && share < 0.1)
     }
 
-    /// One cycle towards these speeds.
+    /// Runs a cycle towards these speeds.
     fn cycle(&mut self, joints: &mut Joints, wanted: &Pose) {
         let (keys, dt) = (self.keys(), self.step.seconds());
         for k in 0..9 {
@@ -446,7 +452,7 @@ impl Jog<'_> {
         self.step.servo(joints, &self.pose);
     }
 
-    /// Largest speeds that LinuxCNC's task is given.
+    /// Returns the largest speeds that LinuxCNC's task is given.
     fn most(&self) -> Pose {
         let (module, keys) = (&self.step.machine.module, self.keys());
         std::array::from_fn(|k| {
@@ -455,12 +461,11 @@ impl Jog<'_> {
         })
     }
 
-    /// Holds the keys, `sign` 1 along the move, until all jogs are stopped and the machine stands; false after
-    /// ten times as long as the move takes.
+    /// Holds the keys, `sign` 1 along the move, until the machine stands; returns whether the guard stopped it.
     fn hold(&mut self, sign: f64, seen: &mut dyn FnMut(&Joints)) -> bool {
         let module = &self.step.machine.module;
         let mut joints = self.step.machine.joints(&self.pose);
-        self.step.tell(0.0, 0.0, 0.0);
+        self.step.report(0.0, 0.0, 0.0);
         (0..30).for_each(|_| self.step.servo(&mut joints, &self.pose));
         module.set("jogging", 1.0);
         let (keys, mut most) = (self.keys(), vec![self.keys().map(f64::abs)]);

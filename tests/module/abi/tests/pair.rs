@@ -493,7 +493,7 @@ fn the_guard_stops_before_the_clearance_is_lost_and_lets_them_move_apart() {
 }
 
 #[test]
-fn two_that_stand_too_near_are_told_and_may_move_apart() {
+fn two_that_stand_too_near_are_reported_and_nothing_is_inhibited_at_rest() {
     let (two, module) = on_guides(150.0);
     let pose = two.homes();
     let distance = gap(&module, &pose);
