@@ -285,6 +285,15 @@ fn no_joint_is_faster_than_its_limit_and_one_comes_near_to_it() {
     });
 }
 
+#[test]
+fn a_move_that_no_limit_concerns_is_not_slowed_and_nothing_is_reported() {
+    each_move(405, 2, &mut |step, _| {
+        let outcome = step.make();
+        assert!(outcome.scales.iter().all(|scale| *scale == 1.0), "{}", step.words());
+        assert!(outcome.reported.is_none() && !outcome.is_inhibited, "{}", step.words());
+    });
+}
+
 /// Returns the angle of the platform's normal from Z.
 fn tilt(pose: &Pose) -> f64 {
     let [a, b] = [pose[3].to_radians(), pose[4].to_radians()];
