@@ -85,12 +85,11 @@ fn lengths(pose: &Pose) -> [f64; 3] {
 
 impl<'a> Move<'a> {
     /// Returns a move of some tenths of a second between two poses of the workspace, of all letters or of one group.
-    fn random(machine: &'a Machine, original: &Control, random: &mut Random) -> Self {
+    /// `only` is 0 for X Y Z, 1 for A B C, 2 for U V W, else all; a machine that has none of a group moves all.
+    fn random(machine: &'a Machine, original: &Control, only: usize, random: &mut Random) -> Self {
         let [from, other] = [0, 1].map(|_| machine.sample(original, random));
         let mut to = from;
         let letters: Vec<usize> = (0..9).filter(|k| machine.control.moves(*k)).collect();
-        // All letters, or only those of X Y Z, A B C or U V W.
-        let only = random.between(0.0, 4.0) as usize;
         let kept = |k: usize| only == 3 || k / 3 == only || !letters.iter().any(|k| k / 3 == only);
         let carries = matches!(machine.control, Control::Carrying(..));
         for k in letters.iter().copied().filter(|k| kept(*k)) {
@@ -244,9 +243,11 @@ fn beside_axes() -> Control {
 fn each_move(seed: u64, count: usize, test: &mut dyn FnMut(&Move<'_>, &mut Random)) {
     let mut random = Random::new(seed);
     for original in controls().into_iter().chain([beside_axes()]) {
-        for _ in 0..cases(count) {
+        // Every group of letters of machines that have more than one.
+        let least = if matches!(original, Control::Alone(_)) { 1 } else { 4 };
+        for case in 0..cases(count).max(least) {
             let machine = Machine::new(&original, &mut random);
-            test(&Move::random(&machine, &original, &mut random), &mut random);
+            test(&Move::random(&machine, &original, 3 - case % 4, &mut random), &mut random);
         }
     }
 }
