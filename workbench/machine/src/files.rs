@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Files: what is wrong with one is told with its name, one that is written is written whole, and none that was
-//! read is replaced unless that is meant.
+//! Files: errors name their file, a file is written completely or not at all, and a file that was read is replaced
+//! only by [`write_over`].
 
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use tempfile::{NamedTempFile, TempDir};
 
-/// What is wrong with a file.
+/// An error with its file.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {error}", .file.display())]
 pub struct AtFile<E> {
@@ -21,7 +21,7 @@ pub struct AtFile<E> {
     pub error: E,
 }
 
-/// An error at a place that has no type: a pose, a line of standard input.
+/// An error at a location without a type: a pose, a line of standard input.
 #[derive(Debug, thiserror::Error)]
 #[error("{place}: {error}")]
 pub struct AtPlace {
@@ -30,15 +30,15 @@ pub struct AtPlace {
 }
 
 impl AtPlace {
-    /// Puts a place before an error.
+    /// Prefixes an error with a location.
     pub fn new(place: impl Display, error: impl Error + Send + Sync + 'static) -> Self {
         Self { place: place.to_string(), error: Box::new(error) }
     }
 }
 
-/// Gives an error its file.
+/// Adds a file to an error.
 pub trait Locate<T, E> {
-    /// The same, at this file.
+    /// Returns the result with this file added to its error.
     ///
     /// # Errors
     /// The one given, with the file.
@@ -51,7 +51,7 @@ impl<T, E> Locate<T, E> for Result<T, E> {
     }
 }
 
-/// Where the files are that were read, links followed.
+/// Canonical paths of the files that were read.
 static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 /// Begins a new task, which may replace the files that were read before.
@@ -59,10 +59,10 @@ pub fn forget_read() {
     READ.lock().expect("nobody panics with it").clear();
 }
 
-/// Bytes of the largest file that is read: a program of ten million lines has half of them.
+/// Largest file that is read, bytes: a program of ten million lines has half as many.
 const MOST_BYTES: u64 = 1 << 30;
 
-/// Remembers a file that is read, by this process or for it.
+/// Opens and records a file that is read, by this process or on its behalf.
 ///
 /// # Errors
 /// It cannot be opened, is larger than a file that is read, or is a device or a named pipe: those may have no end, and a pipe without a writer is not even
@@ -78,22 +78,22 @@ pub fn open(file: &Path) -> Result<File, AtFile<io::Error>> {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, text)).at(file);
     }
     let opened = File::open(file).at(file)?;
-    // What has no place, as a pipe, cannot be replaced either.
+    // A pipe has no canonical path and cannot be replaced.
     if let Some(place) = place {
         READ.lock().expect("nobody panics with it").insert(place);
     }
     Ok(opened)
 }
 
-/// Whether a device is a terminal, whose user ends the text, or the empty one.
+/// Returns whether a device is a terminal, whose user ends the text, or the null device.
 fn is_quiet(device: &Path) -> bool {
     device == Path::new("/dev/null") || File::open(device).is_ok_and(|device| device.is_terminal())
 }
 
-/// Returns a text as a comment of a program or a HAL file holds it: without line breaks and other control characters,
-/// which would end the comment, without parentheses, and no longer than a line may be.
+/// Returns a text for a comment of a program or a HAL file: without line breaks and other control characters,
+/// which would end the comment, without parentheses, and short enough for a line.
 pub fn as_comment(text: &str) -> String {
-    // LinuxCNC reads 255 bytes of a line; other words stand beside.
+    // LinuxCNC reads 255 bytes of a line; other words are on the same line.
     const MOST: usize = 160;
     let one = |c: char| match c {
         '(' => '[',
@@ -105,7 +105,7 @@ pub fn as_comment(text: &str) -> String {
     text[..end].chars().map(one).collect()
 }
 
-/// The bytes of a file.
+/// Returns the bytes of a file.
 ///
 /// # Errors
 /// It cannot be read, or has no end.
@@ -113,7 +113,7 @@ pub fn read(file: &Path) -> Result<Vec<u8>, AtFile<io::Error>> {
     read_all(&mut open(file)?).at(file)
 }
 
-/// The bytes of an open file or pipe.
+/// Returns the bytes of an open file or pipe.
 ///
 /// # Errors
 /// It cannot be read, or has no end.
@@ -124,7 +124,7 @@ pub fn read_all(from: &mut dyn Read) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Refuses more bytes than are read.
+/// Refuses more bytes than [`MOST_BYTES`].
 fn refuse_long(bytes: u64) -> io::Result<()> {
     if bytes > MOST_BYTES {
         let text = "larger than 1 GiB, the limit for files read into memory; split the file";
@@ -133,7 +133,7 @@ fn refuse_long(bytes: u64) -> io::Result<()> {
     Ok(())
 }
 
-/// The text of a file.
+/// Returns the text of a file.
 ///
 /// # Errors
 /// As [`read`], or it is not UTF-8.
@@ -153,7 +153,7 @@ pub fn read_text(file: &Path) -> Result<String, AtFile<io::Error>> {
 /// Temporary files and folders in use.
 static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
 
-/// How often a folder is removed in which a process still writes.
+/// Attempts to remove a folder into which a process still writes.
 const REMOVALS: usize = 100;
 
 fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
@@ -165,8 +165,8 @@ fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
 struct Listed(PathBuf);
 
 impl Listed {
-    /// Makes a temporary file or folder and enters it in the list. An interruption waits in between: it would not
-    /// find what was made.
+    /// Creates a temporary file or folder and lists it. An interruption waits until both are done: otherwise it would
+    /// miss the new file.
     fn made<T: AsRef<Path>>(make: impl FnOnce() -> io::Result<T>) -> io::Result<(T, Self)> {
         let mut list = temporary();
         let made = make()?;
@@ -182,7 +182,7 @@ impl Drop for Listed {
     }
 }
 
-/// A folder of one's own, gone with its owner, and also where the process is interrupted.
+/// A private temporary folder, removed with its owner and also if the process is interrupted.
 #[derive(Debug)]
 pub struct Folder {
     folder: TempDir,
@@ -190,7 +190,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Makes it where the system keeps such folders.
+    /// Creates a folder in the system's temporary folder.
     ///
     /// # Errors
     /// It cannot be made.
@@ -200,7 +200,7 @@ impl Folder {
         Ok(Self { folder, _listed })
     }
 
-    /// Makes it beside a place that it takes when it is whole.
+    /// Creates a folder next to the path that it gets when it is complete.
     ///
     /// # Errors
     /// It cannot be made there.
@@ -213,14 +213,14 @@ impl Folder {
         Ok(Self { folder, _listed })
     }
 
-    /// Gives it its place, where nothing may be.
+    /// Renames the folder to its final path, which must not exist.
     ///
     /// # Errors
-    /// Something is there, or it cannot be renamed.
+    /// The path exists, or the folder cannot be renamed.
     pub fn become_whole(self, place: &Path) -> Result<(), AtFile<io::Error>> {
-        // An interruption waits: it would leave an empty folder.
+        // Blocks an interruption, which would leave an empty folder.
         let _list = temporary();
-        // Only an empty folder is replaced by a rename, and this one is nobody else's.
+        // A rename replaces only an empty folder, and this one was just created here.
         fs::create_dir(place).at(place)?;
         fs::rename(self.path(), place).inspect_err(|_| drop(fs::remove_dir(place))).at(place)
     }
@@ -230,7 +230,7 @@ impl Folder {
     }
 }
 
-/// Removes every temporary file and folder, for a process that ends at once: it can make no others.
+/// Removes every temporary file and folder, for a process that ends at once: it can create no more.
 pub fn leave_nothing() {
     let mut list = temporary();
     for path in list.drain(..) {
@@ -238,14 +238,14 @@ pub fn leave_nothing() {
             let removed = fs::remove_file(&path).or_else(|_| fs::remove_dir_all(&path));
             removed.is_ok() || !path.exists()
         };
-        // LinuxCNC may still write into the folder of its run. It can make no folder there.
+        // LinuxCNC may still write into the folder of its run, but it can create no folder there.
         let _ = (0..REMOVALS).any(|_| is_gone());
     }
-    // Other threads go on until the process has ended: those that make or finish a file wait.
+    // Other threads run until the process has ended: those that create or finish a file wait.
     mem::forget(list);
 }
 
-/// A table as the text of a CSV file.
+/// Returns a table as the text of a CSV file.
 ///
 /// # Panics
 /// A row has more or fewer cells than the header.
@@ -263,21 +263,21 @@ pub fn csv<R: IntoIterator<Item: ToString>>(
     String::from_utf8(bytes).expect("cells are text")
 }
 
-/// A file that is written beside its place, and takes its name when it is whole.
+/// A file that is written under a temporary name, and renamed when it is complete.
 #[derive(Debug)]
 pub struct Whole {
     part: BufWriter<NamedTempFile>,
     listed: Listed,
-    /// As it was named, and where it is.
+    /// Path as given, and its canonical path.
     file: PathBuf,
     place: PathBuf,
 }
 
 impl Whole {
-    /// Begins it.
+    /// Creates the temporary file.
     ///
     /// # Errors
-    /// Its folder cannot be written, something that is no file stands in its place, or a file that was read.
+    /// Its folder cannot be written, its path is not a regular file, or the file was read.
     pub fn new(file: &Path) -> Result<Self, AtFile<io::Error>> {
         let is_read = |place: &PathBuf| READ.lock().expect("nobody panics with it").contains(place);
         if fs::canonicalize(file).is_ok_and(|place| is_read(&place)) {
@@ -289,7 +289,7 @@ impl Whole {
     }
 
     fn begun(file: &Path) -> io::Result<Self> {
-        // Behind a link stands what is meant.
+        // Behind a link, the target is replaced.
         let place = fs::canonicalize(file).unwrap_or_else(|_| file.into());
         let there = fs::metadata(&place).ok();
         // A device, a pipe or a folder would be replaced.
@@ -300,7 +300,7 @@ impl Whole {
             ));
         }
         let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty());
-        // Temporary files are private by default; this one is to be read by others.
+        // Temporary files are private by default; this one must be readable by others.
         let mode = there.as_ref().map_or(0o644, |found| found.mode() & 0o7777);
         let mut part = tempfile::Builder::new();
         part.prefix(".pkm-").permissions(Permissions::from_mode(mode));
@@ -308,18 +308,18 @@ impl Whole {
         let (part, listed) = Listed::made(make)?;
         if let Some(found) = there {
             part.as_file().set_permissions(Permissions::from_mode(mode))?;
-            // Only root can give a file away; another user's becomes one's own, as with any editor.
+            // Only root can change the owner; otherwise another user's file becomes this user's, as with any editor.
             let _ = chown(part.path(), Some(found.uid()), Some(found.gid()));
         }
         Ok(Self { part: BufWriter::new(part), listed, file: file.into(), place })
     }
 
-    /// Gives it its name.
+    /// Renames the file to its final name.
     ///
     /// # Errors
-    /// The rest cannot be written, or the file not renamed.
+    /// The rest cannot be written, or the file cannot be renamed.
     pub fn finish(self) -> Result<(), AtFile<io::Error>> {
-        // Until it has its name, an interruption removes it.
+        // Until the file has its name, an interruption removes it.
         let _listed = self.listed;
         let part = self.part.into_inner().map_err(|error| without_path(error.into_error()));
         let part = part.at(&self.file)?;
@@ -338,7 +338,7 @@ impl Write for Whole {
     }
 }
 
-/// An error without the name of the temporary file, which tells nobody anything.
+/// Returns the error without the name of the temporary file, which means nothing to the user.
 fn without_path(error: io::Error) -> io::Error {
     match error.to_string().split_once(" at path ") {
         Some((text, _)) => io::Error::new(error.kind(), text),
@@ -346,7 +346,7 @@ fn without_path(error: io::Error) -> io::Error {
     }
 }
 
-/// Writes beside the file, then renames.
+/// Writes a temporary file next to `file`, then renames it.
 ///
 /// # Errors
 /// The file cannot be written, or was read.
@@ -354,7 +354,7 @@ pub fn write_whole(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
     filled(Whole::new(file)?, file, text)
 }
 
-/// The same over a file that was read, which is to have another text.
+/// Writes a file that was read, to replace its text.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -414,7 +414,7 @@ mod tests {
     fn devices_and_named_pipes_are_refused_before_they_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let pipe = folder.path().join("pipe");
-        // Without a writer it would not even be opened.
+        // Without a writer, opening it would block.
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         for file in [Path::new("/dev/zero"), Path::new("/dev/urandom"), &pipe] {
             let refused = read(file).unwrap_err().to_string();
@@ -446,7 +446,7 @@ mod tests {
         assert!(!place.exists());
         made.become_whole(&place).unwrap();
         assert!(place.join("a").exists());
-        // An empty folder is somebody's too.
+        // An empty folder may belong to someone else.
         let taken = parent.path().join("taken");
         fs::create_dir(&taken).unwrap();
         assert!(Folder::beside(&taken).unwrap().become_whole(&taken).is_err());

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A machine as its files describe it, its limits, and what is proved about it.
+//! A machine as its files describe it, its limits, and proofs about it.
 //!
 //! - Input: the machine's INI file and the files that it names.
 //! - Output: [`read`], the checked description with the core's frozen geometry, or an error with excerpt, column
-//!   and a way out; [`limits`], every limit at a pose; [`proof`], limits over moves and cells of poses; [`rows`],
-//!   the machine's rows over its coordinates; [`scene`], the machine as JSON; [`files`], files written whole.
-//! - Uses: the core and the table of keys. All other crates of the workbench stand on this one.
+//!   and a fix; [`limits`], every limit at a pose; [`proof`], limits over moves and cells of poses; [`rows`],
+//!   the machine's Jacobian rows over its coordinates; [`scene`], the machine as JSON; [`files`], atomic writes.
+//! - Uses: the core and the table of keys. All other crates of the workbench depend on this one.
 
 pub mod files;
 pub mod limits;

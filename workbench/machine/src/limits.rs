@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The limits of a machine's configuration as the core lists them, and what people call them.
+//! The limits of a machine's configuration as the core lists them, and their names in reports.
 
 use crate::read::mechanism::{LegAngles, Mechanism};
 use kinematics::{At, Body, Joints, LEAST_DRIVE, Limit, Limits, Margin, Part};
 use serde::Serializer;
 use std::ops::ControlFlow;
 
-/// Centre lines of legs that are nearer than this share of the machine's size meet: no leg is
+/// Center lines of legs nearer than this share of the machine's size count as touching: no leg is
 /// thinner.
 pub const MEETING: f64 = 1e-3;
 
-/// The limits that a machine's file sets.
+/// Returns the limits that a machine's file sets.
 pub fn of(config: &Mechanism) -> Limits {
     let mut limits = Limits {
         tilt: config.tilt_limit.unwrap_or(0.0),
@@ -36,30 +36,30 @@ pub fn of(config: &Mechanism) -> Limits {
     limits
 }
 
-/// The same without those of the axes, which are the machine's coordinates as programmed.
+/// Returns all limits except those of the axes, which apply to programmed coordinates.
 pub fn beyond_axes(config: &Mechanism) -> Limits {
     Limits { axis: Limits::NONE.axis, ..of(config) }
 }
 
-/// The same of the legs alone, of a pose that homing passes on its way to the switches.
+/// Returns the limits of the legs alone, for a pose that homing passes before the switches.
 pub fn of_homing(config: &Mechanism) -> Limits {
     let Limits { min, max, .. } = Limits::NONE;
     Limits { min, max, ..beyond_axes(config) }
 }
 
-/// What the centre lines of legs that share no anchor have to keep, machine units:
-/// `[PKM]ROD_CLEARANCE`, or without it what keeps them from meeting.
+/// Returns the least distance of the center lines of legs that share no anchor, machine units:
+/// `[PKM]ROD_CLEARANCE`, or by default the distance at which they count as touching.
 fn least_distance(config: &Mechanism) -> f64 {
     config.clearance.unwrap_or(MEETING * config.machine.size())
 }
 
-/// Returns the distance that two mechanisms, of which `config` is the first, have to keep, machine units:
-/// `[PKM]MECHANISM_CLEARANCE`, or without it what keeps them from meeting.
+/// Returns the least distance of two mechanisms, of which `config` is the first, machine units:
+/// `[PKM]MECHANISM_CLEARANCE`, or by default the distance at which they count as touching.
 pub fn least_distance_between(config: &Mechanism) -> f64 {
     config.mechanism_clearance.unwrap_or(MEETING * config.machine.size())
 }
 
-/// The distance of two parts, for people.
+/// Describes two parts whose distance is limited.
 pub fn between(configs: [&Mechanism; 2], bodies: [Body; 2]) -> String {
     let name = |i: usize| match bodies[i] {
         Body::Leg(n) => format!("leg {}", configs[i].place.first_leg + n),
@@ -68,7 +68,7 @@ pub fn between(configs: [&Mechanism; 2], bodies: [Body; 2]) -> String {
     format!("the distance between {} and {}", name(0), name(1))
 }
 
-/// Visits the margins of all limits that are set at a pose.
+/// Visits the margins of all configured limits at a pose.
 pub fn each(at: &At, limits: &Limits, mut visit: impl FnMut(Margin)) {
     let _ = at.margins(limits, |margin| {
         visit(margin);
@@ -76,7 +76,7 @@ pub fn each(at: &At, limits: &Limits, mut visit: impl FnMut(Margin)) {
     });
 }
 
-/// What a limit is there for, for those who know no kinematics.
+/// Returns the purpose of a limit, for users who know no kinematics.
 pub fn meaning(limit: Limit) -> &'static str {
     match limit {
         Limit::Axis => "travel of the tool in each direction",
@@ -93,7 +93,7 @@ pub fn meaning(limit: Limit) -> &'static str {
     }
 }
 
-/// What a limit is about, for people.
+/// Describes the part that a limit concerns.
 pub fn part(config: &Mechanism, limit: Limit, part: Part) -> String {
     let (first, joint) = (config.place.first_leg, |i: usize| config.joint(i).name.clone());
     let of_legs = |i: usize| match limit {
@@ -118,7 +118,7 @@ pub fn part(config: &Mechanism, limit: Limit, part: Part) -> String {
     }
 }
 
-/// Unit of a limit's value.
+/// Returns the unit of a limit's value.
 pub fn unit(config: &Mechanism, limit: Limit, part: Part) -> String {
     let joint = |suffix: &str| match part {
         Part::Joint(i) | Part::Leg(i) => {
@@ -141,7 +141,7 @@ pub fn unit(config: &Mechanism, limit: Limit, part: Part) -> String {
     }
 }
 
-/// The range of a margin, with its unit.
+/// Returns the range of a margin, with its unit.
 pub fn bound(config: &Mechanism, margin: &Margin) -> String {
     let unit = unit(config, margin.limit, margin.part);
     let value = match margin.range {
@@ -152,7 +152,7 @@ pub fn bound(config: &Mechanism, margin: &Margin) -> String {
     format!("{value} {unit}").trim_end().into()
 }
 
-/// What a margin allows, in words that tell a largest from a smallest value.
+/// Returns the allowed range of a margin, worded as an upper or a lower limit.
 pub fn allowed(config: &Mechanism, margin: &Margin) -> String {
     let side = match margin.range {
         _ if is_either_way(margin.limit) => "at most ",
@@ -163,7 +163,7 @@ pub fn allowed(config: &Mechanism, margin: &Margin) -> String {
     format!("{side}{}", bound(config, margin))
 }
 
-/// Smallest and largest value that the machine's file allows a part; none where it has no such limit, or
+/// Returns the smallest and largest value that the machine's file allows a part; `None` if it has no such limit, or
 /// one for each of several directions.
 pub fn range(config: &Mechanism, limit: Limit, part: Part) -> Option<[f64; 2]> {
     let limits = of(config);
@@ -186,12 +186,12 @@ pub fn range(config: &Mechanism, limit: Limit, part: Part) -> Option<[f64; 2]> {
     }
 }
 
-/// Whether a limit is one number for both directions.
+/// Returns whether a limit is a single number for both directions.
 pub fn is_either_way(limit: Limit) -> bool {
     is_of_feed(limit) || matches!(limit, Limit::BasePyramid | Limit::PlatformPyramid)
 }
 
-/// A limit that is not kept, as a sentence.
+/// Describes a violated limit in a sentence.
 pub fn sentence(config: &Mechanism, margin: &Margin) -> String {
     let Margin { limit, part: of, value, .. } = *margin;
     let (name, unit, bound) =
@@ -211,12 +211,12 @@ pub fn sentence(config: &Mechanism, margin: &Margin) -> String {
     }
 }
 
-/// Whether the programmed feed decides.
+/// Returns whether a limit depends on the programmed feed.
 pub fn is_of_feed(limit: Limit) -> bool {
     matches!(limit, Limit::JointSpeed | Limit::JointAcceleration)
 }
 
-/// The word of a limit in reports for machines.
+/// Serializes the identifier of a limit.
 pub fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(match limit {
         Limit::Axis => "axis",
@@ -235,7 +235,7 @@ pub fn word<S: Serializer>(limit: &Limit, to: S) -> Result<S::Ok, S::Error> {
     })
 }
 
-/// A value with as many digits as its size needs.
+/// Formats a value with digits according to its magnitude.
 pub fn shown(value: f64) -> String {
     match value.abs() >= 1e-3 || value == 0.0 {
         true => format!("{value:.3}"),

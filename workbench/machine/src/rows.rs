@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Rows of the legs at one pose of a machine, which tell what they feel of a motion about the tool
+//! Jacobian rows of the joints at a pose of a machine, for a motion about the tool
 //! tip.
 
 use crate::read::legs::{drive_rate, platform_anchor};
@@ -7,21 +7,21 @@ use crate::read::mechanism::Mechanism;
 use kinematics::{At, Fault, Letter, MAX_JOINTS, Matrix3, Pose, Vector3};
 use nalgebra::SMatrix;
 
-/// Joints by coordinates of the pose; rows beyond the last joint, and columns of coordinates that
+/// Rows by joints and coordinates of the pose; rows beyond the last joint, and columns of coordinates that
 /// no joint moves, are 0.
 pub type Rows = SMatrix<f64, MAX_JOINTS, 6>;
 
-/// Singular values below this share of the largest count as 0: far above the rounding of rows
-/// that depend on each other (1e-15), far below those of a pose that any machine is run at, and of a
+/// Singular values below this share of the largest count as 0: far above the rounding of linearly dependent
+/// rows (1e-15), far below those of any pose in operation, and of a
 /// machine that the core accepts ([`kinematics::CERTAIN_AT_ALL`]).
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
-/// By how much each leg gets longer, and each table axis moves, per unit of X Y Z and per radian of
-/// A B C, without the correction for a turning nut. `tool` is that of `at`.
+/// Returns the extension of each leg, and the motion of each table axis, per unit of X Y Z and per radian of
+/// A B C, without the correction for a rotating nut. `tool` is that of `at`.
 ///
 /// A leg's row is `[uᵀ (ρ × u)ᵀ]` with u along the leg and ρ from the control point to its
-/// anchor; A B C turn by the rate map of R = Rz Ry Rx. What a table or a guide takes of the
-/// motion of `CENTRE` does not reach the legs.
+/// anchor; the rate map of R = Rz Ry Rx converts A B C. The legs do not take part in the
+/// motion of `CENTRE` along a table or a guide.
 pub fn length_rows(config: &Mechanism, at: &At, tool: &Vector3<f64>) -> Rows {
     let layout = config.machine.layout();
     let centre = Vector3::from(config.geometry.centre);
@@ -49,12 +49,12 @@ pub fn length_rows(config: &Mechanism, at: &At, tool: &Vector3<f64>) -> Rows {
     moved_columns(config, rows)
 }
 
-/// The same with the correction for a turning nut: by how much each leg would get longer from its
+/// Returns the rows with the correction for a rotating nut: the extension of each leg by its
 /// joint alone.
 ///
-/// By virtual work these are also what an axial force f in a leg does to the platform while its
-/// motor holds the joint: beside f along the leg, the torque f · lead / 2π of the thread, which
-/// goes through both cardan joints.
+/// By virtual work these are also the wrench of an axial force f in a leg on the platform while its
+/// motor is locked: f along the leg, and the torque f · lead / 2π of the thread,
+/// transmitted by both cardan joints.
 ///
 /// # Errors
 /// As [`At::inverse_jacobian`].
@@ -68,7 +68,7 @@ pub fn joint_rows(config: &Mechanism, at: &At) -> Result<Rows, Fault> {
     Ok(moved_columns(config, rows))
 }
 
-/// By how much a leg gets longer, or a table axis moves, per joint unit.
+/// Returns the extension of a leg, or the motion of a table axis, per joint unit.
 pub fn gains(config: &Mechanism, at: &At) -> Vec<f64> {
     let legs = config.geometry.legs().iter().zip(at.segments());
     let of_leg = legs.map(|(leg, segment)| {
@@ -79,7 +79,7 @@ pub fn gains(config: &Mechanism, at: &At) -> Vec<f64> {
     of_leg.chain(std::iter::repeat_n(1.0, table)).collect()
 }
 
-/// The same in mm, per mm or radian of the joint.
+/// Returns the gains in mm, per mm or radian of the joint.
 pub fn gains_in_mm(config: &Mechanism, at: &At) -> Vec<f64> {
     let mut gains = gains(config, at);
     for (gain, leg) in gains.iter_mut().zip(config.geometry.legs()) {
@@ -90,7 +90,7 @@ pub fn gains_in_mm(config: &Mechanism, at: &At) -> Vec<f64> {
     gains
 }
 
-/// The rows with zeros for coordinates that no joint moves.
+/// Returns the rows with zeros for coordinates that no joint moves.
 pub fn moved_columns(config: &Mechanism, mut rows: Rows) -> Rows {
     for letter in Letter::ALL.into_iter().filter(|l| config.machine.layout().is_held(*l)) {
         rows.column_mut(letter.index()).fill(0.0);
@@ -98,13 +98,13 @@ pub fn moved_columns(config: &Mechanism, mut rows: Rows) -> Rows {
     rows
 }
 
-/// Coordinates that a joint moves.
+/// Returns the coordinates that a joint moves.
 pub fn moved(config: &Mechanism) -> Vec<Letter> {
     let layout = config.machine.layout();
     Letter::ALL.into_iter().filter(|letter| !layout.is_held(*letter)).collect()
 }
 
-/// Singular values of the rows over `moved` coordinates, largest first.
+/// Returns the singular values of the rows over `moved` coordinates, largest first.
 pub fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
     let mut values: Vec<f64> = rows.singular_values().iter().copied().collect();
     values.sort_by(|a, b| b.total_cmp(a));
@@ -112,7 +112,7 @@ pub fn singular_values(rows: &Rows, moved: usize) -> Vec<f64> {
     values
 }
 
-/// The pseudo-inverse of rows that hold `moved` coordinates; `None` at a singular pose.
+/// Returns the pseudo-inverse of rows with `moved` coordinates; `None` at a singular pose.
 pub fn inverse(rows: &Rows, moved: usize) -> Option<SMatrix<f64, 6, MAX_JOINTS>> {
     let values = singular_values(rows, moved);
     let (most, least) = (*values.first()?, *values.last()?);
@@ -122,7 +122,7 @@ pub fn inverse(rows: &Rows, moved: usize) -> Option<SMatrix<f64, 6, MAX_JOINTS>>
     rows.pseudo_inverse(least / 2.0).ok()
 }
 
-/// Angular velocity in base per rate of A, B, C: columns of R = Rz(C) Ry(B) Rx(A).
+/// Returns the angular velocity in base per rate of A, B, C: columns of R = Rz(C) Ry(B) Rx(A).
 pub fn rate_map(pose: &Pose) -> Matrix3<f64> {
     let ((sb, cb), (sc, cc)) = (pose.angles.y.sin_cos(), pose.angles.z.sin_cos());
     Matrix3::new(cc * cb, -sc, 0.0, sc * cb, cc, 0.0, -sb, 0.0, 1.0)

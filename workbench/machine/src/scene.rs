@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! What a viewer needs to draw a machine, as one JSON object: docs/reference/view.md.
 //!
-//! A viewer needs no kinematics: lower ends of legs follow from joint values, upper ends from the
-//! pose, by two formulas that stand there.
+//! A viewer needs no kinematics: the lower ends of legs follow from the joint values, and the upper ends from the
+//! pose, by two formulas given there.
 
 use crate::read::direction::ToolDirection;
 use crate::read::mechanism::Mechanism;
@@ -10,10 +10,10 @@ use crate::read::models::Model;
 use kinematics::{LegGeometry, LegKind, Letter, POSE_LETTERS, Vector3};
 use serde::Serialize;
 
-/// Raised when a field goes or changes its meaning, not when one is added.
+/// Incremented if a field is removed or changes its meaning, not if one is added.
 pub const VERSION: u32 = 1;
 
-/// A machine as a viewer sees it. Machine units and degrees; what is not limited is `null`.
+/// A machine as a viewer sees it, in machine units and degrees; `null` for what is not limited.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Scene {
     pub version: u32,
@@ -21,62 +21,62 @@ pub struct Scene {
     pub machine: String,
     /// `mm` or `inch`.
     pub length_unit: &'static str,
-    /// Machine units per millimetre.
+    /// Machine units per millimeter.
     pub units_per_mm: f64,
-    /// As the module shows it on `pkmkins.geometry-hash`.
+    /// Hash that the module publishes on `pkmkins.geometry-hash`.
     pub geometry_hash: u32,
-    /// What the names of its pins begin with.
+    /// Prefix of the machine's pin names.
     pub pins: &'static str,
-    /// Whether an axis carries the work, the tool or the legs, or the work is on the platform: more than
-    /// the formulas say of tool and work.
+    /// Whether an axis carries the workpiece, the tool or the legs, or the workpiece is on the platform: then the
+    /// formulas do not give tool and workpiece.
     pub is_carried: bool,
-    /// Whether the pose on its pins is the control point of the tool. Where an axis carries the tool, or
-    /// the work is on the platform, it is the platform's own origin, and o = 0 in the formulas.
+    /// Whether the pose on the machine's pins is the control point of the tool. If an axis carries the tool, or
+    /// the workpiece is on the platform, it is the platform's own origin, and o = 0 in the formulas.
     pub sees_tool: bool,
-    /// Letters that the legs move.
+    /// Letters of the coordinates that the legs move.
     pub coordinates: String,
-    /// Letters of the table, in joint order.
+    /// Letters of the table axes, in joint order.
     pub table: String,
     /// Letters of the extra axes, in joint order.
     pub extra: String,
-    /// Point of the platform by which legs and table are placed, in its frame.
+    /// Reference point of the platform for legs and table, in its frame.
     pub centre: [f64; 3],
-    /// Of the tool vector without a tool, along Z.
+    /// Z component of the tool vector without a tool.
     pub spindle_offset: f64,
-    /// Which way tools point along Z, `up` or `down`, where the file says it.
+    /// Direction of tools along Z, `up` or `down`, if the file gives it.
     pub tool_direction: Option<&'static str>,
-    /// A pose and the joint values that belong to it.
+    /// A pose with its joint values.
     pub home: Home,
     pub legs: Vec<Leg>,
     /// Legs and table axes.
     pub joints: Vec<Joint>,
-    /// Limits of the pose, those of X Y Z A B C that move.
+    /// Limits of the moving coordinates among X Y Z A B C.
     pub axes: Vec<Axis>,
-    /// Least distance of the legs' centre lines.
+    /// Least distance between the legs' center lines.
     pub clearance: Option<f64>,
-    /// Largest angle of the tool axis to its direction at A = B = C = 0.
+    /// Largest angle between the tool axis and its direction at A = B = C = 0.
     pub tilt_limit: Option<f64>,
     /// Conditioning at which the guard stops the machine.
     pub conditioning_limit: f64,
-    /// Shapes of parts, in files.
+    /// Files with the shapes of parts.
     pub meshes: Vec<Mesh>,
     /// The extra axes, in joint order.
     pub extra_axes: Vec<ExtraAxis>,
-    /// Axes that carry something, of those that carry the same from what carries them outwards.
+    /// Axes that carry something; axes with the same load from the innermost outward.
     pub chain: Vec<Link>,
-    /// Where the control point of the resting tool holder is in base, if the work is on the platform.
+    /// Position of the control point of the resting tool holder in base, if the workpiece is on the platform.
     pub holder: Option<[f64; 3]>,
-    /// Whether the file has a second mechanism beside this one.
+    /// Whether the file describes a second mechanism.
     pub is_of_pair: bool,
 }
 
-/// An axis whose letter is its own value.
+/// An axis whose coordinate equals its joint value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ExtraAxis {
     pub letter: char,
     /// Number of its joint in LinuxCNC.
     pub joint: usize,
-    /// `[TRAJ]HOME`.
+    /// Value at `[TRAJ]HOME`.
     pub home: f64,
     /// Lowest value.
     pub min: f64,
@@ -92,11 +92,11 @@ pub struct Link {
     pub joint: usize,
     /// `work`, `tool` or `legs`.
     pub carries: String,
-    /// Whether it turns.
+    /// Whether it is rotary.
     pub is_rotary: bool,
     /// Unit vector of its direction.
     pub axis: [f64; 3],
-    /// A point on it; 0 for a linear one.
+    /// A point on the axis; 0 for a linear axis.
     pub point: [f64; 3],
 }
 
@@ -105,12 +105,12 @@ pub struct Link {
 pub struct Mesh {
     /// `base`, `platform`, `spindle` or `table`.
     pub part: &'static str,
-    /// STL or OBJ, with its whole path.
+    /// STL or OBJ file, with its absolute path.
     pub file: String,
     pub unit: &'static str,
-    /// Machine units a unit of the file.
+    /// Machine units per unit of the file.
     pub scale: f64,
-    /// Where its zero is in the frame of the part, X Y Z A B C.
+    /// Position and orientation of the file's zero in the frame of the part, X Y Z A B C.
     pub place: [f64; 6],
 }
 
@@ -119,7 +119,7 @@ pub struct Mesh {
 pub struct Home {
     /// X Y Z A B C.
     pub pose: [f64; 6],
-    /// Of legs and table.
+    /// Joint values of legs and table.
     pub joints: Vec<f64>,
 }
 
@@ -127,54 +127,54 @@ pub struct Home {
 pub struct Leg {
     #[serde(flatten)]
     pub kind: Kind,
-    /// Base anchor; of sliders the zero of the guide, of cranks the hip.
+    /// Base anchor; for sliders the zero of the guide, for cranks the hip.
     pub base: [f64; 3],
-    /// Platform anchor, in the platform's frame; of rings the centre.
+    /// Platform anchor, in the platform's frame; for rings the center.
     pub platform: [f64; 3],
-    /// What the joint's own zero adds to its value.
+    /// Offset between the joint's zero and the leg's value.
     pub offset: f64,
-    /// Half angle of the cone about its direction at home, seen in base.
+    /// Half angle of the cone about the leg's direction at home, in base.
     pub base_cone: Option<f64>,
-    /// The same, seen in the platform.
+    /// Half angle of the same cone, in the platform.
     pub platform_cone: Option<f64>,
 }
 
-/// What only one kind of leg has.
+/// Values that only one kind of leg has.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Kind {
     Strut {
-        /// Way of the screw in a turn, its hand as a sign.
+        /// Travel of the screw per turn, with its hand as the sign.
         lead: f64,
     },
     /// A telescopic strut to a ring about the tool axis.
     Ring {
-        /// Of the ring.
+        /// Radius of the ring.
         radius: f64,
     },
     /// A rod on a carriage.
     Slider {
         /// Unit vector along the guide.
         guide: [f64; 3],
-        /// Length.
+        /// Length of the rod.
         rod: f64,
     },
     /// A rod on an arm.
     Crank {
         /// Unit vector along the arm's axis.
         axis: [f64; 3],
-        /// From the hip to the arm's end at 0 degrees.
+        /// Vector from the hip to the arm's end at 0 degrees.
         arm: [f64; 3],
-        /// Length.
+        /// Length of the rod.
         rod: f64,
     },
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Joint {
-    /// In LinuxCNC.
+    /// Number of the joint in LinuxCNC.
     pub number: usize,
-    /// For people, such as `strut 3`.
+    /// Name in reports, such as `strut 3`.
     pub name: String,
     /// `strut`, `carriage`, `arm` or `table`.
     pub kind: &'static str,
@@ -183,7 +183,7 @@ pub struct Joint {
     pub min: f64,
     /// Highest value.
     pub max: f64,
-    /// Units per second.
+    /// Largest speed, units per second.
     pub max_velocity: f64,
 }
 
@@ -240,7 +240,7 @@ impl Scene {
         }
     }
 
-    /// The object.
+    /// Returns the JSON object.
     pub fn json(&self) -> String {
         serde_json::to_string_pretty(self).expect("numbers and names") + "\n"
     }
@@ -275,7 +275,7 @@ impl Link {
 
 impl Mesh {
     fn new(Model { part, file, unit, scale, place }: &Model) -> Self {
-        // Without a folder to start from the path stays as it was given.
+        // Without a current directory the path stays as given.
         let file = std::path::absolute(file).unwrap_or_else(|_| file.clone());
         let file = file.to_string_lossy().into_owned();
         Self { part, file, unit, scale: *scale, place: *place }

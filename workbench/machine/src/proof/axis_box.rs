@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A box of poses wholly inside the workspace, as large as its faces can be pushed.
+//! A pose box inside the workspace, as large as its faces can be moved outward.
 //!
-//! First the range of the axes is shrunk towards home until it is proved (see [`crate::proof::cell`]).
-//! Then the faces are pushed outwards in turn, a share of the range at a time, as long as the
-//! layer that this adds is proved. What comes out is a box of which no face can be pushed any
-//! more with the effort that a proof may take: not the largest of all boxes, for which there is
-//! no one measure of millimetres and degrees together.
+//! First the range of the axes is shrunk toward home until it is proved (see [`crate::proof::cell`]).
+//! Then the faces are moved outward in turn, by a share of the range at a time, as long as the
+//! added layer is proved. The result is a box of which no face can be moved further
+//! within the cells that a proof may use. It is not the largest box, for which
+//! no common measure of millimeters and degrees exists.
 
 use crate::proof::cell::{Cell, Verdict};
 use crate::proof::reach::{Reach, Stop};
@@ -14,38 +14,38 @@ use kinematics::{Letter, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// How often the share of the range is halved that the box is shrunk to.
+/// Number of halvings of the share of the range to which the box is shrunk.
 const SHRINKS: i32 = 5;
 
-/// Shares of a range that a face is pushed by.
+/// Shares of a range by which a face is moved.
 const SHARES: [f64; 4] = [1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0];
 
-/// Most cells of the proof of all of the axis limits, of one other proof, and of all that make a box
-/// grow.
+/// Largest number of cells of the proof of all axis limits, of one other proof, and of all proofs of growing
+/// boxes.
 const WHOLE_CELLS: usize = 50_000;
 const MOST_CELLS: usize = 10_000;
 const ALL_CELLS: usize = 20_000;
 
-/// Most cells of all proofs of a box that has to be covered by one.
+/// Largest number of cells of all proofs of a box that must be covered by a single proof.
 const PROOFS_CELLS: usize = 200_000;
 
-/// Shares of the angles that are tried.
+/// Tested shares of the angles.
 const ANGLES: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
 
-/// Poses drawn before a proof is begun: one that cannot be taken spares it.
+/// Poses sampled before a proof: a pose outside makes the proof unnecessary.
 const DRAWN: usize = 200;
 
-/// Ways down the tree of cells from which its size is estimated.
+/// Random paths down the tree of cells from which its size is estimated.
 const WAYS: usize = 32;
 
-/// A proof is not begun where it is estimated to take this many times the cells that it may take:
-/// the estimate has no bias, but scatters.
+/// A proof is skipped if its estimated number of cells is this many times the allowed one:
+/// the estimate is unbiased, but scatters.
 const DOUBT: f64 = 2.0;
 
-/// Range of an angle for which the file gives no limits, either way from home.
+/// Range of an angle without limits in the file, in either direction from home.
 const FREE_ANGLE_DEG: f64 = 90.0;
 
-/// Poses from one corner to the opposite one, machine units and degrees.
+/// Poses between two opposite corners, machine units and degrees.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct AxisBox {
     /// Lowest coordinates.
@@ -54,16 +54,16 @@ pub struct AxisBox {
     pub high: [f64; 6],
 }
 
-/// Digits after the point of suggested limits, of a box that is 1 to 10 units wide.
+/// Digits after the decimal point of suggested limits, for a box that is 1 to 10 units wide.
 const LIMIT_DIGITS: i32 = 3;
 
 impl AxisBox {
-    /// The pose at these shares of the extents.
+    /// Returns the pose at these shares of the extents.
     pub fn at(&self, shares: [f64; 6]) -> [f64; 6] {
         std::array::from_fn(|k| self.low[k] + shares[k] * (self.high[k] - self.low[k]))
     }
 
-    /// Ends with few digits, inside this box.
+    /// Rounds the ends to few digits, inside this box.
     pub fn rounded(&self) -> Self {
         let mut rounded = *self;
         for k in 0..6 {
@@ -77,7 +77,7 @@ impl AxisBox {
         rounded
     }
 
-    /// With the ends of another box where `of` says so.
+    /// Replaces the ends of the coordinates in `of` by those of another box.
     pub fn with_ends(mut self, other: &Self, of: [bool; 6]) -> Self {
         for k in (0..6).filter(|k| of[*k]) {
             (self.low[k], self.high[k]) = (other.low[k], other.high[k]);
@@ -89,7 +89,7 @@ impl AxisBox {
         self.with_shares(to, [share; 2])
     }
 
-    /// With these shares of its lengths and of its angles.
+    /// Shrinks the box toward a pose, with these shares of its lengths and of its angles.
     fn with_shares(&self, to: &[f64; 6], shares: [f64; 2]) -> Self {
         let share = |k: usize| shares[usize::from(Letter::ALL[k].is_angle())];
         let part = |end: &[f64; 6]| std::array::from_fn(|k| to[k] + share(k) * (end[k] - to[k]));
@@ -97,7 +97,7 @@ impl AxisBox {
     }
 }
 
-/// The limits of the axes, finite also where the file gives none.
+/// Returns the limits of the axes, finite even if the file gives none.
 pub fn range(config: &Mechanism) -> AxisBox {
     let size = config.machine.size();
     let mut range = AxisBox { low: config.home, high: config.home };
@@ -110,11 +110,11 @@ pub fn range(config: &Mechanism) -> AxisBox {
     range
 }
 
-/// The box, without a tool; `progress` is told the share of the work that is done.
+/// Finds the box, without a tool; `progress` receives the completed share of the work.
 ///
 /// Growing from home leaves a box in six coordinates small; growing from the box in X Y Z with all of
-/// the tilt, where the caller has one ([`at_tilt`]), may leave it larger. The one whose narrowest
-/// side has more of its range is taken: a box without a turn is of little use, be it ever so large.
+/// the tilt, if the caller has one ([`at_tilt`]), may leave it larger. Returns the one whose narrowest
+/// side has a larger share of its range: a box without rotation is of little use, however large it is.
 ///
 /// # Errors
 /// Home itself is outside.
@@ -154,10 +154,10 @@ pub fn find(
     Ok(found)
 }
 
-/// A box that one proof covers, so that a check of it as axis limits repeats that proof: with all of the
-/// angles if that leaves a share of the lengths that is `enough`, otherwise with less of them; then faces are
-/// pushed as far as the whole is still proved. The ends of `asked` coordinates are those of `within` in any case.
-/// `progress` is told the share of the work that is done. `None` where not even these are proved, with the other
+/// Returns a box that a single proof covers, so that a check of its ends as axis limits repeats that proof. It has all
+/// of the angles if that leaves a share of the lengths of at least `enough`, otherwise less of them; then faces are
+/// moved as far as the whole box is still proved. `asked` coordinates always have the ends of `within`.
+/// `progress` receives the completed share of the work. `None` if not even these are proved, with the other
 /// coordinates at home.
 ///
 /// # Errors
@@ -196,19 +196,19 @@ pub fn in_one_proof(
     Ok(Some(found))
 }
 
-/// What the narrowest side of a box has of that of another one.
+/// Returns the smallest ratio of corresponding moved sides of two boxes, at most 1.
 fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
     let share = |k: usize| (part.high[k] - part.low[k]) / (of.high[k] - of.low[k]);
     (0..6).filter(|k| moved[*k]).map(share).fold(1.0, f64::min)
 }
 
-/// Whether a box is proved with a tool offset.
+/// Returns whether a box is proved with a tool offset.
 pub fn holds_with(config: &Mechanism, tool: &Vector3<f64>, part: &AxisBox) -> bool {
     Search::new(config, tool, part).is_ok_and(|mut search| search.is_inside(part))
 }
 
-/// The box in X Y Z with A and B up to `tilt` degrees either way from 0, C at home; `None` where
-/// none is proved about home. `steeper` is one that is proved for a larger tilt.
+/// Returns the box in X Y Z with A and B up to `tilt` degrees in either direction from 0, C at home; `None` if
+/// none is proved about home. `steeper` is a proved box of a larger tilt.
 pub fn at_tilt(
     config: &Mechanism,
     within: &AxisBox,
@@ -252,7 +252,7 @@ struct Search<'a> {
     within: AxisBox,
     /// Coordinates that keep the ends of `within`.
     asked: [bool; 6],
-    /// Cells that may still be looked at.
+    /// Remaining number of cells.
     left: usize,
 }
 
@@ -263,19 +263,19 @@ impl<'a> Search<'a> {
         Ok(Self { reach, within: *within, asked: [false; 6], left: ALL_CELLS })
     }
 
-    /// With these shares of lengths and angles, and all of what is asked.
+    /// Returns these shares of lengths and angles, and all of the `asked` coordinates.
     fn part(&self, config: &Mechanism, shares: [f64; 2]) -> AxisBox {
         self.within.with_shares(&config.home, shares).with_ends(&self.within, self.asked)
     }
 
-    /// Pushes the faces as far as they go.
+    /// Moves the faces outward as far as possible.
     fn grow(&mut self, found: &mut AxisBox, moved: &[bool; 6]) {
         for share in SHARES {
             while self.push_all(found, moved, share) {}
         }
     }
 
-    /// Pushes every face once where that can be proved; whether any has moved.
+    /// Moves every face once if that can be proved; returns whether any has moved.
     fn push_all(&mut self, found: &mut AxisBox, moved: &[bool; 6], share: f64) -> bool {
         let mut any = false;
         for k in (0..6).filter(|k| moved[*k]) {
@@ -299,7 +299,7 @@ impl<'a> Search<'a> {
         any
     }
 
-    /// The largest share of the lengths that is proved with this share of the angles; 0: none.
+    /// Returns the largest share of the lengths that is proved with this share of the angles, or 0.
     fn lengths(&mut self, config: &Mechanism, angles: f64) -> f64 {
         if self.asked[..3] == [true; 3] {
             return f64::from(self.is_whole(&self.part(config, [1.0, angles])));
@@ -314,7 +314,7 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Pushes every face once where the whole box stays proved; whether any has moved.
+    /// Moves every face once if the whole box stays proved; returns whether any has moved.
     fn push_whole(&mut self, found: &mut AxisBox, share: f64) -> bool {
         let mut any = false;
         for k in 0..6 {
@@ -335,14 +335,14 @@ impl<'a> Search<'a> {
         any
     }
 
-    /// Whether a box is proved as axis limits are.
+    /// Returns whether a box is proved in the same way as axis limits.
     fn is_whole(&mut self, part: &AxisBox) -> bool {
         self.is_proved(part, WHOLE_CELLS.min(self.left))
     }
 
-    /// Whether a proof will do with so many cells, as far as an estimate by Knuth's method (1975) can
-    /// say: halves are followed at random down to a cell that is proved, and a cell that was reached
-    /// by n choices stands for 2ⁿ. It will not where a pose is met that cannot be taken.
+    /// Estimates whether a proof needs at most this many cells, by Knuth's method (1975):
+    /// random halves are followed down to a proved cell, and a cell reached
+    /// by n choices counts 2ⁿ. Returns false if a sampled pose is outside the limits.
     fn is_likely(&mut self, part: &AxisBox, most: usize, rng: &mut Pcg64) -> bool {
         let mut left = DOUBT * (most * WAYS) as f64;
         for _ in 0..WAYS {
@@ -362,12 +362,12 @@ impl<'a> Search<'a> {
         left > 0.0
     }
 
-    /// Whether a box is proved to be inside with the cells that are left.
+    /// Returns whether a box is proved to be inside with the remaining cells.
     fn is_inside(&mut self, part: &AxisBox) -> bool {
         self.is_proved(part, MOST_CELLS.min(self.left))
     }
 
-    /// Whether a box is proved to be inside with so many cells.
+    /// Returns whether a box is proved to be inside with this many cells.
     fn is_proved(&mut self, part: &AxisBox, most: usize) -> bool {
         let mut rng = Pcg64::seed_from_u64(0);
         let drawn = (0..DRAWN).map(|_| part.at(std::array::from_fn(|_| rng.random())));

@@ -1,35 +1,35 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How near two mechanisms come on straight ways that both run through at the same time.
+//! Least distance of two mechanisms on straight paths that both traverse simultaneously.
 //!
-//! As for two legs of one machine ([`crate::proof::spans`]): with w the unit vector from the nearest
-//! point of one line to that of the other in the middle, their distance is at least w · (a − b) for the
-//! ends a and b that make it least. Both move with the same share of their ways, so that slopes are
-//! taken together. A platform is the lines between every two of its anchors, as the core has it.
+//! As for two legs of one machine ([`crate::proof::spans`]): let w be the unit vector from the nearest
+//! point of one line to that of the other at the center. Then their distance is at least the minimum of w · (a − b)
+//! over the ends a and b. Both have traversed the same share of their paths at any time, so their slopes are
+//! combined. A platform is represented by the lines between any two of its anchors, as in the core.
 
 use crate::proof::bounds::SecondDerivatives;
 use crate::proof::reach::{LegMiddle, ROUNDING, Reach, Spread};
 use kinematics::{Body, Fault, Segment, Vector3};
 
-/// What is known of the distance of two mechanisms on a way.
+/// Bounds of the distance of two mechanisms on a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// In the middle.
+    /// Distance at the center.
     pub distance: f64,
-    /// Nowhere less than this; minus infinity where nothing is known.
+    /// Lower bound; minus infinity if unknown.
     pub least: f64,
-    /// The nearest parts in the middle.
+    /// The nearest parts at the center.
     pub bodies: [Body; 2],
 }
 
-/// An end of a line on a way run through in unit time.
+/// An end of a line on a path traversed in unit time.
 #[derive(Clone, Copy)]
 struct End {
     point: Vector3<f64>,
-    /// How far it goes to the end of the way, to first order.
+    /// First-order displacement to the end of the path.
     step: Vector3<f64>,
     /// Bound of its second derivative.
     second: f64,
-    /// It moves no farther than this.
+    /// Bound of its displacement.
     farthest: f64,
 }
 
@@ -44,15 +44,15 @@ impl Line {
         Segment { base: self.ends[0].point, platform: self.ends[1].point }
     }
 
-    /// No point of it moves farther than its ends.
+    /// Bounds the displacement of all points of the line by that of its ends.
     fn farthest(&self) -> f64 {
         self.ends[0].farthest.max(self.ends[1].farthest)
     }
 }
 
 impl Reach<'_> {
-    /// Lines of the legs and of the platform about a pose, and whether anything is known of how they
-    /// bend on the way from `middle - step` to `middle + step`.
+    /// Returns the lines of the legs and of the platform about a pose, and whether their nonlinearity
+    /// on the path from `middle - step` to `middle + step` is bounded.
     fn lines(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<(Vec<Line>, bool), Fault> {
         let mut at = self.nowhere();
         let middle = self.middle(&mut at, middle)?;
@@ -85,11 +85,11 @@ fn ends(leg: &LegMiddle, spread: &Spread, seconds: Option<&SecondDerivatives>) -
     })
 }
 
-/// The distance of two mechanisms on the ways from `middle - step` to `middle + step`. Bounds that are
-/// `enough` are not made any better.
+/// Bounds the distance of two mechanisms on the paths from `middle - step` to `middle + step`. Bounds that are
+/// `enough` are not refined.
 ///
 /// # Errors
-/// A pose in the middle has no joint values.
+/// A central pose has no joint values.
 pub fn approach(
     reaches: [&Reach; 2],
     middles: [&[f64; 6]; 2],
@@ -115,17 +115,17 @@ pub fn approach(
             let coarse = distance - mine.farthest() - theirs.farthest() - rounding;
             let least = match coarse >= enough || distance == 0.0 {
                 true => coarse,
-                // Lines that cross have no direction between them, and only the coarse bound.
+                // Intersecting lines have no direction between them, only the coarse bound.
                 false => coarse.max(least_gap(mine, theirs, &(gap / distance)) - rounding),
             };
-            // What is not a number proves nothing.
+            // NaN proves nothing.
             found.least = if least.is_nan() { f64::NEG_INFINITY } else { found.least.min(least) };
         }
     }
     Ok(found)
 }
 
-/// Least distance of two lines along a direction.
+/// Bounds the least distance of two lines along a direction.
 fn least_gap(mine: &Line, theirs: &Line, w: &Vector3<f64>) -> f64 {
     let apart = |a: &End, b: &End| {
         w.dot(&(a.point - b.point)) - w.dot(&(a.step - b.step)).abs() - (a.second + b.second) / 2.0

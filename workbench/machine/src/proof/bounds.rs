@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How far a leg of a cell is from one that moves straight: bounds of second derivatives, see
+//! Deviation of a leg over a cell from a linear motion: bounds of second derivatives, see
 //! [`crate::proof::cell`] for V and A.
 //!
 //! Rods: with u the unit vector along the rod (length L), c(q) its moving end, g = |u · ∂c/∂q|
@@ -15,9 +15,9 @@ use crate::proof::reach::{LegMiddle, Middle, RADIANS, Reach, Ring, Spread};
 use kinematics::{LEAST_DRIVE, LEAST_SINE_TO_AXIS, LegKind, Vector3};
 use std::f64::consts::PI;
 
-/// Least cosine of the angle between a strut and the plane square to a cardan axis, 80 degrees. It
+/// Least cosine of the angle between a strut and the plane normal to a cardan axis, 80 degrees. It
 /// is a choice of this proof: the correction is defined beyond it, up to the core's
-/// [`LEAST_SINE_TO_AXIS`], but changes so fast there that no cell of use is proved.
+/// [`LEAST_SINE_TO_AXIS`], but changes so fast there that no useful cell is proved.
 const LEAST_COSINE: f64 = 0.17;
 
 // The cosine of the angle to the plane is the sine of that to the axis.
@@ -27,26 +27,26 @@ const _: () = assert!(LEAST_COSINE > LEAST_SINE_TO_AXIS);
 pub(super) struct SecondDerivatives {
     /// Bound of the second derivative of the joint value, joint units.
     pub(super) joint: f64,
-    /// The same of the leg's direction, and of its first derivative.
+    /// Bounds of the second derivative of the leg's direction, and of its first derivative.
     pub(super) direction: [f64; 2],
     /// Smallest length.
     pub(super) length: f64,
     /// Bounds of the second derivatives of the ends, at the base and at the platform.
     pub(super) ends: [f64; 2],
-    /// No end moves farther than this.
+    /// Bound of the motion of both ends.
     pub(super) farthest: f64,
-    /// Bounds of the first and second derivative of the platform anchor's way along its ring.
+    /// Bounds of the first and second derivative of the platform anchor's position along its ring.
     pub(super) slide: [f64; 2],
 }
 
 impl Reach<'_> {
-    /// Farthest that the platform anchor of leg `i` can be from what the platform turns about.
+    /// Returns the largest distance of the platform anchor of leg `i` from the platform's center of rotation.
     fn arm(&self, i: usize) -> f64 {
         let radius = self.config.geometry.legs()[i].kind.ring_radius();
         self.arms[i].iter().map(|arm| arm.norm()).sum::<f64>() + radius
     }
 
-    /// Bounds of one leg; `None` where the cell is too large for any.
+    /// Computes the bounds of one leg; `None` if the cell is too large.
     pub(super) fn second_derivatives(
         &self,
         i: usize,
@@ -98,8 +98,8 @@ impl Reach<'_> {
         }
     }
 
-    /// The same of a strut on a ring, whose anchor slides along it: with y the speed of the platform's
-    /// point at the base anchor, rho the distance of that from the axis, psi the turn of the ring in
+    /// Computes the bounds of a strut on a ring, whose anchor slides along it: with y the speed of the platform's
+    /// point at the base anchor, rho its distance from the axis, psi the angle along the ring in
     /// the platform,
     ///
     /// ```text
@@ -126,7 +126,7 @@ impl Reach<'_> {
             None if leg.kind.ring_radius() > 0.0 => return None,
             None => (0.0, f64::INFINITY),
         };
-        // Nearer to the axis than the ring no pose is taken.
+        // No pose exists nearer to the axis than the ring.
         let length = length - travel;
         (length > 0.0 && rho >= radius).then_some(())?;
         let turn = speed / rho;
@@ -143,7 +143,7 @@ impl Reach<'_> {
         })
     }
 
-    /// Bound of the second derivative of the nut correction of leg `i`.
+    /// Bounds the second derivative of the nut correction of leg `i`.
     fn nut_second_derivative(
         &self,
         i: usize,
@@ -170,8 +170,8 @@ impl Reach<'_> {
         Some(per_radian * second_derivative)
     }
 
-    /// Least cosines of the angles between a strut and the planes square to its cardan axes,
-    /// when it turns by these angles.
+    /// Returns the least cosines of the angles between a strut and the planes normal to its cardan axes,
+    /// if it rotates by at most these angles.
     pub(super) fn cardan(&self, i: usize, middle: &Middle, turns: [f64; 2]) -> Option<[f64; 2]> {
         let strut = self.config.geometry.legs()[i].kind.screw();
         let n = middle.legs[i].n;
@@ -187,8 +187,8 @@ impl Reach<'_> {
     }
 }
 
-/// A rod whose lower end runs with speed `pace` and acceleration `curve` per unit of its joint
-/// and the least share `drive` of that along the rod.
+/// Bounds a rod whose lower end moves with speed `pace` and acceleration `curve` per unit of its joint,
+/// of which at least the share `drive` is along the rod.
 fn rod_bend(
     drive: f64,
     pace: f64,
@@ -215,7 +215,7 @@ fn rod_bend(
     })
 }
 
-/// Bound of the second derivative of a unit vector along a vector with these bounds.
+/// Bounds the second derivative of a unit vector along a vector with these bounds.
 fn second_of_direction(first: f64, second: f64, length: f64) -> f64 {
     let turn = first / length;
     second / length + 3.0 * turn * turn

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Boxes for the start without a seed: found for the axis limits of a machine, and proved.
+//! Pose boxes for the start without a seed: constructed for the axis limits of a machine, and proved.
 
 use crate::proof::choose;
 use crate::proof::one_to_one::{Doubt, Prover};
@@ -7,13 +7,13 @@ use crate::read::boxes::{BoxSection, Claim};
 use crate::read::mechanism::Mechanism;
 use kinematics::MAX_BOXES;
 
-/// Most cells of one proof.
+/// Most cells of a proof.
 pub const MOST_CELLS: usize = 2_000_000;
 
-/// Poses on an axis limit must not stand on a face of their box: its share of the range.
+/// Widening of a box as a share of the range, so that poses on an axis limit are not on its faces.
 const WIDENED: f64 = 1e-3;
 
-/// The axis limits of the coordinates that the legs move, a little wider.
+/// Returns the axis limits of the coordinates that the legs move, slightly widened.
 ///
 /// # Errors
 /// A limit is missing.
@@ -32,8 +32,8 @@ pub fn workspace(config: &Mechanism) -> Result<([f64; 6], [f64; 6]), Doubt> {
     Ok((low, high))
 }
 
-/// Boxes that hold all that the axis limits allow, proved; and the cells it took for each. `told` is given the
-/// share that is done.
+/// Returns proved boxes that contain all poses within the axis limits, and the number of cells of each proof. `told`
+/// receives the completed share.
 ///
 /// # Errors
 /// Why there are none.
@@ -54,8 +54,7 @@ pub fn found(
     claims.into_iter().enumerate().map(proved).collect()
 }
 
-/// Proves a section again; the number of cells it took. `told` is given the share that is done.
-///
+/// Proves a section again and returns the number of cells. `told` receives the completed share.
 /// # Errors
 /// It belongs to another geometry, or is not proved.
 pub fn prove(

@@ -1,33 +1,34 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a straight move of LinuxCNC's pose is for a machine whose axes carry work, tool or legs: a
-//! curve, enclosed.
+//! Enclosure of the curve that a straight move of LinuxCNC's pose is for a machine whose axes carry workpiece, tool or
+//! legs.
 //!
-//! Along the move, run through from −1 to 1, every value changes at a constant rate. A point x that a
-//! rotary axis carries, at an arm r from it and turning by w, obeys
+//! Along the move, parametrized from −1 to 1, every value changes at a constant rate. A point x carried by a
+//! rotary axis, at a distance r from it and rotating by w, satisfies
+//!
 //!
 //! ```text
 //! |y'| ≤ |x'| + |w| r,   |y''| ≤ |x''| + 2 |w| |x'| + w² r,   r ≤ r(0) + max |x'|
 //! ```
 //!
-//! and so does one that it is seen from; a linear axis adds its own rate. The platform turns by the sum
-//! of the rates of A, B and C at most. What comes out is a bound of the second derivative p'' of the
-//! machine's place, and by Taylor's formula the curve stays within max |p''|/2 of its tangent in the
-//! middle. The angles are straight.
+//! and so does a point in the frame of a rotating axis; a linear axis adds its rate. The platform rotates by at most
+//! the sum of the rates of A, B and C. The result is a bound of the second derivative p'' of the
+//! machine's position, and by Taylor's formula the curve stays within max |p''|/2 of its tangent at the
+//! center. The angles are straight.
 
 use crate::proof::reach::{RADIANS, ROUNDING};
 use kinematics::{Carries, Chain, Fault, Link, Pose, Vector3, World};
 
-/// Poses of the machine that hold a whole move: the middle plus a sum of steps, each times a number
+/// Poses of the machine that contain a whole move: the center plus a sum of steps, each multiplied by a number
 /// from −1 to 1. Machine units and degrees.
 pub struct Enclosure {
-    /// The machine's pose in the middle of the move.
+    /// The machine's pose at the center of the move.
     pub middle: [f64; 6],
-    /// The tangent, and what the curve leaves it by along X, Y and Z.
+    /// The tangent, and the deviation of the curve from it along X, Y and Z.
     pub steps: [[f64; 6]; 4],
 }
 
 impl Enclosure {
-    /// Of the straight way from `middle − step` to `middle + step`.
+    /// Encloses the straight path from `middle − step` to `middle + step`.
     ///
     /// # Errors
     /// As [`Chain::to_machine`].
@@ -46,7 +47,7 @@ impl Enclosure {
         Ok(Self { middle: pose, steps: [tangent, along(0), along(1), along(2)] })
     }
 
-    /// How far it reaches, with angles at an arm.
+    /// Returns its extent, with angles multiplied by an arm.
     pub fn extent(&self, arm: f64) -> f64 {
         let lengths = self.steps.iter().map(|step| Vector3::from_fn(|k, _| step[k]).norm());
         let turn: f64 = self.steps[0][3..].iter().map(|angle| angle.abs() * RADIANS).sum();
@@ -54,7 +55,7 @@ impl Enclosure {
     }
 }
 
-/// A point in the middle of the move, and bounds of its first and second derivative.
+/// A point at the center of the move, and bounds of its first and second derivative.
 #[derive(Clone, Copy)]
 struct Bound {
     at: Vector3<f64>,
@@ -63,7 +64,7 @@ struct Bound {
 }
 
 impl Bound {
-    /// About a point, turning by `turn`; `at` is where it is then.
+    /// Rotates about a point by `turn`; `at` is the resulting position.
     fn turned(self, arm: f64, turn: f64, at: Vector3<f64>) -> Self {
         let arm = arm + self.speed;
         let speed = self.speed + turn * arm;
@@ -79,7 +80,7 @@ struct Bends<'a> {
     chain: &'a Chain,
     middle: &'a World,
     step: &'a World,
-    /// The machine's pose in the middle.
+    /// The machine's pose at the center.
     pose: &'a [f64; 6],
 }
 
@@ -104,7 +105,7 @@ impl Bends<'_> {
         self.chain.of(Carries::Legs).fold(point, |point, link| self.seen(point, link))
     }
 
-    /// A vector of the platform, in base.
+    /// Bounds a vector of the platform, in base.
     fn of_platform(&self, vector: Bound) -> Bound {
         let is_extra = |place: usize| self.chain.is_extra(place);
         let turning = (3..6).filter(|place| !is_extra(*place));
@@ -113,7 +114,7 @@ impl Bends<'_> {
         vector.turned(vector.at.norm(), turn, rotation * vector.at)
     }
 
-    /// Bound of the second derivative of the machine's place.
+    /// Bounds the second derivative of the machine's position.
     fn of_place(&self, tool: &Vector3<f64>) -> f64 {
         let place = |k: usize| if self.chain.is_extra(k) { 0.0 } else { self.middle[k] };
         let rate = |k: usize| if self.chain.is_extra(k) { 0.0 } else { self.step[k] };
@@ -154,7 +155,7 @@ mod tests {
         std::array::from_fn(|_| rng.random_range(-size..size))
     }
 
-    /// A machine that moves X Y Z B, with axes that carry anything.
+    /// Returns a random machine that moves X Y Z B, with axes that carry something.
     fn drawn(rng: &mut Pcg64) -> Chain {
         let letters = |text: &[u8]| Letters::parse(text).unwrap();
         let layout = Layout::new(4, letters(b"XYZB"), letters(b"")).unwrap();
@@ -191,7 +192,7 @@ mod tests {
                     let world = std::array::from_fn(|k| middle[k] + s * step[k]);
                     let at = chain.to_machine(&world, &tool).unwrap();
                     let off = |k: usize| (at[k] - pose[k] - s * steps[0][k]).abs();
-                    // Rounding of places of some hundred.
+                    // Rounding of positions of some hundred units.
                     assert!((0..3).all(|k| off(k) <= steps[k + 1][k] + 1e-9), "{s}");
                     assert!((3..6).all(|k| off(k) < 1e-9), "{s}");
                     most = (0..3).map(off).fold(most, f64::max);
@@ -200,8 +201,8 @@ mod tests {
             }
             let [(long, _), (short, seen)] = bends[..] else { panic!() };
             assert!(short < 0.02 * long || long == 0.0, "{short} {long}");
-            // Where much is bent, the bound is not slack by more than the arms of a few axes that may
-            // all point another way.
+            // With large curvature, the bound exceeds the sampled deviation by at most the arms of a few axes that may
+            // all have another direction.
             assert!(seen < 1e-6 || short < 300.0 * seen, "{short} {seen}");
         }
     }

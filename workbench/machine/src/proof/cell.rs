@@ -1,38 +1,38 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Whether every pose of a cell is one that the machine can take: proved, not sampled.
+//! Proof, without sampling, that every pose of a cell is inside the machine's limits.
 //!
-//! A cell holds the poses X = C + Δ, |Δ_k| ≤ h_k. On the straight way from C to X in the
-//! coordinates X Y Z A B C, run through in unit time, a platform anchor at distance e from the
+//! A cell consists of the poses X = C + Δ, |Δ_k| ≤ h_k. On the straight path from C to X in the
+//! coordinates X Y Z A B C, traversed in unit time, a platform anchor at distance e from the
 //! control point has |p'| ≤ V and |p''| ≤ A:
 //!
 //! ```text
 //! V = ‖(h_x, h_y, h_z)‖ + e Ω,   A = e Ω²,   Ω = h_a + h_b + h_c (radians)
 //! ```
 //!
-//! as R = Rz Ry Rx turns by the sum of its three turns at most. From V and A follow bounds of
-//! the second derivatives of every joint value and of every cosine of a cone angle, and with
-//! Taylor's formula their range over the cell: value in the middle, plus or minus
-//! Σ |gradient_k| h_k + bound/2. Gradients and values in the middle are the core's own.
+//! because R = Rz Ry Rx rotates by at most the sum of its three angles. V and A imply bounds of
+//! the second derivatives of every joint value and of every cosine of a cone angle, and
+//! Taylor's formula gives their range over the cell: value at the center, plus or minus
+//! Σ |gradient_k| h_k + bound/2. Gradients and values at the center are the core's.
 //!
 //! The bounds of one leg are in `bounds`, those of the limits in `spans`,
-//! and that of how the legs hold the platform in `regular`.
+//! and those of the conditioning in `regular`.
 
 use crate::proof::reach::{Middle, Reach, Stop};
 use crate::proof::spans::{Course, Span};
 use kinematics::{Fault, Limit, Limits, Part};
 use std::ops::ControlFlow;
 
-/// Poses about a middle one, machine units and degrees.
+/// Poses about a central one, machine units and degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// The pose in the middle.
+    /// The central pose.
     pub middle: [f64; 6],
-    /// Half of the extent along every coordinate.
+    /// Half width along every coordinate.
     pub half: [f64; 6],
 }
 
 impl Cell {
-    /// From one corner to the opposite one.
+    /// Creates a cell from opposite corners.
     pub fn between(low: &[f64; 6], high: &[f64; 6]) -> Self {
         Self {
             middle: std::array::from_fn(|k| (low[k] + high[k]) / 2.0),
@@ -40,7 +40,7 @@ impl Cell {
         }
     }
 
-    /// Both halves along one coordinate.
+    /// Returns both halves along one coordinate.
     pub fn halves(&self, k: usize) -> [Self; 2] {
         let mut halves = [*self; 2];
         for (part, sign) in halves.iter_mut().zip([-1.0, 1.0]) {
@@ -51,45 +51,45 @@ impl Cell {
     }
 }
 
-/// What is known of a cell.
+/// Result for a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
-    /// Every pose of it can be taken.
+    /// All its poses are inside the limits.
     Inside,
-    /// The pose in its middle cannot.
+    /// Its central pose is outside the limits.
     Outside(Stop),
-    /// Too large to tell; halved along this coordinate it is most likely to tell.
+    /// Too large to decide; halving it along this coordinate helps most.
     Open(usize),
 }
 
-/// What is proved of a way.
+/// Proved bounds along a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Way {
-    /// Joint values. Where all second derivatives are finite, every pose has joint values.
+    /// Joint values. If all second derivatives are finite, every pose has joint values.
     pub joints: Vec<Course>,
-    /// All limits that are set, of the pose alone and without its axes.
+    /// All configured limits of the pose alone except its axes.
     pub spans: Vec<Span>,
-    /// Whether the legs are proved to hold the platform everywhere.
+    /// Whether the joints' Jacobian is proved to be regular everywhere.
     pub holds: bool,
 }
 
-/// What is not proved of a cell.
+/// An unproved cell.
 struct Unproved {
-    /// The coordinate to halve it along.
+    /// The coordinate along which to halve it.
     along: usize,
-    /// Whether all limits are proved but how well the legs hold the platform.
+    /// Whether all limits except the conditioning are proved.
     but_conditioning: bool,
 }
 
 impl Reach<'_> {
-    /// What is known of a cell.
+    /// Judges a cell.
     pub fn judge(&self, cell: &Cell) -> Verdict {
         let mut at = self.nowhere();
         let middle = match self.middle(&mut at, &cell.middle) {
             Ok(middle) => middle,
             Err(fault) => return Verdict::Outside(Stop::Fault(fault)),
         };
-        // What is proved of the cell holds in its middle, too.
+        // A proof for the cell includes its center.
         match self.holds(cell, &middle) {
             Ok(()) => Verdict::Inside,
             Err(Unproved { along, but_conditioning }) => {
@@ -105,7 +105,7 @@ impl Reach<'_> {
         }
     }
 
-    /// Whether every pose of a cell is proved to be inside.
+    /// Returns whether every pose of a cell is proved to be inside.
     fn holds(&self, cell: &Cell, middle: &Middle) -> Result<(), Unproved> {
         let spread = self.spread((0..6).map(|k| along_one(k, cell.half[k])));
         let along = || greatest(&self.extents(&spread));
@@ -129,19 +129,19 @@ impl Reach<'_> {
         is_kept.then_some(()).ok_or(Unproved { along, but_conditioning: true })
     }
 
-    /// What the joints and legs do on the straight way from `middle - step` to `middle + step`.
+    /// Bounds joints and limits on the straight path from `middle - step` to `middle + step`.
     ///
     /// # Errors
-    /// The pose in the middle has no joint values.
+    /// The central pose has no joint values.
     pub fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
         self.way_within(middle, &[*step])
     }
 
-    /// The same on any way through the poses that are the middle plus a sum of steps, each times a
-    /// number from -1 to 1.
+    /// Bounds joints and limits on any path through poses that are the center plus a sum of steps, each multiplied
+    /// by a number from -1 to 1.
     ///
     /// # Errors
-    /// The pose in the middle has no joint values.
+    /// The central pose has no joint values.
     pub fn way_within(&self, middle: &[f64; 6], steps: &[[f64; 6]]) -> Result<Way, Fault> {
         let mut at = self.nowhere();
         let middle = self.middle(&mut at, middle)?;
@@ -160,7 +160,7 @@ impl Reach<'_> {
             Some(regularity) if regularity.is_regular && regularity.share > 0.0 => {
                 regularity.share * value
             }
-            // Of rows of which nothing is known but that they are there.
+            // Rows that are only known to exist.
             Some(_) => 0.0,
             None => f64::NEG_INFINITY,
         };
@@ -172,7 +172,7 @@ impl Reach<'_> {
     }
 }
 
-/// A step along one coordinate.
+/// Returns a step along one coordinate.
 fn along_one(k: usize, half: f64) -> [f64; 6] {
     std::array::from_fn(|m| if m == k { half } else { 0.0 })
 }

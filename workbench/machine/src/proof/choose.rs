@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Finds the matrix M and the weights with which the proof of a box has the widest margin:
-//! minimises sup ‖1 − M J(X)‖ over samples of the box.
+//! Finds the matrix M and the weights for which the proof of a box has the widest margin:
+//! minimizes sup ‖1 − M J(X)‖ over samples of the box.
 //!
 //! The norm is convex in M. The largest value is smoothed, log Σ exp(p norm)/p with rising
-//! p, and followed downhill (Adam's rule). What is found needs no proof of its own: the
-//! prover judges it.
+//! p, and minimized by gradient descent (Adam). The result needs no guarantee here: the
+//! prover checks it.
 
 use crate::proof::one_to_one::{Doubt, Matrix, Prover, Rows, steps_needed};
 use crate::read::boxes::Claim;
 use kinematics::{MAX_LEGS, WorkspaceBox};
 use nalgebra::{SMatrix, Vector6};
 
-/// Poses sampled beside the corners.
+/// Sampled poses besides the corners.
 const SAMPLES: usize = 400;
 
-/// Sharpness of the smoothed maximum, and how many steps with it.
+/// Sharpness of the smoothed maximum, and the number of steps with it.
 const ROUNDS: [(f64, usize); 4] = [(10.0, 300), (40.0, 300), (150.0, 300), (500.0, 300)];
 
-/// Power iterations from the direction of the step before, which is near.
+/// Power iterations, starting from the nearby direction of the step before.
 const ITERATIONS: usize = 2;
 
-/// Share of the gap between the largest norm sampled and 1 that the claim leaves to the
-/// proof: the larger, the fewer cells; the rest decides how many steps the module makes.
+/// Share of the gap between the largest sampled norm and 1 that the claim leaves to the
+/// proof: the larger, the fewer cells; the rest determines how many steps the module needs.
 const GAP: f64 = 0.7;
 
-/// Boxes whose largest norm sampled exceeds this are cut: the cells of a proof grow with a
+/// Boxes whose largest sampled norm exceeds this are cut: the number of cells of a proof grows with a
 /// high power of 1/(1 − norm).
 const SPLIT_ABOVE: f64 = 0.9;
 
 type Inverse = SMatrix<f64, 6, 8>;
 
-/// The unknowns: M with rows times the weights and columns over the joints' rates, and the
+/// The unknowns: M with rows multiplied by the weights and columns divided by the joints' rates, and the
 /// logarithms of the weights.
 #[derive(Clone)]
 struct Unknowns {
@@ -38,19 +38,19 @@ struct Unknowns {
     weight: [f64; 6],
 }
 
-/// A box that waits for its proof.
+/// A box that is to be proved.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// With a contraction of 0: see [`Candidate::claim`].
+    /// Claim with a contraction of 0: see [`Candidate::claim`].
     claim: Claim,
     /// Largest norm over the samples.
     largest: f64,
-    /// Where it is.
+    /// Pose of this norm.
     place: [f64; 6],
 }
 
-/// Boxes that fill the poses between `low` and `high`: one, or as many as it takes for the
-/// largest norm sampled in each to be at most `SPLIT_ABOVE`.
+/// Returns boxes that cover the poses between `low` and `high`: one, or as many as necessary for the
+/// largest sampled norm in each to be at most `SPLIT_ABOVE`.
 ///
 /// # Errors
 /// A pose is out of reach, or `most` boxes are too few for norms below 1.
@@ -70,7 +70,7 @@ pub fn claims(
     boxes.into_iter().map(|candidate| candidate.claim(prover)).collect()
 }
 
-/// The halves of a box, cut so that the larger of their norms is least.
+/// Returns the halves of a box, cut so that the larger of their norms is least.
 fn best_halves(prover: &Prover, region: &WorkspaceBox) -> Result<[Candidate; 2], Doubt> {
     let half = |k: usize, upper: bool| {
         let (mut low, mut high) = (region.low, region.high);
@@ -88,7 +88,7 @@ fn best_halves(prover: &Prover, region: &WorkspaceBox) -> Result<[Candidate; 2],
     best.ok_or(Doubt::Malformed("the legs move no coordinate"))
 }
 
-/// Matrix and weights with the smallest norm found for poses between `low` and `high`.
+/// Returns the matrix and weights with the smallest norm found for poses between `low` and `high`.
 fn candidate(prover: &Prover, low: [f64; 6], high: [f64; 6]) -> Result<Candidate, Doubt> {
     let poses = poses(prover.active(), &low, &high);
     let rows = poses.iter().map(|pose| prover.jacobian(pose)).collect::<Result<Vec<_>, _>>()?;
@@ -125,7 +125,7 @@ fn candidate(prover: &Prover, low: [f64; 6], high: [f64; 6]) -> Result<Candidate
 }
 
 impl Candidate {
-    /// The claim with its contraction and steps.
+    /// Returns the claim with its contraction and steps.
     fn claim(self, prover: &Prover) -> Result<Claim, Doubt> {
         let Self { mut claim, largest, place } = self;
         claim.contraction = rounded(largest + GAP * (1.0 - largest));
@@ -137,12 +137,12 @@ impl Candidate {
     }
 }
 
-/// Six digits: what an INI file shows.
+/// Rounds to six digits, as shown in an INI file.
 fn rounded(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
 }
 
-/// Corners, then points of a Halton sequence, every other one moved to faces of the box.
+/// Returns the corners, then points of a Halton sequence, every second one moved to faces of the box.
 fn poses(active: &[usize], low: &[f64; 6], high: &[f64; 6]) -> Vec<[f64; 6]> {
     let at = |share: &dyn Fn(usize) -> f64| {
         let mut pose = [0.0; 6];
@@ -161,7 +161,7 @@ fn poses(active: &[usize], low: &[f64; 6], high: &[f64; 6]) -> Vec<[f64; 6]> {
     corners.chain(inside).collect()
 }
 
-/// The i-th number of the van der Corput sequence of a base.
+/// Returns the i-th number of the van der Corput sequence of a base.
 fn halton(mut i: usize, base: usize) -> f64 {
     let (mut value, mut digit) = (0.0, 1.0);
     while i > 0 {
@@ -175,7 +175,7 @@ fn halton(mut i: usize, base: usize) -> f64 {
 fn descended(active: &[usize], rows: &[Rows]) -> Unknowns {
     let mean = rows.iter().sum::<Rows>() / rows.len() as f64;
     let inverse = mean.pseudo_inverse(1e-12).expect("the threshold is positive");
-    // Coordinates weighted by what they do to the joints.
+    // Weights of coordinates by their effect on the joints.
     let weight: [f64; 6] = std::array::from_fn(|k| mean.column(k).norm().max(1e-9).ln());
     let mut x = Unknowns {
         matrix: Inverse::from_fn(|i, j| 0.5 * inverse[(i, j)] * weight[i].exp()),
@@ -209,8 +209,8 @@ fn descended(active: &[usize], rows: &[Rows]) -> Unknowns {
     best.1
 }
 
-/// Largest norm over the samples, and the gradient of its smoothed form. The directions that are stretched
-/// most are kept from step to step.
+/// Computes the largest norm over the samples, and the gradient of its smoothed form. The directions of largest
+/// stretch are kept from step to step.
 fn gradient(
     active: &[usize],
     rows: &[Rows],
@@ -251,7 +251,7 @@ fn gradient(
     (largest, gradient)
 }
 
-/// Largest singular value and its vectors, by power iterations from a direction.
+/// Computes the largest singular value and its vectors, by power iterations from a direction.
 fn dominant(m: &Matrix, direction: &mut Vector6<f64>) -> (f64, Vector6<f64>, Vector6<f64>) {
     for _ in 0..ITERATIONS {
         let next = m.tr_mul(&(m * *direction));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How well the legs hold the platform, as the module's pin `conditioning` shows it: at one pose,
-//! and at the worst of a box of poses.
+//! Conditioning as the module's pin `conditioning` publishes it: at one pose,
+//! and at the worst pose of a box.
 
 use crate::proof::axis_box::AxisBox;
 use crate::read::mechanism::Mechanism;
@@ -8,11 +8,11 @@ use kinematics::{Fault, Pose};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Poses that a search for the worst goes on from, and steps of each.
+/// Poses from which a search for the worst continues, and steps of each.
 const WORST: usize = 10;
 const BETTERED: usize = 400;
 
-/// The value at a pose without a tool.
+/// Returns the conditioning at a pose without a tool.
 ///
 /// # Errors
 /// As [`kinematics::Machine::inverse`].
@@ -21,8 +21,8 @@ pub fn at(config: &Mechanism, pose: &[f64; 6]) -> Result<f64, Fault> {
     Ok(at.smallest_singular_value())
 }
 
-/// The worst pose of a box, searched for from the worst of those drawn in it: random steps that
-/// get smaller; the same numbers in every run. `value` has none for poses that do not count.
+/// Searches for the worst pose of a box, starting from the worst of random samples: random steps of
+/// decreasing size; the same numbers in every run. `value` returns `None` for poses that do not count.
 pub fn worst(
     within: &AxisBox,
     mut drawn: Vec<(f64, [f64; 6])>,

@@ -1,32 +1,33 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Arithmetic of intervals, rounded outwards: every result contains all values of the operation, which the ends of
-//! `f64`, rounded to nearest, would not.
+//! Interval arithmetic, rounded outward: every result contains all exact values of the operation, which intervals
+//! with ends rounded to nearest would not.
 //!
-//! **Sums, products, quotients, roots** are off by half a unit in the last place at most (IEEE 754). An end x becomes
-//! x ∓ |x| 2⁻⁵², which is at least one unit further out. Sums need no more: one below the normal numbers is exact, and so
-//! is 0. A product below them is off by a part of the least one, and is widened by that.
+//! **Sums, products, quotients, roots** are off by at most half a unit in the last place (IEEE 754). An end x becomes
+//! x ∓ |x| 2⁻⁵², which is at least one unit further out. Sums need nothing else: one below the normal numbers is
+//! exact, and
+//! so is 0. A product below them is off by a part of the smallest subnormal number, and is widened by that.
 //!
 //! **Functions** are those of the C library. The manual of glibc ("Known Maximum Errors in Math Functions") gives at
-//! most 2 units in the last place for those used here, and Rust's `asinh` adds some operations of its own; an end is
-//! moved by `FUNCTION_UNITS`. Of two numbers a sum or product that is exact stays a number.
+//! most 2 units in the last place for those used here, and Rust's `asinh` adds some operations; an end is
+//! moved by `FUNCTION_UNITS`. An exact sum or product of two points stays a point.
 //!
-//! Constants of a formula are the numbers that `f64` has for them. An end that overflows to infinity on the
-//! inner side becomes NaN: nothing is known then, and every comparison here and in what builds on it treats it so.
+//! Constants of a formula are their `f64` values. An end that overflows to infinity on the
+//! inner side becomes NaN, which means unknown; every comparison here and in the modules that use it treats it so.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use wide::f64x2;
 
-/// Units in the last place that a function of the C library, or one that Rust makes of them, may be off.
+/// Largest error of a function of the C library, or one that Rust composes of them, in units in the last place.
 const FUNCTION_UNITS: f64 = 8.0;
 
-/// Roundings of the place of a crest or trough of a wave.
+/// Roundings of the position of a crest or trough of a wave.
 const CREST_UNITS: f64 = 8.0;
 
-/// π/2, which `f64` has a little too small.
+/// π/2, which `f64` represents slightly too small.
 pub const QUARTER_TURN: Interval = Interval::new(FRAC_PI_2, FRAC_PI_2.next_up());
 
-/// Width of one number after some hundred roundings, as a share of it.
+/// Relative width of a single number after some hundred roundings.
 const THIN: f64 = 1e-12;
 
 /// Returns a number below `x` by at least so many units in the last place; 0 for 0.
@@ -41,14 +42,14 @@ fn up(x: f64, units: f64) -> f64 {
     x + x.abs() * (units * f64::EPSILON)
 }
 
-/// Whether a sum of two numbers needs no rounding (Knuth's error of a sum): 2 · 0.5 − 1 is 0, and not about 0.
+/// Returns whether a sum of two numbers is exact (Knuth's error of a sum): 2 · 0.5 − 1 is then exactly 0.
 fn is_exact_sum(a: f64, b: f64) -> bool {
     let sum = a + b;
     let part = sum - a;
     (a - (sum - part)) + (b - part) == 0.0
 }
 
-/// Whether a product of two numbers needs no rounding.
+/// Returns whether a product of two numbers is exact.
 fn is_exact_product(a: f64, b: f64) -> bool {
     // Below this the error of a product may itself be rounded to 0.
     const LEAST: f64 = f64::MIN_POSITIVE / f64::EPSILON;
@@ -66,30 +67,31 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// All numbers: nothing is known.
+    /// All numbers: an unknown value.
     pub const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
 
     /// 0.
     pub const ZERO: Self = Self::point(0.0);
 
-    /// One number.
+    /// Returns the interval of one number.
     pub const fn point(x: f64) -> Self {
         Self { low: x, high: x }
     }
 
-    /// Of two numbers in order.
+    /// Returns the interval of two ordered numbers.
     pub const fn new(low: f64, high: f64) -> Self {
         Self { low, high }
     }
 
-    /// Ends that are off by so many units in the last place.
+    /// Widens ends that are off by this many units in the last place.
     #[inline]
     fn outward(low: f64, high: f64, units: f64) -> Self {
         Self::new(down(low, units), up(high, units))
     }
 
-    /// Ends off by so many units, from numbers that are not 0: below the normal numbers they are off by more, and
-    /// 0 stands for one of them.
+    /// Widens ends that are off by this many units, computed from nonzero numbers: below the normal numbers they are
+    /// off
+    /// by more, and 0 may be an underflow.
     fn outward_above_zero(low: f64, high: f64, units: f64) -> Self {
         let own = Self::outward(low, high, units);
         match low.abs() >= f64::MIN_POSITIVE && high.abs() >= f64::MIN_POSITIVE {
@@ -98,48 +100,48 @@ impl Interval {
         }
     }
 
-    /// A value that a function of the C library has returned.
+    /// Encloses a value returned by a function of the C library.
     pub fn of_function(value: f64) -> Self {
         Self::outward(value, value, FUNCTION_UNITS)
     }
 
-    /// All numbers that are no farther than `radius` from `middle`.
+    /// Returns all numbers within `radius` of `middle`.
     pub fn about(middle: f64, radius: f64) -> Self {
         Self::outward(middle - radius, middle + radius, 1.0)
     }
 
-    /// Whether it is one number.
+    /// Returns whether it is a single number.
     pub fn is_point(self) -> bool {
         self.low == self.high
     }
 
-    /// Whether it is one number but for rounding; infinite or NaN where the number is.
+    /// Returns whether it is a single number apart from rounding, or has an infinite or NaN end.
     pub fn is_thin(self) -> bool {
         !(self.high - self.low > THIN * self.magnitude())
     }
 
-    /// Whether a number is in it.
+    /// Returns whether it contains a number.
     pub fn contains(self, x: f64) -> bool {
         self.low <= x && x <= self.high
     }
 
-    /// Largest magnitude; infinite where it is not known.
+    /// Returns the largest magnitude; infinite if unknown.
     pub fn magnitude(self) -> f64 {
         let magnitude = self.low.abs().max(self.high.abs());
         if self.low.is_nan() || self.high.is_nan() { f64::INFINITY } else { magnitude }
     }
 
-    /// The number in the middle.
+    /// Returns the midpoint.
     pub fn middle(self) -> f64 {
         0.5 * (self.low + self.high)
     }
 
-    /// Products of equal numbers: never negative, unlike `self * self`.
+    /// Returns the squares: never negative, unlike `self * self`.
     pub fn squared(self) -> Self {
         self.powi(2)
     }
 
-    /// Products of `n` equal numbers.
+    /// Returns the powers of exponent `n`.
     #[inline]
     pub fn powi(self, n: i32) -> Self {
         if n < 0 {
@@ -152,7 +154,7 @@ impl Interval {
             2 => (self.low * self.low, self.high * self.high),
             _ => (self.low.powi(n), self.high.powi(n)),
         };
-        // So many roundings at most, whatever the order of the products.
+        // At most this many roundings, for any order of the products.
         let units = f64::from(n);
         let is_even_about_zero = n % 2 == 0 && self.contains(0.0);
         let [low, high] = [if is_even_about_zero { 0.0 } else { a.min(b) }, a.max(b)];
@@ -169,7 +171,7 @@ impl Interval {
         if n % 2 == 0 { Self { low: own.low.max(0.0), ..own } } else { own }
     }
 
-    /// 1 / self; everything where self may be 0.
+    /// Returns 1 / self; all numbers if self may be 0.
     pub fn inverse(self) -> Self {
         if self.low > 0.0 || self.high < 0.0 {
             Self::new((1.0 / self.high).next_down(), (1.0 / self.low).next_up())
@@ -178,39 +180,39 @@ impl Interval {
         }
     }
 
-    /// What is below 0 counts as 0, and what is not known stays so.
+    /// Clamps at 0 from below; unknown ends stay unknown.
     pub fn positive(self) -> Self {
         let positive = |x: f64| if x < 0.0 { 0.0 } else { x };
         Self::new(positive(self.low), positive(self.high))
     }
 
-    /// Square roots of what is not negative.
+    /// Returns the square roots of nonnegative numbers.
     pub fn sqrt(self) -> Self {
         let Self { low, high } = self.positive();
         Self::outward(low.sqrt(), high.sqrt(), 1.0)
     }
 
-    /// A function of the C library that never falls.
+    /// Applies a monotonically increasing function of the C library.
     pub fn rising(self, of: impl Fn(f64) -> f64) -> Self {
         let (low, high) = (of(self.low), of(self.high));
-        // Of 0 itself 0 is exact.
+        // 0 is exact for 0 itself.
         match (low == 0.0 && self.low == 0.0) || (high == 0.0 && self.high == 0.0) {
             true => Self::outward(low, high, FUNCTION_UNITS),
             false => Self::outward_above_zero(low, high, FUNCTION_UNITS),
         }
     }
 
-    /// Sines of angles in radians.
+    /// Returns the sines of angles in radians.
     pub fn sin(self) -> Self {
         self.wave(self.low.sin(), self.high.sin(), FRAC_PI_2)
     }
 
-    /// Cosines of angles in radians.
+    /// Returns the cosines of angles in radians.
     pub fn cos(self) -> Self {
         self.wave(self.low.cos(), self.high.cos(), 0.0)
     }
 
-    /// A wave with these values at the ends and a crest at an angle.
+    /// Encloses a wave with these values at the ends and a crest at an angle.
     fn wave(self, a: f64, b: f64, crest: f64) -> Self {
         let slack = CREST_UNITS * f64::EPSILON * (self.magnitude() + TAU);
         let holds = |angle: f64| {
@@ -223,7 +225,7 @@ impl Interval {
         Self::new(low, high)
     }
 
-    /// A product of two that are not 0, where one may be infinite or NaN.
+    /// Returns the product of two nonzero intervals, one of which may be infinite or NaN.
     #[cold]
     fn unbounded_product(self, o: Self) -> Self {
         let products = [self.low * o.low, self.low * o.high, self.high * o.low, self.high * o.high];
@@ -235,7 +237,7 @@ impl Interval {
         Self::new(low.next_down(), high.next_up())
     }
 
-    /// Ends of products of two intervals, neither of them infinite.
+    /// Widens the ends of a product of two finite intervals.
     #[inline]
     fn of_products(self, o: Self, low: f64, high: f64) -> Self {
         if self.is_point() && o.is_point() && is_exact_product(self.low, o.low) {
@@ -247,7 +249,7 @@ impl Interval {
         }
     }
 
-    /// The same where an end is 0 or below the normal numbers.
+    /// Widens the ends of a product if an end is 0 or below the normal numbers.
     fn of_small_products(self, o: Self, low: f64, high: f64) -> Self {
         // Ends that are 0 give exact products.
         let least = |i: Self| {
@@ -261,7 +263,7 @@ impl Interval {
         }
     }
 
-    /// Hyperbolic cosines.
+    /// Returns the hyperbolic cosines.
     pub fn cosh(self) -> Self {
         let (a, b) = (self.low.cosh(), self.high.cosh());
         let own = Self::outward(a.min(b), a.max(b), FUNCTION_UNITS);
@@ -307,12 +309,12 @@ impl Mul for Interval {
         if self == Self::ZERO || o == Self::ZERO {
             return Self::ZERO;
         }
-        // The four products, two and two.
+        // The four products, two per vector.
         let ends = f64x2::new([self.low, self.high]);
         let (one, other) = (ends * f64x2::new([o.low, o.high]), ends * f64x2::new([o.high, o.low]));
         let [a, b] = (one + other).to_array();
         if (a + b).is_finite() {
-            // One instruction each, which `f64::min` is not: no product is NaN.
+            // One instruction each, unlike `f64::min`: no product is NaN.
             let ([a, b], [c, d]) = (one.fast_min(other).to_array(), one.fast_max(other).to_array());
             return self.of_products(o, if a < b { a } else { b }, if c > d { c } else { d });
         }
@@ -377,13 +379,13 @@ mod tests {
         assert_eq!(Interval::ZERO.powi(2), Interval::ZERO);
     }
 
-    /// Whether an interval contains both ends, and little more.
+    /// Returns whether an interval contains both ends, and little more.
     fn is_about(found: Interval, low: f64, high: f64) -> bool {
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-14 * b.abs();
         found.low <= low && found.high >= high && near(found.low, low) && near(found.high, high)
     }
 
-    /// Random numbers of all sizes, a third of them with few digits.
+    /// Returns random numbers of all magnitudes, a third of them with few digits.
     fn drawn(rng: &mut Pcg64) -> f64 {
         let x: f64 = rng.random_range(-1.0..1.0);
         let x = if rng.random_bool(0.3) { (x * 64.0).round() / 64.0 } else { x };
@@ -406,7 +408,7 @@ mod tests {
             for (found, result, error) in
                 [(x + y, sum, error), (x * y, product, of_product), (x * b, product, of_product)]
             {
-                // Moved by a unit at least on the side of the error.
+                // Moved by at least one unit on the side of the error.
                 assert!(error <= 0.0 || found.high > result, "{a} {b}: {found:?}");
                 assert!(error >= 0.0 || found.low < result, "{a} {b}: {found:?}");
                 assert!(found.contains(result));
@@ -423,7 +425,7 @@ mod tests {
             assert!(root.low.mul_add(-root.low, a.abs()) >= 0.0, "{a}: {root:?}");
             assert!(root.high.mul_add(-root.high, a.abs()) <= 0.0, "{a}: {root:?}");
         }
-        // What is exact shows nothing.
+        // Exact results test nothing.
         assert!(rounded > 150_000, "{rounded}");
     }
 
@@ -436,14 +438,14 @@ mod tests {
         assert!(Interval::point(-800.0).rising(f64::exp).high > 0.0);
         let about = Interval::new(-1e-200, 1e-200);
         assert!((about * about).low < 0.0 && about.squared().high > 0.0);
-        // Without underflow 0 stays 0: most derivatives are.
+        // Without underflow 0 stays 0: most derivatives are 0.
         assert_eq!(Interval::ZERO * Interval::new(-3.0, 1e300), Interval::ZERO);
         assert_eq!((Interval::new(0.0, 2.0) * Interval::new(1.0, 3.0)).low, 0.0);
     }
 
     #[test]
     fn a_crest_within_rounding_of_an_end_counts() {
-        // The nearest number below π/2 has a sine of 1 to all digits, and may stand for one above.
+        // The nearest number below π/2 has a sine of 1 to all digits, and may represent one above.
         assert_eq!(Interval::new(1.0, FRAC_PI_2.next_down()).sin().high, 1.0);
         assert_eq!(Interval::new(PI.next_up(), 4.0).cos().low, -1.0);
         const { assert!(QUARTER_TURN.low < QUARTER_TURN.high) };

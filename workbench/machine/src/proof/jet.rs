@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Derivatives of functions, by interval arithmetic: the only automatic differentiation of the host.
+//! Derivatives of functions, by interval arithmetic: the only automatic differentiation of the host tools.
 //!
-//! A [`Jet`] holds a function of N coordinates over a box: its value, all first and second derivatives, and where
-//! its order is 3, of the third ones ∂_k ∂_k ∂_j f, each as an interval that holds it for every point of the box.
-//! Products and compositions need no others, and what several third derivatives have in common is computed once.
-//! Over one point all intervals are numbers but for rounding, which each operation adds to their width.
+//! A [`Jet`] has a function of N coordinates over a box: its value, all first and second derivatives, and for
+//! order 3 the third derivatives ∂_k ∂_k ∂_j f, each as an interval that contains it for every point of the box.
+//! Products and compositions need no others, and common terms of several third derivatives are computed once.
+//! Over a single point all intervals are thin: only rounding in each operation widens them.
 
 use crate::proof::interval::{Interval, QUARTER_TURN};
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
@@ -15,9 +15,9 @@ pub struct Jet<const N: usize, const ORDER: usize> {
     /// Value.
     pub value: Interval,
     first: [Interval; N],
-    /// By two coordinates in either order.
+    /// Derivatives by two coordinates in either order.
     second: [[Interval; N]; N],
-    /// Twice by the first coordinate and once by the second one; zeros where the order is 2.
+    /// Derivatives twice by the first coordinate and once by the second one; zeros for order 2.
     third: [[Interval; N]; N],
 }
 
@@ -25,31 +25,31 @@ pub struct Jet<const N: usize, const ORDER: usize> {
 pub type Taylor = Jet<1, 2>;
 
 impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
-    /// A number.
+    /// Returns a constant.
     pub const fn constant(x: f64) -> Self {
         Self::held(Interval::point(x))
     }
 
-    /// Numbers that do not depend on the coordinates.
+    /// Returns an interval that does not depend on the coordinates.
     pub const fn held(value: Interval) -> Self {
         let zeros = [[Interval::ZERO; N]; N];
         Self { value, first: [Interval::ZERO; N], second: zeros, third: zeros }
     }
 
-    /// The coordinate with this place.
+    /// Returns the coordinate with this index.
     pub const fn variable(x: Interval, place: usize) -> Self {
         let mut jet = Self::held(x);
         jet.first[place] = Interval::point(1.0);
         jet
     }
 
-    /// Where nothing is known.
+    /// Returns a jet of unknown values.
     const fn unknown() -> Self {
         let all = [[Interval::ALL; N]; N];
         Self { value: Interval::ALL, first: [Interval::ALL; N], second: all, third: all }
     }
 
-    /// The same as a function of M coordinates: where among them its own are, if they are.
+    /// Returns the same function of M coordinates, given the indices of its own among them, if any.
     pub fn among<const M: usize>(&self, places: [Option<usize>; N]) -> Jet<M, ORDER> {
         let mut jet = Jet::held(self.value);
         let own = || places.iter().enumerate().filter_map(|(k, place)| Some((k, (*place)?)));
@@ -63,19 +63,19 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         jet
     }
 
-    /// ∂_k ∂_k ∂_j f.
+    /// Returns ∂_k ∂_k ∂_j f.
     pub const fn third(&self, k: usize, j: usize) -> Interval {
         self.third[k][j]
     }
 
-    /// ∂_j f, for comparison with the core's Jacobian.
+    /// Returns ∂_j f, for comparison with the core's Jacobian.
     #[cfg(test)]
     pub fn slope(&self, j: usize) -> Interval {
         self.first[j]
     }
 
-    /// A jet with this value, and with derivatives that are functions of the numbers of their coordinates; the
-    /// third ones first of the number of the one that counts twice.
+    /// Creates a jet from its value and functions of the indices of derivatives; the
+    /// first index of a third derivative is the one that counts twice.
     fn with<T: Fn(usize) -> Interval>(
         value: Interval,
         first: impl Fn(usize) -> Interval,
@@ -97,7 +97,7 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         jet
     }
 
-    /// Every number of it changed, beside the same one of another jet.
+    /// Combines all intervals with those of another jet.
     #[inline]
     fn beside(mut self, o: &Self, of: impl Fn(Interval, Interval) -> Interval) -> Self {
         self.change(o, of);
@@ -118,13 +118,13 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         }
     }
 
-    /// This one, and as much of another.
+    /// Returns the sum with a multiple of another jet.
     #[inline]
     pub fn and(self, o: &Self, factor: f64) -> Self {
         self.beside(o, |x, y| x + y * factor)
     }
 
-    /// The function of this value, given its derivatives from order 0 to that of the jet.
+    /// Composes with an outer function, given its derivatives from order 0 to that of the jet.
     fn composed(&self, derivatives: &[Interval]) -> Self {
         let Self { first: f, second: ff, third: fff, .. } = self;
         let (d1, d2) = (derivatives[1], derivatives[2]);
@@ -141,7 +141,7 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         )
     }
 
-    /// Leibniz's rule.
+    /// Computes a product by Leibniz's rule.
     fn product(&self, o: &Self) -> Self {
         let Self { value: a, first: f, second: ff, third: fff } = self;
         let Self { value: b, first: g, second: gg, third: ggg } = o;
@@ -163,7 +163,7 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         )
     }
 
-    /// Square root; its derivatives are unbounded where the value may be 0 or less.
+    /// Returns the square root; its derivatives are unbounded if the value may be 0 or less.
     pub fn sqrt(&self) -> Self {
         let (root, over) = (self.value.sqrt(), self.value.inverse());
         let first = root.inverse() * 0.5;
@@ -172,7 +172,7 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         self.composed(&[root, first, second, third])
     }
 
-    /// 1 / self; unbounded where the value may be 0.
+    /// Returns 1 / self; unbounded if the value may be 0.
     pub fn inverse(&self) -> Self {
         let over = self.value.inverse();
         let square = over.squared();
@@ -181,7 +181,7 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         self.composed(&[over, -square, second, third])
     }
 
-    /// Its square.
+    /// Returns the square.
     pub fn squared(&self) -> Self {
         let Self { value: x, first: f, second: ff, third: fff } = self;
         let twice = |x: Interval| x + x;
@@ -196,19 +196,19 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         )
     }
 
-    /// Sine of an angle in radians.
+    /// Returns the sine of an angle in radians.
     pub fn sin(&self) -> Self {
         let (s, c) = (self.value.sin(), self.value.cos());
         self.composed(&[s, c, -s, -c])
     }
 
-    /// Cosine of an angle in radians.
+    /// Returns the cosine of an angle in radians.
     pub fn cos(&self) -> Self {
         let (s, c) = (self.value.sin(), self.value.cos());
         self.composed(&[c, -s, -c, s])
     }
 
-    /// Arc tangent in radians.
+    /// Returns the arc tangent in radians.
     pub fn atan(&self) -> Self {
         let square = self.value.squared();
         let first = (square + Interval::point(1.0)).inverse();
@@ -217,10 +217,10 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
         self.composed(&[self.value.rising(f64::atan), first, second, third])
     }
 
-    /// Angle of the direction (x, y) in radians, from −π to π in the middle of the box; unbounded where the
-    /// directions fill more than a half plane.
+    /// Returns the angle of the direction (x, y) in radians, from −π to π at the center of the box; unbounded if the
+    /// directions span more than a half plane.
     pub fn angle(y: &Self, x: &Self) -> Self {
-        // Tangent of the angle from the middle direction.
+        // Tangent of the angle from the center direction.
         let (a, b) = (x.value.middle(), y.value.middle());
         let along = (*x * a).and(y, b);
         if !(along.value.low > 0.0) {
@@ -231,30 +231,30 @@ impl<const N: usize, const ORDER: usize> Jet<N, ORDER> {
     }
 }
 
-/// What curves are made of beside.
+/// Additional functions for curves.
 impl Taylor {
-    /// A function with this value and these derivatives.
+    /// Creates a function from its value and derivatives.
     pub const fn new(value: Interval, first: Interval, second: Interval) -> Self {
         Self { value, first: [first], second: [[second]], third: [[Interval::ZERO]] }
     }
 
-    /// First derivative.
+    /// Returns the first derivative.
     pub const fn first(&self) -> Interval {
         self.first[0]
     }
 
-    /// Second derivative.
+    /// Returns the second derivative.
     pub const fn second(&self) -> Interval {
         self.second[0][0]
     }
 
-    /// The number that it is, where it does not change, to the nearest of `f64`.
+    /// Returns the value of a constant function, rounded to `f64`.
     pub fn as_constant(&self) -> Option<f64> {
         let is_held = self.first() == Interval::ZERO && self.second() == Interval::ZERO;
         (is_held && self.value.is_thin()).then(|| self.value.middle())
     }
 
-    /// Its power of an integer.
+    /// Returns the power with an integer exponent.
     pub fn powi(self, n: i32) -> Self {
         let x = self.value;
         let power = |n: i32| if n == 0 { Interval::point(1.0) } else { x.powi(n) };
@@ -269,7 +269,7 @@ impl Taylor {
         }
     }
 
-    /// Its power of a number that is no integer.
+    /// Returns the power with a non-integer exponent.
     pub fn powf(self, n: f64) -> Self {
         let power = |n: f64| match n > 0.0 {
             true => self.value.positive().rising(|x| x.powf(n)),
@@ -278,52 +278,52 @@ impl Taylor {
         self.composed(&[power(n), power(n - 1.0) * n, power(n - 2.0) * (n * (n - 1.0))])
     }
 
-    /// Its exponential.
+    /// Returns the exponential.
     pub fn exp(self) -> Self {
         let value = self.value.rising(f64::exp);
         self.composed(&[value, value, value])
     }
 
-    /// Natural logarithm.
+    /// Returns the natural logarithm.
     pub fn ln(self) -> Self {
         let over = self.value.inverse();
         self.composed(&[self.value.positive().rising(f64::ln), over, -over.squared()])
     }
 
-    /// Hyperbolic sine.
+    /// Returns the hyperbolic sine.
     pub fn sinh(self) -> Self {
         let sinh = self.value.rising(f64::sinh);
         self.composed(&[sinh, self.value.cosh(), sinh])
     }
 
-    /// Hyperbolic cosine.
+    /// Returns the hyperbolic cosine.
     pub fn cosh(self) -> Self {
         let cosh = self.value.cosh();
         self.composed(&[cosh, self.value.rising(f64::sinh), cosh])
     }
 
-    /// Hyperbolic tangent.
+    /// Returns the hyperbolic tangent.
     pub fn tanh(self) -> Self {
         let tanh = self.value.rising(f64::tanh);
         let first = Interval::point(1.0) - tanh.squared();
         self.composed(&[tanh, first, tanh * first * -2.0])
     }
 
-    /// Inverse of the hyperbolic sine.
+    /// Returns the inverse hyperbolic sine.
     pub fn asinh(self) -> Self {
         let over = (self.value.squared() + Interval::point(1.0)).sqrt().inverse();
         let second = -(self.value * over.powi(3));
         self.composed(&[self.value.rising(f64::asinh), over, second])
     }
 
-    /// Arc sine in radians.
+    /// Returns the arc sine in radians.
     pub fn asin(self) -> Self {
         let over = (Interval::point(1.0) - self.value.squared()).sqrt().inverse();
         let value = self.value.rising(|x| x.clamp(-1.0, 1.0).asin());
         self.composed(&[value, over, self.value * over.powi(3)])
     }
 
-    /// Arc cosine in radians.
+    /// Returns the arc cosine in radians.
     pub fn acos(self) -> Self {
         Self::held(QUARTER_TURN) - self.asin()
     }
@@ -385,7 +385,7 @@ impl<const N: usize, const ORDER: usize> Div for Jet<N, ORDER> {
 mod tests {
     use super::*;
 
-    /// A function of two numbers that uses everything a jet can do.
+    /// Returns a function of two numbers that uses every operation of a jet.
     fn jets(x: Jet<2, 3>, y: Jet<2, 3>) -> Jet<2, 3> {
         let (s, c) = ((x * y).sin(), (x * y).cos());
         (s + Jet::constant(2.0)).sqrt() * (c + Jet::constant(3.0)).inverse()
@@ -428,7 +428,7 @@ mod tests {
         assert_eq!(Jet::angle(&x, &x).third(0, 0).magnitude(), f64::INFINITY);
     }
 
-    /// A function of one number that uses everything.
+    /// Returns a function of one number that uses every operation.
     fn taylor(t: Taylor) -> Taylor {
         let one = Taylor::constant(1.0);
         let waves = t.sin() * t.cos() + (t.squared() + one).sqrt().ln() / (one + t.exp());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Statements about boxes of poses that hold for every pose in them.
+//! Proofs about pose boxes that hold for every pose in them.
 
 pub mod axis_box;
 pub mod between;

@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Proof that a box of poses is one-to-one: sup ‖1 − M J(X)‖ over the box, J = ∂q/∂X.
+//! Proof that a pose box is one-to-one: sup ‖1 − M J(X)‖ over the box, J = ∂q/∂X.
 //!
 //! Branch and bound. Over a cell with half widths h, J is the multilinear interpolation of its
-//! values at the corners less something of
+//! values at the corners minus an element of
 //!
 //! ```text
 //! Σ_k [0, h_k²/2] ∂_k ∂_k J
 //! ```
 //!
-//! Times M this is C ± R, entry by entry. The interpolation is an average of the values at the
-//! corners, so that
+//! Multiplied by M this is C ± R, elementwise. The interpolation is a weighted mean of the values at the
+//! corners, so
 //!
 //! ```text
 //! ‖1 − M J(X)‖ ≤ max over corners ‖1 − M J + C‖ + ‖R‖
 //! ```
 //!
-//! Where third derivatives keep their signs, R is half of what it would be about C = 0.
+//! If third derivatives have constant signs, R is half as large as about C = 0.
 //!
-//! Norms are those of the coordinates times their weights. The values at the corners are
-//! the core's own; the third derivatives are bounded by interval arithmetic on the
-//! equations of the legs, written here once more.
+//! Norms are those of the weighted coordinates. The values at the corners are
+//! the core's; the third derivatives are bounded by interval arithmetic on the
+//! equations of the legs, which are repeated here.
 
 use crate::proof::interval::Interval;
 use crate::proof::jet;
@@ -33,7 +33,7 @@ use std::ops::Add;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Margin for rounding in bounds and norms, of quantities near 1.
+/// Tolerance for rounding in bounds and norms, of quantities near 1.
 const ROUNDING: f64 = 1e-7;
 
 const RADIANS: f64 = std::f64::consts::PI / 180.0;
@@ -41,7 +41,7 @@ const RADIANS: f64 = std::f64::consts::PI / 180.0;
 /// Square matrix over X … C; rows and columns of coordinates that are not active are 0.
 pub type Matrix = SMatrix<f64, 6, 6>;
 
-/// Functions of so many coordinates with all derivatives that a proof needs.
+/// Functions of N coordinates with all derivatives that the proof needs.
 type Jet<const N: usize> = jet::Jet<N, 3>;
 
 /// Legs by coordinates.
@@ -64,14 +64,14 @@ pub enum Doubt {
     Effort(usize),
 }
 
-/// Machine with its equations, as the proof needs them.
+/// A machine with the equations that the proof needs.
 pub struct Prover<'a> {
     machine: &'a Machine,
     geometry: &'a Geometry,
     active: Vec<usize>,
-    /// Per leg its lead with the sign that the nut correction has at home.
+    /// Lead of each leg with the sign of the nut correction at home.
     lead: Vec<f64>,
-    /// Is told the share of a box that is proved.
+    /// Receives the proved share of a box.
     told: &'a (dyn Fn(f64) + Sync),
 }
 
@@ -82,46 +82,46 @@ struct Cell {
     high: [f64; 6],
 }
 
-/// Where the platform is over a cell.
+/// Position and orientation of the platform over a cell.
 struct Platform<const N: usize> {
-    /// Centre, as the legs see it.
+    /// Center, in the frame of the legs.
     point: [Jet<N>; 3],
-    /// Of the angles alone, which cost far less than all coordinates.
+    /// As a function of the angles alone, which is much cheaper than of all coordinates.
     rotation: [[Jet<3>; 3]; 3],
-    /// Where among the coordinates the angles are.
+    /// Indices of the angles among the coordinates.
     angles: [Option<usize>; 3],
 }
 
-/// A proof at work.
+/// State of a proof.
 struct Work<'a> {
     claim: &'a Claim,
-    /// Most cells.
+    /// Largest number of cells.
     limit: usize,
     count: AtomicUsize,
     failed: AtomicBool,
-    /// Share of the box that is proved.
+    /// Proved share of the box.
     done: Mutex<f64>,
 }
 
-/// How J bends over a cell: W (1 − M J) W⁻¹ is the interpolation between the corners plus what is
+/// Nonlinearity of J over a cell: W (1 − M J) W⁻¹ is the interpolation between the corners plus a matrix
 /// within `radius` of `middle`.
 struct Bend {
     middle: Matrix,
-    /// Norm of what is left; infinite where it is not known.
+    /// Norm of the remainder; infinite if unknown.
     radius: f64,
-    /// The coordinate that most of the radius comes from.
+    /// The coordinate with the largest contribution to the radius.
     mostly: usize,
 }
 
-/// What one cell says.
+/// Result of a cell.
 enum Verdict {
     Proved,
-    /// To be halved along this coordinate.
+    /// Must be halved along this coordinate.
     Split(usize),
 }
 
 impl<'a> Prover<'a> {
-    /// For this machine and its geometry.
+    /// Creates a prover for this machine and its geometry.
     pub fn new(machine: &'a Machine, geometry: &'a Geometry) -> Self {
         let active = Letter::ALL
             .into_iter()
@@ -131,18 +131,18 @@ impl<'a> Prover<'a> {
         Self { machine, geometry, active, lead: signed_leads(machine, geometry), told: &|_| () }
     }
 
-    /// The same, telling how much of a box is proved.
+    /// Sets the function that receives the proved share of a box.
     #[must_use]
     pub fn telling(self, told: &'a (dyn Fn(f64) + Sync)) -> Self {
         Self { told, ..self }
     }
 
-    /// Coordinates that the legs move, by number.
+    /// Returns the indices of the coordinates that the legs move.
     pub fn active(&self) -> &[usize] {
         &self.active
     }
 
-    /// J at a pose without tool: joint units per machine unit and per degree.
+    /// Returns J at a pose without tool: joint units per machine unit and per degree.
     ///
     /// # Errors
     /// The pose is out of reach.
@@ -161,7 +161,7 @@ impl<'a> Prover<'a> {
         Ok(rows)
     }
 
-    /// ‖1 − M J‖ at a pose.
+    /// Returns ‖1 − M J‖ at a pose.
     ///
     /// # Errors
     /// The pose is out of reach.
@@ -169,7 +169,7 @@ impl<'a> Prover<'a> {
         Ok(self.departure(claim, pose)?.singular_values()[0])
     }
 
-    /// W (1 − M J) W⁻¹ at a pose.
+    /// Returns W (1 − M J) W⁻¹ at a pose.
     fn departure(&self, claim: &Claim, pose: &[f64; 6]) -> Result<Matrix, Doubt> {
         let product = matrix_of(&claim.region) * self.jacobian(pose)?;
         let mut departure = Matrix::zeros();
@@ -183,7 +183,7 @@ impl<'a> Prover<'a> {
         Ok(departure)
     }
 
-    /// Proves a claim with at most `limit` cells; their number.
+    /// Proves a claim with at most `limit` cells and returns their number.
     ///
     /// # Errors
     /// The claim is wrong, or was not proved.
@@ -196,7 +196,7 @@ impl<'a> Prover<'a> {
         Ok(work.count.into_inner())
     }
 
-    /// Proves a cell, or its halves, side by side; nothing more once any cell has failed.
+    /// Proves a cell, or its halves in parallel; stops once any cell has failed.
     fn prove_cell(&self, work: &Work, cell: &Cell) -> Result<(), Doubt> {
         if work.failed.load(Ordering::Relaxed) {
             return Ok(());
@@ -221,7 +221,7 @@ impl<'a> Prover<'a> {
         }
     }
 
-    /// Share of the box that a cell is.
+    /// Returns the cell's share of the box.
     fn share(&self, claim: &Claim, cell: &Cell) -> f64 {
         let along = |k: &usize| {
             (cell.high[*k] - cell.low[*k]) / (claim.region.high[*k] - claim.region.low[*k])
@@ -236,7 +236,7 @@ impl<'a> Prover<'a> {
         }
     }
 
-    /// What makes the steps of the box end where they must.
+    /// Checks the claim's numbers, so that the iteration in the box converges within the allowed steps.
     fn check(&self, claim: &Claim) -> Result<(), Doubt> {
         let region = &claim.region;
         if !(region.is_valid() && claim.contraction > 0.0 && claim.contraction < 1.0) {
@@ -267,16 +267,16 @@ impl<'a> Prover<'a> {
         let bend = self.bend(claim, cell);
         let split = match bend.radius.is_finite() {
             true => bend.mostly,
-            // Every share is unbounded: the widest part of the box.
+            // Every share is unbounded: use the widest part of the box.
             false => self.widest(claim, cell),
         };
-        // What is left for the corners.
+        // Remainder for the corners.
         let most = claim.contraction - ROUNDING - bend.radius;
         for corner in cell.corners(&self.active) {
             if is_below(&(self.departure(claim, &corner)? + bend.middle), most) {
                 continue;
             }
-            // Corners must fit even before the cells are fine enough.
+            // Corners must satisfy the claim even before the cells are small enough.
             for corner in [cell.low, cell.high, corner] {
                 let norm = self.norm_at(claim, &corner)?;
                 if norm > claim.contraction {
@@ -288,7 +288,7 @@ impl<'a> Prover<'a> {
         Ok(Verdict::Proved)
     }
 
-    /// Coordinate along which the cell is the largest part of the box.
+    /// Returns the coordinate along which the cell has the largest share of the box.
     fn widest(&self, claim: &Claim, cell: &Cell) -> usize {
         let share = |k: &usize| {
             (cell.high[*k] - cell.low[*k]) / (claim.region.high[*k] - claim.region.low[*k])
@@ -297,7 +297,7 @@ impl<'a> Prover<'a> {
         best.copied().unwrap_or(0)
     }
 
-    /// How J bends over the cell.
+    /// Bounds the nonlinearity of J over the cell.
     fn bend(&self, claim: &Claim, cell: &Cell) -> Bend {
         match self.active.len() {
             0 | 1 => self.bend_of::<1>(claim, cell),
@@ -309,7 +309,7 @@ impl<'a> Prover<'a> {
         }
     }
 
-    /// The same of so many coordinates that the legs move.
+    /// Bounds the nonlinearity for N coordinates that the legs move.
     fn bend_of<const N: usize>(&self, claim: &Claim, cell: &Cell) -> Bend {
         let platform = self.platform::<N>(cell);
         let legs = self.geometry.legs().iter().zip(&self.lead);
@@ -330,7 +330,8 @@ impl<'a> Prover<'a> {
         Bend { middle, radius: norm_of_bound(&radius), mostly }
     }
 
-    /// [0, reach] W M ∂_k ∂_k J W⁻¹, entry by entry, k the coordinate with this place among those that the legs move.
+    /// Returns [0, reach] W M ∂_k ∂_k J W⁻¹, elementwise, where k is the index among the coordinates that the legs
+    /// move.
     fn bend_along<const N: usize>(
         &self,
         claim: &Claim,
@@ -345,7 +346,7 @@ impl<'a> Prover<'a> {
                 let sum = row.map(|(joint, m)| joint.third(place, n) * *m);
                 let ratio = claim.weight[i] / claim.weight[j];
                 let whole = sum.fold(Interval::ZERO, Add::add) * (reach * ratio);
-                // NaN stays: the radius is then not known.
+                // NaN stays: the radius is then unknown.
                 let low = if whole.low > 0.0 { 0.0 } else { whole.low };
                 let high = if whole.high < 0.0 { 0.0 } else { whole.high };
                 bend[(i, j)] = Interval::new(low, high);
@@ -354,12 +355,12 @@ impl<'a> Prover<'a> {
         bend
     }
 
-    /// The platform over a cell.
+    /// Returns the platform over a cell.
     fn platform<const N: usize>(&self, cell: &Cell) -> Platform<N> {
         let place = |n: usize| self.active.iter().position(|k| *k == n);
         let range = |n: usize| Interval::new(cell.low[n], cell.high[n]);
         let angles = [3, 4, 5].map(place);
-        // In degrees, as the box.
+        // In degrees, like the box.
         let angle = |k: usize| match angles[k] {
             Some(_) => Jet::variable(range(k + 3), k) * RADIANS,
             None => Jet::held(range(k + 3)) * RADIANS,
@@ -368,13 +369,13 @@ impl<'a> Prover<'a> {
         let reference = times(&rotation, self.geometry.centre);
         let point = std::array::from_fn(|n| match place(n) {
             Some(place) => Jet::variable(range(n), place) + reference[n].among(angles),
-            // Legs do not see coordinates that are held, or the table's.
+            // The legs do not depend on constant coordinates, nor on the table's.
             None => Jet::constant(0.0),
         });
         Platform { point, rotation, angles }
     }
 
-    /// Joint value of a leg, up to a constant.
+    /// Returns the joint value of a leg, up to a constant.
     fn joint<const N: usize>(
         &self,
         leg: &LegGeometry,
@@ -426,7 +427,7 @@ impl<'a> Prover<'a> {
                 angle * (1.0 / RADIANS)
             }
             LegKind::Ring(ring) => {
-                // From base anchor to ring, as the platform sees it: its own arm does not turn there.
+                // From base anchor to ring, in the platform's frame, where the platform's arm is constant.
                 let from_base: [Jet<N>; 3] =
                     std::array::from_fn(|n| point[n] - Jet::constant(leg.base[n]));
                 let [x, y, height]: [Jet<N>; 3] = std::array::from_fn(|k| {
@@ -440,7 +441,7 @@ impl<'a> Prover<'a> {
     }
 }
 
-/// Per leg its lead, negative where the joint axes are opposed at home.
+/// Returns the lead of each leg, negative if the joint axes are opposed at home.
 fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
     let home = Pose::from_degrees(geometry.home.unwrap_or_default());
     let at = machine.at(&home, &Vector3::zeros());
@@ -456,7 +457,7 @@ fn signed_leads(machine: &Machine, geometry: &Geometry) -> Vec<f64> {
     geometry.legs().iter().enumerate().map(lead).collect()
 }
 
-/// Angle of the nut about the strut, up to a constant: of (C, S), see the core's `nut`.
+/// Returns the angle of the nut about the strut, up to a constant: of (C, S), see the core's `nut`.
 fn torsion<const N: usize>(
     n: &[Jet<N>; 3],
     base_axis: &[f64; 3],
@@ -474,7 +475,7 @@ fn torsion<const N: usize>(
     Jet::angle(&sine, &cosine)
 }
 
-/// Rz(C) Ry(B) Rx(A), rows first.
+/// Returns Rz(C) Ry(B) Rx(A) as rows.
 fn rotation<const N: usize>([a, b, c]: [Jet<N>; 3]) -> [[Jet<N>; 3]; 3] {
     let ([sa, sb, sc], [ca, cb, cc]) = ([a, b, c].map(|x| x.sin()), [a, b, c].map(|x| x.cos()));
     let (cs, ss) = (cc * sb, sc * sb);
@@ -507,24 +508,24 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
     Vector3::from(v).normalize().into()
 }
 
-/// Two directions square to a unit vector and to each other: exact zeros where it is an axis.
+/// Returns two directions normal to a unit vector and to each other, with exact zeros for a coordinate axis.
 fn across(u: [f64; 3]) -> [[f64; 3]; 2] {
     let u = Vector3::from(u);
     let first = u.cross(&Vector3::ith(u.iamin(), 1.0)).normalize();
     [first.into(), u.cross(&first).into()]
 }
 
-/// Norm of a matrix of bounds; infinite where one is not known.
+/// Bounds the norm of a matrix of bounds; infinite if one is unknown.
 fn norm_of_bound(bound: &Matrix) -> f64 {
     if bound.iter().all(|x| x.is_finite()) { bound.singular_values()[0] } else { f64::INFINITY }
 }
 
-/// Whether ‖m‖ < most: most² − mᵀm is positive definite. Its rounding is far below `ROUNDING`.
+/// Returns whether ‖m‖ < most: most² − mᵀm is positive definite. Its rounding is far below `ROUNDING`.
 fn is_below(m: &Matrix, most: f64) -> bool {
     most > 0.0 && (Matrix::identity() * (most * most) - m.tr_mul(m)).cholesky().is_some()
 }
 
-/// M as a matrix.
+/// Returns M as a matrix.
 fn matrix_of(region: &WorkspaceBox) -> SMatrix<f64, 6, 8> {
     SMatrix::from_fn(|i, j| region.matrix[i][j])
 }
@@ -532,18 +533,18 @@ fn matrix_of(region: &WorkspaceBox) -> SMatrix<f64, 6, 8> {
 const TOO_SLOW: Doubt =
     Doubt::Malformed("CONTRACTION and WEIGHT require more than 4096 steps; make the box smaller");
 
-/// Steps that bring the iteration near enough to its end from anywhere in the box; `None`
-/// where they are too many, or one step says too little about the end.
+/// Returns the number of steps after which the iteration has converged from anywhere in the box; `None`
+/// if there are too many, or a step does not bound the distance to the solution well enough.
 pub fn steps_needed(claim: &Claim, active: &[usize]) -> Option<u32> {
     let width = |k: &usize| claim.region.high[*k] - claim.region.low[*k];
     let across = active.iter().map(|k| (claim.weight[*k] * width(k)).powi(2)).sum::<f64>().sqrt();
     let least = active.iter().map(|k| claim.weight[*k] * width(k)).reduce(f64::min).unwrap_or(0.0);
-    // A pose P of the joints, X at distance d from it: the step from X is at most (1 + c) d
-    // long, in any coordinate at most by least/width of it.
+    // Let P be the pose of the joints, X at distance d from it: the step from X is at most (1 + c) d
+    // long, and in any coordinate at most least/width of it.
     let c = claim.contraction;
     let near = BOX_TOLERANCE * least / (across * (1.0 + c));
     let steps = (near.ln() / c.ln()).ceil() + 1.0;
-    // The early end: a step by LAST_STEP of all widths leaves 1/(1 − c) of it.
+    // Early termination: a step of LAST_STEP of all widths leaves 1/(1 − c) of it.
     let early = LAST_STEP / (1.0 - c);
     (steps <= f64::from(MAX_BOX_STEPS) && early <= near).then_some(steps as u32)
 }
@@ -597,7 +598,7 @@ mod tests {
         config.unwrap().mechanism(1).unwrap()
     }
 
-    /// A random part of the axis limits, `share` of them wide.
+    /// Returns a random part of the axis limits, of the relative width `share`.
     fn cell(config: &Mechanism, active: &[usize], share: f64, rng: &mut Pcg64) -> Cell {
         let mut cell = Cell { low: [0.0; 6], high: [0.0; 6] };
         for &k in active {
@@ -617,7 +618,7 @@ mod tests {
             for _ in 0..200 {
                 let point = cell(&config, prover.active(), 0.0, &mut rng);
                 let rows = prover.jacobian(&point.low).unwrap();
-                // Of six coordinates: what is not active is at no place.
+                // All six coordinates: inactive ones have no index.
                 let platform = prover.platform::<6>(&point);
                 for (i, leg) in config.geometry.legs().iter().enumerate() {
                     let joint = prover.joint(leg, prover.lead[i], &platform);
@@ -659,14 +660,14 @@ mod tests {
                 let mean = corners.iter().map(|c| prover.departure(&claim, c).unwrap());
                 let mean = mean.sum::<Matrix>() / corners.len() as f64;
                 let there = prover.departure(&claim, &middle).unwrap();
-                // In the middle the interpolation is the mean of the corners.
+                // At the center the interpolation is the mean of the corners.
                 let off = (there - mean - bend.middle).singular_values()[0];
                 assert!(off <= bend.radius + 1e-12, "{name}: {off} {}", bend.radius);
                 largest = largest.max((there - mean).singular_values()[0] / bend.radius);
                 checked += 1;
             }
             assert!(checked > 100, "{name}: {checked}");
-            // A bound that is far too wide would be sound and useless.
+            // A much too wide bound would be sound but useless.
             assert!(largest > 0.05, "{name}: {largest}");
         }
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A machine with one tool: what it can take at a pose, and how its legs change from there.
+//! A machine with one tool: its limits at a pose, and how its legs change from there.
 
 use crate::limits::beyond_axes;
 use crate::read::legs::{drive_rate, platform_anchor};
@@ -12,43 +12,43 @@ use std::f64::consts::PI;
 
 pub(super) const RADIANS: f64 = PI / 180.0;
 
-/// Rounding of what is computed in the middle, as a share of the size: far above f64's 1e-16
-/// times the numbers of operations, far below what anybody can set up.
+/// Rounding of values computed at the center, as a share of the size: far above f64's 1e-16
+/// times the numbers of operations, far below the accuracy of any setup.
 pub(super) const ROUNDING: f64 = 1e-9;
 
-/// What stops the machine at a pose.
+/// The reason why a pose is not legal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stop {
     /// The pose has no joint values.
     Fault(Fault),
-    /// A limit that is not kept.
+    /// A violated limit.
     Limit(Margin),
 }
 
-/// A machine with one tool, as its cells see it.
+/// A machine with one tool, for judging cells.
 pub struct Reach<'a> {
     pub(super) config: &'a Mechanism,
     /// Tool vector, spindle offset included.
     pub(super) tool: Vector3<f64>,
-    /// Those of the pose, without axes.
+    /// Limits of the pose except those of the axes.
     pub(super) limits: Limits,
     /// Coordinates that the legs move.
     pub(super) active: [bool; 6],
-    /// Platform anchors in parts that turn about the control point and that a held or table
-    /// coordinate takes away from the legs, or not.
+    /// Arms of the platform anchors from the control point in two parts: one whose motion along constant or table
+    /// coordinates does not reach the legs, and the rest.
     pub(super) arms: Vec<[Vector3<f64>; 2]>,
     /// Directions of the legs at home.
     pub(super) home: Vec<Vector3<f64>>,
     /// Pairs of legs, lower number first, that share no anchor.
     pub(super) pairs: Vec<[usize; 2]>,
-    /// Point of the platform that the conditioning is about.
+    /// Reference point of the conditioning on the platform.
     pub(super) about: Vector3<f64>,
     /// Whether any strut has a lead.
     pub(super) is_geared: bool,
 }
 
-/// How far anything moves within a cell: its poses are the middle plus a sum of `steps`, each
-/// times a number from -1 to 1. Machine units and radians.
+/// Displacements within a cell: its poses are the center plus a sum of `steps`, each
+/// multiplied by a number from -1 to 1. Machine units and radians.
 pub(super) struct Spread {
     pub(super) steps: Vec<[f64; 6]>,
     pub(super) shift: f64,
@@ -56,59 +56,59 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// How far the steps together change a value with this gradient, to first order.
+    /// Returns the first-order change by all steps of a value with this gradient.
     pub(super) fn slope(&self, gradient: &[f64; 6]) -> f64 {
         let change = |step: &[f64; 6]| (0..6).map(|k| gradient[k] * step[k]).sum::<f64>();
         self.steps.iter().map(|step| change(step).abs()).sum()
     }
 
-    /// Bounds of the first and second derivative of an anchor's place.
+    /// Bounds the first and second derivative of an anchor's position.
     pub(super) fn of_anchor(&self, arm: f64) -> (f64, f64) {
         (self.shift + arm * self.turn, arm * self.turn * self.turn)
     }
 }
 
-/// Changes with every coordinate, of a platform anchor and of it along its ring.
+/// Derivatives by every coordinate, of a platform anchor and of its motion along its ring.
 type Motions = ([Vector3<f64>; 6], [Vector3<f64>; 6]);
 
-/// The middle of a cell.
+/// The center of a cell.
 pub(super) struct Middle<'a> {
     pub(super) at: &'a At<'a>,
     pub(super) gradient: Jacobian,
     pub(super) rotation: Matrix3<f64>,
-    /// Axes that A, B and C turn about, in base.
+    /// Rotation axes of A, B and C, in base.
     pub(super) axes: [Vector3<f64>; 3],
     pub(super) legs: Vec<LegMiddle>,
 }
 
-/// A leg there.
+/// A leg at the center.
 pub(super) struct LegMiddle {
     pub(super) segment: Segment,
-    /// Unit vector along it.
+    /// Unit vector along the leg.
     pub(super) n: Vector3<f64>,
     pub(super) length: f64,
-    /// Changes of the platform anchor with every coordinate, per machine unit or radian.
+    /// Derivatives of the platform anchor by every coordinate, per machine unit or radian.
     pub(super) motions: [Vector3<f64>; 6],
-    /// The part of them that it slides along its ring.
+    /// The part of them that is the motion along its ring.
     pub(super) slides: [Vector3<f64>; 6],
-    /// The same of the vector along the leg.
+    /// Derivatives of the vector along the leg.
     pub(super) changes: [Vector3<f64>; 6],
 }
 
 impl<'a> Reach<'a> {
-    /// Of this machine without a tool.
+    /// Creates it for this machine without a tool.
     ///
     /// # Errors
-    /// Home cannot be taken.
+    /// The pose at home is not legal.
     pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
         Self::with_tool(config, config.spindle)
     }
 
-    /// Of this machine with a tool vector, spindle offset included. Poses are the machine's own: those of
-    /// the platform, where an axis carries the tool or the work is on the platform.
+    /// Creates it for this machine with a tool vector, spindle offset included. Poses are the machine's own: those of
+    /// the platform, if an axis carries the tool or the workpiece is on the platform.
     ///
     /// # Errors
-    /// Home cannot be taken.
+    /// The pose at home is not legal.
     pub fn with_tool(config: &'a Mechanism, tool: Vector3<f64>) -> Result<Self, Fault> {
         let tool = config.chain.machine_tool(&tool);
         let active = Letter::ALL.map(|l| config.machine.layout().coordinates().contains(l));
@@ -139,7 +139,7 @@ impl<'a> Reach<'a> {
         })
     }
 
-    /// Joint values of a pose, within limits or not.
+    /// Returns the joint values of a pose, within limits or not.
     ///
     /// # Errors
     /// As [`kinematics::Machine::inverse`].
@@ -147,12 +147,12 @@ impl<'a> Reach<'a> {
         self.config.machine.inverse(&Pose::from_degrees(*pose), &self.tool)
     }
 
-    /// How well the legs hold the platform; 0 where the pose has no joint values.
+    /// Returns the conditioning; 0 if the pose has no joint values.
     pub fn conditioning(&self, pose: &[f64; 6]) -> f64 {
         self.at(pose).map_or(0.0, |at| at.smallest_singular_value())
     }
 
-    /// The machine at a pose.
+    /// Returns the machine at a pose.
     ///
     /// # Errors
     /// As [`kinematics::Machine::at`].
@@ -160,22 +160,22 @@ impl<'a> Reach<'a> {
         self.config.machine.at(&Pose::from_degrees(*pose), &self.tool)
     }
 
-    /// Whether the machine can take one pose.
+    /// Checks a pose against all limits.
     ///
     /// # Errors
-    /// What stops it.
+    /// The reason why the pose is not legal.
     pub fn check(&self, pose: &[f64; 6]) -> Result<(), Stop> {
         let mut at = self.nowhere();
         self.move_to(&mut at, pose).map_err(Stop::Fault)?;
         at.check(&self.limits).map_err(Stop::Limit)
     }
 
-    /// At no pose yet: memory for many, as one is too large to be handed on.
+    /// Returns memory for many poses, not yet at any: the struct is too large to be returned each time.
     pub fn nowhere(&self) -> At<'a> {
         self.config.machine.nowhere()
     }
 
-    /// As [`Self::at`], in memory that is there.
+    /// Moves to a pose, as [`Self::at`], in existing memory.
     ///
     /// # Errors
     /// As [`kinematics::Machine::at`].
@@ -214,7 +214,7 @@ impl<'a> Reach<'a> {
         LegMiddle { segment, n: segment.span() / length, length, motions, slides, changes }
     }
 
-    /// Changes of the platform anchor of leg `i` with every coordinate, per machine unit or radian,
+    /// Returns the derivatives of the platform anchor of leg `i` by every coordinate, per machine unit or radian,
     /// and the part of them along its ring.
     fn motions(&self, i: usize, segment: &Segment, middle: &Middle) -> Motions {
         let leg = &self.config.geometry.legs()[i];
@@ -229,7 +229,7 @@ impl<'a> Reach<'a> {
             };
             motions[k] = along + axis.cross(&own) + self.of_legs(axis.cross(&shared));
             if let Some(ring) = &ring {
-                // The platform's point at the base anchor takes the ring back by r/rho of its way.
+                // The platform's point at the base anchor moves the ring back by r/rho of its displacement.
                 let at_base = motions[k] - axis.cross(&segment.span());
                 slides[k] = ring.along * (-ring.along.dot(&at_base) * ring.radius / ring.rho);
                 motions[k] += slides[k];
@@ -238,7 +238,7 @@ impl<'a> Reach<'a> {
         (motions, slides)
     }
 
-    /// From the point that the platform turns about to the base anchor of leg `i`, in base.
+    /// Returns the vector from the platform's center of rotation to the base anchor of leg `i`, in base.
     pub(super) fn to_base(&self, i: usize, middle: &Middle) -> Vector3<f64> {
         let segment = &middle.legs[i].segment;
         let leg = &self.config.geometry.legs()[i];
@@ -248,7 +248,7 @@ impl<'a> Reach<'a> {
         shared + own + outward - segment.span()
     }
 
-    /// From a point of the platform to the platform anchor of leg `i`, in base.
+    /// Returns the vector from a point of the platform to the platform anchor of leg `i`, in base.
     pub(super) fn lever_from(
         &self,
         point: &Vector3<f64>,
@@ -260,7 +260,7 @@ impl<'a> Reach<'a> {
         middle.rotation * (platform_anchor(leg, &segment, &middle.rotation) - point)
     }
 
-    /// Changes of the vector along leg `i` with every coordinate, per machine unit or radian.
+    /// Returns the derivatives of the vector along leg `i` by every coordinate, per machine unit or radian.
     fn span_changes(
         &self,
         i: usize,
@@ -276,12 +276,12 @@ impl<'a> Reach<'a> {
         })
     }
 
-    /// The part of a platform's motion that the legs take.
+    /// Returns the part of a platform's motion that the legs make.
     fn of_legs(&self, v: Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|k, _| if self.active[k] { v[k] } else { 0.0 })
     }
 
-    /// Of steps in machine units and degrees.
+    /// Returns the displacements of steps in machine units and degrees.
     pub(super) fn spread(&self, steps: impl IntoIterator<Item = [f64; 6]>) -> Spread {
         let radians =
             |s: [f64; 6]| std::array::from_fn(|k| if k < 3 { s[k] } else { s[k] * RADIANS });
@@ -292,7 +292,7 @@ impl<'a> Reach<'a> {
         Spread { shift, turn: (3..6).map(half).sum(), steps }
     }
 
-    /// How far every step moves the ends of the legs, more or less: to compare.
+    /// Estimates the displacement of the legs' ends by every step, for comparisons.
     pub(super) fn extents(&self, spread: &Spread) -> Vec<f64> {
         let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.size() / 2.0 };
         let extent = |step: &[f64; 6]| (0..6).map(|k| step[k].abs() * unit(k)).sum();
@@ -300,18 +300,18 @@ impl<'a> Reach<'a> {
     }
 }
 
-/// A ring where its strut stands.
+/// A ring at its strut.
 pub(super) struct Ring {
     pub(super) radius: f64,
-    /// From its axis to the base anchor.
+    /// Distance from its axis to the base anchor.
     pub(super) rho: f64,
-    /// Unit vectors in base: from the axis towards the base anchor, and along the circle there.
+    /// Unit vectors in base: from the axis toward the base anchor, and along the circle there.
     outward: Vector3<f64>,
     along: Vector3<f64>,
 }
 
 impl Ring {
-    /// `None` where the leg ends at a point.
+    /// Returns the ring of a leg; `None` if the leg ends at a point.
     pub(super) fn of(
         leg: &LegGeometry,
         segment: &Segment,
@@ -328,7 +328,7 @@ impl Ring {
     }
 }
 
-/// Pairs of legs, lower number first, that share no anchor.
+/// Returns the pairs of legs, lower number first, that share no anchor.
 pub fn pairs(config: &Mechanism) -> Vec<[usize; 2]> {
     let pairs = (0..config.legs()).flat_map(|i| (i + 1..config.legs()).map(move |j| [i, j]));
     pairs.filter(|pair| config.machine.watch().is_watched(*pair)).collect()

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How well the legs hold the platform all over a cell.
+//! Bounds of the conditioning over a cell.
 //!
-//! **Conditioning**: with G the rows [u (ρ × u)/r] of the legs and M their pseudo-inverse in the
-//! middle, M G(X) = I + E, where E is bounded entry by entry by a matrix B: the slopes along every step
-//! in amount, and |M| times the bounds of the second derivatives. Where the spectral radius of B is
-//! less than 1, (I + E)⁻¹ is bounded by I + B + B² + … = (I − B)⁻¹, and as v = (I + E)⁻¹ M G(X) v, the
+//! **Conditioning**: let G be the rows [u (ρ × u)/r] of the legs and M their pseudo-inverse at the
+//! center C. Then M G(X) = I + E, where E is bounded elementwise by a matrix B: the absolute slopes along every
+//! step, and |M| times the bounds of the second derivatives. If the spectral radius of B is
+//! less than 1, (I + E)⁻¹ is bounded by I + B + B² + … = (I − B)⁻¹, and because v = (I + E)⁻¹ M G(X) v, the
 //! least singular value is at least σ(C) / ‖(I − B)⁻¹‖.
 //!
-//! **Regular**: the same of the rows of the joints J, nut corrections included: M J(X) = I + E, where
-//! B has |M (J(C) − G(C))| more. Where its spectral radius is less than 1, the joints hold the
-//! platform at every pose of the cell.
+//! **Regular**: the same for the rows of the joints J, nut corrections included: M J(X) = I + E, where
+//! B has the additional term |M (J(C) − G(C))|. If its spectral radius is less than 1, the Jacobian is regular
+//! at every pose of the cell.
 
 use crate::proof::bounds::SecondDerivatives;
 use crate::proof::reach::{LegMiddle, Middle, ROUNDING, Reach, Spread};
@@ -26,25 +26,25 @@ type Inverse = SMatrix<f64, 6, MAX_LEGS>;
 /// Coordinates by coordinates.
 type Square = Matrix6<f64>;
 
-/// Steps towards the positive vector that bounds the spectral radius of a matrix best.
+/// Iterations for the positive vector that bounds the spectral radius of a matrix.
 const STEPS: usize = 4;
 
-/// How well the legs hold the platform over a cell.
+/// Bounds of the conditioning over a cell.
 pub(super) struct Regularity {
-    /// The smallest singular value is its value in the middle times this at least.
+    /// Lower bound of the smallest singular value, as a share of its value at the center.
     pub(super) share: f64,
-    /// Whether the joints hold the platform everywhere.
+    /// Whether the joints' Jacobian is regular everywhere.
     pub(super) is_regular: bool,
-    /// Bound of the largest singular value of the pseudo-inverse in the middle.
+    /// Bound of the largest singular value of the pseudo-inverse at the center.
     pub(super) inverse: f64,
-    /// What every step of the cell contributes to what is not known.
+    /// Contribution of every step of the cell to the uncertainty.
     pub(super) shares: Vec<f64>,
 }
 
-/// How the platform turns along a step.
+/// Rotation of the platform along a step.
 struct Turn {
     whole: Vector3<f64>,
-    /// What the axes of A, B and C change by: R = Rz Ry Rx, every one turns with those further left in the
+    /// Changes of the axes of A, B and C: R = Rz Ry Rx, and each angle rotates the axes further right in the
     /// product.
     of_axes: [Vector3<f64>; 3],
 }
@@ -57,7 +57,7 @@ impl Turn {
 }
 
 impl Reach<'_> {
-    /// How well the legs hold the platform over a cell.
+    /// Bounds the conditioning over a cell.
     pub(super) fn regularity(
         &self,
         middle: &Middle,
@@ -90,7 +90,7 @@ impl Reach<'_> {
         Regularity { share, is_regular, inverse, shares }
     }
 
-    /// Whether the rows of the joints, nut corrections included, have an inverse all over a cell,
+    /// Returns whether the rows of the joints, nut corrections included, have an inverse all over a cell,
     /// from the bound of [`Self::hold`] and its pseudo-inverse.
     fn is_regular_with_nuts(
         &self,
@@ -106,8 +106,9 @@ impl Reach<'_> {
         })
     }
 
-    /// Pseudo-inverse of rows, and its product with its transpose; coordinates that the legs do not
-    /// move have zeros.
+    /// Returns the pseudo-inverse of rows, and its product with its transpose; zeros for coordinates that the legs do
+    /// not
+    /// move.
     fn pseudo_inverse(&self, rows: &Rows) -> Option<(Inverse, Square)> {
         let mut normal = rows.tr_mul(rows);
         for k in (0..6).filter(|k| !self.active[*k]) {
@@ -120,13 +121,13 @@ impl Reach<'_> {
         Some((square * rows.transpose(), square))
     }
 
-    /// Whether the angular columns are about the axes of base, or about those of one or two angles,
-    /// which turn as well.
+    /// Returns whether the angular columns are about the axes of base, or about those of one or two angles,
+    /// which rotate as well.
     fn is_about_base(&self) -> bool {
         self.active[3..] == [true; 3]
     }
 
-    /// Axis of an angular column.
+    /// Returns the axis of an angular column.
     fn axis(&self, k: usize, middle: &Middle) -> Vector3<f64> {
         match self.is_about_base() {
             true => Vector3::ith(k, 1.0),
@@ -134,12 +135,13 @@ impl Reach<'_> {
         }
     }
 
-    /// From the point that the conditioning is about to the platform anchor of leg `i`, in base.
+    /// Returns the vector from the reference point of the conditioning to the platform anchor of leg `i`, in base.
     fn lever(&self, i: usize, middle: &Middle) -> Vector3<f64> {
         self.lever_from(&self.about, i, middle)
     }
 
-    /// Amounts of the pseudo-inverse times the change of the constraint rows along a step, machine units
+    /// Returns the absolute values of the pseudo-inverse times the change of the constraint rows along a step, machine
+    /// units
     /// and radians.
     fn change_along(
         &self,
@@ -149,7 +151,7 @@ impl Reach<'_> {
         inverse: &Inverse,
     ) -> Square {
         let mut change = Square::zeros();
-        // A cell has a step along every coordinate, also along those that stand still.
+        // A cell has a step along every coordinate, also along constant ones.
         if *step == [0.0; 6] {
             return change;
         }
@@ -161,7 +163,7 @@ impl Reach<'_> {
         change.abs()
     }
 
-    /// Change of a leg's constraint row along a step.
+    /// Returns the change of a leg's constraint row along a step.
     fn row_slope(
         &self,
         step: &[f64; 6],
@@ -192,7 +194,7 @@ impl Reach<'_> {
         row
     }
 
-    /// Bound of what the constraint rows change by in the cell beside [`Self::row_slope`].
+    /// Bounds the change of the constraint rows in the cell beyond [`Self::row_slope`].
     fn row_rest(&self, spread: &Spread, seconds: &[SecondDerivatives]) -> Rows {
         let turns = if self.is_about_base() { spread.turn } else { 2.0 * spread.turn };
         let mut rest = Rows::zeros();
@@ -215,12 +217,12 @@ impl Reach<'_> {
         (Vector3::from(leg.platform) - self.about).norm() + leg.kind.ring_radius()
     }
 
-    /// The constraint rows with those of the joints in place of the struts'.
+    /// Returns the constraint rows with those of the joints instead of the struts'.
     fn rows_of_nuts(&self, middle: &Middle) -> Option<Rows> {
         let of_twist = middle.at.inverse_jacobian().ok()?;
         let mut rows = constraint_rows(middle.at);
         let per_radius = 1.0 / self.config.machine.radius();
-        // From the control point to the one that the rows are about.
+        // From the control point to the reference point of the rows.
         let lever = middle.rotation * (self.tool + self.about);
         let legs = self.config.geometry.legs().iter().enumerate();
         for (i, _) in legs.filter(|(_, leg)| leg.kind.screw().lead != 0.0) {
@@ -236,7 +238,7 @@ impl Reach<'_> {
         Some(rows)
     }
 
-    /// Bound of what the nut corrections add to the change of the rows in the cell.
+    /// Bounds what the nut corrections add to the change of the rows in the cell.
     fn rest_of_nuts(
         &self,
         middle: &Middle,
@@ -271,15 +273,15 @@ impl Reach<'_> {
     }
 }
 
-/// Bound of the spectral radius of a matrix without negative entries, by Collatz and Wielandt: for
-/// any vector x of positive numbers it is at most the largest (B x)ᵢ/xᵢ.
+/// Bounds the spectral radius of a nonnegative matrix (Collatz and Wielandt): for
+/// any positive vector x it is at most the largest (B x)ᵢ/xᵢ.
 fn spectral_radius(matrix: &Square) -> f64 {
     let mut x = Vector6::repeat(1.0);
     let mut least = f64::INFINITY;
     for _ in 0..STEPS {
         let y = matrix * x;
         let bound = y.component_div(&x).max();
-        // What is not a number bounds nothing.
+        // NaN bounds nothing.
         if bound.is_nan() {
             return f64::INFINITY;
         }

@@ -1,48 +1,48 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The values of limits over a cell, between bounds.
+//! Bounds of the values of limits over a cell.
 //!
-//! **Distance of legs**: with w the unit vector from the nearest point of one leg to that of the
-//! other in the middle, their distance is at least w · (a − b) for the ends a of one and b of the
-//! other that make it least, wherever the legs are. Each of these four values has a slope, and
+//! **Distance of legs**: let w be the unit vector from the nearest point of one leg to that of the
+//! other at the center. Everywhere in the cell, their distance is at least the minimum of w · (a − b) over the
+//! ends a of one leg and b of the other. Each of these four values has a slope, and
 //! its second derivative is bounded by those of the ends.
 //!
-//! **Tilt, pyramids**: cosines of angles between a leg, or the tool axis, and vectors that stand
-//! still in base or platform, as those of the cones.
+//! **Tilt, pyramids**: cosines of angles between a leg, or the tool axis, and vectors that are
+//! fixed in base or platform, as for the cones.
 
 use crate::proof::bounds::SecondDerivatives;
 use crate::proof::reach::{LegMiddle, Middle, RADIANS, ROUNDING, Reach, Spread};
 use kinematics::{Limit, Margin, Part, Vector3};
 use std::ops::ControlFlow;
 
-/// A value over a cell, or on a way run through in two units of time.
+/// A value over a cell, or over a path traversed in two units of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Course {
-    /// In the middle.
+    /// Value at the center.
     pub middle: f64,
-    /// How far it changes from there to the end, to first order: never negative.
+    /// First-order change from the center to the end: never negative.
     pub slope: f64,
-    /// Bound of its second derivative on every straight way from the middle to an end, run
-    /// through in one unit of time; infinite where none is known.
+    /// Bound of its second derivative on every straight path from the center to an end, traversed
+    /// in one unit of time; infinite if unknown.
     pub second_derivative: f64,
-    /// Rounding.
+    /// Bound of the rounding error.
     pub rounding: f64,
 }
 
 impl Course {
-    /// All its values lie between these.
+    /// Returns bounds of all its values.
     pub fn range(&self) -> (f64, f64) {
         let room = self.slope + self.second_derivative / 2.0 + self.rounding;
         (self.middle - room, self.middle + room)
     }
 }
 
-/// The value of a limit over a cell, or on a way.
+/// The value of a limit over a cell or a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// In the middle.
+    /// Margin at the center.
     pub margin: Margin,
-    /// Nowhere less and more than these; infinite where nothing is known. Distances of legs that are
-    /// nowhere the nearest ones have a lower bound than need be.
+    /// Lower and upper bound of the value; infinite if unknown. Distances of legs that are
+    /// nowhere the nearest ones have a looser lower bound than necessary.
     pub ends: [f64; 2],
 }
 
@@ -57,17 +57,17 @@ impl Span {
         Self { margin: Margin { limit, part, value, range }, ends }
     }
 
-    /// The value keeps at least this distance from the ends of its range everywhere, negative
-    /// beyond them; minus infinity where nothing is known.
+    /// Returns a lower bound of the value's distance from the ends of its range, negative
+    /// outside; minus infinity if unknown.
     pub fn room(&self) -> f64 {
         let [low, high] = self.margin.range;
         let room = (self.ends[0] - low).min(high - self.ends[1]);
-        // What is not a number proves nothing.
+        // NaN proves nothing.
         if room.is_nan() { f64::NEG_INFINITY } else { room }
     }
 }
 
-/// A leg over a cell, as vectors that stand still in base or platform see it.
+/// A leg over a cell, as vectors fixed in base or platform.
 struct Lean<'a> {
     i: usize,
     middle: &'a Middle<'a>,
@@ -76,7 +76,7 @@ struct Lean<'a> {
 }
 
 impl Lean<'_> {
-    /// Product of the leg's direction and a unit vector of base or platform.
+    /// Bounds the product of the leg's direction and a unit vector of base or platform.
     fn course(&self, is_platform: bool, vector: &Vector3<f64>) -> Course {
         let LegMiddle { n, length, changes, .. } = &self.middle.legs[self.i];
         let vector = if is_platform { self.middle.rotation * vector } else { *vector };
@@ -89,7 +89,7 @@ impl Lean<'_> {
             };
             across.dot(&changes[k]) / length + turned
         });
-        // cos = n · d; in the platform d turns, too.
+        // cos = n · d; in the platform d rotates, too.
         let turn = if is_platform { self.spread.turn } else { 0.0 };
         let bound = |second_derivative: &SecondDerivatives| {
             let [first, second] = second_derivative.direction;
@@ -105,8 +105,8 @@ impl Lean<'_> {
 }
 
 impl Reach<'_> {
-    /// Visits all limits that are set, of the pose alone but for its axes and the conditioning.
-    /// Bounds of distances that are `enough` are not made any better.
+    /// Visits all configured limits of the pose alone except its axes and the conditioning.
+    /// Bounds of distances that are `enough` are not refined.
     pub(super) fn spans<B>(
         &self,
         middle: &Middle,
@@ -187,7 +187,7 @@ impl Reach<'_> {
         ControlFlow::Continue(())
     }
 
-    /// Ends of the turns about the fixed axis of a cardan joint and across it, degrees.
+    /// Bounds the angles about the fixed axis of a cardan joint and across it, degrees.
     fn turns(&self, lean: &Lean, is_platform: bool) -> Option<[[f64; 2]; 2]> {
         let screw = self.config.geometry.legs()[lean.i].kind.screw();
         let axis = if is_platform { screw.platform_axis } else { screw.base_axis };
@@ -198,13 +198,13 @@ impl Reach<'_> {
         let [x, y, sine] =
             [zero, quarter, axis].map(|vector| lean.course(is_platform, &vector).range());
         let across = [sine.0, sine.1].map(|sine| sine.clamp(-1.0, 1.0).asin() / RADIANS);
-        // Where the leg may point along the axis, or back, it may be turned by any angle.
+        // If the leg may point along the axis, in either direction, any angle is possible.
         let about = match x.0 <= 0.0 && y.0 <= 0.0 && y.1 >= 0.0 {
             true => [-180.0, 180.0],
             false => {
                 let corners = [(x.0, y.0), (x.0, y.1), (x.1, y.0), (x.1, y.1)];
                 let angles = corners.map(|(x, y)| y.atan2(x) / RADIANS);
-                // The folds below leave out what is not a number.
+                // The folds below ignore NaN.
                 if angles.iter().any(|angle| angle.is_nan()) {
                     return None;
                 }
@@ -217,12 +217,12 @@ impl Reach<'_> {
         Some([about, across])
     }
 
-    /// Whether joint `i` is a coordinate of the pose but for a constant: a table axis where nothing turns.
+    /// Returns whether joint `i` equals a coordinate of the pose plus a constant: a table axis without rotation.
     fn is_coordinate(&self, i: usize, spread: &Spread) -> bool {
         i >= self.config.legs() && spread.turn == 0.0
     }
 
-    /// Joint `i` over a cell; without second derivatives nothing is known of a leg's.
+    /// Bounds joint `i` over a cell; a leg's needs second derivatives.
     pub(super) fn joint_course(
         &self,
         i: usize,
@@ -251,8 +251,8 @@ impl Reach<'_> {
         }
     }
 
-    /// Distances of the legs; bounds that are `enough`, or those of pairs that are not the nearest
-    /// ones anywhere, are not made any better.
+    /// Bounds the distances between legs; bounds that are `enough`, or of pairs that are nowhere the nearest,
+    /// are not refined.
     fn gaps<B>(
         &self,
         middle: &Middle,
@@ -264,7 +264,7 @@ impl Reach<'_> {
         let Some(nearest) = middle.at.nearest().map(|nearest| nearest.distance) else {
             return ControlFlow::Continue(());
         };
-        // No two legs come nearer by more than the two that move farthest.
+        // The distance of two legs decreases by at most the sum of their motions, twice the farthest.
         let farthest = seconds.map_or(f64::INFINITY, |seconds| {
             seconds.iter().map(|second_derivative| second_derivative.farthest).fold(0.0, f64::max)
         });
@@ -293,7 +293,7 @@ impl Reach<'_> {
         ControlFlow::Continue(())
     }
 
-    /// Least distance of two legs along a direction.
+    /// Bounds the least distance of two legs along a direction.
     fn least_gap(
         &self,
         pair: [usize; 2],
@@ -324,19 +324,19 @@ impl Reach<'_> {
     }
 }
 
-/// Roundings of a table axis' value over a cell, each by one unit in the last place of the largest number: middle
-/// and half of the cell, their sum, the tool's vector in and out.
+/// Roundings of a table axis' value over a cell, each one unit in the last place of the largest number: center
+/// and half width of the cell, their sum, and adding and subtracting the tool vector.
 const TABLE_ROUNDINGS: f64 = 8.0;
 
-/// Returns the limit in place of a table axis' value that differs from it by rounding alone. LinuxCNC lets a
-/// table axis go to its limit, as the inverse returns the coordinate itself; it refuses, also in virtual time, what is
-/// really beyond. Legs have no such room: the inverse may round to a value beyond the limit.
+/// Returns the limit instead of a table axis' value that differs from it by rounding alone. LinuxCNC accepts a
+/// table axis at its limit, because the inverse returns the coordinate itself; it refuses, also in virtual time,
+/// values that are beyond. Legs have no such tolerance: the inverse may round to a value beyond the limit.
 fn at_limit(value: f64, range: [f64; 2], low: f64, high: f64) -> f64 {
     let rounding = TABLE_ROUNDINGS * f64::EPSILON * low.abs().max(high.abs());
     range.into_iter().find(|limit| (value - limit).abs() <= rounding).unwrap_or(value)
 }
 
-/// Cosine of the angle between the tool axis and Z of base.
+/// Bounds the cosine of the angle between the tool axis and Z of base.
 fn tilt(middle: &Middle, spread: &Spread) -> Course {
     let z = middle.rotation.column(2).into_owned();
     let gradient = std::array::from_fn(|k| match k {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `[BOX_K]` sections: boxes of the workspace for the start without a seed, with what
-//! their proof needs.
+//! `[BOX_K]` sections: pose boxes for the start without a seed, with the values
+//! that their proof needs.
 
 use crate::read::error::MachineError;
 use crate::read::ini::{Ini, IniError};
@@ -9,31 +9,31 @@ use keys::{ROW, workspace_box};
 use kinematics::{Cause, Fault, Letter, Load, WorkspaceBox};
 use std::fmt::Write;
 
-/// A box with what its proof needs beside it.
+/// A pose box with the values that its proof needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claim {
     /// The box.
     pub region: WorkspaceBox,
     /// Weight of each coordinate in the norm: per machine unit, per degree.
     pub weight: [f64; 6],
-    /// The bound c that ‖1 − M J‖ is claimed not to exceed.
+    /// Claimed upper bound c of ‖1 − M J‖.
     pub contraction: f64,
 }
 
 /// One `[BOX_K]` section.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoxSection {
-    /// What it claims.
+    /// Its claim.
     pub claim: Claim,
-    /// Hash of the geometry that it was proved for.
+    /// Hash of the geometry for which it was proved.
     pub geometry: u32,
 }
 
-/// Reads the sections of a mechanism of a file: as many as `boxes=` or `second_boxes=` says; `load` and `hash` are
+/// Reads the `[BOX_K]` sections of a mechanism, as many as `boxes=` or `second_boxes=` states; `load` and `hash` are
 /// those of the mechanism.
 ///
 /// # Errors
-/// A section or key is missing, unknown or malformed, or a box is one that the module refuses.
+/// A section or key is missing, unknown or malformed, or the module refuses a box.
 pub fn read(
     ini: &Ini,
     load: &Load,
@@ -108,7 +108,7 @@ fn section(ini: &Ini, name: &str, load: &Load) -> Result<BoxSection, IniError> {
     Ok(BoxSection { claim, geometry: ini.require_hash(name, &workspace_box::GEOMETRY)? })
 }
 
-/// The text of the section of this name, as an INI file holds it.
+/// Returns the text of the section of this name for an INI file.
 pub fn text(name: &str, section: &BoxSection, load_letters: &[Letter], legs: usize) -> String {
     let BoxSection { claim, geometry } = section;
     let list = |values: &[f64]| values.iter().map(|x| x.to_string()).collect::<Vec<_>>().join(" ");

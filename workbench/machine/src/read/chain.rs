@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the extra axes carry, `[CHAIN_L]` and `[PKM]WORK_ON_PLATFORM`, and where that takes the machine.
+//! The loads of the extra axes, `[CHAIN_L]` and `[PKM]WORK_ON_PLATFORM`, and the resulting range of poses.
 
 use crate::read::error::{Errors, chain_section};
 use crate::read::ini::{Ini, IniError};
@@ -10,15 +10,15 @@ use kinematics::{
     POSE_LETTERS, Vector3,
 };
 
-/// Parts into which a turn is divided to enclose what it sweeps: half a degree of a whole turn.
+/// Parts into which a turn is divided to enclose the swept region: half a degree of a whole turn.
 const PARTS: u32 = 720;
 
-/// Letters of the axes that can carry something.
+/// Returns the letters of the axes that can carry something.
 fn letters() -> impl Iterator<Item = char> {
     POSE_LETTERS.into_iter().skip(POSE_LETTERS.len() - MAX_LINKS)
 }
 
-/// The chain as given.
+/// Returns the chain as given.
 pub(super) fn geometry(ini: &Ini, load: &Load, errors: &mut Errors) -> Option<ChainGeometry> {
     errors.of(check_sections(ini, load));
     let holder = errors.of(ini.values("PKM", &of_machine::WORK_ON_PLATFORM));
@@ -34,7 +34,7 @@ pub(super) fn geometry(ini: &Ini, load: &Load, errors: &mut Errors) -> Option<Ch
     Some(ChainGeometry { links: links?.try_into().ok()?, holder: holder? })
 }
 
-/// Refuses a chain, which two mechanisms do not have.
+/// Refuses a chain for two mechanisms.
 pub(super) fn refuse(ini: &Ini) -> Result<(), IniError> {
     if let Some(name) = ini.sections().find(|name| name.starts_with("CHAIN_")) {
         return Err(ini.refuse_section(
@@ -51,7 +51,7 @@ pub(super) fn refuse(ini: &Ini) -> Result<(), IniError> {
     }
 }
 
-/// Only extra axes that are none of X Y Z, the tool tip, can carry anything.
+/// Checks that only extra axes other than X Y Z, the tool tip, carry anything.
 fn check_sections(ini: &Ini, load: &Load) -> Result<(), IniError> {
     for name in ini.sections().filter(|name| name.starts_with("CHAIN_")) {
         let is_it = |letter: &char| name == chain_section(*letter);
@@ -77,7 +77,7 @@ fn link(ini: &Ini, letter: char, load: &Load, errors: &mut Errors) -> Option<Lin
     Some(LinkGeometry { carries: carries? as i32, axis: axis?, point: point? })
 }
 
-/// `[TRAJ]HOME` is the pose with every axis of the chain at 0.
+/// Checks that every axis of the chain is at 0 in `[TRAJ]HOME`.
 fn check_home(ini: &Ini, letter: char, load: &Load) -> Result<(), IniError> {
     let n = load.extra.letters().position(|extra| extra == letter).unwrap_or(0);
     let section = format!("JOINT_{}", load.layout.joints() + n);
@@ -89,7 +89,7 @@ fn check_home(ini: &Ini, letter: char, load: &Load) -> Result<(), IniError> {
     Err(ini.refuse(ini.require(&section, "HOME", &expected)?, &expected))
 }
 
-/// Places from one corner of a box to the opposite one.
+/// An axis-aligned region of points.
 #[derive(Clone, Copy)]
 struct Region {
     low: Vector3<f64>,
@@ -113,7 +113,7 @@ impl Region {
         Self { low: self.low.inf(&other.low), high: self.high.sup(&other.high) }
     }
 
-    /// What the points of it sweep that an axis carries over these values; `sign` −1 for the inverse.
+    /// Returns a region that contains all points carried by an axis over these values; `sign` −1 for the inverse.
     fn swept(self, link: &Link, range: [f64; 2], sign: f64) -> Self {
         if !link.is_rotary() {
             let ends = range.map(|value| {
@@ -122,11 +122,11 @@ impl Region {
             });
             return ends[0].with(&ends[1]);
         }
-        // Beyond a whole turn everything comes again.
+        // A whole turn covers everything.
         let width = (range[1] - range[0]).min(360.0);
         let step = width / f64::from(PARTS);
         let (half, arm) = (self.half(), self.middle() - link.point);
-        // Farther from the axis than the farthest point of the box none is; nothing goes along it.
+        // No point is farther from the axis than the farthest point of the region; nothing moves along the axis.
         let chord = (arm.norm() + half.norm()) * (step / 2.0).to_radians();
         let part = |n: u32| {
             let mut world = [0.0; 9];
@@ -140,8 +140,8 @@ impl Region {
     }
 }
 
-/// Limits of the machine's own coordinates that follow from those of LinuxCNC's, without a tool: the
-/// smallest box that is sure to hold every pose.
+/// Computes limits of the machine's own coordinates from those of LinuxCNC's, without a tool: the
+/// smallest region that is guaranteed to contain every pose.
 pub(super) fn machine_axes(
     chain: &Chain,
     axes: &[Axis],
@@ -197,8 +197,8 @@ pub(super) fn machine_axes(
     machine
 }
 
-/// What a region of the platform sweeps as A, B and C turn within their limits, about the axes of base
-/// one after the other.
+/// Returns the region swept by a region of the platform as A, B and C turn within their limits, successively
+/// about the axes of base.
 fn turned(region: Region, axes: &[Axis], layout: &Layout) -> Region {
     (0..3).fold(region, |region, k| {
         let (place, axis) = (k + 3, Vector3::ith(k, 1.0));
@@ -226,7 +226,7 @@ mod tests {
         let swept = region.swept(&turn(5, [0.0, 0.0, 1.0], [0.0; 3]), [-36_000.0, 36_000.0], 1.0);
         let radius = 40.0_f64.hypot(20.0);
         for k in 0..2 {
-            // A share of a whole turn's chord too much: 0.5 degrees of arc.
+            // The enclosure exceeds the radius by at most a share of a whole turn's chord, 0.5 degrees of arc.
             assert!(swept.high[k] >= radius && swept.high[k] < 1.01 * radius, "{:?}", swept.high);
             assert!(swept.low[k] <= -radius && swept.low[k] > -1.01 * radius, "{:?}", swept.low);
         }

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Problems of a file as people read them: the line, the part that is meant, and a way out.
+//! Problems of a file for the user: the line, the offending part, and a fix.
 
 use crate::read::error::MachineError;
 use crate::read::ini::{IniError, Problem};
 use annotate_snippets::{AnnotationKind, Level, Origin, Renderer, Snippet};
 
-/// How much a finding weighs.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// Something does not fit.
+    /// A violation.
     Error,
-    /// Something may not be meant so.
+    /// A possible mistake.
     Warning,
 }
 
-/// Returns why an INI file describes no machine, in colours: every error with its line.
+/// Returns the refusal of an INI file, in colors: every error with its line.
 pub fn of_machine(error: &MachineError) -> String {
     let marked = |IniError(problem): &IniError| rendered(Severity::Error, problem);
     match error.in_file() {
@@ -24,7 +24,7 @@ pub fn of_machine(error: &MachineError) -> String {
     }
 }
 
-/// A problem with its line, in colours; who prints takes them away where they do not belong.
+/// Returns a problem with its line, in colors; the printing code removes them if necessary.
 pub fn rendered(severity: Severity, problem: &Problem) -> String {
     let level = match severity {
         Severity::Error => Level::ERROR,

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Which way tools point, `TOOL_DIRECTION`: a key that changes nothing, and that lengths are checked with.
+//! Direction of tools, `TOOL_DIRECTION`: a key that changes no motion, only checks tool lengths.
 
 use crate::read::ini::{Ini, IniError};
 use keys::machine as of_machine;
 
-/// Which way tools point along the platform's Z from its reference point, at A = B = C = 0.
+/// Direction of tools along the platform's Z from its reference point, at A = B = C = 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ToolDirection {
     /// The tip is below the reference point, and lengths are positive.
@@ -14,7 +14,7 @@ pub enum ToolDirection {
 }
 
 impl ToolDirection {
-    /// Its word in the file.
+    /// Returns its word in the file.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Down => "down",
@@ -22,7 +22,7 @@ impl ToolDirection {
         }
     }
 
-    /// The other one.
+    /// Returns the opposite direction.
     pub const fn other(self) -> Self {
         match self {
             Self::Down => Self::Up,
@@ -30,7 +30,7 @@ impl ToolDirection {
         }
     }
 
-    /// The one that a length has; `None` of 0.
+    /// Returns the direction of a length; `None` for 0.
     pub fn of_length(length: f64) -> Option<Self> {
         match length {
             0.0 => None,
@@ -38,12 +38,12 @@ impl ToolDirection {
         }
     }
 
-    /// Whether a length has the tip on the other side.
+    /// Returns whether a length puts the tip on the other side.
     pub fn contradicts(self, length: f64) -> bool {
         Self::of_length(length).is_some_and(|found| found != self)
     }
 
-    /// Where the tip is seen from the reference point.
+    /// Returns the side of the reference point on which the tip is.
     pub const fn side(self) -> &'static str {
         match self {
             Self::Down => "below",
@@ -51,7 +51,7 @@ impl ToolDirection {
         }
     }
 
-    /// What that means for lengths, as the section says it.
+    /// Returns the rule for lengths as an error message gives it.
     pub fn rule(self, section: &str) -> String {
         format!(
             "with [{section}]{} = {} the tip is {} the platform's reference point and lengths are {}",
@@ -62,7 +62,7 @@ impl ToolDirection {
         )
     }
 
-    /// Sign of lengths.
+    /// Returns the sign of lengths.
     pub const fn sign(self) -> &'static str {
         match self {
             Self::Down => "positive",
@@ -71,10 +71,10 @@ impl ToolDirection {
     }
 }
 
-/// The direction that a section gives, which the part of the tool length in it has to follow.
+/// Reads the direction in a section and checks the sign of the tool length there.
 ///
 /// # Errors
-/// Another word, or an offset that points the other way.
+/// Another word, or an offset in the other direction.
 pub(super) fn read(
     ini: &Ini,
     section: &str,

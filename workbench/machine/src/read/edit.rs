@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The text of an INI file with other values: every other line, comments and layout stay.
+//! Replaces values in the text of an INI file: all other lines, comments and layout stay.
 
 use diffy::DiffOptions;
 use std::ops::Range;
 
-/// A section that is not in the file.
+/// A section that is not in the file itself.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("[{0}] is not in this file but in an included one: change it there")]
 pub struct Elsewhere(pub String);
 
-/// What a value of the file becomes.
+/// A new value of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edit {
     /// Section without brackets.
     pub section: String,
     /// Key.
     pub key: &'static str,
-    /// Text behind `=`.
+    /// Text after `=`.
     pub value: String,
 }
 
-/// Both texts as a difference that people and `patch` read, with so many lines around each change; nothing for
-/// texts that are equal.
+/// Returns both texts as a unified diff with `around` lines of context around each change; empty for
+/// equal texts.
 pub fn difference(old: &str, new: &str, names: (&str, &str), around: usize) -> String {
     let patch = DiffOptions::new()
         .set_context_len(around)
@@ -31,10 +31,10 @@ pub fn difference(old: &str, new: &str, names: (&str, &str), around: usize) -> S
     if patch.hunks().is_empty() { String::new() } else { patch.to_string() }
 }
 
-/// The text with these values.
+/// Returns the text with these values.
 ///
 /// # Errors
-/// A section stands in an included file.
+/// A section is in an included file.
 pub fn entered(text: &str, edits: &[Edit]) -> Result<String, Elsewhere> {
     let mut lines: Vec<String> = text.split('\n').map(Into::into).collect();
     for edit in edits {
@@ -43,7 +43,7 @@ pub fn entered(text: &str, edits: &[Edit]) -> Result<String, Elsewhere> {
     Ok(lines.join("\n"))
 }
 
-/// A new text with the ends of lines that the old one has, where all of those are carriage return and line feed.
+/// Converts the line ends of a new text to carriage return and line feed if all lines of the old text have them.
 pub fn with_ends(old: &str, new: String) -> String {
     let mut lines = old.split_inclusive('\n').filter(|line| line.ends_with('\n')).peekable();
     match lines.peek().is_some() && lines.all(|line| line.ends_with("\r\n")) {
@@ -52,7 +52,7 @@ pub fn with_ends(old: &str, new: String) -> String {
     }
 }
 
-/// Lines of a section behind its heading, to the next heading.
+/// Returns the lines of a section after its heading, up to the next heading.
 fn section(lines: &[String], name: &str) -> Option<Range<usize>> {
     let heading = format!("[{name}]");
     let first = lines.iter().position(|line| line.trim() == heading)? + 1;
@@ -60,10 +60,10 @@ fn section(lines: &[String], name: &str) -> Option<Range<usize>> {
     Some(first..next.map_or(lines.len(), |next| first + next))
 }
 
-/// Puts a value behind its key, or the key behind the last one of its section.
+/// Replaces the value of a key, or inserts the key after the last one of its section.
 ///
 /// # Errors
-/// The section is not there.
+/// The section does not exist.
 pub fn enter(lines: &mut Vec<String>, edit: &Edit) -> Result<(), Elsewhere> {
     let Edit { section: name, key, value } = edit;
     let range = section(lines, name).ok_or_else(|| Elsewhere(name.clone()))?;
@@ -83,11 +83,11 @@ pub fn enter(lines: &mut Vec<String>, edit: &Edit) -> Result<(), Elsewhere> {
     Ok(())
 }
 
-/// The text with these sections in the place of all whose name begins with `prefix`, and their number in
+/// Returns the text with these sections in place of all whose name begins with `prefix`, and their number in
 /// `[KINS]KINEMATICS` as `parameter`; comments stay.
 ///
 /// # Errors
-/// `[KINS]KINEMATICS` or such a section stands in an included file.
+/// `[KINS]KINEMATICS` or such a section is in an included file.
 pub fn with_sections(
     text: &str,
     (prefix, parameter): (&str, &str),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Why no machine could be made of an INI file: everything that was found, at once.
+//! Errors of an INI file that describes no machine, all at once.
 
 use crate::read::ini::{Ini, IniError};
 use crate::read::place::{Place, leg_section};
@@ -7,18 +7,18 @@ use kinematics::{Fault, MachinePart};
 use std::fmt;
 use std::path::PathBuf;
 
-/// Why no machine could be made of an INI file.
+/// Why an INI file describes no machine.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MachineError {
-    /// The text of the file is wrong: everything that was found, never empty.
+    /// Errors in the text of the file: all of them, never empty.
     Ini(Vec<IniError>),
-    /// The text is in order, but describes no machine; the section of the leg or axis that the fault
+    /// The text is valid, but describes no machine; with the section of the leg or axis that the fault
     /// names.
     Geometry(PathBuf, Fault, Option<IniError>),
 }
 
 impl MachineError {
-    /// The refusal of the geometry of a mechanism of a file.
+    /// Returns the refusal of the geometry of a mechanism of a file.
     pub fn of_geometry(ini: &Ini, place: &Place, fault: Fault) -> Self {
         let fault = place.counted(fault);
         let section = match fault.part {
@@ -29,13 +29,13 @@ impl MachineError {
                 let section = chain_section(letter.into());
                 Some(ini.refuse_section(&section, &fault.to_string()))
             }
-            // The legs together.
+            // A fault of all legs together.
             _ => ini.first("KINS", "KINEMATICS").map(|entry| ini.refuse(entry, &fault.to_string())),
         };
         Self::Geometry(ini.file().into(), fault, section)
     }
 
-    /// Returns the errors that have a place in the file.
+    /// Returns the errors that have a location in the file.
     pub fn in_file(&self) -> &[IniError] {
         match self {
             MachineError::Ini(errors) => errors,
@@ -64,12 +64,12 @@ impl From<IniError> for MachineError {
     }
 }
 
-/// What is wrong with values that do not depend on each other.
+/// Errors of independent values.
 #[derive(Default)]
 pub(super) struct Errors(Vec<IniError>);
 
 impl Errors {
-    /// The value; what is wrong with it is kept, once.
+    /// Returns the value, or records its error once.
     pub(super) fn of<T>(&mut self, value: Result<T, IniError>) -> Option<T> {
         match value {
             Ok(value) => Some(value),
@@ -82,7 +82,7 @@ impl Errors {
         }
     }
 
-    /// All of them.
+    /// Reads all of them.
     pub(super) fn each<T>(
         &mut self,
         count: usize,
@@ -96,7 +96,7 @@ impl Errors {
         self.value(Some(()))
     }
 
-    /// No value is missing where nothing was wrong.
+    /// Returns the value, which exists if there was no error.
     pub(super) fn value<T>(self, value: Option<T>) -> Result<T, MachineError> {
         value.filter(|_| self.0.is_empty()).ok_or(MachineError::Ini(self.0))
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What an INI file says once, of one mechanism or of two.
+//! Facts of an INI file that exist once, for one mechanism or two.
 
 use crate::read::error::Errors;
 use crate::read::ini::{Entry, Ini, IniError};
@@ -9,36 +9,36 @@ use keys::machine as of_machine;
 use kinematics::{Load, Second};
 use std::path::{Path, PathBuf};
 
-/// What LinuxCNC's interpreter needs to read programs as this machine does.
+/// Settings with which LinuxCNC's interpreter reads programs as this machine does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
-    /// `[RS274NGC]PARAMETER_FILE`, or what LinuxCNC takes without it, beside the INI file; `None` keeps nothing.
+    /// `[RS274NGC]PARAMETER_FILE` or LinuxCNC's default, in the INI file's folder; `None` saves nothing.
     pub parameter_file: Option<PathBuf>,
-    /// `[EMCIO]TOOL_TABLE`, beside the INI file.
+    /// `[EMCIO]TOOL_TABLE`, in the INI file's folder.
     pub tool_table: Option<PathBuf>,
     /// `[RS274NGC]RS274NGC_STARTUP_CODE`.
     pub startup_code: Option<String>,
     /// `[EMCIO]RANDOM_TOOLCHANGER`.
     pub random_tools: bool,
-    /// The INI file with those it includes, where it includes any.
+    /// The INI file with its included files, if any.
     pub expanded: Option<String>,
 }
 
-/// What an INI file says of the machine as a whole.
+/// Facts of a machine as a whole.
 #[derive(Clone, Debug)]
 pub struct FileFacts {
     /// The INI file.
     pub file: PathBuf,
-    /// What was read from it.
+    /// The parsed INI file.
     pub ini: Ini,
     /// Letters of the second mechanism, if the file has one.
     pub second_letters: Option<Second>,
-    /// Smallest distance of the legs and the platform of one of two mechanisms from those of the
+    /// Smallest distance between the legs and the platform of one of two mechanisms and those of the
     /// other, machine units, `[PKM]MECHANISM_CLEARANCE`.
     pub mechanism_clearance: Option<f64>,
-    /// `[TRAJ]HOME` as LinuxCNC has it, X Y Z A B C U V W.
+    /// `[TRAJ]HOME` in LinuxCNC's coordinates, X Y Z A B C U V W.
     pub world_home: [f64; 9],
-    /// Machine units per millimetre, from `[TRAJ]LINEAR_UNITS`.
+    /// Machine units per millimeter, from `[TRAJ]LINEAR_UNITS`.
     pub units_per_mm: f64,
     /// `[TRAJ]MAX_LINEAR_VELOCITY`, machine units per second, and `MAX_ANGULAR_VELOCITY`, degrees per second.
     pub max_velocity: [f64; 2],
@@ -46,7 +46,7 @@ pub struct FileFacts {
     pub max_acceleration: [f64; 2],
     /// `[EMCMOT]SERVO_PERIOD`, seconds.
     pub period: f64,
-    /// What the interpreter needs.
+    /// Settings of the interpreter.
     pub program: Program,
 }
 

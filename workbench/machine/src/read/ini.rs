@@ -2,17 +2,17 @@
 //! Machine INI files, in LinuxCNC's dialect.
 //!
 //! Lines are `[SECTION]`, `KEY = value`, empty, or comments starting with `#` or `;`;
-//! a line that is none of these is skipped, as LinuxCNC does.
-//! Everything after `=` is the value: LinuxCNC knows no comments behind values.
+//! other lines are skipped, as in LinuxCNC.
+//! Everything after `=` is the value: LinuxCNC has no comments after values.
 //! Sections that describe the machine are strict (see `check_section`); in all
-//! others the first of repeated keys counts, as LinuxCNC's own readers have it, unless the
+//! others the first of repeated keys counts, as in LinuxCNC's own readers, unless the
 //! machine depends on the value: then a repetition is refused.
 //!
-//! LinuxCNC 2.9 has two readers, and its start script copies included files in before both.
-//! The one of its programs (`inivar` shows it) joins a line that ends with a backslash to the
-//! next one, reads 255 bytes of a line, and sees only the first of two sections of a name.
-//! The one of its HAL files (haltcl) does none of this. Where they differ, a file means two
-//! things: such a line is refused, or its value where the machine depends on it.
+//! LinuxCNC 2.9 has two readers, and its start script first copies included files into the file.
+//! The reader of its programs (`inivar` prints its values) joins a line that ends with a backslash to the
+//! next one, reads 255 bytes of a line, and uses only the first of two sections of the same name.
+//! The reader of its HAL files (haltcl) does none of this. If they differ, the file is ambiguous:
+//! such a line is refused, or its value if the machine depends on it.
 //! tests/inivar.rs compares this reader with `inivar`.
 
 use crate::files::{self, AtFile};
@@ -22,46 +22,46 @@ use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Longest line that LinuxCNC's programs read in one piece (LINELEN of inifile.cc), bytes.
+/// Longest line that LinuxCNC's programs read as one line (LINELEN of inifile.cc), bytes.
 const LONGEST_LINE: usize = 255;
 
-/// First word of a line that names a file to be read in its place.
+/// First word of a line that includes a file.
 const INCLUDE: &str = "#INCLUDE";
 
-/// What some editors write before the first line.
+/// Byte order mark that some editors write before the first line.
 const MARK: char = '\u{feff}';
 
-/// A line of a file, and the part of it that is meant.
+/// A line of a file, and the offending part of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Excerpt {
     /// The line.
     pub text: String,
-    /// The part, in bytes of the line.
+    /// The offending part, in bytes of the line.
     pub part: std::ops::Range<usize>,
 }
 
-/// Why an INI file was refused: where, what was found, what was expected.
+/// Why an INI file was refused: location, found text, expected text.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Problem {
-    /// The file as it was named by the caller.
+    /// The file as the caller named it.
     pub file: PathBuf,
-    /// Line, counted from 1; `None` where something is missing.
+    /// Line, counted from 1; `None` if something is missing.
     pub line: Option<usize>,
-    /// Section without brackets; empty where no section is concerned, as in a tool table.
+    /// Section without brackets; empty if no section is concerned, as in a tool table.
     pub section: String,
-    /// Key; empty where no key is concerned.
+    /// Key; empty if no key is concerned.
     pub key: String,
     /// The offending text, if there is one.
     pub found: Option<String>,
-    /// What was expected, and a way out.
+    /// The expected text, and a fix.
     pub expected: String,
-    /// The line itself, where there is one.
+    /// The line itself, if any.
     #[serde(skip)]
     pub excerpt: Option<Excerpt>,
 }
 
 impl Problem {
-    /// What is wrong, without the place.
+    /// Returns the problem without its location.
     pub fn message(&self) -> String {
         if self.section.is_empty() {
             let found = self.found.as_ref().map(|found| format!("{found}: ")).unwrap_or_default();
@@ -86,7 +86,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// The error of this module; boxed, because it travels through every reader.
+/// An error of this module; boxed, because every reader returns it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IniError(pub Box<Problem>);
 
@@ -107,21 +107,21 @@ impl IniError {
     }
 }
 
-/// One line of the file or of one that it includes.
+/// A line of the file or of an included file.
 #[derive(Clone, Debug, PartialEq)]
 struct Line {
     file: PathBuf,
     /// Counted from 1.
     number: usize,
-    /// Without its end.
+    /// Text without its line end.
     text: String,
 }
 
 impl Line {
-    /// The line with one part of it, or all of it where the part is not in it.
+    /// Returns the line with one part of it, or with all of it if the part is not in it.
     fn excerpt(&self, part: &str) -> Excerpt {
         let text = self.text.trim_end();
-        // A value is looked for behind its key, which may hold the same characters.
+        // Search for a value after its key, which may contain the same characters.
         let from = text.find('=').filter(|at| text[*at..].contains(part)).unwrap_or(0);
         let whole = text.len() - text.trim_start().len()..text.len();
         let part = match text[from..].find(part) {
@@ -131,7 +131,7 @@ impl Line {
         Excerpt { text: text.into(), part }
     }
 
-    /// Whether LinuxCNC's programs read the next line as a part of this one. A blank or a
+    /// Returns whether LinuxCNC's programs join the next line to this one. A blank or a
     /// carriage return after the backslash prevents it.
     fn goes_on(&self) -> bool {
         self.text.ends_with('\\')
@@ -151,35 +151,35 @@ pub struct Entry {
     pub key: String,
     /// Text after `=`, without blanks around it.
     pub value: String,
-    /// Where it begins.
+    /// First line.
     line: Line,
-    /// Whether it goes on in the next line, for LinuxCNC's programs.
+    /// Whether LinuxCNC's programs continue it on the next line.
     continued: bool,
-    /// Whether an earlier section of this name hides it from LinuxCNC's programs.
+    /// Whether an earlier section of the same name hides it from LinuxCNC's programs.
     hidden: bool,
 }
 
-/// A file as read: nothing is interpreted yet.
+/// A file as read, without interpretation.
 #[derive(Clone, Debug)]
 pub struct Ini {
     file: PathBuf,
     entries: Vec<Entry>,
     headings: Vec<(String, Line)>,
-    /// Section and first word of lines without `=`, and how many entries stand before them.
+    /// Section and first word of lines without `=`, and the number of entries before them.
     unassigned: Vec<(String, String, usize)>,
-    /// The text with the files it includes; `None` where it includes none.
+    /// The text with included files; `None` if it includes none.
     expanded: Option<String>,
     /// The text of the file itself.
     text: String,
-    /// Whether that is all of it: what is not UTF-8 is replaced.
+    /// Whether the text is complete: bytes that are not UTF-8 are replaced.
     is_whole: bool,
 }
 
 impl Ini {
-    /// Reads a file, and those that it includes.
+    /// Reads a file and its included files.
     ///
     /// # Errors
-    /// A file cannot be read, or a line means different things to LinuxCNC's readers.
+    /// A file cannot be read, or LinuxCNC's readers differ on a line.
     pub fn read(file: &Path) -> Result<Self, IniError> {
         let text = files::read(file).map_err(|AtFile { error, .. }| {
             let expected =
@@ -190,7 +190,7 @@ impl Ini {
         Ok(Self { is_whole: matches!(lossy, Cow::Borrowed(_)), ..Self::parse(file, &lossy)? })
     }
 
-    /// Reads text; `file` names it in errors, and files it includes are looked for beside it.
+    /// Parses text; `file` is its name in errors, and included files are searched for in its folder.
     ///
     /// # Errors
     /// As [`Ini::read`].
@@ -231,8 +231,8 @@ impl Ini {
         }
     }
 
-    /// The lines as LinuxCNC's start script copies them: it reads the file with the shell's
-    /// `read`, which takes backslashes away, and copies included files as they are.
+    /// Returns the lines as LinuxCNC's start script copies them: it reads the file with the shell's
+    /// `read`, which removes backslashes, and copies included files unchanged.
     fn expand(&self, own: Vec<Line>) -> Result<Vec<Line>, IniError> {
         let mut lines = vec![];
         let mut own = own.into_iter();
@@ -244,7 +244,7 @@ impl Ini {
             line.text = without_escapes(&line.text);
             let mut words = line.text.trim().splitn(2, [' ', '\t']);
             if words.next() != Some(INCLUDE) {
-                // The script puts a blank between the first word and the rest.
+                // The script inserts a blank between the first word and the rest.
                 line.text.push(' ');
                 lines.push(line);
                 continue;
@@ -259,7 +259,7 @@ impl Ini {
         if name.is_empty() {
             return Err(refuse("expected a file name after #INCLUDE"));
         }
-        // The start script hands the name to the shell.
+        // The start script passes the name to the shell.
         if name.contains(['$', '`', '*', '?', '[', '"', '\'', '(', '&', ';', '|', '<', '>']) {
             return Err(refuse("expected a plain file name: the shell would expand this one"));
         }
@@ -270,7 +270,7 @@ impl Ini {
         Ok(numbered(&file, &String::from_utf8_lossy(&text)))
     }
 
-    /// Refuses a join that LinuxCNC's readers do not agree on whatever the value is for.
+    /// Refuses a joined line on which LinuxCNC's readers differ, for any use of the value.
     fn refuse_join(&self, line: &Line, next: &Line) -> Result<(), IniError> {
         let refuse = |expected: &str| Err(self.error("", "", None, expected).at(line, "\\"));
         if next.text.trim_start().starts_with('[') {
@@ -322,8 +322,8 @@ impl Ini {
         Ok(())
     }
 
-    /// What carries LinuxCNC's HAL files out takes every line with a `=` and no `#` before it for a key of the section
-    /// above, a comment behind `;` too, and ends where there is none.
+    /// Refuses a key before the first section: LinuxCNC's interpreter of HAL files treats every line with `=` and no
+    /// `#` before it as a key of the section above, even a comment with `;`, and aborts if there is no section.
     fn refuse_before_sections(&self, line: &Line) -> Result<(), IniError> {
         match line.text.split_once('=') {
             Some((key, _)) if !key.trim().is_empty() && !key.contains('#') => {
@@ -335,7 +335,7 @@ impl Ini {
         }
     }
 
-    /// LinuxCNC's programs take a byte order mark for a part of the first line.
+    /// Refuses a byte order mark: LinuxCNC's programs read it as part of the first line.
     fn refuse_mark(&self, lines: &[Line]) -> Result<(), IniError> {
         let marked = lines.first().and_then(|line| Some((line, line.text.strip_prefix(MARK)?)));
         match marked {
@@ -348,7 +348,7 @@ impl Ini {
         }
     }
 
-    /// LinuxCNC's programs take what is beyond for a line of its own.
+    /// Refuses a line too long for LinuxCNC's programs, which read the rest as another line.
     fn refuse_long(&self, line: &Line) -> Result<(), IniError> {
         let rest = line.text.as_bytes().get(LONGEST_LINE..).unwrap_or_default();
         let section = self.headings.last().map_or("", |(name, _)| name);
@@ -362,7 +362,7 @@ impl Ini {
         Err(self.error("", "", None, &expected).at(line, ""))
     }
 
-    /// What LinuxCNC's programs read for this key (as `inivar` prints it).
+    /// Returns the value that LinuxCNC's programs read for this key (as `inivar` prints it).
     pub fn as_inivar(&self, section: &str, key: &str) -> Option<&str> {
         let is_it = |e: &Entry| e.section == section && !e.hidden && e.key == key;
         let place = self.entries.iter().position(is_it)?;
@@ -376,8 +376,8 @@ impl Ini {
         Some(self.entries[place].value.as_str()).filter(|value| !value.is_empty())
     }
 
-    /// Returns section, key and value of every line that LinuxCNC's haltcl reads, in the order of the file. It joins no
-    /// lines, and a comment with `;` and a `=` is a key.
+    /// Returns section, key and value of every line that LinuxCNC's haltcl reads, in file order. It does not join
+    /// lines, and reads a comment with `;` and `=` as a key.
     pub fn as_haltcl(&self) -> impl Iterator<Item = (&str, &str, &str)> {
         let mut section = "";
         self.expanded().unwrap_or(&self.text).split('\n').filter_map(move |line| {
@@ -393,21 +393,21 @@ impl Ini {
         })
     }
 
-    /// The text with the files it includes, as LinuxCNC's start script makes it; `None` where
+    /// Returns the text with included files, as LinuxCNC's start script writes it; `None` if
     /// it includes none.
     pub fn expanded(&self) -> Option<&str> {
         self.expanded.as_deref()
     }
 
-    /// The text of the file itself, as it was read.
+    /// Returns the text of the file itself, as it was read.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// The same, to be written again with other values.
+    /// Returns the text of the file itself, to be written with other values.
     ///
     /// # Errors
-    /// A line is not UTF-8, which would be lost.
+    /// A line is not UTF-8 and would be lost.
     pub fn editable(&self) -> Result<&str, IniError> {
         if self.is_whole {
             return Ok(&self.text);
@@ -422,40 +422,40 @@ impl Ini {
         })
     }
 
-    /// The file as it was named by the caller.
+    /// Returns the file as the caller named it.
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    /// Names of all sections, in the order of the file.
+    /// Returns the names of all sections, in file order.
     pub fn sections(&self) -> impl Iterator<Item = &str> {
         self.headings.iter().map(|(name, _)| name.as_str())
     }
 
-    /// Every entry, in the order of the file.
+    /// Returns every entry, in file order.
     pub fn entries(&self) -> impl Iterator<Item = &Entry> {
         self.entries.iter()
     }
 
-    /// First entry of this key that LinuxCNC's programs see.
+    /// Returns the first entry of this key that LinuxCNC's programs read.
     pub fn first(&self, section: &str, key: &str) -> Option<&Entry> {
         self.all(section, key).into_iter().find(|entry| !entry.hidden)
     }
 
-    /// All entries of this key.
+    /// Returns all entries of this key.
     pub fn all(&self, section: &str, key: &str) -> Vec<&Entry> {
         self.entries.iter().filter(|e| e.section == section && e.key == key).collect()
     }
 
-    /// The entry of this key.
+    /// Returns the entry of this key.
     ///
     /// # Errors
-    /// The key is missing, and `expected` says what it should hold, or repeated.
+    /// The key is missing, with `expected` as the expected value, or repeated.
     pub fn require(&self, section: &str, key: &str, expected: &str) -> Result<&Entry, IniError> {
         self.only(section, key)?.ok_or_else(|| self.missing(section, key, expected))
     }
 
-    /// The error of a key that is missing, at the one that may have been meant as it.
+    /// Returns the error of a missing key, at a key that may be its misspelling.
     fn missing(&self, section: &str, key: &str, expected: &str) -> IniError {
         let own = self.entries.iter().filter(|entry| entry.section == section);
         let meant = own
@@ -474,8 +474,8 @@ impl Ini {
         }
     }
 
-    /// The entry of a key that may be missing, but not repeated: readers differ in which
-    /// of two they take.
+    /// Returns the entry of an optional key and refuses a repeated one: readers differ in which
+    /// of two they use.
     fn only(&self, section: &str, key: &str) -> Result<Option<&Entry>, IniError> {
         let all = self.all(section, key);
         match all.as_slice() {
@@ -504,7 +504,7 @@ impl Ini {
     /// Refuses keys that are not in `keys`, and repeated keys.
     ///
     /// # Errors
-    /// The first entry that does not belong into the section.
+    /// The first entry that does not belong in the section.
     pub fn check_section(&self, section: &str, keys: &[&str]) -> Result<(), IniError> {
         let known = format!("known keys are {}", keys.join(" "));
         for entry in self.entries.iter().filter(|e| e.section == section) {
@@ -531,10 +531,10 @@ impl Ini {
         self.check_section(section, &keys.map(|key| key.name).collect::<Vec<_>>())
     }
 
-    /// The numbers of a key of the table, `None` where it is missing and need not be given.
+    /// Returns the numbers of a key of the table, `None` if it is missing and optional.
     ///
     /// # Errors
-    /// It is missing and always needed, as [`Ini::numbers`], or a number is out of its range.
+    /// It is missing and required, as [`Ini::numbers`], or a number is out of range.
     pub fn values<const N: usize>(
         &self,
         section: &str,
@@ -547,7 +547,7 @@ impl Ini {
         }
     }
 
-    /// The numbers of a key of the table that is needed here.
+    /// Returns the numbers of a key of the table that is required here.
     ///
     /// # Errors
     /// The key is missing, or as [`Ini::values`].
@@ -564,10 +564,10 @@ impl Ini {
         }
     }
 
-    /// The place of a word among those that a key of the table may have, counted from 1.
+    /// Returns the index of a key's word among its allowed words, counted from 1.
     ///
     /// # Errors
-    /// It is missing, given twice or another word.
+    /// It is missing, repeated or another word.
     pub fn require_word(&self, section: &str, key: &Key) -> Result<usize, IniError> {
         let expected = format!("expected {}", key.expected());
         let entry = self.require(section, key.name, &expected)?;
@@ -576,7 +576,7 @@ impl Ini {
         place.map(|place| place + 1).ok_or_else(|| self.refuse(entry, &expected))
     }
 
-    /// The same of a key that need not be given.
+    /// Returns the index of the word of an optional key, as [`Ini::require_word`].
     ///
     /// # Errors
     /// As [`Ini::require_word`].
@@ -587,17 +587,17 @@ impl Ini {
         }
     }
 
-    /// A hash, in either way that it is written.
+    /// Returns a hash, in either of its notations.
     ///
     /// # Errors
-    /// It is missing, given twice or no hash.
+    /// It is missing, repeated or not a hash.
     pub fn require_hash(&self, section: &str, key: &Key) -> Result<u32, IniError> {
         let expected = format!("expected {}", key.expected());
         let entry = self.require(section, key.name, &expected)?;
         keys::hash(&entry.value).ok_or_else(|| self.refuse(entry, &expected))
     }
 
-    /// The one number of a key of the table, `None` as in [`Ini::values`].
+    /// Returns the single number of a key of the table, `None` as in [`Ini::values`].
     ///
     /// # Errors
     /// As [`Ini::values`].
@@ -605,7 +605,7 @@ impl Ini {
         Ok(self.values::<1>(section, key)?.map(|[value]| value))
     }
 
-    /// The one number of a key of the table that is needed here.
+    /// Returns the single number of a key of the table that is required here.
     ///
     /// # Errors
     /// As [`Ini::require_values`].
@@ -613,7 +613,7 @@ impl Ini {
         self.require_values::<1>(section, key).map(|[value]| value)
     }
 
-    /// Numbers of this key, `None` if the key is missing.
+    /// Returns the numbers of this key, `None` if the key is missing.
     ///
     /// # Errors
     /// Not exactly `N` plain decimal numbers separated by spaces, or a repeated key.
@@ -625,7 +625,7 @@ impl Ini {
         self.only(section, key)?.map(|entry| self.numbers_of(entry)).transpose()
     }
 
-    /// Numbers of this key.
+    /// Returns the numbers of this key.
     ///
     /// # Errors
     /// The key is missing, or as [`Ini::numbers`].
@@ -637,7 +637,7 @@ impl Ini {
         self.numbers_of(self.require(section, key, &expected_numbers(N))?)
     }
 
-    /// A number of this key, or `default` if the key is missing.
+    /// Returns the number of this key, or `default` if the key is missing.
     ///
     /// # Errors
     /// As [`Ini::numbers`].
@@ -645,11 +645,11 @@ impl Ini {
         Ok(self.numbers::<1>(section, key)?.map_or(default, |[value]| value))
     }
 
-    /// The entry's value as exactly `N` numbers.
+    /// Parses the entry's value as exactly `N` numbers.
     fn numbers_of<const N: usize>(&self, entry: &Entry) -> Result<[f64; N], IniError> {
         let expected = expected_numbers(N);
         if entry.continued {
-            // HAL files see the backslash.
+            // HAL files include the backslash.
             let error = self.refuse(entry, &expected);
             return Err(error.at(&entry.line, "\\"));
         }
@@ -657,12 +657,12 @@ impl Ini {
         <[f64; N]>::try_from(values).map_err(|_| self.refuse(entry, &expected))
     }
 
-    /// The entry's value as numbers, however many; `None` if a word is no plain decimal number.
+    /// Parses the entry's value as any number of numbers; `None` if a word is not a plain decimal number.
     pub fn number_list(&self, entry: &Entry) -> Option<Vec<f64>> {
         entry.words().map(decimal).collect()
     }
 
-    /// The error that refuses this entry.
+    /// Returns the error that refuses this entry.
     pub fn refuse(&self, entry: &Entry, expected: &str) -> IniError {
         let found = match entry.continued {
             true => entry.line.text.split_once('=').map_or("", |(_, value)| value.trim()),
@@ -672,7 +672,7 @@ impl Ini {
         error.at(&entry.line, found)
     }
 
-    /// The same, with the first word that is no number as the part that is meant.
+    /// Returns the same error, with the first word that is not a number as the offending part.
     fn refuse_word(&self, entry: &Entry, expected: &str) -> IniError {
         let error = self.refuse(entry, expected);
         match entry.words().find(|word| decimal(word).is_none()) {
@@ -681,12 +681,12 @@ impl Ini {
         }
     }
 
-    /// The same, with the key as the part that is meant.
+    /// Returns the same error, with the key as the offending part.
     pub fn refuse_key(&self, entry: &Entry, expected: &str) -> IniError {
         self.refuse(entry, expected).at(&entry.line, &entry.key)
     }
 
-    /// The error that refuses a section (the last of this name), or says that it is missing.
+    /// Returns the error that refuses a section (the last of this name), or reports it as missing.
     pub fn refuse_section(&self, section: &str, expected: &str) -> IniError {
         match self.headings.iter().rfind(|(name, _)| name == section) {
             Some((_, line)) => {
@@ -696,7 +696,7 @@ impl Ini {
         }
     }
 
-    /// The error of a section that is missing, at the heading that may have been meant as it.
+    /// Returns the error of a missing section, at a heading that may be its misspelling.
     fn missing_section(&self, section: &str, expected: &str) -> IniError {
         let is_meant = |name: &str| near::section(name).is_some_and(|meant| meant == section);
         match self.headings.iter().find(|(name, _)| is_meant(name)) {
@@ -708,7 +708,7 @@ impl Ini {
         }
     }
 
-    /// An error without a line.
+    /// Returns an error without a line.
     pub fn error(&self, section: &str, key: &str, found: Option<&str>, expected: &str) -> IniError {
         IniError(Box::new(Problem {
             file: self.file.clone(),
@@ -729,7 +729,7 @@ impl Entry {
 }
 
 fn numbered(file: &Path, text: &str) -> Vec<Line> {
-    // Not `lines`, which takes a carriage return away.
+    // Not `lines`, which removes a carriage return.
     let mut lines: Vec<&str> = text.split('\n').collect();
     if lines.last() == Some(&"") {
         lines.pop();
@@ -739,7 +739,7 @@ fn numbered(file: &Path, text: &str) -> Vec<Line> {
     lines.into_iter().enumerate().map(line).collect()
 }
 
-/// What the shell's `read` leaves of a line.
+/// Returns a line as the shell's `read` returns it, without escapes.
 fn without_escapes(text: &str) -> String {
     let mut kept = String::new();
     let mut characters = text.chars();
@@ -749,19 +749,19 @@ fn without_escapes(text: &str) -> String {
     kept
 }
 
-/// Whether a key is one that a section has, so that it was not meant as another one.
+/// Returns whether a section has this key, so that it is not a misspelling.
 fn is_known(section: &str, key: &str) -> bool {
     let own = [keys::machine::ALL, keys::leg::ALL, keys::chain::ALL, keys::workspace_box::ALL];
     own.into_iter().flatten().any(|known| known.name == key) || near::is_of_linuxcnc(section, key)
 }
 
-/// Whether only HAL files read the section: they join sections of one name.
+/// Returns whether only HAL files read the section: they join sections of the same name.
 fn is_of_hal(section: &str) -> bool {
     section == "PKM" || section.starts_with("LEG_") || section.starts_with("BOX_")
 }
 
-/// Name in a section heading. LinuxCNC's readers differ in what they make of blanks and
-/// of text beside it, up to losing the section.
+/// Returns the name in a section heading. LinuxCNC's readers treat blanks and text next to it
+/// differently, and may lose the section.
 fn heading(line: &str) -> Option<&str> {
     let name = line.strip_prefix('[')?.strip_suffix(']')?;
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -776,8 +776,8 @@ fn expected_numbers(count: usize) -> String {
     format!("{what} and nothing else on the line; put comments on lines of their own")
 }
 
-/// A plain decimal number: digits, a fraction, an exponent; a digit before or behind the point may be missing.
-/// No hex, nan or inf: text that means the same to every reader of the file.
+/// Parses a plain decimal number: digits, a fraction, an exponent; a digit before or after the point may be missing.
+/// Rejects hex, nan and inf: all readers of the file must agree on the value.
 pub fn decimal(word: &str) -> Option<f64> {
     let unsigned = word.strip_prefix(['+', '-']).unwrap_or(word);
     let (mantissa, exponent) = unsigned.split_once(['e', 'E']).unwrap_or((unsigned, "0"));
@@ -788,7 +788,7 @@ pub fn decimal(word: &str) -> Option<f64> {
     if !(has_digits && digits(whole) && digits(fraction) && digits(exponent)) {
         return None;
     }
-    // A number too small for a double would silently be none at all.
+    // A number too small for a double would silently become 0.
     let is_nothing = mantissa.bytes().all(|b| matches!(b, b'0' | b'.'));
     word.parse().ok().filter(|value: &f64| value.is_finite() && (*value != 0.0 || is_nothing))
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Joints and axes: what moves, how far and how fast, `[JOINT_N]` and `[AXIS_L]`.
+//! Joints and axes: kinds, ranges and speeds, `[JOINT_N]` and `[AXIS_L]`.
 
 use crate::read::error::Errors;
 use crate::read::ini::{Ini, IniError};
@@ -8,14 +8,14 @@ use keys::{joint as of_joint, leg as of_leg};
 use kinematics::Load;
 use kinematics::leg::Kind;
 
-/// LinuxCNC's speed of an axis for which the file gives none (DEFAULT_AXIS_MAX_VELOCITY
+/// LinuxCNC's default speed of an axis (DEFAULT_AXIS_MAX_VELOCITY
 /// of emccfg.h), machine units or degrees per second.
 const AXIS_VELOCITY: f64 = 1.0;
 
-/// The same of its acceleration (DEFAULT_AXIS_MAX_ACCELERATION).
+/// LinuxCNC's default acceleration of an axis (DEFAULT_AXIS_MAX_ACCELERATION).
 const AXIS_ACCELERATION: f64 = 1.0;
 
-/// What a joint moves.
+/// What a joint drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
     /// The length of a strut.
@@ -42,7 +42,7 @@ impl JointKind {
         }
     }
 
-    /// Name of one such joint.
+    /// Returns the name of one such joint.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Strut => "strut",
@@ -53,7 +53,7 @@ impl JointKind {
         }
     }
 
-    /// Name of several.
+    /// Returns the plural of the name.
     pub const fn plural(self) -> &'static str {
         match self {
             Self::Strut => "struts",
@@ -64,7 +64,7 @@ impl JointKind {
         }
     }
 
-    /// What is measured of it.
+    /// Returns the name of the measured quantity.
     pub const fn quantity(self) -> &'static str {
         match self {
             Self::Strut => "length",
@@ -90,51 +90,51 @@ pub struct Group {
 pub struct Joint {
     /// Kind.
     pub kind: JointKind,
-    /// Name for people, such as `strut 3` or `table X`.
+    /// Name in reports, such as `strut 3` or `table X`.
     pub name: String,
     /// Lowest value, in joint units.
     pub min: f64,
     /// Highest value, in joint units.
     pub max: f64,
-    /// Joint units per second.
+    /// Largest speed, joint units per second.
     pub max_velocity: f64,
-    /// Joint units per second squared.
+    /// Largest acceleration, joint units per second squared.
     pub max_acceleration: f64,
-    /// Value at the end of homing; LinuxCNC takes 0 where it is missing.
+    /// Value at the end of homing; LinuxCNC's default is 0.
     pub home: f64,
-    /// Largest correction while the machine runs, either way, and its rate, in joint units (a second).
+    /// Largest correction while the machine runs, in either direction, and its rate, in joint units (per second).
     pub correction: [f64; 2],
 }
 
 impl Joint {
-    /// Returns the smallest and largest value that the kinematics may ask for: with any correction that
+    /// Returns the smallest and largest value that the kinematics may command: with any correction that
     /// CORRECTION_LIMIT allows, LinuxCNC's joint value is then within `min` and `max`.
     pub fn range(&self) -> [f64; 2] {
         [self.min + self.correction[0], self.max - self.correction[0]]
     }
 
-    /// Returns the largest speed that the kinematics may ask for: a correction that changes at CORRECTION_RATE
-    /// comes on top of it.
+    /// Returns the largest speed that the kinematics may command: a correction that changes at CORRECTION_RATE
+    /// adds to it.
     pub fn speed(&self) -> f64 {
         self.max_velocity - self.correction[1]
     }
 }
 
-/// Limits of one pose coordinate, `[AXIS_L]`; infinite where the file gives none.
+/// Limits of one pose coordinate, `[AXIS_L]`; infinite if the file gives none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
     /// Lowest value, machine units or degrees.
     pub min: f64,
     /// Highest value, machine units or degrees.
     pub max: f64,
-    /// Machine units or degrees per second.
+    /// Largest speed, machine units or degrees per second.
     pub max_velocity: f64,
-    /// Machine units or degrees per second squared.
+    /// Largest acceleration, machine units or degrees per second squared.
     pub max_acceleration: f64,
 }
 
 impl Axis {
-    /// Of a coordinate for which the file gives nothing.
+    /// Limits of a coordinate without any in the file.
     pub(super) const UNLIMITED: Self = Self {
         min: f64::NEG_INFINITY,
         max: f64::INFINITY,
@@ -143,7 +143,7 @@ impl Axis {
     };
 }
 
-/// An extra axis: a joint that is a coordinate.
+/// An extra axis: a joint whose value is a coordinate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExtraAxis {
     /// Its letter.
@@ -155,18 +155,18 @@ pub struct ExtraAxis {
 }
 
 impl ExtraAxis {
-    /// Whether it turns.
+    /// Returns whether it is rotary.
     pub fn is_rotary(&self) -> bool {
         "ABC".contains(self.letter)
     }
 
-    /// Unit of its values, where lengths are in `length`.
+    /// Returns the unit of its values, with `length` as the unit of lengths.
     pub fn unit(&self, length: &'static str) -> &'static str {
         if self.is_rotary() { "degrees" } else { length }
     }
 }
 
-/// The extra axis `n`, whose joint stands behind those of legs and table.
+/// Reads extra axis `n`, whose joint follows those of legs and table.
 pub(super) fn extra(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Option<ExtraAxis> {
     let letter = load.extra.letters().nth(n)?;
     let number = load.first_extra_joint() + n;
@@ -190,7 +190,7 @@ pub(super) fn extra(ini: &Ini, n: usize, load: &Load, errors: &mut Errors) -> Op
     Some(ExtraAxis { letter, joint, axis })
 }
 
-/// Joint `n` of a mechanism, of a leg or of the table.
+/// Reads joint `n` of a mechanism, of a leg or of the table.
 pub(super) fn joint(
     ini: &Ini,
     n: usize,
@@ -201,7 +201,7 @@ pub(super) fn joint(
     limited(ini, &place.joint_section(n), kind_and_name(n, load, place), leg, errors)
 }
 
-/// A joint of this section; that of a leg has the leg's number.
+/// Reads the joint of this section; the joint of a leg has the leg's number.
 fn limited(
     ini: &Ini,
     section: &str,
@@ -229,7 +229,7 @@ fn limited(
     Some(Joint { kind, name, min, max, max_velocity, max_acceleration, home, correction })
 }
 
-/// Limit and rate of the correction of a joint with this range and this largest speed.
+/// Reads limit and rate of the correction of a joint with this range and this largest speed.
 fn correction(
     ini: &Ini,
     section: &str,
@@ -260,7 +260,7 @@ fn correction(
     }
 }
 
-/// Refuses the lower end of a range that is none.
+/// Refuses MIN_LIMIT >= MAX_LIMIT.
 fn check_least(ini: &Ini, section: &str, is_range: bool, expected: &str) -> Result<(), IniError> {
     if is_range {
         return Ok(());
@@ -268,7 +268,7 @@ fn check_least(ini: &Ini, section: &str, is_range: bool, expected: &str) -> Resu
     Err(ini.refuse(ini.require(section, of_joint::MIN_LIMIT.name, expected)?, expected))
 }
 
-/// A crank's angle jumps by a turn where its arm points opposite to ARM: no joint follows that.
+/// Refuses a range of a crank beyond the angle opposite to ARM, where its angle would jump by a turn.
 fn check_turn(ini: &Ini, n: usize, section: &str) -> Result<(), IniError> {
     let offset = ini.value(&leg_section(n), &of_leg::OFFSET)?.unwrap_or(0.0);
     for key in [&of_joint::MIN_LIMIT, &of_joint::MAX_LIMIT] {
@@ -314,7 +314,7 @@ pub(super) fn axis(ini: &Ini, section: &str, errors: &mut Errors) -> Option<Axis
     Some(Axis { min: min?, max: max?, max_velocity: velocity?, max_acceleration: acceleration? })
 }
 
-/// A number above 0; without a default the key is needed.
+/// Reads a positive number; without a default the key is required.
 pub(super) fn positive(
     ini: &Ini,
     section: &str,

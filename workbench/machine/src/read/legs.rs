@@ -8,7 +8,7 @@ use keys::{Key, Need, leg as of_leg, machine as of_machine};
 use kinematics::leg::{CrankGeometry, Kind, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{LegGeometry, LegKind, Matrix3, Segment, Vector3};
 
-/// Motion of a leg's moving base anchor per joint unit, in base; `None` where it stands still.
+/// Returns the motion of a leg's moving base anchor per joint unit, in base; `None` if it does not move.
 pub fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> {
     match leg.kind {
         LegKind::Strut(_) | LegKind::Ring(_) => None,
@@ -21,7 +21,7 @@ pub fn drive_rate(leg: &LegGeometry, segment: &Segment) -> Option<Vector3<f64>> 
     }
 }
 
-/// Where a leg ends on the platform, in its frame: on a ring at the point nearest to the base anchor.
+/// Returns a leg's anchor on the platform, in its frame: on a ring the point nearest to the base anchor.
 pub fn platform_anchor(
     leg: &LegGeometry,
     segment: &Segment,
@@ -29,13 +29,13 @@ pub fn platform_anchor(
 ) -> Vector3<f64> {
     let radius = leg.kind.ring_radius();
     let along = rotation.tr_mul(&segment.span());
-    // From the ring towards the base anchor, square to the axis; none where they are above each other.
+    // From the ring toward the base anchor, normal to the axis; zero if one is above the other.
     let outward = Vector3::new(-along.x, -along.y, 0.0);
     let turned = outward.try_normalize(0.0).unwrap_or_default();
     Vector3::from(leg.platform) + turned * radius
 }
 
-/// Exactly the sections LEG_0 to that of the last leg.
+/// Checks that exactly the sections LEG_0 to that of the last leg exist.
 pub(super) fn check_leg_sections(ini: &Ini, legs: usize) -> Result<(), IniError> {
     for n in 0..legs {
         if !ini.sections().any(|name| name == leg_section(n)) {
@@ -91,7 +91,7 @@ pub(super) fn leg_geometry(
 pub(super) fn strut(ini: &Ini, section: &str, errors: &mut Errors) -> Option<StrutGeometry> {
     let lead = match errors.of(ini.value(section, &of_leg::LEAD))? {
         Some(own) => own,
-        // Not 0 where it is missing: a lost heading or a typing error would drop it silently.
+        // No default of 0: a lost heading or a typing error would drop it silently.
         None => errors.of(ini.require_value("PKM", &of_machine::SCREW_LEAD))?,
     };
     let axis = |key: &Key| match ini.values(section, key)? {
@@ -108,7 +108,7 @@ pub(super) fn strut(ini: &Ini, section: &str, errors: &mut Errors) -> Option<Str
     })
 }
 
-/// Whether the section of a leg gives a key that wants this one with it.
+/// Returns whether the section of a leg has a key that requires this one.
 fn is_needed_by_another(ini: &Ini, section: &str, key: &Key) -> bool {
     let wants = |other: &&Key| other.need == Need::With(key.name);
     of_leg::ALL.iter().copied().filter(wants).any(|other| ini.first(section, other.name).is_some())

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A machine as its INI file describes it: what the file says once, and its one or two mechanisms.
+//! A machine as its INI file describes it: facts of the file, and its one or two mechanisms.
 //!
-//! What is refused here does not start in LinuxCNC: hal/pkmkins.tcl runs `pkmkins-pins`, which reads with it.
+//! A machine refused here does not start in LinuxCNC: hal/pkmkins.tcl runs `pkmkins-pins`, which uses this reader.
 
 use crate::read::error::{Errors, MachineError};
 use crate::read::facts::FileFacts;
@@ -16,7 +16,7 @@ use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Load parameters of the module, in the order that [`Load::parse`] takes them; the next ones are those
+/// Load parameters of the module, in the order of [`Load::parse`]; then those
 /// of [`Load::with_axes`] and [`Load::with_boxes`], then those of a second mechanism.
 const PARAMETERS: [&str; 9] = [
     "legs",
@@ -34,20 +34,20 @@ const PARAMETERS: [&str; 9] = [
 const IDENTITY_FIRST: &str = "pkm needs LinuxCNC to start in the machine's kinematics, but sparm=identityfirst starts it in identity \
      kinematics: use a copy of the file without sparm=, the machine is the same";
 
-/// Those that may be given without a value.
+/// Parameters that may have an empty value.
 const MAY_BE_EMPTY: [&str; 3] = ["table", "axes", "second_angles"];
 
-/// A machine with everything its INI file says that this crate uses; it derefs to the facts of the file.
+/// Parsed machine configuration; it derefs to the facts of the file.
 #[derive(Clone, Debug)]
 pub struct MachineConfig {
-    /// Its one or two mechanisms, the first one first; or the one of two that was chosen.
+    /// Its one or two mechanisms in order; or the selected one of two.
     pub mechanisms: Vec<Mechanism>,
 }
 
 /// A machine that is accepted although [`MachineConfig::from_ini`] refuses it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lenient {
-    /// One whose boxes are refused, as those of another geometry are: [`Mechanism::refused_boxes`] has the reason.
+    /// One with refused boxes, for example those of another geometry: [`Mechanism::refused_boxes`] has the reason.
     Boxes,
     /// One that LinuxCNC starts in the identity: its geometry is the same.
     Identity,
@@ -89,7 +89,7 @@ impl MachineConfig {
         Self::leniently(ini, None)
     }
 
-    /// Reads a machine, also one that [`MachineConfig::from_ini`] refuses for this reason.
+    /// Reads a machine, even if [`MachineConfig::from_ini`] refuses it for this reason.
     ///
     /// # Errors
     /// As [`MachineConfig::from_ini`], for any other reason.
@@ -105,7 +105,7 @@ impl MachineConfig {
         errors.of(check_leg_sections(ini, legs));
         errors.of(check_coordinates(ini, &load));
         errors.of(check_second_sections(ini, &load));
-        // Where these are wrong, what follows only repeats it.
+        // If these are wrong, later errors only repeat them.
         errors.checked()?;
         let mut errors = Errors::default();
         let facts = FileFacts::read(ini, &load, &mut errors).map(Arc::new);
@@ -119,12 +119,12 @@ impl MachineConfig {
         }
     }
 
-    /// Returns the first mechanism, to which extra axes and shapes belong, or the one that was chosen.
+    /// Returns the first mechanism, to which extra axes and shapes belong, or the selected one.
     pub fn first(&self) -> &Mechanism {
         &self.mechanisms[0]
     }
 
-    /// Returns one mechanism, the first or, for 2, the second.
+    /// Returns the first mechanism or, for 2, the second.
     ///
     /// # Errors
     /// The machine has one mechanism.
@@ -138,12 +138,12 @@ impl MachineConfig {
         self.second_letters.is_some() && self.mechanisms.len() == 1
     }
 
-    /// Number of joints of legs and tables: behind them stand those of extra axes.
+    /// Returns the number of joints of legs and tables, which precede those of extra axes.
     pub fn guarded_joints(&self) -> usize {
         self.mechanisms.iter().map(|mechanism| mechanism.joints.len()).sum()
     }
 
-    /// Returns every joint as LinuxCNC counts them: its mechanism, and its number there.
+    /// Returns every joint in LinuxCNC's order: its mechanism, and its number there.
     pub fn all_joints(&self) -> impl Iterator<Item = (&Mechanism, usize)> {
         let of = |mechanism| move |i| (mechanism, i);
         let own = self.mechanisms.iter().flat_map(move |m| (0..m.joints.len()).map(of(m)));
@@ -152,7 +152,7 @@ impl MachineConfig {
     }
 }
 
-/// What LinuxCNC's modules call the load parameter that chooses the kinematics to start in.
+/// LinuxCNC's load parameter that selects the kinematics at startup.
 const SPARM: &str = "sparm=";
 
 /// Refuses a machine that LinuxCNC starts in the identity.
@@ -162,7 +162,7 @@ fn refuse_identity(ini: &Ini) -> Result<(), IniError> {
     given.map_or(Ok(()), |entry| Err(ini.refuse(entry, IDENTITY_FIRST)))
 }
 
-/// The load parameters in `[KINS]KINEMATICS`.
+/// Reads the load parameters in `[KINS]KINEMATICS`.
 pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
     let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]";
     older::refuse(ini)?;
@@ -178,7 +178,7 @@ pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
             .and_then(|(name, text)| Some((PARAMETERS.iter().position(|p| *p == name)?, text)));
         let (place, text) = place.ok_or_else(|| ini.refuse(entry, expected))?;
         let name = PARAMETERS[place];
-        // Of several LinuxCNC takes the last one, and an empty one for none.
+        // LinuxCNC uses the last of several, and ignores an empty one.
         if given[place].is_some() {
             return Err(ini.refuse(entry, &format!("expected {name}= only once; {expected}")));
         }
@@ -209,8 +209,8 @@ fn check_joints(ini: &Ini, load: &Load) -> Result<(), IniError> {
     Err(ini.refuse(ini.require("KINS", "JOINTS", &expected)?, &expected))
 }
 
-/// LinuxCNC takes no program word with a letter that is missing here, so that nothing
-/// could ever bring that coordinate back to 0. A letter too many does no harm.
+/// Refuses missing letters of `[TRAJ]COORDINATES`: LinuxCNC accepts no program word with a letter that is missing
+/// here, so that coordinate could never return to 0. An extra letter is harmless.
 fn check_coordinates(ini: &Ini, load: &Load) -> Result<(), IniError> {
     let wanted: String = moved_letters(load).collect();
     let expected = format!("expected the letters {wanted}, as moved by [KINS]KINEMATICS");
@@ -222,14 +222,14 @@ fn check_coordinates(ini: &Ini, load: &Load) -> Result<(), IniError> {
     }
 }
 
-/// Letters that the machine moves: those of the platform, the table, a second mechanism and extra axes.
+/// Returns the letters that the machine moves: those of the platform, the table, a second mechanism and extra axes.
 pub(super) fn moved_letters(load: &Load) -> impl Iterator<Item = char> {
     let letters = Letter::ALL.into_iter().filter(|letter| !load.layout.is_held(*letter));
     let second = load.second().into_iter().flat_map(Second::places).map(|k| POSE_LETTERS[k]);
     letters.map(Letter::name).chain(second).chain(load.extra.letters())
 }
 
-/// What only a second mechanism has.
+/// Refuses sections that need a second mechanism.
 fn check_second_sections(ini: &Ini, load: &Load) -> Result<(), IniError> {
     let mut names = ini.sections();
     let is_own = |name: &str| name == "SECOND" || name.starts_with("SECOND_BOX_");

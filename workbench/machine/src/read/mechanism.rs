@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! One mechanism of an INI file: the geometry for the core, and what only host tools use (cones, limits, speeds).
+//! One mechanism of an INI file: the geometry for the core, and values for host tools only (cones, limits, speeds).
 
 use crate::read::boxes::{self, BoxSection};
 use crate::read::chain;
@@ -22,9 +22,9 @@ use std::sync::Arc;
 /// A mechanism of a machine in its own coordinates; it derefs to the facts of its file.
 #[derive(Clone, Debug)]
 pub struct Mechanism {
-    /// What the file says of the machine as a whole.
+    /// Facts of the machine as a whole.
     pub facts: Arc<FileFacts>,
-    /// Where it stands in the file.
+    /// Location in the file.
     pub place: Place,
     /// Checked and frozen geometry.
     pub machine: Machine,
@@ -32,17 +32,17 @@ pub struct Mechanism {
     pub geometry: Geometry,
     /// Joint offsets, `[LEG_N]OFFSET`.
     pub offsets: PerLeg,
-    /// What the extra axes carry.
+    /// Loads of the extra axes.
     pub chain: Chain,
-    /// Hash of geometry and chain, as the module shows it.
+    /// Hash of geometry and chain, as the module publishes it.
     pub hash: u32,
-    /// `[TRAJ]HOME` in its own letters, which programs begin at: x y z in machine units, a b c in degrees.
+    /// `[TRAJ]HOME` in its own letters, the start of programs: x y z in machine units, a b c in degrees.
     pub start: [f64; 6],
     /// The machine's own pose there.
     pub home: [f64; 6],
     /// Tool vector without a tool: the spindle offset along Z, machine units.
     pub spindle: Vector3<f64>,
-    /// Which way tools point, `[PKM]TOOL_DIRECTION`.
+    /// Direction of tools, `[PKM]TOOL_DIRECTION`.
     pub tool_direction: Option<ToolDirection>,
     /// Settings of forward kinematics.
     pub solver: Solver,
@@ -50,26 +50,26 @@ pub struct Mechanism {
     pub angles: Vec<LegAngles>,
     /// Conditioning at which the module's guard stops the machine, `[PKM]CONDITIONING_LIMIT`.
     pub conditioning_limit: f64,
-    /// Smallest distance of the legs' centre lines, machine units, `[PKM]ROD_CLEARANCE`.
+    /// Smallest distance between the legs' center lines, machine units, `[PKM]ROD_CLEARANCE`.
     pub clearance: Option<f64>,
-    /// Largest angle of the tool axis to its direction at A = B = C = 0, degrees,
+    /// Largest angle between the tool axis and its direction at A = B = C = 0, degrees,
     /// `[PKM]TILT_LIMIT`.
     pub tilt_limit: Option<f64>,
     /// `[JOINT_N]`: legs, then table axes.
     pub joints: Vec<Joint>,
-    /// Axes behind all mechanisms that pass a coordinate through, `axes=`; a second mechanism has none.
+    /// Axes after all mechanisms that pass a coordinate through, `axes=`; none for a second mechanism.
     pub extra_axes: ExtraAxes,
     /// Their limits, in joint order.
     pub extra: Vec<ExtraAxis>,
-    /// `[AXIS_X]` to `[AXIS_C]`, or those of the letters that stand for them, of what programs say.
+    /// `[AXIS_X]` to `[AXIS_C]`, or those of the corresponding letters: limits of programmed coordinates.
     pub programmed: Vec<Axis>,
-    /// Limits of the machine's own coordinates: the same, but for where an axis carries something.
+    /// Limits of the machine's own coordinates: equal to `programmed` unless an axis carries something.
     pub axes: Vec<Axis>,
-    /// Shapes of parts, for who draws the machine.
+    /// Shapes of parts, for viewers.
     pub models: Vec<Model>,
-    /// `[BOX_K]`: boxes for the start without a seed.
+    /// `[BOX_K]`: pose boxes for the start without a seed.
     pub boxes: Vec<BoxSection>,
-    /// Why there are none although the file names some, where the reader lets that pass.
+    /// Why the boxes of the file are refused, if the reader accepts that.
     pub refused_boxes: Option<MachineError>,
 }
 
@@ -78,7 +78,7 @@ pub struct Mechanism {
 pub struct LegAngles {
     /// Half angles of the cones about that direction.
     pub cones: [Option<f64>; 2],
-    /// Largest turns about the axis of the joint that is fixed in base or platform, and across it.
+    /// Largest angles about the axis of the joint that is fixed in base or platform, and across it.
     pub pyramids: [Option<[f64; 2]>; 2],
 }
 
@@ -91,10 +91,10 @@ impl Deref for Mechanism {
 }
 
 impl Mechanism {
-    /// Reads a mechanism of a file, whose load parameters are as if it were alone. Every value is read, also where one
-    /// before it is wrong.
+    /// Reads a mechanism of a file; `load` describes it alone. Reads every value, even after
+    /// a wrong one.
     ///
-    /// `None` where a value is wrong; an error where the geometry is refused.
+    /// `None` if a value is wrong; an error if the geometry is refused.
     pub(super) fn read(
         facts: Option<&Arc<FileFacts>>,
         ini: &Ini,
@@ -104,7 +104,7 @@ impl Mechanism {
         let legs = load.layout.legs();
         errors.of(ini.check_keys("PKM", of_machine::ALL.iter().copied()));
         let machine = |key, errors: &mut Errors| errors.of(ini.value("PKM", key));
-        // Only the module uses these; the last one where a strut has no lead of its own.
+        // Only the module uses these; the last one for struts without their own lead.
         for key in [&of_machine::MAX_ERROR, &of_machine::FEED_FLOOR, &of_machine::SCREW_LEAD] {
             machine(key, errors);
         }
@@ -134,7 +134,7 @@ impl Mechanism {
             let letter = Letter::ALL[n];
             let is_of_others = load.other_places().any(|k| k == place.places[n]);
             match is_of_others || (place.is_second && load.layout.is_held(letter)) {
-                // The coordinate of another mechanism or of an extra axis is none of the tool's.
+                // The coordinate of another mechanism or of an extra axis does not belong to the tool.
                 true => Some(Axis::UNLIMITED),
                 false => axis(ini, &place.axis_section(letter), errors),
             }
@@ -201,7 +201,7 @@ impl Mechanism {
         }))
     }
 
-    /// LinuxCNC's pose for what is commanded of the tool, and these values of the extra axes.
+    /// Returns LinuxCNC's pose for the tool's commanded pose and these values of the extra axes.
     pub fn world(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> World {
         let mut world = [0.0; 9];
         world[..6].copy_from_slice(pose);
@@ -211,17 +211,17 @@ impl Mechanism {
         world
     }
 
-    /// Values of the extra axes in a pose of LinuxCNC's, in joint order.
+    /// Returns the values of the extra axes in one of LinuxCNC's poses, in joint order.
     pub fn extra_of(&self, world: &World) -> Vec<f64> {
         self.extra_axes.places().map(|place| world[place]).collect()
     }
 
-    /// Their values at `[TRAJ]HOME`.
+    /// Returns the values of the extra axes at `[TRAJ]HOME`.
     pub fn extra_home(&self) -> Vec<f64> {
         self.extra_of(&self.world_home)
     }
 
-    /// Returns a commanded pose of the tool as reports show it: where axes carry something, with their angles.
+    /// Returns a commanded pose of the tool for reports: if axes carry something, with their angles.
     pub fn reported_pose(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> [f64; 6] {
         if self.chain.is_empty() {
             return *pose;
@@ -230,7 +230,7 @@ impl Mechanism {
         [x, y, z, a, b, c]
     }
 
-    /// The machine's own pose for one of LinuxCNC's, with this tool vector, spindle offset included.
+    /// Converts one of LinuxCNC's poses to the machine's own pose, with this tool vector, spindle offset included.
     ///
     /// # Errors
     /// As [`Chain::to_machine`].
@@ -246,12 +246,12 @@ impl Mechanism {
         self.chain.to_machine(&self.world(pose, extra), tool)
     }
 
-    /// The machine's pose at `[TRAJ]HOME`.
+    /// Returns the machine's pose at `[TRAJ]HOME`.
     pub fn home_pose(&self) -> Pose {
         Pose::from_degrees(self.home)
     }
 
-    /// Number of legs; the other joints belong to the table.
+    /// Returns the number of legs; the other joints belong to the table.
     pub fn legs(&self) -> usize {
         self.machine.layout().legs()
     }
@@ -269,13 +269,13 @@ impl Mechanism {
         }
     }
 
-    /// All pairs of legs, lower number first.
+    /// Returns all pairs of legs, lower number first.
     pub fn pairs(&self) -> Vec<[usize; 2]> {
         let legs = self.legs();
         (0..legs).flat_map(|i| (i + 1..legs).map(move |j| [i, j])).collect()
     }
 
-    /// The joints by kind, kinds that the machine has only.
+    /// Returns the joints grouped by the kinds that the machine has.
     pub fn groups(&self) -> Vec<Group> {
         let group = |kind: JointKind| Group {
             kind,
@@ -285,7 +285,7 @@ impl Mechanism {
         JointKind::ALL.into_iter().map(group).filter(|group| !group.joints.is_empty()).collect()
     }
 
-    /// Unit of the values of joints of this kind.
+    /// Returns the unit of the values of joints of this kind.
     pub fn unit(&self, kind: JointKind) -> &'static str {
         if kind == JointKind::Arm { "degrees" } else { self.length_unit() }
     }
@@ -308,7 +308,7 @@ fn solver(ini: &Ini, errors: &mut Errors) -> Option<Solver> {
     Some(Solver {
         convergence_criterion: criterion?.unwrap_or(solver.convergence_criterion),
         limit_iterations: iterations?.map_or(solver.limit_iterations, |limit| limit as u32),
-        // 0 stands for the core's own limit.
+        // 0 selects the core's own limit.
         residual_limit: residual_limit?.unwrap_or(0.0),
         ..solver
     })

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A machine as its files describe it: INI file, tool table, and what is wrong with them.
+//! A machine as its files describe it: INI file, tool table, and their errors.
 
 pub mod boxes;
 mod chain;

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Files with the shapes of parts, for who draws the machine: `[PKM]BASE_MODEL` and the others.
+//! Files with the shapes of parts, for viewers: `[PKM]BASE_MODEL` and the others.
 
 use crate::read::error::Errors;
 use crate::read::ini::{Entry, Ini, IniError};
 use keys::{Key, machine as of_machine};
 use std::path::PathBuf;
 
-/// Units that files of shapes are drawn in, in millimetres.
+/// Units of files of shapes, in millimeters.
 const UNITS: [(&str, f64); 4] = [("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("inch", 25.4)];
 
-/// Keys and the parts that they are of.
+/// Keys and their parts.
 const PARTS: [(&Key, &str); 4] = [
     (&of_machine::BASE_MODEL, "base"),
     (&of_machine::PLATFORM_MODEL, "platform"),
@@ -17,7 +17,7 @@ const PARTS: [(&Key, &str); 4] = [
     (&of_machine::TABLE_MODEL, "table"),
 ];
 
-/// The shape of a part. Whether its file can be read is seen by who draws it.
+/// The shape of a part. The viewer checks whether its file can be read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// `base`, `platform`, `spindle` or `table`.
@@ -26,18 +26,18 @@ pub struct Model {
     pub file: PathBuf,
     /// Its unit.
     pub unit: &'static str,
-    /// Machine units a unit of the file.
+    /// Machine units per unit of the file.
     pub scale: f64,
-    /// Where its zero is in the frame of the part, X Y Z A B C, machine units and degrees.
+    /// Position and orientation of the file's zero in the frame of the part, X Y Z A B C, machine units and degrees.
     pub place: [f64; 6],
 }
 
-/// All that the file gives.
+/// Reads all shapes of the file.
 pub(super) fn read(ini: &Ini, units_per_mm: f64, errors: &mut Errors) -> Option<Vec<Model>> {
     let given =
         PARTS.iter().filter_map(|(key, part)| Some((key, part, ini.first("PKM", key.name)?)));
     let all = given.map(|(key, part, entry)| errors.of(model(ini, key, part, entry, units_per_mm)));
-    // Each is read, also behind one that is wrong.
+    // Each is read, even after a wrong one.
     all.collect::<Vec<_>>().into_iter().collect()
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a misspelt name was meant to be: sections, and keys of LinuxCNC's own sections.
+//! Suggestions for misspelt names: sections, and keys of LinuxCNC's own sections.
 
 /// Sections without a number or letter.
 const SECTIONS: [&str; 14] = [
@@ -19,7 +19,7 @@ const SECTIONS: [&str; 14] = [
     "SECOND",
 ];
 
-/// Stems of sections with one behind it.
+/// Stems of section names that end in a number or letter.
 const STEMS: [&str; 7] = ["LEG_", "JOINT_", "AXIS_", "CHAIN_", "BOX_", "SECOND_BOX_", "SPINDLE_"];
 
 /// Keys of a joint that LinuxCNC 2.9 reads.
@@ -50,7 +50,7 @@ const JOINT: &[&str] = &[
     "VOLATILE_HOME",
 ];
 
-/// Of an axis.
+/// Keys of an axis.
 const AXIS: &[&str] = &[
     "TYPE",
     "HOME",
@@ -63,7 +63,7 @@ const AXIS: &[&str] = &[
     "OFFSET_AV_RATIO",
 ];
 
-/// Of the other sections that a machine depends on.
+/// Keys of the other sections that a machine depends on.
 const OTHERS: [(&str, &[&str]); 5] = [
     (
         "TRAJ",
@@ -91,24 +91,24 @@ const OTHERS: [(&str, &[&str]); 5] = [
     ("EMCIO", &["EMCIO", "CYCLE_TIME", "TOOL_TABLE", "RANDOM_TOOLCHANGER", "TOOL_CHANGE_POSITION"]),
 ];
 
-/// Letters apart up to which a name is taken for another one's misspelling, for its length: one of a short name.
+/// Returns the largest number of differing letters for a suggestion, by the name's length: one for a short name.
 fn most(name: &str) -> usize {
     if name.len() < 6 { 1 } else { 2 }
 }
 
-/// The known word that is nearest to a misspelt one in capital letters, if any is near; none of a word that is known.
+/// Returns the nearest known word to a misspelt one in capital letters, if any is near; none for a known word.
 pub fn word<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     among(&name.to_ascii_uppercase(), known).filter(|nearest| *nearest != name)
 }
 
-/// The known word that is nearest to a name, letter for letter, if any is near.
+/// Returns the known word with the fewest differing letters, if any is near.
 pub fn among<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let apart = |word: &str| strsim::osa_distance(name, word);
     let nearest = known.into_iter().min_by_key(|word| apart(word))?;
     (apart(nearest) <= most(name)).then_some(nearest)
 }
 
-/// The section that a misspelt one was meant to be; none of one that is known, or that is like none.
+/// Suggests the section for a misspelt name; none for a known name, or if none is near.
 pub fn section(name: &str) -> Option<String> {
     if SECTIONS.contains(&name) || STEMS.iter().any(|stem| is_one(name, stem)) {
         return None;
@@ -127,7 +127,7 @@ pub fn section(name: &str) -> Option<String> {
     }
 }
 
-/// Whether it is this stem with a number behind it, or a letter where the stem takes one.
+/// Returns whether a name is this stem and a number, or a letter if the stem takes one.
 fn is_one(name: &str, stem: &str) -> bool {
     let Some(back) = name.strip_prefix(stem) else { return false };
     match stem {
@@ -136,7 +136,7 @@ fn is_one(name: &str, stem: &str) -> bool {
     }
 }
 
-/// The keys that LinuxCNC reads in a section; `None` where anything may stand.
+/// Returns the keys that LinuxCNC reads in a section; `None` if any key is allowed.
 fn known(section: &str) -> Option<&'static [&'static str]> {
     match section {
         _ if is_one(section, "JOINT_") => Some(JOINT),
@@ -145,13 +145,13 @@ fn known(section: &str) -> Option<&'static [&'static str]> {
     }
 }
 
-/// Whether LinuxCNC reads this key.
+/// Returns whether LinuxCNC reads this key.
 pub fn is_of_linuxcnc(section: &str, key: &str) -> bool {
     known(section).is_some_and(|known| known.contains(&key))
 }
 
-/// The key of one of LinuxCNC's sections that a misspelt one was meant to be; none where anything else may
-/// stand there.
+/// Suggests the key for a misspelt key of one of LinuxCNC's sections; none if any key is allowed
+/// there.
 pub fn key(section: &str, key: &str) -> Option<&'static str> {
     let known = known(section)?;
     match known.contains(&key) {

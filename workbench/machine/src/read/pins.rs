@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Values of the module's pins, as `pkmkins-pins` prints them for `hal/pkmkins.tcl`.
 //!
-//! The table of keys names the pin of each key. What a pin needs beside its key is here: the lead of a strut, the
-//! reference pose, the planner's limits.
+//! The table of keys names the pin of each key. This module adds the values that do not come from a single key: the
+//! lead of a strut, the reference pose, the planner's limits.
 
 use crate::read::error::{MachineError, chain_section};
 use crate::read::ini::{Ini, decimal};
@@ -15,8 +15,8 @@ use std::ffi::OsStr;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Sections and keys that decide about the machine, as patterns of Tcl. LinuxCNC has read the file before: values that
-/// differ from its own are refused by `hal/pkmkins.tcl`.
+/// Sections and keys that determine the machine, as patterns of Tcl. `hal/pkmkins.tcl` refuses a file if LinuxCNC has
+/// read a different value.
 const COMPARED: [(&str, &str); 11] = [
     ("KINS", "*"),
     ("TRAJ", "*"),
@@ -31,13 +31,13 @@ const COMPARED: [(&str, &str); 11] = [
     ("SECOND_BOX_*", "*"),
 ];
 
-/// What LinuxCNC's start script appends to the name of a file whose `#INCLUDE` lines it has carried out.
+/// Suffix that LinuxCNC's start script appends to the name of a file whose `#INCLUDE` lines it has expanded.
 const EXPANDED: &str = "expanded";
 
-/// Returns the text for a machine's INI file: the version, what has been read, the pins and an end mark.
+/// Returns the text for a machine's INI file: the version, the values that were read, the pins and an end mark.
 ///
 /// # Errors
-/// As [`MachineConfig::read`], of a file that LinuxCNC may start in the identity.
+/// As [`MachineConfig::read`], for a file that LinuxCNC may start in the identity.
 pub fn printed(file: &Path, version: &str) -> Result<String, MachineError> {
     let ini = read(file)?;
     let config = MachineConfig::leniently(&ini, Some(Lenient::Identity))?;
@@ -48,7 +48,7 @@ pub fn printed(file: &Path, version: &str) -> Result<String, MachineError> {
         let is_compared =
             |(names, keys): &(&str, &str)| is_like(names, section) && is_like(keys, key);
         if COMPARED.iter().any(is_compared) {
-            // LinuxCNC reads other characters there.
+            // LinuxCNC reads other characters here.
             if value.contains(char::REPLACEMENT_CHARACTER) {
                 ini.editable()?;
             }
@@ -65,7 +65,7 @@ fn is_like(pattern: &str, name: &str) -> bool {
     pattern.strip_suffix('*').map_or(pattern == name, |start| name.starts_with(start))
 }
 
-/// Reads an INI file. Of one that LinuxCNC's start script has expanded, the original is read if it has the same
+/// Reads an INI file. If LinuxCNC's start script has expanded it, reads the original if it has the same
 /// values, so that errors name its lines.
 fn read(file: &Path) -> Result<Ini, MachineError> {
     let given = Ini::read(file)?;
@@ -106,7 +106,7 @@ impl Pins<'_> {
     }
 
     fn pin(&mut self, name: &str, value: f64) {
-        // Very large and very small numbers have an exponent.
+        // Very large and very small numbers get an exponent.
         let text = format!("{value:?}");
         let text = text.strip_suffix(".0").unwrap_or(&text);
         writeln!(self.text, "pin {name} {text}").expect("a string takes everything");
@@ -118,7 +118,7 @@ impl Pins<'_> {
         }
     }
 
-    /// Prints the pins of a section but for leads; `number` is that of its leg, joint or box, or the letter of its axis.
+    /// Prints the pins of a section except leads; `number` is that of its leg, joint or box, or the letter of its axis.
     fn section(&mut self, section: &str, keys: &[&Key], number: &str) {
         let stem = if section.starts_with("SECOND_BOX_") { "second." } else { "" };
         let is_lead = |key: &Key| [leg::LEAD, machine::SCREW_LEAD].contains(key);
@@ -167,8 +167,8 @@ impl Pins<'_> {
         }
     }
 
-    /// Prints the leads of struts. A pin lead.N of 0 stands for screw-lead, a key LEAD = 0 for none: where a leg has a
-    /// LEAD, every strut gets its own.
+    /// Prints the leads of struts. A pin lead.N of 0 means screw-lead, but a key LEAD = 0 means no lead: if any leg has
+    /// a LEAD, every strut gets its own pin.
     fn leads(&mut self, config: &MachineConfig) {
         let legs = || config.mechanisms.iter().flat_map(|one| one.geometry.legs()).enumerate();
         if legs().all(|(n, _)| self.ini.all(&leg_section(n), leg::LEAD.name).is_empty()) {
@@ -188,7 +188,7 @@ impl Pins<'_> {
     /// Prints what the planner may ask for, as far as the file gives it: LinuxCNC's other defaults are the module's.
     fn planner(&mut self, load: &Load) {
         let second = || load.second().into_iter().flat_map(Second::places);
-        // A slide that carries something brakes the tool, too.
+        // A slide that carries something also limits the tool.
         let is_linear = |letter: &char| match letter {
             'X' | 'Y' | 'Z' => true,
             'U' | 'V' | 'W' => {
@@ -221,7 +221,7 @@ impl Pins<'_> {
         all.filter_map(|(section, key)| self.positive(&section, key)).reduce(f64::min)
     }
 
-    /// Returns the number that a key begins with, if it is more than 0.
+    /// Returns the first number of a key, if it is positive.
     fn positive(&self, section: &str, key: &str) -> Option<f64> {
         let word = self.ini.first(section, key)?.words().next()?;
         decimal(word).filter(|value| *value > 0.0)

@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where the mechanism that is read stands in its INI file: a file may hold two.
+//! Location of a mechanism in its INI file, which may describe two.
 //!
-//! Each is read as an ordinary machine in its own coordinates. What differs is here: from which number
-//! on its legs and joints are counted, which letters its coordinates have, and names of sections.
+//! Each is read as an ordinary machine in its own coordinates. This module has the differences: the first number
+//! of its legs and joints, the letters of its coordinates, and the names of sections.
 
 use kinematics::{Fault, Letter, Load, POSE_LETTERS};
 
-/// Places that stand for X Y Z A B C of a second mechanism, where nothing else is said.
+/// LinuxCNC's coordinates for X Y Z A B C of a second mechanism, unless the file names others.
 const OWN: [usize; 6] = [6, 7, 8, 3, 4, 5];
 
-/// A mechanism of a file.
+/// Location of a mechanism in its file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Number of its first leg.
     pub first_leg: usize,
     /// Number of its first joint.
     pub first_joint: usize,
-    /// Number of the first joint of the extra axes, behind those of all mechanisms.
+    /// Number of the first joint of the extra axes, after those of all mechanisms.
     pub first_extra_joint: usize,
     /// Whether it is the second one.
     pub is_second: bool,
-    /// Places of its X Y Z A B C among LinuxCNC's letters. Those of coordinates that a second one
-    /// holds are its own, and nothing stands there.
+    /// Indices of its X Y Z A B C among LinuxCNC's letters. Coordinates that a second mechanism keeps constant
+    /// have their own indices, and no value there.
     pub places: [usize; 6],
 }
 
@@ -45,53 +45,53 @@ impl Place {
         [(first, *load)].into_iter().chain(second.zip(load.of_second())).collect()
     }
 
-    /// LinuxCNC's letter of one of its coordinates.
+    /// Returns LinuxCNC's letter of one of its coordinates.
     pub fn letter(&self, letter: Letter) -> char {
         POSE_LETTERS[self.places[letter.index()]]
     }
 
-    /// Section of the mechanism as a whole.
+    /// Returns the section of the mechanism as a whole.
     pub fn machine_section(&self) -> &'static str {
         if self.is_second { "SECOND" } else { "PKM" }
     }
 
-    /// Section of its leg `n`, counted from 0.
+    /// Returns the section of its leg `n`, counted from 0.
     pub fn leg_section(&self, n: usize) -> String {
         leg_section(self.first_leg + n)
     }
 
-    /// Section of its joint `n`, counted from 0.
+    /// Returns the section of its joint `n`, counted from 0.
     pub fn joint_section(&self, n: usize) -> String {
         format!("JOINT_{}", self.first_joint + n)
     }
 
-    /// Section of the axis of one of its coordinates.
+    /// Returns the section of the axis of one of its coordinates.
     pub fn axis_section(&self, letter: Letter) -> String {
         format!("AXIS_{}", self.letter(letter))
     }
 
-    /// Section of a box of its workspace.
+    /// Returns the section of pose box `k`.
     pub fn box_section(&self, k: usize) -> String {
         format!("{}{k}", self.box_prefix())
     }
 
-    /// What the names of these sections begin with.
+    /// Returns the prefix of the names of these sections.
     pub fn box_prefix(&self) -> &'static str {
         if self.is_second { "SECOND_BOX_" } else { "BOX_" }
     }
 
-    /// The load parameter with the number of its boxes.
+    /// Returns the load parameter with the number of its pose boxes.
     pub fn boxes_parameter(&self) -> &'static str {
         if self.is_second { "second_boxes" } else { "boxes" }
     }
 
-    /// A fault with the numbers that legs and joints have in the file.
+    /// Returns a fault with the numbers that legs and joints have in the file.
     pub fn counted(&self, fault: Fault) -> Fault {
         fault.counted_from(self.first_leg as u8, self.first_joint as u8)
     }
 }
 
-/// Section of leg `n` of a file.
+/// Returns the section of leg `n` of a file.
 pub(super) fn leg_section(n: usize) -> String {
     format!("LEG_{n}")
 }

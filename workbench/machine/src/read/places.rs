@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where LinuxCNC is on this computer, as Debian's packages have it, and where it looks for files.
+//! Paths of LinuxCNC on this computer, as in Debian's packages, and its search paths.
 
 use std::env;
 use std::path::{Path, PathBuf};
 
-/// What comes with LinuxCNC: programs, subroutines, HAL files.
+/// Files that come with LinuxCNC: programs, subroutines, HAL files.
 pub const SHARE: &str = "/usr/share/linuxcnc";
 /// HAL files that every machine may use: `LIB:` in an INI file.
 pub const HALLIB: &str = "/usr/share/linuxcnc/hallib";
@@ -12,10 +12,10 @@ pub const HALLIB: &str = "/usr/share/linuxcnc/hallib";
 pub const MODULES: &str = "/usr/lib/linuxcnc/modules";
 /// Programs.
 pub const BIN: &str = "/usr/bin";
-/// Parameters of programs, work offsets among them, where an INI file names no file: beside it.
+/// Default file of parameters, including work offsets, in the folder of the INI file.
 pub const PARAMETERS: &str = "rs274ngc.var";
 
-/// Folders of the INI file, by section and key; several are separated by colons.
+/// Keys of the INI file that name folders; several are separated by colons.
 const FOLDERS: [(&str, &str); 4] = [
     ("DISPLAY", "PROGRAM_PREFIX"),
     ("RS274NGC", "SUBROUTINE_PATH"),
@@ -23,7 +23,9 @@ const FOLDERS: [(&str, &str); 4] = [
     ("WIZARD", "WIZARD_ROOT"),
 ];
 
-/// What is wrong with a section of [`is_of_tcl`].
+/// Why a section of [`is_of_tcl`] is refused.
+/// Returns whether a section has the name of one of Tcl's own variables, such as `env`. LinuxCNC creates
+/// a variable for each section before it runs HAL files of Tcl, which would then misbehave.
 pub const OF_TCL: &str =
     "the section would overwrite a variable of Tcl, which runs the HAL files; rename it";
 
@@ -34,15 +36,15 @@ pub fn is_of_tcl(section: &str) -> bool {
     own.iter().any(|start| section.starts_with(start)) || ["env", "argc"].contains(&section)
 }
 
-/// The folders that a key names, for a process that runs elsewhere; `None` of a key that names none. `ini` is the file
-/// from the root on.
+/// Returns the folders of a key with absolute paths, for a process with another current directory; `None` for a key
+/// without folders. `ini` is the absolute path of the file.
 pub fn folders(ini: &Path, section: &str, key: &str, value: &str) -> Option<String> {
     let from_root = |name: &str| named(ini, name.trim()).display().to_string();
     let whole = || value.split(':').map(from_root).collect::<Vec<_>>().join(":");
     FOLDERS.contains(&(section, key)).then(whole)
 }
 
-/// The text of an INI file with its folders as [`folders`] has them.
+/// Returns the text of an INI file with the folders of [`folders`].
 pub fn with_folders(ini: &Path, text: &str) -> String {
     let mut section = String::new();
     let line = |line: &str| {
@@ -58,7 +60,7 @@ pub fn with_folders(ini: &Path, text: &str) -> String {
     text.lines().map(line).collect()
 }
 
-/// The file that a name in an INI file means: LinuxCNC runs in the folder of this, and `~/` is the user's.
+/// Resolves a file name in an INI file: relative to the INI file's folder, or `~/` in the user's home.
 pub fn named(ini: &Path, name: &str) -> PathBuf {
     match (name.strip_prefix("~/"), env::var_os("HOME")) {
         (Some(rest), Some(home)) => PathBuf::from(home).join(rest),

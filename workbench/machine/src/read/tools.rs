@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The tool table, `[EMCIO]TOOL_TABLE`: which offsets a program may put in force.
+//! The tool table, `[EMCIO]TOOL_TABLE`: the offsets that a program may activate.
 
 use crate::files::{self, AtFile};
 use crate::read::ini::{Excerpt, IniError, Problem};
@@ -8,31 +8,31 @@ use kinematics::{Letter, Vector3};
 use std::io;
 use std::path::PathBuf;
 
-/// One tool.
+/// A tool.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tool {
-    /// Its T number.
+    /// T number.
     pub number: i64,
-    /// Its offset x y z, machine units.
+    /// Offset x y z, machine units.
     pub offset: Vector3<f64>,
-    /// Its diameter, machine units.
+    /// Diameter, machine units.
     pub diameter: f64,
-    /// Whether its line names a pocket, P.
+    /// Whether the line names a pocket, P.
     pub has_pocket: bool,
-    /// A word by which LinuxCNC drops the whole line, if there is one.
+    /// A word because of which LinuxCNC drops the whole line, if any.
     pub dropped_by: Option<String>,
-    /// Its offsets of A, B and C, degrees.
+    /// Offsets of A, B and C, degrees.
     pub turns: [f64; 3],
-    /// Letters of the table that hold it: of a second mechanism U V W.
+    /// Letters of the offset in the table: U V W for a second mechanism.
     letters: [char; 3],
-    /// Its line of the table, counted from 1.
+    /// Line in the table, counted from 1.
     pub line: usize,
     /// That line.
     text: String,
 }
 
 impl Tool {
-    /// Number and offset for people.
+    /// Returns number and offset for reports.
     pub fn name(&self) -> String {
         let words = self.letters.iter().zip(self.offset.iter());
         let words: Vec<String> =
@@ -40,22 +40,22 @@ impl Tool {
         format!("T{}{}", self.number, words.concat())
     }
 
-    /// What is wrong with its length along the platform's Z, in the table of this machine.
+    /// Returns the refusal of its length along the platform's Z, in the table of this machine.
     pub fn refuse_length(&self, config: &Mechanism, expected: &str) -> IniError {
         self.refuse(config, self.letters[2], self.name(), expected)
     }
 
-    /// What is wrong with its line.
+    /// Returns the refusal of its line.
     pub fn refuse_line(&self, config: &Mechanism, expected: &str) -> IniError {
         self.refuse(config, '\0', self.text.trim().into(), expected)
     }
 
-    /// What is wrong with its diameter.
+    /// Returns the refusal of its diameter.
     pub fn refuse_diameter(&self, config: &Mechanism, expected: &str) -> IniError {
         self.refuse(config, 'D', format!("T{} D{}", self.number, self.diameter), expected)
     }
 
-    /// What is wrong with the word of a letter.
+    /// Returns the refusal of the word of a letter.
     fn refuse(&self, config: &Mechanism, letter: char, found: String, expected: &str) -> IniError {
         let is_it = |word: &&str| word.to_ascii_uppercase().starts_with(letter);
         let words = self.text.split(';').next().unwrap_or_default();
@@ -75,7 +75,7 @@ impl Tool {
     }
 }
 
-/// Letters of offsets that turn, and those that stand for other offsets, angles and the orientation.
+/// Letters of angular offsets.
 const TURNS: [char; 3] = ['A', 'B', 'C'];
 const OTHERS: &str = "XYZUVWIJQ";
 
@@ -108,7 +108,7 @@ pub enum BadTool {
     NoNumber,
 }
 
-/// The tools of a machine; none where its file names no table.
+/// Returns the tools of a machine; none if its file names no table.
 ///
 /// # Errors
 /// See [`TableError`].
@@ -129,7 +129,7 @@ pub fn read(config: &Mechanism) -> Result<Vec<Tool>, TableError> {
     Ok(tools)
 }
 
-/// Letters, each with its number behind it.
+/// Parses a line: letters, each followed by its number.
 fn tool(words: &str, letters: [char; 3]) -> Result<Tool, BadTool> {
     let offset = Vector3::zeros();
     let mut found = Tool {
