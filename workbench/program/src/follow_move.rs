@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A move, followed over its whole length.
+//! Checks a move over its whole length.
 //!
-//! A move is straight in X Y Z A B C, angles included, as LinuxCNC's joints see it; where axes carry work,
+//! A move is straight in X Y Z A B C, angles included, for LinuxCNC's joints; if axes carry workpiece,
 //! tool or legs it is a curve for the machine, which is enclosed ([`machine::proof::carried`]). A piece of it
-//! is a [`machine::proof::cell::Way`]: the values in its middle, their slopes and a bound of their second
-//! derivatives, which give their range over the piece. A piece that is not proved to keep a limit
-//! is halved, the earlier half first, until a pose is found beyond the limit or the piece is too
-//! short to matter: then the move touches the limit. So every limit has the first place where it
-//! breaks, and a move without one is proved to keep all of them everywhere.
+//! is a [`machine::proof::cell::Way`]: the values at its center, their slopes and a bound of their second
+//! derivatives, which give their range over the piece. A piece on which a limit is not proved
+//! is halved, the earlier half first, until a pose violates the limit or the piece is too
+//! short to matter: then the move touches the limit. So every violated limit has a first position,
+//! and a move without one is proved to satisfy all limits everywhere.
 
 use crate::report::{Break, Preflight, Range, Time};
 use crate::work_offset::Poses;
@@ -19,20 +19,20 @@ use machine::proof::reach::Reach;
 use machine::proof::spans;
 use machine::read::mechanism::Mechanism;
 
-/// A piece of a move is halved until it is this short, as a share of the machine's size: far
-/// below what any machine resolves.
+/// Shortest piece of a move that is halved, as a share of the machine's size: far
+/// below the resolution of any machine.
 pub(super) const SHORTEST: f64 = 1e-6;
 
-/// Halving ends here at the latest: numbers have no more digits.
+/// Largest number of halvings: numbers have no more digits.
 pub(super) const MOST_HALVINGS: i32 = 40;
 
-/// Least margins are told within this share of the limit's range.
+/// Accuracy of reported least margins, as a share of the limit's range.
 pub(super) const ACCURACY: f64 = 0.01;
 
-/// The same of the conditioning, whose bound is one of first order.
+/// Accuracy of the least conditioning, whose bound is of first order.
 const CONDITIONING_ACCURACY: f64 = 0.05;
 
-/// Poses looked at on a move that breaks a limit, for how far it leaves it.
+/// Poses sampled on a move that violates a limit, for the size of the violation.
 pub(super) const SAMPLES: usize = 33;
 
 /// One limit of one part over a piece.
@@ -42,11 +42,11 @@ struct Check {
     part: Part,
     /// Smallest and largest value that the limit allows.
     ends: [f64; 2],
-    /// Margin in the middle.
+    /// Margin at the center.
     seen: f64,
-    /// The margin is proved to be at least this everywhere.
+    /// Proved lower bound of the margin.
     proved: f64,
-    /// What the margin is measured by.
+    /// Range to which the margin is relative.
     range: f64,
 }
 
@@ -55,7 +55,7 @@ impl Check {
         Found { limit: self.limit, share, part: self.part, ends: self.ends, fault: None }
     }
 
-    /// Whether a piece has to be cut for the figures that are told.
+    /// Returns whether a piece must be halved for the accuracy of the reported margins.
     fn is_coarse(&self, least: f64) -> bool {
         let accuracy =
             if self.limit == Limit::Conditioning { CONDITIONING_ACCURACY } else { ACCURACY };
@@ -63,21 +63,21 @@ impl Check {
     }
 }
 
-/// What the machine does along a move.
+/// Motion of the machine along a move.
 pub(super) enum Course {
-    /// Its own pose goes straight on.
+    /// The machine's own pose moves straight.
     Straight { from: [f64; 6], delta: [f64; 6] },
-    /// LinuxCNC's pose does, and axes carry something.
+    /// LinuxCNC's pose moves straight, and axes carry something.
     Carried { from: World, delta: World },
 }
 
-/// A move to follow, straight for LinuxCNC.
+/// A move to check, straight for LinuxCNC.
 pub(super) struct Leg {
     /// Number of the move.
     pub(super) number: usize,
     pub(super) line: u32,
     pub(super) file: usize,
-    /// As programmed.
+    /// Programmed start.
     pub(super) from: [f64; 6],
     pub(super) delta: [f64; 6],
     pub(super) course: Course,
@@ -89,7 +89,7 @@ impl Leg {
     }
 }
 
-/// Where a move first leaves a limit.
+/// The first violation of a limit in a move.
 #[derive(Clone, Copy)]
 pub(super) struct Found {
     pub(super) limit: Limit,
@@ -102,25 +102,25 @@ pub(super) struct Found {
 }
 
 impl Found {
-    /// Whether this is the limit of this part. Where one leg does not reach, nothing is known of the
-    /// others: reach is one limit.
+    /// Returns whether this is the limit of this part. If one leg does not reach, nothing is known about the
+    /// others: reach is a single limit.
     fn is_of(&self, limit: Limit, part: Part) -> bool {
         self.limit == limit && (limit == Limit::Reach || self.part == part)
     }
 }
 
-/// Firsts of one move: one of every limit of every part that it leaves.
+/// First violations of one move: one for every limit of every part.
 #[derive(Default)]
 struct Firsts(Vec<Found>);
 
 impl Firsts {
-    /// Share of the move before the first place.
+    /// Returns the share of the move before the first violation.
     fn share(&self, limit: Limit, part: Part) -> Option<f64> {
         let found = self.0.iter().find(|found| found.is_of(limit, part));
         found.map(|found| found.share)
     }
 
-    /// Keeps the earlier one.
+    /// Adds a violation, or keeps the earlier one.
     fn note(&mut self, found: Found) {
         match self.0.iter_mut().find(|first| first.is_of(found.limit, found.part)) {
             Some(first) if !(found.share < first.share) => {}
@@ -137,11 +137,11 @@ pub(super) struct Pilot<'a> {
     pub(super) config: &'a Mechanism,
     pub(super) reach: Reach<'a>,
     pub(super) tool: Vector3<f64>,
-    /// As programmed, and the values of the extra axes.
+    /// Programmed coordinates, and the values of the extra axes.
     pub(super) at: [f64; 6],
     pub(super) extra: [f64; MAX_EXTRA],
     checks: Vec<Check>,
-    /// Least margins seen, which tell how fine the pieces have to be.
+    /// Least margins so far, which determine the necessary length of pieces.
     least: [f64; Limit::ALL.len()],
     pub(super) margins: [Option<Nearest>; Limit::ALL.len()],
     axes: [[f64; 2]; 6],
@@ -193,7 +193,7 @@ impl<'a> Pilot<'a> {
             }
         }
         if let Some(end) = firsts.share(Limit::Reach, Part::Whole) {
-            // Beyond a place that cannot be reached nothing is known.
+            // Beyond an unreachable pose nothing is known.
             firsts.0.retain(|found| found.limit == Limit::Reach || found.share < end);
         }
         if !firsts.0.is_empty() {
@@ -204,12 +204,12 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// What a move counts as a share of the program.
+    /// Returns the weight of a move in the program's length.
     pub(super) fn advance(&self, leg: &Leg) -> f64 {
         advance(&leg.delta, arm(self.config))
     }
 
-    /// How far the machine goes, more or less, with angles at half of its size.
+    /// Estimates the machine's displacement, with angles multiplied by half of its size.
     fn extent(&self, leg: &Leg) -> f64 {
         let arm = arm(self.config);
         match &leg.course {
@@ -220,7 +220,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// What the machine does over a piece.
+    /// Bounds the machine's motion over a piece.
     fn way(&self, leg: &Leg, middle: f64, half: f64) -> Result<Way, Fault> {
         match &leg.course {
             Course::Straight { from, delta } => {
@@ -234,7 +234,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// Poses of the machine over a piece of a move with axes that carry something.
+    /// Encloses the machine's poses over a piece of a move with axes that carry something.
     fn enclosure(&self, leg: &Leg, middle: f64, half: f64) -> Result<Enclosure, Fault> {
         let (from, delta) = match &leg.course {
             Course::Carried { from, delta } => (*from, *delta),
@@ -244,7 +244,7 @@ impl<'a> Pilot<'a> {
         Enclosure::of(&self.config.chain, &world, &delta.map(|d| d * half), &self.tool)
     }
 
-    /// Whether a piece needs no halving; what is found goes into `firsts`.
+    /// Returns whether a piece needs no halving; adds violations to `firsts`.
     fn is_done(
         &mut self,
         leg: &Leg,
@@ -255,7 +255,7 @@ impl<'a> Pilot<'a> {
     ) -> bool {
         let unreached = firsts.share(Limit::Reach, Part::Whole);
         if unreached.is_some_and(|share| share <= from) {
-            // Beyond a place that cannot be reached nothing is known.
+            // Beyond an unreachable pose nothing is known.
             return true;
         }
         self.result.pieces += 1;
@@ -289,7 +289,7 @@ impl<'a> Pilot<'a> {
         done
     }
 
-    /// Whether a limit needs no halving of a piece, which begins and has its middle at these shares.
+    /// Returns whether a limit needs no halving of a piece, which begins and has its center at these shares.
     fn is_settled(
         &self,
         check: &Check,
@@ -304,7 +304,7 @@ impl<'a> Pilot<'a> {
             return true;
         }
         let fails = check.proved < 0.0;
-        // Where nothing is known, reach is what fails.
+        // If nothing is known, reach is the violated limit.
         if fails && is_short && check.proved.is_finite() {
             firsts.note(check.found(from));
         }
@@ -312,7 +312,7 @@ impl<'a> Pilot<'a> {
         is_short || !(fails || check.is_coarse(least))
     }
 
-    /// What a piece contributes that stays as it is.
+    /// Records the margin of a piece that is not halved.
     fn close(&mut self, check: &Check, leg: &Leg) {
         let kind = check.limit.index();
         self.least[kind] = self.least[kind].min(check.seen);
@@ -321,7 +321,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// Margins of all limits over a piece, into `checks`.
+    /// Computes the margins of all limits over a piece, into `checks`.
     fn weigh(&mut self, way: &Way) {
         self.checks.clear();
         self.checks.extend(way.spans.iter().map(|span| Check {
@@ -338,7 +338,7 @@ impl<'a> Pilot<'a> {
         self.checks.push(Check { limit, part, ends, seen: 1.0, proved, range: 1.0 });
     }
 
-    /// Ranges of the joints to first order, which the pieces are short enough for.
+    /// Extends the ranges of the joints to first order, which is accurate enough for the short pieces.
     fn widen(&mut self, way: &Way) {
         for (range, spans::Course { middle, slope, .. }) in self.joints.iter_mut().zip(&way.joints)
         {
@@ -346,14 +346,14 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// What a straight move uses of the axes.
+    /// Extends the used ranges of the axes by a straight move.
     pub(super) fn widen_axes(&mut self, end: &[f64; 6]) {
         for (range, value) in self.axes.iter_mut().zip(end) {
             *range = [range[0].min(*value), range[1].max(*value)];
         }
     }
 
-    /// What was used of the axes and joints.
+    /// Returns the used ranges of the axes and joints.
     pub(super) fn ranges(&self) -> Vec<Range> {
         let config = self.config;
         let axes = Letter::ALL.into_iter().zip(&config.programmed).zip(self.axes);
@@ -375,11 +375,11 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// How far a move leaves its limits: least margins seen, in the order of `firsts`.
+    /// Samples the least margins of a move, in the order of `firsts`.
     fn sample(&mut self, leg: &Leg, firsts: &Firsts) -> Vec<f64> {
         let mut worst = vec![f64::INFINITY; firsts.0.len()];
         let half = 0.5 / SAMPLES as f64;
-        // Both ends, and pieces that together are the move: none of them goes beyond its ends.
+        // Both ends, and pieces that together cover the move without exceeding its ends.
         let pieces = (0..SAMPLES).map(|n| ((2 * n + 1) as f64 * half, half));
         for (middle, half) in pieces.chain([(0.0, 0.0), (1.0, 0.0)]) {
             let Ok(way) = self.way(leg, middle, half) else { continue };
@@ -398,13 +398,13 @@ impl<'a> Pilot<'a> {
         worst
     }
 
-    /// Tells a break; `worst` is the least margin of the move.
+    /// Records a violation; `worst` is the least margin of the move.
     pub(super) fn tell(&mut self, leg: &Leg, found: &Found, worst: f64) {
         let part = limits::part(self.config, found.limit, found.part);
         let is_reach = found.limit == Limit::Reach;
         let of = |told: &&mut Break| told.limit == found.limit && (is_reach || told.part == part);
         if let Some(told) = self.result.breaks.iter_mut().find(of) {
-            // Moves come in the order of the program; the change of a tool precedes its move.
+            // Moves are in program order; a tool change precedes its move.
             told.moves += usize::from(told.last != leg.number);
             told.last = leg.number;
             return;
@@ -454,12 +454,12 @@ impl<'a> Pilot<'a> {
     }
 }
 
-/// Where the angles of a machine count: half of its size.
+/// Returns the arm at which angles count: half of the machine's size.
 pub(super) fn arm(config: &Mechanism) -> f64 {
     config.machine.size() / 2.0
 }
 
-/// How far a body goes, more or less, that turns as well: its angles count by what is `arm` away.
+/// Estimates the displacement of a body that also rotates: its angles are multiplied by `arm`.
 pub(super) fn advance(delta: &[f64; 6], arm: f64) -> f64 {
     let turn: f64 = delta[3..].iter().map(|d| d.abs().to_radians()).sum();
     length(delta) + turn * arm

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Joints along a path: how far the control point has come, and what that took of every
-//! joint (the carriage curves of paper 003, table 2, added up step by step).
+//! Joint changes over the length of a path (the carriage curves of paper 003, table 2, summed step
+//! by step).
 
 use kinematics::{Joints, MAX_JOINTS};
 
-/// One place of a path.
+/// One point of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Along {
     /// Length of the path of the control point so far, machine units.
@@ -13,7 +13,7 @@ pub struct Along {
     pub change: Joints,
 }
 
-/// Path length and joint changes since the first of these poses (x y z …) with their joints.
+/// Computes path length and joint changes since the first of these poses (x y z …) with their joints.
 pub fn along(places: impl IntoIterator<Item = ([f64; 6], Joints)>) -> Vec<Along> {
     let mut places = places.into_iter();
     let Some(mut last) = places.next() else { return vec![] };

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a program asks of a machine, and the verdict whether it fits.
+//! What a program requires of a machine, and the verdict whether it fits.
 //!
-//! - Input: a description of `machine`, a program, and LinuxCNC's run of it from `linuxcnc`: the moves as motion is
-//!   asked for them, and a row for every servo cycle.
-//! - Output: [`findings`], limits and peaks with their lines; [`verdict`] and its sentences; [`travel`] left;
+//! - Input: a description of `machine`, a program, and LinuxCNC's run of it from `linuxcnc`: the moves as
+//!   commanded to motion, and a row for every servo cycle.
+//! - Output: [`findings`], limits and peaks with their lines; [`verdict`] and its sentences; remaining [`travel`];
 //!   joint values of [`replay`].
 //! - Uses: `machine`, `linuxcnc` and `check`.
 

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a program asks of the joints, from LinuxCNC's own servo cycles: speeds, accelerations,
-//! following errors, ranges, and the feed that every line leaves room for.
+//! The joint loads of a program, from LinuxCNC's own servo cycles: speeds, accelerations,
+//! following errors, ranges, and the largest feed factor of every line.
 //!
-//! Rows come one after the other and are forgotten again; what is kept grows with the lines of the
+//! Rows are processed one by one and not stored; memory grows with the lines of the
 //! program, not with its cycles. A speed is the difference of two commands over the period, an
 //! acceleration that of two speeds; one that exceeds its limit by no more than the rounding of these
-//! differences is at its limit (`Rounding`). Cycles in which pkmkins moves the joints for another tool
+//! differences counts as at its limit (`Rounding`). Cycles in which pkmkins moves the joints for another tool
+//! offset do not count as motion of the program, nor do those with the drives off.
 //! offset are no speed of the program, neither are those with the drives off.
 
 use crate::report::{LineLoad, Peak, Place};
@@ -16,20 +17,20 @@ use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Cycles left out before and after those in which the tool offset moves: LinuxCNC's interpolator of
-/// joints answers two cycles late and over three.
+/// Cycles ignored before and after those in which the tool offset moves: LinuxCNC's joint interpolator
+/// responds two cycles late and over three.
 const AROUND_TOOL_OFFSETS: u64 = 5;
 
 /// The largest angle that an inverse returns, degrees.
 const HALF_TURN: f64 = 180.0;
 
-/// Roundings of a joint command from LinuxCNC's path to its servo cycle, each by one unit in the last place of the
-/// largest number on the way: some ten operations of the planner, the inverse and the interpolator of joints, of
-/// which most are of smaller numbers. Pure Z moves of a delta whose joints have the acceleration of the axis
+/// Roundings of a joint command between LinuxCNC's path and its servo cycle, each one unit in the last place of the
+/// largest number involved: some ten operations of the planner, the inverse and the joint interpolator, most of them
+/// with smaller numbers. Pure Z moves of a delta whose joints have the acceleration of the axis
 /// show half of one.
 const ROUNDINGS: f64 = 8.0;
 
-/// What rounding may contribute to a speed and to an acceleration: two commands enter a speed, and four an
+/// Rounding errors of a speed and of an acceleration: two commands enter a speed, and four an
 /// acceleration.
 #[derive(Clone, Copy)]
 struct Rounding {
@@ -38,7 +39,7 @@ struct Rounding {
 }
 
 impl Rounding {
-    /// Of commands near `value`, from numbers of up to `scale`.
+    /// Computes the errors for commands near `value`, from numbers of up to `scale`.
     fn of(value: f64, scale: f64, period: f64) -> Self {
         let command = ROUNDINGS * f64::EPSILON * value.abs().max(scale);
         Self { speed: 2.0 * command / period, acceleration: 4.0 * command / (period * period) }
@@ -50,23 +51,23 @@ fn at_most(value: f64, limit: f64, rounding: f64) -> f64 {
     if value > limit && value - limit <= rounding { limit } else { value }
 }
 
-/// Where a joint first goes beyond its limit.
+/// The first violation of a joint's limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beyond {
-    /// The place.
+    /// First position and time.
     pub place: Place,
-    /// How often a line goes beyond it: lines, where none comes twice.
+    /// Number of violating lines; a repeated line counts again.
     pub lines: usize,
 }
 
 /// Values of one kind of every joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Load {
-    /// By joint: where the share of the limit is largest.
+    /// By joint: where the load relative to the limit is largest.
     pub peaks: Vec<Peak>,
-    /// By joint: where its limit is left, if it is.
+    /// By joint: the violation of its limit, if any.
     pub beyond: Vec<Option<Beyond>>,
-    /// By joint: the last line that was beyond it.
+    /// By joint: the last line that violated it.
     last: Vec<Option<(usize, u32)>>,
 }
 
@@ -108,11 +109,12 @@ pub struct Motion<const N: usize> {
 }
 
 impl<const N: usize> Motion<N> {
-    /// Before the first cycle.
+    /// State before the first cycle.
     pub const START: Self = Self { last: None, speeds: None };
 
-    /// Speeds since the cycle before, and accelerations since the two before, in joint units, per
-    /// second and per second squared. 0 where those cycles are not known, or the drives were off.
+    /// Returns the speeds since the previous cycle, and the accelerations over the two previous ones, in joint units
+    /// per
+    /// second and per second squared. 0 if those cycles are unknown, or the drives were off.
     pub fn next(&mut self, row: &Row, commands: &[f64; N], period: f64) -> [[f64; N]; 2] {
         let last = self.last.take().filter(|(cycle, _)| row.flags.on && cycle + 1 == row.cycle);
         self.last = row.flags.on.then_some((row.cycle, *commands));
@@ -126,42 +128,42 @@ impl<const N: usize> Motion<N> {
     }
 }
 
-/// What a program asks of the joints.
+/// The joint loads of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Demands {
     /// Speeds.
     pub speed: Load,
     /// Accelerations.
     pub acceleration: Load,
-    /// Following errors, against what LinuxCNC allows in the same cycle.
+    /// Following errors, relative to LinuxCNC's limit in the same cycle.
     pub following: Load,
-    /// By how much the feed of a line may be multiplied, for every line that moves a joint.
+    /// Largest feed factor of every line that moves a joint.
     pub lines: Vec<LineLoad>,
-    /// Lowest and highest value of every extra axis; infinite the wrong way round without a cycle.
+    /// Lowest and highest value of every extra axis; infinite and reversed if there was no cycle.
     pub extra: Vec<[f64; 2]>,
-    /// Where the program was in the last cycle with the drives on.
+    /// Position of the program in the last cycle with the drives on.
     pub last: Place,
 }
 
-/// Adds up rows.
+/// Evaluates rows.
 pub struct Loads<'a> {
     config: &'a MachineConfig,
-    /// By joint: the largest number that its commands are calculated from, beside themselves.
+    /// By joint: the largest number from which its commands are calculated, besides their own values.
     scales: Vec<f64>,
-    /// Rows with the drives on that are not judged yet, since a tool offset may move after them.
+    /// Rows with the drives on that are not judged yet, because a tool offset may move after them.
     waiting: VecDeque<Row>,
     motion: Motion<MAX_JOINTS>,
     extra: Motion<MAX_EXTRA>,
     ranges: Vec<[f64; 2]>,
-    /// Where the row judged last is: a step belongs to the row that it starts from.
+    /// Position of the row judged last: a step belongs to the row at its start.
     before: Place,
     /// Whether the drives were on in the last row.
     was_on: bool,
     /// Tool offsets in effect in the last row with the drives on.
     tools: Option<[[f64; 3]; 2]>,
-    /// Rows up to this cycle are no motion of the program.
+    /// Rows up to this cycle are not motion of the program.
     tool_moves_to: u64,
-    /// File and line that are judged, and their largest share of a speed limit.
+    /// Current file and line, and their largest share of a speed limit.
     line: ((usize, u32), f64),
     lines: BTreeMap<(usize, u32), f64>,
     end: Place,
@@ -171,7 +173,7 @@ pub struct Loads<'a> {
 }
 
 impl<'a> Loads<'a> {
-    /// Before the first row.
+    /// Creates the state before the first row.
     pub fn new(config: &'a MachineConfig) -> Self {
         let joints = &config.all_joints().map(|(one, i)| one.joint(i)).collect::<Vec<_>>();
         let scale = |(one, i): (&Mechanism, usize)| match one.unit_of(i) {
@@ -202,7 +204,7 @@ impl<'a> Loads<'a> {
     pub fn see(&mut self, row: &Row) {
         if !row.flags.on {
             if std::mem::take(&mut self.was_on) {
-                // An error that is too large switches the drives off in its own cycle.
+                // A too large error switches the drives off in the same cycle.
                 self.note_errors(row);
             }
             self.interrupt();
@@ -223,7 +225,7 @@ impl<'a> Loads<'a> {
         self.judge_before(row.cycle.saturating_sub(AROUND_TOOL_OFFSETS));
     }
 
-    /// Everything, after the last row.
+    /// Returns the loads after the last row.
     pub fn finish(mut self) -> Demands {
         self.interrupt();
         self.close_line();
@@ -242,7 +244,7 @@ impl<'a> Loads<'a> {
         }
     }
 
-    /// What counts in every cycle with the drives on.
+    /// Records the values of every cycle with the drives on.
     fn note_place(&mut self, row: &Row) {
         self.end = self.place(row);
         for (range, value) in self.ranges.iter_mut().zip(row.extra.positions) {
@@ -261,7 +263,7 @@ impl<'a> Loads<'a> {
         }
     }
 
-    /// Nothing is known of the motion between the rows before and after.
+    /// Discards the state: the motion between the rows before and after is unknown.
     fn interrupt(&mut self) {
         self.judge_before(u64::MAX);
         self.forget();
@@ -331,7 +333,7 @@ mod tests {
         MachineConfig::read(&file).unwrap()
     }
 
-    /// The first joint at these places, one a cycle, all others at rest.
+    /// Returns rows with the first joint at these positions, one per cycle, all others at rest.
     fn rows(places: &[f64]) -> Vec<Row> {
         let row = |(cycle, place): (usize, &f64)| Row {
             cycle: cycle as u64,
@@ -364,7 +366,7 @@ mod tests {
         );
     }
 
-    /// At rest for 30 cycles, then steps that grow by `more` for ten, then at rest again.
+    /// Returns 30 cycles at rest, ten steps that grow by `more`, then rest again.
     fn ramp(more: f64) -> Vec<f64> {
         let (mut place, mut step) = (500.0, 0.0);
         let run = |n: usize| {
@@ -377,7 +379,7 @@ mod tests {
         (0..60).map(run).collect()
     }
 
-    /// One way behind the other.
+    /// Concatenates two sequences of positions.
     fn twice(one: &[f64], other: &[f64]) -> Vec<f64> {
         let on = one.last().unwrap() - other[0];
         one.iter().copied().chain(other.iter().map(|place| place + on)).collect()
@@ -388,7 +390,7 @@ mod tests {
         let config = config();
         let places = ramp(0.001);
         let found = judged(&config, &rows(&places));
-        // Ten steps on it does 0.01 a millisecond, and stops within one cycle.
+        // After ten steps it moves 0.01 per millisecond, and stops within one cycle.
         let speed = &found.speed.peaks[0];
         assert_near(speed.value, 10.0);
         assert_eq!((speed.place.line, speed.place.pose[0]), (2, places[38]));
@@ -410,7 +412,7 @@ mod tests {
         let found = judged(&config, &rows(&twice(&ramp(0.001), &ramp(0.001))));
         let beyond = found.speed.beyond[0].unwrap();
         assert_eq!(beyond.lines, 2);
-        // The ninth step is the first above 8.5 a second.
+        // The ninth step is the first above 8.5 per second.
         assert_near(beyond.place.seconds, 0.037);
         assert_eq!(found.speed.beyond[1], None);
     }
@@ -422,7 +424,7 @@ mod tests {
         config.mechanisms[0].joints[0].max_velocity = 11.5;
         let found = judged(&config, &rows(&ramp(0.001))).speed;
         assert_eq!(found.peaks[0].limit, 9.5);
-        // The tenth step is the first above 9.5 a second.
+        // The tenth step is the first above 9.5 per second.
         assert_near(found.beyond[0].unwrap().place.seconds, 0.038);
         config.mechanisms[0].joints[0].max_velocity = 12.5;
         assert_eq!(judged(&config, &rows(&ramp(0.001))).speed.beyond[0], None);
@@ -431,7 +433,7 @@ mod tests {
     #[test]
     fn a_value_at_its_limit_within_the_rounding_of_differences_is_within_it() {
         let mut config = config();
-        // A stop from 10 a second within a cycle, by differences of numbers near 500.
+        // A stop from 10 per second within a cycle, from differences of numbers near 500.
         let exact = 10_000.0;
         let of = |config: &MachineConfig| judged(config, &rows(&ramp(0.001))).acceleration;
         let seen = of(&config).peaks[0].value;
@@ -452,7 +454,7 @@ mod tests {
             row.tool[0] = moving.min(37) as f64;
         }
         let found = judged(&config, &rows);
-        // Rows 30 to 42 are left out; nothing moves in the others.
+        // Rows 30 to 42 are ignored; nothing moves in the others.
         assert_eq!(found.speed.peaks[0].value, 0.0);
         assert_eq!(found.acceleration.peaks[0].value, 0.0);
         // The module is busy before it moves the offset, while the program comes to rest.
@@ -509,7 +511,7 @@ mod tests {
         let [only] = found.lines.as_slice() else { panic!("{:?}", found.lines) };
         assert_eq!(only.line, 2);
         assert_near(only.factor, 2.0);
-        // The same lines again, half as fast: a loop.
+        // The same lines again at half speed: a loop.
         let mut all = rows(&twice(&ramp(0.001), &ramp(0.0005)));
         all[60..].iter_mut().for_each(|row| row.line -= 3);
         assert_eq!(judged(&config, &all).lines, found.lines);

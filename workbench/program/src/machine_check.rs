@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A machine checked as a whole: each mechanism, its start in virtual time, and both mechanisms together.
+//! Check of a whole machine: each mechanism, its start in virtual time, and both mechanisms together.
 
 use crate::machine_start::{Start, start};
 use check::between;
@@ -11,12 +11,12 @@ use machine::read::error::MachineError;
 use machine::read::machine::MachineConfig;
 use std::io;
 
-/// What was found of a machine.
+/// Reports about a machine.
 #[derive(Debug)]
 pub struct Whole {
-    /// Its mechanisms.
+    /// Report on each mechanism.
     pub mechanisms: Vec<Report>,
-    /// Both of two together.
+    /// Report on two mechanisms together.
     pub between: Option<Report>,
 }
 
@@ -25,7 +25,7 @@ impl Whole {
         self.mechanisms.iter().chain(&self.between)
     }
 
-    /// Returns whether nothing is wrong.
+    /// Returns whether there are no findings of a misfit.
     pub fn fits(&self) -> bool {
         self.reports().all(Report::fits)
     }
@@ -36,8 +36,8 @@ impl Whole {
     }
 }
 
-/// Checks a machine, with a start in virtual time where `starts` is set. `show` receives what is being done, and the
-/// share of it that is done where that is known.
+/// Checks a machine, with a start in virtual time if `starts` is set. `show` receives the current task and its
+/// completed share, if known.
 ///
 /// # Errors
 /// The file describes no machine, or a file of the start cannot be written.
@@ -51,7 +51,7 @@ pub fn checked<E: From<MachineError> + From<AtFile<io::Error>>>(
         let looking = "searching for pose boxes";
         show(looking, None);
         let mut report = check(config, mechanism, |share| show(looking, Some(share)))?;
-        // Both mechanisms are one machine of LinuxCNC's.
+        // Both mechanisms are a single machine for LinuxCNC.
         if !mechanism.place.is_second {
             let started = if !starts {
                 Start::not_tried("--no-start")

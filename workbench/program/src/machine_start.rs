@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The start of a machine, tried by LinuxCNC in virtual time with the machine's own HAL files: on, home, a little way
+//! Test start of a machine: LinuxCNC runs in virtual time with the machine's own HAL files: on, homing, a small move
 //! along each coordinate and back, a tool change.
 //!
-//! Only what LinuxCNC itself refuses is an error. Hardware, and programs that are not LinuxCNC's, do not run in virtual
-//! time: where the HAL files need them, the machine is started without them, and a failure is not judged.
+//! Only a refusal by LinuxCNC itself is an error. Hardware, and programs that are not LinuxCNC's, do not run in virtual
+//! time: if the HAL files need them, the machine is started without them, and a failure is not judged.
 
 use check::drives::{self, Plan};
 use check::wiring::at_key;
@@ -23,27 +23,28 @@ use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Seconds of a processor that a start may take.
+/// Processor time that a start may take, seconds.
 const MOST_WORK: f64 = 3.0;
 
-/// Seconds of the machine in which nothing moves: no tool changer takes as long.
+/// Machine time without motion after which the start is aborted, seconds: no tool changer takes as long.
 const MOST_STANDSTILL: f64 = 60.0;
 
-/// Share of a coordinate's range, or of the machine's size where it has no end, that is a little way; and the largest
+/// Size of a small move as a share of a coordinate's range, or of the machine's size if it is unlimited; and the
+/// largest
 /// angle, degrees.
 const SHARE: f64 = 0.02;
 const MOST_ANGLE: f64 = 1.0;
 
-/// Seconds that a move at its feed takes.
+/// Duration of a move at its feed, seconds.
 const DURATION: f64 = 0.25;
 
-/// How often a way is halved before no room is left for it.
+/// Number of halvings of a move that does not fit.
 const HALVES: usize = 6;
 
-/// What became of a start.
+/// Result of a start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
-    /// In words.
+    /// Description of the result.
     pub fact: String,
     /// Why the machine does not start, if LinuxCNC refuses it.
     pub error: Option<IniError>,
@@ -55,14 +56,14 @@ impl Start {
     }
 }
 
-/// What a line of the program tries.
+/// Action of a line of the program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Tried {
     Coordinate(char),
     Tool(i64),
 }
 
-/// Tries it.
+/// Starts the machine.
 ///
 /// # Errors
 /// A file cannot be written.
@@ -127,7 +128,7 @@ fn own_files(
     }
 }
 
-/// Why LinuxCNC refuses the machine, at the line that is responsible; `None` where the reason is not the machine.
+/// Returns why LinuxCNC refuses the machine, at the responsible line; `None` if the machine is not the reason.
 fn refused(
     config: &MachineConfig,
     entries: &[(Option<&Entry>, String)],
@@ -167,23 +168,23 @@ fn refused(
     }
 }
 
-/// Whether a file is one of those that come with pkmkins, wherever the library for virtual time stands.
+/// Returns whether a file is one of those that come with pkmkins, wherever the library for virtual time is installed.
 fn is_of_library(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     name.starts_with("pkmkins") && name.ends_with(".tcl")
 }
 
-/// A refusal at the key that it names or is about.
+/// Returns a refusal at the key that it names or concerns.
 fn at(ini: &Ini, text: &str) -> IniError {
     named(ini, text, text).unwrap_or_else(|| whole(ini, text))
 }
 
-/// At no line.
+/// Returns a refusal without a line.
 fn whole(ini: &Ini, text: &str) -> IniError {
     ini.error("", "", Some("the start in LinuxCNC"), text)
 }
 
-/// What LinuxCNC's messages speak of, and the key that is mostly responsible.
+/// Subjects of LinuxCNC's messages, and the key that is usually responsible.
 const ABOUT: [(&str, &str, &str); 9] = [
     ("REMAP INI Line", "RS274NGC", "REMAP"),
     ("initialize IO", "EMCIO", "TOOL_CHANGE_POSITION"),
@@ -196,7 +197,7 @@ const ABOUT: [(&str, &str, &str); 9] = [
     ("pkmkins.so", "KINS", "KINEMATICS"),
 ];
 
-/// `told` at the key that a message names, if it names one.
+/// Returns the refusal `told` at the key that a message names, if any.
 fn named(ini: &Ini, text: &str, told: &str) -> Option<IniError> {
     let between = |start: &str, end: &str| {
         let (_, rest) = text.split_once(start)?;
@@ -206,7 +207,7 @@ fn named(ini: &Ini, text: &str, told: &str) -> Option<IniError> {
         !name.is_empty()
             && name.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_')
     };
-    // As LinuxCNC's INI reader has it, and as pkmkins.tcl has it.
+    // As LinuxCNC's INI reader prints it, and as pkmkins.tcl does.
     let of_reader = between("section=", ",").zip(between("tag=", ","));
     let of_file = between("[", "]").filter(is_name).and_then(|section| {
         let (_, rest) = text.split_once(&format!("[{section}]"))?;
@@ -233,7 +234,7 @@ fn named(ini: &Ini, text: &str, told: &str) -> Option<IniError> {
     about.map(|(_, section, key)| at_key(ini, section, key, told))
 }
 
-/// The key of the joint or axis that a message is about.
+/// Returns the key of the joint or axis of a message.
 fn of_joint(text: &str) -> Option<(String, &'static str)> {
     let key = ["positive limit", "negative limit", "following error", "home"]
         .into_iter()
@@ -251,10 +252,10 @@ fn of_joint(text: &str) -> Option<(String, &'static str)> {
     joint.or(axis).map(|section| (section, key))
 }
 
-/// The program that tries the machine.
+/// The test program.
 struct Program {
     text: String,
-    /// What its lines try, line 1 first.
+    /// Actions of its lines, starting with line 1.
     lines: Vec<Option<Tried>>,
 }
 
@@ -270,7 +271,7 @@ impl Program {
             program.line(tried, &format!("G53 G0 {letter}{:.9}", home + way));
             program.line(tried, &format!("G53 G1 {letter}{home:.9} F{feed:.6}"));
         }
-        // What is wrong with a table is reported where it is read.
+        // Errors of a tool table are reported by its reader.
         let tools = tools::read(config.first()).unwrap_or_default();
         if let Some(tool) = tools.iter().find(|tool| changes_tools && tool.number > 0) {
             program.line(Some(Tried::Tool(tool.number)), &format!("T{} M6", tool.number));
@@ -284,7 +285,7 @@ impl Program {
         self.lines.push(tried);
     }
 
-    /// What was tried, in words.
+    /// Describes what was tested.
     fn done(&self) -> String {
         let mut letters: Vec<char> = vec![];
         let mut tools = String::new();
@@ -303,13 +304,13 @@ impl Program {
         format!("switched on, homed, {moved}{tools}")
     }
 
-    /// Why LinuxCNC stopped the program.
+    /// Returns why LinuxCNC stopped the program.
     fn refusal(&self, config: &MachineConfig, messages: &[Message]) -> IniError {
         let ini = &config.ini;
         let errors: Vec<&Message> = messages.iter().filter(|message| message.is_error()).collect();
         let texts: Vec<&str> = errors.iter().map(|message| message.text.as_str()).collect();
         let all = texts.join("; ");
-        // A move that the program does not have stands on a line below 0.
+        // A move that is not in the program has a line below 0.
         let line = errors.first().map_or(0, |message| message.place().max(message.read)) as usize;
         let tried = match all.contains("line -1") {
             true => {
@@ -347,7 +348,7 @@ impl Program {
     }
 }
 
-/// How far a coordinate can go from home within all limits, a little way in the direction that has room.
+/// Returns a small displacement of a coordinate from home within all limits, in a direction with room.
 fn way(config: &MachineConfig, place: usize, axis: &Axis) -> Option<f64> {
     let turns = "ABC".contains(POSE_LETTERS[place]);
     let most = if turns { MOST_ANGLE } else { SHARE * config.first().machine.size() };

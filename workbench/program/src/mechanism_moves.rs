@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The moves of a program as one of two mechanisms makes them.
+//! The moves of a program for one of two mechanisms.
 //!
-//! A block moves both, and takes as long as LinuxCNC makes it: the feed is that of X Y Z together where
-//! one of them moves, else that of U V W, else that of A B C. Each mechanism by itself then has moves
-//! with the feed that comes to the same time.
+//! A block moves both, with LinuxCNC's duration: the feed is that of X Y Z together if
+//! one of them moves, otherwise that of U V W, otherwise that of A B C. Each single mechanism then has moves
+//! with the feed that gives the same duration.
 
 use crate::motion::{Move, MoveKind, ProgramError, read};
 use crate::replay::duration;
@@ -11,7 +11,7 @@ use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use std::path::{Path, PathBuf};
 
-/// Reads all moves of a program as this mechanism of `whole` makes them, and the names of its files.
+/// Reads all moves of a program for this mechanism of `whole`, and the names of its files.
 ///
 /// # Errors
 /// As [`read`].
@@ -25,21 +25,21 @@ pub fn moves_of(
     Ok((all.into_iter().map(|step| half.of(&step)).collect(), files))
 }
 
-/// Makes moves of one mechanism of moves of both.
+/// Converts moves of both mechanisms to those of one.
 pub struct Half<'a> {
     mechanism: &'a Mechanism,
     whole: &'a MachineConfig,
-    /// Where each stands.
+    /// Current poses of the mechanisms.
     at: Vec<[f64; 6]>,
 }
 
 impl<'a> Half<'a> {
-    /// Starts where all are at home.
+    /// Starts with all mechanisms at home.
     pub fn new(mechanism: &'a Mechanism, whole: &'a MachineConfig) -> Self {
         Self { mechanism, whole, at: whole.mechanisms.iter().map(|one| one.home).collect() }
     }
 
-    /// The part of the mechanism in the next move.
+    /// Returns the part of the mechanism in the next move.
     pub fn of(&mut self, step: &Move) -> Move {
         let [first, second] = self.whole.mechanisms.as_slice() else { return *step };
         let each: Vec<Move> = step.of_each().collect();
@@ -53,14 +53,14 @@ impl<'a> Half<'a> {
     }
 }
 
-/// Seconds that a move of both takes.
+/// Returns the duration of a move of both, seconds.
 fn seconds(
     [first, second]: [&Mechanism; 2],
     [of_first, of_second]: [&[f64; 6]; 2],
     [one, other]: [&Move; 2],
 ) -> f64 {
     let moves = |from: &[f64; 6], to: &[f64; 6]| (0..3).any(|k| from[k] != to[k]);
-    // Where X Y Z move they set the feed, and the others only keep their limits.
+    // If X Y Z move they determine the feed, and the others only limit it.
     let leads = moves(of_first, &one.end);
     let rapid = |step: &Move| Move { kind: MoveKind::Rapid, ..*step };
     let (lead, follow) = match leads || !moves(of_second, &other.end) {
@@ -70,8 +70,8 @@ fn seconds(
     duration(first, of_first, &lead).max(duration(second, of_second, &follow))
 }
 
-/// Gives a move these seconds, which pass for a mechanism that stands as well, and the feed that comes to
-/// them.
+/// Sets the duration of a move, even if the mechanism does not move, and the corresponding
+/// feed.
 fn lasting(step: &mut Move, from: &[f64; 6], seconds: f64) {
     step.lasts = Some(seconds);
     let norm =

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The moves of a program, as LinuxCNC's task asks motion for them.
+//! The moves of a program, as LinuxCNC's task commands them to motion.
 //!
-//! LinuxCNC reads the program itself, in virtual time ([`linuxcnc`]): with the tool, the parameters and the
-//! position that it has on the machine. Its commands are straight and circular moves; circular ones are split here
+//! LinuxCNC itself reads the program, in virtual time ([`linuxcnc`]), with the machine's tool, parameters and
+//! position. It commands straight and circular moves; circular ones are split here
 //! into short straight ones.
 
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, Vector3, World};
@@ -22,11 +22,11 @@ pub const LINUXCNC_PROGRAMS: &str = "/usr/share/linuxcnc/ncfiles";
 /// Rounding of LinuxCNC's positions, as a share of the machine's size.
 pub(super) const ROUNDING: f64 = 1e-9;
 
-/// Largest distance of an arc from its straight moves, in mm: far below what any
-/// machine reaches, and only a few hundred moves a turn.
+/// Largest distance of an arc from its straight moves, in mm: far below the resolution of any
+/// machine, with only a few hundred moves per turn.
 const CHORD_ERROR_MM: f64 = 1e-4;
 
-/// Straight moves that a full turn has at least: an arc of rounding size still has its direction.
+/// Least number of straight moves per full turn: even an arc of rounding size keeps its direction.
 const LEAST_CHORDS: f64 = 16.0;
 
 /// Kind of a straight move.
@@ -36,7 +36,7 @@ pub enum MoveKind {
     Rapid,
     /// G1, and the pieces of arcs.
     Feed,
-    /// G38: taken to its end point, as if nothing were touched.
+    /// G38: up to its end point, without contact.
     Probe,
 }
 
@@ -45,24 +45,24 @@ pub enum MoveKind {
 pub struct Move {
     /// Kind.
     pub kind: MoveKind,
-    /// Line of the program, counted from 1; 0 for what runs before the program.
+    /// Line of the program, counted from 1; 0 for moves before the program.
     pub line: u32,
     /// End point as motion receives it, tool length included: x y z in machine units,
     /// a b c in degrees.
     pub end: [f64; 6],
-    /// Feed in machine units per second; infinite where the spindle sets it.
+    /// Feed in machine units per second; infinite if the spindle determines it.
     pub feed: f64,
     /// Feed of moves of rotary axes alone, degrees per second.
     pub angular_feed: f64,
-    /// Tool length offset x y z in force, machine units.
+    /// Active tool length offset x y z, machine units.
     pub tool: [f64; 3],
-    /// Number of the file that its line belongs to, 0 for the program.
+    /// Number of the file of its line, 0 for the program.
     pub file: usize,
-    /// Whether an extra axis turns in it, or moves along with the tool; the same of another mechanism.
+    /// Whether an extra axis rotates in it, or moves together with the tool; also one of another mechanism.
     pub extra: bool,
-    /// The same move of the second mechanism, in its own coordinates, where the machine has two.
+    /// The same move of the second mechanism, in its own coordinates, if the machine has two.
     pub second: Option<Beside>,
-    /// Seconds that it takes, where another mechanism has a part in them.
+    /// Duration in seconds, if another mechanism affects it.
     pub lasts: Option<f64>,
     /// Values of the extra axes at its end, in joint order: machine units and degrees.
     pub extra_end: [f64; MAX_EXTRA],
@@ -70,7 +70,7 @@ pub struct Move {
     pub spindle: Spindle,
 }
 
-/// What a move is for the second of two mechanisms.
+/// The part of a move of the second of two mechanisms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beside {
     /// End point, as [`Move::end`].
@@ -80,13 +80,13 @@ pub struct Beside {
 }
 
 impl Move {
-    /// Returns the move as each mechanism sees it.
+    /// Returns the move of each mechanism.
     pub fn of_each(&self) -> impl Iterator<Item = Self> {
         let own = |Beside { end, tool }| Self { end, tool, second: None, ..*self };
         [Self { second: None, ..*self }].into_iter().chain(self.second.map(own))
     }
 
-    /// Whether the machine is at home at its end, with all its axes, as far as LinuxCNC's rounding shows.
+    /// Returns whether the machine is at home at its end with all its axes, within LinuxCNC's rounding.
     pub fn stays(&self, config: &Mechanism) -> bool {
         let slack = ROUNDING * config.machine.size();
         let at = |values: &[f64], home: &[f64]| {
@@ -129,13 +129,13 @@ pub fn moves(
 
 /// Reads all moves of a program on this machine, the first one ending at `[TRAJ]HOME`, and the names of its files.
 ///
-/// Limits of axes and joints are open, so that a program is read beyond the first one that it leaves. `block` runs
-/// before it, for instance to change the work offset. Lines that begin with `/` are left out, as LinuxCNC does until
-/// the operator decides otherwise.
+/// Limits of axes and joints are disabled, so that a program is read beyond its first violation. `block` runs
+/// before it, for example to change the work offset. Lines that begin with `/` are skipped, as in LinuxCNC until
+/// the operator changes it.
 ///
 /// # Errors
-/// LinuxCNC cannot run the program, or stops it before its end for another reason than a pose that the machine
-/// cannot take; that pose is the end of the last move.
+/// LinuxCNC cannot run the program, or stops it before its end for a reason other than a pose that the machine
+/// cannot reach; that pose is the end of the last move.
 pub fn read(
     config: &MachineConfig,
     program: &Path,
@@ -161,7 +161,7 @@ pub fn read(
     }
 }
 
-/// Whether the machine can take the pose at the end of a move.
+/// Returns whether the pose at the end of a move is legal.
 fn is_reached(config: &MachineConfig, step: &Move) -> bool {
     config.mechanisms.iter().zip(step.of_each()).all(|(config, step)| {
         let tool = config.spindle + Vector3::from(step.tool);
@@ -181,24 +181,24 @@ fn stopped(program: &Path, outcome: &Outcome) -> ProgramError {
     }
 }
 
-/// Turns LinuxCNC's commands into straight moves of a machine.
+/// Converts LinuxCNC's commands to straight moves of a machine.
 pub struct Translator<'a> {
     config: &'a MachineConfig,
-    /// Of each mechanism, the coordinates that a letter of the program sets.
+    /// The coordinates of each mechanism that a letter of the program sets.
     set: Vec<[bool; 6]>,
-    /// Letters that move neither tool nor work of the first one.
+    /// Letters that move neither tool nor workpiece of the first mechanism.
     others: [bool; 9],
-    /// Where the last command ended, in LinuxCNC's letters.
+    /// End of the last command, in LinuxCNC's letters.
     at: World,
     line: u32,
 }
 
 impl<'a> Translator<'a> {
-    /// Starts before the first command.
+    /// Creates the state before the first command.
     pub fn new(config: &'a MachineConfig) -> Self {
         let (letters, others) = (axes(config), others(config.first()));
         let is_set = |mechanism: &Mechanism, letter| match config.second_letters {
-            // What one of two mechanisms holds may be a letter of the other.
+            // A constant coordinate of one of two mechanisms may be a letter of the other.
             Some(_) => !mechanism.machine.layout().is_held(letter),
             None => letters.contains(letter.name()) && !others.contains(letter.name()),
         };
@@ -212,9 +212,9 @@ impl<'a> Translator<'a> {
         }
     }
 
-    /// Shows the straight moves of a command.
+    /// Passes the straight moves of a command to `show`.
     pub fn see(&mut self, commanded: &Commanded, mut show: impl FnMut(&Move)) {
-        // The lathe cycles G70 to G72 number their own blocks by -1: they belong to the block before.
+        // The lathe cycles G70 to G72 number their own blocks -1: they belong to the previous block.
         if commanded.line > 0 {
             self.line = commanded.line;
         }
@@ -241,7 +241,7 @@ impl<'a> Translator<'a> {
         self.at = commanded.end;
     }
 
-    /// Whether an extra axis turns in a move, or moves along with the tool.
+    /// Returns whether an extra axis rotates in a move, or moves together with the tool.
     fn moves_extra(&self, from: &World, end: &World) -> bool {
         let moved: [bool; 9] = std::array::from_fn(|k| from[k] != end[k]);
         let own = (0..9).any(|k| moved[k] && !self.others[k]);
@@ -289,21 +289,21 @@ pub struct Circle {
     from: World,
     delta: World,
     center: Vector3<f64>,
-    /// From the center to the start, and across it in the sense of rotation; both of the start's radius.
+    /// Vectors from the center to the start, and normal to it in the direction of rotation; both of the start's radius.
     across: [Vector3<f64>; 2],
-    /// Along the axis over the whole move.
+    /// Displacement along the axis over the whole move.
     rise: Vector3<f64>,
-    /// How the radius grows, as a share of the start's.
+    /// Growth of the radius, as a share of the start's.
     spiral: f64,
     radius: f64,
     angle: f64,
 }
 
 impl Circle {
-    /// Starts closer than this to their ends, in machine units, are full turns for LinuxCNC.
+    /// Distance between start and end below which an arc is a full turn for LinuxCNC, machine units.
     const FULL: f64 = 1e-6;
 
-    /// The move around `arc` between two poses.
+    /// Creates the move along `arc` between two poses.
     pub fn new(arc: &Arc, from: &World, end: &World) -> Self {
         let vector = |world: &World| Vector3::new(world[0], world[1], world[2]);
         let (start, stop, center) = (vector(from), vector(end), Vector3::from(arc.center));
@@ -313,7 +313,7 @@ impl Circle {
             turns => (turns, 1.0),
         };
         let axis = normal * (sense / normal.norm());
-        // The center of the start's own plane.
+        // The center in the start's plane.
         let center = center + axis * axis.dot(&(start - center));
         let out = start - center;
         let radius = out.norm();
@@ -336,7 +336,7 @@ impl Circle {
         }
     }
 
-    /// The pose after a share of the move.
+    /// Returns the pose after a share of the move.
     pub fn at(&self, share: f64) -> World {
         let (sin, cos) = (self.angle * share).sin_cos();
         let out = (self.across[0] * cos + self.across[1] * sin) * (1.0 + self.spiral * share);
@@ -346,7 +346,7 @@ impl Circle {
         world
     }
 
-    /// How far a place is from it: exact on it, and to second order beside it.
+    /// Returns the distance of a point: exact on the curve, and to second order near it.
     pub fn distance(&self, place: &Vector3<f64>) -> f64 {
         let beside = *place - self.center;
         let turned = self.across[1].dot(&beside).atan2(self.across[0].dot(&beside)).rem_euclid(TAU);
@@ -354,11 +354,11 @@ impl Circle {
             let world = self.at((angle / self.angle).clamp(0.0, 1.0));
             (Vector3::new(world[0], world[1], world[2]) - *place).norm()
         };
-        // The turn of a helix at whose height the place is, and those beside it.
+        // The turn of a helix at the height of the point, and its neighbors.
         let rise = self.rise.dot(&self.rise);
         let share = if rise > 0.0 { self.rise.dot(&beside) / rise } else { 0.0 };
         let turn = ((share * self.angle - turned) / TAU).round();
-        // Of flat ones, which may be spirals, every turn.
+        // For flat curves, which may be spirals, every turn.
         let turns = if rise > 0.0 {
             vec![turn - 1.0, turn, turn + 1.0]
         } else {
@@ -368,7 +368,7 @@ impl Circle {
         nearest.fold(point(0.0).min(point(self.angle)), f64::min)
     }
 
-    /// Straight moves that stay this close to it.
+    /// Returns the number of straight moves that deviate by at most `error`.
     fn chords(&self, error: f64) -> u32 {
         let radius = self.radius * (1.0 + self.spiral.max(0.0));
         let step = (8.0 * error / radius.max(error)).sqrt().min(TAU / LEAST_CHORDS);
@@ -376,7 +376,7 @@ impl Circle {
     }
 }
 
-/// Letters that move no leg of the mechanism: of extra axes, and of another one.
+/// Returns the letters that move no leg of the mechanism: of extra axes, and of another mechanism.
 fn others(config: &Mechanism) -> String {
     let own = config.place.places;
     let is_own = |k: &usize| {
@@ -388,7 +388,7 @@ fn others(config: &Mechanism) -> String {
     all.filter(|letter| config.second_letters.is_some() || extra.contains(*letter)).collect()
 }
 
-/// Letters of the machine's axes.
+/// Returns the letters of the machine's axes.
 fn axes(config: &MachineConfig) -> String {
     let given = config.ini.first("TRAJ", "COORDINATES").map_or("", |entry| entry.value.as_str());
     let given = given.to_ascii_uppercase();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The moves of one mechanism followed one after the other, with the changes of its tool.
+//! Checks the moves of one mechanism in order, with its tool changes.
 
 use crate::follow_move::{Course, Found, Leg, Pilot, length};
 use crate::motion::{Move, MoveKind, ROUNDING};
@@ -10,7 +10,7 @@ use machine::proof::reach::Reach;
 use machine::read::direction::ToolDirection;
 use machine::read::mechanism::Mechanism;
 
-/// Follows the moves of a program one after the other, from `[TRAJ]HOME` on.
+/// Checks the moves of a program in order, starting at `[TRAJ]HOME`.
 pub struct Flight<'a> {
     pilot: Pilot<'a>,
     number: usize,
@@ -18,19 +18,19 @@ pub struct Flight<'a> {
 }
 
 impl<'a> Flight<'a> {
-    /// Before the first move.
+    /// Starts before the first move.
     ///
     /// # Errors
-    /// A spindle that the machine cannot take.
+    /// A spindle offset without a legal pose at home.
     pub fn new(config: &'a Mechanism) -> Result<Self, Fault> {
         let pilot = Pilot::new(config).map_err(|fault| config.place.counted(fault))?;
         Ok(Self { pilot, number: 0, fault: None })
     }
 
-    /// Where a move has ended.
+    /// Starts at the end of a move.
     ///
     /// # Errors
-    /// A tool that the machine cannot take.
+    /// A tool without a legal pose at home.
     pub fn standing(config: &'a Mechanism, end: &Move) -> Result<Self, Fault> {
         let mut flight = Self::new(config)?;
         let pilot = &mut flight.pilot;
@@ -41,7 +41,7 @@ impl<'a> Flight<'a> {
         Ok(flight)
     }
 
-    /// Follows the next move.
+    /// Checks the next move.
     pub fn see(&mut self, step: &Move) {
         if self.fault.is_some() {
             return;
@@ -53,10 +53,10 @@ impl<'a> Flight<'a> {
         self.number += 1;
     }
 
-    /// What is known after the last move: nothing yet of what depends on time.
+    /// Returns the result after the last move, without what depends on time.
     ///
     /// # Errors
-    /// A tool vector that the machine cannot take.
+    /// A tool vector without a legal pose at home.
     pub fn finish(self) -> Result<Preflight, Fault> {
         let place = self.pilot.config.place;
         self.fault.map_or_else(|| Ok(self.pilot.finish()), |fault| Err(place.counted(fault)))
@@ -64,7 +64,7 @@ impl<'a> Flight<'a> {
 }
 
 impl Pilot<'_> {
-    /// The tool offset moves the platform along a straight line, where it is tilted.
+    /// Checks the straight platform motion due to a tool offset if it is tilted.
     fn change_tool(&mut self, number: usize, step: &Move) -> Result<(), Fault> {
         let tool = self.config.spindle + Vector3::from(step.tool);
         if tool == self.tool {
@@ -75,7 +75,7 @@ impl Pilot<'_> {
         let shift = self.shift(&pose) * change;
         if shift.norm() > ROUNDING * self.config.machine.size() {
             self.result.tilted_tool_changes.push((step.file, step.line));
-            // As a motion of the old tool. Where a table takes part of it, only its end is judged,
+            // As a motion of the old tool. If a table makes part of it, only its end is judged,
             // with the next move.
             let active = |letter| self.config.machine.layout().coordinates().contains(letter);
             if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
@@ -91,7 +91,7 @@ impl Pilot<'_> {
         Ok(())
     }
 
-    /// How the platform shifts with the tool vector, at this pose of the machine.
+    /// Returns the map from the tool vector to the platform's displacement, at this pose of the machine.
     fn shift(&self, pose: &[f64; 6]) -> Matrix3<f64> {
         let chain = &self.config.chain;
         match chain.is_empty() {
@@ -106,7 +106,7 @@ impl Pilot<'_> {
         let course = self.course(step, &from, &delta);
         let mut leg = Leg { number, line: step.line, file: step.file, from, delta, course };
         if let Course::Carried { from, delta } = &leg.course {
-            // What is told of a place has the angles of the axes.
+            // Reported positions have the angles of the axes.
             leg.from.copy_from_slice(&from[..6]);
             leg.delta.copy_from_slice(&delta[..6]);
         }
@@ -136,7 +136,7 @@ impl Pilot<'_> {
             && self.at[z] > slack
     }
 
-    /// What the machine does in a move.
+    /// Returns the machine's motion in a move.
     fn course(&self, step: &Move, from: &[f64; 6], delta: &[f64; 6]) -> Course {
         if self.config.chain.is_empty() {
             return Course::Straight { from: *from, delta: *delta };
@@ -146,12 +146,12 @@ impl Pilot<'_> {
         Course::Carried { from: begin, delta: std::array::from_fn(|k| end[k] - begin[k]) }
     }
 
-    /// Axis limits hold on a straight line that ends within them.
+    /// Checks axis limits, which hold on a straight line that ends within them.
     fn check_axes(&mut self, leg: &Leg, end: &[f64; 6]) {
         let slack = ROUNDING * self.config.machine.size();
         for (k, axis) in self.config.programmed.iter().enumerate() {
             let part = Part::Axis(Letter::ALL[k]);
-            // Each limit by itself: the one that is left need not be the nearer one at the start.
+            // Each limit separately: the violated one may not be the nearer one at the start.
             let ends = [
                 [leg.from[k] - axis.min, end[k] - axis.min],
                 [axis.max - leg.from[k], axis.max - end[k]],

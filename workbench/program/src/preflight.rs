@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Whether a program fits a machine: every move followed over its whole length, and what LinuxCNC
-//! makes of it in time.
+//! Check whether a program fits a machine: every move over its whole length, and LinuxCNC's
+//! timing.
 //!
-//! LinuxCNC reads the program and runs it in virtual time ([`linuxcnc`]). One move after the other is
-//! followed as motion is asked for it (`follow`), and every change of a tool: what is kept does not grow with the
-//! program. Every servo cycle is judged for what depends on time ([`crate::loads`]) and on the pose
+//! LinuxCNC reads the program and runs it in virtual time ([`linuxcnc`]). Each commanded move is
+//! checked in turn (`follow`), and every tool change: memory does not grow with the
+//! program. Every servo cycle is judged for limits that depend on time ([`crate::loads`]) and on the pose
 //! ([`crate::servo_cycles`]).
 
 use crate::loads::{Beyond, Demands, Load, Loads};
@@ -27,27 +27,27 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 
-/// Follows all moves of a program.
+/// Checks all moves of a program.
 ///
 /// # Errors
-/// A tool vector that the machine cannot take.
+/// A tool vector without a legal pose at home.
 pub fn preflight(mechanisms: &[Mechanism], moves: &[Move]) -> Result<Preflight, Fault> {
     let mut flight = Flights::new(mechanisms)?;
     moves.iter().for_each(|step| flight.see(step));
     flight.finish()
 }
 
-/// A program that was judged.
+/// A judged program.
 #[derive(Clone, Debug)]
 pub struct Judged {
-    /// What is known of it.
+    /// The result.
     pub found: Preflight,
-    /// Files that lines belong to, by the numbers of their findings; the first one is the program.
+    /// Files of the lines, by the numbers in their findings; the first one is the program.
     pub files: Vec<PathBuf>,
 }
 
 impl Judged {
-    /// Returns the number of a file, which is added where it is new.
+    /// Returns the number of a file, adding a new one.
     fn number_of(&mut self, file: PathBuf) -> usize {
         self.files.iter().position(|known| *known == file).unwrap_or_else(|| {
             self.files.push(file);
@@ -83,14 +83,14 @@ pub enum JudgeError {
     MovesNothing(PathBuf),
 }
 
-/// Judges a program: LinuxCNC runs it, every move is followed over its whole length, and every servo cycle is
-/// judged. Where LinuxCNC stops at a limit, it runs the program again with its limits open, for what
-/// lies behind; and where lines begin with `/`, once more with these.
+/// Judges a program: LinuxCNC runs it, every move is checked over its whole length, and every servo cycle is
+/// judged. If LinuxCNC stops at a limit, it runs the program again without its limits, for the
+/// remaining lines; and if lines begin with `/`, once more with these.
 ///
 /// `see` receives every servo cycle of the first run.
 ///
 /// # Errors
-/// LinuxCNC does not come to a first move; a file cannot be read; a tool that the machine cannot take.
+/// LinuxCNC does not reach a first move; a file cannot be read; a tool without a legal pose at home.
 pub fn judge(
     config: &MachineConfig,
     program: &Path,
@@ -122,7 +122,7 @@ fn judge_once(
     if is_stopped {
         let open = Options { open_limits: true, ..options.clone() };
         let (beyond, without) = followed(config, program, &open, &mut |_| ())?;
-        // Without its limits LinuxCNC comes at least as far.
+        // Without its limits LinuxCNC reaches at least the same move.
         if beyond.found.moves >= judged.found.moves {
             judged = beyond;
             if let (Time::Judged(timing), Time::Judged(other)) = (&mut time, without) {
@@ -136,18 +136,18 @@ fn judge_once(
     Ok(judged)
 }
 
-/// Moves handed over at a time, and how often before LinuxCNC waits.
+/// Number of moves passed at once, and of such batches before LinuxCNC waits.
 const BATCH: usize = 256;
 const BATCHES: usize = 64;
 
-/// Runs a program; beside it its moves are followed.
+/// Runs a program and checks its moves in parallel.
 fn followed(
     config: &MachineConfig,
     program: &Path,
     options: &Options,
     see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<(Judged, Time), JudgeError> {
-    // One of two mechanisms is judged by what both do.
+    // One of two mechanisms is judged by the motion of both.
     let is_half = config.is_half();
     let read = is_half.then(|| MachineConfig::from_ini(&config.ini).ok()).flatten();
     let whole = read.as_ref().unwrap_or(config);
@@ -184,7 +184,7 @@ fn followed(
                 ControlFlow::Continue(())
             }
         });
-        // Whoever follows has gone only where it has failed.
+        // The receiver has ended only if it has failed.
         let _ = sender.send(batch);
         Ok((outcome, files, cycles.used(), cycles.finish(), loads.finish()))
     };
@@ -201,7 +201,7 @@ fn followed(
     });
     let (outcome, files, used, [beyond, off_path], demands) = ran?;
     let mut found = found?;
-    // Ends of moves are told as programmed.
+    // Ends of moves are reported as programmed.
     let rounding = ROUNDING * config.first().machine.size();
     for (range, [low, high]) in found.ranges.iter_mut().zip(used) {
         range.widen([low + rounding, high - rounding]);
@@ -209,7 +209,7 @@ fn followed(
     found.add_cycles(beyond);
     found.off_path = off_path;
     let time = match outcome {
-        // Where there is not even a start, nothing is judged at all.
+        // Without a start, nothing is judged at all.
         Err(cause) if found.moves <= 1 => return Err(cause.into()),
         Err(cause) => Time::NotJudged(cause.to_string()),
         Ok(_) if is_half => Time::NotJudged(NotJudged::HalfOfPair.to_string()),
@@ -236,8 +236,8 @@ pub fn has_deletable(files: &[PathBuf]) -> Result<bool, AtFile<io::Error>> {
 }
 
 impl Preflight {
-    /// Adds what the servo cycles show beside the moves: other limits, and limits that are left before the first move
-    /// that leaves them as it is commanded.
+    /// Adds the violations in servo cycles: other limits, and limits violated before the first commanded move
+    /// that violates them.
     fn add_cycles(&mut self, beyond: Vec<Break>) {
         for told in beyond {
             match self.breaks.iter_mut().find(|known| known.is_like(&told)) {
@@ -248,7 +248,7 @@ impl Preflight {
         }
     }
 
-    /// Adds what another run of the same program shows, under `condition`.
+    /// Adds the findings of another run of the same program, under `condition`.
     fn add_variant(&mut self, other: Self, condition: &str) {
         for told in other.breaks {
             let is_here = |known: &Break| (known.file, known.line) == (told.file, told.line);
@@ -273,8 +273,8 @@ impl Preflight {
         }
     }
 
-    /// The same with what LinuxCNC makes of the program: limits that it leaves in time are breaks as
-    /// the others are, and so is what LinuxCNC stops at.
+    /// Adds LinuxCNC's timing: limits violated in time and LinuxCNC's own stops are violations like
+    /// the others.
     pub fn with_time(mut self, config: &MachineConfig, time: Time) -> Self {
         self.time = time;
         let Time::Judged(timing) = &self.time else { return self };
@@ -297,7 +297,7 @@ impl Preflight {
     }
 }
 
-/// The least margin of the joints.
+/// Returns the least margin of the joints.
 fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMargin> {
     let margin = |((one, joint), peak): ((&Mechanism, usize), &Peak)| LeastMargin {
         limit: limit.into(),
@@ -350,7 +350,7 @@ fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
     told.collect()
 }
 
-/// Returns the part that leaves a limit, and a sentence about it.
+/// Returns the part that violates a limit, and a sentence about it.
 fn sentence(config: &Mechanism, limit: Rule, joint: usize, peak: &Peak) -> (String, String) {
     let Peak { value, limit: most, .. } = peak;
     let joint = Part::Joint(joint);
@@ -367,7 +367,7 @@ fn sentence(config: &Mechanism, limit: Rule, joint: usize, peak: &Peak) -> (Stri
     (part, text)
 }
 
-/// What LinuxCNC says where it stops the program.
+/// Returns LinuxCNC's message if it stops the program.
 fn stop(outcome: &Outcome, last: &Place) -> Option<Break> {
     if outcome.ending == Ending::Finished {
         return None;
@@ -397,7 +397,7 @@ mod tests {
         MachineConfig::read(&file).unwrap()
     }
 
-    /// Half a second in line 4 in which strut 2 runs at this speed.
+    /// Returns half a second in line 4 in which strut 2 moves at this speed.
     fn run(config: &MachineConfig, speed: f64, outcome: Outcome) -> Preflight {
         let mut loads = Loads::new(config);
         for cycle in 0..500 {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How far a program is, for those who wait.
+//! Progress of a program.
 
 use machine::files::{self, AtFile};
 use std::io;
 use std::path::Path;
 
-/// How much of a program is done, as its lines tell where they come in their order: in loops, and where subroutines
-/// stand elsewhere, they do not.
+/// The completed share of a program, as far as its lines are executed in order: with loops, and subroutines
+/// elsewhere, the share is unknown.
 pub struct Done {
     all: u32,
     highest: u32,
@@ -14,13 +14,13 @@ pub struct Done {
 }
 
 impl Done {
-    /// Of nothing yet.
+    /// Starts at 0.
     ///
     /// # Errors
     /// The program cannot be read.
     pub fn of(program: &Path) -> Result<Self, AtFile<io::Error>> {
         if !program.is_file() {
-            // What it is the control says.
+            // The control reports that error.
             return Ok(Self::new(0));
         }
         let lines = files::read(program)?.split(|byte| *byte == b'\n').count();
@@ -31,24 +31,24 @@ impl Done {
         Self { all: all.max(1), highest: 0, in_order: all > 0 }
     }
 
-    /// Begins the program once more.
+    /// Begins the program again.
     pub fn restart(&mut self) {
         self.highest = 0;
     }
 
-    /// A line that moves; 0 is none.
+    /// Records the line of a move; 0 for none.
     pub fn see(&mut self, line: u32) {
         self.in_order &= line == 0 || line >= self.highest;
         self.highest = self.highest.max(line);
     }
 
-    /// The share that is done; `None` where nobody knows.
+    /// Returns the completed share; `None` if unknown.
     pub fn share(&self) -> Option<f64> {
         (self.in_order && self.highest > 0)
             .then(|| (f64::from(self.highest) / f64::from(self.all)).min(1.0))
     }
 
-    /// Hundredths of the program that stand before a line, whatever the order.
+    /// Returns the percentage of the program before a line, in any order.
     pub fn percent(&self, line: u32) -> u32 {
         (100 * u64::from(line) / u64::from(self.all)).min(100) as u32
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Programs of random moves that a machine can run: every straight line was followed
-//! beforehand, and its feed is one that all joints can keep up with.
+//! Programs of random moves that a machine can run: every straight line is checked
+//! beforehand, with a feed that all joints can follow.
 
 use kinematics::{
     Joints, Letter, Limits, Link, MAX_EXTRA, MAX_JOINTS, POSE_LETTERS, Pose, Vector3, World,
@@ -12,23 +12,23 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write;
 
-/// Share of a joint's limits of speed and acceleration that a move may use: blending
-/// corners and cubic interpolation need some as well.
+/// Share of a joint's speed and acceleration limits that a move may use: blending
+/// corners and cubic interpolation need the rest.
 const SHARE: f64 = 0.6;
 
-/// Limits are kept by this share of their range.
+/// Margin to the limits as a share of their range.
 const MARGIN: f64 = 0.02;
 
-/// Places looked at along one move or tool change.
+/// Poses sampled along one move or tool change.
 const PLACES: usize = 200;
 
-/// Moves tried before a machine counts as one that cannot move.
+/// Tested moves before a machine counts as unable to move.
 const TRIES: usize = 2000;
 
-/// Most that an axis turns in one move, degrees.
+/// Largest rotation of an axis in one move, degrees.
 const TURN_DEG: f64 = 120.0;
 
-/// One tool change a number of moves.
+/// Number of moves per tool change.
 const MOVES_PER_TOOL: u32 = 8;
 
 /// A machine that finds no way on.
@@ -36,7 +36,7 @@ const MOVES_PER_TOOL: u32 = 8;
 #[error("no legal move found from {0:?} in {TRIES} tries; widen the limits, or move [TRAJ]HOME")]
 pub struct NoMove([f64; 6]);
 
-/// A program of at least `seconds` of motion from the machine's home; the same seed
+/// Returns a program of at least `seconds` of motion from the machine's home; the same seed
 /// gives the same program.
 ///
 /// # Errors
@@ -67,12 +67,12 @@ pub fn random_program(config: &Mechanism, seed: u64, seconds: f64) -> Result<Str
 
 struct Walk<'a> {
     config: &'a Mechanism,
-    /// Without those of the axes, which are of the ends of moves.
+    /// Limits without those of the axes, which apply to the ends of moves.
     limits: Limits,
     rng: Pcg64,
     /// LinuxCNC's commanded pose, tool offset included.
     pose: World,
-    /// Tool offset, without that of the spindle.
+    /// Tool offset, without the spindle offset.
     tool: Vector3<f64>,
     /// Least duration of the program so far.
     time: f64,
@@ -80,7 +80,7 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Another tool offset where no leg leaves its range on the way, else none.
+    /// Selects another tool offset if no leg leaves its range on the path, otherwise none.
     fn change_tool(&mut self) {
         let reach = 0.2 * self.config.machine.radius();
         let next = if self.rng.random_range(0..3) == 0 {
@@ -110,7 +110,7 @@ impl Walk<'_> {
             let way =
                 |share: f64| (std::array::from_fn(|i| from[i] + share * (next[i] - from[i])), tool);
             if let Some(seconds) = self.followed(way) {
-                // Slow moves too.
+                // Also slow moves.
                 let slower: f64 = self.rng.random_range(1.0..2.0);
                 self.write_move(&next, seconds * slower);
                 return Ok(());
@@ -119,7 +119,7 @@ impl Walk<'_> {
         Err(NoMove(std::array::from_fn(|k| self.pose[k])))
     }
 
-    /// An end point in the axis limits: near or far, in places, in angles or in both.
+    /// Returns a random end point in the axis limits: near or far, in position, in angles or in both.
     fn draw(&mut self) -> World {
         let share: f64 = self.rng.random_range(0.05..1.0);
         let what = self.rng.random_range(0..4);
@@ -142,7 +142,7 @@ impl Walk<'_> {
         next
     }
 
-    /// Where an axis that carries something may go in one move.
+    /// Returns the range of an axis that carries something, for one move.
     fn near(&self, link: &Link) -> [f64; 2] {
         let reach = if link.is_rotary() { TURN_DEG } else { 0.2 * self.config.machine.size() };
         let here = self.pose[link.place];
@@ -155,8 +155,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Least seconds for the way, `None` where a limit is not kept, or forward does not come
-    /// along.
+    /// Returns the least duration of a path in seconds, `None` if a limit is violated, or forward does not
+    /// follow.
     fn followed(&self, way: impl Fn(f64) -> (World, Vector3<f64>)) -> Option<f64> {
         let mut joints = Vec::with_capacity(PLACES + 1);
         let mut seed = self.of_machine(&way(0.0))?.0;
@@ -178,7 +178,7 @@ impl Walk<'_> {
         Some(self.joint_seconds(&joints).max(self.axis_seconds(&from, &to)))
     }
 
-    /// The machine's own pose and tool vector.
+    /// Returns the machine's own pose and tool vector.
     fn of_machine(&self, (world, offset): &(World, Vector3<f64>)) -> Option<(Pose, Vector3<f64>)> {
         let (chain, tool) = (&self.config.chain, self.config.spindle + offset);
         let pose = match chain.is_empty() {
@@ -188,7 +188,7 @@ impl Walk<'_> {
         Some((Pose::from_degrees(pose), chain.machine_tool(&tool)))
     }
 
-    /// Seconds in which the joints run through these values, evenly apart in time.
+    /// Returns the duration in seconds in which the joints can run through these values, equally spaced in time.
     fn joint_seconds(&self, joints: &[Joints]) -> f64 {
         let count = (joints.len() - 1) as f64;
         let mut seconds = 0.0_f64;
@@ -217,7 +217,7 @@ impl Walk<'_> {
         let part = |range: std::ops::Range<usize>| {
             range.map(|i| (next[i] - self.pose[i]).powi(2)).sum::<f64>().sqrt()
         };
-        // LinuxCNC's rule: the feed is that of X Y Z together where one of them moves, then that of U V W.
+        // LinuxCNC's rule: the feed is that of X Y Z together if one of them moves, then that of U V W.
         let parts = [part(0..3), part(6..9), part(3..6)];
         let length = parts.into_iter().find(|length| *length > 0.0).unwrap_or(0.0);
         if length == 0.0 {
@@ -238,7 +238,7 @@ impl Walk<'_> {
     }
 }
 
-/// To what a program line shows.
+/// Rounds to the digits of a program line.
 fn round(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Programs replayed without a machine: moves, poses at the servo period, inverse,
-//! forward seeded by the pose before.
+//! and forward seeded by the previous pose.
 //!
-//! Between its end points a move runs at constant speed; acceleration and blending
-//! are left out, so that speeds are upper bounds for straight pieces.
+//! Between its end points a move runs at constant speed, without acceleration and blending,
+//! so that speeds are upper bounds for straight pieces.
 
 use crate::motion::{Move, MoveKind};
 use kinematics::{
@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 /// Rounding of LinuxCNC's positions, as a share of the machine's size.
 const STILL: f64 = 1e-9;
 
-/// Rounding of times that are added up, as a share of the period.
+/// Rounding of accumulated times, as a share of the period.
 const ROUNDING: f64 = 1e-6;
 
 /// A value and the program line it occurred in.
@@ -31,7 +31,7 @@ pub struct At {
     pub line: u32,
 }
 
-/// Smallest and largest value seen.
+/// Smallest and largest value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// Smallest.
@@ -56,24 +56,24 @@ impl Range {
     }
 }
 
-/// What a replay found. Lengths in machine units, angles in degrees, time in seconds.
+/// Result of a replay. Lengths in machine units, angles in degrees, time in seconds.
 #[derive(Clone, Debug)]
 pub struct Replay {
     /// Moves with a length.
     pub moves: usize,
-    /// Poses computed, one a servo period.
+    /// Number of computed poses, one per servo period.
     pub poses: usize,
     /// Duration.
     pub time: f64,
-    /// Largest distance ‖(Δp, r·turn)‖ between a pose and forward of its joints.
+    /// Largest distance ‖(Δp, r·turn)‖ between a pose and the forward solution of its joints.
     pub mismatch: At,
-    /// The same, as a share of the machine's size.
+    /// The largest distance as a share of the machine's size.
     pub relative_mismatch: f64,
     /// Most iterations of one forward call.
     pub iterations_max: u32,
-    /// Mean of the iterations.
+    /// Mean number of iterations.
     pub iterations_mean: f64,
-    /// Share of the poses that one certified ball proved.
+    /// Share of the poses proved by a single certified ball.
     pub certified: f64,
     /// The joints by kind.
     pub groups: Vec<Group>,
@@ -81,7 +81,7 @@ pub struct Replay {
     pub joints: Vec<Range>,
     /// Pose coordinates x y z a b c.
     pub pose: [Range; 6],
-    /// Largest amount of a nut correction.
+    /// Largest absolute nut correction.
     pub correction: At,
     /// Largest cone angle at the base, per leg.
     pub base_cone: Vec<At>,
@@ -89,26 +89,26 @@ pub struct Replay {
     pub platform_cone: Vec<At>,
     /// Largest joint speed, per joint.
     pub joint_speed: Vec<At>,
-    /// Largest move of a joint by a change of the tool length alone, in its unit.
+    /// Largest motion of a joint due to a change of the tool length alone, in its unit.
     pub tool_step: At,
     /// Least |cos| between a rod and the motion of its lower end, 0 at a dead point;
-    /// `None` where every leg is a strut.
+    /// `None` if every leg is a strut.
     pub least_drive: Option<At>,
-    /// The worst of every limit of every part that is not kept, with its line.
+    /// The largest violation of every violated limit of every part, with its line.
     pub broken: Vec<(Margin, u32)>,
 }
 
-/// Where a replay ended early.
+/// The end of a replay that failed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReplayFault {
     /// Line of the program, counted from 1.
     pub line: u32,
-    /// The machine's pose asked for: x y z in machine units, a b c in degrees; what is programmed where
-    /// that has none.
+    /// The machine's requested pose: x y z in machine units, a b c in degrees; the programmed one if
+    /// there is none.
     pub pose: [f64; 6],
-    /// Whether forward failed (else inverse).
+    /// Whether forward failed (otherwise inverse).
     pub forward: bool,
-    /// Why.
+    /// The reason.
     pub fault: Fault,
 }
 
@@ -136,9 +136,9 @@ pub struct Visit {
     pub time: f64,
     /// Line of the program, counted from 1.
     pub line: u32,
-    /// The machine's own: x y z in machine units, a b c in degrees.
+    /// The machine's own pose: x y z in machine units, a b c in degrees.
     pub pose: [f64; 6],
-    /// What is programmed, values of the extra axes included where they carry something.
+    /// The programmed pose, with the values of the extra axes if they carry something.
     pub world: World,
     /// Joint values.
     pub joints: Joints,
@@ -148,7 +148,7 @@ pub struct Visit {
     pub tool: [f64; 3],
 }
 
-/// As [`replay`]; `see` is shown every pose.
+/// Replays moves as [`replay`]; `see` receives every pose.
 ///
 /// # Errors
 /// As [`replay`].
@@ -167,10 +167,10 @@ pub fn replay_seen(
     Ok(player.finish())
 }
 
-/// Seconds a move takes: feed or rapid speed, slowed down to the limits of the axes. Extra axes are left
-/// out.
+/// Returns the duration of a move in seconds: feed or rapid speed, limited by the axes, without extra
+/// axes.
 ///
-/// LinuxCNC's rule: the feed is that of X Y Z together where one of them moves, else that of U V W, else
+/// LinuxCNC's rule: the feed is that of X Y Z together if one of them moves, otherwise that of U V W, otherwise
 /// that of A B C together.
 pub fn duration(config: &Mechanism, from: &[f64; 6], step: &Move) -> f64 {
     let mut delta = [0.0; 9];
@@ -178,14 +178,14 @@ pub fn duration(config: &Mechanism, from: &[f64; 6], step: &Move) -> f64 {
     seconds(config, &delta, step)
 }
 
-/// The same of a move by these amounts of LinuxCNC's whole pose.
+/// Returns the duration of a move by these amounts of LinuxCNC's whole pose.
 fn seconds(config: &Mechanism, delta: &World, step: &Move) -> f64 {
     if let Some(seconds) = step.lasts {
         return seconds;
     }
     let norm = |part: &[f64]| part.iter().map(|d| d * d).sum::<f64>().sqrt();
     let angular = norm(&delta[3..6]);
-    // A tool offset leaves rounding of X Y Z where they stay.
+    // A tool offset leaves a rounding error in X Y Z even if they stay.
     let least = STILL * config.machine.size();
     let [linear, slides] =
         [&delta[..3], &delta[6..]].map(norm).map(|d| if d > least { d } else { 0.0 });
@@ -208,7 +208,7 @@ fn seconds(config: &Mechanism, delta: &World, step: &Move) -> f64 {
     }
 }
 
-/// Seconds that all moves take, from `[TRAJ]HOME` on.
+/// Returns the duration of all moves in seconds, starting at `[TRAJ]HOME`.
 pub fn duration_of_all(config: &Mechanism, moves: &[Move]) -> f64 {
     let starts = std::iter::once(config.start).chain(moves.iter().map(|step| step.end));
     starts.zip(moves).map(|(from, step)| duration(config, &from, step)).sum()
@@ -223,7 +223,7 @@ struct Player<'a> {
     see: &'a mut dyn FnMut(&Visit),
     at: [f64; 6],
     line: u32,
-    /// Seconds from the start of the next move to the next pose.
+    /// Time from the start of the next move to the next pose, seconds.
     ahead: f64,
     tool: Vector3<f64>,
     joints: Option<Joints>,
@@ -239,7 +239,7 @@ impl<'a> Player<'a> {
         Self {
             config,
             extra: std::array::from_fn(|i| config.extra.get(i).map_or(0.0, |axis| axis.joint.home)),
-            // Where an axis carries something, axis limits are none of the machine's own pose.
+            // If an axis carries something, axis limits do not apply to the machine's own pose.
             limits: match config.chain.is_empty() {
                 true => limits::of(config),
                 false => limits::beyond_axes(config),
@@ -277,14 +277,14 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// A new tool length leaves the commanded pose and moves the joints, unless the
+    /// Changes the tool: a new tool length keeps the commanded pose and moves the joints, unless the
     /// platform is level.
     fn change_tool(&mut self, step: &Move) -> Result<(), ReplayFault> {
         let tool = self.config.spindle + Vector3::from(step.tool);
         if tool == self.tool {
             return Ok(());
         }
-        // Where the move before has ended, which the last pose was short of.
+        // The end of the previous move, after its last pose.
         let before = match self.joints {
             Some(_) => self.joints_at(&self.at, &self.extra),
             None => None,
@@ -298,7 +298,7 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Poses at whole periods since the start of the program, wherever the moves end.
+    /// Visits poses at whole periods since the start of the program, independent of the ends of moves.
     fn play(&mut self, step: &Move) -> Result<(), ReplayFault> {
         let from = self.at;
         let began = self.extra;
@@ -319,7 +319,7 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Seconds of a move, in which extra axes count.
+    /// Returns the duration of a move in seconds, extra axes included.
     fn seconds(&self, from: &[f64; 6], step: &Move) -> f64 {
         if self.config.extra_axes.is_empty() {
             return duration(self.config, from, step);
@@ -329,7 +329,7 @@ impl<'a> Player<'a> {
         seconds(self.config, &std::array::from_fn(|k| end[k] - begin[k]), step)
     }
 
-    /// The machine's pose.
+    /// Returns the machine's pose.
     fn carried(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> Result<[f64; 6], Fault> {
         self.config.carried(pose, extra, &self.tool)
     }
@@ -343,7 +343,7 @@ impl<'a> Player<'a> {
         self.config.machine.inverse(&pose, &self.machine_tool()).ok()
     }
 
-    /// Limits and ranges where a move ends, which is mostly between two periods.
+    /// Records limits and ranges at the end of a move, which is usually between two periods.
     fn note_end(&mut self, step: &Move) -> Result<(), ReplayFault> {
         let (line, pose) = (step.line, step.end);
         let machine = &self.config.machine;
@@ -361,7 +361,7 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// The end of the program, which lies between two periods.
+    /// Visits the end of the program, which is between two periods.
     fn end(&mut self) -> Result<(), ReplayFault> {
         let is_there = self.result.poses > 0 && self.ahead >= self.period * (1.0 - ROUNDING);
         if !is_there {
@@ -370,7 +370,7 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Inverse, forward and the records of one pose.
+    /// Computes inverse, forward and the records of one pose.
     fn visit(
         &mut self,
         programmed: [f64; 6],
@@ -412,7 +412,7 @@ impl<'a> Player<'a> {
         self.result.poses += 1;
     }
 
-    /// Records of one pose.
+    /// Records the values of one pose.
     fn note_pose(&mut self, at: &kinematics::At, line: u32) {
         for correction in at.corrections() {
             larger(&mut self.result.correction, correction.abs(), line);
@@ -479,7 +479,7 @@ impl Replay {
         }
     }
 
-    /// Every limit of the machine that the program leaves, one sentence each.
+    /// Returns every limit of the machine that the program violates, one sentence each.
     pub fn violations(&self, config: &Mechanism) -> Vec<String> {
         let sentence = |(margin, line): &(Margin, u32)| {
             let Margin { limit, part, value, range: [low, high] } = *margin;
@@ -597,7 +597,7 @@ mod tests {
         assert!(step.value > 1.0 && step.line == 2, "{step:?}");
     }
 
-    /// Chords of half a period that were a period each would be half as fast.
+    /// Checks the period: treating chords of half a period as a full period would halve their speed.
     #[test]
     fn short_moves_run_at_their_feed() {
         let mut config = config();
@@ -652,7 +652,7 @@ mod tests {
         end[1] += 30.0;
         let moves = [rapid(7, end, 0.0)];
         let least = replay(&config_of("four-rod-lathe"), &moves, 1e-3).unwrap().least_drive;
-        // Rods of 700 whose upper ends are (300, 480) away from their rails.
+        // Rods of 700 whose upper ends are at (300, 480) from their rails.
         let expected = (700.0_f64.powi(2) - 300.0_f64.powi(2) - 480.0_f64.powi(2)).sqrt() / 700.0;
         let At { value, line } = least.unwrap();
         assert!((value - expected).abs() < 1e-12 && line == 7, "{value} {line}");

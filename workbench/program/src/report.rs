@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What is known of a program on a machine.
+//! Results of a program on a machine.
 
 use crate::work_offset::Poses;
 use kinematics::{Limit, Part};
@@ -8,23 +8,23 @@ use machine::limits;
 use machine::read::mechanism::Mechanism;
 use serde::{Serialize, Serializer};
 
-/// What a program has to keep.
+/// A requirement on a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     /// A limit of the machine.
     Limit(Limit),
-    /// How near two mechanisms may come to each other.
+    /// The least distance of two mechanisms.
     Mechanisms,
-    /// That LinuxCNC keeps to the programmed path.
+    /// The tolerance of LinuxCNC's path.
     Path,
-    /// How far LinuxCNC lets a joint lag behind its command.
+    /// LinuxCNC's limit of a joint's following error.
     FollowingError,
     /// LinuxCNC's own checks, which end in a message.
     Control,
 }
 
 impl Rule {
-    /// What people call it.
+    /// Returns its name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Limit(limit) => limit.name(),
@@ -35,7 +35,7 @@ impl Rule {
         }
     }
 
-    /// Whether another feed may keep it, and another place does not.
+    /// Returns whether another feed can satisfy it, and another position cannot.
     pub fn is_of_time(self) -> bool {
         match self {
             Self::Limit(limit) => limits::is_of_feed(limit),
@@ -69,44 +69,44 @@ impl Serialize for Rule {
     }
 }
 
-/// A limit that a program leaves, with the first place where it does.
+/// A violation of a limit by a program, at its first position.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Break {
     /// The limit.
     pub limit: Rule,
     /// Joint, leg or axis; empty for a message of LinuxCNC.
     pub part: String,
-    /// Line of the program, counted from 1; 0 for what runs before it.
+    /// Line of the program, counted from 1; 0 for moves before it.
     pub line: u32,
-    /// Number of the file that the line is in, 0 for the program itself.
+    /// Number of the file of the line, 0 for the program itself.
     pub file: usize,
-    /// X Y Z A B C there, machine units and degrees; of the mechanism that is meant.
+    /// X Y Z A B C there, machine units and degrees, of the mechanism concerned.
     pub pose: [f64; 6],
-    /// Whether the second of two mechanisms is meant.
+    /// Whether the second of two mechanisms is concerned.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub of_second: bool,
-    /// Seconds since the program was started, of what LinuxCNC's cycles show.
+    /// Seconds since the start of the program, for violations in LinuxCNC's cycles.
     pub seconds: Option<f64>,
-    /// Moves that leave the limit; lines, where LinuxCNC's cycles are judged.
+    /// Number of moves that violate the limit; of lines, for violations in LinuxCNC's cycles.
     pub moves: usize,
-    /// Number of the move, from 0. Of what LinuxCNC's cycles show: of the first move that is made later, where it is known.
+    /// Number of the move, from 0. For violations in LinuxCNC's cycles: of the next move, if known.
     #[serde(skip)]
     pub(super) step: usize,
-    /// Share of the move that is kept.
+    /// Legal share of the move.
     #[serde(skip)]
     pub(super) share: f64,
-    /// The last move that was counted.
+    /// The last counted move.
     #[serde(skip)]
     pub(super) last: usize,
-    /// What was gone before it, as [`Preflight::advance`].
+    /// Length of the program before it, as [`Preflight::advance`].
     #[serde(skip)]
     pub(super) before: f64,
-    /// What breaks, and how: a sentence.
+    /// A sentence: the part and its violation.
     pub text: String,
 }
 
 impl Break {
-    /// A limit that LinuxCNC's cycles leave.
+    /// Creates a violation in LinuxCNC's cycles.
     pub(super) fn in_time(
         limit: Rule,
         part: String,
@@ -132,7 +132,7 @@ impl Break {
         }
     }
 
-    /// Whether both are about the same limit of the same part.
+    /// Returns whether both concern the same limit of the same part.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         let is_reach = self.limit == Limit::Reach;
         self.limit == other.limit
@@ -141,7 +141,7 @@ impl Break {
     }
 }
 
-/// How near a program comes to a limit.
+/// The least margin of a program to a limit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LeastMargin {
     /// The limit.
@@ -152,7 +152,7 @@ pub struct LeastMargin {
     pub unit: String,
     /// Joint, leg or axis.
     pub part: String,
-    /// The same as the core numbers it.
+    /// The part as the core numbers it.
     #[serde(skip)]
     pub of: Part,
     /// Line of the program.
@@ -161,17 +161,17 @@ pub struct LeastMargin {
     pub file: usize,
 }
 
-/// What a program uses of an axis or joint, beside what there is.
+/// The used and the allowed range of an axis or joint.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Range {
     /// Joint or axis.
     pub part: String,
     /// Unit of the values.
     pub unit: String,
-    /// Smallest and largest value that the program asks for and that LinuxCNC makes of it. Of a joint the former is
+    /// Smallest and largest value, both of the program and in LinuxCNC's cycles. For a joint the program's is
     /// of first order over pieces of the path, which are cut to a hundredth of its range.
     pub used: [f64; 2],
-    /// Smallest and largest value that the limits allow; infinite, `null` in JSON, where there is none.
+    /// Smallest and largest value that the limits allow; infinite, `null` in JSON, without a limit.
     pub allowed: [f64; 2],
 }
 
@@ -187,24 +187,24 @@ impl Range {
         Self { part: limits::part(config, limit, part), unit, used, allowed }
     }
 
-    /// Adds values to those that are used.
+    /// Extends the used range.
     pub(super) fn widen(&mut self, used: [f64; 2]) {
         self.used = [self.used[0].min(used[0]), self.used[1].max(used[1])];
     }
 }
 
-/// What a line asks of the joints.
+/// The joint load of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LineLoad {
     /// Line of the program.
     pub line: u32,
     /// Number of its file, as of a break.
     pub file: usize,
-    /// Feeds of this line may be multiplied by this; above 1 there is room.
+    /// Largest factor of the feeds of this line; above 1 there is room.
     pub factor: f64,
 }
 
-/// A place in time.
+/// A position in the program, with its time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Place {
     /// Line of the program.
@@ -217,84 +217,84 @@ pub struct Place {
     pub seconds: f64,
 }
 
-/// Largest value of a joint.
+/// Largest load of a joint.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Peak {
     /// Joint.
     pub joint: String,
-    /// In the joint's unit, or that a second, or a second squared.
+    /// Value in the joint's unit, or per second, or per second squared.
     pub value: f64,
     /// Its limit there.
     pub limit: f64,
-    /// Where.
+    /// Its position and time.
     #[serde(flatten)]
     pub place: Place,
 }
 
 impl Peak {
-    /// As a share of the limit.
+    /// Returns the value as a share of the limit.
     pub fn share(&self) -> f64 {
         self.value / self.limit
     }
 }
 
-/// What LinuxCNC makes of a program in its servo cycles.
+/// Timing of a program in LinuxCNC's servo cycles.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Timing {
     /// Seconds from the start of the program to its end.
     pub seconds: f64,
     /// How it ended.
     pub ending: Ending,
-    /// Everything that LinuxCNC would show to the operator.
+    /// All messages that LinuxCNC would show to the operator.
     pub messages: Vec<Message>,
     /// Largest speeds of the joints.
     pub speeds: Vec<Peak>,
     /// Largest accelerations of the joints.
     pub accelerations: Vec<Peak>,
-    /// Following errors of the joints, where they come nearest to what LinuxCNC allows.
+    /// Following errors of the joints, where they are nearest to LinuxCNC's limit.
     pub following_errors: Vec<Peak>,
-    /// Every feed may be multiplied by this.
+    /// Largest factor of every feed.
     pub feed_factor: f64,
-    /// The same of every line.
+    /// Largest feed factor of every line.
     pub lines: Vec<LineLoad>,
-    /// Lowest and highest value of every extra axis, which stand among the ranges of the program.
+    /// Lowest and highest value of every extra axis, which are among the ranges of the program.
     #[serde(skip)]
     pub(super) extra: Vec<[f64; 2]>,
-    /// Limits left, which stand among the breaks of the program.
+    /// Violated limits, which are among the violations of the program.
     #[serde(skip)]
     pub(super) breaks: Vec<Break>,
 }
 
-/// Everything of a program that depends on time.
+/// The results of a program that depend on time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Time {
     /// As LinuxCNC runs it.
     Judged(Timing),
-    /// Why it could not be had.
+    /// Why it is unknown.
     NotJudged(String),
 }
 
-/// What is known of a program on a machine.
+/// The results of a program on a machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Preflight {
     /// Moves.
     pub moves: usize,
     /// Length of the path of the control point, machine units.
     pub length: f64,
-    /// Pieces that the moves were cut into.
+    /// Number of pieces into which the moves were cut.
     pub pieces: usize,
-    /// Every limit of every part that the program leaves with its first place: those of the path in its
-    /// order, then those that LinuxCNC's cycles show in the order of time.
+    /// Every limit of every part that the program violates, at its first position: those of the path in
+    /// order, then those in LinuxCNC's cycles by time.
     pub breaks: Vec<Break>,
     /// Least margin of every limit that the machine has.
     pub margins: Vec<LeastMargin>,
-    /// What is used of the axes and joints.
+    /// Used ranges of the axes and joints.
     pub ranges: Vec<Range>,
-    /// Length of the path with angles at half of the machine's size, of which [`Self::runnable`] is a share.
+    /// Length of the path with angles multiplied by half of the machine's size, to which [`Self::runnable`] relates.
     #[serde(skip)]
     pub(super) advance: f64,
-    /// Share of the path before the first break, turning included.
+    /// Share of the path before the first violation, rotation included.
     pub runnable: f64,
     /// What depends on time.
     pub time: Time,
@@ -302,26 +302,26 @@ pub struct Preflight {
     pub tilted_tool_changes: Vec<(usize, u32)>,
     /// Files and lines of rapids that go down to the machine's own Z0, below home.
     pub rapids_to_zero: Vec<(usize, u32)>,
-    /// Where LinuxCNC leaves the path by more than the program allows: limits are judged where it goes.
+    /// Deviations of LinuxCNC's path beyond the program's tolerance: limits are judged on the actual path.
     #[serde(skip)]
     pub off_path: Vec<Break>,
     /// Whether all moves end at `[TRAJ]HOME`.
     #[serde(skip)]
     pub(super) is_still: bool,
-    /// Poses for the search of another work offset.
+    /// Poses for the search for another work offset.
     #[serde(skip)]
     pub poses: Poses,
 }
 
 impl Time {
-    /// Whether LinuxCNC ran the whole program.
+    /// Returns whether LinuxCNC ran the whole program.
     pub fn is_whole(&self) -> bool {
         matches!(self, Self::Judged(timing) if timing.ending == Ending::Finished)
     }
 }
 
 impl Preflight {
-    /// Whether the program keeps all limits, as far as they were judged.
+    /// Returns whether the program satisfies all limits that were judged.
     pub fn fits(&self) -> bool {
         self.breaks.is_empty()
     }

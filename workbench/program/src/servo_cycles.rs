@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What LinuxCNC's servo cycles show of the limits of a pose, and of the path.
+//! Limits of a pose, and of the path, in LinuxCNC's servo cycles.
 //!
-//! The moves of a program are proved as they are commanded ([`crate::move_sequence`]). What the machine then does
-//! is not always that: corners are rounded, and a tap runs on until its spindle has stopped. So every
-//! cycle is judged as well, by the same list of limits, and compared with the path.
+//! The moves of a program are proved as commanded ([`crate::move_sequence`]). The machine's motion
+//! may differ: corners are rounded, and a tap continues until its spindle has stopped. So every
+//! cycle is judged as well, with the same list of limits, and compared with the path.
 
 use crate::motion::{Circle, ROUNDING};
 use crate::report::{Break, Place, Rule};
@@ -19,17 +19,17 @@ use machine::read::mechanism::Mechanism;
 use std::collections::VecDeque;
 use std::mem::discriminant;
 
-/// How far LinuxCNC's own arithmetic of arcs leaves the path, as a share of the machine's size: its arcs are exact
-/// to some 1e-6 of their radius. A thousandth of a millimetre on a machine of a metre.
+/// Deviation of LinuxCNC's own arithmetic of arcs from the path, as a share of the machine's size: its arcs are
+/// accurate to some 1e-6 of their radius. A thousandth of a millimeter on a machine of a meter.
 const OFF_PATH: f64 = 1e-6;
 
-/// What a spindle asks for may be beyond the fastest by the rounding of their units.
+/// Rounding tolerance of a spindle-driven feed at the limit, due to units.
 const SAME: f64 = 1.0 + 1e-9;
 
 /// Judges cycles.
 pub struct Cycles<'a> {
     machines: Vec<Judge<'a>>,
-    /// The tools for which the distance of two mechanisms is known.
+    /// Distance of two mechanisms, for the current tools.
     apart: Option<Apart<'a>>,
     path: Path,
     config: &'a MachineConfig,
@@ -41,7 +41,7 @@ struct Judge<'a> {
     config: &'a Mechanism,
     limits: Limits,
     before: Option<([f64; 6], Vector3<f64>, [f64; MAX_EXTRA])>,
-    /// Smallest and largest value of every axis as programmed, and of every joint.
+    /// Smallest and largest value of every programmed axis, and of every joint.
     axes: [[f64; 2]; 6],
     joints: [[f64; 2]; MAX_JOINTS],
 }
@@ -53,23 +53,23 @@ struct Apart<'a> {
     tools: [Vector3<f64>; 2],
 }
 
-/// What is beyond a limit.
+/// A violation of a limit.
 struct Beyond {
     rule: Rule,
     name: String,
     of_second: bool,
     place: Place,
-    /// Steps of the program up to where the cycle may belong, see [`Path::steps`].
+    /// Largest step of the program to which the cycle may belong, see [`Path::steps`].
     step: usize,
-    /// Where it was seen last.
+    /// File and line of the last violation.
     last: (usize, u32),
     lines: usize,
-    /// How far.
+    /// Size of the violation.
     worst: f64,
     text: Text,
 }
 
-/// How it is said.
+/// Form of its description.
 enum Text {
     Bound(String),
     Fault(String),
@@ -79,10 +79,10 @@ enum Text {
 }
 
 impl<'a> Cycles<'a> {
-    /// Starts before the first cycle.
+    /// Creates the state before the first cycle.
     ///
     /// # Errors
-    /// A spindle that a mechanism cannot take.
+    /// A spindle offset without a legal pose at home.
     pub fn new(config: &'a MachineConfig) -> Result<Self, Fault> {
         let apart = match config.mechanisms.as_slice() {
             [first, second] => {
@@ -101,7 +101,7 @@ impl<'a> Cycles<'a> {
         })
     }
 
-    /// Takes the next move, which ends after that many steps of the program ([`crate::motion::Move`]).
+    /// Adds the next move, which ends after that many steps of the program ([`crate::motion::Move`]).
     pub fn take(&mut self, commanded: &Commanded, steps: usize) {
         let turns = (commanded.lost_turns > 0).then_some(Text::Turns(commanded.lost_turns));
         let thread = commanded.thread.filter(|thread| !(thread.needed() <= thread.fastest * SAME));
@@ -185,7 +185,7 @@ impl<'a> Cycles<'a> {
             if known.last != line {
                 (known.last, known.lines) = (line, known.lines + 1);
             }
-            // A limit is listed with its first line, and how far that one leaves it.
+            // A limit is listed with its first line, and its largest violation there.
             if worst > known.worst && (rule == Rule::Path || known.lines == 1) {
                 (known.worst, known.text) = (worst, text);
             }
@@ -205,13 +205,13 @@ impl<'a> Cycles<'a> {
         });
     }
 
-    /// Returns what is used of the axes and joints, in the order of [`ranges`](crate::report::Preflight::ranges).
+    /// Returns the used ranges of the axes and joints, in the order of [`ranges`](crate::report::Preflight::ranges).
     pub fn used(&self) -> Vec<[f64; 2]> {
         self.machines.iter().flat_map(Judge::used).collect()
     }
 
-    /// Returns the limits that were left, in the order of time, and where LinuxCNC left the path by more than the
-    /// program allows.
+    /// Returns the violations by time, and LinuxCNC's deviations from the path beyond the program's
+    /// tolerance.
     pub fn finish(self) -> [Vec<Break>; 2] {
         let unit = self.config.length_unit();
         let (off, beyond): (Vec<_>, Vec<_>) =
@@ -252,7 +252,7 @@ impl<'a> Judge<'a> {
         Self { config, limits, before: None, axes, joints }
     }
 
-    /// Widens what is used of the axes and joints. Joints go on for some cycles after the pose stands.
+    /// Extends the used ranges of the axes and joints. Joints move for some cycles after the pose has stopped.
     fn widen(&mut self, row: &Row, programmed: &[f64; 6]) {
         let first = self.config.place.first_joint;
         let joints = self.joints.iter_mut().zip(row.joints.iter().skip(first));
@@ -261,7 +261,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Returns what is used, in the order of [`ranges`](crate::report::Preflight::ranges).
+    /// Returns the used ranges, in the order of [`ranges`](crate::report::Preflight::ranges).
     fn used(&self) -> impl Iterator<Item = [f64; 2]> {
         let layout = self.config.machine.layout();
         let axes = Letter::ALL.into_iter().zip(self.axes);
@@ -269,7 +269,7 @@ impl<'a> Judge<'a> {
         axes.chain(self.joints.into_iter().take(self.config.joints.len()))
     }
 
-    /// Shows what is beyond its limit; whether the mechanism has moved at all.
+    /// Passes violations to `show`; returns whether the mechanism has moved.
     fn see(&mut self, row: &Row, mut show: impl FnMut(Margin, Option<Fault>)) -> bool {
         let (pose, tool) = row.machine(self.config);
         let programmed = self.config.reported_pose(&row.of(self.config).pose, &row.extra.positions);
@@ -314,12 +314,12 @@ impl<'a> Judge<'a> {
 }
 
 impl Apart<'_> {
-    /// How near two mechanisms are, where that is too near.
+    /// Returns the distance of two mechanisms if it is too small.
     fn beyond(&mut self, row: &Row) -> Option<([kinematics::Body; 2], f64)> {
         let tools = [Vector3::from(row.tool), Vector3::from(row.second.tool)];
         for n in 0..2 {
             if tools[n] != self.tools[n] {
-                // A tool that a mechanism cannot take is found with its pose.
+                // A tool without a legal pose is reported with the pose of its mechanism.
                 self.reaches[n] = Reach::with_tool(self.configs[n], tools[n]).ok()?;
                 self.tools[n] = tools[n];
             }
@@ -334,11 +334,11 @@ impl Apart<'_> {
     }
 }
 
-/// The commanded path around the move that is made.
+/// The commanded path around the current move.
 #[derive(Default)]
 struct Path {
     pieces: VecDeque<Piece>,
-    /// Number of the first of them.
+    /// Number of the first one.
     first: usize,
     end: World,
 }
@@ -347,7 +347,7 @@ struct Piece {
     shape: Shape,
     tolerance: f64,
     is_free: bool,
-    /// Steps of the program up to its end.
+    /// Number of steps of the program up to its end.
     steps: usize,
 }
 
@@ -368,7 +368,7 @@ impl Path {
                 None => Shape::Line([point(&from), point(&commanded.end)]),
             },
             tolerance: commanded.tolerance,
-            // A tap turns back where its spindle does; a probe stops where it touches, and the next move starts there.
+            // A tap reverses where its spindle does; a probe stops on contact, and the next move starts there.
             is_free: is_tap || commanded.kind == CommandedKind::Probe,
             steps,
         });
@@ -377,7 +377,7 @@ impl Path {
         }
     }
 
-    /// Returns how many steps have been begun in a cycle at most. A move that ends in a corner is rounded into the next.
+    /// Returns the largest number of steps begun in a cycle. A move that ends in a corner is blended into the next.
     fn steps(&self, row: &Row) -> usize {
         let mut pieces = self.pieces.iter().skip(row.number.saturating_sub(self.first));
         let (now, next) = (pieces.next(), pieces.next());
@@ -386,7 +386,7 @@ impl Path {
         last.map_or(usize::MAX, |piece| piece.steps)
     }
 
-    /// How far a cycle is from the path, and how far it may be; none where nothing is known.
+    /// Returns the distance of a cycle from the path, and its tolerance; none if unknown.
     fn off(&mut self, row: &Row) -> Option<(f64, f64)> {
         while self.first + 1 < row.number && self.pieces.len() > 1 {
             self.pieces.pop_front();

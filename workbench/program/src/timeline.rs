@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a machine does in a program, thinned: as many samples for a second as for a day.
+//! Thinned course of a machine in a program: as many samples for a second as for a day.
 //!
-//! A sample stands for a stretch of the program. When there are too many, every two neighbours
-//! become one, and from then on stretches are twice as long. Of what every cycle tells, a sample
-//! keeps the extremes, so that a peak of one cycle is never lost. Margins of other limits than the
+//! A sample represents a stretch of the program. If there are too many, every two neighbors
+//! are joined, and from then on stretches are twice as long. For the values of every cycle, a sample
+//! has the extremes, so that a peak of one cycle is never lost. Margins of limits other than the
 //! ranges of axes and joints take longer to compute: they are those of one pose at the start of
-//! each stretch, as short as stretches were then. Whether a program keeps them is proved elsewhere ([`crate::preflight`]).
+//! each stretch, at the resolution of that time. [`crate::preflight`] proves whether a program satisfies them.
 
 use crate::loads::Motion;
 use crate::motion::Move;
@@ -17,40 +17,40 @@ use machine::limits;
 use machine::read::mechanism::Mechanism;
 use std::ops::ControlFlow;
 
-/// Most samples that are kept: several for each column of pixels of a wide plot.
+/// Largest number of samples: several for each column of pixels of a wide plot.
 pub const MOST_SAMPLES: usize = 8192;
 
-/// What the samples of a course are numbered by.
+/// The abscissa of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Abscissa {
     /// Seconds of the machine's time.
     Seconds,
-    /// Machine units along the path of the control point; degrees of moves that only turn.
+    /// Machine units along the path of the control point; degrees for moves that only rotate.
     Length,
 }
 
-/// Shares of a limit's range that are left, by [`Limit::index`]: 0 at the limit, negative beyond
-/// it, infinite where the machine has no such limit, minus infinity where nothing can be computed.
+/// Remaining shares of the limits' ranges, by [`Limit::index`]: 0 at the limit, negative beyond
+/// it, infinite if the machine has no such limit, minus infinity if nothing can be computed.
 pub type Rooms = [f64; Limit::ALL.len()];
 
 /// A stretch of a program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Where it starts.
+    /// Abscissa of its start.
     pub at: f64,
     /// Lowest and highest line in it.
     pub lines: [u32; 2],
-    /// The pose with the least room of those that were looked at.
+    /// The sampled pose with the least room.
     pub pose: [f64; 6],
     /// Lowest and highest value of each coordinate.
     pub poses: [[f64; 2]; 6],
-    /// Lowest and highest value of each joint; infinite the wrong way round where there is none.
+    /// Lowest and highest value of each joint; infinite and reversed if there is none.
     pub joints: [[f64; 2]; MAX_JOINTS],
     /// Largest speed of each joint as a share of its limit.
     pub speeds: Joints,
     /// Largest acceleration of each joint as a share of its limit.
     pub accelerations: Joints,
-    /// Largest following error of each joint as a share of what is allowed at its speed.
+    /// Largest following error of each joint as a share of the limit at its speed.
     pub errors: Joints,
     /// Least room to each limit of the pose.
     pub rooms: Rooms,
@@ -59,14 +59,14 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Least room to any limit.
+    /// Returns the least room to any limit.
     pub fn room(&self) -> f64 {
         let shares = [&self.speeds, &self.accelerations, &self.errors];
         let motion = shares.into_iter().flatten().map(|share| 1.0 - share);
         self.rooms.iter().copied().chain(motion).fold(f64::INFINITY, f64::min)
     }
 
-    /// This stretch and the one behind it.
+    /// Joins this stretch and the next one.
     fn joined(mut self, next: &Self) -> Self {
         if next.room_of_pose() < self.room_of_pose() {
             self.pose = next.pose;
@@ -98,19 +98,19 @@ fn raise(values: &mut Joints, others: &Joints) {
     values.iter_mut().zip(others).for_each(|(value, other)| *value = value.max(*other));
 }
 
-/// What a machine does in a program.
+/// Thinned course of a machine in a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thinned {
-    /// What the samples are numbered by.
+    /// The abscissa of the samples.
     pub abscissa: Abscissa,
     /// At most [`MOST_SAMPLES`], in order.
     pub samples: Vec<Sample>,
-    /// Where the program ends.
+    /// Abscissa of the end of the program.
     pub end: f64,
 }
 
 impl Thinned {
-    /// Where the program comes nearest to a pose in a line; none where it does not come to the line.
+    /// Returns the abscissa at which a line is nearest to a pose; none if the line is not executed.
     pub fn place(&self, config: &Mechanism, line: u32, pose: &[f64; 6]) -> Option<f64> {
         let half_size = config.machine.size() / 2.0;
         let distance = |sample: &Sample| -> f64 {
@@ -122,12 +122,12 @@ impl Thinned {
             parts.map(part).sum()
         };
         let inside = self.samples.iter().filter(|s| (s.lines[0]..=s.lines[1]).contains(&line));
-        // Of equal ones the first.
+        // The first of equal ones.
         let nearest = inside.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
         Some(nearest.at)
     }
 
-    /// Lowest and highest value of a coordinate or of a joint.
+    /// Returns the lowest and highest value of a coordinate or of a joint.
     pub fn range(&self, of: impl Fn(&Sample) -> [f64; 2]) -> [f64; 2] {
         self.samples.iter().map(of).fold([f64::INFINITY, f64::NEG_INFINITY], |range, other| {
             [range[0].min(other[0]), range[1].max(other[1])]
@@ -135,25 +135,25 @@ impl Thinned {
     }
 }
 
-/// Takes a program as it runs.
+/// Samples a program as it runs.
 pub struct Course<'a> {
     config: &'a Mechanism,
     limits: Limits,
     motion: Motion<MAX_JOINTS>,
     result: Thinned,
-    /// Moments that a sample stands for.
+    /// Number of moments per sample.
     width: u64,
-    /// Those that the last one stands for already.
+    /// Number of moments in the last sample.
     filled: u64,
 }
 
-/// A moment, before its margins are computed.
+/// A moment, without its margins.
 struct Moment {
     at: f64,
     line: u32,
-    /// As programmed.
+    /// Programmed pose.
     pose: [f64; 6],
-    /// The machine's own, which the tool vector belongs to.
+    /// The machine's own pose, to which the tool vector belongs.
     machine: [f64; 6],
     tool: Vector3<f64>,
     joints: Option<Joints>,
@@ -162,7 +162,7 @@ struct Moment {
 }
 
 impl<'a> Course<'a> {
-    /// Of nothing yet, in time.
+    /// Creates an empty course over time.
     pub fn new(config: &'a Mechanism) -> Self {
         Self::over(config, Abscissa::Seconds)
     }
@@ -176,7 +176,7 @@ impl<'a> Course<'a> {
         Self { config, limits, motion: Motion::START, result, width: 1, filled: 0 }
     }
 
-    /// The path of moves from `[TRAJ]HOME` on: nothing is known of its time.
+    /// Samples the path of moves from `[TRAJ]HOME` on, without time.
     pub fn along(config: &'a Mechanism, moves: &[Move]) -> Thinned {
         let mut course = Self::over(config, Abscissa::Length);
         let total: f64 = lengths(config, moves).map(|(_, length)| length).sum();
@@ -212,7 +212,7 @@ impl<'a> Course<'a> {
         course.finish()
     }
 
-    /// Takes a servo cycle.
+    /// Adds a servo cycle.
     pub fn see(&mut self, row: &Row) {
         let at = row.cycle as f64 * self.config.period;
         let own = |mut values: Joints| {
@@ -266,7 +266,7 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// Joins neighbours where one more sample would be too many.
+    /// Joins neighbors if one more sample would be too many.
     fn make_room(&mut self) {
         let samples = &mut self.result.samples;
         if samples.len() < MOST_SAMPLES {
@@ -280,10 +280,10 @@ impl<'a> Course<'a> {
         self.width *= 2;
     }
 
-    /// Rooms to all limits of the pose.
+    /// Returns the rooms to all limits of the pose.
     fn rooms(&self, moment: &Moment) -> Rooms {
         let mut rooms = self.rooms_of_ranges(moment);
-        // Axis limits are of what is programmed, and looked at already.
+        // Axis limits apply to the programmed pose, and are already evaluated.
         let own = Limits { axis: Limits::NONE.axis, ..self.limits };
         match self.config.machine.at(&Pose::from_degrees(moment.machine), &moment.tool) {
             Ok(at) => limits::each(&at, &own, |margin| lower(&mut rooms, &margin)),
@@ -292,7 +292,7 @@ impl<'a> Course<'a> {
         rooms
     }
 
-    /// Rooms in the ranges of axes and joints, which take no time to compute.
+    /// Returns the rooms in the ranges of axes and joints, which are cheap to compute.
     fn rooms_of_ranges(&self, moment: &Moment) -> Rooms {
         let mut rooms = [f64::INFINITY; Limit::ALL.len()];
         let axes = Letter::ALL.into_iter().zip(moment.pose).zip(self.limits.axis);
@@ -308,7 +308,7 @@ impl<'a> Course<'a> {
         rooms
     }
 
-    /// What was seen.
+    /// Returns the result.
     pub fn finish(self) -> Thinned {
         self.result
     }
@@ -319,11 +319,11 @@ fn lower(rooms: &mut Rooms, margin: &Margin) {
     *room = room.min(margin.share());
 }
 
-/// Amounts of values as shares of their limits.
+/// Returns absolute values as shares of their limits.
 fn shares(values: &Joints, limits: &Joints, count: usize) -> Joints {
     let mut shares = [0.0; MAX_JOINTS];
     for (share, (value, limit)) in shares.iter_mut().zip(values.iter().zip(limits)).take(count) {
-        // What is not a number is beyond any limit.
+        // NaN counts as beyond any limit.
         *share = match value.abs() / limit {
             _ if *value == 0.0 => 0.0,
             found if found.is_nan() => f64::INFINITY,
@@ -333,7 +333,7 @@ fn shares(values: &Joints, limits: &Joints, count: usize) -> Joints {
     shares
 }
 
-/// Starts and lengths of moves.
+/// Returns starts and lengths of moves.
 fn lengths<'a>(
     config: &Mechanism,
     moves: &'a [Move],

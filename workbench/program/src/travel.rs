@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How far the machine can go from a pose, along every letter by itself, both ways.
+//! Available travel of the machine from a pose, along every single letter, in both directions.
 //!
-//! The way to the end of the letter's range is followed as a move of a program is
-//! (`follow`): up to the place that is found every limit is proved to be kept.
+//! The path to the end of the letter's range is checked as a move of a program
+//! (`follow`): up to the reported position every limit is proved.
 
 use crate::motion::{Beside, Move, MoveKind, Spindle};
 use crate::report::Break;
@@ -13,58 +13,58 @@ use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 
-/// The way is followed in as many parts: what lies behind the first limit is not looked at.
+/// Number of parts in which the path is checked: parts after the first violation are skipped.
 const PARTS: u32 = 8;
 
-/// A turn, after which everything comes again.
+/// A full turn, after which everything repeats.
 const TURN: f64 = 360.0;
 
-/// Where no range ends a way, it is followed as far as this, in sizes of the machine.
+/// Length of a path without a range limit, in sizes of the machine.
 const FAR: f64 = 4.0;
 
-/// Where a machine stands.
+/// Pose and tools of a machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stand {
     /// LinuxCNC's pose X Y Z A B C U V W, machine units and degrees.
     pub world: World,
-    /// Tool vectors in effect, of the first mechanism and of a second one, spindle offset included.
+    /// Active tool vectors, of the first mechanism and of a second one, spindle offset included.
     pub tools: [Vector3<f64>; 2],
 }
 
-/// What is left along a letter.
+/// Available travel along a letter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Travel {
     /// The letter.
     pub letter: char,
-    /// Of its values.
+    /// Unit of its values.
     pub unit: &'static str,
-    /// Towards smaller values.
+    /// Toward smaller values.
     pub minus: Side,
-    /// Towards larger ones.
+    /// Toward larger values.
     pub plus: Side,
 }
 
-/// What is left along a letter, one way.
+/// Available travel along a letter, in one direction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Side {
-    /// In the letter's unit; `None` where nothing ends the way.
+    /// Travel in the letter's unit; `None` if unlimited.
     pub left: Option<f64>,
-    /// What ends it: part and limit.
+    /// The part and limit that end it.
     pub stop: Option<String>,
 }
 
-/// A letter with the range that it has by itself.
+/// A letter with its own range.
 struct Way {
     place: usize,
     unit: &'static str,
-    /// Ends of its range, and what they are of.
+    /// Ends of its range, and the limits that set them.
     ends: [f64; 2],
     names: [String; 2],
     is_angle: bool,
 }
 
 impl Stand {
-    /// At `[TRAJ]HOME`, without a tool.
+    /// Returns `[TRAJ]HOME`, without a tool.
     pub fn home(config: &MachineConfig) -> Self {
         let mut world = [0.0; 9];
         for mechanism in &config.mechanisms {
@@ -81,7 +81,7 @@ impl Stand {
         Self { world, tools: [first.spindle, last.spindle] }
     }
 
-    /// The pose that this mechanism has in its own letters.
+    /// Returns the pose of this mechanism in its own letters.
     fn pose_of(&self, mechanism: &Mechanism) -> [f64; 6] {
         let mut pose = mechanism.start;
         for letter in moved(mechanism) {
@@ -91,7 +91,7 @@ impl Stand {
         pose
     }
 
-    /// A move to here.
+    /// Returns a move that ends here.
     fn reached(&self, config: &MachineConfig) -> Move {
         let mut each = config.mechanisms.iter().zip(self.tools).map(|(mechanism, tool)| Beside {
             end: self.pose_of(mechanism),
@@ -118,10 +118,10 @@ impl Stand {
     }
 }
 
-/// What is left along every letter that moves something, in LinuxCNC's order.
+/// Returns the available travel along every letter that moves something, in LinuxCNC's order.
 ///
 /// # Errors
-/// The machine cannot stand there.
+/// The pose is not legal.
 pub fn travel(config: &MachineConfig, stand: &Stand) -> Result<Vec<Travel>, Fault> {
     stands(config, stand)?;
     let both = |way: &Way| {
@@ -144,13 +144,13 @@ fn stands(config: &MachineConfig, stand: &Stand) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Coordinates that a mechanism moves.
+/// Returns the coordinates that a mechanism moves.
 fn moved(mechanism: &Mechanism) -> impl Iterator<Item = Letter> {
     let layout = *mechanism.machine.layout();
     Letter::ALL.into_iter().filter(move |letter| !layout.is_held(*letter))
 }
 
-/// Letters that have a way, in LinuxCNC's order.
+/// Returns the letters with available travel, in LinuxCNC's order.
 pub fn letters(config: &MachineConfig) -> String {
     ways(config).iter().map(|way| POSE_LETTERS[way.place]).collect()
 }
@@ -196,11 +196,11 @@ fn unit(config: &MachineConfig, is_angle: bool) -> &'static str {
     if is_angle { "degrees" } else { config.length_unit() }
 }
 
-/// What is left towards one end of a letter's range.
+/// Returns the available travel toward one end of a letter's range.
 fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<Side, Fault> {
     let sign = [-1.0, 1.0][end];
     let free = (sign * (way.ends[end] - stand.world[way.place])).max(0.0);
-    // A turn repeats everything but the letter's own range; of a length all is followed that has an end.
+    // A turn repeats everything except the letter's own range; a length is checked up to its end, if any.
     let far = FAR * config.first().machine.size();
     let followed = match way.is_angle {
         true => free.min(TURN),
@@ -228,8 +228,8 @@ fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<
     Ok(Side { left: is_ended.then_some(free), stop: is_ended.then(|| way.names[end].clone()) })
 }
 
-/// What a straight move along a letter leaves first; the letter's own range is the way's, which may
-/// begin beyond it.
+/// Returns the first violation of a straight move along a letter; the letter's own range is checked by the caller,
+/// because the move may begin beyond it.
 fn first_break(
     config: &MachineConfig,
     way: &Way,

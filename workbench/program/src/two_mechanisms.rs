@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Programs of two mechanisms: each followed for itself, and the distance between them.
+//! Programs of two mechanisms: each is checked separately, then the distance between them.
 //!
-//! Both run through a move at the same time, so that their distance is followed as that of two legs of
-//! one machine is: a piece whose distance is not proved is halved, the earlier half first. A tool offset that
-//! changes while a platform is tilted leads that platform along a line, which is followed as a move. Where
-//! both change in one block nobody knows which comes first, and only the end is judged.
+//! Both traverse a move simultaneously, so their distance is checked like that of two legs of
+//! one machine: a piece whose distance is not proved is halved, the earlier half first. A tool offset that
+//! changes while a platform is tilted moves that platform along a line, which is checked as a move. If
+//! both change in one block their order is unknown, and only the end is judged.
 
 use crate::follow_move::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance, arm};
 use crate::motion::Move;
@@ -16,17 +16,17 @@ use machine::proof::between::{Approach, approach};
 use machine::proof::reach::Reach;
 use machine::read::mechanism::Mechanism;
 
-/// Follows the moves of a program with every mechanism of a machine.
+/// Checks the moves of a program with every mechanism of a machine.
 pub struct Flights<'a> {
     flights: Vec<Flight<'a>>,
     between: Option<Between<'a>>,
 }
 
 impl<'a> Flights<'a> {
-    /// Before the first move.
+    /// Creates the state before the first move.
     ///
     /// # Errors
-    /// A spindle that a mechanism cannot take.
+    /// A spindle offset without a legal pose at home.
     pub fn new(mechanisms: &'a [Mechanism]) -> Result<Self, Fault> {
         Ok(Self {
             flights: mechanisms.iter().map(Flight::new).collect::<Result<_, _>>()?,
@@ -34,10 +34,10 @@ impl<'a> Flights<'a> {
         })
     }
 
-    /// Where a move has ended.
+    /// Starts at the end of a move.
     ///
     /// # Errors
-    /// A tool that a mechanism cannot take.
+    /// A tool without a legal pose at home.
     pub fn standing(mechanisms: &'a [Mechanism], end: &Move) -> Result<Self, Fault> {
         let ends = mechanisms.iter().zip(end.of_each());
         let flights = ends.map(|(mechanism, end)| Flight::standing(mechanism, &end));
@@ -46,16 +46,16 @@ impl<'a> Flights<'a> {
         Ok(Self { flights: flights.collect::<Result<_, _>>()?, between })
     }
 
-    /// Follows the next move.
+    /// Checks the next move.
     pub fn see(&mut self, step: &Move) {
         self.between.iter_mut().for_each(|between| between.see(step));
         self.flights.iter_mut().zip(step.of_each()).for_each(|(flight, step)| flight.see(&step));
     }
 
-    /// What is known after the last move, see [`Flight::finish`].
+    /// Returns the result after the last move, see [`Flight::finish`].
     ///
     /// # Errors
-    /// A tool vector that a mechanism cannot take.
+    /// A tool vector without a legal pose at home.
     pub fn finish(self) -> Result<Preflight, Fault> {
         let each = self.flights.into_iter().map(Flight::finish).collect::<Result<Vec<_>, _>>()?;
         let all = each.into_iter().reduce(Preflight::with_second);
@@ -66,7 +66,7 @@ impl<'a> Flights<'a> {
 }
 
 impl Preflight {
-    /// Adds what the second mechanism does in the same moves.
+    /// Adds the results of the second mechanism in the same moves.
     fn with_second(mut self, second: Self) -> Self {
         self.pieces += second.pieces;
         self.is_still &= second.is_still;
@@ -94,12 +94,12 @@ struct Between<'a> {
     reaches: [Reach<'a>; 2],
     tools: [Vector3<f64>; 2],
     at: [[f64; 6]; 2],
-    /// Smallest distance that is kept.
+    /// Required distance.
     clearance: f64,
     number: usize,
-    /// How far the first one has gone, with its angles at half of its size.
+    /// Length of the first one's path, with its angles multiplied by half of its size.
     advance: f64,
-    /// Distance beyond the clearance where it is least, with its parts and line.
+    /// Least distance beyond the clearance, with its parts and line.
     least: Option<(f64, [Body; 2], (u32, usize))>,
     broken: Option<Break>,
     fault: Option<Fault>,
@@ -110,7 +110,7 @@ struct Leg<'a> {
     step: &'a Move,
     from: [[f64; 6]; 2],
     delta: [[f64; 6]; 2],
-    /// When it is made, for messages.
+    /// Occasion of the move, for messages.
     when: &'static str,
 }
 
@@ -121,7 +121,7 @@ impl Leg<'_> {
 }
 
 impl<'a> Between<'a> {
-    /// `None` of one mechanism.
+    /// Creates the check; `None` for a single mechanism.
     fn of(mechanisms: &'a [Mechanism]) -> Result<Option<Self>, Fault> {
         let [first, second] = mechanisms else { return Ok(None) };
         let configs = [first, second];
@@ -139,7 +139,7 @@ impl<'a> Between<'a> {
         }))
     }
 
-    /// Takes both to where a move has ended.
+    /// Moves both to the end of a move.
     fn stand(&mut self, end: &Move) {
         let Some(beside) = end.second else { return };
         self.change_tools([end.tool, beside.tool]);
@@ -161,8 +161,9 @@ impl<'a> Between<'a> {
         self.number += 1;
     }
 
-    /// Follows the platform that another tool offset shifts. With the tip at t it is at t − o + R o: as o goes
-    /// on by d, it goes by (R − 1) d, as it would by that move with the old tool.
+    /// Checks the platform motion due to another tool offset. With the tip at t the platform is at t − o + R o: if o
+    /// changes
+    /// by d, it moves by (R − 1) d, as it would by that move with the old tool.
     fn follow_tools(&mut self, step: &Move, tools: [[f64; 3]; 2]) {
         let shift = |i: usize| {
             let change = self.configs[i].spindle + Vector3::from(tools[i]) - self.tools[i];
@@ -202,7 +203,7 @@ impl<'a> Between<'a> {
                 continue;
             }
             let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
-            // A pose that cannot be taken is told by its own mechanism.
+            // A pose that is not legal is reported by its own mechanism.
             let Some(found) = self.approach(leg, middle, half) else { continue };
             let [seen, proved] = [found.distance, found.least].map(|d| d - self.clearance);
             let note = |share: f64, first: &mut Option<(f64, [Body; 2])>| {
@@ -235,7 +236,7 @@ impl<'a> Between<'a> {
         let poses = leg.at(middle);
         let steps = leg.delta.map(|delta| delta.map(|d| d * half));
         let least = self.least.map_or(0.0, |(least, ..)| least.max(0.0));
-        // Farther than what is told does not matter.
+        // A distance beyond the reported one does not matter.
         let enough = if half > 0.0 { self.clearance + least } else { f64::NEG_INFINITY };
         approach([one, other], [&poses[0], &poses[1]], [&steps[0], &steps[1]], enough).ok()
     }

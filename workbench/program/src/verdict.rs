@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The verdict on a program, from its file to a value: what LinuxCNC makes of it, warnings, and where it does not fit
-//! another work offset with which it does.
+//! The verdict on a program, from its file to a value: LinuxCNC's run, warnings, and for a misfit
+//! another work offset with which it fits.
 
 use crate::preflight::{self, JudgeError, Judged};
 use crate::report::{Preflight, Rule, Time};
@@ -23,22 +23,22 @@ pub struct ProgramVerdict<'a> {
     /// The machine.
     #[serde(skip)]
     pub config: &'a MachineConfig,
-    /// Its file, as it was named.
+    /// Machine file as given.
     pub machine: String,
-    /// File of the program, as it was named.
+    /// Program file as given.
     pub program: String,
-    /// Files that lines belong to, by the numbers of their findings; the first one is the program.
+    /// Files of the lines, by the numbers in their findings; the first one is the program.
     pub files: Vec<PathBuf>,
     #[serde(skip)]
     pub(super) texts: Vec<String>,
-    /// Unknown where nothing that was judged breaks, and not all was judged.
+    /// Unknown if no judged limit is violated, but not everything was judged.
     pub fits: Option<bool>,
     /// All findings.
     #[serde(flatten)]
     pub found: Preflight,
     /// Warnings, each once.
     pub warnings: Vec<Caution>,
-    /// Another work offset, under which the program fits.
+    /// Another work offset, with which the program fits.
     pub offset: Option<Suggestion>,
 }
 
@@ -69,16 +69,16 @@ impl Suggestion {
 pub enum Step<'a> {
     /// A servo cycle of the program.
     Row(&'a Row),
-    /// The kind of search for another work offset, and the share of it that is done.
+    /// The kind of search for another work offset, and its completed share.
     Search(&'static str, f64),
-    /// A servo cycle of the program under the offset that was found.
+    /// A servo cycle of the program with the new offset.
     Trial(&'a Row),
 }
 
 /// Receives the progress of a verdict.
 pub type Show<'a> = &'a mut (dyn FnMut(Step) + Send);
 
-/// Judges a program. Where it does not fit and `searches` is set, the search for another work offset follows.
+/// Judges a program. If it does not fit and `searches` is set, searches for another work offset.
 ///
 /// # Errors
 /// See [`JudgeError`].
@@ -152,16 +152,17 @@ fn to_zero((file, line): (usize, u32), home: f64) -> Caution {
     Caution { line: Some(line), file, text }
 }
 
-/// Returns whether another work offset may help. Another place does not make a program slower, two mechanisms have two
-/// places, and the search knows the machine's own poses alone.
+/// Returns whether another work offset may help. Another position does not make a program slower, two mechanisms have
+/// two
+/// offsets, and the search uses only the machine's own poses.
 fn may_shift(config: &MachineConfig, found: &Preflight) -> bool {
     found.breaks.iter().any(|broken| !broken.limit.is_of_time())
         && config.mechanisms.len() == 1
         && config.first().chain.is_empty()
 }
 
-/// Searches for a work offset that LinuxCNC and the whole check confirm: a shift where one will do, else one that is
-/// turned as well.
+/// Searches for a work offset that LinuxCNC and the whole check confirm: a shift if sufficient, otherwise one with
+/// a rotation.
 fn offset(
     config: &MachineConfig,
     program: &Path,
@@ -177,7 +178,7 @@ fn offset(
         let Some(offset) = search(config.first(), &found.poses, goes_on)? else { return Ok(None) };
         let block = offset.block();
         let shifted = Options { block: Some(block.clone()), ..options.clone() };
-        // Under another offset LinuxCNC may refuse the program: cutter radii, arcs.
+        // With another offset LinuxCNC may refuse the program: cutter radii, arcs.
         let judged =
             preflight::judge(config, program, &shifted, &mut |row| show(Step::Trial(row))).ok();
         let found = judged.map(|judged| judged.found).filter(Preflight::fits);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The verdict on a program in words.
+//! Text of the verdict on a program.
 
 use crate::report::{Break, LineLoad, Range, Time, Timing};
 use crate::verdict::{ProgramVerdict, Suggestion};
@@ -8,14 +8,14 @@ use check::cautions::Caution;
 use kinematics::Letter;
 use linuxcnc::row::{Ending, Message};
 
-/// Steps of coordinates that are shown.
+/// Resolution of displayed coordinates.
 const PLACES: f64 = 1e-4;
 
 /// Least share of the programmed feed that three digits show.
 const LEAST_FEED: f64 = 1e-3;
 
 impl ProgramVerdict<'_> {
-    /// Names a line: its number, behind the name of its file where that is not the program.
+    /// Names a line: its number, after the name of its file if it is not the program.
     pub fn place(&self, file: usize, line: u32) -> String {
         match file {
             0 => format!("line {line}"),
@@ -23,13 +23,13 @@ impl ProgramVerdict<'_> {
         }
     }
 
-    /// Returns what stands in the line of a break.
+    /// Returns the text of the line of a violation.
     pub fn block(&self, broken: &Break) -> Option<&str> {
         let number = (broken.line as usize).checked_sub(1)?;
         self.texts[broken.file].lines().nth(number).map(str::trim)
     }
 
-    /// Returns a caution with its place.
+    /// Returns a caution with its position.
     pub fn caution(&self, Caution { line, file, text }: &Caution) -> String {
         line.map_or(String::new(), |line| self.place(*file, line) + ": ") + text
     }
@@ -47,7 +47,7 @@ impl ProgramVerdict<'_> {
         format!("{}{}\n{verdict}\n", self.facts(), self.findings())
     }
 
-    /// Returns what does not fit, and what would.
+    /// Returns the violations, and a remedy.
     pub fn findings(&self) -> String {
         let unit = self.config.length_unit();
         let mut text = String::new();
@@ -75,7 +75,7 @@ impl ProgramVerdict<'_> {
         text
     }
 
-    /// Returns what the program takes of the machine, and how much is to spare.
+    /// Returns the machine's ranges that the program uses, and the margins.
     fn facts(&self) -> String {
         let found = &self.found;
         let mut text = format!("{} on {}\n", self.program, self.machine);
@@ -111,7 +111,7 @@ impl ProgramVerdict<'_> {
         text
     }
 
-    /// Returns what LinuxCNC shows to the operator of a program that it runs to its end.
+    /// Returns LinuxCNC's messages to the operator for a program that it runs to its end.
     fn shown(&self) -> String {
         let Time::Judged(timing) = &self.found.time else { return String::new() };
         let shown = timing.messages.iter().filter(|_| timing.ending == Ending::Finished);
@@ -143,19 +143,19 @@ impl ProgramVerdict<'_> {
         format!("{}: {}{more}", self.place(first.file, first.line), first.limit.name())
     }
 
-    /// Returns a break in a sentence, with its line and pose.
+    /// Returns a violation in a sentence, with its line and pose.
     pub fn sentence(&self, broken: &Break) -> String {
         let mechanisms = &self.config.mechanisms;
         let mechanism = mechanisms.get(1).filter(|_| broken.of_second).unwrap_or(&mechanisms[0]);
         let words: Vec<String> = Letter::ALL
             .iter()
             .zip(broken.pose)
-            // Letters of another mechanism, or of nothing.
+            // Letters of another mechanism, or unused ones.
             .filter(|(letter, _)| {
                 mechanism.second_letters.is_none() || !mechanism.machine.layout().is_held(**letter)
             })
             .map(|(letter, value)| {
-                // What rounds to 0 has no sign.
+                // A value rounded to 0 has no sign.
                 let value = (value / PLACES).round() * PLACES + 0.0;
                 format!("{}{value:.4}", mechanism.place.letter(*letter))
             })
@@ -176,19 +176,19 @@ impl ProgramVerdict<'_> {
 }
 
 impl Range {
-    /// Returns what a program uses of an axis or joint.
+    /// Returns the used range of an axis or joint.
     fn text(&self) -> String {
         let Self { unit, used, allowed, .. } = self;
         let end = |end: f64| if end.is_finite() { end.to_string() } else { "any".into() };
         let [least, most] = allowed.map(end);
-        // No -0, and no -0.000 of what rounds to 0.
+        // No -0, nor -0.000 for values that round to 0.
         let [low, high] = used.map(|value| (value * 1e3).round() / 1e3 + 0.0);
         format!("{low:.3} to {high:.3} of {least} to {most} {unit}")
     }
 }
 
 impl Time {
-    /// Returns the duration, or behind `not_judged` why there is none.
+    /// Returns the duration, or `not_judged` and the reason.
     fn text(&self, not_judged: &str) -> String {
         match self {
             Self::NotJudged(cause) => format!("{not_judged}: {cause}"),

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A work offset that makes a program fit: shifted, and where the program leaves the platform
-//! level also turned about Z, as a workpiece is clamped in another place.
+//! A work offset that makes a program fit: shifted, and if the program keeps the platform
+//! level also rotated about Z, as a workpiece is clamped in another position.
 //!
-//! A compass search over X Y Z and the turn lowers how far some poses of the program lack of a
-//! margin to joint ranges, cones, rod distance, conditioning, axis limits; whether the offset does
-//! is for [`crate::preflight`] to say, on the moves that LinuxCNC makes of it.
+//! A compass search over X Y Z and the rotation minimizes the missing margin of some poses of the program
+//! to joint ranges, cones, rod distance, conditioning, axis limits; [`crate::preflight`] decides whether
+//! the program fits, on the moves that LinuxCNC then commands.
 
 use crate::motion::Move;
 use kinematics::{Fault, Letter, Limits, Vector3};
@@ -14,50 +14,50 @@ use machine::read::joints::Axis;
 use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 
-/// Poses of the program that are looked at.
+/// Number of sampled poses of the program.
 const POSES: usize = 500;
 
-/// Margin that is looked for, as a share of the limit's range: what lies between the poses.
+/// Required margin, as a share of the limit's range, to cover what is between the poses.
 const MARGIN: f64 = 0.02;
 
-/// A pose without joint values lacks as much as this many ranges.
+/// Missing margin of a pose without joint values, in ranges.
 const UNREACHED: f64 = 3.0;
 
-/// First and last step of the search, as shares of the machine's size, and the turn that goes
-/// with a step of the whole size.
+/// First and last step of the search, as shares of the machine's size, and the rotation that corresponds
+/// to a step of the whole size.
 const STEPS: [f64; 2] = [0.2, 2e-4];
 const TURN_DEG: f64 = 90.0;
 
-/// Turns that a search starts from: the nearest that fits is as good as any.
+/// Initial rotations of a search: the nearest that fits is as good as any.
 const STARTS_DEG: [f64; 8] = [0.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0];
 
-/// Halvings of the offset found, which may be farther away than needed.
+/// Halvings of the resulting offset, which may be larger than necessary.
 const HALVINGS: usize = 12;
 
-/// Steps taken at most.
+/// Largest number of steps.
 const MOST: usize = 400;
 
-/// Digits after the point of a turn, in degrees.
+/// Digits after the decimal point of a rotation, in degrees.
 const TURN_DIGITS: i32 = 2;
 
-/// Room that a turn leaves to the limits of X and Y, as a share of the machine's size: more than what
+/// Margin of a rotation to the limits of X and Y, as a share of the machine's size: more than
 /// rounding its angle and its shift moves the ends of the program.
 const ROUNDED: f64 = 5e-4;
 
-/// A change of the work offset in force: with its place O and rotation r these become
+/// A change of the active work offset: its origin O and rotation r become
 /// R(turn) O + shift and r + turn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Offset {
-    /// x y z, machine units.
+    /// Shift x y z, machine units.
     pub shift: [f64; 3],
-    /// About Z, degrees.
+    /// Rotation about Z, degrees.
     pub turn: f64,
 }
 
 impl Offset {
-    /// The block that changes the offset in force.
+    /// Returns the block that changes the active offset.
     pub fn block(&self) -> String {
-        // #5220 is the number of the coordinate system in force, 20 parameters each from #5221 on.
+        // #5220 is the number of the active coordinate system, 20 parameters each from #5221 on.
         let now = |n: usize| format!("#[{} + 20*#5220]", 5201 + n);
         let plus = |value: String, more: f64| match more {
             0.0 => format!("[{value}]"),
@@ -75,13 +75,13 @@ impl Offset {
     }
 }
 
-/// Poses of a program, evenly over its moves, and never more of them than the search can look at.
+/// Poses of a program, evenly over its moves, and at most as many as the search can evaluate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poses {
-    /// With the number of the tool.
+    /// Each with the number of its tool.
     poses: Vec<([f64; 6], usize)>,
     tools: Vec<[f64; 3]>,
-    /// One pose of so many is kept, and how many there were.
+    /// Every how many-th pose is kept, and the number of poses so far.
     stride: usize,
     seen: usize,
     is_level: bool,
@@ -94,9 +94,9 @@ impl Default for Poses {
 }
 
 impl Poses {
-    /// Adds those of a move.
+    /// Adds the poses of a move.
     pub(super) fn see(&mut self, from: &[f64; 6], step: &Move) {
-        // What runs before the program does not follow its offset.
+        // Moves before the program do not use its offset.
         if step.line == 0 {
             return;
         }
@@ -126,16 +126,16 @@ impl Poses {
         })
     }
 
-    /// Whether the program may be turned: X and Y move and the platform stays level, so that every
-    /// turn about Z cuts the same.
+    /// Returns whether the program may be rotated: X and Y move and the platform stays level, so that every
+    /// rotation about Z cuts the same.
     pub fn may_turn(&self, config: &Mechanism) -> bool {
         let moved = |letter| !config.machine.layout().is_held(letter);
         moved(Letter::X) && moved(Letter::Y) && self.is_level
     }
 }
 
-/// Searches for an offset under which the poses looked at fit. The last argument receives the share that is done, and
-/// returns whether the search goes on.
+/// Searches for an offset with which the sampled poses fit. The last argument receives the completed share, and
+/// returns whether to continue the search.
 pub type Search =
     fn(&Mechanism, &Poses, &mut dyn FnMut(f64) -> bool) -> Result<Option<Offset>, Fault>;
 
@@ -168,19 +168,19 @@ pub fn turn(
     }))
 }
 
-/// Shift x y z and turn, about the middle of the program.
+/// Shift x y z and rotation, about the center of the program.
 type Shift = [f64; 4];
 
 struct Compass<'a> {
     config: &'a Mechanism,
-    /// Without those of the axes, which leave room for a turn.
+    /// Limits without those of the axes, which have a margin for a rotation.
     limits: Limits,
-    /// By the number of the tool.
+    /// By tool number.
     reaches: Vec<Reach<'a>>,
     poses: &'a Poses,
-    /// What is turned about.
+    /// Center of rotation.
     middle: [f64; 2],
-    /// Room to leave to the limits of X and Y.
+    /// Margin to the limits of X and Y.
     room: f64,
 }
 
@@ -201,7 +201,7 @@ impl<'a> Compass<'a> {
         Ok(search)
     }
 
-    /// Searches from a turn on, over X Y Z and with four `steps` over the turn as well.
+    /// Searches from a rotation on, over X Y Z and with four `steps` over the rotation as well.
     fn from(
         &self,
         turn: f64,
@@ -232,7 +232,7 @@ impl<'a> Compass<'a> {
         if lack > 0.0 {
             return None;
         }
-        // No more of it than needed.
+        // No larger than necessary.
         let (mut less, mut enough) = (0.0, 1.0);
         for _ in 0..HALVINGS {
             let share = (less + enough) / 2.0;
@@ -242,20 +242,20 @@ impl<'a> Compass<'a> {
         Some(self.rounded(&at.map(|x| enough * x)))
     }
 
-    /// With digits that anybody can type, and that change nothing within the margin.
+    /// Rounds to digits that are easy to type, and that change nothing within the margin.
     fn rounded(&self, at: &Shift) -> Offset {
         let away_from_0 =
             |x: f64, per_unit: f64| (x * per_unit).abs().ceil().copysign(x) / per_unit;
         let turn = away_from_0(at[3], 10.0_f64.powi(TURN_DIGITS));
         let turn = if turn.abs() > 180.0 { turn - 360.0_f64.copysign(turn) } else { turn };
         let place = [at[0], at[1], at[2], turn];
-        // R(turn) 0 + shift is where the turn takes the offset 0.
+        // R(turn) 0 + shift is the image of the offset 0.
         let [x, y] = self.turned([0.0, 0.0], &place);
         let per_unit = 10.0_f64.powi(-(self.config.machine.size() * 1e-4).log10().floor() as i32);
         Offset { shift: [x, y, at[2]].map(|x| away_from_0(x, per_unit)), turn }
     }
 
-    /// A place in X and Y, turned about the middle and shifted.
+    /// Rotates a position in X and Y about the center and shifts it.
     fn turned(&self, [x, y]: [f64; 2], at: &Shift) -> [f64; 2] {
         if at[3] == 0.0 {
             return [x + at[0], y + at[1]];
@@ -274,7 +274,7 @@ impl<'a> Compass<'a> {
         [x + tool_x, y + tool_y, pose[2] + at[2], pose[3], pose[4], pose[5]]
     }
 
-    /// How much margin the poses lack together.
+    /// Returns the sum of the missing margins of the poses.
     fn lack(&self, at: &Shift) -> f64 {
         let lack_of =
             |(pose, tool): &([f64; 6], usize)| self.lack_of(&self.moved(pose, *tool, at), *tool);
@@ -285,7 +285,7 @@ impl<'a> Compass<'a> {
         let reach = &self.reaches[tool];
         let lacking = |margin: f64, range: f64| (MARGIN - margin / range).max(0.0);
         let beyond = |(k, (x, axis)): (usize, (&f64, &Axis))| {
-            // Otherwise an axis may stand at its limit.
+            // Otherwise an axis may be at its limit.
             let room = if k < 2 { self.room } else { 0.0 };
             (axis.min + room - x).max(x + room - axis.max).max(0.0) / self.config.machine.size()
         };
