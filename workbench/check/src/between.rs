@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How near two mechanisms of a machine come to each other, at home and within their axis limits.
+//! Least distance of two mechanisms of a machine, at home and within their axis limits.
 
 use crate::findings::Report;
 use crate::suggestion::shown_pose;
@@ -15,13 +15,13 @@ use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Pairs of poses drawn from the axis limits.
+/// Pairs of poses sampled within the axis limits.
 const DRAWN: usize = 20_000;
 
-/// Looks at the two mechanisms of a machine together; `None` where it has one.
+/// Checks the two mechanisms of a machine together; `None` for a single one.
 ///
 /// # Errors
-/// A mechanism cannot be at its reference pose.
+/// The reference pose of a mechanism is not legal.
 pub fn check(config: &MachineConfig) -> Result<Option<Report>, MachineError> {
     let [first, second] = config.mechanisms.as_slice() else { return Ok(None) };
     let configs = [first, second];
@@ -78,7 +78,7 @@ fn shown(configs: [&Mechanism; 2], gap: &Gap) -> String {
     format!("{name} is {} {}", limits::shown(gap.distance), configs[0].length_unit())
 }
 
-/// The nearest parts at poses drawn from the axis limits, which both mechanisms can take.
+/// Returns the nearest parts at poses sampled within the axis limits, legal for both mechanisms.
 fn nearest(configs: [&Mechanism; 2]) -> Option<(Gap, [[f64; 6]; 2])> {
     let mut rng = Pcg64::seed_from_u64(3);
     let reaches = [Reach::new(configs[0]).ok()?, Reach::new(configs[1]).ok()?];

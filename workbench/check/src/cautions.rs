@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a program or a machine says that no limit shows: the guard switched off, feeds that it
-//! cannot reduce, units left to the machine.
+//! Properties of a program or a machine that no limit covers: a disabled guard, feeds that it
+//! cannot reduce, units that the program does not set.
 
 use machine::read::facts::FileFacts;
 use serde::Serialize;
 
-/// Spindle-synchronised motion, which takes its speed from the spindle.
+/// Spindle-synchronized motion, whose speed the spindle determines.
 const SYNCHRONISED: [&str; 6] = ["G33", "G33.1", "G74", "G76", "G84", "G95"];
 
-/// Words after which a program goes on as an input says.
+/// Words after which a program branches on an input.
 const ASKING: [&str; 5] = ["G38.2", "G38.3", "G38.4", "G38.5", "M66"];
 
-/// Something to know before a run.
+/// A warning before a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Caution {
-    /// Line of the program; none where the machine is meant.
+    /// Line of the program; none for the machine.
     pub line: Option<u32>,
-    /// Number of the file that the line is in, 0 for the program itself.
+    /// Number of the file of the line, 0 for the program itself.
     pub file: usize,
     /// A sentence.
     pub text: String,
 }
 
-/// What the texts of a program, of the files of its subroutines and of its machine's file make one look out
-/// for.
+/// Returns the cautions for the texts of a program and of the files of its subroutines, and for its machine's
+/// file.
 pub fn cautions(config: &FileFacts, texts: &[impl AsRef<str>]) -> Vec<Caution> {
     let mut found = vec![];
     let forced =
@@ -66,7 +66,7 @@ pub fn cautions(config: &FileFacts, texts: &[impl AsRef<str>]) -> Vec<Caution> {
         names_units |= has("G20") || has("G21");
         says_m52 |= has("M52");
     }
-    // Who switches it off knows of it, and is told where.
+    // A user who switches it off knows, and is shown the line.
     if !says_m52 {
         let text = format!(
             "the program has no M52 P1, so the guard cannot slow the feed: add it at the start (LinuxCNC {} \
@@ -106,8 +106,8 @@ pub fn once(found: Vec<Caution>) -> Vec<Caution> {
     counted.collect()
 }
 
-/// The words of a line with plain numbers, such as `G33.1`: without comments, blanks, leading zeros
-/// and zeros after the point.
+/// Returns the words of a line with plain numbers, such as `G33.1`: without comments, blanks, leading zeros
+/// and zeros after the decimal point.
 pub(crate) fn words(line: &str) -> Vec<String> {
     let mut words: Vec<String> = vec![];
     let mut in_comment = false;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Tools of the table against the way that tools point, `TOOL_DIRECTION`.
+//! Tools of the table against the direction of tools, `TOOL_DIRECTION`.
 
 use machine::read::diagnostic::Severity;
 use machine::read::direction::ToolDirection;
@@ -7,8 +7,8 @@ use machine::read::ini::IniError;
 use machine::read::mechanism::Mechanism;
 use machine::read::tools::Tool;
 
-/// Every tool whose length contradicts the direction that the file gives. Where the spindle's part makes up
-/// for it, the length can be the difference to a longer tool that lengths were measured with.
+/// Returns every tool whose length contradicts the direction in the file. If the spindle offset compensates
+/// it, the length can be the difference to a longer tool that was used for measuring lengths.
 pub(super) fn check(config: &Mechanism, tools: &[Tool]) -> Vec<(Severity, IniError)> {
     let Some(direction) = config.tool_direction else { return vec![] };
     let is_wrong = |tool: &&Tool| direction.contradicts(tool.offset.z);

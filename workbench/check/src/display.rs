@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the user interface makes of the machine: which letters its picture has, and whether it takes it for a lathe.
+//! The machine in the user interface: letters of its picture, and whether it counts as a lathe.
 
 use crate::findings::Report;
 use crate::programs;
@@ -7,11 +7,11 @@ use kinematics::Letter;
 use machine::read::diagnostic::Severity;
 use machine::read::mechanism::Mechanism;
 
-/// Letters that move the tip along the picture's X, Y and Z: AXIS takes those of U, V and W for the same.
+/// Letters that move the tip along the picture's X, Y and Z: AXIS draws U, V and W in the same way.
 const PLACES: [(Letter, [char; 2]); 3] =
     [(Letter::X, ['X', 'U']), (Letter::Y, ['Y', 'V']), (Letter::Z, ['Z', 'W'])];
 
-/// Everything of it.
+/// Checks all of it.
 pub(super) fn check(report: &mut Report, config: &Mechanism) {
     if programs::is_axis(&config.ini) {
         picture(report, config);
@@ -19,7 +19,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) {
     lathe(report, config);
 }
 
-/// A picture of the path that leaves a letter out. Letters that turn count behind a `!` alone.
+/// Reports a picture of the path that omits a letter. Rotary letters count only after a `!`.
 fn picture(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("DISPLAY", "GEOMETRY") else { return };
     let given = entry.value.to_uppercase();
@@ -34,7 +34,7 @@ fn picture(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// A lathe that moves Y. User interfaces take the key, whatever its value, for yes.
+/// Reports a lathe that moves Y. For user interfaces the key means yes, whatever its value.
 fn lathe(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("DISPLAY", "LATHE") else { return };
     if entry.value.is_empty() || config.machine.layout().is_held(Letter::Y) {

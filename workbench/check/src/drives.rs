@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Whether the HAL files bring every joint its drive: command, feedback and enable, in an order of the
-//! servo thread that makes no command older than it has to be.
+//! Check of the HAL files: command, feedback and enable of every joint's drive, in an order of the
+//! servo thread that adds no delay.
 //!
-//! HAL files of Tcl have loops, so that reading them as text cannot know what they do: `hal_files.tcl` carries
-//! them out in an interpreter that can touch nothing, and lists what they ask of HAL. What it cannot carry
-//! out is not judged, with the reason. Which way a pin goes HAL knows only where its component is loaded:
-//! here it is known of motion, of PID loops and of inputs by their names.
+//! HAL files of Tcl have loops, so their text does not show their effect: `hal_files.tcl` runs
+//! them in an interpreter without any access, and lists their HAL commands. Files that it cannot
+//! run are not judged, with the reason. HAL knows the direction of a pin only once its component is loaded:
+//! here it is known for motion and PID loops, and for inputs by their names.
 
 use crate::programs::{is_installed, is_program};
 use machine::files::{self, Folder};
@@ -19,51 +19,51 @@ use std::process::Command;
 const SCRIPT: &str =
     concat!(include_str!("../../machine/src/read/ini.tcl"), include_str!("hal_files.tcl"));
 
-/// Carries the HAL files out in LinuxCNC in virtual time.
+/// Runs the HAL files in LinuxCNC in virtual time.
 pub const START: &str = concat!(include_str!("hal_files.tcl"), include_str!("start.tcl"));
 
-/// Components that are not run in virtual time, although no HAL file starts them.
+/// Components that do not run in virtual time, although no HAL file starts them.
 const UNRUN: [&str; 2] = ["halui", "ini"];
 
-/// Modules that need their hardware: by the beginnings of their names, and by all of them.
+/// Modules that need their hardware: prefixes of names, and whole names.
 const HARDWARE: ([&str; 6], [&str; 4]) = (
     ["hm2_", "hal_", "lcec", "mesa_", "pluto_", "opto_"],
     ["hostmot2", "serport", "setsserial", "probe_parport"],
 );
 
-/// The thread that runs in virtual time, and one that motmod makes besides.
+/// The thread that runs in virtual time, and another one that motmod creates.
 const SERVO: &str = "servo-thread";
 const BASE: &str = "base-thread";
 
 const TCL: &str = "/usr/bin/tclsh";
 
-/// Lines of a file that ends LinuxCNC's start that are shown.
+/// Number of displayed lines of a file that ends LinuxCNC's start.
 const SHOWN: usize = 4;
 
-/// Functions that read what drives show, and those that write what they are to do, by their ends.
+/// Functions that read from drives, and those that write to them, by the ends of their names.
 const READING: [&str; 4] = [".read", ".read-all", ".capture-position", ".read-request"];
 const WRITING: [&str; 4] = [".write", ".write-all", ".update-freq", ".do-pid-calcs"];
 
-/// Ends of names of pins that only take a value: none of them is a source.
+/// Ends of names of pins that are inputs: none of them is a source.
 const TAKING: [&str; 6] =
     [".feedback", ".command", ".position-cmd", ".velocity-cmd", ".enable", ".index-enable"];
 
-/// Cycles by which feedback is late at most where nothing is said of it.
+/// Assumed largest delay of feedback, in cycles.
 const DELAY: f64 = 1.0;
 
 pub(crate) type Found = (Severity, IniError);
 
-/// Where a file asks for something.
+/// Location of a command in a file.
 #[derive(Clone, Debug, Default)]
 struct Place {
     file: PathBuf,
     line: usize,
 }
 
-/// What the HAL files ask of HAL.
+/// The HAL commands of the HAL files.
 #[derive(Default)]
 struct Wiring {
-    /// Signal of each pin that is on one, and where it was put there.
+    /// Signal of each linked pin, and the location of the command.
     signals: BTreeMap<String, (String, Place)>,
     /// Functions in the order of their threads.
     functions: BTreeMap<String, Vec<(String, Place)>>,
@@ -71,14 +71,14 @@ struct Wiring {
     modules: Vec<(Vec<String>, Place)>,
     /// Programs with their arguments, and where they are started.
     programs: Vec<(Vec<String>, Place)>,
-    /// What keeps a file from being carried out, and whether LinuxCNC does not start by it.
+    /// Why a file cannot be run, and whether this ends LinuxCNC's start.
     stopped: Option<(Severity, String, Place)>,
 }
 
-/// Everything that is wrong with the drives.
+/// Returns all mistakes in the wiring of the drives.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(crate) fn check(ini: &Ini) -> Result<Vec<Found>, IniError> {
     let mut found = following_errors(ini)?;
     if ini.all("HAL", "HALFILE").is_empty() {
@@ -101,8 +101,9 @@ pub(crate) fn check(ini: &Ini) -> Result<Vec<Found>, IniError> {
     judge.all()
 }
 
-/// Whether LinuxCNC lets the delay pass that a drive has at its largest speed. What it allows grows in
-/// proportion to the speed, so that this is the same at every speed.
+/// Checks that LinuxCNC tolerates the following error that a drive's delay causes at its largest speed. The tolerance
+/// is
+/// proportional to the speed, so the result is the same at every speed.
 fn following_errors(ini: &Ini) -> Result<Vec<Found>, IniError> {
     let period = 1e-9 * ini.number_or("EMCMOT", "SERVO_PERIOD", 1e6)?;
     let mut found = vec![];
@@ -130,7 +131,7 @@ fn joints(ini: &Ini) -> Result<std::ops::Range<usize>, IniError> {
     Ok(0..ini.number_or("KINS", "JOINTS", 0.0)? as usize)
 }
 
-/// Carries out all HAL files; the reason where that cannot be.
+/// Runs the script on all HAL files; an error has the reason why it cannot.
 fn carried_out(ini: &Ini) -> Result<Wiring, String> {
     let entries: Vec<String> = entries(ini).into_iter().map(|(_, text)| text).collect();
     Ok(Wiring::of(&recorded(ini, "main", &entries)?))
@@ -160,7 +161,7 @@ pub(crate) fn recorded(ini: &Ini, command: &str, entries: &[String]) -> Result<S
     Ok(String::from_utf8_lossy(&done.stdout).into())
 }
 
-/// Entries of `[HAL]` in the order in which LinuxCNC carries them out, as the script takes them.
+/// Returns the entries of `[HAL]` in LinuxCNC's order, as arguments of the script.
 fn entries(ini: &Ini) -> Vec<(Option<&Entry>, String)> {
     let of = |key: &'static str, kind: &'static str| {
         let all = ini.all("HAL", key).into_iter();
@@ -169,7 +170,7 @@ fn entries(ini: &Ini) -> Vec<(Option<&Entry>, String)> {
     of("HALFILE", "file").chain(of("HALCMD", "command")).collect()
 }
 
-/// The entries that a start carries out: LinuxCNC loads planner and homing before all others.
+/// Returns the entries that a start runs: LinuxCNC loads planner and homing before all others.
 pub fn started(ini: &Ini) -> Vec<(Option<&Entry>, String)> {
     let module = |section, key, usual: &str| {
         let entry = ini.first(section, key).filter(|entry| !entry.value.is_empty());
@@ -179,21 +180,21 @@ pub fn started(ini: &Ini) -> Vec<(Option<&Entry>, String)> {
     first.into_iter().chain(entries(ini)).collect()
 }
 
-/// What a start in virtual time can carry out of the HAL files.
+/// The part of the HAL files that a start in virtual time can run.
 #[derive(Clone, Debug, Default)]
 pub struct Plan {
-    /// Why it cannot be tried at all.
+    /// Why it cannot be tested at all.
     pub reason: Option<String>,
     /// Components whose pins do not exist there.
     pub strangers: Vec<String>,
-    /// What is left out because of them.
+    /// What is omitted because of them.
     pub left_out: Option<String>,
-    /// Whether a tool change is answered.
+    /// Whether something responds to a tool change.
     pub changes_tools: bool,
 }
 
 impl Plan {
-    /// Reads it from the HAL files.
+    /// Creates the plan for the HAL files.
     pub fn new(ini: &Ini) -> Self {
         let not_tried = |reason: String| Self { reason: Some(reason), ..Self::default() };
         if let Some(entry) = ini.first("HAL", "TWOPASS").filter(|entry| !entry.value.is_empty()) {
@@ -207,9 +208,9 @@ impl Plan {
 }
 
 impl Wiring {
-    /// Programs and modules that are not there, where LinuxCNC is installed.
+    /// Returns programs and modules that do not exist, if LinuxCNC is installed.
     fn absent(&self, ini: &Ini) -> Vec<Found> {
-        // A machine with hardware may be looked at on a computer that has neither it nor what drives it.
+        // A machine with hardware may be checked on a computer without it and its drivers.
         if !is_installed() || self.hardware().is_some() {
             return vec![];
         }
@@ -225,7 +226,7 @@ impl Wiring {
         let programs = self.programs.iter().filter_map(|(words, place)| {
             let name = program(words).filter(|name| !is_program(ini, name))?;
             let mut options = words.iter().take_while(|word| word.starts_with('-'));
-            // LinuxCNC waits for it by -W, -Wn and -w alone.
+            // LinuxCNC waits for it only with -W, -Wn and -w.
             let (severity, what) = match options.any(|word| word.contains(['W', 'w'])) {
                 true => {
                     (Severity::Error, "so LinuxCNC fails to start; correct the name or install it")
@@ -247,7 +248,7 @@ impl Wiring {
         all.map(|(severity, place, name, text)| (severity, command(place, name, &text))).collect()
     }
 
-    /// The first module that needs its hardware.
+    /// Returns the first module that needs its hardware.
     fn hardware(&self) -> Option<(&str, &Place)> {
         let is_hardware = |name: &str| {
             HARDWARE.0.iter().any(|start| name.starts_with(start)) || HARDWARE.1.contains(&name)
@@ -257,7 +258,7 @@ impl Wiring {
         named.into_iter().find(|(name, _)| is_hardware(name))
     }
 
-    /// The plan, or why there is none.
+    /// Returns the plan, or why there is none.
     fn plan(&self) -> Result<Plan, String> {
         if let Some((Severity::Error, text, _)) = &self.stopped {
             return Err(text.clone());
@@ -288,14 +289,14 @@ impl Wiring {
         let left_out =
             first.or_else(|| pin().map(|(pin, (_, place))| format!("{pin}{}", place.shown())));
         let changer = self.beside("iocontrol.0.tool-changed");
-        // Nothing that answers is a mistake of its own.
+        // A missing response is a separate mistake.
         let changes_tools = changer.iter().any(|pin| !is_strange(pin));
         Ok(Plan { reason: None, left_out, changes_tools, strangers })
     }
 }
 
 impl Place {
-    /// In words behind a name.
+    /// Returns a description to follow a name.
     fn shown(&self) -> String {
         match self.file.file_name() {
             Some(name) => format!(" ({}:{})", name.to_string_lossy(), self.line),
@@ -304,7 +305,7 @@ impl Place {
     }
 }
 
-/// The program that loadusr starts.
+/// Returns the program that loadusr starts.
 pub(crate) fn program(words: &[String]) -> Option<&str> {
     let mut words = words.iter().map(String::as_str);
     while let Some(word) = words.next() {
@@ -318,7 +319,7 @@ pub(crate) fn program(words: &[String]) -> Option<&str> {
     None
 }
 
-/// The component that it makes: by the name that it is given, or by its own.
+/// Returns the name of the component that it creates: the given name, or its own.
 fn component(words: &[String]) -> String {
     let named = |option: fn(&str) -> bool| {
         let at = words.iter().position(|word| option(word))?;
@@ -373,7 +374,7 @@ impl Wiring {
                 let text = format!("LinuxCNC fails to start: {reason}");
                 self.stopped = Some((Severity::Error, text, place));
             }
-            // What ended LinuxCNC's start is told already, and here is where.
+            // What ended LinuxCNC's start is already reported; this is its location.
             ("failed", [reason, ..]) => match &mut self.stopped {
                 Some((_, _, at)) => *at = place,
                 None => {
@@ -385,7 +386,7 @@ impl Wiring {
         }
     }
 
-    /// As HAL has it: 1 is the first place of a thread, -1 and none the last one.
+    /// Adds a function at HAL's position: 1 is the first in a thread, -1 or none the last.
     fn add(&mut self, function: &str, thread: &str, position: Option<&&str>, place: Place) {
         let functions = self.functions.entry(thread.into()).or_default();
         let position = position.and_then(|text| text.parse::<i64>().ok()).unwrap_or(-1);
@@ -397,7 +398,7 @@ impl Wiring {
         functions.insert(index, (function.into(), place));
     }
 
-    /// The other pins on the signal of a pin; none where it is on none.
+    /// Returns the other pins on the signal of a pin; none for an unlinked pin.
     fn beside(&self, pin: &str) -> Vec<&str> {
         let Some((signal, _)) = self.signals.get(pin) else { return vec![] };
         let pins = self.signals.iter().filter(|(_, (other, _))| other == signal);
@@ -408,7 +409,7 @@ impl Wiring {
         self.signals.get(pin).map(|(_, place)| place)
     }
 
-    /// Thread and place in it of a function.
+    /// Returns thread and position of a function.
     fn function(&self, name: &str) -> Option<(&str, usize)> {
         self.functions.iter().find_map(|(thread, functions)| {
             let index = functions.iter().position(|(function, _)| function == name)?;
@@ -417,7 +418,7 @@ impl Wiring {
     }
 }
 
-/// The list that the drives are judged by.
+/// The checks of the drives.
 struct Judge<'a> {
     ini: &'a Ini,
     wiring: &'a Wiring,
@@ -448,7 +449,7 @@ impl Judge<'_> {
         self.found.push((severity, error));
     }
 
-    /// Kinematics and motion, with as many joints as the machine has.
+    /// Checks that kinematics and motion are loaded, with as many joints as the machine has.
     fn modules(&mut self) -> Result<(), IniError> {
         let named = |key: [&str; 2], default: &str| {
             let value = self.ini.first(key[0], key[1]).map_or(default, |entry| &entry.value);
@@ -486,7 +487,7 @@ impl Judge<'_> {
         Ok(())
     }
 
-    /// Threads that nothing makes. What `threads` makes is not looked into.
+    /// Reports threads that no module creates. The names given to `threads` are not evaluated.
     fn threads(&mut self) {
         let makes =
             |(words, _): &(Vec<String>, Place)| words.first().is_some_and(|name| name == "threads");
@@ -506,7 +507,7 @@ impl Judge<'_> {
         }
     }
 
-    /// LinuxCNC's task sets up as many spindles as the INI file has, and motion has those that it is loaded with.
+    /// Compares the number of spindles: LinuxCNC's task uses that of the INI file, motion that of its load parameter.
     fn spindles(&mut self, motion: &str, loaded: Option<usize>) {
         let entry = self.ini.first("TRAJ", "SPINDLES");
         let given =
@@ -521,7 +522,7 @@ impl Judge<'_> {
         }
     }
 
-    /// Read, motion, kinematics' monitor, write.
+    /// Checks the order: read, motion, the kinematics' monitor, write.
     fn order(&mut self) {
         const HANDLER: &str = "motion-command-handler";
         const CONTROLLER: &str = "motion-controller";
@@ -568,7 +569,7 @@ impl Judge<'_> {
         }
     }
 
-    /// The loop of a joint, as `pid` has its pins.
+    /// Checks the loop of a joint, with the pins of `pid`.
     fn pid(&mut self, n: usize, pid: &str) {
         let wiring = self.wiring;
         let place = wiring.place_of(&format!("{pid}.command"));
@@ -617,7 +618,7 @@ impl Judge<'_> {
         }
     }
 
-    /// What its way of homing waits for.
+    /// Checks the inputs that its method of homing needs.
     fn homing(&mut self, n: usize) -> Result<(), IniError> {
         let section = format!("JOINT_{n}");
         let searches = self.ini.number_or(&section, "HOME_SEARCH_VEL", 0.0)? != 0.0;
@@ -641,7 +642,7 @@ impl Judge<'_> {
         Ok(())
     }
 
-    /// Speeds of homing that LinuxCNC refuses to home with.
+    /// Reports homing speeds with which LinuxCNC refuses to home.
     fn latch(&mut self, section: &str, searches: bool, index: bool) -> Result<(), IniError> {
         let latch = self.ini.number_or(section, "HOME_LATCH_VEL", 0.0)?;
         let text = if searches && latch == 0.0 {
@@ -656,8 +657,9 @@ impl Judge<'_> {
         Ok(())
     }
 
-    /// An absolute encoder that is the count of a step generator: at LinuxCNC's start it is 0 wherever the
-    /// joint is.
+    /// Reports an absolute encoder that is the count of a step generator: it is 0 at LinuxCNC's start, independent of
+    /// the
+    /// joint's position.
     fn absolute(&mut self, n: usize, section: &str) -> Result<(), IniError> {
         const KEY: &str = "HOME_ABSOLUTE_ENCODER";
         if self.ini.number_or(section, KEY, 0.0)? == 0.0 {
@@ -677,7 +679,7 @@ impl Judge<'_> {
         Ok(())
     }
 
-    /// The functions of the components that commands go to and feedback comes from.
+    /// Checks the functions of the components that receive commands and supply feedback.
     fn functions_of_drives(&mut self, joints: std::ops::Range<usize>) {
         let wiring = self.wiring;
         let mut needed: BTreeMap<String, &str> = BTreeMap::new();
@@ -703,7 +705,7 @@ impl Judge<'_> {
         }
     }
 
-    /// What belongs to no joint.
+    /// Checks what belongs to no joint.
     fn machine(&mut self) {
         let wiring = self.wiring;
         if wiring.beside("iocontrol.0.emc-enable-in").is_empty() {
@@ -726,7 +728,7 @@ impl Judge<'_> {
     }
 }
 
-/// Whether a pin can be where a value comes from.
+/// Returns whether a pin can be the source of a value.
 fn is_source(pin: &str) -> bool {
     let is_input = |pin: &str| TAKING.iter().any(|end| pin.ends_with(end)) || pin.ends_with(".in");
     !pin.starts_with("joint.") && !is_input(pin)
@@ -736,7 +738,7 @@ fn is_yes(entry: &Entry) -> bool {
     ["1", "YES", "TRUE", "ON"].contains(&entry.value.to_uppercase().as_str())
 }
 
-/// The functions without which a pin of a drive means nothing; none where its component is not known.
+/// Returns the functions that a drive's pin depends on; none if its component is unknown.
 fn functions_of(pin: &str) -> Vec<String> {
     let words: Vec<&str> = pin.split('.').collect();
     let named = |names: &[&str]| names.iter().map(|name| (*name).to_string()).collect();
@@ -758,7 +760,7 @@ fn functions_of(pin: &str) -> Vec<String> {
     }
 }
 
-/// At the last HAL file, where something is in none of them.
+/// Returns an error at the last HAL file, for something that is in none of them.
 fn at_last_file(ini: &Ini, text: &str) -> IniError {
     match ini.all("HAL", "HALFILE").last() {
         Some(entry) => ini.refuse(entry, text),
@@ -766,7 +768,7 @@ fn at_last_file(ini: &Ini, text: &str) -> IniError {
     }
 }
 
-/// At a line of a HAL file, or in the INI file where that is not known.
+/// Returns an error at a line of a HAL file, or in the INI file if the line is unknown.
 fn at(ini: &Ini, place: &Place, text: &str) -> IniError {
     match place.line {
         0 => at_last_file(ini, text),
@@ -774,7 +776,7 @@ fn at(ini: &Ini, place: &Place, text: &str) -> IniError {
     }
 }
 
-/// At a line of a HAL file.
+/// Returns an error at a line of a HAL file.
 pub fn of_line(file: &Path, line: usize, text: &str) -> IniError {
     at_line(&Place { file: file.into(), line }, text)
 }
@@ -799,7 +801,7 @@ fn at_line(place: &Place, text: &str) -> IniError {
 mod tests {
     use super::*;
 
-    /// A joint on a step generator, wired as it should be.
+    /// A joint on a step generator, wired correctly.
     const STEPS: &str = "loadrt pkmkins\n\
         loadrt motmod num_joints=1 servo_period_nsec=[EMCMOT]SERVO_PERIOD\n\
         loadrt stepgen step_type=0\n\
@@ -813,7 +815,7 @@ mod tests {
         net on joint.0.amp-enable-out => stepgen.0.enable\n\
         net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in\n";
 
-    /// The same on a PID loop, as a loop of Tcl.
+    /// A joint on a PID loop, wired correctly by a loop of Tcl.
     const SERVO: &str = "loadrt pkmkins\n\
         loadrt motmod num_joints=$::KINS(JOINTS)\n\
         loadrt pid names=p0\n\

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a check has found: facts, and what does not fit.
+//! Results of a check: facts, and misfits.
 
 use machine::proof::axis_box::AxisBox;
 use machine::read::diagnostic::Severity;
@@ -7,39 +7,39 @@ use machine::read::ini::{IniError, Problem};
 use machine::read::mechanism::Mechanism;
 use machine::read::tools::Tool;
 
-/// One thing found.
+/// A finding.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Finding {
-    /// How much it weighs.
+    /// Its severity.
     pub severity: Severity,
-    /// What, where, and a way out.
+    /// Problem, location, and a fix.
     #[serde(flatten)]
     pub problem: Problem,
 }
 
-/// What a check has found.
+/// Results of a check.
 #[derive(Clone, Debug)]
 pub struct Report {
     pub config: Mechanism,
     /// Names and values, one line each.
     pub facts: Vec<(String, String)>,
-    /// What does not fit, or may not.
+    /// Errors and warnings.
     pub findings: Vec<Finding>,
-    /// The box of poses that is proved to be inside the workspace.
+    /// The pose box that is proved to be inside the workspace.
     pub suggestion: Option<AxisBox>,
     /// Tilts of A and B, degrees, and the largest box in X Y Z that is proved with each, without a
-    /// tool; empty where the machine does not tilt.
+    /// tool; empty if the machine does not tilt.
     pub tilts: Vec<(f64, Option<AxisBox>)>,
-    /// Tools with which the suggestion is proved, too, of a machine that tilts.
+    /// Tools with which the suggestion is proved as well, for a machine that tilts.
     pub proved_tools: Vec<Tool>,
-    /// Share of the poses in the axis limits that the machine can take, seen.
+    /// Share of legal poses among those sampled in the axis limits.
     pub taken: Option<f64>,
-    /// Whether that is all of the box that the axis limits give.
+    /// Whether that is the whole box within the axis limits.
     pub is_whole: bool,
 }
 
 impl Report {
-    /// Of a machine of which nothing is known yet.
+    /// Creates an empty report.
     pub(super) fn new(config: &Mechanism) -> Self {
         Self {
             config: config.clone(),
@@ -53,17 +53,17 @@ impl Report {
         }
     }
 
-    /// Whether nothing is wrong.
+    /// Returns whether there are no errors.
     pub fn fits(&self) -> bool {
         self.findings.iter().all(|finding| finding.severity == Severity::Warning)
     }
 
-    /// Adds a row.
+    /// Adds a fact.
     pub fn fact(&mut self, name: &str, value: impl Into<String>) {
         self.facts.push((name.into(), value.into()));
     }
 
-    /// One more line of a fact that was told.
+    /// Adds another line to a fact.
     pub(super) fn more(&mut self, name: &str, value: impl Into<String>) {
         let mut behind = self.facts.iter().skip_while(|(own, _)| own != name);
         let is_new = behind.next().is_none();
@@ -72,7 +72,7 @@ impl Report {
         self.facts.insert(self.facts.len() - rest, (own.into(), value.into()));
     }
 
-    /// Adds a thing found.
+    /// Adds a finding.
     pub fn finding(&mut self, severity: Severity, error: IniError) {
         self.findings.push(Finding { severity, problem: *error.0 });
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a check knows how to put right, as a new text of the file: HOMEs, axis limits, the order of homing and
-//! boxes. Comments and order stay, and nothing is written here.
+//! Corrections by a check, as a new text of the file: HOMEs, axis limits, the order of homing and
+//! pose boxes. Comments and order stay, and no file is written here.
 
 use crate::findings::Report;
 use crate::homing::{self, TOGETHER, Trouble};
@@ -17,8 +17,8 @@ use machine::read::machine::{Lenient, MachineConfig};
 use machine::read::mechanism::Mechanism;
 use std::path::Path;
 
-/// Difference of HOME and the kinematics, as a share of the machine's size (of 1 degree for arms), that digits
-/// leave which a file in plain numbers cannot hold: far below any encoder.
+/// Tolerated difference between HOME and the kinematics, as a share of the machine's size (of 1 degree for arms), for
+/// digits that a file in plain decimals cannot represent: far below the resolution of any encoder.
 const DIGITS: f64 = 1e-12;
 
 /// Why there is no new text.
@@ -42,12 +42,12 @@ impl From<IniError> for FixError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fixed {
     pub text: String,
-    /// What could not be put right, and why.
+    /// Uncorrected problems, and the reasons.
     pub left: Vec<String>,
 }
 
-/// Puts right what can be. Boxes are proved again, which takes seconds to minutes; `progress` is told what is
-/// being done.
+/// Corrects as much as possible. Boxes are proved again, which takes seconds to minutes; `progress` receives
+/// the current task.
 ///
 /// # Errors
 /// See [`FixError`].
@@ -56,7 +56,7 @@ pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<F
     progress("homes");
     let old = config.ini.editable()?;
     let mut text = entered(old, &homes(config)?)?;
-    // What follows depends on them.
+    // The following corrections depend on them.
     let homed = machine(file, &text)?;
     progress("homing");
     text = entered(&text, &homings(&homed)?)?;
@@ -67,15 +67,15 @@ pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<F
     Ok(Fixed { text: with_ends(old, found.text), ..found })
 }
 
-/// The machine of a text, whatever its boxes.
+/// Returns the machine of a text, even with refused boxes.
 ///
 /// # Errors
-/// It is none.
+/// The text describes no machine.
 pub fn machine(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
     MachineConfig::leniently(&Ini::parse(file, text)?, Some(Lenient::Boxes))
 }
 
-/// HOME of the joints, with all digits that the kinematics give, and of axes that have one.
+/// Returns HOME of the joints, with all digits of the kinematics, and of axes that have one.
 fn homes(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
     let mut edits = vec![];
     for mechanism in &config.mechanisms {
@@ -103,7 +103,7 @@ fn moved(config: &Mechanism) -> impl Iterator<Item = Letter> {
     Letter::ALL.into_iter().filter(|letter| !config.machine.layout().is_held(*letter))
 }
 
-/// Homing of all joints of legs together, where that keeps what the order of the file does not.
+/// Makes all joints of legs home together, if this keeps limits that the order of the file violates.
 fn homings(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
     let mut edits = vec![];
     for mechanism in &config.mechanisms {
@@ -121,7 +121,7 @@ fn homings(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
     Ok(edits)
 }
 
-/// Axis limits that are proved, in the place of those of which most is out of reach, or which are missing.
+/// Replaces axis limits that are missing or mostly out of reach by proved ones.
 fn axes(config: &MachineConfig, mut text: String) -> Result<String, FixError> {
     for mechanism in &config.mechanisms {
         let report = report::check(config, mechanism, |_| ())?;
@@ -145,19 +145,19 @@ fn axes(config: &MachineConfig, mut text: String) -> Result<String, FixError> {
     Ok(text)
 }
 
-/// The proved limits, where those of the file are of little use. Where axes carry something, those that are
-/// proved are not those that programs say.
+/// Returns the proved limits, if those of the file are of little use. If axes carry something, the proved limits
+/// are not those of programmed coordinates.
 fn suggested(config: &Mechanism, report: &Report) -> Option<AxisBox> {
     let axis = |letter: Letter| &config.programmed[letter.index()];
     let is_open = moved(config).any(|l| axis(l).min.is_infinite() || axis(l).max.is_infinite());
     let is_useless = report.taken.is_some_and(|taken| taken < MOST);
-    // Limits that stop a coordinate put nothing right.
+    // Limits that stop a coordinate correct nothing.
     let moves =
         |limits: &AxisBox| moved(config).all(|l| limits.low[l.index()] < limits.high[l.index()]);
     report.suggestion.filter(moves).filter(|_| config.chain.is_empty() && (is_open || is_useless))
 }
 
-/// Boxes that the geometry has left behind, proved for what the text says now.
+/// Proves boxes of an older geometry again for the new text.
 fn boxed(file: &Path, text: String) -> Result<Fixed, FixError> {
     let config = machine(file, &text)?;
     let mut fixed = Fixed { text, left: vec![] };
@@ -173,10 +173,10 @@ fn boxed(file: &Path, text: String) -> Result<Fixed, FixError> {
     Ok(fixed)
 }
 
-/// A text with these boxes of a mechanism in the place of its old ones.
+/// Replaces the boxes of a mechanism in a text.
 ///
 /// # Errors
-/// They stand in an included file.
+/// They are in an included file.
 pub fn rewritten(
     text: &str,
     config: &Mechanism,

@@ -1,38 +1,38 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What the HAL files of a machine do, as far as it can be known without the hardware:
+# Lists the commands of a machine's HAL files, as far as possible without the hardware:
 #
 #     tclsh hal_files.tcl MACHINE.ini FOLDER HALLIB ENTRY...
 #
-# pkm writes `ini.tcl`, this and a line that calls `drives::main` into one file; `start.tcl` takes the place of the last
-# where LinuxCNC in virtual time does what the files ask for. An ENTRY is "file VALUE" or "command VALUE", VALUE that of a
-# key HALFILE or HALCMD. Every file is carried out in an interpreter that can touch nothing: no file is
-# written, no process started. What it does comes as a line on standard output each, its words separated by
-# tabs: the place (file, line), what (net, unlinkp, setp, addf, loadrt, loadusr), its words; "own" where
-# pkmkins.tcl would be read, "refused" with the reason of what LinuxCNC refuses as well, "ends" with what a file has printed before it ends LinuxCNC's start, and "failed"
-# with a reason.
+# pkm writes `ini.tcl`, this and a line that calls `drives::main` into one file; `start.tcl` replaces the last
+# if LinuxCNC in virtual time runs the commands. An ENTRY is "file VALUE" or "command VALUE" with the VALUE of a
+# key HALFILE or HALCMD. Every file runs in an interpreter without any access: it writes no file
+# and starts no process. Each command is a line on standard output, its words separated by
+# tabs: the location (file, line), the command (net, unlinkp, setp, addf, loadrt, loadusr), its words; "own" instead of
+# pkmkins.tcl, "refused" with the reason if LinuxCNC refuses a command as well, "ends" with the output of a file that
+# ends LinuxCNC's start, and "failed" with a reason.
 
 namespace eval drives {
     variable box
     variable folder
-    # Folders of LinuxCNC's HAL files: the first that has a file counts.
+    # Folders of LinuxCNC's HAL files: the first one with a file counts.
     variable hallibs {}
-    # Whether pkmkins.tcl is carried out, too: its pins exist only where the module is loaded.
+    # Whether pkmkins.tcl is run, too: its pins exist only if the module is loaded.
     variable runs_own 0
-    # Signal of each pin that is on one, and what pins were set to.
+    # Signal of each linked pin, and values of pins.
     variable signals [dict create]
     variable values [dict create]
-    # What a file has printed, for the reason if it then ends LinuxCNC's start.
+    # Output of a file, for the reason if it then ends LinuxCNC's start.
     variable printed {}
-    # Of the file that is not of Tcl, where it is.
+    # Current location in a file of halcmd.
     variable place {}
-    # Words that commands have at least.
+    # Least numbers of words of commands.
     variable counts {setp 2 sets 2 newsig 2 addf 2 linkps 2 linksp 2 net 1 getp 1 unlinkp 1 loadrt 1 loadusr 1}
-    # Commands of LinuxCNC's whose effect is not known here.
+    # LinuxCNC's commands whose effect is unknown here.
     variable verbs {
         unload unloadrt unloadusr stype gets linkpp unlink ptype delf source save stop quit exit help
         waitusr log
     }
-    # Seconds that a file may take.
+    # Time limit for a file, seconds.
     variable longest 5
     # Files that are being carried out, each from the one before it.
     variable open_files {}
@@ -40,7 +40,7 @@ namespace eval drives {
     variable goes_on 0
 }
 
-# As haltcl does it: every section is a global array, every key a list of its values.
+# Sets the INI file's values as haltcl does: every section is a global array, every key a list of its values.
 proc drives::parse {ini} {
     variable box
     foreach {section key value} [ini_values $ini] {
@@ -49,12 +49,12 @@ proc drives::parse {ini} {
     }
 }
 
-# Ends with a reason that LinuxCNC would end with as well.
+# Ends with a reason for which LinuxCNC ends as well.
 proc drives::mistake {reason} { return -code error -errorcode {DRIVES MISTAKE} $reason }
 
 proc drives::say {args} { puts [join [lmap word $args { string map {"\t" " " "\n" " "} $word }] \t] }
 
-# The innermost place in a file that asks for this, of the frames of the interpreter.
+# Returns the innermost location in a file among the frames of the interpreter.
 proc drives::place {frames} {
     variable place
     foreach frame $frames {
@@ -82,7 +82,7 @@ proc drives::pins_on {signal} {
     return [dict keys [dict filter $signals value $signal]]
 }
 
-# As halcmd prints a pin that is on a signal.
+# Formats a linked pin as halcmd does.
 proc drives::show {pin} {
     variable signals
     if {![dict exists $signals $pin]} { return "" }
@@ -120,7 +120,7 @@ proc drives::hal {frames verb args} {
     return ""
 }
 
-# A file by the name that an INI file or another file gives it.
+# Resolves a file name in an INI file or another file.
 proc drives::find {name} {
     variable folder
     if {[regexp {^LIB:(.*)$} $name -> name]} { return [in_library $name] }
@@ -128,7 +128,7 @@ proc drives::find {name} {
     return [expr {[file exists $file] ? $file : [in_library $name]}]
 }
 
-# A file of LinuxCNC's; in the last folder where none has it.
+# Resolves one of LinuxCNC's files; in the last folder if none has it.
 proc drives::in_library {name} {
     variable hallibs
     foreach library $hallibs {
@@ -138,7 +138,7 @@ proc drives::in_library {name} {
     return $file
 }
 
-# [SECTION]KEY, [SECTION](KEY), $NAME and $(NAME) in a line of halcmd.
+# Substitutes [SECTION]KEY, [SECTION](KEY), $NAME and $(NAME) in a line of halcmd.
 proc drives::substituted {line} {
     while {[regexp -indices {\[([A-Za-z0-9_]+)\](?:\(([A-Za-z0-9_]+)\)|([A-Za-z0-9_]+))} $line all section one two]} {
         set name [string range $line {*}$section]
@@ -149,7 +149,7 @@ proc drives::substituted {line} {
     return $line
 }
 
-# A file of halcmd: a command a line, which a backslash at its end takes on.
+# Runs a file of halcmd: one command per line, which a backslash at its end continues.
 proc drives::run_hal {file} {
     variable place
     set channel [open $file]
@@ -217,7 +217,7 @@ proc drives::print {args} {
     if {$text ne ""} { lappend printed $text }
 }
 
-# A file that exits with 0 is done, and LinuxCNC goes on with the next one.
+# A file that exits with 0 is complete, and LinuxCNC continues with the next one.
 proc drives::leave {{code 0}} {
     variable printed
     if {$code eq "0"} { error "exit" "" {DRIVES DONE} }
@@ -225,7 +225,7 @@ proc drives::leave {{code 0}} {
     error "exit"
 }
 
-# Of `file` the parts that only compute with names, and whether one is there.
+# Provides the parts of `file` that only compute with names or test for existence.
 proc drives::file_part {part args} {
     if {$part ni {join dirname tail extension rootname normalize exists isfile isdirectory}} {
         error "file $part: it is not carried out here"
@@ -241,7 +241,7 @@ proc drives::make_box {} {
     }
     interp alias $box hal_from {} drives::hal
     $box eval {
-        # LinuxCNC's own package, which is there already.
+        # LinuxCNC's own package, which is already loaded.
         proc package args {}
         proc hal args {
             set frames {}
@@ -249,7 +249,7 @@ proc drives::make_box {} {
             hal_from $frames {*}$args
         }
         foreach verb {loadrt loadusr net addf newsig sets linkps linksp} { proc $verb args "hal $verb {*}\$args" }
-        # As haltcl has it: with an expression.
+        # As in haltcl, with an expression.
         proc setp {pin value} { hal setp $pin [uplevel [list expr $value]] }
         proc getp pin { hal getp $pin }
     }
@@ -265,7 +265,7 @@ proc drives::run_entry {entry} {
     run_line [substituted $value]
 }
 
-# Where an error came up: the innermost line of a file that its stack names.
+# Returns the location of an error: the innermost line of a file in its stack.
 proc drives::where {options} {
     variable place
     if {[regexp {\(file "([^"]+)" line (\d+)\)} [dict get $options -errorinfo] -> file line]} {
@@ -274,13 +274,13 @@ proc drives::where {options} {
     return [expr {[llength $place] ? $place : {{} 0}}]
 }
 
-# Whether LinuxCNC ends its start by what a file has ended with.
+# Returns whether LinuxCNC ends its start due to a file's result.
 proc drives::is_mistake {message options} {
     variable verbs
     if {[dict get $options -errorcode] eq {DRIVES MISTAKE}} { return 1 }
-    # A key that is not in the INI file.
+    # A key missing in the INI file.
     if {[regexp {^can't read "(?:::)?([A-Z][A-Z0-9_]*)\(} $message]} { return 1 }
-    # A command that Tcl does not have at all; what is kept from these files has not the same name as one of HAL's.
+    # A command that does not exist in Tcl; commands hidden from these files have other names than HAL's.
     return [expr {[regexp {^invalid command name "(.*)"$} $message -> name]
                   && $name ni $verbs && ![llength [info commands ::$name]]}]
 }

@@ -13,18 +13,18 @@ use machine::read::ini::{Ini, IniError};
 use machine::read::joints::JointKind;
 use machine::read::mechanism::Mechanism;
 
-/// Largest difference of HOME of a joint and the kinematics at [TRAJ]HOME, as a share of the
-/// machine's size (of a radian for arms): some micrometres, so that four digits after the point
-/// in millimetres are enough.
+/// Largest difference between HOME of a joint and the kinematics at [TRAJ]HOME, as a share of the
+/// machine's size (of a radian for arms): some micrometers, so that four digits after the decimal point
+/// in millimeters suffice.
 const HOME_TOLERANCE: f64 = 1e-5;
 
-/// What is far below any encoder, in words.
+/// Largest difference that is described as zero to three digits, far below the resolution of any encoder.
 const NEXT_TO_NOTHING: f64 = 5e-4;
 
-/// Everything about homes and homing.
+/// Checks homes and homing.
 ///
 /// # Errors
-/// The machine cannot be at its home, or a value is no number.
+/// The machine's home is not legal, or a value is not a number.
 pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), MachineError> {
     let ini = &config.ini;
     homes(report, ini, config)?;
@@ -41,7 +41,7 @@ fn tolerance(config: &Mechanism, kind: JointKind) -> f64 {
     }
 }
 
-/// A difference in words: with three digits after the point, or that it is less.
+/// Formats a difference: with three digits after the decimal point, or that it is less.
 fn off(value: f64, unit: &str) -> String {
     match value < NEXT_TO_NOTHING {
         true => format!("less than 0.001 {unit}"),
@@ -49,7 +49,7 @@ fn off(value: f64, unit: &str) -> String {
     }
 }
 
-/// HOME of joints and axes against the kinematics and the limits.
+/// Checks HOME of joints and axes against the kinematics and the limits.
 fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), MachineError> {
     let joints = config
         .machine
@@ -106,7 +106,7 @@ fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), Machi
     Ok(())
 }
 
-/// `[AXIS_L]HOME`, which only old versions of LinuxCNC read.
+/// Reports `[AXIS_L]HOME`, which only old versions of LinuxCNC read.
 fn axis_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
         let (section, home) = (config.place.axis_section(letter), config.start[letter.index()]);
@@ -123,7 +123,7 @@ fn axis_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
     }
 }
 
-/// HOME of extra axes against the limits of joint and axis.
+/// Checks HOME of extra axes against the limits of joint and axis.
 fn extra_homes(report: &mut Report, ini: &Ini, config: &Mechanism) {
     for (n, extra) in config.extra.iter().enumerate() {
         let (joint, axis) = (&extra.joint, &extra.axis);

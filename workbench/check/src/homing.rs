@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Homing as the INI file orders it, followed with forward kinematics.
+//! Homing in the order of the INI file, checked with forward kinematics.
 //!
-//! Where the joints stand at power-up nobody knows. What can be followed is the way of every
+//! The joint positions at power-up are unknown. This check covers the path of every
 //! sequence from HOME to the switches at HOME_OFFSET and back, its joints together, all others
-//! at HOME: a sequence that moves some of the legs alone tilts the platform.
+//! at HOME: a sequence that moves only some of the legs tilts the platform.
 
 use crate::sequence;
 use kinematics::{Joints, MAX_JOINTS, Margin};
@@ -11,7 +11,7 @@ use machine::limits;
 use machine::read::ini::{Ini, IniError};
 use machine::read::mechanism::Mechanism;
 
-/// Places looked at on the way of a sequence.
+/// Poses sampled on the path of a sequence.
 const STEPS: u32 = 50;
 
 /// HOME_SEQUENCE of joints that home together and move back together.
@@ -19,29 +19,29 @@ pub(crate) const TOGETHER: i64 = -1;
 
 struct Homing {
     sequence: Option<i64>,
-    /// Where it stands when its switch is met; `None` without a switch.
+    /// Position at its switch; `None` without a switch.
     switch: Option<f64>,
 }
 
-/// What is wrong with the order of homing.
+/// A mistake in the order of homing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Trouble {
-    /// This joint, as LinuxCNC counts it, is left out when all are homed.
+    /// This joint, in LinuxCNC's numbering, is not homed by Home All.
     LeftOut(usize),
-    /// The switch of this joint, as LinuxCNC counts it, is that far outside of its limits: with the unit.
+    /// The switch of this joint, in LinuxCNC's numbering, is that far outside its limits: with the unit.
     Switch(usize, f64, &'static str),
-    /// On the way of a sequence a limit is not kept: sequence, and the limit.
+    /// A limit is violated on the path of a sequence: sequence, and the limit.
     Limit(i64, Margin),
-    /// On the way of a sequence there is no pose: sequence, text of the fault.
+    /// No pose exists on the path of a sequence: sequence, text of the fault.
     NoPose(i64, String),
 }
 
-/// Everything that is wrong with the order of homing.
+/// Returns all mistakes in the order of homing.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(crate) fn check(ini: &Ini, config: &Mechanism) -> Result<Vec<Trouble>, IniError> {
-    // Its own, and those of extra axes, which stand behind a second mechanism's.
+    // Its own joints, and those of extra axes, which follow those of a second mechanism.
     let own = config.place.first_joint..config.place.first_joint + config.joints.len();
     let extra = (config.place.first_extra_joint..).take(config.extra.len());
     let numbers: Vec<usize> = own.chain(extra).collect();
@@ -55,7 +55,7 @@ pub(crate) fn check(ini: &Ini, config: &Mechanism) -> Result<Vec<Trouble>, IniEr
     let places = numbers.iter().copied().enumerate();
     troubles.extend(places.zip(&joints).filter_map(|(place, joint)| outside(config, place, joint)));
     let mut sequences: Vec<i64> = joints.iter().filter_map(|joint| joint.sequence).collect();
-    // A negative number only makes the last move of a sequence one of all its joints together.
+    // A negative number only makes all joints of a sequence do the last move together.
     sequences.sort_by_key(|sequence| sequence.abs());
     sequences.dedup_by_key(|sequence| sequence.abs());
     for sequence in sequences {
@@ -64,8 +64,9 @@ pub(crate) fn check(ini: &Ini, config: &Mechanism) -> Result<Vec<Trouble>, IniEr
     Ok(troubles)
 }
 
-/// A switch beyond the limits of its joint: of a machine's own joints, then those of its extra axes, the one at
-/// place `n`, which LinuxCNC counts as `i`.
+/// Reports a switch beyond the limits of its joint: of a machine's own joints, then those of its extra axes, the one
+/// with
+/// index `n`, which has number `i` in LinuxCNC.
 fn outside(config: &Mechanism, (n, i): (usize, usize), joint: &Homing) -> Option<Trouble> {
     let switch = joint.switch.filter(|_| joint.sequence.is_some())?;
     let (own, unit) = match config.joints.get(n) {
@@ -79,8 +80,8 @@ fn outside(config: &Mechanism, (n, i): (usize, usize), joint: &Homing) -> Option
     (beyond > 0.0).then_some(Trouble::Switch(i, beyond, unit))
 }
 
-/// Whether the way of all joints together, from HOME to their switches, keeps what the order of the file
-/// does not.
+/// Returns whether the path of all joints together, from HOME to their switches, keeps the limits that the order of the
+/// file violates.
 pub(crate) fn is_kept_together(ini: &Ini, config: &Mechanism) -> Result<bool, IniError> {
     let first = config.place.first_joint;
     let mut joints: Vec<Homing> =
@@ -92,7 +93,7 @@ pub(crate) fn is_kept_together(ini: &Ini, config: &Mechanism) -> Result<bool, In
 fn homing(ini: &Ini, i: usize) -> Result<Homing, IniError> {
     let section = format!("JOINT_{i}");
     let number = |key, default| ini.number_or(&section, key, default);
-    // With an absolute encoder there is no switch, and HOME_OFFSET is no place.
+    // With an absolute encoder there is no switch, and HOME_OFFSET is not a position.
     let is_absolute = number("HOME_ABSOLUTE_ENCODER", 0.0)? != 0.0;
     Ok(Homing {
         sequence: sequence::of(ini, &section)?,

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Homing from wherever the machine was switched off: the way of every sequence in time, followed with
-//! forward kinematics, and an order in which the legs keep their limits on it.
+//! Homing from any pose at switch-off: the path of every sequence in time, checked with
+//! forward kinematics, and an order in which the legs keep their limits.
 //!
-//! Places to start from are drawn from the axis limits, so that what is said of them is seen, not proved.
-//! A joint goes to its switch at HOME_SEARCH_VEL and from there to HOME at HOME_FINAL_VEL; that it passes the
-//! switch by a little, backs off and comes again is left out. With a negative HOME_SEQUENCE the joints of
+//! Start poses are sampled within the axis limits, so the result is a sample, not a proof.
+//! A joint moves to its switch at HOME_SEARCH_VEL and from there to HOME at HOME_FINAL_VEL; the overrun of the
+//! switch, the backoff and the second approach are omitted. With a negative HOME_SEQUENCE the joints of
 //! a sequence wait at their switches for each other.
 
 use crate::sequence;
@@ -19,30 +19,30 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::collections::HashMap;
 
-/// Poses in which the machine may have been switched off.
+/// Number of sampled poses at switch-off.
 const STARTS: usize = 200;
 
-/// Draws after which no more poses are looked for.
+/// Largest number of random poses for them.
 const DRAWS: usize = 20 * STARTS;
 
-/// Places looked at on the way of a sequence.
+/// Poses sampled on the path of a sequence.
 const STEPS: u32 = 40;
 
-/// How a joint finds its place.
+/// How a joint finds its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Way {
-    /// It goes to its switch, or to an index, at a speed.
+    /// It moves to its switch, or to an index, at a speed.
     Search {
-        /// Where it stands then, HOME_OFFSET.
+        /// Position there, HOME_OFFSET.
         switch: f64,
-        /// Joint units per second.
+        /// Speed, joint units per second.
         speed: f64,
-        /// The end of its travel to which the search goes, if it is one for a switch.
+        /// The end of its travel to which a search for a switch moves.
         end: Option<f64>,
     },
-    /// It is taken to stand at HOME_OFFSET.
+    /// It is assumed to be at HOME_OFFSET.
     Known(f64),
-    /// Its encoder knows, and it goes to HOME or stays.
+    /// Its encoder is absolute, and it moves to HOME or stays.
     Absolute {
         /// HOME_ABSOLUTE_ENCODER = 1.
         moves: bool,
@@ -52,9 +52,9 @@ pub enum Way {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint {
     pub way: Way,
-    /// HOME_SEQUENCE; `None` where Home All leaves it out.
+    /// HOME_SEQUENCE; `None` if Home All does not home it.
     pub sequence: Option<i64>,
-    /// Speed of the way to HOME, joint units per second.
+    /// Speed to HOME, joint units per second.
     speed: f64,
     home: f64,
 }
@@ -62,42 +62,42 @@ pub struct Joint {
 /// Joints that home together.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Group {
-    /// Their numbers, as the mechanism counts them.
+    /// Their numbers in the mechanism.
     pub joints: Vec<usize>,
     /// Whether they leave their switches together.
     pub waits: bool,
 }
 
-/// Where homing leaves what the legs allow.
+/// A violation of the legs' limits by homing.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Broken {
-    /// Pose in which it began.
+    /// Start pose.
     pub start: [f64; 6],
     pub group: usize,
-    /// What, in words.
+    /// Description.
     pub what: String,
 }
 
-/// What an order comes to.
+/// Result of an order.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Outcome {
-    /// Places that were looked at.
+    /// Number of start poses.
     pub starts: usize,
-    /// Of these, those from which a limit is not kept on the way.
+    /// Number of those from which a limit is violated on the path.
     pub broken: usize,
     pub first: Option<Broken>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moment {
-    /// Seconds since its beginning.
+    /// Seconds since the start.
     pub at: f64,
-    /// Number of the group that moves.
+    /// Number of the moving group.
     pub group: usize,
     pub joints: Joints,
-    /// Pose, x y z a b c in machine units and degrees; `None` where the joints have none.
+    /// Pose, x y z a b c in machine units and degrees; `None` if the joints have none.
     pub pose: Option<[f64; 6]>,
-    /// What is not kept there, in words.
+    /// Description of a violation there.
     pub broken: Option<String>,
 }
 
@@ -105,15 +105,15 @@ pub struct Moment {
 pub struct Homing<'a> {
     config: &'a Mechanism,
     pub joints: Vec<Joint>,
-    /// Poses to begin from, and the joints there.
+    /// Start poses, with their joint values.
     starts: Vec<([f64; 6], Joints)>,
 }
 
 impl<'a> Homing<'a> {
-    /// As the INI file has it; `None` where axes carry something, which is not followed here.
+    /// Creates it from the INI file; `None` if axes carry something, which is not supported here.
     ///
     /// # Errors
-    /// A value that is no number.
+    /// A value that is not a number.
     pub fn new(config: &'a Mechanism) -> Result<Option<Self>, IniError> {
         if !config.chain.is_empty() {
             return Ok(None);
@@ -126,7 +126,7 @@ impl<'a> Homing<'a> {
         Ok(Some(homing))
     }
 
-    /// Poses within the axis limits that the machine can take, with the joints that are known to be
+    /// Returns random legal poses within the axis limits, with the joints that are known to be
     /// elsewhere there.
     fn drawn(&self) -> Vec<([f64; 6], Joints)> {
         let Ok(reach) = Reach::new(self.config) else { return vec![] };
@@ -158,8 +158,9 @@ impl<'a> Homing<'a> {
         })
     }
 
-    /// The share of the poses to begin from in which joint `i` stands where its switch has to be closed already: between
-    /// the switch and the end to which its search goes. `None` where it searches no switch.
+    /// Returns the share of the start poses in which the switch of joint `i` must be closed already: the joint is
+    /// between
+    /// the switch and the end to which its search moves. `None` if it searches no switch.
     pub fn share_closed(&self, i: usize) -> Option<f64> {
         let Way::Search { switch, end: Some(end), .. } = self.joints.get(i)?.way else {
             return None;
@@ -170,7 +171,7 @@ impl<'a> Homing<'a> {
         (!self.starts.is_empty()).then(|| count as f64 / self.starts.len() as f64)
     }
 
-    /// The groups in the order of the INI file.
+    /// Returns the groups in the order of the INI file.
     pub fn order(&self) -> Vec<Group> {
         let mut numbers: Vec<i64> = self.joints.iter().filter_map(|joint| joint.sequence).collect();
         numbers.sort_by_key(|number| number.abs());
@@ -185,7 +186,7 @@ impl<'a> Homing<'a> {
         numbers.into_iter().map(of).collect()
     }
 
-    /// What an order comes to from every start.
+    /// Returns the result of an order from all start poses.
     pub fn judge(&self, order: &[Group]) -> Outcome {
         let mut outcome = Outcome { starts: self.starts.len(), broken: 0, first: None };
         for (pose, joints) in &self.starts {
@@ -198,7 +199,7 @@ impl<'a> Homing<'a> {
         outcome
     }
 
-    /// The way from the start that breaks something, or from the one that takes longest.
+    /// Returns the path from the start with a violation, or from the one that takes longest.
     pub fn track(&self, order: &[Group]) -> Vec<Moment> {
         let ways = self.starts.iter().map(|(pose, joints)| self.follow(order, pose, *joints));
         let breaks = |way: &[Moment]| way.last().is_some_and(|moment| moment.broken.is_some());
@@ -209,8 +210,8 @@ impl<'a> Homing<'a> {
         ways.max_by(worse).unwrap_or_default()
     }
 
-    /// An order in as few sequences as can be, whose joints wait for each other, that keeps all limits from
-    /// every start; `None` where there is none.
+    /// Returns an order in as few sequences as possible, whose joints wait for each other, that keeps all limits from
+    /// every start; `None` if none exists.
     pub fn safe_order(&self) -> Option<Vec<Group>> {
         if self.starts.is_empty() {
             return None;
@@ -251,13 +252,13 @@ impl<'a> Homing<'a> {
         (0..self.joints.len()).filter(|i| set >> i & 1 == 1).collect()
     }
 
-    /// Whether a group keeps all limits from every start, where some are homed already.
+    /// Returns whether a group keeps all limits from every start, with some joints homed already.
     fn keeps(&self, homed: usize, group: usize) -> bool {
         let group = Group { joints: self.members(group), waits: true };
         self.starts.iter().all(|(pose, joints)| {
             let mut at = *joints;
             self.members(homed).into_iter().for_each(|i| at[i] = self.after(i, at[i]));
-            // From the pose of the start to where the homed joints have brought it.
+            // From the pose of the start to the pose after homing those joints.
             let mut seed = Pose::from_degrees(*pose);
             let is_kept = |from: &Joints, to: &Joints, seed: &mut Pose| {
                 (1..=STEPS).all(|step| {
@@ -278,7 +279,7 @@ impl<'a> Homing<'a> {
         })
     }
 
-    /// Where a joint stands after homing.
+    /// Returns the position of a joint after homing.
     fn after(&self, i: usize, before: f64) -> f64 {
         match self.joints[i].way {
             Way::Absolute { moves: false } => before,
@@ -286,7 +287,7 @@ impl<'a> Homing<'a> {
         }
     }
 
-    /// The moments of homing, to the first at which something is not kept.
+    /// Returns the moments of homing, up to the first violation.
     fn follow(&self, order: &[Group], pose: &[f64; 6], mut joints: Joints) -> Vec<Moment> {
         let mut seed = Pose::from_degrees(*pose);
         let mut moments = vec![self.moment(0.0, 0, joints, &mut seed)];
@@ -300,7 +301,7 @@ impl<'a> Homing<'a> {
         moments
     }
 
-    /// The moments of a group, which begin after a time.
+    /// Returns the moments of a group, which begin at a given time.
     fn way(
         &self,
         group: &Group,
@@ -315,7 +316,7 @@ impl<'a> Homing<'a> {
         let duration =
             group.joints.iter().map(|i| self.end(*i, start[*i], waited)).fold(0.0, f64::max);
         let mut moments = vec![];
-        // Something that moves nothing takes no time.
+        // A path without motion takes no time.
         let steps = if duration > 0.0 { STEPS } else { 0 };
         for step in 1..=steps {
             let t = duration * f64::from(step) / f64::from(steps);
@@ -335,7 +336,7 @@ impl<'a> Homing<'a> {
         }
     }
 
-    /// Where the way to HOME begins.
+    /// Returns the start of the path to HOME.
     fn found(&self, i: usize, from: f64) -> f64 {
         match self.joints[i].way {
             Way::Search { switch, .. } => switch,
@@ -386,11 +387,11 @@ fn joint(ini: &Ini, config: &Mechanism, i: usize) -> Result<Joint, IniError> {
     let [search, latch] = [number("HOME_SEARCH_VEL", 0.0)?, number("HOME_LATCH_VEL", 0.0)?];
     let place = number("HOME_OFFSET", 0.0)?;
     let own = &config.joints[i];
-    // No joint moves faster, whatever its keys say.
+    // No joint moves faster, regardless of its keys.
     let speed = if search == 0.0 { latch } else { search }.abs().min(own.max_velocity);
     let way = match number("HOME_ABSOLUTE_ENCODER", 0.0)? {
         0.0 if speed > 0.0 => {
-            // A switch may stand beyond the travel that programs have.
+            // A switch may be beyond the travel of programs.
             let end = if search < 0.0 { own.min.min(place) } else { own.max.max(place) };
             Way::Search { switch: place, speed, end: (search != 0.0).then_some(end) }
         }
@@ -406,7 +407,7 @@ fn joint(ini: &Ini, config: &Mechanism, i: usize) -> Result<Joint, IniError> {
     })
 }
 
-/// HOME_SEQUENCE of every joint, as an order has them: -1 first, so that the joints of a sequence wait.
+/// Returns HOME_SEQUENCE of every joint for an order: starting with -1, so that the joints of a sequence wait.
 pub fn sequences(order: &[Group]) -> Vec<i64> {
     let count = order.iter().map(|group| group.joints.len()).sum();
     let mut numbers = vec![0; count];
@@ -416,7 +417,7 @@ pub fn sequences(order: &[Group]) -> Vec<i64> {
     numbers
 }
 
-/// A pose in the letters that the machine moves.
+/// Formats a pose in the letters that the machine moves.
 pub fn shown(config: &Mechanism, pose: &[f64; 6]) -> String {
     let moved = Letter::ALL.iter().filter(|letter| !config.machine.layout().is_held(**letter));
     let word =
@@ -424,10 +425,10 @@ pub fn shown(config: &Mechanism, pose: &[f64; 6]) -> String {
     moved.map(word).collect::<Vec<_>>().join(" ")
 }
 
-/// What a check says of it: a line, and what is wrong with the order where there is a better one.
+/// Returns the line of the report, and the problem of the order if a better one exists.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(crate) fn summary(
     ini: &Ini,
     config: &Mechanism,
@@ -438,7 +439,7 @@ pub(crate) fn summary(
             None,
         ));
     };
-    // Which is reported already.
+    // This is reported already.
     if homing.joints.iter().any(|joint| joint.sequence.is_none()) {
         return Ok(("judged only from HOME, because not all joints are homed".into(), None));
     }

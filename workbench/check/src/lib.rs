@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Whether the files of a machine fit together, before it moves.
+//! Check whether the files of a machine fit together, before it moves.
 //!
 //! - Input: a description of `machine`, with its INI file and HAL files.
-//! - Output: [`report`], what was understood, and [`findings`], mistakes with their severity and line; [`fixes`],
-//!   the file put right.
-//! - Uses: `machine`. HAL files are carried out on recorders ([`drives`]), nothing of them touches a HAL.
+//! - Output: [`report`], facts, and [`findings`], mistakes with their severity and line; [`fixes`],
+//!   the corrected file.
+//! - Uses: `machine`. HAL files run in an interpreter that only records ([`drives`]); none of them has access to HAL.
 
 pub mod between;
 pub mod cautions;
@@ -42,7 +42,7 @@ pub mod wiring;
 mod workspace;
 pub mod world;
 
-/// Returns the LinuxCNC that findings name: the first version of the table.
+/// Returns the LinuxCNC version that findings name: the first one of the table.
 fn linuxcnc() -> &'static str {
     let table = include_str!("../../linuxcnc/versions.toml");
     let version = table.lines().find_map(|line| line.strip_prefix("version = "));

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Structure of a machine as the papers count it, and what its legs really hold.
+//! Structure of a machine as counted in the papers, and the mobility that its legs actually constrain.
 //!
 //! Every leg is a chain of two links and three joints between base and platform: a drive
-//! (telescope, carriage or arm), a cardan joint and a spherical one, f = 1 + 2 + 3 freedoms.
+//! (telescope, carriage or arm), a cardan joint and a spherical one, f = 1 + 2 + 3 degrees of freedom.
 //! For n links (base and platform included), p joints and e independent loops paper 003
-//! (equation 1) has n + e - p = 1. Freedoms counted with Kutzbach, F = 6 (n - 1) - Σ (6 - f),
-//! come to 6 for any number of such legs: counting does not tell which motions the legs hold
-//! once their drives stand still. The rank of their rows does.
+//! (equation 1) has n + e - p = 1. The degrees of freedom by Kutzbach, F = 6 (n - 1) - Σ (6 - f),
+//! are 6 for any number of such legs: counting does not show which motions the legs constrain
+//! once their drives are locked. The rank of their Jacobian rows does.
 
 use kinematics::{Fault, Letter, Vector3};
 use machine::read::legs::platform_anchor;
 use machine::read::mechanism::Mechanism;
 use machine::rows::{RANK_TOLERANCE, Rows};
 
-/// Freedoms of a leg's joints: drive, cardan joint, spherical joint.
+/// Degrees of freedom of a leg's joints: drive, cardan joint, spherical joint.
 const FREEDOMS: [i32; 3] = [1, 2, 3];
 
-/// Rows of the leg constraints at home: per leg the speed of its platform anchor along the leg,
-/// per unit speed of X Y Z, and of A B C times the platform radius, about the centre; also of
-/// coordinates that the legs do not move. A B C turn about the axes of base there.
+/// Returns the rows of the leg constraints at home: for each leg the speed of its platform anchor along the leg,
+/// per unit speed of X Y Z, and of A B C times the platform radius, about the center; also of
+/// coordinates that the legs do not move. A B C rotate about the axes of base there.
 ///
 /// # Errors
 /// As [`kinematics::Machine::at`].
@@ -37,13 +37,13 @@ pub fn rows_at_home(config: &Mechanism) -> Result<Rows, Fault> {
     Ok(rows)
 }
 
-/// How many independent motions among these coordinates rows hold.
+/// Returns how many independent motions among these coordinates the rows constrain.
 pub fn rank(rows: &Rows, letters: &[Letter]) -> usize {
     let values = singular_values(rows, letters);
     values.iter().filter(|value| **value > RANK_TOLERANCE * values[0]).count()
 }
 
-/// Singular values of the columns of these coordinates, largest first; others are 0.
+/// Returns the singular values of the columns of these coordinates, largest first; others are 0.
 pub fn singular_values(rows: &Rows, letters: &[Letter]) -> [f64; 6] {
     let mut rows = *rows;
     for letter in Letter::ALL.into_iter().filter(|letter| !letters.contains(letter)) {
@@ -52,7 +52,7 @@ pub fn singular_values(rows: &Rows, letters: &[Letter]) -> [f64; 6] {
     rows.singular_values().into()
 }
 
-/// What counting and the leg rows say about a machine.
+/// Structure of a machine by counting and by its leg rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Structure {
     pub legs: usize,
@@ -62,13 +62,13 @@ pub struct Structure {
     pub active_rank: usize,
     /// Coordinates that the legs move.
     pub active: Vec<Letter>,
-    /// Coordinates that joints or guides of the platform have to hold, table letters included:
+    /// Coordinates that joints or guides of the platform must constrain, table letters included:
     /// a table moves the workpiece.
     pub held: Vec<Letter>,
 }
 
 impl Structure {
-    /// Structure of this machine, ranks at home.
+    /// Computes the structure of this machine, with ranks at home.
     ///
     /// # Errors
     /// As [`rows_at_home`].
@@ -86,7 +86,7 @@ impl Structure {
         })
     }
 
-    /// Links n: two a leg, base and platform.
+    /// Returns the number of links n: two per leg, base and platform.
     pub fn links(&self) -> usize {
         2 * self.legs + 2
     }
@@ -95,23 +95,23 @@ impl Structure {
         FREEDOMS.len() * self.legs
     }
 
-    /// Independent loops e: every leg after the first one closes one.
+    /// Returns the number of independent loops e: every leg after the first one closes one.
     pub fn independent_loops(&self) -> usize {
         self.legs - 1
     }
 
-    /// Freedoms F by count, drives included.
+    /// Returns the degrees of freedom F by counting, drives included.
     pub fn freedoms(&self) -> i32 {
         let lost: i32 = FREEDOMS.iter().map(|f| 6 - f).sum();
         6 * (self.links() as i32 - 1) - self.legs as i32 * lost
     }
 
-    /// Legs beyond what the coordinates need.
+    /// Returns the number of legs beyond those needed for the coordinates.
     pub fn redundancy(&self) -> usize {
         self.legs - self.active_rank
     }
 
-    /// The count, in one line.
+    /// Describes the count in one line.
     pub fn loops(&self) -> String {
         let (n, p, e) = (self.links(), self.joints(), self.independent_loops());
         format!(
@@ -121,7 +121,7 @@ impl Structure {
         )
     }
 
-    /// What the legs hold, in one line.
+    /// Describes the constraints by the legs in one line.
     pub fn mobility(&self) -> String {
         let text = format!(
             "legs constrain {} of 6 motions, {} of {}",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What LinuxCNC's motion takes otherwise than it is meant: units, periods, and keys that are missing or beyond use.
+//! Settings of LinuxCNC's motion that are probably not intended: units, periods, missing keys, extreme values.
 
 use crate::findings::Report;
 use crate::motors::{self, Motor};
@@ -10,33 +10,33 @@ use machine::read::ini::IniError;
 use machine::read::joints::{Joint, JointKind};
 use machine::read::mechanism::Mechanism;
 
-/// Nanoseconds of servo cycles that machines have: from what a computer just keeps to what a drive still follows.
+/// Usual servo periods, nanoseconds: from the shortest that a computer can keep to the longest that a drive can follow.
 const PERIODS: [f64; 2] = [100_000.0, 10_000_000.0];
 
-/// Spindles that LinuxCNC has room for.
+/// Largest number of spindles in LinuxCNC.
 const SPINDLES: usize = 8;
 
-/// Share of a joint's range from which a following error no longer stops anything in time.
+/// Following error limit, as a share of a joint's range, above which it no longer stops anything in time.
 const LOOSE: f64 = 0.1;
 
-/// An axis alone may ask so many times more of a joint than its speed: less is for the guard to slow, and a speed a
-/// minute is 60 times as large.
+/// Largest ratio of the joint speed that a single axis may require to the joint's speed: a lower ratio is left to the
+/// guard, and a speed per minute is 60 times as large.
 const FAST: f64 = 10.0;
 
-/// By how many times its rate a correction may change the speed of a joint in a cycle: once as it begins, and twice
-/// where LinuxCNC changes its mode meanwhile and drops the two cycles by which its smoothing is late.
+/// Largest change of a joint's speed by a correction in a cycle, in units of its rate: once when it begins, and twice
+/// if LinuxCNC changes its mode meanwhile and drops the two cycles by which its smoothing is late.
 const IN_A_CYCLE: f64 = 2.0;
 
-/// Play of a drive, in mm and degrees, beyond which its unit is doubted: worn screws and gears have less.
+/// Backlash of a drive, in mm and degrees, above which its unit is doubted: worn screws and gears have less.
 const WORN: f64 = 1.0;
 
-/// Steps of differences: share of the machine's size, and degrees.
+/// Steps of finite differences: share of the machine's size, and degrees.
 const STEP: [f64; 2] = [1e-4, 0.01];
 
-/// Everything of it.
+/// Checks all of it.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     if !config.place.is_second {
         angles(report, config);
@@ -66,8 +66,9 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniEr
     Ok(())
 }
 
-/// The kinematics compute in degrees. LinuxCNC takes a name, in small or capital letters, or the number of units in a
-/// degree; `degrees` ends its start, and so does no such key.
+/// Checks that the angular unit is degrees, as in the kinematics. LinuxCNC accepts a name, in lower or upper case, or
+/// the
+/// number of units per degree; `degrees` ends its start, as does a missing key.
 fn angles(report: &mut Report, config: &Mechanism) {
     let is_degree = config.ini.first("TRAJ", "ANGULAR_UNITS").is_some_and(|entry| {
         let value = entry.value.to_lowercase();
@@ -97,7 +98,7 @@ fn period(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     Ok(())
 }
 
-/// How long LinuxCNC's task waits for motion, which takes a command in a servo cycle.
+/// Checks how long LinuxCNC's task waits for motion, which accepts a command in a servo cycle.
 fn answers(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     const KEY: (&str, &str) = ("EMCMOT", "COMM_TIMEOUT");
     if config.ini.number_or(KEY.0, KEY.1, 1.0)? <= config.period {
@@ -107,7 +108,7 @@ fn answers(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     Ok(())
 }
 
-/// How many spindles LinuxCNC's task sets up, and programs may name.
+/// Checks the number of spindles that LinuxCNC's task sets up, and that programs may name.
 fn spindles(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("TRAJ", "SPINDLES") else { return };
     let count = entry.value.trim().parse::<usize>();
@@ -119,7 +120,7 @@ fn spindles(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// Lengths that are declared as angles, or the other way round.
+/// Reports lengths that are declared as angles, or vice versa.
 fn kind(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     let expected = if joint.kind == JointKind::Arm { "ANGULAR" } else { "LINEAR" };
     if let Some(entry) = config.ini.first(section, "TYPE").filter(|entry| entry.value != expected) {
@@ -128,7 +129,7 @@ fn kind(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     }
 }
 
-/// Following errors that LinuxCNC sets itself, or that stop nothing.
+/// Reports following errors that are LinuxCNC's defaults, or that stop nothing.
 fn following(
     report: &mut Report,
     config: &Mechanism,
@@ -162,7 +163,7 @@ fn following(
     Ok(())
 }
 
-/// Corrections that come in faster than the drive can accelerate: they have their whole speed in a cycle.
+/// Reports corrections whose acceleration exceeds the drive's: they reach their full speed in a cycle.
 fn ramp(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     let [_, rate] = joint.correction;
     let most = joint.max_acceleration * config.period / IN_A_CYCLE;
@@ -177,7 +178,7 @@ fn ramp(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     }
 }
 
-/// Play that no drive has, or that is taken away where it has to be added.
+/// Reports backlash beyond that of any drive, or with the wrong sign.
 fn backlash(
     report: &mut Report,
     config: &Mechanism,
@@ -202,8 +203,9 @@ fn backlash(
     Ok(())
 }
 
-/// Table axes that are slower than the coordinate that they follow one to one while the machine is level, or that end
-/// before it does.
+/// Reports table axes that are slower than the coordinate that they follow one to one while the machine is level, or
+/// whose
+/// range is smaller.
 fn tables(report: &mut Report, config: &Mechanism) {
     let joints =
         config.joints[config.legs()..].iter().zip(config.machine.layout().table().as_slice());
@@ -227,7 +229,7 @@ fn tables(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// Extra axes that end before their coordinate does.
+/// Reports extra axes whose range is smaller than their coordinate's.
 fn extra(report: &mut Report, config: &Mechanism) {
     for (n, extra) in config.extra.iter().enumerate() {
         let own = format!("JOINT_{}", config.place.first_extra_joint + n);
@@ -237,7 +239,7 @@ fn extra(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// Ends of a joint that its axis goes beyond.
+/// Reports ends of a joint that its axis exceeds.
 fn ends(
     report: &mut Report,
     config: &Mechanism,
@@ -247,7 +249,7 @@ fn ends(
 ) {
     let is_beyond = [of_axis[0] < own[0], of_axis[1] > own[1]];
     for (k, key) in ["MIN_LIMIT", "MAX_LIMIT"].into_iter().enumerate() {
-        // An axis without an end is reported as that.
+        // An axis without an end is reported separately.
         if is_beyond[k] && of_axis[k].is_finite() {
             let text = format!(
                 "[{axis}]{key} = {} is beyond this limit, and LinuxCNC stops programs at the joint's limit: make the axis \
@@ -259,7 +261,7 @@ fn ends(
     }
 }
 
-/// Letters that LinuxCNC takes for axes and that stand there by mistake, as those of a comment.
+/// Reports letters that LinuxCNC reads as axes and that are there by mistake, for example in a comment.
 fn letters(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("TRAJ", "COORDINATES") else { return };
     if !entry
@@ -272,7 +274,7 @@ fn letters(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// Speeds and accelerations of axes that LinuxCNC sets itself.
+/// Reports speeds and accelerations of axes that are LinuxCNC's defaults.
 fn defaults(report: &mut Report, config: &Mechanism, section: &str) {
     for key in ["MAX_VELOCITY", "MAX_ACCELERATION"] {
         if config.ini.first(section, key).is_none() {
@@ -283,7 +285,7 @@ fn defaults(report: &mut Report, config: &Mechanism, section: &str) {
     }
 }
 
-/// An axis that cannot turn round, of which LinuxCNC believes it can.
+/// Reports an axis that cannot rotate fully, but is configured as one that wraps.
 fn wrapped(report: &mut Report, config: &Mechanism, letter: Letter, section: &str) {
     let Some(entry) = config.ini.first(section, "WRAPPED_ROTARY") else { return };
     let range = config.axes[letter.index()].max - config.axes[letter.index()].min;
@@ -296,7 +298,7 @@ fn wrapped(report: &mut Report, config: &Mechanism, letter: Letter, section: &st
     }
 }
 
-/// An axis whose speed no joint comes near to.
+/// Reports an axis whose speed no joint can nearly reach.
 fn too_fast(report: &mut Report, config: &Mechanism, letter: Letter, section: &str) {
     let k = letter.index();
     let step = if letter.is_angle() { STEP[1] } else { STEP[0] * config.machine.size() };

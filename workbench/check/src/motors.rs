@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What moves the joints of a machine: those of its legs, and those of extra axes.
+//! Drives of the joints of a machine: those of its legs, and those of extra axes.
 
 use machine::read::joints::{Joint, JointKind};
 use machine::read::mechanism::Mechanism;
 
-/// What moves a leg or an extra axis.
+/// The drive of a leg or an extra axis.
 pub(super) struct Motor<'a> {
     /// Its section of the INI file.
     pub section: String,
     pub joint: &'a Joint,
     pub unit: &'static str,
-    /// Whether these are angles.
+    /// Whether its values are angles.
     pub turns: bool,
 }
 
-/// All of a mechanism; extra axes, whose joints stand behind all others, are of the first.
+/// Returns all drives of a mechanism; extra axes, whose joints follow all others, belong to the first one.
 pub(super) fn of(config: &Mechanism) -> Vec<Motor<'_>> {
     let own = config.joints.iter().enumerate().map(|(i, joint)| Motor {
         section: config.place.joint_section(i),

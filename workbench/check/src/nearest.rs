@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Which legs, and which limit, are nearest.
+//! The nearest legs, and the nearest limit.
 
 use crate::findings::Report;
 use crate::seen::Seen;
@@ -11,16 +11,16 @@ use machine::read::diagnostic::Severity;
 use machine::read::ini::Ini;
 use machine::read::mechanism::Mechanism;
 
-/// Share of a limit that has to be left at home: less is mostly a slip, and no jog has room.
+/// Least remaining share of a limit at home: less is usually a mistake, and leaves no room for jogging.
 const LEAST: f64 = 0.005;
 
-/// What is nearest at home: of the limits, and of the legs.
+/// Reports the nearest limit and the nearest legs at home.
 pub(super) fn at_home(report: &mut Report, config: &Mechanism) {
     limit_at_home(report, config);
     legs_at_home(report, config);
 }
 
-/// The limit of which the smallest share is left at home.
+/// Reports the limit with the smallest remaining share at home.
 fn limit_at_home(report: &mut Report, config: &Mechanism) {
     let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) else { return };
     let mut nearest: Option<Margin> = None;
@@ -39,7 +39,7 @@ fn limit_at_home(report: &mut Report, config: &Mechanism) {
         100.0 * margin.share()
     );
     report.fact("nearest limit", text.replace(" ,", ","));
-    // Beyond it is told with the place that the limit stands at.
+    // A violation is reported at the line of the limit.
     if (0.0..LEAST).contains(&margin.share()) {
         let text =
             format!("the machine is at the edge of a limit there: {}", text.replace(" ,", ","));
@@ -53,7 +53,7 @@ fn shown_nearest(config: &Mechanism, Nearest { distance, pair: [i, j] }: &Neares
     format!("the center lines of legs {i} and {j} are {distance} {unit} apart")
 }
 
-/// The nearest legs at home, and those whose distance is not judged.
+/// Reports the nearest legs at home, and those whose distance is not checked.
 fn legs_at_home(report: &mut Report, config: &Mechanism) {
     let at = config.machine.at(&config.home_pose(), &config.spindle);
     let nearest = at.ok().and_then(|at| at.nearest());
@@ -74,7 +74,7 @@ fn legs_at_home(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// The nearest legs within the axis limits, and what nothing keeps them from.
+/// Reports the nearest legs within the axis limits, and those that no limit keeps apart.
 pub(super) fn seen(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) {
     let Some((nearest, pose)) = &seen.nearest else { return };
     let (apart, place) = (shown_nearest(config, nearest), shown_pose(config, pose));

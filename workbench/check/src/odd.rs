@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A leg unlike all others: a sign or a digit of one anchor is seen here, even where every HOME was made from it; and
-//! of its joint a limit that no other has.
+//! A leg that differs from all others: this shows a wrong sign or digit of one anchor, even if every HOME was computed
+//! from it; and a limit of its joint that no other has.
 
 use crate::findings::Report;
 use crate::wiring::at_key;
@@ -10,23 +10,23 @@ use machine::read::diagnostic::Severity;
 use machine::read::joints::Joint;
 use machine::read::mechanism::Mechanism;
 
-/// Legs that have to be alike before another one is unlike them: of three legs, two beside each other and one
-/// across are a layout of their own.
+/// Least number of equal legs for reporting another one: of three legs, two close together and one
+/// opposite are an ordinary layout.
 const ALIKE: usize = 3;
 
-/// Largest difference of legs that are alike, and smallest of one that is not, as shares of the machine's size:
-/// the first is more than calibration changes, the second less than a wrong sign does.
+/// Largest difference of equal legs, and smallest of a different one, as shares of the machine's size:
+/// the first is more than the effect of calibration, the second less than that of a wrong sign.
 const SAME: f64 = 2e-3;
 const OTHER: f64 = 1e-2;
 
-/// Quotient of values that are near each other, and of one that is another unit's: a minute, an inch.
+/// Ratio of similar values, and of values in different units: a minute, an inch.
 const NEAR: f64 = 2.0;
 const FAR: f64 = 10.0;
 
-/// What a key of a joint was read as.
+/// Reads the value of a key of a joint.
 type Read = fn(&Joint) -> f64;
 
-/// Keys that joints of legs of one kind mostly have alike, and what is read of them.
+/// Keys that are usually equal for joints of legs of the same kind, and their values.
 const KEYS: [(&str, Read); 4] = [
     ("MIN_LIMIT", |joint| joint.min),
     ("MAX_LIMIT", |joint| joint.max),
@@ -34,18 +34,18 @@ const KEYS: [(&str, Read); 4] = [
     ("MAX_ACCELERATION", |joint| joint.max_acceleration),
 ];
 
-/// A quantity of which every leg has one.
+/// A quantity that every leg has.
 struct Quantity {
     name: &'static str,
     unit: &'static str,
-    /// Keys of the leg that may hold the slip, the likeliest first.
+    /// Keys of the leg that may contain the mistake, the likeliest first.
     keys: [&'static str; 2],
-    /// What `SAME` and `OTHER` are shares of.
+    /// Scale of `SAME` and `OTHER`.
     scale: f64,
     values: Vec<f64>,
 }
 
-/// Tells the first leg that is unlike all others, by the first quantity that shows it.
+/// Reports the first leg that differs from all others, by the first quantity that shows it.
 pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let found = quantities(config, at).into_iter().find_map(|quantity| {
         let leg = odd(&quantity.values, quantity.scale)?;
@@ -67,7 +67,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
 }
 
-/// Tells every key whose value one joint has for itself, where those of all other legs are alike.
+/// Reports every key with a unique value at one joint, if those of all other legs are equal.
 pub(super) fn keys(report: &mut Report, config: &Mechanism) {
     let joints = &config.joints[..config.legs()];
     if joints.iter().any(|joint| joint.kind != joints[0].kind) {
@@ -91,8 +91,8 @@ pub(super) fn keys(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// The one that is not equal to all others, which are equal; or is many times as large or small as all others, which
-/// are near each other.
+/// Returns the value that differs from all others, which are equal; or that is many times as large or small as all
+/// others, which are similar.
 fn apart(values: &[f64]) -> Option<usize> {
     (values.len() > ALIKE).then_some(())?;
     (0..values.len()).find(|leg| {
@@ -128,7 +128,7 @@ fn quantities(config: &Mechanism, at: &At) -> Vec<Quantity> {
     all
 }
 
-/// The one leg that differs from all others, which do not differ from each other.
+/// Returns the leg that differs from all others, which do not differ from each other.
 fn odd(values: &[f64], scale: f64) -> Option<usize> {
     (0..values.len()).find(|leg| {
         let [low, high] = beside(values, *leg);
@@ -137,7 +137,7 @@ fn odd(values: &[f64], scale: f64) -> Option<usize> {
     })
 }
 
-/// Least and largest value of all other legs.
+/// Returns the least and largest value of all other legs.
 fn beside(values: &[f64], leg: usize) -> [f64; 2] {
     let others = values.iter().enumerate().filter(|(i, _)| *i != leg);
     others

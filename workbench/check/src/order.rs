@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! In which order the legs stand around the base and around the platform: anchors of another leg are seen
-//! here.
+//! Order of the legs around the base and around the platform: this shows anchors that belong to another
+//! leg.
 
 use crate::findings::Report;
 use crate::wiring::at_key;
@@ -8,17 +8,17 @@ use kinematics::{At, Vector3};
 use machine::read::diagnostic::Severity;
 use machine::read::mechanism::Mechanism;
 
-/// Distance of a joint from the middle, as a share of the farthest one's, below which it has no direction; and
-/// the narrowest a ring of joints may be beside its width: guides in a line have no order around anything.
+/// Distance of a joint from the center, as a share of the farthest one's, below which it has no direction; and
+/// the least width of a ring of joints relative to its length: guides in a line have no order around anything.
 const NARROW: f64 = 0.2;
 
-/// Rise of a guide, as a share of its length, below which it runs across: 30 degrees.
+/// Rise of a guide, as a share of its length, below which it counts as horizontal: 30 degrees.
 const LEVEL: f64 = 0.5;
 
-/// Directions that count as one, degrees: two joints beside each other.
+/// Tolerance for equal directions, degrees: two joints close together.
 const SAME_DEG: f64 = 1e-6;
 
-/// Tells the order of the legs seen from above.
+/// Reports the order of the legs seen from above.
 pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let segments = &at.segments()[..config.legs()];
     let bases: Vec<_> = segments.iter().map(|leg| leg.base).collect();
@@ -53,13 +53,13 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     }
 }
 
-/// Whether carriages run across, where they stand beside and behind each other, and around nothing.
+/// Returns whether carriages run horizontally; then they are next to and behind each other, not around anything.
 fn has_level_guides(config: &Mechanism) -> bool {
     let is_level = |guide: [f64; 3]| guide[2].abs() < LEVEL * Vector3::from(guide).norm();
     config.geometry.legs().iter().filter_map(|leg| leg.kind.guide()).any(is_level)
 }
 
-/// Directions from the middle of points that stand around it, seen from above, degrees from 0 to 360.
+/// Returns the directions of points around a center, seen from above, degrees from 0 to 360.
 fn around(points: &[Vector3<f64>]) -> Option<Vec<f64>> {
     let middle = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     let arms: Vec<_> = points.iter().map(|point| (point - middle).xy()).collect();
@@ -82,7 +82,7 @@ fn widest_gap(arms: &[nalgebra::Vector2<f64>]) -> f64 {
     all.windows(2).map(|pair| pair[1] - pair[0]).fold(last, f64::max)
 }
 
-/// The legs in the order of their directions, from leg 0 on.
+/// Returns the legs in the order of their directions, starting with leg 0.
 fn sorted(around: &[f64]) -> Vec<usize> {
     let from_first = |leg: usize| (around[leg] - around[0]).rem_euclid(360.0);
     let mut order: Vec<usize> = (0..around.len()).collect();
@@ -90,7 +90,7 @@ fn sorted(around: &[f64]) -> Vec<usize> {
     order
 }
 
-/// Two legs that are neighbours around the base, and stand in the other order around the platform.
+/// Returns two legs that are neighbors around the base, and in the opposite order around the platform.
 fn turned(base: &[f64], platform: &[f64]) -> Option<[usize; 2]> {
     let order = sorted(base);
     let steps = (0..order.len()).map(|k| {

@@ -10,11 +10,11 @@ use std::env;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-/// Names that LinuxCNC takes for others than a program of that name.
+/// Names that LinuxCNC does not use as program names.
 const NAMED: [&str; 4] = ["tkemc", "tklinuxcnc", "dummy", "emctask"];
 
-/// Keys that name a program without which LinuxCNC's start ends, whether the key has to be there, and what they
-/// mostly are.
+/// Keys that name a program that LinuxCNC's start needs, whether the key is required, and its usual
+/// values.
 const PROGRAMS: [(&str, &str, bool, &[&str]); 4] = [
     (
         "DISPLAY",
@@ -27,21 +27,21 @@ const PROGRAMS: [(&str, &str, bool, &[&str]); 4] = [
     ("HAL", "HALUI", false, &["halui"]),
 ];
 
-/// Programs that come with pkmkins, which is not installed everywhere that a machine is looked at.
+/// Programs that come with pkmkins, which may not be installed on a computer that checks a machine.
 const OWN: [&str; 4] = ["pkm", "pkm-live", "pkmkins-panel", "pkmkins-vismach"];
 
-/// Where the file of parameters is named.
+/// Key that names the file of parameters.
 const PARAMETER_FILE: [&str; 2] = ["RS274NGC", "PARAMETER_FILE"];
 
-/// The user interface whose start is known to end at some values; of others that is not known.
+/// The user interface whose start is known to end at some values; for others this is unknown.
 const AXIS: &str = "axis";
 
-/// Whether that is the machine's.
+/// Returns whether the machine uses AXIS.
 pub(super) fn is_axis(ini: &Ini) -> bool {
     named(ini, "DISPLAY", "DISPLAY").is_some_and(|(_, name)| name == AXIS)
 }
 
-/// Everything of it; where LinuxCNC is not on this computer, programs and its own files are not looked at.
+/// Checks all of it; if LinuxCNC is not on this computer, programs and its own files are not checked.
 pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
     let mut found: Vec<_> = parameters(ini).into_iter().collect();
     found.extend(opened(ini).map(|error| (Severity::Warning, error)));
@@ -64,14 +64,14 @@ pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
     found
 }
 
-/// The parameters of programs, for which no file is named.
+/// Reports a missing name of the file of parameters.
 fn parameters(ini: &Ini) -> Option<(Severity, IniError)> {
     let [section, key] = PARAMETER_FILE;
     if file(ini, section, key).is_some() {
         return None;
     }
     let expected = "expected a file for this machine only, which LinuxCNC creates";
-    // LinuxCNC takes a key without a value for none.
+    // LinuxCNC ignores a key without a value.
     let is_given = ini.first(section, key).is_some_and(|entry| !entry.value.trim().is_empty());
     let ends = is_axis(ini) && !is_given;
     let (severity, text) = match ends {
@@ -101,7 +101,7 @@ fn program(
     (!is_there).then(|| absent(ini, entry, "there is no such program", name, known))
 }
 
-/// Motion controller, planner and homing are modules of the real-time part.
+/// Reports missing real-time modules: motion controller, planner and homing.
 fn modules(ini: &Ini) -> impl Iterator<Item = IniError> {
     let all = [
         ("EMCMOT", "EMCMOT", "motmod"),
@@ -115,7 +115,7 @@ fn modules(ini: &Ini) -> impl Iterator<Item = IniError> {
     })
 }
 
-/// The file of the buffers in which LinuxCNC's programs meet.
+/// Reports a missing file of the NML buffers by which LinuxCNC's programs communicate.
 fn buffers(ini: &Ini) -> Option<IniError> {
     let (entry, file) = [("LINUXCNC", "NML_FILE"), ("EMC", "NML_FILE")]
         .into_iter()
@@ -126,8 +126,9 @@ fn buffers(ini: &Ini) -> Option<IniError> {
     })
 }
 
-/// The program that keeps the tools, in place of the table. LinuxCNC looks for it where it runs, which is the folder
-/// of the INI file, and nowhere else.
+/// Reports a missing program that replaces the tool table. LinuxCNC searches for it only in its current folder, which
+/// is
+/// that of the INI file.
 fn tools(ini: &Ini) -> Option<IniError> {
     let (entry, name) = named(ini, "EMCIO", "DB_PROGRAM")?;
     let name = if name.contains('/') { name.into() } else { format!("./{name}") };
@@ -143,17 +144,17 @@ fn absent(ini: &Ini, entry: &Entry, what: &str, name: &str, known: &[&str]) -> I
     ini.refuse(entry, &format!("{what}, so LinuxCNC fails to start: use, for example, {meant}"))
 }
 
-/// Whether LinuxCNC is on this computer.
+/// Returns whether LinuxCNC is on this computer.
 pub(super) fn is_installed() -> bool {
     Path::new(HALLIB).is_dir()
 }
 
-/// Whether a name is of a file or folder that comes with LinuxCNC, which need not be on this computer.
+/// Returns whether a name belongs to a file or folder that comes with LinuxCNC, which may not be on this computer.
 fn comes_with_linuxcnc(ini: &Ini, name: &str) -> bool {
     !is_installed() && places::named(ini.file(), name).starts_with(SHARE)
 }
 
-/// A program of the user interface that is not there, and folders that are not.
+/// Reports a missing program of the user interface, and missing folders.
 fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
     let open = file(ini, "DISPLAY", "OPEN_FILE")
         .filter(|(entry, file)| !file.is_file() && !comes_with_linuxcnc(ini, entry.value.trim()));
@@ -192,7 +193,7 @@ fn opened(ini: &Ini) -> impl Iterator<Item = IniError> {
     open.into_iter().chain(folders).chain(kept(ini)).chain(compensations(ini)).chain(subroutines)
 }
 
-/// Subroutines by which codes are remapped, and that LinuxCNC calls where it stops a program.
+/// Reports missing subroutines of remapped codes, and those that LinuxCNC calls when it stops a program.
 fn subroutines(ini: &Ini) -> impl Iterator<Item = IniError> {
     let folders = [("DISPLAY", "PROGRAM_PREFIX"), ("RS274NGC", "SUBROUTINE_PATH")];
     let of = |(section, key)| {
@@ -215,7 +216,7 @@ fn subroutines(ini: &Ini) -> impl Iterator<Item = IniError> {
     };
     ini.entries().filter(|entry| entry.section == "RS274NGC").filter_map(move |entry| {
         let file = format!("{}.ngc", named(entry)?);
-        // LinuxCNC brings some, which are found where it is.
+        // LinuxCNC has some of its own, in its folders.
         let is_there = folders.iter().any(|folder| folder.join(&file).is_file());
         let is_elsewhere =
             !is_installed() && folders.iter().any(|folder| folder.starts_with(SHARE));
@@ -228,7 +229,7 @@ fn subroutines(ini: &Ini) -> impl Iterator<Item = IniError> {
     })
 }
 
-/// Files of panels and commands of the user interface.
+/// Reports missing files of panels and commands of the user interface.
 fn shown(ini: &Ini) -> impl Iterator<Item = IniError> {
     const ENDS: [&str; 5] = [".ui", ".glade", ".py", ".xml", ".hal"];
     const KEYS: [&str; 3] = ["GLADEVCP", "EMBED_TAB_COMMAND", "USER_COMMAND_FILE"];
@@ -245,8 +246,9 @@ fn shown(ini: &Ini) -> impl Iterator<Item = IniError> {
     })
 }
 
-/// Parameters of programs and places of joints, which LinuxCNC writes when it ends: the files may be missing, their
-/// folders may not.
+/// Reports missing folders of the files of parameters and joint positions, which LinuxCNC writes when it ends: the
+/// files
+/// themselves may be missing.
 fn kept(ini: &Ini) -> impl Iterator<Item = IniError> {
     [PARAMETER_FILE, ["TRAJ", "POSITION_FILE"]].into_iter().filter_map(|[section, key]| {
         let (entry, file) = file(ini, section, key)?;
@@ -256,7 +258,7 @@ fn kept(ini: &Ini) -> impl Iterator<Item = IniError> {
     })
 }
 
-/// Programs beside the user interface, without which it starts, and those that make programs of other files.
+/// Reports missing programs next to the user interface, which LinuxCNC's start does not need, and missing filters.
 fn beside(ini: &Ini) -> impl Iterator<Item = IniError> {
     let apps = ini.entries().filter(|entry| entry.section == "APPLICATIONS" && entry.key == "APP");
     let filters =
@@ -264,7 +266,7 @@ fn beside(ini: &Ini) -> impl Iterator<Item = IniError> {
     apps.filter_map(|entry| app(ini, entry)).chain(filters.filter_map(|entry| filter(ini, entry)))
 }
 
-/// A program that shows the machine, and the machine's file that it is given.
+/// Checks a program that displays the machine, and its argument, the machine's file.
 fn app(ini: &Ini, entry: &Entry) -> Option<IniError> {
     let mut words = entry.value.split_whitespace();
     let name = words.next()?;
@@ -294,7 +296,7 @@ fn filter(ini: &Ini, entry: &Entry) -> Option<IniError> {
     })
 }
 
-/// Tables of the errors of screws.
+/// Reports missing tables of screw errors.
 fn compensations(ini: &Ini) -> impl Iterator<Item = IniError> {
     let tables = ini.entries().filter(|entry| entry.section.starts_with("JOINT_"));
     tables
@@ -309,13 +311,13 @@ fn compensations(ini: &Ini) -> impl Iterator<Item = IniError> {
         })
 }
 
-/// The program that a key names, without the words for it.
+/// Returns the program that a key names, without its arguments.
 fn named<'a>(ini: &'a Ini, section: &str, key: &str) -> Option<(&'a Entry, &'a str)> {
     let entry = ini.first(section, key)?;
     Some((entry, entry.value.split_whitespace().next()?))
 }
 
-/// The file that a key names, blanks and all; none where there is none, or only quotes.
+/// Returns the file that a key names, including blanks; none without a name or with only quotes.
 fn file<'a>(ini: &'a Ini, section: &str, key: &str) -> Option<(&'a Entry, PathBuf)> {
     let entry = ini.first(section, key)?;
     let name = entry.value.trim();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Whether a machine's INI file describes a machine that fits together, and what was understood of it.
+//! Check whether a machine's INI file describes a machine that fits together, with the facts that were read.
 
 use crate::direction;
 use crate::display;
@@ -30,7 +30,7 @@ use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use machine::read::tools::Tool;
 
-/// Checks a machine, of two mechanisms one; `progress` is told the share of the work that is done.
+/// Checks a machine, or one of two mechanisms; `progress` receives the completed share of the work.
 ///
 /// # Errors
 /// The file describes no machine.
@@ -55,7 +55,7 @@ pub fn check(
     if let Some(error) = error {
         report.finding(Severity::Warning, error);
     }
-    // Both mechanisms are on one module and in one file.
+    // Both mechanisms use the same module and file.
     if !config.place.is_second {
         speeds::check(&mut report, config);
         startup::check(&mut report, config);
@@ -100,7 +100,7 @@ fn structure(report: &mut Report, config: &Mechanism) -> Result<(), MachineError
     Ok(())
 }
 
-/// What was understood of machine and tools, so that a slip is seen.
+/// Reports the facts about machine and tools, so that the user can detect a mistake.
 fn understood(report: &mut Report, config: &Mechanism, tools: &[Tool]) -> Result<(), MachineError> {
     let at = config.machine.at(&config.home_pose(), &config.spindle);
     let at = at.map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))?;

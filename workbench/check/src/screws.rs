@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Leads and hands of the screws.
 //!
-//! The sign of a lead says the hand only together with the axes of the strut's two cardan joints: right-hand
-//! screws are positive where these are entered in opposite senses, as seen along the strut at the reference pose.
+//! The sign of a lead gives the hand only together with the axes of the strut's two cardan joints: right-hand
+//! screws are positive if these were entered in opposite directions, as seen along the strut at the reference pose.
 
 use crate::findings::Report;
 use crate::wiring::at_key;
@@ -12,18 +12,18 @@ use machine::limits;
 use machine::read::diagnostic::Severity;
 use machine::read::mechanism::Mechanism;
 
-/// Cosine of the angle between the two axes, as seen along the strut, below which senses are neither equal nor
+/// Cosine of the angle between the two axes, as seen along the strut, below which directions are neither equal nor
 /// opposite: the axes are those of one joint turned by 60 degrees or more.
 const UNCLEAR: f64 = 0.5;
 
-/// Share of a strut's travel that a turn of its screw makes, beyond which the unit of the lead is doubted: a
+/// Travel per turn of a screw, as a share of a strut's travel, above which the unit of the lead is doubted: a
 /// choice of this check, five turns from end to end.
 const STEEP: f64 = 0.2;
 
 struct Screw {
     leg: usize,
     lead: f64,
-    /// Whether its axes are entered in opposite senses; `None` where that cannot be said.
+    /// Whether its axes were entered in opposite directions; `None` if undecided.
     is_opposite: Option<bool>,
 }
 
@@ -33,7 +33,7 @@ impl Screw {
     }
 }
 
-/// The hand of every leg's screw at home: `R`, `L`, or `?` where the axes do not say it; nothing of legs without one.
+/// Returns the hand of every leg's screw at home: `R`, `L`, or `?` if undecided; none for legs without a screw.
 pub fn hands(config: &Mechanism, at: &At) -> Vec<Option<char>> {
     let mut hands = vec![None; config.legs()];
     for screw in screws(config, at) {
@@ -43,7 +43,7 @@ pub fn hands(config: &Mechanism, at: &At) -> Vec<Option<char>> {
     hands
 }
 
-/// Tells leads and hands, and where the hands differ.
+/// Reports leads and hands, and differing hands.
 pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let is_strut = |leg: &kinematics::LegGeometry| matches!(leg.kind, LegKind::Strut(_));
     if !config.geometry.legs().iter().any(is_strut) {
@@ -82,7 +82,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     }
 }
 
-/// The section and key that a lead stands at.
+/// Returns the section and key of a lead.
 fn place_of_lead(config: &Mechanism, leg: usize) -> (String, &'static str) {
     let section = config.place.leg_section(leg);
     match config.ini.first(&section, "LEAD") {
@@ -91,7 +91,7 @@ fn place_of_lead(config: &Mechanism, leg: usize) -> (String, &'static str) {
     }
 }
 
-/// A lead that takes the strut through its travel in few turns.
+/// Reports a lead with which few turns cover the strut's travel.
 fn steep(report: &mut Report, config: &Mechanism, screw: &Screw) {
     let (joint, unit) = (&config.joints[screw.leg], config.length_unit());
     let text = format!(
@@ -119,7 +119,7 @@ fn screws(config: &Mechanism, at: &At) -> Vec<Screw> {
     config.geometry.legs().iter().enumerate().filter_map(strut).collect()
 }
 
-/// The parts of the axes square to the strut; home is level, so that the platform's axes are those of base.
+/// Compares the components of the axes normal to the strut; home is level, so the platform's axes are those of base.
 fn is_opposite(strut: &StrutGeometry, along: &Vector3<f64>) -> Option<bool> {
     let square = |axis: [f64; 3]| {
         let axis = Vector3::from(axis);
@@ -129,7 +129,7 @@ fn is_opposite(strut: &StrutGeometry, along: &Vector3<f64>) -> Option<bool> {
     (cosine.abs() > UNCLEAR).then_some(cosine < 0.0)
 }
 
-/// Screws of one machine are mostly of one hand.
+/// Reports differing hands: screws of one machine usually have the same.
 fn differing(report: &mut Report, config: &Mechanism, screws: &[Screw]) {
     let of = |hand| screws.iter().filter(|screw| screw.is_right() == Some(hand)).count();
     let (right, left) = (of(true), of(false));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How joints look for their switches: which way, how fast, and how they meet them again.
+//! Searches of joints for their switches: direction, speed, and latching.
 
 use crate::findings::Report;
 use crate::homing_ways::Homing;
@@ -10,19 +10,20 @@ use machine::read::diagnostic::Severity;
 use machine::read::ini::IniError;
 use machine::read::mechanism::Mechanism;
 
-/// Share of a joint's range at its ends: a switch there is met from the other end, elsewhere from both.
+/// Share of a joint's range at its ends: a switch there is approached from the other end, elsewhere from both.
 const END: f64 = 0.05;
 
-/// Share of the poses within the axis limits of which a joint may stand beyond its switch: a switch is met from
-/// nearly all of them, or has to stay closed over most of the travel, as those of machines with switches in the middle.
+/// Largest share of the poses within the axis limits in which a joint may be beyond its switch: a switch is reached
+/// from
+/// nearly all of them, or must stay closed over most of the travel, as on machines with switches in the middle.
 const BEYOND: f64 = 0.9;
 
-/// Everything of it.
+/// Checks all of it.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
-    // Of machines whose axes carry something homing is not followed.
+    // For machines whose axes carry something homing is not checked.
     let homing = Homing::new(config)?;
     for (i, motor) in motors::of(config).into_iter().enumerate() {
         let share = homing.as_ref().and_then(|homing| homing.share_closed(i));
@@ -33,7 +34,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniEr
     Ok(())
 }
 
-/// Keys of a joint, each with what is wrong with it.
+/// Returns keys of a joint with their mistakes.
 fn of_joint(
     config: &Mechanism,
     motor: &Motor,
@@ -50,7 +51,7 @@ fn of_joint(
     found.extend(fast(motor, speed).map(|text| ("HOME_SEARCH_VEL", text)));
     let away = away(motor, speed, offset).or_else(|| beyond(motor, speed, offset, share_closed?));
     found.extend(away.map(|text| ("HOME_SEARCH_VEL", text)));
-    // Which sign it has is free: of the same sign as the search the switch is met once more, of the other one it is left.
+    // Its sign is free: with the sign of the search the switch is approached again, with the opposite one it is left.
     found.extend(fast(motor, latch).map(|text| ("HOME_LATCH_VEL", text)));
     if speed != 0.0 && latch.abs() > speed.abs() {
         let text = format!(
@@ -61,7 +62,7 @@ fn of_joint(
     Ok(found)
 }
 
-/// A move to HOME with a sign, which it does not need.
+/// Reports a move to HOME with a sign, which is unnecessary.
 fn back(motor: &Motor, speed: f64) -> Option<String> {
     (speed < 0.0).then(|| {
         format!(
@@ -71,7 +72,7 @@ fn back(motor: &Motor, speed: f64) -> Option<String> {
     })
 }
 
-/// A search that LinuxCNC makes as fast as the joint can move.
+/// Reports a search that LinuxCNC makes at the joint's full speed.
 fn fast(&Motor { joint, unit, .. }: &Motor, speed: f64) -> Option<String> {
     let most = joint.max_velocity;
     (speed.abs() > most).then(|| {
@@ -84,7 +85,7 @@ fn fast(&Motor { joint, unit, .. }: &Motor, speed: f64) -> Option<String> {
     })
 }
 
-/// A search that goes away from the switch.
+/// Reports a search in the direction away from the switch.
 fn away(&Motor { joint, .. }: &Motor, speed: f64, offset: f64) -> Option<String> {
     let share = (offset - joint.min) / (joint.max - joint.min);
     let (is_away, end) = match speed {
@@ -101,7 +102,7 @@ fn away(&Motor { joint, .. }: &Motor, speed: f64, offset: f64) -> Option<String>
     })
 }
 
-/// A search from the side of its switch on which nearly all poses are.
+/// Reports a search from the side of its switch on which nearly all poses are.
 fn beyond(&Motor { joint, .. }: &Motor, speed: f64, offset: f64, share: f64) -> Option<String> {
     (share > BEYOND).then(|| {
         format!(

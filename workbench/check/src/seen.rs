@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Poses drawn from the axis limits, and what they show.
+//! Poses sampled within the axis limits, and their evaluation.
 
 use kinematics::{Limit, Limits, Margin, Nearest};
 use machine::limits;
@@ -11,21 +11,21 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::collections::BTreeMap;
 
-/// Poses drawn from the axis limits.
+/// Number of poses sampled within the axis limits.
 pub(super) const DRAWN: usize = 20_000;
 
-/// What poses drawn from the axis limits show.
+/// Evaluation of poses sampled within the axis limits.
 pub(super) struct Seen {
-    /// Smallest and largest value of every joint, whether the pose keeps the limits or not.
+    /// Smallest and largest value of every joint, also of poses beyond limits.
     pub(super) joints: Vec<(f64, f64)>,
-    /// Poses that the machine can take.
+    /// Number of legal poses.
     pub(super) taken: usize,
-    /// How many poses each limit refuses first.
+    /// Number of poses that each limit refuses first.
     pub(super) refused: BTreeMap<Limit, usize>,
-    /// The worst conditioning of a pose that keeps all other limits.
+    /// The worst conditioning of a pose that satisfies all other limits.
     pub(super) worst: Option<(f64, [f64; 6])>,
-    /// The nearest legs, of poses that the machine can take, or where nothing else keeps the legs
-    /// from meeting.
+    /// The nearest legs among legal poses, or among those in which nothing else keeps the legs
+    /// apart.
     pub(super) nearest: Option<(Nearest, [f64; 6])>,
 }
 
@@ -67,7 +67,7 @@ impl Seen {
             }
         }
         if !config.chain.is_empty() {
-            // What lies between the poses drawn need not be one of a program.
+            // Poses between the samples need not occur in a program.
             let least = drawn.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
             return Self { worst: least, ..seen };
         }
@@ -87,7 +87,7 @@ impl Seen {
     }
 }
 
-/// A pose of the machine within the limits of the axes, and of those that carry something.
+/// Returns a random pose of the machine within the limits of the axes, and of those that carry something.
 fn drawn_pose(config: &Mechanism, within: &AxisBox, rng: &mut Pcg64) -> [f64; 6] {
     if config.chain.is_empty() {
         return within.at(std::array::from_fn(|_| rng.random()));
@@ -108,7 +108,7 @@ fn drawn_pose(config: &Mechanism, within: &AxisBox, rng: &mut Pcg64) -> [f64; 6]
     config.carried(&pose, &extra, &config.spindle).unwrap_or(config.home)
 }
 
-/// Share of the poses of a box that the machine can take, seen.
+/// Samples the share of legal poses in a box.
 pub(super) fn taken(config: &Mechanism, reach: &Reach, within: &AxisBox) -> f64 {
     let mut rng = Pcg64::seed_from_u64(2);
     let inside =

@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The order in which LinuxCNC homes all joints, `HOME_SEQUENCE`, and which of them it never gets to.
+//! The order in which LinuxCNC homes all joints, `HOME_SEQUENCE`, and the joints that it never homes.
 
 use machine::read::ini::{Ini, IniError};
 
-/// Of a joint that has none, as LinuxCNC reads it.
+/// LinuxCNC's value for a joint without one.
 const NONE: f64 = 999.0;
 
-/// The number of a joint; `None` where Home All leaves the joint out: it has no number, or one behind a gap.
+/// Returns the number of a joint; `None` if Home All does not home the joint: it has no number, or one after a gap.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(crate) fn of(ini: &Ini, section: &str) -> Result<Option<i64>, IniError> {
     let number = given(ini, section)?;
     Ok((number.abs() < end(ini)?).then_some(number))
 }
 
-/// The first number that no joint has, at which Home All ends. It begins with 0, or with 1 where no joint has 0.
+/// Returns the first number that no joint has, at which Home All ends. It begins with 0, or with 1 if no joint has 0.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(crate) fn end(ini: &Ini) -> Result<i64, IniError> {
     let joints = ini.number_or("KINS", "JOINTS", 0.0)? as usize;
-    // A negative number only makes the last move of a sequence one of all its joints together.
+    // A negative number only makes all joints of a sequence do the last move together.
     let numbers = (0..joints).map(|n| Ok(given(ini, &format!("JOINT_{n}"))?.abs()));
     let numbers = numbers.collect::<Result<Vec<i64>, IniError>>()?;
     Ok((1..).find(|number| !numbers.contains(number)).unwrap_or(i64::MAX))
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// What joints with these numbers have.
+    /// Returns the effective number of each joint, as [`of`].
     fn all(numbers: &[i64]) -> Vec<Option<i64>> {
         let joint = |(n, number)| format!("[JOINT_{n}]\nHOME_SEQUENCE = {number}\n");
         let joints: String = numbers.iter().enumerate().map(joint).collect();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Unit and size of a machine: a file in millimetres that says inch, or the other way round, is seen here.
+//! Unit and size of a machine: this shows a file in millimeters that declares inches, or vice versa.
 
 use crate::findings::Report;
 use crate::wiring::at_key;
@@ -8,25 +8,26 @@ use machine::read::diagnostic::Severity;
 use machine::read::joints::JointKind;
 use machine::read::mechanism::Mechanism;
 
-/// How far the joints of base or platform stand apart, in metres, beyond which the unit is doubted. A wrong unit makes a machine
-/// 25.4 times as large or small: one of 0.4 to 1 m, as most are, then is beyond 10 m or below 40 mm. Those that
-/// are built end well within: from pocket deltas of 0.1 m to gantries of 5 m.
+/// Usual extent of the joints of base or platform, in meters, beyond which the unit is doubted. A wrong unit makes a
+/// machine 25.4 times as large or small: one of 0.4 to 1 m, the usual size, is then beyond 10 m or below 40 mm.
+/// Machines
+/// in use are well within: from pocket deltas of 0.1 m to gantries of 5 m.
 const USUAL_M: [f64; 2] = [0.04, 10.0];
 
-/// Speed of a drive, in metres a second, beyond which the unit is doubted: the fastest deltas stay below, and a
-/// speed a minute, which is 60 times as large, is beyond it from 10 m/min on.
+/// Speed of a drive, in meters per second, above which the unit is doubted: the fastest deltas stay below, and a
+/// speed per minute, which is 60 times as large, is above it from 10 m/min on.
 const FASTEST_M: f64 = 10.0;
 
-/// Metres of a millimetre.
+/// Meters per millimeter.
 const METRES: f64 = 1e-3;
 
-/// Tells unit and size, and where they are none that machines have.
+/// Reports unit and size, and unusual ones.
 pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let extent = extent(config, at);
     let metres = extent * (METRES / config.units_per_mm);
     let (unit, [x, y, z]) = (config.length_unit(), <[f64; 3]>::from(metres));
     let largest = widest(config, at) * METRES / config.units_per_mm;
-    // Metres show a wrong unit; drawings in inches are in inches.
+    // Meters show a wrong unit; drawings in inches are in inches.
     let own = match unit {
         "mm" => String::new(),
         _ => format!("{:.3} x {:.3} x {:.3} {unit}, ", extent.x, extent.y, extent.z),
@@ -48,14 +49,14 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     speeds(report, config);
 }
 
-/// Width, depth and height of what holds the joints of all legs, machine units.
+/// Returns width, depth and height of a box around the joints of all legs, machine units.
 fn extent(config: &Mechanism, at: &At) -> Vector3<f64> {
     let segments = &at.segments()[..config.legs()];
     let bases = config.geometry.legs().iter().map(|leg| Vector3::from(leg.base));
     around(segments.iter().flat_map(|leg| [leg.base, leg.platform]).chain(bases))
 }
 
-/// How far the joints of base or platform stand apart, which no pose changes much.
+/// Returns the larger extent of the joints of base and platform, which hardly depends on the pose.
 fn widest(config: &Mechanism, at: &At) -> f64 {
     let segments = &at.segments()[..config.legs()];
     let base = around(segments.iter().map(|leg| leg.base)).max();
@@ -68,7 +69,7 @@ fn around(points: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     high - low
 }
 
-/// Drives that are faster than any, of which the first is told.
+/// Reports drives that are unusually fast, naming the first.
 fn speeds(report: &mut Report, config: &Mechanism) {
     let is_length = |kind| kind != JointKind::Arm;
     let speed = |value: f64| value * METRES / config.units_per_mm;

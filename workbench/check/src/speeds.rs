@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Speeds of the path, `[TRAJ]`, beside those of the axes, and with which jogs of the user interface begin.
+//! Speeds of the path, `[TRAJ]`, compared with those of the axes, and initial jog speeds of the user interface.
 
 use crate::findings::Report;
 use crate::programs;
@@ -9,14 +9,14 @@ use machine::read::diagnostic::Severity;
 use machine::read::ini::{Entry, Ini};
 use machine::read::mechanism::Mechanism;
 
-/// By how many times the speed of the path may differ from what the axes give: less than a unit (an inch is 25.4 mm,
-/// a minute 60 seconds), more than a machine that is tried out slowly.
+/// Largest ratio between the speed of the path and that of the axes: less than a wrong unit (an inch is 25.4 mm,
+/// a minute 60 seconds), more than on a machine that is commissioned slowly.
 const OFF: f64 = 20.0;
 
-/// In the names of keys.
+/// Part of the names of keys.
 const LINEAR: &str = "LINEAR";
 
-/// Everything of it.
+/// Checks all of it.
 pub(super) fn check(report: &mut Report, config: &Mechanism) {
     path(report, config);
     let moved = || Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
@@ -27,7 +27,8 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// A speed of the path that nothing comes near to, or that holds everything back. LinuxCNC compares it with lengths alone.
+/// Reports a speed of the path that no axis nearly reaches, or that limits everything. LinuxCNC compares it with
+/// lengths alone.
 fn path(report: &mut Report, config: &Mechanism) {
     const KEY: &str = "MAX_LINEAR_VELOCITY";
     let moved = Letter::ALL
@@ -57,11 +58,11 @@ fn path(report: &mut Report, config: &Mechanism) {
     report.finding(Severity::Warning, at_key(&config.ini, "TRAJ", KEY, &text));
 }
 
-/// What the sliders for jogs begin with and end at.
+/// Checks the initial and final speeds of the jog sliders.
 fn jogs(report: &mut Report, ini: &Ini, kind: &str) {
     let [most, first] = [format!("MAX_{kind}_VELOCITY"), format!("DEFAULT_{kind}_VELOCITY")];
     let is_axis = programs::is_axis(ini);
-    // Of angles AXIS takes 1 for what is no number.
+    // For angles AXIS uses 1 instead of a value that is not a number.
     let ends = |speed: f64| is_axis && (speed <= 0.0 || (speed.is_nan() && kind == LINEAR));
     match given(ini, &most) {
         None if is_axis && kind == LINEAR => {
@@ -94,7 +95,7 @@ fn jogs(report: &mut Report, ini: &Ini, kind: &str) {
     report.finding(severity, error);
 }
 
-/// The value that user interfaces take, NaN where it is no number.
+/// Returns the value that user interfaces read, NaN if it is not a number.
 fn given<'a>(ini: &'a Ini, key: &str) -> Option<(&'a Entry, f64)> {
     let entry = ini.first("DISPLAY", key).or_else(|| ini.first("TRAJ", key))?;
     Some((entry, entry.value.trim().parse().unwrap_or(f64::NAN)))

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# The HAL files of a machine carried out in LinuxCNC in virtual time:
+# Runs the HAL files of a machine in LinuxCNC in virtual time:
 #
 #     tclsh start.tcl MACHINE.ini BESIDE MODULES FOLDER STRANGERS ENTRY...
 #
-# pkm writes `ini.tcl`, `wiring.tcl`, `hal_files.tcl` and this into one file. The files are carried out as
-# `hal_files.tcl` does it, and each step is asked of LinuxCNC as `wiring.tcl` does it. STRANGERS are components
-# that other programs make: their pins do not exist here, and are left out of every step. Where a step fails,
-# standard error gets a line of words separated by tabs: START, "mistake" where LinuxCNC refuses the step as well
-# and "limit" where it is only not known here, the file, the line, the number of the entry, the reason.
+# pkm writes `ini.tcl`, `wiring.tcl`, `hal_files.tcl` and this into one file. The files run as
+# in `hal_files.tcl`, and each step is sent to LinuxCNC as in `wiring.tcl`. STRANGERS are components
+# that other programs create: their pins do not exist here, and are omitted from every step. If a step fails,
+# standard error gets a line of words separated by tabs: START, "mistake" if LinuxCNC refuses the step as well
+# and "limit" if it is only unknown here, the file, the line, the number of the entry, the reason.
 
 namespace eval drives {
     variable strangers {}
-    # Modules that are loaded.
+    # Loaded modules.
     variable loaded {}
 }
 
@@ -22,7 +22,7 @@ proc drives::is_strange {pin} {
     return [expr {[lindex [split $pin .] 0] in $strangers}]
 }
 
-# Asks LinuxCNC for a step, by a command of wiring.tcl; what it refuses is a mistake.
+# Sends LinuxCNC a step, by a command of wiring.tcl; a refusal is a mistake.
 proc drives::ask {args} {
     if {[catch $args answer]} { mistake [regsub {^error: } $answer ""] }
     return $answer
@@ -37,7 +37,7 @@ proc drives::hal {frames verb args} {
     switch -- $verb {
         loadrt {
             set name [lindex $args 0]
-            # LinuxCNC goes on without what is loaded already.
+            # LinuxCNC ignores a module that is already loaded.
             if {$name in $loaded} { return "" }
             lappend loaded $name
             ask ::hal loadrt {*}$args

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The startup code of programs: how those are read that leave something to it, and what is no block.
+//! The startup code of programs: settings that it leaves open, and text that is not a block.
 
 use crate::findings::Report;
 use machine::read::diagnostic::Severity;
 use machine::read::mechanism::Mechanism;
 
-/// Everything of it.
+/// Checks all of it.
 pub(super) fn check(report: &mut Report, config: &Mechanism) {
     let Some(entry) = config.ini.first("RS274NGC", "RS274NGC_STARTUP_CODE") else { return };
     if let Some(rest) = comment(&entry.value) {
@@ -15,7 +15,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) {
         );
         return report.finding(Severity::Error, config.ini.refuse(entry, &text));
     }
-    // Parameters, expressions, remarks and calls are LinuxCNC's to read.
+    // LinuxCNC checks parameters, expressions, remarks and calls.
     if entry.value.contains(['#', '[', '(', ';', '<']) {
         return;
     }
@@ -43,7 +43,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// What stands behind a # that begins no parameter: a comment in files of other programs, none in LinuxCNC's.
+/// Returns the text after a # that begins no parameter: a comment in files of other programs, but not in LinuxCNC's.
 fn comment(value: &str) -> Option<&str> {
     let code = value.split([';', '(']).next().unwrap_or_default();
     let begins = |c: char| c.is_ascii_digit() || "<#[".contains(c);
@@ -52,7 +52,7 @@ fn comment(value: &str) -> Option<&str> {
         .find(|rest| !rest.starts_with(begins))
 }
 
-/// Letters of a block without blanks, each with its number; what stands before the first one has no letter.
+/// Returns the letters of a block without blanks, each with its number; text before the first one has no letter.
 fn words(block: &str) -> Vec<(&str, &str)> {
     let starts = block.char_indices().filter(|(_, c)| c.is_ascii_alphabetic()).map(|(n, _)| n);
     let starts: Vec<usize> = starts.collect();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Axis limits that are proved, and what a smaller tilt gains, as text.
+//! Text of proved axis limits, and of the gain by a smaller tilt.
 
 use kinematics::Letter;
 use machine::proof::axis_box::AxisBox;
@@ -13,7 +13,7 @@ pub(crate) fn shown_pose(config: &Mechanism, pose: &[f64; 6]) -> String {
     Letter::ALL.iter().filter(moved).map(word).collect::<Vec<_>>().join(" ")
 }
 
-/// Tilts and widths of their boxes, as a table; empty where there are none.
+/// Returns tilts and widths of their boxes as a table; empty if there are none.
 pub fn tilt_table(config: &Mechanism, tilts: &[(f64, Option<AxisBox>)]) -> String {
     let letters: Vec<Letter> = [Letter::X, Letter::Y, Letter::Z]
         .into_iter()
@@ -31,13 +31,13 @@ pub fn tilt_table(config: &Mechanism, tilts: &[(f64, Option<AxisBox>)]) -> Strin
         };
         let ranges: String = letters.iter().map(range).collect();
         let ranges = if ranges.is_empty() { "  none proved about home" } else { &ranges };
-        // Rounded down: what is proved for more holds for less.
+        // Rounded down: a proof for a larger tilt covers a smaller one.
         let _ = writeln!(text, "  {:>6.2}°{ranges}", (tilt * 100.0).floor() / 100.0);
     }
     text
 }
 
-/// The limits as lines of an INI file, of the coordinates that the machine moves.
+/// Returns the limits of the coordinates that the machine moves as lines of an INI file.
 pub fn axis_lines(config: &Mechanism, limits: &AxisBox) -> String {
     let mut text = String::new();
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {

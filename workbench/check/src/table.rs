@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The tool table as LinuxCNC takes it.
+//! The tool table as LinuxCNC reads it.
 
 use crate::findings::Report;
 use crate::wiring::at_key;
@@ -10,11 +10,11 @@ use machine::read::mechanism::Mechanism;
 use machine::read::tools::{self, Tool};
 use std::collections::HashMap;
 
-/// By how many times the machine's size (its largest length from an origin) a tool may be long, before its unit is doubted: a
-/// choice, for small machines have tools as long as their radius.
+/// Largest ratio of a tool's length to the machine's size (its largest length from an origin), above which its unit is
+/// doubted: a choice, because small machines have tools as long as their radius.
 const LONG: f64 = 2.0;
 
-/// The tools of the table, and what is wrong with them; none where it cannot be read.
+/// Returns the tools of the table, and reports their mistakes; none if it cannot be read.
 pub(super) fn read(report: &mut Report, config: &Mechanism) -> Vec<Tool> {
     let whole = |text: &str| at_key(&config.ini, "EMCIO", "TOOL_TABLE", text);
     let tools = match tools::read(config) {
@@ -25,7 +25,7 @@ pub(super) fn read(report: &mut Report, config: &Mechanism) -> Vec<Tool> {
             return vec![];
         }
     };
-    // Another program keeps the tools where DB_PROGRAM names one, and both mechanisms are in one table.
+    // Another program manages the tools if DB_PROGRAM names one, and both mechanisms share a table.
     let is_kept =
         config.program.tool_table.is_some() && config.ini.first("EMCIO", "DB_PROGRAM").is_none();
     if is_kept && tools.is_empty() && !config.place.is_second {
@@ -56,10 +56,10 @@ pub(super) fn read(report: &mut Report, config: &Mechanism) -> Vec<Tool> {
     tools
 }
 
-/// Tools that LinuxCNC has room for besides the one in the spindle (CANON_POCKETS_MAX of emctool.h).
+/// LinuxCNC's largest number of tools besides the one in the spindle (CANON_POCKETS_MAX of emctool.h).
 const POCKETS: usize = 1000;
 
-/// A line that LinuxCNC drops as a whole.
+/// Reports a line that LinuxCNC drops as a whole.
 fn dropped(config: &Mechanism, tool: &Tool) -> Option<IniError> {
     let word = tool.dropped_by.as_ref().filter(|_| !config.place.is_second)?;
     let text = format!(
@@ -70,7 +70,7 @@ fn dropped(config: &Mechanism, tool: &Tool) -> Option<IniError> {
     Some(tool.refuse_line(config, &text))
 }
 
-/// What is wrong with a tool behind `count` others, of which the last with its number stands in the line `before`.
+/// Returns the mistakes of a tool after `count` others; `before` is the line of the last one with the same number.
 fn of_tool(config: &Mechanism, tool: &Tool, count: usize, before: Option<usize>) -> Vec<IniError> {
     let mut found = vec![];
     if let Some(line) = before {
@@ -89,7 +89,7 @@ fn of_tool(config: &Mechanism, tool: &Tool, count: usize, before: Option<usize>)
         );
         found.push(tool.refuse_length(config, &text));
     }
-    // What follows is said once, of a table that two mechanisms have.
+    // The rest is reported once, for a table that two mechanisms share.
     if config.place.is_second {
         return found;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where the tip of every tool is at home: a length with the wrong sign is seen here.
+//! Position of the tip of every tool at home: this shows a length with the wrong sign.
 
 use crate::findings::Report;
 use kinematics::{At, Vector3};
@@ -8,13 +8,13 @@ use machine::read::direction::ToolDirection;
 use machine::read::mechanism::Mechanism;
 use machine::read::tools::Tool;
 
-/// Tools that are named one by one.
+/// Largest number of tools that are named individually.
 const NAMED: usize = 8;
 
-/// Share of the way to the platform joints that makes a tip one above or below them.
+/// Share of the distance to the platform joints above which a tip counts as above or below them.
 const ALONG: f64 = 0.7;
 
-/// Where the tips are, seen from the middle of the platform joints.
+/// Reports the positions of the tips relative to the center of the platform joints.
 pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At, tools: &[Tool]) {
     if config.chain.is_bare() {
         let text = "not judged: an axis carries the tool, or the tools are fixed in base";
@@ -37,8 +37,9 @@ fn row(config: &Mechanism, at: &At, tool: &Tool) -> String {
     format!("{} {}", tool.name(), place(config, at, &tool.offset))
 }
 
-/// From the middle of the platform joints to the tip, in base; home is level, so that the platform's axes are
-/// those of base.
+/// Describes the vector from the center of the platform joints to the tip, in base; home is level, so the platform's
+/// axes
+/// are those of base.
 fn place(config: &Mechanism, at: &At, offset: &Vector3<f64>) -> String {
     let legs = config.geometry.legs();
     let middle = legs.iter().map(|leg| Vector3::from(leg.platform)).sum::<Vector3<f64>>()
@@ -65,7 +66,7 @@ fn place(config: &Mechanism, at: &At, offset: &Vector3<f64>) -> String {
     }
 }
 
-/// What to do with it.
+/// Returns what the user should do.
 fn advice(config: &Mechanism, tools: &[Tool]) -> String {
     if let Some(direction) = config.tool_direction {
         return format!(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where LinuxCNC moves before a tool change: `[EMCIO]TOOL_CHANGE_POSITION`, TOOL_CHANGE_QUILL_UP and TOOL_CHANGE_AT_G30.
+//! LinuxCNC's position for a tool change: `[EMCIO]TOOL_CHANGE_POSITION`, TOOL_CHANGE_QUILL_UP and TOOL_CHANGE_AT_G30.
 
 use crate::findings::Report;
 use crate::world;
@@ -11,10 +11,10 @@ use std::fs;
 
 const SECTION: &str = "EMCIO";
 
-/// Parameters of programs that hold the pose of G30, from this number on.
+/// First program parameter of the pose of G30.
 const G30: usize = 5181;
 
-/// Everything of it.
+/// Checks all of it.
 pub(super) fn check(report: &mut Report, config: &MachineConfig) {
     let mut start = world::home(config);
     // In LinuxCNC's order.
@@ -45,7 +45,7 @@ fn is_on<'a>(config: &'a MachineConfig, key: &str) -> Option<&'a Entry> {
 fn position(report: &mut Report, config: &MachineConfig, start: World) {
     let Some(entry) = config.ini.first(SECTION, "TOOL_CHANGE_POSITION") else { return };
     let words: Vec<&str> = entry.value.split_whitespace().collect();
-    // Numbers up to the first word that is none, as LinuxCNC reads them.
+    // Numbers up to the first word that is not one, as LinuxCNC reads them.
     let numbers: Vec<f64> = words.iter().map_while(|word| decimal(word)).collect();
     let expected = "expected 3, 6 or 9 numbers separated by spaces: X Y Z A B C U V W";
     let count = match numbers.len() {
@@ -87,7 +87,7 @@ fn reached(
     }
 }
 
-/// The pose of G30; LinuxCNC takes 0 for what the file of parameters does not have.
+/// Returns the pose of G30; LinuxCNC's default is 0 for values missing in the file of parameters.
 fn stored(config: &MachineConfig) -> World {
     let file = config.program.parameter_file.as_deref();
     let text = file.and_then(|file| fs::read_to_string(file).ok()).unwrap_or_default();

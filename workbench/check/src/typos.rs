@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Names that are near to one that LinuxCNC reads, and that nothing reads; sections that overwrite what Tcl reads.
+//! Names similar to one that LinuxCNC reads, and that nothing reads; sections that overwrite Tcl's variables.
 
 use machine::read::ini::{Ini, IniError};
 use machine::read::near;
 use machine::read::places::{OF_TCL, is_of_tcl};
 
-/// Every such section and key; keys of the sections that describe the machine are refused by the reader.
+/// Returns every such section and key; the reader refuses unknown keys of the sections that describe the machine.
 pub(super) fn check(ini: &Ini) -> Vec<IniError> {
     let sections = ini.sections().filter_map(|name| {
         let meant = near::section(name)?;

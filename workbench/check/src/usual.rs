@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Values that LinuxCNC takes as they are, and that are another unit's, another version's or of another machine.
+//! Values that LinuxCNC accepts, but that suggest another unit, another version or another machine.
 
 use crate::findings::Report;
 use crate::wiring::at_key;
@@ -10,23 +10,23 @@ use machine::read::ini::IniError;
 use machine::read::joints::JointKind;
 use machine::read::mechanism::{LegAngles, Mechanism};
 
-/// Seconds from standstill to the largest speed, beyond which the unit of the acceleration is doubted.
+/// Seconds from standstill to the largest speed, above which the unit of the acceleration is doubted.
 const SLOW: f64 = 5.0;
 
-/// By how many times the acceleration of the path may be below those of the axes: less than a unit is.
+/// Largest ratio of the accelerations of the axes to that of the path: smaller than for a wrong unit.
 const FAR: f64 = 20.0;
 
-/// Smallest clearance of legs, as a share of the machine's size: thinner legs carry nothing.
+/// Smallest clearance of legs, as a share of the machine's size: thinner legs support nothing.
 const THIN: f64 = 1e-3;
 
-/// By how many times the machine's size (its largest length from an origin) a limit may be away: a choice between what
-/// machines have and another unit, which is 25.4 times as far.
+/// Largest distance of a limit relative to the machine's size (its largest length from an origin): a choice between
+/// existing machines and another unit, with which it is 25.4 times as far.
 pub const AWAY: f64 = 10.0;
 
-/// Largest angle that radians have names for: no joint of a leg swings as little in degrees.
+/// Largest common angle in radians: no joint of a leg swings so little in degrees.
 const RADIANS: f64 = std::f64::consts::PI;
 
-/// Keys with the values that machines have, and what is expected.
+/// Keys with their usual values, and the expectation.
 const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
     ("TASK", "CYCLE_TIME", [1e-4, 0.1], "expected seconds, usually 0.001 to 0.01"),
     ("EMCIO", "CYCLE_TIME", [1e-4, 1.0], "expected seconds, usually 0.1"),
@@ -34,10 +34,10 @@ const USUAL: [(&str, &str, [f64; 2], &str); 4] = [
     ("DISPLAY", "MAX_SPINDLE_OVERRIDE", [0.0, 10.0], "expected a factor: 1.2 is 120 %"),
 ];
 
-/// Everything of it.
+/// Checks all of it.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     if !config.place.is_second {
         version(report, config);
@@ -78,7 +78,7 @@ fn warn(report: &mut Report, config: &Mechanism, (section, key): (&str, &str), t
     report.finding(Severity::Warning, at_key(&config.ini, section, key, text));
 }
 
-/// Of another version LinuxCNC changes the file before it starts.
+/// Reports another version, with which LinuxCNC converts the file before it starts.
 fn version(report: &mut Report, config: &Mechanism) {
     const KEY: (&str, &str) = ("EMC", "VERSION");
     if config.ini.first(KEY.0, KEY.1).is_none_or(|entry| entry.value != "1.1") {
@@ -87,7 +87,7 @@ fn version(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// Where LinuxCNC goes before it asks for another tool.
+/// Checks LinuxCNC's position before it requests another tool.
 fn tool_change(report: &mut Report, config: &Mechanism) {
     const KEY: (&str, &str) = ("EMCIO", "TOOL_CHANGE_POSITION");
     let Some(entry) = config.ini.first(KEY.0, KEY.1) else { return };
@@ -110,7 +110,7 @@ fn tool_change(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// An acceleration of the path that holds everything back.
+/// Reports an acceleration of the path that limits everything.
 fn path(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     const KEY: (&str, &str) = ("TRAJ", "MAX_LINEAR_ACCELERATION");
     let moved = Letter::ALL
@@ -128,7 +128,7 @@ fn path(report: &mut Report, config: &Mechanism) -> Result<(), IniError> {
     Ok(())
 }
 
-/// Legs as thin as none are.
+/// Reports a clearance of unrealistically thin legs.
 fn thin(report: &mut Report, config: &Mechanism) {
     let least = THIN * config.machine.size();
     if let Some(clearance) = config.clearance.filter(|clearance| *clearance < least) {
@@ -141,7 +141,7 @@ fn thin(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// Limits of angles in radians.
+/// Reports limits of angles in radians.
 fn angles(report: &mut Report, config: &Mechanism) {
     let small = |key, of: fn(&LegAngles) -> Option<f64>| {
         let mut angles = config.angles.iter().map(of).enumerate();
@@ -176,7 +176,7 @@ fn angles(report: &mut Report, config: &Mechanism) {
     }
 }
 
-/// Limits farther away than the machine is large.
+/// Reports limits much farther away than the machine is large.
 fn away(report: &mut Report, config: &Mechanism, section: &str, limits: [f64; 2]) {
     let (size, unit) = (config.machine.size(), config.length_unit());
     for (key, limit) in ["MIN_LIMIT", "MAX_LIMIT"].into_iter().zip(limits) {
@@ -191,7 +191,7 @@ fn away(report: &mut Report, config: &Mechanism, section: &str, limits: [f64; 2]
     }
 }
 
-/// An acceleration of another unit than the speed.
+/// Reports an acceleration in another unit than the speed.
 fn slow(report: &mut Report, config: &Mechanism, section: &str, [speed, most]: [f64; 2]) {
     let seconds = speed / most;
     if seconds.is_finite() && seconds > SLOW {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the files around a machine leave out that keeps it from harm: homing, HAL files that are there and in
-//! order, the module's monitor, and the way of its feed scale into motion.
+//! Missing protection in the files around a machine: homing, HAL files that exist and are in
+//! order, the module's monitor, and the connection of its feed scale to motion.
 
 use crate::cautions::words;
 use machine::files;
@@ -13,16 +13,16 @@ use std::path::{Path, PathBuf};
 const FILES: [(&str, &str); 4] =
     [("HAL", "HALFILE"), ("HAL", "POSTGUI_HALFILE"), ("HAL", "SHUTDOWN"), ("DISPLAY", "PYVCP")];
 
-/// The motion controller, in the file that loads it.
+/// The motion controller, for finding the file that loads it.
 const CONTROLLER: &str = "motmod";
 
 /// The file that wires everything.
 const OWN: &str = "pkmkins.tcl";
 
-/// Everything that a user should look at.
+/// Returns everything that a user should check.
 ///
 /// # Errors
-/// A value that is no number.
+/// A value that is not a number.
 pub(crate) fn check(ini: &Ini) -> Result<Vec<(Severity, IniError)>, IniError> {
     let mut found: Vec<_> = absent(ini)
         .chain(too_early(ini))
@@ -33,7 +33,7 @@ pub(crate) fn check(ini: &Ini) -> Result<Vec<(Severity, IniError)>, IniError> {
     Ok(found)
 }
 
-/// HAL files that LinuxCNC does not find: its start ends there.
+/// Reports HAL files that LinuxCNC does not find, at which its start ends.
 fn absent(ini: &Ini) -> impl Iterator<Item = IniError> {
     let entries = FILES.iter().flat_map(|(section, key)| ini.all(section, key));
     entries.filter_map(|entry| {
@@ -54,7 +54,7 @@ fn absent(ini: &Ini) -> impl Iterator<Item = IniError> {
     })
 }
 
-/// pkmkins.tcl before the file that loads module and motion controller: the pins that it sets are not there yet.
+/// Reports pkmkins.tcl before the file that loads module and motion controller: the pins that it sets do not exist yet.
 fn too_early(ini: &Ini) -> Option<IniError> {
     if ini.first("HAL", "TWOPASS").is_some() {
         return None;
@@ -80,7 +80,7 @@ fn too_early(ini: &Ini) -> Option<IniError> {
     Some(ini.refuse(files[own], &text))
 }
 
-/// Files of pkmkins where LinuxCNC carries every file out twice.
+/// Reports files of pkmkins if LinuxCNC runs every file twice.
 fn twice(ini: &Ini) -> Option<IniError> {
     let entry = ini.first("HAL", "TWOPASS").filter(|entry| !entry.value.is_empty())?;
     let files = ini.all("HAL", "HALFILE");
@@ -98,7 +98,7 @@ fn twice(ini: &Ini) -> Option<IniError> {
     Some(ini.refuse(entry, &text))
 }
 
-/// What may not be meant so.
+/// Returns possible mistakes.
 fn cautions(ini: &Ini) -> Result<Vec<IniError>, IniError> {
     let mut found = vec![];
     if ini.number_or("TRAJ", "NO_FORCE_HOMING", 0.0)? != 0.0 {
@@ -126,7 +126,7 @@ fn hal(ini: &Ini) -> Option<IniError> {
     let adaptive = first("motion.adaptive-feed");
     let scale = first("pkmkins.feed-scale");
     if files.iter().any(|entry| is_own(entry)) {
-        // pkmkins.tcl leaves a feed that is taken alone.
+        // pkmkins.tcl does not change a feed that is already in use.
         let (entry, _) = adaptive.filter(|_| scale.is_none())?;
         let text = "this file nets motion.adaptive-feed, so pkmkins.feed-scale has no effect: multiply \
                     both, or leave it to pkmkins.tcl";
@@ -164,7 +164,7 @@ fn is_panel(ini: &Ini, entry: &Entry) -> bool {
     ["xml", "tcl"].iter().any(|end| entry.value.trim() == format!("{stem}-panel.{end}"))
 }
 
-/// Where LinuxCNC looks for a file, in turn; `None` without a name.
+/// Returns the paths at which LinuxCNC searches for a file, in order; `None` without a name.
 fn places(ini: &Ini, entry: &Entry) -> Option<Vec<PathBuf>> {
     let name = entry.value.split_whitespace().next()?;
     if let Some(name) = name.strip_prefix("LIB:") {
@@ -175,7 +175,7 @@ fn places(ini: &Ini, entry: &Entry) -> Option<Vec<PathBuf>> {
     Some(if is_whole { vec![file] } else { vec![file, Path::new(HALLIB).join(name)] })
 }
 
-/// A HAL file without its comments, and without those of Debian's that are not installed.
+/// Returns a HAL file without its comments; none for pkmkins.tcl, or for one of Debian's that is not installed.
 fn text(ini: &Ini, entry: &Entry) -> Option<String> {
     if is_own(entry) {
         return None;
@@ -186,7 +186,7 @@ fn text(ini: &Ini, entry: &Entry) -> Option<String> {
     Some(lines.collect::<Vec<_>>().join("\n"))
 }
 
-/// The error at a key, or that it is missing.
+/// Returns the error at a key, or its absence.
 pub fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
     match ini.first(section, key) {
         Some(entry) => ini.refuse(entry, text),
@@ -222,7 +222,7 @@ mod tests {
         assert!(all.len() == 1 && all[0].contains("move it after drives.hal"), "{all:?}");
         let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "TWOPASS = on\n");
         assert!(all.len() == 1 && all[0].contains("twice"), "{all:?}");
-        // What another file sources is not read.
+        // Files sourced by another file are not read.
         assert_eq!(told(&[("own.tcl", "source drives.tcl"), ("pkmkins.tcl", "")], ""), [""; 0]);
     }
 

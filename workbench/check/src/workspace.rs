@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the machine can take of its axis limits: conditioning, joint ranges, and the box that is proved.
+//! Legal part of the axis limits: conditioning, joint ranges, and the proved box.
 
 use crate::findings::Report;
 use crate::nearest;
@@ -18,13 +18,13 @@ use machine::read::tools::Tool;
 /// Tilts of the table, as shares of the largest one within the axis limits.
 const TILTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
-/// Share of the tilt limit that is tried to prove.
+/// Share of the tilt limit for which a proof is attempted.
 const TILT_SHARE: f64 = 0.98;
 
 /// Share of the poses in the axis limits below which most of them are out of reach.
 pub(super) const MOST: f64 = 0.5;
 
-/// Conditioning, joint ranges and the box inside the workspace.
+/// Reports conditioning, joint ranges and the box inside the workspace.
 pub(super) fn check(
     report: &mut Report,
     ini: &Ini,
@@ -51,7 +51,7 @@ pub(super) fn check(
                 ),
             );
         }
-        // Told already, with the value.
+        // Reported already, with the value.
         Err(Stop::Limit(Margin { limit: Limit::JointRange, .. })) => return,
         Err(stop) => return home_outside(report, ini, config, stop),
     }
@@ -73,7 +73,7 @@ pub(super) fn check(
     }
 }
 
-/// How much of the axis limits is of use.
+/// Reports the useful part of the axis limits.
 fn axis_limits(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) {
     let share = seen.taken as f64 / DRAWN as f64;
     report.taken = Some(share);
@@ -108,7 +108,7 @@ fn first_axis(ini: &Ini, config: &Mechanism, text: &str) -> machine::read::ini::
     at_key(ini, &section, "MIN_LIMIT", text)
 }
 
-/// Coordinates without an end, which LinuxCNC lets run to where something else stops the machine.
+/// Reports coordinates without limits, which LinuxCNC moves until something else stops the machine.
 fn unlimited(report: &mut Report, ini: &Ini, config: &Mechanism) {
     for letter in Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l)) {
         let axis = &config.programmed[letter.index()];
@@ -123,8 +123,9 @@ fn unlimited(report: &mut Report, ini: &Ini, config: &Mechanism) {
     }
 }
 
-/// What the tools of the table leave of the axis limits, and whether the suggested ones hold with
-/// them, where tools change what the machine can take: where it tilts.
+/// Reports the legal part of the axis limits for the tools of the table, and whether the suggested limits are proved
+/// with
+/// them, if tools affect which poses are legal: on a machine that tilts.
 fn with_tools(
     report: &mut Report,
     config: &Mechanism,
@@ -138,7 +139,7 @@ fn with_tools(
     for tool in spread(table) {
         let Ok(reach) = Reach::with_tool(config, config.spindle + tool.offset) else { continue };
         let share = 100.0 * seen::taken(config, &reach, within);
-        // One without a length is what the limits are proved with, by a longer proof than is made here.
+        // The limits are proved without a tool length, by a longer proof than is made here.
         let is_proved =
             tool.offset.norm() == 0.0 || axis_box::holds_with(config, &tool.offset, suggested);
         let proof = if is_proved { "proved" } else { "not proved" };
@@ -158,10 +159,10 @@ fn with_tools(
     }
 }
 
-/// Tools that are looked at one by one: each takes a drawing of poses of its own.
+/// Largest number of tools that are sampled individually.
 const LOOKED_AT: usize = 16;
 
-/// Of many tools the shortest, the longest and some between, evenly by their numbers; of few all.
+/// Returns the shortest, the longest and some tools between them, evenly by index; all if there are few.
 fn spread(mut table: Vec<Tool>) -> Vec<Tool> {
     let count = table.len();
     if count <= LOOKED_AT {
@@ -171,7 +172,7 @@ fn spread(mut table: Vec<Tool>) -> Vec<Tool> {
     (0..LOOKED_AT).map(|k| table[k * (count - 1) / (LOOKED_AT - 1)].clone()).collect()
 }
 
-/// What a smaller tilt gains in X Y Z, from the largest that the limits allow to none.
+/// Returns the gain in X Y Z by a smaller tilt, from the largest within the limits to none.
 fn tilts(config: &Mechanism, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
     let ends = within.low[3..5].iter().chain(&within.high[3..5]);
     let most = ends.map(|angle| angle.abs()).fold(0.0, f64::max).min(tilt_of_both(config, within));
@@ -192,7 +193,7 @@ fn tilts(config: &Mechanism, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
     found
 }
 
-/// Largest angle that A and B may have together, a little below the end, where a proof has no room.
+/// Returns the largest angle that A and B may have together, slightly below the end, where a proof has no room.
 fn tilt_of_both(config: &Mechanism, within: &AxisBox) -> f64 {
     let Some(limit) = config.tilt_limit else { return f64::INFINITY };
     let both = (3..5).all(|k| within.high[k] > within.low[k]);
@@ -237,7 +238,7 @@ fn shown_stop(config: &Mechanism, stop: Stop) -> String {
     }
 }
 
-/// What the poses within the axis limits ask of every joint.
+/// Reports the joint ranges that the poses within the axis limits require.
 fn joint_ranges(report: &mut Report, config: &Mechanism, seen: &Seen) {
     for (joint, (low, high)) in config.joints.iter().zip(&seen.joints) {
         let unit = config.unit(joint.kind);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A pose of LinuxCNC's, in all its letters, against the limits of every mechanism and extra axis.
+//! One of LinuxCNC's poses, in all its letters, against the limits of every mechanism and extra axis.
 
 use kinematics::{Letter, MAX_EXTRA, POSE_LETTERS, Pose, World};
 use machine::limits;
@@ -7,7 +7,7 @@ use machine::read::joints::Axis;
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 
-/// The letters that the machine moves, with their places in LinuxCNC's pose and their limits.
+/// Returns the letters that the machine moves, with their indices in LinuxCNC's pose and their limits.
 pub fn coordinates(config: &MachineConfig) -> Vec<(char, usize, Axis)> {
     let of = |mechanism: &Mechanism| {
         let moved = Letter::ALL.into_iter().filter(|l| !mechanism.machine.layout().is_held(*l));
@@ -23,7 +23,7 @@ pub fn coordinates(config: &MachineConfig) -> Vec<(char, usize, Axis)> {
     config.mechanisms.iter().flat_map(of).chain(extra).collect()
 }
 
-/// LinuxCNC's pose after homing: extra axes stand where their joints are, whatever `[TRAJ]HOME` says.
+/// Returns LinuxCNC's pose after homing: extra axes have their joints' positions, independent of `[TRAJ]HOME`.
 pub fn home(config: &MachineConfig) -> World {
     let first = config.first();
     let mut world = config.world_home;
@@ -33,7 +33,7 @@ pub fn home(config: &MachineConfig) -> World {
     world
 }
 
-/// The first limit that the machine violates at a pose without a tool, in words; `None` where it keeps all.
+/// Describes the first limit that the machine violates at a pose without a tool; `None` if it satisfies all.
 pub fn violated(config: &MachineConfig, world: &World) -> Option<String> {
     let beyond = coordinates(config)
         .into_iter()

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Legs from what is measured on a drawing: the keys of their sections.
+//! Keys of the legs' sections from dimensions on a drawing.
 
 use crate::values::Values;
 use keys::{Key, leg as key};
 
-/// Digits after the point of an anchor: an atom's width in millimetres.
+/// Digits after the decimal point of an anchor: an atom's width in millimeters.
 const DIGITS: f64 = 1e9;
 
 /// Keys and numbers of a leg's section.
@@ -32,28 +32,28 @@ impl Leg {
         leg.with(&key::ROD, &[rod]).with(&key::SIDE, &[side])
     }
 
-    /// The numbers of a key; zeros where the leg has none.
+    /// Returns the numbers of a key; zeros if the leg has none.
     pub fn numbers<const N: usize>(&self, key: &Key) -> [f64; N] {
         let found = self.0.iter().find(|(own, _)| own.name == key.name);
         found.and_then(|(_, numbers)| numbers.as_slice().try_into().ok()).unwrap_or([0.0; N])
     }
 }
 
-/// A point on a circle, by its angle in degrees.
+/// Returns a point on a circle, by its angle in degrees.
 fn on_circle(radius: f64, degrees: f64) -> [f64; 2] {
     let (sin, cos) = degrees.to_radians().sin_cos();
-    // No -0, and 0 where it is meant.
+    // Avoids -0, and rounding errors instead of 0.
     [cos, sin].map(|share| (radius * share * DIGITS).round() / DIGITS + 0.0)
 }
 
-/// Point `i` of three pairs on a circle, each `half` degrees from the middle of its pair; the middle of the
+/// Returns point `i` of three pairs on a circle, each `half` degrees from the center of its pair; the center of the
 /// first is at `turn` degrees.
 fn of_pairs(i: usize, radius: f64, half: f64, turn: f64) -> [f64; 2] {
     let side = if i.is_multiple_of(2) { -half } else { half };
     on_circle(radius, turn + 120.0 * (i / 2) as f64 + side)
 }
 
-/// Base and platform points of six legs that cross over from pair to pair.
+/// Returns base and platform points of six legs that cross over from pair to pair.
 fn pairs(values: &Values, i: usize, turn: f64) -> [[f64; 2]; 2] {
     let of = |name: &str| values.number(name);
     [
@@ -66,18 +66,18 @@ fn at([x, y]: [f64; 2], z: f64) -> [f64; 3] {
     [x, y, z]
 }
 
-/// Z of the platform joints in the platform's frame, whose origin is the nose.
+/// Returns Z of the platform joints in the platform's frame, whose origin is the nose.
 fn nose(values: &Values) -> f64 {
     let nose = values.number("nose");
     if values.word("tool") == "up" { 0.0 - nose } else { nose }
 }
 
-/// None: they come from a table.
+/// Returns no legs: they come from a table.
 pub fn none(_: &Values) -> Vec<Leg> {
     vec![]
 }
 
-/// Six struts.
+/// Returns six struts.
 pub fn hexapod(values: &Values) -> Vec<Leg> {
     let leg = |i| {
         let [base, platform] = pairs(values, i, 0.0);
@@ -87,12 +87,12 @@ pub fn hexapod(values: &Values) -> Vec<Leg> {
     (0..6).map(leg).collect()
 }
 
-/// Angle of leg `i` of three, one of them at 90 degrees.
+/// Returns the angle of leg `i` of three, one of them at 90 degrees.
 fn of_three(i: usize) -> f64 {
     90.0 + 120.0 * i as f64
 }
 
-/// Three struts that meet.
+/// Returns three struts that meet.
 pub fn tripod(values: &Values) -> Vec<Leg> {
     let leg = |i| {
         let base = on_circle(values.number("base-radius"), of_three(i));
@@ -101,7 +101,7 @@ pub fn tripod(values: &Values) -> Vec<Leg> {
     (0..3).map(leg).collect()
 }
 
-/// Five struts from a wall to rings.
+/// Returns five struts from a wall to rings.
 pub fn pentapod(values: &Values) -> Vec<Leg> {
     let of = |name: &str| values.number(name);
     let (half, wall) = (0.5 * of("wall-width"), of("wall-distance"));
@@ -118,7 +118,7 @@ pub fn pentapod(values: &Values) -> Vec<Leg> {
     bases.into_iter().zip(heights).map(leg).collect()
 }
 
-/// Three rods from carriages on upright rails.
+/// Returns three rods from carriages on vertical rails.
 pub fn linear_delta(values: &Values) -> Vec<Leg> {
     let leg = |i| {
         let of = |name: &str| on_circle(values.number(name), of_three(i));
@@ -133,7 +133,7 @@ pub fn linear_delta(values: &Values) -> Vec<Leg> {
     (0..3).map(leg).collect()
 }
 
-/// Three rods from turning arms.
+/// Returns three rods from rotating arms.
 pub fn rotary_delta(values: &Values) -> Vec<Leg> {
     let leg = |i| {
         let angle = of_three(i) - 180.0;
@@ -148,15 +148,16 @@ pub fn rotary_delta(values: &Values) -> Vec<Leg> {
     (0..3).map(leg).collect()
 }
 
-/// A rod from a carriage on rail -1, 0 or 1 of parallel level ones; its X is that of home where the carriage is in
-/// the middle of its travel.
+/// Returns a rod from a carriage on rail -1, 0 or 1 of parallel horizontal ones; its X is that of home, with the
+/// carriage
+/// at the center of its travel.
 fn on_rail(values: &Values, rail: f64, platform: [f64; 3], side: f64) -> Leg {
     let [low, high] = values.list::<2>("carriage").unwrap_or_default();
     let base = [-0.5 * (low + high), rail * values.number("rail-spacing"), values.number("height")];
     Leg::slider(base, [1.0, 0.0, 0.0], platform, values.number("rod"), side)
 }
 
-/// Three rods from carriages on level rails.
+/// Returns three rods from carriages on horizontal rails.
 pub fn triaglide(values: &Values) -> Vec<Leg> {
     let (x, y) = (0.5 * values.number("platform-length"), 0.5 * values.number("platform-width"));
     [(-1.0, -x, -y, -1.0), (0.0, x, 0.0, 1.0), (1.0, -x, y, -1.0)]
@@ -164,7 +165,7 @@ pub fn triaglide(values: &Values) -> Vec<Leg> {
         .to_vec()
 }
 
-/// Six of them.
+/// Returns six rods from carriages on horizontal rails.
 pub fn hexaglide(values: &Values) -> Vec<Leg> {
     let half = |name: &str| 0.5 * values.number(name);
     let (y, z) = (half("platform-width"), nose(values));
@@ -176,7 +177,7 @@ pub fn hexaglide(values: &Values) -> Vec<Leg> {
     rails.map(legs).concat()
 }
 
-/// Six rods from carriages on upright rails.
+/// Returns six rods from carriages on vertical rails.
 pub fn linapod(values: &Values) -> Vec<Leg> {
     let leg = |i| {
         let [base, platform] = pairs(values, i, 90.0);
@@ -191,7 +192,7 @@ pub fn linapod(values: &Values) -> Vec<Leg> {
     (0..6).map(leg).collect()
 }
 
-/// Four rods from carriages on guides that lean inwards.
+/// Returns four rods from carriages on guides that lean inward.
 pub fn pyramid(values: &Values) -> Vec<Leg> {
     let of = |name: &str| values.number(name);
     let inwards = of("top-radius") - of("foot-radius");
@@ -208,7 +209,7 @@ pub fn pyramid(values: &Values) -> Vec<Leg> {
     (0..4).map(leg).collect()
 }
 
-/// Rods of one side of a lathe, 1 or -1, that spread along the rail.
+/// Returns the rods of one side of a lathe, 1 or -1, that spread along the rail.
 fn spread(values: &Values, side: f64) -> [Leg; 2] {
     let half = |name: &str| 0.5 * values.number(name);
     let base = [side * half("rail-distance"), 0.0, 0.0];
@@ -218,12 +219,12 @@ fn spread(values: &Values, side: f64) -> [Leg; 2] {
     })
 }
 
-/// Four rods from carriages on two rails.
+/// Returns four rods from carriages on two rails.
 pub fn four_rod_lathe(values: &Values) -> Vec<Leg> {
     [1.0, -1.0].map(|side| spread(values, side)).concat()
 }
 
-/// Six from carriages on four rails.
+/// Returns six rods from carriages on four rails.
 pub fn six_rod_lathe(values: &Values) -> Vec<Leg> {
     let half = |name: &str| 0.5 * values.number(name);
     let of_side = |side: f64| {

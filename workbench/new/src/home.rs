@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where the platform stands at home: in the middle of its drives' travel, as the kinematics say.
+//! Home position of the platform: at the center of its drives' travel, by the kinematics.
 
 use crate::ini::Plan;
 use crate::kinds::Way;
@@ -12,24 +12,24 @@ use keys::leg as key;
 use kinematics::{Pose, Vector3, leg};
 use std::path::Path;
 
-/// Places looked at along the reach of a leg, at least.
+/// Least number of positions tested along the reach of a leg.
 const PLACES: f64 = 50.0;
 
-/// A place and how good it is.
+/// A position and its quality.
 struct Found {
     home: [f64; 3],
     config: MachineConfig,
-    /// Smallest share of a drive's way from the end of its travel to the middle; below 0 beyond the end.
+    /// Smallest share of a drive's distance from the end of its travel to the center; below 0 beyond the end.
     share: f64,
-    /// Of which leg, and its value.
+    /// The leg with this share, and its value.
     worst: (usize, f64),
     score: f64,
 }
 
-/// The best place, and the machine there.
+/// Returns the best position, and the machine there.
 ///
 /// # Errors
-/// There is none that the drives can take, or the values make no machine.
+/// No position is within the drives' ranges, or the values describe no machine.
 pub fn found(plan: &Plan) -> Result<([f64; 3], MachineConfig), Refusal> {
     let places = match plan.values.list::<3>("home") {
         Some(home) => vec![home],
@@ -64,7 +64,7 @@ fn fault(error: &MachineError) -> String {
     }
 }
 
-/// The machine with its home at a place, read from its text as any other.
+/// Evaluates the machine with its home at a position, read from its text like any other.
 pub(crate) fn standing(plan: &Plan, home: [f64; 3]) -> Result<MachineConfig, MachineError> {
     let plan = Plan { home, ..plan.clone() };
     let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())?;
@@ -86,7 +86,7 @@ fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
     let worst = shares.min_by(|a, b| share(a.0, a.1).total_cmp(&share(b.0, b.1)));
     let worst = worst.unwrap_or_default();
     let share = share(worst.0, worst.1);
-    // Struts go with the height; carriages may be in the middle of their rails at any.
+    // Struts depend on the height; carriages may be at the center of their rails at any height.
     let firmness = match plan.kind.leg {
         leg::Kind::Slider | leg::Kind::Crank if share > 0.0 => at.smallest_singular_value(),
         _ => 1.0,
@@ -94,7 +94,7 @@ fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
     Ok(Found { home, share, worst, score: share * firmness, config: machine })
 }
 
-/// Places along the line through the middle of the legs, on round numbers.
+/// Returns positions along the line through the center of the legs, at round numbers.
 fn places(plan: &Plan) -> Vec<[f64; 3]> {
     let k = plan.kind.axis;
     let (middle, reach) = (middle(plan), reach(plan));
@@ -107,7 +107,7 @@ fn places(plan: &Plan) -> Vec<[f64; 3]> {
         Way::AboutOrigin => &[-1.0, 1.0],
     };
     let round = |value: f64| {
-        // A grid below 1 has no exact multiples, its inverse has.
+        // Multiples of a grid below 1 are inexact, those of its inverse are exact.
         let steps = (value / grid).round();
         if grid < 1.0 { steps / (1.0 / grid).round() } else { steps * grid }
     };
@@ -120,7 +120,8 @@ fn places(plan: &Plan) -> Vec<[f64; 3]> {
     ways.iter().flat_map(|way| (0..=count).map(move |n| on_line(n, *way))).collect()
 }
 
-/// The middle of the base joints with their drives in the middle of their travel; along the line, from where
+/// Returns the center of the base joints with their drives at the center of their travel; along the line, starting
+/// where
 /// the platform joints are level with them.
 fn middle(plan: &Plan) -> [f64; 3] {
     let k = plan.kind.axis;
@@ -141,7 +142,7 @@ fn middle(plan: &Plan) -> [f64; 3] {
     middle.into()
 }
 
-/// How far the platform can be from there.
+/// Returns the largest distance of the platform from there.
 fn reach(plan: &Plan) -> f64 {
     let of_leg = |leg: &crate::anchors::Leg| {
         let [rod] = leg.numbers::<1>(&key::ROD);
@@ -153,7 +154,7 @@ fn reach(plan: &Plan) -> f64 {
     }
 }
 
-/// Says which leg is how far beyond its range, and what may help.
+/// Names the leg that is farthest beyond its range, the distance, and a possible remedy.
 fn beyond(plan: &Plan, found: &Found) -> String {
     let joint = &found.config.first().joints[found.worst.0];
     let unit = found.config.first().unit(joint.kind);

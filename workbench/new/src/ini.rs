@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The INI file of a machine that is being made, with comments for who goes on with it.
+//! The INI file of a new machine, with comments for the integrator.
 
 use crate::anchors::Leg;
 use crate::carried::{Carried, CarriedJoint};
@@ -11,57 +11,57 @@ use kinematics::leg;
 use machine::proof::axis_box::AxisBox;
 use std::fmt::Write;
 
-/// What centre lines of legs keep, in diameters.
+/// Required distance of the legs' center lines, in diameters.
 const CLEARANCE: f64 = 1.2;
 
-/// A servo cycle, nanoseconds.
+/// Servo period, nanoseconds.
 const PERIOD: u32 = 1_000_000;
 
 /// The user interface of a machine that has none yet.
 const DISPLAY: &str = "DISPLAY = axis\nPOSITION_OFFSET = RELATIVE\nPOSITION_FEEDBACK = ACTUAL\nMAX_FEED_OVERRIDE = 1.0\n";
 
-/// Servo cycles that a drive may lag behind at its largest speed, as in the shipped machines.
+/// Lag of a drive at its largest speed, in servo cycles, as for the shipped machines.
 const LAG: f64 = 4.0;
 
-/// Share of a following error that counts at standstill.
+/// Tolerated share of the following error at standstill.
 const STANDSTILL: f64 = 0.25;
 
-/// Smallest following error, mm, or degrees of an arm.
+/// Smallest following error, mm, or degrees for an arm.
 const LEAST_ERROR: [f64; 2] = [1.0, 0.5];
 
-/// A machine that is being made. What is not known yet is left out of its file, or stands at 0 or 1.
+/// A new machine. Unknown values are omitted from its file, or are 0 or 1.
 #[derive(Clone, Debug)]
 pub struct Plan<'a> {
-    /// Its name, that of its files.
+    /// Its name, also the name of its files.
     pub name: &'a str,
     pub kind: &'static MachineKind,
-    /// What was given.
+    /// The given values.
     pub values: &'a Values,
     pub legs: Vec<Leg>,
     /// Letters that the legs move.
     pub coordinates: String,
-    /// Place of the tool at home, machine units.
+    /// Position of the tool at home, machine units.
     pub home: [f64; 3],
-    /// Axes BASE_N of the cardan joints, where the struts are geared.
+    /// Axes BASE_N of the cardan joints, for struts with leads.
     pub cardans: Vec<[f64; 3]>,
     /// Values of the joints at home.
     pub joints: Vec<f64>,
     pub limits: Option<AxisBox>,
     /// Largest speed and acceleration of every joint.
     pub speeds: Vec<[f64; 2]>,
-    /// Sections of boxes, and how many.
+    /// Sections of boxes, and their number.
     pub boxes: (String, usize),
     /// What an older configuration has, where one is migrated.
     pub carried: Option<Carried>,
 }
 
-/// Numbers with blanks between.
+/// Joins numbers with blanks.
 fn list(numbers: &[f64]) -> String {
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
 impl Plan<'_> {
-    /// Smallest and largest value of the legs' joints.
+    /// Returns the smallest and largest value of the legs' joints.
     pub fn range(&self) -> [f64; 2] {
         let name = match self.kind.leg {
             leg::Kind::Slider => "carriage",
@@ -71,7 +71,7 @@ impl Plan<'_> {
         self.values.list(name).unwrap_or_default()
     }
 
-    /// Letters that anything moves, in LinuxCNC's order.
+    /// Returns the letters that anything moves, in LinuxCNC's order.
     pub fn letters(&self) -> Vec<Letter> {
         let is_moved = |letter: &Letter| {
             [self.coordinates.as_str(), self.kind.table].concat().contains(letter.name())
@@ -79,7 +79,7 @@ impl Plan<'_> {
         Letter::ALL.into_iter().filter(is_moved).collect()
     }
 
-    /// Whether the letters hold an angle.
+    /// Returns whether the letters include an angle.
     pub fn tilts(&self) -> bool {
         self.letters().iter().any(|letter| letter.is_angle())
     }
@@ -93,7 +93,7 @@ impl Plan<'_> {
         self.legs.len() + self.kind.table.len() + self.extra().len()
     }
 
-    /// Largest speed and acceleration along X Y Z and of angles, a second.
+    /// Returns the largest speed and acceleration along X Y Z and of angles, per second.
     pub fn motion(&self) -> [[f64; 2]; 2] {
         if let Some(carried) = &self.carried {
             return carried.motion;
@@ -145,7 +145,7 @@ impl Plan<'_> {
         comment(&text)
     }
 
-    /// What LinuxCNC needs beside the machine itself.
+    /// Returns the settings that LinuxCNC needs besides the machine itself.
     fn interface(&self) -> String {
         let Self { name, .. } = self;
         let [[feed, _], [turn, _]] = self.motion();
@@ -212,7 +212,7 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
         )
     }
 
-    /// What moves, and how fast.
+    /// Returns the coordinates and their speeds.
     fn machine(&self) -> String {
         let letters: String = self.letters().iter().map(|letter| letter.name()).collect();
         let letters = letters + self.extra();
@@ -270,7 +270,7 @@ MAX_LINEAR_ACCELERATION = {accel}
         if let Some(carried) = &self.carried {
             text += &carried.machine;
         } else if self.kind.leg == leg::Kind::Strut {
-            // Geared struts need what is known after home is.
+            // Struts with leads need values that are known only after home.
             let lead = if self.cardans.is_empty() { 0.0 } else { self.lead(0) };
             text += &line(of_machine::SCREW_LEAD.name, &[lead]);
         }
@@ -307,7 +307,7 @@ MAX_LINEAR_ACCELERATION = {accel}
         text + &(0..self.legs.len()).map(|n| self.leg(n)).collect::<Vec<_>>().join("\n")
     }
 
-    /// Which way tools point, where they are along Z.
+    /// Returns the direction of tools along Z, if any.
     pub fn direction(&self) -> Option<&str> {
         if let Some(carried) = &self.carried {
             return carried.direction;
@@ -319,7 +319,7 @@ MAX_LINEAR_ACCELERATION = {accel}
         }
     }
 
-    /// Lead of a strut, with the sign of its hand.
+    /// Returns the lead of a strut, with the sign of its hand.
     fn lead(&self, n: usize) -> f64 {
         let lead = self.values.number("lead");
         let hands = self.values.word("hands").as_bytes();
@@ -429,7 +429,7 @@ MAX_LINEAR_ACCELERATION = {accel}
                 return "HOME_ABSOLUTE_ENCODER = 2\nHOME_OFFSET = 0\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n".into();
             }
         };
-        // Drives are not quite together at power-up.
+        // Drives are not exactly aligned at power-up.
         let start = switch - mm(30.0 + 3.0 * (n % 3) as f64);
         format!(
             "HOME_OFFSET = {switch}\nHOME_SEARCH_VEL = {}\nHOME_LATCH_VEL = {}\nHOME_FINAL_VEL = {}\n\
@@ -492,12 +492,12 @@ pub(crate) fn line(key: &str, numbers: &[f64]) -> String {
     format!("{key} = {}\n", list(numbers))
 }
 
-/// A number without the digits that rounding leaves behind.
+/// Rounds off the digits that rounding errors leave.
 fn digits(number: f64) -> f64 {
     (number * 1e6).round() / 1e6
 }
 
-/// Words as lines of a comment.
+/// Formats a text as lines of a comment.
 fn comment(text: &str) -> String {
     let mut lines = String::new();
     let mut line = String::from("#");

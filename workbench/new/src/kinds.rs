@@ -1,44 +1,44 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The machines that can be made, and which values make each of them.
+//! The kinds of machines that can be created, and their values.
 
 use crate::anchors::{self, Leg};
 use crate::parameters::*;
 use crate::values::Values;
 use kinematics::leg;
 
-/// Which way along the line through the middle of the legs the platform is.
+/// Direction to the platform along the line through the center of the legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// Smaller coordinates.
     Less,
     /// Larger coordinates.
     More,
-    /// Less with the tool down, more with the tool up.
+    /// Smaller with the tool down, larger with the tool up.
     WithTool,
-    /// Either, about the origin.
+    /// Either direction from the origin.
     AboutOrigin,
 }
 
 /// How drives find their position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Homing {
-    /// Their encoders know it.
+    /// With absolute encoders.
     Absolute,
-    /// A switch near the upper end of the travel.
+    /// With a switch near the upper end of the travel.
     AtEnd,
-    /// A switch a little beyond home.
+    /// With a switch slightly beyond home.
     BeyondHome,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub struct MachineKind {
     pub name: &'static str,
-    /// What it is, one line.
+    /// Description in one line.
     pub text: &'static str,
-    /// Where its frame is and what its pose means.
+    /// Location of its frame and meaning of its pose.
     pub frame: &'static str,
     pub leg: leg::Kind,
-    /// How many; 0: as many as the table of anchors has.
+    /// Number of legs; 0: as many as the table of anchors has.
     pub legs: usize,
     /// Letters that the legs move; empty: as given.
     pub coordinates: &'static str,
@@ -46,12 +46,12 @@ pub struct MachineKind {
     pub table: &'static str,
     pub own: &'static [Parameter],
     pub anchors: fn(&Values) -> Vec<Leg>,
-    /// The axis X Y Z along which home is looked for, 0 to 2.
+    /// The axis X Y Z along which home is searched, 0 to 2.
     pub axis: usize,
     pub way: Way,
     /// How its drives find their position.
     pub homing: Homing,
-    /// Whether boxes for the start without a seed are proved unasked.
+    /// Whether boxes for the start without a seed are proved by default.
     pub boxes: &'static str,
 }
 
@@ -409,7 +409,7 @@ pub const KINDS: &[MachineKind] = &[
 ];
 
 impl MachineKind {
-    /// Everything that is asked of this kind, in the order of questions.
+    /// Returns all parameters of this kind, in the order of questions.
     pub fn parameters(&self) -> Vec<Parameter> {
         let tilts = self.coordinates.is_empty() || self.coordinates.contains(['A', 'B', 'C']);
         let mut all = vec![UNIT, ANCHORS];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Limits of the axes, proved, and what they ask of the drives.
+//! Proved limits of the axes, and the resulting requirements on the drives.
 
 use crate::carried::Carried;
 use crate::ini::Plan;
@@ -16,40 +16,40 @@ use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Steps of a ray from home to where it ends, and halvings of the last one.
+/// Steps of a ray from home to its end, and halvings of the last one.
 const STEPS: u32 = 64;
 const HALVINGS: u32 = 12;
 
-/// A ray ends at this many sizes of the machine.
+/// Largest length of a ray, in sizes of the machine.
 const FARTHEST: f64 = 2.0;
 
-/// Largest angle that is tried unasked, degrees, and the share of what X, Y and Z could have that it has
-/// to leave.
+/// Largest angle that is tested by default, degrees, and the share of the possible range of X, Y and Z that must
+/// remain.
 const TILT: f64 = 15.0;
 const ENOUGH: f64 = 0.25;
 
 /// Smallest width of the limits: share of the machine's size, and degrees.
 const NARROWEST: [f64; 2] = [0.01, 1.0];
 
-/// Poses drawn for the speeds of drives.
+/// Poses sampled for the speeds of drives.
 const DRAWN: usize = 400;
 
-/// Steps of differences: share of the machine's size, and degrees.
+/// Steps of finite differences: share of the machine's size, and degrees.
 const STEP: [f64; 2] = [1e-4, 0.01];
 
-/// Room over the speeds and accelerations that were found at these poses.
+/// Factor on the speeds and accelerations of the sampled poses.
 const ROOM: f64 = 1.2;
 
 /// Share of a drive's acceleration that constant speed of the tool may need.
 const FOR_BENDS: f64 = 0.5;
 
-/// Accelerations of two motions that are blended add.
+/// Factor on accelerations: those of two blended motions add up.
 const BLENDED: f64 = 2.0;
 
-/// A box about home in which the machine can take every pose, proved.
+/// Returns a proved box of legal poses about home.
 ///
 /// # Errors
-/// Home is out of limits, or there is no room about it.
+/// Home is outside the limits, or there is no room around it.
 pub fn proved(
     config: &Mechanism,
     plan: &Plan,
@@ -94,17 +94,17 @@ pub fn proved(
     }
 }
 
-/// Whether struts are as long as another unit makes them.
+/// Returns whether strut lengths suggest another unit.
 fn is_of_two_units(config: &Mechanism, plan: &Plan) -> bool {
     plan.kind.leg == leg::Kind::Strut && plan.range()[1] > AWAY * config.machine.size()
 }
 
-/// The limits that are asked for a letter.
+/// Returns the requested limits for a letter.
 fn asked(plan: &Plan, letter: Letter) -> Option<[f64; 2]> {
     plan.values.limits().iter().find(|(of, _)| *of == letter).map(|(_, ends)| *ends)
 }
 
-/// Limits of what does not move, or beside home.
+/// Refuses limits for a letter that does not move, or that exclude home.
 fn refuse_limits(config: &Mechanism, plan: &Plan) -> Result<(), Refusal> {
     for (letter, [low, high]) in plan.values.limits() {
         let (name, home) = (letter.name(), config.home[letter.index()]);
@@ -123,7 +123,7 @@ fn refuse_limits(config: &Mechanism, plan: &Plan) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// That the limits asked for are not proved, with a pose that cannot be taken where one of the corners is such.
+/// Returns the refusal of unproved requested limits, with an illegal corner pose, if any.
 fn unproved(config: &Mechanism, reach: &Reach, plan: &Plan) -> Refusal {
     let limits = plan.values.limits();
     let words: Vec<String> =
@@ -150,12 +150,12 @@ fn unproved(config: &Mechanism, reach: &Reach, plan: &Plan) -> Refusal {
     ))
 }
 
-/// The tilt that is asked for, degrees.
+/// Returns the requested tilt, degrees.
 fn tilt(plan: &Plan) -> Option<f64> {
     plan.values.list::<1>("tilt").map(|[tilt]| tilt)
 }
 
-/// What is less than the tilt that is asked for: findings for whoever reads the limits.
+/// Returns findings for limits that are smaller than the requested tilt.
 pub fn short_of_tilt(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> Vec<Finding> {
     let Some(tilt) = tilt(plan) else { return vec![] };
     let is_short = |letter: &Letter| {
@@ -190,7 +190,7 @@ fn shown(config: &Mechanism, stop: Stop) -> String {
     }
 }
 
-/// How far every coordinate alone can go from home; angles as far as wanted.
+/// Returns the distance that every single coordinate can move from home; angles up to the requested one.
 fn extents(config: &Mechanism, reach: &Reach, plan: &Plan) -> Result<AxisBox, Refusal> {
     let mut extents = AxisBox { low: config.home, high: config.home };
     for letter in plan.letters() {
@@ -222,7 +222,7 @@ fn extents(config: &Mechanism, reach: &Reach, plan: &Plan) -> Result<AxisBox, Re
     Ok(extents)
 }
 
-/// The end of a ray along a coordinate, and what stops it there.
+/// Returns the end of a ray along a coordinate, and the reason for it.
 fn ray(config: &Mechanism, reach: &Reach, k: usize, far: f64) -> (f64, Option<Stop>) {
     let stop = |share: f64| {
         let mut pose = config.home;
@@ -241,8 +241,8 @@ fn ray(config: &Mechanism, reach: &Reach, k: usize, far: f64) -> (f64, Option<St
     (config.home[k] + good * far, stop(bad))
 }
 
-/// Largest speed and acceleration that every joint needs within the limits: where the tool goes at its
-/// largest speed along X Y Z while all angles change at theirs, and accelerates as hard.
+/// Returns the largest speed and acceleration that every joint needs within the limits, if the tool moves at its
+/// largest speed along X Y Z while all angles change at theirs, and both accelerate fully.
 pub fn speeds(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> Vec<[f64; 2]> {
     let Ok(reach) = Reach::new(config) else { return vec![] };
     let mut rng = Pcg64::seed_from_u64(3);
@@ -295,7 +295,7 @@ fn rounded_down(share: f64, value: f64) -> f64 {
     (share * value * grid).floor() / grid
 }
 
-/// The same at a pose; the second derivative along one way through it.
+/// Returns the speeds and accelerations at a pose; the second derivative is along one path through it.
 fn at_pose(
     reach: &Reach,
     config: &Mechanism,
@@ -323,14 +323,14 @@ fn at_pose(
     let of_joint = |(sum, bend): ([f64; 2], f64)| {
         let lengths = sum[0].sqrt();
         let speed = lengths * linear[0] + sum[1] * angular[0];
-        // LinuxCNC lets X, Y and Z each accelerate as hard.
+        // LinuxCNC allows X, Y and Z the same acceleration each.
         let acceleration = lengths * 3.0_f64.sqrt() * linear[1] + sum[1] * angular[1];
         [speed, BLENDED * acceleration + bend]
     };
     Some(sums.into_iter().zip(bend).map(of_joint).collect())
 }
 
-/// Accelerations of the joints where the pose moves on along a way at the largest speeds.
+/// Returns the accelerations of the joints if the pose moves along a path at the largest speeds.
 fn bends(
     config: &Mechanism,
     plan: &Plan,
@@ -355,7 +355,7 @@ fn step_of(config: &Mechanism, letter: Letter) -> f64 {
     if letter.is_angle() { STEP[1] } else { STEP[0] * config.machine.size() }
 }
 
-/// Two digits, and no less.
+/// Rounds up to two digits.
 fn rounded_up(value: f64) -> f64 {
     let grid = value.max(f64::MIN_POSITIVE).log10().floor() as i32 - 1;
     match grid {

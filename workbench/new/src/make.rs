@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Makes the folder of a machine, whole or not at all.
+//! Creates the folder of a machine, completely or not at all.
 
 use crate::carried::Carried;
 use crate::ini::Plan;
@@ -23,23 +23,23 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
-/// What is to be made.
+/// A machine to create.
 #[derive(Debug)]
 pub struct Order<'a> {
     pub kind: &'static MachineKind,
-    /// What was given.
+    /// The given values.
     pub values: &'a Values,
     /// Name of the machine and of its files.
     pub name: &'a str,
-    /// Its folder, which is not there yet.
+    /// Its folder, which must not exist.
     pub folder: &'a Path,
 }
 
 #[derive(Debug)]
 pub struct Made {
-    /// What `pkm check` says of it.
+    /// Result of `pkm check`.
     pub report: Report,
-    /// What has to be known of boxes for the start without a seed.
+    /// A note about boxes for the start without a seed.
     pub boxes: String,
     /// The axis limits.
     pub limits: AxisBox,
@@ -53,16 +53,16 @@ impl From<AtFile<io::Error>> for Refusal {
     }
 }
 
-/// What takes long.
+/// Names of long tasks.
 const PROVING_LIMITS: &str = "proving axis limits";
 const PROVING_BOXES: &str = "proving boxes for the start without a seed";
 const CHECKING: &str = "checking the result";
 
-/// Makes it; `say` is told what goes on, and of long work the share that is done.
+/// Creates the machine; `say` receives the current task and, for a long one, the completed share.
 ///
 /// # Errors
-/// What was given is wrong, no such machine works, or the folder cannot be written. Nothing is left
-/// behind then.
+/// The given values are wrong, no such machine works, or the folder cannot be written. Then no files
+/// remain.
 pub fn make(order: &Order, say: impl Fn(&str, Option<f64>) + Sync) -> Result<Made, Refusal> {
     refuse_name(order.name)?;
     refuse_place(order.folder)?;
@@ -86,7 +86,7 @@ pub(crate) fn completed(
     say: impl Fn(&str, Option<f64>) + Sync,
 ) -> Result<Made, Refusal> {
     let folder = Folder::beside(order.folder)?;
-    // Nobody knows the folder that becomes whole.
+    // The user does not know the temporary folder.
     let report = filled(order, folder.path(), plan, say).map_err(|refusal| {
         let [hidden, named] = [folder.path(), order.folder].map(|path| path.display().to_string());
         refusal.renamed(&hidden, &named)
@@ -95,7 +95,7 @@ pub(crate) fn completed(
     Ok(report)
 }
 
-/// Writes everything into a folder.
+/// Writes all files into a folder.
 fn filled(
     order: &Order,
     folder: &Path,
@@ -131,7 +131,7 @@ fn filled(
     ] {
         write_whole(&at(&name), &text)?;
     }
-    // With all files in their places, which it looks for.
+    // After all files exist, which the check searches for.
     say(CHECKING, None);
     let mut report = checked(&config, (folder, order), plan.carried.is_some(), |share| {
         say(CHECKING, Some(share))
@@ -141,8 +141,8 @@ fn filled(
     Ok(Made { report, boxes, limits: found, motion: plan.motion() })
 }
 
-/// The machine of these values in memory, with its home, but with neither proved axis limits nor boxes: for who
-/// compares many of them.
+/// Creates the machine of these values in memory, with its home, but with neither proved axis limits nor boxes: for
+/// comparing many machines.
 ///
 /// # Errors
 /// As [`make`](fn@make).
@@ -164,7 +164,7 @@ pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<MachineCo
 /// bytes.
 const LONGEST_NAME: usize = 64;
 
-/// Names go into HAL files, where blanks separate and signs mean something.
+/// Refuses a name unsuitable for HAL files, where blanks separate and some characters are special.
 pub(crate) fn refuse_name(name: &str) -> Result<(), Refusal> {
     let is_good = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if name.len() > LONGEST_NAME {
@@ -240,7 +240,7 @@ fn begun<'a>(order: &Order<'a>) -> Result<Plan<'a>, Refusal> {
     })
 }
 
-/// The letters that the legs move.
+/// Returns the letters that the legs move.
 fn coordinates(kind: &MachineKind, values: &Values, legs: usize) -> Result<String, Refusal> {
     let letters = match (kind.coordinates, values.word("coordinates"), legs) {
         ("", "", 3) => "XYZ",
@@ -266,20 +266,20 @@ fn coordinates(kind: &MachineKind, values: &Values, legs: usize) -> Result<Strin
     Ok(letters.into())
 }
 
-/// Axes of the base joints: level, and across the struts at home.
+/// Returns the axes of the base joints: horizontal, and normal to the struts at home.
 fn cardans(config: &Mechanism) -> Vec<[f64; 3]> {
     let Ok(at) = config.machine.at(&config.home_pose(), &config.spindle) else { return vec![] };
     let up = Vector3::z();
     let axis = |segment: &kinematics::Segment| {
         let along = segment.span();
-        // Of an upright strut any level axis is across it.
+        // For a vertical strut any horizontal axis is normal to it.
         let across = up.cross(&along).try_normalize(1e-9 * along.norm());
         across.unwrap_or(Vector3::x()).map(|x| x + 0.0).into()
     };
     at.segments()[..config.legs()].iter().map(axis).collect()
 }
 
-/// The machine's file, written and read back.
+/// Writes the machine's file and reads it back.
 fn written(folder: &Path, plan: &Plan) -> Result<MachineConfig, Refusal> {
     let file = folder.join(format!("{}.ini", plan.name));
     write_over(&file, &plan.text())?;
@@ -292,7 +292,7 @@ fn joints(config: &Mechanism) -> Result<Vec<f64>, Refusal> {
     Ok(joints[..config.joints.len()].to_vec())
 }
 
-/// Proves boxes where they are wanted; what there is to say of them.
+/// Proves boxes if requested and returns a note about them.
 fn with_boxes(
     plan: &mut Plan,
     config: &Mechanism,
@@ -332,7 +332,7 @@ fn with_boxes(
     }
 }
 
-/// What `pkm check` says of the file, with the place that it will have.
+/// Returns the result of `pkm check` for the file at its final path.
 fn checked(
     config: &MachineConfig,
     (folder, order): (&Path, &Order),
@@ -352,7 +352,7 @@ fn checked(
     Err(Refusal::Misfit(format!("this machine does not fit together:\n{}", lines.join("\n"))))
 }
 
-/// Findings get the place that their files will have.
+/// Replaces the temporary file in findings by the machine's file.
 fn name_place(report: &mut Report, folder: &Path, order: &Order) {
     for Finding { problem, .. } in &mut report.findings {
         if let Ok(name) = problem.file.strip_prefix(folder) {
@@ -361,7 +361,7 @@ fn name_place(report: &mut Report, folder: &Path, order: &Order) {
     }
 }
 
-/// The limits of a machine that was made, letter by letter, for people.
+/// Formats the limits of the new machine, letter by letter.
 pub fn limit_lines(config: &Mechanism) -> String {
     let line = |letter: &Letter| {
         let axis = &config.axes[letter.index()];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The operator's panel of a machine, for LinuxCNC's PyVCP: docs/guide/panel.md.
 //!
-//! Two texts: the widgets, and which pin feeds each of them. Pins have the names of their widgets with
-//! `pyvcp.` in front.
+//! Two texts: the widgets, and the pin connected to each of them. Pins have the names of their widgets with
+//! the prefix `pyvcp.`.
 
 use kinematics::Letter;
 use machine::read::joints::Joint;
@@ -10,7 +10,7 @@ use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use std::fmt::Write as _;
 
-/// Within, near and beyond limits: told apart by those who see no red or no green, and in print.
+/// Colors for within, near and beyond limits, distinguishable with color blindness and in print.
 const WELL: &str = "#56b4e9";
 const NEAR: &str = "#e69f00";
 const BEYOND: &str = "#d55e00";
@@ -18,13 +18,13 @@ const BEYOND: &str = "#d55e00";
 /// Share of a range within which it counts as near its end.
 const EDGE: f64 = 0.1;
 
-/// Where `make install` puts what turns codes into words.
+/// Installed program that converts codes to words.
 const WORDS: &str = "/usr/share/pkmkins/pkmkins_panel.py";
 
 /// Most rows of a page: more do not fit beside AXIS on a screen of 1080 lines.
 const ROWS: usize = 12;
 
-/// The two texts.
+/// Both texts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Panel {
     /// For `[DISPLAY]PYVCP`.
@@ -33,7 +33,7 @@ pub struct Panel {
     pub wiring: String,
 }
 
-/// Widgets and nets as they come together.
+/// Accumulated widgets and nets.
 #[derive(Default)]
 struct Sheet {
     widgets: String,
@@ -45,14 +45,14 @@ struct Bar {
     widget: String,
     pin: String,
     range: [f64; 2],
-    /// Up to where it has the first colour and up to where the second.
+    /// Ends of the ranges of the first and the second color.
     steps: [f64; 2],
     colours: [&'static str; 3],
     format: &'static str,
 }
 
 impl Panel {
-    /// Of this machine, whose files begin with `name`.
+    /// Creates the panel of this machine, whose files begin with `name`.
     pub fn new(config: &MachineConfig, name: &str) -> Self {
         let mut sheet = Sheet::default();
         sheet.open("pyvcp", "");
@@ -62,7 +62,7 @@ impl Panel {
         sheet.kinematics(config);
         sheet.refusals();
         sheet.close("pyvcp");
-        // A comment of XML has no two hyphens together.
+        // A comment of XML must not contain two adjacent hyphens.
         let spaced = name.replace("--", "- -");
         let widgets = format!(
             "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- Made by pkm panel from {spaced}.ini. -->\n{}",
@@ -85,7 +85,7 @@ impl Sheet {
         let _ = writeln!(self.widgets, "<{element} {attributes}/>");
     }
 
-    /// A widget that shows a pin.
+    /// Adds a widget that shows a pin.
     fn shown(&mut self, element: &str, widget: &str, pin: &str, attributes: &str) {
         self.widget(element, &format!("halpin=\"{widget}\" {attributes}"));
         self.nets.push((pin.into(), widget.into()));
@@ -124,7 +124,7 @@ impl Sheet {
         self.label(text);
     }
 
-    /// Joints, and the cones that the machine has, on pages of their own.
+    /// Adds joints, and the cones that the machine has, on separate pages.
     fn pages(&mut self, config: &MachineConfig) {
         let joints: Vec<_> = config.all_joints().enumerate().collect();
         let cones = cones(config);
@@ -168,7 +168,7 @@ impl Sheet {
         self.close("tabs");
     }
 
-    /// Where a joint is in its range, and how far from the nearer end.
+    /// Adds the position of a joint in its range, and its distance from the nearer end.
     fn joint(&mut self, config: &MachineConfig, n: usize, joint: &Joint, unit: &str) {
         let (min, max) = (joint.min, joint.max);
         let edge = EDGE * (max - min);
@@ -316,7 +316,7 @@ impl Sheet {
     }
 
     fn wiring(&self, config: &MachineConfig, name: &str) -> String {
-        // A user interface ends LinuxCNC where this file fails.
+        // A user interface ends LinuxCNC if this file fails.
         let mut text = format!(
             "# Made by pkm panel from {name}.ini: what {name}-panel.xml shows.\n\
              if {{[catch {{ source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl] }} error]}} {{\n    \
@@ -340,12 +340,12 @@ impl Sheet {
     }
 }
 
-/// What names of pins of a mechanism begin with, and what names of its widgets end in.
+/// Returns the prefix of the names of a mechanism's pins, and the suffix of its widgets' names.
 fn stem(mechanism: &Mechanism) -> (&'static str, &'static str) {
     if mechanism.place.is_second { ("pkmkins.second.", "-second") } else { ("pkmkins.", "") }
 }
 
-/// Letters that the machine moves, in LinuxCNC's order, and whether they are angles.
+/// Returns the letters that the machine moves, in LinuxCNC's order, and whether they are angles.
 fn letters(config: &MachineConfig) -> impl Iterator<Item = (char, bool)> {
     let own = config.mechanisms.iter().flat_map(|mechanism| {
         let moved = |letter: &Letter| !mechanism.machine.layout().is_held(*letter);
@@ -357,7 +357,7 @@ fn letters(config: &MachineConfig) -> impl Iterator<Item = (char, bool)> {
     places.into_iter().map(|place| (kinematics::POSE_LETTERS[place], (3..6).contains(&place)))
 }
 
-/// Whether each joint can be a letter.
+/// Returns whether each joint can be assigned a letter.
 fn has_identity(config: &MachineConfig) -> bool {
     config.mechanisms.iter().all(|mechanism| {
         let layout = mechanism.machine.layout();
@@ -365,7 +365,7 @@ fn has_identity(config: &MachineConfig) -> bool {
     })
 }
 
-/// Name, pin and largest value of the angles that have a limit.
+/// Returns name, pin and largest value of the angles that have a limit.
 fn cones(config: &MachineConfig) -> Vec<(String, String, f64)> {
     let of = |mechanism: &Mechanism| {
         let row = |k: usize, end: &str, i: usize| {
@@ -380,7 +380,7 @@ fn cones(config: &MachineConfig) -> Vec<(String, String, f64)> {
     config.mechanisms.iter().flat_map(of).collect()
 }
 
-/// Digits of a value that an operator reads.
+/// Returns the number format of values for the operator.
 fn digits(config: &MachineConfig, unit: &str) -> &'static str {
     match unit {
         "degrees" => ".2f",
@@ -389,7 +389,7 @@ fn digits(config: &MachineConfig, unit: &str) -> &'static str {
     }
 }
 
-/// As a bar shows it.
+/// Rounds for a bar.
 fn rounded(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a builder is asked for: one table for options, questions, help and defaults.
+//! Parameters of a new machine: one table for options, questions, help and defaults.
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measure {
-    /// A length above 0.
+    /// A positive length.
     Length,
     /// A length that may be 0.
     Distance,
@@ -11,17 +11,17 @@ pub enum Measure {
     Place,
     /// This many lengths of any sign.
     Places(usize),
-    /// Smallest and largest value of a drive that moves along, lengths.
+    /// Smallest and largest value of a linear drive, lengths.
     Travel,
-    /// Smallest and largest value of a drive that turns, degrees.
+    /// Smallest and largest value of a rotary drive, degrees.
     Swing,
-    /// An angle above 0, degrees; at most the number.
+    /// A positive angle, degrees; at most the number.
     Angle(u16),
-    /// A length a minute.
+    /// A length per minute.
     Feed,
-    /// A length a second squared.
+    /// A length per second squared.
     Acceleration,
-    /// Degrees a second.
+    /// Degrees per second.
     Turning,
     /// One of these words.
     Choice(&'static [&'static str]),
@@ -34,28 +34,28 @@ pub enum Measure {
     File,
 }
 
-/// Whether a value has to be given.
+/// Whether a value is required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
-    /// Always, but where a table gives the anchors in its place.
+    /// Required, unless a table gives the anchors.
     Anchor,
-    /// Always.
+    /// Required.
     Needed,
-    /// Never.
+    /// Optional.
     Optional,
 }
 
-/// One value that a builder is asked for.
+/// A parameter of a new machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
     pub name: &'static str,
     pub measure: Measure,
-    /// Value of a machine in mm, as one would write it; empty: none. Where the value is needed it is an
+    /// Value for a machine in mm, as text; empty: none. For a required value it is an
     /// example, which questions offer.
     pub default: &'static str,
-    /// Whether it has to be given.
+    /// Whether it is required.
     pub need: Need,
-    /// What it means.
+    /// Its meaning.
     pub text: &'static str,
 }
 
@@ -86,7 +86,7 @@ const fn optional(
     Parameter { need: Need::Optional, ..anchor(name, measure, default, text) }
 }
 
-/// Unit of all lengths that are given and of the machine.
+/// Unit of the machine and of all given lengths.
 pub const UNIT: Parameter = optional(
     "unit",
     Measure::Choice(&["mm", "inch"]),
@@ -99,14 +99,14 @@ pub const ANCHORS: Parameter = optional(
     "",
     "CSV file with the anchors of every leg, instead of dimensions",
 );
-/// Where base is.
+/// Height of base.
 pub const HEIGHT: Parameter = optional(
     "height",
     Measure::Place,
     "0",
     "Z of the base joints, or of the rails (at carriage position 0), above Z = 0 of programs, for example the table top",
 );
-/// From the platform joints to where tools are measured from.
+/// Distance from the platform joints to the reference point of tools.
 pub const NOSE: Parameter = optional(
     "nose",
     Measure::Distance,
@@ -119,16 +119,16 @@ pub const TOOL: Parameter = optional(
     "down",
     "Direction of the tool: down with the platform below its base, or up with the platform above it",
 );
-/// The same for what stands on its base.
+/// Direction of tools for machines that stand on their base.
 pub(super) const TOOL_UP: Parameter = Parameter { default: "up", ..TOOL };
-/// Where the platform is to stand.
+/// Home position of the platform.
 pub const HOME: Parameter = optional(
     "home",
     Measure::Places(3),
     "",
     "Position at home of a tool of zero length; chosen automatically if not given",
 );
-/// What joints may swing.
+/// Swing of the joints.
 pub const JOINT_ANGLE: Parameter = optional(
     "joint-angle",
     Measure::Angle(180),
@@ -142,14 +142,14 @@ pub const DIAMETER: Parameter = optional(
     "",
     "Thickness of the legs; center lines keep a fifth more. Not judged if not given",
 );
-/// How far the platform is to tilt.
+/// Required tilt of the platform.
 pub const TILT: Parameter = optional(
     "tilt",
     Measure::Angle(90),
     "",
     "Axis limits of A, B and C, in both directions; by default up to 15, less if that would leave little of X Y Z",
 );
-/// Where the axes are to end.
+/// Required axis limits.
 pub const LIMITS: Parameter = optional(
     "limits",
     Measure::Limits,
@@ -159,10 +159,10 @@ pub const LIMITS: Parameter = optional(
 /// Speed of the tool.
 pub const FEED: Parameter =
     optional("feed", Measure::Feed, "3000", "Highest speed of the tool along X Y Z");
-/// How fast it is reached.
+/// Acceleration of the tool.
 pub const ACCEL: Parameter =
     optional("accel", Measure::Acceleration, "400", "Highest acceleration along X Y Z");
-/// Speed of tilts.
+/// Speed of angles.
 pub const TURN: Parameter = optional(
     "turn",
     Measure::Turning,
@@ -175,7 +175,7 @@ pub const BOXES: Parameter = optional(
     "yes",
     "Prove boxes for the start without a seed; takes seconds, for a hexapod minutes",
 );
-/// Letters of legs that a table gives.
+/// Letters that legs from a table move.
 pub const COORDINATES: Parameter = optional(
     "coordinates",
     Measure::Letters,
@@ -301,7 +301,7 @@ impl Measure {
         }
     }
 
-    /// Whether its numbers change with the unit of length.
+    /// Returns whether its numbers depend on the unit of length.
     pub const fn is_length(self) -> bool {
         matches!(
             self,

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What stands beside the INI file: a first program, the tool table and a page of next steps.
+//! Files next to the INI file: a first program, the tool table and a page of next steps.
 
 use crate::ini::Plan;
 use kinematics::Letter;
 use machine::proof::axis_box::AxisBox;
 use std::fmt::Write;
 
-/// Share of the largest speed that the first program moves at.
+/// Speed of the first program, as a share of the largest one.
 const SHARE: f64 = 0.5;
 
-/// Shares of the limits that the program goes to along one letter, and with all of them.
+/// Shares of the limits to which the program moves along one letter, and along all of them.
 const ALONE: [f64; 2] = [0.1, 0.9];
 const TOGETHER: [f64; 2] = [0.3, 0.7];
 
-/// Words of a place, with few digits.
+/// Formats the words of a pose, with few digits.
 fn words(plan: &Plan, letters: &[Letter], pose: [f64; 6]) -> String {
     let of = |letter: &Letter| {
         let digits = if letter.is_angle() || plan.values.unit() == "mm" { 2 } else { 4 };
@@ -24,7 +24,7 @@ fn words(plan: &Plan, letters: &[Letter], pose: [f64; 6]) -> String {
     letters.iter().map(of).collect::<Vec<_>>().join(" ")
 }
 
-/// A program that moves the machine along each of its letters, and along all of them, within its limits.
+/// Returns a program that moves the machine along each of its letters, and along all of them, within its limits.
 pub fn first(plan: &Plan, limits: &AxisBox) -> String {
     let [[feed, _], [turn, _]] = plan.motion();
     let letters = plan.letters();
@@ -42,7 +42,7 @@ pub fn first(plan: &Plan, limits: &AxisBox) -> String {
     line(&format!("G0 {}", words(plan, &letters, home)));
     for letter in &letters {
         let k = letter.index();
-        // A feed without X Y Z is in degrees a minute.
+        // A feed without X Y Z is in degrees per minute.
         let speed = (60.0 * SHARE * if letter.is_angle() { turn } else { feed }).round().max(1.0);
         for share in ALONE {
             let mut pose = home;
@@ -62,13 +62,13 @@ pub fn first(plan: &Plan, limits: &AxisBox) -> String {
     text
 }
 
-/// One tool without a length, or the table of an older configuration.
+/// Returns a table with one tool without a length.
 pub fn tools<'a>(plan: &'a Plan) -> &'a str {
     let carried = plan.carried.as_ref();
     carried.map_or("T1 P1 Z0 D0 ;no length yet: measure your tools\n", |old| &old.tools)
 }
 
-/// What to do next.
+/// Returns the page of next steps.
 pub fn readme(plan: &Plan) -> String {
     let name = plan.name;
     let tools = match plan.direction() {

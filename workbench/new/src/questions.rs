@@ -10,14 +10,14 @@ use std::io::{self, BufRead, Write};
 /// Words by the names of their parameters.
 pub type Given = BTreeMap<&'static str, Vec<String>>;
 
-/// Where questions are asked and answered.
+/// Input and output of a dialog.
 pub struct Dialogue<'a> {
     pub answers: &'a mut dyn BufRead,
     pub questions: &'a mut dyn Write,
 }
 
 impl Dialogue<'_> {
-    /// Which kind.
+    /// Asks for the kind.
     ///
     /// # Errors
     /// The answers have ended.
@@ -34,7 +34,7 @@ impl Dialogue<'_> {
         }
     }
 
-    /// All values of a kind; those for which nothing is answered are left to their defaults.
+    /// Asks for all values of a kind; those without an answer get their defaults.
     ///
     /// # Errors
     /// The answers have ended.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Legs from a table of anchors, a CSV file with a line for every leg.
+//! Legs from a table of anchors, a CSV file with one line per leg.
 
 use crate::anchors::Leg;
 use crate::values::{MOST as MOST_LENGTH, Refusal};
@@ -11,12 +11,12 @@ use std::path::Path;
 
 const MOST: usize = kinematics::MAX_LEGS;
 
-/// The keys that a leg of this kind needs: each of their numbers is a column.
+/// Returns the keys that a leg of this kind needs: each of their numbers is a column.
 fn needed(kind: Kind) -> impl Iterator<Item = &'static Key> {
     of_leg(kind).filter(|key| key.need == Need::Needed)
 }
 
-/// Names of the columns: the leg's number, then those of its numbers.
+/// Returns the names of the columns: the leg's number, then those of its numbers.
 pub fn columns(kind: Kind) -> Vec<String> {
     let of = |key: &Key| -> Vec<String> {
         let name = key.name.to_ascii_lowercase();
@@ -31,14 +31,14 @@ pub fn columns(kind: Kind) -> Vec<String> {
 /// Reads the legs.
 ///
 /// # Errors
-/// The file cannot be read, or a line of it is no leg: with its place.
+/// The file cannot be read, or a line is not a leg: with its location.
 pub fn read(file: &Path, kind: Kind) -> Result<Vec<Leg>, Refusal> {
     let text = read_text(file).map_err(|error| Refusal::Input(error.to_string()))?;
     let at = |line: usize, expected: String| {
         Refusal::Input(format!("{}:{line}: {expected}", file.display()))
     };
     let names = columns(kind);
-    // Spreadsheets write a mark before the first line, and quotes.
+    // Spreadsheets write a byte order mark before the first line, and quotes.
     let mut lines = text
         .trim_start_matches('\u{feff}')
         .lines()

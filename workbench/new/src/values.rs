@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What was given of a machine: every value of its kind's table, checked, with defaults.
+//! The given values of a machine: every value of its kind's table, checked, with defaults.
 
 use crate::parameters::{ANCHORS, LIMITS, Measure, Need, Parameter, UNIT};
 use kinematics::Letter;
 use machine::read::ini::decimal;
 use std::collections::BTreeMap;
 
-/// Millimetres of an inch.
+/// Millimeters per inch.
 pub const MM_PER_INCH: f64 = 25.4;
 
-/// Largest number, and smallest one above 0, that can be meant, in any unit: beyond them a file in decimals, and
-/// differences of lengths, lose the digits that a machine needs.
+/// Largest plausible number, and smallest positive one, in any unit: beyond them a file in decimals, and
+/// differences of lengths, lose necessary digits.
 pub(super) const MOST: f64 = 1e7;
 const LEAST: f64 = 1e-6;
 
@@ -35,7 +35,7 @@ enum Value {
 pub struct Values(BTreeMap<&'static str, Value>);
 
 impl Refusal {
-    /// The same, naming one place in place of another.
+    /// Replaces a path by another one in the refusal.
     #[must_use]
     pub fn renamed(self, from: &str, to: &str) -> Self {
         match self {
@@ -46,10 +46,10 @@ impl Refusal {
 }
 
 impl Values {
-    /// Of the words that were given for the parameters of a machine; the others have their defaults.
+    /// Checks the words given for the parameters of a machine; the others get their defaults.
     ///
     /// # Errors
-    /// A value is none, or is missing.
+    /// A value is invalid or missing.
     pub fn new(
         machine: &str,
         parameters: &[Parameter],
@@ -103,17 +103,17 @@ impl Values {
         }
     }
 
-    /// The numbers of a parameter, if it has any.
+    /// Returns the numbers of a parameter, if it has any.
     pub fn list<const N: usize>(&self, parameter: &str) -> Option<[f64; N]> {
         self.numbers(parameter).and_then(|numbers| numbers.try_into().ok())
     }
 
-    /// Its one number; 0 where there is none.
+    /// Returns its single number; 0 if there is none.
     pub fn number(&self, name: &str) -> f64 {
         self.numbers(name).map_or(0.0, |numbers| numbers[0])
     }
 
-    /// Its word; empty where there is none.
+    /// Returns its word; empty if there is none.
     pub fn word(&self, name: &str) -> &str {
         match self.0.get(name) {
             Some(Value::Word(word)) => word,
@@ -121,7 +121,7 @@ impl Values {
         }
     }
 
-    /// The limits that are asked for.
+    /// Returns the requested limits.
     pub fn limits(&self) -> &[(Letter, [f64; 2])] {
         match self.0.get(LIMITS.name) {
             Some(Value::Limits(limits)) => limits,
@@ -129,18 +129,18 @@ impl Values {
         }
     }
 
-    /// Name of the unit of length.
+    /// Returns the name of the unit of length.
     pub fn unit(&self) -> &str {
         self.word(UNIT.name)
     }
 
-    /// A length that is given in mm, in machine units, with few digits.
+    /// Converts a length in mm to machine units, with few digits.
     pub fn from_mm(&self, mm: f64) -> f64 {
         if self.unit() == "mm" { mm } else { short(mm / MM_PER_INCH) }
     }
 }
 
-/// Machine units of a millimetre, from the words given.
+/// Returns the machine units per millimeter from the given words.
 fn unit(given: &BTreeMap<&'static str, Vec<String>>) -> Result<f64, Refusal> {
     match given.get(UNIT.name) {
         Some(words) => match parsed(&UNIT, words)? {
@@ -165,7 +165,7 @@ fn missing_text(machine: &str, missing: &[Parameter]) -> String {
     )
 }
 
-/// The words of a parameter's default in this unit, none where it has no default.
+/// Returns the words of a parameter's default in this unit, none if it has no default.
 pub fn default(parameter: &Parameter, per_mm: f64) -> Vec<String> {
     let in_unit = |word: &str| match decimal(word) {
         Some(number) if parameter.measure.is_length() && per_mm != 1.0 => {
@@ -176,13 +176,13 @@ pub fn default(parameter: &Parameter, per_mm: f64) -> Vec<String> {
     parameter.default.split_ascii_whitespace().map(in_unit).collect()
 }
 
-/// Three digits of a number.
+/// Rounds to three digits.
 fn short(number: f64) -> f64 {
     if number == 0.0 {
         return 0.0;
     }
     let digits = 2 - number.abs().log10().floor() as i32;
-    // Tens are divided by, as they have no exact inverse.
+    // Divides by powers of ten, because they have no exact inverse.
     match digits {
         0.. => (number * 10_f64.powi(digits)).round() / 10_f64.powi(digits),
         _ => (number / 10_f64.powi(-digits)).round() * 10_f64.powi(-digits),
@@ -192,7 +192,7 @@ fn short(number: f64) -> f64 {
 /// Checks the words of a parameter.
 ///
 /// # Errors
-/// What was expected.
+/// The expected words.
 pub fn check(parameter: &Parameter, words: &[String]) -> Result<(), Refusal> {
     parsed(parameter, words).map(|_| ())
 }
@@ -225,7 +225,7 @@ fn parsed(parameter: &Parameter, words: &[String]) -> Result<Value, Refusal> {
     }
 }
 
-/// Letters with their limits, three words each.
+/// Parses letters with their limits, three words each.
 fn limits(words: &[String]) -> Result<Vec<(Letter, [f64; 2])>, String> {
     let of = |three: &[String]| {
         let [letter, low, high] = three else { return None };
