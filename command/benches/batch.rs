@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Inverse and forward of rows of a file in batches, for who compares other programs with them in turns:
+//! Inverse and forward solutions of rows of a file in batches, for comparisons with other programs in turns:
 //!
 //! ```text
 //! cargo bench -p pkm --bench batch -- MACHINE.ini ROWS
 //! ```
 //!
-//! ROWS are poses of six little-endian float64, machine units and degrees. Each line of the standard input, `inverse` or
-//! `forward`, is answered by the seconds that it took, degrees into radians included, as Python has it. Forward starts from the poses that it looks for, 0.1 units
-//! and 0.01 degrees away. `RAYON_NUM_THREADS` limits the cores.
+//! ROWS are poses of six little-endian float64, machine units and degrees. For each line of the standard input,
+//! `inverse` or `forward`, the response is the time in seconds, conversion to radians included, as in Python. Forward
+//! starts 0.1 units and 0.01 degrees away from the true poses. `RAYON_NUM_THREADS` limits the cores.
 
 use kinematics::{MAX_JOINTS, Pose};
 use machine::read::machine::MachineConfig;

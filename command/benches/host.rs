@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Poses a second of inverse over a whole workspace, in a loop and in batches on one core and more,
-//! positions a second of a study of the workspace, stability in the cut, and programs judged before
-//! cutting. Times are printed, never asserted; what stays are the ratios of one run.
+//! Poses per second of inverse over a whole workspace, in a loop and in batches on one core and more,
+//! positions per second of a workspace study, stability in the cut, and programs judged before
+//! cutting. Times are printed, never asserted; only the ratios within one run are reproducible.
 
 use kinematics::{Machine, Pose, Vector3};
 use linuxcnc::process::Options;
@@ -30,16 +30,16 @@ use studies::study::workspace::Workspace;
 /// Lines of the long program.
 const LINES: u32 = 1_000_000;
 
-/// Poses a scan, and scans of each kind in turns; the median counts.
+/// Number of poses per scan, and of alternating scans of each kind; the median counts.
 const POSES: u32 = 200_000;
 const SCANS: usize = 11;
 
-/// Rays from pole to pole, steps along one, and points of the grid along its longest side.
+/// Number of rays from pole to pole, of steps along one, and of grid points along its longest side.
 const BANDS: usize = 24;
 const STEPS: f64 = 300.0;
 const GRID: usize = 60;
 
-/// A raster about home: 50 units and 10 degrees either way, whatever is active.
+/// Returns a raster about home: 50 units and 10 degrees in either direction, also for inactive coordinates.
 fn raster(config: &Mechanism) -> Vec<Pose> {
     let home = config.home_pose().to_degrees();
     let layout = config.machine.layout();
@@ -55,7 +55,7 @@ fn raster(config: &Mechanism) -> Vec<Pose> {
     (0..POSES).map(pose).collect()
 }
 
-/// Millions a second, by the median of times.
+/// Formats millions per second, from the median of times.
 fn millions(count: f64, times: &mut [f64]) -> String {
     times.sort_by(f64::total_cmp);
     format!("{:.1}", count / times[times.len() / 2] * 1e-6)
@@ -87,7 +87,7 @@ fn row(config: &Mechanism, name: &str, cores: &[ThreadPool]) {
     println!("| {name} | {found} of {POSES} | {} |", rates.join(" | "));
 }
 
-/// Rays and a grid over the whole workspace of a machine, level, as `pkm workspace` looks at it.
+/// Measures rays and a grid over the whole level workspace of a machine, as `pkm workspace` does.
 fn looked_over(config: &Mechanism, name: &str, cores: &[ThreadPool]) {
     let workspace =
         Workspace::new(config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
@@ -110,8 +110,8 @@ fn looked_over(config: &Mechanism, name: &str, cores: &[ThreadPool]) {
     println!("| {name} | {positions} | {} |", rates.join(" | "));
 }
 
-/// Straight lines about the middle of the workspace, of half a millimetre each: a spiral that goes
-/// out and in again.
+/// Returns straight lines of half a millimeter each about the center of the workspace: a spiral
+/// outward and inward.
 fn long_program() -> String {
     let mut text = String::from("G21 G90 G64\nM52 P1\nG0 X0 Y0 Z220\n");
     for n in 0..LINES {
@@ -125,14 +125,14 @@ fn long_program() -> String {
     text + "M2\n"
 }
 
-/// Largest memory of this process so far, MB.
+/// Returns the largest memory of this process so far, MB.
 fn memory() -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.split_whitespace().next()?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1024.0)
 }
 
-/// A program judged as `pkm preflight` does it.
+/// Measures the judgement of a program as by `pkm preflight`.
 fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
     let options = Options { block: Some(offset.block()), ..Options::default() };
     let mut lines = 0;
@@ -151,11 +151,11 @@ fn judged(config: &MachineConfig, name: &str, program: &Path, offset: &Offset) {
     );
 }
 
-/// Spindle speeds of the lobes, and places along each side of the map of limit depths.
+/// Number of spindle speeds of the lobes, and of positions along each side of the map of limit depths.
 const SPEEDS: usize = 1000;
 const SIDE: usize = 100;
 
-/// Stability in the cut: lobes at a pose, unstable depths there, limit depths over many poses.
+/// Measures stability in the cut: lobes at a pose, unstable depths there, limit depths over many poses.
 fn stability(configs: &Path, cores: &[ThreadPool]) {
     let config = MachineConfig::read(&configs.join("hexapod/hexapod.ini")).unwrap();
     let study = Study::read(&configs.join("hexapod/cutting.toml")).unwrap();
@@ -188,10 +188,10 @@ fn stability(configs: &Path, cores: &[ThreadPool]) {
     row("limit depths at 10,000 poses, 18 feeds each", &|| drop(black_box(places())));
 }
 
-/// At 600 mm/min a row of 80 mm takes eight seconds.
+/// Number of rows of 80 mm, each of which takes eight seconds at 600 mm/min.
 const HOUR_ROWS: u32 = 440;
 
-/// About an hour of milling: a surface of waves, in rows of lines of two millimetres.
+/// Returns about an hour of milling: a surface of waves, in rows of lines of two millimeters.
 fn hour_of_milling() -> String {
     let mut text = String::from("G21 G90 G64 P0.01\nS9000 M3\nG0 X-40 Y-40 Z220\n");
     for row in 0..HOUR_ROWS {
@@ -206,7 +206,7 @@ fn hour_of_milling() -> String {
     text + "M5\nM2\n"
 }
 
-/// The cutting report of an hour of program, as the command writes it.
+/// Measures the cutting report of an hour-long program, as the command writes it.
 fn cutting_report(configs: &Path) {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("hour.ngc");
@@ -227,7 +227,7 @@ fn cutting_report(configs: &Path) {
     );
 }
 
-/// A result, and how long it took.
+/// Returns a result and its computation time.
 fn seconds_of<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = work();

@@ -32,19 +32,19 @@ pub struct Arguments {
     write: bool,
 }
 
-/// What is said of the boxes of a mechanism.
+/// The report about the boxes of a mechanism.
 struct Answer {
-    /// For standard output.
+    /// Text for standard output.
     text: String,
-    /// Of every box its section, and into how many cells its proof cuts it.
+    /// The section of every box, and the number of cells of its proof.
     proved: Vec<Proved>,
-    /// Those that the file should have.
+    /// The sections that the file should have.
     sections: Vec<BoxSection>,
     /// Whether the file has them.
     is_there: bool,
 }
 
-/// A box that is proved.
+/// A proved box.
 #[derive(Serialize)]
 struct Proved {
     section: String,
@@ -53,7 +53,7 @@ struct Proved {
     is_in_file: bool,
 }
 
-/// Why there is no proof.
+/// Why a proof failed.
 #[derive(Debug, thiserror::Error)]
 enum Unproved {
     /// Of any box.
@@ -96,7 +96,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
                 text = rewritten(&text, mechanism, &answer.sections)
                     .map_err(|error| Failure::at(config.file.display(), error))?;
             }
-            // Without boxes in the file there is nothing wrong with it.
+            // A file without boxes is correct.
             false if mechanism.refused_boxes.is_none() => {}
             false => {
                 let file = config.file.display();

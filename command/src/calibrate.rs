@@ -16,15 +16,15 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What was not used may be met worse than numbers and unknowns let expect, by this factor: the
-/// fifth that is held out has places of its own.
+/// Factor by which the residual of held-out measurements may exceed the one expected from the numbers of measurements
+/// and unknowns: the held-out fifth has other poses.
 const HELD_OUT: f64 = 1.5;
 
-/// What the bounds leave out where only planes were touched.
+/// What the bounds do not include if only planes were probed.
 const NO_SCALE: &str = "the scale of the drives (length per turn or per step): planes do not show it, and all bounds above \
                         assume it is right. Measure one length: the travel between two stops, or with a bar";
 
-/// A change by more of its deviations happens once in 16000 times.
+/// Number of standard deviations that a change exceeds once in 16000 cases.
 const FAR: f64 = 4.0;
 
 /// Find a machine's true geometry from measurements
@@ -147,7 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let written = target.filter(|_| !is_kept);
     output::answer(&for_programs(&config, &study, written, &concerns))?;
     let mut out = output::people();
-    // A reader that has gone away does not change the verdict.
+    // A closed reader does not change the verdict.
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     Failure::unless_unread(written.map_err(Failure::from))?;
     Ok(verdict)
@@ -182,7 +182,7 @@ fn wishes(arguments: &Arguments, config: &Mechanism) -> Result<Wishes, Failure> 
     Ok(Wishes { tolerance, noise: *noise, plate: arguments.plate.clone() })
 }
 
-/// The new file; nothing is written yet.
+/// Returns the new file; nothing is written yet.
 fn new_text(arguments: &Arguments, config: &Mechanism, study: &Study) -> Result<String, Failure> {
     let new = rewrite::calibrated(config, &study.model, &study.found.changes)?;
     match arguments.boxes {
@@ -271,7 +271,7 @@ fn in_words(config: &Mechanism, study: &Study) -> String {
     text
 }
 
-/// What a second run says of the gauge.
+/// Describes the scatter that a second run of the gauge shows.
 fn scatter(sheet: &Sheet) -> String {
     let (scale, stated) = (sheet.gauge.scale, sheet.gauge.deviation);
     match sheet.scatter() {
@@ -328,7 +328,7 @@ fn values(study: &Study) -> String {
     text
 }
 
-/// Changes so large that they are not written unasked.
+/// Returns the changes that are too large to be written without `--accept`.
 fn beyond(arguments: &Arguments, config: &Mechanism, study: &Study) -> Vec<String> {
     let unit = config.length_unit();
     let mut all = vec![];
@@ -381,7 +381,7 @@ fn others(config: &Mechanism, study: &Study) -> Vec<String> {
     all
 }
 
-/// What a table says against itself: readings too good to be read, and the second run against the first.
+/// Returns the contradictions within a table: readings that are too accurate, and differences between both runs.
 fn of_runs(sheet: &Sheet) -> Vec<String> {
     let (scale, stated) = (sheet.gauge.scale, sheet.gauge.deviation);
     let mut all = vec![];
@@ -407,8 +407,8 @@ fn of_runs(sheet: &Sheet) -> Vec<String> {
     all
 }
 
-/// Residual of what was not used, by the theory of linear least squares: n numbers, less a fifth,
-/// determine r values.
+/// Returns the expected residual of held-out measurements, by the theory of linear least squares: n numbers, minus a
+/// fifth, determine r values.
 fn expected_held_out(study: &Study) -> f64 {
     let (n, r) = (study.found.residuals.len() as f64, study.rank as f64);
     study.found.rms() * ((1.0 + r / (0.8 * n)) / (1.0 - r / n)).sqrt()
@@ -424,7 +424,7 @@ fn next(config: &Mechanism, study: &Study, count: usize) -> Result<String, Failu
     Ok(text)
 }
 
-/// What was found, for programs.
+/// Returns the result for JSON.
 fn for_programs(
     config: &Mechanism,
     study: &Study,

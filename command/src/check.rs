@@ -59,7 +59,7 @@ pub struct Arguments {
     no_start: bool,
 }
 
-/// Lines around each change of a proposal, as `diff -u` has them.
+/// Lines of context around each change of a proposal, as in `diff -u`.
 const AROUND: usize = 3;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -79,7 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             (_, true) => "\nThe second mechanism\n",
             (_, false) => "The first mechanism\n",
         };
-        // A reader that has gone away does not change the verdict.
+        // A closed reader does not change the verdict.
         let written = write(report, heading);
         Failure::unless_unread(written.map_err(Failure::from))?;
     }
@@ -97,7 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(Some(whole.fits()).into())
 }
 
-/// What was found of a mechanism, for programs.
+/// Returns the report on a mechanism for JSON.
 fn of_report(report: &Report) -> Value {
     let tilts = report.tilts.iter().map(|(tilt, limits)| json!({ "tilt": tilt, "limits": limits }));
     json!({
@@ -109,12 +109,12 @@ fn of_report(report: &Report) -> Value {
     })
 }
 
-/// Facts that have no name of their own belong to the one before.
+/// Adds facts without a name to the preceding fact.
 fn named(facts: &[(String, String)]) -> Vec<Value> {
     facts.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect()
 }
 
-/// The difference that puts the file right; what is left then decides whether it fits.
+/// Proposes the corrected file; the remaining errors then determine the verdict.
 fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Failure> {
     if arguments.machine.mechanism.is_some() {
         return Err(refused("--fix works on the whole file: remove --mechanism"));
@@ -145,7 +145,7 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
         "is_written": arguments.write && fixed.text != old,
         "findings": findings,
     }))?;
-    // What a user has to see to himself.
+    // What the user must correct.
     for finding in &findings {
         let _ = writeln!(anstream::stderr(), "\n{}", rendered(finding.severity, &finding.problem));
     }

@@ -163,7 +163,7 @@ fn tell_stability(out: &mut impl Write, answer: &Report) -> Result<(), Failure> 
 }
 
 fn tell_lines(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
-    // Deeper than that nothing is looked at.
+    // Larger depths are not tested.
     let margin = |line: &LineReport| match line.stable_to_mm {
         Some(limit) if limit >= answer.stability.deepest_mm => {
             format!(">{}", shown(line.margin, 3))

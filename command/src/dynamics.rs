@@ -34,7 +34,7 @@ use studies::study::forcing::Force as Random;
 use studies::study::map::Map;
 use studies::study::workspace::Workspace;
 
-/// A response goes on to this many times the highest natural frequency.
+/// Top of a response's frequency range, relative to the highest natural frequency.
 const BEYOND: f64 = 1.5;
 
 /// Compute the vibration of the machine
@@ -120,7 +120,7 @@ enum Shake {
     Milling,
 }
 
-/// A machine at a pose, and the files it is from.
+/// A machine at a pose, and its files.
 struct Subject<'a> {
     arguments: &'a Arguments,
     config: &'a Mechanism,
@@ -166,7 +166,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(verdict)
 }
 
-/// What the grammar of the command line lets pass.
+/// Checks combinations of arguments that the command line's grammar accepts.
 fn check(arguments: &Arguments) -> Result<(), Failure> {
     let moves = arguments.shake.is_some() || arguments.program.is_some();
     for (name, file) in [("--trace", &arguments.trace), ("--spectrum", &arguments.spectrum)] {
@@ -182,7 +182,7 @@ fn check(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Covariance of the tip, standard deviations of the legs' forces, and of variances of a record.
+/// Covariance of the tip, standard deviations of the legs' forces, and those of variances of a record.
 type OfNoise = (Matrix3<f64>, Vec<f64>, [f64; 3]);
 
 impl Subject<'_> {
@@ -190,7 +190,7 @@ impl Subject<'_> {
         let mode = |mode: &studies::dynamics::mode::Mode| ModeAnswer {
             hz: mode.omega / TAU,
             damping_ratio: mode.zeta,
-            // One t is 1000 kg.
+            // 1 t is 1000 kg.
             tip: (mode.tip / 1e3_f64.sqrt()).into(),
         };
         let still = self.structure.receptance(0.0)?.map(|h| h.re * UM);
@@ -213,12 +213,12 @@ impl Subject<'_> {
         }
     }
 
-    /// The random force, where one is asked for and named.
+    /// Returns the random force, if requested and defined.
     fn noise(&self) -> Option<Random> {
         self.study.force.filter(|_| self.arguments.shake == Some(Shake::Noise))
     }
 
-    /// The force that is asked for, the highest frequency in it, and how long it acts.
+    /// Returns the requested force, its highest frequency, and its duration.
     fn force(&self) -> Result<(f64, f64), Failure> {
         match self.arguments.shake {
             None => Ok((0.0, 0.0)),
@@ -240,7 +240,7 @@ impl Subject<'_> {
         Ok((Milling::of(&cutter, &run, depth), run.seconds.0))
     }
 
-    /// The force as it acts on the tip, sampled every `step` seconds.
+    /// Returns the force on the tip, sampled every `step` seconds.
     fn acting(&self, step: f64) -> Result<Force, Failure> {
         match self.arguments.shake {
             None => Ok(Force::None),
@@ -265,7 +265,7 @@ impl Subject<'_> {
         }
     }
 
-    /// The motion in time that is asked for.
+    /// Simulates the requested motion in time.
     fn moved(&self) -> Result<Option<(Record, Verdict)>, Failure> {
         if self.arguments.shake.is_none() && self.arguments.program.is_none() {
             return Ok(None);
@@ -334,7 +334,7 @@ impl Subject<'_> {
     }
 
     fn linear(&self, force: &Random, record: &Record) -> Option<OfNoise> {
-        // The simulation has drives without mass; its linear theory too.
+        // The simulation has massless drives, so its linear theory does, too.
         let model = self.model.without_drive_masses();
         let structure = Structure::at(self.config, &model, &self.pose, &self.tool).ok()?;
         let at = self.config.machine.at(&self.pose, &self.tool).ok()?;

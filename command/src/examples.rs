@@ -7,9 +7,9 @@ use new::parameters::{Measure, Need, Parameter};
 
 /// A page of help.
 pub struct Page {
-    /// Words of the subcommand; none of pkm itself.
+    /// Words of the subcommand; empty for pkm itself.
     command: &'static str,
-    /// A command line each, and what it does.
+    /// Command lines, each with its purpose.
     examples: &'static [(&'static str, &'static str)],
     /// Names of subcommands, and files of the documentation.
     see: &'static [&'static str],
@@ -23,7 +23,7 @@ const fn page(
     Page { command, examples, see }
 }
 
-/// Every page but those of the kinds of `pkm new`, which follow from their table.
+/// All pages except those of the kinds of `pkm new`, which are derived from their table.
 const PAGES: &[Page] = &[
     page(
         "",
@@ -397,15 +397,15 @@ const PAGES: &[Page] = &[
     ),
 ];
 
-/// What a page of help ends with.
+/// End of a page of help.
 pub struct Ending {
-    /// A command line each, and what it does.
+    /// Command lines, each with its purpose.
     pub examples: Vec<(String, String)>,
     /// Manual pages and files of the documentation.
     pub see: Vec<String>,
 }
 
-/// That of a subcommand by its words.
+/// Returns the ending of a subcommand by its words.
 pub fn ending(command: &str) -> Ending {
     if let Some(kind) = command.strip_prefix("new ") {
         return of_kind(kind);
@@ -422,7 +422,7 @@ pub fn ending(command: &str) -> Ending {
     Ending { examples, see }
 }
 
-/// Of a kind of machine: with everything that it needs.
+/// Returns the ending of a kind of machine: with all required values.
 fn of_kind(name: &str) -> Ending {
     let kind = KINDS.iter().find(|kind| kind.name == name);
     let parameters = kind.map(|kind| kind.parameters()).unwrap_or_default();
@@ -438,7 +438,7 @@ fn of_kind(name: &str) -> Ending {
     Ending { examples: vec![(line, "make one with the required values".into())], see }
 }
 
-/// A subcommand by its manual page, a file as it is.
+/// Returns the manual page of a subcommand, or a file name unchanged.
 fn reference(name: &str) -> String {
     match name {
         "" => "pkm(1)".into(),
@@ -447,7 +447,7 @@ fn reference(name: &str) -> String {
     }
 }
 
-/// Columns of an example; a longer one goes on in the next line, as a shell takes it.
+/// Largest width of an example; a longer one is continued on the next line, as in a shell.
 const WIDEST: usize = 90;
 
 fn continued(line: &str) -> String {
@@ -464,7 +464,7 @@ fn continued(line: &str) -> String {
     text
 }
 
-/// Gives every subcommand its ending, in the long help.
+/// Adds its ending to the long help of every subcommand.
 pub fn documented(command: Command, words: &str) -> Command {
     let below = |part: Command| {
         let words = format!("{words} {}", part.get_name());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The one way of an error to the terminal.
+//! Errors of subcommands, and their output to the terminal.
 
 use machine::files::AtPlace;
 use machine::read::diagnostic::{Severity, of_machine, rendered};
@@ -10,7 +10,7 @@ use std::fmt::{self, Display};
 use std::io::{self, ErrorKind, Write};
 use std::sync::Mutex;
 
-/// Why a subcommand gave no answer: any error, which has its place and tells what to do.
+/// Any error of a subcommand, with its location and a remedy.
 #[derive(Debug)]
 pub struct Failure(Box<dyn Error + Send + Sync>);
 
@@ -20,20 +20,20 @@ impl<E: Error + Send + Sync + 'static> From<E> for Failure {
     }
 }
 
-/// What was reported on standard error.
+/// Texts that were reported on standard error.
 static ERRORS: Mutex<Vec<String>> = Mutex::new(vec![]);
 
-/// Returns what was reported on standard error since the last call, for programs.
+/// Returns the texts reported on standard error since the last call, for JSON.
 pub fn reported() -> Vec<String> {
     std::mem::take(&mut *ERRORS.lock().expect("nobody panics with it"))
 }
 
-/// What the grammar of the command line lets pass.
+/// An error in the arguments that the command line's grammar accepts.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Refused(String);
 
-/// Refuses arguments or standard input, in a sentence.
+/// Creates the refusal of arguments or standard input from a sentence.
 pub fn refused(text: impl Into<String>) -> Failure {
     Refused(text.into()).into()
 }
@@ -45,12 +45,12 @@ impl Display for Failure {
 }
 
 impl Failure {
-    /// An error with its place.
+    /// Adds a location to an error.
     pub fn at(place: impl Display, error: impl Error + Send + Sync + 'static) -> Self {
         AtPlace::new(place, error).into()
     }
 
-    /// The result of writing to standard output, whose reader may have gone away.
+    /// Returns the result of writing to standard output, ignoring a closed reader.
     pub fn unless_unread(written: Result<(), Self>) -> Result<(), Self> {
         match written {
             Err(failure) if failure.is_unread() => Ok(()),
@@ -58,7 +58,7 @@ impl Failure {
         }
     }
 
-    /// Whether nobody reads standard output any more.
+    /// Returns whether the reader of standard output is closed.
     pub fn is_unread(&self) -> bool {
         let json = self.0.downcast_ref::<serde_json::Error>();
         if json.is_some_and(|error| error.io_error_kind() == Some(ErrorKind::BrokenPipe)) {
@@ -71,7 +71,7 @@ impl Failure {
         written.is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
     }
 
-    /// Tells it on standard error: marked in the text where it is of an INI file.
+    /// Reports the error on standard error: with an excerpt for an INI file.
     pub fn tell(&self) {
         if let Some(error) = self.0.downcast_ref::<IniError>() {
             tell_lines(&rendered(Severity::Error, &error.0));
@@ -81,7 +81,7 @@ impl Failure {
             || self.0.is::<csv::Error>()
             || self.0.is::<serde_json::Error>()
         {
-            // Errors of files have their names; what has none was written to standard output.
+            // Errors of files have their names; one without was written to standard output.
             tell_error(&format!("standard output: {}", self.0));
         } else {
             tell_error(&self.0);
@@ -89,7 +89,7 @@ impl Failure {
     }
 }
 
-/// Tells on standard error what is wrong.
+/// Reports an error on standard error.
 pub fn tell_error(error: &(impl Display + ?Sized)) {
     tell_lines(&format!("pkm: {error}"));
 }
@@ -98,6 +98,6 @@ fn tell_lines(text: &str) {
     let plain = anstream::adapter::strip_str(text).to_string();
     let error = plain.strip_prefix("pkm: ").unwrap_or(&plain).into();
     ERRORS.lock().expect("nobody panics with it").push(error);
-    // Nothing is left to do where standard error is closed as well.
+    // Nothing can be done if standard error is closed as well.
     let _ = writeln!(anstream::stderr(), "{text}");
 }

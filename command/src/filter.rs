@@ -13,7 +13,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What LinuxCNC calls the file of the machine that runs.
+/// LinuxCNC's variable with the file of the running machine.
 const INI: &str = "INI_FILE_NAME";
 
 /// Pass a program to the LinuxCNC GUI only if it fits
@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let text = read(program)?;
     let config = MachineConfig::read(&machine)?;
     let mut progress = Progress::of_filter(&config, program)?;
-    // Who opens a program does not wait for the search for another work offset.
+    // A user who opens a program does not wait for the search for another work offset.
     let judged =
         judge(&config, program, &Options::default(), false, &mut |step| progress.show(step))?;
     let reasons = match (judged.fits, &judged.found.time) {

@@ -30,7 +30,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let machine = &arguments.machine;
-    // A file whose boxes are still those of another geometry is looked at all the same.
+    // A file with boxes of another geometry is accepted.
     let config = machine.meant(machine.read_without_boxes()?)?;
     let home = config.machine.at(&config.home_pose(), &config.spindle);
     let home =

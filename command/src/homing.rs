@@ -121,7 +121,7 @@ fn write(
         "\nHoming keeps the limits of the legs from {kept} of {starts} sampled poses within the axis limits."
     )?;
     for (i, share) in (0..homing.joints.len()).filter_map(|i| Some((i, homing.share_closed(i)?))) {
-        // What check warns of, it warns of here as well.
+        // The same warning as in `pkm check`.
         if share > 0.5 {
             writeln!(
                 facts,
@@ -156,7 +156,7 @@ fn write(
     }
 }
 
-/// The joints of a sequence, and what each does.
+/// Describes the joints of a sequence, and the motion of each.
 fn members(config: &Mechanism, homing: &Homing, group: &Group) -> String {
     let told = group.joints.iter().map(|i| {
         let way = match homing.joints[*i].way {
@@ -173,7 +173,7 @@ fn members(config: &Mechanism, homing: &Homing, group: &Group) -> String {
     told.collect::<Vec<_>>().join(", ")
 }
 
-/// Cells of a moment without a pose stay empty.
+/// Returns the table of a path; cells of a moment without a pose stay empty.
 fn table(config: &Mechanism, track: &[Moment]) -> String {
     let count = config.joints.len();
     let header = [
@@ -198,7 +198,7 @@ fn table(config: &Mechanism, track: &[Moment]) -> String {
     csv(&header.concat(), rows)
 }
 
-/// The way as the page has a program: a line for each sequence.
+/// Converts the path to a program for the page: a line for each sequence.
 fn on_page(
     config: &Mechanism,
     homing: &Homing,
@@ -210,7 +210,7 @@ fn on_page(
     let mut way = Track::new(&alone);
     for moment in track {
         if let Some(pose) = moment.pose {
-            // Extra axes are homed by themselves and shown at home.
+            // Extra axes are homed separately and shown at home.
             let tool = config.spindle.iter().copied();
             let values = pose.into_iter().chain(tool).chain(config.extra_home()).collect();
             way.take(moment.at, moment.group as u32 + 1, values);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What is read from standard input where the command line says `-`.
+//! Input from standard input, selected by `-` on the command line.
 
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use machine::files::{Folder, read_all, write_whole};
@@ -8,11 +8,11 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-/// What the command line calls it.
+/// Argument for standard input.
 pub const DASH: &str = "-";
 
-/// A program, of which LinuxCNC needs a file: that of the name, or what stands on standard
-/// input. The parser of the command line, so that everything behind it knows files alone.
+/// Parser of a program argument, of which LinuxCNC needs a file: the named one, or a copy of standard
+/// input. All other code then uses only files.
 #[derive(Clone, Copy, Debug)]
 pub struct Program;
 
@@ -34,7 +34,7 @@ impl TypedValueParser for Program {
     }
 }
 
-/// A file with what stands on standard input, which can be read once; gone when the command ends.
+/// Copies standard input, which can be read once, to a file that is removed when the command ends.
 fn spooled() -> Result<PathBuf, String> {
     static FILE: OnceLock<Result<(Folder, PathBuf), String>> = OnceLock::new();
     let found = FILE.get_or_init(|| {
@@ -50,7 +50,7 @@ fn spooled() -> Result<PathBuf, String> {
     found.as_ref().map(|(_, file)| file.clone()).map_err(Clone::clone)
 }
 
-/// The parser of a machine's INI file: never standard input, which has no folder.
+/// Returns the parser of a machine's INI file: never standard input, which has no folder.
 pub fn ini_file() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().try_map(|name| match name == DASH {
         true => Err("a machine is read together with the files beside it, not from standard input: name its INI file"),
@@ -67,23 +67,23 @@ pub struct RowFile {
 }
 
 impl RowFile {
-    /// The file; `None` is standard input.
+    /// Returns the file; `None` for standard input.
     pub fn file(&self) -> Option<&PathBuf> {
         self.rows.as_ref().filter(|file| file.as_os_str() != DASH)
     }
 
-    /// Whether somebody would have to type the rows who may not know it.
+    /// Returns whether rows would have to be typed by a user who may not know it.
     pub fn is_forgotten(&self) -> bool {
         self.rows.is_none() && std::io::stdin().is_terminal()
     }
 
-    /// Whether a file or standard input is named.
+    /// Returns whether a file or standard input is named.
     pub const fn is_named(&self) -> bool {
         self.rows.is_some()
     }
 }
 
-/// The name of a file that is read once.
+/// Returns the name of a file that is read once.
 pub fn file_of_dash(word: String) -> String {
     if word == DASH { "/dev/stdin".into() } else { word }
 }

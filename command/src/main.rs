@@ -2,7 +2,7 @@
 //! The command `pkm`: one module and one line of the table for each subcommand.
 //!
 //! A module has `Arguments`, whose documentation is the help, manual page and completion, and
-//! `run`. Results go to standard output, what is wrong with the input to standard error.
+//! `run`. Results go to standard output, errors in the input to standard error.
 
 mod boxes;
 mod calibrate;
@@ -66,14 +66,14 @@ use std::time::Duration;
 /// Steps of a progress bar.
 const STEPS: u64 = 1000;
 
-/// Of what shows that something goes on.
+/// Period of animated progress.
 const TICK: Duration = Duration::from_millis(100);
 
-/// What a shell takes for "interrupted".
+/// Exit status of an interrupted command in a shell.
 const INTERRUPTED: i32 = 130;
 
 fn main() -> ExitCode {
-    // Where the system refuses a handler, an interruption still ends the command.
+    // If the system refuses a handler, an interruption still ends the command.
     let _ = ctrlc::set_handler(|| {
         leave_nothing();
         std::process::exit(INTERRUPTED);
@@ -90,12 +90,12 @@ fn main() -> ExitCode {
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     cli.settings.choose(words(&matches));
     let code = cli.run();
-    // What stood on standard input.
+    // The copy of standard input.
     leave_nothing();
     code
 }
 
-/// Writes a negative number as the parser of the command line knows it, which takes `-.2` and `-1e-3` for options.
+/// Rewrites a negative number for the parser of the command line, which reads `-.2` and `-1e-3` as options.
 fn with_whole_number(word: OsString) -> OsString {
     let number = word.to_str().filter(|word| word.starts_with('-')).and_then(decimal);
     number.map_or(word, |number| number.to_string().into())
@@ -126,8 +126,8 @@ fn grouped(command: &clap::Command) -> String {
     )
 }
 
-/// An error about a word that is no subcommand names those of whose names it is a word, as `lathe` of
-/// `four-rod-lathe`; what is spelt alike it names by itself.
+/// Adds to an error about an unknown subcommand those whose names contain the word, as `four-rod-lathe` contains
+/// `lathe`; the parser itself suggests similar spellings.
 fn with_longer_names(mut error: clap::Error) -> clap::Error {
     let word = match error.get(ContextKind::InvalidSubcommand) {
         Some(ContextValue::String(word))
@@ -153,7 +153,7 @@ fn with_longer_names(mut error: clap::Error) -> clap::Error {
     error
 }
 
-/// The words of the subcommand, such as `stability pose`.
+/// Returns the words of the subcommand, such as `stability pose`.
 fn words(matches: &clap::ArgMatches) -> String {
     match matches.subcommand() {
         None => String::new(),
@@ -161,14 +161,14 @@ fn words(matches: &clap::ArgMatches) -> String {
     }
 }
 
-/// What a subcommand has found, the worst last.
+/// The verdict of a subcommand, the worst last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
     /// Everything fits.
     Fits,
-    /// Something does not.
+    /// Something does not fit.
     Misfit,
-    /// Not all could be judged.
+    /// Not everything could be judged.
     Unjudged,
 }
 
@@ -183,7 +183,7 @@ impl From<Option<bool>> for Verdict {
 }
 
 impl Verdict {
-    /// The same for programs; `None` where not all could be judged.
+    /// Returns the verdict for JSON; `None` if not everything could be judged.
     const fn fits(self) -> Option<bool> {
         match self {
             Self::Fits => Some(true),
@@ -289,12 +289,12 @@ struct MachineFile {
 }
 
 impl MachineFile {
-    /// Reads one mechanism: the one that is meant.
+    /// Reads the selected mechanism.
     fn read(&self) -> Result<Mechanism, Failure> {
         self.meant(self.read_whole()?)
     }
 
-    /// Returns the mechanism that is meant.
+    /// Returns the selected mechanism.
     fn meant(&self, config: MachineConfig) -> Result<Mechanism, Failure> {
         if self.mechanism.is_none() && config.mechanisms.len() > 1 {
             failure::tell_error(&format!(
@@ -310,17 +310,17 @@ impl MachineFile {
         Ok(MachineConfig::read(&self.machine)?)
     }
 
-    /// Reads everything, whatever the boxes in the file.
+    /// Reads all mechanisms, even with refused boxes.
     fn read_without_boxes(&self) -> Result<MachineConfig, Failure> {
         Ok(MachineConfig::leniently(&Ini::read(&self.machine)?, Some(Lenient::Boxes))?)
     }
 
-    /// Reads all mechanisms, or the one that is named.
+    /// Reads all mechanisms, or the selected one.
     fn read_named(&self) -> Result<MachineConfig, Failure> {
         self.named(self.read_whole()?)
     }
 
-    /// Returns all mechanisms, or the one that is named.
+    /// Returns all mechanisms, or the selected one.
     fn named(&self, config: MachineConfig) -> Result<MachineConfig, Failure> {
         match self.mechanism {
             None => Ok(config),
@@ -340,7 +340,7 @@ impl MachineFile {
         Ok((meant, whole.mechanisms.get(1 - number)))
     }
 
-    /// A machine whose pose is that of programs, for what knows no other.
+    /// Reads a machine whose axes carry nothing, for a subcommand that supports no other.
     fn read_unchained(&self, what: &str) -> Result<Mechanism, Failure> {
         let config = self.read()?;
         match config.chain.is_empty() {
@@ -354,7 +354,7 @@ impl MachineFile {
     }
 }
 
-/// Writes text into a file, whole or not at all, or without one to standard output.
+/// Writes a text completely or not at all to a file, or to standard output.
 fn write_out(text: &str, file: Option<&Path>) -> Result<(), Failure> {
     match file {
         Some(file) => Ok(write_whole(file, text)?),
@@ -362,7 +362,7 @@ fn write_out(text: &str, file: Option<&Path>) -> Result<(), Failure> {
     }
 }
 
-/// Writes text for people to standard output.
+/// Writes text output to standard output.
 fn print_text(text: &str) -> Result<(), Failure> {
     let mut out = output::people();
     out.write_all(text.as_bytes())?;
@@ -370,9 +370,9 @@ fn print_text(text: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The moves of a program, which has to move something.
+/// Reads the moves of a program, and refuses one without moves.
 fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
-    // Said before LinuxCNC starts, in the system's words.
+    // Reported before LinuxCNC starts, in the system's words.
     open(program)?;
     let whole = match config.second_letters {
         Some(_) => MachineConfig::from_ini(&config.ini)?,
@@ -386,7 +386,7 @@ fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
     }
 }
 
-/// Reports on standard error that lines were left out.
+/// Reports on standard error that lines were skipped.
 fn tell_deleted(program: &Path, files: &[PathBuf]) -> Result<(), Failure> {
     if has_deletable(files)? {
         failure::tell_error(&format!(
@@ -398,22 +398,22 @@ fn tell_deleted(program: &Path, files: &[PathBuf]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// All bars: two kinds of work may go on at a time.
+/// All bars: two tasks may run at a time.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// What shows how much of a long work is done and how long the rest takes; hidden where standard error is no
-/// terminal, and gone with its owner.
+/// Progress of a long task and its remaining time; hidden if standard error is not a
+/// terminal, and removed with its owner.
 struct Bar(ProgressBar);
 
 impl Bar {
-    /// Of work whose length is known.
+    /// Creates the bar of a task of known length.
     fn new(message: &'static str) -> Self {
         let bar = Self::spinner(message);
         bar.set(0.0);
         bar
     }
 
-    /// Of work that takes as long as it takes, until its share is told.
+    /// Creates the bar of a task of unknown length.
     fn spinner(message: &'static str) -> Self {
         let bar = ProgressBar::new_spinner().with_message(message);
         bar.set_style(style(UNKNOWN));
@@ -425,12 +425,12 @@ impl Bar {
         Self(BARS.add(bar))
     }
 
-    /// How far work of unknown length has come.
+    /// Shows a message about a task of unknown length.
     fn say(&self, message: String) {
         self.0.set_message(message);
     }
 
-    /// What is done next, which takes a time of its own.
+    /// Begins the next task, with a new estimate of the time.
     fn next(&self, message: String) {
         self.0.set_style(style(UNKNOWN));
         self.0.unset_length();
@@ -438,7 +438,7 @@ impl Bar {
         self.0.set_message(message);
     }
 
-    /// The share that is done.
+    /// Sets the completed share.
     fn set(&self, share: f64) {
         if self.0.length().is_none() {
             self.0.set_length(STEPS);
@@ -447,7 +447,7 @@ impl Bar {
         self.0.set_position((share * STEPS as f64) as u64);
     }
 
-    /// The share that is done, where anybody knows.
+    /// Sets the completed share, if known.
     fn show(&self, share: Option<f64>) {
         match share {
             Some(share) => self.set(share),
@@ -455,7 +455,7 @@ impl Bar {
         }
     }
 
-    /// Nobody knows any more how much is left.
+    /// Changes to a task of unknown remaining length.
     fn forget_share(&self) {
         if self.0.length().is_some() {
             self.0.set_style(style(UNKNOWN));
@@ -464,7 +464,7 @@ impl Bar {
     }
 }
 
-/// Of a bar with and without a length.
+/// Templates of bars with and without a length.
 const KNOWN: &str = "{msg} {bar:40} {percent} %, {eta} left";
 const UNKNOWN: &str = "{spinner} {msg}, {elapsed} so far";
 
@@ -487,14 +487,14 @@ struct StudyFile {
 }
 
 impl StudyFile {
-    /// The file, or a study in which every value is missing.
+    /// Reads the file, or returns a study in which every value is missing.
     fn read(&self) -> Result<Study, Failure> {
         Ok(self.study.as_deref().map_or(Ok(Study::default()), Study::read)?)
     }
 }
 
 impl Cli {
-    /// Runs the subcommand; what goes wrong is told on standard error.
+    /// Runs the subcommand and reports an error on standard error.
     fn run(&self) -> ExitCode {
         let verdict = match self.command.run() {
             Ok(verdict) => verdict,
@@ -504,7 +504,7 @@ impl Cli {
                 Verdict::Unjudged
             }
         };
-        // A reader that has gone away does not change the verdict.
+        // A closed reader does not change the verdict.
         if let Err(failure) = Failure::unless_unread(output::finish(verdict)) {
             failure.tell();
             return ExitCode::from(2);

@@ -27,7 +27,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(Verdict::Fits)
 }
 
-/// The page of a command, and of every command below it.
+/// Adds the pages of a command, and of every command below it.
 fn pages(
     folder: &Path,
     command: &clap::Command,
@@ -51,7 +51,7 @@ fn page(file: &Path, command: clap::Command, ending: &Ending) -> Result<(), Fail
     Ok(write_whole(file, &text)?)
 }
 
-/// Examples and further reading, as a manual page has them.
+/// Formats examples and further reading for a manual page.
 fn sections(ending: &Ending) -> String {
     let plain = |text: &str| text.replace('\\', "\\e").replace('-', "\\-").replace('~', "\\(ti");
     let example = |(line, what): &(String, String)| {

@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
 }
 
-/// The two files of this name, which are not there yet.
+/// Returns the two files of this name, which must not exist.
 fn files(arguments: &Arguments, endings: [&str; 2]) -> Result<[PathBuf; 2], Failure> {
     let files = endings.map(|ending| with_ending(&arguments.output, ending));
     match files.iter().find(|file| file.exists()) {
@@ -74,7 +74,7 @@ fn files(arguments: &Arguments, endings: [&str; 2]) -> Result<[PathBuf; 2], Fail
     }
 }
 
-/// Program and table of a gauge that somebody reads.
+/// Writes program and table of a gauge that the operator reads.
 fn read(
     arguments: &Arguments,
     config: &Mechanism,
@@ -103,7 +103,7 @@ fn read(
     Ok(Verdict::Fits)
 }
 
-/// Program and HAL file of a probe.
+/// Writes program and HAL file of a probe.
 fn probe(arguments: &Arguments, config: &Mechanism) -> Result<Verdict, Failure> {
     let [program, hal] = files(arguments, ["ngc", "hal"])?;
     let log = with_ending(&arguments.output, "log");
@@ -129,7 +129,7 @@ fn probe(arguments: &Arguments, config: &Mechanism) -> Result<Verdict, Failure> 
     Ok(Verdict::Fits)
 }
 
-/// A name with an ending behind it, whatever dots it has.
+/// Appends an ending to a name, which may contain dots.
 fn with_ending(name: &Path, ending: &str) -> PathBuf {
     let mut name = name.as_os_str().to_owned();
     name.push(".");
@@ -137,14 +137,14 @@ fn with_ending(name: &Path, ending: &str) -> PathBuf {
     name.into()
 }
 
-/// Both files or none.
+/// Writes both files or none.
 fn write_both(first: (&Path, &str), second: (&Path, &str)) -> Result<(), Failure> {
     write_whole(first.0, first.1)?;
     write_whole(second.0, second.1).inspect_err(|_| drop(std::fs::remove_file(first.0)))?;
     Ok(())
 }
 
-/// Follows the way through the machine's limits, as preflight does.
+/// Checks the path against the machine's limits, as preflight does.
 fn follow(config: &Mechanism, setup: &Setup, proposal: &Proposal) -> Result<(), Failure> {
     let tool = setup.gauge.tool - config.spindle;
     let steps = proposal.ways.iter().flatten().chain(&proposal.home);

@@ -28,7 +28,7 @@ its unit, its meaning and an example. docs/reference/pkm.md has the details.
 Exit status: 0 if the folder was made, 1 if a machine with these values cannot work (with the reason), 2 if a \
 value is invalid or the folder exists. Nothing is written unless the status is 0.";
 
-/// Name and place of a machine, and which of its values were given.
+/// Name and folder of a machine, and its given values.
 #[derive(Debug)]
 pub struct Arguments {
     kind: Option<&'static MachineKind>,
@@ -74,7 +74,7 @@ impl clap::FromArgMatches for Arguments {
     }
 }
 
-/// The grammar of a kind, from its table.
+/// Returns the grammar of a kind, from its table.
 fn of_kind(kind: &'static MachineKind) -> Command {
     let name = Arg::new("NAME").help("Name of the machine and of its folder [default: the kind]");
     let out = Arg::new("out")
@@ -147,7 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
 }
 
-/// Why nothing was made.
+/// Why nothing was created.
 enum Stop {
     Refused(Refusal),
     Failed(Failure),
@@ -195,7 +195,7 @@ fn made(arguments: &Arguments) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Kind and values, asked for where none is given and somebody is there to answer.
+/// Returns kind and values, asked for if none is given and standard input is a terminal.
 fn answered(arguments: &Arguments) -> Result<(&'static MachineKind, Given), Stop> {
     let is_asked = !output::is_json() && io::stdin().is_terminal() && io::stderr().is_terminal();
     let (mut answers, mut questions) = (io::stdin().lock(), io::stderr());

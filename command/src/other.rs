@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Subcommands of other packages, as git has them: `pkm design` runs the program `pkm-design` in PATH.
+//! Subcommands of other packages, as in git: `pkm design` runs the program `pkm-design` in PATH.
 
 use super::Cli;
 use super::failure::{Failure, refused};
@@ -9,11 +9,11 @@ use std::io::ErrorKind;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
-/// Those of the Python package.
+/// Subcommands of the Python package.
 const OF_PYTHON: [&str; 2] = ["design", "compare"];
 
-/// Becomes the program of another package where the first word names one, with the words behind it. Comes back
-/// where it names none, which the grammar then says, or with the reason why it did not start.
+/// Replaces this process by another package's program if the first word names one, with the remaining words. Returns
+/// if it names none, for the grammar to report, or with the reason why it did not start.
 pub fn run(mut words: impl Iterator<Item = OsString>) -> Option<Failure> {
     let name = words.next()?.into_string().ok()?;
     if name.starts_with('-') || Cli::command().find_subcommand(&name).is_some() {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a subcommand tells, and to whom: text for people or one JSON value for programs on standard
-//! output, remarks and progress on standard error. Set once, from the command line.
+//! Output of a subcommand: text or one JSON value on standard output,
+//! remarks and progress on standard error. The format is set once, from the command line.
 
 use super::Verdict;
 use super::failure::{self, Failure};
@@ -11,7 +11,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::sync::{Mutex, OnceLock};
 
-/// Of every JSON value, which docs/reference/json.md describes: raised where a field goes or changes its meaning.
+/// Version of all JSON values, see docs/reference/json.md: incremented if a field is removed or changes its meaning.
 const VERSION: u32 = 1;
 
 /// Options that every subcommand has.
@@ -29,14 +29,14 @@ pub struct Settings {
     color: clap::ColorChoice,
 }
 
-/// Who reads standard output.
+/// Format of standard output.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     Text,
     Json,
 }
 
-/// What is set, and the words of the subcommand that runs.
+/// Current settings, and the words of the subcommand.
 struct Chosen {
     settings: Settings,
     command: String,
@@ -44,24 +44,24 @@ struct Chosen {
 
 static CHOSEN: OnceLock<Chosen> = OnceLock::new();
 
-/// What is to be told as JSON at the end.
+/// JSON value to write at the end.
 static ANSWER: Mutex<Option<Answer>> = Mutex::new(None);
 
 enum Answer {
-    /// Fields of the one object.
+    /// Fields of a single object.
     Fields(Map<String, Value>),
-    /// Objects of their own.
+    /// Several objects.
     List(Vec<Value>),
 }
 
 impl Settings {
-    /// Of this command from now on.
+    /// Applies the settings to this command.
     pub fn choose(&self, command: String) {
         let _ = CHOSEN.set(Chosen { settings: self.clone(), command });
     }
 }
 
-/// Colours of everything, of what the grammar of the command line says as well: before it is parsed.
+/// Sets the colors of all output, including that of the command line's grammar: before it is parsed.
 pub fn choose_colours(words: impl Iterator<Item = OsString>) {
     let words: Vec<String> = words.map(|word| word.to_string_lossy().into_owned()).collect();
     let behind = words.iter().position(|word| word == "--color").and_then(|k| words.get(k + 1));
@@ -73,17 +73,17 @@ pub fn choose_colours(words: impl Iterator<Item = OsString>) {
     }
 }
 
-/// Whether standard output is for programs.
+/// Returns whether standard output is JSON.
 pub fn is_json() -> bool {
     CHOSEN.get().is_some_and(|chosen| chosen.settings.format == Format::Json)
 }
 
-/// Whether findings and results alone are wanted.
+/// Returns whether only findings and results are requested.
 pub fn is_quiet() -> bool {
     CHOSEN.get().is_some_and(|chosen| chosen.settings.quiet)
 }
 
-/// Where text for people goes; nowhere where standard output is for programs.
+/// Returns the stream of text output; it discards the text if standard output is JSON.
 pub fn people() -> Box<dyn Write> {
     match is_json() {
         true => Box::new(io::sink()),
@@ -91,20 +91,20 @@ pub fn people() -> Box<dyn Write> {
     }
 }
 
-/// Where facts go that are neither findings nor results.
+/// Returns the stream of facts that are neither findings nor results.
 pub fn facts() -> Box<dyn Write> {
     if is_quiet() { Box::new(io::sink()) } else { people() }
 }
 
-/// Tells on standard error how it went: how much was written, how fast.
+/// Writes a remark about the execution to standard error, such as amount or speed.
 pub fn remark(text: &str) {
     if !is_quiet() {
-        // Nothing is left to do where standard error is closed.
+        // Nothing can be done if standard error is closed.
         let _ = writeln!(anstream::stderr(), "{text}");
     }
 }
 
-/// Takes what a subcommand has found, for programs: the fields of an object, beside those that all have.
+/// Adds results of a subcommand to the JSON object, besides the common fields.
 pub fn answer(found: &impl Serialize) -> Result<(), Failure> {
     if !is_json() {
         return Ok(());
@@ -117,7 +117,7 @@ pub fn answer(found: &impl Serialize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Takes several answers, each with its verdict, for a list.
+/// Sets a list of results, each with its verdict.
 pub fn list(answers: Vec<(Verdict, Value)>) {
     let whole = |(verdict, found)| match found {
         Value::Object(fields) => object(verdict, fields),
@@ -130,7 +130,7 @@ fn put(answer: Answer) {
     *ANSWER.lock().expect("nobody panics with it") = Some(answer);
 }
 
-/// A table of numbers: for people CSV, a row at a time; for programs all rows when it is finished.
+/// A table of numbers: as text CSV, row by row; as JSON all rows at the end.
 pub struct Table {
     columns: Vec<String>,
     out: csv::Writer<Box<dyn Write>>,
@@ -138,7 +138,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Begins it with its header.
+    /// Begins a table with its header.
     pub fn new(columns: Vec<String>) -> Result<Self, Failure> {
         let mut out = csv::Writer::from_writer(people());
         out.write_record(&columns)?;
@@ -155,7 +155,7 @@ impl Table {
         Ok(self.out.write_record(cells.into_iter().map(word))?)
     }
 
-    /// The end of it, for programs with the machine.
+    /// Ends the table, in JSON with the machine.
     pub fn finish(mut self, machine: &Path) -> Result<(), Failure> {
         self.out.flush()?;
         let Self { columns, rows, .. } = self;
@@ -163,7 +163,7 @@ impl Table {
     }
 }
 
-/// An object as programs get it: with version, command and verdict.
+/// Returns an object of the JSON output: with version, command and verdict.
 fn object(verdict: Verdict, fields: Map<String, Value>) -> Value {
     let command = CHOSEN.get().map_or("", |chosen| &chosen.command);
     let head = json!({ "version": VERSION, "command": command, "fits": verdict.fits() });
@@ -172,7 +172,7 @@ fn object(verdict: Verdict, fields: Map<String, Value>) -> Value {
     Value::Object(all)
 }
 
-/// Tells programs what was found, when the verdict is known: one value, also where nothing was found.
+/// Writes the JSON output once the verdict is known: one value, even without results.
 pub fn finish(verdict: Verdict) -> Result<(), Failure> {
     if !is_json() {
         return Ok(());

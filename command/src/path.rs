@@ -118,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(Verdict::Fits)
 }
 
-/// Laws of the joints in, path of the tool out.
+/// Computes the path of the tool from laws of the joints.
 fn backwards(
     arguments: &Arguments,
     config: &Mechanism,
@@ -139,7 +139,7 @@ fn backwards(
     Ok(Verdict::Fits)
 }
 
-/// A program, and what is said of it, for programs.
+/// Returns a program and its results for JSON.
 fn of_program(arguments: &Arguments, config: &Mechanism, text: &str, found: &Value) -> Value {
     let files: Vec<_> = [&arguments.output, &arguments.csv].into_iter().flatten().collect();
     let mut all = json!({
@@ -182,7 +182,7 @@ fn write(
     write_out(program, arguments.output.as_deref())
 }
 
-/// Changes of the joints by operation (paper 003, figure 8).
+/// Reports the changes of the joints by operation (paper 003, figure 8).
 fn tell_job(config: &Mechanism, job: &Job) {
     let unit = config.length_unit();
     for (n, done) in job.done.iter().enumerate() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The pose of the command line, and poses that a study runs through: those of a program, or CSV.
+//! The pose of the command line, and the poses of a study: from a program or CSV.
 
 use super::failure::{Failure, refused};
 use super::input::{Program, RowFile};
@@ -10,8 +10,8 @@ use machine::read::mechanism::Mechanism;
 use program::replay::{duration_of_all, replay_seen};
 use std::path::{Path, PathBuf};
 
-/// Poses of a program where nobody asks for more: beyond what pictures show. A hexapod's row has 1.7 kB, so
-/// that this is a table of 17 MB; every servo cycle of an hour would be one of 6 GB.
+/// Default number of poses of a program: more than a picture shows. A hexapod's row has 1.7 kB, so
+/// this is a table of 17 MB; every servo cycle of an hour would be one of 6 GB.
 const USUAL_POSES: f64 = 1e4;
 
 /// Where the poses come from.
@@ -61,7 +61,7 @@ impl PoseWords {
         !self.pose.is_empty()
     }
 
-    /// Refuses rows beside it.
+    /// Refuses rows in addition to it.
     pub fn without_rows(&self, rows: &RowFile) -> Result<(), Failure> {
         match rows.is_named() {
             true => Err(refused("--pose and --rows: give only one of them")),
@@ -69,7 +69,7 @@ impl PoseWords {
         }
     }
 
-    /// X Y Z A B C.
+    /// Returns X Y Z A B C.
     pub fn read(&self, config: &Mechanism) -> Result<[f64; 6], Failure> {
         let letters: String = Letter::ALL.iter().map(|letter| letter.name()).collect();
         let mut pose = config.home;
@@ -79,7 +79,7 @@ impl PoseWords {
         Ok(pose)
     }
 
-    /// Places among LinuxCNC's nine coordinates and values of what is given, of these letters.
+    /// Parses words or numbers for these letters: indices among LinuxCNC's nine coordinates, and values.
     pub fn words(&self, letters: &str) -> Result<Vec<(usize, f64)>, Failure> {
         let finite = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
         let numbers: Option<Vec<f64>> = self.pose.iter().map(|word| finite(word)).collect();
@@ -96,7 +96,7 @@ impl PoseWords {
     }
 }
 
-/// Place and value of a word such as `X20`.
+/// Parses index and value of a word such as `X20`.
 fn word_of(letters: &str, word: &str) -> Result<(usize, f64), Failure> {
     let letter = word.chars().next().map(|letter| letter.to_ascii_uppercase());
     let place = POSE_LETTERS.iter().position(|known| Some(*known) == letter);
@@ -122,7 +122,7 @@ pub struct At {
 }
 
 impl At {
-    /// Pose and tool vector, spindle offset included.
+    /// Returns pose and tool vector, spindle offset included.
     pub fn read(&self, config: &Mechanism) -> Result<(Pose, Vector3<f64>), Failure> {
         let pose = match self.pose.is_given() {
             true => Pose::from_degrees(self.pose.read(config)?),
@@ -132,12 +132,12 @@ impl At {
     }
 }
 
-/// One of them.
+/// A pose of a study.
 #[derive(Clone, Copy, Debug)]
 pub struct Stop {
     /// Seconds, and line of the program; without a program 0 and the line of the input.
     pub time: f64,
-    /// See `time`.
+    /// Line of the program or the input, see `time`.
     pub line: u64,
     /// The pose.
     pub pose: Pose,
@@ -145,9 +145,9 @@ pub struct Stop {
     pub tool: Vector3<f64>,
 }
 
-/// The poses, and whether all of a program were reached.
+/// The poses of a study, and whether all poses of a program were reached.
 pub struct Stops {
-    /// In order.
+    /// The poses in order.
     pub stops: Vec<Stop>,
     /// Whether they belong to a program.
     pub is_program: bool,
@@ -156,7 +156,7 @@ pub struct Stops {
 }
 
 impl Source {
-    /// All poses.
+    /// Reads all poses.
     pub fn read(&self, config: &Mechanism) -> Result<Stops, Failure> {
         let stops = match &self.program {
             Some(program) => self.of_program(config, program)?,

@@ -93,7 +93,7 @@ fn run_one(
         if let Some(course) = &mut course {
             course.see(row);
         }
-        // What cannot be written is said at the end.
+        // A write error is reported at the end.
         let _ = trace.as_mut().map(|trace| trace.see(row));
     })?;
     let is_judged = matches!(verdict.found.time, Time::Judged(_));
@@ -108,14 +108,15 @@ fn run_one(
         };
         write_whole(file, &report::page(&verdict, &course)?)?;
     }
-    // A reader that has gone away does not change the verdict.
+    // A closed reader does not change the verdict.
     Failure::unless_unread(print_text(&to_people(&verdict)))?;
     output::answer(&verdict)?;
     Ok(verdict.fits.into())
 }
 
-/// Whether the cycles come to what breaks first. LinuxCNC refuses some moves beforehand, before the motion comes
-/// near them: then the path shows it.
+/// Returns whether the servo cycles reach the first violation. LinuxCNC refuses some moves in advance, before the
+/// motion
+/// is near them: then the path shows it.
 fn shows_what_breaks(config: &Mechanism, found: &Preflight, course: &Thinned) -> bool {
     let of = |is_of_time| found.breaks.iter().find(|told| told.limit.is_of_time() == is_of_time);
     let (Some(path), Some(time)) = (of(false), of(true)) else { return true };
@@ -124,7 +125,7 @@ fn shows_what_breaks(config: &Mechanism, found: &Preflight, course: &Thinned) ->
         || course.place(config, path.line, &path.pose).is_some()
 }
 
-/// Programs one after another; what is wrong with one does not keep the others from being judged.
+/// Judges programs one after another; an error in one does not prevent the others from being judged.
 fn run_all(
     config: &MachineConfig,
     arguments: &Arguments,
@@ -158,7 +159,7 @@ fn run_all(
     Ok(table.iter().map(worst).max().unwrap_or(Verdict::Fits))
 }
 
-/// The programs, those of folders in the order of their names.
+/// Returns the programs, those of folders sorted by name.
 fn programs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut all = vec![];
     for path in given {
@@ -182,7 +183,7 @@ fn programs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(all)
 }
 
-/// Judges a program and shows how far that is; `see` receives every servo cycle of it.
+/// Judges a program and shows the progress; `see` receives every servo cycle of it.
 pub fn judged<'a>(
     config: &'a MachineConfig,
     judging: &Judging,
@@ -200,7 +201,7 @@ pub fn judged<'a>(
     })?)
 }
 
-/// Returns what is for the user: everything, or with --quiet what does not fit.
+/// Returns the text for the user: everything, or with --quiet only the misfits.
 fn to_people(verdict: &ProgramVerdict) -> String {
     if !output::is_quiet() {
         return verdict.text();

@@ -11,7 +11,7 @@ use program::report::{Break, LeastMargin, Range, Rule, Time};
 use program::timeline::{Abscissa, Thinned};
 use program::verdict::ProgramVerdict;
 
-/// Most warnings that the page repeats above its plots; its copy of the answer has more.
+/// Largest number of warnings above the plots of the page; its copy of the JSON value has all.
 const MOST_NOTES: usize = 20;
 
 /// Returns the page, with plots along `course`.
@@ -40,7 +40,7 @@ pub fn page(verdict: &ProgramVerdict, course: &Thinned) -> Result<String, Failur
     }))
 }
 
-/// Returns the breaks, with their places on the axis of the plots.
+/// Returns the violations, with their positions on the axis of the plots.
 fn marks(verdict: &ProgramVerdict, course: &Thinned) -> Vec<Mark> {
     let mark = |broken: &Break| Mark {
         place: verdict.place(broken.file, broken.line),
@@ -62,10 +62,10 @@ fn rows(verdict: &ProgramVerdict) -> Vec<LimitRow> {
     limits.chain(following_error(verdict)).chain(control(verdict)).collect()
 }
 
-/// What the figures of a program that LinuxCNC stopped hold for.
+/// Range of the values of a program that LinuxCNC stopped.
 const TO_THE_STOP: &str = "up to the stop";
 
-/// A limit without figures.
+/// Returns the row of a limit without values.
 fn bare(verdict: &ProgramVerdict, limit: Rule, meaning: &str) -> LimitRow {
     let found = &verdict.found;
     let own = |(number, broken): (usize, &Break)| (broken.limit == limit).then_some(number);
@@ -88,9 +88,9 @@ fn row(verdict: &ProgramVerdict, limit: Limit) -> Option<LimitRow> {
     let mut row = bare(verdict, limit.into(), limits::meaning(limit));
     match verdict.found.margins.iter().find(|margin| margin.limit == limit) {
         Some(least) => fill(&mut row, verdict, least),
-        // Reach has no size.
+        // Reach has no value.
         None if !row.breaks.is_empty() => row.used = "beyond it".into(),
-        // A limit that the machine has, of a motion that nobody saw.
+        // A limit of the machine for a motion that was not simulated.
         None if limits::is_of_feed(limit) && !row.is_judged => {}
         None => return None,
     }
@@ -130,7 +130,7 @@ fn say_how_far(row: &mut LimitRow) {
     }
 }
 
-/// Where a drive comes nearest to what LinuxCNC allows it to lag.
+/// Returns the row of the drive nearest to LinuxCNC's following error limit.
 fn following_error(verdict: &ProgramVerdict) -> Option<LimitRow> {
     let Time::Judged(timing) = &verdict.found.time else { return None };
     let lagging = timing.following_errors.iter().enumerate();
@@ -150,7 +150,7 @@ fn following_error(verdict: &ProgramVerdict) -> Option<LimitRow> {
     Some(row)
 }
 
-/// What LinuxCNC stops at, if it does.
+/// Returns the reason why LinuxCNC stops, if it does.
 fn control(verdict: &ProgramVerdict) -> Option<LimitRow> {
     let meaning = "LinuxCNC's own checks, which stop a program with a message";
     let row = bare(verdict, Rule::Control, meaning);
@@ -158,7 +158,7 @@ fn control(verdict: &ProgramVerdict) -> Option<LimitRow> {
     (!row.breaks.is_empty()).then(said)
 }
 
-/// Why the program fits or does not, in a sentence for everybody.
+/// Returns a sentence why the program fits or does not, for any reader.
 fn why(verdict: &ProgramVerdict, rows: &[LimitRow]) -> String {
     let found = &verdict.found;
     let Some(first) = found.breaks.first() else {

@@ -13,19 +13,19 @@ use std::path::Path;
 
 const INPUT: &str = "standard input";
 
-/// What a row came to: numbers, or why there are none.
+/// Result of a row: numbers, or a fault.
 pub type Answer = Result<Vec<f64>, Fault>;
 
-/// What is asked: one row, or those of a file.
+/// The input: one row, or those of a file.
 pub enum Question<'a> {
     Row(Vec<f64>),
-    /// With the option that gives one row instead.
+    /// Rows, and the option that gives one row instead.
     Rows(&'a RowFile, &'static str),
 }
 
-/// Answers one row of numbers with a line of numbers, or every row of a file, whose header has to
-/// name all `columns` (others are left alone), with a row of CSV under the header `named`. A row
-/// without an answer leaves its cells empty.
+/// Writes a line of numbers for one row, or for every row of a file, whose header must
+/// name all `columns` (others are ignored), a row of CSV under the header `named`. The cells of a row
+/// without a result stay empty.
 pub fn answer(
     machine: &Path,
     question: &Question,
@@ -79,17 +79,17 @@ fn stream(
     Ok(verdict)
 }
 
-/// Rows of a file or of standard input, whose header has named the columns wanted.
+/// Rows of a file or of standard input, whose header has named the required columns.
 pub struct Rows {
     reader: csv::Reader<Box<dyn Read>>,
     places: Vec<usize>,
-    /// Of the file.
+    /// Name of the file.
     name: String,
 }
 
 impl Rows {
-    /// Reads the header, which has to name all `columns`; others are left alone. `instead` names what else
-    /// could have been given, to somebody who gave nothing.
+    /// Reads the header, which must name all `columns`; others are ignored. `instead` is the alternative
+    /// that an error suggests if nothing was given.
     pub fn open(file: &RowFile, columns: &[String], instead: &str) -> Result<Self, Failure> {
         let names = columns.join(",");
         if file.is_forgotten() {
@@ -113,7 +113,7 @@ impl Rows {
         Ok(Self { reader, places, name })
     }
 
-    /// Shows every row with its line.
+    /// Passes every row with its line to a function.
     pub fn each(
         self,
         mut see: impl FnMut(u64, &[f64]) -> Result<(), Failure>,
@@ -130,7 +130,7 @@ impl Rows {
     }
 }
 
-/// A cell that holds none.
+/// A cell that is not a number.
 #[derive(Debug, thiserror::Error)]
 #[error("\"{0}\" is not a number; expected one such as 12.5")]
 struct NoNumber(String);
@@ -143,7 +143,7 @@ fn numbers(record: &csv::StringRecord, places: &[usize]) -> Result<Vec<f64>, NoN
     places.iter().map(number).collect()
 }
 
-/// A row of another length, or bytes that are no text, with its line.
+/// Returns the error of a row of another length, or of bytes that are not text, with its line.
 fn unread(name: &str, error: csv::Error) -> Failure {
     let line = error.position().map(csv::Position::line);
     let place = line.map_or(name.to_string(), |line| format!("{name}:{line}"));

@@ -65,7 +65,7 @@ pub struct Control {
 }
 
 impl Control {
-    /// The same for a run.
+    /// Returns the options of a run.
     pub fn options(&self) -> Options {
         Options {
             most_seconds: self.most_time,
@@ -77,7 +77,7 @@ impl Control {
     }
 }
 
-/// What is told.
+/// The results.
 #[derive(Serialize)]
 struct Answer<'a> {
     machine: &'a Path,
@@ -135,31 +135,31 @@ fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Line and time of the machine, while the program runs.
+/// Progress by line and machine time while the program runs.
 pub struct Progress {
     bar: Bar,
     period: f64,
     done: Done,
-    /// Whether a user interface of LinuxCNC shows how far it is.
+    /// Whether a user interface of LinuxCNC shows the progress.
     is_filter: bool,
 }
 
-/// Cycles between two words of how far it has come.
+/// Number of cycles between two progress messages.
 const STRIDE: u64 = 1000;
 
 impl Progress {
-    /// Hidden where standard error is no terminal.
+    /// Creates a progress bar, hidden if standard error is not a terminal.
     pub fn new(config: &FileFacts, program: &Path) -> Result<Self, Failure> {
         let (bar, done) = (Bar::spinner("running"), Done::of(program)?);
         Ok(Self { bar, period: config.period, done, is_filter: false })
     }
 
-    /// In the words of LinuxCNC's filters, on standard error.
+    /// Creates the progress of one of LinuxCNC's filters, on standard error.
     pub fn of_filter(config: &FileFacts, program: &Path) -> Result<Self, Failure> {
         Ok(Self { is_filter: true, ..Self::new(config, program)? })
     }
 
-    /// Shows a step to a verdict.
+    /// Shows a step of a verdict.
     pub fn show(&mut self, step: Step) {
         match step {
             Step::Row(row) | Step::Trial(row) => self.see(row),
@@ -173,7 +173,7 @@ impl Progress {
         }
     }
 
-    /// A servo cycle.
+    /// Shows a servo cycle.
     pub fn see(&mut self, row: &Row) {
         self.done.see(row.line);
         if row.cycle.is_multiple_of(STRIDE) {

@@ -19,7 +19,7 @@ use studies::study::sensitivity::{
     Kind, LENGTH_MM, Point, Sensitivity, along, csv, monte_carlo, near, ratios,
 };
 
-/// Joint errors where the study names none.
+/// Joint errors if the study has none.
 const SIGMA_UM: f64 = 10.0;
 
 /// Poses of a motion law, one turn.
@@ -161,7 +161,7 @@ struct Step {
     tool: Vector3<f64>,
 }
 
-/// What is found along the motion, and why it ends early.
+/// Computes the results along the motion, and why it ends early.
 fn motion(
     arguments: &Arguments,
     config: &Mechanism,
@@ -191,7 +191,7 @@ fn motion(
     Ok((points, end))
 }
 
-/// One turn of the motion law, evenly spaced, and the time that is asked about.
+/// Returns one turn of the motion law, evenly spaced, and the requested time.
 fn of_law(
     config: &Mechanism,
     study: &Study,

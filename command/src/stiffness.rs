@@ -20,7 +20,7 @@ use studies::study::springs::Springs;
 use studies::study::stiffness::{Ellipsoid, Stiffness, with_platform};
 use studies::study::workspace::Workspace;
 
-/// Factors of the platform's size that are compared.
+/// Compared factors of the platform's size.
 const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 
 /// Compute the stiffness at the tool tip
@@ -139,7 +139,7 @@ fn draw(
     Ok(Plot::write_all(&plots, folder)?)
 }
 
-/// Factor, and the smallest stiffness of translation and rotation, where that machine is one.
+/// Returns factor, and the smallest stiffness of translation and rotation, if the scaled machine is valid.
 fn sizes(
     config: &Mechanism,
     pose: &Pose,
@@ -168,7 +168,7 @@ fn tell(
             for i in 0..6 {
                 let cell = |k: usize| {
                     let size = (matrix[(i, i)] * matrix[(k, k)]).sqrt();
-                    // What rounding leaves of a 0 is shown as 0.
+                    // A value that rounds to 0 is shown as 0.
                     let value =
                         if matrix[(i, k)].abs() > 1e-12 * size { matrix[(i, k)] } else { 0.0 };
                     format!("{value:>15.6e}")

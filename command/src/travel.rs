@@ -38,7 +38,7 @@ pub struct Arguments {
     serve: bool,
 }
 
-/// A question.
+/// A request.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Question {
@@ -46,7 +46,7 @@ struct Question {
     tools: Vec<[f64; 3]>,
 }
 
-/// What is told.
+/// The response.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Answer {
@@ -82,7 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     })
 }
 
-/// The limits that are left at the pose itself, where nothing is left either way.
+/// Returns the limits that are violated at the pose itself, which leaves no travel.
 fn left_at(found: &[Travel]) -> Option<String> {
     let sides = || found.iter().flat_map(|way| [&way.minus, &way.plus]);
     if !sides().all(|side| side.left == Some(0.0)) {
@@ -105,7 +105,7 @@ fn serve(config: &MachineConfig) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is left, or why that cannot be said.
+/// Returns the available travel, or why it is unknown.
 fn answer(config: &MachineConfig, line: &str) -> Result<Vec<Travel>, String> {
     let Question { at, tools } = serde_json::from_str(line).map_err(|error| error.to_string())?;
     let count = config.mechanisms.len();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What `pkm dynamics` tells, as text, as JSON and as tables.
+//! Output of `pkm dynamics` as text, as JSON and as tables.
 
 use super::failure::Failure;
 use super::in_words;
@@ -17,18 +17,18 @@ use studies::study::forcing::Force as Random;
 /// um per mm.
 pub const UM: f64 = 1e3;
 
-/// What is told.
+/// Results.
 #[derive(Serialize)]
 pub struct Answer {
     pub machine: PathBuf,
     /// X Y Z in machine units, A B C in degrees.
     pub pose: [f64; 6],
     pub modes: Vec<ModeAnswer>,
-    /// With all dampers at once: real and imaginary parts, 1/s.
+    /// Poles with all dampers: real and imaginary parts, 1/s.
     pub poles: Vec<[f64; 2]>,
-    /// Of the tip, um/N.
+    /// Compliance of the tip, um/N.
     pub compliance_um_per_n: [[f64; 3]; 3],
-    /// Forces by which the legs bear the weight, positive where a leg pushes.
+    /// Leg forces that support the weight, positive for compression.
     pub bearing_n: Vec<f64>,
     pub motion: Option<MotionAnswer>,
 }
@@ -37,7 +37,7 @@ pub struct Answer {
 pub struct ModeAnswer {
     pub hz: f64,
     pub damping_ratio: f64,
-    /// Of the shape that is normalised by mass, 1/sqrt(kg).
+    /// Displacement in the mass-normalized shape, 1/sqrt(kg).
     pub tip: [f64; 3],
 }
 
@@ -49,9 +49,9 @@ pub struct MotionAnswer {
     pub rms_um: [f64; 3],
     pub peak_um: [f64; 3],
     pub ellipse: EllipseAnswer,
-    /// Largest force of every leg by its amount.
+    /// Largest absolute force of every leg.
     pub leg_peaks_n: Vec<f64>,
-    /// Under a random force, by the linear theory.
+    /// Results of the linear theory under a random force.
     pub linear: Option<LinearAnswer>,
 }
 
@@ -66,9 +66,9 @@ pub struct EllipseAnswer {
 pub struct LinearAnswer {
     pub rms_um: [f64; 3],
     pub ellipse: EllipseAnswer,
-    /// Of every leg, about what bears the weight.
+    /// RMS force of every leg, about its static load.
     pub leg_rms_n: Vec<f64>,
-    /// Relative standard deviation of the variances that a record of this length shows.
+    /// Relative standard deviation of the variances of a record of this length.
     pub spread: [f64; 3],
 }
 
@@ -83,7 +83,7 @@ pub fn roots(covariance: &Matrix3<f64>) -> [f64; 3] {
     [0, 1, 2].map(|k| covariance[(k, k)].sqrt() * UM)
 }
 
-/// Of a motion in time.
+/// Returns the results of a motion in time.
 pub fn of_record(record: &Record, linear: Option<LinearAnswer>) -> MotionAnswer {
     let covariance = record.covariance();
     MotionAnswer {
@@ -98,7 +98,7 @@ pub fn of_record(record: &Record, linear: Option<LinearAnswer>) -> MotionAnswer 
     }
 }
 
-/// For people.
+/// Prints the results as text.
 pub fn tell(answer: &Answer, pose: &Pose) -> Result<(), Failure> {
     let mut out = super::output::people();
     writeln!(out, "{} at {}", answer.machine.display(), in_words(pose))?;

@@ -73,7 +73,7 @@ pub struct Arguments {
 /// Longest video, seconds: an hour of drawing.
 const LONGEST: f64 = 600.0;
 
-/// Most pixels of a side: what browsers draw on.
+/// Largest number of pixels of a side, as supported by browsers.
 const MOST_PIXELS: usize = 4096;
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -89,7 +89,7 @@ fn patience(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| format!("expected 1 to {MOST_PATIENCE} seconds"))
 }
 
-/// Videos need even sides.
+/// Parses a number of pixels, which must be even for videos.
 fn pixels(text: &str) -> Result<usize, String> {
     let is_fine = |value: &usize| (64..=MOST_PIXELS).contains(value) && value.is_multiple_of(2);
     let value = text.parse::<usize>().ok().filter(is_fine);
@@ -130,7 +130,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(verdict)
 }
 
-/// Where the page goes, if it was asked for.
+/// Returns the path of the page, if requested.
 fn html(arguments: &Arguments, config: &MachineConfig) -> Option<PathBuf> {
     let is_drawn = arguments.video.is_some() || arguments.picture.is_some();
     let stem = config.file.file_stem().unwrap_or_default();
@@ -149,7 +149,7 @@ fn draw(arguments: &Arguments, page: &str) -> Result<(), Failure> {
     };
     write_whole(&camera.page, page)?;
     if let Some(file) = &arguments.picture {
-        // The middle one of three frames.
+        // The middle frame of three.
         let frames = camera.frames(1..2, 3)?;
         let mut whole = Whole::new(file)?;
         whole.write_all(&frames[0]).at(file)?;
@@ -167,7 +167,7 @@ fn draw(arguments: &Arguments, page: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A program that is refused is told, on the page as well.
+/// Shows a program; a refused one is reported, on the page as well.
 fn of_program(
     config: &MachineConfig,
     judging: &Judging,

@@ -20,11 +20,11 @@ use studies::study::file::Study;
 use studies::study::slice::{Plane, Slice};
 use studies::study::workspace::{Border, Ray, Stand, Workspace, tilts};
 
-/// Directions of a tilt.
+/// Number of directions of a tilt.
 const DIRECTIONS: usize = 12;
-/// Rays of a slice.
+/// Number of rays of a slice.
 const SLICE_RAYS: usize = 720;
-/// Steps along a ray.
+/// Number of steps along a ray.
 const STEPS: f64 = 300.0;
 
 /// Compute the workspace of the tool, and what limits it
@@ -132,7 +132,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let planes = planes(&arguments.plane)?;
     let from = match arguments.from.as_deref() {
         Some(from) => Vector3::from_column_slice(from),
-        // Home need not be clear of the other mechanism.
+        // Home need not keep the clearance from the other mechanism.
         None if arguments.beside.is_some() => {
             workspace.place_inside().unwrap_or(meant.home_pose().position)
         }
@@ -149,7 +149,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         write_whole(file, &obj(meant.length_unit(), &body.mesh()))?;
     }
     if let Some(folder) = &arguments.plots {
-        // From its middle, where that is inside, all sides are seen alike.
+        // From its center, if inside, the resolution is the same on all sides.
         let step = workspace.extent() / STEPS;
         let effort = Effort { bands: arguments.bands.into(), step, grid: 0, progress: &|_| () };
         let pictured = pool.install(|| Body::seen(&workspace, body.middle(), &effort));
@@ -179,7 +179,7 @@ fn workspace<'a>(
     Ok(Workspace::new(config, arguments.tool.vector(config), orientations, study)?)
 }
 
-/// Each of two mechanisms: alone, and with the other one at home and anywhere.
+/// Computes both of two mechanisms: alone, and with the other one at home and anywhere.
 fn both(
     arguments: &Arguments,
     whole: &MachineConfig,
@@ -235,7 +235,7 @@ fn both(
     Ok(Verdict::Fits)
 }
 
-/// What is left beside another mechanism.
+/// Reports the rest of a workspace next to another mechanism.
 fn tell_beside(
     out: &mut impl Write,
     config: &Mechanism,
@@ -270,7 +270,7 @@ fn tell_beside(
     }))
 }
 
-/// What was looked at.
+/// A computed workspace.
 struct Seen {
     body: Body,
     counted: Counted,
@@ -322,7 +322,7 @@ fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
     names.iter().map(plane).collect()
 }
 
-/// Tells people; what programs get.
+/// Prints the results as text and returns those for JSON.
 fn tell(
     out: &mut impl Write,
     config: &Mechanism,

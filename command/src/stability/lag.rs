@@ -20,7 +20,7 @@ use studies::stability::system::Adjustment;
 use studies::study::cutting::Chip;
 use studies::study::file::Study;
 
-/// Overhangs of the curve that is drawn.
+/// Number of overhangs of the curve.
 const OVERHANGS: usize = 200;
 
 /// Limit depth of a spring-mass model with a lagging force (paper 002)
@@ -74,11 +74,11 @@ pub struct Arguments {
     csv: Option<PathBuf>,
 }
 
-/// One adjustment.
+/// Results of one adjustment.
 #[derive(Serialize)]
 struct Answer {
     overhang_mm: Option<f64>,
-    /// Null where every cutting stiffness is stable.
+    /// Null if every cutting stiffness is stable.
     limit: Option<Shown>,
     is_confirmed_by_counts: bool,
     crossings: Vec<Shown>,
@@ -104,7 +104,7 @@ struct Worst {
     limit_n_per_mm: f64,
 }
 
-/// What may be cut at the limit.
+/// Width and depth of cut at the limit.
 #[derive(Serialize)]
 struct Cut {
     limit_width_mm: f64,
@@ -171,12 +171,12 @@ fn answer(adjustment: &Adjustment, study: &Study, stiffness: Option<f64>) -> Ans
     }
 }
 
-/// Half the limit; without a limit, the stiffness of the whole.
+/// Returns half the limit; without a limit, the stiffness of the whole.
 fn half(lag: &Lag) -> f64 {
     lag.limit().crossing.map_or(lag.at_rest().abs(), |found| found.stiffness / 2.0)
 }
 
-/// Roots are counted this share beside a crossing.
+/// Relative distance from a crossing at which roots are counted.
 const BESIDE: f64 = 1e-6;
 
 fn shown(lag: &Lag, found: &Crossing) -> Shown {
@@ -257,7 +257,7 @@ fn tell(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failure
     Ok(())
 }
 
-/// Of several adjustments the pictures of each have their own names.
+/// Returns the prefix of the pictures' names, different for each of several adjustments.
 fn stem(adjustment: &Adjustment) -> String {
     adjustment.overhang.map_or("lag".into(), |length| format!("overhang-{length}"))
 }
@@ -294,7 +294,7 @@ fn write(
     arguments.csv.as_deref().map_or(Ok(()), |file| write_csv(file, own, &responses))
 }
 
-/// Limits over a range about the overhangs that are compared.
+/// Returns the limits over a range around the compared overhangs.
 fn by_overhang(study: &Study, own: &[Adjustment]) -> Vec<(f64, f64)> {
     let lengths: Vec<f64> = own.iter().filter_map(|adjustment| adjustment.overhang).collect();
     let most = 1.25 * lengths.iter().copied().fold(0.0, f64::max);
@@ -303,7 +303,7 @@ fn by_overhang(study: &Study, own: &[Adjustment]) -> Vec<(f64, f64)> {
         let found = Adjustment::of(study, Some(length)).ok()?.lag.limit().crossing?;
         Some((length, found.stiffness))
     };
-    // The shortest overhangs would hide the others.
+    // The shortest overhangs would make the others invisible.
     (OVERHANGS / 40..=OVERHANGS).filter_map(limit).filter(|_| most > 0.0).collect()
 }
 

@@ -68,7 +68,7 @@ fn plane(text: &str) -> Result<[usize; 2], String> {
     }
 }
 
-/// A place and its limit depth, mm; infinite where every depth is stable.
+/// A position and its limit depth, mm; infinite if every depth is stable.
 struct Place {
     position: [f64; 3],
     depth: f64,

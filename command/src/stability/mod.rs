@@ -50,15 +50,15 @@ struct Speeds {
     deepest: Option<f64>,
 }
 
-/// The machine with what its study says.
+/// Returns the machine with the values of its study.
 fn setup<'a>(config: &'a Mechanism, study: &Study, file: &Path) -> Result<Setup<'a>, Failure> {
     Ok(Setup::new(config, study).at(file)?)
 }
 
-/// Lengths, speeds and stiffnesses of the command line are below this.
+/// Upper bound of lengths, speeds and stiffnesses on the command line.
 const LARGEST: f64 = 1e9;
 
-/// A number above 0 of the command line.
+/// Parses a positive number of the command line.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && value < LARGEST => Ok(value),
@@ -66,10 +66,10 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Depths beyond this are no cuts, mm.
+/// Largest plausible depth of cut, mm.
 const DEEPEST: f64 = 1000.0;
 
-/// A depth of the command line, mm.
+/// Parses a depth on the command line, mm.
 pub fn depth(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && value <= DEEPEST => Ok(value),

@@ -87,9 +87,9 @@ struct Answer {
     machine: PathBuf,
     pose: [f64; 6],
     modes: Vec<Mode>,
-    /// Angle of the feed in the cutter plane from the platform's X, where none was given.
+    /// Angle of the feed in the cutter plane from the platform's X, if none was given.
     worst_feed_deg: Option<f64>,
-    /// Zero order, over all speeds; null where every depth is stable.
+    /// Zero-order limit over all speeds; null if every depth is stable.
     floor: Option<Shown>,
     deepest_mm: f64,
     best: Speed,
@@ -122,7 +122,7 @@ struct Single {
     rpm: f64,
     zero_order_mm: Option<f64>,
     unstable: Vec<Unstable>,
-    /// At the first border by collocation: 1 where both methods agree.
+    /// Result at the first border by collocation: 1 if both methods agree.
     semi_discretisation: Option<f64>,
     multiplier_at_depth: Option<f64>,
 }
@@ -130,7 +130,7 @@ struct Single {
 #[derive(Serialize)]
 struct Unstable {
     from_mm: f64,
-    /// Null where it goes on beyond the deepest.
+    /// Null if it extends beyond the deepest.
     to_mm: Option<f64>,
     loss: &'static str,
 }
@@ -142,13 +142,13 @@ struct Column {
     unstable: Vec<Unstable>,
 }
 
-/// Steps of semi-discretisation in a tooth period, at least, and in a period of the fastest mode.
+/// Least number of steps of semi-discretization in a tooth period, and in a period of the fastest mode.
 const STEPS: [f64; 2] = [60.0, 20.0];
 
-/// Without --deepest, the map reaches to this many times the zero-order limit over all speeds.
+/// Default depth of the map, relative to the zero-order limit over all speeds.
 const DEEPEST: f64 = 8.0;
 
-/// Where every depth is stable by zero order, mm.
+/// Default depth of the map if every depth is stable by zero order, mm.
 const DEEP: f64 = 20.0;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
@@ -291,10 +291,10 @@ fn plots(
     Ok(plots)
 }
 
-/// Lobes that are drawn.
+/// Number of lobes in the plot.
 const LOBES: usize = 12;
 
-/// Points of a line.
+/// Number of points of a line.
 const LINE: usize = 1000;
 
 fn table(map: &StableMap, zero_order: impl Fn(f64) -> Option<f64>) -> String {
@@ -374,7 +374,7 @@ fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
     Ok(())
 }
 
-/// An unused range of speeds would be a mistake of the command line.
+/// Refuses an unused range of speeds as a mistake on the command line.
 impl Speeds {
     pub(super) fn range(&self) -> Result<[f64; 2], Failure> {
         let [low, high] = [self.speeds[0], self.speeds[1]];

@@ -78,7 +78,7 @@ struct Answer {
     deepest_mm: f64,
     worst: Worst,
     depth_mm: Option<f64>,
-    /// The limit over the depth of cut.
+    /// Ratio of the limit to the depth of cut.
     margin: Option<f64>,
     best_rpm: Option<f64>,
     best_stable_to_mm: Option<f64>,
@@ -93,10 +93,10 @@ struct Worst {
     zero_order_over_all_speeds_mm: Option<f64>,
 }
 
-/// Spindle speeds among which the best is looked for.
+/// Number of spindle speeds in the search for the best one.
 const SPEEDS: usize = 61;
 
-/// The largest depth looked at without --deepest and without a depth of cut, mm; with one, this
+/// Largest tested depth without --deepest and without a depth of cut, mm; with one, this
 /// many times that.
 const DEEPEST: f64 = 20.0;
 
@@ -137,7 +137,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     })
 }
 
-/// Ends of the feed moves, as many as are asked for, and how many moves there are.
+/// Returns the requested number of ends of feed moves, and the total number of moves.
 fn stops(arguments: &Arguments, config: &Mechanism) -> Result<(Vec<Stop>, usize), Failure> {
     let job = &arguments.job;
     let moves = job.moves(config)?;
@@ -145,10 +145,10 @@ fn stops(arguments: &Arguments, config: &Mechanism) -> Result<(Vec<Stop>, usize)
 }
 
 impl Job {
-    /// The program's moves at its spindle speeds, or all at the one that is given. Refused where an extra
-    /// axis turns the work in the cut, or moves along with the tool: chip and speed are not known there.
+    /// Returns the program's moves at its spindle speeds, or all at the given one. Refused if an extra
+    /// axis rotates the workpiece in the cut, or moves together with the tool: then chip and speed are unknown.
     pub fn moves(&self, config: &Mechanism) -> Result<Vec<Move>, Failure> {
-        // Said before LinuxCNC starts, in the system's words.
+        // Reported before LinuxCNC starts, in the system's words.
         open(&self.program)?;
         let (mut moves, files) = motion::read(&config.clone().into(), &self.program, None)?;
         tell_deleted(&self.program, &files)?;

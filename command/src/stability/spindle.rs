@@ -57,7 +57,7 @@ pub struct Arguments {
 struct Answer {
     overhang_mm: f64,
     compliance_um_per_n: f64,
-    /// Of the compliance, that of the modes used.
+    /// Share of the compliance due to the modes in use.
     share_of_modes: f64,
     modes: Vec<Shown>,
 }
