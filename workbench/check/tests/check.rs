@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What `pkm check` finds in a machine's file.
+//! Findings of `pkm check` in a machine's file.
 
 use check::findings::Report;
 use check::report::check;
@@ -8,8 +8,8 @@ use machine::read::machine::MachineConfig;
 use std::path::Path;
 use test_support::shipped::{ini, with_programs};
 
-/// The hexapod after a change of its file, without its box, HOME of its joints as the kinematics
-/// have it.
+/// Returns the report on the hexapod after a change of its file, without its box, with HOME of its joints from the
+/// kinematics.
 fn hexapod(change: impl Fn(&str) -> String) -> Report {
     let text = change(&std::fs::read_to_string(ini("hexapod")).unwrap());
     let (before, rest) = text.split_once("[BOX_0]").unwrap();
@@ -40,7 +40,7 @@ fn without_clearance(text: &str) -> String {
     text.replace("ROD_CLEARANCE = 60\n", "")
 }
 
-/// Legs 0 and 1 with each other's platform anchors.
+/// Exchanges the platform anchors of legs 0 and 1.
 fn crossed(text: &str) -> String {
     let anchors = [
         "PLATFORM = 141.42135623730948 -141.42135623730954 150.0",

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The HAL files for real drives, as `pkm check` carries them out.
+//! The HAL files for real drives, as `pkm check` runs them.
 
 use crate::homing::changed;
 use check::report::check;
 
-/// The hexapod on one of the drive files, as docs/guide/drives.md has it.
+/// Returns the findings for the hexapod with one of the drive files, as in docs/guide/drives.md.
 fn on_drives(files: &[&str], machine: &str, joint: impl Fn(usize) -> String) -> Vec<String> {
     let halfiles: String = files.iter().map(|file| format!("HALFILE = LIB:{file}\n")).collect();
     let (_folder, config) = changed("hexapod", |text| {
@@ -40,7 +40,7 @@ fn the_drive_files_are_wired_whole() {
     };
     let bus = |_: usize| "SCALE = 10000\nDELAY = 3\n".to_string();
     let none = [""; 0];
-    // The hexapod has absolute encoders, and a step generator is none.
+    // The hexapod has absolute encoders, which a step generator is not.
     let extra = ["pkmkins_vfd_analog.tcl", "pkmkins_coolant.tcl"];
     let found = on_drives(&["pkmkins_mesa_step.tcl", extra[0], extra[1]], CARD, steps);
     assert!(found.len() == 6 && found.iter().all(|it| it.contains("counts steps")), "{found:?}");

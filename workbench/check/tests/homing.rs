@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Homing from wherever a machine was switched off.
+//! Homing from any pose at switch-off.
 
 use check::homing_ways::{Group, Homing, sequences};
 use check::report::check;
 use machine::read::mechanism::Mechanism;
 use test_support::shipped::{ini, with_programs};
 
-/// A shipped machine, its file changed, in a place of its own with its tool table.
+/// Returns a shipped machine with a changed file, in its own folder with its tool table.
 pub fn changed(name: &str, change: impl Fn(String) -> String) -> (tempfile::TempDir, Mechanism) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join(format!("{name}.ini"));
@@ -17,7 +17,7 @@ pub fn changed(name: &str, change: impl Fn(String) -> String) -> (tempfile::Temp
     (folder, config)
 }
 
-/// Every joint in a sequence of its own.
+/// Puts every joint into a separate sequence.
 fn one_by_one(text: String) -> String {
     let mut number = 0;
     let lines = text.lines().map(|line| match line.starts_with("HOME_SEQUENCE") {
@@ -82,7 +82,7 @@ fn an_order_is_written_as_home_sequence_of_every_joint() {
 fn joints_that_know_their_place_move_nothing() {
     let config = test_support::shipped::first_of(&ini("hexapod"));
     assert!(!Homing::new(&config).unwrap().unwrap().moves());
-    // HOME_OFFSET is where each stands, and HOME elsewhere.
+    // HOME_OFFSET is the current position of each, and HOME is elsewhere.
     let known = |text: String| {
         text.replace("HOME_ABSOLUTE_ENCODER = 2\nHOME_OFFSET = 0", "HOME_OFFSET = 950")
     };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What counting and the leg rows say about the shipped machines.
+//! Structure of the shipped machines by counting and by the leg rows.
 
 use check::mobility::{Structure, rank, rows_at_home, singular_values};
 use kinematics::Letter::{self, A, B, C, X, Y, Z};
@@ -55,7 +55,7 @@ fn what_the_legs_hold_is_told_in_one_line() {
     );
 }
 
-/// All 15 sets of four coordinates.
+/// Returns all 15 sets of four coordinates.
 fn quadruples() -> Vec<Vec<Letter>> {
     let all = 0..1_usize << 6;
     let set = |bits: usize| Letter::ALL.into_iter().filter(move |l| bits >> l.index() & 1 == 1);
@@ -84,7 +84,7 @@ fn determinants_of_the_four_rods_are_those_of_an_independent_calculation() {
         let angles = letters.iter().filter(|letter| letter.is_angle()).count() as i32;
         let per_radius: f64 = singular_values(&rows, &letters)[..4].iter().product();
         let det = per_radius * (config.machine.radius() / 100.0).powi(angles);
-        // Half of the last printed digit, and as much for what was rounded before.
+        // Half of the last printed digit, and as much for earlier rounding.
         assert!((det - expected).abs() < 1e-3, "{letters:?}: {det}");
     }
 }

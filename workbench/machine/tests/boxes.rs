@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Boxes of the shipped configurations: proved, over the whole workspace, and enough to
+//! Boxes of the shipped configurations: proved, over the whole workspace, and sufficient to
 //! find every pose from the joints alone.
 
 use kinematics::{
@@ -17,11 +17,11 @@ use std::path::Path;
 use std::sync::Mutex;
 use test_support::shipped::{MACHINES, cases, config};
 
-/// Distance of the pose found from the one that made the joints, as a share of the size:
+/// Largest distance between the found pose and the original pose of the joints, as a share of the size:
 /// forward stops at 1e-12; conditioning and rounding of the joints are below 1e-9.
 const SAME: f64 = 1e-9;
 
-/// Any pose within the axis limits, table letters included; every fifth value is a limit.
+/// Returns a random pose within the axis limits, table letters included; every fifth value is a limit.
 fn random_pose(config: &Mechanism, rng: &mut Pcg64) -> Pose {
     let mut pose = [0.0; 6];
     for letter in kinematics::Letter::ALL {
@@ -37,7 +37,7 @@ fn random_pose(config: &Mechanism, rng: &mut Pcg64) -> Pose {
     Pose::from_degrees(pose)
 }
 
-/// The pose, and the calls it took.
+/// Returns the found pose, and the number of calls.
 fn searched(
     config: &Mechanism,
     regions: &[WorkspaceBox],
@@ -59,8 +59,8 @@ fn regions(config: &Mechanism) -> Vec<WorkspaceBox> {
     config.boxes.iter().map(|section| section.claim.region).collect()
 }
 
-/// Its proof takes 56,905 cells, six seconds of one processor: `cargo xtask boxes` and the long tier make
-/// it, otherwise samples stand in.
+/// Machine whose proof takes 56,905 cells, six seconds of one processor: `cargo xtask boxes` and the long tier make
+/// it; otherwise samples replace it.
 const DEAR: &str = "hexapod";
 
 #[test]
@@ -83,7 +83,7 @@ fn every_shipped_box_is_proved_and_holds_the_whole_workspace() {
     }
 }
 
-/// What is told on the way never goes back, and ends with the whole box.
+/// Proves a section; checks that the progress never decreases, and ends with the whole box.
 fn prove(config: &Mechanism, section: &BoxSection) -> Result<usize, Doubt> {
     let last = Mutex::new(0.0);
     let cells = prove_telling(config, section, &|share: f64| {
@@ -91,7 +91,7 @@ fn prove(config: &Mechanism, section: &BoxSection) -> Result<usize, Doubt> {
         assert!((*last..=1.0 + 1e-9).contains(&share), "{share} after {last}");
         *last = share;
     })?;
-    // So many shares are added.
+    // This many shares are added.
     assert!((*last.lock().unwrap() - 1.0).abs() < 1e-15 * cells as f64 + 1e-9);
     Ok(cells)
 }
@@ -100,11 +100,11 @@ fn proved(config: &Mechanism, section: &BoxSection) -> Result<String, Doubt> {
     Ok(format!("proved with {} cells", prove(config, section)?))
 }
 
-/// The numbers of the claim, and its norm at random poses and at faces and corners.
+/// Checks the numbers of the claim, and its norm at random poses and at faces and corners.
 fn sampled(config: &Mechanism, section: &BoxSection) -> Result<String, Doubt> {
     const SAMPLES: usize = 20_000;
     let prover = Prover::new(&config.machine, &config.geometry);
-    // All that is checked before the first cell.
+    // The checks before the first cell.
     assert_eq!(section.geometry, config.hash);
     assert_eq!(prover.prove(&section.claim, 0), Err(Doubt::Effort(0)));
     let mut rng = Pcg64::seed_from_u64(40);
@@ -174,7 +174,7 @@ fn joints_of_a_pose_outside_are_refused_with_their_code() {
             let Ok(joints) = config.machine.inverse(&pose, &Vector3::zeros()) else { continue };
             match searched(&config, &regions, &joints, &Vector3::zeros()) {
                 Err(fault) => assert_eq!(fault.cause, Cause::OutsideBoxes, "{name}: {pose:?}"),
-                // Another pose with these joints, which the box holds: the joints cannot tell.
+                // Another pose with these joints in the box, which the joints cannot distinguish.
                 Ok((found, _)) => {
                     let again = config.machine.inverse(&found, &Vector3::zeros()).unwrap();
                     let off = again.iter().zip(&joints).map(|(a, b)| (a - b).abs());
@@ -187,7 +187,7 @@ fn joints_of_a_pose_outside_are_refused_with_their_code() {
     }
 }
 
-/// The tripod's joints cannot tell its pose from its mirror image below the base.
+/// The tripod's joints do not distinguish its pose from its mirror image below the base.
 #[test]
 fn two_boxes_with_a_pose_each_are_refused_with_their_code() {
     let config = config("tripod");
@@ -204,7 +204,7 @@ fn two_boxes_with_a_pose_each_are_refused_with_their_code() {
         let joints = config.machine.inverse(&pose, &Vector3::zeros()).unwrap();
         let fault = searched(&config, &regions, &joints, &Vector3::zeros()).unwrap_err();
         assert_eq!(fault.cause, Cause::TwoPoses);
-        // A box that stands twice is no second pose.
+        // A repeated box is not a second pose.
         let twice = [above.claim.region; 2];
         let found = searched(&config, &twice, &joints, &Vector3::zeros()).unwrap().0;
         assert!(found.distance(&pose, 1.0) < SAME * config.machine.size());
@@ -247,7 +247,7 @@ fn a_claim_that_is_not_true_is_not_proved() {
     assert!(matches!(delta, Err(Doubt::Reach(..))), "{delta:?}");
 }
 
-/// A box that goes on beyond the rods' reach.
+/// Proves a box that extends beyond the rods' reach.
 fn config_with_reach(name: &str) -> Result<usize, Doubt> {
     let config = config(name);
     let mut claim = config.boxes[0].claim.clone();
@@ -274,7 +274,7 @@ fn a_box_is_found_for_a_machine_that_has_none() {
     );
 }
 
-/// Struts that nearly lie in the plane of the base at the lower end, and stand at the upper one.
+/// Struts that are nearly in the plane of the base at the lower end, and upright at the upper end.
 #[test]
 fn what_one_matrix_does_not_cover_is_cut_into_boxes() {
     let config = config("tripod");
@@ -292,7 +292,7 @@ fn what_one_matrix_does_not_cover_is_cut_into_boxes() {
         let share = |k: usize, rng: &mut Pcg64| low[k] + (high[k] - low[k]) * rng.random::<f64>();
         let mut pose: [f64; 6] = std::array::from_fn(|k| share(k, &mut rng));
         if n % 2 == 0 {
-            // On a face that two boxes share, or that one has alone.
+            // On a face that two boxes share, or that belongs to one box.
             let region = &regions[n % regions.len()];
             pose[n % 3] = region.high[n % 3];
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The proof that a cell of poses is inside the workspace: no pose of it may be outside.
+//! Proofs that a cell of poses is inside the workspace: no pose of it may be outside.
 
 use kinematics::Limit;
 use machine::proof::axis_box::{AxisBox, at_tilt, range};
@@ -10,7 +10,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use test_support::shipped::{MACHINES, config, drawn as pose};
 
-/// The machine with joint limits and cones that some of its poses leave.
+/// Returns the machine with joint limits and cones that some of its poses violate.
 fn narrowed(rng: &mut Pcg64, machine: &str) -> Mechanism {
     let mut config = config(machine);
     for joint in &mut config.joints {
@@ -25,7 +25,7 @@ fn narrowed(rng: &mut Pcg64, machine: &str) -> Mechanism {
     config.clearance = at.nearest().map(|nearest| share * nearest.distance);
     config.conditioning_limit = at.smallest_singular_value() * rng.random_range(0.2..0.95);
     config.tilt_limit = Some(rng.random_range(2.0..30.0));
-    // Fixed axes are those of struts with a lead.
+    // Only struts with a lead have fixed axes.
     if machine == "hexapod" {
         for pyramid in config.angles.iter_mut().flat_map(|leg| &mut leg.pyramids) {
             *pyramid = Some([rng.random_range(2.0..30.0), rng.random_range(2.0..30.0)]);
@@ -69,7 +69,7 @@ fn no_pose_of_a_cell_that_is_proved_is_outside() {
     }
 }
 
-/// A cell that only just fits is proved: the bounds are not so wide that they say nothing.
+/// A cell that barely fits is proved: the bounds are not uselessly wide.
 #[test]
 fn a_cell_may_come_near_a_limit() {
     let mut config = config("lab-hexapod");
@@ -85,7 +85,7 @@ fn a_cell_may_come_near_a_limit() {
     let longest = (0..20_000).map(|_| strut(pose(&mut rng, &part))).fold(0.0, f64::max);
     drop(reach);
     let beyond = longest - config.joints[0].home;
-    // A tenth beyond the longest strut seen, which a corner of the cell has.
+    // A tenth beyond the longest sampled strut, which occurs at a corner of the cell.
     for (room, expected) in [(1.1, true), (0.98, false)] {
         config.joints[0].max = config.joints[0].home + room * beyond;
         let verdict = Reach::new(&config).unwrap().judge(&cell);
@@ -93,7 +93,7 @@ fn a_cell_may_come_near_a_limit() {
     }
 }
 
-/// What a smaller tilt is told to gain can be taken.
+/// The boxes reported for smaller tilts are legal.
 #[test]
 fn boxes_of_a_tilt_can_be_taken() {
     let config = config("four-rod-lathe");
@@ -113,7 +113,7 @@ fn boxes_of_a_tilt_can_be_taken() {
     assert!(widths[0] >= widths[1] && widths[1] >= widths[2], "{widths:?}");
 }
 
-/// At 25 degrees of A and of B the hexapod's spindle leans by 34.8.
+/// At 25 degrees of A and of B the hexapod's spindle tilts by 34.8.
 #[test]
 fn a_limit_of_the_tilt_cuts_the_corners_of_boxes() {
     let mut config = config("hexapod");

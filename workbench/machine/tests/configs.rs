@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Every shipped configuration agrees with itself.
+//! Consistency of every shipped configuration.
 
 use kinematics::Cones;
 use test_support::shipped::{MACHINES, configs, folder, whole};
 
-/// Agreement of [JOINT_N]HOME with inverse([TRAJ]HOME): the printed digits of the INI file, in
+/// Tolerance between [JOINT_N]HOME and inverse([TRAJ]HOME): the printed digits of the INI file, in
 /// mm, inches or degrees.
 const HOME_TOLERANCE: f64 = 1e-9;
 
-/// Every machine is meant to stand clear of its cone limits at home.
+/// Largest cone angle at home: every shipped machine is at the center of its cones there.
 const HOME_CONE_DEG: f64 = 1e-6;
 
 #[test]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The core gives the golden rows; see the files in tests/cases/golden for their origin.
+//! Comparison of the core with the golden rows; see the files in tests/cases/golden for their origin.
 
 use kinematics::leg::{SliderGeometry, StrutGeometry};
 use kinematics::{
@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use test_support::shipped::root;
 
-/// Rows carry 16 digits of lengths near 1000: some roundings of 1e-13.
+/// Rows have 16 digits of lengths near 1000: some roundings of 1e-13.
 const LENGTH_TOLERANCE_MM: f64 = 1e-9;
 /// Derivatives near 1, the same number of roundings.
 const JACOBIAN_TOLERANCE: f64 = 1e-9;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Good and bad INI files: the list that a start of LinuxCNC is held to as well, by tests/cases/ini/run.py.
+//! Good and bad INI files: tests/cases/ini/run.py checks a start of LinuxCNC with the same list.
 
 use machine::read::error::MachineError;
 use machine::read::ini::Ini;
@@ -21,7 +21,7 @@ struct Cases {
 #[serde(deny_unknown_fields)]
 struct Case {
     name: String,
-    /// Another base file than that of the list.
+    /// Another base file than the list's.
     base: Option<PathBuf>,
     expect: Option<String>,
     /// Whether the geometry is that of the base file.
@@ -42,7 +42,7 @@ fn every_case_is_read_or_refused_as_the_list_says() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// What is wrong with the outcome, if anything.
+/// Describes an unexpected outcome, if any.
 fn judge(case: &Case, base: &Path) -> Option<String> {
     let read = read(case, base);
     let kind = match &read {
@@ -64,7 +64,7 @@ fn judge(case: &Case, base: &Path) -> Option<String> {
     (same != is_same).then(|| format!("{}: same geometry as the base file's: {is_same}", case.name))
 }
 
-/// The base file with the edits of the case.
+/// Reads the base file with the edits of the case.
 fn read(case: &Case, base: &Path) -> Result<MachineConfig, MachineError> {
     let text = std::fs::read_to_string(base).unwrap();
     let mut lines: Vec<String> = text.lines().map(Into::into).collect();

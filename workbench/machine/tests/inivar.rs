@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The INI reader beside LinuxCNC's own: `inivar`, and the start script's way with included files.
+//! Comparison of the INI reader with LinuxCNC's own: `inivar`, and the start script's handling of included files.
 
 use machine::read::ini::Ini;
 use rand::{Rng, SeedableRng};
@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use test_support::shipped::configs;
 
-/// Files drawn, and keys asked for in each.
+/// Number of random files, and of keys read from each.
 const FILES: usize = 60;
 const SECTIONS: [&str; 3] = ["A", "B", "LEG_0"];
 const KEYS: [&str; 3] = ["K", "KK", "L"];
 
-/// Lines that LinuxCNC treats in a way of its own, good ones and bad ones.
+/// Valid and invalid lines with special treatment in LinuxCNC.
 const LINES: &[&str] = &[
     "[A]",
     "[B]",
@@ -67,7 +67,7 @@ fn inivar(file: &Path, section: &str, key: &str) -> Option<String> {
         .filter(|t| !t.is_empty())
 }
 
-/// The file that LinuxCNC's start script hands on: itself, or with its included files in it.
+/// Returns the file that LinuxCNC's start script passes on: itself, or a copy with its included files.
 fn expanded(file: &Path) -> PathBuf {
     let script = "eval \"$(sed -n '/^function handle_includes/,/^}/p' $(command -v linuxcnc))\"; \
                   GREP=grep; handle_includes \"$1\" 2>/dev/null";
@@ -76,7 +76,7 @@ fn expanded(file: &Path) -> PathBuf {
     PathBuf::from(name.trim_end())
 }
 
-/// Compares every key; how many values there are.
+/// Compares every key and returns the number of values.
 fn compare(file: &Path, ini: &Ini, sections: &[&str], keys: &[&str]) -> usize {
     let theirs = expanded(file);
     let mut values = 0;
@@ -110,7 +110,7 @@ fn drawn_files_are_read_as_linuxcnc_reads_them_or_refused() {
             Err(_) => refused += 1,
         }
     }
-    // Neither everything is refused nor nothing, and the files do hold values.
+    // Neither all nor no files are refused, and the files do contain values.
     assert!(refused > FILES / 4 && values > FILES, "{refused} {values}");
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Equations 4 and 5 of paper 003, each held to the core: where the loop of two rods puts its
-//! carriages, and where a rod meets its guide.
+//! Equations 4 and 5 of paper 003, compared with the core: the positions of the carriages in the loop of two rods,
+//! and the point where a rod meets its guide.
 
 use kinematics::{LegKind, Pose, Vector3};
 use machine::proof::axis_box;
@@ -16,8 +16,8 @@ const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
 /// Equation 4: in the loop of two rods, the platform between them and their common guide, the
 /// carriages are d = P ± √(P² − H) apart, P = l₁ cos φ₁ + l₂ cos φ₄ and
-/// H = l₁² + l₂² − g² + 2 l₁ l₂ cos(φ₁ + φ₄). The paper's loop is planar: the platform is turned in
-/// the plane of guide and joints only, which the six-rod lathe can do.
+/// H = l₁² + l₂² − g² + 2 l₁ l₂ cos(φ₁ + φ₄). The paper's loop is planar: the platform rotates only in
+/// the plane of guide and joints, which is possible for the six-rod lathe.
 #[test]
 fn carriages_of_a_planar_loop_are_as_far_apart_as_paper_003_says() {
     let config = config("six-rod-lathe");
@@ -46,7 +46,7 @@ fn carriages_of_a_planar_loop_are_as_far_apart_as_paper_003_says() {
             let position = middle - turn * (a + b) / 2.0;
             let pose = Pose { position, angles: Vector3::new(roll, pitch, yaw) };
             let joints = config.machine.inverse(&pose, &NO_TOOL).unwrap();
-            // Each rod's angle to the guide, within the loop, by how far its joint is from it.
+            // Each rod's angle to the guide, within the loop, from the distance of its joint.
             let angle = |joint: Vector3<f64>, rod: f64| {
                 let from_guide = position + turn * joint - guide;
                 (from_guide.xy().norm() / rod).asin()
@@ -55,7 +55,7 @@ fn carriages_of_a_planar_loop_are_as_far_apart_as_paper_003_says() {
             let p = one.rod * phi_1.cos() + two.rod * phi_4.cos();
             let product = one.rod * two.rod * (phi_1 + phi_4).cos();
             let h = one.rod.powi(2) + two.rod.powi(2) - g * g + 2.0 * product;
-            // b stands above a: the rods do not cross.
+            // b is above a: the rods do not cross.
             let d = p + (p * p - h).sqrt();
             let found = joints[second] - joints[first];
             assert!((found - d).abs() < TOLERANCE_MM, "{first} {pose:?}: {found} {d}");
@@ -63,7 +63,7 @@ fn carriages_of_a_planar_loop_are_as_far_apart_as_paper_003_says() {
     }
 }
 
-/// Equation 5: a line through `on` along the unit vector τ meets the sphere of radius R about
+/// Returns the solutions of equation 5: a line through `on` along the unit vector τ meets the sphere of radius R about
 /// `centre` at centre + τ × (Δr × τ) ± √(R² − |Δr × τ|²) τ, Δr = on − centre (the paper's note swaps
 /// the names of line and direction).
 fn met(

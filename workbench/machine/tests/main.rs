@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! All tests of the crate from outside in one program, which is linked once.
+//! All external tests of the crate in one program, which is linked once.
 
 mod boxes;
 mod cell;

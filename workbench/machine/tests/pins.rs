@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What `pkmkins-pins` prints; tests/cases/ini/run.py gives it to the module.
+//! Output of `pkmkins-pins`; tests/cases/ini/run.py passes it to the module.
 
 use machine::read::diagnostic::of_machine;
 use machine::read::pins::printed;
@@ -11,7 +11,7 @@ fn shipped(name: &str) -> PathBuf {
     root().join(format!("configs/{name}/{name}.ini"))
 }
 
-/// Returns what is printed for the text of a file in a folder of its own.
+/// Returns the output for the text of a file in its own folder.
 fn text_of(text: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("machine.ini");
@@ -82,7 +82,7 @@ fn errors_of_a_file_that_linuxcnc_has_expanded_name_the_lines_of_the_original() 
     fs::write(&expanded, format!("#*** expanded\n{head}\n#*** Begin\n{legs}#*** End\n")).unwrap();
     let error = of_machine(&printed(&expanded, "").unwrap_err());
     assert!(error.contains("legs.inc") && error.contains("BASE = x"), "{error}");
-    // Another file than the one that LinuxCNC reads.
+    // A file other than the one that LinuxCNC reads.
     fs::write(&file, &hexapod).unwrap();
     let error = of_machine(&printed(&expanded, "").unwrap_err());
     assert!(error.contains("machine.ini.expanded"), "{error}");

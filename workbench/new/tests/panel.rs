@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Panels of the shipped machines. That PyVCP takes them and that every pin is there is seen in AXIS:
-//! tests/viewer/screens.py.
+//! Panels of the shipped machines. tests/viewer/screens.py checks in AXIS that PyVCP accepts them and that every pin
+//! exists.
 
 use new::panel::Panel;
 use std::collections::BTreeSet;
@@ -36,11 +36,11 @@ fn every_widget_with_a_pin_is_fed_once_and_every_pin_feeds_a_widget() {
             table.lines().map(|line| line.split(' ').next_back().unwrap()).collect();
         let set: BTreeSet<&str> = fed.iter().copied().collect();
         assert_eq!(set.len(), fed.len(), "{machine}");
-        // The buttons feed, and are not fed.
+        // The buttons are sources, not sinks.
         let shown: BTreeSet<&str> =
             names.into_iter().filter(|name| *name != "kinematics").collect();
         assert_eq!(set, shown, "{machine}");
-        // LinuxCNC 2.9 takes names of 47 characters.
+        // LinuxCNC 2.9 accepts names of 47 characters.
         assert!(set.iter().all(|name| format!("pyvcp.{name}").len() <= 47));
     }
 }
@@ -52,7 +52,7 @@ fn a_joint_stands_in_its_range_with_its_margin_and_a_cone_ends_where_the_file_sa
     assert!(widgets.contains("halpin=\"base-angle-5\" min_=\"0\" max_=\"40\""), "{widgets}");
     assert!(wiring.contains("\n    pkmkins.margin.5 margin-5\n"), "{wiring}");
     assert!(wiring.contains("start hexapod.ini {x y z a b c}\n"), "{wiring}");
-    // Six struts move five coordinates: no joint can be a letter.
+    // Six struts move five coordinates: no joint can be assigned a letter.
     let table = Panel::new(&whole("hexapod-rotary-table"), "hexapod-rotary-table");
     assert!(wiring.contains("::switch\n") && !table.wiring.contains("::switch\n"));
     let pair = Panel::new(&whole("lathe-mirrored"), "lathe-mirrored").wiring;

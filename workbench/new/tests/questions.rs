@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Questions about a new machine, and the progress of making it.
+//! Questions about a new machine, and the progress of creating it.
 
 use new::kinds::KINDS;
 use new::make::{Order, make};

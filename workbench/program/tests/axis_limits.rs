@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Axis limits that `pkm check` suggests: every pose within them can be taken.
+//! Axis limits that `pkm check` suggests: every pose within them is legal.
 
 use crate::preflight::{follow, rapid};
 use check::report::check;
@@ -14,7 +14,7 @@ use test_support::shipped::{MACHINES, cases, config, drawn as pose, whole};
 
 #[test]
 fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
-    /// Poses drawn from each box.
+    /// Poses sampled in each box.
     const POSES: usize = 20_000;
     for machine in MACHINES {
         let (whole, config) = (whole(machine), config(machine));
@@ -26,7 +26,7 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
         assert!(report.fits(), "{machine}: {:?}", report.findings);
         let limits = report.suggestion.unwrap();
         if config.chain.is_empty() {
-            // Otherwise they are no limits of programs.
+            // Otherwise they are not limits of programs.
             go_over_corners(machine, &limits, &report.proved_tools);
         }
         let reach = Reach::new(&config).unwrap();
@@ -51,22 +51,22 @@ fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
             if with > 0 {
                 assert_eq!(tools[with - 1].check(&pose), Ok(()), "{machine} {with} {pose:?}");
             }
-            // No singular pose lies between this one and home.
+            // No singular pose is between this one and home.
             assert_eq!(side(&pose), side(&config.home), "{machine} {pose:?}");
         }
         let moved = Letter::ALL.map(|letter| !config.machine.layout().is_held(letter));
         let whole = range(&config);
         for k in (0..6).filter(|k| moved[*k]) {
             let share = (limits.high[k] - limits.low[k]) / (whole.high[k] - whole.low[k]);
-            // A quarter: half of what the machines that are not proved in whole have now.
+            // A quarter: half of the present share of the machines that are not proved completely.
             assert!(share > 0.25, "{machine}: {share} of axis {k}");
         }
     }
 }
 
-/// Puts the suggested limits into the machine, and goes from corner to corner of them with every tool.
+/// Sets the suggested limits in the machine, and moves from corner to corner of them with every tool.
 fn go_over_corners(machine: &str, limits: &AxisBox, tools: &[Tool]) {
-    // A mechanism alone: in corners of their limits two may meet.
+    // A single mechanism: at corners of their limits two may meet.
     let mut config = config(machine);
     for (k, axis) in config.axes.iter_mut().enumerate() {
         (axis.min, axis.max) = (limits.low[k], limits.high[k]);

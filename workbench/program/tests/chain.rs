@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Axes that carry work, tool or legs: in LinuxCNC itself, in virtual time, and in the proofs.
+//! Axes that carry workpiece, tool or legs: in LinuxCNC itself, in virtual time, and in the proofs.
 
 use kinematics::{Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 use linuxcnc::row::{Ending, Row};
@@ -26,19 +26,19 @@ fn about_z(degrees: f64) -> Matrix3<f64> {
     Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
-/// LinuxCNC's smoothing of joint commands, a cubic B-spline over the inverse of three cycles, the middle one
-/// two cycles back.
+/// Computes LinuxCNC's smoothing of joint commands, a cubic B-spline over the inverse of three cycles, the middle one
+/// two cycles earlier.
 fn smoothed(three: [&Joints; 3]) -> Joints {
     std::array::from_fn(|i| (three[0][i] + 4.0 * three[1][i] + three[2][i]) / 6.0)
 }
 
-/// Largest difference of the first joints.
+/// Returns the largest difference of the first joints.
 fn apart(a: &Joints, b: &Joints, count: usize) -> f64 {
     (0..count).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max)
 }
 
-/// Carriages of a lathe whose turrets turn by A about an axis along Y at X -60 of the platform: the tip
-/// at A 0 is where the tool vector leads from the centre, and goes round that axis.
+/// Returns the carriages of a lathe whose turrets rotate by A about an axis along Y at X -60 of the platform: the tip
+/// at A 0 is at the tool vector from the center, and rotates about that axis.
 fn by_the_turrets(config: &Mechanism, row: &Row) -> Joints {
     let [x, y, z, a, b, ..] = row.extra.world;
     let (tool, pivot) = (Vector3::from(row.tool), Vector3::new(-60.0, 0.0, 0.0));
@@ -49,7 +49,7 @@ fn by_the_turrets(config: &Mechanism, row: &Row) -> Joints {
     config.machine.inverse(&pose, &Vector3::zeros()).unwrap()
 }
 
-/// Carriages of a lathe that carries the work: its point under the tip is brought to the resting tool.
+/// Returns the carriages of a lathe that carries the workpiece: its point under the tip is moved to the resting tool.
 fn by_the_work(config: &Mechanism, row: &Row) -> Joints {
     let [x, y, z, _, b, ..] = row.extra.world;
     let tool = Vector3::from(row.tool);
@@ -59,8 +59,8 @@ fn by_the_work(config: &Mechanism, row: &Row) -> Joints {
     config.machine.inverse(&pose, &Vector3::zeros()).unwrap()
 }
 
-/// Runs a program to its end; largest difference of the legs' joints from what the rows command by this
-/// inverse, smoothed, while the tool offset rests.
+/// Runs a program to its end and returns the largest difference of the legs' joints from this inverse of the rows'
+/// commands, smoothed, while the tool offset is constant.
 fn off(machine: &str, program: &str, inverse: impl Fn(&Mechanism, &Row) -> Joints) -> f64 {
     let (outcome, rows) = run(machine, &folder(machine).join("programs").join(program));
     assert_eq!(outcome.ending, Ending::Finished, "{:?}", outcome.messages);
@@ -87,8 +87,8 @@ fn the_carriages_follow_turrets_and_a_tilted_work_in_every_cycle() {
     assert!(turrets < 1e-9 && work < 1e-9, "{turrets} {work}");
 }
 
-/// Legs at the tip that the row commands on the work, by a formula of its own: the table turns the tip
-/// about Z of base, and the spindle goes with it.
+/// Returns the legs at the commanded tip on the workpiece, by a separate formula: the table rotates the tip
+/// about Z of base, and the spindle with it.
 fn over_the_table(config: &Mechanism, row: &Row) -> Joints {
     let [x, y, z, a, b, c, ..] = row.extra.world;
     let tool = Vector3::from(row.tool);
@@ -98,8 +98,9 @@ fn over_the_table(config: &Mechanism, row: &Row) -> Joints {
     config.machine.inverse(&pose, &tool).unwrap()
 }
 
-/// Distance from the programmed circle, in the work, of the tip that the smoothed commands of struts and
-/// table belong to: forward of the struts, turned back by the table.
+/// Returns the largest distance from the programmed circle, on the workpiece, of the tip at the smoothed commands of
+/// struts
+/// and table: forward of the struts, rotated back by the table.
 fn tip_of_commands(config: &Mechanism, circle: &[&Row]) -> f64 {
     let inner = circle.iter().filter(|row| (1.0..1079.0).contains(&row.extra.positions[0]));
     let off = inner.map(|row| {
@@ -116,7 +117,7 @@ fn tip_of_commands(config: &Mechanism, circle: &[&Row]) -> f64 {
     off.fold(0.0, f64::max)
 }
 
-/// The most by which smoothing moves the command of a strut off the inverse of the middle cycle.
+/// Returns the largest displacement of a strut's command from the inverse of the middle cycle due to smoothing.
 fn smoothed_away(rows: &[Row], inverse: &[Joints], is_meant: impl Fn(&&Row) -> bool) -> f64 {
     let cycles = (3..rows.len()).filter(|n| is_meant(&&rows[*n]));
     cycles.map(|n| apart(&rows[n].joints, &inverse[n - 2], 6)).fold(0.0, f64::max)
@@ -133,17 +134,17 @@ fn the_tip_is_on_the_circle_of_the_work_in_every_cycle_while_the_table_turns() {
     let cutting = |row: &&Row| row.line == line && row.extra.world[5] > 0.0;
     let circle: Vec<&Row> = rows.iter().filter(cutting).collect();
     assert!(circle.len() > 30_000, "{} cycles: 251 mm at 450 mm/min", circle.len());
-    // What LinuxCNC commands of the tip is the programmed circle.
+    // LinuxCNC's commanded tip is on the programmed circle.
     for row in &circle {
         let [x, y, z, ..] = row.extra.world;
         let off = (x - 20.0).hypot(y + 10.0) - 40.0;
-        // Blending with the moves beside it (G64 P0.005) apart, at the ends.
+        // Except blending with the adjacent moves (G64 P0.005), at the ends.
         if row.extra.world[5] > 1.0 && row.extra.world[5] < 1079.0 {
             assert!(off.abs() < 1e-9 && (z - row.tool[2] - 65.0).abs() < 1e-9, "{off}");
         }
     }
-    // The joints of a cycle are the smoothed inverse of the three before: pkmkins was asked in every
-    // cycle, and has led the tip along the circle of the work.
+    // The joints of a cycle are the smoothed inverse of the three before: pkmkins was called in every
+    // cycle, and has moved the tip along the circle on the workpiece.
     let inverse: Vec<Joints> = rows.iter().map(|row| over_the_table(&config, row)).collect();
     let mut farthest = 0.0_f64;
     for (n, row) in rows.iter().enumerate().skip(3).filter(|(_, row)| cutting(row)) {
@@ -159,11 +160,11 @@ fn the_tip_is_on_the_circle_of_the_work_in_every_cycle_while_the_table_turns() {
         "smoothing moves a strut by {smoothed_away:.1e} mm, the tip off the circle by {off:.1e} mm"
     );
     // LinuxCNC moves the command of a strut by a sixth of its second difference, and the tip by at most four
-    // times as much. No kinematics can put it right: they are asked before.
+    // times as much. The kinematics cannot correct it: they are called before.
     assert!(off < 1e-5 && off < 4.0 * smoothed_away, "{off} {smoothed_away}");
     assert!(off > 1e-9, "the smoothed commands are looked at: {off}");
     let most = circle.iter().map(|row| row.extra.positions[0]).fold(0.0, f64::max);
-    // G64 P0.005 lets it go a little before its end.
+    // G64 P0.005 ends slightly before.
     assert!((most - 1080.0).abs() < 0.2, "{most}");
 }
 
@@ -174,8 +175,8 @@ fn preflight_proves_a_program_over_a_turning_table_and_finds_what_leaves_it() {
     let moves = motion::moves(&config.clone().into(), &file, None).unwrap();
     let found = preflight(std::slice::from_ref(&config), &moves).unwrap();
     assert!(found.breaks.is_empty(), "{:?}", found.breaks);
-    // Where the table has turned by an eighth a strut is longer than at both ends of the turn: narrowed
-    // to what lies between, it is left inside of the move.
+    // At an eighth turn of the table a strut is longer than at both ends of the rotation: with a limit
+    // between them, it is violated inside the move.
     let mut narrow = config.clone();
     let text = "G21 G90 G94\nG0 X100 Y0 Z200\nG1 C90 F3000\nM2\n";
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
@@ -199,12 +200,12 @@ fn preflight_proves_a_program_over_a_turning_table_and_finds_what_leaves_it() {
     let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
     assert!(told.text.contains(&format!("strut {strut}")), "{}", told.text);
     assert_eq!(told.line, 3);
-    // Where it says that the strut leaves its range it does, to the accuracy of a break.
+    // At the reported position the strut leaves its range, to the accuracy of a violation.
     let c = told.pose[5];
     assert!((joints(c)[strut] - narrow.joints[strut].max).abs() < 0.01, "{c}");
 }
 
-/// Round trip over poses of the axis limits by the core: LinuxCNC's pose to joints and back.
+/// Checks the core's round trip over poses of the axis limits: LinuxCNC's pose to joints and back.
 fn round_trip(machine: &str, count: usize) {
     use rand::{Rng, SeedableRng};
     let config = config(machine);
@@ -226,7 +227,7 @@ fn round_trip(machine: &str, count: usize) {
         let own = config.chain.to_machine(&world, &tool).unwrap();
         let of_machine = config.chain.machine_tool(&tool);
         let asked = Pose::from_degrees(own);
-        // The corners of all axis limits at once are not all within reach.
+        // Not all corners of all axis limits together are within reach.
         let Ok(at) = config.machine.at(&asked, &of_machine) else { continue };
         if at.smallest_singular_value() < config.conditioning_limit {
             continue;
@@ -254,7 +255,7 @@ fn poses_come_back_from_legs_and_axes_of_the_shipped_machines() {
     }
 }
 
-/// A folder with the table's configuration, its struts this fast at most.
+/// Returns a folder with the table's configuration, its struts limited to this speed.
 fn slow_table(most: f64) -> (tempfile::TempDir, std::path::PathBuf) {
     let folder_of_copy = tempfile::tempdir().unwrap();
     let text = fs::read_to_string(test_support::shipped::ini(TABLE)).unwrap();
@@ -268,7 +269,7 @@ fn slow_table(most: f64) -> (tempfile::TempDir, std::path::PathBuf) {
     (folder_of_copy, file)
 }
 
-/// The table alone moves: LinuxCNC counts degrees, and the struts follow the tip round its axis.
+/// Only the table moves: LinuxCNC counts degrees, and the struts follow the tip about its axis.
 #[test]
 fn the_guard_slows_the_table_down_where_the_struts_that_follow_it_would_be_too_fast() {
     const MOST: f64 = 25.0;
@@ -294,7 +295,7 @@ fn the_guard_slows_the_table_down_where_the_struts_that_follow_it_would_be_too_f
     let (outcome, guarded, least) = fastest("M52 P1");
     assert_eq!(outcome.ending, Ending::Finished, "{:?}", outcome.messages);
     assert!(guarded <= MOST && guarded > 0.9 * MOST && least < 0.8, "{guarded} {least}");
-    // Without it a strut would have to be that much faster, and its drive falls behind.
+    // Without the guard a strut would have to be that much faster, and its drive lags.
     let (_, free, _) = fastest("M52 P0");
     assert!(free > 1.1 * MOST, "{free}");
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Corrections of joints while LinuxCNC runs a program, in virtual time, and what limits leave to programs.
+//! Corrections of joints while LinuxCNC runs a program, in virtual time, and the limits that remain for programs.
 
 use crate::preflight::follow;
 use kinematics::{Joints, Limit, Pose, Vector3};
@@ -17,15 +17,15 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use test_support::shipped;
 
-/// 100 µm at 1 µm/s, in millimetres.
+/// 100 µm at 1 µm/s, in millimeters.
 const LIMIT: f64 = 0.1;
 const RATE: f64 = 1e-3;
 /// Servo period, seconds.
 const PERIOD: f64 = 1e-3;
-/// Joint values of some hundred millimetres through text, and the smoothing's sums.
+/// Rounding of joint values of some hundred millimeters through text, and of the smoothing's sums.
 const SAME_MM: f64 = 1e-9;
 
-/// The hexapod with struts that may be corrected, of which strut 1 grows and strut 4 shrinks.
+/// Returns the hexapod with corrected struts: strut 1 becomes longer and strut 4 shorter.
 fn warm_hexapod(folder: &Path) -> Mechanism {
     let source = shipped::folder("hexapod");
     let mut text = fs::read_to_string(source.join("hexapod.ini")).unwrap();
@@ -42,13 +42,13 @@ fn warm_hexapod(folder: &Path) -> Mechanism {
     test_support::shipped::first_of(&folder.join("hexapod.ini"))
 }
 
-/// Cycles by which LinuxCNC's smoothing is late.
+/// Delay of LinuxCNC's smoothing, in cycles.
 const SMOOTHING: usize = 2;
 
-/// The first row that is looked at: before it the smoothing of LinuxCNC fills.
+/// The first row that is checked: before it LinuxCNC's smoothing is not yet filled.
 const FIRST: usize = 20;
 
-/// Tilted circles for longer than the correction takes.
+/// Returns tilted circles for longer than the correction takes.
 fn program() -> String {
     let mut text = String::from("G21 G90 G64 P0.01\nG1 F1500 X40 Z240\n");
     for n in 0..30 {
@@ -84,11 +84,11 @@ fn a_correction_of_100_um_comes_in_while_a_program_runs_and_the_pose_is_that_of_
         (at(middle - 1) + 4.0 * at(middle) + at(middle + 1)) / 6.0
     };
     let added = |n: usize, i: usize| rows[n].joints[i] - smoothed(n, &|m| inverse[m][i]);
-    // It comes in from the first cycle of the control, before the program begins.
+    // It is applied from the first cycle of the control, before the program begins.
     let begin = added(FIRST, 1);
     println!("{} cycles, {begin} mm at the first", rows.len());
     assert!(begin < LIMIT / 2.0, "{begin}");
-    // A line is smoothed to itself, two cycles late; the corner where it ends is rounded as all else is.
+    // A line is smoothed to itself, two cycles late; the corner at its end is rounded like everything else.
     let ramp =
         |n: usize| (begin + (n as f64 - (FIRST - SMOOTHING) as f64) * RATE * PERIOD).min(LIMIT);
     for n in FIRST..rows.len() {
@@ -120,7 +120,7 @@ fn proofs_leave_room_for_what_may_be_corrected() {
     assert_eq!(ranges(&warm), [[low + LIMIT, high - LIMIT], [RATE - speed, speed - RATE]]);
 }
 
-/// A shipped machine with `keys` in the place of the same keys, or added, in these sections of its INI file.
+/// Returns a shipped machine with `keys` replaced or added in these sections of its INI file.
 fn changed(machine: &str, sections: &[&str], keys: &[(&str, &str)], folder: &Path) -> Mechanism {
     let mut text = fs::read_to_string(shipped::ini(machine)).unwrap();
     for section in sections {
@@ -142,7 +142,7 @@ fn changed(machine: &str, sections: &[&str], keys: &[(&str, &str)], folder: &Pat
 
 const HEXAPOD: [&str; 6] = ["JOINT_0", "JOINT_1", "JOINT_2", "JOINT_3", "JOINT_4", "JOINT_5"];
 
-/// As `pkm preflight` judges a program, path and time.
+/// Judges a program as `pkm preflight`, path and time.
 fn judged(config: &Mechanism, program: &str, folder: &Path) -> Preflight {
     let file = folder.join("program.ngc");
     fs::write(&file, program).unwrap();
@@ -186,14 +186,14 @@ fn a_path_is_judged_by_the_range_that_the_correction_leaves() {
     assert!(left.iter().all(|told| told.text.contains("840 to 960 mm")), "{left:?}");
     let strut = found.ranges.iter().find(|range| range.part == "strut 0").unwrap();
     assert_eq!(strut.allowed, [840.0, 960.0]);
-    // What is left for jogs, as `pkm travel` reports it.
+    // The travel available for jogs, as `pkm travel` reports it.
     let whole = config.clone().into();
     let travel = travel::travel(&whole, &Stand::home(&whole)).unwrap();
     let up = travel.iter().find(|way| way.letter == 'Z').unwrap().plus.clone();
     assert!(up.stop.unwrap().starts_with("strut"), "{travel:?}");
 }
 
-/// LinuxCNC moves at exactly the acceleration of the axis, which is that of every joint.
+/// LinuxCNC moves at exactly the acceleration of the axis, which equals that of every joint.
 #[test]
 fn a_joint_at_the_acceleration_and_speed_of_its_axis_is_within_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -210,7 +210,7 @@ fn a_joint_at_the_acceleration_and_speed_of_its_axis_is_within_them() {
     assert!(!judged(&config, program, folder.path()).fits());
 }
 
-/// A table axis is a coordinate: it may go to its limit, and not beyond.
+/// A table axis is a coordinate: it may reach its limit, but not exceed it.
 #[test]
 fn a_table_axis_may_go_to_its_limit() {
     let folder = tempfile::tempdir().unwrap();
@@ -226,9 +226,9 @@ fn a_table_axis_may_go_to_its_limit() {
     assert_eq!(table(&found), [-150.0, 150.0]);
     let found = judged_path(&of("-150", "149.999"), program, folder.path());
     assert!(!found.fits());
-    // Nothing beyond the ends of the moves is shown as used.
+    // Nothing beyond the ends of the moves is reported as used.
     assert_eq!(table(&found), [-150.0, 150.0]);
-    // Ends that no halving of the move is exact for.
+    // Ends that are not exact for any halving of the move.
     let program = "G21 G90\nG0 X-33.3\nG1 X140.1 F3000\nG1 X-99.7\nG1 X0\nM2\n";
     let found = judged_path(&of("-99.7", "140.1"), program, folder.path());
     assert!(found.fits(), "{:?}", found.breaks);

@@ -12,7 +12,7 @@ use test_support::shipped::{config, folder, whole};
 
 const LATHE: &str = "lathe-counter-spindle";
 
-/// Values of C and W.
+/// Returns the values of C and W.
 fn values(row: &Row) -> [f64; 2] {
     [row.extra.positions[0], row.extra.positions[1]]
 }
@@ -22,8 +22,8 @@ fn the_work_turns_with_the_feed_of_the_helix_in_every_cycle() {
     let (outcome, rows) = run(LATHE, &folder(LATHE).join("programs/helix.ngc"));
     assert_eq!(outcome.ending, Ending::Finished, "{:?}", outcome.messages);
     let config = config(LATHE);
-    // Where the platform is by the joints: LinuxCNC smooths their commands, that of C as well, which
-    // then are two cycles behind the pose. Work zero at Z 1000, the groove from Z-10 on, 12 a turn.
+    // The position of the platform by the joints: LinuxCNC smooths their commands, including that of C, which
+    // are then two cycles behind the pose. Work zero at Z 1000, the groove from Z-10 on, 12 a turn.
     let turned = |row: &Row| {
         let (seed, tool) = (Pose::from_degrees(row.pose), row.tool.into());
         let found = config.machine.forward(&row.joints, &seed, &tool, &config.solver).unwrap();
@@ -32,13 +32,13 @@ fn the_work_turns_with_the_feed_of_the_helix_in_every_cycle() {
     let helix: Vec<&Row> = rows.iter().filter(|row| values(row)[0] > 0.0).collect();
     assert!(helix.len() > 15_000, "{} cycles: eight seconds there and back", helix.len());
     for row in &helix {
-        // Forward ends where rods fit to 1e-9 mm, and 1 mm is 30 degrees.
+        // Forward stops if rods are accurate to 1e-9 mm, and 1 mm is 30 degrees.
         let gap = (values(row)[0] - turned(row)).abs();
         assert!(gap < 1e-7, "cycle {}: C is off by {gap} degrees", row.cycle);
         assert_eq!(row.pose[5], 0.0, "C is none of the tool");
     }
     let most = helix.iter().map(|row| values(row)[0]).fold(0.0, f64::max);
-    // G61 takes a move for done a hair before its end.
+    // G61 treats a move as finished slightly before its end.
     assert!((most - 1440.0).abs() < 1e-3, "{most}");
 }
 
@@ -53,7 +53,7 @@ fn the_counter_spindle_comes_and_goes_while_the_platform_stands() {
     assert_eq!(rows.last().map(values), Some([0.0, 800.0]));
 }
 
-/// Where the counter-spindle alone goes, `pkm replay` lets the time pass that its axis needs.
+/// If only the counter-spindle moves, `pkm replay` includes the time that its axis needs.
 #[test]
 fn a_block_of_an_extra_axis_alone_takes_its_time() {
     let config = config(LATHE);
@@ -61,10 +61,10 @@ fn a_block_of_an_extra_axis_alone_takes_its_time() {
     std::fs::write(file.path(), "G21 G90 G94\nG1 Z950 F3000\nG0 W500\nG1 W400\nM2\n").unwrap();
     let moves = motion::moves(&config.clone().into(), file.path(), None).unwrap();
     let home = config.extra[1].joint.home;
-    // At [TRAJ]MAX_LINEAR_VELOCITY, which is less than the axis can do.
+    // At [TRAJ]MAX_LINEAR_VELOCITY, which is less than the axis speed.
     let rapid = (500.0 - home).abs() / config.max_velocity[0];
     let found = replay(&config, &moves, 0.001).unwrap();
-    // 50 mm of Z and 100 mm of W at 50 mm/s come on top.
+    // 50 mm of Z and 100 mm of W at 50 mm/s are added.
     assert!((found.time - rapid - 3.0).abs() < 0.002, "{} {rapid}", found.time);
     assert_eq!(found.moves, 3);
 }
@@ -83,7 +83,7 @@ fn preflight_judges_their_ranges_speeds_and_limits() {
         let range = good.ranges.iter().find(|range| range.part == part);
         range.unwrap_or_else(|| panic!("no {part}: {:?}", good.ranges)).used
     };
-    // LinuxCNC takes a move for done a hair before its end, and turns back from there.
+    // LinuxCNC treats a move as finished slightly before its end, and reverses there.
     let near = |used: [f64; 2], ends: [f64; 2]| {
         used.iter().zip(ends).all(|(used, end)| (used - end).abs() < 1e-4)
     };
@@ -92,7 +92,7 @@ fn preflight_judges_their_ranges_speeds_and_limits() {
     let beyond = judged("G21 G90\nG0 W950\nM2\n");
     let told: Vec<&str> = beyond.breaks.iter().map(|found| found.text.as_str()).collect();
     assert!(told.iter().any(|text| text.contains("exceed W's positive limit")), "{told:?}");
-    // A blend where C turns back takes half as much again as the axis may.
+    // A blend at which C reverses needs 1.5 times the acceleration of the axis.
     let helix = std::fs::read_to_string(folder(LATHE).join("programs/helix.ngc")).unwrap();
     let turning_back = judged(&helix.replace("G61\n", ""));
     let told: Vec<&str> = turning_back.breaks.iter().map(|found| found.part.as_str()).collect();
@@ -108,7 +108,7 @@ fn moves_in_which_the_work_turns_or_goes_along_with_the_tool_are_marked() {
     let marked: Vec<u32> = moves.iter().filter(|step| step.extra).map(|step| step.line).collect();
     assert_eq!(marked, [2, 5, 7]);
     let end = moves.last().expect("moves").end;
-    // Lengths come in inches.
+    // Lengths are in inches.
     let gaps = end.iter().zip([-1.0, 450.0, 980.0, 0.0, 0.0, 0.0]).map(|(a, b)| (a - b).abs());
     assert!(gaps.fold(0.0, f64::max) < 1e-9, "{end:?}");
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What the carriages do along paths; the curves of the publications are pictures, these
-//! are the figures that must hold whatever the dimensions.
+//! Motion of the carriages along paths: the curves of the publications are pictures, these
+//! are the figures that hold for any dimensions.
 
 use kinematics::{Joints, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
@@ -8,12 +8,12 @@ use program::joint_curves::{Along, along};
 use program::motion::{Move, moves};
 use test_support::shipped::{config, folder};
 
-/// A thousand steps added up, each with a rounding of a carriage position near 1500 mm.
+/// The sum of a thousand steps, each with a rounding of a carriage position near 1500 mm.
 const SUM_MM: f64 = 1e-9;
 
 const LATHES: [&str; 2] = ["four-rod-lathe", "six-rod-lathe"];
 
-/// The poses in forward's words, each found from the one before, and their joints.
+/// Returns the poses by forward, each seeded by the previous one, and their joints.
 fn followed(config: &Mechanism, poses: &[[f64; 6]]) -> Vec<([f64; 6], Joints)> {
     let (tool, machine) = (Vector3::zeros(), &config.machine);
     let mut seed = Pose::from_degrees(poses[0]);
@@ -25,7 +25,7 @@ fn followed(config: &Mechanism, poses: &[[f64; 6]]) -> Vec<([f64; 6], Joints)> {
     poses.iter().map(step).collect()
 }
 
-/// The end points of the arcs of one line of a program, with the point before them.
+/// Returns the end points of the arcs of one line of a program, with the point before them.
 fn arc(moves: &[Move], line: u32) -> Vec<[f64; 6]> {
     let first = moves.iter().position(|step| step.line == line).unwrap();
     let ends = moves[first - 1..].iter().take_while(|step| step.line <= line);
@@ -49,7 +49,7 @@ fn carriages_come_back_over_every_circle_of_the_lathe() {
     for line in circles {
         let path = along(followed(&config, &arc(&moves, line)));
         let length = end(&path).length;
-        // A thousand chords that lie within 1e-4 mm of a circle of radius 20.
+        // A thousand chords within 1e-4 mm of a circle of radius 20.
         assert!((length - 40.0 * std::f64::consts::PI).abs() < 1e-2, "line {line}: {length}");
         for i in 0..config.joints.len() {
             let travel = path.iter().fold(0.0, |most: f64, at| most.max(at.change[i].abs()));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The moves that LinuxCNC asks motion for: units, offsets, arcs, tools, files, the spindle and errors.
+//! The moves that LinuxCNC commands to motion: units, offsets, arcs, tools, files, the spindle and errors.
 
 use linuxcnc::process::Options;
 use machine::read::mechanism::Mechanism;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use test_support::control::bounded;
 use test_support::shipped;
 
-/// Homing, which forward answers to some roundings of the machine's size, and inch and back.
+/// Rounding of homing, where forward is accurate to some roundings of the machine's size, and of inch and back.
 const ROUNDING_MM: f64 = 1e-9;
 
 fn config(tools: &Path) -> Mechanism {
@@ -22,7 +22,7 @@ fn config(tools: &Path) -> Mechanism {
     config
 }
 
-/// Moves of a program, without the one that puts the machine to its home.
+/// Returns the moves of a program, without the move to the machine's home.
 fn run(text: &str, block: Option<&str>) -> Result<Vec<Move>, String> {
     let folder = tempfile::tempdir().unwrap();
     let (program, tools) = (folder.path().join("p.ngc"), folder.path().join("t.tbl"));
@@ -90,7 +90,7 @@ fn errors_carry_file_line_and_reason() {
     assert!(error.contains("p.ngc:2:") && error.contains("feed rate"), "{error}");
     let error = run("T99 M6\n", None).unwrap_err();
     assert!(error.contains("p.ngc:1:") && error.contains("99"), "{error}");
-    // Behind moves that LinuxCNC has read and not made.
+    // After moves that LinuxCNC has read but not executed.
     let error = run("F600\nG1 X1\nX2\nX3\nG1 X10 Q\nM2\n", None).unwrap_err();
     assert!(error.contains("p.ngc:5:"), "{error}");
 }
@@ -134,7 +134,7 @@ fn an_inch_machine_gets_inches_whatever_the_program_speaks() {
     assert!((metric.feed - 10.0 / 60.0).abs() < ROUNDING_MM);
 }
 
-/// Moves of a program on a machine as it is shipped, with its tool table.
+/// Returns the moves of a program on a shipped machine, with its tool table.
 fn run_on(machine: &str, text: &str) -> Result<Vec<Move>, String> {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("p.ngc");
@@ -144,7 +144,7 @@ fn run_on(machine: &str, text: &str) -> Result<Vec<Move>, String> {
     moves(&config.clone().into(), &program, None).map_err(|error| error.to_string())
 }
 
-/// A reader that is not the control knows neither the position nor the tool after a change.
+/// A reader other than the control knows neither the position nor the tool after a change.
 #[test]
 fn a_tool_change_after_other_units_or_offsets_leaves_the_machine_where_it_is() {
     let home = config(Path::new("")).home;
@@ -156,7 +156,7 @@ fn a_tool_change_after_other_units_or_offsets_leaves_the_machine_where_it_is() {
     assert_end(first, end(25.4, 25.4));
     assert_end(second, end(25.4, 50.8));
     assert_end(third, [25.4, 50.8, 254.0 + 25.5, 0.0, 0.0, 0.0]);
-    // A number that an axis has anyway, but named.
+    // The current position of an axis, but programmed.
     let steps = run("G0 X2 Y3\nG20\nT1 M6\nG0 X2\nM2\n", None).unwrap();
     assert_end(&steps[1], end(50.8, 3.0));
     let steps = run("G10 L2 P2 Z30\nG55\nT1 M6\nG0 X1\nM2\n", None).unwrap();
@@ -196,7 +196,7 @@ fn motion_without_a_feed_is_refused_and_motion_of_the_spindle_needs_none() {
 fn feed_per_turn_is_multiplied_by_the_speed_of_the_spindle() {
     let steps = run("M3 S600\nG95 G1 X10 F0.1\nG94 X20 F60\nM2\n", None).unwrap();
     let feeds: Vec<f64> = steps.iter().map(|step| step.feed).collect();
-    // 0.1 mm a turn, 10 turns a second; then 60 mm a minute.
+    // 0.1 mm per turn, 10 turns per second; then 60 mm per minute.
     assert!(feeds.len() == 2 && feeds.iter().all(|feed| (feed - 1.0).abs() < 1e-12), "{feeds:?}");
 }
 
@@ -293,7 +293,7 @@ fn lines_of_subroutines_belong_to_their_files() {
     // The same line number in both files.
     let main = "M3 S60\nG0 X2\no<away> call\nG0 X4\nG33.1 Z240 K1";
     let places = places_in_two_files(main, "G0 X3\nG33.1 Z240 K1\nG38.3 X2 F100");
-    // A tap comes back to where it started.
+    // A tap returns to its start.
     let expected = [
         (2.0, 2, 0),
         (3.0, 2, 1),
@@ -309,17 +309,18 @@ fn lines_of_subroutines_belong_to_their_files() {
 
 #[test]
 fn moves_that_cutter_compensation_holds_back_belong_to_the_file_of_their_line() {
-    // Line 3 of the subroutine comes out while the program's line 3 is read, that line while line 4 is, line 6 with G40.
+    // Line 3 of the subroutine is executed while the program's line 3 is read, that line while line 4 is, line 6 with
+    // G40.
     let main = "G42.1 D4 F600\no<away> call\nG1 Y20\nG0 X-9\n(rest)\nG1 Y30 X-20\nG40\nG1 X-40";
     let places = places_in_two_files(main, "G1 X10 Y-5\nG1 X30");
-    // Arcs around the corners are many steps.
+    // Arcs around the corners consist of many steps.
     let ends = places.chunk_by(|a, b| (a.1, a.2) == (b.1, b.2)).filter_map(|steps| steps.last());
     let expected =
         [(9.0, 2, 1), (30.0, 3, 1), (32.0, 3, 0), (-8.0, 4, 0), (-19.0, 6, 0), (-40.0, 8, 0)];
     assert_eq!(ends.copied().collect::<Vec<_>>(), expected);
 }
 
-/// Returns where a program leaves its path, as the verdict says it.
+/// Returns the deviations of a program from its path, as in the verdict.
 fn off_path(text: &str) -> Vec<(u32, String)> {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("p.ngc");
@@ -332,7 +333,7 @@ fn off_path(text: &str) -> Vec<(u32, String)> {
 
 #[test]
 fn a_thread_that_needs_more_than_the_fastest_feed_gets_another_pitch() {
-    // The axes of the hexapod make 200 mm/s: 3000 turns a minute of 4 mm.
+    // The hexapod's axes reach 200 mm/s: 3000 turns per minute of 4 mm.
     let thread = |spindle: &str, block: &str| {
         off_path(&format!("G21 G90 M52 P1\nG0 X60 Z250\n{spindle} M3\n{block}\nM2\n"))
     };
@@ -343,11 +344,12 @@ fn a_thread_that_needs_more_than_the_fastest_feed_gets_another_pitch() {
         // The way back is ten times as fast as the way in.
         ("S330", "G33.1 Z230 K4 I10", Some("220.000")),
         ("S330", "G33.1 Z230 K4", None),
-        // A speed at the surface turns faster near the axis: 400 m/min are 1273 turns at 50 mm, 6366 at 10 mm.
+        // A constant surface speed increases the spindle speed near the axis: 400 m/min are 1273 turns at 50 mm, 6366
+        // at 10 mm.
         ("G96 D9000 S400", "G33 X50 Z230 K4", None),
         ("G96 D9000 S400", "G33 X10 Z230 K4", Some("424.413")),
         ("G96 D2000 S400", "G33 X10 Z230 K4", None),
-        // A feed for each turn alone is no thread.
+        // A feed per turn alone is not a thread.
         ("S3300", "G95 G1 Z230 F4", None),
     ] {
         let found = thread(spindle, block);
@@ -361,7 +363,7 @@ fn a_thread_that_needs_more_than_the_fastest_feed_gets_another_pitch() {
     }
 }
 
-/// Places in X, where each of them is a move of its own, and what the spindle does there.
+/// Returns the positions in X, each the end of a separate move, and the state of the spindle there.
 fn spindles(text: &str) -> Vec<(f64, Spindle)> {
     let steps = run(text, None).unwrap();
     steps.iter().map(|step| (step.end[0].round(), step.spindle)).collect()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Programs followed over their whole length, against what is found by looking at single poses.
+//! Programs checked over their whole length, compared with single poses.
 
 use kinematics::{At, Limit, MAX_EXTRA, MAX_JOINTS, Pose, Vector3};
 use machine::limits;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use test_support::shipped::{MACHINES, cases, config, folder, unchained, whole};
 
-/// Follows all moves of a program.
+/// Checks all moves of a program.
 pub fn follow(config: &Mechanism, moves: &[Move]) -> Preflight {
     preflight(std::slice::from_ref(config), moves).unwrap()
 }
@@ -65,7 +65,7 @@ fn a_turn_counts_in_the_share_that_runs() {
     config.programmed[3].max = 10.0;
     let home = config.start;
     let turned = |x: f64, a: f64| [home[0] + x, home[1], home[2], a, home[4], home[5]];
-    // The same turn to A20 twice as far as its limit: alone, and behind moves that are kept.
+    // The same rotation to A20, twice its limit: alone, and after legal moves.
     let alone = follow(&config, &[rapid(1, turned(0.0, 20.0))]);
     let behind = follow(&config, &[rapid(1, turned(10.0, 0.0)), rapid(2, turned(10.0, 20.0))]);
     for (found, line) in [(&alone, 1), (&behind, 2)] {
@@ -77,7 +77,7 @@ fn a_turn_counts_in_the_share_that_runs() {
     assert!((behind.runnable - expected).abs() < 1e-9, "{} for {expected}", behind.runnable);
 }
 
-/// The limit that is left need not be the one that is nearer at the start.
+/// The violated limit may not be the one that is nearer at the start.
 #[test]
 fn every_axis_limit_that_is_left_is_told_with_its_first_place_and_how_often() {
     let mut config = config("hexapod");
@@ -97,7 +97,7 @@ fn every_axis_limit_that_is_left_is_told_with_its_first_place_and_how_often() {
     assert_eq!((used("axis X").used, used("axis X").allowed), ([-47.9, 58.0], [-48.0, 56.0]));
     assert_eq!(used("axis Y").used, [-25.0, 30.0]);
     assert_eq!(found.ranges.len(), 12);
-    // Ends of the range of a strut lie at ends of moves here; it is told to first order over pieces
+    // Ends of the range of a strut are at ends of moves here; it is reported to first order over pieces
     // that are cut to a hundredth of the range, some 10 mm.
     let reach = Reach::new(&config).unwrap();
     let struts = ends.iter().chain([&config.home]).map(|end| reach.joints(end).unwrap()[0]);
@@ -115,7 +115,7 @@ fn a_move_with_good_ends_breaks_in_its_middle() {
         let values = |config: &Mechanism, pose: &[f64; 6]| {
             Reach::new(config).unwrap().joints(pose).unwrap_or([f64::NAN; MAX_JOINTS])
         };
-        // A joint that is farther out in the middle than at both ends, by a share of its range.
+        // A joint that is farther out at the center than at both ends, by a share of its range.
         let (from, to, joint, side, limit) = (0..100_000)
             .find_map(|_| {
                 let [from, to] = [(); 2].map(|()| whole.at(std::array::from_fn(|_| rng.random())));
@@ -126,7 +126,7 @@ fn a_move_with_good_ends_breaks_in_its_middle() {
                 let side = if middle > start { 1.0 } else { -1.0 };
                 let out = f64::max(side * start, side * end);
                 let limit = (middle + side * out) / 2.0;
-                // The way there has to keep the limit.
+                // The path there must keep the limit.
                 let mut there = (0..=16).map(|n| between(&config.home, &from, f64::from(n) / 16.0));
                 let found = side * middle - out > 0.01 * range
                     && there
@@ -141,13 +141,13 @@ fn a_move_with_good_ends_breaks_in_its_middle() {
         let Some(told) = first else { panic!("{machine}: {found:?}") };
         assert_eq!(told.line, 2, "{machine}: {told:?}");
         let there = values(&config, &told.pose)[joint];
-        // A piece is 1e-6 of the size; joints go at most some ten times as far as the pose.
+        // A piece is 1e-6 of the size; joints move at most some ten times as far as the pose.
         assert!((there - limit).abs() < 1e-4 * config.machine.size(), "{machine}: {there}");
     }
 }
 
-/// The machine with limits that moves like this one come near to: the extremes of a few poses of
-/// it, or a bit beyond them.
+/// Returns the machine with limits near the values of these moves: the extremes of a few poses of
+/// it, or slightly beyond them.
 fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> Mechanism {
     let mut config = config(machine);
     let room = [0.0, 1e-6, 1e-4, 1e-2][rng.random_range(0..4)];
@@ -186,8 +186,8 @@ fn narrowed(rng: &mut Pcg64, machine: &str, ends: &[[f64; 6]; 2]) -> Mechanism {
     config
 }
 
-/// Margin of the pose at a share of the move from `from`, looked at by itself, as a share of the
-/// range of the limit that is nearest: negative beyond it.
+/// Returns the margin of the single pose at a share of the move from `from`, as a share of the
+/// range of the nearest limit: negative beyond it.
 fn margin(config: &Mechanism, reach: &Reach, from: &[f64; 6], step: &Move, share: f64) -> f64 {
     let pose = between(from, &step.end, share);
     let Ok(at) = reach.at(&pose) else { return -1.0 };
@@ -198,8 +198,8 @@ fn margin(config: &Mechanism, reach: &Reach, from: &[f64; 6], step: &Move, share
     least
 }
 
-/// Looks for a pose of a move beyond a limit: anywhere, and then ever nearer to the least margin
-/// found. The poses looked at, and whether one was beyond.
+/// Searches for a pose of a move beyond a limit: anywhere, and then nearer and nearer to the least margin
+/// found. Returns the number of sampled poses, and whether one was beyond.
 fn hunted(
     rng: &mut Pcg64,
     config: &Mechanism,
@@ -224,8 +224,8 @@ fn hunted(
     (ANYWHERE + NEARER, least < 0.0)
 }
 
-/// A machine, two moves of it and limits near to them: whether preflight has them fit, the poses
-/// looked at, and whether one was beyond a limit.
+/// Tests a machine with two moves and limits near them: returns whether they fit by preflight, the number of sampled
+/// poses, and whether one was beyond a limit.
 fn trial(machine: &str, seed: u64) -> (bool, usize, bool) {
     let mut rng = Pcg64::seed_from_u64(seed);
     let whole = range(&config(machine));
@@ -259,7 +259,7 @@ fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
 }
 
 /// Limits of the rods' distance and of the conditioning halfway between the ends of a move and
-/// its middle.
+/// its center.
 #[test]
 fn rods_that_come_near_and_legs_that_hardly_hold_are_told_with_place_and_amount() {
     let mut config = config("hexapod");
@@ -286,7 +286,7 @@ fn rods_that_come_near_and_legs_that_hardly_hold_are_told_with_place_and_amount(
     assert!(rods.text.contains(&amount), "{} {amount}", rods.text);
     assert!(held.text.contains(&format!("conditioning {bad:.4}")), "{} {bad}", held.text);
     let reach = Reach::new(&config).unwrap();
-    // Found to a millionth of the size; neither changes faster than the pose.
+    // Accurate to a millionth of the size; neither changes faster than the pose.
     let least = reach.at(&rods.pose).unwrap().nearest().unwrap().distance;
     assert!((least - limit).abs() < 1e-2, "{least} {limit}");
     let there = reach.conditioning(&held.pose);
@@ -305,7 +305,7 @@ fn a_singular_pose_between_is_never_missed() {
         config.angles.iter_mut().for_each(|leg| leg.cones = [None; 2]);
         (config.conditioning_limit, config.clearance) = (1e-9, Some(1e-9));
         config.axes[3..].iter_mut().for_each(|axis| (axis.min, axis.max) = (-180.0, 180.0));
-        // Only reach and singular poses are left to break.
+        // Only reach and singular poses can be violated.
         let side = |pose: &[f64; 6]| {
             config
                 .machine
@@ -318,7 +318,7 @@ fn a_singular_pose_between_is_never_missed() {
             let mut end = whole.at(std::array::from_fn(|_| rng.random()));
             end[3..].iter_mut().for_each(|angle| *angle = rng.random_range(-120.0..120.0));
             let found = follow(&config, &[rapid(1, config.home), rapid(2, end)]);
-            // The determinant has another sign there: it is 0 between.
+            // The determinant has the other sign there, so it is 0 between.
             if side(&end) != side(&config.home) {
                 assert!(!found.fits(), "{machine}: {end:?}");
                 crossed += 1;
@@ -363,13 +363,13 @@ fn a_tool_offset_at_a_tilt_is_told_and_followed() {
     let found =
         follow(&config, &[rapid(1, level), Move { tool: [0.0, 0.0, 60.0], ..rapid(2, level) }]);
     assert!(found.tilted_tool_changes.is_empty());
-    // The offset's way ends where the pose with the new tool has its joints.
+    // The path due to the offset ends where the pose with the new tool has its joints.
     let joints = |z| {
         let tool = config.spindle + Vector3::new(0.0, 0.0, z);
         Reach::with_tool(&config, tool).unwrap().joints(&tilted).unwrap()
     };
     let (before, after) = (joints(0.0), joints(60.0));
-    // A strut that grows from home to the tilted pose, and by the tool.
+    // A strut that becomes longer from home to the tilted pose, and due to the tool.
     let joint = (0..6).find(|i| after[*i] > before[*i] + 10.0).unwrap();
     config.joints[joint].max = (before[joint] + after[joint]) / 2.0;
     let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0)]);
@@ -397,7 +397,7 @@ fn a_long_program_is_followed_quickly() {
     assert!(found.fits(), "{:?}", found.breaks);
 }
 
-/// Moves of a program that an offset found for it makes fit, checked as `pkm` does it.
+/// Checks, as `pkm` does, moves of a program with an offset found for it.
 fn refitted(config: &Mechanism, program: &Path, offset: &Offset) -> Preflight {
     follow(config, &motion::moves(&config.clone().into(), program, Some(&offset.block())).unwrap())
 }
@@ -406,7 +406,7 @@ fn refitted(config: &Mechanism, program: &Path, offset: &Offset) -> Preflight {
 fn an_offset_that_is_found_makes_the_program_fit() {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("slot.ngc");
-    // In a system of its own that is turned already, with an offset of its own, and with G92.
+    // In another, rotated coordinate system, with its own offset, and with G92.
     let text = "G21 G90\nG55\nG0 X0 Y0 Z0\nG92 X1 Y2 Z3\nG1 X190 F3000\nG1 Y22\nG92.1\nM2\n";
     fs::write(&program, text).unwrap();
     let ini = folder.path().join("linear-delta.ini");
@@ -421,7 +421,7 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     (facts.program.tool_table, facts.program.parameter_file) = (None, None);
     let moves = motion::moves(&config.clone().into(), &program, None).unwrap();
     assert!(!follow(&config, &moves).fits() && follow(&config, &moves).poses.may_turn(&config));
-    // 189 mm long where X and Y have 160 each: no shift will do, the diagonal will.
+    // 189 mm long while X and Y have 160 each: no shift is sufficient, the diagonal is.
     assert_eq!(
         work_offset::shift(&config, &follow(&config, &moves).poses, &mut |_| true).unwrap(),
         None
@@ -431,13 +431,13 @@ fn an_offset_that_is_found_makes_the_program_fit() {
     assert!(offset.turn != 0.0, "{offset:?}");
     let found = refitted(&config, &program, &offset);
     assert!(found.fits(), "{offset:?} {:?}", found.breaks);
-    // A tilted platform would not be turned with the workpiece.
+    // A tilted platform would not rotate with the workpiece.
     let hexapod = test_support::shipped::config("hexapod");
     let tilted = follow(&hexapod, &[rapid(1, [0.0, 0.0, 220.0, 5.0, 0.0, 0.0])]).poses;
     assert!(!tilted.may_turn(&hexapod));
 }
 
-/// Programs of random places that do not fit where they are: whatever is found for them holds.
+/// Programs of random positions that do not fit: any offset found for them is correct.
 #[test]
 fn random_programs_fit_where_they_are_put() {
     let mut rng = Pcg64::seed_from_u64(54);
@@ -449,7 +449,7 @@ fn random_programs_fit_where_they_are_put() {
         let whole = range(&config);
         let middle = whole.at([0.5; 6]);
         for n in 0..cases(4) {
-            // Beside the middle, or longer than what X has in every other case.
+            // Away from the center, or longer than X in every second case.
             let (away, long) = if n % 2 == 0 { (0.5, 0.6) } else { (0.0, 1.1) };
             let units = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
             let mut text = format!("{units} G90 G64\n");
@@ -487,14 +487,14 @@ fn random_programs_fit_where_they_are_put() {
     assert!(shifted > 0 && turned > 0, "{shifted} {turned}");
 }
 
-/// Pieces, not seconds, are counted.
+/// Counts pieces, not seconds.
 #[test]
 fn the_effort_grows_with_the_length_of_the_path() {
     let config = config("hexapod");
     let round = |turns: u32| -> Vec<Move> {
         let at = |n: u32| {
             let turn = f64::from(n) * 0.1;
-            // A little smaller in every turn, so that no part of the path comes twice.
+            // Slightly smaller in every turn, so that no part of the path repeats.
             let radius = 60.0 - 1e-3 * f64::from(n);
             [radius * turn.cos(), radius * turn.sin(), 220.0, 10.0 * turn.sin(), 0.0, 0.0]
         };
@@ -505,7 +505,7 @@ fn the_effort_grows_with_the_length_of_the_path() {
     let path = long.length / short.length;
     let effort = long.pieces as f64 / short.pieces as f64;
     assert!(path > 5.0 && effort < 1.1 * path, "{effort} {path}");
-    // The same path in ten times as many moves asks for no more than its moves.
+    // The same path in ten times as many moves needs no more pieces than moves.
     let fine: Vec<Move> = round(2)
         .windows(2)
         .flat_map(|w| {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Random programs: read by LinuxCNC's interpreter and replayed they stay in all limits.
+//! Random programs: read by LinuxCNC's interpreter and replayed, they stay within all limits.
 
 use program::motion;
 use program::random_program::random_program;

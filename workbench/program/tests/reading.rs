@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Programs that mean something else to a reader that is not the control: LinuxCNC alone reads them.
+//! Programs that a reader other than the control interprets differently: only LinuxCNC reads them.
 
 use linuxcnc::process::Options;
 use program::preflight::judge;
@@ -19,11 +19,11 @@ struct Case {
     machine: String,
     #[serde(default)]
     edit: Vec<Edit>,
-    /// Without its M2.
+    /// Program without its M2.
     program: String,
-    /// Lines in which a limit is left, with block delete on.
+    /// Lines in which a limit is violated, with block delete on.
     lines: BTreeSet<u32>,
-    /// The same with block delete off.
+    /// The same lines with block delete off.
     #[serde(default)]
     kept: BTreeSet<u32>,
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Mistakes that LinuxCNC refuses at its start: none of them fits together, and what starts is not refused.
+//! Mistakes that LinuxCNC refuses at its start: all of them are reported, and a machine that starts is not refused.
 
 use check::report::check;
 use machine::read::diagnostic::Severity;
@@ -20,10 +20,10 @@ struct Case {
     base: String,
     #[serde(default)]
     edit: Vec<Edit>,
-    /// Files beside the INI file.
+    /// Files next to the INI file.
     #[serde(default)]
     files: BTreeMap<String, String>,
-    /// What an error says, and where it is: the file with its line, or the key. If there are none, LinuxCNC starts,
+    /// Text of an error, and its location: the file with its line, or the key. If there are none, LinuxCNC starts,
     /// homes, moves and changes a tool.
     #[serde(default)]
     names: Vec<String>,
@@ -33,7 +33,7 @@ fn linear_delta() -> String {
     "linear-delta".into()
 }
 
-/// Returns the errors of the machine, and what became of its start.
+/// Returns the errors of the machine, and the result of its start.
 fn answer(case: &Case) -> (Vec<String>, String) {
     let copy = copied(&case.base);
     let file = copy.path().join(format!("{}.ini", case.base));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Programs thinned for plots: nothing that matters gets lost.
+//! Programs thinned for plots without losing extremes.
 
 use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
 use linuxcnc::row::{Beside, Flags, Row};
@@ -19,7 +19,7 @@ fn a_peak_of_one_cycle_in_a_million_survives() {
     for cycle in 0..CYCLES {
         let mut row = Row { cycle, line: (cycle / 1000) as u32 + 1, ..home };
         match cycle {
-            // A step of a tenth of what the speed limit allows in a cycle.
+            // A step of a tenth of the motion in a cycle at the speed limit.
             c if c == slow => row.joints[2] += 0.1 * config.joints[2].max_velocity * config.period,
             c if c == far => row.pose[1] = config.axes[1].max + 1.0,
             c if c == late => {
@@ -39,7 +39,7 @@ fn a_peak_of_one_cycle_in_a_million_survives() {
     let near = |at: f64, cycle: u64| (at - seconds(cycle)).abs() < 3e-4 * found.end;
 
     let fastest = found.samples.iter().max_by(|a, b| a.speeds[2].total_cmp(&b.speeds[2])).unwrap();
-    // Joints are read in double precision: a nanometre of a metre's step.
+    // Joints are read in double precision: a nanometer of a meter's step.
     assert!((fastest.speeds[2] - 0.1).abs() < 1e-6 && near(fastest.at, slow), "{fastest:?}");
     let line = (slow / 1000) as u32 + 1;
     assert!((fastest.lines[0]..=fastest.lines[1]).contains(&line), "{fastest:?}");
@@ -73,12 +73,12 @@ fn speeds_and_accelerations_are_those_of_three_cycles() {
     for cycle in 0..10 {
         let [speeds, accelerations] = next(&row(cycle));
         let expected = if cycle < 2 { 0.0 } else { acceleration };
-        // Rounding of positions below a metre over the square of the period.
+        // Rounding of positions below a meter over the square of the period.
         assert!((accelerations[0] - expected).abs() < 1e-5, "{cycle}: {}", accelerations[0]);
         let middle = if cycle == 0 { 0.0 } else { (cycle as f64 - 0.5) * period };
         assert!((speeds[0] - acceleration * middle).abs() < 1e-8, "{cycle}: {}", speeds[0]);
     }
-    // After a gap nothing is known, nor where the drives were off.
+    // After a gap, or with the drives off, nothing is known.
     assert_eq!(next(&row(20)), [[0.0; MAX_JOINTS]; 2]);
     let off = Row { flags: Flags::default(), ..row(21) };
     assert_eq!(next(&off), [[0.0; MAX_JOINTS]; 2]);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Travel left, beside poses looked at one after the other.
+//! Available travel, compared with individually sampled poses.
 
 use kinematics::{Letter, Vector3};
 use machine::proof::axis_box::range;
@@ -10,14 +10,14 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use test_support::shipped::{self, unchained, whole};
 
-/// Poses looked at along a way.
+/// Poses sampled along a path.
 const LOOKS: u32 = 400;
 
-/// Of the machine's size, within which travel tells a place: a piece of a way that long is not halved,
+/// Accuracy of reported positions, as a share of the machine's size: a piece of a path of this length is not halved,
 /// and it is a part of one of eight parts.
 const RESOLUTION: f64 = 1e-5;
 
-/// The machine with ranges of its axes that end nothing.
+/// Returns the machine with unlimited ranges of its axes.
 fn free(machine: &str) -> MachineConfig {
     let mut config = whole(machine);
     for axis in &mut config.mechanisms[0].programmed {
@@ -34,7 +34,7 @@ fn a_long_way_is_followed_to_its_end() {
     first.joints.iter_mut().for_each(|joint| joint.max = 9000.0);
     let found = travel(&config, &Stand::home(&config)).unwrap();
     let plus = &found[0].plus;
-    // From the middle of the guides, as far as the carriages in front go.
+    // From the center of the guides, until the carriages in front reach the end.
     assert!(plus.left.is_some_and(|left| left > 5000.0 && left < 9000.0), "{plus:?}");
     assert!(plus.stop.as_ref().is_some_and(|stop| stop.contains("carriage")), "{plus:?}");
 }
@@ -61,7 +61,7 @@ fn up_to_the_place_told_every_pose_keeps_all_limits_and_just_behind_it_one_does_
                 let own = |l: &Letter| l.name() == found.letter;
                 let Some(letter) = Letter::ALL.into_iter().find(own) else { continue };
                 if config.first().machine.layout().is_held(letter) {
-                    // An extra axis, which only its own range ends.
+                    // An extra axis, which only its own range limits.
                     continue;
                 }
                 let k = letter.index();
@@ -78,14 +78,14 @@ fn up_to_the_place_told_every_pose_keeps_all_limits_and_just_behind_it_one_does_
                     }
                     let unit = if k < 3 { config.first().machine.size() } else { 360.0 };
                     let behind = (1..=20).map(|n| left + f64::from(n) * RESOLUTION * unit);
-                    // A limit that is only touched is told as well.
+                    // A limit that is only touched is reported as well.
                     stopped += usize::from(behind.map(at).any(|seen| seen.is_err()));
                     assert!(side.stop.is_some());
                 }
             }
         }
     }
-    // Nearly all ways end where a limit is left, and not where one is touched.
+    // Nearly all paths end at a violated limit, not at one that is touched.
     assert!(stopped > 200, "{stopped}");
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Machines with two mechanisms: read, run in LinuxCNC in virtual time, and followed.
+//! Machines with two mechanisms: read, run in LinuxCNC in virtual time, and checked.
 
 use check::between;
 use check::report::check;
@@ -20,14 +20,14 @@ use test_support::shipped::{config, folder, ini, machine_of, whole};
 
 const LATHE: &str = "lathe-mirrored";
 
-/// Where forward of a mechanism's joints is from the commanded pose: LinuxCNC's joints come two cycles late.
+/// Delay of LinuxCNC's joints relative to the commanded pose, in cycles.
 const LAG: usize = 2;
 
 fn second() -> Mechanism {
     whole(LATHE).mechanism(2).unwrap()
 }
 
-/// A program of these lines, which begins with both at home.
+/// Returns a program of these lines, which begins with both at home.
 fn program(lines: &[&str]) -> tempfile::NamedTempFile {
     let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
     let text = format!("G21 G90 G61 M52 P1\nF2400\n{}\nM2\n", lines.join("\n"));
@@ -49,7 +49,7 @@ fn followed(config: &MachineConfig, file: &Path) -> Preflight {
     preflight(&config.mechanisms, &moves).unwrap()
 }
 
-/// The first or second mechanism as the only one of a control of its own, with these extra axes, whose
+/// Returns the first or second mechanism as the only one of a separate control, with these extra axes, whose
 /// sections are those of the lathe with a counter-spindle.
 fn half(is_second: bool, axes: &str) -> MachineConfig {
     let section = |text: &str, name: &str| {
@@ -132,12 +132,12 @@ fn both_move_in_every_cycle_as_the_program_says() {
         moved[2] += usize::from(moves[0] && moves[1]);
     }
     println!("{} cycles, both moving in {}; joints within {worst:.4} mm", rows.len(), moved[2]);
-    // LinuxCNC smooths the joints' commands over some cycles: where 60 mm/s turn round, by 0.1 mm.
+    // LinuxCNC smooths the joints' commands over some cycles: by 0.1 mm where 60 mm/s reverse.
     assert!(worst < 0.1, "{worst}");
     assert!(moved[2] > 40_000 && moved[2] * 10 > moved[0] * 9, "{moved:?} cycles");
 }
 
-/// W comes to the first mechanism, which stands at the end of its own way.
+/// W moves to the first mechanism, which is at the end of its own path.
 const MEETING: [&str; 3] = ["G1 Z1350 W2600", "G1 W2250", "G1 W2600"];
 
 #[test]
@@ -153,17 +153,17 @@ fn the_guard_stops_both_before_they_meet() {
         .collect();
     let code = format!("[code {}]", Cause::MechanismsNear.code());
     assert!(errors[0].contains("legs 1 and 4: ") && errors[0].contains(&code), "{errors:?}");
-    // By an independent way: carriages 1 and 4 are on one rail, and their rods lean away from each other.
+    // By an independent method: carriages 1 and 4 are on one rail, and their rods lean away from each other.
     let least = rows.iter().map(|row| row.joints[4] - row.joints[1]).fold(f64::INFINITY, f64::min);
     println!("stopped {:.3} mm before the limit", least - 150.0);
-    // Braking from 40 mm/s takes 2 mm; half of the acceleration is counted on, and ten cycles.
+    // Braking from 40 mm/s takes 2 mm; the guard assumes half of the acceleration, and ten cycles.
     assert!((150.0..160.0).contains(&least), "{least}");
     assert_eq!(rows.last().map(|row| row.flags.held), Some(true));
 }
 
 #[test]
 fn a_machine_that_stands_too_near_may_move_away() {
-    // At the limit by the guard's own stop, then away in another program: the clearance is widened instead.
+    // At the limit by the guard's own stop, then away in another program: the clearance is increased instead.
     let text = std::fs::read_to_string(ini(LATHE)).unwrap();
     let wide = text.replace("MECHANISM_CLEARANCE = 150", "MECHANISM_CLEARANCE = 600");
     let config = machine_of(&ini(LATHE), &wide);
@@ -216,14 +216,14 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
             let (one, other) = (one.unwrap(), other.unwrap());
             let gap = Gap::between(&one, &other);
             least = least.min(gap.distance - 150.0);
-            // Where it has to be less than something.
+            // With an upper bound for the distance.
             assert_eq!(Gap::within(&one, &other, 1.001 * gap.distance), gap);
             let most = 0.999 * gap.distance;
             assert_eq!(Gap::within(&one, &other, most).distance, most);
         }
         (from, beside_from) = (step.end, beside.end);
     }
-    // A lower bound, told within a hundredth of the distance.
+    // A lower bound, reported within a hundredth of the distance.
     assert!(told <= least && told > least - 0.01 * (150.0 + least), "{told} {least}");
 }
 
@@ -257,7 +257,7 @@ fn each_makes_the_moves_of_a_program_in_the_same_time() {
     assert!(seconds[0] > 60.0 && seconds[0] < 73.0, "{seconds:?}");
 }
 
-/// Blocks in which one mechanism stands last as long for it.
+/// Blocks in which one mechanism does not move take the same time for it.
 #[test]
 fn one_that_stands_waits_for_the_other() {
     let config = whole(LATHE);
@@ -269,12 +269,12 @@ fn one_that_stands_waits_for_the_other() {
     let [first, second] = found.each_ref().map(|replay| (replay.time, replay.poses));
     assert!((first.0 - second.0).abs() < 1e-9 && first.1 == second.1, "{first:?} {second:?}");
     assert_eq!(found.each_ref().map(|replay| replay.moves), [3, 3]);
-    // 100 mm each way at 40 mm/s, the rapid, 100 mm of W, and a turn.
+    // 100 mm in each direction at 40 mm/s, the rapid, 100 mm of W, and a rotation.
     assert!(first.0 > 3.0 * 100.0 / 40.0, "{first:?}");
 }
 
-/// A tool offset that changes at a tilt leads the platform along a line: where on it the two come too near
-/// is found, though the block after it would lead them apart.
+/// A tool offset that changes at a tilt moves the platform along a line: the position on it where the two are too near
+/// is found, although the next block moves them apart.
 #[test]
 fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
     let (config, second) = (whole(LATHE), second());
@@ -294,7 +294,7 @@ fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
     let by =
         format!("as the tool offset changes before this move by {:.4} mm", 150.0 - distances[1]);
     assert!(told.line == 5 && told.text.contains(&by), "{}, not {by}", told.text);
-    // With a change that leads away nothing is told.
+    // A change that moves them apart is not reported.
     let away =
         followed(&config, program(&["G1 Z1350 W2600 C20", "G43.1 U-100", "G1 W3000"]).path());
     assert!(!away.breaks.iter().any(|told| told.limit == Rule::Mechanisms), "{:?}", away.breaks);
@@ -318,10 +318,10 @@ fn check_looks_at_both_and_at_what_is_between_them() {
         let config = machine_of(&ini(LATHE), text);
         between::check(&config).unwrap().expect("two mechanisms")
     };
-    // Without a clearance they meet where nothing stops them.
+    // Without a clearance nothing prevents them from meeting.
     let none = checked(&text.replace("MECHANISM_CLEARANCE = 150\n", ""));
     assert!(!none.fits() && none.findings[0].problem.key == "MECHANISM_CLEARANCE");
-    // One that home does not keep.
+    // A clearance that home violates.
     let wide = checked(&text.replace("MECHANISM_CLEARANCE = 150", "MECHANISM_CLEARANCE = 600"));
     let told = &wide.findings[0].problem;
     assert!(
@@ -340,8 +340,8 @@ fn half_of_the_machine_is_not_run() {
     assert!(refused.unwrap_err().to_string().contains("both mechanisms"));
 }
 
-/// Two headstocks that slide need two letters more than one control has left. Each control has one of the
-/// mechanisms and its headstock's slide, in processes and folders of its own.
+/// Two sliding headstocks need two letters more than one control has left. Each control has one of the
+/// mechanisms and its headstock's slide, in separate processes and folders.
 #[test]
 fn two_controls_run_the_two_halves_with_their_headstocks_at_once() {
     let halves = [half(false, "W"), half(true, "W")];
@@ -363,6 +363,6 @@ fn two_controls_run_the_two_halves_with_their_headstocks_at_once() {
         let slide = one.1.iter().map(|row| row.extra.positions[0]).fold(f64::INFINITY, f64::min);
         assert!(slide < 701.0, "the headstock slides: {slide}");
     }
-    // What two controls do not have: anyone who sees both, and a program for both.
+    // Two controls lack a check of both, and a program for both.
     assert!(halves.iter().all(|half| half.mechanisms.len() == 1));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Replay cases of tests/cases/replay.toml: a machine, a program, and what is expected of them.
+//! Replay cases of tests/cases/replay.toml: a machine, a program, and the expectations.
 
 use machine::read::machine::MachineConfig;
 use program::mechanism_moves::moves_of;
@@ -17,17 +17,17 @@ const LINUXCNC: &str = "linuxcnc:";
 pub struct Case {
     /// Folder and file name of the configuration: configs/NAME/NAME.ini.
     pub machine: String,
-    /// Whether the second of two mechanisms is meant.
+    /// Whether the second of two mechanisms is replayed.
     #[serde(default)]
     pub second: bool,
-    /// Program beside the INI file, or `linuxcnc:NAME` for one that LinuxCNC ships.
+    /// Program next to the INI file, or `linuxcnc:NAME` for one that LinuxCNC ships.
     pub program: String,
     /// G54 for this run: x y z in machine units, a b c in degrees.
     pub work_offset: Option<[f64; 6]>,
-    /// Fewest moves: the program was read to its end.
+    /// Least number of moves, if the program is read to its end.
     pub min_moves: usize,
-    /// Smallest value that the largest correction must reach, in machine units: the program does exercise the
-    /// screws. Rods have no nut that turns with the platform.
+    /// Lower bound of the largest correction, in machine units: the program does exercise the
+    /// screws. Rods have no nut that rotates with the platform.
     #[serde(default)]
     pub min_correction: f64,
 }
@@ -35,36 +35,36 @@ pub struct Case {
 /// Seconds between poses.
 const PERIOD: f64 = 1e-3;
 
-/// Largest pose mismatch, as a share of the machine's size: a promise of the project over the workspace. About 1e-12
-/// is seen, where the solver stops.
+/// Largest pose mismatch, as a share of the machine's size: guaranteed by the project over the workspace. About 1e-12
+/// is observed, where the solver stops.
 const MAX_RELATIVE_MISMATCH: f64 = 1e-10;
 
-/// Most iterations of a forward call one servo step away: a promise of the project.
+/// Most iterations of a forward call one servo step away: guaranteed by the project.
 const MAX_ITERATIONS: u32 = 3;
 
-/// Smallest share of poses proved by one ball.
+/// Smallest share of poses proved by a single ball.
 const MIN_CERTIFIED: f64 = 1.0;
 
-/// Largest joint move by a change of tool length, in joint units: tools change while the platform is level, and nothing
-/// but rounding may move.
+/// Largest joint motion due to a change of tool length, in joint units: tools change while the platform is level, which
+/// allows only rounding.
 const MAX_TOOL_STEP: f64 = 1e-9;
 
-/// What a case came to.
+/// Result of a case.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The figures.
+    /// The values.
     pub replay: Replay,
-    /// One sentence for each expectation or limit that was not kept.
+    /// One sentence for each violated expectation or limit.
     pub failures: Vec<String>,
 }
 
 impl Case {
-    /// The INI file, given the folder that holds the configurations.
+    /// Returns the INI file, given the folder of the configurations.
     pub fn ini(&self, configs: &Path) -> PathBuf {
         configs.join(&self.machine).join(format!("{}.ini", self.machine))
     }
 
-    /// The program file, given the folder that holds the configurations.
+    /// Returns the program file, given the folder of the configurations.
     pub fn program(&self, configs: &Path) -> PathBuf {
         match self.program.strip_prefix(LINUXCNC) {
             Some(name) => Path::new(LINUXCNC_PROGRAMS).join(name),
@@ -75,10 +75,10 @@ impl Case {
     /// Runs the case.
     ///
     /// # Errors
-    /// A sentence, where the machine or program cannot be read, or a pose fails.
+    /// A sentence, if the machine or program cannot be read, or a pose fails.
     pub fn run(&self, configs: &Path) -> Result<Outcome, String> {
         let mut whole = MachineConfig::read(&self.ini(configs)).map_err(|e| e.to_string())?;
-        // A case does not depend on what an earlier run left in the parameter file.
+        // A case does not depend on the parameter file of an earlier run.
         for mechanism in &mut whole.mechanisms {
             Arc::make_mut(&mut mechanism.facts).program.parameter_file = None;
         }

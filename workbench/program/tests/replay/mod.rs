@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Runs every replay case of tests/cases/replay.toml, and sees that no shipped program lacks one.
+//! Runs every replay case of tests/cases/replay.toml, and checks that every shipped program has one.
 
 mod case;
 
