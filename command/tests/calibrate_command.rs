@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm calibrate` on logs as the calibration program writes them: what it tells and writes, and
-//! what it refuses.
+//! `pkm calibrate` on logs in the format of the calibration program: its reports and files, and
+//! its refusals.
 
 use calibrate::fit::fit;
 use calibrate::log::HEADER;
@@ -20,17 +20,17 @@ use test_support::shipped;
 
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 60.0);
 
-/// Anchors and lengths of the machine built are off by so much at most, mm.
+/// Largest deviation of anchors and lengths of the machine built, mm.
 const OFF: f64 = 0.3;
 
-/// Noise of the probe at most, mm.
+/// Largest noise of the probe, mm.
 const NOISE: f64 = 1e-3;
 
 fn plate_file() -> PathBuf {
     shipped::folder("hexapod").join("calibration/plate.toml")
 }
 
-/// A machine built unlike its drawing, and a plate in it.
+/// A machine that differs from its drawing, and a plate on it.
 struct Shop {
     config: Mechanism,
     truth: Machine,
@@ -54,7 +54,7 @@ impl Shop {
         Self { truth: model.machine(&changes).unwrap(), config, plate, frame, random }
     }
 
-    /// Log of a touch of every wall and face at these tilts.
+    /// Returns the log of a touch of every wall and face at these tilts.
     fn log(&mut self, tilts: &[[f64; 2]]) -> String {
         let mut text = format!("{HEADER}\nunit 1.000000\n");
         let mut number = 0;
@@ -94,7 +94,7 @@ impl Shop {
         let seen =
             self.config.machine.forward(&joints, &wanted, &TOOL, &Solver::default()).unwrap();
         let mut at = seen.pose.to_degrees();
-        // What the spindle is offset by is no part of LinuxCNC's own tool offset.
+        // LinuxCNC's own tool offset does not include the spindle offset.
         at[2] -= TOOL.z - self.config.spindle.z;
         let list =
             |values: &[f64]| values.iter().map(|x| format!("{x:.6}")).collect::<Vec<_>>().join(" ");
@@ -112,8 +112,7 @@ impl Shop {
 const TILTS: [[f64; 2]; 6] =
     [[0.0, 0.0], [15.0, 0.0], [-15.0, 0.0], [0.0, 15.0], [0.0, -15.0], [11.0, 11.0]];
 
-/// Answer of the command to a log, with its exit code, and its folder.
-/// A log that a machine built unlike its drawing has probed.
+/// Returns a log of probing on a machine that differs from its drawing.
 pub fn log() -> String {
     Shop::new().log(&TILTS)
 }
@@ -167,7 +166,7 @@ fn a_log_becomes_a_file_with_the_true_geometry_and_a_difference_to_read() {
     };
     let (before, after) = (holes(&shipped::ini("hexapod"), "probe.log"), holes(&file, "again.log"));
     println!("holes: {before} mm before, {after} mm after");
-    // Four touches of the noise on each hole, the largest of 54; and what calibration leaves.
+    // Four times the noise of a touch on each hole, the largest of 54; and the rest after calibration.
     assert!(before > 0.03 && after < 3.0 * NOISE, "{before} {after}");
 }
 
@@ -222,7 +221,7 @@ fn what_is_wrong_with_a_log_is_told_and_nothing_is_written() {
     assert!(code == 2 && text.contains("use --in-place"), "{text}");
 }
 
-/// The positions of a log shifted, as a work offset does it.
+/// Shifts the positions of a log, as a work offset would.
 fn shifted(log: &str, by: [f64; 3]) -> String {
     let shift = |line: &str| match line.split_once(" at ") {
         Some((before, at)) => {
@@ -239,14 +238,14 @@ fn shifted(log: &str, by: [f64; 3]) -> String {
 const HEADING: &str = "; probed on a Monday\n# machine hexapod.ini\n# geometry 1844604530\n\
     # tool 0 0 60\n# coordinates machine\n# plate 0.9 -0.7 200.4 0 0 0.4\n";
 
-/// What PROBEOPEN would have written of the touches of a log: each met fast as well.
+/// Returns the output of PROBEOPEN for the touches of a log: with a fast touch before each.
 fn points(log: &str) -> String {
     let mut text = String::from(HEADING);
     for at in log.lines().filter_map(|line| Some(line.split_once(" at ")?.1)) {
         let mut slow: Vec<f64> = at.split(' ').map(|word| word.parse().unwrap()).collect();
         slow.extend([0.0; 3]);
         let mut fast = slow.clone();
-        // F900 over a cycle of 1 ms, on whichever side.
+        // F900 over a cycle of 1 ms, on either side.
         fast[2] += 0.015;
         for line in [fast, slow] {
             let words: Vec<String> = line.iter().map(|x| format!("{x:.6}")).collect();
@@ -298,7 +297,7 @@ fn the_offset_of_the_spindle_is_no_part_of_the_tip_that_is_shown() {
         let probed = folder.path().join("probed");
         fs::write(&probed, text).unwrap();
         let Given { model, readings, .. } = study::read(&shop.config, &[probed], &wishes).unwrap();
-        // 20 mm off, joints would be those of a pose that is not theirs.
+        // With an offset of 20 mm, joints would belong to another pose.
         assert!(fit(&model, &readings, None).unwrap().rms() < NOISE);
     }
 }
@@ -311,7 +310,7 @@ fn what_is_wrong_with_points_of_probeopen_is_told_with_its_line() {
         assert!(points.contains(from), "{from}");
         points.replacen(from, to, 1)
     };
-    // Line 8 is the first slow touch of all, in hole 1.
+    // Line 8 is the first slow touch, in hole 1.
     let lines: Vec<&str> = points.lines().collect();
     let with = |line: &str| [&lines[..8], &[line], &lines[8..]].concat().join("\n");
     let scaled = |by: f64| {
@@ -377,12 +376,12 @@ fn an_outlier_is_named_with_its_line_and_one_orientation_is_said_so() {
     let folder = tempfile::tempdir().unwrap();
     let mut shop = Shop::new();
     let mut log = shop.log(&TILTS);
-    // A chip on the wall: the ball was 0.05 mm too early, and so were the joints.
+    // A chip on the wall: the ball was 0.05 mm early, and so were the joints.
     let spoilt = Shop::chip(&mut shop, &log, 61);
     log = spoilt;
     let (text, code) = answer(folder.path(), &log, &[]);
     assert_eq!(code, 1, "{text}");
-    // 0.05 without what the touch itself has pulled the machine along.
+    // 0.05 minus the influence of the touch itself on the fit.
     assert!(
         text.contains(
             "probe.log:123: hole 4, wall at +X is left out: it differs from the others by 0.04"
@@ -395,7 +394,7 @@ fn an_outlier_is_named_with_its_line_and_one_orientation_is_said_so() {
 }
 
 impl Shop {
-    /// The log with touch `number`, along +X, 0.05 mm short of the wall.
+    /// Returns the log with touch `number`, along +X, 0.05 mm short of the wall.
     fn chip(&mut self, log: &str, number: usize) -> String {
         let mut lines: Vec<String> = log.lines().map(Into::into).collect();
         let hole = self.plate.hole[(number - 1) / 5 % 9];

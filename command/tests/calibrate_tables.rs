@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm calibrate` on tables of a tracker and of a ball-bar: what they tell, and what is refused.
+//! `pkm calibrate` on tables of a tracker and of a ball bar: reports and refusals.
 
 use calibrate::at_tool;
 use calibrate::model::{Model, Tolerance};
@@ -14,17 +14,17 @@ use test_support::shipped;
 const MACHINE: &str = "lab-hexapod";
 const TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 60.0);
 
-/// Where tracker and ball-bar stand, mm.
+/// Position of tracker and ball bar, mm.
 const STAND: Vector3<f64> = Vector3::new(300.0, -200.0, 100.0);
 
-/// Anchors and lengths of the machine built are off by so much at most, and noise of one number.
+/// Largest deviation of anchors and lengths of the machine built, and noise of one number.
 const OFF: f64 = 0.3;
 const NOISE: f64 = 1e-3;
 
 const TRACKER: &str = "tip_x,tip_y,tip_z";
 const BAR: &str = "distance";
 
-/// A table of so many poses, tilted or all at one orientation; its first row is line 4.
+/// Returns a table with this number of poses, tilted or all at one orientation; its first row is line 4.
 fn table(columns: &str, count: usize, is_tilted: bool) -> String {
     let config = shipped::config(MACHINE);
     let mut random = Pcg64::seed_from_u64(31);
@@ -53,7 +53,7 @@ fn table(columns: &str, count: usize, is_tilted: bool) -> String {
     text
 }
 
-/// Answer of the command to a table, with its exit code.
+/// Returns the command's output for a table, and its exit code.
 fn answer(folder: &Path, table: &str) -> (String, i32) {
     fs::write(folder.join("table.csv"), table).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
@@ -63,7 +63,7 @@ fn answer(folder: &Path, table: &str) -> (String, i32) {
     (text(&output.stdout) + &text(&output.stderr), output.status.code().unwrap())
 }
 
-/// A table with one number of a line changed.
+/// Returns a table with one number of a line changed.
 fn off(table: &str, line: usize, column: usize, by: f64) -> String {
     let change = |(k, text): (usize, &str)| {
         if k + 1 != line {
@@ -86,7 +86,7 @@ fn tables_calibrate_and_a_line_that_is_off_is_named() {
         assert!(text.contains(&format!("{count} readings")), "{text}");
         let (text, code) = answer(folder.path(), &off(&table, 20, 6, 0.3));
         assert_eq!(code, 1, "{text}");
-        // 0.3 without what the line itself has pulled the machine along.
+        // 0.3 minus the influence of the line itself on the fit.
         assert!(
             text.contains("table.csv:20 is left out: it differs from the others by 0."),
             "{text}"

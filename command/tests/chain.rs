@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Commands on machines whose axes carry work, tool or legs.
+//! Commands on machines whose axes carry workpiece, tool or legs.
 
 use test_support::shipped::folder;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What holds for every subcommand: where input comes from and how answers are told.
+//! Common behavior of every subcommand: sources of input and formats of output.
 
 use crate::commands::Bench;
 use std::fs;
@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use test_support::shipped;
 
-/// A file of rows, and what is left of an answer without its exit code.
+/// A file of rows, and the output without its exit code.
 const ROWS: &str = "x,y,z,a,b,c\n10,-20,50,0,0,0\n0,0,90,0,0,0\n";
 
 const PROGRAM: &str = "G21 G90\nG1 X10 F6000\nM2\n";
@@ -56,7 +56,7 @@ fn a_pose_is_six_numbers_or_words() {
     let bench = Bench::new();
     let numbers = bench.answer("joints linear-delta.ini --pose 10 -20 90 0 0 0", "");
     assert!(numbers.ends_with("exit 0\n"), "{numbers}");
-    // Z90 is that of home.
+    // The missing Z90 is the value at home.
     assert_eq!(bench.answer("joints linear-delta.ini --pose x10 Y-20", ""), numbers);
     assert_eq!(
         bench.answer("travel linear-delta.ini --pose 10 -20 90 0 0 0", ""),
@@ -85,7 +85,7 @@ fn a_program_comes_from_standard_input() {
         let named = bench.answer(&format!("{command} line.ngc"), "").replace("line.ngc", "");
         let piped = bench.answer(&format!("{command} -"), PROGRAM);
         assert!(piped.ends_with("exit 0\n"), "{piped}");
-        // The same rows, and the same time; the name of the file is another one.
+        // The same rows, and the same time; only the name of the file differs.
         let tail =
             |text: &str| text.rsplit_once(": ").map_or(text.into(), |(_, tail)| tail.to_string());
         assert_eq!(tail(&piped), tail(&named));
@@ -95,7 +95,7 @@ fn a_program_comes_from_standard_input() {
     assert_eq!(bench.files(), before);
 }
 
-/// Returns the subcommands that a help lists; that of pkm itself has them in groups.
+/// Returns the subcommands in a help text; pkm's own has them in groups.
 pub fn subcommands(help: &str) -> Vec<String> {
     let list = match (help.split_once("\nMachine:\n"), help.split_once("Commands:\n")) {
         (Some((_, list)), _) => list.split("Options:\n").next(),
@@ -196,7 +196,7 @@ fn every_example_of_the_help_runs_as_printed() {
     examples.sort_by_key(|line| line.starts_with("pkm calibrate"));
     for line in examples {
         if SLOW.iter().any(|part| line.contains(part)) {
-            // Nothing that it names is there: it is refused for that, and not for a wrong word.
+            // The named files do not exist: this is the reason for the refusal, not a wrong word.
             let words = line.split(['|', '>']).next().unwrap().replace("my-", "none/my-");
             let answer = bench.answer(words.trim_start_matches("pkm "), "");
             assert!(!answer.contains("For more information, try"), "{line}: {answer}");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The command `pkm` as it is used: every message, exit codes, pipes. After a change of a text
+//! The command `pkm` from the user's view: every message, exit codes, pipes. After a change of a text
 //! `SNAPSHOTS=overwrite cargo test --profile host -p pkm commands::` writes the new ones here; `[..]`
-//! stands for places that rounding decides.
+//! replaces digits that depend on rounding.
 
 use snapbox::{assert_data_eq, str};
 use std::fs;
@@ -12,7 +12,7 @@ use test_support::shipped::{folder, with_programs};
 
 const PKM: &str = env!("CARGO_BIN_EXE_pkm");
 
-/// A folder with the linear delta in it, to be spoilt.
+/// A folder with a copy of the linear delta.
 pub struct Bench(pub tempfile::TempDir);
 
 impl Bench {
@@ -39,7 +39,7 @@ impl Bench {
         self
     }
 
-    /// Replaces a text in the machine's file, once.
+    /// Replaces a text in the machine's file once.
     pub fn spoilt(self, from: &str, to: &str) -> Self {
         let file = self.0.path().join("linear-delta.ini");
         let text = fs::read_to_string(&file).unwrap();
@@ -56,7 +56,7 @@ impl Bench {
         command
     }
 
-    /// What the command answers, with its exit code.
+    /// Returns the command's output with its exit code.
     pub fn answer(&self, words: &str, input: &str) -> String {
         let mut child = self.command(words).spawn().unwrap();
         // A command that does not read it may have ended already.
@@ -309,7 +309,7 @@ warning: [EMCIO]TOOL_TABLE = linear-delta.tbl
     );
 }
 
-/// How the answer ends where nothing is found.
+/// End of the output without findings.
 const FITS: &str = "The program fits the machine.\nexit 0\n";
 
 /// A line that fits only along the diagonal.
@@ -599,7 +599,7 @@ exit 0
         poses.lines().nth(1).unwrap().split(',').map(|word| word.parse().unwrap()).collect();
     let expected = [10.0, -20.0, 50.0, 0.0, 0.0, 0.0];
     for (number, expected) in numbers.iter().zip(expected) {
-        // What forward promises of 300 mm: 1e-10 of the size.
+        // The accuracy of forward for 300 mm: 1e-10 of the size.
         assert!((number - expected).abs() < 1e-7, "{poses}");
     }
 }
@@ -687,7 +687,7 @@ fn a_program_and_its_trace() {
     let last =
         trace.lines().nth_back(1).unwrap().split(',').map(|cell| cell.parse::<f64>().unwrap());
     let last: Vec<f64> = last.collect();
-    // LinuxCNC's home is that of the joints, to their rounding.
+    // LinuxCNC's home is that of the joints, within their rounding.
     let off =
         last[1..8].iter().zip([2.0, 10.0, 0.0, 90.0, 0.0, 0.0, 0.0]).map(|(a, b)| (a - b).abs());
     assert!(off.fold(0.0, f64::max) < 1e-9, "{trace}");
@@ -1040,11 +1040,11 @@ exit 0
     assert_eq!((&json["version"], json["breaks"].as_array().map(Vec::len)), (&1.into(), Some(0)));
     let page = fs::read_to_string(bench.0.path().join("r.html")).unwrap();
     assert!(page.contains("fits the machine") && page.contains("<svg"));
-    // A page that stands alone names no other file.
+    // A self-contained page names no other file.
     assert!(!page.contains("src=") && !page.contains("href="));
 }
 
-/// LinuxCNC stops it in its first line: what its joints would have to do later nobody saw.
+/// LinuxCNC stops it in its first line: the later motion of its joints was not observed.
 #[test]
 fn the_page_of_a_stopped_program_calls_no_limit_kept_that_hangs_on_time() {
     let bench = Bench::new().with("far.ngc", "M52 P1\nG1 X0 Y200 Z60 F3000\nG1 X10\nM2\n");
@@ -1290,7 +1290,7 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         let text = fs::read_to_string(page.path()).unwrap();
         let [examples, see] = [".SH EXAMPLES\n.TP\n\\fBpkm ", ".SH \"SEE ALSO\"\n"];
         assert!(text.contains(examples) && text.contains(see), "{:?}: {text}", page.path());
-        // What is referred to is there.
+        // References exist.
         let end = text.rsplit_once(see).unwrap().1.replace('\\', "");
         for name in end.trim().split(", ") {
             let file = match name.strip_suffix("(1)") {
@@ -1393,7 +1393,7 @@ fn no_colours_and_no_bar_go_into_a_pipe() {
     assert_eq!(String::from_utf8_lossy(&output.stderr), "");
 }
 
-/// The folder of subroutines is named from that of the INI file on.
+/// The folder of subroutines is named relative to that of the INI file.
 #[test]
 fn a_line_of_a_subroutine_is_told_with_its_file() {
     let bench = Bench::new().spoilt("[RS274NGC]\n", "[RS274NGC]\nSUBROUTINE_PATH = .\n");
@@ -1401,7 +1401,7 @@ fn a_line_of_a_subroutine_is_told_with_its_file() {
     let away = "o<away> sub\n\n\n\n\nG1 X75 Y75\no<away> endsub\nM2\n";
     let bench = bench.with("p.ngc", program).with("away.ngc", away);
     let told = bench.answer("preflight linear-delta.ini p.ngc --report p.html", "");
-    // Of the path, and of LinuxCNC's cycles, which know the line alone.
+    // From the path, and from LinuxCNC's cycles, which have only the line.
     for part in ["  axis range ", "  joint speed ", "  feed "] {
         let line = told.lines().find(|line| line.starts_with(part));
         assert!(line.is_some_and(|line| line.ends_with("FOLDER/away.ngc, line 6")), "{told}");

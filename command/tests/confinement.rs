@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a run may not do, each refused by the kernel, and what an interruption leaves.
+//! Forbidden actions of a run, each refused by the kernel, and the state after an interruption.
 
 use crate::control::{Copy, SHORT, control_of};
 use seccompiler::{BpfProgram, SeccompAction, SeccompFilter, apply_filter};
@@ -13,13 +13,13 @@ use std::path::Path;
 use std::process::{Child, Command, Output};
 use test_support::control::ended;
 
-/// A program with these lines of Python.
+/// Returns a program with these lines of Python.
 fn python(lines: &[String]) -> String {
     let lines: String = lines.iter().map(|line| format!(";py,{line}\n")).collect();
     format!("G21 G90\n{lines}G0 X1\nM2\n")
 }
 
-/// The hexapod with Python in LinuxCNC's interpreter, which needs the section alone.
+/// Adds the INI section that Python in LinuxCNC's interpreter needs.
 fn with_python(text: String) -> String {
     text + "\n[PYTHON]\nPATH_APPEND = .\n"
 }
@@ -36,12 +36,12 @@ fn run(copy: &Copy, arguments: &[&str]) -> (String, Option<i32>) {
     (String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned(), status.code())
 }
 
-/// Python is refused, with the words of the kernel.
+/// Checks that Python is refused, with the words of the kernel.
 fn refused(lines: &[String], words: &str) {
     let copy = Copy::new(with_python, &python(lines));
     let (text, code) = run(&copy, &[]);
     assert_eq!(code, Some(1), "{lines:?}: {text}");
-    // A link from another folder is refused as one between devices.
+    // A link from another folder is refused like one between devices.
     let is_refused = text.contains(words) || text.contains("Invalid cross-device link");
     assert!(is_refused, "{lines:?}: {text}");
 }
@@ -151,7 +151,7 @@ fn a_program_starts_no_other_and_sends_it_no_signal() {
         format!("import os; os.posix_spawn({shell}, {{}})"),
         // The loader of programs is started with each of them, and could start any.
         "import os; os.execv('/lib64/ld-linux-x86-64.so.2', ['ld.so', '/bin/true'])".into(),
-        // SYS_clone with SIGCHLD alone is fork. Python that sees it refused opens what is refused too.
+        // SYS_clone with only SIGCHLD is fork. After its refusal, Python opens a forbidden file, too.
         "import ctypes as c; c.CDLL(None).syscall(56, 17, 0, 0, 0, 0) < 0 and open('/')".into(),
         "import os; os.kill(os.getppid(), 0)".into(),
     ] {
@@ -178,7 +178,7 @@ fn a_hal_file_writes_reads_and_starts_nothing_of_the_users() {
         "socket 127.0.0.1 1".into(),
         format!("exec /lib64/ld-linux-x86-64.so.2 /bin/touch {place}/started 2>@stderr"),
     ] {
-        // Tcl takes a socket that is not made for a host that is not reached. The loader cannot read the program.
+        // Tcl reports a socket that cannot be created as an unreachable host. The loader cannot read the program.
         let words = ["permission denied", "host is unreachable", "cannot open shared object file"];
         let copy = Copy::new(|text| text, SHORT);
         let hal = copy.file("more.tcl");
@@ -215,7 +215,7 @@ fn a_section_that_is_a_variable_of_tcls_own_is_refused_and_named_by_check() {
 fn without_landlock_nothing_is_run_unless_the_user_allows_it() {
     let copy = Copy::new(with_python, &python(&[]));
     let run = |arguments: &'static [&'static str]| {
-        // What a kernel without Landlock answers, for one thread and what it starts.
+        // The response of a kernel without Landlock, for one thread and its children.
         let calls = [(libc::SYS_landlock_create_ruleset, vec![])].into();
         let missing = SeccompAction::Errno(libc::ENOSYS.cast_unsigned());
         let filter =
@@ -262,7 +262,7 @@ fn started(command: &str, copy: &Copy) -> Child {
 
 #[test]
 fn an_interruption_leaves_no_part_of_a_file() {
-    // Writes a log all the time, and the trace.
+    // Continuously writes a log, and the trace.
     let text = "G21 G90\no1 while [1]\n(LOGOPEN,log.txt)\n(LOG,x)\n(LOGCLOSE)\nG0 X1\nG0 X-1\no1 endwhile\nM2\n";
     for (command, signal) in ["run", "preflight"]
         .into_iter()

@@ -28,7 +28,7 @@ fn preflight_writes_the_trace_that_a_run_writes() {
     assert!(traces[0] == traces[1] && traces[0].len() > 10_000, "traces differ");
 }
 
-// The interpreter waits in the line of M66, and remembers the functions of the subroutine that it has left.
+// The interpreter waits in the line of M66, and still has the functions of the subroutine that it has left.
 #[test]
 fn a_following_error_has_the_line_that_moves() {
     let program = "G21 G90\nM52 P0\nM98 P1\nG1 F3000 X60\nM66 P0 L0\nM2\nO1\nG4 P0.1\nM99\n";
@@ -38,12 +38,12 @@ fn a_following_error_has_the_line_that_moves() {
     assert!(out.contains("p.ngc: line 4,") && out.contains("joint 0 following error"), "{out}");
 }
 
-/// Runs a program by `pkm run`; standard output, standard error, exit code.
+/// Runs a program by `pkm run`; returns standard output, standard error, exit code.
 fn pkm(folder: &Path, machine: &Path, program: &Path) -> (String, String, Option<i32>) {
     pkm_with(folder, "run", &[machine.into(), program.into()])
 }
 
-/// The same of any subcommand.
+/// Runs any subcommand in the same way.
 fn pkm_with(folder: &Path, command: &str, files: &[PathBuf]) -> (String, String, Option<i32>) {
     let output = Command::new(env!("CARGO_BIN_EXE_pkm"))
         .arg(command)
@@ -55,7 +55,7 @@ fn pkm_with(folder: &Path, command: &str, files: &[PathBuf]) -> (String, String,
     (text(&output.stdout), text(&output.stderr), output.status.code())
 }
 
-/// A copy of the hexapod's configuration with an edit of its INI file, and a program.
+/// A copy of the hexapod's configuration with an edited INI file, and a program.
 pub struct Copy {
     folder: tempfile::TempDir,
 }
@@ -86,7 +86,7 @@ impl Copy {
         found
     }
 
-    /// Not judged, with words that name why.
+    /// Checks that the program is not judged, with words that name the reason.
     fn refuses(&self, words: &str) {
         let (out, error, code) = self.run();
         assert_eq!(code, Some(2), "{out}{error}");
@@ -120,7 +120,7 @@ fn what_the_ini_file_asks_for_beside_the_program_is_not_judged() {
     }
 }
 
-/// X in every cycle of a trace, without standstills.
+/// Returns X in every cycle of a trace, without standstills.
 fn places_of_x(trace: &Path) -> Vec<f64> {
     let mut reader = csv::Reader::from_path(trace).unwrap();
     let x = |row: Result<csv::StringRecord, csv::Error>| row.unwrap()[2].parse().unwrap();
@@ -204,7 +204,7 @@ fn files_with_percent_signs_and_programs_without_an_end_are_what_linuxcnc_says()
     assert_eq!(code, Some(0));
     let (out, _, code) = Copy::new(|text| text, "G21 G90\nG0 X1\n").run();
     assert_eq!(code, Some(1));
-    // LinuxCNC 2.9.4 says in brackets which they are.
+    // LinuxCNC 2.9.4 lists them in brackets.
     assert!(
         out.contains("File ended with no percent sign") && out.contains("or program end"),
         "{out}"
@@ -215,7 +215,7 @@ fn files_with_percent_signs_and_programs_without_an_end_are_what_linuxcnc_says()
 fn what_is_no_program_is_refused_before_anything_starts() {
     let copy = Copy::new(|text| text, SHORT);
     let ini = copy.file("hexapod.ini");
-    // What nobody can read, not even root, who may read every file.
+    // A file that even root, who may read every file, cannot read.
     let _socket = UnixListener::bind(copy.file("socket.ngc")).unwrap();
     let cases = [
         ("programs", "is a directory"),
@@ -223,7 +223,7 @@ fn what_is_no_program_is_refused_before_anything_starts() {
         ("socket.ngc", "No such device or address"),
     ];
     for (program, words) in cases {
-        // Of a folder preflight takes every program in it.
+        // For a folder preflight runs every program in it.
         let commands = if program == "programs" { &["run"][..] } else { &["run", "preflight"] };
         for command in commands {
             let arguments = [ini.clone(), copy.file(program)];
@@ -237,8 +237,8 @@ fn what_is_no_program_is_refused_before_anything_starts() {
 
 #[test]
 fn a_disk_that_is_full_is_named_and_nothing_is_left() {
-    // Files of at most so many KiB, as on a disk with as much room, for one process: less than what a run
-    // needs in its own folder, and than the trace of half a minute.
+    // A limit of the file size in KiB, like a disk with as much room, for one process: less than a run
+    // needs in its folder, and than the trace of half a minute.
     for (command, room, full) in
         [("run", 8, "pkm-control"), ("run", 4096, "trace.csv"), ("preflight", 4096, "trace.csv")]
     {
@@ -264,7 +264,7 @@ fn a_disk_that_is_full_is_named_and_nothing_is_left() {
 
 #[test]
 fn a_disk_that_fills_up_while_linuxcnc_writes_is_named_and_the_machine_is_not_blamed() {
-    // Room for what a run begins with, and not for what LinuxCNC writes then. The panel's files are not copied.
+    // Room for the initial files of a run, but not for LinuxCNC's output. The panel's files are not copied.
     let program = "G21 G90\n(LOGOPEN,log.txt)\n(LOG,x)\n(LOGCLOSE)\nG0 X1\nM2\n";
     let without_panel = |text: String| {
         text.lines()
@@ -297,7 +297,7 @@ fn a_disk_that_fills_up_while_linuxcnc_writes_is_named_and_the_machine_is_not_bl
                 .unwrap();
             let text =
                 String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
-            // Where users may make no namespaces there is no such disk.
+            // If users may create no namespaces there is no such disk.
             if output.status.code() == Some(77) || text.contains("unshare failed") {
                 return;
             }
@@ -317,7 +317,7 @@ fn a_program_of_10_gb_is_refused_at_once() {
     let copy = Copy::new(|text| text, SHORT);
     fs::File::create(copy.file("big.ngc")).unwrap().set_len(10 << 30).unwrap();
     for command in ["run", "preflight", "replay", "filter --machine"] {
-        // Of less memory than the most that is read of a file.
+        // Less memory than the largest file that is read.
         let script = format!("ulimit -v 1000000; exec \"$0\" {command} \"$1\" \"$2\"");
         let output = Command::new("bash")
             .args(["-c", &script, env!("CARGO_BIN_EXE_pkm")])
@@ -346,7 +346,7 @@ fn two_runs_at_once_are_the_same_as_one() {
     };
     let alone = start("alone.csv").wait_with_output().unwrap();
     assert_eq!(alone.status.code(), Some(0));
-    // They write one file: whoever ends last has written it whole.
+    // They write one file: the last one to end has written it completely.
     for run in [start("both.csv"), start("both.csv")] {
         let both = run.wait_with_output().unwrap();
         assert!(both.status.success() && both.stdout == alone.stdout);
@@ -401,8 +401,8 @@ fn the_tool_changer_looks_at_its_pins_as_often_as_the_ini_file_says() {
     };
     let [none, given] = ["", "CYCLE_TIME = 0.050"].map(seconds);
     let slow = seconds("CYCLE_TIME = 0.5");
-    // LinuxCNC's own is 0.1 s without one. T and M6 wait for two looks at least, of which the first may
-    // come at once.
+    // LinuxCNC's own is 0.1 s without one. T and M6 wait for at least two polls, the first of which may be
+    // immediate.
     assert!(none > given + 0.04 && slow > none + 0.35, "{given} {none} {slow}");
 }
 
@@ -434,7 +434,7 @@ fn modules_stand_beside_hal_files_and_beside_a_library_that_is_named() {
     assert!(error.contains(&format!("{}: ", module.display())), "{error}");
 }
 
-/// The library that the tests run with.
+/// Returns the library that the tests use.
 fn virtual_library() -> PathBuf {
     let installed = || {
         let version = Command::new("linuxcnc_var").arg("LINUXCNCVERSION").output().unwrap().stdout;
@@ -493,7 +493,7 @@ fn a_control_that_is_killed_and_a_command_that_is_interrupted_leave_nothing() {
     }
 }
 
-/// The process of LinuxCNC that a command has started, as soon as it is there.
+/// Waits for the LinuxCNC process that a command starts, and returns it.
 pub fn control_of(parent: u32) -> String {
     for _ in 0..1000 {
         let found = Command::new("pgrep").args(["-P", &parent.to_string(), "pkm-control"]).output();

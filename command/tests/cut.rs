@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm cut` as it is used.
+//! `pkm cut` from the user's view.
 
 use crate::commands::Bench;
 use serde_json::Value;
@@ -43,7 +43,7 @@ fn the_worst_line_is_the_planted_one_and_its_chip_is_feed_over_teeth_and_turns()
         let chip = float(&line(number)["chip_mm"]);
         assert!((chip / expected - 1.0).abs() < 1e-8, "{number} {chip} {expected}");
     }
-    // 40 mm at 10, 40 and 10 mm/s, and what speeding up takes.
+    // 40 mm at 10, 40 and 10 mm/s, and the time for accelerating.
     let cutting = float(&found["cutting_seconds"]);
     assert!((9.0..9.5).contains(&cutting), "{cutting}");
     assert!(float(&found["seconds"]) > cutting);
@@ -86,7 +86,7 @@ fn steps_of_the_drives_give_the_resolution_of_the_tip() {
     };
     let found = json(&steps(bench(STUDY, PROGRAM)).answer(&format!("{WORDS} --format json"), ""));
     let error: Vec<f64> = found["resolution_um"].as_array().unwrap().iter().map(float).collect();
-    // Half a step is 0.5 um, of the height too where all carriages go together.
+    // Half a step is 0.5 um, also of the height if all carriages move together.
     assert!(error[2] >= 0.5 - 1e-9 && error.iter().all(|e| (0.1..10.0).contains(e)), "{error:?}");
 }
 

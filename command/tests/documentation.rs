@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Commands that the documentation prints. `new` and the live tests run those of docs/guide/getting-started.md.
+//! Commands in the documentation. `new` and the live tests run those of docs/guide/getting-started.md.
 
 use crate::commands::Bench;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Lists all pages of users.
+/// Lists all pages for users.
 fn pages() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut pages = vec![root.join("README.md"), root.join("tests/live/README.md")];
@@ -19,7 +19,7 @@ fn pages() -> Vec<PathBuf> {
     pages
 }
 
-/// Returns the commands of a page, in blocks and in lines of text, without what a block says beside them.
+/// Returns the commands of a page, in blocks and in lines of text, without comments in a block.
 fn commands(page: &Path) -> (Vec<String>, Vec<String>) {
     let text = fs::read_to_string(page).unwrap().replace("\\\n        ", "");
     let (mut blocks, mut inline) = (vec![], vec![]);
@@ -49,7 +49,7 @@ fn every_command_with_a_machine_has_a_subcommand_and_options_that_exist() {
     for page in pages() {
         let (blocks, inline) = commands(&page);
         for command in blocks.into_iter().chain(inline) {
-            // Names of Python's commands, and places to fill in.
+            // Without names of Python's commands, and placeholders.
             let is_whole = command.contains(".ini")
                 && !command.contains(['…', '['])
                 && !command.contains("...");
@@ -74,7 +74,7 @@ fn commands_of_the_guide_run() {
     let mut count = 0;
     for page in ["frames.md", "homing.md", "panel.md"] {
         for command in commands(&guide.join(page)).0 {
-            // The pose is one of a hexapod with all six coordinates.
+            // The pose belongs to a hexapod with all six coordinates.
             let command =
                 command.replace("MACHINE", "linear-delta").replace("X20 Z300 A5", "X20 Z80");
             let answer = Bench::new().answer(&command, "");

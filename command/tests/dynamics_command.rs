@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm dynamics` as it is used: outputs, and input that is refused without anything written.
+//! `pkm dynamics` from the user's view: outputs, and input that is refused without any output file.
 
 use crate::commands::Bench;
 use std::fs;
@@ -11,7 +11,7 @@ const STUDY: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
     [cutting]\nteeth = 2\nentry_deg = 0\nexit_deg = 90\ndepth_mm = 1\nkt_n_per_mm2 = 700\nkr_n_per_mm2 = 200\n\
     [milling]\nspeed_rpm = 9000\nfeed_mm = 0.05\ndiameter_mm = 6\nseconds = 0.05\n";
 
-/// Whether the answer ends with this exit code and tells these words.
+/// Checks that the output ends with this exit code and contains these words.
 fn tells(answer: &str, exit: u8, words: &[&str]) {
     assert!(answer.ends_with(&format!("exit {exit}\n")), "{answer}");
     for word in words {
@@ -168,7 +168,7 @@ fn a_feed_along_the_tool_is_refused() {
 
 #[test]
 fn a_slow_band_is_sampled_in_short_steps() {
-    // What a step adds is 1e-15 of the force.
+    // The increment of a step is 1e-15 of the force.
     let text = STUDY.replace("corner_hz = 200", "band_hz = 0.01\nband_quality = 5");
     let bench = Bench::new().with("study.toml", &text);
     let answer = bench.answer("dynamics linear-delta.ini --study study.toml --shake noise", "");
@@ -207,7 +207,7 @@ fn a_program_moves_the_machine_by_the_commands_of_linuxcnc() {
         cells.map(|cell| cell.parse::<f64>().unwrap().abs()).fold(0.0, f64::max)
     };
     // Legs of 5 N/um pull 2 kg along X: the tip lags by acceleration over the square of the frequency,
-    // and never twice as much as it would under a sudden start.
+    // and never twice as much as after a sudden start.
     assert!(most(1) > 0.05 && most(1) < 20.0, "{}", most(1));
     assert!(most(2) < most(1), "{}", most(2));
 }

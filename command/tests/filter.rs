@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm filter`, as a user interface of LinuxCNC runs it.
+//! `pkm filter`, as run by a user interface of LinuxCNC.
 
 use std::path::Path;
 use std::process::{Command, Output};
 use test_support::shipped::folder;
 
 fn filtered(machine: Option<&Path>, program: &Path) -> Output {
-    // As AXIS does it: by a shell, with the name in quotes.
+    // As AXIS does: by a shell, with the name in quotes.
     let mut command = Command::new("sh");
     command.arg("-c").arg(format!("{} filter '{}'", env!("CARGO_BIN_EXE_pkm"), program.display()));
     command.env_remove("INI_FILE_NAME").env("AXIS_PROGRESS_BAR", "1");
@@ -78,7 +78,7 @@ fn a_program_that_is_not_judged_is_held_back() {
     let [ini, tools] =
         ["ini", "tbl"].map(|end| folder("linear-delta").join(format!("linear-delta.{end}")));
     let text = std::fs::read_to_string(ini).unwrap();
-    // Of another LinuxCNC.
+    // With a key of another LinuxCNC.
     std::fs::write(&machine, text.replace("[TRAJ]\n", "[TRAJ]\nPLANNER_TYPE = 1\n")).unwrap();
     std::fs::copy(tools, place.path().join("linear-delta.tbl")).unwrap();
     let program = place.path().join("fits.ngc");
@@ -91,7 +91,7 @@ fn a_program_that_is_not_judged_is_held_back() {
     let held = filter(&[]);
     assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", told(&held));
     assert!(told(&held).contains("PLANNER_TYPE"), "{}", told(&held));
-    // What LinuxCNC did not run has no path that could be enough.
+    // A program that LinuxCNC did not run has no path that could be sufficient.
     let held = filter(&["--path-is-enough"]);
     assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", told(&held));
 }

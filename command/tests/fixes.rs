@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm check --fix` and `pkm boxes --write`: what is proposed, what is written, what stays.
+//! `pkm check --fix` and `pkm boxes --write`: proposed, written and unchanged text.
 
 use crate::commands::Bench;
 use std::fs;
 
-/// The linear delta after its rods were measured: its HOMEs and its box belong to the old ones.
+/// Returns the linear delta after its rods were measured: its HOMEs and its box belong to the old ones.
 fn measured() -> Bench {
     let bench = Bench::new();
     let file = bench.0.path().join("linear-delta.ini");

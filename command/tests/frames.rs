@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm frames`: what is drawn is where the kinematics have it, by the scale at its sides. That all of it can
-//! be read is tested with the other pictures.
+//! `pkm frames`: the drawing agrees with the kinematics, by the scale at its sides. Its
+//! legibility is tested with the other pictures.
 
 use crate::commands::Bench;
 use crate::scene::{lower, scene};
@@ -13,13 +13,13 @@ const PLATFORM: &str = "#D55E00";
 const GROWS: &str = "#009E73";
 const TOOL: &str = "#CC79A7";
 
-/// Places of pixels and of ticks are rounded, at both ends of the scale.
+/// Rounding of positions of pixels and of ticks, at both ends of the scale.
 const PIXELS: f64 = 2.0;
 
-/// An arrow within 15 degrees of the sight is a sign.
+/// An arrow within 15 degrees of the line of sight is drawn as a sign.
 const SIGHT: f64 = 0.966;
 
-/// One of the two views: the axes across and up, and pixels of a place.
+/// One of the two views: the axes across and up, and pixels of a position.
 struct View {
     axes: [usize; 2],
     scale: [[f64; 2]; 2],
@@ -35,7 +35,7 @@ fn number(node: roxmltree::Node, name: &str) -> f64 {
     node.attribute(name).unwrap().parse().unwrap()
 }
 
-/// Pixel at 0, and pixels of a unit, of ticks as (value, pixel).
+/// Returns the pixel at 0, and pixels per unit, from ticks as (value, pixel).
 fn line(mut ticks: Vec<(f64, f64)>) -> [f64; 2] {
     ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (first, last) = (ticks[0], ticks[ticks.len() - 1]);
@@ -57,7 +57,7 @@ fn views(sheet: &roxmltree::Document) -> [View; 2] {
             .collect()
     };
     let (up, mut across) = (tick("end"), tick("middle"));
-    // Numbers of joints stand in the key, below all ticks.
+    // Numbers of joints are in the key, below all ticks.
     let lowest = across.iter().map(|tick| tick.2).fold(f64::INFINITY, f64::min);
     across.retain(|tick| tick.2 == lowest);
     let right = up.iter().map(|tick| tick.1).fold(0.0, f64::max);
@@ -78,7 +78,7 @@ fn is_at(found: &[f64; 2], wanted: &[f64; 2]) -> bool {
     (found[0] - wanted[0]).abs() < PIXELS && (found[1] - wanted[1]).abs() < PIXELS
 }
 
-/// Middles of the joints of a colour.
+/// Returns the centers of the joints of a color.
 fn balls(sheet: &roxmltree::Document, colour: &str) -> Vec<[f64; 2]> {
     let balls = sheet.descendants().filter(|node| {
         node.has_tag_name("circle")
@@ -88,7 +88,7 @@ fn balls(sheet: &roxmltree::Document, colour: &str) -> Vec<[f64; 2]> {
     balls.map(|node| [number(node, "cx"), number(node, "cy")]).collect()
 }
 
-/// Lines of a colour and a width from their first to their last point.
+/// Returns the lines of a color and a width from their first to their last point.
 fn lines(sheet: &roxmltree::Document, colour: &str, width: &str) -> Vec<[[f64; 2]; 2]> {
     let lines = sheet.descendants().filter(|node| {
         node.has_tag_name("polyline")

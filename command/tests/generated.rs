@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Files of the configurations that git does not have, because pkm makes them.
+//! Files of the configurations that are not in git, because pkm generates them.
 
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 use test_support::shipped::{copied, folder, root};
 
-/// Returns the file with their sums.
+/// Returns the file with their checksums.
 pub fn sums() -> PathBuf {
     root().join("tests/cases/generated.sha256")
 }

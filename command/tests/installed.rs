@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What `make install` puts where, and that `make uninstall` takes exactly it away; nothing is built.
+//! The installed files of `make install`, and that `make uninstall` removes exactly these; nothing is built.
 
 use crate::generated;
 use std::collections::BTreeSet;
@@ -13,7 +13,7 @@ fn source() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// All files below a folder, by their place in it.
+/// Adds all files below a folder, by their relative path.
 fn files(root: &Path, folder: &Path, found: &mut BTreeSet<String>) {
     for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
         match entry.is_dir() {
@@ -31,7 +31,7 @@ fn make(target: &str, place: &Path, root: &Path) {
         .arg(format!("SO={}", file("libpkmkins.so")))
         .arg(format!("PINS={}", file("pkmkins-pins")))
         .arg(format!("VIRTUAL={}", file("libpkmkins-virtual-2.9.so")))
-        // A make that runs these tests hands its own switches on.
+        // A make that runs these tests passes its own switches on.
         .env_remove("MAKEFLAGS")
         .current_dir(source())
         .output()
@@ -90,7 +90,7 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
     expected.extend(machines());
     for entry in fs::read_dir(source().join("workbench/linuxcnc/virtual")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
-        // What pkm itself holds.
+        // Except those that pkm itself contains.
         if !["driver.py", "wiring.tcl"].contains(&name.as_str()) {
             expected.insert(format!("usr/share/pkmkins/virtual/{name}"));
         }
@@ -114,13 +114,13 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
     assert_eq!(mode("usr/bin/pkm-live"), 0o755);
     assert_eq!(mode("usr/bin/pkmkins-pins"), 0o755);
     assert_eq!(mode("usr/share/pkmkins/virtual/build.sh"), 0o755);
-    // Of a LinuxCNC that was there before.
+    // From a LinuxCNC installed earlier.
     fs::write(root.join("usr/lib/linuxcnc/modules/libpkmkins-virtual-2.8.so"), "").unwrap();
     make("uninstall", place.path(), &root);
     found.clear();
     files(&root, &root, &mut found);
     assert_eq!(found, BTreeSet::from([format!("{subroutines}/my_own.ngc")]));
-    // Of an empty folder nothing is left.
+    // An empty folder is removed.
     fs::remove_file(own).unwrap();
     make("uninstall", place.path(), &root);
     for folder in [subroutines, "usr/share/pkmkins", "usr/share/linuxcnc/aux_examples/pkmkins"] {
@@ -128,8 +128,8 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
     }
 }
 
-/// Returns where the files of the machines go, which LinuxCNC's picker shows with a file README: those that git
-/// has, and those that are generated.
+/// Returns the folders of the machines' files, which LinuxCNC's configuration selector shows with a file README: those
+/// in git, and generated ones.
 fn machines() -> BTreeSet<String> {
     let listed =
         Command::new("git").args(["ls-files", "configs"]).current_dir(source()).output().unwrap();
@@ -143,8 +143,8 @@ fn machines() -> BTreeSet<String> {
     listed.lines().chain(generated).map(place).collect()
 }
 
-/// `make` for the command pkm by a user who is not root and has no sudo, with a cargo of some version that
-/// has built already.
+/// Runs `make` for the command pkm by a user who is not root and has no sudo, after a build with some version of
+/// cargo.
 fn make_pkm(target: &str, place: &Path, version: &str) -> Output {
     let cargo = place.join("cargo");
     fs::write(
@@ -165,7 +165,7 @@ fn make_pkm(target: &str, place: &Path, version: &str) -> Output {
 
 #[test]
 fn pkm_goes_into_a_place_of_ones_own_without_root_and_an_old_cargo_is_named() {
-    // What a cargo that has nothing to build leaves.
+    // The output of a cargo that has nothing to build.
     assert_eq!(
         Path::new(env!("CARGO_BIN_EXE_pkm")).canonicalize().unwrap(),
         source().join("target/host/pkm").canonicalize().unwrap()

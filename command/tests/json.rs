@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `--format json` of every subcommand, beside what docs/reference/json.md says of it.
+//! `--format json` of every subcommand, compared with docs/reference/json.md.
 
 use crate::command_line::subcommands;
 use crate::commands::Bench;
@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use test_support::CUT;
 use test_support::shipped::configs;
 
-/// A subcommand with its words; what stands on standard input; its exit code.
+/// A subcommand with its words; standard input; its exit code.
 type Case = (&'static str, &'static str, &'static str, u8);
 
 const ROWS: &str = "x,y,z,a,b,c\n10,-20,50,0,0,0\n900,0,90,0,0,0\n";
@@ -25,7 +25,7 @@ const HOLES: &str = "[tolerance]\nchord_mm = 0.01\n[program]\nzero_mm = [0, 0, 6
 const LAWS: &str =
     "[carriages]\nt_s = [0, 1]\nlaws_mm_or_deg = [\"260 + t\", \"260 + t\", \"260 + t\"]\n";
 
-/// Every subcommand, where needed more than once: each field has to be there in one of them.
+/// Every subcommand, several times if necessary: each field must occur in one of the outputs.
 const CASES: &[Case] = &[
     (
         "new",
@@ -117,7 +117,7 @@ fn bench() -> Bench {
         .with("lean.ini", &file.replacen("HOME = 0 0 90", "HOME = 0 0 80", 1))
 }
 
-/// The value on standard output; what stands on standard error follows it.
+/// Returns the value on standard output; standard error follows it.
 fn json(answer: &str) -> Value {
     let mut values = serde_json::Deserializer::from_str(answer).into_iter::<Value>();
     values
@@ -126,7 +126,7 @@ fn json(answer: &str) -> Value {
         .unwrap_or_else(|error| panic!("{error}: {answer}"))
 }
 
-/// Places of all values below a value: `a.b`, and `a[].b` in a list. True where nothing is below one.
+/// Adds the paths of all values below a value: `a.b`, and `a[].b` in a list. True for those with nothing below.
 fn places(value: &Value, at: &str, found: &mut BTreeMap<String, bool>) {
     let mut see = |place: String, value: &Value| {
         let is_end = !matches!(value, Value::Object(_) | Value::Array(_));
@@ -137,7 +137,7 @@ fn places(value: &Value, at: &str, found: &mut BTreeMap<String, bool>) {
         Value::Object(map) => map.iter().for_each(|(name, value)| {
             see(if at.is_empty() { name.clone() } else { format!("{at}.{name}") }, value);
         }),
-        // Rows of numbers are one thing.
+        // Rows of numbers count as a single value.
         Value::Array(list) => list
             .iter()
             .filter(|value| value.is_object())
@@ -146,7 +146,7 @@ fn places(value: &Value, at: &str, found: &mut BTreeMap<String, bool>) {
     }
 }
 
-/// Sections of the page by their subcommand, each with the places that its table documents.
+/// Returns the sections of the page by their subcommand, each with the paths that its table documents.
 fn documented() -> BTreeMap<String, BTreeSet<String>> {
     let page = include_str!("../../docs/reference/json.md");
     let mut sections: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -180,7 +180,7 @@ fn words(text: &str) -> String {
         .replace("PROBE", &file("configs/hexapod/calibration/probe.toml"))
 }
 
-/// Everything that the cases of a subcommand tell.
+/// Returns all paths in the outputs of a subcommand.
 fn told() -> BTreeMap<String, BTreeMap<String, bool>> {
     let (bench, mut wrong) = (bench(), vec![]);
     let mut all: BTreeMap<String, BTreeMap<String, bool>> = BTreeMap::new();

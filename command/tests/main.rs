@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! All tests of the command from outside in one program, which is linked once.
+//! All external tests of the command in one program, which is linked once.
 
 mod calibrate_command;
 mod calibrate_tables;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Calibration by readings that somebody types, on machines whose truth is known.
+//! Calibration by manually entered readings, on machines with known true geometry.
 
 use calibrate::at_tool;
 use calibrate::fit::fit;
@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use test_support::shipped::{self, cases};
 
-/// A dial of 2 um on a plate, and where there is none to see X and Y, on two edges of it as well.
+/// Returns a dial of 2 um on a plate and, if it must detect X and Y, on two edges of it as well.
 fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {
     let [x, y, z] = place;
     let half = size / 2.0;
@@ -35,7 +35,7 @@ fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {
         300.0 * mm
     );
     if has_edges {
-        // Square to X and to Y, seen from outside.
+        // Normal to X and to Y, seen from outside.
         for (name, place, angles) in [
             ("right", [x + half, y, z], [0.0, 90.0, 0.0]),
             ("rear", [x, y + half, z], [-90.0, 0.0, 0.0]),
@@ -49,7 +49,7 @@ fn dial(place: [f64; 3], size: f64, has_edges: bool, unit: &str) -> String {
     text
 }
 
-/// A machine built unlike its drawing, and how a gauge is read on it.
+/// A machine that differs from its drawing, and the readings of a gauge on it.
 struct Shop {
     config: Mechanism,
     setup: Setup,
@@ -82,7 +82,7 @@ impl Shop {
         Normal::standard().inverse_cdf(self.random.random_range(f64::EPSILON..1.0))
     }
 
-    /// Another machine, and its objects a little from where they are taken to be.
+    /// Builds another machine, with its objects slightly away from their nominal positions.
     fn build(&mut self, seed: u64) {
         self.random = Pcg64::seed_from_u64(seed);
         let tolerance = Tolerance::of_lengths(self.tolerance);
@@ -103,8 +103,9 @@ impl Shop {
         self.find_objects();
     }
 
-    /// The planes are where the gauge showed about what is expected at the first pose of each: so their
-    /// places were found.
+    /// Moves the planes to the positions at which the gauge shows about the expected value at the first pose of each,
+    /// as an
+    /// operator would find them.
     fn find_objects(&mut self) {
         let gauge = self.setup.gauge.clone();
         for object in 0..self.objects.len() {
@@ -119,7 +120,7 @@ impl Shop {
         }
     }
 
-    /// What the gauge shows at a pose, in its unit, but for noise.
+    /// Returns the gauge reading at a pose, in its unit, without noise.
     fn shown(&self, gauge: &Gauge, object: usize, at: [f64; 6]) -> f64 {
         let tool = gauge.tool;
         let mut pose = Pose::from_degrees(at);
@@ -129,7 +130,7 @@ impl Shop {
         let Frame { origin, rotation } = self.objects[object].frame;
         let away = there.position - tool - origin;
         let normal: Vector3<f64> = rotation.column(2).into();
-        // Which way the point of a dial goes: platform axes are told by the drawing's normal.
+        // Direction of the dial's point: the drawing's normal distinguishes platform axes.
         let drawn: Vector3<f64> = self.setup.objects[object].frame.rotation.column(2).into();
         let axis = drawn.map(|x| if x.abs() > 0.9 { x.signum() } else { 0.0 });
         let zero = self.zeros[object];
@@ -149,7 +150,7 @@ impl Shop {
         length / (unit * self.config.units_per_mm)
     }
 
-    /// The table filled in, in so many runs with this noise.
+    /// Fills in the table, in this number of runs with this noise.
     fn table(&mut self, runs: usize, noise: f64) -> String {
         let gauge = self.setup.gauge.clone();
         let stops = self.proposal.stops.clone();
@@ -179,7 +180,7 @@ impl Shop {
         given
     }
 
-    /// Root mean square of the tip's error over poses that were not measured.
+    /// Returns the root mean square of the tip's error over poses that were not measured.
     fn error(&self, control: &Machine) -> f64 {
         let tool = self.setup.gauge.tool;
         let poses = at_tool::poses(&self.config, &tool, 200, 77);
@@ -188,8 +189,8 @@ impl Shop {
     }
 }
 
-/// Over machines built at random: root mean squares of the tip's error before, after and as stated, in how
-/// many of them it is below the bound of 95 %, and in how many chi-square is odd.
+/// Simulates random machines: returns root mean squares of the tip's error before, after and as stated, the number
+/// of machines below the bound of 95 %, and the number with an unlikely chi-square.
 fn monte_carlo(shop: &mut Shop, runs: usize) -> ([f64; 3], usize, usize) {
     let mut squares = [0.0; 3];
     let (mut held, mut odd) = (0, 0);
@@ -212,7 +213,7 @@ fn monte_carlo(shop: &mut Shop, runs: usize) -> ([f64; 3], usize, usize) {
 
 #[test]
 fn thirty_dial_readings_make_the_tip_as_sure_as_they_say() {
-    // Of each: machine, gauge, tolerance in machine units, and the share of the tip's error that is left.
+    // For each: machine, gauge, tolerance in machine units, and the remaining share of the tip's error.
     let shops = [
         ("lab-hexapod", dial([0.0, 0.0, 580.0], 120.0, false, "mm"), 0.1, 0.4),
         ("linear-delta", dial([0.0, 0.0, 10.0], 100.0, false, "mm"), 0.1, 0.4),
@@ -229,7 +230,7 @@ fn thirty_dial_readings_make_the_tip_as_sure_as_they_say() {
         );
         assert_eq!(shop.proposal.stops.len(), 30);
         assert!(after < share * before, "{machine}: {before} {after}");
-        // Once in a thousand times beyond.
+        // Exceeded once in a thousand times.
         let law = Binomial::new(0.95, runs as u64).unwrap();
         assert!(held as u64 >= law.inverse_cdf(1e-3), "{machine}: {held} of {runs}");
         // A reading is left out once in a thousand tables.
@@ -237,7 +238,7 @@ fn thirty_dial_readings_make_the_tip_as_sure_as_they_say() {
     }
 }
 
-/// Answer of the command in a folder, with its exit code.
+/// Returns the output of the command in a folder, with its exit code.
 fn answer(folder: &Path, arguments: &[&str]) -> (String, i32) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
     command.args(arguments).current_dir(folder).env("NO_COLOR", "1");
@@ -252,7 +253,7 @@ fn lab() -> Shop {
     Shop::new(LAB, &dial([0.0, 0.0, 580.0], 120.0, false, "mm"), 0.1)
 }
 
-/// Answer to a table, which asks for a new file.
+/// Returns the output for a table with a request for a new file.
 fn calibrated(folder: &Path, table: &str, more: &[&str]) -> (String, i32) {
     fs::write(folder.join("dial.csv"), table).unwrap();
     let _ = fs::remove_file(folder.join("new.ini"));
@@ -261,7 +262,7 @@ fn calibrated(folder: &Path, table: &str, more: &[&str]) -> (String, i32) {
     answer(folder, &[&base, more].concat())
 }
 
-/// A table with one cell of a line (from 1) changed.
+/// Returns a table with one cell of a line (from 1) changed.
 fn with_cell(table: &str, line: usize, column: usize, new: impl Fn(&str) -> String) -> String {
     let change = |(n, text): (usize, &str)| {
         if n != line {
@@ -274,7 +275,7 @@ fn with_cell(table: &str, line: usize, column: usize, new: impl Fn(&str) -> Stri
     (1..).zip(table.lines()).map(change).collect::<Vec<_>>().join("\n")
 }
 
-/// All readings times a factor.
+/// Multiplies all readings by a factor.
 fn scaled(table: &str, factor: f64) -> String {
     let first = first_row(table);
     (first..first + 30).fold(table.to_string(), |table, line| {
@@ -282,7 +283,7 @@ fn scaled(table: &str, factor: f64) -> String {
     })
 }
 
-/// Line of the first pose.
+/// Returns the line of the first pose.
 fn first_row(table: &str) -> usize {
     table.lines().position(|line| line.starts_with("1,")).unwrap() + 1
 }
@@ -310,7 +311,7 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
     let new = test_support::shipped::first_of(&folder.path().join("new.ini"));
     let (before, after) = (shop.error(&shop.config.machine), shop.error(&new.machine));
     assert!(after < 0.5 * before, "{before} {after}");
-    // A gauge that scatters by four times what is stated of it.
+    // A gauge with four times its stated scatter.
     let (text, code) = calibrated(folder.path(), &shop.table(2, 8.0), &["--tolerance", "0.1"]);
     assert_eq!(code, 1, "{text}");
     assert!(
@@ -323,10 +324,10 @@ fn two_runs_become_a_file_and_say_how_they_scatter() {
     let (text, code) = calibrated(folder.path(), &warm, &["--tolerance", "0.1"]);
     assert_eq!(code, 1, "{text}");
     assert!(text.contains("the second run differs by +"), "{text}");
-    // One run, and of a gauge that is not as good as they say: chi-square tells.
+    // One run, of a gauge that is less accurate than stated: chi-square shows it.
     let (text, code) = calibrated(folder.path(), &shop.table(1, 60.0), &["--tolerance", "0.01"]);
     assert!(code != 0 && (text.contains("fit worse") || text.contains("contradict")), "{text}");
-    // What the table expects, typed again: no gauge is that good.
+    // The table's expected values as readings: no gauge is that accurate.
     let table = shop.table(1, 2.0);
     let expected = (first_row(&table)..first_row(&table) + 30)
         .fold(table.clone(), |typed, line| with_cell(&typed, line, 9, |_| cell(&table, line, 8)));
@@ -387,7 +388,7 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
         with_cell(&with_cell(&table, a, column, |_| y.clone()), b, column, |_| x.clone())
     };
     let row = |n: usize| first + n - 1;
-    // The readings that differ most, so that exchanging them shows.
+    // The most different readings, so that exchanging them is detectable.
     let by_size = {
         let mut rows: Vec<usize> = (first..first + 30).collect();
         rows.sort_by(|a, b| number(*a).total_cmp(&number(*b)));
@@ -487,12 +488,12 @@ fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
         assert!(told.contains(&expected), "{expected}: {told}");
         assert!(!folder.path().join("new.ini").exists(), "{expected}");
     }
-    // Whatever the machine is allowed to be: the other readings tell.
+    // For any deviation of the machine: the other readings show it.
     let in_mm = typed(row(7), &format!("{:.4}", number(row(7)) / 1e3));
     let (told, code) = calibrated(folder.path(), &in_mm, &["--tolerance", "100"]);
     assert_eq!(code, 2, "{told}");
     assert!(told.contains(&at(row(7), "")) && told.contains(" mm would fit"), "{told}");
-    // What a spreadsheet does to a table is no slip, and neither is a reading that is left out.
+    // A spreadsheet's changes to a table are no mistake, nor is a missing reading.
     let quoted: Vec<String> =
         lines
             .iter()
@@ -548,7 +549,7 @@ fn bars_and_feelers_calibrate_beside_a_dial() {
             study::shape(&shop.config, &given.model, &given.readings, &found).unwrap();
         let after = shop.error(&given.model.machine(&found.changes).unwrap());
         println!("{files:?}: {after:.5}, stated {stated:?}");
-        // Three times what is expected: the largest of a few.
+        // Three times the expected value: the largest of a few.
         assert!(after < 3.0 * stated.expected, "{after} {stated:?}");
         stated.expected
     };
@@ -619,7 +620,7 @@ fn a_proposal_is_written_whole_or_not_at_all() {
     assert_eq!(code, 2, "{told}");
     assert!(told.contains("dial.ngc: exists already and may contain readings"), "{told}");
     assert_eq!(table, fs::read_to_string(path("dial.csv")).unwrap());
-    // Nothing was typed yet.
+    // No reading is entered yet.
     let (told, code) = answer(folder.path(), &["calibrate", machine.to_str().unwrap(), "dial.csv"]);
     assert_eq!(code, 2, "{told}");
     assert!(told.contains("reading of pose 1 is empty"), "{told}");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm new`: machines of every kind that it makes fit together and run their first program in LinuxCNC in
-//! virtual time, and what cannot be made is refused with nothing left behind.
+//! `pkm new`: machines of every kind fit together and run their first program in LinuxCNC in
+//! virtual time, and impossible machines are refused with no files remaining.
 
 use crate::commands::Bench;
 use kinematics::Pose;
@@ -30,7 +30,7 @@ fn file(bench: &Bench, name: &str) -> PathBuf {
     bench.0.path().join(name)
 }
 
-/// What a machine that was made has to be.
+/// Checks the properties of a new machine.
 fn assert_made(bench: &Bench, name: &str, words: &str) -> Mechanism {
     let told = bench.answer(&format!("new {words} --out {name}"), "");
     assert!(told.ends_with("exit 0\n"), "{words}: {told}");
@@ -57,7 +57,7 @@ fn assert_made(bench: &Bench, name: &str, words: &str) -> Mechanism {
     config
 }
 
-/// What docs/guide/getting-started.md says of a machine: its commands, in their order.
+/// Returns the commands for a machine in docs/guide/getting-started.md, in order.
 fn documented(name: &str) -> Vec<String> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/guide/getting-started.md");
     let page = fs::read_to_string(page).unwrap().replace("\\\n        ", "");
@@ -70,7 +70,7 @@ fn documented(name: &str) -> Vec<String> {
     parts.into_iter().skip(1).map(lines).find(own).unwrap_or_else(|| panic!("no {name}"))
 }
 
-/// A machine that the commands of the documentation make in an empty folder, with all that they show; the last
+/// Creates a machine with the documented commands in an empty folder, comparing their output; the last
 /// one starts LinuxCNC, which live tests do.
 fn assert_documented(name: &str) -> Mechanism {
     let (place, commands) = (tempfile::tempdir().unwrap(), documented(name));
@@ -109,7 +109,7 @@ fn assert_documented(name: &str) -> Mechanism {
     config
 }
 
-/// HOME of every joint is what the kinematics say, to all digits.
+/// Checks that HOME of every joint agrees with the kinematics, to all digits.
 fn assert_homes(config: &Mechanism, words: &str) {
     let joints = config.machine.inverse(&config.home_pose(), &config.spindle).unwrap();
     for (joint, wanted) in config.joints.iter().zip(joints) {
@@ -117,8 +117,9 @@ fn assert_homes(config: &Mechanism, words: &str) {
     }
 }
 
-/// Poses drawn from the axis limits keep all limits, and neighbours of them ask no more of a drive than it
-/// can do where the tool goes at its largest speed along an axis.
+/// Checks that random poses within the axis limits satisfy all limits, and that motions to their neighbors at the
+/// tool's
+/// largest speed along an axis do not exceed the drives' limits.
 fn assert_holds_everywhere(config: &Mechanism) {
     let reach = Reach::new(config).unwrap();
     let mut rng = Pcg64::seed_from_u64(7);
@@ -144,7 +145,7 @@ fn assert_holds_everywhere(config: &Mechanism) {
     }
 }
 
-/// The command with every needed value as the table has it for an example.
+/// Returns the command with every required value from the table's examples.
 fn example(kind: &str) -> String {
     let kind = KINDS.iter().find(|known| known.name == kind).unwrap();
     let needed = kind.parameters().into_iter().filter(|p| p.need != Need::Optional);
@@ -168,7 +169,7 @@ fn the_documented_hexapod_with_mixed_hands_and_the_tool_up_is_made_and_runs() {
         })
         .collect();
     assert_eq!(leads, [5.0, -5.0, 5.0, -5.0, 5.0, -5.0]);
-    // In the middle of the struts' travel, as near as a round height can be.
+    // At the center of the struts' travel, as near as a round height allows.
     assert!(config.joints.iter().all(|joint| (joint.home - 700.0).abs() < 10.0));
 }
 
@@ -234,7 +235,7 @@ fn limits_that_are_asked_for_are_those_of_the_machine_and_its_program_or_refused
     let config = assert_made(&bench, "asked", &format!("{hexapod} {asked}"));
     let ends = |k: usize| [config.axes[k].min, config.axes[k].max];
     assert_eq!([ends(0), ends(3), ends(4)], [[-60.123456789, 60.0], [-10.0, 10.0], [-10.0, 10.0]]);
-    // Those of Y, Z and C are found about them.
+    // Those of Y, Z and C are derived around them.
     assert!([1, 2, 5].iter().all(|k| ends(*k)[1] - ends(*k)[0] >= 1.0));
     let files = bench.files();
     let mut told = String::new();
@@ -356,7 +357,7 @@ exit 1
 
 "#]]
     );
-    // As large as its base, with struts that stand upright side by side: nothing holds it sideways.
+    // As large as its base, with parallel vertical struts: nothing constrains it sideways.
     assert_data_eq!(
         bench.answer(
             "new hexapod --base-radius 400 --base-half-angle 12 --platform-radius 400 \
@@ -516,7 +517,7 @@ exit 2
     assert!(!file(&bench, "struts").exists() && !file(&bench, "hexapod").exists());
 }
 
-/// On a terminal, as `script` makes one.
+/// Uses a terminal created by `script`.
 #[test]
 fn on_a_terminal_everything_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `[LEG_N]OFFSET` moves the zero of a joint and nothing else: every command has to answer as
-//! without it, its joint values aside.
+//! `[LEG_N]OFFSET` moves only the zero of a joint: every command must give the same output as
+//! without it, except joint values.
 
 use crate::commands::Bench;
 use calibrate::model::{Model, Tolerance};
@@ -17,7 +17,7 @@ const OFFSET: f64 = 16.0;
 /// Joint values are sums of numbers up to some thousands of machine units or degrees.
 const SAME_JOINT: f64 = 1e-9;
 
-/// The text of a machine whose legs' joints all begin `OFFSET` later.
+/// Returns the text of a machine whose legs' joints are all shifted by `OFFSET`.
 fn shifted(text: &str) -> String {
     let mut section = String::new();
     let mut new = String::new();
@@ -34,7 +34,7 @@ fn shifted(text: &str) -> String {
     new
 }
 
-/// Values of a leg's joint; joints of a table stand behind.
+/// Shifts the values of a leg's joint; joints of a table follow.
 fn shifted_line(section: &str, line: &str) -> String {
     let number = section.strip_prefix("JOINT_").and_then(|n| n.parse::<usize>().ok());
     let Some((key, value)) = line.split_once('=').filter(|_| number.is_some()) else {
@@ -88,8 +88,8 @@ fn every_machine_made_of_a_file_keeps_its_offsets() {
     }
 }
 
-/// Both answers, word by word: joint values are `OFFSET` apart in columns of their own, and left
-/// out where a line tells of one joint; all other numbers are the same.
+/// Compares both outputs word by word: joint values differ by `OFFSET` in separate columns, and are ignored
+/// in a line about one joint; all other numbers are the same.
 fn assert_alike(words: &str, expected: &str, found: &str) {
     let lines = |text: &str| -> Vec<String> {
         let of_joint = |line: &&str| line.trim_start().starts_with("carriage ");
@@ -115,7 +115,7 @@ fn assert_alike(words: &str, expected: &str, found: &str) {
     }
 }
 
-/// Whether a column of CSV holds joint values.
+/// Returns whether a column of CSV has joint values.
 fn is_joint(name: &str) -> bool {
     name.strip_prefix("joint_").is_some_and(|n| n.parse::<usize>().is_ok())
 }

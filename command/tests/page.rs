@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The page that `pkm preflight` writes about a program.
+//! The page of `pkm preflight` about a program.
 
 use crate::commands::Bench;
 use std::fs;
@@ -27,7 +27,7 @@ fn a_program_that_breaks_its_limits_is_red_and_names_every_break() {
     let bad = read("bad.html");
     assert!(bad.contains("\u{2717} </span>The program does not fit the machine"), "{told}");
     assert!(bad.contains("beyond a limit") && bad.contains("class=\"verdict misfit\""));
-    // As many as the command tells, each with its line, in the list and in the plots.
+    // As many as the command reports, each with its line, in the list and in the plots.
     let places: Vec<&str> = told.lines().filter_map(|l| l.strip_prefix("error: line ")).collect();
     assert!(places.len() > 3, "{told}");
     for (number, place) in places.iter().enumerate() {
@@ -45,7 +45,7 @@ fn a_program_that_breaks_its_limits_is_red_and_names_every_break() {
     }
     assert!(bad.contains("1: line 3") && bad.contains("<code>Y200</code>"));
     let drawings = bad.matches("<svg role=\"img\"").count();
-    // Each has its name and its description for those who do not see it.
+    // Each has its name and its description for accessibility.
     assert_eq!(bad.matches("</title><desc>").count(), drawings);
     assert_eq!(drawings, 4);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm panel` as it is used.
+//! `pkm panel` from the user's view.
 
 use crate::commands::Bench;
 use new::panel::Panel;

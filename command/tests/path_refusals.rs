@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What `pkm path` refuses, through the command itself: exit 2, the key or the t in the message, and
-//! no file left behind.
+//! Refusals by `pkm path`, through the command itself: exit 2, the key or the t in the message, and
+//! no file remaining.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 use test_support::shipped::folder;
 
-/// A path file that is fine, of which each case changes something.
+/// A valid path file, of which each case changes something.
 const FINE: &str = "
 [parameters]
 h = 10
@@ -59,7 +59,7 @@ fn dxf(unit: i32, entities: &str) -> String {
 
 const LINE: &str = "0 LINE 8 CUT 10 0 20 0 11 10 21 0";
 
-/// What is changed of a file, with the files beside it, and what must be said.
+/// Changes of a file, with the other files, and the expected text.
 struct Case {
     text: String,
     beside: Vec<(&'static str, String)>,

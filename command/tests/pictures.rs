@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What every picture of every study has to keep so that it can be read: all that is written stands
-//! inside the sheet and beside all else, axes have units, lines have keys, slices are closed.
+//! Legibility of every picture of every study: all text is
+//! inside the sheet and overlaps nothing, axes have units, lines have keys, slices are closed.
 
 use crate::commands::Bench;
 use draw::curve::of_route;
@@ -11,18 +11,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use test_support::shipped::{MACHINES, config, configs};
 
-/// Words of units; names of axes that have none say so.
+/// Words of units; names of dimensionless axes say so.
 const UNITS: [&str; 7] =
     [" in ", "no unit", "share", "number of the", "line of the program", "scaled", "µm/"];
 
-/// A sign in a key is so many pixels wide.
+/// Width of a sign in a key, pixels.
 const SIGN: f64 = 32.0;
 
 fn shared(path: &str) -> String {
     configs().join("..").join(path).display().to_string()
 }
 
-/// The SVG files that commands draw, by their names behind those of their folders.
+/// Returns the SVG files that commands draw, by their folders and names.
 fn drawn() -> BTreeMap<String, String> {
     let study = "[legs]\nstiffness_n_per_um = 10\njoint_sigma_um = 10\nrod_diameter_mm = 30\n";
     let noise = fs::read_to_string(shared("configs/hexapod/dynamics.toml")).unwrap();
@@ -68,7 +68,7 @@ fn drawn() -> BTreeMap<String, String> {
     found
 }
 
-/// `pkm frames` of every shipped machine.
+/// Returns `pkm frames` of every shipped machine.
 fn of_machines(bench: &Bench) -> impl Iterator<Item = (String, String)> {
     MACHINES.into_iter().map(|machine| {
         let ini = shared(&format!("configs/{machine}/{machine}.ini"));
@@ -91,7 +91,7 @@ fn of_paths() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-/// A text with the box that it fills: left, right, top, bottom.
+/// A text with its bounding box: left, right, top, bottom.
 struct Text {
     words: String,
     bounds: [f64; 4],
@@ -107,7 +107,7 @@ fn texts(sheet: &roxmltree::Document) -> Vec<Text> {
     let text = |node: roxmltree::Node| {
         let words = node.text().unwrap_or_default().trim().to_string();
         let (x, y, size) = (number(node, "x"), number(node, "y"), number(node, "font-size"));
-        // Letters of usual fonts are half as wide as high, and so high above and below their middle.
+        // Letters of usual fonts are half as wide as high, and extend this far above and below their center.
         let (wide, high) = (0.5 * size * words.chars().count() as f64, 0.8 * size);
         let left = match node.attribute("text-anchor").unwrap() {
             "start" => 0.0,
@@ -121,7 +121,7 @@ fn texts(sheet: &roxmltree::Document) -> Vec<Text> {
         };
         let is_upright = node.attribute("transform").is_some();
         let bounds = match is_upright {
-            // Turned about its place by three quarters.
+            // Rotated about its position by three quarters.
             true => [x + top, x + top + high, y - left - wide, y - left],
             false => [x + left, x + left + wide, y + top, y + top + high],
         };
@@ -130,7 +130,7 @@ fn texts(sheet: &roxmltree::Document) -> Vec<Text> {
     nodes.map(text).collect()
 }
 
-/// A line with its colour and width.
+/// A line with its color and width.
 type Line<'a> = ((&'a str, &'a str), Vec<(f64, f64)>);
 
 fn lines<'a>(sheet: &'a roxmltree::Document) -> Vec<Line<'a>> {
@@ -177,7 +177,7 @@ fn axes_have_units(name: &str, sheet: &roxmltree::Document) {
     for text in &upright {
         assert!(has_unit(&text.words), "{name}: {:?}", text.words);
     }
-    // That of the axis across is the lowest of all; in space X, Y and Z have theirs.
+    // The horizontal axis has the lowest text; in space X, Y and Z have theirs.
     let lowest = texts.iter().filter(|text| !text.is_upright && !text.words.starts_with("along"));
     let lowest = lowest.max_by(|a, b| a.bounds[3].total_cmp(&b.bounds[3])).unwrap();
     if upright.is_empty() {
@@ -202,10 +202,10 @@ fn lines_have_keys_and_stay_inside(name: &str, sheet: &roxmltree::Document) {
     let mut styles: Vec<_> = curves().map(|line| line.0).collect();
     styles.sort_unstable();
     styles.dedup();
-    // A strip's one line has its name beside it.
+    // A strip's single line has its name next to it.
     let is_alone = styles.len() == 1 && keys.iter().all(|key| key.1 == "3");
     for style in styles.iter().filter(|_| !is_alone && !name.contains("tool-path.svg")) {
-        // Isolines are labelled; the ends of limits of a map too.
+        // Isolines are labeled; the ends of limits of a map too.
         let is_isoline = style == &("#000000", "1") || style == &("#6E6E6E", "1");
         assert!(is_isoline || keys.contains(style), "{name}: {style:?} is in no key: {keys:?}");
     }
@@ -219,7 +219,7 @@ fn lines_have_keys_and_stay_inside(name: &str, sheet: &roxmltree::Document) {
     assert!(flat || areas > 0 || bars || curves().count() > 0, "{name}: an empty frame");
 }
 
-/// Every end of a piece of the border is the end of another one.
+/// Checks that every end of a piece of the border is the end of another one.
 fn slices_are_closed(name: &str, sheet: &roxmltree::Document) {
     let mut ends: BTreeMap<String, usize> = BTreeMap::new();
     for ((_, width), points) in lines(sheet) {

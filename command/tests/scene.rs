@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The scene, read as a viewer reads it: JSON alone, and two rigid formulas.
+//! The scene from a viewer's view: only JSON, and two rigid formulas.
 
 use kinematics::{Matrix3, Pose, Vector3};
 use machine::proof::axis_box::range;
@@ -32,7 +32,7 @@ fn vector(of: &Value) -> Vector3<f64> {
     Vector3::from_fn(|k, _| of[k].as_f64().unwrap())
 }
 
-/// The lower end of a leg at a joint value.
+/// Returns the lower end of a leg at a joint value.
 pub fn lower(leg: &Value, joint: f64) -> Vector3<f64> {
     let (base, q) = (vector(&leg["base"]), joint + leg["offset"].as_f64().unwrap());
     match leg["kind"].as_str().unwrap() {
@@ -46,7 +46,7 @@ pub fn lower(leg: &Value, joint: f64) -> Vector3<f64> {
     }
 }
 
-/// The upper end of a leg whose lower end is known.
+/// Returns the upper end of a leg whose lower end is known.
 fn upper(
     scene: &Value,
     leg: &Value,
@@ -186,7 +186,7 @@ fn a_scene_of_no_machine_or_to_no_place_is_refused_and_leaves_nothing() {
     assert!(!place.exists());
 }
 
-/// Where an axis of the chain takes a point that it carries.
+/// Returns the position of a carried point at a value of an axis of the chain.
 fn out(link: &Value, value: f64, point: Vector3<f64>) -> Vector3<f64> {
     let (axis, on) = (vector(&link["axis"]), vector(&link["point"]));
     match link["is_rotary"].as_bool().unwrap() {
@@ -198,7 +198,7 @@ fn out(link: &Value, value: f64, point: Vector3<f64>) -> Vector3<f64> {
     }
 }
 
-/// Where all that carry the same take it.
+/// Returns the position of a point after all axes with the same load.
 fn carried(scene: &Value, carries: &str, world: &[f64; 9], point: Vector3<f64>) -> Vector3<f64> {
     let links = scene["chain"].as_array().unwrap().iter().filter(|link| link["carries"] == carries);
     links.rev().fold(point, |point, link| {
@@ -231,7 +231,7 @@ fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
             let tool = Vector3::from_fn(|_, _| rng.random_range(-50.0..50.0));
             let world = config.world(&pose, &extra);
             let platform = Pose::from_degrees(config.carried(&pose, &extra, &tool).unwrap());
-            // What programs say of the tip, on the work.
+            // The programmed tip, on the workpiece.
             let told = Vector3::from_fn(|k, _| world[k]) - tool;
             let held = carried(&scene, "tool", &world, -tool);
             let on_platform = |point| {
@@ -268,7 +268,7 @@ fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
     assert!(seen >= 300, "{seen}");
 }
 
-/// What the viewer makes of the same.
+/// Returns the viewer's result for the same input.
 fn placed(scene: &Value, questions: &str) -> Vec<Value> {
     let place = tempfile::tempdir().unwrap();
     let file = place.path().join("scene.json");

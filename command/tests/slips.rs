@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Slips that integrators make: none may end in "fits together" without a word.
+//! Typical mistakes of integrators: for none of them may the result be "fits together" without a finding.
 
 use rayon::prelude::*;
 use serde::Deserialize;
@@ -18,10 +18,10 @@ struct Case {
     #[serde(default)]
     edit: Vec<Edit>,
     table: Option<Vec<String>>,
-    /// Whether every HOME is made of the wrong machine.
+    /// Whether every HOME is computed from the wrong machine.
     #[serde(default)]
     homed: bool,
-    /// Whether an editor has marked the file, which then begins with a section.
+    /// Whether an editor has written a byte order mark; the file then begins with a section.
     #[serde(default)]
     marked: bool,
     /// Whether the base keeps its boxes.
@@ -34,9 +34,9 @@ struct Case {
     expect: Expect,
     #[serde(default)]
     names: Vec<String>,
-    /// Where the answer has to point, if not at a line of the INI file.
+    /// Expected location in the output, if not a line of the INI file.
     place: Option<String>,
-    /// Why no check can know.
+    /// Why no check can detect it.
     why: Option<String>,
 }
 
@@ -53,10 +53,10 @@ enum Expect {
     Silent,
 }
 
-/// What the command answers, on both ways out, and its exit status.
+/// Returns the output of the command, on both streams, and its exit status.
 fn answer(folder: &Path, file: &str, more: &[&str]) -> (String, i32) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
-    // The start has cases of its own.
+    // The start has its own cases.
     command.args(["check", "--no-start"]).arg(file).args(more).current_dir(folder);
     let output = command.env("NO_COLOR", "1").output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -74,11 +74,11 @@ fn without_boxes(lines: &mut Vec<String>) {
     lines.iter_mut().for_each(|line| *line = line.replace(" boxes=1", ""));
 }
 
-/// Limits in place of those of A, B and C: what is proved within wide ones takes check several times as
-/// long, and is the same whatever the slip.
+/// Limits instead of those of A, B and C: proofs within wide ones take check several times as
+/// long, and are the same for every mistake.
 const NARROW_DEG: i32 = 5;
 
-/// The base with narrow limits of its angles.
+/// Sets narrow limits of the base's angles.
 fn with_narrow_angles(lines: &mut [String]) {
     let mut is_angle = false;
     for line in lines {
@@ -93,7 +93,7 @@ fn with_narrow_angles(lines: &mut [String]) {
     }
 }
 
-/// The folder of the base with the slip in it.
+/// Returns the folder of the base with the mistake in it.
 fn slipped(case: &Case) -> tempfile::TempDir {
     let slipped = copied(&case.base);
     let file = slipped.path().join(format!("{}.ini", case.base));
@@ -117,7 +117,7 @@ fn slipped(case: &Case) -> tempfile::TempDir {
     slipped
 }
 
-/// What is wrong with what is said of a slip, if anything.
+/// Describes a wrong report about a mistake, if any.
 fn judge(case: &Case) -> Option<String> {
     let folder = slipped(case);
     let file = format!("{}.ini", case.base);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Figures that the papers print and docs/studies/sources.md says commands give.
+//! Figures printed in the papers that commands reproduce according to docs/studies/sources.md.
 
 use crate::commands::Bench;
 use std::fs;
@@ -13,7 +13,7 @@ fn answer(words: &str, input: &str) -> String {
     answer
 }
 
-/// A command as the page has it.
+/// Checks that the page has a command.
 fn of_page(words: &'static str) -> &'static str {
     let page = fs::read_to_string(folder("../docs/studies/sources.md")).unwrap();
     assert!(page.contains(&format!("`pkm {words}`")), "{words}");

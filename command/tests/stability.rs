@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm stability` as it is used.
+//! `pkm stability` from the user's view.
 
 use crate::commands::Bench;
 use serde_json::Value;
@@ -13,7 +13,7 @@ fn example(name: &str) -> String {
     fs::read_to_string(folder.join(name)).unwrap()
 }
 
-/// Whether the answer ends with this exit code and has these words.
+/// Checks that the output ends with this exit code and contains these words.
 #[track_caller]
 fn says(answer: &str, exit: u8, words: &[&str]) {
     assert!(answer.ends_with(&format!("exit {exit}\n")), "{answer}");
@@ -22,7 +22,7 @@ fn says(answer: &str, exit: u8, words: &[&str]) {
     }
 }
 
-/// The JSON of an answer that ends with exit code 0; what stands on standard error follows it.
+/// Returns the JSON of an output that ends with exit code 0; standard error follows it.
 #[track_caller]
 fn json(answer: &str) -> Value {
     let end = answer.rfind("exit 0\n").unwrap_or_else(|| panic!("{answer}"));
@@ -66,7 +66,7 @@ fn the_lag_of_paper_002_is_answered_drawn_and_written() {
     assert_eq!(count("drawn"), 8);
     let partition = fs::read_to_string(bench.0.path().join("drawn/lag-partition.svg")).unwrap();
     assert!(partition.contains("K 4885 N/mm at 138.10 rad/s"));
-    // W at rest is that of the values, in the first row.
+    // W at rest equals the one in the values, in the first row.
     let table = fs::read_to_string(bench.0.path().join("out.csv")).unwrap();
     let cells: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
     let rest = &rows("dpartition", "response_K_2000_T_3ms_omega_re_im_abs_arg_reP_imP")[0];
@@ -115,7 +115,7 @@ fn a_pose_is_answered_drawn_and_written() {
     let worst = float(&found["worst"]["stable_to_mm"]);
     assert!(worst > 0.3 * floor && float(&found["best"]["stable_to_mm"]) >= worst);
     let semi = float(&found["at"][0]["semi_discretisation"]);
-    // Semi-discretisation with 60 steps and more.
+    // Semi-discretization with 60 steps and more.
     assert!((semi - 1.0).abs() < 0.01, "{semi}");
     assert!(found["map"].as_array().unwrap().len() >= 9);
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 3);
@@ -163,7 +163,7 @@ fn a_program_is_judged_at_its_spindle_speeds() {
     assert_eq!(float(&found["worst"]["stable_to_mm"]), least);
     close(float(&found["margin"]), least / 0.01, 1e-12);
     assert!(float(&found["best_stable_to_mm"]) >= least);
-    // A move that was not looked at may be the one that chatters.
+    // A move that was not tested may be the one with chatter.
     let few =
         "stability program linear-delta.ini cut.ngc --study study.toml --deepest 3 --places 2";
     says(&bench.answer(few, ""), 2, &["stable everywhere", "1 feed moves; use --places 3"]);
@@ -318,7 +318,7 @@ fn a_cut_whose_spindle_speed_is_not_known_is_refused_with_its_line_and_nothing_i
     }
 }
 
-/// The work turns, or goes along with the tool: the feed of the tool is not what it cuts with.
+/// The workpiece rotates, or moves together with the tool: the feed of the tool is not the cutting feed.
 #[test]
 fn a_cut_in_which_an_extra_axis_moves_is_refused_with_its_line() {
     let study = format!("{DELTA}depth_mm = 0.01\n");

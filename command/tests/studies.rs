@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The studies as commands: outputs, and input that is refused without anything written.
+//! The studies as commands: outputs, and input that is refused without any output file.
 
 use crate::commands::Bench;
 use std::fs;
 
 const LEGS: &str = "[legs]\nstiffness_n_per_um = 10\njoint_sigma_um = 5\nrod_diameter_mm = 8\n";
 
-/// Whether the answer ends with this exit code and tells these words.
+/// Checks that the output ends with this exit code and contains these words.
 fn tells(answer: &str, exit: u8, words: &[&str]) {
     assert!(answer.ends_with(&format!("exit {exit}\n")), "{answer}");
     for word in words {
@@ -42,9 +42,9 @@ fn stiffness_tells_matrix_and_axes_and_draws_its_maps() {
     let words =
         "stiffness linear-delta.ini --study study.toml --grid 9 --plots drawn --csv map.csv";
     let answer = bench.answer(words, "");
-    // A B C are held by the rods' parallelograms.
+    // The rods' parallelograms constrain A B C.
     tells(&answer, 0, &["Guides constrain some coordinates", "N/um", "rigid"]);
-    // Three maps of each kind, sizes of the platform, and one ellipsoid: nothing turns.
+    // Three maps of each kind, sizes of the platform, and one ellipsoid: nothing rotates.
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 8);
     let map = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
     assert!(map.starts_with("x,y,z,translation_n_per_um") && map.lines().count() > 100);

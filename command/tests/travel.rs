@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm travel` as it is used.
+//! `pkm travel` from the user's view.
 
 use crate::commands::Bench;
 use serde_json::Value;

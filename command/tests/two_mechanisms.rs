@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Workspaces of two mechanisms, each alone and beside the other.
+//! Workspaces of two mechanisms, each alone and with the other one.
 
 use test_support::shipped::ini;
 
@@ -32,7 +32,7 @@ fn workspace_shows_each_alone_and_beside_the_other() {
         assert!(shares[0] < 0.95 && shares[1] < 0.8 * shares[0], "{shares:?}");
         assert!(mechanism["beside_home"]["ended_by_the_other"].as_f64().unwrap() > 0.0);
     }
-    // They are mirror images, and so is what they leave each other.
+    // They are mirror images, and so are their remaining workspaces.
     let apart = first["beside_home"]["volume_by_boundary"].as_f64().unwrap()
         / second["beside_home"]["volume_by_boundary"].as_f64().unwrap();
     assert!((apart - 1.0).abs() < 0.02, "{apart}");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm view` as it is used. tests/page opens the page in a browser.
+//! `pkm view` from the user's view. tests/page opens the page in a browser.
 
 use std::path::Path;
 use std::process::{Command, Output};

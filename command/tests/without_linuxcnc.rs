@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm check` on a computer without LinuxCNC: what it could not look at it says, and takes for neither good nor bad.
+//! `pkm check` on a computer without LinuxCNC: it reports what it could not check, and counts it as neither good nor
+//! bad.
 
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 use test_support::shipped;
 
-/// Where LinuxCNC is on this computer, if it is: in a mount namespace of its own the command finds nothing there.
+/// Hides an installed LinuxCNC from the command by a mount namespace.
 const HIDDEN: &str = "for folder in /usr/share/linuxcnc /usr/lib/linuxcnc; do \
      [ ! -d $folder ] || mount -t tmpfs none $folder || exit 99; done; exec \"$@\"";
 
-/// What the command answers, on both ways out, and its exit status; before it the shell does something more.
+/// Returns the output of the command, on both streams, and its exit status; the shell runs `before` first.
 fn answer(before: &str, file: &Path) -> (String, i32) {
-    // Root needs no namespace of users, which some computers forbid.
+    // Root needs no user namespace, which some computers forbid.
     let user: &[&str] =
         if rustix::process::geteuid().is_root() { &[] } else { &["--map-root-user"] };
     let done = Command::new("unshare")
@@ -27,7 +28,7 @@ fn answer(before: &str, file: &Path) -> (String, i32) {
     (text(&done.stdout) + &text(&done.stderr), done.status.code().unwrap_or(99))
 }
 
-/// The parts that only a computer with LinuxCNC can show.
+/// The parts that need a computer with LinuxCNC.
 const NOT_JUDGED: [&str; 2] = [
     "LinuxCNC is not installed here, so programs to start and files of LinuxCNC are not judged",
     "the drives are not judged from here on: LIB:pkmkins_sim.tcl is neither beside the INI file nor in /usr/share/linuxcnc/hallib",
@@ -53,7 +54,7 @@ fn what_needs_linuxcnc_is_not_judged_and_the_rest_is() {
         &[&NOT_JUDGED[..], &["The machine fits together; see the warnings."]].concat(),
     );
     assert_eq!(good.0.matches("\nwarning: ").count(), NOT_JUDGED.len(), "{}", good.0);
-    // Slips that are not seen without LinuxCNC, then one that is.
+    // Mistakes that are not detected without LinuxCNC, then one that is.
     let folder = shipped::copied("linapod");
     let file = folder.path().join("linapod.ini");
     let text = fs::read_to_string(shipped::ini("linapod")).unwrap();
