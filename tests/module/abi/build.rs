@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Builds the stub HAL as a shared library: its constructors are variadic,
 //! which stable Rust cannot define, and the modules find it as a global library.
-//! Builds the rigid machine of the sequence tests as another: Rust has no long double.
+//! Builds the rigid machine of the sequence tests as another library: Rust has no long double.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Where LinuxCNC's development package puts its headers, unless told otherwise.
+/// Default folder of the headers in LinuxCNC's development package.
 const LINUXCNC_HEADERS: &str = "/usr/include/linuxcnc";
 
 fn main() {
@@ -27,7 +27,7 @@ fn main() {
 }
 
 fn compile(source: &Path, output: &Path, headers: &str) {
-    // Without the flags of the Rust side: a sanitizer among them would bring a second runtime.
+    // Without the flags of the Rust side: a sanitizer among them would add a second runtime.
     let mut command = Command::new(cc::Build::new().get_compiler().path());
     command
         .args(["-std=gnu11", "-O3", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden"])

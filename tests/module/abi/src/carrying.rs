@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! A machine whose extra axes carry the work, the tool or the legs.
+//! A machine whose extra axes carry the workpiece, the tool or the legs.
 
 use crate::geometry::{Vector, minus};
 use crate::module::{Module, Pose};
@@ -10,7 +10,7 @@ use kinematics::{
     Chain, ChainGeometry, ExtraAxes, Layout, Letters, LinkGeometry, POSE_LETTERS, Vector3,
 };
 
-/// What an axis carries, as on its pin.
+/// Value of an axis' pin for the load that it carries.
 pub const WORK: i32 = 1;
 pub const TOOL: i32 = 2;
 pub const LEGS: i32 = 3;
@@ -21,18 +21,18 @@ const LETTERS: [&str; 6] = ["a", "b", "c", "u", "v", "w"];
 pub struct Carrying {
     /// The mechanism.
     pub machine: Parallel,
-    /// Places of the axes among [`POSE_LETTERS`], in joint order.
+    /// Indices of the axes among [`POSE_LETTERS`], in joint order.
     pub axes: Vec<usize>,
     pub given: ChainGeometry,
 }
 
 impl Carrying {
-    /// The load parameter `axes`.
+    /// Returns the load parameter `axes`.
     pub fn letters(&self) -> String {
         self.axes.iter().map(|k| POSE_LETTERS[*k]).collect()
     }
 
-    /// A module with this machine on its pins and applied.
+    /// Returns a module with this machine's pins set and applied.
     /// # Panics
     /// If the geometry is refused.
     pub fn module(&self) -> Module {
@@ -42,7 +42,7 @@ impl Carrying {
         module
     }
 
-    /// Sets the pins of the axes; those of the mechanism are its own.
+    /// Sets the pins of the axes, not those of the mechanism.
     pub fn wire(&self, module: &Module) {
         for k in self.axes.iter().filter(|k| **k > 2) {
             wire(module, k - 3, &self.given.links[k - 3]);
@@ -53,7 +53,7 @@ impl Carrying {
         }
     }
 
-    /// The core's own.
+    /// Returns the core's chain.
     /// # Panics
     /// If there is no such chain.
     pub fn chain(&self) -> Chain {
@@ -70,9 +70,9 @@ impl Carrying {
         Vector3::new(x, y, z + self.machine.spindle_offset)
     }
 
-    /// LinuxCNC's pose at which the machine without axes is at `pose`, with random values of the axes.
+    /// Returns LinuxCNC's pose at which the machine without axes is at `pose`, with random values of the axes.
     /// # Panics
-    /// If a value is no number.
+    /// If a value is not a number.
     pub fn world(&self, pose: &Pose, chain: &Chain, random: &mut Random) -> Pose {
         let mut world = [0.0; 9];
         for k in &self.axes {
@@ -107,7 +107,7 @@ fn three(random: &mut Random, size: f64) -> Vector {
     std::array::from_fn(|_| random.within(size))
 }
 
-/// Random axes for the letters that a machine leaves, carrying this or that.
+/// Returns random axes for the remaining letters of a machine, with random loads.
 pub fn carrying(subject: &Subject, random: &mut Random) -> Carrying {
     let free: Vec<usize> = (0..9).filter(|k| *k > 5 || !subject.machine.moves(*k)).collect();
     let axes: Vec<usize> = free.into_iter().filter(|k| *k > 2).rev().collect();
@@ -122,7 +122,7 @@ pub fn carrying(subject: &Subject, random: &mut Random) -> Carrying {
     }
     let mut machine = subject.machine.clone();
     if let (Some(holder), Some(home)) = (given.holder, &mut machine.home) {
-        // The pins want LinuxCNC's pose, of which the module makes the machine's.
+        // The pins need LinuxCNC's pose, which the module converts to the machine's.
         (0..3).for_each(|k| home[k] = holder[k] - home[k]);
     }
     Carrying { machine, axes, given }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a module is loaded for, as LinuxCNC sees it: a mechanism, alone or with axes that carry something,
+//! The machine of a loaded module from LinuxCNC's view: a mechanism, alone or with axes that carry something,
 //! or two mechanisms.
 
 use crate::carrying::{Carrying, LEGS, TOOL, WORK};
@@ -12,23 +12,23 @@ use crate::random::Random;
 use crate::subjects::{Subject, subjects};
 use kinematics::{ChainGeometry, LinkGeometry};
 
-/// What a module is loaded for.
+/// The machine of a loaded module.
 pub enum Control {
-    /// One mechanism.
+    /// A single mechanism.
     Alone(Subject),
-    /// One with axes that carry something; poses of the mechanism, and the axes.
+    /// A mechanism with axes that carry something; poses of the mechanism, and the axes.
     Carrying(Subject, Box<Carrying>),
     Pair(&'static str, Box<Two>),
 }
 
-/// All machines alone, then one with a chain and one with two mechanisms.
+/// Returns all machines alone, then one with a chain and one with two mechanisms.
 pub fn controls() -> Vec<Control> {
     let mut all: Vec<Control> = subjects().into_iter().map(Control::Alone).collect();
     all.extend([in_a_chain(), on_one_guide()]);
     all
 }
 
-/// The hexapod of paper 004 with C held, over a rotary table on a slide, with a quill, on a track: an axis
+/// Returns the hexapod of paper 004 with constant C, over a rotary table on a slide, with a quill, on a track: an axis
 /// of every kind.
 pub fn in_a_chain() -> Control {
     let machine = Parallel { coordinates: "XYZAB", ..paper_004().into() };
@@ -46,7 +46,7 @@ pub fn in_a_chain() -> Control {
     Control::Carrying(subject, Box::new(Carrying { machine, axes, given }))
 }
 
-/// The mirrored lathe: the second mechanism is the first one, 1600 further on.
+/// Returns the mirrored lathe: the second mechanism is the first one, displaced by 1600.
 pub fn on_one_guide() -> Control {
     let mut both = two("four-rod lathe", "four-rod lathe", "C");
     both.second.machine.home.iter_mut().for_each(|home| home[2] += 1600.0);
@@ -87,7 +87,7 @@ impl Control {
         }
     }
 
-    /// Its mechanisms, the first one first.
+    /// Returns its mechanisms in order.
     pub fn mechanisms(&self) -> Vec<&Parallel> {
         match self {
             Self::Alone(subject) | Self::Carrying(subject, _) => vec![&subject.machine],
@@ -103,12 +103,12 @@ impl Control {
         }
     }
 
-    /// Size of the larger mechanism.
+    /// Returns the size of the larger mechanism.
     pub fn size(&self) -> f64 {
         self.mechanisms().iter().map(|machine| machine.size()).fold(0.0, f64::max)
     }
 
-    /// Whether a joint moves a letter of LinuxCNC's pose (X = 0 … W = 8).
+    /// Returns whether a joint moves a letter of LinuxCNC's pose (X = 0 … W = 8).
     pub fn moves(&self, letter: usize) -> bool {
         let first = letter < 6 && self.mechanisms()[0].moves(letter);
         first
@@ -119,7 +119,7 @@ impl Control {
             }
     }
 
-    /// LinuxCNC's pose with every mechanism at its reference pose and every other axis at 0.
+    /// Returns LinuxCNC's pose with every mechanism at its reference pose and every other axis at 0.
     pub fn home(&self) -> Pose {
         match self {
             Self::Alone(subject) | Self::Carrying(subject, _) => subject.home(),
@@ -127,7 +127,7 @@ impl Control {
         }
     }
 
-    /// A random pose of the workspace.
+    /// Returns a random pose of the workspace.
     pub fn sample(&self, random: &mut Random) -> Pose {
         match self {
             Self::Alone(subject) => (subject.sample)(random),
@@ -142,12 +142,12 @@ impl Control {
         }
     }
 
-    /// A module loaded for it, nothing on its pins yet.
+    /// Returns a module loaded for it, with pins unset.
     pub fn loaded(&self) -> Module {
         self.loaded_with_boxes(0)
     }
 
-    /// The same with boxes for the start without a seed, for each mechanism.
+    /// Returns such a module with boxes for the start without a seed, for each mechanism.
     pub fn loaded_with_boxes(&self, boxes: usize) -> Module {
         let boxes = boxes.to_string();
         match self {
@@ -172,14 +172,14 @@ impl Control {
         }
     }
 
-    /// Puts it on a module's pins and applies it; false if it is refused.
+    /// Sets its pins of a module and applies it; false if it is refused.
     pub fn apply(&self, module: &Module) -> bool {
         self.wire(module);
         module.apply();
         module.is_on("geometry-ok") && !module.is_on("geometry-changed")
     }
 
-    /// A module with this on its pins and applied.
+    /// Returns a module with its pins set and applied.
     /// # Panics
     /// If the geometry is refused.
     pub fn module(&self) -> Module {

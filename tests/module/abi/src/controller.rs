@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! LinuxCNC's motion controller as the kinematics see it: which calls it makes in which order, its changes of mode,
-//! and its interpolators. Nothing is queued, so that it counts as in position. Drives follow exactly.
+//! LinuxCNC's motion controller from the kinematics' view: its calls in order, its changes of mode,
+//! and its interpolators. Nothing is queued, so it counts as in position. Drives follow exactly.
 
 use crate::module::{Joints, Module, Pose};
 
@@ -27,7 +27,7 @@ impl Spline {
         self.points.is_none() || self.cycles >= rate
     }
 
-    /// Takes the next point where one is due. The first one fills all places.
+    /// Adds the next point if one is due. The first one fills the spline.
     fn add(&mut self, point: f64, rate: u32) {
         if self.needs_point(rate) {
             let [_, a, b, c] = self.points.unwrap_or([point; 4]);
@@ -45,13 +45,13 @@ impl Spline {
             t.powi(3),
         ];
         let points = self.points.expect("a point was added");
-        // From a point, so that equal points give themselves.
+        // Differences from a point, so that equal points are reproduced exactly.
         let pairs = weights.iter().zip(points);
         points[3] + pairs.map(|(w, p)| w * (p - points[3]) / 6.0).sum::<f64>()
     }
 }
 
-/// The motion controller with one module. Do not move it once cycles have run: the module distinguishes
+/// The motion controller with one module. Must not be moved once cycles have run: the module distinguishes
 /// LinuxCNC's poses by their addresses.
 pub struct Controller<'a> {
     module: &'a Module,
@@ -72,7 +72,7 @@ pub struct Controller<'a> {
     is_feedback_known: bool,
     coarse: Joints,
     splines: [Spline; 16],
-    /// End point of a queued move that feed-inhibit holds back.
+    /// End point of a queued move that feed-inhibit delays.
     pub queued: Option<Pose>,
     /// Values that LinuxCNC writes to the pins of the tool offset in this cycle.
     pub request: Option<[f64; 3]>,
@@ -82,7 +82,7 @@ pub struct Controller<'a> {
 }
 
 impl<'a> Controller<'a> {
-    /// Homed and on, in coordinated mode at a pose.
+    /// Creates a controller, homed and on, in coordinated mode at a pose.
     /// # Panics
     /// If the module refuses the pose.
     pub fn new(module: &'a Module, pose: Pose) -> Self {
@@ -111,7 +111,7 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// Asks for a mode, as LinuxCNC's task does.
+    /// Requests a mode, as LinuxCNC's task does.
     pub fn set_mode(&mut self, mode: Mode) {
         self.wanted = mode;
     }
@@ -124,13 +124,13 @@ impl<'a> Controller<'a> {
         self.is_on = on;
     }
 
-    /// Homes or unhomes all joints where they are; LinuxCNC unhomes in joint mode or with the machine off.
+    /// Homes or unhomes all joints at their positions; LinuxCNC unhomes in joint mode or with the machine off.
     pub fn set_homed(&mut self, is_homed: bool) {
         assert!(is_homed || !self.is_on || self.mode == Mode::Free, "refused by LinuxCNC");
         self.is_homed = is_homed;
     }
 
-    /// Asks for kinematics by their number.
+    /// Requests kinematics by their number.
     pub fn switch(&mut self, kinematics: i32) {
         self.wanted_kinematics = kinematics;
     }
@@ -194,7 +194,7 @@ impl<'a> Controller<'a> {
         self.splines = [Spline::default(); 16];
     }
 
-    /// The commanded joint positions of this cycle.
+    /// Returns the commanded joint positions of this cycle.
     fn commanded(&mut self, before: Joints) -> Joints {
         if self.mode == Mode::Free {
             let coarse = std::mem::replace(&mut self.coarse, before);
@@ -227,7 +227,7 @@ impl<'a> Controller<'a> {
         positions
     }
 
-    /// Largest shares of joints' limits of speed and acceleration in successive cycles.
+    /// Returns the largest ratios to the joints' speed and acceleration limits over successive cycles.
     pub fn shares(&self, limits: &[(f64, f64)]) -> (f64, f64) {
         let dt = self.period as f64 * 1e-9;
         let (mut speed, mut acceleration) = (0.0_f64, 0.0_f64);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Vectors, LinuxCNC's rotation and the distance of two poses, written here once
-//! more so that the tests do not judge the module by its own mathematics.
+//! Vectors, LinuxCNC's rotation and the distance of two poses, independent of
+//! the module's mathematics.
 
 use crate::module::Pose;
 
@@ -10,47 +10,47 @@ pub type Vector = [f64; 3];
 /// Rows of a rotation matrix.
 pub type Rows = [[f64; 3]; 3];
 
-/// a · b
+/// Returns a · b.
 pub fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// a × b
+/// Returns a × b.
 pub fn cross(a: Vector, b: Vector) -> Vector {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// a − b
+/// Returns a − b.
 pub fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// a + b
+/// Returns a + b.
 pub fn plus(a: Vector, b: Vector) -> Vector {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-/// k a
+/// Returns k a.
 pub fn scaled(a: Vector, k: f64) -> Vector {
     [k * a[0], k * a[1], k * a[2]]
 }
 
-/// |a|
+/// Returns |a|.
 pub fn norm(a: Vector) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// a / |a|
+/// Returns a / |a|.
 pub fn unit(a: Vector) -> Vector {
     scaled(a, 1.0 / norm(a))
 }
 
-/// M v
+/// Returns M v.
 pub fn turned(m: &Rows, v: Vector) -> Vector {
     [dot(m[0], v), dot(m[1], v), dot(m[2], v)]
 }
 
-/// R = Rz(C) Ry(B) Rx(A) of a pose.
+/// Returns R = Rz(C) Ry(B) Rx(A) of a pose.
 pub fn rotation(pose: &Pose) -> Rows {
     let (sa, ca) = pose[3].to_radians().sin_cos();
     let (sb, cb) = pose[4].to_radians().sin_cos();
@@ -62,10 +62,10 @@ pub fn rotation(pose: &Pose) -> Rows {
     ]
 }
 
-/// Distance of two poses in length: √(|Δp|² + (radius · angle)²).
+/// Returns the distance of two poses as a length: √(|Δp|² + (radius · angle)²).
 ///
-/// The angle is 2 asin(|R₁ − R₂| / √8) with the Frobenius norm, which keeps its
-/// digits for small angles where a trace does not.
+/// The angle is 2 asin(|R₁ − R₂| / √8) with the Frobenius norm, which is accurate
+/// for small angles, unlike a trace.
 pub fn distance(one: &Pose, other: &Pose, radius: f64) -> f64 {
     let (r1, r2) = (rotation(one), rotation(other));
     let difference: f64 = (0..3).map(|i| minus(r1[i], r2[i])).map(|d| dot(d, d)).sum();

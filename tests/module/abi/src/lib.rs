@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The built `pkmkins.so` seen from outside: loaded as LinuxCNC loads it, with a
-//! stub HAL around it, beside LinuxCNC's own modules in the same process.
+//! External tests of the built `pkmkins.so`: loaded as LinuxCNC loads it, with a
+//! stub HAL, next to LinuxCNC's own modules in the same process.
 //!
-//! [`module::Module`] is one loaded module with its pins; [`machines`] holds hexapods,
+//! [`module::Module`] is one loaded module with its pins; [`machines`] has hexapods,
 //! [`parallel`] any machine, [`subjects`] one of each kind with its workspace; [`carrying`] adds axes that
-//! carry something, [`pair`] a second mechanism, and a [`control`] is any of these as LinuxCNC sees it;
-//! [`controller`] makes the calls of LinuxCNC's motion controller; [`random`] repeatable random numbers; [`nut`] tells where genhexkins' arcsin is
-//! usable as a reference; [`tracker`] what forward must find;
-//! [`limit`] what arithmetic alone would take; [`guarded`] sets every limit; [`tolerances`] every
+//! carry something, [`pair`] a second mechanism, and a [`control`] is any of these from LinuxCNC's view;
+//! [`controller`] makes the calls of LinuxCNC's motion controller; [`random`] has repeatable random numbers;
+//! [`nut`] checks where genhexkins' arcsin is usable as a reference; [`tracker`] the required result of forward;
+//! [`limit`] the time of the arithmetic alone; [`guarded`] sets every limit; [`tolerances`] every
 //! number that a test compares with.
 
 pub mod carrying;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What arithmetic alone would take: operations counted on paper, at the rate at which this
-//! core does many of each that do not wait for each other.
+//! Time of the arithmetic alone: operations counted on paper, at the rate at which this
+//! core does many independent ones of each kind.
 //!
-//! Multiplications and additions count alike, two of them to a vector operation, and run beside
+//! Multiplications and additions count alike, two of them per vector operation, and run in parallel with
 //! the divider, which does divisions and square roots; arcs are libm's function. Loads, copies,
-//! checks and waiting for results count nothing: no program for these registers can be quicker,
+//! checks and latencies count nothing: no program for these registers can be faster,
 //! and none comes near it.
 
 use std::hint::black_box;
@@ -29,17 +29,17 @@ const LEGS: f64 = 6.0;
 /// Three sines (15) with their cosines (15) by polynomials.
 const SINES: f64 = 3.0 * 30.0;
 
-/// Products of sines (12) and sums (4) of a rotation; 3 × 3 by a vector (15) and 6 additions of
-/// the point that the legs place.
+/// Products of sines (12) and sums (4) of a rotation; 3 × 3 by a vector (15) and 6 additions for
+/// the point positioned by the legs.
 const PLACE: f64 = 16.0 + 21.0;
 
-/// R b (15), centre and base (6), its square (5), the target or offset (1).
+/// R b (15), center and base (6), its square (5), the target or offset (1).
 const LEG: f64 = 27.0;
 
 /// α and β (10), A·B − αβ (7), n·(A×B) (14), travel and sum (2).
 const TORSION: f64 = 33.0;
 
-/// Inverse of a hexapod of struts.
+/// Counts the operations of inverse for a hexapod of struts.
 pub fn inverse(lead: bool) -> Work {
     let mut work = Work { flops: SINES + PLACE + LEGS * LEG, roots: LEGS, ..Work::default() };
     if lead {
@@ -50,7 +50,8 @@ pub fn inverse(lead: bool) -> Work {
     work
 }
 
-/// Forward of a hexapod of struts with its certificate, within one ball, after `solves` solves.
+/// Counts the operations of forward for a hexapod of struts with its certificate, within one ball, after `solves`
+/// solves.
 pub fn forward(lead: bool, solves: f64) -> Work {
     let mut work = inverse(lead);
     // Rows: n (3), its moment (9) by 1/r (3).
@@ -63,11 +64,11 @@ pub fn forward(lead: bool, solves: f64) -> Work {
     work.flops += LEGS * 6.0 + 22.0;
     work.divisions += LEGS;
     work.roots += 3.0;
-    // Rotation and angles next to the seed's: two products, three arcs by series.
+    // Rotation and angles near the seed's: two products, three arcs by series.
     work.flops += 2.0 * 45.0 + 75.0;
     work.divisions += 5.0;
     work.roots += 1.0;
-    // Each step goes through M twice (66), with what bends it or turns its rows (27 a leg); norms.
+    // Each step uses M twice (66), with the nonlinearity or the rotation of its rows (27 per leg); norms.
     work.flops += solves * (132.0 + LEGS * 27.0 + 36.0);
     work.divisions += solves * LEGS;
     work.roots += solves * 2.0;
@@ -80,32 +81,32 @@ pub fn forward(lead: bool, solves: f64) -> Work {
         work.flops += LEGS * (45.0 + 40.0);
         work.divisions += LEGS * 4.0;
         work.roots += LEGS * 2.0;
-        // Each torsion anew: n and axis (21), the arc of a difference by its series (20).
+        // Each torsion again: n and axis (21), the arc of a difference by its series (20).
         work.flops += solves * LEGS * (21.0 + TORSION + 20.0);
         work.divisions += solves * LEGS * 2.0;
     }
     work
 }
 
-/// Nanoseconds of one operation among many.
+/// Nanoseconds per operation among many.
 pub struct Rates {
-    /// Of a multiplication or an addition.
+    /// Time of a multiplication or an addition.
     pub flop: f64,
-    /// Of a division.
+    /// Time of a division.
     pub division: f64,
-    /// Of a square root.
+    /// Time of a square root.
     pub root: f64,
-    /// Of an arc.
+    /// Time of an arc.
     pub arc: f64,
 }
 
-/// Numbers worked on side by side: twelve vector registers of two.
+/// Numbers processed in parallel: twelve vector registers of two.
 const LANES: usize = 24;
 
-/// Rounds of one measurement: some tens of microseconds.
+/// Rounds of a measurement: some tens of microseconds.
 const ROUNDS: usize = 2000;
 
-/// Measurements; the quickest counts, as neighbours only make slower.
+/// Number of measurements; the fastest counts, because other processes only slow it down.
 const TRIALS: usize = 15;
 
 impl Rates {
@@ -114,7 +115,7 @@ impl Rates {
         let lanes: [f64; LANES] = std::array::from_fn(|k| 0.3 + 0.01 * k as f64);
         let (scale, by) = black_box((0.999, 0.001));
         Self {
-            // One of each.
+            // One of each kind.
             flop: quickest(lanes, |x| x * scale + by) / 2.0,
             division: quickest(lanes, |x| scale / x),
             root: quickest(lanes, |x| x.sqrt()),
@@ -122,7 +123,7 @@ impl Rates {
         }
     }
 
-    /// What the work would take at least, in nanoseconds.
+    /// Returns the least time of the work, in nanoseconds.
     pub fn least(&self, work: &Work) -> f64 {
         let trigonometry = work.arcs * self.arc;
         let divider = work.divisions * self.division + work.roots * self.root;

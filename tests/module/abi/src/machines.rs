@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The machines the tests drive, and how their geometry gets onto pins.
+//! The machines of the tests, and how their pins are set.
 
 use crate::geometry::{Vector, cross, minus, norm, plus, unit};
 use crate::module::{Module, Pose};
@@ -15,7 +15,7 @@ pub struct Hexapod {
     pub base_axis: [Vector; 6],
     /// Fixed axes of the platform joints, in the platform.
     pub platform_axis: [Vector; 6],
-    /// Screw lead of all struts.
+    /// Lead of all screws.
     pub lead: f64,
     pub spindle_offset: f64,
     pub tool_offset: f64,
@@ -23,7 +23,7 @@ pub struct Hexapod {
     pub home: Option<Pose>,
 }
 
-/// A point of a circle about z.
+/// Returns a point of a circle about z.
 fn on_circle(radius: f64, degrees: f64, z: f64) -> Vector {
     let (s, c) = degrees.to_radians().sin_cos();
     [radius * c, radius * s, z]
@@ -32,10 +32,10 @@ fn on_circle(radius: f64, degrees: f64, z: f64) -> Vector {
 /// Home of [`paper_004`].
 pub const PAPER_004_HOME: Pose = [0.0, 0.0, 250.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// The hexapod of paper 004 in millimetres: base joints above, table below.
+/// Returns the hexapod of paper 004 in millimeters: base joints above, table below.
 ///
-/// Joint radii and heights are as the golden rows have them; each pair of joint
-/// axes is entered in opposite senses, the base one across the strut at home.
+/// Joint radii and heights are those of the golden rows; each pair of joint
+/// axes is entered in opposite directions, the base one across the strut at home.
 pub fn paper_004() -> Hexapod {
     let base = [-15.0, 15.0, 105.0, 135.0, 225.0, 255.0].map(|at| on_circle(560.0, at, 1250.0));
     let platform = [-45.0, 45.0, 75.0, 165.0, 195.0, 285.0].map(|at| on_circle(200.0, at, 150.0));
@@ -55,8 +55,8 @@ pub fn paper_004() -> Hexapod {
     }
 }
 
-/// A pose of paper 004's workspace: 150 mm about the axis, 300 mm of height and
-/// up to 30° of tilt in any direction, C held at 0.
+/// Returns a random pose of paper 004's workspace: 150 mm about the axis, 300 mm of height and
+/// up to 30° of tilt in any direction, with C = 0.
 pub fn paper_004_pose(random: &mut Random) -> Pose {
     let (radius, at) = (150.0 * random.between(0.0, 1.0).sqrt(), random.within(180.0));
     let [x, y, z] = on_circle(radius, at, random.between(100.0, 400.0));
@@ -68,7 +68,7 @@ pub fn paper_004_pose(random: &mut Random) -> Pose {
 /// Home of [`lab_hexapod`].
 pub const LAB_HOME: Pose = [0.0, 0.0, 640.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// The laboratory hexapod of paper 001 in millimetres: platform above, no lead.
+/// Returns the laboratory hexapod of paper 001 in millimeters: platform above, no lead.
 pub fn lab_hexapod() -> Hexapod {
     let ring = |radius: f64, angles: [f64; 2]| angles.map(|at| on_circle(radius, at, 0.0));
     let [b0, b1] = ring(400.0, [78.0, 102.0]);
@@ -86,7 +86,7 @@ pub fn lab_hexapod() -> Hexapod {
     }
 }
 
-/// A pose of the laboratory hexapod's workspace.
+/// Returns a random pose of the laboratory hexapod's workspace.
 pub fn lab_pose(random: &mut Random) -> Pose {
     let mut pose = [0.0; 9];
     pose[0] = random.within(60.0);
@@ -98,7 +98,7 @@ pub fn lab_pose(random: &mut Random) -> Pose {
     pose
 }
 
-/// A pose one servo step away, at 0.5 m/s and 60°/s on a machine of 1250 mm: 0.5 mm
+/// Returns a pose one servo step away, at 0.5 m/s and 60°/s on a machine of 1250 mm: 0.5 mm
 /// and 0.06° in any direction, scaled to the machine's size.
 pub fn one_servo_step_from(pose: &Pose, size: f64, random: &mut Random) -> Pose {
     let mut near = *pose;
@@ -110,14 +110,14 @@ pub fn one_servo_step_from(pose: &Pose, size: f64, random: &mut Random) -> Pose 
     near
 }
 
-/// A and B that lean the platform's axis by `tilt` degrees towards azimuth `towards`.
+/// Returns A and B that tilt the platform's axis by `tilt` degrees toward azimuth `towards`.
 pub fn tilted(tilt: f64, towards: f64) -> (f64, f64) {
     // Third column of Ry(B) Rx(A): (sin B cos A, −sin A, cos B cos A).
     let [x, y, z] = on_circle(tilt.to_radians().sin(), towards, tilt.to_radians().cos());
     ((-y).asin().to_degrees(), x.atan2(z).to_degrees())
 }
 
-/// genhexkins' default geometry, read from its own pins.
+/// Returns genhexkins' default geometry, read from its pins.
 pub fn genhexkins_default(module: &Module) -> Hexapod {
     let vector = |name: &str, leg: usize| {
         ["x", "y", "z"].map(|axis| module.get(&format!("{name}.{leg}.{axis}")))
@@ -135,7 +135,7 @@ pub fn genhexkins_default(module: &Module) -> Hexapod {
 }
 
 impl Hexapod {
-    /// Sets every pin of the geometry; `.home` only where the module has it.
+    /// Sets every pin of the geometry; `.home` only if the module has it.
     pub fn wire(&self, module: &Module) {
         for leg in 0..6 {
             wire_vector(module, "base", leg, self.base[leg]);
@@ -158,7 +158,7 @@ impl Hexapod {
         }
     }
 
-    /// A module with this machine on its pins and applied.
+    /// Returns a module with this machine's pins set and applied.
     /// # Panics
     /// If the geometry is refused.
     pub fn module(&self) -> Module {
@@ -167,20 +167,20 @@ impl Hexapod {
         module
     }
 
-    /// Puts this machine on a module's pins and applies it; false if it is refused.
+    /// Sets this machine's pins of a module and applies it; false if it is refused.
     pub fn apply(&self, module: &Module) -> bool {
         self.wire(module);
         module.apply();
         module.is_on("geometry-ok") && !module.is_on("geometry-changed")
     }
 
-    /// Largest distance of an anchor from its body's origin.
+    /// Returns the largest distance of an anchor from its body's origin.
     pub fn size(&self) -> f64 {
         self.base.iter().chain(&self.platform).map(|anchor| norm(*anchor)).fold(0.0, f64::max)
     }
 
-    /// Root mean square radius of the platform anchors about their centroid:
-    /// what turns an angle into a length.
+    /// Returns the root mean square radius of the platform anchors about their centroid,
+    /// which converts an angle to a length.
     pub fn radius(&self) -> f64 {
         let centroid: Vector =
             std::array::from_fn(|k| self.platform.iter().map(|b| b[k]).sum::<f64>() / 6.0);
@@ -195,7 +195,7 @@ fn wire_vector(module: &Module, name: &str, leg: usize, value: Vector) {
     }
 }
 
-/// A hexapod nobody built: joints in six sectors of two scattered rings, axes in
+/// Returns an artificial hexapod: joints in six sectors of two scattered rings, axes in
 /// any direction, a lead of either hand, offsets. Lengths are of the order of `size`.
 pub fn random_hexapod(random: &mut Random, size: f64) -> Hexapod {
     // Offsetting the platform's sectors by half of one keeps struts crossed and J regular.
@@ -223,7 +223,7 @@ pub fn random_hexapod(random: &mut Random, size: f64) -> Hexapod {
     }
 }
 
-/// A pose above the base of [`random_hexapod`], tilted and turned a little.
+/// Returns a pose above the base of [`random_hexapod`], slightly tilted and rotated.
 pub fn random_pose(random: &mut Random, size: f64) -> Pose {
     let mut pose = [0.0; 9];
     pose[0] = size * random.within(0.3);

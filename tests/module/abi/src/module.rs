@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// LinuxCNC's `EmcPose` as numbers: x y z a b c u v w, degrees for angles.
 pub type Pose = [f64; 9];
 
-/// Joint values; LinuxCNC hands over an array of this length.
+/// Joint values; LinuxCNC passes an array of this length.
 pub type Joints = [f64; 16];
 
 /// `PmRotationMatrix`: three columns.
@@ -23,10 +23,10 @@ pub type Columns = [[f64; 3]; 3];
 /// `kinematicsJacobian`'s result: joint by pose component.
 pub type Jacobian = [[f64; 9]; 16];
 
-/// What the servo thread's period is in the tests, in nanoseconds.
+/// Period of the servo thread in the tests, nanoseconds.
 const PERIOD: i64 = 1_000_000;
 
-/// Cycles after which all that only people read has been shown: a few turns of the module's.
+/// Cycles after which all pins for display are updated: a few turns of the module's.
 pub const ALL_IS_SHOWN: usize = 50;
 
 /// `kinematicsForward`.
@@ -59,9 +59,9 @@ struct Entry {
 /// Why a module was not loaded.
 #[derive(Debug)]
 pub struct LoadError {
-    /// What `rtapi_app_main` returned; 0 if it was never called.
+    /// Return code of `rtapi_app_main`; 0 if it was not called.
     pub code: i32,
-    /// What the module or the loader said.
+    /// Messages of the module or the loader.
     pub messages: Vec<String>,
 }
 
@@ -71,40 +71,40 @@ pub struct Module {
     entry: Entry,
     object: NonNull<c_void>,
     pins: HashMap<String, Pin>,
-    /// LinuxCNC's feedback pose of [`Module::forward`], at an address of its own.
+    /// LinuxCNC's feedback pose of [`Module::forward`], at a separate address.
     feedback: Box<RefCell<Pose>>,
-    /// Whether the next seed of [`Module::forward`] is where forward starts.
+    /// Whether forward starts at the next seed of [`Module::forward`].
     follows_seeds: Cell<bool>,
-    /// Whether it holds the pose found last.
+    /// Whether the feedback pose is the last pose found.
     is_followed: Cell<bool>,
     world: World,
-    // The parameters' text, which the module may look at until it is closed.
+    // The parameters' text, which the module may read until it is closed.
     _parameters: Vec<CString>,
 }
 
 impl Module {
-    /// The module under test: `PKMKINS_SO`, or what `cargo xtask module` leaves.
+    /// Returns the module under test: `PKMKINS_SO`, or the result of `cargo xtask module`.
     /// # Panics
     /// If the file is missing or is not loaded with these parameters.
     pub fn pkmkins(parameters: &[(&str, &str)]) -> Module {
         Module::try_pkmkins(parameters).unwrap_or_else(|error| panic!("{parameters:?}: {error:?}"))
     }
 
-    /// As [`Module::pkmkins`], for parameters that may be refused.
+    /// Loads the module under test, with parameters that may be refused.
     /// # Errors
     /// The module's code and messages.
     pub fn try_pkmkins(parameters: &[(&str, &str)]) -> Result<Module, LoadError> {
         Module::load(&pkmkins_path(), "pkmkins", parameters)
     }
 
-    /// LinuxCNC's general hexapod, with its default parameters.
+    /// Returns LinuxCNC's general hexapod, with its default parameters.
     /// # Panics
     /// If LinuxCNC is not installed.
     pub fn genhexkins() -> Module {
         Module::of_linuxcnc("genhexkins")
     }
 
-    /// A kinematics module of LinuxCNC's own, with its default parameters.
+    /// Returns one of LinuxCNC's kinematics modules, with its default parameters.
     /// # Panics
     /// If LinuxCNC is not installed, or has no such module.
     pub fn of_linuxcnc(name: &'static str) -> Module {
@@ -139,12 +139,12 @@ impl Module {
         })
     }
 
-    /// Its name, with which its pins begin.
+    /// Returns its name, the prefix of its pins.
     pub fn name(&self) -> &'static str {
         self.prefix
     }
 
-    /// All pins, in the order of their creation.
+    /// Returns all pins, in the order of their creation.
     pub fn pins(&self) -> Vec<Pin> {
         self.world.pins()
     }
@@ -153,46 +153,46 @@ impl Module {
         self.pins.get(&format!("{}.{name}", self.prefix)).or_else(|| self.pins.get(name))
     }
 
-    /// Whether there is a pin of this name, with or without the module's prefix.
+    /// Returns whether a pin of this name exists, with or without the module's prefix.
     pub fn has(&self, name: &str) -> bool {
         self.pin(name).is_some()
     }
 
-    /// The value of a pin.
+    /// Returns the value of a pin.
     /// # Panics
-    /// If there is none of this name.
+    /// If no pin has this name.
     pub fn get(&self, name: &str) -> f64 {
         self.pin(name).unwrap_or_else(|| panic!("no pin {name}")).get()
     }
 
     /// Sets a pin.
     /// # Panics
-    /// If there is none of this name.
+    /// If no pin has this name.
     pub fn set(&self, name: &str, value: f64) {
         self.follows_seeds.set(false);
         self.pin(name).unwrap_or_else(|| panic!("no pin {name}")).set(value);
     }
 
-    /// Whether a bit pin is on.
+    /// Returns whether a bit pin is on.
     pub fn is_on(&self, name: &str) -> bool {
         self.get(name) != 0.0
     }
 
-    /// One run of `pkmkins.monitor`, as in the servo thread.
+    /// Runs `pkmkins.monitor` once, as in the servo thread.
     /// # Panics
     /// If the module exports no such function.
     pub fn monitor(&self) {
         self.monitor_in_cycle_of(PERIOD);
     }
 
-    /// Runs the monitor until all that only people read has been shown.
+    /// Runs the monitor until all pins for display are updated.
     pub fn monitor_until_all_is_shown(&self) {
         for _ in 0..ALL_IS_SHOWN {
             self.monitor();
         }
     }
 
-    /// As [`Module::monitor`], in a servo thread of another period (nanoseconds).
+    /// Runs the monitor in a servo thread of another period (nanoseconds).
     /// # Panics
     /// If the module exports no such function.
     pub fn monitor_in_cycle_of(&self, period: i64) {
@@ -200,7 +200,7 @@ impl Module {
         assert!(self.world.run(&name, period), "no function {name}");
     }
 
-    /// A rising edge of `.apply`, seen by the monitor.
+    /// Makes a rising edge of `.apply`, detected by the monitor.
     pub fn apply(&self) {
         self.set("apply", 0.0);
         self.monitor();
@@ -212,36 +212,36 @@ impl Module {
         self.world.messages()
     }
 
-    /// Forgets what was printed.
+    /// Discards the messages so far.
     pub fn clear_messages(&self) {
         self.world.clear_messages();
     }
 
-    /// Calls the module made into HAL and RTAPI so far.
+    /// Returns the number of calls by the module to HAL and RTAPI so far.
     pub fn hal_calls(&self) -> u64 {
         self.world.calls()
     }
 
-    /// `kinematicsType`.
+    /// Calls `kinematicsType`.
     pub fn kind(&self) -> i32 {
         // SAFETY: no argument, module started.
         unsafe { (self.entry.kind)() }
     }
 
-    /// `kinematicsSwitchable`.
+    /// Calls `kinematicsSwitchable`.
     pub fn switchable(&self) -> i32 {
         // SAFETY: no argument, module started.
         unsafe { (self.entry.switchable)() }
     }
 
-    /// `kinematicsSwitch`.
+    /// Calls `kinematicsSwitch`.
     pub fn switch(&self, kind: i32) -> i32 {
         self.world.enter();
         // SAFETY: plain number, module started.
         unsafe { (self.entry.switch)(kind) }
     }
 
-    /// `kinematicsTypeFlags`.
+    /// Calls `kinematicsTypeFlags`.
     /// # Panics
     /// If the module does not export it.
     pub fn type_flags(&self, kind: i32) -> i32 {
@@ -250,7 +250,7 @@ impl Module {
         unsafe { call(kind) }
     }
 
-    /// `kinematicsSetTool`; `None` as a null pointer.
+    /// Calls `kinematicsSetTool`; `None` as a null pointer.
     /// # Panics
     /// If the module does not export it.
     pub fn set_tool(&self, tool: Option<&Pose>) -> i32 {
@@ -260,33 +260,33 @@ impl Module {
         unsafe { call(tool.map_or(std::ptr::null(), std::ptr::from_ref)) }
     }
 
-    /// `kinematicsInverse` into the caller's joints.
+    /// Calls `kinematicsInverse` with the caller's joints.
     pub fn inverse_into(&self, pose: &Pose, joints: &mut Joints) -> i32 {
         self.world.enter();
         // SAFETY: every pointer is to a live object of the size LinuxCNC uses.
         unsafe { (self.entry.inverse)(pose, joints.as_mut_ptr(), &0, &mut 0) }
     }
 
-    /// `kinematicsForward` with the caller's pose as seed and result.
+    /// Calls `kinematicsForward` with the caller's pose as seed and result.
     pub fn forward_into(&self, joints: &Joints, world: &mut Pose) -> i32 {
         self.world.enter();
         // SAFETY: as in `inverse_into`.
         unsafe { (self.entry.forward)(joints.as_ptr(), world, &0, &mut 0) }
     }
 
-    /// `kinematicsInverse` into an array that holds as many joints as the machine has,
-    /// and not one more.
+    /// Calls `kinematicsInverse` with an array of exactly as many joints as the machine
+    /// has.
     ///
     /// # Safety
-    /// `joints` must be as long as the machine has joints: nobody checks that.
+    /// `joints` must be as long as the machine has joints, which is not checked.
     pub unsafe fn inverse_exactly(&self, pose: &Pose, joints: &mut [f64]) -> i32 {
         self.world.enter();
         // SAFETY: the caller vouches for the length; the other pointers as in `inverse_into`.
         unsafe { (self.entry.inverse)(pose, joints.as_mut_ptr(), &0, &mut 0) }
     }
 
-    /// `kinematicsForward` from an array that holds as many joints as the machine has,
-    /// and not one more.
+    /// Calls `kinematicsForward` with an array of exactly as many joints as the machine
+    /// has.
     ///
     /// # Safety
     /// As [`Module::inverse_exactly`].
@@ -296,7 +296,7 @@ impl Module {
         unsafe { (self.entry.forward)(joints.as_ptr(), world, &0, &mut 0) }
     }
 
-    /// Joints of a pose.
+    /// Returns the joints of a pose.
     /// # Errors
     /// The module's code.
     pub fn inverse(&self, pose: &Pose) -> Result<Joints, i32> {
@@ -307,11 +307,11 @@ impl Module {
         }
     }
 
-    /// The pose of these joints, from a seed.
+    /// Returns the pose of these joints, from a seed.
     ///
-    /// The module starts from the pose that it knows, whatever seed it is given. Here it has none: the
-    /// reference pose is taken away after it has fixed the folds of nut corrections, and a seed that differs
-    /// from the pose before means that the joints were homed there.
+    /// The module starts at its last pose, for any seed. Here it has none: the
+    /// reference pose is removed after it has fixed the folds of nut corrections, and a seed other
+    /// than the previous pose means that the joints were homed there.
     /// # Errors
     /// The module's code; as in LinuxCNC only a negative one is a failure.
     pub fn forward(&self, joints: &Joints, seed: &Pose) -> Result<Pose, i32> {
@@ -319,22 +319,22 @@ impl Module {
             self.take_reference_away();
         }
         let code = self.forward_from(joints, seed);
-        // After a refusal LinuxCNC's next seed says nothing, and the next call starts from the last good pose.
+        // After a refusal LinuxCNC's next seed is ignored, and the next call starts at the last good pose.
         self.follows_seeds.set(code >= 0);
         self.is_followed.set(code >= 0);
         if code < 0 { Err(code) } else { Ok(*self.feedback.borrow()) }
     }
 
     /// Calls `kinematicsForward` with a seed in LinuxCNC's feedback pose, which the module follows after
-    /// [`Module::take_reference_away`] and a call that succeeds.
+    /// [`Module::take_reference_away`] and a successful call.
     pub fn forward_from(&self, joints: &Joints, seed: &Pose) -> i32 {
         let mut world = self.feedback.borrow_mut();
         *world = *seed;
         self.forward_into(joints, &mut world)
     }
 
-    /// Returns the pose of these joints in the course of a motion, as LinuxCNC's servo thread asks for it: the
-    /// seed is the pose found last, and after a refusal `home`.
+    /// Returns the pose of these joints in the course of a motion, as LinuxCNC's servo thread requests it: the
+    /// seed is the last pose found, and after a refusal `home`.
     /// # Errors
     /// As [`Module::forward`].
     pub fn follow(&self, joints: &Joints, home: &Pose) -> Result<Pose, i32> {
@@ -348,7 +348,7 @@ impl Module {
         if code < 0 { Err(code) } else { Ok(*world) }
     }
 
-    /// Applies the geometry without its reference pose, with the folds of nut corrections of that pose.
+    /// Applies the geometry without its reference pose, but with the folds of nut corrections of that pose.
     pub fn take_reference_away(&self) {
         let mut home = [0.0; 9];
         for (letter, value) in ["x", "y", "z", "a", "b", "c"].into_iter().zip(&mut home) {
@@ -357,7 +357,7 @@ impl Module {
         self.take_reference_away_at(&home);
     }
 
-    /// As [`Module::take_reference_away`], with all letters of the reference pose.
+    /// Applies the geometry without its reference pose, given by all letters.
     pub fn take_reference_away_at(&self, home: &Pose) {
         let is_home =
             |name: &str| name.rsplit_once('.').is_some_and(|(stem, _)| stem.ends_with("home"));
@@ -377,7 +377,7 @@ impl Module {
         }
         self.set("apply", apply);
         let _ = self.inverse(home);
-        // Two calls without one of inverse between them: no pose is commanded.
+        // Two calls without a call of inverse between them: no pose is commanded.
         for _ in 0..2 {
             self.forward_from(&at_home.unwrap_or([f64::NAN; 16]), home);
         }
@@ -385,7 +385,7 @@ impl Module {
         self.set("machine-on", on);
     }
 
-    /// `kinematicsJacobian`. Every element is NaN before the call.
+    /// Calls `kinematicsJacobian`. Every element is NaN before the call.
     /// # Errors
     /// The module's code.
     /// # Panics
@@ -401,7 +401,7 @@ impl Module {
         }
     }
 
-    /// `kinematicsToolFrame`: columns are the tool's axes in world.
+    /// Calls `kinematicsToolFrame`: columns are the tool's axes in world.
     /// # Errors
     /// The module's code.
     /// # Panics
@@ -410,7 +410,7 @@ impl Module {
         self.frame(self.entry.tool_frame.expect("kinematicsToolFrame is exported"), joints)
     }
 
-    /// `kinematicsWorkFrame`.
+    /// Calls `kinematicsWorkFrame`.
     /// # Errors
     /// The module's code.
     /// # Panics
@@ -419,7 +419,7 @@ impl Module {
         self.frame(self.entry.work_frame.expect("kinematicsWorkFrame is exported"), joints)
     }
 
-    /// Calls a frame function on a matrix of NaN, which a refusal leaves alone.
+    /// Calls a frame function on a matrix of NaN, which a refusal must not change.
     fn frame(&self, call: FrameFn, joints: &Joints) -> Result<Columns, i32> {
         self.world.enter();
         let mut columns = [[f64::NAN; 3]; 3];
@@ -434,7 +434,7 @@ impl Module {
         }
     }
 
-    /// A text the module exports for `rtapi_app` and `modinfo`.
+    /// Returns a text that the module exports for `rtapi_app` and `modinfo`.
     pub fn text(&self, symbol: &str) -> Option<String> {
         let address = stub::symbol(self.object, symbol)?;
         // SAFETY: MODULE_INFO's layout: a pointer to a constant C string.
@@ -442,7 +442,7 @@ impl Module {
         Some(text.to_string_lossy().into_owned())
     }
 
-    /// The bare entry points, for measuring without this wrapper.
+    /// Returns the entry points, for measurements without this wrapper.
     pub fn entry_points(&self) -> (ForwardFn, InverseFn) {
         self.world.enter();
         (self.entry.forward, self.entry.inverse)
@@ -485,9 +485,9 @@ impl Entry {
     }
 }
 
-/// Where the module under test is.
+/// Returns the path of the module under test.
 /// # Panics
-/// If it is not there.
+/// If it does not exist.
 pub fn pkmkins_path() -> PathBuf {
     let path = std::env::var_os("PKMKINS_SO").map_or_else(
         || {
@@ -505,8 +505,8 @@ fn linuxcnc_modules() -> PathBuf {
         .map_or_else(|| PathBuf::from("/usr/lib/linuxcnc/modules"), PathBuf::from)
 }
 
-/// Opens a copy of the file: the dynamic linker knows libraries by inode, and
-/// only another inode gets statics of its own. The name is not needed afterwards.
+/// Opens a copy of the file: the dynamic linker identifies libraries by inode, and
+/// only another inode has separate statics. The name is not needed afterwards.
 fn open_own_copy(path: &Path) -> Result<NonNull<c_void>, String> {
     let say = |error: std::io::Error| format!("{}: {error}", path.display());
     let copy = own_name();
@@ -516,14 +516,14 @@ fn open_own_copy(path: &Path) -> Result<NonNull<c_void>, String> {
     object
 }
 
-/// A name that no other test uses.
+/// Returns a name that no other test uses.
 fn own_name() -> PathBuf {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     std::env::temp_dir().join(format!("pkmkins-test-{}-{number}.so", std::process::id()))
 }
 
-/// The file without its lines for a debugger, four fifths of the module: the tests copy it thousands of times.
+/// Returns the file without debug lines, four fifths of the module: the tests copy it thousands of times.
 ///
 /// STRIP names the command for modules of another processor.
 fn without_lines(path: &Path) -> std::io::Result<Arc<[u8]>> {

@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Where genhexkins' nut-rotation correction can serve as a reference.
+//! Range in which genhexkins' nut-rotation correction can serve as a reference.
 //!
-//! genhexkins takes the arcsin of the torsion's sine: it folds at ±90° and knows
-//! no limit where a strut lies along a joint axis. Its correction and the
-//! continuous one agree on one side of the fold only.
+//! genhexkins uses the arcsin of the torsion's sine: it folds at ±90° and has
+//! no limit for a strut along a joint axis. Its correction and the
+//! continuous one agree only on one side of the fold.
 
 use crate::geometry::{cross, dot, minus, plus, rotation, turned, unit};
 use crate::machines::Hexapod;
 use crate::module::Pose;
 
-/// A strut's torsion φ about its own axis, as sine and cosine, and how far the
-/// strut is from lying along one of the joint axes (smaller of the two sin²).
+/// A strut's torsion φ about its axis, as sine and cosine, and its distance from
+/// the directions of the joint axes (smaller of the two sin²).
 #[derive(Clone, Copy, Debug)]
 pub struct Torsion {
-    /// sin φ, what genhexkins takes the arcsin of.
+    /// sin φ, the argument of genhexkins' arcsin.
     pub sine: f64,
-    /// cos φ: its sign tells the side of the fold.
+    /// cos φ: its sign is the side of the fold.
     pub cosine: f64,
     /// Smaller of 1 − (A1·n)² and 1 − (B·n)².
     pub clearance: f64,
 }
 
-/// The torsion of strut `leg` at a pose.
+/// Returns the torsion of strut `leg` at a pose.
 pub fn torsion(machine: &Hexapod, pose: &Pose, leg: usize) -> Torsion {
     let r = rotation(pose);
     let o = [0.0, 0.0, machine.spindle_offset + machine.tool_offset];

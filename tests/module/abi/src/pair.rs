@@ -9,15 +9,15 @@ use crate::subjects::{Subject, subjects};
 /// Two machines, and the letters of the second one's angles.
 pub struct Two {
     pub first: Subject,
-    /// The second, in its own coordinates.
+    /// The second machine, in its own coordinates.
     pub second: Subject,
     /// Load parameter `second_angles`.
     pub angles: &'static str,
 }
 
-/// Two of [`subjects`].
+/// Returns two of [`subjects`].
 /// # Panics
-/// Where there is none of this name.
+/// If there is none of this name.
 pub fn two(first: &str, second: &str, angles: &'static str) -> Two {
     let find = |name: &str| {
         let found = subjects().into_iter().find(|subject| subject.name == name);
@@ -26,7 +26,7 @@ pub fn two(first: &str, second: &str, angles: &'static str) -> Two {
     Two { first: find(first), second: find(second), angles }
 }
 
-/// The mirrored lathe, and pairs of other numbers of legs, with a table, and of other angles.
+/// Returns the mirrored lathe, and pairs with other numbers of legs, with a table, and with other angles.
 pub fn pairs() -> Vec<Two> {
     vec![
         two("four-rod lathe", "four-rod lathe", "C"),
@@ -37,7 +37,7 @@ pub fn pairs() -> Vec<Two> {
 }
 
 impl Two {
-    /// Places in LinuxCNC's pose of the second one's X Y Z A B C.
+    /// Returns the indices in LinuxCNC's pose of the second machine's X Y Z A B C.
     /// # Panics
     /// If it has more angles than letters for them.
     pub fn places(&self) -> [Option<usize>; 6] {
@@ -54,7 +54,7 @@ impl Two {
         places
     }
 
-    /// LinuxCNC's pose of both.
+    /// Returns LinuxCNC's pose of both.
     pub fn world(&self, first: &Pose, second: &Pose) -> Pose {
         let mut world = *first;
         for (value, place) in second.iter().zip(self.places()) {
@@ -63,7 +63,7 @@ impl Two {
         world
     }
 
-    /// The second one's own pose in LinuxCNC's.
+    /// Returns the second machine's pose in LinuxCNC's pose.
     pub fn second_of(&self, world: &Pose) -> Pose {
         let mut pose = [0.0; 9];
         for (value, place) in pose.iter_mut().zip(self.places()) {
@@ -81,12 +81,12 @@ impl Two {
         all
     }
 
-    /// A module loaded for both, nothing on its pins yet.
+    /// Returns a module loaded for both, with pins unset.
     pub fn loaded(&self) -> Module {
         self.loaded_with(&[])
     }
 
-    /// The same with more load parameters.
+    /// Returns such a module with more load parameters.
     pub fn loaded_with(&self, more: &[(&str, &str)]) -> Module {
         let all = self.parameters();
         let own = all.iter().map(|(name, value)| (*name, value.as_str()));
@@ -94,7 +94,7 @@ impl Two {
         Module::pkmkins(&all)
     }
 
-    /// A module with both on its pins and applied.
+    /// Returns a module with the pins of both set and applied.
     /// # Panics
     /// If a geometry is refused.
     pub fn module(&self) -> Module {
@@ -134,12 +134,12 @@ impl Two {
         joints
     }
 
-    /// LinuxCNC's pose with both at their reference poses.
+    /// Returns LinuxCNC's pose with both at their reference poses.
     pub fn homes(&self) -> Pose {
         self.world(&self.first.home(), &self.second.home())
     }
 
-    /// Distance of two of the second one's poses, as a share of its size.
+    /// Returns the distance of two of the second machine's poses, as a share of its size.
     pub fn gap(machine: &Parallel, one: &Pose, other: &Pose) -> f64 {
         let way = norm(minus([one[0], one[1], one[2]], [other[0], other[1], other[2]]));
         let turn = (3..6).map(|k| (one[k] - other[k]).abs().to_radians()).sum::<f64>();

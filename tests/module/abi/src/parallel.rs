@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Any machine the module drives, as its load parameters and pins describe it.
+//! Any machine of the module, described by its load parameters and pins.
 
 use crate::geometry::{Vector, cross, dot, minus, norm, plus, rotation, scaled, turned, unit};
 use crate::machines::Hexapod;
@@ -10,15 +10,15 @@ pub const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
 #[derive(Clone, Debug)]
 pub struct Leg {
-    /// Base anchor; of a slider the guide's point with the carriage at 0, of a crank the hip.
+    /// Base anchor; for a slider the guide's point with the carriage at 0, for a crank the hip.
     pub base: Vector,
-    /// Platform anchor, or the centre of its ring, in the platform.
+    /// Platform anchor, or the center of its ring, in the platform.
     pub platform: Vector,
-    /// Kind and what belongs to it.
+    /// Kind and its parameters.
     pub kind: Kind,
 }
 
-/// What belongs to a leg of each kind.
+/// Parameters of a leg of each kind.
 #[derive(Clone, Debug)]
 pub enum Kind {
     Strut {
@@ -36,11 +36,11 @@ pub enum Kind {
         /// Branch.
         side: i32,
     },
-    /// Rod on a turning arm.
+    /// Rod on a rotating arm.
     Crank {
         /// Direction of the axis, any length.
         axis: Vector,
-        /// From the hip to the arm's end at 0 degrees.
+        /// Vector from the hip to the arm's end at 0 degrees.
         arm: Vector,
         rod: f64,
         /// Branch.
@@ -55,7 +55,7 @@ impl Kind {
     pub const PLAIN_STRUT: Self =
         Self::Strut { base_axis: [0.0; 3], platform_axis: [0.0; 3], lead: 0.0 };
 
-    /// Its name in the load parameter `legs`.
+    /// Returns its name in the load parameter `legs`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Strut { .. } => "strut",
@@ -67,7 +67,7 @@ impl Kind {
 }
 
 impl Leg {
-    /// How far a joint value (without offset) moves the leg's lower end from its base anchor.
+    /// Returns the displacement of the leg's lower end from its base anchor by a joint value (without offset).
     pub fn displacement(&self, joint: f64) -> Vector {
         match self.kind {
             Kind::Strut { .. } | Kind::Ring { .. } => [0.0; 3],
@@ -82,7 +82,7 @@ impl Leg {
         }
     }
 
-    /// Unit vector of the lower end's motion; `None` for a leg whose lower end stands still.
+    /// Returns the unit vector of the lower end's motion; `None` for a fixed lower end.
     pub fn motion(&self, joint: f64) -> Option<Vector> {
         match self.kind {
             Kind::Strut { .. } | Kind::Ring { .. } => None,
@@ -91,8 +91,8 @@ impl Leg {
         }
     }
 
-    /// The joint value of the other side with its platform anchor at the same place;
-    /// `None` for a leg that has no sides.
+    /// Returns the joint value of the other branch with the same platform anchor;
+    /// `None` for a leg without branches.
     pub fn other_side(&self, anchor: Vector, joint: f64) -> Option<f64> {
         let w = minus(anchor, self.base);
         match self.kind {
@@ -116,7 +116,7 @@ pub struct Parallel {
     pub coordinates: &'static str,
     /// Load parameter `table`, upper case.
     pub table: &'static str,
-    /// Point of the platform that held and table letters are about.
+    /// Reference point of the platform for constant and table letters.
     pub centre: Vector,
     pub home: Option<Pose>,
     pub tool: Vector,
@@ -124,7 +124,7 @@ pub struct Parallel {
 }
 
 impl Parallel {
-    /// A machine without table, centre and tool.
+    /// Creates a machine without table, center and tool.
     pub fn new(legs: Vec<Leg>, coordinates: &'static str, home: Pose) -> Self {
         Self {
             legs,
@@ -161,26 +161,26 @@ impl Parallel {
         machine
     }
 
-    /// Number of joints: legs, then table axes.
+    /// Returns the number of joints: legs, then table axes.
     pub fn joints(&self) -> usize {
         self.legs.len() + self.table.len()
     }
 
-    /// Whether a coordinate (X = 0 … C = 5) is moved by legs or table.
+    /// Returns whether legs or table move a coordinate (X = 0 … C = 5).
     pub fn moves(&self, coordinate: usize) -> bool {
         let letter = LETTERS[coordinate].to_uppercase();
         self.coordinates.contains(&letter) || self.table.contains(&letter)
     }
 
-    /// D = t − o + R (o + centre): what legs and table together place.
+    /// Returns D = t − o + R (o + centre), which legs and table together position.
     pub fn point(&self, pose: &Pose) -> Vector {
         let o = plus(self.tool, [0.0, 0.0, self.spindle_offset]);
         let t = [pose[0], pose[1], pose[2]];
         plus(minus(t, o), turned(&rotation(pose), plus(o, self.centre)))
     }
 
-    /// Where the legs hold the platform anchor of leg `n`, or the centre of its ring: of D they see
-    /// 0 in place of held and table coordinates.
+    /// Returns the position of the platform anchor of leg `n`, or of the center of its ring, relative to the legs: with
+    /// 0 instead of constant and table coordinates of D.
     pub fn joint_centre(&self, pose: &Pose, n: usize) -> Vector {
         let point = self.point(pose);
         let seen: Vector = std::array::from_fn(|k| {
@@ -190,7 +190,7 @@ impl Parallel {
         plus(seen, turned(&rotation(pose), minus(self.legs[n].platform, self.centre)))
     }
 
-    /// The same, of a ring its point that is nearest to the base anchor.
+    /// Returns the position of the platform anchor; on a ring its point nearest to the base anchor.
     pub fn anchor(&self, pose: &Pose, n: usize) -> Vector {
         let (leg, centre) = (&self.legs[n], self.joint_centre(pose, n));
         let Kind::Ring { radius } = leg.kind else { return centre };
@@ -199,13 +199,13 @@ impl Parallel {
         if radius == 0.0 { centre } else { plus(centre, scaled(unit(outward), radius)) }
     }
 
-    /// From the lower end of leg `n` at a joint value to its platform anchor.
+    /// Returns the vector from the lower end of leg `n` at a joint value to its platform anchor.
     pub fn span(&self, pose: &Pose, n: usize, joint: f64) -> Vector {
         let leg = &self.legs[n];
         minus(minus(self.anchor(pose, n), leg.base), leg.displacement(joint))
     }
 
-    /// The load parameters of this machine.
+    /// Returns the load parameters of this machine.
     pub fn parameters(&self) -> [(&'static str, String); 3] {
         let legs: Vec<String> =
             self.legs.iter().map(|leg| format!("{}:1", leg.kind.name())).collect();
@@ -216,17 +216,17 @@ impl Parallel {
         ]
     }
 
-    /// A module loaded for this machine, nothing on its pins yet.
+    /// Returns a module loaded for this machine, with pins unset.
     pub fn loaded(&self) -> Module {
         self.loaded_with_boxes(0)
     }
 
-    /// The same with boxes for the start without a seed.
+    /// Returns such a module with boxes for the start without a seed.
     pub fn loaded_with_boxes(&self, boxes: usize) -> Module {
         self.loaded_with(&[("boxes", &boxes.to_string())])
     }
 
-    /// The same with more load parameters.
+    /// Returns such a module with more load parameters.
     pub fn loaded_with(&self, more: &[(&str, &str)]) -> Module {
         let parameters = self.parameters();
         let mut all = more.to_vec();
@@ -234,7 +234,7 @@ impl Parallel {
         Module::pkmkins(&all)
     }
 
-    /// A module with this machine on its pins and applied.
+    /// Returns a module with this machine's pins set and applied.
     /// # Panics
     /// If the geometry is refused.
     pub fn module(&self) -> Module {
@@ -243,7 +243,7 @@ impl Parallel {
         module
     }
 
-    /// Puts this machine on a module's pins and applies it; false if it is refused.
+    /// Sets this machine's pins of a module and applies it; false if it is refused.
     pub fn apply(&self, module: &Module) -> bool {
         self.wire(module);
         module.apply();
@@ -274,7 +274,7 @@ impl Parallel {
         module.set("spindle-offset", self.spindle_offset);
     }
 
-    /// Largest length: of an anchor from its body's origin, a rod or an arm.
+    /// Returns the largest length: of an anchor from its body's origin, a rod or an arm.
     pub fn size(&self) -> f64 {
         let lengths = self.legs.iter().flat_map(|leg| {
             let [rod, arm] = match leg.kind {
@@ -288,8 +288,8 @@ impl Parallel {
         lengths.fold(0.0, f64::max)
     }
 
-    /// Root mean square radius of the platform anchors about their centroid; rings add what the
-    /// module adds for them.
+    /// Returns the root mean square radius of the platform anchors about their centroid; rings contribute as in
+    /// the module.
     pub fn radius(&self) -> f64 {
         let count = self.legs.len() as f64;
         let centroid: Vector = std::array::from_fn(|k| {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Repeatable random numbers: a fixed seed a test, so that a failure can be
-//! run again, and one knob for the number of cases.
+//! Repeatable random numbers: a fixed seed per test, so that a failure can be
+//! reproduced, and one setting for the number of cases.
 
 /// SplitMix64 (Steele, Lea and Flood, 2014): small, and the same everywhere.
 pub struct Random(u64);
 
 impl Random {
-    /// A generator that always gives the same numbers for the same seed.
+    /// Creates a generator with reproducible numbers for a seed.
     pub fn new(seed: u64) -> Random {
         Random(seed)
     }
@@ -19,18 +19,18 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Uniform between `low` and `high`.
+    /// Returns a uniform number between `low` and `high`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         let unit = (self.next() >> 11) as f64 / (1_u64 << 53) as f64;
         low + (high - low) * unit
     }
 
-    /// Uniform within ± `size`.
+    /// Returns a uniform number within ± `size`.
     pub fn within(&mut self, size: f64) -> f64 {
         self.between(-size, size)
     }
 
-    /// A direction, uniform on the sphere.
+    /// Returns a direction, uniform on the sphere.
     pub fn direction(&mut self) -> [f64; 3] {
         let z = self.within(1.0);
         let angle = self.within(std::f64::consts::PI);
@@ -39,7 +39,7 @@ impl Random {
     }
 }
 
-/// `usual` cases, times `PKMKINS_CASES` (default 1; 10 for a long run, 0.01 for a glance).
+/// Returns `usual` cases, times `PKMKINS_CASES` (default 1; 10 for a long run, 0.01 for a quick one).
 pub fn cases(usual: usize) -> usize {
     let factor: f64 = match std::env::var("PKMKINS_CASES") {
         Ok(text) => text.parse().expect("PKMKINS_CASES is a number"),

@@ -8,24 +8,24 @@ use crate::parallel::Parallel;
 use crate::random::Random;
 use crate::tracker::same_handed;
 
-/// How far lines are followed, relative to the machine's size, and how far beyond a singular pose.
+/// Length of lines relative to the machine's size, and beyond a singular pose.
 const FARTHEST: f64 = 1.5;
 const BEYOND: f64 = 0.1;
 
-/// Cycles of a line before its singular pose that are followed.
+/// Cycles of a line before its singular pose that are tested.
 const BEFORE: usize = 500;
 
 /// Code of the refusal of a commanded motion that has passed a singular pose, as in docs/reference/causes.md.
 pub const PASSED: i32 = -41;
 
-/// Directions that are not of one coordinate.
+/// Number of directions that involve several coordinates.
 const OBLIQUE: usize = 14;
 
 /// A straight line of poses at a constant step.
 pub struct Line {
     /// Pose in cycle 0.
     pub start: Pose,
-    /// Change in a cycle.
+    /// Change per cycle.
     pub step: Pose,
 }
 
@@ -35,11 +35,11 @@ impl Line {
         std::array::from_fn(|k| self.start[k] + cycle as f64 * self.step[k])
     }
 
-    /// The first cycle beyond a singular pose; `None` where the legs end before.
+    /// Returns the first cycle beyond a singular pose; `None` if the legs end before.
     #[must_use]
     pub fn crossing(&self, module: &Module, machine: &Parallel, cycles: usize) -> Option<usize> {
         let beyond = |cycle: usize| self.is_beyond(module, machine, cycle);
-        // Coarsely first, then cycle by cycle.
+        // First with large steps, then cycle by cycle.
         let mut before = 0;
         for cycle in (50..cycles).step_by(50) {
             if beyond(cycle)? {
@@ -50,32 +50,32 @@ impl Line {
         None
     }
 
-    /// Whether the pose of a cycle is on the other side of singular poses than the start: beyond one of
-    /// them, not beyond two. `None` where the legs do not reach it.
+    /// Returns whether the pose of a cycle is on the other side of singular poses than the start: beyond one of
+    /// them, not beyond two. `None` if the legs do not reach it.
     fn is_beyond(&self, module: &Module, machine: &Parallel, cycle: usize) -> Option<bool> {
         let at = self.at(cycle);
-        // The determinant by pose coordinates has the factor cos B, which is no singular pose.
+        // The determinant by pose coordinates has the factor cos B, whose zero is not a singular pose.
         let turned = at[4].to_radians().cos() * self.start[4].to_radians().cos() < 0.0;
         same_handed(module, machine, &at, &self.start).map(|same| same == turned)
     }
 }
 
-/// What forward did on lines through singular poses.
+/// Results of forward on lines through singular poses.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Sequences {
     pub lines: usize,
     /// Lines with a refusal because the commanded motion had passed it.
     pub passed: usize,
-    /// Lines on which forward gave a pose for joints of a commanded pose beyond it.
+    /// Lines on which forward returned a pose for joints of a commanded pose beyond it.
     pub answered: usize,
-    /// Farthest of the poses given from the commanded ones, relative to the machine's size.
+    /// Largest distance of the returned poses from the commanded ones, relative to the machine's size.
     pub farthest: f64,
 }
 
 impl Sequences {
-    /// Follows lines from a pose, `step` machine units a cycle: along each coordinate both ways, and
-    /// others. Every second one has a monitor. `fresh` makes the module that is followed; whether a
-    /// line passes a singular pose `machine` says.
+    /// Follows lines from a pose, `step` machine units per cycle: along each coordinate in both directions, and
+    /// others. Every second one has a monitor. `fresh` creates the tested module; `machine` determines whether a
+    /// line passes a singular pose.
     pub fn follow_lines(
         &mut self,
         (machine, fresh): (&Parallel, &dyn Fn() -> Module),
@@ -107,7 +107,7 @@ impl Sequences {
     ) {
         self.lines += 1;
         let (mut passed, mut answered) = (false, false);
-        // Most of the way there is like any other.
+        // Most of the path there is uniform.
         let first = crossing.saturating_sub(BEFORE);
         let mut command = line.at(first);
         let mut world = command;
@@ -137,7 +137,7 @@ impl Sequences {
     }
 }
 
-/// Directions of jogs, then any: a length for each coordinate.
+/// Returns directions of jogs, then random ones: a length for each coordinate.
 fn directions(random: &mut Random, radius: f64) -> Vec<[f64; 6]> {
     let mut all: Vec<[f64; 6]> = (0..12)
         .map(|n| {

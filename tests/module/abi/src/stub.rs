@@ -6,7 +6,7 @@ use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::OnceLock;
 
-/// A pin's type, as `hal.h` numbers it.
+/// A pin's type, as numbered by `hal.h`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PinType {
     /// `hal_bit_t`
@@ -19,7 +19,7 @@ pub enum PinType {
     U32,
 }
 
-/// A pin's direction seen from the module.
+/// A pin's direction from the module's view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PinDir {
     /// Read by the module.
@@ -27,7 +27,7 @@ pub enum PinDir {
     /// Written by the module.
     Out,
     Io,
-    /// No pin but a parameter, which only the module writes.
+    /// A parameter that only the module writes.
     ReadOnly,
     /// A parameter that `setp` may write.
     ReadWrite,
@@ -45,7 +45,7 @@ pub struct Pin {
 }
 
 impl Pin {
-    /// The pin's value; bits are 0 or 1.
+    /// Returns the pin's value; bits are 0 or 1.
     pub fn get(&self) -> f64 {
         // SAFETY: the stub keeps a cell of the pin's type alive as long as its
         // world, and a world outlives the pins handed out by its module.
@@ -73,14 +73,14 @@ impl Pin {
     }
 }
 
-/// A message the module printed, with RTAPI's level (1 = error).
+/// A message of the module, with RTAPI's level (1 = error).
 #[derive(Clone, Debug)]
 pub struct Message {
     pub level: i32,
     pub text: String,
 }
 
-/// Lets the clock of this thread's modules go on, which otherwise counts its own calls.
+/// Advances the clock of this thread's modules, which otherwise counts its own calls.
 pub fn pass_time(nanoseconds: i64) {
     // SAFETY: takes a number and adds it.
     unsafe { (stub().pass_time)(nanoseconds) }
@@ -88,7 +88,7 @@ pub fn pass_time(nanoseconds: i64) {
 
 /// Opens a shared library. `global` makes its symbols visible to later ones.
 /// # Errors
-/// The dynamic linker's own words.
+/// The dynamic linker's message.
 pub fn open(path: &Path, global: bool) -> Result<NonNull<c_void>, String> {
     let scope = if global { libc::RTLD_GLOBAL } else { libc::RTLD_LOCAL };
     let name = CString::new(path.as_os_str().as_encoded_bytes()).expect("a path without NUL");
@@ -101,14 +101,14 @@ pub fn open(path: &Path, global: bool) -> Result<NonNull<c_void>, String> {
     })
 }
 
-/// The address of `name` in an open library.
+/// Returns the address of `name` in an open library.
 pub fn symbol(library: NonNull<c_void>, name: &str) -> Option<NonNull<c_void>> {
     let name = CString::new(name).expect("a symbol without NUL");
     // SAFETY: `library` came from `open` and is not closed while in use.
     NonNull::new(unsafe { libc::dlsym(library.as_ptr(), name.as_ptr()) })
 }
 
-/// Looks up a function and gives it its C type.
+/// Looks up a function and casts it to its C type.
 macro_rules! function {
     ($library:expr, $name:expr, $type:ty) => {
         $crate::stub::symbol($library, $name).map(|address| {
@@ -176,20 +176,20 @@ fn stub() -> &'static Stub {
 pub struct World(NonNull<c_void>);
 
 impl World {
-    /// An empty HAL.
+    /// Creates an empty HAL.
     #[expect(clippy::new_without_default, reason = "a world is a resource, not a value")]
     pub fn new() -> World {
         // SAFETY: allocates; no precondition.
         World(NonNull::new(unsafe { (stub().world_new)() }).expect("memory for a stub HAL"))
     }
 
-    /// Makes this the HAL that this thread's next calls act on.
+    /// Makes this the HAL of this thread's next calls.
     pub fn enter(&self) {
         // SAFETY: the pointer is alive as long as self.
         unsafe { (stub().world_enter)(self.0.as_ptr()) }
     }
 
-    /// All pins in the order of their creation.
+    /// Returns all pins in the order of their creation.
     pub fn pins(&self) -> Vec<Pin> {
         let world = self.0.as_ptr();
         // SAFETY: indices below the count, pointer alive as long as self.
@@ -205,7 +205,7 @@ impl World {
         }
     }
 
-    /// What the module has printed since the last [`World::clear_messages`].
+    /// Returns the module's messages since the last [`World::clear_messages`].
     pub fn messages(&self) -> Vec<Message> {
         let world = self.0.as_ptr();
         // SAFETY: as in `pins`.
@@ -224,19 +224,19 @@ impl World {
         unsafe { (stub().messages_clear)(self.0.as_ptr()) }
     }
 
-    /// Whether the module called `hal_ready`.
+    /// Returns whether the module called `hal_ready`.
     pub fn is_ready(&self) -> bool {
         // SAFETY: as above.
         unsafe { (stub().ready)(self.0.as_ptr()) != 0 }
     }
 
-    /// Whether the module called `hal_exit`.
+    /// Returns whether the module called `hal_exit`.
     pub fn has_exited(&self) -> bool {
         // SAFETY: as above.
         unsafe { (stub().exited)(self.0.as_ptr()) != 0 }
     }
 
-    /// Calls into HAL and RTAPI so far.
+    /// Returns the number of calls to HAL and RTAPI so far.
     pub fn calls(&self) -> u64 {
         // SAFETY: as above.
         unsafe { (stub().calls)(self.0.as_ptr()) }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The machines of every kind with their workspaces.
+//! Machines of every kind with their workspaces.
 //!
-//! Dimensions and workspaces are those of configs/; the last two are nobody's, made to
-//! have all kinds of legs, eight of them, a lead, and both ways of charting rotations.
+//! Dimensions and workspaces are those of configs/; the last two machines are artificial, with
+//! all kinds of legs, eight of them, a lead, and both charts of rotations.
 
 use crate::geometry::{Vector, cross, plus, unit};
 use crate::machines::{Hexapod, lab_hexapod, lab_pose, paper_004, paper_004_pose};
@@ -14,7 +14,7 @@ use crate::random::Random;
 pub struct Subject {
     pub name: &'static str,
     pub machine: Parallel,
-    /// A random pose of the workspace.
+    /// Returns a random pose of the workspace.
     pub sample: fn(&mut Random) -> Pose,
 }
 
@@ -23,7 +23,7 @@ impl Subject {
         Self { name, machine, sample }
     }
 
-    /// The reference pose.
+    /// Returns the reference pose.
     /// # Panics
     /// If the machine has none.
     pub fn home(&self) -> Pose {
@@ -31,7 +31,7 @@ impl Subject {
     }
 }
 
-/// Every machine.
+/// Returns every machine.
 pub fn subjects() -> Vec<Subject> {
     let mut all = hexapods();
     all.extend(rods());
@@ -44,7 +44,7 @@ pub fn subjects() -> Vec<Subject> {
     all
 }
 
-/// Machines of six struts.
+/// Returns machines of six struts.
 pub fn hexapods() -> Vec<Subject> {
     let long_tool = Hexapod { tool_offset: 120.0, ..paper_004() };
     vec![
@@ -54,7 +54,7 @@ pub fn hexapods() -> Vec<Subject> {
     ]
 }
 
-/// Machines of rods on carriages or cranks.
+/// Returns machines of rods on carriages or cranks.
 pub fn rods() -> Vec<Subject> {
     let with_tool = Parallel { tool: [7.0, -11.0, 80.0], ..pyramid() };
     let home = Some(pose([0.0, 0.0, -12.0, 0.0, 0.0, 0.0]));
@@ -69,12 +69,12 @@ pub fn rods() -> Vec<Subject> {
     ]
 }
 
-/// A pose of six coordinates.
+/// Returns a pose of six coordinates.
 pub const fn pose(c: [f64; 6]) -> Pose {
     [c[0], c[1], c[2], c[3], c[4], c[5], 0.0, 0.0, 0.0]
 }
 
-/// A pose of a box; `half` sizes about `middle`.
+/// Returns a random pose in a box of `half` sizes about `middle`.
 fn in_box(random: &mut Random, middle: [f64; 6], half: [f64; 6]) -> Pose {
     let mut pose = pose(middle);
     for (value, half) in pose.iter_mut().zip(half) {
@@ -91,7 +91,7 @@ const UP: Vector = [0.0, 0.0, 1.0];
 
 const LATHE_HOME: Pose = pose([0.0, 450.0, 1000.0, 0.0, 0.0, 0.0]);
 
-/// The four-rod lathe of Kuznetsov, Dmytriev, Dinevych; dimensions of configs/four-rod-lathe.
+/// Returns the four-rod lathe of Kuznetsov, Dmytriev, Dinevych; dimensions of configs/four-rod-lathe.
 pub fn four_rod_lathe() -> Parallel {
     let leg =
         |rail: f64, z: f64, side| slider([rail, 0.0, 0.0], [rail / 3.0, 0.0, z], UP, 700.0, side);
@@ -108,7 +108,7 @@ pub fn four_rod_lathe_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 450.0, 1000.0, 0.0, 0.0, 0.0], [120.0, 70.0, 400.0, 0.0, 20.0, 0.0])
 }
 
-/// The six-rod lathe of the same authors; dimensions of configs/six-rod-lathe.
+/// Returns the six-rod lathe of the same authors; dimensions of configs/six-rod-lathe.
 pub fn six_rod_lathe() -> Parallel {
     let mut machine = four_rod_lathe();
     let third =
@@ -123,7 +123,7 @@ fn six_rod_lathe_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 445.0, 1000.0, 0.0, 0.0, 0.0], [70.0, 35.0, 400.0, 12.0, 12.0, 12.0])
 }
 
-/// The drill-milling machine of Dmytriev, Piven, Keba; dimensions of configs/pyramid.
+/// Returns the drill-milling machine of Dmytriev, Piven, Keba; dimensions of configs/pyramid.
 pub fn pyramid() -> Parallel {
     let leg = |x: f64, y: f64| {
         let base = [700.0 * x, 700.0 * y, 200.0];
@@ -134,12 +134,12 @@ pub fn pyramid() -> Parallel {
     Parallel { table: "XY", centre: [0.0, 0.0, 150.0], ..Parallel::new(legs, "ZAB", home) }
 }
 
-/// A pose of the pyramid's workspace.
+/// Returns a random pose of the pyramid's workspace.
 pub fn pyramid_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 0.0, 270.0, 0.0, 0.0, 0.0], [150.0, 150.0, 120.0, 20.0, 20.0, 0.0])
 }
 
-/// Directions of three legs at `degrees`, in that order.
+/// Returns the directions of three legs at `degrees`, in that order.
 fn spokes(degrees: [f64; 3]) -> [Vector; 3] {
     degrees.map(|at| {
         let (s, c) = f64::to_radians(at).sin_cos();
@@ -151,7 +151,7 @@ fn along(spoke: Vector, radius: f64) -> Vector {
     spoke.map(|v| v * radius)
 }
 
-/// A linear delta with towers where LinuxCNC's lineardeltakins has them.
+/// Returns a linear delta with the towers of LinuxCNC's lineardeltakins.
 pub fn linear_delta(towers: f64, effector: f64, rod: f64) -> Parallel {
     let leg = |d: Vector| slider(along(d, towers), along(d, effector), UP, rod, 1);
     let legs = spokes([90.0, 210.0, 330.0]).map(leg).to_vec();
@@ -163,8 +163,8 @@ fn linear_delta_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 0.0, 50.0, 0.0, 0.0, 0.0], [80.0, 80.0, 50.0, 0.0, 0.0, 0.0])
 }
 
-/// A rotary delta with arms where LinuxCNC's rotarydeltakins has them; at its reference
-/// pose the foot hangs where shins stand square to thighs.
+/// Returns a rotary delta with the arms of LinuxCNC's rotarydeltakins; at its reference
+/// pose the shins are perpendicular to the thighs.
 pub fn rotary_delta(platform: f64, thigh: f64, shin: f64, foot: f64) -> Parallel {
     let leg = |d: Vector| Leg {
         base: along(d, platform),
@@ -180,7 +180,7 @@ fn rotary_delta_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 0.0, -14.0, 0.0, 0.0, 0.0], [4.0, 4.0, 4.0, 0.0, 0.0, 0.0])
 }
 
-/// Three struts to one point, with base joints where LinuxCNC's tripodkins has them.
+/// Returns three struts to one point, with the base joints of LinuxCNC's tripodkins.
 pub fn three_struts(bx: f64, cx: f64, cy: f64, home: Pose) -> Parallel {
     let leg = |base| Leg { base, platform: [0.0; 3], kind: Kind::PLAIN_STRUT };
     let legs = vec![leg([0.0; 3]), leg([bx, 0.0, 0.0]), leg([cx, cy, 0.0])];
@@ -195,7 +195,7 @@ fn tripod_pose(random: &mut Random) -> Pose {
     in_box(random, [5.0, 1.75, 3.25, 0.0, 0.0, 0.0], [1.5, 1.25, 0.75, 0.0, 0.0, 0.0])
 }
 
-/// Two struts with a lead, two carriages on upright guides and two cranks with arms that
+/// Returns two struts with a lead, two carriages on vertical guides and two cranks with arms that
 /// lean along their axes, at the anchors of paper 004's hexapod.
 pub fn hybrid() -> Parallel {
     let mut machine = Parallel::from(paper_004());
@@ -209,7 +209,7 @@ pub fn hybrid() -> Parallel {
     machine
 }
 
-/// A crank whose arm points inwards and a little along its axis.
+/// Returns a crank whose arm points inward and slightly along its axis.
 fn crank_inwards(hip: Vector) -> Kind {
     let inwards = unit([-hip[0], -hip[1], 0.0]);
     let axis = cross(inwards, UP);
@@ -221,7 +221,7 @@ fn hybrid_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 0.0, 250.0, 0.0, 0.0, 0.0], [60.0, 60.0, 80.0, 10.0, 10.0, 10.0])
 }
 
-/// Eight struts that move a platform along X Y A B C, over a table that moves along Z.
+/// Returns eight struts that move a platform along X Y A B C, over a table that moves along Z.
 pub fn octopod() -> Parallel {
     let ring = |radius: f64, turn: f64, z: f64, i: usize| {
         let at = 45.0 * i as f64 + turn * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -242,7 +242,7 @@ fn octopod_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 0.0, 100.0, 0.0, 0.0, 0.0], [80.0, 80.0, 90.0, 15.0, 15.0, 15.0])
 }
 
-/// Five struts to rings about the tool's axis, as LinuxCNC's pentakins has them.
+/// Returns five struts to rings about the tool's axis, as in LinuxCNC's pentakins.
 pub fn pentapod(base: [Vector; 5], rings: [[f64; 2]; 5]) -> Parallel {
     let leg = |i: usize| {
         let [radius, height] = rings[i];
@@ -251,7 +251,7 @@ pub fn pentapod(base: [Vector; 5], rings: [[f64; 2]; 5]) -> Parallel {
     Parallel::new((0..5).map(leg).collect(), "XYZAB", pose([0.0; 6]))
 }
 
-/// Base anchors of LinuxCNC's sample configuration sim/axis/pentapod, millimetres.
+/// Base anchors of LinuxCNC's sample configuration sim/axis/pentapod, millimeters.
 pub const PENTAPOD_BASE: [Vector; 5] = [
     [-418.0, 500.0, -140.0],
     [418.0, 500.0, -140.0],
@@ -264,8 +264,8 @@ pub const PENTAPOD_BASE: [Vector; 5] = [
 pub const PENTAPOD_RINGS: [[f64; 2]; 5] =
     [[80.3, 87.0], [80.3, 114.5], [80.3, 140.5], [80.3, 232.5], [80.3, 258.5]];
 
-/// That sample; dimensions of configs/pentapod. A pose of zeros freezes nothing: it is what LinuxCNC
-/// asks for before homing.
+/// Returns that sample; dimensions of configs/pentapod. A pose of zeros freezes nothing: LinuxCNC
+/// uses it before homing.
 pub fn sample_pentapod() -> Parallel {
     let home = Some(pose([0.0, 0.0, 10.0, 0.0, 0.0, 0.0]));
     Parallel { home, ..pentapod(PENTAPOD_BASE, PENTAPOD_RINGS) }
@@ -275,7 +275,7 @@ pub fn pentapod_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0; 6], [80.0, 80.0, 80.0, 12.0, 10.0, 0.0])
 }
 
-/// Three struts on rings, two plain ones and a carriage at the anchors of paper 004's hexapod.
+/// Returns three struts on rings, two plain ones and a carriage at the anchors of paper 004's hexapod.
 pub fn ringed() -> Parallel {
     let mut machine = Parallel::from(paper_004());
     for (i, leg) in machine.legs.iter_mut().enumerate() {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Every number the tests of this crate compare with, and why it is that number.
+//! Every tolerance of the tests of this crate, with its reason.
 
-/// Inverse against genhexkins, relative to the machine's size. README's
-/// number: both round a few hundred times in double precision, 2⁻⁵² each.
+/// Inverse against genhexkins, relative to the machine's size, as in README:
+/// both round a few hundred times in double precision, 2⁻⁵² each.
 pub const INVERSE_REL: f64 = 1e-12;
 
 /// Joints of a migrated configuration beside its module, in machine units or degrees: what is promised. Both round lengths
@@ -18,31 +18,31 @@ pub const ARCSIN_MAX_SINE_SQUARED: f64 = 0.9999;
 pub const AXIS_MIN_CLEARANCE: f64 = 0.01;
 
 /// |cos φ| at home that a random machine of the fold test must have: the module
-/// refuses less than 0.1, and the test is not about that edge.
+/// refuses less than 0.1, which this test does not cover.
 pub const FOLD_MIN_COSINE: f64 = 0.15;
 
 /// cos(φ − φ₀) below which the module may refuse a strut: it does so beyond 170°, and forward
-/// where its ball reaches so far, here by 4° at most.
+/// if its ball reaches there, here 4° earlier at most.
 pub const HALF_TURN_COSINE: f64 = -0.97;
 
 /// forward(inverse(p)) against p as pose distance, relative to the machine's
-/// size. README's number.
+/// size, as in README.
 pub const ROUND_TRIP_REL: f64 = 1e-10;
 
-/// Farther than this from the pose that was asked, relative to size, a success
-/// is another pose: what README calls wrong.
+/// Distance from the requested pose, relative to size, above which a success
+/// is another pose, called wrong in README.
 pub const WRONG_REL: f64 = 1e-9;
 
 /// sin² between strut and joint axis below which forward proves nothing and
-/// refuses: it gives up within 1° of the axis (sin² 3e-4), less the ball it searches.
+/// refuses: it refuses within 1° of the axis (sin² 3e-4), plus the ball of its search.
 pub const CERTIFIABLE_CLEARANCE: f64 = 2e-3;
 
 /// Share of servo steps on machines of random geometry that forward may refuse:
 /// a few of their poses are close to singular. Another pose is never allowed.
 pub const RANDOM_MACHINE_REFUSALS: f64 = 1e-3;
 
-/// Golden joints, in millimetres: computed with 40 digits to 4e-13, then room
-/// for some thousand roundings of lengths around 1000.
+/// Golden joints, in millimeters: computed with 40 digits to 4e-13, plus
+/// some thousand roundings of lengths around 1000.
 pub const GOLDEN_JOINT_MM: f64 = 1e-9;
 
 /// Golden Jacobian elements, per mm and per degree.
@@ -61,42 +61,42 @@ pub const DIFFERENCE: f64 = 1e-9;
 /// find: ROUND_TRIP_REL turns 1250 mm into 1.3e-7 mm at a radius of 200 mm.
 pub const FRAME: f64 = 1e-9;
 
-/// Iterations allowed one servo step away from the seed: README's number.
+/// Largest number of iterations one servo step away from the seed, as in README.
 pub const NEAR_ITERATIONS: f64 = 3.0;
 
-/// Joints that must be equal but are computed by another order of operations, in
-/// millimetres: some thousand roundings of lengths around 1000.
+/// Equal joints computed by another order of operations, in
+/// millimeters: some thousand roundings of lengths around 1000.
 pub const SAME_JOINT_MM: f64 = 1e-9;
 
-/// Components of a pose found again, millimetres and degrees: ROUND_TRIP_REL of
-/// 1250 mm, over the 200 mm radius for an angle, with room for 1/cos B.
+/// Components of a pose found again, millimeters and degrees: ROUND_TRIP_REL of
+/// 1250 mm, over the 200 mm radius for an angle, with a factor for 1/cos B.
 pub const SAME_COMPONENT: f64 = 1e-7;
 
 /// Pose components of genhexkins that count as found again, in its own unit: it
 /// stops at an absolute convergence-criterion of 1e-9 of joint length.
 pub const GENHEXKINS_SAME: f64 = 1e-6;
 
-/// Volume that the unit vectors along three legs span, below which the two poses of the
-/// joints come near each other: it amplifies roundings by its inverse, here twenty times.
+/// Volume spanned by the unit vectors along three legs, below which the two poses of the
+/// joints are near each other: it amplifies roundings by its inverse, here twenty times.
 pub const PEER_LEAST_VOLUME: f64 = 0.05;
 
 /// Cosine between a rod and the motion of its lower end, below which a servo step may
 /// lead to the module's own limit of 0.05.
 pub const PEER_LEAST_DRIVE: f64 = 0.1;
 
-/// What one carriage a millimetre off at home leaves on the pyramid's four rods, in
-/// millimetres of their carriages: computed beside the golden rows (numpy, least squares
-/// of the length misfits), and how exactly that was noted.
+/// Residual of the pyramid's four rods due to one carriage with an error of a millimeter at home, in
+/// millimeters of their carriages: computed with the golden rows (numpy, least squares
+/// of the length misfits).
 pub const PYRAMID_RESIDUAL: f64 = 0.2503;
-/// See [`PYRAMID_RESIDUAL`].
+/// Accuracy of [`PYRAMID_RESIDUAL`].
 pub const PYRAMID_RESIDUAL_MM: f64 = 1e-3;
 
-/// Residual of joints that fit, relative to the machine's size: the search stops at a
+/// Residual of consistent joints, relative to the machine's size: the search stops at a
 /// pose error of 1e-12, and a joint moves up to twenty times as far as the platform.
 pub const SETTLED_RESIDUAL_REL: f64 = 2e-11;
 
-/// Step beside a least-squares pose, millimetres and degrees: it must be above the error
-/// of the pose, 1e-9, by so much that the misfit's square sees it in double precision.
+/// Step from a least-squares pose, millimeters and degrees: it must exceed the error
+/// of the pose, 1e-9, enough to change the misfit's square in double precision.
 pub const LEAST_SQUARES_STEP: f64 = 1e-4;
 
 /// Second differences of joints over the square of a cycle, relative to a limit: each joint

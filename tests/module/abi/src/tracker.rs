@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What forward must find: the end of the one continuous path from the seed along
-//! the straight line of the joint values, followed in steps so small that no
-//! solver's cleverness is needed.
+//! The required result of forward: the end of the continuous path from the seed along
+//! the straight line of the joint values, followed in steps so small that a simple
+//! solver suffices.
 //!
-//! It stands on inverse and Jacobian only, which other tests compare with
-//! genhexkins and with differences.
+//! It uses only inverse and Jacobian, which other tests compare with
+//! genhexkins and with finite differences.
 
 use crate::module::{Joints, Module, Pose};
 use crate::parallel::{Kind, Leg, Parallel};
 use nalgebra::{Matrix6, Vector6};
 
-/// Steps of the path: small beside any distance at which two poses share joints.
+/// Number of steps of the path: small compared with any distance at which two poses share joints.
 const STEPS: usize = 1000;
 
-/// Newton steps a place of the path may take; two are usual.
+/// Largest number of Newton steps per point of the path; two are usual.
 const CORRECTIONS: usize = 20;
 
 /// Joint residual that ends a correction, relative to the machine's size (to half a turn).
 const CONVERGED: f64 = 1e-13;
 
-/// Follows the joints from those of `seed` to `joints`. `None` where the path meets a
-/// singular pose, or one that inverse refuses: then there is nothing that forward may find.
+/// Follows the joints from those of `seed` to `joints`. `None` if the path reaches a
+/// singular pose, or one that inverse refuses: then no result of forward is correct.
 ///
 /// For machines with as many legs as coordinates and no table.
 pub fn connected_pose(
@@ -36,7 +36,7 @@ pub fn connected_pose(
     for step in 1..=STEPS {
         let share = step as f64 / STEPS as f64;
         let target = std::array::from_fn(|j| start[j] + share * (joints[j] - start[j]));
-        // The determinant passes zero at a singular pose: beyond it the path is another.
+        // The determinant passes zero at a singular pose: beyond it the path is another one.
         if tracker.correct(&target, &mut pose)?.signum() != side {
             return None;
         }
@@ -44,10 +44,10 @@ pub fn connected_pose(
     Some(pose)
 }
 
-/// Whether det J has the sign at `pose` that it has at `seed`: if not, a singular pose lies
-/// between them on any path. `None` where inverse refuses one of them.
+/// Returns whether det J has the sign at `pose` that it has at `seed`: if not, a singular pose is
+/// between them on any path. `None` if inverse refuses one of them.
 ///
-/// For machines as [`connected_pose`] takes them.
+/// For machines as in [`connected_pose`].
 pub fn same_handed(module: &Module, machine: &Parallel, pose: &Pose, seed: &Pose) -> Option<bool> {
     let tracker = Tracker::new(module, machine);
     let sign = |pose: &Pose| {
@@ -59,9 +59,9 @@ pub fn same_handed(module: &Module, machine: &Parallel, pose: &Pose, seed: &Pose
 
 struct Tracker<'a> {
     module: &'a Module,
-    /// Places in the pose of the coordinates that the legs move.
+    /// Indices in the pose of the coordinates that the legs move.
     letters: Vec<usize>,
-    /// Largest joint residual that ends a correction, joint by joint.
+    /// Largest joint residual that ends a correction, for each joint.
     converged: Vec<f64>,
 }
 
@@ -76,7 +76,7 @@ impl Tracker<'_> {
         Tracker { module, letters, converged: machine.legs.iter().map(of).collect() }
     }
 
-    /// Newton's method back to the path; det J there.
+    /// Returns to the path by Newton's method; returns det J there.
     fn correct(&self, target: &Joints, pose: &mut Pose) -> Option<f64> {
         for _ in 0..CORRECTIONS {
             let here = self.module.inverse(pose).ok()?;
@@ -95,10 +95,10 @@ impl Tracker<'_> {
         None
     }
 
-    /// Solution of J x = b over the letters that move, and det J.
+    /// Solves J x = b over the letters that move; returns the solution and det J.
     fn solved(&self, joints: &Joints, pose: &Pose, b: &[f64; 6]) -> Option<([f64; 6], f64)> {
         let jacobian = self.module.jacobian(joints, pose).ok()?;
-        // What does not move is left alone.
+        // Constant coordinates do not change.
         let mut rows = Matrix6::identity();
         for i in 0..self.letters.len() {
             for (k, letter) in self.letters.iter().enumerate() {

@@ -9,7 +9,7 @@ use std::ffi::c_int;
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// Centre point D and angles of a mechanism: machine units and degrees.
+/// Center point D and angles of a mechanism: machine units and degrees.
 pub type Platform = [f64; 6];
 
 #[repr(C)]
@@ -37,23 +37,23 @@ struct CMachine {
     fold: [f64; 8],
 }
 
-/// How near a pose is to a singular one.
+/// Distance of a pose from singular poses and from the ends of the legs.
 #[repr(C)]
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Look {
     /// Smallest singular value of the rows of the legs, angles at the platform's radius.
     pub sigma: f64,
-    /// Its slope where it falls fastest.
+    /// Its slope in the direction of steepest descent.
     pub curvature: f64,
-    /// Distance of the singular pose, to first order.
+    /// First-order distance of the singular pose.
     pub distance: f64,
-    /// Least margin of a leg to where it ends (dead point, axis of a joint, ring): 1 is comfortable.
+    /// Least margin of a leg to its end (dead point, axis of a joint, ring): 1 is comfortable.
     pub margin: f64,
     /// Sign of the determinant; 0 for more legs than coordinates.
     pub sign: f64,
 }
 
-/// What a path of joints led past.
+/// Least distances along a path of joints.
 #[repr(C)]
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Followed {
@@ -131,12 +131,12 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Copies the geometry; folds of nut corrections are those of its reference pose, or none.
+    /// Copies the geometry; nut corrections have the folds of its reference pose, or none.
     pub fn new(machine: &Parallel) -> Self {
         let mut own = CMachine {
             legs: machine.legs.len() as f64,
             size: machine.size(),
-            // One leg, or anchors in one point, have no radius: no angle moves then.
+            // A single leg, or anchors in one point, have no radius: no angle moves then.
             radius: Some(machine.radius()).filter(|r| *r > 0.0).unwrap_or(machine.size()),
             letters: std::array::from_fn(|k| {
                 let letter = LETTERS[k].to_uppercase();
@@ -207,18 +207,18 @@ impl Truth {
         self.machine.legs as usize + tables
     }
 
-    /// Whether legs or a table move a letter.
+    /// Returns whether legs or a table move a letter.
     pub fn moves(&self, letter: usize) -> bool {
         self.machine.letters[letter] != 0.0
     }
 
-    /// Whether it has more legs than coordinates.
+    /// Returns whether it has more legs than coordinates.
     pub fn is_redundant(&self) -> bool {
         let active = self.machine.letters.iter().filter(|kind| **kind == 1.0).count();
         self.machine.legs as usize > active
     }
 
-    /// The joint's unit in lengths: a degree of a crank is an arc of its arm.
+    /// Returns the joint's unit as a length: a degree of a crank is an arc of its arm.
     pub fn unit(&self, joint: usize) -> f64 {
         match self.machine.leg.get(joint) {
             Some(leg) if joint < self.machine.legs as usize && leg.kind == 2.0 => {
@@ -229,7 +229,7 @@ impl Truth {
         }
     }
 
-    /// Centre point and angles at a pose of LinuxCNC's; `extra` are places of extra axes.
+    /// Returns center point and angles at one of LinuxCNC's poses; `extra` are indices of extra axes.
     pub fn platform(&self, world: &Pose, extra: &[usize]) -> Platform {
         let angles: [f64; 3] =
             std::array::from_fn(|k| if extra.contains(&(3 + k)) { 0.0 } else { world[3 + k] });
@@ -242,7 +242,7 @@ impl Truth {
         pose
     }
 
-    /// Joints of a pose, and the least margin of a leg; `None` where a leg does not reach.
+    /// Returns the joints of a pose, and the least margin of a leg; `None` if a leg does not reach.
     pub fn inverse(&self, pose: &Platform) -> Option<([f64; 11], f64)> {
         let (mut joints, mut margin) = ([0.0; 11], 0.0);
         // SAFETY: as above; eight legs and three table axes at most.
@@ -252,7 +252,7 @@ impl Truth {
         (code == 0 && joints.iter().all(|q| q.is_finite())).then_some((joints, margin))
     }
 
-    /// How near the pose is to a singular one.
+    /// Returns the pose's distance from singular poses.
     pub fn look(&self, pose: &Platform, joints: &Joints) -> Look {
         let mut look = Look::default();
         // SAFETY: as above.
@@ -260,13 +260,13 @@ impl Truth {
         look
     }
 
-    /// Sign of the determinant; 1 for least squares.
+    /// Returns the sign of the determinant; 1 for least squares.
     pub fn sign(&self, pose: &Platform, joints: &Joints) -> i32 {
         // SAFETY: as above.
         unsafe { (library().sign)(&self.machine, pose.as_ptr(), joints.as_ptr()) }
     }
 
-    /// Largest residual of a leg, and length of the next Newton step.
+    /// Returns the largest residual of a leg, and the length of the next Newton step.
     pub fn misfit(&self, pose: &Platform, joints: &Joints) -> (f64, f64) {
         let (mut most, mut next) = (f64::NAN, f64::NAN);
         // SAFETY: as above.
@@ -277,13 +277,13 @@ impl Truth {
         (most, next)
     }
 
-    /// Distance of two poses as a length.
+    /// Returns the distance of two poses as a length.
     pub fn distance(&self, one: &Platform, other: &Platform) -> f64 {
         // SAFETY: as above.
         unsafe { (library().distance)(&self.machine, one.as_ptr(), other.as_ptr()) }
     }
 
-    /// Follows the straight line of joints from a pose at `from` to `to`; `None` where it does not arrive.
+    /// Follows the straight line of joints from a pose at `from` to `to`; `None` if it does not arrive.
     pub fn follow(
         &self,
         from: &Joints,
@@ -299,7 +299,7 @@ impl Truth {
         ((code == 1).then_some(pose), followed)
     }
 
-    /// The pose of the joints by Newton's method, at most `most` away.
+    /// Finds the pose of the joints by Newton's method, at most `most` away.
     pub fn near(&self, pose: &Platform, joints: &Joints, most: f64) -> Option<Platform> {
         let mut pose = *pose;
         // SAFETY: as above.

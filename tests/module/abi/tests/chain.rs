@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Extra axes that carry the work, the tool or the legs, and a work on the platform.
+//! Extra axes that carry the workpiece, the tool or the legs, and a workpiece on the platform.
 
 use abi_tests::carrying::{Carrying, LEGS, TOOL, WORK, carrying};
 use abi_tests::geometry::{Vector, minus, norm};
@@ -11,7 +11,7 @@ use abi_tests::subjects::{pose, subjects};
 use abi_tests::tolerances::{DIFFERENCE, FRAME, LIMIT_ROUNDING, ROUND_TRIP_REL, SAME_JOINT_MM};
 use kinematics::{Cause, ChainGeometry, LinkGeometry, Vector3};
 
-/// Distance of places, and largest difference of all else, degrees and axes.
+/// Returns the distance of positions, and the largest difference of the rest, degrees and axes.
 fn apart(a: &Pose, b: &Pose) -> (f64, f64) {
     let places = norm(minus([a[0], a[1], a[2]], [b[0], b[1], b[2]]));
     let rest = a[3..].iter().zip(&b[3..]).map(|(a, b)| (a - b).abs());
@@ -41,7 +41,7 @@ fn every_machine_finds_the_pose_back_from_legs_and_axes() {
                 }
                 let found = module.forward(&joints, &world).expect("its own joints");
                 let (place, rest) = apart(&found, &world);
-                // As places through a dozen rotations at arms of some machine sizes.
+                // As for positions after a dozen rotations at arms of some machine sizes.
                 let size = subject.machine.size();
                 assert!(place <= 10.0 * ROUND_TRIP_REL * size, "{}: {place}", subject.name);
                 assert!(rest <= 1e-7, "{}: {found:?} {world:?}", subject.name);
@@ -116,7 +116,7 @@ fn frames_of_tool_and_work_are_those_of_the_chain() {
     }
 }
 
-/// A rod along a vertical guide over a cross table: its joints are X Y Z themselves.
+/// Returns a rod along a vertical guide over a cross table: its joints are X Y Z themselves.
 fn three_slides() -> Parallel {
     let kind = Kind::Slider { guide: [0.0, 0.0, 1.0], rod: 400.0, side: 1 };
     let leg = Leg { base: [0.0, 0.0, 400.0], platform: [0.0; 3], kind };
@@ -126,7 +126,7 @@ fn three_slides() -> Parallel {
 #[test]
 fn a_tilting_rotary_table_is_that_of_linuxcncs_own_kinematics() {
     let mut random = Random::new(194);
-    // A about X through a point, C about Z through another one on the table, as LinuxCNC has it.
+    // A about X through a point, C about Z through another one on the table, as in LinuxCNC.
     let (rotary, offset) = ([12.0, -7.0, 31.0], [0.0, -20.0, 45.0]);
     let mut given = ChainGeometry::NONE;
     let tilting: Vector = std::array::from_fn(|k| rotary[k] + offset[k]);
@@ -170,7 +170,7 @@ fn a_tilting_rotary_table_is_that_of_linuxcncs_own_kinematics() {
     }
 }
 
-/// The hexapod of paper 004 with C held, over a rotary table.
+/// Returns the hexapod of paper 004 with constant C, over a rotary table.
 fn over_a_table() -> Carrying {
     let machine = Parallel { coordinates: "XYZAB", ..paper_004().into() };
     let mut given = ChainGeometry::NONE;
@@ -179,7 +179,7 @@ fn over_a_table() -> Carrying {
     Carrying { machine, axes: vec![5], given }
 }
 
-/// The same with a turret about Y of the platform and a track under the frame.
+/// Adds a turret about Y of the platform and a track under the frame.
 fn with_a_turret_on_a_track() -> Carrying {
     let mut over = over_a_table();
     over.axes = vec![5, 8];
@@ -197,7 +197,7 @@ fn a_track_and_its_letter_alone_leave_the_tip_where_it_is() {
     let still = module.inverse(&world).expect("a pose of the workspace");
     world[8] = 40.0;
     let moved = module.inverse(&world).expect("a pose of the workspace");
-    // The base has gone 40 along X, so that the legs see the platform 40 farther back.
+    // The base has moved 40 along X, so the platform is 40 further back relative to the legs.
     let plain = Parallel { coordinates: "XYZAB", ..paper_004().into() }.module();
     let seen = plain.inverse(&pose([-10.0, 20.0, 260.0, 5.0, -8.0, 0.0])).expect("the same");
     for i in 0..6 {
@@ -208,7 +208,7 @@ fn a_track_and_its_letter_alone_leave_the_tip_where_it_is() {
     assert!((own[0] + 10.0).abs() < 1e-12 && (own[1] - 20.0).abs() < 1e-12);
 }
 
-/// A servo thread at rest, whose tool is changed.
+/// Runs a servo thread at rest during a tool change.
 fn changed(module: &Module, world: &Pose, to: Vector) -> Vec<Joints> {
     let mut all = vec![];
     let cycle = |all: &mut Vec<Joints>| {
@@ -265,7 +265,7 @@ fn a_tool_changes_within_the_limits_of_the_joints_whatever_is_turned() {
             joints.windows(3).map(of).fold([0.0_f64; 2], |m, v| [m[0].max(v[0]), m[1].max(v[1])])
         };
         let most = (0..6).map(shares).fold([0.0_f64; 2], |m, v| [m[0].max(v[0]), m[1].max(v[1])]);
-        // It moves, uses what a step may take of a limit (0.3), and keeps both.
+        // It moves, uses the share of a limit that a step may use (0.3), and exceeds neither limit.
         assert!(most.iter().all(|share| *share <= 1.0 + LIMIT_ROUNDING), "{most:?}");
         assert!(most.iter().any(|share| *share > 0.2), "{most:?}");
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! No other pose: what forward returns is the pose connected with the seed, also
-//! where a machine is tilted until it has singular poses, and else it fails.
+//! No other pose: forward returns only the pose connected with the seed, even
+//! if a machine is tilted so far that it has singular poses; otherwise it fails.
 
 use abi_tests::geometry::distance;
 use abi_tests::machines::{Hexapod, genhexkins_default, tilted};
@@ -35,7 +35,7 @@ impl Count {
     }
 }
 
-/// genhexkins' default geometry (inches), its platform turned and tilted far.
+/// Returns a random pose of genhexkins' default geometry (inches), its platform rotated and tilted far.
 fn pose(random: &mut Random, tilt: f64) -> Pose {
     let (a, b) = tilted(random.between(0.0, tilt), random.within(180.0));
     let (x, y, z) = (random.within(8.0), random.within(8.0), random.between(12.0, 28.0));
@@ -65,12 +65,12 @@ fn forward_from_home_returns_the_connected_pose_or_fails() {
     }
 }
 
-/// Whether a machine has as many legs as coordinates, and no table.
+/// Returns whether a machine has as many legs as coordinates, and no table.
 pub fn is_square(machine: &Parallel) -> bool {
     machine.table.is_empty() && machine.coordinates.len() == machine.legs.len()
 }
 
-/// Joints of poses up to three times as far from home as the workspace reaches, of every
+/// Joints of poses up to three times as far from home as the workspace extends, of every
 /// machine with as many legs as coordinates.
 #[test]
 fn rods_and_cranks_too_return_the_connected_pose_or_fail() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! More legs than coordinates: joints that contradict each other a little are averaged,
+//! More legs than coordinates: slightly contradicting joints are averaged,
 //! which `.residual` shows; more than `.residual-limit` is a code that names the leg.
 
 use abi_tests::geometry::norm;
@@ -16,7 +16,7 @@ fn home() -> Pose {
     pyramid().home.expect("given")
 }
 
-/// The pyramid's joints at home with one carriage `off` millimetres from its place.
+/// Returns the pyramid's joints at home with one carriage `off` millimeters from its position.
 fn with_error(leg: usize, off: f64) -> Joints {
     let mut joints = pyramid().module().inverse(&home()).expect("home");
     joints[leg] += off;
@@ -77,7 +77,7 @@ fn by_default_a_carriage_more_than_two_millimetres_off_is_refused_and_named() {
 
 fn assert_contradiction(module: &Module, leg: usize, off: f64) {
     let joints = with_error(leg, off);
-    // The leg is named by what fits the last pose.
+    // The leg is named by comparison with the last pose.
     module.forward(&with_error(leg, 0.0), &home()).expect("home");
     let mut world = home();
     let code = module.forward_into(&joints, &mut world);
@@ -102,7 +102,7 @@ fn the_limit_is_live_and_0_is_the_default() {
         let refused = Err(Cause::JointsInconsistent.code());
         assert!(if passes { found.is_ok() } else { found == refused }, "{limit}: {found:?}");
     }
-    // Wide enough, what the default refuses passes.
+    // With a large limit, joints that the default refuses are accepted.
     module.set("residual-limit", 10.0);
     assert!(module.forward(&with_error(0, 20.0), &home()).is_ok());
 }
@@ -123,7 +123,7 @@ fn a_limit_that_is_no_positive_number_is_refused() {
     assert!(module.forward(&joints, &home()).is_ok());
 }
 
-/// Before homing all joints are 0 and contradict nothing; a limit set wrongly is told then too.
+/// Before homing all joints are 0 and do not contradict; a wrong limit is reported then too.
 #[test]
 fn a_wrong_limit_is_told_before_homing() {
     let module = pyramid().module();
@@ -160,11 +160,11 @@ fn of_eight_struts_the_one_that_is_off_is_named() {
     }
 }
 
-/// So far off that least squares hardly converge: never told as a matter of the solver's
+/// Such a large error that least squares nearly diverges: never reported as a problem of the solver's
 /// settings.
 #[test]
 fn a_grossly_wrong_carriage_is_a_contradiction_too() {
-    // Inverse of a module that has seen no contradiction: it adds none to its joints.
+    // Inverse of a module without a contradiction so far: it adds none to its joints.
     let (module, sound) = (pyramid().module(), pyramid().module());
     let mut random = Random::new(54);
     let (mut told, mut right, mut wrong) = (0, 0, 0);
@@ -186,7 +186,7 @@ fn a_grossly_wrong_carriage_is_a_contradiction_too() {
     assert!(right > 0 && wrong == 0, "{right} {wrong}");
 }
 
-/// Following errors of a moving machine: every carriage lags behind its own place.
+/// Following errors of a moving machine: every carriage lags behind its position.
 #[test]
 fn following_errors_of_all_carriages_pass_and_blur_the_pose_no_more_than_themselves() {
     let (module, sound) = (pyramid().module(), pyramid().module());
@@ -204,8 +204,8 @@ fn following_errors_of_all_carriages_pass_and_blur_the_pose_no_more_than_themsel
     }
 }
 
-/// What comes back is the least sum of the squared misfits of the legs' lengths: every
-/// pose beside it has a larger one.
+/// The result is the least sum of the squared misfits of the legs' lengths: every
+/// neighboring pose has a larger one.
 #[test]
 fn the_pose_of_contradicting_joints_is_the_least_squares_one() {
     for subject in redundant() {
@@ -237,7 +237,7 @@ fn is_of_legs(machine: &Parallel, coordinate: usize) -> bool {
     machine.coordinates.contains(["X", "Y", "Z", "A", "B", "C"][coordinate])
 }
 
-/// Sum of the squared differences between the legs' lengths and those they should have.
+/// Returns the sum of the squared differences between the legs' lengths and their nominal ones.
 fn misfit(machine: &Parallel, joints: &Joints, pose: &Pose) -> f64 {
     let of = |n: usize| {
         let length = match machine.legs[n].kind {

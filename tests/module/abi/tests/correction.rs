@@ -6,12 +6,12 @@ use abi_tests::module::{ALL_IS_SHOWN, Module, Pose};
 use kinematics::Cause;
 
 const POSE: Pose = [10.0, -20.0, 260.0, 12.0, -5.0, 0.0, 0.0, 0.0, 0.0];
-/// Of the monitor, seconds.
+/// Period of the monitor, seconds.
 const PERIOD: f64 = 1e-3;
-/// Forward answers to its convergence criterion.
+/// Accuracy of forward: its convergence criterion.
 const FORWARD_MM: f64 = 1e-9;
 
-/// A machine at a pose, whose strut 2 may be corrected by 0.1 mm at 1 mm/s.
+/// Returns a machine at a pose, whose strut 2 may be corrected by 0.1 mm at 1 mm/s.
 fn corrected() -> Module {
     let module = paper_004().module();
     module.set("correction-limit.2", 0.1);
@@ -20,7 +20,7 @@ fn corrected() -> Module {
     module
 }
 
-/// A cycle at the pose; its joints.
+/// Runs a cycle at the pose and returns its joints.
 fn cycle(module: &Module) -> [f64; 16] {
     let joints = module.inverse(&POSE).expect("a pose of the workspace");
     let found = module.forward(&joints, &POSE).expect("its own joints");
@@ -92,7 +92,7 @@ fn a_limit_or_a_rate_that_is_none_moves_nothing_at_once() {
         assert!((cycle(&module)[2] - before[2] - 0.1).abs() < 1e-12, "{bad}");
     }
     module.set("correction-rate.2", 1.0);
-    // Without a limit it goes back at its rate.
+    // Without a limit it returns at its rate.
     module.set("correction-limit.2", f64::NAN);
     module.monitor();
     assert!((cycle(&module)[2] - before[2] - 0.099).abs() < 1e-12);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! As many joints as the machine has are read and written, and not one more: behind an
-//! array of exactly that length no memory is there.
+//! Exactly as many joints as the machine has are read and written: there is no accessible memory after an
+//! array of this length.
 
 use abi_tests::module::{Module, Pose};
 use abi_tests::random::Random;
@@ -37,7 +37,7 @@ impl AtTheEdge {
         }
     }
 
-    /// The number in front of the array.
+    /// Returns the number before the array.
     fn before(&self) -> f64 {
         // SAFETY: inside the open page, which is zeros until written.
         unsafe { self.pages.as_ptr().byte_add(self.page).cast::<f64>().sub(self.count + 1).read() }
@@ -51,7 +51,7 @@ impl Drop for AtTheEdge {
     }
 }
 
-/// Inverse and forward with arrays of exactly `count`; whether the pose came back.
+/// Calls inverse and forward with arrays of exactly `count`; returns the resulting pose.
 fn round_trip(module: &Module, pose: &Pose, count: usize) -> Pose {
     let mut array = AtTheEdge::new(count);
     // SAFETY: the array is as long as the machine has joints; that is what is tested.
@@ -104,7 +104,7 @@ fn nothing_behind_the_last_joint_is_touched_by_the_identity() {
     }
 }
 
-/// What LinuxCNC keeps in its longer array for other joints stays, and is not read.
+/// LinuxCNC's values of other joints in its longer array stay, and are not read.
 #[test]
 fn guards_behind_the_joints_stay_and_may_be_nan() {
     for subject in subjects() {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Extra axes: joints behind those of legs and table that pass their coordinate through.
+//! Extra axes: joints after those of legs and table that pass their coordinate through.
 
 use abi_tests::module::{Module, Pose};
 use abi_tests::random::{Random, cases};
 use abi_tests::subjects::{Subject, subjects};
 use kinematics::{Cause, POSE_LETTERS};
 
-/// Letters of a pose that neither legs nor table of a machine move, in an order that is not
+/// Returns letters of a pose that neither legs nor table of a machine move, in an order other than
 /// LinuxCNC's.
 fn free_letters(subject: &Subject) -> Vec<usize> {
     (0..POSE_LETTERS.len()).rev().filter(|k| *k > 5 || !subject.machine.moves(*k)).collect()
@@ -19,7 +19,7 @@ fn with_axes(subject: &Subject, axes: &[usize]) -> Module {
     module
 }
 
-/// A pose of the workspace whose other coordinates are something else than 0.
+/// Returns a pose of the workspace whose other coordinates are not 0.
 fn with_values(pose: Pose, axes: &[usize], random: &mut Random) -> Pose {
     let mut pose = pose;
     for k in axes {
@@ -96,7 +96,7 @@ fn what_is_no_number_is_refused_with_its_joint_and_changes_nothing() {
     }
 }
 
-/// Two corrections do from the last pose, and not from the reference pose.
+/// Two corrections are sufficient from the last pose, but not from the reference pose.
 #[test]
 fn forward_goes_on_from_the_last_pose_after_a_cycle_with_one_that_is_no_number() {
     let subject = lathe();
@@ -145,7 +145,7 @@ fn the_jacobian_has_a_row_for_each() {
     let plain = subject.machine.module();
     plain.inverse(&subject.home()).expect("the reference pose");
     let mut expected = plain.jacobian(&joints, &subject.home()).expect("regular");
-    // What turns the platform in its C is held: the axis C is not that.
+    // The rotation of the platform in its C is constant: the axis C is a different coordinate.
     expected.iter_mut().for_each(|row| row[5] = 0.0);
     [expected[count][8], expected[count + 1][5]] = [1.0, 1.0];
     assert_eq!(module.jacobian(&joints, &pose), Ok(expected));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Bad input: always a code, nothing moved, nothing lost, nothing said in the
+//! Invalid input: always a code, nothing moved, nothing lost, no message from the
 //! servo thread's kinematics calls.
 
 use abi_tests::control::controls;
@@ -19,7 +19,7 @@ fn assert_same_pose(found: &Pose, expected: &Pose) {
     assert!(apart <= WRONG_REL * machine.size(), "{found:?} is not {expected:?}");
 }
 
-/// Values of all pins but the fault record, to show that a call left them alone.
+/// Returns the values of all pins except the fault record, to show that a call did not change them.
 fn pins_but_faults(module: &Module) -> Vec<(String, u64)> {
     let pins = module.pins().into_iter().filter(|pin| !pin.name.contains(".fault"));
     pins.map(|pin| (pin.name.clone(), pin.get().to_bits())).collect()
@@ -53,8 +53,8 @@ fn the_calls_before_homing_fail_and_leave_no_trace() {
 
 #[test]
 fn joints_of_zero_after_freezing_are_no_reason_for_alarm_either() {
-    // Seeds as LinuxCNC gives them before homing: zeros first, then [TRAJ]HOME. NaN in
-    // their place would reach its planner.
+    // Seeds as LinuxCNC passes them before homing: zeros first, then [TRAJ]HOME. NaN instead
+    // would reach its planner.
     for seed in [[0.0; 9], PAPER_004_HOME] {
         let module = paper_004().module();
         for _ in 0..65 {
@@ -77,7 +77,7 @@ fn no_fault_floods_the_operator() {
     module.clear_messages();
     module.set("fault-reset", 1.0);
     for cycle in 0..900 {
-        // Another joint at every cycle, so that no two faults in a row are the same.
+        // Another joint in every cycle, so that no two successive faults are equal.
         let mut broken = joints;
         broken[cycle % 6] = f64::NAN;
         assert!(module.forward_into(&broken, &mut SEED.clone()) < 0);
@@ -236,7 +236,7 @@ fn joints_of_other_machines_do_not_matter() {
 fn joints_that_close_no_platform_are_refused_and_the_pose_is_marked() {
     let module = paper_004().module();
     let good = module.inverse(&SEED).expect("a pose of the workspace");
-    // Far too long, far too short, negative, and one strut shorter than its neighbours allow.
+    // Far too long, far too short, negative, and one strut shorter than its neighbors allow.
     let bad = |joint: usize, value: f64| {
         let mut joints = good;
         joints[joint] = value;
@@ -280,7 +280,7 @@ fn forward_goes_on_from_the_last_good_pose_when_the_seed_is_nan() {
     module.follow(&good, &SEED).expect("its own joints");
     let mut world = SEED;
     assert!(module.forward_into(&[f64::NAN; 16], &mut world) < 0);
-    // LinuxCNC passes what it got: the next call's seed is the NaN of the failure.
+    // LinuxCNC passes its result on: the next call's seed is the NaN of the failure.
     let mut next = SEED;
     next[0] += 0.5;
     let joints = module.inverse(&next).expect("a pose of the workspace");
@@ -291,8 +291,8 @@ fn forward_goes_on_from_the_last_good_pose_when_the_seed_is_nan() {
 
 #[test]
 fn feedback_and_command_both_recover_from_nan_seeds() {
-    // In joint mode the two are called in turn, each with a pose of its own; a
-    // following error lies between them.
+    // In joint mode the two are called in turn, each with a separate pose, with a
+    // following error between them.
     let module = paper_004().module();
     let mut behind = SEED;
     behind[2] -= 2.0;
@@ -474,7 +474,7 @@ fn forward_writes_the_pins_people_look_at() {
     assert!(!module.is_on("fwd-kins-fail"));
 }
 
-/// LinuxCNC hands the NaN of a refused forward over to inverse when it goes off and on again.
+/// LinuxCNC passes the NaN of a refused forward to inverse when it is switched off and on again.
 #[test]
 fn the_nan_of_a_refused_forward_is_not_told_as_a_fault_of_the_program() {
     let module = paper_004().module();
@@ -489,7 +489,7 @@ fn the_nan_of_a_refused_forward_is_not_told_as_a_fault_of_the_program() {
     module.monitor();
     assert_eq!(module.get("fault"), f64::from(code));
     assert_eq!((module.get("fault-count"), module.messages().len()), (1.0, 1));
-    // A pose that came from elsewhere is told again as soon as inverse has been asked for a good one.
+    // A pose from another source is reported again once inverse was called with a good one.
     module.inverse(&SEED).expect("a pose of the workspace");
     assert_eq!(module.inverse(&NO_POSE), Err(Cause::PoseNotFinite.code()));
     assert_eq!(module.get("fault"), f64::from(Cause::PoseNotFinite.code()));
@@ -505,7 +505,7 @@ fn the_tool_of_identity_kinematics_stands_upright_whatever_the_joints_are() {
     }
 }
 
-/// Whether the columns are orthonormal, to the rounding of a product of a few rotations.
+/// Returns whether the columns are orthonormal, within the rounding of a product of a few rotations.
 fn are_orthonormal(columns: &Columns) -> bool {
     let dot = |a: usize, b: usize| (0..3).map(|k| columns[a][k] * columns[b][k]).sum::<f64>();
     let pairs = (0..3).flat_map(|a| (0..3).map(move |b| (a, b)));
@@ -529,7 +529,7 @@ fn a_joint_that_is_no_number_never_gives_a_frame_of_nan() {
             bad[joint] = value;
             let [tool, work] = frames(&bad);
             assert_eq!(tool, Err(-1), "{name}: joint {joint} is {value}");
-            // No joint turns the work of a machine alone: there it is the base.
+            // No joint rotates the workpiece of a single machine: it is fixed to the base.
             let is_refused = work == Err(-1) || work.is_ok_and(|columns| are_orthonormal(&columns));
             assert!(is_refused, "{name}: joint {joint} is {value}: {work:?}");
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! When the geometry on the pins becomes the geometry of the joints, and when not.
+//! When the geometry on the pins becomes the geometry of the joints, and when it does not.
 
 use abi_tests::control::{Control, controls, in_a_chain};
 use abi_tests::machines::{Hexapod, PAPER_004_HOME, paper_004};
@@ -15,7 +15,7 @@ fn joints(module: &Module) -> Joints {
     module.inverse(&TILTED).expect("a pose of the workspace")
 }
 
-/// A module as a HAL file without `.apply` sets it up.
+/// Returns a module set up by a HAL file without `.apply`.
 fn dropped_in(machine: &Hexapod) -> Module {
     let module = Module::pkmkins(&[]);
     machine.wire(&module);
@@ -60,7 +60,7 @@ fn the_first_forward_call_freezes_a_drop_in_hal_file() {
     assert!((pose[0] - TILTED[0]).abs() < SAME_COMPONENT, "{pose:?}");
 }
 
-/// Turned so far that the arcsin of every strut has folded.
+/// Rotated so far that the arcsin of every strut has folded.
 const TURNED: Pose = [0.0, 0.0, 300.0, 0.0, 0.0, 120.0, 0.0, 0.0, 0.0];
 
 #[test]
@@ -342,7 +342,7 @@ fn a_layout_that_is_singular_at_home_is_refused() {
     let module = Module::pkmkins(&[]);
     let mut machine = paper_004();
     machine.lead = 0.0;
-    // Struts that all meet the axis: rotation about it is free.
+    // Struts that all intersect the axis: rotation about it is free.
     for leg in 0..6 {
         let at = (60.0 * leg as f64).to_radians();
         machine.base[leg] = [560.0 * at.cos(), 560.0 * at.sin(), 1250.0];
@@ -503,8 +503,8 @@ fn a_drop_in_geometry_may_be_mended_before_it_is_frozen() {
     assert_eq!(joints(&module), joints(&paper_004().module()));
 }
 
-/// A HAL file written for genhexkins puts no function of a kinematics module into
-/// a thread: what the monitor shows otherwise, one of 16 forward calls shows then.
+/// A HAL file written for genhexkins adds no function of a kinematics module to
+/// a thread: one of 16 forward calls then updates the pins that the monitor updates otherwise.
 #[test]
 fn without_the_monitor_changed_pins_are_shown_by_forward() {
     let module = dropped_in(&paper_004());

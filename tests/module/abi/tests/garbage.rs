@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Garbage on every pin, pose, joint and period between the steps of a machine: nothing crashes, and
-//! after the documented recovery the machine answers with its pose. `fuzz` has single calls.
+//! Random values on every pin, pose, joint and period between the steps of a machine: nothing crashes, and
+//! after the documented recovery the module returns the machine's pose. `fuzz` has single calls.
 
 use abi_tests::module::{Joints, Pose};
 use abi_tests::random::{Random, cases};
@@ -8,10 +8,10 @@ use abi_tests::sequences::judge::{Judge, Reach, Verdict};
 use abi_tests::sequences::setups::{Setup, drop_ins, shipped};
 use abi_tests::stub::{Pin, PinDir};
 
-/// Calls between two recoveries.
+/// Number of calls between two recoveries.
 const CALLS: usize = 200;
 
-/// Poses on the way from home into the workspace after a recovery.
+/// Number of poses on the path from home into the workspace after a recovery.
 const STEPS: usize = 20;
 
 const PARTICULAR: [f64; 12] = [
@@ -56,7 +56,7 @@ impl Poked {
         Self { setup, module, inputs, pose, joints, has_sent_tool: false }
     }
 
-    /// One call with garbage.
+    /// Makes a call with random values.
     fn poke(&mut self, random: &mut Random) {
         let module = &self.module;
         match random.between(0.0, 12.0) as usize {
@@ -100,7 +100,7 @@ impl Poked {
         }
     }
 
-    /// What the manual says: everything as it was, machine off, kinematics 0, apply, fault-reset, home.
+    /// Recovers as in the manual: all pins restored, machine off, kinematics 0, apply, fault-reset, home.
     fn recover(&mut self) {
         let module = &self.module;
         self.inputs.iter().for_each(|(pin, value)| pin.set(*value));
@@ -123,13 +123,13 @@ impl Poked {
         for _ in 0..4 {
             module.monitor();
         }
-        // Back from the identity, if it was there, with joints that close a platform.
+        // Back from the identity, if it was active, with joints that close a platform.
         let joints = self.setup.system.at_reference().joints;
         module.forward_into(&joints, &mut self.setup.world_home());
         module.monitor();
         let code = module.switch(0);
         assert_eq!(code, 0, "{}", self.setup.name);
-        // Corrections come back at their rate: one of 0, as it is without corrections, would keep them.
+        // Corrections return at their rate: a rate of 0, the value without corrections, would keep them.
         let rates = || self.inputs.iter().filter(|(pin, _)| pin.name.contains("correction-rate."));
         rates().for_each(|(pin, _)| pin.set(1e9));
         for _ in 0..100 {
@@ -141,7 +141,7 @@ impl Poked {
         module.clear_messages();
     }
 
-    /// From home to a pose of the workspace, in joint mode.
+    /// Moves from home to a pose of the workspace, in joint mode.
     fn answers(&mut self, random: &mut Random) {
         let system = &self.setup.system;
         let mut judge = Judge::new(system.clone());

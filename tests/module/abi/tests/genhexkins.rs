@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Side by side with LinuxCNC's genhexkins.so in one process.
+//! Comparison with LinuxCNC's genhexkins.so in one process.
 
 use abi_tests::geometry::{distance, minus, norm, plus, rotation, turned};
 use abi_tests::machines::{
@@ -15,7 +15,7 @@ use abi_tests::tolerances::{
 };
 use kinematics::Cause;
 
-/// Poses a machine: wiring 180 pins costs more than a pose.
+/// Number of poses per machine: wiring 180 pins is more expensive than a pose.
 const POSES: usize = 50;
 
 /// Both modules with the same random machine on their pins.
@@ -32,7 +32,7 @@ impl Pair {
         Pair { ours, theirs, machine: machine.clone(), size: machine.size() }
     }
 
-    /// Puts a machine on both modules' pins; false if ours refuses it.
+    /// Sets a machine on both modules' pins; false if ours refuses it.
     fn wire(&mut self, machine: Hexapod) -> bool {
         machine.wire(&self.theirs);
         self.size = machine.size();
@@ -41,7 +41,7 @@ impl Pair {
         taken
     }
 
-    /// Takes a random machine with a reference pose: its size, and its torsions there.
+    /// Sets a random machine with a reference pose: returns its size, and its torsions there.
     fn draw_with_home(&mut self, random: &mut Random) -> (f64, [Torsion; 6]) {
         let size = random_size(random);
         let machine = with_home(random, size);
@@ -69,12 +69,12 @@ fn torsions(machine: &Hexapod, pose: &Pose) -> [Torsion; 6] {
     std::array::from_fn(|leg| torsion(machine, pose, leg))
 }
 
-/// Whether the strut is clear of its joint axes and of the arcsin's steep ends.
+/// Returns whether the strut is clear of its joint axes and of the arcsin's steep ends.
 fn is_usable(torsion: &Torsion) -> bool {
     torsion.clearance > AXIS_MIN_CLEARANCE && torsion.sine.powi(2) < ARCSIN_MAX_SINE_SQUARED
 }
 
-/// Whether the struts are clear of the half turn from their folds, at which the module refuses them.
+/// Returns whether the struts are clear of the half turn from their folds, at which the module refuses them.
 fn are_clear_of_half_a_turn(torsions: &[Torsion; 6], home: &[Torsion; 6]) -> bool {
     torsions
         .iter()
@@ -82,7 +82,7 @@ fn are_clear_of_half_a_turn(torsions: &[Torsion; 6], home: &[Torsion; 6]) -> boo
         .all(|(here, home)| here.cosine * home.cosine.signum() > HALF_TURN_COSINE)
 }
 
-/// Sizes from a machine in metres to one in tenths of millimetres.
+/// Returns sizes from a machine in meters to one in tenths of millimeters.
 fn random_size(random: &mut Random) -> f64 {
     10.0_f64.powf(random.between(0.0, 4.0))
 }
@@ -130,7 +130,7 @@ fn inverse_agrees_on_random_machines_without_lead_everywhere() {
     }
 }
 
-/// A random machine with a level reference pose at which every fold is decided.
+/// Returns a random machine with a level reference pose that determines every fold.
 fn with_home(random: &mut Random, size: f64) -> Hexapod {
     loop {
         let mut machine = random_hexapod(random, size);
@@ -152,8 +152,8 @@ fn strut_length(machine: &Hexapod, pose: &Pose, leg: usize) -> f64 {
     norm(minus(plus(origin, turned(&r, machine.platform[leg])), machine.base[leg]))
 }
 
-/// Inside its range the fold equals the arcsin; beyond it goes on where the
-/// arcsin turns back, so that the two corrections add up to half a lead.
+/// Inside its range the fold equals the arcsin; beyond it continues where the
+/// arcsin reverses, so that the two corrections add up to half a lead.
 #[test]
 fn inverse_with_a_reference_pose_agrees_within_the_arcsin_range_and_goes_on_beyond() {
     let mut random = Random::new(3);
@@ -183,8 +183,8 @@ fn inverse_with_a_reference_pose_agrees_within_the_arcsin_range_and_goes_on_beyo
     println!("{inside} struts equal within the arcsin range, {beyond} mirrored beyond it");
 }
 
-/// The sum of both joints beyond the fold: twice the length, and half a lead
-/// of the sine's sign.
+/// Returns the sum of both joints beyond the fold: twice the length, and half a lead
+/// with the sine's sign.
 fn half_lead(machine: &Hexapod, torsion: &Torsion, pose: &Pose, leg: usize) -> f64 {
     2.0 * strut_length(machine, pose, leg) + 0.5 * machine.lead * torsion.sine.signum()
 }
@@ -219,7 +219,7 @@ fn forward_returns_to_the_pose_on_random_machines() {
     assert!(f64::from(refused) <= RANDOM_MACHINE_REFUSALS * f64::from(solved));
 }
 
-/// Millimetres are where genhexkins gives up: its max-error is an absolute 500.
+/// genhexkins fails in millimeters: its max-error is an absolute 500.
 #[test]
 fn genhexkins_fails_from_home_in_millimetres_where_this_module_does_not() {
     let machine = paper_004();
@@ -243,14 +243,14 @@ fn genhexkins_fails_from_home_in_millimetres_where_this_module_does_not() {
         "genhexkins from home: {failures} of {count} fail ({share:.0} %), {other} other poses"
     );
     assert_eq!(own, 0);
-    // A tenth: far below what is seen, far above what chance could make of none.
+    // A tenth: far below the observed share, far above a chance result for none.
     assert!(share > 10.0, "{share} %");
 }
 
-/// Where genhexkins' default geometry stands.
+/// Home of genhexkins' default geometry.
 const DEFAULT_HOME: Pose = [0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// genhexkins' default geometry with a screw of a fifth of an inch, in units of so many an inch.
+/// Returns genhexkins' default geometry with a screw of a fifth of an inch, in this number of units per inch.
 fn default_with_lead(unit: f64) -> Hexapod {
     let mut machine = genhexkins_default(&Module::genhexkins());
     for anchor in machine.base.iter_mut().chain(&mut machine.platform) {
@@ -260,7 +260,7 @@ fn default_with_lead(unit: f64) -> Hexapod {
     machine
 }
 
-/// The drop-in has no reference pose. Beyond the fold its inverse is its own, and there some
+/// The drop-in has no reference pose. Beyond the fold its inverse differs, and there some
 /// poses are half a turn from the fold.
 #[test]
 fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_step_away() {
@@ -271,13 +271,13 @@ fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_ste
         let mut pair = Pair::new(&default_with_lead(unit));
         pair.machine.wire(&pair.ours);
         pair.machine.wire(&pair.theirs);
-        // A sum of misfits in machine units, beyond which theirs gives up.
+        // A sum of misfits in machine units, above which theirs fails.
         pair.theirs.set("max-error", 1e9);
         pair.size = pair.machine.size();
         let first = pair.theirs.inverse(&home).expect("its own home");
         let found = pair.ours.forward(&first, &home).expect("its home");
         assert!(distance(&found, &home, pair.machine.radius()) <= ROUND_TRIP_REL * pair.size);
-        // Leg 1 stands near a quarter turn there: said, and not refused.
+        // Leg 1 is near a quarter turn there: reported, and not refused.
         let told = pair.ours.messages();
         assert!(told.len() == 1 && told[0].text.contains(Cause::FoldUndefined.text()), "{told:?}");
         let folds = torsions(&pair.machine, &home);
@@ -319,7 +319,7 @@ fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_ste
             "{unit} units an inch: {right} poses as genhexkins, whose forward fails at {failed}; \
              {beyond} beyond its fold, {refused} of them refused"
         );
-        // A leg passes its joint axis, beside which torsions are anything: 20 of 360 degrees.
+        // A leg passes its joint axis, near which torsions are arbitrary: 20 of 360 degrees.
         assert!(right > 0 && f64::from(refused) < 20.0 / 360.0 * f64::from(beyond));
     }
 }

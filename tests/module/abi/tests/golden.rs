@@ -16,7 +16,7 @@ struct Golden<M> {
     machine: Vec<M>,
 }
 
-/// A machine with its rows, whatever its legs are.
+/// A machine with its rows, for any kinds of legs.
 struct Case {
     name: String,
     machine: Parallel,
@@ -101,7 +101,7 @@ impl From<OfRods> for Case {
             kind: Kind::Slider { guide: given.guide[i], rod: given.rod[i], side: given.side[i] },
         };
         let legs = (0..given.kinds.len()).map(leg).collect();
-        // Two short texts a machine, read once: they live as long as the test.
+        // Two short texts per machine, read once: they are kept as long as the test runs.
         let coordinates = given.coordinates.leak();
         let machine = Parallel {
             table: given.table.leak(),
@@ -159,7 +159,7 @@ fn forward_gives_the_golden_poses_from_home() {
     }
 }
 
-/// All columns, those of held letters too: the plain derivatives.
+/// All columns, including those of constant letters: the plain derivatives.
 #[test]
 fn the_jacobian_has_the_golden_elements() {
     for case in golden() {

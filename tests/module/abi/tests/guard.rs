@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The monitor's watch over the motion: what its pins show, and the feed it allows.
+//! The monitor's guard of the motion: the values of its pins, and the feed that it allows.
 
 use abi_tests::geometry::{Vector, cross, dot, minus, norm, plus, rotation, scaled, turned, unit};
 use abi_tests::machines::{PAPER_004_HOME, paper_004, paper_004_pose};
@@ -12,7 +12,7 @@ use nalgebra::DMatrix;
 
 const PERIOD: f64 = 1e-3;
 
-/// Takes the machine to a pose the way LinuxCNC does in a cycle: feedback, then command.
+/// Moves the machine to a pose as LinuxCNC does in a cycle: feedback, then command.
 fn cycle(module: &Module, feedback: &Pose, command: &Pose) {
     let joints = module.inverse(feedback).expect("a pose of the workspace");
     module.follow(&joints, feedback).expect("its own joints");
@@ -22,7 +22,7 @@ fn cycle(module: &Module, feedback: &Pose, command: &Pose) {
 
 // ---------------------------------------------------------------- what is shown at a pose
 
-/// Directions of the legs, base to platform, in base.
+/// Returns the directions of the legs, base to platform, in base.
 fn directions(machine: &Parallel, pose: &Pose, joints: &Joints) -> Vec<Vector> {
     (0..machine.legs.len()).map(|n| unit(machine.span(pose, n, joints[n]))).collect()
 }
@@ -36,7 +36,7 @@ fn untilted(pose: &Pose, v: Vector) -> Vector {
     std::array::from_fn(|k| (0..3).map(|i| r[i][k] * v[i]).sum())
 }
 
-/// Rows of the legs over the active coordinates, by moving the platform a little.
+/// Returns the rows of the legs over the active coordinates, by small motions of the platform.
 fn rows(subject: &Subject, pose: &Pose, directions: &[Vector]) -> Vec<Vec<f64>> {
     let machine = &subject.machine;
     let moved = |k: usize| machine.coordinates.contains(["X", "Y", "Z", "A", "B", "C"][k]);
@@ -45,7 +45,7 @@ fn rows(subject: &Subject, pose: &Pose, directions: &[Vector]) -> Vec<Vec<f64>> 
         std::array::from_fn(|k| machine.legs.iter().map(|l| l.platform[k]).sum::<f64>() / legs);
     let reference = if (0..3).all(moved) { centroid } else { machine.centre };
     let group = (3..6).all(moved);
-    // In the platform: a ring's point that its strut is at.
+    // In the platform: a ring's point at its strut.
     let end = |n: usize| {
         let along_ring = minus(machine.anchor(pose, n), machine.joint_centre(pose, n));
         plus(machine.legs[n].platform, untilted(pose, along_ring))
@@ -67,9 +67,9 @@ fn rows(subject: &Subject, pose: &Pose, directions: &[Vector]) -> Vec<Vec<f64>> 
     (0..machine.legs.len()).map(|n| active.iter().map(|k| of(n, *k)).collect()).collect()
 }
 
-/// Speed of a platform point per unit of radius · angle `k` of the pose.
+/// Returns the velocity of a platform point per unit of radius · angle `k` of the pose.
 fn by_angle(pose: &Pose, point: Vector, k: usize, radius: f64) -> Vector {
-    // A millionth of a radian: differences good to nine digits.
+    // A millionth of a radian: differences accurate to nine digits.
     let step = 1e-6_f64;
     let at = |sign: f64| {
         let mut turned_pose = *pose;
@@ -83,7 +83,7 @@ fn smallest_singular_value(rows: &[Vec<f64>]) -> f64 {
     DMatrix::from_fn(rows.len(), rows[0].len(), |i, k| rows[i][k]).singular_values().min()
 }
 
-/// Distance of two segments, by ternary search along both (it is convex).
+/// Returns the distance of two segments, by ternary search along both (it is convex).
 fn distance(one: [Vector; 2], other: [Vector; 2]) -> f64 {
     let at = |s: [Vector; 2], share: f64| plus(s[0], scaled(minus(s[1], s[0]), share));
     let least = |f: &dyn Fn(f64) -> f64| {
@@ -97,7 +97,7 @@ fn distance(one: [Vector; 2], other: [Vector; 2]) -> f64 {
     least(&|s| least(&|t| norm(minus(at(one, s), at(other, t)))))
 }
 
-/// Nearest pair of legs that share no anchor.
+/// Returns the nearest pair of legs that share no anchor.
 fn nearest(machine: &Parallel, pose: &Pose, joints: &Joints) -> Option<(f64, [usize; 2])> {
     let segment = |n: usize| {
         let top = machine.anchor(pose, n);
@@ -151,7 +151,7 @@ fn every_value_at_a_pose_is_that_of_an_independent_computation() {
                 close(platform, angle(untilted(&pose, now[n]), home[n]), 1e-9, name);
             }
             let expected = smallest_singular_value(&rows(&subject, &pose, &now));
-            // 1e-6: differences by angle are good to nine digits, and the root of AᵀA halves
+            // 1e-6: differences by angle are accurate to nine digits, and the root of AᵀA halves
             // the digits of small values.
             close(module.get("conditioning"), expected, 1e-6, name);
             check_nearest(&subject, &module, &pose, &joints);
@@ -163,7 +163,7 @@ fn check_joints(subject: &Subject, module: &Module, pose: &Pose) {
     let step = 1e-4 * subject.machine.size();
     for n in 0..subject.machine.joints() {
         let margin = module.get(&format!("margin.{n}"));
-        // The pose that forward found is the one asked for to 1e-10 of the size.
+        // Forward's pose equals the requested one to 1e-10 of the size.
         close(margin, 3.0_f64.min(5.0).max(3.0 + n as f64).min(5.0), 1e-6, subject.name);
         let rate = |k: usize| {
             if !subject.machine.moves(k) {
@@ -177,7 +177,7 @@ fn check_joints(subject: &Subject, module: &Module, pose: &Pose) {
             (at(1.0) - at(-1.0)) / (2.0 * step)
         };
         let expected = norm([rate(0), rate(1), rate(2)]);
-        // Steps of 1e-4 of the size: the third derivative leaves 1e-8 times a number that grows
+        // Steps of 1e-4 of the size: the third derivative leaves 1e-8 times a factor that grows
         // with the ratio.
         let found = module.get(&format!("speed-ratio.{n}"));
         close(found, expected, 1e-5 * (1.0 + expected.powi(3)), subject.name);
@@ -221,8 +221,8 @@ fn pair_distance(subject: &Subject, pose: &Pose, joints: &Joints, pair: [usize; 
 
 // ---------------------------------------------------------------- the feed it allows
 
-/// A planner as simple as LinuxCNC's along one move: speed follows the scaled feed at a given
-/// acceleration, and brakes for the end.
+/// A planner as simple as LinuxCNC's along one move: the speed follows the scaled feed at a given
+/// acceleration, and decreases toward the end.
 struct Drive<'a> {
     module: &'a Module,
     path: &'a dyn Fn(f64) -> Pose,
@@ -238,7 +238,7 @@ struct Run {
     fastest: f64,
     scales: Vec<f64>,
     inhibited: bool,
-    /// Where it ended.
+    /// Its end.
     at: f64,
 }
 
@@ -315,8 +315,8 @@ fn pose(x: f64, y: f64, z: f64, a: f64, b: f64) -> Pose {
     [x, y, z, a, b, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// Least seconds for a path at a feed, an acceleration and the joint speed limits: the
-/// speed allowed at each of many places, swept forwards and backwards.
+/// Returns the least duration of a path with a feed, an acceleration and the joint speed limits, seconds: the
+/// allowed speed at many positions, swept forward and backward.
 fn least_time(drive: &Drive<'_>, speed: f64) -> f64 {
     const PLACES: usize = 20_000;
     let step = drive.length / PLACES as f64;
@@ -348,7 +348,7 @@ fn line(s: f64) -> Pose {
     pose(-100.0 + s, 40.0, 120.0 + 0.6 * s, 0.0, 0.0)
 }
 
-/// A straight line that goes over into an arc without a bend.
+/// Returns a straight line with a tangential arc.
 fn line_and_arc(s: f64) -> Pose {
     if s < 100.0 {
         return pose(-100.0 + s, -50.0, 250.0, 0.0, 0.0);
@@ -361,13 +361,13 @@ fn tilting(s: f64) -> Pose {
     pose(-50.0 + 0.5 * s, 0.0, 250.0, -15.0 + 0.3 * s, 10.0 - 0.2 * s)
 }
 
-/// A short arc on which the platform turns by much: a degree on 0.05 mm.
+/// Returns a short arc with a large rotation of the platform: a degree on 0.05 mm.
 fn rotating_arc(s: f64) -> Pose {
     let (sine, cosine) = (s / 5.0).sin_cos();
     [5.0 * sine, -5.0 * cosine, 250.0, 0.0, 0.0, 20.0 * s, 0.0, 0.0, 0.0]
 }
 
-/// A round about Z that stands still: LinuxCNC's speeds are degrees per second then.
+/// Returns a rotation about Z without translation: LinuxCNC's speeds are degrees per second then.
 fn turning(s: f64) -> Pose {
     [0.0, 0.0, 250.0, 0.0, 0.0, s, 0.0, 0.0, 0.0]
 }
@@ -400,14 +400,14 @@ fn joints_stay_within_their_speeds_where_the_feed_alone_would_drive_them_beyond(
                 "{name}, joints to {speed} mm/s: {:.1} % more time than the least",
                 100.0 * lost
             );
-            // Two per cent is what is kept of the speed limits; braking with less than half the
+            // Two per cent is the margin to the speed limits; braking with less than half the
             // acceleration costs the rest.
             assert!(lost < 0.035, "{name}, {speed}: {lost}");
         }
     }
 }
 
-/// The feed's floor is far beyond what the joints allow, and so is half of it, and the first cycles
+/// The feed's floor is far beyond the joints' limits, and so is half of it, and the first cycles
 /// decide: 200 degrees/s² are 10 mm/s² of the arc.
 #[test]
 fn a_rotation_heavy_arc_from_standstill_never_takes_a_joint_beyond_its_speed() {
@@ -420,7 +420,7 @@ fn a_rotation_heavy_arc_from_standstill_never_takes_a_joint_beyond_its_speed() {
     let run = arc(&module, true);
     println!("{} of the limit alone, {} guarded, to {}", free.fastest, run.fastest, run.at);
     assert!(run.fastest <= 1.0, "{} of the limit", run.fastest);
-    // The program is stopped, and told why, once the speed that is allowed is nearly reached.
+    // The program is stopped, with a reason, once the allowed speed is nearly reached.
     assert!(run.inhibited && run.fastest > 0.8, "{} of the limit", run.fastest);
     assert_eq!(module.get("fault") as i32, Cause::JointTooFast.code());
 }
@@ -434,11 +434,11 @@ fn an_arc_too_short_to_gather_a_speed_that_is_too_fast_is_not_stopped() {
     assert!(run.fastest <= 1.0, "{} of the limit", run.fastest);
 }
 
-/// A corner as LinuxCNC rounds it: a line along X brakes while one along Z gathers speed. It reports the
+/// A corner as LinuxCNC blends it: a line along X decelerates while one along Z accelerates. It reports the
 /// sum of both speeds, and the requested one of the faster line alone.
 fn corner(module: &Module, requests: [f64; 2], guarded: bool) -> Run {
     const BEGINS: usize = 400;
-    // LinuxCNC halves the acceleration where moves blend.
+    // LinuxCNC halves the acceleration if moves are blended.
     let change = ACCELERATION / 2.0 * PERIOD;
     let (mut v, mut way) = ([0.0_f64; 2], [0.0; 2]);
     let mut run = Run::default();
@@ -483,7 +483,7 @@ fn joints_stay_within_their_speeds_where_a_move_begins_while_another_one_ends() 
 
 #[test]
 fn the_feed_scale_does_not_swing() {
-    // Six struts take turns in limiting an arc of a quarter: a turn up and down for each.
+    // Six struts take turns in limiting a quarter arc: a rise and a fall for each.
     let module = hexapod(50.0);
     let run = drive(&module, &line_and_arc, 250.0).run(true);
     assert!(run.turns() <= 2 * 6 * 2, "{} turns", run.turns());
@@ -552,7 +552,7 @@ fn a_machine_stops_before_its_legs_lose_hold_and_may_go_back() {
 
 #[test]
 fn what_lies_within_the_braking_distance_is_told_with_leg_and_reason() {
-    // 100 mm/s stop within 12 mm at the share of 1000 mm/s² that is counted on.
+    // 100 mm/s stop within 12 mm at the assumed share of 1000 mm/s².
     let along = |s: f64| pose(s, 0.0, 250.0, 0.0, 0.0);
     let seen = |set: &dyn Fn(&Module)| {
         let module = hexapod(1e99);
@@ -586,7 +586,7 @@ fn what_lies_within_the_braking_distance_is_told_with_leg_and_reason() {
     assert_eq!((on, leg, reason), (true, 4, Cause::JointTooFast.code()));
 }
 
-/// Every pin that the guard reads.
+/// Returns every pin that the guard reads.
 fn read_pins() -> Vec<String> {
     let single = [
         "conditioning-limit",
@@ -633,8 +633,8 @@ fn no_input_makes_the_feed_scale_anything_but_a_share_above_the_floor() {
     }
 }
 
-/// Feed scales of a drive whose joints may be as fast as `speed`, cycle by cycle, whatever they
-/// are: the planner takes no notice of them.
+/// Returns the feed scales of a drive whose joints may be as fast as `speed`, cycle by cycle; the
+/// planner ignores them.
 fn scales_along(line: &Path, speed: f64, floor: f64) -> Vec<f64> {
     let module = hexapod(speed);
     module.set("feed-floor", floor);
@@ -692,7 +692,7 @@ fn the_times_of_the_last_calls_are_shown_in_nanoseconds() {
     module.monitor();
     cycle(&module, &PAPER_004_HOME, &PAPER_004_HOME);
     for pin in ["inverse-time", "forward-time"] {
-        // The stub's clock goes on by one nanosecond whenever it is read.
+        // The stub's clock advances by one nanosecond whenever it is read.
         assert_eq!(module.get(pin), 1.0, "{pin}");
     }
 }

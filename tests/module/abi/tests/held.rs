@@ -12,13 +12,13 @@ use kinematics::Cause;
 const HELD: [Cause; 6] =
     [Cause::HeldX, Cause::HeldY, Cause::HeldZ, Cause::HeldA, Cause::HeldB, Cause::HeldC];
 
-/// Every machine that holds coordinates; one of them translations too.
+/// Returns every machine with constant coordinates, including one with constant translations.
 fn holding() -> Vec<Subject> {
     let without_table = Parallel { table: "", ..pyramid() };
     let sample = |random: &mut Random| {
         let mut pose = pyramid_pose(random);
         pose[..2].fill(0.0);
-        // With X and Y held, a tilt is about the centre: the tip moves out of them.
+        // With constant X and Y, a tilt is about the center: the tip moves along them.
         pose[3..].fill(0.0);
         pose
     };
@@ -65,7 +65,7 @@ fn inverse_refuses_a_held_coordinate_by_its_letter_and_leaves_the_joints_alone()
     assert!([0, 1, 3, 4, 5].iter().all(|c| letters[*c] > 0), "{letters:?}");
 }
 
-/// Rounding of a pose that LinuxCNC interpolates must not stop the machine, nor move it.
+/// Rounding of a pose that LinuxCNC interpolates must not stop or move the machine.
 #[test]
 fn a_held_coordinate_that_is_0_but_for_rounding_changes_no_bit() {
     for subject in holding() {
@@ -141,8 +141,8 @@ fn a_refused_inverse_of_held_coordinates_is_no_fault_of_the_next_call() {
     assert!(said.contains(Cause::HeldC.text()), "'{said}'");
 }
 
-/// The equations themselves, written here once more: every leg as long as its rod or its
-/// joint value, and on its side; every table axis at its part of the point.
+/// Independent equations: every leg has the length of its rod or its
+/// joint value, and is on its side; every table axis has its component of the point.
 #[test]
 fn joints_satisfy_the_equations_of_their_legs_and_of_the_table() {
     for subject in subjects() {
@@ -171,7 +171,7 @@ fn assert_leg(machine: &Parallel, n: usize, pose: &Pose, joint: f64, allowed: f6
     let leg = &machine.legs[n];
     let span = machine.span(pose, n, joint);
     let (length, side) = match leg.kind {
-        // The correction of a lead is checked beside genhexkins.
+        // The correction of a lead is compared with genhexkins.
         Kind::Strut { lead, .. } if lead != 0.0 => return,
         Kind::Strut { .. } | Kind::Ring { .. } => (joint, None),
         Kind::Slider { rod, side, .. } | Kind::Crank { rod, side, .. } => (rod, Some(side)),
@@ -201,7 +201,7 @@ fn a_table_letter_moves_its_joint_alone_and_in_the_same_sense() {
     }
 }
 
-/// The letters of `table` are joints in the order written.
+/// The letters of `table` are joints in the given order.
 #[test]
 fn table_letters_in_another_order_are_joints_in_another_order() {
     let pose: Pose = [30.0, -40.0, 280.0, 5.0, -6.0, 0.0, 0.0, 0.0, 0.0];
@@ -212,7 +212,7 @@ fn table_letters_in_another_order_are_joints_in_another_order() {
     assert_eq!((yx[4], yx[5]), (xy[5], xy[4]));
 }
 
-/// The centre is where a tilt leaves the table alone: with the tool tip there, A and B
+/// A tilt about the center does not move the table: with the tool tip there, A and B
 /// move no table.
 #[test]
 fn a_tilt_about_the_centre_moves_the_table_by_the_tips_way() {
@@ -221,7 +221,7 @@ fn a_tilt_about_the_centre_moves_the_table_by_the_tips_way() {
     let way = 150.0 * 20_f64.to_radians().sin();
     assert!((joints[4] - way).abs() <= SAME_JOINT_MM, "{} {way}", joints[4]);
     assert_eq!(joints[5], 0.0);
-    // A tool of −150 brings the tip to the centre.
+    // A tool of −150 moves the tip to the center.
     let at_centre = Parallel { tool: [0.0, 0.0, -150.0], ..pyramid() };
     let joints = at_centre.module().inverse(&tilt).expect("a pose of the workspace");
     assert!(joints[4].abs() <= SAME_JOINT_MM, "{}", joints[4]);
@@ -229,7 +229,7 @@ fn a_tilt_about_the_centre_moves_the_table_by_the_tips_way() {
 
 #[test]
 fn without_a_table_a_tilt_may_not_move_the_tip_in_held_coordinates_but_the_centre() {
-    // X and Y are held: they are the tip's, and a pose that asks for none has 0 there.
+    // X and Y are constant: they are the tip's, and 0 in a legal pose.
     let machine = Parallel { table: "", centre: [0.0; 3], ..pyramid() };
     let module = machine.module();
     let pose: Pose = [0.0, 0.0, 270.0, 10.0, -12.0, 0.0, 0.0, 0.0, 0.0];
@@ -261,8 +261,8 @@ fn a_table_joint_that_is_not_finite_is_refused_by_its_number() {
     }
 }
 
-/// A tool change moves no joint of a level machine, table or not, and is refused at a tilt
-/// where the joints have no limits to go by.
+/// A tool change moves no joint of a level machine, with or without a table, and is refused at a tilt
+/// if the joints have no limits.
 #[test]
 fn tool_offsets_act_on_a_table_machine_as_on_any() {
     let level: Pose = [20.0, 30.0, 300.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -295,12 +295,12 @@ fn tool_offsets_act_on_a_table_machine_as_on_any() {
 }
 
 /// The axis of a crank and the direction of its arm are right-handed: a positive angle
-/// turns the arm from itself towards axis × arm.
+/// rotates the arm toward axis × arm.
 #[test]
 fn crank_angles_are_right_handed_degrees_from_the_arm_as_given() {
     let subject = subjects().into_iter().find(|s| s.name == "rotary delta").expect("there");
     let module = subject.machine.module();
-    // Elbow 25 degrees down from outwards, the foot below it by shin geometry.
+    // Elbow 25 degrees below outward, the foot below it by shin geometry.
     let leg = &subject.machine.legs[0];
     let Kind::Crank { axis, arm, rod, .. } = leg.kind else { panic!("a crank") };
     let elbow = abi_tests::geometry::plus(leg.base, leg.displacement(25.0));

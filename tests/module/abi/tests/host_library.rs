@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The installed module and the host library are one code: same bits, for every kind of
+//! The installed module and the host library are the same code: same bits, for every kind of
 //! leg, redundant or not, with a table and without.
 
 use abi_tests::machines::{Hexapod, paper_004, paper_004_pose};
@@ -42,7 +42,7 @@ fn six(pose: &Pose) -> [f64; 6] {
     std::array::from_fn(|i| pose[i])
 }
 
-/// Every machine, and what a hexapod may have beside.
+/// Returns every machine, and the options of a hexapod.
 fn machines() -> Vec<Subject> {
     let hexapod =
         |name, machine: Hexapod| Subject { name, machine: machine.into(), sample: paper_004_pose };
@@ -53,7 +53,7 @@ fn machines() -> Vec<Subject> {
     all
 }
 
-/// The host's frozen machine, tool and solver as the module's pins have them.
+/// Returns the host's frozen machine, tool and solver with the values of the module's pins.
 fn host(machine: &Parallel, module: &Module) -> (Machine, Vector3<f64>, Solver) {
     let frozen = Machine::freeze(&geometry(machine), &[0.0; 8]).expect("a good machine");
     let [x, y, z] = machine.tool;
@@ -94,7 +94,7 @@ fn inverse_gives_the_same_bits_as_the_host_library() {
     }
 }
 
-/// A hexapod without a reference pose takes the literal arcsin, which forward cannot
+/// A hexapod without a reference pose uses the literal arcsin, which forward cannot
 /// always follow: inverse only.
 #[test]
 fn inverse_gives_the_same_bits_without_a_reference_pose() {
@@ -163,7 +163,7 @@ fn the_geometry_hash_on_the_pin_is_the_host_librarys() {
     for subject in machines() {
         let hash = subject.machine.module().get("geometry-hash") as u32;
         assert_eq!(hash, geometry(&subject.machine).hash(), "{}", subject.name);
-        // Tools do not enter; the subjects without one all differ.
+        // Tools have no effect; the subjects without one all differ.
         if subject.machine.tool == [0.0; 3] {
             assert!(!seen.contains(&hash), "{}", subject.name);
             seen.push(hash);
@@ -171,7 +171,7 @@ fn the_geometry_hash_on_the_pin_is_the_host_librarys() {
     }
 }
 
-/// Bits of numbers, so that −0 and NaN compare as what they are.
+/// Bits of numbers, so that −0 and NaN are compared exactly.
 trait MapBits {
     fn map_bits(&self) -> Vec<u64>;
 }

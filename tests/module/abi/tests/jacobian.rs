@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The optional entry points that LinuxCNC is about to ask for.
+//! The optional entry points that LinuxCNC is going to use.
 
 use abi_tests::geometry::rotation;
 use abi_tests::machines::{Hexapod, paper_004, paper_004_pose};
@@ -11,8 +11,8 @@ use abi_tests::tolerances::{DIFFERENCE, DIFFERENCE_SHARE, FRAME};
 
 const POSE: Pose = [-80.0, 60.0, 350.0, 10.0, -20.0, 5.0, 0.0, 0.0, 0.0];
 
-/// Central differences of inverse over one and two steps, whose errors of third order
-/// cancel; only of coordinates that the machine moves: inverse refuses the others.
+/// Returns central differences of inverse over one and two steps, whose errors of third order
+/// cancel; only for coordinates that the machine moves: inverse refuses the others.
 fn differences(subject: &Subject, module: &Module, pose: &Pose) -> Jacobian {
     let mut result = [[f64::NAN; 9]; 16];
     for component in (0..6).filter(|c| subject.machine.moves(*c)) {
@@ -59,14 +59,14 @@ fn the_jacobian_is_the_derivative_of_inverse_per_unit_and_per_degree() {
     }
 }
 
-/// Largest error of the Jacobian at a pose, as a share of its row.
+/// Returns the largest error of the Jacobian at a pose, as a share of its row.
 fn largest_error(subject: &Subject, module: &Module, pose: &Pose) -> f64 {
     let joints = module.inverse(pose).expect("a pose of the workspace");
     let found = module.jacobian(&joints, pose).expect("a regular pose");
     let expected = differences(subject, module, pose);
     let mut worst = 0.0_f64;
     for (row, (found, expected)) in found.iter().zip(&expected).enumerate() {
-        // Joint units per pose unit: those of a row are as large as its largest.
+        // Joint units per pose unit, relative to the largest element of the row.
         let scale = found.iter().fold(1.0, |most: f64, v| most.max(v.abs()));
         for column in (0..6).filter(|c| subject.machine.moves(*c)) {
             let (one, other) = (found[column], expected[column]);
@@ -79,7 +79,7 @@ fn largest_error(subject: &Subject, module: &Module, pose: &Pose) -> f64 {
     worst
 }
 
-/// With A and C held B is an angle like any other: the lathe's platform may lie.
+/// With constant A and C, B is an angle like any other: the lathe's platform may be at B = 90.
 #[test]
 fn where_a_and_c_are_held_there_is_a_jacobian_at_b_90() {
     let subject = subjects().into_iter().find(|s| s.name == "four-rod lathe").expect("there");
@@ -103,7 +103,7 @@ fn rows_past_the_joints_and_columns_of_u_v_w_are_zero() {
     }
 }
 
-/// Without a tilt a table axis follows its letter, and no leg feels that letter.
+/// Without a tilt a table axis follows its letter, and no leg depends on that letter.
 #[test]
 fn a_table_axis_has_the_row_of_its_letter() {
     let subject = subjects().into_iter().find(|s| s.name == "pyramid").expect("the pyramid");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Jogs in world mode, as LinuxCNC makes them: every axis for itself, slowed and stopped by the module.
+//! Jogs in world mode, as LinuxCNC makes them: every axis independently, slowed and stopped by the module.
 
 use abi_tests::machines::paper_004;
 use abi_tests::module::{Joints, Module, Pose};
@@ -9,7 +9,7 @@ use kinematics::Cause;
 const PERIOD: f64 = 1e-3;
 const AXES: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
-/// Of X Y Z, machine units and seconds, and of A B C, degrees.
+/// Speed limits of X Y Z, machine units and seconds, and of A B C, degrees.
 const FASTEST: [f64; 6] = [60.0, 60.0, 60.0, 30.0, 30.0, 30.0];
 const ACCELERATION: [f64; 6] = [1000.0, 1000.0, 1000.0, 200.0, 200.0, 200.0];
 
@@ -36,9 +36,9 @@ fn hexapod() -> Module {
     module
 }
 
-/// LinuxCNC's jog of axes in world mode: each goes on at its own speed and acceleration until it is
-/// stopped. `task` is the number of cycles after which its speed limits follow the module's; without,
-/// they never do.
+/// LinuxCNC's jog of axes in world mode: each moves at its own speed and acceleration until it is
+/// stopped. `task` is the number of cycles after which its speed limits follow the module's; `None` means
+/// never.
 struct Jog<'a> {
     module: &'a Module,
     pose: Pose,
@@ -46,19 +46,19 @@ struct Jog<'a> {
     task: Option<usize>,
 }
 
-/// What a jog came to.
+/// Results of a jog.
 #[derive(Debug, Default)]
 struct Run {
     /// Largest joint speed, as a share of the limit.
     fastest: f64,
-    /// Seconds in which a joint was too fast.
+    /// Duration of too high joint speeds, seconds.
     too_fast: f64,
-    /// How far the least room in a strut's range, and the tilt, went.
+    /// Least room in a strut's range, and tilt.
     room: f64,
     tilt: f64,
     is_stopped: bool,
     cycles: usize,
-    /// How often the speed limits were given anew.
+    /// Number of changes of the speed limits.
     changes: usize,
 }
 
@@ -76,7 +76,7 @@ impl<'a> Jog<'a> {
         AXES.map(|axis| self.module.get(&format!("jog-velocity.{axis}")))
     }
 
-    /// A cycle with the keys of these axes held.
+    /// Runs a cycle with the keys of these axes pressed.
     fn cycle(&mut self, keys: [f64; 6], limits: [f64; 6]) {
         for k in 0..6 {
             let wanted = keys[k].signum() * keys[k].abs().min(limits[k]);
@@ -92,7 +92,7 @@ impl<'a> Jog<'a> {
         module.monitor();
     }
 
-    /// Holds keys until the machine stands, at most some seconds.
+    /// Presses keys until the machine stands, at most some seconds.
     fn hold(&mut self, keys: [f64; 6], seconds: f64) -> Run {
         let mut run = Run { room: f64::INFINITY, ..Run::default() };
         let mut limits = vec![FASTEST];
@@ -100,7 +100,7 @@ impl<'a> Jog<'a> {
         let mut before = self.joints();
         self.module.set("jogging", 1.0);
         for n in 0..(seconds / PERIOD) as usize {
-            // The limits only fall while a jog goes on, as LinuxCNC has it.
+            // In LinuxCNC the limits only decrease during a jog.
             let known = self.task.map_or(FASTEST, |late| limits[n.saturating_sub(late)]);
             self.cycle(keys, known);
             limits.push(self.told());
@@ -135,14 +135,14 @@ fn room(joints: &Joints) -> f64 {
     each.fold(f64::INFINITY, f64::min)
 }
 
-/// Angle of the platform's normal from Z.
+/// Returns the angle of the platform's normal from Z.
 fn tilt(pose: &Pose) -> f64 {
     let [a, b] = [pose[3].to_radians(), pose[4].to_radians()];
     (a.cos() * b.cos()).acos().to_degrees()
 }
 
 fn along(random: &mut Random) -> [f64; 6] {
-    // One to three axes, at any part of their speed.
+    // One to three axes, at any share of their speed.
     let count = random.between(1.0, 3.999) as usize;
     let mut keys = [0.0; 6];
     for _ in 0..count {
@@ -165,12 +165,12 @@ fn jogs_end_before_limits_and_keep_joint_speeds_however_late_the_task_is() {
             let what = format!("case {case}, keys {keys:?}, task {task:?}: {run:?}");
             assert!(run.room >= 0.0 && run.tilt <= TILT, "beyond a limit: {what}");
             assert!(run.is_stopped, "nothing ends it: {what}");
-            // While it gathers speed the task is told late; that is over when it is told.
+            // While it accelerates the task receives the limits late; the excess ends with their receipt.
             match task {
                 Some(late) => assert!(run.too_fast <= 0.06 + late as f64 * PERIOD, "{what}"),
                 None => dead_too_fast += usize::from(run.fastest > 1.0),
             }
-            // Each costs LinuxCNC's task a cycle.
+            // Each takes a cycle of LinuxCNC's task.
             assert!(run.changes <= 80, "{what}");
             stopped += usize::from(run.is_stopped);
             let fault = module.get("fault") as i32;
@@ -199,7 +199,7 @@ fn what_is_jogged_away_from_a_limit_is_not_slowed_and_what_goes_on_is_stopped_ag
     let up = down.map(|speed| -speed);
     let run = jog.hold(up, 0.5);
     assert!(!run.is_stopped, "{run:?}");
-    // Half a second, but for the time that it takes to gather the speed.
+    // Half a second, plus the time for accelerating.
     assert!(jog.pose[2] > stopped_at + 20.0, "{}", jog.pose[2]);
 }
 
@@ -225,11 +225,11 @@ fn axes_have_their_own_speeds_where_nothing_is_jogged() {
     jog.cycle([0.0; 6], FASTEST);
     assert_eq!(jog.told(), FASTEST);
     assert!(module.get("jog-scale") == 1.0 && !module.is_on("jog-stop"));
-    // A speed that LinuxCNC is given anew is followed in some cycles.
+    // LinuxCNC follows a new speed limit in some cycles.
     module.set("axis-max-velocity.x", 20.0);
     module.monitor_until_all_is_shown();
     assert_eq!(jog.told()[0], 20.0);
-    // A program moves the same way.
+    // A program moves along the same path.
     for _ in 0..3000 {
         jog.cycle([0.0, 0.0, -30.0, 0.0, 0.0, 0.0], FASTEST);
         if room(&jog.joints()) < 1.0 {
@@ -248,7 +248,7 @@ fn numbers_that_are_none_stop_a_jog_rather_than_let_it_run() {
         let run = jog.hold([0.0, 0.0, -FASTEST[2], 0.0, 0.0, 0.0], 20.0);
         assert!(run.is_stopped && run.room >= 0.0, "{pin}: {run:?}");
     }
-    // How it brakes is not known: the slowest there is.
+    // Its braking is unknown: the slowest is assumed.
     let module = hexapod();
     let mut jog = Jog::from(&module, HOME, Some(10));
     module.set("linear-acceleration", f64::NAN);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! loadrt: what the module exports, accepts and refuses.
+//! loadrt: exports, accepted and refused parameters.
 
 use abi_tests::module::{LoadError, Module, pkmkins_path};
 
-/// One parameter that must be refused, the others at their defaults, and a word the
-/// refusal has to contain.
+/// A parameter that must be refused, the others at their defaults, and a word that the
+/// refusal must contain.
 const REFUSED: &[(&str, &str, &str)] = &[
     ("legs", "hexapod:6", "hexapod"),
     ("legs", "Strut:6", "Strut"),
@@ -42,7 +42,7 @@ const REFUSED: &[(&str, &str, &str)] = &[
     ("sparm", "identity", "sparm=identity:"),
 ];
 
-/// Second mechanisms beside slider:4 with XYZB that must be refused: legs, coordinates, angles, and a
+/// Second mechanisms with slider:4 and XYZB that must be refused: legs, coordinates, angles, and a
 /// word of the reason.
 const SECOND_REFUSED: &[([&str; 3], &str)] = &[
     (["slider:5", "XYZB", "C"], "one to eight legs"),
@@ -60,8 +60,8 @@ const SECOND_REFUSED: &[([&str; 3], &str)] = &[
     (["slider:4", "XYZB", "B"], "also in coordinates="),
 ];
 
-/// Parameters that do not fit together, and words the refusal has to contain: what was
-/// written, and what is wrong with it.
+/// Inconsistent parameters, and words that the refusal must contain: the given
+/// value, and the problem.
 const MISMATCHED: &[([&str; 3], [&str; 2])] = &[
     (["slider:4", "XYZAB", ""], ["XYZAB", "more letters than legs"]),
     (["crank:3", "XYZB", ""], ["XYZB", "more letters than legs"]),
@@ -81,7 +81,7 @@ const MISMATCHED: &[([&str; 3], [&str; 2])] = &[
     (["rail:4", "XYZB", ""], ["rail:4", "strut, slider, crank, ring"]),
 ];
 
-/// Machines that must load, and how many joints they have.
+/// Machines that must load, and their numbers of joints.
 const ACCEPTED: &[([&str; 3], usize)] = &[
     (["strut:6", "XYZ", ""], 6),
     (["strut:6", "XYZB", ""], 6),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Two mechanisms on one module: each is what it is alone, and both move together or not at all.
+//! Two mechanisms on one module: each behaves as it does alone, and both move together or not at all.
 
 use abi_tests::geometry::{Vector, minus, norm, plus, scaled};
 use abi_tests::module::{Joints, Module, Pose};
@@ -30,7 +30,7 @@ fn each_gives_bit_for_bit_what_it_gives_alone_and_comes_back_to_its_pose() {
         let alone = [two.first.machine.module(), two.second.machine.module()];
         // 10^5 poses of the mirrored lathe, which is a shipped machine.
         let count = if two.angles == "C" { cases(100_000) } else { cases(2_000) };
-        // Found poses may equal the reference poses or be off by a rounding: beside them both start at the same bits.
+        // Found poses may equal the reference poses or differ by a rounding: near them both start at the same bits.
         let starts = [&two.first, &two.second].map(|subject| {
             let mut home = subject.home();
             home[2] += 1e-3;
@@ -47,7 +47,7 @@ fn each_gives_bit_for_bit_what_it_gives_alone_and_comes_back_to_its_pose() {
             let joints = module.inverse(&world).expect("poses of both workspaces");
             let expected = [0, 1].map(|i| alone[i].inverse(&poses[i]).expect("the same alone"));
             assert_eq!(joints, two.joints(&expected[0], &expected[1]), "{name} at {world:?}");
-            // From beside the reference poses, which the joints of every pose are connected with.
+            // From near the reference poses, with which the joints of every pose are connected.
             let found = module.forward(&joints, &start).expect("their own joints");
             let own =
                 [0, 1].map(|i| alone[i].forward(&expected[i], &starts[i]).expect("the same alone"));
@@ -91,7 +91,7 @@ fn nothing_is_given_in_part() {
     let two = mirrored();
     let module = two.module();
     let (good, joints) = both_homed(&two, &module);
-    // Out of reach of the second one's rods: the first one alone could go on.
+    // Out of reach of the second one's rods: the first one alone could continue.
     let mut far = good;
     far[7] += 5000.0;
     let mut untouched = [4.0; 16];
@@ -107,7 +107,7 @@ fn nothing_is_given_in_part() {
     let moved = [0, 1, 2, 4, 5, 6, 7, 8];
     assert!(moved.iter().all(|k| world[*k].is_nan()) && world[3] == 0.0, "{world:?}");
     assert!(module.is_on("fwd-kins-fail") && module.is_on("second.fwd-kins-fail"));
-    // LinuxCNC hands the NaN on, and the reason stays that of forward.
+    // LinuxCNC passes the NaN on, and the reason stays that of forward.
     let why = module.get("fault");
     assert_eq!(module.inverse(&world), Err(Cause::PoseNotFinite.code()));
     assert_eq!(module.get("fault"), why);
@@ -165,7 +165,7 @@ fn both_geometries_are_frozen_or_none() {
     let module = two.module();
     let (good, joints) = both_homed(&two, &module);
     let hashes = ["geometry-hash", "second.geometry-hash"].map(|pin| module.get(pin));
-    // Each in turn is spoilt while the other one is another good machine.
+    // Each in turn gets a bad pin while the other one is another good machine.
     for (good_pin, bad_pin, leg) in [("rod.1", "rod.5", 5.0), ("rod.5", "rod.1", 1.0)] {
         module.set(good_pin, 720.0);
         module.set(bad_pin, -1.0);
@@ -209,7 +209,7 @@ fn the_identity_kinematics_are_those_of_both() {
     let found = module.inverse(&pose).expect("every letter has a joint");
     assert_eq!(found[..8], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
     assert_eq!(module.follow(&found, &pose), Ok(pose));
-    // Joints at which the second one does not close: neither goes back.
+    // Joints at which the second one does not close: neither returns.
     let mut torn = joints;
     torn[4] -= 900.0;
     module.follow(&torn, &pose).expect("letters of joints");
@@ -217,7 +217,7 @@ fn the_identity_kinematics_are_those_of_both() {
     module.follow(&joints, &pose).expect("letters of joints");
     assert_eq!(module.switch(0), 0);
     assert!(module.follow(&joints, &good).is_ok() && module.is_on("kinstype.is-0"));
-    // More legs than coordinates have no identity kinematics.
+    // Machines with more legs than coordinates have no identity kinematics.
     let module = pairs().swap_remove(1).module();
     assert_eq!(module.switch(1), Cause::IdentityImpossible.code());
     assert!(module.is_on("kinstype.is-0"));
@@ -238,7 +238,7 @@ fn the_jacobian_has_the_rows_of_both_in_their_own_columns() {
         });
         let count = two.first.machine.joints();
         let mut expected = own[0];
-        // A letter that the first holds moves none of its joints, whosever it is.
+        // A constant letter of the first one moves none of its joints, also if it belongs to the other one.
         for column in (0..6).filter(|c| !two.first.machine.moves(*c)) {
             expected[..count].iter_mut().for_each(|row| row[column] = 0.0);
         }
@@ -274,7 +274,7 @@ fn extra_axes_stand_behind_both_and_take_what_is_left() {
     assert!(module.follow(&joints, &pose).is_ok());
 }
 
-/// World mode at a pose, machine on.
+/// Runs a cycle of world mode at a pose, machine on.
 fn cycle(module: &Module, pose: &Pose) {
     let joints = module.inverse(pose).expect("a pose of the workspaces");
     module.follow(&joints, pose).expect("its own joints");
@@ -356,7 +356,7 @@ fn the_feed_is_that_of_the_slower_one() {
 
 // ---------------------------------------------------------------- the distance between them
 
-/// Lines of a mechanism, with the number of a leg or -1 for the platform.
+/// Returns the lines of a mechanism, with the number of a leg or -1 for the platform.
 fn lines(machine: &Parallel, pose: &Pose, joints: &[f64], first: usize) -> Vec<(f64, [Vector; 2])> {
     let anchors: Vec<Vector> = (0..machine.legs.len()).map(|n| machine.anchor(pose, n)).collect();
     let mut all = vec![];
@@ -368,7 +368,7 @@ fn lines(machine: &Parallel, pose: &Pose, joints: &[f64], first: usize) -> Vec<(
     all
 }
 
-/// Distance of two segments, by ternary search along both (it is convex).
+/// Returns the distance of two segments, by ternary search along both (it is convex).
 fn distance(one: [Vector; 2], other: [Vector; 2]) -> f64 {
     let at = |s: [Vector; 2], share: f64| plus(s[0], scaled(minus(s[1], s[0]), share));
     let least = |f: &dyn Fn(f64) -> f64| {
@@ -423,7 +423,7 @@ fn the_distance_shown_is_that_of_a_search_along_all_lines_of_both() {
     }
 }
 
-/// The mirrored lathe on its guides: the second one 1600 further on, with a clearance.
+/// Returns the mirrored lathe on its guides: the second one displaced by 1600, with a clearance.
 fn on_guides(clearance: f64) -> (Two, Module) {
     let mut two = mirrored();
     let mut home = two.second.home();
@@ -437,7 +437,7 @@ fn on_guides(clearance: f64) -> (Two, Module) {
     (two, module)
 }
 
-/// Moves W at this speed, and brakes with 400 mm/s² where feed is inhibited, three cycles late; the least
+/// Moves W at this speed, and brakes with 400 mm/s² if feed is inhibited, three cycles late; returns the least
 /// distance, and whether it was stopped.
 fn approach(two: &Two, module: &Module, mut pose: Pose, speed: f64, way: f64) -> (f64, bool) {
     let (mut v, mut least, mut held) = (0.0_f64, f64::INFINITY, [false; 3]);
@@ -473,14 +473,14 @@ fn the_guard_stops_before_the_clearance_is_lost_and_lets_them_move_apart() {
         let (least, stopped) = approach(&two, &module, pose, -speed, 900.0);
         println!("at {speed} mm/s: stopped {:.3} mm before the limit", least - 150.0);
         assert!(stopped && least >= 150.0, "{speed}: {least}");
-        // The brake that is counted on, 43 % of the acceleration, ten cycles, and what a place of the
-        // look ahead may be farther than the last one.
+        // The assumed braking, 43 % of the acceleration, ten cycles, and the largest spacing between positions of the
+        // look-ahead.
         let most = speed * speed / (2.0 * 0.43 * 400.0) + 0.013 * speed + 0.1;
         assert!(least - 150.0 <= most, "{speed}: {} of {most}", least - 150.0);
         assert_eq!(module.get("fault") as i32, Cause::MechanismsNear.code());
         assert_eq!((module.get("fault-leg"), module.get("limit-leg")), (1.0, 1.0));
         assert!(module.is_on("limit-soon"));
-        // The program is aborted, and W goes back.
+        // The program is aborted, and W moves back.
         module.set("requested-vel", 0.0);
         module.set("current-vel", 0.0);
         let mut at = pose;
@@ -521,7 +521,7 @@ fn without_a_clearance_nothing_is_stopped_and_one_that_is_no_number_stops_what_c
     assert!(!stopped, "away");
 }
 
-/// Acceleration of the moves below, as the guard is given it.
+/// Acceleration of the moves below, as set for the guard.
 const ACCELERATION: f64 = 400.0;
 const PERIOD: f64 = 1e-3;
 const CLEARANCE: f64 = 150.0;
@@ -533,18 +533,18 @@ struct Move {
     feed: f64,
 }
 
-/// What LinuxCNC's queue holds besides the whole move.
+/// LinuxCNC's queue in addition to the whole move.
 #[derive(Clone, Copy, Debug)]
 enum Queue {
     Alone,
-    /// A return to the point at this share behind the move.
+    /// A return to the point at this share, after the move.
     ThenBack(f64),
     /// A move to the point at this share, until the machine brakes for it: the rest is queued then.
     UpTo(f64),
 }
 
 impl Move {
-    /// A move of the mirrored lathe on its guides, of one or both, that brings the two nearer to each other.
+    /// Returns a random move of the mirrored lathe on its guides, of one or both, that brings the two nearer together.
     fn random(random: &mut Random, two: &Two) -> Self {
         let mut start = two.homes();
         (start[0], start[6]) = (random.between(25.0, 35.0), random.between(25.0, 35.0));
@@ -566,25 +566,25 @@ impl Move {
         std::array::from_fn(|k| self.start[k] + share * self.change[k])
     }
 
-    /// As LinuxCNC counts it: of X Y Z, else of U V W.
+    /// Returns the length as in LinuxCNC: of X Y Z, otherwise of U V W.
     fn length(&self) -> f64 {
         let of = |k: usize| norm([self.change[k], self.change[k + 1], self.change[k + 2]]);
         if of(0) > 0.0 { of(0) } else { of(6) }
     }
 
-    /// The last of 40 shares before which the clearance is kept, and the least distance.
+    /// Returns the last of 40 shares before which the clearance is kept, and the least distance.
     fn kept(&self, module: &Module) -> (f64, f64) {
         let all: Vec<_> = (0..=40).map(|n| gap(module, &self.at(f64::from(n) / 40.0))).collect();
         let kept = all.iter().take_while(|gap| **gap >= CLEARANCE).count() as f64 - 1.0;
         (kept / 40.0, all.into_iter().fold(f64::INFINITY, f64::min))
     }
 
-    /// LinuxCNC's command handler asks for the end point of a move, before the controller runs.
+    /// Calls inverse for the end point of a move as LinuxCNC's command handler does, before the controller runs.
     fn queue(&self, module: &Module, share: f64) {
         module.inverse(&self.at(share)).expect("a pose of the workspaces");
     }
 
-    /// Makes the move, and returns the distance where it ends, and whether it was stopped. The feed is inhibited three
+    /// Makes the move, and returns the final distance, and whether it was stopped. The feed is inhibited three
     /// cycles late. `tells` is whether `in-position` is connected.
     fn make(&self, module: &Module, queue: Queue, tells: bool) -> (f64, bool) {
         let moving = |feed: f64, speed: f64, to_go: f64| {
@@ -625,20 +625,20 @@ impl Move {
     }
 }
 
-/// The speed from which the planner stops within a distance; it creeps over the last bit.
+/// Returns the speed from which the planner stops within a distance; it creeps at the end.
 fn brakes_to(distance: f64) -> f64 {
     let step = ACCELERATION * PERIOD;
     ((2.0 * ACCELERATION * distance).sqrt() - step).max(step / 2.0)
 }
 
-/// A cycle as LinuxCNC makes it, at the joints of the cycle before. Every other inverse is for an end point.
+/// Runs a cycle as LinuxCNC does, at the joints of the previous cycle. Every second inverse is for an end point.
 fn servo(module: &Module, joints: &mut Joints, pose: &Pose) {
     module.follow(joints, pose).expect("joints of the cycle before");
     *joints = module.inverse(pose).expect("a pose of the workspaces");
     module.monitor();
 }
 
-/// The distance of the two at a pose, as the module shows it.
+/// Returns the distance of the two at a pose, as published by the module.
 fn gap(module: &Module, pose: &Pose) -> f64 {
     cycle(module, pose);
     module.monitor_until_all_is_shown();
@@ -653,7 +653,7 @@ fn a_move_alone_in_the_queue_is_stopped_if_it_loses_the_clearance_and_not_if_it_
     while legal < cases(200) || illegal < cases(50) {
         let step = Move::random(&mut random, &two);
         let (kept, least) = step.kept(&module);
-        // The guard leaves room for twice three cycles beyond the end, in case a move is queued that goes on.
+        // The guard has a margin of twice three cycles beyond the end, in case a move is queued that continues.
         let late = 3.0 * PERIOD;
         let room = 2.0 * late * step.feed + 1.1 * late * late * ACCELERATION;
         let beyond = 1.0 + room / step.length();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Side by side with LinuxCNC's modules for single kinds of parallel machines, in one
-//! process: the same joints and poses where they are right, and where they are silently
+//! Comparison with LinuxCNC's modules for single kinds of parallel machines, in one
+//! process: the same joints and poses if they are right; if they are silently
 //! wrong a code, or the right pose.
 
 use abi_tests::geometry::{Vector, cross, distance, dot, unit};
@@ -17,7 +17,7 @@ use abi_tests::tolerances::{
 };
 use kinematics::Cause;
 
-/// Poses a geometry: wiring costs more than a pose.
+/// Number of poses per geometry: wiring is more expensive than a pose.
 const POSES: usize = 100;
 
 const NAN_JOINTS: Joints = [f64::NAN; 16];
@@ -37,7 +37,7 @@ struct Peer {
     theirs: Module,
     ours: Module,
     machine: Parallel,
-    /// What a joint's error is relative to: the machine's size, or half a turn.
+    /// Reference of a joint's error: the machine's size, or half a turn.
     unit: f64,
     compared: usize,
     solved: usize,
@@ -65,7 +65,7 @@ impl Peer {
         peer
     }
 
-    /// Another machine: `pins` are theirs.
+    /// Sets another machine: `pins` are theirs.
     fn take(&mut self, machine: Parallel, pins: &[(&str, f64)]) {
         for (pin, value) in pins {
             self.theirs.set(pin, *value);
@@ -78,7 +78,7 @@ impl Peer {
         self.machine = machine;
     }
 
-    /// Joints of both, compared; `None` where ours refuses, which it must where theirs does.
+    /// Compares the joints of both; `None` if ours refuses, which it must if theirs does.
     fn same_joints(&mut self, pose: &Pose) -> Option<Joints> {
         let theirs = self.theirs.inverse(pose);
         let Ok(ours) = self.ours.inverse(pose) else {
@@ -97,10 +97,9 @@ impl Peer {
         Some(ours)
     }
 
-    /// Poses of both from a servo step away. Where theirs is right, compared: ours at once
-    /// to what README says, and, where it has settled in the next cycle, to roundings.
-    /// Elsewhere ours finds a pose of these
-    /// joints, or refuses.
+    /// Compares the poses of both from a servo step away. If theirs is right, ours must agree at once
+    /// to the accuracy in README, and, after it has settled in the next cycle, to roundings.
+    /// Otherwise ours finds a pose of these joints, or refuses.
     fn same_pose(&mut self, joints: &Joints, pose: &Pose, random: &mut Random) {
         let size = self.machine.size();
         let mut world = one_servo_step_from(pose, size, random);
@@ -126,13 +125,13 @@ impl Peer {
         self.solved += 1;
     }
 
-    /// Whether a pose has these joints, by our inverse.
+    /// Returns whether a pose has these joints, by our inverse.
     fn belong(&self, joints: &Joints, pose: &Pose) -> bool {
         let off = |own: Joints| (0..3).map(|n| (own[n] - joints[n]).abs()).fold(0.0, f64::max);
         self.ours.inverse(pose).is_ok_and(|own| off(own) <= WRONG_REL * self.unit)
     }
 
-    /// Whether the legs are clear of a common plane, on the side of it that theirs takes
+    /// Returns whether the legs are clear of a common plane, on the side assumed by theirs
     /// (rods hang, struts stand), and of their dead points: there theirs is right. More
     /// than three legs are solved by iteration from the seed.
     fn is_regular(&self, joints: &Joints, pose: &Pose) -> bool {
@@ -140,24 +139,24 @@ impl Peer {
             return true;
         }
         let rods = self.rods(joints, pose);
-        // Base joints stand counterclockwise: legs that point down span a negative volume.
+        // Base joints are counterclockwise: legs that point down span a negative volume.
         let side = if self.machine.legs[0].kind.name() == "strut" { 1.0 } else { -1.0 };
         let volume = side * dot(rods[0], cross(rods[1], rods[2]));
         volume >= PEER_LEAST_VOLUME && self.is_driven(joints, &rods)
     }
 
-    /// Their pose in the coordinates that move, ours in the others: theirs leaves or
-    /// copies what it has not.
+    /// Returns their pose in the coordinates that move, ours in the others: theirs ignores or
+    /// copies coordinates that it does not have.
     fn beside(&self, theirs: &Pose, ours: &Pose) -> Pose {
         std::array::from_fn(|c| if c < 6 && self.machine.moves(c) { theirs[c] } else { ours[c] })
     }
 
-    /// Unit vectors along the three legs.
+    /// Returns unit vectors along the three legs.
     fn rods(&self, joints: &Joints, pose: &Pose) -> [Vector; 3] {
         std::array::from_fn(|n| unit(self.machine.span(pose, n, joints[n])))
     }
 
-    /// Whether every rod is clear of its dead point.
+    /// Returns whether every rod is clear of its dead point.
     fn is_driven(&self, joints: &Joints, rods: &[Vector; 3]) -> bool {
         self.machine.legs.iter().zip(rods).zip(joints).all(|((leg, rod), joint)| {
             leg.motion(*joint).is_none_or(|motion| dot(*rod, motion).abs() >= PEER_LEAST_DRIVE)
@@ -169,12 +168,12 @@ impl Peer {
             "{name}: {} inverse, worst {:.1e}; {} forward, worst {:.1e}; {} refused",
             self.compared, self.worst_joint, self.solved, self.worst_pose, self.refused
         );
-        // The boxes are drawn round the reach, so that its edge is in them.
+        // The boxes extend beyond the reach, so that its edge is inside them.
         assert!(self.refused < self.compared && 2 * self.solved > self.compared);
     }
 }
 
-/// Of the order of a machine in metres to one in tenths of millimetres.
+/// Returns the size of a machine in meters to one in tenths of millimeters.
 fn random_size(random: &mut Random) -> f64 {
     10.0_f64.powf(random.between(0.0, 4.0))
 }
@@ -211,8 +210,8 @@ fn tripods_have_the_joints_and_poses_of_tripodkins() {
     while peer.compared < cases(100_000) {
         let size = peer.machine.size();
         for _ in 0..POSES {
-            // Below a twentieth of the size the three struts lie nearly in one plane,
-            // where the two poses of the joints meet.
+            // Below a twentieth of the size the three struts are nearly in one plane,
+            // where the two poses of the joints coincide.
             let (x, y) = (random.between(-0.5, 1.5), random.between(-0.5, 1.5));
             let pose = at(size * x, size * y, size * random.between(0.1, 2.0));
             let joints = peer.same_joints(&pose).expect("a strut of some length");
@@ -274,7 +273,7 @@ fn pentapods_have_the_joints_and_poses_of_pentakins_with_rings_of_any_radius() {
     peer.report("pentakins");
 }
 
-/// Five base anchors and rings about the sample configuration's; one machine in eight has points for
+/// Returns five base anchors and rings near the sample configuration's; one machine in eight has points for
 /// rings. (Rings of very different radii make machines that are singular in their workspace.)
 fn random_pentapod(random: &mut Random) -> (Parallel, Vec<(String, f64)>) {
     let base = PENTAPOD_BASE.map(|anchor| anchor.map(|value| value + random.within(30.0)));
@@ -294,15 +293,15 @@ fn random_pentapod(random: &mut Random) -> (Parallel, Vec<(String, f64)>) {
 }
 
 fn wire_pentapod(peer: &mut Peer, machine: Parallel, pins: &[(String, f64)]) {
-    // Its default max-error of 100 length units gives up where a millimetre is one.
-    // By default it stops within 1e-9 of the joints, before the last step of its Jacobian by
-    // differences has made poses better than a billionth.
+    // Its default max-error of 100 length units is too small in millimeters.
+    // By default it stops within 1e-9 of the joints, before the last step of its numerical
+    // Jacobian has made poses more accurate than a billionth.
     let mut all = vec![("max-error", 1e4), ("convergence-criterion", 1e-11)];
     all.extend(pins.iter().map(|(name, value)| (name.as_str(), *value)));
     peer.take(machine, &all);
 }
 
-/// Every peer with its machine, and joints of a pose of it.
+/// Returns every peer with its machine, and joints of a pose of it.
 fn peers() -> Vec<(Peer, Pose)> {
     let (sample, pins) = random_pentapod(&mut Random::new(35));
     let mut penta = Peer::new("pentakins", sample.clone());
@@ -325,7 +324,7 @@ fn tripods() -> Peer {
     peer
 }
 
-/// The sample configuration sim/axis/rdelta.
+/// Returns the sample configuration sim/axis/rdelta.
 fn rotary() -> Peer {
     rotary_of([10.0, 10.0, 18.0, 5.0])
 }
@@ -343,7 +342,7 @@ fn rotary_of([platform, thigh, shin, foot]: [f64; 4]) -> Peer {
     peer
 }
 
-/// What ours must answer where it refuses: the code, the leg, a pose that stops the machine.
+/// Checks our refusal: the code, the leg, a pose that stops the machine.
 fn assert_refuses_forward(peer: &Peer, joints: &Joints, seed: &Pose, causes: &[Cause]) {
     let mut world = *seed;
     let code = peer.ours.forward_into(joints, &mut world);
@@ -383,7 +382,7 @@ fn a_pose_that_is_no_number_gives_no_joints() {
     }
 }
 
-/// lineardeltakins leaves NaN in the joints it refuses; tripodkins reaches everything.
+/// lineardeltakins writes NaN to the joints that it refuses; tripodkins reaches everything.
 #[test]
 fn beyond_the_reach_of_a_rod_the_joints_are_left_alone() {
     for (peer, pose) in [
@@ -402,7 +401,7 @@ fn beyond_the_reach_of_a_rod_the_joints_are_left_alone() {
     assert!(left.iter().any(|value| value.is_nan()), "theirs is wrong no more: {left:?}");
 }
 
-/// It always takes the lower of two points, also where a rod would have to point up.
+/// It always uses the lower of two points, even if a rod would have to point up.
 #[test]
 fn lineardeltakins_answers_joints_with_the_pose_of_others_and_ours_does_not() {
     let peer = linear();
@@ -440,12 +439,12 @@ fn of_random_carriages_ours_never_answers_with_the_pose_of_others() {
         }
     }
     println!("{right} right, {refused} refused; of theirs {wrong_of_theirs} wrong as success");
-    // A tenth: far below what is seen of either, far above what chance could make of none.
+    // A tenth: far below the observed share of either, far above a chance result for none.
     let tenth = cases(20_000) as u32 / 10;
     assert!(right >= tenth && wrong_of_theirs >= tenth);
 }
 
-/// A flag that only its inverse sets tells tripodkins the side, not the pose.
+/// tripodkins uses the side that its inverse has set, not that of the seed.
 #[test]
 fn below_the_base_tripodkins_returns_the_mirrored_pose_and_ours_that_of_the_seed() {
     let peer = tripods();
@@ -499,7 +498,7 @@ fn joints_that_close_no_platform_leave_no_pose() {
     assert_refuses_forward(&linear, &apart, &home, &[Cause::DeadPoint, Cause::PathStalled]);
 }
 
-/// It takes the outer elbow, which above the base is another branch, and forward the
+/// It uses the outer elbow, which above the base is another branch, and forward the
 /// lower point: there they contradict each other.
 #[test]
 fn above_the_base_rotarydeltakins_contradicts_itself_and_ours_does_not() {
@@ -523,8 +522,8 @@ fn above_the_base_rotarydeltakins_contradicts_itself_and_ours_does_not() {
     }
 }
 
-/// With short shins the foot can pass through the plane of the hips: nothing special
-/// happens there, but rotarydeltakins changes the branch, and in the plane divides by 0.
+/// With short shins the foot can pass through the plane of the hips: the motion is regular
+/// there, but rotarydeltakins changes the branch, and divides by 0 in the plane.
 #[test]
 fn through_the_plane_of_the_hips_the_joints_go_on_without_a_step() {
     let peer = rotary_of([10.0, 10.0, 12.0, 6.0]);
@@ -538,14 +537,14 @@ fn through_the_plane_of_the_hips_the_joints_go_on_without_a_step() {
     for step in -100..=100 {
         let joints = peer.ours.inverse(&at(0.0, 0.0, 0.01 * f64::from(step))).expect("reachable");
         for (n, (one, other)) in joints.iter().zip(last.unwrap_or(joints)).enumerate() {
-            // Some 14 degrees a length unit; a hundredth of it is the step.
+            // Some 14 degrees per length unit; a hundredth of it is the step.
             assert!((one - other).abs() < 0.5, "joint {n}: {other} to {one} at step {step}");
         }
         last = Some(joints);
     }
 }
 
-/// It always takes the lower point, and knows no elbow.
+/// It always uses the lower point, without an elbow branch.
 #[test]
 fn rotarydeltakins_answers_for_the_other_elbow_and_ours_refuses_it() {
     let peer = rotary();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The pins that HAL files and people hold on to.
+//! The pins that HAL files and users depend on.
 
 use abi_tests::module::Module;
 use abi_tests::stub::PinDir::{self, In, Out};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 type Kind = (PinType, PinDir);
 
-/// The version of all crates: `hal/pkmkins.tcl` takes it apart again.
+/// The version of all crates as a number, which `hal/pkmkins.tcl` splits again.
 const VERSION: f64 = {
     let [major, minor, patch] = [
         env!("CARGO_PKG_VERSION_MAJOR"),
@@ -25,7 +25,7 @@ const fn number(text: &str) -> f64 {
     }
 }
 
-/// Pins there is one of, with what they hold before anything is set.
+/// Pins that exist once, with their initial values.
 const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("screw-lead", Float, In, 0.0),
     ("spindle-offset", Float, In, 0.0),
@@ -84,10 +84,10 @@ const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("jog-scale", Float, Out, 1.0),
 ];
 
-/// Pins of every axis of LinuxCNC that the machine moves.
+/// Pins of every LinuxCNC axis that the machine moves.
 const JOGGED: &[(&str, PinDir)] = &[("axis-max-velocity", In), ("jog-velocity", Out)];
 
-/// Pins of every leg for the guard over the motion, and of every joint.
+/// Pins of every leg for the motion guard, and of every joint.
 const WATCHED_LEG: &[(&str, PinDir)] =
     &[("base-angle", Out), ("platform-angle", Out), ("base-cone", In), ("platform-cone", In)];
 /// Limits of a leg in its cardan joints, about their fixed axis and across it.
@@ -125,7 +125,7 @@ struct OfKind {
     effector: &'static [&'static str],
 }
 
-/// What is added to a joint while the machine runs: nothing until somebody allows it.
+/// Corrections of a joint while the machine runs: none by default.
 const CORRECTION: &[(&str, PinDir)] = &[
     ("joint-correction", In),
     ("correction-limit", In),
@@ -133,7 +133,7 @@ const CORRECTION: &[(&str, PinDir)] = &[
     ("joint-correction-eff", Out),
 ];
 
-/// Limits of a joint; beyond any joint until somebody sets them.
+/// Limits of a joint; by default beyond any joint.
 const LIMITS: &[(&str, f64)] = &[
     ("min-limit", -1e99),
     ("max-limit", 1e99),
@@ -141,7 +141,7 @@ const LIMITS: &[(&str, f64)] = &[
     ("max-acceleration", 1e99),
 ];
 
-/// Name, type and direction of every pin of a machine with these legs.
+/// Returns name, type and direction of every pin of a machine with these legs.
 fn expected(legs: &[OfKind], joints: usize, moved: &str) -> BTreeMap<String, Kind> {
     let mut pins: BTreeMap<String, Kind> = SINGLE
         .iter()
@@ -246,7 +246,7 @@ fn every_leg_has_the_pins_of_its_kind_and_every_joint_its_limits() {
 
 const ALL_KINDS: [OfKind; 8] = [STRUT, SLIDER, SLIDER, SLIDER, SLIDER, SLIDER, CRANK, RING];
 
-/// A pin's name as the manual has it: no prefix, N for numbers, without a coordinate's letter.
+/// Returns a pin's name as in the manual: no prefix, N for numbers, without a coordinate's letter.
 fn in_manual(pin: &str) -> String {
     let words =
         pin.split('.').skip(1).take_while(|word| word.len() > 1 || word.parse::<u8>().is_ok());
@@ -273,7 +273,7 @@ fn the_manual_names_every_pin() {
     assert!(lacking.is_empty(), "not in docs/reference/pkmkins.9: {lacking:?}");
 }
 
-/// HAL_NAME_LEN of LinuxCNC 2.9; the stub takes whatever its own headers say.
+/// HAL_NAME_LEN of LinuxCNC 2.9; the stub uses the limit of its headers.
 #[test]
 fn no_name_is_longer_than_the_oldest_hal_takes() {
     let largest =
@@ -284,7 +284,7 @@ fn no_name_is_longer_than_the_oldest_hal_takes() {
     assert!(longest.len() <= 47, "{longest}");
 }
 
-/// A rod that nobody described is refused, not taken for one of some length; only struts and rings
+/// A rod without dimensions is refused, and gets no default length; only struts and rings
 /// start with a machine (genhexkins', pentakins').
 #[test]
 fn pins_of_rods_start_at_zero_and_are_refused_until_they_are_set() {
@@ -324,7 +324,7 @@ fn every_pin_of_pentakins_is_there_under_our_name_with_the_same_value() {
     let theirs = Module::of_linuxcnc("pentakins");
     let ours = Module::pkmkins(&[("legs", "ring:5"), ("coordinates", "XYZAB")]);
     let mut seen = 0;
-    // It makes pins for a sixth strut, which it has not.
+    // It creates pins for a sixth strut that does not exist.
     for pin in theirs.pins().into_iter().filter(|pin| !pin.name.contains(".5.")) {
         let name = pin.name.replace("pentakins.", "pkmkins.");
         let own = ours.pins().into_iter().find(|own| own.name == name);
@@ -341,9 +341,9 @@ fn every_pin_of_pentakins_is_there_under_our_name_with_the_same_value() {
 
 #[test]
 fn every_pin_of_genhexkins_is_there_under_our_name_with_the_same_value() {
-    // userk.* belongs to genhexkins' template for own kinematics, type 2, which
-    // this module refuses. genhexkins declares the pins it writes for people as
-    // inputs; ours say what they are, and a net accepts both.
+    // userk.* belongs to genhexkins' template for user-defined kinematics, type 2, which
+    // this module refuses. genhexkins declares the pins that it writes for display as
+    // inputs; ours have the correct direction, and a net accepts both.
     let written =
         |name: &str| name.starts_with("skgui.") || ["x", "y", "z", "a", "b", "c"].contains(&name);
     let (theirs, ours) = (Module::genhexkins(), Module::pkmkins(&[]));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Names that people depend on: none that was released vanishes unnoticed.
+//! Public names: no released name vanishes unnoticed.
 //!
-//! `docs/reference/names.txt` has a line for each: the version that brought it, its kind, and the name with what else is
-//! fixed of it. `cargo xtask names` writes it. A line whose version stands in CHANGELOG.md is released.
+//! `docs/reference/names.txt` has a line for each: its first version, its kind, and the name with its other fixed
+//! properties. `cargo xtask names` writes it. A line whose version is in CHANGELOG.md is released.
 
 use abi_tests::module::Module;
 use keys::{Key, chain, joint, leg, machine, second, workspace_box};
@@ -11,11 +11,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// The file, and the variable of the environment by which `cargo xtask names` has it written.
+/// The file, and the environment variable by which `cargo xtask names` requests writing it.
 const FILE: &str = "docs/reference/names.txt";
 const WRITE: &str = "PKMKINS_WRITE_NAMES";
 
-/// Machines that have all pins among them.
+/// Machines that together have all pins.
 const MACHINES: &[&[(&str, &str)]] = &[
     &[],
     &[
@@ -41,7 +41,7 @@ fn text(file: &str) -> String {
     fs::read_to_string(root.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
 }
 
-/// A pin with N for the number of a leg, a joint, a box.
+/// Returns a pin with N for the number of a leg, a joint, a box.
 fn pin(name: &str) -> String {
     let words = name.split('.').map(|word| if word.parse::<u8>().is_ok() { "N" } else { word });
     words.collect::<Vec<_>>().join(".")
@@ -56,7 +56,7 @@ fn pins() -> impl Iterator<Item = String> {
         .map(move |found| text(&found.name, format!("{:?} {:?}", found.kind, found.dir)))
 }
 
-/// Those that the module takes when it is loaded, as the manual's synopsis has them.
+/// Returns the module's load parameters, as in the manual's synopsis.
 fn parameters() -> Vec<String> {
     let manual = text("docs/reference/pkmkins.9");
     let synopsis = manual.split(".PP").next().unwrap();
@@ -82,7 +82,7 @@ fn codes() -> impl Iterator<Item = String> {
     CAUSES.iter().map(|cause| format!("code {} {}", cause.code(), cause.name()))
 }
 
-/// Functions and types of the C header.
+/// Returns functions and types of the C header.
 fn header() -> Vec<String> {
     let header = text("include/pkmkins.h");
     let lines = header.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_alphabetic()));
@@ -96,7 +96,7 @@ fn header() -> Vec<String> {
     lines.filter_map(word).collect()
 }
 
-/// Fields of the JSON of every subcommand, from the page that a test compares with the command.
+/// Returns the JSON fields of every subcommand, from the page that a test compares with the command.
 fn fields() -> Vec<String> {
     let (page, mut command, mut found) =
         (text("docs/reference/json.md"), String::new(), Vec::new());
@@ -117,7 +117,7 @@ fn now() -> BTreeSet<String> {
     lists.into_iter().flatten().chain(pins()).chain(keys()).chain(codes()).collect()
 }
 
-/// Every name of the file, with its version.
+/// Returns every name of the file, with its version.
 fn recorded() -> BTreeMap<String, String> {
     let lines = text(FILE);
     let line = |line: &str| {
@@ -152,8 +152,8 @@ fn no_released_name_vanishes_and_every_name_is_recorded() {
     assert!(differences.is_empty(), "cargo xtask names writes {FILE} again: {differences:#?}");
 }
 
-/// Writes the list. A new name comes with the version of the crates, or with `next` where that is released already:
-/// `cargo xtask names` has to run again when the version is raised.
+/// Writes the list. A new name gets the version of the crates, or `next` if that is already released:
+/// `cargo xtask names` must run again when the version is raised.
 fn write(now: &BTreeSet<String>, released: &BTreeMap<String, String>, coming: &str) {
     let mut file = String::from(
         "# Names that people depend on, each with the version that brought it. `cargo xtask names` writes this file.\n",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Rods on carriages and cranks: the ends of their reach, their dead points, the other
-//! side of each, and geometries that are none.
+//! side of each, and invalid geometries.
 
 use abi_tests::geometry::Vector;
 use abi_tests::module::{Joints, Module, Pose};
@@ -21,7 +21,7 @@ fn sample_rotary() -> Parallel {
     Parallel { home: Some(at(0.0, 0.0, -12.0)), ..rotary_delta(10.0, 10.0, 18.0, 5.0) }
 }
 
-/// A machine, a way out of its reach, and the leg that ends it.
+/// A machine, a path out of its reach, and the leg that ends it.
 type WayOut = (Parallel, fn(f64) -> Pose, f64);
 
 fn ways_out() -> Vec<WayOut> {
@@ -53,7 +53,7 @@ fn on_the_way_out_comes_the_dead_point_and_then_the_end_of_reach_named_by_leg() 
             if order.last() != Some(&code) {
                 order.push(code);
             }
-            // Farther out other legs give up as well.
+            // Further out other legs do not reach, either.
             if code == Cause::OutOfReach.code() {
                 break;
             }
@@ -67,7 +67,7 @@ fn on_the_way_out_comes_the_dead_point_and_then_the_end_of_reach_named_by_leg() 
 fn forward_over_a_dead_point_or_beyond_reach_is_refused_and_leaves_no_pose() {
     for (machine, way, _) in ways_out() {
         let module = machine.module();
-        // The last pose that inverse gives joints for, and its carriages driven on alike.
+        // The last pose for which inverse returns joints, with its carriages driven further equally.
         let reached: Vec<(Pose, Joints)> = (0..2_000)
             .map(|step| way(f64::from(step) / 2_000.0))
             .map_while(|pose| Some((pose, module.inverse(&pose).ok()?)))
@@ -100,7 +100,7 @@ fn forward_over_a_dead_point_or_beyond_reach_is_refused_and_leaves_no_pose() {
     }
 }
 
-/// Whether a pose has these joints, by inverse.
+/// Returns whether a pose has these joints, by inverse.
 fn belongs(module: &Module, machine: &Parallel, joints: &Joints, pose: &Pose) -> bool {
     module.inverse(pose).is_ok_and(|own| {
         let legs = own.iter().zip(joints).zip(&machine.legs);
@@ -112,7 +112,7 @@ fn belongs(module: &Module, machine: &Parallel, joints: &Joints, pose: &Pose) ->
     })
 }
 
-/// The other place of a carriage, or of an arm, under the same platform.
+/// The other position of a carriage, or of an arm, under the same platform.
 #[test]
 fn joints_of_another_side_are_never_answered_with_the_pose_they_would_fit() {
     for subject in with_rods() {
@@ -147,7 +147,7 @@ fn with_rods() -> Vec<Subject> {
     subjects().into_iter().filter(|s| s.machine.legs.iter().any(is_rod)).collect()
 }
 
-/// Joints drawn from the ranges of the workspace and beyond: a pose that is answered is
+/// Random joints from the ranges of the workspace and beyond: a returned pose is
 /// theirs, and on the right side of every rod.
 #[test]
 fn of_random_joints_none_is_answered_with_a_pose_of_others() {
@@ -176,7 +176,7 @@ fn of_random_joints_none_is_answered_with_a_pose_of_others() {
     }
 }
 
-/// Smallest and largest joints of random poses.
+/// Returns the smallest and largest joints of random poses.
 fn ranges(subject: &Subject, module: &Module) -> Vec<(f64, f64)> {
     let mut random = Random::new(73);
     let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); subject.machine.joints()];
@@ -190,7 +190,7 @@ fn ranges(subject: &Subject, module: &Module) -> Vec<(f64, f64)> {
     ranges
 }
 
-/// Changes of one pin that make a slider machine none.
+/// Changes of one pin that make a slider machine invalid.
 const BAD_SLIDERS: &[(&str, f64, Cause, i32)] = &[
     ("rod.2", 0.0, Cause::RodNotPositive, 2),
     ("rod.3", -550.0, Cause::RodNotPositive, 3),
@@ -259,7 +259,7 @@ fn vectors_without_a_direction_are_refused_by_leg() {
     };
     crank(&vector("axis", 1, none), 1);
     crank(&vector("arm", 2, none), 2);
-    // Along the axis of leg 0, which is X: its end stands still.
+    // Along the axis of leg 0, which is X: its end is fixed.
     crank(&vector("arm", 0, [-10.0, 0.0, 0.0]), 0);
     crank(&vector("arm", 0, [1e-300, 0.0, 0.0]), 0);
 }
@@ -291,7 +291,7 @@ fn assert_refused(
     assert_eq!(module.get("geometry-hash"), hash, "{what}");
 }
 
-/// Without a good geometry before it, a bad one answers nothing.
+/// Without an earlier good geometry, a bad one is refused in all calls.
 #[test]
 fn a_bad_first_geometry_answers_no_call() {
     let machine = pyramid();
@@ -305,7 +305,7 @@ fn a_bad_first_geometry_answers_no_call() {
     assert_eq!(joints, [7.0; 16]);
 }
 
-/// Guides and rods all alike: the platform swings on parallel rods however they stand.
+/// Equal guides and rods: the platform swings on parallel rods in any position.
 #[test]
 fn parallel_rods_on_parallel_guides_leave_a_free_motion_and_are_refused() {
     let mut machine = linear_delta(163.25, 33.0, 269.0);
@@ -317,7 +317,7 @@ fn parallel_rods_on_parallel_guides_leave_a_free_motion_and_are_refused() {
     assert_eq!(module.get("fault"), f64::from(Cause::SingularAtHome.code()));
 }
 
-/// Legs that can only lift, and a platform that is asked for a shift: no number of them helps.
+/// Legs that can only lift, and a platform that must be shifted: no number of them is sufficient.
 #[test]
 fn legs_that_leave_a_coordinate_free_are_refused() {
     let machine = Parallel { coordinates: "ZABC", table: "", ..pyramid() };
@@ -331,7 +331,7 @@ fn legs_that_leave_a_coordinate_free_are_refused() {
 #[test]
 fn the_four_rod_lathe_holds_its_platform_in_four_sets_of_coordinates_only() {
     let mut machine = four_rod_lathe();
-    // The frame's origin at the reference pose: whatever is held is 0 there.
+    // The frame's origin at the reference pose: all constant coordinates are 0 there.
     for leg in &mut machine.legs {
         leg.base[1] -= 450.0;
         leg.base[2] -= 1000.0;
@@ -410,7 +410,7 @@ fn the_hash_follows_every_value_of_a_rod() {
         module.apply();
         assert_eq!(module.get("geometry-hash"), hash, "an offset moves a joint, not the machine");
     }
-    // A side is a value too: all four sides of the pyramid turned are another machine.
+    // A side is a value too: the pyramid with all four sides changed is another machine.
     let mut turned = pyramid();
     for leg in &mut turned.legs {
         if let Kind::Slider { side, .. } = &mut leg.kind {
@@ -442,7 +442,7 @@ fn an_offset_is_taken_from_the_joint_in_the_joints_own_unit() {
     }
 }
 
-/// A guide may be given by two points: its length means nothing.
+/// A guide may be given by two points: its length is irrelevant.
 #[test]
 fn guides_and_axes_of_any_length_are_directions() {
     for machine in [pyramid(), sample_rotary()] {
@@ -473,7 +473,7 @@ fn calls_before_homing_raise_no_alarm_and_never_lie() {
                     assert_eq!(world, seed, "{}", subject.name);
                 } else {
                     solved += 1;
-                    // Carriages and arms at 0 may be a pose, far below.
+                    // Carriages and arms at 0 may have a pose, far below.
                     assert!(belongs(&module, &subject.machine, &[0.0; 16], &world), "{world:?}");
                 }
                 module.monitor();

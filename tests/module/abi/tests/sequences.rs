@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Sequences of calls: whatever LinuxCNC does, forward answers with the machine's pose, and refuses
-//! only what no one could know.
+//! Sequences of calls: for any behavior of LinuxCNC, forward returns the machine's pose, and refuses
+//! only what the available data do not determine.
 
 use abi_tests::random::{Random, cases};
 use abi_tests::sequences::judge::{REFUSED, WRONG_POSE};
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 const CYCLES: usize = 2_000;
 
-/// Failures that are printed whole.
+/// Number of failures that are printed completely.
 const SHOWN: usize = 4;
 
 #[derive(Default)]
@@ -36,9 +36,9 @@ impl Total {
         }
     }
 
-    /// Checks that nothing failed, and that a refusal or the other pose beside a singular one was excused in no
-    /// more than this share of the cycles, and one sequence: a machine that jams at a singular pose stands there
-    /// until it is moved on.
+    /// Checks that nothing failed, and that a refusal or the other pose near a singular one was excused in at
+    /// most this share of the cycles, plus one sequence: a machine that jams at a singular pose stays there
+    /// until it is moved.
     fn end(self, what: &str, most_excused: f64) {
         let share = self.excused as f64 / self.cycles as f64;
         println!("{what}: {:.2} % excused", 100.0 * share);
@@ -84,7 +84,7 @@ fn run_all(what: &str, setups: &[Setup], cycles: usize, seed: u64, most_excused:
     total.end(what, most_excused);
 }
 
-/// Sequences of a test, or the one whose seed PKMKINS_SEQUENCE names.
+/// Returns the sequences of a test, or the one whose seed PKMKINS_SEQUENCE names.
 fn chosen(cycles: usize, seed: u64) -> Vec<usize> {
     match std::env::var("PKMKINS_SEQUENCE") {
         Ok(text) => {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Commanded motions through singular poses: forward, which stays on its side of them, must not tell
-//! the mirror image of the commanded pose as if it were the machine's.
+//! Commanded motions through singular poses: forward, which stays on its side of them, must not return
+//! the mirror image of the commanded pose as the machine's.
 
 use abi_tests::geometry::distance;
 use abi_tests::machines::{random_hexapod, random_pose};
@@ -12,8 +12,8 @@ use abi_tests::subjects::{Subject, hexapods, subjects};
 use kinematics::Cause;
 use std::cell::RefCell;
 
-/// How far forward's pose may be from the commanded one where the joints are exactly its own, relative
-/// to the machine's size: next to a singular pose roundings of 1e-16 make their square root of a pose.
+/// Largest distance of forward's pose from the commanded one if the joints are exactly its own, relative
+/// to the machine's size: near a singular pose roundings of 1e-16 change a pose by their square root.
 const SAME_REL: f64 = 1e-6;
 
 #[test]
@@ -52,7 +52,7 @@ fn lines_of_random_machines_through_singular_poses_are_refused_beyond_them() {
     assert!(found.farthest <= SAME_REL, "{found:?}");
 }
 
-/// A machine whose drives lag by some cycles, with noise of the encoders.
+/// A machine whose drives lag by some cycles, with encoder noise.
 #[test]
 fn no_ordinary_motion_is_taken_for_one_through_a_singular_pose() {
     let all = subjects();
@@ -79,7 +79,7 @@ fn no_ordinary_motion_is_taken_for_one_through_a_singular_pose() {
             if left == 0 {
                 end = (subject.sample)(&mut random);
                 noise = [1e-6, 1e-5, 1e-4][random.between(0.0, 3.0) as usize];
-                // 0.5 mm a cycle on a machine of 1250 mm.
+                // 0.5 mm per cycle on a machine of 1250 mm.
                 let way = distance(&pose, &end, machine.radius());
                 left = (way / (0.5 / 1250.0 * size)).ceil().max(1.0) as usize;
             }
@@ -94,13 +94,13 @@ fn no_ordinary_motion_is_taken_for_one_through_a_singular_pose() {
     }
 }
 
-/// The laboratory hexapod beyond a singular pose, with code -41, and the way to bring it there again.
+/// The laboratory hexapod beyond a singular pose, with code -41, and the path to move it there again.
 struct Beyond {
     module: Module,
     home: Pose,
     line: Line,
     crossing: usize,
-    /// At an address that stays, by which the module knows LinuxCNC's feedback.
+    /// At a fixed address, by which the module recognizes LinuxCNC's feedback.
     feedback: Box<RefCell<Pose>>,
     joints: RefCell<Joints>,
 }
@@ -123,7 +123,7 @@ impl Beyond {
         beyond
     }
 
-    /// A cycle of world mode.
+    /// Runs a cycle of world mode.
     fn cycle(&self, at: &Pose) -> i32 {
         let code = self.feedback();
         assert_eq!(self.module.inverse_into(at, &mut self.joints.borrow_mut()), 0);
@@ -131,7 +131,7 @@ impl Beyond {
         code
     }
 
-    /// A cycle in which nothing is commanded.
+    /// Runs a cycle without a command and returns its code.
     fn code(&self) -> i32 {
         let code = self.feedback();
         self.module.monitor();
@@ -141,7 +141,7 @@ impl Beyond {
     fn feedback(&self) -> i32 {
         let mut world = self.feedback.borrow_mut();
         let code = self.module.forward_into(&self.joints.borrow(), &mut world);
-        // As LinuxCNC after a refusal.
+        // Like LinuxCNC after a refusal.
         if code < 0 {
             *world = self.home;
         }
@@ -170,7 +170,7 @@ fn the_way_back_ends_the_doubt() {
 fn joint_mode_and_the_machine_off_do_not_end_the_doubt_and_no_kinematics_are_switched() {
     let beyond = Beyond::singular();
     let passed = Cause::SingularPassed.code();
-    // Joint mode: two forwards a cycle and no inverse.
+    // Joint mode: two forward calls per cycle and no inverse.
     let mut command = beyond.home;
     for _ in 0..3 {
         assert_eq!(beyond.feedback(), passed);
@@ -237,12 +237,12 @@ fn fault_reset_ends_no_doubt_in_world_mode_whatever_becomes_of_the_commanded_pos
         assert_eq!(beyond.feedback(), passed);
         assert!(beyond.module.inverse_into(&at, &mut [0.0; 16]) < 0);
         beyond.module.monitor();
-        // The machine goes off.
+        // The machine is switched off.
         assert_eq!([beyond.code(), beyond.code()], [passed; 2], "{coordinate}");
     }
 }
 
-/// A turn about Z, degrees a cycle.
+/// Returns a rotation about Z, degrees per cycle.
 fn pose_of_c(step: f64) -> Pose {
     [0.0, 0.0, 0.0, 0.0, 0.0, step, 0.0, 0.0, 0.0]
 }

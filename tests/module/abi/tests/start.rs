@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The start without a seed: the pose of the joints alone, searched for in the boxes of the
+//! The start without a seed: the search for the pose of the joints alone in the boxes of the
 //! shipped tripod.
 
 use abi_tests::module::{Joints, Module, Pose};
@@ -12,10 +12,10 @@ const BOX_OF_OTHER: f64 = -104.0;
 
 const HOME: Pose = [5.0, 1.768, 3.06, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// inches: the solver stops at 1e-12 of 10 inches, rounding of the joints adds as much.
+/// Inches: the solver stops at 1e-12 of 10 inches, and rounding of the joints adds as much.
 const SAME: f64 = 1e-10;
 
-/// The numbers of a key of the shipped tripod.
+/// Returns the numbers of a key of the shipped tripod.
 fn numbers(section: &str, key: &str) -> Vec<f64> {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../configs/tripod/tripod.ini");
     let text = std::fs::read_to_string(file).expect("readable");
@@ -24,7 +24,7 @@ fn numbers(section: &str, key: &str) -> Vec<f64> {
     line.split(' ').map(number).collect()
 }
 
-/// A number of an INI file; the hash of a geometry stands in hexadecimal.
+/// Parses a number of an INI file; the hash of a geometry is hexadecimal.
 fn number(word: &str) -> f64 {
     match word.strip_prefix("0x") {
         Some(digits) => f64::from(u32::from_str_radix(digits, 16).expect("a hash")),
@@ -32,7 +32,7 @@ fn number(word: &str) -> f64 {
     }
 }
 
-/// A tripod with this many boxes, geometry on its pins.
+/// Returns a tripod with this number of boxes, with its geometry on its pins.
 fn tripod(boxes: usize) -> Module {
     let count = boxes.to_string();
     let parameters = [("legs", "strut:3"), ("coordinates", "XYZ"), ("boxes", count.as_str())];
@@ -50,7 +50,7 @@ fn tripod(boxes: usize) -> Module {
     module
 }
 
-/// Puts the shipped box on the pins of box `k`; `mirrored`: below the base.
+/// Sets the shipped box on the pins of box `k`; `mirrored`: below the base.
 fn wire_box(module: &Module, k: usize, mirrored: bool) {
     let sign = if mirrored { -1.0 } else { 1.0 };
     let (low, high) = (numbers("BOX_0", "LOW"), numbers("BOX_0", "HIGH"));
@@ -76,7 +76,7 @@ fn wire_box(module: &Module, k: usize, mirrored: bool) {
 /// With a matrix this small a box needs some thousand steps, which takes several calls.
 const SLOW: f64 = 0.005;
 
-/// Applied, with the shipped box twice and steps that are too short.
+/// Returns an applied module with the shipped box twice and too short steps.
 fn slowly_started() -> Module {
     let module = tripod(2);
     for k in 0..2 {
@@ -92,7 +92,7 @@ fn slowly_started() -> Module {
     before_homing(module)
 }
 
-/// Applied, with these boxes.
+/// Returns an applied module with these boxes.
 fn started(mirrored: &[bool]) -> Module {
     let module = tripod(mirrored.len());
     for (k, mirrored) in mirrored.iter().enumerate() {
@@ -101,7 +101,7 @@ fn started(mirrored: &[bool]) -> Module {
     before_homing(module)
 }
 
-/// Applied, and called as LinuxCNC does before homing.
+/// Calls an applied module as LinuxCNC does before homing.
 fn before_homing(module: Module) -> Module {
     module.apply();
     assert!(module.is_on("geometry-ok"), "{:?}", module.messages());
@@ -125,7 +125,7 @@ fn assert_same(found: &Pose, expected: &Pose) {
     }
 }
 
-/// One cycle: feedback, monitor. LinuxCNC hands over home while it knows no pose.
+/// Runs one cycle: feedback, monitor. LinuxCNC passes home while it has no pose.
 fn cycle(module: &Module, joints: &Joints, world: &mut Pose) -> i32 {
     if world.iter().any(|v| v.is_nan()) {
         *world = HOME;
@@ -143,7 +143,7 @@ fn the_pose_is_found_at_the_first_call() {
     assert_eq!(cycle(&module, &joints, &mut world), 0);
     assert_same(&world, &far());
     assert!(!module.is_on("searching"));
-    // The command's call holds home as its seed, and gets the pose.
+    // The command's call has home as its seed, and gets the pose.
     let mut command = HOME;
     assert_eq!(module.forward_into(&joints, &mut command), 0);
     assert_same(&command, &far());
@@ -174,7 +174,7 @@ fn after_homing_again_the_pose_is_searched_for_again() {
     let joints = module.inverse(&far()).unwrap();
     let mut world = HOME;
     while cycle(&module, &joints, &mut world) == SEARCHING {}
-    // Every cycle brings a call: no search.
+    // A call in every cycle: no search.
     for _ in 0..5 {
         assert_eq!(cycle(&module, &joints, &mut world), 0);
     }
@@ -199,7 +199,7 @@ fn joints_outside_all_boxes_or_of_two_poses_are_refused_with_their_code() {
     assert_eq!(cycle(&module, &joints, &mut world), OUTSIDE_BOXES);
     assert!(world[0].is_nan());
     assert_eq!(module.get("fault"), f64::from(OUTSIDE_BOXES));
-    // The joints come back into the box.
+    // The joints return into the box.
     let joints = module.inverse(&far()).unwrap();
     assert_eq!(cycle(&module, &joints, &mut world), 0);
     assert_same(&world, &far());
@@ -245,7 +245,7 @@ fn without_boxes_there_are_no_pins_for_them_and_home_is_where_forward_starts() {
     assert_same(&world, &far());
 }
 
-/// Below the base, where the other pose of the same joints is.
+/// Below the base, at the other pose of the same joints.
 const MIRRORED: Pose = [5.0, 1.768, -3.06, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 #[test]
@@ -256,7 +256,7 @@ fn three_legs_that_move_x_y_and_z_start_without_boxes_and_whatever_the_seed() {
     assert_eq!(module.forward_into(&joints, &mut world), 0);
     assert_same(&world, &far());
     module.monitor();
-    // A caller not yet known holds what LinuxCNC has for it.
+    // A new caller has LinuxCNC's pose for it.
     let mut command = MIRRORED;
     assert_eq!(module.forward_into(&joints, &mut command), 0);
     assert_same(&command, &far());

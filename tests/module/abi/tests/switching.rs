@@ -50,7 +50,7 @@ fn types_that_do_not_exist_are_refused_and_change_nothing() {
     assert_eq!(module.inverse(&POSE), joints);
 }
 
-/// KINSTYPE_IDENTITY and KINSTYPE_PRIMARY of LinuxCNC's kinematics.h, and what it takes for no such type.
+/// KINSTYPE_IDENTITY and KINSTYPE_PRIMARY of LinuxCNC's kinematics.h, and a type that does not exist there.
 const IDENTITY: i32 = 1;
 const PRIMARY: i32 = 2;
 const NONE: i32 = -1;
@@ -103,7 +103,7 @@ fn identityfirst_is_refused_where_legs_exceed_coordinates() {
     assert!(said.contains("sparm=identityfirst") && said.contains("coordinates"), "{said}");
 }
 
-/// A seed that LinuxCNC has got from its home pose, not from joint values.
+/// Calls forward with a seed from LinuxCNC's home pose, not from joint values.
 fn found_after(module: &Module) {
     let joints = paper_004().module().inverse(&POSE).expect("a pose of the workspace");
     let mut seed = POSE;
@@ -180,7 +180,7 @@ fn identity_refuses_what_is_not_finite() {
     assert!(world[..6].iter().all(|v| v.is_nan()), "{world:?}");
 }
 
-/// After a switch the seeds that LinuxCNC passes hold joint values: both of the
+/// After a switch LinuxCNC's seeds contain joint values: both of the
 /// next forward calls, feedback and command, need the last good pose of type 0.
 #[test]
 fn back_from_identity_both_forward_calls_find_the_pose_again() {
@@ -239,7 +239,7 @@ fn identity_is_refused_where_legs_exceed_coordinates_and_changes_nothing() {
     }
 }
 
-/// Without the monitor nobody else would tell.
+/// Without the monitor nothing else reports it.
 #[test]
 fn without_the_monitor_a_refused_identity_is_told_at_once() {
     let machine = pyramid();
@@ -250,8 +250,8 @@ fn without_the_monitor_a_refused_identity_is_told_at_once() {
     assert_eq!(module.messages().len(), 1, "{:?}", module.messages());
 }
 
-/// Joint j is the j-th letter of `coordinates`, then come the letters of `table`; forward
-/// gives 0 for what no joint has, and inverse refuses anything else there.
+/// Joint j is the j-th letter of `coordinates`, followed by the letters of `table`; forward
+/// returns 0 for letters without a joint, and inverse refuses any other value there.
 #[test]
 fn identity_of_fewer_coordinates_follows_the_letters_and_then_the_table() {
     let mut three = pyramid();
@@ -296,7 +296,7 @@ fn identity_of_fewer_coordinates_follows_the_letters_and_then_the_table() {
     }
 }
 
-/// Each held letter by its own code, and rounding of work offsets passes.
+/// Checks that each constant letter is refused with its own code, and that rounding of work offsets passes.
 fn assert_refuses_held(module: &Module, held: &[usize]) {
     for letter in held {
         for (value, refuse) in [(1.0, true), (-1e-3, true), (1e-12, false), (-0.0, false)] {
@@ -327,10 +327,10 @@ fn a_lathe_comes_back_from_identity_with_its_pose() {
     assert!(distance(&world, &pose, machine.radius()) <= WRONG_REL * machine.size(), "{world:?}");
 }
 
-/// What LinuxCNC's motion controller does with the kinematics, for drives that follow exactly.
+/// LinuxCNC's motion controller with the kinematics, for drives that follow exactly.
 struct Controller<'a> {
     module: &'a Module,
-    /// Where LinuxCNC keeps the poses of feedback and command.
+    /// LinuxCNC's poses of feedback and command.
     worlds: [Pose; 2],
     joints: Joints,
 }
@@ -343,7 +343,7 @@ impl<'a> Controller<'a> {
         controller
     }
 
-    /// A cycle in world mode: forward of the feedback, inverse of the command; its code.
+    /// Runs a cycle in world mode: forward of the feedback, inverse of the command; returns its code.
     fn cycle(&mut self, command: &Pose) -> i32 {
         self.worlds[1] = *command;
         let [feedback, command] = &mut self.worlds;
@@ -351,8 +351,8 @@ impl<'a> Controller<'a> {
         self.module.inverse_into(command, &mut self.joints)
     }
 
-    /// Asks for other kinematics; where they are refused LinuxCNC leaves the commanded pose alone, and
-    /// it never looks at what forward returns.
+    /// Requests other kinematics; if they are refused LinuxCNC does not change the commanded pose, and
+    /// it ignores the result of forward.
     fn switch(&mut self, kind: i32) -> i32 {
         let code = self.module.switch(kind);
         if code == 0 {
@@ -362,7 +362,7 @@ impl<'a> Controller<'a> {
     }
 }
 
-/// A strut this long closes no platform with the others of [`POSE`].
+/// A strut of this length closes no platform with the others of [`POSE`].
 const TOO_SHORT: f64 = 390.0;
 
 #[test]
@@ -385,7 +385,7 @@ fn a_switch_back_where_the_joints_close_no_platform_is_refused_and_changes_nothi
     module.monitor();
     let text = module.messages().pop().expect("a message").text;
     assert!(text.contains(&format!("[code {code}]")), "{text}");
-    // The joints stay where they are, and the operator leads them back.
+    // The joints stay, and the operator moves them back.
     assert_eq!(controller.cycle(&command), 0);
     assert_eq!(controller.joints, joints);
     while command[2] < start[2] - 20.0 {
@@ -400,7 +400,7 @@ fn a_switch_back_where_the_joints_close_no_platform_is_refused_and_changes_nothi
     assert!(moved.fold(0.0, f64::max) < SAME_COMPONENT, "the joints jumped: {pose:?}");
 }
 
-/// In the cycle of the switch an end point may have been asked for: it is not where the joints are.
+/// In the cycle of the switch an end point may have been requested: it is not the joints' position.
 #[test]
 fn a_switch_back_looks_at_the_commanded_joints_and_not_at_end_points_of_queued_moves() {
     let module = paper_004().module();
@@ -440,7 +440,7 @@ fn after_a_switch_back_inverse_refuses_until_forward_has_found_a_pose() {
     }
 }
 
-/// Before homing LinuxCNC does not know the joints: a switch there is no matter of where they are.
+/// Before homing LinuxCNC does not know the joints: a switch does not depend on them.
 #[test]
 fn before_homing_the_kinematics_may_be_switched_there_and_back() {
     for boxes in [0, 1] {
@@ -457,7 +457,7 @@ fn before_homing_the_kinematics_may_be_switched_there_and_back() {
     }
 }
 
-/// The seed of the first forward then holds joint values.
+/// The seed of the first forward then contains joint values.
 #[test]
 fn a_machine_homed_in_identity_kinematics_is_found_from_its_reference_pose() {
     let machine = paper_004();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Through a chain, and behind a second mechanism, forward finds what the reference tracker does, or fails:
-//! far from the seed, and along sequences whose every call begins where the last one ended.
+//! With a chain or a second mechanism, forward has the result of the reference tracker, or fails:
+//! far from the seed, and along sequences in which every call begins at the last result.
 
 use crate::connected::{Count, is_square};
 use abi_tests::carrying::carrying;
@@ -11,7 +11,7 @@ use abi_tests::random::{Random, cases};
 use abi_tests::subjects::{Subject, pose, subjects};
 use abi_tests::tracker::connected_pose;
 
-/// Near to a pose of the workspace, and up to three times as far from home as one.
+/// Returns a pose near one of the workspace, or up to three times as far from home.
 fn near_or_far(subject: &Subject, from: &Pose, random: &mut Random) -> Pose {
     let (home, inside) = (subject.home(), (subject.sample)(random));
     let (begin, share) = match random.between(0.0, 1.0) < 0.3 {
@@ -51,7 +51,7 @@ fn through_a_chain_forward_returns_the_connected_pose_or_fails() {
     }
 }
 
-/// The poses connected with these of both, or none: a module gives nothing in part.
+/// Returns the poses of both connected with these, or none: a module returns no partial result.
 fn connected_both(two: &Two, joints: &[Joints; 2], from: &[Pose; 2]) -> Option<[Pose; 2]> {
     let machines: [&Parallel; 2] = [&two.first.machine, &two.second.machine];
     let of = |i: usize| connected_pose(&machines[i].module(), machines[i], &joints[i], &from[i]);

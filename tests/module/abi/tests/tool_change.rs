@@ -15,25 +15,25 @@ const TILTED: Pose = [10.0, -20.0, 260.0, 12.0, -5.0, 0.0, 0.0, 0.0, 0.0];
 const TOOLS: [&str; 3] = ["tool-offset-x", "tool-offset-y", "tool-offset"];
 const LONG: [f64; 3] = [5.0, -3.0, 80.0];
 
-/// More cycles than any change of these tests takes: 3 % of the machine, the shift of a long tool at a tilt
-/// of 20°, with the least acceleration in cycles of 250 us is 12,000.
+/// Upper bound of the cycles of any change in these tests: 3 % of the machine, the shift of a long tool at a tilt
+/// of 20°, with the least acceleration in cycles of 250 us takes 12,000.
 const MOST_CYCLES: usize = 40_000;
 
 /// Cycles after a change.
 const AFTER: usize = 3;
 
-/// What LinuxCNC's servo thread does with a machine at rest in world mode, where the drives
+/// LinuxCNC's servo thread with a machine at rest in world mode, with drives that
 /// follow exactly.
 struct Thread<'a> {
     module: &'a Module,
     pose: Pose,
     period: i64,
-    /// What inverse gave in every cycle.
+    /// Results of inverse in every cycle.
     joints: Vec<Joints>,
 }
 
 impl<'a> Thread<'a> {
-    /// Machine on, at rest at a pose.
+    /// Starts with the machine on, at rest at a pose.
     fn at(module: &'a Module, pose: Pose) -> Self {
         module.set("machine-on", 1.0);
         let mut thread = Self { module, pose, period: 1_000_000, joints: vec![] };
@@ -43,7 +43,7 @@ impl<'a> Thread<'a> {
         thread
     }
 
-    /// One cycle: forward of the feedback, inverse, monitor.
+    /// Runs one cycle: forward of the feedback, inverse, monitor.
     fn cycle(&mut self) -> Result<(), i32> {
         if let Some(joints) = self.joints.last() {
             self.module.follow(joints, &self.pose).expect("the joints of inverse");
@@ -60,7 +60,7 @@ impl<'a> Thread<'a> {
         }
     }
 
-    /// Until nothing is under way, and three cycles more; the number of cycles.
+    /// Runs until no change is under way, plus three cycles; returns the number of cycles.
     fn settle(&mut self) -> Result<usize, i32> {
         for count in 1..MOST_CYCLES {
             self.cycle()?;
@@ -72,7 +72,7 @@ impl<'a> Thread<'a> {
         panic!("a tool change does not end");
     }
 
-    /// Largest shares of the limits that any joint takes in successive cycles.
+    /// Returns the largest ratios of any joint to the limits in successive cycles.
     fn shares(&self, limits: &[(f64, f64)]) -> (f64, f64) {
         let dt = self.period as f64 * 1e-9;
         let (mut speed, mut acceleration) = (0.0_f64, 0.0_f64);
@@ -105,10 +105,10 @@ fn limit(module: &Module, limits: &[(f64, f64)]) {
     }
 }
 
-/// A hundred times the acceleration of the shipped hexapod, so that changes end soon.
+/// A hundred times the acceleration of the shipped hexapod, so that changes are short.
 const USUAL: [(f64, f64); 6] = [(500.0, 300_000.0); 6];
 
-/// A hexapod at [`TILTED`], on, with the usual limits.
+/// Returns a hexapod at [`TILTED`], on, with the usual limits.
 fn hexapod() -> Module {
     let module = paper_004().module();
     limit(&module, &USUAL);
@@ -119,12 +119,12 @@ fn said(module: &Module) -> String {
     module.messages().into_iter().map(|message| message.text).collect()
 }
 
-/// What inverse gives with this offset from the start.
+/// Returns the joints with this initial offset.
 fn joints_with(machine: &Parallel, tool: [f64; 3], pose: &Pose) -> Result<Joints, i32> {
     Parallel { tool, ..machine.clone() }.module().inverse(pose)
 }
 
-/// One machine at one pose from one offset to another. `None` where either is out of reach or
+/// Changes the offset of one machine at one pose. `None` if either is out of reach or
 /// nearly singular.
 fn change(
     machine: &Parallel,
@@ -136,8 +136,8 @@ fn change(
     let machine = Parallel { tool: tools[0], ..machine.clone() };
     let module = machine.module();
     module.follow(&module.inverse(&pose).ok()?, &pose).ok()?;
-    // Speeds of a tenth to a whole machine a second, reached in 0.5 to 3 ms, so that changes end soon;
-    // cranks count degrees, of which a machine's size of travel is about sixty.
+    // Speeds of a tenth to a whole machine per second, reached in 0.5 to 3 ms, so that changes are short;
+    // cranks use degrees, of which the travel over a machine's size is about sixty.
     let size = if machine.size() > 0.0 { machine.size() } else { 1.0 };
     let limits: Vec<_> = (0..machine.joints())
         .map(|_| {
@@ -195,20 +195,20 @@ fn every_machine_changes_tools_at_any_tilt_within_the_limits_of_its_joints() {
             }
         }
     }
-    // A few offsets take a carriage or crank out of its reach.
+    // A few offsets move a carriage or crank out of its reach.
     let all = count * tilting.len();
     assert!(done * 10 >= all * 9, "{done} of {all} within reach");
-    // The share of the limits that a step may take (0.3, one joint at least), less the margins for what
-    // lies between the surveyed places.
+    // The share of the limits that a step may use (0.3, by one joint at least), less the margins for poses
+    // between the sampled ones.
     assert!(least_use > 0.2, "a change uses {least_use} of the limits only");
 }
 
-/// Joints of the pose shown against those measured, in millimetres: forward ends where every strut
-/// fits to the convergence criterion of 1e-9 mm, and the lengths round as well.
+/// Joints of the displayed pose against the measured ones, in millimeters: forward stops if every strut
+/// is accurate to the convergence criterion of 1e-9 mm, and the lengths are rounded as well.
 const SHOWN_MM: f64 = 1e-8;
 
 /// After forward and inverse the request changes, while the drives still have a hundred thousandth
-/// of a degree to go: the pose shown is one of the old offset.
+/// of a degree to move: the displayed pose belongs to the old offset.
 #[test]
 fn pose_and_tool_offset_on_the_pins_are_of_the_same_cycle() {
     let level = [10.0, -20.0, 260.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -238,7 +238,7 @@ fn pose_and_tool_offset_on_the_pins_are_of_the_same_cycle() {
     }
 }
 
-/// With a reference pose, at which every fold is decided: joints then are those of a fresh module.
+/// Returns a hexapod with a reference pose, which determines every fold: joints then are those of a fresh module.
 fn with_home(random: &mut Random) -> Hexapod {
     loop {
         let mut machine = random_hexapod(random, 1000.0);
@@ -266,7 +266,7 @@ fn machines_of_random_geometry_do_too() {
     assert!(done * 10 >= count * 9, "{done} of {count} within reach");
 }
 
-/// Twice another request, at any time of the change under way.
+/// Two other requests, at any time of the change under way.
 #[test]
 fn a_request_that_changes_during_a_change_keeps_the_limits_too() {
     for after in [1, 8, 20, 30, 45, 60, 90, 120] {
@@ -327,7 +327,7 @@ fn an_offset_out_of_reach_is_refused_and_nothing_moves() {
         let module = hexapod();
         let mut thread = Thread::at(&module, TILTED);
         if let Some(pin) = limit {
-            // Somewhere on the way; the sign of its motion is not asked for.
+            // At some point of the path; the sign of its motion is not tested.
             let joint = thread.joints[0][3];
             module.set(pin, joint + 0.1);
             module.set("min-limit.3", joint - 0.1);
@@ -440,7 +440,7 @@ fn with_the_machine_off_a_change_under_way_is_made_at_once() {
     }
 }
 
-/// LinuxCNC's command handler runs before the controller, or after it where a HAL file says so.
+/// LinuxCNC's command handler runs before the controller, or after it if a HAL file says so.
 #[test]
 fn end_points_of_queued_moves_are_not_taken_for_the_commanded_pose() {
     for after in [false, true] {
@@ -449,7 +449,7 @@ fn end_points_of_queued_moves_are_not_taken_for_the_commanded_pose() {
         request(&module, LONG);
         let mut end = TILTED;
         for _ in 0..400 {
-            // Another end point in every cycle: as commanded poses a motion that never rests.
+            // Another end point in every cycle: as commanded poses they would be a motion without rest.
             end[0] += 0.1;
             let queued = |now: bool| now.then(|| module.inverse(&end).expect("within reach"));
             queued(!after);
@@ -462,7 +462,7 @@ fn end_points_of_queued_moves_are_not_taken_for_the_commanded_pose() {
     }
 }
 
-/// LinuxCNC then asks for the poses of feedback and command, and for no joints.
+/// LinuxCNC then requests the poses of feedback and command, and no joints.
 #[test]
 fn in_joint_mode_a_change_moves_the_pose_and_no_joint() {
     let module = hexapod();
@@ -497,7 +497,7 @@ fn whatever_is_asked_for_forward_follows_the_joints() {
         thread.cycle().expect("within reach");
         let joints = thread.joints[thread.joints.len() - 1];
         let from = thread.joints.len();
-        // The monitor has gone a step since: inverse of the same cycle tells the pose to find.
+        // The monitor has made a step since: inverse of the same cycle returns the pose to find.
         let now = module.inverse(&TILTED).expect("within reach");
         let pose = module.follow(&now, &TILTED).expect("the joints of inverse");
         let off = pose.iter().zip(TILTED).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -505,7 +505,7 @@ fn whatever_is_asked_for_forward_follows_the_joints() {
     }
 }
 
-/// LinuxCNC's own call hands the offset over before the pins change, and the pins follow.
+/// LinuxCNC's own call passes the offset before the pins change, and the pins follow.
 #[test]
 fn an_offset_that_linuxcnc_hands_over_goes_the_way_of_one_on_the_pins() {
     let by_pins = hexapod();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What LinuxCNC can do in the middle of a tool change at a tilt: no joint exceeds its limits, the change is
+//! Events in LinuxCNC during a tool change at a tilt: no joint exceeds its limits, the change is
 //! completed, and the pose stays the machine's.
 
 use abi_tests::control::{Control, in_a_chain, on_one_guide};
@@ -12,10 +12,10 @@ use abi_tests::subjects::{Subject, pose, subjects};
 use abi_tests::tolerances::ROUND_TRIP_REL;
 use kinematics::Cause;
 
-/// What LinuxCNC does in the middle, and how it goes back to coordinated mode.
+/// Event during the change, and the return to coordinated mode.
 type Event = fn(&mut Controller<'_>, &mut Random);
 
-/// Cycles between the steps of an event, at random: the next cycle, or when everything is at rest.
+/// Runs a random number of cycles between the steps of an event: one cycle, or until everything is at rest.
 fn pause(controller: &mut Controller<'_>, random: &mut Random) {
     let cycles = if random.between(0.0, 1.0) < 0.5 { 1.0 } else { random.between(1.0, 60.0) };
     (0..cycles as usize).for_each(|_| controller.cycle());
@@ -30,7 +30,7 @@ fn through(modes: &[Mode], controller: &mut Controller<'_>, random: &mut Random)
 
 fn off_and_on(controller: &mut Controller<'_>, random: &mut Random) {
     controller.turn(false);
-    // LinuxCNC's task takes longer than a servo cycle to switch on again.
+    // LinuxCNC's task needs more than a servo cycle to switch on again.
     controller.cycle();
     pause(controller, random);
     controller.turn(true);
@@ -77,10 +77,10 @@ const EVENTS: [(&str, Mode, Event); 14] = [
     }),
 ];
 
-/// Most cycles that a change of these tests may take.
+/// Largest number of cycles of a change in these tests.
 const MOST_CYCLES: usize = 50_000;
 
-/// Runs cycles until no change is under way and the interpolators have come to the end.
+/// Runs cycles until no change is under way and the interpolators have reached the end.
 fn settle(controller: &mut Controller<'_>, module: &Module, name: &str) -> usize {
     let mut rest = 0;
     for count in 0..MOST_CYCLES {
@@ -106,7 +106,7 @@ fn random_tool(random: &mut Random, size: f64) -> [f64; 3] {
     [random.within(0.03 * size), random.within(0.03 * size), random.between(0.0, 0.1 * size)]
 }
 
-/// The largest acceleration of any joint in an event, as a share of its limit; `None` where an offset is out
+/// Returns the largest acceleration of any joint in an event, as a share of its limit; `None` if an offset is out
 /// of reach.
 fn interrupted(
     control: &Control,
@@ -117,7 +117,7 @@ fn interrupted(
 ) -> Option<f64> {
     let module = control.module();
     let size = control.size();
-    // What the joints do in a tenth of a second to seconds, in cycles of a millisecond.
+    // Motions of the joints in a tenth of a second to seconds, in cycles of a millisecond.
     let limits: Vec<_> = (0..control.joints())
         .map(|_| {
             let speed = size * random.between(0.1, 1.0);
@@ -142,7 +142,7 @@ fn interrupted(
     {
         controller.request = Some(tool);
         if round == 1 {
-            // Mostly while the joints move.
+            // Usually while the joints move.
             controller.queued = (mode == Coordinated).then_some(*pose);
             let at = random.between(0.0, 1.0).powi(2) * 300.0;
             (0..at as usize).for_each(|_| controller.cycle());
@@ -177,12 +177,12 @@ fn interrupted(
     Some(acceleration)
 }
 
-/// Joints against those of the pose: forward has found it some times since, each time to the share of the
-/// size that README names.
+/// Joints against those of the pose: forward has found it several times since, each time to the accuracy relative to
+/// the size in README.
 const SAME_JOINT_SHARE: f64 = 100.0 * ROUND_TRIP_REL;
 
-/// A hexapod of random geometry, tilted at its reference pose: the joints' straight line from another one may
-/// lead by a singular pose.
+/// Returns a hexapod of random geometry, tilted at its reference pose: the joints' straight line from another one may
+/// pass near a singular pose.
 fn random_machine(random: &mut Random) -> (Control, Pose) {
     loop {
         let mut machine = random_hexapod(random, 1000.0);

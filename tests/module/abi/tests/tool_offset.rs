@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Tool offsets are requests: they act where no joint moves by them.
+//! Tool offsets are requests: they take effect if they move no joint.
 
 use abi_tests::geometry::{minus, norm, plus, rotation, turned};
 use abi_tests::machines::{Hexapod, PAPER_004_HOME, paper_004};
@@ -15,7 +15,7 @@ fn on(module: &Module) {
     module.set("machine-on", 1.0);
 }
 
-/// Takes the machine to a pose the way LinuxCNC does.
+/// Moves the machine to a pose as LinuxCNC does.
 fn at(module: &Module, pose: &Pose) {
     let joints = module.inverse(pose).expect("a pose of the workspace");
     module.follow(&joints, pose).expect("its own joints");
@@ -74,7 +74,7 @@ fn changed_while_tilted_without_limits_to_go_by_it_is_refused_and_says_why() {
     }
 }
 
-/// A HAL file made for genhexkins connects neither `.machine-on` nor the monitor.
+/// A HAL file for genhexkins connects neither `.machine-on` nor the monitor.
 #[test]
 fn in_a_drop_in_hal_file_a_change_at_a_tilt_is_refused_too() {
     for pin in TOOLS {
@@ -149,7 +149,7 @@ fn an_offset_that_is_not_finite_is_refused_and_forgotten_when_mended() {
     }
 }
 
-/// The display goes on with the tool in effect.
+/// The display continues with the active tool.
 #[test]
 fn a_tool_offset_beyond_any_machine_is_refused_by_inverse() {
     for pin in TOOLS {

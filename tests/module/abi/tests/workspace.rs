@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The declared workspaces of every machine: every pose found again, through the
+//! The declared workspaces of every machine: every pose is found again, through the
 //! built module, one servo step away and from home.
 
 use abi_tests::geometry::distance;
@@ -10,7 +10,7 @@ use abi_tests::random::{Random, cases};
 use abi_tests::subjects::{Subject, subjects};
 use abi_tests::tolerances::{INVERSE_REL, NEAR_ITERATIONS, ROUND_TRIP_REL};
 
-/// Distance of what forward finds from the pose that the joints belong to.
+/// Returns the distance of forward's result from the pose of the joints.
 fn error(subject: &Subject, module: &Module, pose: &Pose, seed: &Pose) -> f64 {
     let joints = module.inverse(pose).expect("a pose of the workspace");
     let found = module.forward(&joints, seed);
@@ -22,7 +22,7 @@ fn error(subject: &Subject, module: &Module, pose: &Pose, seed: &Pose) -> f64 {
     apart
 }
 
-/// A seed a servo step away, in every coordinate, held ones too: they are not read.
+/// Returns a seed a servo step away, in every coordinate, including constant ones: they are not read.
 fn near_seed(subject: &Subject, pose: &Pose, random: &mut Random) -> Pose {
     one_servo_step_from(pose, subject.machine.size(), random)
 }
@@ -73,8 +73,8 @@ fn every_pose_is_found_again_from_home() {
     }
 }
 
-/// No constant of the module has a length in it: a machine in metres or inches
-/// solves as well as in millimetres, and scaled by a power of two to the same bits.
+/// No constant of the module contains a length: a machine in meters or inches
+/// is solved as well as in millimeters, and scaled by a power of two to the same bits.
 #[test]
 fn units_do_not_matter() {
     for subject in subjects() {
@@ -86,7 +86,7 @@ fn units_do_not_matter() {
 
 fn compare_units(subject: &Subject, scale: f64) {
     let (plain, scaled) = (subject.machine.module(), scaled(&subject.machine, scale).module());
-    // The one absolute length is a pin's, and the operator sets it with the units.
+    // The only absolute length is a pin, which the operator sets with the units.
     scaled.set("convergence-criterion", 1e-9 * scale);
     let mut random = Random::new(13);
     for _ in 0..cases(1_000) {
@@ -94,7 +94,7 @@ fn compare_units(subject: &Subject, scale: f64) {
         let joints = plain.inverse(&pose).expect("a pose of the workspace");
         let small = scaled.inverse(&in_units(&pose, scale)).expect("the same pose");
         for (n, (one, other)) in joints.iter().zip(small).enumerate() {
-            // The angle of a crank has no length in it.
+            // The angle of a crank does not contain a length.
             let (unit, whole) = match subject.machine.legs.get(n).map(|leg| &leg.kind) {
                 Some(Kind::Crank { .. }) => (1.0, 180.0),
                 _ => (scale, scale * subject.machine.size()),

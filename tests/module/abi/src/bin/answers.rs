@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Writes the bits of what the module answers, a line a call, for machines of every kind: two
-//! processors that give the same lines give the same answers.
+//! Writes the bits of the module's results, one line per call, for machines of every kind: equal lines
+//! on two processors mean equal results.
 
 use abi_tests::machines::one_servo_step_from;
 use abi_tests::module::{Module, Pose};
@@ -12,10 +12,10 @@ use std::io::{BufWriter, Write, stdout};
 /// Poses of each machine's workspace.
 const POSES: usize = 2000;
 
-/// Of how many poses one is asked for what takes long to write: rows of the Jacobian, and all pins.
+/// Interval of poses for which long results are written: rows of the Jacobian, and all pins.
 const SELDOM: usize = 20;
 
-/// Poses beyond the workspace, which end in a refusal or not.
+/// Number of poses beyond the workspace, which may be refused.
 const WILD: usize = 400;
 
 fn main() {
@@ -45,7 +45,7 @@ fn in_workspace(lines: &mut Lines<impl Write>, subject: &Subject, module: &Modul
     }
 }
 
-/// Three times as far from home as poses of the workspace are: forward starts at home.
+/// Tests poses three times as far from home as those of the workspace: forward starts at home.
 fn beyond(lines: &mut Lines<impl Write>, subject: &Subject, module: &Module) {
     let mut random = Random::new(2022);
     let home = subject.home();
@@ -57,8 +57,8 @@ fn beyond(lines: &mut Lines<impl Write>, subject: &Subject, module: &Module) {
     }
 }
 
-/// Sines of the C library, with which poses are sampled, differ in their last bit between
-/// processors: what the module is asked for does not.
+/// Rounds a pose: sines of the C library, with which poses are sampled, differ in their last bit between
+/// processors, but the module's input must not.
 fn rounded(pose: Pose) -> Pose {
     const STEPS: f64 = 65536.0;
     pose.map(|value| (value * STEPS).round() / STEPS)
@@ -68,7 +68,7 @@ fn code<T>(answer: &Result<T, i32>) -> i32 {
     answer.as_ref().err().copied().unwrap_or(0)
 }
 
-/// Where lines go: machine, call, code, and numbers as their bits.
+/// Output of lines: machine, call, code, and numbers as their bits.
 struct Lines<W: Write>(W);
 
 impl<W: Write> Lines<W> {
@@ -85,7 +85,7 @@ impl<W: Write> Lines<W> {
         self.write(machine, "forward", code, seed.iter().chain(&pose));
     }
 
-    /// Every pin but those that measure time.
+    /// Writes every pin except those that measure time.
     fn pins(&mut self, machine: &str, what: &str, module: &Module) {
         let pins = module.pins();
         let values: Vec<f64> =

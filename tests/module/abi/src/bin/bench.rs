@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Time, iterations, failures and wrong results of the built module beside LinuxCNC's
-//! modules for the same machines, measured in one run in turns, as Markdown.
+//! Time, iterations, failures and wrong results of the built module compared with LinuxCNC's
+//! modules for the same machines, measured alternately in one run, as Markdown.
 //!
-//! Wall times depend on the machine and are printed, never asserted; the ratio
-//! of two modules measured in turns is what stays.
+//! Wall times depend on the machine and are printed, never asserted; only the ratio
+//! of two modules measured alternately is reproducible.
 
 use abi_tests::geometry::distance;
 use abi_tests::guarded::set_limits;
@@ -20,24 +20,24 @@ use abi_tests::tolerances::{GENHEXKINS_SAME, WRONG_REL};
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Poses a batch: enough for the clock, few enough to stay in the cache.
+/// Number of poses per batch: enough for the clock, few enough for the cache.
 const POSES: usize = 500;
 
-/// Servo steps from the pose of a case to the one beside it and back: enough for the clock.
+/// Number of servo steps from the pose of a case to the neighboring one and back: enough for the clock.
 const STEPS: usize = 10;
 
-/// Batches of each measurement; the tenth fastest of them is reported: what else runs on the computer only
-/// adds to the others.
+/// Number of batches per measurement; the tenth fastest is reported: other processes only slow
+/// the others down.
 const BATCHES: usize = 101;
 
-/// genhexkins gives up at an error sum above `max-error`, by default 500 lengths
-/// of any unit; this lets it go on, so that its speed can be measured at all.
+/// genhexkins fails at an error sum above `max-error`, by default 500 lengths
+/// of any unit; this lets it continue, so that its speed can be measured.
 const NO_MAX_ERROR: f64 = 1e9;
 
-/// Stands where there is nothing to say.
+/// Placeholder for a missing value.
 const NONE: &str = "–";
 
-/// A machine with the poses it is measured at.
+/// A machine with its poses.
 struct Subject {
     name: &'static str,
     machine: Parallel,
@@ -45,17 +45,17 @@ struct Subject {
     sample: fn(&mut Random) -> Pose,
     /// LinuxCNC's module for such a machine, if there is one.
     theirs: Option<Theirs>,
-    /// Frozen by its first call, with no monitor beside it, as a HAL file for LinuxCNC's module leaves it.
+    /// Frozen by its first call, without a monitor, as with a HAL file for LinuxCNC's module.
     drops_in: bool,
 }
 
-/// A module of LinuxCNC's and what its pins have to be for the subject.
+/// One of LinuxCNC's modules and its pins for the subject.
 struct Theirs {
     name: &'static str,
     wire: Box<dyn Fn(&Module)>,
 }
 
-/// What the calls of one module on one subject came to.
+/// Results of the calls of one module on one subject.
 #[derive(Default)]
 struct Outcome {
     iterations: Vec<f64>,
@@ -78,7 +78,7 @@ struct Case {
     near_joints: Joints,
 }
 
-/// Hexapods, beside genhexkins.
+/// Returns hexapods, to compare with genhexkins.
 fn hexapods() -> Vec<Subject> {
     let without_lead = Hexapod { lead: 0.0, ..paper_004() };
     let mut home = [0.0; 9];
@@ -103,7 +103,7 @@ fn hexapods() -> Vec<Subject> {
     ]
 }
 
-/// genhexkins takes its literal arcsin, and answers however large the error is.
+/// Creates a hexapod; genhexkins uses its literal arcsin, and returns a result for any error.
 fn hexapod(
     name: &'static str,
     machine: Hexapod,
@@ -119,7 +119,7 @@ fn hexapod(
     Subject { name, machine: machine.into(), home, sample, theirs, drops_in: false }
 }
 
-/// Machines with rods and the tripod, beside LinuxCNC's module where it has one.
+/// Returns machines with rods and the tripod, with LinuxCNC's module if there is one.
 fn others() -> Vec<Subject> {
     let of = |subject: subjects::Subject| Subject {
         name: subject.name,
@@ -154,8 +154,8 @@ fn theirs(machine: &str) -> Option<Theirs> {
     Some(Theirs { name, wire })
 }
 
-/// Poses of genhexkins' default geometry (inches) with up to 20° of tilt: beyond
-/// that it has singular poses.
+/// Returns a random pose of genhexkins' default geometry (inches) with up to 20° of tilt: beyond
+/// it has singular poses.
 fn genhexkins_pose(random: &mut Random) -> Pose {
     let (a, b) = tilted(20.0 * random.between(0.0, 1.0).sqrt(), random.within(180.0));
     let (x, y, z) = (random.within(5.0), random.within(5.0), random.between(15.0, 25.0));
@@ -166,12 +166,12 @@ fn case(subject: &Subject, module: &Module, random: &mut Random) -> Case {
     let pose = (subject.sample)(random);
     let joints = module.inverse(&pose).expect("a pose of the workspace");
     let near = one_servo_step_from(&pose, subject.machine.size(), random);
-    // Beside the edge of the workspace there may be none.
+    // Near the edge of the workspace there may be none.
     let (near, near_joints) = module.inverse(&near).map_or((pose, joints), |own| (near, own));
     Case { pose, joints, near, near_joints }
 }
 
-/// Mean nanoseconds of one call of `run` over all cases.
+/// Returns the mean time of a call of `run` over all cases, nanoseconds.
 fn timed(cases: &[Case], mut run: impl FnMut(&Case)) -> f64 {
     let start = Instant::now();
     for case in cases {
@@ -190,11 +190,11 @@ fn inverse_batch(module: &Module, cases: &[Case]) -> f64 {
     })
 }
 
-/// Mean nanoseconds of one call of forward. A seed that is not what the call before has written is for a machine
-/// that was homed, as LinuxCNC passes it: from there forward starts at home. Servo steps go on from the last pose.
+/// Returns the mean time of a call of forward, nanoseconds. A seed other than the previous result means a machine
+/// that was homed, as LinuxCNC passes it: then forward starts at home. Servo steps continue from the last pose.
 fn forward_batch(module: &Module, cases: &[Case], seed: Seed, home: &Pose) -> f64 {
     let (forward, _) = module.entry_points();
-    // One variable for all calls, as LinuxCNC's status has.
+    // One variable for all calls, as in LinuxCNC's status.
     let mut world = *home;
     let mut solve = |joints: &Joints, seed: Option<&Pose>| {
         if let Some(seed) = seed {
@@ -224,14 +224,14 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-/// The tenth fastest of some times.
+/// Returns the tenth fastest of some times.
 fn undisturbed(times: &mut [f64]) -> f64 {
     times.sort_by(f64::total_cmp);
     times[times.len().min(10) - 1]
 }
 
-/// What undisturbed batches of `measure` take for all modules, taken in turns so that they see the same
-/// clock, temperature and neighbours.
+/// Returns the times of undisturbed batches of `measure` for all modules, alternately, for the same
+/// clock, temperature and load.
 fn in_turns(modules: &[Module], mut measure: impl FnMut(&Module) -> f64) -> Vec<f64> {
     let mut times = vec![Vec::new(); modules.len()];
     for batch in 0..BATCHES {
@@ -243,7 +243,7 @@ fn in_turns(modules: &[Module], mut measure: impl FnMut(&Module) -> f64) -> Vec<
     times.iter_mut().map(|t| undisturbed(t)).collect()
 }
 
-/// Iterations, failures and wrong poses; apart from the timing, as it reads pins.
+/// Counts iterations, failures and wrong poses; separate from the timing, because it reads pins.
 fn judged(module: &Module, subject: &Subject, cases: &[Case], seed: Seed) -> Outcome {
     let mut result = Outcome::default();
     for case in cases {
@@ -252,7 +252,7 @@ fn judged(module: &Module, subject: &Subject, cases: &[Case], seed: Seed) -> Out
             Seed::Home => &subject.home,
         };
         // The most since this reset: genhexkins solves again for the GUI's pins
-        // within the same call, and last-iterations is that second one's.
+        // within the same call, and last-iterations is that of the second solution.
         let counts = module.has("max-iterations");
         if counts {
             module.set("max-iterations", 0.0);
@@ -265,7 +265,7 @@ fn judged(module: &Module, subject: &Subject, cases: &[Case], seed: Seed) -> Out
             result.iterations.push(module.get("max-iterations"));
         }
         let mut found = found;
-        // pentakins leaves the C that it does not know as it was.
+        // pentakins does not change C, which it does not have.
         (0..6).filter(|k| !subject.machine.moves(*k)).for_each(|k| found[k] = 0.0);
         let apart = distance(&found, &case.pose, subject.machine.radius());
         let allowed = (WRONG_REL * subject.machine.size()).max(GENHEXKINS_SAME);
@@ -274,7 +274,7 @@ fn judged(module: &Module, subject: &Subject, cases: &[Case], seed: Seed) -> Out
     result
 }
 
-/// Median and most of the iterations.
+/// Returns median and maximum of the iterations.
 fn iterations(outcome: &Outcome) -> String {
     let mut sorted = outcome.iterations.clone();
     if sorted.is_empty() {
@@ -284,7 +284,7 @@ fn iterations(outcome: &Outcome) -> String {
     format!("{median:.0} / {:.0}", sorted[sorted.len() - 1])
 }
 
-/// What the call would take by arithmetic alone, and how many times that it takes; of
+/// Returns the time of the arithmetic alone, and the ratio of the measured time to it; for
 /// hexapods one servo step away.
 fn limit(call: &str, subject: &Subject, judged: &[Outcome], time: f64, rates: &Rates) -> String {
     let lead = match subject.name {
@@ -301,7 +301,7 @@ fn limit(call: &str, subject: &Subject, judged: &[Outcome], time: f64, rates: &R
     format!("{least:.0} | {:.1}", time / least)
 }
 
-/// One row: ours, then theirs if there is one.
+/// Prints one row: ours, then theirs if there is one.
 fn row(call: &str, subject: &Subject, judged: &[Outcome], times: &[f64], rates: &Rates) {
     let mut cells = Vec::new();
     for which in 0..2 {
@@ -326,13 +326,13 @@ fn ours(subject: &Subject) -> Module {
     }
     let module = subject.machine.loaded();
     subject.machine.wire(&module);
-    // Forward, as LinuxCNC calls it at first: from home, which fixes the folds of the corrections.
+    // Forward, as LinuxCNC calls it first: from home, which fixes the folds of the corrections.
     let joints = module.inverse(&subject.home).expect("home");
     module.forward(&joints, &subject.home).expect("home");
     module
 }
 
-/// Ours with the subject's machine, then theirs if there is one.
+/// Returns ours with the subject's machine, then theirs if there is one.
 fn modules(subject: &Subject) -> Vec<Module> {
     let mut modules = vec![ours(subject)];
     modules.extend(subject.theirs.iter().map(|theirs| {
@@ -356,7 +356,7 @@ fn bench(subject: &Subject, rates: &Rates) {
     }
 }
 
-/// From home with everything as shipped: what the operator gets after homing.
+/// Measures from home with the shipped settings: the state after homing.
 fn from_home(subject: &Subject) {
     let modules = modules(subject);
     let mut random = Random::new(10);
@@ -381,17 +381,17 @@ fn from_home(subject: &Subject) {
     }
 }
 
-/// Cycles of a motion of [`cycle_batch`].
+/// Number of cycles of a motion of [`cycle_batch`].
 const CYCLES: usize = 20;
 
-/// Mean nanoseconds of forward, inverse and monitor in a servo cycle of motions with everything guarded, each
-/// by its own time, with what the clock takes.
+/// Returns the mean times of forward, inverse and monitor in a servo cycle of motions with everything guarded,
+/// each including the time of the clock, nanoseconds.
 fn cycle_batch(module: &Module, motions: &[Vec<(Pose, Joints)>]) -> [f64; 3] {
     let mut spent = [0.0; 3];
     let mut count = 0.0;
     for motion in motions {
         let Some((mut world, begin)) = motion.first().copied() else { continue };
-        // To where the motion begins, from home.
+        // From home to the start of the motion.
         module.forward_into(&begin, &mut world);
         for pair in motion.windows(2) {
             let [(_, joints), (pose, _)] = pair else { continue };
@@ -413,7 +413,7 @@ fn cycle_batch(module: &Module, motions: &[Vec<(Pose, Joints)>]) -> [f64; 3] {
     spent.map(|sum| sum / count)
 }
 
-/// A motion of [`CYCLES`] servo steps from a pose of the workspace towards home.
+/// Returns a motion of [`CYCLES`] servo steps from a pose of the workspace toward home.
 fn motion(
     subject: &subjects::Subject,
     module: &Module,
@@ -426,14 +426,14 @@ fn motion(
     (0..=CYCLES).map(pose).filter_map(|pose| Some((pose, module.inverse(&pose).ok()?))).collect()
 }
 
-/// Nanoseconds of a reading of the clock.
+/// Returns the time to read the clock, nanoseconds.
 fn clock() -> f64 {
     let start = Instant::now();
     (0..1000).for_each(|_| _ = black_box(Instant::now()));
     start.elapsed().as_nanos() as f64 / 1000.0
 }
 
-/// The servo cycle as a whole, everything guarded.
+/// Measures the whole servo cycle, with everything guarded.
 fn cycles(subject: &subjects::Subject) {
     let module = subject.machine.module();
     set_limits(&[&subject.machine], &module);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! How often forward is right, refuses and errs, beside genhexkins and pentakins in one run, as
+//! Prints how often forward is right, refuses and is wrong, compared with genhexkins and pentakins in one run, as
 //! Markdown.
 //!
 //! The right pose is the end of the path from the seed along the straight line of the
-//! joint values; where that meets a singular pose there is none, and forward must fail.
+//! joint values; if that reaches a singular pose there is none, and forward must fail.
 
 use abi_tests::geometry::distance;
 use abi_tests::machines::{
@@ -18,45 +18,45 @@ use abi_tests::tolerances::{GENHEXKINS_SAME, WRONG_REL};
 use abi_tests::tracker::{connected_pose, same_handed};
 use std::thread;
 
-/// Poses of a row; with PKMKINS_CASES=10 as many as the long tier of the core's tests.
+/// Number of poses of a row; with PKMKINS_CASES=10 as many as the long tier of the core's tests.
 const SERVO_STEPS: usize = 100_000;
 const FROM_HOME: usize = 2000;
 
-/// genhexkins and pentakins give up at an error sum above `max-error`, by default 500 and 100 lengths
-/// of any unit; this lets them go on to an answer.
+/// genhexkins and pentakins fail at an error sum above `max-error`, by default 500 and 100 lengths
+/// of any unit; this lets them continue.
 const NO_MAX_ERROR: f64 = 1e9;
 
-/// A machine with the poses it is asked for.
+/// A machine with its sampled poses.
 struct Subject {
     name: String,
     machine: Parallel,
     home: Pose,
     sample: Box<dyn Fn(&mut Random) -> Pose + Sync>,
-    /// LinuxCNC's module for it, and that with this machine on its pins.
+    /// LinuxCNC's module for it, and this module with the machine on its pins.
     peer: &'static str,
     theirs: Box<dyn Fn() -> Module + Sync>,
 }
 
-/// Where forward starts.
+/// Start of forward.
 #[derive(Clone, Copy, PartialEq)]
 enum Seed {
     ServoStep,
     Home,
 }
 
-/// What became of a module's calls.
+/// Results of a module's calls.
 #[derive(Clone, Copy, Default)]
 struct Count {
     calls: usize,
     right: usize,
-    /// No answer, though there is a right pose.
+    /// Failures although there is a right pose.
     missed: usize,
-    /// No answer, and there is none.
+    /// Failures if there is none.
     refused: usize,
     wrong: usize,
 }
 
-/// Poses with the sign that det J has at home, and those behind a singular pose.
+/// Poses with the sign of det J at home, and those beyond a singular pose.
 #[derive(Clone, Copy, Default)]
 struct Row {
     before: Count,
@@ -64,7 +64,7 @@ struct Row {
 }
 
 impl Subject {
-    /// Without the range of its poses.
+    /// Returns the name without the range of its poses.
     fn machine_name(&self) -> &str {
         self.name.split(", ±").next().unwrap_or(&self.name)
     }
@@ -86,7 +86,7 @@ impl Subject {
         Self { name, machine, home, sample, peer: "genhexkins", theirs: Box::new(theirs) }
     }
 
-    /// The sample configuration of pentakins.
+    /// Returns the sample configuration of pentakins.
     fn pentapod(name: &str, sample: Box<dyn Fn(&mut Random) -> Pose + Sync>) -> Self {
         let machine = sample_pentapod();
         let pins = machine.clone();
@@ -101,7 +101,7 @@ impl Subject {
         Self { name: name.to_string(), machine, home, sample, peer: "pentakins", theirs }
     }
 
-    /// The pose with what the machine holds at 0; pentakins leaves its C as it was.
+    /// Returns the pose with 0 for the machine's constant coordinates; pentakins does not change C.
     fn without_held(&self, mut pose: Pose) -> Pose {
         for k in (0..6).filter(|k| !self.machine.moves(*k)) {
             pose[k] = 0.0;
@@ -127,24 +127,24 @@ fn subjects() -> Vec<Subject> {
     all
 }
 
-/// A pose within the axis limits of pentakins' sample configuration; not all can be taken.
+/// Returns a random pose within the axis limits of pentakins' sample configuration; not all are legal.
 fn pentakins_pose(random: &mut Random) -> Pose {
     let [x, y, z] = [250.0; 3].map(|most| random.within(most));
     [x, y, z, random.within(50.0), random.within(15.0), 0.0, 0.0, 0.0, 0.0]
 }
 
-/// A pose of genhexkins' default geometry (inches).
+/// Returns a random pose of genhexkins' default geometry (inches).
 fn genhexkins_pose(random: &mut Random, most: f64) -> Pose {
     let (x, y, z) = (random.within(5.0), random.within(5.0), random.between(15.0, 25.0));
     let [a, b, c] = [most; 3].map(|most| random.within(most));
     [x, y, z, a, b, c, 0.0, 0.0, 0.0]
 }
 
-/// Both modules with one machine, and how their answers are judged.
+/// Both modules with one machine, and the evaluation of their results.
 struct Judge {
     machine: Parallel,
-    /// Makes joints of poses. What the module that is judged is told to make joints of counts as a commanded motion,
-    /// which forward is compared with from call to call; poses that are drawn are none.
+    /// Computes joints of poses. Inverse calls of the tested module count as a commanded motion,
+    /// with which forward is compared from call to call; sampled poses are not a motion.
     asked: Module,
     modules: [Module; 2],
 }
@@ -161,8 +161,8 @@ impl Judge {
         distance(one, other, self.machine.radius()) <= allowed
     }
 
-    /// The right pose. One servo step from the seed that is the pose itself; it is followed
-    /// only where a module says otherwise.
+    /// Returns the right pose. One servo step from the seed it is the pose itself; the path is followed
+    /// only if a module differs.
     fn right(&self, joints: &Joints, seed: &Pose) -> Option<Pose> {
         connected_pose(&self.asked, &self.machine, joints, seed)
     }
@@ -198,7 +198,7 @@ impl Judge {
     }
 }
 
-/// Counts of one thread's share of the poses.
+/// Counts one thread's share of the poses.
 fn judged(subject: &Subject, start: Seed, count: usize, mut random: Random) -> [Row; 2] {
     let judge = Judge::new(subject);
     let mut rows = [Row::default(); 2];
@@ -226,7 +226,7 @@ fn sum(one: Count, other: Count) -> Count {
     }
 }
 
-/// The same on all cores; the poses depend on their number.
+/// Counts on all cores; the poses depend on their number.
 fn on_all_cores(subject: &Subject, start: Seed, count: usize) -> [Row; 2] {
     let threads = thread::available_parallelism().map_or(1, usize::from);
     let mut rows = [Row::default(); 2];
@@ -261,10 +261,10 @@ fn print(call: &str, subject: &Subject, module: &str, row: &Row) {
     );
 }
 
-/// Steps of sequences, machine units a cycle of a machine of 1000.
+/// Steps of sequences, machine units per cycle for a machine of 1000.
 const STEPS: [f64; 2] = [0.02, 0.5];
 
-/// Commanded motions through singular poses.
+/// Prints commanded motions through singular poses.
 fn print_sequences() {
     println!(
         "| machine | step of size/1000 | module | lines | refused because the motion has passed it \

@@ -1,49 +1,49 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What each answer of forward has to be.
+//! Requirements on each result of forward.
 
 use super::system::{State, System};
 use crate::module::{Joints, Pose};
 use crate::truth::Followed;
 use std::collections::BTreeMap;
 
-/// Poses that Newton's method finds from the true one: share of the size, as README's WRONG_REL, and what
-/// joints in 1e-13 of the size become near singular poses that count as no excuse (a thousandfold).
+/// Accuracy of poses found by Newton's method from the true one: share of the size, as README's WRONG_REL, and the
+/// effect of 1e-13 of the size in joints near singular poses that do not count as an excuse (a thousandfold).
 const SAME: f64 = 1e-8;
 
-/// A pose within this share of the distance of the nearest singular pose has no second one beside it.
+/// Share of the distance of the nearest singular pose within which a pose has no second one nearby.
 const ALONE: f64 = 0.2;
 
-/// Multiples of noise and lag within which a singular pose is near: the module sees only measured joints
-/// and the pose commanded a cycle before, each of them off by so much.
+/// Multiples of noise and lag within which a singular pose is near: the module has only measured joints
+/// and the pose commanded a cycle before, each with such an error.
 const NEAR: f64 = 4.0;
 
-/// Share of the size within which a singular pose is near without noise: forward refuses where its ball
-/// is below 1e-6 of the size, which bounds of all legs together make up to thirty times as far.
+/// Share of the size within which a singular pose is near without noise: forward refuses if its ball
+/// is below 1e-6 of the size, and bounds of all legs together extend this up to thirty times.
 const LEAST: f64 = 1e-4;
 
 /// Margin of a leg below which it may end.
 const MARGIN: f64 = 1.0;
 
-/// Margin of a leg below which forward may name it as the reason of a refusal: the joint of a crank at a
-/// cosine of 0.2 turns by tens of degrees while noise and lag move the platform (2.4 seen).
+/// Margin of a leg below which forward may give it as the reason of a refusal: the joint of a crank at a
+/// cosine of 0.2 turns by tens of degrees while noise and lag move the platform (2.4 observed).
 const REFUSED_MARGIN: f64 = 3.0;
 
-/// Share of the size in which a margin changes by 1 at most: a cosine by 0.08 at an arm of an eighth.
+/// Share of the size over which a margin changes by at most 1: a cosine by 0.08 at an arm of an eighth.
 const MARGIN_MOVES: f64 = 0.01;
 
-/// Share of the size at which a leg with margin 1 is from its dead point at least, where the margin grows
+/// Share of the size which is the least distance of a leg with margin 1 from its dead point, where the margin grows
 /// with the root of the distance: a cosine of 0.08 at an arm of an eighth and a rod as long.
 const DEAD_POINT: f64 = 2e-4;
 
 /// Steps of the reference's own path, a tenth of the singular pose's distance each, beyond which the
-/// module's 96 sub-steps may not do.
+/// module's 96 sub-steps may be insufficient.
 const STEPS: f64 = 25.0;
 
-/// Share of the size beyond which a way back is long: sub-steps go a tenth of the way to a singular pose
-/// each, so that 96 of them, or 120 iterations, may not do. The longest that forward did not finish.
+/// Share of the size beyond which a path back is long: sub-steps cover a tenth of the distance to a singular pose
+/// each, so 96 of them, or 120 iterations, may be insufficient. The longest that forward did not finish.
 const LONG: f64 = 0.05;
 
-/// Numbers of a message, without the zeros at their end.
+/// Formats the numbers of a message, without trailing zeros.
 pub fn brief(values: &[f64]) -> String {
     let end = values.iter().rposition(|v| *v != 0.0).map_or(0, |last| last + 1);
     let values: Vec<_> = values[..end].iter().map(|v| format!("{v:.6}")).collect();
@@ -54,37 +54,37 @@ fn both(poses: &[[f64; 6]; 2]) -> String {
     brief(poses.as_flattened())
 }
 
-/// Share of the size: nearer to singular poses a long line of joints may end elsewhere by rounding.
+/// Share of the size: nearer to singular poses rounding may change the end of a long line of joints.
 const FAR_DISTANCE: f64 = 1e-2;
 
-/// What a call came to.
+/// Verdict on a call.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// The machine's pose, or a refusal that had to be.
+    /// The machine's pose, or a necessary refusal.
     Right,
-    /// What nobody could know better, with the reason.
+    /// A result that the available data allow, with the reason.
     Excused(&'static str),
-    /// What must not be.
+    /// An error.
     Wrong(String),
 }
 
-/// Names of what is wrong, for counting.
+/// Names of errors, for counting.
 pub const WRONG_POSE: &str = "another pose";
 /// See [`WRONG_POSE`].
 pub const REFUSED: &str = "refused without need";
 
-/// How far the machine may be from what the module can know.
+/// Largest difference between the machine and the data of the module.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reach {
-    /// Between the true and the commanded pose, with a step: a length.
+    /// Distance between the true and the commanded pose, plus a step: a length.
     pub gap: f64,
-    /// Between the joints of the call and the true ones: a length.
+    /// Distance between the joints of the call and the true ones: a length.
     pub noise: f64,
-    /// Whether the commanded pose is beyond a singular one, which the lagging machine has not reached.
+    /// Whether the commanded pose is beyond a singular one that the lagging machine has not reached.
     pub is_passed: bool,
 }
 
-/// Where singular poses are, near the last state it was asked for.
+/// Positions of singular poses, near the last evaluated state.
 struct Watch {
     at: [[f64; 6]; 2],
     distance: f64,
@@ -92,28 +92,28 @@ struct Watch {
     margin: f64,
 }
 
-/// Returns the least that a margin can be after the platform has moved by a share of the size.
+/// Returns the least possible margin after the platform has moved by a share of the size.
 fn margin_after(margin: f64, moved: f64) -> f64 {
     let by_dead_point = (margin * margin - moved / DEAD_POINT).max(0.0).sqrt();
     by_dead_point.min(margin - moved / MARGIN_MOVES)
 }
 
-/// Returns the share of the size in which a margin above 1 falls by 1 at most.
+/// Returns the share of the size over which a margin above 1 decreases by at most 1.
 fn keeps_margin(margin: f64) -> f64 {
     ((2.0 * margin - 1.0) * DEAD_POINT).min(MARGIN_MOVES)
 }
 
-/// Whether a refusal is the bound of a single call's work.
+/// Returns whether a refusal is due to the bound of a single call's work.
 fn is_bound(code: i32) -> bool {
     matches!(code, -34 | -35)
 }
 
-/// Returns whether a refusal is one of the search from a known pose.
+/// Returns whether a refusal comes from the search from a known pose.
 fn is_of_search(code: i32) -> bool {
     matches!(code, -36..=-31)
 }
 
-/// Whether a refusal names a leg at its end.
+/// Returns whether a refusal names a leg at its end.
 fn names_leg(code: i32) -> bool {
     matches!(code, -28..=-26 | -24 | -23)
 }
@@ -121,24 +121,24 @@ fn names_leg(code: i32) -> bool {
 pub struct Judge {
     /// The machine.
     pub system: System,
-    /// Of the machine, and of the module's pose where that is another.
+    /// For the machine, and for the module's pose if it differs.
     watches: [Option<Watch>; 2],
-    /// Last good pose that the module can have; none before the first after homing.
+    /// Last good pose that the module can have; none before the first one after homing.
     pub good: Option<State>,
     /// Pose accepted in the last call of feedback, of joints that were not the machine's.
     pub elsewhere: Option<State>,
-    /// The identity kinematics were shown far joints, from which one call may not lead back.
+    /// Whether the identity kinematics received distant joints, from which one call may not return.
     pub strayed: bool,
-    /// The commanded motion has passed a singular pose since the last right answer.
+    /// Whether the commanded motion has passed a singular pose since the last right result.
     pub crossed: bool,
-    /// A refusal for that reason holds.
+    /// Whether a refusal for that reason persists.
     pub held: bool,
     /// Verdicts by reason.
     pub counts: BTreeMap<&'static str, usize>,
 }
 
 impl Judge {
-    /// Knows no pose yet.
+    /// Creates a judge without a known pose.
     pub fn new(system: System) -> Self {
         let counts = BTreeMap::new();
         Self {
@@ -153,7 +153,7 @@ impl Judge {
         }
     }
 
-    /// Distance of the nearest singular pose, its curvature, and the margin of the legs.
+    /// Returns the distance of the nearest singular pose, its curvature, and the margin of the legs.
     pub fn watched(&mut self, state: &State) -> (f64, f64, f64) {
         for w in self.watches.iter().flatten() {
             let moved = self.system.distance(&w.at, &state.poses);
@@ -170,7 +170,7 @@ impl Judge {
         (distance, curvature, margin)
     }
 
-    /// The end of the straight line of joints: by one correction where that is short beside the distance of
+    /// Returns the end of the straight line of joints: by one correction if it is short compared with the distance of
     /// the nearest singular pose.
     fn led(&mut self, from: &State, joints: &Joints) -> (Option<State>, Followed) {
         let (distance, _, margin) = self.watched(from);
@@ -195,13 +195,13 @@ impl Judge {
         (!(margin > MARGIN)).then_some("near the end of a leg")
     }
 
-    /// Whether forward refuses a leg near its end: balls and sub-steps end before it.
+    /// Returns whether forward refuses a leg near its end: balls and sub-steps end before it.
     fn is_near_end(&mut self, code: i32, state: &State) -> Option<&'static str> {
         let margin = self.system.look(state).margin;
         (names_leg(code) && !(margin > REFUSED_MARGIN)).then_some("near the end of a leg")
     }
 
-    /// Judges a pose that was returned with code 0 for the joints of a call. `truth` is the machine, but
+    /// Judges a pose that was returned with code 0 for the joints of a call. `truth` is the machine except
     /// for noise.
     pub fn accepted(
         &mut self,
@@ -231,7 +231,7 @@ impl Judge {
             let (expected, _) = self.led(truth, joints);
             let is_same =
                 |expected: &State| self.system.distance(&expected.poses, &poses) <= SAME * size;
-            // The two poses beside a singular one, which noise and lag cannot distinguish.
+            // The two poses near a singular one, which noise and lag make indistinguishable.
             let within = reach.gap + (2.0 * reach.noise / curvature).sqrt() + LEAST * size;
             if expected.as_ref().is_some_and(is_same) {
                 Verdict::Right
@@ -257,8 +257,8 @@ impl Judge {
         verdict
     }
 
-    /// Judges a refusal of joints that are the machine's but for noise. In world mode
-    /// `commanded` says so.
+    /// Judges a refusal of joints that are the machine's except for noise. `commanded` is the pose in world
+    /// mode.
     pub fn refused(
         &mut self,
         code: i32,
@@ -268,7 +268,7 @@ impl Judge {
         commanded: bool,
     ) -> Verdict {
         let near = self.is_near_singular(truth, reach).or_else(|| self.is_near_end(code, truth));
-        // Also what is refused as the pose of another branch was found, and is where the next call begins.
+        // Also refused results of another branch, from which the next call starts.
         let is_passed = matches!(code, -41 | -42);
         if let Some(near) = near
             && !is_passed
@@ -329,7 +329,7 @@ impl Judge {
         verdict
     }
 
-    /// Joints that are not the machine's: a pose has to be theirs, by the path from the last good one.
+    /// Judges joints that are not the machine's: the pose must fit them, by the path from the last good one.
     pub fn accepted_elsewhere(&mut self, joints: &Joints, world: &Pose) -> Verdict {
         let from = self.good.unwrap_or_else(|| self.system.at_reference());
         let found = State { poses: self.system.poses(world), joints: *joints };
@@ -345,7 +345,7 @@ impl Judge {
                 (self.good, self.elsewhere) = (Some(found), Some(found));
                 Verdict::Right
             }
-            // Long lines beside singular poses: where the module ends is its own affair, if it fits.
+            // Long lines near singular poses: any end that fits is correct.
             _ if !(path.distance > FAR_DISTANCE) || path.steps > STEPS => {
                 (self.good, self.elsewhere) = (Some(found), Some(found));
                 Verdict::Excused("far joints beside a singular pose")
@@ -360,7 +360,7 @@ impl Judge {
         }
     }
 
-    /// The module has seen these joints in other kinematics. Near the end of a leg it keeps its last pose.
+    /// Records joints in other kinematics. Near the end of a leg the module keeps its last pose.
     pub fn seen(&mut self, truth: &State, joints: &Joints) {
         let Some(good) = self.good else { return };
         let (distance, _, margin) = self.watched(truth);
@@ -382,7 +382,7 @@ impl Judge {
         }
     }
 
-    /// Judges the first refusal after far joints: LinuxCNC's call for feedback starts from their pose once.
+    /// Judges the first refusal after distant joints: LinuxCNC's call for feedback starts from their pose once.
     pub fn refused_after_far(
         &mut self,
         code: i32,
@@ -397,7 +397,7 @@ impl Judge {
         is_long.then_some(Verdict::Excused("a long way back from far joints"))
     }
 
-    /// The module has seen joints in other kinematics that are not the machine's.
+    /// Records joints in other kinematics that are not the machine's.
     pub fn seen_elsewhere(&mut self, joints: &Joints) {
         let Some(good) = self.good.filter(|_| joints.iter().all(|q| q.is_finite())) else { return };
         if let (Some(led), path) = self.led(&good, joints) {

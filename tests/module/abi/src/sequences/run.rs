@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! LinuxCNC's motion controller (2.9, control.c), the machine behind it, and what happens to both.
+//! LinuxCNC's motion controller (2.9, control.c), its machine, and their events.
 
 use super::judge::{Judge, REFUSED, Reach, Verdict, brief};
 use super::setups::Setup;
@@ -9,33 +9,33 @@ use crate::random::Random;
 use crate::stub::pass_time;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Shares of the size by which the module settles contradicting joints in a cycle: three tenths of what the
-/// acceleration of [`Setup::module`] gives in a cycle of 1 ms.
+/// Share of the size by which the module resolves contradicting joints in a cycle: three tenths of the displacement
+/// by the acceleration of [`Setup::module`] in a cycle of 1 ms.
 const SETTLED_IN_A_CYCLE: f64 = 0.3 * 10.0 * 1e-6;
 
-/// Speeds as shares of the size a cycle: 0.5 m/s and 1 kHz on a machine of 1.25 m, and less.
+/// Speeds as shares of the size per cycle: 0.5 m/s and 1 kHz on a machine of 1.25 m, and less.
 const SPEEDS: [f64; 4] = [4e-4, 4e-4, 1e-4, 1e-3];
 
-/// That of moves through singular poses.
+/// Speed of moves through singular poses.
 const THROUGH: f64 = 1.5e-3;
 
-/// Cycles in which a move gets to its speed.
+/// Number of cycles in which a move reaches its speed.
 const RAMP: f64 = 25.0;
 
-/// Nearest that joints which are moved one by one come to a singular pose, as a share of the size: a rigid
+/// Least distance from a singular pose when joints are moved individually, as a share of the size: a rigid
 /// machine jams there.
 const JAMS: f64 = 2e-3;
 
-/// Nanoseconds for which LinuxCNC pauses before a joint's final move to HOME (homing.c).
+/// LinuxCNC's pause before a joint's final move to HOME (homing.c), nanoseconds.
 const HOMING: i64 = 100_000_000;
 
-/// Refusals in a row that are judged each.
+/// Number of successive refusals that are judged individually.
 const ALIKE: usize = 16;
 
 /// Noise of encoders as shares of the size.
 const NOISE: [f64; 6] = [0.0, 0.0, 1e-6, 1e-6, 1e-5, 1e-4];
 
-/// What LinuxCNC makes of the joints.
+/// LinuxCNC's mode of the joints.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Motion {
     Free,
@@ -43,7 +43,7 @@ enum Motion {
     Coord,
 }
 
-/// What makes the module refuse a cycle.
+/// Cause of a refused cycle.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Injection {
     NotFinite(usize, f64),
@@ -59,25 +59,25 @@ enum Injection {
 struct Plan {
     start: Pose,
     way: Pose,
-    /// Share of the way: where, speed, what is left before it stops.
+    /// Share of the path: position, speed, remaining distance.
     at: f64,
     speed: f64,
     most: f64,
     end: f64,
 }
 
-/// What a run was, and why it failed.
+/// Result of a run, with its failures.
 pub struct Outcome {
     pub cycles: usize,
-    /// Cycles in which something was excused.
+    /// Number of cycles with an excused result.
     pub excused: usize,
     /// Events, verdicts and refusals.
     pub counts: BTreeMap<String, usize>,
-    /// The first refusal without need, and the first of everything else that was wrong.
+    /// The first unnecessary refusal, and the first of all other errors.
     pub failures: Vec<String>,
 }
 
-/// Which of LinuxCNC's poses a call is for.
+/// The pose of LinuxCNC for which a call is made.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Caller {
     Feedback,
@@ -93,11 +93,11 @@ pub struct Run<'a> {
     history: VecDeque<String>,
     counts: BTreeMap<String, usize>,
     seed: u64,
-    /// The first refusal without need.
+    /// The first unnecessary refusal.
     refusal: Option<String>,
-    /// The first of everything else.
+    /// The first other error.
     failure: Option<String>,
-    // LinuxCNC: the two poses in a place of their own, which does not move.
+    // LinuxCNC: the two poses at a fixed address.
     poses: Box<[Pose; 2]>,
     feedback_ok: bool,
     command_ok: bool,
@@ -112,16 +112,16 @@ pub struct Run<'a> {
     identity: bool,
     reset: usize,
     feedback_refused: bool,
-    /// Of the last call of forward.
+    /// Code of the last call of forward.
     last_code: i32,
     command_verdict_right: bool,
     // The machine.
     noise: f64,
     lag: usize,
     speed: f64,
-    /// The speed of the last move.
+    /// Speed of the last move.
     fastest: f64,
-    /// The longest step of a cycle, of the last ones.
+    /// Longest step of the last cycles.
     recent: f64,
     command: State,
     /// Signs of the commanded pose's determinants, in world mode.
@@ -133,29 +133,29 @@ pub struct Run<'a> {
     jog: Joints,
     jog_for: usize,
     sagging: Option<Joints>,
-    /// Cycles in which something was excused, and the last of them.
+    /// Number of cycles with an excused result, and the last of them.
     excused: usize,
     excused_in: usize,
-    /// Refusals without an answer between them.
+    /// Number of successive refusals.
     in_a_row: usize,
     injection: Option<Injection>,
-    /// Cycle of the last one.
+    /// Cycle of the last disturbance.
     disturbed: usize,
     missed: usize,
-    /// What the joints of world mode differ by from those of the pose.
+    /// Difference between the joints of world mode and those of the pose.
     contradiction: Joints,
-    /// The end of homing asks for world mode, in the cycle after.
+    /// World mode is requested in the cycle after homing ends.
     enters_teleop: bool,
-    /// Cycles since a commanded pose is known, for what may follow from a lag.
+    /// Cycles since a commanded pose is known, for effects of a lag.
     commanded_for: usize,
 }
 
 impl<'a> Run<'a> {
-    /// Runs a machine for a number of cycles, or until something is wrong.
+    /// Runs a machine for a number of cycles, or until an error.
     pub fn of(setup: &'a Setup, seed: u64, cycles: usize) -> Outcome {
         let mut run = Self::new(setup, seed);
         run.start();
-        // After another pose LinuxCNC's is not the machine's any more.
+        // After another pose LinuxCNC's pose is no longer the machine's.
         while run.cycle < cycles && run.failure.is_none() {
             run.step();
         }
@@ -261,7 +261,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Before homing LinuxCNC calls forward with joints and poses of 0.
+    /// Starts before homing, when LinuxCNC calls forward with joints and poses of 0.
     fn start(&mut self) {
         let monitored = !self.setup.drops_in;
         let (noise, lag, speed) = (self.noise, self.lag, self.speed);
@@ -283,14 +283,14 @@ impl<'a> Run<'a> {
         (self.jog_for, self.plan) = (0, Plan::default());
     }
 
-    /// Homing has ended: the machine is where its reference pose leads.
+    /// Ends homing with the machine at its reference pose.
     fn home(&mut self) {
         self.homed = true;
         pass_time(HOMING);
         let mut state = self.setup.system.at_reference();
         (self.judge.good, self.judge.strayed) = (Some(state), false);
         if !self.setup.system.is_redundant() && !self.judge.held && self.chance(0.3) {
-            // A home switch that is a little off.
+            // A home switch with a small error.
             let mut joints = state.joints;
             for joint in 0..self.setup.system.joints() {
                 joints[joint] += self.random.within(1e-4) * self.setup.system.size()
@@ -367,7 +367,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Moves joints one by one, as far as the machine goes.
+    /// Moves joints individually, until the machine stops.
     fn moved_joints(&mut self, from: &State, speeds: &Joints) -> Option<State> {
         let system = &self.setup.system;
         let mut joints = from.joints;
@@ -477,7 +477,7 @@ impl<'a> Run<'a> {
             None => true,
         };
         if !own_joints {
-            // Of two mechanisms one may have taken far joints that the other one refused.
+            // One of two mechanisms may have accepted distant joints that the other one refused.
             let is_far = matches!(injection, Some(Injection::Far(_)));
             self.judge.strayed |= code < 0 && is_far && self.setup.system.is_pair();
             return match injection {
@@ -496,7 +496,7 @@ impl<'a> Run<'a> {
             return verdict;
         }
         if code < 0 && !matches!(code, -41 | -42) {
-            // A refusal that stays is the same refusal: most of them are not judged again.
+            // A repeated refusal is the same one: most of them are not judged again.
             self.in_a_row += 1;
             if self.in_a_row > ALIKE && !self.in_a_row.is_multiple_of(ALIKE) {
                 return Verdict::Excused("refused as in the cycles before");
@@ -515,8 +515,8 @@ impl<'a> Run<'a> {
         self.judge.accepted(truth, given, world, reach)
     }
 
-    /// Confirms that the machine has the module's pose, the one to which its last good pose leads. Returns whether
-    /// that pose is known: where its path ends at a singular pose, the operator confirms nothing.
+    /// Confirms that the machine has the module's pose, reached from its last good pose. Returns whether
+    /// that pose is known: if its path ends at a singular pose, the operator confirms nothing.
     fn confirm(&mut self) -> bool {
         let Some(good) = self.judge.good else { return false };
         let system = &self.setup.system;
@@ -585,7 +585,7 @@ impl<'a> Run<'a> {
         let code = self.module.switch(self.kind_known);
         if code != 0 {
             self.event("switch refused", format!("{} {code}", self.kind_known));
-            // Joints of the cycle before decide: an operator repeats the switch.
+            // Joints of the previous cycle decide: an operator repeats the switch.
             let injected = self.injection.is_some() || self.cycle <= self.disturbed + 1;
             if self.kind_known == 0 && self.identity && self.homed && !injected {
                 let (truth, reach) = (self.command, self.reach());
@@ -637,7 +637,7 @@ impl<'a> Run<'a> {
         self.plan.speed == 0.0 && self.jog_for == 0
     }
 
-    /// Whether an operator would begin a motion in world mode from LinuxCNC's pose.
+    /// Returns whether an operator would begin a motion in world mode from LinuxCNC's pose.
     fn may_enter_world(&mut self) -> bool {
         let (command, reach) = (self.command, self.reach());
         let (distance, _, _) = self.judge.watched(&command);
@@ -803,13 +803,13 @@ impl<'a> Run<'a> {
                 let unit = self.setup.system.unit(joint);
                 let allowed = 1e-10 * self.size() / unit;
                 let off = joints[joint] - next.joints[joint];
-                // Joints that contradict each other enter world mode as they are, and give way slowly.
+                // Contradicting joints enter world mode unchanged, and are resolved slowly.
                 let settles = self.setup.system.is_redundant() && {
                     let slowly = allowed + SETTLED_IN_A_CYCLE * self.size();
                     let moved = slowly + 2.0 * self.speed * self.size() / unit;
                     match self.commanded_for {
                         0 => {
-                            // LinuxCNC commands what it has measured while the machine is off.
+                            // LinuxCNC commands the measured positions while the machine is off.
                             let measured = 2.0 * self.noise * self.size() / unit;
                             let from =
                                 |own: f64, more: f64| (joints[joint] - own).abs() <= moved + more;
@@ -877,7 +877,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// A servo cycle.
+    /// Runs a servo cycle.
     fn step(&mut self) {
         self.cycle += 1;
         if self.missed > 0 {
@@ -962,7 +962,7 @@ impl<'a> Run<'a> {
         if self.enabled && self.homed && self.is_at_rest() && self.chance(0.1) {
             self.move_on();
         }
-        // Beyond a singular pose more happens.
+        // Beyond a singular pose there are more events.
         let often = match () {
             () if self.judge.held || self.judge.crossed => 4.0,
             () if self.plan.speed > 0.0 && self.fastest == THROUGH => 0.3,
@@ -1010,7 +1010,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Whether the last feedback was the machine's: LinuxCNC goes on from it when it is switched on.
+    /// Returns whether the last feedback was the machine's: LinuxCNC continues from it when it is switched on.
     fn is_undisturbed(&self) -> bool {
         self.injection.is_none() && self.cycle > self.disturbed + 3
     }
@@ -1080,7 +1080,7 @@ impl<'a> Run<'a> {
         self.disturbed = self.cycle;
     }
 
-    /// Cycles in which the controller does not run, where no singular pose is passed in them.
+    /// Skips cycles in which the controller does not run, if they pass no singular pose.
     fn miss(&mut self) {
         let cycles = 1 + pick(&mut self.random, 50);
         let command = self.command;
@@ -1156,7 +1156,7 @@ impl<'a> Run<'a> {
         self.event(kind, format!("{} by {}", brief(&start), brief(&way)));
     }
 
-    /// A target beyond a singular pose on a line from here: the nearest on some random lines.
+    /// Returns a target beyond a singular pose on a line from here: the nearest on some random lines.
     fn through_singular(&mut self, start: &Pose) -> Option<Pose> {
         if self.identity || self.setup.system.is_redundant() {
             return None;
@@ -1165,7 +1165,7 @@ impl<'a> Run<'a> {
         found.into_iter().min_by(|one, other| one.0.total_cmp(&other.0)).map(|(_, target)| target)
     }
 
-    /// Where a random line from here passes a singular pose, as a share of the size, and a target beyond.
+    /// Returns where a random line from here passes a singular pose, as a share of the size, and a target beyond.
     fn beyond_singular(&mut self, start: &Pose) -> Option<(f64, Pose)> {
         let (places, size) = (self.setup.system.moved_places(), self.size());
         let before = self.setup.system.signs(&self.setup.system.state(start)?.0);
@@ -1199,7 +1199,7 @@ impl Plan {
         std::array::from_fn(|k| self.start[k] + self.at * self.way[k])
     }
 
-    /// A trapezoid of speed.
+    /// Advances with a trapezoidal speed profile.
     fn advance(&mut self) {
         if self.speed == 0.0 {
             return;

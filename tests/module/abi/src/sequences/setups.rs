@@ -13,14 +13,14 @@ use crate::subjects::{
     rotary_delta, tripod,
 };
 
-/// A machine, and how LinuxCNC has it.
+/// A machine, and its configuration in LinuxCNC.
 pub struct Setup {
     pub name: String,
-    /// What the module is loaded for.
+    /// The machine of the module.
     pub control: Control,
-    /// The machine.
+    /// The simulated machine.
     pub system: System,
-    /// Whether the HAL file is one for another module: no monitor, no reference pose, no `apply`.
+    /// Whether the HAL file is for another module: no monitor, no reference pose, no `apply`.
     pub drops_in: bool,
 }
 
@@ -31,17 +31,17 @@ impl Setup {
         Self { name, control, system, drops_in }
     }
 
-    /// LinuxCNC's world_home: 2.9 reads X Y Z only.
+    /// Returns LinuxCNC's world_home: 2.9 reads X Y Z only.
     pub fn world_home(&self) -> Pose {
         let home = self.control.home();
         std::array::from_fn(|k| if k < 3 { home[k] } else { 0.0 })
     }
 
-    /// The module, as it is after the HAL files.
+    /// Returns the module in the state after the HAL files.
     pub fn module(&self) -> Module {
         let module = self.control.loaded();
         self.control.wire(&module);
-        // In a second as far as the machine is large, from standstill in a tenth of it.
+        // The machine's size in a second, from standstill in a tenth of it.
         for n in (0..).take_while(|n| module.has(&format!("max-velocity.{n}"))) {
             module.set(&format!("max-velocity.{n}"), self.system.size());
             module.set(&format!("max-acceleration.{n}"), 10.0 * self.system.size());
@@ -66,7 +66,7 @@ fn dropped_in(name: &'static str, machine: Parallel, sample: fn(&mut Random) -> 
     )
 }
 
-/// A pose of genhexkins' sample, inches.
+/// Returns a random pose of genhexkins' sample, inches.
 fn genhexkins_pose(random: &mut Random) -> Pose {
     let mut pose = pose([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]);
     for k in 0..3 {
@@ -95,13 +95,13 @@ fn near_home_of_rotary_delta(random: &mut Random) -> Pose {
     pose([random.within(4.0), random.within(4.0), -14.0 + random.within(4.0), 0.0, 0.0, 0.0])
 }
 
-/// LinuxCNC's sample machines with their own HAL files and this module.
+/// Returns LinuxCNC's sample machines with their own HAL files and this module.
 pub fn drop_ins() -> Vec<Setup> {
     let theirs = Module::genhexkins();
     let hexapod = genhexkins_default(&theirs);
     let home = Some(pose([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]));
     let hexapod = Parallel { home, ..hexapod.into() };
-    // With a lead, as paper 004's machine has one.
+    // With a lead, like paper 004's machine.
     let screws = Parallel { ..paper_004().into() };
     vec![
         dropped_in("pentapod sample", pentapod(PENTAPOD_BASE, PENTAPOD_RINGS), pentapod_pose),
@@ -113,12 +113,12 @@ pub fn drop_ins() -> Vec<Setup> {
     ]
 }
 
-/// The machines of configs, one in a chain and a pair.
+/// Returns the machines of configs, one in a chain and a pair.
 pub fn shipped() -> Vec<Setup> {
     controls().into_iter().map(|c| Setup::new(c.name().into(), c, false)).collect()
 }
 
-/// Coordinates of machines, and legs in excess.
+/// Coordinates of machines, and number of redundant legs.
 const LAYOUTS: [(&str, usize); 12] = [
     ("Z", 0),
     ("XZ", 0),
@@ -134,7 +134,7 @@ const LAYOUTS: [(&str, usize); 12] = [
     ("XYZAB", 1),
 ];
 
-/// A pose of random machines: a fifth of the size and twenty degrees about home.
+/// Returns a pose of random machines: a fifth of the size and twenty degrees about home.
 fn about_home(random: &mut Random) -> Pose {
     let mut pose = [0.0; 9];
     (0..3).for_each(|k| pose[k] = random.within(200.0));
@@ -145,7 +145,7 @@ fn about_home(random: &mut Random) -> Pose {
 
 const HEIGHT: f64 = 1000.0;
 
-/// A random machine of millimetres with a platform 1000 above its base.
+/// Returns a random machine in millimeters with a platform 1000 above its base.
 pub fn random_machine(random: &mut Random, drops_in: bool) -> Setup {
     let (coordinates, excess) = LAYOUTS[random.between(0.0, LAYOUTS.len() as f64) as usize];
     loop {
@@ -184,7 +184,7 @@ fn random_leg(i: usize, legs: usize, coordinates: &str, random: &mut Random) -> 
     let turn = if i.is_multiple_of(2) { 20.0 } else { -20.0 };
     let height = random.within(100.0);
     let base = around(at + turn + random.within(8.0), 1000.0 * random.between(0.6, 1.0), height);
-    // Legs of a machine that cannot turn may end in one point, others on a circle.
+    // Legs of a machine that cannot rotate may end in one point, others on a circle.
     let radius = 400.0 * random.between(0.7, 1.0);
     let platform = around(at - turn + random.within(8.0), radius, random.within(60.0));
     let held =
@@ -192,7 +192,7 @@ fn random_leg(i: usize, legs: usize, coordinates: &str, random: &mut Random) -> 
     let anchor = plus(platform, [0.0, 0.0, held(2, HEIGHT)]);
     let kind = random.between(0.0, 4.0) as usize;
     let side = |joint: f64, with: &dyn Fn(i32) -> Kind| {
-        // The side on which the joint is.
+        // The branch of the joint.
         let leg = |side| Leg { base, platform, kind: with(side) };
         let error = |leg: &Leg| {
             let other = leg.other_side(anchor, joint).unwrap_or(joint);
@@ -223,7 +223,7 @@ fn random_leg(i: usize, legs: usize, coordinates: &str, random: &mut Random) -> 
             let joint = random.within(60.0);
             let proto = Leg { base, platform, kind: Kind::Crank { axis, arm, rod: 1.0, side: 1 } };
             let rod = norm(minus(minus(anchor, base), proto.displacement(joint)));
-            // Angles of both sides lie about the direction of the anchor.
+            // Angles of both branches are around the direction of the anchor.
             side(joint, &|side| Kind::Crank { axis, arm, rod, side })
         }
         _ => {

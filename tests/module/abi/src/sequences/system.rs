@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The rigid machine behind a module: one or two mechanisms, and axes that pass through or carry something.
+//! The rigid machine of a module: one or two mechanisms, and axes that pass through or carry something.
 
 use crate::control::Control;
 use crate::module::{Joints, Pose};
@@ -7,7 +7,7 @@ use crate::parallel::Parallel;
 use crate::random::Random;
 use crate::truth::{Followed, Look, Platform, Truth};
 
-/// Where the machine is.
+/// Current state of the machine.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     pub poses: [Platform; 2],
@@ -19,9 +19,9 @@ pub struct State {
 struct Body {
     truth: Truth,
     first_joint: usize,
-    /// Places of its letters in LinuxCNC's pose.
+    /// Indices of its letters in LinuxCNC's pose.
     places: [Option<usize>; 6],
-    /// Places of its joints' letters in the identity kinematics.
+    /// Indices of its joints' letters in the identity kinematics.
     letters: Vec<usize>,
 }
 
@@ -29,7 +29,7 @@ struct Body {
 #[derive(Clone)]
 pub struct System {
     bodies: Vec<Body>,
-    /// Places in LinuxCNC's pose of axes beside the mechanism, in joint order.
+    /// Indices in LinuxCNC's pose of axes outside the mechanism, in joint order.
     extra: Vec<usize>,
     pub reference: [Platform; 2],
 }
@@ -87,32 +87,32 @@ impl System {
         self.bodies.iter().map(|body| body.truth.joints()).sum::<usize>() + self.extra.len()
     }
 
-    /// Number of joints of the mechanisms.
+    /// Returns the number of joints of the mechanisms.
     pub fn driven(&self) -> usize {
         self.joints() - self.extra.len()
     }
 
-    /// Size of the largest mechanism.
+    /// Returns the size of the largest mechanism.
     pub fn size(&self) -> f64 {
         self.bodies.iter().map(|body| body.truth.size()).fold(0.0, f64::max)
     }
 
-    /// Size of the smallest mechanism.
+    /// Returns the size of the smallest mechanism.
     pub fn least_size(&self) -> f64 {
         self.bodies.iter().map(|body| body.truth.size()).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether there are two mechanisms.
+    /// Returns whether there are two mechanisms.
     pub fn is_pair(&self) -> bool {
         self.bodies.len() > 1
     }
 
-    /// Whether a mechanism has more legs than coordinates.
+    /// Returns whether a mechanism has more legs than coordinates.
     pub fn is_redundant(&self) -> bool {
         self.bodies.iter().any(|body| body.truth.is_redundant())
     }
 
-    /// Length of a joint's unit.
+    /// Returns a joint's unit as a length.
     pub fn unit(&self, joint: usize) -> f64 {
         if self.is_extra(joint) {
             // A turn counts as much as the size.
@@ -123,30 +123,30 @@ impl System {
         body.map_or(1.0, |body| body.truth.unit(joint - body.first_joint))
     }
 
-    /// Whether a joint is one of the axes beside the mechanisms.
+    /// Returns whether a joint is one of the axes outside the mechanisms.
     pub fn is_extra(&self, joint: usize) -> bool {
         joint >= self.driven()
     }
 
-    /// Place in LinuxCNC's pose of each joint's letter in the identity kinematics.
+    /// Returns the index in LinuxCNC's pose of each joint's letter in the identity kinematics.
     pub fn identity_places(&self) -> Vec<usize> {
         let own = self.bodies.iter().flat_map(|body| body.letters.iter().copied());
         own.chain(self.extra.iter().copied()).collect()
     }
 
-    /// Whether every joint has a letter.
+    /// Returns whether every joint has a letter.
     pub fn has_identity(&self) -> bool {
         self.bodies.iter().all(|body| body.letters.len() == body.truth.joints())
     }
 
-    /// Places in LinuxCNC's pose that something moves.
+    /// Returns the indices in LinuxCNC's pose that something moves.
     pub fn moved_places(&self) -> Vec<usize> {
         let mut all = self.identity_places();
         all.sort_unstable();
         all
     }
 
-    /// Poses of the mechanisms in a pose of LinuxCNC's.
+    /// Returns the poses of the mechanisms in one of LinuxCNC's poses.
     pub fn poses(&self, world: &Pose) -> [Platform; 2] {
         let mut poses = [[0.0; 6]; 2];
         for (to, body) in poses.iter_mut().zip(&self.bodies) {
@@ -169,8 +169,8 @@ impl System {
         own
     }
 
-    /// The machine at these poses, with the joints that are none of the mechanisms from `joints`; and the
-    /// least margin of a leg. `None` where a leg does not reach.
+    /// Returns the machine at these poses, with the values of the other joints from `joints`; and the
+    /// least margin of a leg. `None` if a leg does not reach.
     pub fn at(&self, poses: &[Platform; 2], joints: &Joints) -> Option<(State, f64)> {
         let (mut joints, mut least) = (*joints, f64::INFINITY);
         for (body, pose) in self.bodies.iter().zip(poses) {
@@ -182,7 +182,7 @@ impl System {
         Some((State { poses: *poses, joints }, least))
     }
 
-    /// The machine at a pose of LinuxCNC's.
+    /// Returns the machine at one of LinuxCNC's poses.
     pub fn state(&self, world: &Pose) -> Option<(State, f64)> {
         let mut joints = [0.0; 16];
         for (i, place) in self.extra.iter().enumerate() {
@@ -191,20 +191,20 @@ impl System {
         self.at(&self.poses(world), &joints)
     }
 
-    /// The machine at its reference pose.
+    /// Returns the machine at its reference pose.
     /// # Panics
     /// If a leg does not reach it.
     pub fn at_reference(&self) -> State {
         self.at(&self.reference, &[0.0; 16]).expect("the reference pose").0
     }
 
-    /// Largest distance of the mechanisms' poses.
+    /// Returns the largest distance of the mechanisms' poses.
     pub fn distance(&self, one: &[Platform; 2], other: &[Platform; 2]) -> f64 {
         let each = self.bodies.iter().zip(one.iter().zip(other));
         each.map(|(body, (one, other))| body.truth.distance(one, other)).fold(0.0, f64::max)
     }
 
-    /// The state of other joints near by; `None` where Newton's method goes farther than `most`.
+    /// Returns the state of other joints nearby; `None` if Newton's method moves farther than `most`.
     pub fn near(&self, from: &State, joints: &Joints, most: f64) -> Option<State> {
         let mut state = State { poses: from.poses, joints: *joints };
         for (body, pose) in self.bodies.iter().zip(&mut state.poses) {
@@ -213,7 +213,7 @@ impl System {
         Some(state)
     }
 
-    /// The state at the end of the straight line of joints, and what the line led past.
+    /// Returns the state at the end of the straight line of joints, and the least distances along it.
     pub fn follow(&self, from: &State, joints: &Joints) -> (Option<State>, Followed) {
         let mut state = State { poses: from.poses, joints: *joints };
         let mut all =
@@ -234,7 +234,7 @@ impl System {
         (arrives.then_some(state), all)
     }
 
-    /// The mechanism that is nearest to a singular pose.
+    /// Returns the distances of the mechanism that is nearest to a singular pose.
     pub fn look(&self, state: &State) -> Look {
         let looks = self.bodies.iter().zip(&state.poses).map(|(body, pose)| {
             let mut look = body.truth.look(pose, &Self::own(body, &state.joints));
@@ -256,7 +256,7 @@ impl System {
         signs
     }
 
-    /// Whether the poses fit the joints: residuals, and Newton steps where legs are in excess.
+    /// Returns whether the poses fit the joints: residuals, and Newton steps for redundant legs.
     pub fn fits(&self, state: &State) -> bool {
         self.bodies.iter().zip(&state.poses).all(|(body, pose)| {
             let (most, next) = body.truth.misfit(pose, &Self::own(body, &state.joints));
@@ -267,7 +267,7 @@ impl System {
         })
     }
 
-    /// A random motion of the platforms by a length, for a machine whose joints have to agree.
+    /// Returns a random motion of the platforms by a length, for a machine whose joints must be consistent.
     pub fn shifted(&self, state: &State, share: f64, random: &mut Random) -> Option<State> {
         let mut poses = state.poses;
         for (body, pose) in self.bodies.iter().zip(&mut poses) {
