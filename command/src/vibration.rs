@@ -149,12 +149,12 @@ fn tell_ellipse(out: &mut impl Write, ellipse: &EllipseAnswer) -> Result<(), Fai
 pub struct Spectra {
     pub hz: Vec<f64>,
     pub found: Vec<Vector3<f64>>,
-    /// By the linear theory; empty where there is none.
+    /// Densities by the linear theory; empty if there is none.
     pub linear: Vec<Vector3<f64>>,
 }
 
 impl Spectra {
-    /// At those of some frequencies that a record can show.
+    /// Computes the densities at the frequencies below half of the sampling frequency.
     pub fn of(
         structure: &Structure,
         record: &Record,
@@ -172,7 +172,7 @@ impl Spectra {
         Self { found: record.spectrum(&hz), hz, linear }
     }
 
-    /// As CSV.
+    /// Writes a CSV file.
     pub fn write(&self, file: &Path) -> Result<(), Failure> {
         let named = |of: &str| ["x", "y", "z"].map(|axis| format!("{axis}{of}_um2_per_hz"));
         let mut header = vec!["hz".to_string()];
@@ -193,14 +193,14 @@ impl Spectra {
 const ELEMENTS: [(usize, usize, &str); 6] =
     [(0, 0, "xx"), (1, 1, "yy"), (2, 2, "zz"), (0, 1, "xy"), (0, 2, "xz"), (1, 2, "yz")];
 
-/// Names of what [`response_row`] gives.
+/// Returns the column names of [`response_row`].
 pub fn response_header() -> Vec<String> {
     let parts = |name: &str| [format!("{name}_re"), format!("{name}_im")];
     let elements = ELEMENTS.iter().flat_map(|(_, _, name)| parts(name));
     std::iter::once("hz".to_string()).chain(elements).collect()
 }
 
-/// Hz, and a receptance.
+/// Returns a row of Hz and a receptance.
 pub fn response_row((hz, h): &(f64, Matrix3<Complex<f64>>)) -> Vec<f64> {
     let element = |(i, k, _): &(usize, usize, &str)| [h[(*i, *k)].re, h[(*i, *k)].im];
     std::iter::once(*hz).chain(ELEMENTS.iter().flat_map(element)).collect()

@@ -264,7 +264,7 @@ pub const PENTAPOD_BASE: [Vector; 5] = [
 pub const PENTAPOD_RINGS: [[f64; 2]; 5] =
     [[80.3, 87.0], [80.3, 114.5], [80.3, 140.5], [80.3, 232.5], [80.3, 258.5]];
 
-/// Returns that sample; dimensions of configs/pentapod. A pose of zeros freezes nothing: LinuxCNC
+/// Returns LinuxCNC's sample pentapod; dimensions of configs/pentapod. A pose of zeros freezes nothing: LinuxCNC
 /// uses it before homing.
 pub fn sample_pentapod() -> Parallel {
     let home = Some(pose([0.0, 0.0, 10.0, 0.0, 0.0, 0.0]));
