@@ -111,7 +111,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Err(OwnFile(config.file.clone()).into());
     }
     let given = study::read(&config, &arguments.files, &wishes)?;
-    study::look_for_slips(&config, &given, &arguments.files)?;
+    study::look_for_mistakes(&config, &given, &arguments.files)?;
     let bar = Bar::new("calibrating");
     let study = study::study(&config, given, |share| bar.set(share))?;
     let target = arguments.write.as_ref().or(arguments.in_place.then_some(&config.file));

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, tell_error};
 use super::{Bar, MachineFile, Verdict, output};
-use check::homing_ways::{Group, Homing, Moment, Outcome, Way, sequences, shown};
+use check::homing_paths::{Group, Homing, HomingMethod, Moment, Outcome, sequences, shown};
 use machine::files::{csv, write_whole};
 use machine::read::columns::{coordinates, joint_names};
 use machine::read::mechanism::Mechanism;
@@ -159,16 +159,16 @@ fn write(
 /// Describes the joints of a sequence, and the motion of each.
 fn members(config: &Mechanism, homing: &Homing, group: &Group) -> String {
     let told = group.joints.iter().map(|i| {
-        let way = match homing.joints[*i].way {
-            Way::Search { switch, end: Some(end), .. } => {
+        let method = match homing.joints[*i].method {
+            HomingMethod::Search { switch, end: Some(end), .. } => {
                 format!("to its switch at {switch} (closed from there to {end})")
             }
-            Way::Search { switch, .. } => format!("to its index at {switch}"),
-            Way::Known(at) => format!("assumed at {at}"),
-            Way::Absolute { moves: true } => "to HOME by its encoder".into(),
-            Way::Absolute { moves: false } => "stays".into(),
+            HomingMethod::Search { switch, .. } => format!("to its index at {switch}"),
+            HomingMethod::Known(at) => format!("assumed at {at}"),
+            HomingMethod::Absolute { moves: true } => "to HOME by its encoder".into(),
+            HomingMethod::Absolute { moves: false } => "stays".into(),
         };
-        format!("{} {way}", config.joints[*i].name)
+        format!("{} {method}", config.joints[*i].name)
     });
     told.collect::<Vec<_>>().join(", ")
 }

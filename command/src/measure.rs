@@ -147,7 +147,7 @@ fn write_both(first: (&Path, &str), second: (&Path, &str)) -> Result<(), Failure
 /// Checks the path against the machine's limits, as preflight does.
 fn follow(config: &Mechanism, setup: &Setup, proposal: &Proposal) -> Result<(), Failure> {
     let tool = setup.gauge.tool - config.spindle;
-    let steps = proposal.ways.iter().flatten().chain(&proposal.home);
+    let steps = proposal.paths.iter().flatten().chain(&proposal.home);
     let moves: Vec<Move> = steps.map(|step| moved(step, tool.into(), setup.feed / 60.0)).collect();
     match preflight(std::slice::from_ref(config), &moves)?.breaks.first() {
         None => Ok(()),

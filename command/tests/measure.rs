@@ -176,7 +176,7 @@ impl Shop {
         let wishes = Wishes { tolerance, noise: None, plate: None };
         let files = [file];
         let given = study::read(&self.config, &files, &wishes).unwrap();
-        study::look_for_slips(&self.config, &given, &files).unwrap();
+        study::look_for_mistakes(&self.config, &given, &files).unwrap();
         given
     }
 
@@ -542,7 +542,7 @@ fn bars_and_feelers_calibrate_beside_a_dial() {
         let tolerance = Tolerance::of_lengths(0.1);
         let wishes = Wishes { tolerance, noise: None, plate: None };
         let given = study::read(&shop.config, files, &wishes).unwrap();
-        study::look_for_slips(&shop.config, &given, files).unwrap();
+        study::look_for_mistakes(&shop.config, &given, files).unwrap();
         let found = fit(&given.model, &given.readings, given.noise).unwrap();
         assert!(found.outliers.is_empty(), "{files:?} {:?}", found.outliers);
         let [_, stated] =

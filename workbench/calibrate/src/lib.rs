@@ -18,7 +18,7 @@
 //! outliers, [`observe`] the changes that the data does not determine, [`at_tool`] the uncertainty of the tip,
 //! [`plan`] the next poses to measure, [`plate`], [`log`], `points` and `table` input files,
 //! [`rewrite`] the new INI file; [`gauge`] gauges that the operator reads, [`sheet`] the table for the readings,
-//! [`slips`] typing mistakes in it, [`setup`] and [`propose`] the poses to read at, [`program`] the program
+//! [`mistakes`] typing mistakes in it, [`setup`] and [`propose`] the poses to read at, [`program`] the program
 //! that moves there, [`probing`] the program that probes a plate, [`shape`] the accuracy of the motion.
 
 pub mod at_tool;
@@ -27,6 +27,7 @@ pub mod gauge;
 mod heading;
 mod least_squares;
 pub mod log;
+pub mod mistakes;
 pub mod model;
 pub mod observe;
 pub mod plan;
@@ -40,6 +41,5 @@ pub mod rewrite;
 pub mod setup;
 pub mod shape;
 pub mod sheet;
-pub mod slips;
 pub mod study;
 mod table;

@@ -25,7 +25,7 @@ pub fn text(config: &Mechanism, setup: &Setup, proposal: &Proposal, table: &str)
     let decimals = decimals(config);
     let [x, y, z] = (gauge.tool - config.spindle).map(|length| length + 0.0).into();
     let _ = writeln!(text, "G43.1 X{x:.decimals$} Y{y:.decimals$} Z{z:.decimals$}");
-    for (n, (stop, path)) in (1..).zip(proposal.stops.iter().zip(&proposal.ways)) {
+    for (n, (stop, path)) in (1..).zip(proposal.stops.iter().zip(&proposal.paths)) {
         text += &moves(config, setup, path);
         let object = &setup.objects[stop.object].name;
         let _ = writeln!(text, "(MSG,pose {n} of {count} at {object}: {})\nM0", request(setup, n));

@@ -45,7 +45,7 @@ pub struct Proposal {
     /// The poses, in order.
     pub stops: Vec<Stop>,
     /// Moves to each pose, the last one to the pose itself.
-    pub ways: Vec<Vec<Step>>,
+    pub paths: Vec<Vec<Step>>,
     /// Moves home after the last pose.
     pub home: Vec<Step>,
     /// Standard deviation of a reading due to the drawing's tolerances, largest of all poses, in the gauge's unit.
@@ -91,7 +91,7 @@ struct Candidate {
 /// Poses in their order, see [`Proposal`].
 struct Route {
     stops: Vec<Stop>,
-    ways: Vec<Vec<Step>>,
+    paths: Vec<Vec<Step>>,
     home: Vec<Step>,
 }
 
@@ -129,9 +129,9 @@ pub fn propose(
     let (chosen, spread, [drawn, measured]) =
         maker.chosen(&candidates, tolerance, &mut progress)?;
     let chosen: Vec<Candidate> = chosen.into_iter().map(|k| candidates[k].clone()).collect();
-    let Route { stops, ways, home } = maker.ordered(chosen)?;
+    let Route { stops, paths, home } = maker.ordered(chosen)?;
     progress(1.0);
-    Ok(Proposal { stops, ways, home, spread, drawn, measured })
+    Ok(Proposal { stops, paths, home, spread, drawn, measured })
 }
 
 impl Maker<'_> {
@@ -389,7 +389,7 @@ impl Maker<'_> {
 
     /// Orders the poses, the first one first, then always the nearest reachable one.
     fn ordered(&self, mut left: Vec<Candidate>) -> Result<Route, NoProposal> {
-        let (mut stops, mut ways) = (vec![], vec![]);
+        let (mut stops, mut paths) = (vec![], vec![]);
         let home = self.home();
         let mut here: Option<Candidate> = None;
         while !left.is_empty() {
@@ -407,7 +407,7 @@ impl Maker<'_> {
             };
             let candidate = left.remove(k);
             stops.push(candidate.stop.clone());
-            ways.push(path);
+            paths.push(path);
             here = Some(candidate);
         }
         let last = here.expect("at least one pose is asked for");
@@ -416,7 +416,7 @@ impl Maker<'_> {
         let through =
             self.transit(&over, &home).ok_or_else(|| NoProposal::NoWay("the last pose".into()))?;
         back.extend(through);
-        Ok(Route { stops, ways, home: back })
+        Ok(Route { stops, paths, home: back })
     }
 
     /// Returns `[TRAJ]HOME` as LinuxCNC displays it with the tool offset active.
@@ -465,8 +465,8 @@ impl Maker<'_> {
         let level = |at: &[f64; 6]| -> [f64; 6] {
             std::array::from_fn(|k| if k < 3 { at[k] } else { self.config.home[k] })
         };
-        let ways = [vec![*to], vec![level(from), level(to), *to]];
-        ways.into_iter().find_map(|ends| self.fast(from, &ends))
+        let paths = [vec![*to], vec![level(from), level(to), *to]];
+        paths.into_iter().find_map(|ends| self.fast(from, &ends))
     }
 
     /// Plans a motion around the ball, at the distance of the poses.

@@ -5,6 +5,7 @@ use super::at_tool::{self, CONFIDENCE, Ellipsoid};
 use super::fit::{Fit, Misfit, chi_square, fit, held_out, residuals, rms};
 use super::heading;
 use super::log::{self, BadLog, HEADER};
+use super::mistakes::{self, Typed};
 use super::model::{Frame, Model, Parameter, Quantity, Tolerance};
 use super::observe;
 use super::plan;
@@ -13,7 +14,6 @@ use super::points;
 use super::reading::{Changed, Instrument, Measured, Reading};
 use super::shape::{self, Shape};
 use super::sheet::{self, Sheet};
-use super::slips::{self, Typed};
 use super::table;
 use kinematics::{Fault, Pose, Vector3};
 use machine::files::{AtFile, Locate, read_text};
@@ -285,19 +285,19 @@ fn kind(text: &str) -> Option<Format> {
     }
 }
 
-/// Refuses typed readings in which one mistake explains why they do not fit, see [`slips`].
+/// Refuses typed readings in which one mistake explains why they do not fit, see [`mistakes`].
 ///
 /// # Errors
 /// The mistake, or a failed fit.
-pub fn look_for_slips(
+pub fn look_for_mistakes(
     config: &Mechanism,
     given: &Given,
     files: &[PathBuf],
 ) -> Result<(), SlipError> {
     let (Some(noise), false) = (given.noise, given.typed.is_empty()) else { return Ok(()) };
-    match slips::look(config, &given.model, &given.readings, &given.typed, noise)? {
-        Some((file, slip)) => {
-            Err(ReadError::from(AtFile { file: files[file].clone(), error: slip }))?
+    match mistakes::look(config, &given.model, &given.readings, &given.typed, noise)? {
+        Some((file, mistake)) => {
+            Err(ReadError::from(AtFile { file: files[file].clone(), error: mistake }))?
         }
         None => Ok(()),
     }
@@ -364,7 +364,7 @@ fn agreement(model: &Model, readings: &[Reading], found: &Fit, noise: f64) -> Ag
         .filter(|i| !is_out(i))
         .flat_map(|i| std::iter::repeat_n(i, readings[i].measured.rows()));
     let foremost = (rows.nth(place).unwrap_or_default(), share);
-    Agreement { chi_square, numbers, most: slips::most(numbers), foremost }
+    Agreement { chi_square, numbers, most: mistakes::most(numbers), foremost }
 }
 
 /// Returns the readings that were not left out.

@@ -441,7 +441,7 @@ impl Judge<'_> {
         Ok(self.found)
     }
 
-    fn tell(&mut self, severity: Severity, place: Option<&Place>, text: &str) {
+    fn report(&mut self, severity: Severity, place: Option<&Place>, text: &str) {
         let error = match place {
             Some(place) => at(self.ini, place, text),
             None => at_last_file(self.ini, text),
@@ -464,7 +464,7 @@ impl Judge<'_> {
         let missing: Vec<&String> = modules.iter().filter(|name| !is_loaded(name)).collect();
         for name in missing {
             let text = format!("no HAL file loads {name}: add loadrt {name} to the first one");
-            self.tell(Severity::Error, None, &text);
+            self.report(Severity::Error, None, &text);
         }
         let arguments =
             self.wiring.modules.iter().find(|(words, _)| words.first() == Some(&motion));
@@ -475,7 +475,7 @@ impl Judge<'_> {
             let text = format!(
                 "{motion} is loaded with num_joints={given}, but [KINS]JOINTS is {count}: use the same number"
             );
-            self.tell(Severity::Error, None, &text);
+            self.report(Severity::Error, None, &text);
         }
         let loaded = arguments.map(|(words, _)| {
             words
@@ -502,7 +502,7 @@ impl Judge<'_> {
                 let text = format!(
                     "{function} is added to {thread}, which does not exist, so LinuxCNC fails to start; expected {SERVO}"
                 );
-                self.tell(Severity::Error, Some(place), &text);
+                self.report(Severity::Error, Some(place), &text);
             }
         }
     }
@@ -532,7 +532,7 @@ impl Judge<'_> {
                 let text = format!(
                     "no HAL file adds {name} to the servo thread, so nothing moves: add addf {name}"
                 );
-                self.tell(Severity::Error, None, &text);
+                self.report(Severity::Error, None, &text);
             }
         }
         let Some((thread, controller)) = wiring.function(CONTROLLER) else { return };
@@ -550,7 +550,7 @@ impl Judge<'_> {
             } else {
                 continue;
             };
-            self.tell(Severity::Warning, Some(place), &format!("{name} {text}"));
+            self.report(Severity::Warning, Some(place), &format!("{name} {text}"));
         }
     }
 
@@ -560,7 +560,7 @@ impl Judge<'_> {
         let targets = wiring.beside(&pin);
         if targets.iter().all(|target| target.starts_with("joint.")) {
             let text = format!("joint {n} commands no drive: add a net from {pin} to its drive");
-            return self.tell(Severity::Error, wiring.place_of(&pin), &text);
+            return self.report(Severity::Error, wiring.place_of(&pin), &text);
         }
         let loops: Vec<&str> =
             targets.iter().filter_map(|target| target.strip_suffix(".command")).collect();
@@ -577,18 +577,18 @@ impl Judge<'_> {
             let text = format!(
                 "the loop {pid} of joint {n} has no feedback: net its encoder to {pid}.feedback"
             );
-            self.tell(Severity::Error, place, &text);
+            self.report(Severity::Error, place, &text);
         }
         if wiring.beside(&format!("{pid}.output")).is_empty() {
             let text =
                 format!("the loop {pid} of joint {n} drives nothing: add a net from {pid}.output");
-            self.tell(Severity::Error, place, &text);
+            self.report(Severity::Error, place, &text);
         }
         if wiring.beside(&format!("{pid}.enable")).is_empty() {
             let text = format!(
                 "the loop {pid} of joint {n} is never enabled: net joint.{n}.amp-enable-out to {pid}.enable"
             );
-            self.tell(Severity::Error, place, &text);
+            self.report(Severity::Error, place, &text);
         }
     }
 
@@ -600,11 +600,11 @@ impl Judge<'_> {
             let text = format!(
                 "the feedback of joint {n} is its own command, which hides every following error: net the encoder to it"
             );
-            self.tell(Severity::Warning, wiring.place_of(&pin), &text);
+            self.report(Severity::Warning, wiring.place_of(&pin), &text);
         } else if !sources.iter().any(|source| is_source(source)) {
             let text =
                 format!("no feedback on joint {n}: add a net from its drive or encoder to {pin}");
-            self.tell(Severity::Error, wiring.place_of(&pin), &text);
+            self.report(Severity::Error, wiring.place_of(&pin), &text);
         }
     }
 
@@ -614,7 +614,7 @@ impl Judge<'_> {
             let text = format!(
                 "the drive of joint {n} is not enabled by {pin}, so it stays on when the machine is off: net {pin} to it"
             );
-            self.tell(Severity::Warning, None, &text);
+            self.report(Severity::Warning, None, &text);
         }
     }
 
@@ -701,7 +701,7 @@ impl Judge<'_> {
             let text = format!(
                 "{pin} is connected, but no HAL file adds {function} to a thread, so it never moves: add addf {function}"
             );
-            self.tell(Severity::Error, wiring.place_of(pin), &text);
+            self.report(Severity::Error, wiring.place_of(pin), &text);
         }
     }
 
@@ -710,12 +710,12 @@ impl Judge<'_> {
         let wiring = self.wiring;
         if wiring.beside("iocontrol.0.emc-enable-in").is_empty() {
             let text = "iocontrol.0.emc-enable-in has no signal, so LinuxCNC never leaves the emergency stop: net it";
-            self.tell(Severity::Error, None, text);
+            self.report(Severity::Error, None, text);
         }
         let asks = !wiring.modules.is_empty() && self.ini.first("EMCIO", "TOOL_TABLE").is_some();
         if asks && wiring.beside("iocontrol.0.tool-changed").is_empty() {
             let text = "iocontrol.0.tool-changed has no signal, so every M6 waits forever: net it";
-            self.tell(Severity::Warning, None, text);
+            self.report(Severity::Warning, None, text);
         }
         let speed: BTreeSet<&String> =
             wiring.signals.keys().filter(|pin| pin.starts_with("spindle.0.speed-out")).collect();
@@ -723,7 +723,7 @@ impl Judge<'_> {
             && wiring.beside("spindle.0.at-speed").is_empty()
         {
             let text = "spindle.0.at-speed has no signal, so programs cut before the spindle is at speed: net it";
-            self.tell(Severity::Warning, wiring.place_of(pin), text);
+            self.report(Severity::Warning, wiring.place_of(pin), text);
         }
     }
 }
@@ -830,7 +830,7 @@ mod tests {
         }\n\
         net estop iocontrol.0.user-enable-out iocontrol.0.emc-enable-in\n";
 
-    fn told(name: &str, hal: &str, more: &str) -> Vec<(Severity, String, Option<usize>)> {
+    fn reported(name: &str, hal: &str, more: &str) -> Vec<(Severity, String, Option<usize>)> {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join(name), hal).unwrap();
         let text = format!(
@@ -854,20 +854,20 @@ mod tests {
 
     #[test]
     fn drives_that_are_wired_whole_are_told_nothing_of() {
-        assert_eq!(told("own.hal", STEPS, ""), []);
-        assert_eq!(told("own.tcl", SERVO, ""), []);
+        assert_eq!(reported("own.hal", STEPS, ""), []);
+        assert_eq!(reported("own.tcl", SERVO, ""), []);
     }
 
     #[test]
     fn feedback_command_and_enable_that_are_missing_are_told_with_their_line() {
         let without = |text: &str, what: &str| text.replace(what, "");
-        let found = told("own.hal", &without(STEPS, " stepgen.0.position-fb"), "");
+        let found = reported("own.hal", &without(STEPS, " stepgen.0.position-fb"), "");
         assert_one(&found, Severity::Error, "no feedback on joint 0", 10);
-        let found = told("own.hal", &without(STEPS, " => stepgen.0.position-cmd"), "");
+        let found = reported("own.hal", &without(STEPS, " => stepgen.0.position-cmd"), "");
         assert_one(&found, Severity::Error, "joint 0 commands no drive", 9);
-        let found = told("own.hal", &without(STEPS, " => stepgen.0.enable"), "");
+        let found = reported("own.hal", &without(STEPS, " => stepgen.0.enable"), "");
         assert_one(&found, Severity::Warning, "joint 0 is not enabled", 7);
-        let found = told("own.tcl", &without(SERVO, "hm2_5i25.0.encoder.00.position "), "");
+        let found = reported("own.tcl", &without(SERVO, "hm2_5i25.0.encoder.00.position "), "");
         assert!(found.len() == 2, "{found:?}");
         assert!(
             found[0].1.contains("p0 of joint 0 has no feedback") && found[0].2 == Some(8),
@@ -877,8 +877,11 @@ mod tests {
             found[1].1.contains("no feedback on joint 0") && found[1].2 == Some(9),
             "{found:?}"
         );
-        let found =
-            told("own.tcl", &without(SERVO, "net out$n p$n.output hm2_5i25.0.pwmgen.00.value"), "");
+        let found = reported(
+            "own.tcl",
+            &without(SERVO, "net out$n p$n.output hm2_5i25.0.pwmgen.00.value"),
+            "",
+        );
         assert_one(&found, Severity::Error, "drives nothing", 8);
     }
 
@@ -886,15 +889,15 @@ mod tests {
     fn functions_in_the_wrong_place_are_told() {
         let late = STEPS.replace("addf stepgen.capture-position servo-thread\n", "\n")
             + "addf stepgen.capture-position servo-thread\n";
-        assert_one(&told("own.hal", &late, ""), Severity::Warning, "a cycle older", 13);
+        assert_one(&reported("own.hal", &late, ""), Severity::Warning, "a cycle older", 13);
         let first = STEPS.replace(
             "addf stepgen.update-freq servo-thread",
             "addf stepgen.update-freq servo-thread 1",
         );
-        assert_one(&told("own.hal", &first, ""), Severity::Warning, "a cycle late", 8);
+        assert_one(&reported("own.hal", &first, ""), Severity::Warning, "a cycle late", 8);
         let none = STEPS.replace("addf stepgen.update-freq servo-thread", "");
         assert_one(
-            &told("own.hal", &none, ""),
+            &reported("own.hal", &none, ""),
             Severity::Error,
             "no HAL file adds stepgen.update-freq",
             10,
@@ -904,7 +907,7 @@ mod tests {
     #[test]
     fn homing_without_its_switch_or_its_index_is_told() {
         let more = "[JOINT_0]\nHOME_SEARCH_VEL = 5\nHOME_LATCH_VEL = 1\nHOME_USE_INDEX = YES\n";
-        let found = told("own.hal", STEPS, more);
+        let found = reported("own.hal", STEPS, more);
         assert!(
             found.len() == 2 && found.iter().all(|(severity, ..)| *severity == Severity::Error),
             "{found:?}"
@@ -917,8 +920,9 @@ mod tests {
 
     #[test]
     fn a_following_error_below_the_delay_is_told() {
-        let joint =
-            |keys: &str| told("own.hal", STEPS, &format!("[JOINT_0]\nMAX_VELOCITY = 500\n{keys}"));
+        let joint = |keys: &str| {
+            reported("own.hal", STEPS, &format!("[JOINT_0]\nMAX_VELOCITY = 500\n{keys}"))
+        };
         assert_eq!(joint("FERROR = 0.5\n"), []);
         assert_one(&joint("FERROR = 0.4\n"), Severity::Warning, "lags by 0.5", 10);
         assert_one(&joint("FERROR = 1\nDELAY = 3\n"), Severity::Error, "lags by 1.5", 10);
@@ -930,12 +934,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("touched");
         let hal = format!("loadrt pkmkins\nset f [open {} w]\n", file.display());
-        assert_one(&told("own.tcl", &hal, ""), Severity::Warning, "not judged", 2);
+        assert_one(&reported("own.tcl", &hal, ""), Severity::Warning, "not judged", 2);
         let hal = format!("exec touch {}\n", file.display());
-        assert_one(&told("own.tcl", &hal, ""), Severity::Warning, "not judged", 1);
+        assert_one(&reported("own.tcl", &hal, ""), Severity::Warning, "not judged", 1);
         assert!(!file.exists());
-        assert_one(&told("own.tcl", "while 1 {}\n", ""), Severity::Warning, "time limit", 1);
-        let ends = told("own.tcl", "puts stderr {no card}\nexit 1\n", "");
+        assert_one(&reported("own.tcl", "while 1 {}\n", ""), Severity::Warning, "time limit", 1);
+        let ends = reported("own.tcl", "puts stderr {no card}\nexit 1\n", "");
         assert_one(&ends, Severity::Error, "fails to start: no card", 2);
     }
 }

@@ -16,7 +16,7 @@ pub mod fixes;
 pub mod hal_values;
 mod homes;
 mod homing;
-pub mod homing_ways;
+pub mod homing_paths;
 pub mod mobility;
 mod motion;
 mod motors;

@@ -6,7 +6,7 @@ use crate::display;
 use crate::drives;
 use crate::findings::Report;
 use crate::homes;
-use crate::homing_ways;
+use crate::homing_paths;
 use crate::mobility::Structure;
 use crate::motion;
 use crate::odd;
@@ -50,7 +50,7 @@ pub fn check(
     usual::check(&mut report, config)?;
     searches::check(&mut report, config)?;
     homes::check(&mut report, config)?;
-    let (fact, error) = homing_ways::summary(&config.ini, config)?;
+    let (fact, error) = homing_paths::summary(&config.ini, config)?;
     report.fact("homing", fact);
     if let Some(error) = error {
         report.finding(Severity::Warning, error);

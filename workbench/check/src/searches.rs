@@ -2,7 +2,7 @@
 //! Searches of joints for their switches: direction, speed, and latching.
 
 use crate::findings::Report;
-use crate::homing_ways::Homing;
+use crate::homing_paths::Homing;
 use crate::motors::{self, Motor};
 use crate::wiring::at_key;
 use machine::limits;

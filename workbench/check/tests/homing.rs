@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Homing from any pose at switch-off.
 
-use check::homing_ways::{Group, Homing, sequences};
+use check::homing_paths::{Group, Homing, sequences};
 use check::report::check;
 use machine::read::mechanism::Mechanism;
 use test_support::shipped::{ini, with_programs};

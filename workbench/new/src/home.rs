@@ -2,7 +2,7 @@
 //! Home position of the platform: at the center of its drives' travel, by the kinematics.
 
 use crate::ini::Plan;
-use crate::kinds::Way;
+use crate::kinds::PlatformSide;
 use crate::values::Refusal;
 use machine::read::error::MachineError;
 use machine::read::ini::Ini;
@@ -99,12 +99,12 @@ fn places(plan: &Plan) -> Vec<[f64; 3]> {
     let k = plan.kind.axis;
     let (middle, reach) = (middle(plan), reach(plan));
     let grid = 10_f64.powf((reach / PLACES).log10().floor());
-    let ways: &[f64] = match plan.kind.way {
-        Way::Less => &[-1.0],
-        Way::More => &[1.0],
-        Way::WithTool if plan.values.word("tool") == "up" => &[1.0],
-        Way::WithTool => &[-1.0],
-        Way::AboutOrigin => &[-1.0, 1.0],
+    let sides: &[f64] = match plan.kind.side {
+        PlatformSide::Less => &[-1.0],
+        PlatformSide::More => &[1.0],
+        PlatformSide::WithTool if plan.values.word("tool") == "up" => &[1.0],
+        PlatformSide::WithTool => &[-1.0],
+        PlatformSide::AboutOrigin => &[-1.0, 1.0],
     };
     let round = |value: f64| {
         // Multiples of a grid below 1 are inexact, those of its inverse are exact.
@@ -112,12 +112,12 @@ fn places(plan: &Plan) -> Vec<[f64; 3]> {
         if grid < 1.0 { steps / (1.0 / grid).round() } else { steps * grid }
     };
     let count = (reach / grid) as usize;
-    let on_line = |n: usize, way: f64| {
+    let on_line = |n: usize, side: f64| {
         let mut place = middle;
-        place[k] += way * n as f64 * grid;
+        place[k] += side * n as f64 * grid;
         place.map(|x| round(x) + 0.0)
     };
-    ways.iter().flat_map(|way| (0..=count).map(move |n| on_line(n, *way))).collect()
+    sides.iter().flat_map(|side| (0..=count).map(move |n| on_line(n, *side))).collect()
 }
 
 /// Returns the center of the base joints with their drives at the center of their travel; along the line, starting
@@ -125,7 +125,7 @@ fn places(plan: &Plan) -> Vec<[f64; 3]> {
 /// the platform joints are level with them.
 fn middle(plan: &Plan) -> [f64; 3] {
     let k = plan.kind.axis;
-    if plan.kind.way == Way::AboutOrigin {
+    if plan.kind.side == PlatformSide::AboutOrigin {
         return [0.0; 3];
     }
     let [low, high] = plan.range();

@@ -3,7 +3,7 @@
 //!
 //! A move is straight in X Y Z A B C, angles included, for LinuxCNC's joints; if axes carry workpiece,
 //! tool or legs it is a curve for the machine, which is enclosed ([`machine::proof::carried`]). A piece of it
-//! is a [`machine::proof::cell::Way`]: the values at its center, their slopes and a bound of their second
+//! is a [`machine::proof::cell::PathBounds`]: the values at its center, their slopes and a bound of their second
 //! derivatives, which give their range over the piece. A piece on which a limit is not proved
 //! is halved, the earlier half first, until a pose violates the limit or the piece is too
 //! short to matter: then the move touches the limit. So every violated limit has a first position,
@@ -14,7 +14,7 @@ use crate::work_offset::Poses;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World};
 use machine::limits;
 use machine::proof::carried::Enclosure;
-use machine::proof::cell::Way;
+use machine::proof::cell::PathBounds;
 use machine::proof::reach::Reach;
 use machine::proof::spans;
 use machine::read::mechanism::Mechanism;
@@ -199,7 +199,7 @@ impl<'a> Pilot<'a> {
         if !firsts.0.is_empty() {
             let worst = self.sample(leg, &firsts);
             for (found, worst) in firsts.0.iter().zip(worst) {
-                self.tell(leg, found, worst);
+                self.report(leg, found, worst);
             }
         }
     }
@@ -221,15 +221,15 @@ impl<'a> Pilot<'a> {
     }
 
     /// Bounds the machine's motion over a piece.
-    fn way(&self, leg: &Leg, middle: f64, half: f64) -> Result<Way, Fault> {
+    fn bounds(&self, leg: &Leg, middle: f64, half: f64) -> Result<PathBounds, Fault> {
         match &leg.course {
             Course::Straight { from, delta } => {
                 let pose = std::array::from_fn(|k| from[k] + middle * delta[k]);
-                self.reach.way(&pose, &delta.map(|d| d * half))
+                self.reach.path_bounds(&pose, &delta.map(|d| d * half))
             }
             Course::Carried { .. } => {
                 let Enclosure { middle, steps } = self.enclosure(leg, middle, half)?;
-                self.reach.way_within(&middle, &steps)
+                self.reach.bounds_within(&middle, &steps)
             }
         }
     }
@@ -261,8 +261,8 @@ impl<'a> Pilot<'a> {
         self.result.pieces += 1;
         let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
         let is_short = to - from <= shortest;
-        let way = match self.way(leg, middle, half) {
-            Ok(way) => way,
+        let bounds = match self.bounds(leg, middle, half) {
+            Ok(bounds) => bounds,
             Err(fault) => {
                 let (limit, ends) = (Limit::Reach, [0.0, f64::INFINITY]);
                 let (share, part, fault) = (middle, Part::Whole, Some(fault));
@@ -270,7 +270,7 @@ impl<'a> Pilot<'a> {
                 return is_short;
             }
         };
-        self.weigh(&way);
+        self.weigh(&bounds);
         let checks = std::mem::take(&mut self.checks);
         let mut done = true;
         for check in &checks {
@@ -283,7 +283,7 @@ impl<'a> Pilot<'a> {
                     self.close(check, leg);
                 }
             }
-            self.widen(&way);
+            self.widen(&bounds);
         }
         self.checks = checks;
         done
@@ -322,9 +322,9 @@ impl<'a> Pilot<'a> {
     }
 
     /// Computes the margins of all limits over a piece, into `checks`.
-    fn weigh(&mut self, way: &Way) {
+    fn weigh(&mut self, bounds: &PathBounds) {
         self.checks.clear();
-        self.checks.extend(way.spans.iter().map(|span| Check {
+        self.checks.extend(bounds.spans.iter().map(|span| Check {
             limit: span.margin.limit,
             part: span.margin.part,
             ends: span.margin.range,
@@ -332,15 +332,16 @@ impl<'a> Pilot<'a> {
             proved: span.room(),
             range: span.margin.scale(),
         }));
-        let unknown = way.joints.iter().position(|course| !course.second_derivative.is_finite());
+        let unknown = bounds.joints.iter().position(|course| !course.second_derivative.is_finite());
         let (limit, ends) = (Limit::Reach, [0.0, f64::INFINITY]);
         let (part, proved) = unknown.map_or((Part::Whole, 1.0), |i| (Part::Joint(i), -1.0));
         self.checks.push(Check { limit, part, ends, seen: 1.0, proved, range: 1.0 });
     }
 
     /// Extends the ranges of the joints to first order, which is accurate enough for the short pieces.
-    fn widen(&mut self, way: &Way) {
-        for (range, spans::Course { middle, slope, .. }) in self.joints.iter_mut().zip(&way.joints)
+    fn widen(&mut self, bounds: &PathBounds) {
+        for (range, spans::Course { middle, slope, .. }) in
+            self.joints.iter_mut().zip(&bounds.joints)
         {
             *range = [range[0].min(middle - slope), range[1].max(middle + slope)];
         }
@@ -382,9 +383,9 @@ impl<'a> Pilot<'a> {
         // Both ends, and pieces that together cover the move without exceeding its ends.
         let pieces = (0..SAMPLES).map(|n| ((2 * n + 1) as f64 * half, half));
         for (middle, half) in pieces.chain([(0.0, 0.0), (1.0, 0.0)]) {
-            let Ok(way) = self.way(leg, middle, half) else { continue };
-            self.widen(&way);
-            self.weigh(&way);
+            let Ok(bounds) = self.bounds(leg, middle, half) else { continue };
+            self.widen(&bounds);
+            self.weigh(&bounds);
             for check in std::mem::take(&mut self.checks) {
                 let of = |found: &Found| found.is_of(check.limit, check.part);
                 if let Some(n) = firsts.0.iter().position(of) {
@@ -399,7 +400,7 @@ impl<'a> Pilot<'a> {
     }
 
     /// Records a violation; `worst` is the least margin of the move.
-    pub(super) fn tell(&mut self, leg: &Leg, found: &Found, worst: f64) {
+    pub(super) fn report(&mut self, leg: &Leg, found: &Found, worst: f64) {
         let part = limits::part(self.config, found.limit, found.part);
         let is_reach = found.limit == Limit::Reach;
         let of = |told: &&mut Break| told.limit == found.limit && (is_reach || told.part == part);

@@ -265,10 +265,10 @@ impl Program {
         let unit = if config.units_per_mm == 1.0 { "G21" } else { "G20" };
         program.line(None, &format!("{unit} G17 G40 G49 G80 G90 G94"));
         for (letter, place, axis) in world::coordinates(config) {
-            let Some(way) = way(config, place, &axis) else { continue };
-            let (home, feed) = (world::home(config)[place], 60.0 * way.abs() / DURATION);
+            let Some(distance) = small_move(config, place, &axis) else { continue };
+            let (home, feed) = (world::home(config)[place], 60.0 * distance.abs() / DURATION);
             let tried = Some(Tried::Coordinate(letter));
-            program.line(tried, &format!("G53 G0 {letter}{:.9}", home + way));
+            program.line(tried, &format!("G53 G0 {letter}{:.9}", home + distance));
             program.line(tried, &format!("G53 G1 {letter}{home:.9} F{feed:.6}"));
         }
         // Errors of a tool table are reported by its reader.
@@ -349,19 +349,19 @@ impl Program {
 }
 
 /// Returns a small displacement of a coordinate from home within all limits, in a direction with room.
-fn way(config: &MachineConfig, place: usize, axis: &Axis) -> Option<f64> {
+fn small_move(config: &MachineConfig, place: usize, axis: &Axis) -> Option<f64> {
     let turns = "ABC".contains(POSE_LETTERS[place]);
     let most = if turns { MOST_ANGLE } else { SHARE * config.first().machine.size() };
-    let mut way = most.min(SHARE * (axis.max - axis.min));
+    let mut distance = most.min(SHARE * (axis.max - axis.min));
     for _ in 0..HALVES {
-        for signed in [way, -way] {
+        for signed in [distance, -distance] {
             let mut world = world::home(config);
             world[place] += signed;
             if world::violated(config, &world).is_none() {
                 return Some(signed);
             }
         }
-        way /= 2.0;
+        distance /= 2.0;
     }
     None
 }

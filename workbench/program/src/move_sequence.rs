@@ -161,7 +161,7 @@ impl Pilot<'_> {
                 if margin < -slack {
                     let share = if before > 0.0 { before / (before - margin) } else { 0.0 };
                     let (limit, ends) = (Limit::Axis, [axis.min, axis.max]);
-                    self.tell(leg, &Found { limit, share, part, ends, fault: None }, margin);
+                    self.report(leg, &Found { limit, share, part, ends, fault: None }, margin);
                 }
             }
         }

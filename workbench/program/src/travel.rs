@@ -54,7 +54,7 @@ pub struct Side {
 }
 
 /// A letter with its own range.
-struct Way {
+struct LetterRange {
     place: usize,
     unit: &'static str,
     /// Ends of its range, and the limits that set them.
@@ -124,12 +124,12 @@ impl Stand {
 /// The pose is not legal.
 pub fn travel(config: &MachineConfig, stand: &Stand) -> Result<Vec<Travel>, Fault> {
     stands(config, stand)?;
-    let both = |way: &Way| {
-        let [minus, plus] = [0, 1].map(|end| side(config, stand, way, end));
-        let (letter, unit) = (POSE_LETTERS[way.place], way.unit);
+    let both = |range: &LetterRange| {
+        let [minus, plus] = [0, 1].map(|end| side(config, stand, range, end));
+        let (letter, unit) = (POSE_LETTERS[range.place], range.unit);
         Ok(Travel { letter, unit, minus: minus?, plus: plus? })
     };
-    ways(config).iter().map(both).collect()
+    letter_ranges(config).iter().map(both).collect()
 }
 
 /// Refuses a pose without joint values.
@@ -152,16 +152,16 @@ fn moved(mechanism: &Mechanism) -> impl Iterator<Item = Letter> {
 
 /// Returns the letters with available travel, in LinuxCNC's order.
 pub fn letters(config: &MachineConfig) -> String {
-    ways(config).iter().map(|way| POSE_LETTERS[way.place]).collect()
+    letter_ranges(config).iter().map(|range| POSE_LETTERS[range.place]).collect()
 }
 
-fn ways(config: &MachineConfig) -> Vec<Way> {
-    let mut ways: Vec<Way> = vec![];
+fn letter_ranges(config: &MachineConfig) -> Vec<LetterRange> {
+    let mut ranges: Vec<LetterRange> = vec![];
     for mechanism in &config.mechanisms {
         for letter in moved(mechanism) {
             let Axis { min, max, .. } = mechanism.programmed[letter.index()];
             let name = of_axis(mechanism.place.letter(letter));
-            ways.push(Way {
+            ranges.push(LetterRange {
                 place: mechanism.place.places[letter.index()],
                 unit: unit(config, letter.is_angle()),
                 ends: [min, max],
@@ -176,7 +176,7 @@ fn ways(config: &MachineConfig) -> Vec<Way> {
         let name =
             |joint_ends: bool| if joint_ends { of_joint.clone() } else { of_axis(extra.letter) };
         let is_angle = (3..6).contains(&place);
-        ways.push(Way {
+        ranges.push(LetterRange {
             place,
             unit: unit(config, is_angle),
             ends: [extra.axis.min.max(extra.joint.min), extra.axis.max.min(extra.joint.max)],
@@ -184,8 +184,8 @@ fn ways(config: &MachineConfig) -> Vec<Way> {
             is_angle,
         });
     }
-    ways.sort_by_key(|way| way.place);
-    ways
+    ranges.sort_by_key(|range| range.place);
+    ranges
 }
 
 fn of_axis(letter: char) -> String {
@@ -197,12 +197,17 @@ fn unit(config: &MachineConfig, is_angle: bool) -> &'static str {
 }
 
 /// Returns the available travel toward one end of a letter's range.
-fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<Side, Fault> {
+fn side(
+    config: &MachineConfig,
+    stand: &Stand,
+    range: &LetterRange,
+    end: usize,
+) -> Result<Side, Fault> {
     let sign = [-1.0, 1.0][end];
-    let free = (sign * (way.ends[end] - stand.world[way.place])).max(0.0);
+    let free = (sign * (range.ends[end] - stand.world[range.place])).max(0.0);
     // A turn repeats everything except the letter's own range; a length is checked up to its end, if any.
     let far = FAR * config.first().machine.size();
-    let followed = match way.is_angle {
+    let followed = match range.is_angle {
         true => free.min(TURN),
         false => {
             if free.is_finite() {
@@ -216,8 +221,8 @@ fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<
     let mut at = stand.clone();
     for n in 0..PARTS {
         let mut next = at.clone();
-        next.world[way.place] += sign * part;
-        if let Some(first) = first_break(config, way, &at, &next)? {
+        next.world[range.place] += sign * part;
+        if let Some(first) = first_break(config, range, &at, &next)? {
             let left = part * (f64::from(n) + first.share);
             let stop = format!("{}: {}", first.part, first.limit.name());
             return Ok(Side { left: Some(left), stop: Some(stop) });
@@ -225,20 +230,20 @@ fn side(config: &MachineConfig, stand: &Stand, way: &Way, end: usize) -> Result<
         at = next;
     }
     let is_ended = free.is_finite();
-    Ok(Side { left: is_ended.then_some(free), stop: is_ended.then(|| way.names[end].clone()) })
+    Ok(Side { left: is_ended.then_some(free), stop: is_ended.then(|| range.names[end].clone()) })
 }
 
 /// Returns the first violation of a straight move along a letter; the letter's own range is checked by the caller,
 /// because the move may begin beyond it.
 fn first_break(
     config: &MachineConfig,
-    way: &Way,
+    range: &LetterRange,
     at: &Stand,
     next: &Stand,
 ) -> Result<Option<Break>, Fault> {
     let mut flights = Flights::standing(&config.mechanisms, &at.reached(config))?;
     flights.see(&next.reached(config));
-    let own = format!("axis {}", POSE_LETTERS[way.place]);
+    let own = format!("axis {}", POSE_LETTERS[range.place]);
     let breaks = flights.finish()?.breaks.into_iter();
     let others = breaks.filter(|found| found.limit != Limit::Axis || found.part != own);
     Ok(others.min_by(|a, b| a.share.total_cmp(&b.share)))

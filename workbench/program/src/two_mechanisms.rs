@@ -227,7 +227,7 @@ impl<'a> Between<'a> {
             }
         }
         if let Some((share, bodies)) = first {
-            self.tell(leg, share, bodies);
+            self.report(leg, share, bodies);
         }
     }
 
@@ -241,7 +241,7 @@ impl<'a> Between<'a> {
         approach([one, other], [&poses[0], &poses[1]], [&steps[0], &steps[1]], enough).ok()
     }
 
-    fn tell(&mut self, leg: &Leg, share: f64, bodies: [Body; 2]) {
+    fn report(&mut self, leg: &Leg, share: f64, bodies: [Body; 2]) {
         if let Some(told) = &mut self.broken {
             told.moves += 1;
             return;

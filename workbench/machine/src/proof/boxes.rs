@@ -32,41 +32,41 @@ pub fn workspace(config: &Mechanism) -> Result<([f64; 6], [f64; 6]), Doubt> {
     Ok((low, high))
 }
 
-/// Returns proved boxes that contain all poses within the axis limits, and the number of cells of each proof. `told`
+/// Returns proved boxes that contain all poses within the axis limits, and the number of cells of each proof. `progress`
 /// receives the completed share.
 ///
 /// # Errors
 /// Why there are none.
 pub fn found(
     config: &Mechanism,
-    told: &(dyn Fn(f64) + Sync),
+    progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<(BoxSection, usize)>, Doubt> {
     let prover = Prover::new(&config.machine, &config.geometry);
     let (low, high) = workspace(config)?;
     let claims = choose::claims(&prover, low, high, MAX_BOXES)?;
     let count = claims.len() as f64;
     let proved = |(k, claim): (usize, Claim)| {
-        let all = |share: f64| told((k as f64 + share) / count);
-        let prover = Prover::new(&config.machine, &config.geometry).telling(&all);
+        let all = |share: f64| progress((k as f64 + share) / count);
+        let prover = Prover::new(&config.machine, &config.geometry).with_progress(&all);
         let cells = prover.prove(&claim, MOST_CELLS)?;
         Ok((BoxSection { claim, geometry: config.hash }, cells))
     };
     claims.into_iter().enumerate().map(proved).collect()
 }
 
-/// Proves a section again and returns the number of cells. `told` receives the completed share.
+/// Proves a section again and returns the number of cells. `progress` receives the completed share.
 /// # Errors
 /// It belongs to another geometry, or is not proved.
 pub fn prove(
     config: &Mechanism,
     section: &BoxSection,
-    told: &(dyn Fn(f64) + Sync),
+    progress: &(dyn Fn(f64) + Sync),
 ) -> Result<usize, Doubt> {
     if section.geometry != config.hash {
         return Err(Doubt::Malformed(
             "GEOMETRY is the hash of another geometry; run pkm boxes --write",
         ));
     }
-    let prover = Prover::new(&config.machine, &config.geometry).telling(told);
+    let prover = Prover::new(&config.machine, &config.geometry).with_progress(progress);
     prover.prove(&section.claim, MOST_CELLS)
 }

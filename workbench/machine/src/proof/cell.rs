@@ -64,7 +64,7 @@ pub enum Verdict {
 
 /// Proved bounds along a path.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Way {
+pub struct PathBounds {
     /// Joint values. If all second derivatives are finite, every pose has joint values.
     pub joints: Vec<Course>,
     /// All configured limits of the pose alone except its axes.
@@ -133,8 +133,8 @@ impl Reach<'_> {
     ///
     /// # Errors
     /// The central pose has no joint values.
-    pub fn way(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<Way, Fault> {
-        self.way_within(middle, &[*step])
+    pub fn path_bounds(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<PathBounds, Fault> {
+        self.bounds_within(middle, &[*step])
     }
 
     /// Bounds joints and limits on any path through poses that are the center plus a sum of steps, each multiplied
@@ -142,7 +142,11 @@ impl Reach<'_> {
     ///
     /// # Errors
     /// The central pose has no joint values.
-    pub fn way_within(&self, middle: &[f64; 6], steps: &[[f64; 6]]) -> Result<Way, Fault> {
+    pub fn bounds_within(
+        &self,
+        middle: &[f64; 6],
+        steps: &[[f64; 6]],
+    ) -> Result<PathBounds, Fault> {
         let mut at = self.nowhere();
         let middle = self.middle(&mut at, middle)?;
         let spread = self.spread(steps.iter().copied());
@@ -168,7 +172,7 @@ impl Reach<'_> {
         let ends = [least, f64::INFINITY];
         spans.push(Span::of(Limit::Conditioning, Part::Whole, value, ends, range));
         let joint = |i| self.joint_course(i, &middle, &spread, seconds.as_deref());
-        Ok(Way { joints: (0..self.config.joints.len()).map(joint).collect(), spans, holds })
+        Ok(PathBounds { joints: (0..self.config.joints.len()).map(joint).collect(), spans, holds })
     }
 }
 

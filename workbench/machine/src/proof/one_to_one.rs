@@ -72,7 +72,7 @@ pub struct Prover<'a> {
     /// Lead of each leg with the sign of the nut correction at home.
     lead: Vec<f64>,
     /// Receives the proved share of a box.
-    told: &'a (dyn Fn(f64) + Sync),
+    progress: &'a (dyn Fn(f64) + Sync),
 }
 
 /// A part of a box.
@@ -128,13 +128,13 @@ impl<'a> Prover<'a> {
             .filter(|letter| machine.layout().coordinates().contains(*letter))
             .map(Letter::index)
             .collect();
-        Self { machine, geometry, active, lead: signed_leads(machine, geometry), told: &|_| () }
+        Self { machine, geometry, active, lead: signed_leads(machine, geometry), progress: &|_| () }
     }
 
     /// Sets the function that receives the proved share of a box.
     #[must_use]
-    pub fn telling(self, told: &'a (dyn Fn(f64) + Sync)) -> Self {
-        Self { told, ..self }
+    pub fn with_progress(self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
+        Self { progress, ..self }
     }
 
     /// Returns the indices of the coordinates that the legs move.
@@ -209,7 +209,7 @@ impl<'a> Prover<'a> {
             Verdict::Proved => {
                 let mut done = work.done.lock().expect("nobody panics with it");
                 *done += self.share(work.claim, cell);
-                (self.told)(*done);
+                (self.progress)(*done);
                 Ok(())
             }
             Verdict::Split(k) => {

@@ -30,7 +30,7 @@ const STEPS: u32 = 40;
 
 /// How a joint finds its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Way {
+pub enum HomingMethod {
     /// It moves to its switch, or to an index, at a speed.
     Search {
         /// Position there, HOME_OFFSET.
@@ -51,7 +51,7 @@ pub enum Way {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint {
-    pub way: Way,
+    pub method: HomingMethod,
     /// HOME_SEQUENCE; `None` if Home All does not home it.
     pub sequence: Option<i64>,
     /// Speed to HOME, joint units per second.
@@ -138,7 +138,7 @@ impl<'a> Homing<'a> {
             let (machine, spindle) = (&self.config.machine, &self.config.spindle);
             let mut joints = machine.inverse(&Pose::from_degrees(pose), spindle).ok()?;
             for (value, joint) in joints.iter_mut().zip(&self.joints) {
-                if let Way::Known(at) = joint.way {
+                if let HomingMethod::Known(at) = joint.method {
                     *value = at;
                 }
             }
@@ -151,10 +151,10 @@ impl<'a> Homing<'a> {
     }
 
     pub fn moves(&self) -> bool {
-        self.joints.iter().any(|joint| match joint.way {
-            Way::Search { .. } | Way::Absolute { moves: true } => true,
-            Way::Known(at) => at != joint.home,
-            Way::Absolute { moves: false } => false,
+        self.joints.iter().any(|joint| match joint.method {
+            HomingMethod::Search { .. } | HomingMethod::Absolute { moves: true } => true,
+            HomingMethod::Known(at) => at != joint.home,
+            HomingMethod::Absolute { moves: false } => false,
         })
     }
 
@@ -162,7 +162,7 @@ impl<'a> Homing<'a> {
     /// between
     /// the switch and the end to which its search moves. `None` if it searches no switch.
     pub fn share_closed(&self, i: usize) -> Option<f64> {
-        let Way::Search { switch, end: Some(end), .. } = self.joints.get(i)?.way else {
+        let HomingMethod::Search { switch, end: Some(end), .. } = self.joints.get(i)?.method else {
             return None;
         };
         let is_closed =
@@ -274,15 +274,15 @@ impl<'a> Homing<'a> {
             if homed != 0 && !is_kept(joints, &at, &mut seed) {
                 return false;
             }
-            let way = self.way(&group, 0, 0.0, &mut at, &mut seed);
+            let way = self.group_moments(&group, 0, 0.0, &mut at, &mut seed);
             way.last().is_none_or(|moment| moment.broken.is_none())
         })
     }
 
     /// Returns the position of a joint after homing.
     fn after(&self, i: usize, before: f64) -> f64 {
-        match self.joints[i].way {
-            Way::Absolute { moves: false } => before,
+        match self.joints[i].method {
+            HomingMethod::Absolute { moves: false } => before,
             _ => self.joints[i].home,
         }
     }
@@ -293,7 +293,7 @@ impl<'a> Homing<'a> {
         let mut moments = vec![self.moment(0.0, 0, joints, &mut seed)];
         for (number, group) in order.iter().enumerate() {
             let at = moments.last().map_or(0.0, |moment| moment.at);
-            moments.extend(self.way(group, number, at, &mut joints, &mut seed));
+            moments.extend(self.group_moments(group, number, at, &mut joints, &mut seed));
             if moments.last().is_some_and(|moment| moment.broken.is_some()) {
                 break;
             }
@@ -302,7 +302,7 @@ impl<'a> Homing<'a> {
     }
 
     /// Returns the moments of a group, which begin at a given time.
-    fn way(
+    fn group_moments(
         &self,
         group: &Group,
         number: usize,
@@ -330,16 +330,16 @@ impl<'a> Homing<'a> {
     }
 
     fn search_time(&self, i: usize, from: f64) -> f64 {
-        match self.joints[i].way {
-            Way::Search { switch, speed, .. } => (switch - from).abs() / speed,
+        match self.joints[i].method {
+            HomingMethod::Search { switch, speed, .. } => (switch - from).abs() / speed,
             _ => 0.0,
         }
     }
 
     /// Returns the start of the path to HOME.
     fn found(&self, i: usize, from: f64) -> f64 {
-        match self.joints[i].way {
-            Way::Search { switch, .. } => switch,
+        match self.joints[i].method {
+            HomingMethod::Search { switch, .. } => switch,
             _ => from,
         }
     }
@@ -389,18 +389,18 @@ fn joint(ini: &Ini, config: &Mechanism, i: usize) -> Result<Joint, IniError> {
     let own = &config.joints[i];
     // No joint moves faster, regardless of its keys.
     let speed = if search == 0.0 { latch } else { search }.abs().min(own.max_velocity);
-    let way = match number("HOME_ABSOLUTE_ENCODER", 0.0)? {
+    let method = match number("HOME_ABSOLUTE_ENCODER", 0.0)? {
         0.0 if speed > 0.0 => {
             // A switch may be beyond the travel of programs.
             let end = if search < 0.0 { own.min.min(place) } else { own.max.max(place) };
-            Way::Search { switch: place, speed, end: (search != 0.0).then_some(end) }
+            HomingMethod::Search { switch: place, speed, end: (search != 0.0).then_some(end) }
         }
-        0.0 => Way::Known(place),
-        kind => Way::Absolute { moves: kind == 1.0 },
+        0.0 => HomingMethod::Known(place),
+        kind => HomingMethod::Absolute { moves: kind == 1.0 },
     };
     let back = number("HOME_FINAL_VEL", 0.0)?;
     Ok(Joint {
-        way,
+        method,
         sequence: sequence::of(ini, &section)?,
         speed: if back > 0.0 { back.min(own.max_velocity) } else { own.max_velocity },
         home: own.home,

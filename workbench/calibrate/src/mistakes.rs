@@ -70,7 +70,7 @@ struct Number<'a> {
 }
 
 /// A typing mistake that may explain the readings.
-struct Slip {
+struct Mistake {
     /// Sum of squares after the correction, by the linear model.
     chi_square: f64,
     /// Indices of the numbers concerned, and their corrected values.
@@ -105,9 +105,9 @@ pub fn look(
     let Some(linear) = linear(model, &left, &jacobian, &changes, noise) else { return Ok(None) };
     for table in typed {
         let numbers = numbers(config, readings, table, noise);
-        for slip in likely(&table.sheet, &linear, &numbers) {
-            if is_undone(config, model, readings, table, &numbers, &slip, noise)? {
-                return Ok(Some((table.file, BadLog { line: slip.line, text: slip.text })));
+        for mistake in likely(&table.sheet, &linear, &numbers) {
+            if is_undone(config, model, readings, table, &numbers, &mistake, noise)? {
+                return Ok(Some((table.file, BadLog { line: mistake.line, text: mistake.text })));
             }
         }
     }
@@ -121,12 +121,12 @@ fn is_undone(
     readings: &[Reading],
     table: &Typed,
     numbers: &[Number],
-    slip: &Slip,
+    mistake: &Mistake,
     noise: f64,
 ) -> Result<bool, Misfit> {
     let mut undone = readings.to_vec();
     let mut about = vec![];
-    for (place, shown) in &slip.meant {
+    for (place, shown) in &mistake.meant {
         let Some(number) = numbers.iter().find(|number| number.place == *place) else { continue };
         let (gauge, stop) = (&table.sheet.gauge, &number.row.stop);
         let object = &table.sheet.objects[stop.object];
@@ -198,7 +198,7 @@ fn numbers<'a>(
 }
 
 /// Returns the likely mistakes, the best first.
-fn likely(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
+fn likely(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Mistake> {
     let mut all = units(sheet, linear, numbers);
     all.extend(shifts(linear, numbers));
     all.sort_by(|a, b| a.chi_square.total_cmp(&b.chi_square));
@@ -219,7 +219,7 @@ fn explained(linear: &Linear, changed: &[(&Number, f64)]) -> Option<f64> {
 }
 
 /// Returns mistakes of one reading in another unit.
-fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
+fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Mistake> {
     let own = sheet.gauge.scale;
     let mut found = vec![];
     for number in numbers {
@@ -233,7 +233,7 @@ fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
                     rounded(meant)
                 );
                 let meant = vec![(number.place, meant)];
-                found.push(Slip { chi_square, meant, line: number.row.line, text });
+                found.push(Mistake { chi_square, meant, line: number.row.line, text });
             }
         }
     }
@@ -242,7 +242,7 @@ fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
 
 /// Returns mistakes of the order within one run: the first of some rows typed last, or the last first; for two
 /// rows both are the exchange.
-fn shifts(linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
+fn shifts(linear: &Linear, numbers: &[Number]) -> Vec<Mistake> {
     let mut found = vec![];
     for (i, first) in numbers.iter().enumerate() {
         for k in i + 1..numbers.len() {
@@ -270,7 +270,12 @@ fn shifts(linear: &Linear, numbers: &[Number]) -> Vec<Slip> {
 }
 
 /// Returns a mistake of the order, unless leaving out one reading explains as much.
-fn reordered(linear: &Linear, block: &[Number], order: &[f64], is_exchange: bool) -> Option<Slip> {
+fn reordered(
+    linear: &Linear,
+    block: &[Number],
+    order: &[f64],
+    is_exchange: bool,
+) -> Option<Mistake> {
     let changed: Vec<(&Number, f64)> = block
         .iter()
         .zip(order)
@@ -295,5 +300,5 @@ fn reordered(linear: &Linear, block: &[Number], order: &[f64], is_exchange: bool
         ),
     };
     let meant = changed.iter().map(|(number, shown)| (number.place, *shown)).collect();
-    Some(Slip { chi_square, meant, line: first.line, text })
+    Some(Mistake { chi_square, meant, line: first.line, text })
 }
