@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Why a call was refused: one table feeds the code, the C header, the manual and
-//! the messages that reach the operator.
+//! Causes of refusals: one table is the source of the codes, the C header, the manual and
+//! the operator's messages.
 
 use crate::letters::Letter;
 use crate::text::Text;
 
-/// Bytes of a message with the zero that ends it: LinuxCNC shows 254 characters, some of
-/// which may take two bytes.
+/// Length of a message with its final zero, bytes: LinuxCNC shows 254 characters, some of
+/// which may be two bytes long.
 const SHOWN: usize = 320;
 
 /// Part of a machine that a refusal names. Legs and joints are counted from 0; the joints of
@@ -26,7 +26,7 @@ pub enum MachinePart {
 }
 
 impl MachinePart {
-    /// Number of the leg (of two, the first) or of the joint.
+    /// Returns the number of the leg (the first of two) or of the joint.
     pub const fn number(self) -> u8 {
         match self {
             Self::Leg(n)
@@ -77,14 +77,14 @@ impl MachinePart {
     }
 }
 
-/// A refusal: its cause, the part concerned, and the number that helps to understand it.
+/// A refusal: its cause, the part concerned, and an explanatory value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
-    /// What is wrong.
+    /// The cause.
     pub cause: Cause,
-    /// Part of the machine concerned, where one can be named.
+    /// Part of the machine concerned, if it is known.
     pub part: Option<MachinePart>,
-    /// The offending value, in the unit that [`Cause::text`] names; 0 where none helps.
+    /// The offending value, in the unit that [`Cause::text`] names; 0 if there is none.
     pub value: f64,
 }
 
@@ -93,33 +93,33 @@ impl Fault {
         Self { cause, part: None, value: 0.0 }
     }
 
-    /// A refusal that names no part.
+    /// Creates a refusal that names no part.
     pub const fn with_value(cause: Cause, value: f64) -> Self {
         Self { cause, part: None, value }
     }
 
-    /// A refusal that names leg `leg` (counted from 0).
+    /// Creates a refusal that names leg `leg` (counted from 0).
     pub const fn of_leg(cause: Cause, leg: usize, value: f64) -> Self {
         Self { cause, part: Some(MachinePart::Leg(leg as u8)), value }
     }
 
-    /// A refusal that names two legs (counted from 0).
+    /// Creates a refusal that names two legs (counted from 0).
     pub const fn of_legs(cause: Cause, [one, other]: [usize; 2], value: f64) -> Self {
         Self { cause, part: Some(MachinePart::Legs([one as u8, other as u8])), value }
     }
 
-    /// Number of the leg or joint that is named, as the pins show it: of two legs the first.
+    /// Returns the number of the named leg or joint, as the pins show it: the first of two legs.
     pub fn number(&self) -> Option<u8> {
         self.part.map(MachinePart::number)
     }
 
-    /// The same of a mechanism whose legs and joints are counted from these numbers on.
+    /// Renumbers the part for a mechanism whose legs and joints are counted from these numbers on.
     #[must_use]
     pub fn counted_from(self, legs: u8, joints: u8) -> Self {
         Self { part: self.part.map(|part| part.counted_from(legs, joints)), ..self }
     }
 
-    /// Appends what is wrong and the way out to a message.
+    /// Appends the problem and its remedy to a message.
     pub fn write_message<const LENGTH: usize>(&self, text: &mut Text<LENGTH>) {
         if let Some(part) = self.part {
             part.write_name(text);
@@ -169,22 +169,22 @@ macro_rules! causes {
         pub const CAUSES: &[Cause] = &[$(Cause::$name),*];
 
         impl Cause {
-            /// Fixed negative number of this cause, as the C functions return it.
+            /// Returns the fixed negative number of this cause, as the C functions return it.
             pub const fn code(self) -> i32 {
                 self as i32
             }
 
-            /// Name of this cause in the C header, without prefix.
+            /// Returns the name of this cause in the C header, without prefix.
             pub const fn name(self) -> &'static str {
                 match self { $(Cause::$name => stringify!($name),)* }
             }
 
-            /// One sentence for people: what is wrong.
+            /// Describes the problem in one sentence.
             pub const fn text(self) -> &'static str {
                 match self { $(Cause::$name => $text,)* }
             }
 
-            /// One sentence for people: the way out.
+            /// Describes the remedy in one sentence.
             pub const fn remedy(self) -> &'static str {
                 match self { $(Cause::$name => $remedy,)* }
             }
@@ -193,7 +193,7 @@ macro_rules! causes {
 }
 
 causes! {
-    // The pose that inverse was asked for.
+    // The argument of inverse.
     PoseNotFinite = -10, "the pose contains NaN or infinity",
         "check the program line or the offset that produced it";
     AngleTooLarge = -11, "an angle of the pose is beyond 1e6 degrees",
@@ -222,7 +222,7 @@ causes! {
         "keep the tool axis away from this base joint, or check BASE and EFFECTOR";
     TorsionTooLarge = -27, "the strut is twisted by nearly half a turn (degrees shown), where its nut correction jumps by one lead",
         "rotate back, or change the program to avoid this pose";
-    // Joints and seed that forward was given.
+    // The arguments of forward.
     JointNotFinite = -20, "the joint value is NaN or infinite",
         "check the feedback of this joint";
     JointNotPositive = -21, "the joint value makes the strut length zero or negative",
@@ -262,7 +262,7 @@ causes! {
         "command it back; or jog to the reference pose in joint mode, unhome and home again";
     NotAsCommanded = -42, "the pose of the joints is not connected with the commanded pose (distance shown)",
         "command it back; or jog to the reference pose in joint mode, unhome and home again";
-    // The geometry offered for freezing.
+    // The geometry to be frozen.
     GeometryNotFinite = -50, "the geometry of the leg contains NaN or infinity",
         "correct the values of this leg";
     LegsCoincide = -51, "both legs connect the same two points",
@@ -299,7 +299,7 @@ causes! {
         "set EFFECTOR to radius and height, with radius >= 0";
     HomeHeld = -66, "the reference pose has a nonzero coordinate that no joint moves",
         "set the coordinates of HOME that no joint moves to 0";
-    // The axes that carry work, tool or legs.
+    // The axes that carry workpiece, tool or legs.
     ChainUnknown = -110, "the axis carries an unknown part",
         "set CARRIES to WORK, TOOL or LEGS (its pin to 1, 2 or 3; 0 for none)";
     ChainAxisZero = -111, "the axis direction is zero",
@@ -329,7 +329,7 @@ causes! {
         "move the joints in joint mode, or in kinematics type 1, until the legs close";
     ToolChangeDisturbed = -76, "the machine moved during a change of the tool offset at a tilt",
         "switch on again (applies the new offset); net pkmkins.feed-inhibit to motion.feed-inhibit; avoid M49 and M50 P0";
-    // What lies ahead of the motion, as the monitor sees it.
+    // Limits ahead of the motion, found by the monitor.
     JointLimitAhead = -90, "the joint reaches the end of its range (joint value shown)",
         "stop, and change the program to avoid this pose";
     BaseConeAhead = -91, "the leg reaches the edge of its base joint's cone (degrees shown)",
@@ -377,7 +377,7 @@ causes! {
 }
 
 impl Cause {
-    /// The refusal of a value for a coordinate that is held at 0.
+    /// Returns the refusal of a nonzero value of a constant coordinate.
     pub(crate) const fn held(letter: Letter) -> Self {
         match letter {
             Letter::X => Self::HeldX,
@@ -390,11 +390,11 @@ impl Cause {
     }
 }
 
-/// Largest value of a held coordinate that counts as 0: degrees, or shares of the size.
+/// Largest value of a constant coordinate that counts as 0: degrees, or shares of the size.
 const HELD_TOLERANCE: f64 = 1e-9;
 
 impl Letter {
-    /// Refuses a value of this letter, held at 0 on a machine of `size`, that is more than
+    /// Refuses a value of this letter, constant at 0 on a machine of `size`, that exceeds
     /// rounding.
     ///
     /// # Errors
@@ -456,7 +456,7 @@ mod tests {
     fn a_message_is_shown_whole() {
         let letters = |text: &[u8]| Letters::parse(text).unwrap();
         let layout = Layout::new(7, letters(b"Z"), letters(b"X")).unwrap();
-        // LinuxCNC cuts what an operator sees at 254 characters; "pkmkins: " goes before it.
+        // LinuxCNC truncates messages to the operator at 254 characters, including the prefix "pkmkins: ".
         for cause in CAUSES {
             for value in [-0.123_456_789_012_345_68, -1e300, 1e-300, f64::MAX, f64::NEG_INFINITY] {
                 let text = format!("pkmkins: {}", Fault::of_joint(*cause, &layout, 7, value));

@@ -21,7 +21,7 @@ use std::path::Path;
 /// digits that a file in plain decimals cannot represent: far below the resolution of any encoder.
 const DIGITS: f64 = 1e-12;
 
-/// Why there is no new text.
+/// Why a correction failed.
 #[derive(Debug, thiserror::Error)]
 pub enum FixError {
     #[error(transparent)]

@@ -14,7 +14,7 @@ pub const MM_PER_INCH: f64 = 25.4;
 pub(super) const MOST: f64 = 1e7;
 const LEAST: f64 = 1e-6;
 
-/// Why no machine is made.
+/// Why no machine is created.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
     #[error("{0}")]

@@ -97,13 +97,13 @@ impl Move {
     }
 }
 
-/// Why the moves of a program are not known.
+/// Why the moves of a program are unknown.
 #[derive(Debug, thiserror::Error)]
 pub enum ProgramError {
     /// LinuxCNC did not run it.
     #[error(transparent)]
     NotJudged(#[from] NotJudged),
-    /// LinuxCNC stops it: file, line and LinuxCNC's words.
+    /// LinuxCNC stops it, with file, line and LinuxCNC's message.
     #[error("{}:{line}: LinuxCNC stops the program: {text}", program.display())]
     Stopped {
         /// The program.

@@ -59,10 +59,10 @@ impl Judged {
 /// Why a program is not judged.
 #[derive(Debug, thiserror::Error)]
 pub enum JudgeError {
-    /// LinuxCNC does not run it.
+    /// LinuxCNC does not run the program.
     #[error(transparent)]
     NotJudged(#[from] NotJudged),
-    /// A tool vector that the machine cannot take.
+    /// A tool vector without a legal pose at home.
     #[error(transparent)]
     Fault(#[from] Fault),
     /// A file of the program cannot be read.
@@ -75,10 +75,10 @@ pub enum JudgeError {
         file: PathBuf,
         /// Line in which it stops.
         line: u32,
-        /// LinuxCNC's words.
+        /// LinuxCNC's message.
         text: String,
     },
-    /// The machine stays where it is.
+    /// The program does not move the machine.
     #[error("{}: the program moves nothing; add a block such as G1 X10 F600", .0.display())]
     MovesNothing(PathBuf),
 }

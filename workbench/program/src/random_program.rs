@@ -31,7 +31,7 @@ const TURN_DEG: f64 = 120.0;
 /// Number of moves per tool change.
 const MOVES_PER_TOOL: u32 = 8;
 
-/// A machine that finds no way on.
+/// A pose from which no legal move was found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("no legal move found from {0:?} in {TRIES} tries; widen the limits, or move [TRAJ]HOME")]
 pub struct NoMove([f64; 6]);

@@ -50,16 +50,16 @@ pub type Rows = SMatrix<f64, 8, 6>;
 /// Why a claim is not proved.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Doubt {
-    /// Numbers that no box can have.
+    /// Its numbers are invalid for a box.
     #[error("{0}")]
     Malformed(&'static str),
-    /// At this pose the norm is larger than claimed.
+    /// The norm exceeds the claim at this pose.
     #[error("not proved: the norm is {1:.4} (must be below 1) at {0:?}; make the box smaller")]
     Exceeded([f64; 6], f64),
     /// This pose is out of reach.
     #[error("{0:?}: {1}")]
     Reach([f64; 6], Fault),
-    /// More cells than allowed would be needed.
+    /// The proof would need more cells than allowed.
     #[error("not proved with {0} cells; make the box smaller")]
     Effort(usize),
 }

@@ -53,7 +53,7 @@ pub enum Lenient {
     Identity,
 }
 
-/// A second mechanism of a machine that has one.
+/// A request for the second mechanism of a machine with only one.
 #[derive(Debug, thiserror::Error)]
 #[error("--mechanism 2: {} has only one mechanism; remove --mechanism, or add second= to [KINS]KINEMATICS", .0.display())]
 pub struct OneMechanism(pub PathBuf);

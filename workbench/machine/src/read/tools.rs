@@ -79,31 +79,31 @@ impl Tool {
 const TURNS: [char; 3] = ['A', 'B', 'C'];
 const OTHERS: &str = "XYZUVWIJQ";
 
-/// A tool table that cannot be read, or a line of it that is no tool.
+/// An unreadable tool table, or an invalid line of it.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
-    /// No file that can be read.
+    /// The file cannot be read.
     #[error(transparent)]
     Unread(#[from] AtFile<io::Error>),
-    /// A line, counted from 1.
+    /// An invalid line.
     #[error("{}:{line}: {error}", .file.display())]
     Line {
         /// The table.
         file: PathBuf,
-        /// Its line.
+        /// Its line, counted from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Its error.
         error: BadTool,
     },
 }
 
-/// Why a line is no tool.
+/// An error in a line of the tool table.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum BadTool {
-    /// A word that is none.
+    /// A malformed word.
     #[error("expected a letter and a number, such as T1 or Z40.5, not {0}")]
     Word(String),
-    /// Nothing says which tool it is.
+    /// A missing tool number.
     #[error("the tool has no number; add one, such as T1")]
     NoNumber,
 }
