@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm boxes`.
 
-use super::failure::{Failure, tell_error};
+use super::failure::{Failure, report_error};
 use super::{Bar, MachineFile, Verdict, output, print_text};
 use check::fixes::rewritten;
 use machine::files::write_over;
@@ -56,10 +56,10 @@ struct Proved {
 /// Why a proof failed.
 #[derive(Debug, thiserror::Error)]
 enum Unproved {
-    /// Of any box.
+    /// The proof of some box failed.
     #[error(transparent)]
     Search(#[from] Doubt),
-    /// Of a section of the file.
+    /// The proof of a section of the file failed.
     #[error("[{0}] {1}")]
     Section(String, Doubt),
 }
@@ -75,12 +75,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let (mut boxes, mut sections) = (vec![], String::new());
     for mechanism in &config.mechanisms {
         for refused in mechanism.refused_boxes.iter().flat_map(MachineError::in_file) {
-            tell_error(refused);
+            report_error(refused);
         }
         let answer = match of_mechanism(mechanism) {
             Ok(answer) => answer,
             Err(error) => {
-                tell_error(&format!("{}: {error}", config.file.display()));
+                report_error(&format!("{}: {error}", config.file.display()));
                 verdict = Verdict::Misfit;
                 continue;
             }
@@ -100,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             false if mechanism.refused_boxes.is_none() => {}
             false => {
                 let file = config.file.display();
-                tell_error(&format!("{file}: run pkm boxes --write to insert these sections"));
+                report_error(&format!("{file}: run pkm boxes --write to insert these sections"));
                 verdict = Verdict::Misfit;
             }
         }

@@ -99,7 +99,7 @@ pub struct Arguments {
     next: usize,
 }
 
-/// The machine's own file for a new one.
+/// The new file would overwrite the machine's own file.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: this is the machine's own file; use --in-place to change it", .0.display())]
 struct OwnFile(PathBuf);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm check`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::{Bar, MachineFile, Verdict, output, print_text};
 use check::findings::Report;
 use check::fixes::{fixed, machine};
@@ -128,11 +128,11 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
     let findings = whole.findings();
     drop(bar);
     for text in &fixed.left {
-        tell_error(&format!("{}: {text}", config.file.display()));
+        report_error(&format!("{}: {text}", config.file.display()));
     }
     let old = config.ini.text();
     if fixed.text == old {
-        tell_error(&format!("{}: nothing to correct automatically", config.file.display()));
+        report_error(&format!("{}: nothing to correct automatically", config.file.display()));
     } else if arguments.write {
         write_over(&config.file, &fixed.text)?;
     }

@@ -74,7 +74,7 @@ fn write(arguments: &Arguments, config: &Mechanism, answer: &Report) -> Result<(
     }
     output::answer(answer)?;
     let mut out = output::people();
-    tell(&mut out, answer)?;
+    report(&mut out, answer)?;
     out.flush()?;
     Ok(())
 }
@@ -84,7 +84,7 @@ fn name(file: &Path) -> Result<&str, Failure> {
     name.ok_or_else(|| refused(format!("{}: expected a file name in UTF-8", file.display())))
 }
 
-fn tell(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
+fn report(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
     writeln!(out, "{} on {}", answer.program.display(), answer.machine.display())?;
     if let (Some(seconds), Some(cutting)) = (answer.seconds, answer.cutting_seconds) {
         writeln!(out, "  time          {seconds:.3} s, {cutting:.3} s of it in feed moves")?;
@@ -106,9 +106,9 @@ fn tell(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
             "  resolution    {x:.3} {y:.3} {z:.3} um in X Y Z, every drive off by half a step"
         )?;
     }
-    tell_drives(out, &answer.drives)?;
-    tell_stability(out, answer)?;
-    tell_lines(out, answer)?;
+    report_drives(out, &answer.drives)?;
+    report_stability(out, answer)?;
+    report_lines(out, answer)?;
     writeln!(out, "\n{}", answer.why())?;
     writeln!(out, "\nnot known:")?;
     for note in answer.notes() {
@@ -121,7 +121,7 @@ fn shown(value: Option<f64>, digits: usize) -> String {
     value.map_or("-".into(), |value| format!("{value:.digits$}"))
 }
 
-fn tell_drives(out: &mut impl Write, drives: &[Drive]) -> Result<(), Failure> {
+fn report_drives(out: &mut impl Write, drives: &[Drive]) -> Result<(), Failure> {
     writeln!(out, "\ndrive: largest load, allowed; motor in Nm, allowed; share, line")?;
     for drive in drives {
         writeln!(
@@ -140,7 +140,7 @@ fn tell_drives(out: &mut impl Write, drives: &[Drive]) -> Result<(), Failure> {
     Ok(())
 }
 
-fn tell_stability(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
+fn report_stability(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
     let stability = &answer.stability;
     let at_least = if stability.stable_to_mm < stability.deepest_mm { "" } else { "at least " };
     let word = if stability.margin > 1.0 { "stable" } else { "unstable" };
@@ -162,7 +162,7 @@ fn tell_stability(out: &mut impl Write, answer: &Report) -> Result<(), Failure> 
     Ok(())
 }
 
-fn tell_lines(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
+fn report_lines(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
     // Larger depths are not tested.
     let margin = |line: &LineReport| match line.stable_to_mm {
         Some(limit) if limit >= answer.stability.deepest_mm => {

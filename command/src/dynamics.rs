@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm dynamics`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::poses::At;
 use super::run::{Control, Progress};
 use super::vibration::{
-    Answer, EllipseAnswer, LinearAnswer, ModeAnswer, Spectra, UM, of_record, response_header,
-    response_row, roots, tell,
+    Answer, EllipseAnswer, LinearAnswer, ModeAnswer, Spectra, UM, of_record, report,
+    response_header, response_row, roots,
 };
 use super::{Bar, MachineFile, Verdict, in_words, output};
 use draw::dynamics::{of_deviation, of_map, of_response, of_spectrum, of_trace};
@@ -142,7 +142,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let subject =
         Subject { arguments, config: &config, study: &study, model, pose, tool, structure };
     let Some(mut answer) = subject.answer() else {
-        tell_error(&format!("{}: {}", in_words(&pose), Ended::Singular));
+        report_error(&format!("{}: {}", in_words(&pose), Ended::Singular));
         return Ok(Verdict::Misfit);
     };
     let moved = subject.moved()?;
@@ -162,7 +162,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     });
     answer.motion = moved.map(|(record, _)| of_record(&record, told));
     output::answer(&answer)?;
-    tell(&answer, &pose)?;
+    report(&answer, &pose)?;
     Ok(verdict)
 }
 
@@ -325,7 +325,7 @@ impl Subject<'_> {
             Ending::Finished => Verdict::Fits,
             Ending::Stopped => {
                 outcome.messages.iter().filter(|message| message.is_error()).for_each(|message| {
-                    tell_error(&format!("{}: {}", program.display(), message.text));
+                    report_error(&format!("{}: {}", program.display(), message.text));
                 });
                 Verdict::Misfit
             }

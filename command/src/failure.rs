@@ -72,29 +72,29 @@ impl Failure {
     }
 
     /// Reports the error on standard error: with an excerpt for an INI file.
-    pub fn tell(&self) {
+    pub fn report(&self) {
         if let Some(error) = self.0.downcast_ref::<IniError>() {
-            tell_lines(&rendered(Severity::Error, &error.0));
+            report_lines(&rendered(Severity::Error, &error.0));
         } else if let Some(error) = self.0.downcast_ref::<MachineError>() {
-            tell_lines(&of_machine(error));
+            report_lines(&of_machine(error));
         } else if self.0.is::<io::Error>()
             || self.0.is::<csv::Error>()
             || self.0.is::<serde_json::Error>()
         {
             // Errors of files have their names; one without was written to standard output.
-            tell_error(&format!("standard output: {}", self.0));
+            report_error(&format!("standard output: {}", self.0));
         } else {
-            tell_error(&self.0);
+            report_error(&self.0);
         }
     }
 }
 
 /// Reports an error on standard error.
-pub fn tell_error(error: &(impl Display + ?Sized)) {
-    tell_lines(&format!("pkm: {error}"));
+pub fn report_error(error: &(impl Display + ?Sized)) {
+    report_lines(&format!("pkm: {error}"));
 }
 
-fn tell_lines(text: &str) {
+fn report_lines(text: &str) {
     let plain = anstream::adapter::strip_str(text).to_string();
     let error = plain.strip_prefix("pkm: ").unwrap_or(&plain).into();
     ERRORS.lock().expect("nobody panics with it").push(error);

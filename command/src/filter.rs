@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm filter`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::run::Progress;
 use super::{Verdict, output};
 use linuxcnc::process::Options;
@@ -75,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let verdict = judged.fits.into();
     output::answer(&json!({ "machine": machine, "program": program, "reasons": reasons }))?;
     for reason in &reasons {
-        tell_error(reason);
+        report_error(reason);
     }
     if verdict == Verdict::Fits {
         let mut out = output::people();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm homing`.
 
-use super::failure::{Failure, tell_error};
+use super::failure::{Failure, report_error};
 use super::{Bar, MachineFile, Verdict, output};
 use check::homing_paths::{Group, Homing, HomingMethod, Moment, Outcome, sequences, shown};
 use machine::files::{csv, write_whole};
@@ -41,7 +41,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read()?;
     let Some(homing) = Homing::new(&config)? else {
-        tell_error(
+        report_error(
             "not judged: homing is not simulated for machines whose axes carry the work, the tool or the legs",
         );
         return Ok(Verdict::Unjudged);
@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let text = format!(
             "not judged: Home All skips [{section}]: give it a HOME_SEQUENCE, without a gap in the numbers"
         );
-        tell_error(&text);
+        report_error(&text);
         return Ok(Verdict::Unjudged);
     }
     let order = homing.order();

@@ -80,7 +80,7 @@ fn main() -> ExitCode {
     });
     output::choose_colours(std::env::args_os());
     if let Some(failure) = other::run(std::env::args_os().skip(1)) {
-        failure.tell();
+        failure.report();
         return ExitCode::from(2);
     }
     let given = std::env::args_os().map(with_whole_number);
@@ -297,7 +297,7 @@ impl MachineFile {
     /// Returns the selected mechanism.
     fn meant(&self, config: MachineConfig) -> Result<Mechanism, Failure> {
         if self.mechanism.is_none() && config.mechanisms.len() > 1 {
-            failure::tell_error(&format!(
+            failure::report_error(&format!(
                 "{} has two mechanisms; using only the first (use --mechanism 2 for the second)",
                 self.machine.display()
             ));
@@ -379,7 +379,7 @@ fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
         None => config.clone().into(),
     };
     let (moves, files) = mechanism_moves::moves_of(config, &whole, program)?;
-    tell_deleted(program, &files)?;
+    report_deleted(program, &files)?;
     match moves.iter().all(|step| step.stays(config)) {
         true => Err(JudgeError::MovesNothing(program.into()).into()),
         false => Ok(moves),
@@ -387,9 +387,9 @@ fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
 }
 
 /// Reports on standard error that lines were skipped.
-fn tell_deleted(program: &Path, files: &[PathBuf]) -> Result<(), Failure> {
+fn report_deleted(program: &Path, files: &[PathBuf]) -> Result<(), Failure> {
     if has_deletable(files)? {
-        failure::tell_error(&format!(
+        failure::report_error(&format!(
             "{}: lines that begin with / are skipped, as LinuxCNC does by default; remove the / to include them \
              (pkm preflight judges both)",
             program.display()
@@ -500,13 +500,13 @@ impl Cli {
             Ok(verdict) => verdict,
             Err(failure) if failure.is_unread() => return ExitCode::SUCCESS,
             Err(failure) => {
-                failure.tell();
+                failure.report();
                 Verdict::Unjudged
             }
         };
         // A closed reader does not change the verdict.
         if let Err(failure) = Failure::unless_unread(output::finish(verdict)) {
-            failure.tell();
+            failure.report();
             return ExitCode::from(2);
         }
         match verdict {

@@ -47,7 +47,7 @@ pub struct Arguments {
     tolerance: Option<f64>,
 }
 
-/// A file that would be lost.
+/// A file that would be overwritten.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: exists already and may contain readings; choose another name with --output", .0.display())]
 struct IsThere(PathBuf);

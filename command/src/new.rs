@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm new`.
 
-use super::failure::{self, Failure, tell_error};
+use super::failure::{self, Failure, report_error};
 use super::input::file_of_dash;
 use super::{Bar, Verdict, output, print_text};
 use clap::{Arg, ArgMatches, Command};
@@ -139,7 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     match made(arguments) {
         Ok(()) => Ok(Verdict::Fits),
         Err(Stop::Refused(Refusal::Misfit(text))) => {
-            tell_error(&text);
+            report_error(&text);
             Ok(Verdict::Misfit)
         }
         Err(Stop::Refused(refusal)) => Err(refusal.into()),

@@ -94,15 +94,15 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             let found = route(&config, &file).map_err(|error| Failure::at(place, error))?;
             let plots = || of_route(&config, &found);
             write(arguments, &found.program, || csv(&config, &found.rows), plots)?;
-            tell(&found);
-            output::answer(&of_program(arguments, &config, &found.program, &told_route(&found)))?;
+            report(&found);
+            output::answer(&of_program(arguments, &config, &found.program, &route_value(&found)))?;
         }
         (None, true, Some(_)) => return backwards(arguments, &config, &file),
         (None, false, None) => {
             let found = job(&config, &file).map_err(|error| Failure::at(place, error))?;
             let plots = || of_job(&config, &found);
             write(arguments, &found.program, || job::csv(&config, &found), plots)?;
-            tell_job(&config, &found);
+            report_job(&config, &found);
             let operations = json!({ "operations": found.done.iter().map(|done| json!({
                 "name": done.name,
                 "length": done.along.last().map_or(0.0, |along| along.length),
@@ -154,7 +154,7 @@ fn of_program(arguments: &Arguments, config: &Mechanism, text: &str, found: &Val
     all
 }
 
-fn told_route(found: &Route) -> Value {
+fn route_value(found: &Route) -> Value {
     let arcs = found.pieces.iter().filter(|piece| piece.arc.is_some()).count();
     json!({
         "lines": found.pieces.len() - arcs,
@@ -183,7 +183,7 @@ fn write(
 }
 
 /// Reports the changes of the joints by operation (paper 003, figure 8).
-fn tell_job(config: &Mechanism, job: &Job) {
+fn report_job(config: &Mechanism, job: &Job) {
     let unit = config.length_unit();
     for (n, done) in job.done.iter().enumerate() {
         let Some(end) = done.along.last() else { continue };
@@ -199,7 +199,7 @@ fn tell_job(config: &Mechanism, job: &Job) {
     }
 }
 
-fn tell(found: &Route) {
+fn report(found: &Route) {
     let arcs = found.pieces.iter().filter(|piece| piece.arc.is_some()).count();
     let most = found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max);
     output::remark(&format!(

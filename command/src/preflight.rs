@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm preflight`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::run::{Control, Progress};
 use super::{MachineFile, Verdict, output, print_text, report};
 use linuxcnc::process::Options;
@@ -145,7 +145,7 @@ fn run_all(
             }
             Err(failure) => {
                 let error = failure.to_string();
-                tell_error(&failure);
+                report_error(&failure);
                 let machine = config.file.display().to_string();
                 let unread = json!({ "machine": machine, "program": name, "error": error });
                 list.push((Verdict::Unjudged, unread));

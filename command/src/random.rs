@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm random`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::{MachineFile, Verdict, output, print_text};
 use program::random_program::random_program;
 use serde_json::json;
@@ -43,7 +43,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             Ok(Verdict::Fits)
         }
         Err(error) => {
-            tell_error(&format!("{}: {error}", config.file.display()));
+            report_error(&format!("{}: {error}", config.file.display()));
             Ok(Verdict::Misfit)
         }
     }

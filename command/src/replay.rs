@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm replay`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::output::Table;
 use super::{Bar, MachineFile, Verdict, moves};
 use draw::motion;
@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Err(fault) => vec![fault.to_string()],
     };
     for text in &told {
-        tell_error(&format!("{}: {text}", arguments.program.display()));
+        report_error(&format!("{}: {text}", arguments.program.display()));
     }
     if let Some(folder) = arguments.plots.as_ref().filter(|_| !samples.is_empty()) {
         Plot::write_all(&motion::all(&config, &samples)?, folder)?;

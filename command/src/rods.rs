@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm rods`.
 
-use super::failure::{Failure, tell_error};
+use super::failure::{Failure, report_error};
 use super::output::Table;
 use super::poses::{Source, Stop};
 use super::{MachineFile, StudyFile, Verdict};
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Plot::write_all(&of_rods(&config, &course, &rods)?, folder)?;
     }
     for text in &told {
-        tell_error(text);
+        report_error(text);
     }
     write_rows(&config, &view, &seen)?;
     Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })

@@ -2,7 +2,7 @@
 //! Rows of numbers: from the command line, or as CSV from a file or standard input.
 
 use super::Verdict;
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::input::RowFile;
 use super::output::{self, Table};
 use kinematics::Fault;
@@ -49,7 +49,7 @@ pub fn answer(
             Ok(Verdict::Fits)
         }
         Err(fault) => {
-            tell_error(&fault);
+            report_error(&fault);
             Ok(Verdict::Misfit)
         }
     }
@@ -68,7 +68,7 @@ fn stream(
         let cells = match reply(values) {
             Ok(values) => values.into_iter().map(Some).collect(),
             Err(fault) => {
-                tell_error(&format!("{name}:{line}: {fault}"));
+                report_error(&format!("{name}:{line}: {fault}"));
                 verdict = Verdict::Misfit;
                 vec![None; named.len()]
             }

@@ -106,14 +106,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         outcome: &outcome,
         trace: arguments.trace.as_deref(),
     })?;
-    tell(&arguments.program, &outcome)?;
+    report(&arguments.program, &outcome)?;
     Ok(match outcome.ending {
         Ending::Finished => Verdict::Fits,
         Ending::Stopped => Verdict::Misfit,
     })
 }
 
-fn tell(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
+fn report(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
     let mut out = output::people();
     for message in &outcome.messages {
         let word = match message.kind {

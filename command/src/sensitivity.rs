@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm sensitivity`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::poses::At;
 use super::{Bar, MachineFile, StudyFile, Verdict, in_words, moves, output};
 use draw::plot::Plot;
@@ -101,7 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             "{}: singular pose: the legs do not constrain the platform; choose another pose",
             in_words(&pose)
         );
-        tell_error(&text);
+        report_error(&text);
         return Ok(Verdict::Misfit);
     };
     let (points, end) = motion(arguments, &config, &study, &tool, &sigma, length)?;
@@ -112,11 +112,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let plots = of_sensitivity(&config, &found, &sigma, &points)?;
         Plot::write_all(&plots, folder)?;
     }
-    let mut answer = tell(arguments, &config, &pose, &tool, &found, &sigma)?;
-    answer["ratios"] = tell_ratios(arguments, &config, &points)?;
+    let mut answer = report(arguments, &config, &pose, &tool, &found, &sigma)?;
+    answer["ratios"] = report_ratios(arguments, &config, &points)?;
     output::answer(&answer)?;
     if let Some(text) = &end {
-        tell_error(&text);
+        report_error(&text);
     }
     Ok(if end.is_none() { Verdict::Fits } else { Verdict::Misfit })
 }
@@ -228,7 +228,7 @@ fn of_program(config: &Mechanism, program: &Path) -> Result<(Vec<Step>, Option<S
     Ok((steps, replayed.err().map(|fault| format!("{}: {fault}", program.display()))))
 }
 
-fn tell(
+fn report(
     arguments: &Arguments,
     config: &Mechanism,
     pose: &Pose,
@@ -312,7 +312,7 @@ fn tell(
     }))
 }
 
-fn tell_ratios(
+fn report_ratios(
     arguments: &Arguments,
     config: &Mechanism,
     points: &[Point],

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm stiffness`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::poses::At;
 use super::{Bar, MachineFile, Verdict, in_words, output};
 use draw::ellipsoid::of_ellipsoids;
@@ -78,13 +78,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             "{}: singular pose: the legs do not constrain the platform; choose another pose",
             in_words(&pose)
         );
-        tell_error(&text);
+        report_error(&text);
         return Ok(Verdict::Misfit);
     };
     if arguments.plots.is_some() || arguments.csv.is_some() {
         draw(arguments, &config, &study, &pose, &tool, &springs, &found)?;
     }
-    tell(&config, &pose, &found, &sizes(&config, &pose, &tool, &springs))?;
+    report(&config, &pose, &found, &sizes(&config, &pose, &tool, &springs))?;
     Ok(Verdict::Fits)
 }
 
@@ -154,7 +154,7 @@ fn sizes(
     SIZES.into_iter().filter_map(of).collect()
 }
 
-fn tell(
+fn report(
     config: &Mechanism,
     pose: &Pose,
     found: &Stiffness,

@@ -67,7 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let found = match travel(&config, &stand) {
         Ok(found) => found,
         Err(fault) => {
-            super::failure::tell_error(&fault);
+            super::failure::report_error(&fault);
             return Ok(Verdict::Misfit);
         }
     };
@@ -76,7 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(match left_at(&found) {
         None => Verdict::Fits,
         Some(limits) => {
-            super::failure::tell_error(&format!("the machine cannot be at this pose: {limits}"));
+            super::failure::report_error(&format!("the machine cannot be at this pose: {limits}"));
             Verdict::Misfit
         }
     })

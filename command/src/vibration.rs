@@ -99,7 +99,7 @@ pub fn of_record(record: &Record, linear: Option<LinearAnswer>) -> MotionAnswer 
 }
 
 /// Prints the results as text.
-pub fn tell(answer: &Answer, pose: &Pose) -> Result<(), Failure> {
+pub fn report(answer: &Answer, pose: &Pose) -> Result<(), Failure> {
     let mut out = super::output::people();
     writeln!(out, "{} at {}", answer.machine.display(), in_words(pose))?;
     writeln!(out, "\nmodes: Hz, damping ratio; motion of the tip in X Y Z, 1/sqrt(kg)")?;
@@ -122,12 +122,12 @@ pub fn tell(answer: &Answer, pose: &Pose) -> Result<(), Failure> {
     ] {
         writeln!(out, "{name:>24}{}", row(&values))?;
     }
-    tell_ellipse(&mut out, &motion.ellipse)?;
+    report_ellipse(&mut out, &motion.ellipse)?;
     writeln!(out, "{:>24}{}", "largest forces, N", row(&motion.leg_peaks_n))?;
     if let Some(linear) = &motion.linear {
         writeln!(out, "\nby the linear theory")?;
         writeln!(out, "{:>24}{}", "standard deviation", row(&linear.rms_um))?;
-        tell_ellipse(&mut out, &linear.ellipse)?;
+        report_ellipse(&mut out, &linear.ellipse)?;
         writeln!(out, "{:>24}{}", "legs, N", row(&linear.leg_rms_n))?;
         let percent = linear.spread.map(|spread| 50.0 * spread);
         writeln!(out, "A record of this length shows it to{} %.", row(&percent))?;
@@ -135,7 +135,7 @@ pub fn tell(answer: &Answer, pose: &Pose) -> Result<(), Failure> {
     Ok(out.flush()?)
 }
 
-fn tell_ellipse(out: &mut impl Write, ellipse: &EllipseAnswer) -> Result<(), Failure> {
+fn report_ellipse(out: &mut impl Write, ellipse: &EllipseAnswer) -> Result<(), Failure> {
     let EllipseAnswer { axes_um: [long, short], direction_deg } = ellipse;
     writeln!(
         out,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm view`.
 
-use super::failure::{Failure, refused, tell_error};
+use super::failure::{Failure, refused, report_error};
 use super::preflight::{Judging, judged};
 use super::{Bar, MachineFile, Verdict, output, print_text};
 use machine::files::{Folder, Locate, Whole, read, write_whole};
@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         None => (Data::new(&config, arguments.live), Verdict::Fits),
         Some(program) => of_program(&config, &arguments.judging, program)?,
     };
-    data.problems().iter().for_each(tell_error);
+    data.problems().iter().for_each(report_error);
     let page = page(&data);
     let html = html(arguments, &config);
     if let Some(file) = &html {
@@ -183,12 +183,12 @@ fn of_program(
     let answer = match answer {
         Ok(answer) => answer,
         Err(failure) => {
-            failure.tell();
+            failure.report();
             return Ok((data.with_error(failure.to_string()), Verdict::Unjudged));
         }
     };
     if let Time::NotJudged(cause) = &answer.found.time {
-        tell_error(&format!("times are not judged: {cause}"));
+        report_error(&format!("times are not judged: {cause}"));
     }
     let words = [program.display().to_string(), String::from_utf8_lossy(&text).into_owned()];
     let report = serde_json::to_value(&answer)?;

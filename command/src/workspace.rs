@@ -157,7 +157,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Plot::write_all(&plots, folder)?;
     }
     let mut out = output::people();
-    let answer = tell(&mut out, meant, &workspace, &seen)?;
+    let answer = report(&mut out, meant, &workspace, &seen)?;
     out.flush()?;
     output::answer(&answer)?;
     let rays = slices.iter().flat_map(|slice| &slice.rays).map(|ray| ray.looked).sum::<usize>();
@@ -207,7 +207,7 @@ fn both(
         let alone = workspace(arguments, meant, study)?;
         let home = meant.home_pose().position;
         let seen = pool.install(|| look(arguments, &alone, home, planes(&arguments.plane)?))?;
-        let mut answer = tell(&mut out, meant, &alone, &seen)?;
+        let mut answer = report(&mut out, meant, &alone, &seen)?;
         for (beside, key, name) in [
             (Beside::Home, "beside_home", "the other one at home"),
             (Beside::Anywhere, "beside_anywhere", "the other one anywhere"),
@@ -217,7 +217,7 @@ fn both(
             answer[key] = match shared.place_inside() {
                 Some(from) => {
                     let seen = pool.install(|| look(arguments, &shared, from, vec![]))?;
-                    tell_beside(&mut out, meant, &seen, name)?
+                    report_beside(&mut out, meant, &seen, name)?
                 }
                 None => {
                     writeln!(
@@ -236,7 +236,7 @@ fn both(
 }
 
 /// Reports the rest of a workspace next to another mechanism.
-fn tell_beside(
+fn report_beside(
     out: &mut impl Write,
     config: &Mechanism,
     seen: &Seen,
@@ -323,7 +323,7 @@ fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
 }
 
 /// Prints the results as text and returns those for JSON.
-fn tell(
+fn report(
     out: &mut impl Write,
     config: &Mechanism,
     workspace: &Workspace,

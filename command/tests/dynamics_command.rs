@@ -12,7 +12,7 @@ const STUDY: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
     [milling]\nspeed_rpm = 9000\nfeed_mm = 0.05\ndiameter_mm = 6\nseconds = 0.05\n";
 
 /// Checks that the output ends with this exit code and contains these words.
-fn tells(answer: &str, exit: u8, words: &[&str]) {
+fn assert_output(answer: &str, exit: u8, words: &[&str]) {
     assert!(answer.ends_with(&format!("exit {exit}\n")), "{answer}");
     for word in words {
         assert!(answer.contains(word), "{word}: {answer}");
@@ -27,7 +27,7 @@ fn modes_responses_maps_and_motions_are_told_written_and_drawn() {
     let answer = bench.answer(words, "");
     let told =
         ["modes: Hz", "compliance", "bear the weight", "ellipse in X and Y", "linear theory"];
-    tells(&answer, 0, &told);
+    assert_output(&answer, 0, &told);
     // The response, two maps of three planes, trace, deviation and spectrum.
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 10);
     let read = |name: &str| fs::read_to_string(bench.0.path().join(name)).unwrap();
@@ -60,7 +60,7 @@ fn json_has_what_the_text_has() {
 fn a_cutter_shakes_the_machine_too() {
     let bench = Bench::new().with("study.toml", STUDY);
     let answer = bench.answer("dynamics linear-delta.ini --study study.toml --shake milling", "");
-    tells(&answer, 0, &["in 0.050 s", "largest forces, N"]);
+    assert_output(&answer, 0, &["in 0.050 s", "largest forces, N"]);
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn bad_studies_are_refused_with_their_key_and_nothing_is_written() {
         let files = bench.files();
         let words_of =
             "dynamics linear-delta.ini --study study.toml --shake noise --plots drawn --map m.csv";
-        tells(&bench.answer(words_of, ""), 2, &words);
+        assert_output(&bench.answer(words_of, ""), 2, &words);
         assert_eq!(bench.files(), files, "{text}");
     }
 }
@@ -153,7 +153,11 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
         ("none.toml", "none.toml: No such file"),
         ("study.toml --response none/h.csv", "none/h.csv: No such file"),
     ] {
-        tells(&bench.answer(&format!("dynamics linear-delta.ini --study {words}"), ""), 2, &[told]);
+        assert_output(
+            &bench.answer(&format!("dynamics linear-delta.ini --study {words}"), ""),
+            2,
+            &[told],
+        );
         assert_eq!(bench.files(), files, "{words}");
     }
 }
@@ -163,7 +167,7 @@ fn a_feed_along_the_tool_is_refused() {
     let text = STUDY.replace("speed_rpm", "feed = [0, 0, -2]\nspeed_rpm");
     let bench = Bench::new().with("study.toml", &text);
     let answer = bench.answer("dynamics linear-delta.ini --study study.toml --shake milling", "");
-    tells(&answer, 2, &["feed of [milling] points along the tool axis"]);
+    assert_output(&answer, 2, &["feed of [milling] points along the tool axis"]);
 }
 
 #[test]
@@ -172,7 +176,7 @@ fn a_slow_band_is_sampled_in_short_steps() {
     let text = STUDY.replace("corner_hz = 200", "band_hz = 0.01\nband_quality = 5");
     let bench = Bench::new().with("study.toml", &text);
     let answer = bench.answer("dynamics linear-delta.ini --study study.toml --shake noise", "");
-    tells(&answer, 0, &["linear theory"]);
+    assert_output(&answer, 0, &["linear theory"]);
 }
 
 #[test]
@@ -185,14 +189,14 @@ fn a_table_needs_its_mass_and_dampers() {
         fs::write(bench.0.path().join("study.toml"), format!("{turning}{table}")).unwrap();
         bench.answer(&format!("dynamics {} --study study.toml", ini.display()), "")
     };
-    tells(&of(""), 2, &["has no mass_kg in [table], which this machine needs"]);
-    tells(&of("[table]\nmass_kg = 9\n"), 2, &["has no stiffness_n_per_um in [table]"]);
+    assert_output(&of(""), 2, &["has no mass_kg in [table], which this machine needs"]);
+    assert_output(&of("[table]\nmass_kg = 9\n"), 2, &["has no stiffness_n_per_um in [table]"]);
     let half = "[table]\nmass_kg = 9\nstiffness_n_per_um = 40\n";
-    tells(&of(half), 2, &["has no damping_n_s_per_mm in [table]"]);
-    tells(&of(&format!("{half}damping_ratio = 0.03\n")), 0, &["modes: Hz"]);
+    assert_output(&of(half), 2, &["has no damping_n_s_per_mm in [table]"]);
+    assert_output(&of(&format!("{half}damping_ratio = 0.03\n")), 0, &["modes: Hz"]);
     fs::write(bench.0.path().join("study.toml"), STUDY).unwrap();
     let answer = bench.answer(&format!("dynamics {} --study study.toml", ini.display()), "");
-    tells(&answer, 2, &["has no inertia_kg_m2 in [platform]"]);
+    assert_output(&answer, 2, &["has no inertia_kg_m2 in [platform]"]);
 }
 
 #[test]
@@ -200,7 +204,7 @@ fn a_program_moves_the_machine_by_the_commands_of_linuxcnc() {
     let bench = Bench::new().with("study.toml", STUDY);
     let bench = bench.with("line.ngc", "G21 G90 G64\nG1 X10 F6000\nG1 X0\nM2\n");
     let words = "dynamics linear-delta.ini --study study.toml --program line.ngc --trace t.csv --plots drawn";
-    tells(&bench.answer(words, ""), 0, &["largest forces, N"]);
+    assert_output(&bench.answer(words, ""), 0, &["largest forces, N"]);
     let trace = fs::read_to_string(bench.0.path().join("t.csv")).unwrap();
     let most = |column: usize| -> f64 {
         let cells = trace.lines().skip(1).map(|line| line.split(',').nth(column).unwrap());

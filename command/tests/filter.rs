@@ -16,7 +16,7 @@ fn filtered(machine: Option<&Path>, program: &Path) -> Output {
     command.output().unwrap()
 }
 
-fn told(output: &Output) -> String {
+fn reported(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
@@ -25,9 +25,9 @@ fn a_program_that_fits_comes_out_as_it_is_with_the_progress_of_the_check() {
     let machine = folder("linear-delta").join("linear-delta.ini");
     let program = folder("linear-delta").join("programs/plate-layer.ngc");
     let output = filtered(Some(&machine), &program);
-    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", reported(&output));
     assert_eq!(output.stdout, std::fs::read(&program).unwrap());
-    let percents: Vec<u32> = told(&output)
+    let percents: Vec<u32> = reported(&output)
         .lines()
         .map(|line| line.strip_prefix("FILTER_PROGRESS=").unwrap().parse().unwrap())
         .collect();
@@ -47,7 +47,7 @@ fn a_program_that_does_not_fit_is_held_back_with_its_lines_and_reasons() {
         .output()
         .unwrap();
     assert_eq!((output.status.code(), output.stdout.len()), (Some(1), 0));
-    let text = told(&output);
+    let text = reported(&output);
     assert!(text.contains("it's far.ngc does not fit the machine"), "{text}");
     assert!(
         text.contains("line 3: axis range: axis X") && text.contains("G1 F600 X5000"),
@@ -61,11 +61,11 @@ fn without_a_machine_or_with_a_program_that_does_not_parse_nothing_comes_out() {
     let program = place.path().join("bad.ngc");
     std::fs::write(&program, "G0 X0\nG1 XX\n").unwrap();
     let output = filtered(None, &program);
-    assert!(told(&output).contains("INI_FILE_NAME"), "{}", told(&output));
+    assert!(reported(&output).contains("INI_FILE_NAME"), "{}", reported(&output));
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
     let machine = folder("linear-delta").join("linear-delta.ini");
     let output = filtered(Some(&machine), &program);
-    assert!(told(&output).contains("bad.ngc"), "{}", told(&output));
+    assert!(reported(&output).contains("bad.ngc"), "{}", reported(&output));
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
     let output = filtered(Some(&machine), &place.path().join("none.ngc"));
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
@@ -89,9 +89,9 @@ fn a_program_that_is_not_judged_is_held_back() {
         command.output().unwrap()
     };
     let held = filter(&[]);
-    assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", told(&held));
-    assert!(told(&held).contains("PLANNER_TYPE"), "{}", told(&held));
+    assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", reported(&held));
+    assert!(reported(&held).contains("PLANNER_TYPE"), "{}", reported(&held));
     // A program that LinuxCNC did not run has no path that could be sufficient.
     let held = filter(&["--path-is-enough"]);
-    assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", told(&held));
+    assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", reported(&held));
 }

@@ -181,7 +181,7 @@ fn words(text: &str) -> String {
 }
 
 /// Returns all paths in the outputs of a subcommand.
-fn told() -> BTreeMap<String, BTreeMap<String, bool>> {
+fn reported() -> BTreeMap<String, BTreeMap<String, bool>> {
     let (bench, mut wrong) = (bench(), vec![]);
     let mut all: BTreeMap<String, BTreeMap<String, bool>> = BTreeMap::new();
     for (command, arguments, input, code) in CASES {
@@ -205,7 +205,7 @@ fn told() -> BTreeMap<String, BTreeMap<String, bool>> {
 
 #[test]
 fn every_subcommand_answers_in_json_as_the_page_says() {
-    let (told, documented) = (told(), documented());
+    let (told, documented) = (reported(), documented());
     if let Ok(file) = std::env::var("PRINT_JSON") {
         let mut text = String::new();
         for (command, places) in &told {

@@ -15,7 +15,7 @@ fn example(name: &str) -> String {
 
 /// Checks that the output ends with this exit code and contains these words.
 #[track_caller]
-fn says(answer: &str, exit: u8, words: &[&str]) {
+fn assert_output(answer: &str, exit: u8, words: &[&str]) {
     assert!(answer.ends_with(&format!("exit {exit}\n")), "{answer}");
     for word in words {
         assert!(answer.contains(word), "{word}: {answer}");
@@ -49,8 +49,12 @@ fn two_adjustments_of_paper_002_stand_side_by_side() {
         assert_eq!(found["is_confirmed_by_counts"], true);
     }
     let answer = bench.answer("stability lag --study paper.toml --overhang 500 300", "");
-    says(&answer, 0, &["overhang 500 mm", "1779.166 N/mm", "overhang 300 mm", "3092.124 N/mm"]);
-    says(&answer, 0, &["Damping and cutting coefficients come from the study"]);
+    assert_output(
+        &answer,
+        0,
+        &["overhang 500 mm", "1779.166 N/mm", "overhang 300 mm", "3092.124 N/mm"],
+    );
+    assert_output(&answer, 0, &["Damping and cutting coefficients come from the study"]);
 }
 
 #[test]
@@ -73,7 +77,7 @@ fn the_lag_of_paper_002_is_answered_drawn_and_written() {
     assert_eq!((cells[0], cells[1]), ("as given", "0"));
     close(cells[2].parse().unwrap(), rest[1], 1e-12);
     let beyond = bench.answer("stability lag --study paper.toml --stiffness 6000", "");
-    says(&beyond, 1, &["unstable roots         2", "settling time          never"]);
+    assert_output(&beyond, 1, &["unstable roots         2", "settling time          never"]);
 }
 
 #[test]
@@ -87,7 +91,7 @@ fn a_spindle_is_answered_for_two_overhangs() {
     assert!(float(&long["modes"][0]["hz"]) < float(&short["modes"][0]["hz"]));
     let share = float(&short["share_of_modes"]);
     assert!((0.5..1.0).contains(&share), "{share}");
-    says(
+    assert_output(
         &bench.answer("stability spindle --study spindle.toml", ""),
         0,
         &["overhang 70 mm", "decrement"],
@@ -122,12 +126,12 @@ fn a_pose_is_answered_drawn_and_written() {
     let table = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
     assert!(table.starts_with("rpm,zero_order_mm,unstable_from_mm") && table.lines().count() > 9);
     let deep = "stability pose linear-delta.ini --study study.toml --columns 3 --speeds 7000 7100 --rpm 7000";
-    says(
+    assert_output(
         &bench.answer(&format!("{deep} --depth 50"), ""),
         1,
         &["at --depth the largest multiplier"],
     );
-    says(&bench.answer(&format!("{deep} --depth 0.001"), ""), 0, &["zero order", "best"]);
+    assert_output(&bench.answer(&format!("{deep} --depth 0.001"), ""), 0, &["zero order", "best"]);
 }
 
 #[test]
@@ -135,7 +139,7 @@ fn a_map_is_drawn_within_the_limits() {
     let bench = Bench::new().with("study.toml", DELTA);
     let words =
         "stability map linear-delta.ini --study study.toml --grid 7 --csv map.csv --plots drawn";
-    says(&bench.answer(words, ""), 0, &["limit depth by zero order", "least", "poses in"]);
+    assert_output(&bench.answer(words, ""), 0, &["limit depth by zero order", "least", "poses in"]);
     let table = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
     assert!(table.lines().count() > 10, "{table}");
     assert!(bench.0.path().join("drawn/limit-depth-xy.svg").is_file());
@@ -166,12 +170,16 @@ fn a_program_is_judged_at_its_spindle_speeds() {
     // A move that was not tested may be the one with chatter.
     let few =
         "stability program linear-delta.ini cut.ngc --study study.toml --deepest 3 --places 2";
-    says(&bench.answer(few, ""), 2, &["stable everywhere", "1 feed moves; use --places 3"]);
+    assert_output(
+        &bench.answer(few, ""),
+        2,
+        &["stable everywhere", "1 feed moves; use --places 3"],
+    );
     // Deeper than the limit at some line.
     let bench = bench.with("study.toml", &format!("{DELTA}depth_mm = 2.5\n"));
     let answer = bench
         .answer("stability program linear-delta.ini cut.ngc --study study.toml --deepest 3", "");
-    says(&answer, 1, &["at line", "unstable, margin", "best speed"]);
+    assert_output(&answer, 1, &["at line", "unstable, margin", "best speed"]);
 }
 
 #[test]
@@ -276,7 +284,7 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
             .with("cut.ngc", "G21 G90\nG1 X10 F600 (S100)\nM2\n");
         let files = bench.files();
         let answer = bench.answer(command, "");
-        says(&answer, 2, words);
+        assert_output(&answer, 2, words);
         assert_eq!(bench.files(), files, "{command} {text}");
     }
 }
@@ -312,7 +320,7 @@ fn a_cut_whose_spindle_speed_is_not_known_is_refused_with_its_line_and_nothing_i
             "cut linear-delta.ini part.ngc --study study.toml --report page.html",
         ] {
             let answer = bench.answer(command, "");
-            says(&answer, 2, &["part.ngc: ", words]);
+            assert_output(&answer, 2, &["part.ngc: ", words]);
             assert_eq!(bench.files(), files, "{command}");
         }
     }
@@ -343,7 +351,7 @@ fn a_cut_in_which_an_extra_axis_moves_is_refused_with_its_line() {
             "stability program linear-delta.ini part.ngc --study study.toml --places 1",
             "",
         );
-        says(&answer, 2, &[words]);
+        assert_output(&answer, 2, &[words]);
     }
 }
 
@@ -354,13 +362,13 @@ fn a_line_that_cuts_at_several_speeds_is_judged_at_each_and_has_no_single_chip()
                    o1 endwhile\nM2\n";
     let bench = Bench::new().with("study.toml", &study).with("part.ngc", program);
     let words = "stability program linear-delta.ini part.ngc --study study.toml --csv out.csv";
-    says(&bench.answer(words, ""), 0, &["3 positions on 3 feed moves"]);
+    assert_output(&bench.answer(words, ""), 0, &["3 positions on 3 feed moves"]);
     let table = fs::read_to_string(bench.0.path().join("out.csv")).unwrap();
     let speeds: Vec<&str> =
         table.lines().skip(1).map(|line| line.split(',').nth(7).unwrap()).collect();
     assert_eq!(speeds, ["7000", "8000", "9000"]);
     let answer = bench.answer("cut linear-delta.ini part.ngc --study study.toml", "");
-    says(&answer, 2, &["line 7: it cuts at several spindle speeds; set one with --rpm"]);
+    assert_output(&answer, 2, &["line 7: it cuts at several spindle speeds; set one with --rpm"]);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::fs;
 const LEGS: &str = "[legs]\nstiffness_n_per_um = 10\njoint_sigma_um = 5\nrod_diameter_mm = 8\n";
 
 /// Checks that the output ends with this exit code and contains these words.
-fn tells(answer: &str, exit: u8, words: &[&str]) {
+fn assert_output(answer: &str, exit: u8, words: &[&str]) {
     assert!(answer.ends_with(&format!("exit {exit}\n")), "{answer}");
     for word in words {
         assert!(answer.contains(word), "{word}: {answer}");
@@ -28,12 +28,12 @@ fn a_study_that_is_wrong_is_refused_with_its_line_and_nothing_is_written() {
         let files = bench.files();
         let answer =
             bench.answer("stiffness linear-delta.ini --study study.toml --plots drawn", "");
-        tells(&answer, 2, &[&words[..], &["study.toml"]].concat());
+        assert_output(&answer, 2, &[&words[..], &["study.toml"]].concat());
         assert_eq!(bench.files(), files, "{text}");
     }
     let bench = Bench::new();
     let answer = bench.answer("stiffness linear-delta.ini --study none.toml", "");
-    tells(&answer, 2, &["none.toml: No such file"]);
+    assert_output(&answer, 2, &["none.toml: No such file"]);
 }
 
 #[test]
@@ -43,7 +43,7 @@ fn stiffness_tells_matrix_and_axes_and_draws_its_maps() {
         "stiffness linear-delta.ini --study study.toml --grid 9 --plots drawn --csv map.csv";
     let answer = bench.answer(words, "");
     // The rods' parallelograms constrain A B C.
-    tells(&answer, 0, &["Guides constrain some coordinates", "N/um", "rigid"]);
+    assert_output(&answer, 0, &["Guides constrain some coordinates", "N/um", "rigid"]);
     // Three maps of each kind, sizes of the platform, and one ellipsoid: nothing rotates.
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 8);
     let map = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
@@ -56,12 +56,16 @@ fn rods_follow_poses_and_programs() {
         Bench::new().with("study.toml", LEGS).with("line.ngc", "G21 G90\nG1 X10 F6000\nM2\n");
     let poses = "x,y,z,a,b,c\n0,0,50,0,0,0\n900,0,0,0,0,0\n";
     let answer = bench.answer("rods linear-delta.ini --point 0 0 -10", poses);
-    tells(&answer, 1, &["time,line,x,", ",guide_angle_0,", "point_0_z", "pkm: line 3: "]);
+    assert_output(&answer, 1, &["time,line,x,", ",guide_angle_0,", "point_0_z", "pkm: line 3: "]);
     let words = "rods linear-delta.ini line.ngc --period 0.05 --study study.toml --plots drawn";
-    tells(&bench.answer(words, ""), 0, &["gap_leg"]);
+    assert_output(&bench.answer(words, ""), 0, &["gap_leg"]);
     assert!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count() >= 6);
-    tells(&bench.answer("rods linear-delta.ini", "x,y,z,a,b,c\n"), 2, &["no pose"]);
-    tells(&bench.answer("rods linear-delta.ini none.ngc", ""), 2, &["none.ngc: No such file"]);
+    assert_output(&bench.answer("rods linear-delta.ini", "x,y,z,a,b,c\n"), 2, &["no pose"]);
+    assert_output(
+        &bench.answer("rods linear-delta.ini none.ngc", ""),
+        2,
+        &["none.ngc: No such file"],
+    );
 }
 
 #[test]
@@ -71,7 +75,7 @@ fn sensitivity_tells_errors_and_singular_poses_and_follows_a_law() {
     let words = "sensitivity linear-delta.ini --study study.toml --draws 500 --rays 100 --law \
                  --ratios 1 --csv law.csv --plots drawn";
     let answer = bench.answer(words, "");
-    tells(&answer, 0, &["covariance", "500 samples", "parallel", "no partial derivatives"]);
+    assert_output(&answer, 0, &["covariance", "500 samples", "parallel", "no partial derivatives"]);
     let law = fs::read_to_string(bench.0.path().join("law.csv")).unwrap();
     assert_eq!(law.lines().count(), 502);
     assert!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count() >= 6);
@@ -83,7 +87,7 @@ fn sensitivity_tells_errors_and_singular_poses_and_follows_a_law() {
         ("sensitivity linear-delta.ini --pose 1 2 3", "found 3 numbers"),
         ("sensitivity linear-delta.ini --pose 900 0 0 0 0 0", "X900.0000 Y0.0000 Z0.0000"),
     ] {
-        tells(&bench.answer(words, ""), 2, &[told]);
+        assert_output(&bench.answer(words, ""), 2, &[told]);
     }
 }
 
@@ -93,7 +97,7 @@ fn a_workspace_is_told_drawn_and_written() {
     let words = "workspace linear-delta.ini --study study.toml --bands 12 --grid 20 --threads 2 \
                  --plane xz --plane 1,1,0 --csv ends.csv --mesh body.obj --plots drawn";
     let answer = bench.answer(words, "");
-    tells(&answer, 0, &["volume", "% apart", "+X", "1,1,0", "positions,", "threads: 2"]);
+    assert_output(&answer, 0, &["volume", "% apart", "+X", "1,1,0", "positions,", "threads: 2"]);
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 3);
     let mesh = fs::read_to_string(bench.0.path().join("body.obj")).unwrap();
     assert!(mesh.starts_with("# workspace, lengths in mm\nv "));
@@ -113,7 +117,11 @@ fn a_workspace_that_is_empty_or_cannot_be_written_leaves_nothing_behind() {
         ("--bands 4 --grid 4 --plots file/drawn", "file/drawn: Not a directory"),
         ("--orientation 1 0 0", "is not in the workspace"),
     ] {
-        tells(&bench.answer(&format!("workspace linear-delta.ini {words}"), ""), 2, &[told]);
+        assert_output(
+            &bench.answer(&format!("workspace linear-delta.ini {words}"), ""),
+            2,
+            &[told],
+        );
         assert_eq!(bench.files(), files, "{words}");
     }
 }

@@ -140,7 +140,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let mut out = output::people();
     writeln!(out, "{}", arguments.study.display())?;
     for (adjustment, answer) in own.iter().zip(&answers) {
-        tell(&mut out, &adjustment.name(), answer)?;
+        report(&mut out, &adjustment.name(), answer)?;
     }
     writeln!(out, "{WORTH}")?;
     out.flush()?;
@@ -204,7 +204,7 @@ fn margins(lag: &Lag, stiffness: f64) -> At {
     }
 }
 
-fn tell(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failure> {
+fn report(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failure> {
     writeln!(out, "{name}")?;
     let mut row = |name: &str, text: String| writeln!(out, "  {name:<24} {text}");
     match &answer.limit {

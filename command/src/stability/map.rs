@@ -134,7 +134,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let plot = of_depths(letters, config.length_unit(), &sides, &values, &what)?;
         Plot::write_all(&[plot], folder)?;
     }
-    tell(&config.file, &places, arguments.rpm)?;
+    report(&config.file, &places, arguments.rpm)?;
     let judged = places.len() as f64;
     let threads = rayon::current_num_threads();
     let rate = judged / seconds;
@@ -159,7 +159,7 @@ fn places(
     depths.iter().enumerate().filter_map(place).collect()
 }
 
-fn tell(machine: &std::path::Path, places: &[Place], rpm: Option<f64>) -> Result<(), Failure> {
+fn report(machine: &std::path::Path, places: &[Place], rpm: Option<f64>) -> Result<(), Failure> {
     let mut out = output::people();
     let what = rpm.map_or("over all speeds".into(), |rpm| format!("at {rpm} 1/min"));
     writeln!(out, "{}: limit depth by zero order, worst feed, {what}", machine.display())?;

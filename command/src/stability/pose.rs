@@ -218,7 +218,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     output::answer(&answer)?;
     let mut out = output::people();
     writeln!(out, "{} at {}", config.file.display(), in_words(&pose))?;
-    tell(&mut out, &answer)?;
+    report(&mut out, &answer)?;
     out.flush()?;
     let is_stable = |single: &Single| single.multiplier_at_depth.is_none_or(|m| m < 1.0);
     Ok(if answer.at.iter().all(is_stable) { Verdict::Fits } else { Verdict::Misfit })
@@ -317,7 +317,7 @@ fn table(map: &StableMap, zero_order: impl Fn(f64) -> Option<f64>) -> String {
     csv(&header, rows)
 }
 
-fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
+fn report(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
     writeln!(out, "  {:>12} {:>14}   tip in the mode, 1/sqrt(kg)", "mode, Hz", "damping ratio")?;
     for mode in &answer.modes {
         let [x, y, z] = mode.tip_per_root_kg;

@@ -2,7 +2,7 @@
 //! `pkm stability program`.
 
 use super::super::failure::{Failure, refused};
-use super::super::{Bar, MachineFile, Verdict, in_words, output, tell_deleted};
+use super::super::{Bar, MachineFile, Verdict, in_words, output, report_deleted};
 use super::{Speeds, setup};
 use ::program::motion::{self, Move, MoveKind, Spindle};
 use draw::plot::Plot;
@@ -128,7 +128,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     output::answer(&answer)?;
     let mut out = output::people();
     writeln!(out, "{} on {}", answer.program.display(), answer.machine.display())?;
-    tell(&mut out, &answer)?;
+    report(&mut out, &answer)?;
     out.flush()?;
     Ok(match answer.margin {
         Some(margin) if !(margin > 1.0) => Verdict::Misfit,
@@ -151,7 +151,7 @@ impl Job {
         // Reported before LinuxCNC starts, in the system's words.
         open(&self.program)?;
         let (mut moves, files) = motion::read(&config.clone().into(), &self.program, None)?;
-        tell_deleted(&self.program, &files)?;
+        report_deleted(&self.program, &files)?;
         if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
             let (file, line) = (self.program.display(), step.line);
             return Err(refused(format!(
@@ -227,7 +227,7 @@ fn write(arguments: &Arguments, stops: &[Stop], depths: &[Depth]) -> Result<(), 
     Ok(())
 }
 
-fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
+fn report(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
     let Worst { line, rpm, stable_to_mm, pose, .. } = &answer.worst;
     let at_least = |depth: f64| if depth < answer.deepest_mm { "" } else { "at least " };
     let [places, moves] = [answer.places, answer.feed_moves];

@@ -90,7 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     output::answer(&json!({ "study": arguments.study, "adjustments": answers }))?;
     let mut out = output::people();
-    answers.iter().try_for_each(|answer| tell(&mut out, answer))?;
+    answers.iter().try_for_each(|answer| report(&mut out, answer))?;
     out.flush()?;
     Ok(Verdict::Fits)
 }
@@ -110,7 +110,7 @@ fn shown(overhang_mm: f64, nose: &Nose) -> Answer {
     }
 }
 
-fn tell(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
+fn report(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
     writeln!(out, "overhang {} mm", answer.overhang_mm)?;
     let share = 100.0 * answer.share_of_modes;
     let compliance = answer.compliance_um_per_n;

@@ -139,7 +139,7 @@ mod tests {
     use machine::read::machine::MachineConfig;
     use std::path::Path;
 
-    fn told(program: &str) -> Vec<(Option<u32>, String)> {
+    fn reported(program: &str) -> Vec<(Option<u32>, String)> {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hexapod/hexapod.ini");
         let config = MachineConfig::read(&file).unwrap();
         let first = |text: String| text.split(' ').take(2).collect::<Vec<_>>().join(" ");
@@ -150,12 +150,12 @@ mod tests {
     fn words_are_found_however_they_are_written() {
         let line = |n, text: &str| (Some(n), text.to_string());
         let unguarded = || (None, "the program".to_string());
-        assert_eq!(told("g 021\nm52 p 0\n"), [line(2, "M52 P0")]);
-        assert_eq!(told("M52 P1 G20 G33.10 Z1"), [line(1, "G33.1 follows")]);
-        assert_eq!(told("G21\nM52 P1\n(G76) G1 X76 ; G95\nM52"), []);
-        assert_eq!(told("M52\nG1 X1 é"), [(None, "the program".into())]);
-        assert_eq!(told("G21 (M52 P1)"), [unguarded()]);
-        let probed = told("G21 M52 P1\nG38.20 Z1 F10\nM66 P0 L3 Q1\n");
+        assert_eq!(reported("g 021\nm52 p 0\n"), [line(2, "M52 P0")]);
+        assert_eq!(reported("M52 P1 G20 G33.10 Z1"), [line(1, "G33.1 follows")]);
+        assert_eq!(reported("G21\nM52 P1\n(G76) G1 X76 ; G95\nM52"), []);
+        assert_eq!(reported("M52\nG1 X1 é"), [(None, "the program".into())]);
+        assert_eq!(reported("G21 (M52 P1)"), [unguarded()]);
+        let probed = reported("G21 M52 P1\nG38.20 Z1 F10\nM66 P0 L3 Q1\n");
         assert_eq!(probed, [line(2, "G38.2: the"), line(3, "M66: the")]);
     }
 

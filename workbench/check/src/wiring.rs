@@ -198,7 +198,7 @@ pub fn at_key(ini: &Ini, section: &str, key: &str, text: &str) -> IniError {
 mod tests {
     use super::*;
 
-    fn told(hal: &[(&str, &str)], more: &str) -> Vec<String> {
+    fn reported(hal: &[(&str, &str)], more: &str) -> Vec<String> {
         let folder = tempfile::tempdir().unwrap();
         let mut ini = String::from("[HAL]\n");
         for (name, text) in hal {
@@ -213,17 +213,17 @@ mod tests {
     fn files_that_are_not_there_and_files_too_early_are_told() {
         let load = "loadrt [KINS]KINEMATICS\nloadrt motmod servo_period_nsec=1000000\n";
         let all =
-            told(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = panel.hal\n");
+            reported(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = panel.hal\n");
         assert!(all.len() == 1 && all[0].contains("panel.hal: there is no such file"), "{all:?}");
         let all =
-            told(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = m-panel.tcl");
+            reported(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = m-panel.tcl");
         assert!(all.len() == 1 && all[0].contains("m.ini to write it"), "{all:?}");
-        let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "");
+        let all = reported(&[("pkmkins.tcl", ""), ("drives.hal", load)], "");
         assert!(all.len() == 1 && all[0].contains("move it after drives.hal"), "{all:?}");
-        let all = told(&[("pkmkins.tcl", ""), ("drives.hal", load)], "TWOPASS = on\n");
+        let all = reported(&[("pkmkins.tcl", ""), ("drives.hal", load)], "TWOPASS = on\n");
         assert!(all.len() == 1 && all[0].contains("twice"), "{all:?}");
         // Files sourced by another file are not read.
-        assert_eq!(told(&[("own.tcl", "source drives.tcl"), ("pkmkins.tcl", "")], ""), [""; 0]);
+        assert_eq!(reported(&[("own.tcl", "source drives.tcl"), ("pkmkins.tcl", "")], ""), [""; 0]);
     }
 
     #[test]
@@ -231,22 +231,24 @@ mod tests {
         let monitor = "addf pkmkins.monitor servo-thread\n";
         let feed = "net slow pkmkins.feed-scale => motion.adaptive-feed\n";
         let load = "loadrt motmod\n";
-        assert_eq!(told(&[("drives.hal", load), ("pkmkins.tcl", "")], ""), [""; 0]);
-        assert_eq!(told(&[("own.hal", &format!("{monitor}{feed}"))], ""), [""; 0]);
-        let all = told(&[("own.hal", &format!("# {monitor}{feed}"))], "");
+        assert_eq!(reported(&[("drives.hal", load), ("pkmkins.tcl", "")], ""), [""; 0]);
+        assert_eq!(reported(&[("own.hal", &format!("{monitor}{feed}"))], ""), [""; 0]);
+        let all = reported(&[("own.hal", &format!("# {monitor}{feed}"))], "");
         assert!(all.len() == 1 && all[0].contains("LIB:pkmkins.tcl"), "{all:?}");
-        let all = told(&[("own.hal", &format!("{monitor}#{feed}"))], "");
+        let all = reported(&[("own.hal", &format!("{monitor}#{feed}"))], "");
         assert!(all.len() == 1 && all[0].contains("cannot slow"), "{all:?}");
         let other = "net plasma plasmac.feed motion.adaptive-feed\n";
-        let all =
-            told(&[("own.hal", other), ("drives.hal", "loadrt motmod"), ("pkmkins.tcl", "")], "");
+        let all = reported(
+            &[("own.hal", other), ("drives.hal", "loadrt motmod"), ("pkmkins.tcl", "")],
+            "",
+        );
         assert!(all.len() == 1 && all[0].contains("= own.hal: this file nets"), "{all:?}");
     }
 
     #[test]
     fn m52_in_the_startup_code_is_told() {
         let hal = [("drives.hal", "loadrt motmod"), ("pkmkins.tcl", "")];
-        let all = told(&hal, "[RS274NGC]\nRS274NGC_STARTUP_CODE = G21 G64 P0.1 m52 p1\n");
+        let all = reported(&hal, "[RS274NGC]\nRS274NGC_STARTUP_CODE = G21 G64 P0.1 m52 p1\n");
         assert!(all.len() == 1 && all[0].contains("every program"), "{all:?}");
     }
 }

@@ -50,7 +50,7 @@ fn crossed(text: &str) -> String {
     swapped.replace("FIRST", anchors[1])
 }
 
-fn told(report: &Report, severity: Severity) -> Vec<String> {
+fn reported(report: &Report, severity: Severity) -> Vec<String> {
     let found = report.findings.iter().filter(|finding| finding.severity == severity);
     found.map(|finding| finding.problem.message()).collect()
 }
@@ -63,7 +63,7 @@ fn facts(report: &Report) -> String {
 fn struts_that_cross_at_home_do_not_fit() {
     for change in [crossed as fn(&str) -> String, |text| crossed(&without_clearance(text))] {
         let report = hexapod(change);
-        let errors = told(&report, Severity::Error);
+        let errors = reported(&report, Severity::Error);
         let is_told = |text: &String| text.contains("[TRAJ]HOME") && text.contains("legs 0 and 1");
         assert!(errors.iter().any(is_told), "{errors:?}");
         assert!(facts(&report).contains("nearest legs: the center lines of legs 0 and 1 are"));
@@ -76,18 +76,18 @@ fn struts_that_cross_away_from_home_do_not_fit_unless_a_clearance_keeps_them_apa
         crossed(text).replace("BASE = 540.9184627218782 -144", "BASE = 560.9184627218782 -144")
     };
     let report = hexapod(|text| beside(&without_clearance(text)));
-    let errors = told(&report, Severity::Error);
+    let errors = reported(&report, Severity::Error);
     assert_eq!(errors.len(), 1, "{errors:?}");
     assert!(errors[0].contains("legs 0 and 1") && errors[0].contains("meet"), "{errors:?}");
     let kept = hexapod(|text| beside(&text.replace("ROD_CLEARANCE = 60", "ROD_CLEARANCE = 3")));
-    assert_eq!(told(&kept, Severity::Error), [""; 0]);
+    assert_eq!(reported(&kept, Severity::Error), [""; 0]);
     assert!(kept.suggestion.is_some());
 }
 
 #[test]
 fn legs_without_a_clearance_are_a_warning_and_the_nearest_are_told_always() {
     let report = hexapod(without_clearance);
-    let warnings = told(&report, Severity::Warning);
+    let warnings = reported(&report, Severity::Warning);
     assert!(warnings.len() == 1 && warnings[0].contains("ROD_CLEARANCE"), "{warnings:?}");
     for report in [report, hexapod(str::to_string)] {
         assert!(report.fits());
@@ -107,7 +107,7 @@ fn a_file_with_blanks_in_its_name_is_found() {
             let (before, after) = text.split_once("OPEN_FILE = ").unwrap();
             format!("{before}OPEN_FILE = {}{}", name.display(), &after[after.find('\n').unwrap()..])
         });
-        told(&report, Severity::Warning).into_iter().any(|text| text.contains("OPEN_FILE"))
+        reported(&report, Severity::Warning).into_iter().any(|text| text.contains("OPEN_FILE"))
     };
     assert!(!opening(&program));
     assert!(opening(&folder.path().join("my second part.ngc")));

@@ -258,7 +258,7 @@ impl Drive<'_> {
             v = target.min(end).clamp(v - change, v + change).max(0.0);
             let way = (last + v) / 2.0 * PERIOD;
             s = (s + way.max(1e-9 * self.length)).min(self.length);
-            self.tell(v, s);
+            self.publish(v, s);
             let pose = (self.path)(s);
             cycle(self.module, &pose, &pose);
             run.see(self.module, before, &pose);
@@ -272,7 +272,7 @@ impl Drive<'_> {
         run
     }
 
-    fn tell(&self, v: f64, s: f64) {
+    fn publish(&self, v: f64, s: f64) {
         self.module.set("requested-vel", self.feed);
         self.module.set("current-vel", v);
         self.module.set("distance-to-go", self.length - s);
@@ -502,7 +502,7 @@ fn calls_for_the_end_points_of_queued_moves_change_nothing() {
         (0..400)
             .map(|k| {
                 let s = 0.1 * f64::from(k);
-                drive.tell(100.0, s);
+                drive.publish(100.0, s);
                 let here = line(s);
                 let joints = module.inverse(&here).expect("on the path");
                 if queued {
@@ -559,7 +559,7 @@ fn what_lies_within_the_braking_distance_is_told_with_leg_and_reason() {
         set(&module);
         let drive = drive(&module, &along, 200.0);
         for k in 0..5 {
-            drive.tell(100.0, 0.1 * f64::from(k));
+            drive.publish(100.0, 0.1 * f64::from(k));
             cycle(&module, &along(0.1 * f64::from(k)), &along(0.1 * f64::from(k)));
         }
         let on = module.is_on("limit-soon");
@@ -617,7 +617,7 @@ fn no_input_makes_the_feed_scale_anything_but_a_share_above_the_floor() {
             let drive = drive(&module, &line, 200.0);
             for k in 0..12 {
                 let s = 20.0 + 0.2 * f64::from(k);
-                drive.tell(200.0, s);
+                drive.publish(200.0, s);
                 if k > 4 {
                     module.set(&pin, value);
                 }
@@ -642,7 +642,7 @@ fn scales_along(line: &Path, speed: f64, floor: f64) -> Vec<f64> {
     (0..200)
         .map(|k| {
             let s = f64::from(k);
-            drive.tell(1000.0, s);
+            drive.publish(1000.0, s);
             module.set("requested-vel", 1000.0);
             cycle(&module, &line(s), &line(s));
             module.get("feed-scale")
@@ -680,7 +680,7 @@ fn before_homing_and_after_a_jump_of_the_pose_the_feed_scale_is_a_number() {
     assert_eq!((module.get("feed-scale"), module.is_on("feed-inhibit")), (1.0, false));
     let module = hexapod(80.0);
     for s in [0.0, 0.1, 0.2, 150.0, 0.0, 0.0] {
-        drive(&module, &line, 200.0).tell(100.0, s);
+        drive(&module, &line, 200.0).publish(100.0, s);
         cycle(&module, &line(s), &line(s));
         assert!((0.02..=1.0).contains(&module.get("feed-scale")));
     }
@@ -702,7 +702,7 @@ fn with_the_identity_kinematics_nothing_is_guarded() {
     let module = hexapod(10.0);
     let drive = drive(&module, &line, 200.0);
     for k in 0..5 {
-        drive.tell(100.0, 0.1 * f64::from(k));
+        drive.publish(100.0, 0.1 * f64::from(k));
         cycle(&module, &line(0.1 * f64::from(k)), &line(0.1 * f64::from(k)));
     }
     assert!(module.get("feed-scale") < 0.5 && module.is_on("limit-soon"));

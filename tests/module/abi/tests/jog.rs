@@ -72,7 +72,7 @@ impl<'a> Jog<'a> {
         self.module.inverse(&self.pose).expect("within reach")
     }
 
-    fn told(&self) -> [f64; 6] {
+    fn speed_limits(&self) -> [f64; 6] {
         AXES.map(|axis| self.module.get(&format!("jog-velocity.{axis}")))
     }
 
@@ -103,7 +103,7 @@ impl<'a> Jog<'a> {
             // In LinuxCNC the limits only decrease during a jog.
             let known = self.task.map_or(FASTEST, |late| limits[n.saturating_sub(late)]);
             self.cycle(keys, known);
-            limits.push(self.told());
+            limits.push(self.speed_limits());
             run.changes += usize::from(limits[n] != limits[n + 1]);
             let joints = self.joints();
             let fastest = (0..6).map(|i| (joints[i] - before[i]).abs() / PERIOD / JOINT_SPEED);
@@ -223,12 +223,12 @@ fn axes_have_their_own_speeds_where_nothing_is_jogged() {
     let module = hexapod();
     let mut jog = Jog::from(&module, HOME, Some(10));
     jog.cycle([0.0; 6], FASTEST);
-    assert_eq!(jog.told(), FASTEST);
+    assert_eq!(jog.speed_limits(), FASTEST);
     assert!(module.get("jog-scale") == 1.0 && !module.is_on("jog-stop"));
     // LinuxCNC follows a new speed limit in some cycles.
     module.set("axis-max-velocity.x", 20.0);
     module.monitor_until_all_is_shown();
-    assert_eq!(jog.told()[0], 20.0);
+    assert_eq!(jog.speed_limits()[0], 20.0);
     // A program moves along the same path.
     for _ in 0..3000 {
         jog.cycle([0.0, 0.0, -30.0, 0.0, 0.0, 0.0], FASTEST);

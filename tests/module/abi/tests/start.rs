@@ -115,7 +115,7 @@ fn before_homing(module: Module) -> Module {
     module
 }
 
-fn far() -> Pose {
+fn far_pose() -> Pose {
     [3.6, 2.9, 2.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
@@ -138,21 +138,21 @@ fn cycle(module: &Module, joints: &Joints, world: &mut Pose) -> i32 {
 #[test]
 fn the_pose_is_found_at_the_first_call() {
     let module = started(&[false]);
-    let joints = module.inverse(&far()).unwrap();
+    let joints = module.inverse(&far_pose()).unwrap();
     let mut world = HOME;
     assert_eq!(cycle(&module, &joints, &mut world), 0);
-    assert_same(&world, &far());
+    assert_same(&world, &far_pose());
     assert!(!module.is_on("searching"));
     // The command's call has home as its seed, and gets the pose.
     let mut command = HOME;
     assert_eq!(module.forward_into(&joints, &mut command), 0);
-    assert_same(&command, &far());
+    assert_same(&command, &far_pose());
 }
 
 #[test]
 fn a_search_of_several_cycles_gives_no_pose_meanwhile_and_is_no_fault() {
     let module = slowly_started();
-    let joints = module.inverse(&far()).unwrap();
+    let joints = module.inverse(&far_pose()).unwrap();
     let mut world = HOME;
     let mut cycles = 0;
     while cycle(&module, &joints, &mut world) == SEARCHING {
@@ -164,14 +164,14 @@ fn a_search_of_several_cycles_gives_no_pose_meanwhile_and_is_no_fault() {
     // Two boxes of at most 4096 steps, 384 a cycle.
     assert!((2..22).contains(&cycles), "{cycles} cycles");
     assert!(!module.is_on("searching") && !module.is_on("fwd-kins-fail"));
-    assert_same(&world, &far());
+    assert_same(&world, &far_pose());
     assert!(module.messages().is_empty(), "{:?}", module.messages());
 }
 
 #[test]
 fn after_homing_again_the_pose_is_searched_for_again() {
     let module = slowly_started();
-    let joints = module.inverse(&far()).unwrap();
+    let joints = module.inverse(&far_pose()).unwrap();
     let mut world = HOME;
     while cycle(&module, &joints, &mut world) == SEARCHING {}
     // A call in every cycle: no search.
@@ -200,9 +200,9 @@ fn joints_outside_all_boxes_or_of_two_poses_are_refused_with_their_code() {
     assert!(world[0].is_nan());
     assert_eq!(module.get("fault"), f64::from(OUTSIDE_BOXES));
     // The joints return into the box.
-    let joints = module.inverse(&far()).unwrap();
+    let joints = module.inverse(&far_pose()).unwrap();
     assert_eq!(cycle(&module, &joints, &mut world), 0);
-    assert_same(&world, &far());
+    assert_same(&world, &far_pose());
 
     let module = started(&[false, true]);
     let mut world = HOME;
@@ -239,10 +239,10 @@ fn without_boxes_there_are_no_pins_for_them_and_home_is_where_forward_starts() {
     assert!(!module.pins().iter().any(|pin| pin.name.starts_with("pkmkins.box.")));
     assert!(!module.has("searching"));
     module.apply();
-    let joints = module.inverse(&far()).unwrap();
+    let joints = module.inverse(&far_pose()).unwrap();
     let mut world = HOME;
     assert_eq!(module.forward_into(&joints, &mut world), 0);
-    assert_same(&world, &far());
+    assert_same(&world, &far_pose());
 }
 
 /// Below the base, at the other pose of the same joints.
@@ -251,15 +251,15 @@ const MIRRORED: Pose = [5.0, 1.768, -3.06, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 #[test]
 fn three_legs_that_move_x_y_and_z_start_without_boxes_and_whatever_the_seed() {
     let module = before_homing(tripod(0));
-    let joints = module.inverse(&far()).unwrap();
+    let joints = module.inverse(&far_pose()).unwrap();
     let mut world = MIRRORED;
     assert_eq!(module.forward_into(&joints, &mut world), 0);
-    assert_same(&world, &far());
+    assert_same(&world, &far_pose());
     module.monitor();
     // A new caller has LinuxCNC's pose for it.
     let mut command = MIRRORED;
     assert_eq!(module.forward_into(&joints, &mut command), 0);
-    assert_same(&command, &far());
+    assert_same(&command, &far_pose());
     // A joint is unhomed: no call; the joints may have been anywhere.
     for _ in 0..3 {
         module.monitor();
