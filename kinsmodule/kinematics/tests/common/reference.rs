@@ -105,7 +105,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// Computes D = t + R center, as in the legs' equations.
-    fn state(&self, pose: &Pose) -> State {
+    pub fn state(&self, pose: &Pose) -> State {
         let rotation = pose.rotation();
         let centre = Vector3::from(self.geometry.centre);
         let mut d = pose.position + rotation * centre;
@@ -124,7 +124,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// Returns the vector from base anchor to platform anchor.
-    fn span(&self, leg: &LegGeometry, state: &State) -> Vector3<f64> {
+    pub fn span(&self, leg: &LegGeometry, state: &State) -> Vector3<f64> {
         state.centre + self.lever(leg, state) - Vector3::from(leg.base)
     }
 
