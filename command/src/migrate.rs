@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `pkm migrate`.
 
-use super::failure::{Failure, tell_error};
+use super::failure::{Failure, report_error};
 use super::{Bar, Verdict, input, output, print_text};
 use machine::read::diagnostic::rendered;
 use new::make::limit_lines;
@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let migrated = match migrated {
         Ok(migrated) => migrated,
         Err(Refusal::Misfit(text)) => {
-            tell_error(&text);
+            report_error(&text);
             return Ok(Verdict::Misfit);
         }
         Err(refusal) => return Err(refusal.into()),

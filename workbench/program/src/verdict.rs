@@ -153,8 +153,7 @@ fn to_zero((file, line): (usize, u32), home: f64) -> Caution {
 }
 
 /// Returns whether another work offset may help. Another position does not make a program slower, two mechanisms have
-/// two
-/// offsets, and the search uses only the machine's own poses.
+/// two offsets, and the search uses only the machine's own poses.
 fn may_shift(config: &MachineConfig, found: &Preflight) -> bool {
     found.breaks.iter().any(|broken| !broken.limit.is_of_time())
         && config.mechanisms.len() == 1

@@ -163,11 +163,7 @@ fn programs_are_judged_and_run_as_the_equations_have_it() {
             }
             from = *to;
         }
-        let is_known = |rule: Rule| match rule {
-            Rule::Limit(Limit::Tilt) => true,
-            Rule::Limit(Limit::JointRange) => true,
-            _ => false,
-        };
+        let is_known = |rule: Rule| matches!(rule, Rule::Limit(Limit::Tilt | Limit::JointRange));
         let is_told = found.breaks.iter().any(|told| is_known(told.limit));
         if found.fits() {
             assert!(least > -ROUNDED, "{} fits, and leaves a limit by {least}", drawn.name);
@@ -253,7 +249,7 @@ fn a_letter_alone_takes_the_time_of_its_feed_and_acceleration() {
             // Joints near their ends, or far from an axis that turns the work or the tool, may be too fast for
             // their drives.
             let carries =
-                drawn.extra.iter().any(|e| e.axis.letter == axis.letter && e.carries != "");
+                drawn.extra.iter().any(|e| e.axis.letter == axis.letter && !e.carries.is_empty());
             if (is_angle && carries) || room(&drawn, &world, &drawn.tools(0)) < 0.15 {
                 continue;
             }
