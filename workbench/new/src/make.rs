@@ -352,7 +352,7 @@ fn checked(
     Err(Refusal::Misfit(format!("this machine does not fit together:\n{}", lines.join("\n"))))
 }
 
-/// Replaces the temporary file in findings by the machine's file.
+/// Replaces the temporary paths in findings by those of the machine's files.
 fn name_place(report: &mut Report, folder: &Path, order: &Order) {
     for Finding { problem, .. } in &mut report.findings {
         if let Ok(name) = problem.file.strip_prefix(folder) {

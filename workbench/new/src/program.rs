@@ -62,7 +62,7 @@ pub fn first(plan: &Plan, limits: &AxisBox) -> String {
     text
 }
 
-/// Returns a table with one tool without a length.
+/// Returns a table with one tool without a length, or the table of an older configuration.
 pub fn tools<'a>(plan: &'a Plan) -> &'a str {
     let carried = plan.carried.as_ref();
     carried.map_or("T1 P1 Z0 D0 ;no length yet: measure your tools\n", |old| &old.tools)
