@@ -162,6 +162,7 @@ test-programs: setup setup-page
 	$(BEHIND) $(CARGO) test --profile host $(LOCKED) --no-fail-fast
 
 test-virtual: setup
+	$(BEHIND) tests/hal/hal_test.tcl
 	$(BEHIND) tests/live/traces_test.py
 	$(BEHIND) tests/live/truth.py --random 200 --out build/truth-random
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm

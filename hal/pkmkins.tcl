@@ -112,9 +112,11 @@ proc pkmkins::check_exist {pins} {
     }
 }
 
-# The signal a pin is on, or the one given.
+# Returns the signal of a pin, or the one given. HAL shows pins with longer names as well: motion.jog-stop-immediate.
 proc pkmkins::signal_of {pin signal} {
-    regexp {(?:=[=>]>?|<=[=>]?)\s+(\S+)\s*$} [string trim [hal show pin $pin]] -> signal
+    foreach line [split [hal show pin $pin] \n] {
+        if {[regexp {\s(\S+)\s+(?:=[=>]>?|<=[=>]?)\s+(\S+)\s*$} $line -> name own] && $name eq $pin} { return $own }
+    }
     return $signal
 }
 

@@ -36,12 +36,14 @@ proc pkmkins_drives::need {section key what} {
     return $text
 }
 
-# A decimal number; without it the default, or a complaint where there is none.
+# Returns a decimal number; without it the default, or {} with a complaint. Zeros in front would make it octal
+# for Tcl and for a pin that takes integers.
 proc pkmkins_drives::number {section key what {default ""}} {
-    set text [expr {$default eq "" ? [need $section $key $what] : [ini $section $key $default]}]
+    if {$default eq ""} { need $section $key $what }
+    set text [regsub {^([+-]?)0+(?=[0-9])} [ini $section $key $default] {\1}]
     if {$text ne "" && ![regexp {^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$} $text]} {
         complain $section $key "= \"$text\": expected $what, one decimal number"
-        return 0
+        return ""
     }
     return $text
 }
@@ -77,7 +79,8 @@ proc pkmkins_drives::names {suffix} {
 # A limit of a joint and a quarter: a generator of steps that can do no more than LinuxCNC asks for never
 # catches up.
 proc pkmkins_drives::above {n key} {
-    return [expr {1.25 * [number JOINT_$n $key "the limit of the joint"]}]
+    set limit [number JOINT_$n $key "the limit of the joint"]
+    return [expr {$limit eq "" ? 0 : 1.25 * $limit}]
 }
 
 # The settings of all joints, as `of_joint` has them of one: pins and values, in turn. Stops the start
@@ -112,9 +115,11 @@ proc pkmkins_drives::add_functions {read write} {
     }
 }
 
-# The signal a pin is on, or the one given.
+# Returns the signal of a pin, or the one given. HAL shows pins with longer names as well, such as the inverted twin of an input.
 proc pkmkins_drives::signal_of {pin signal} {
-    regexp {(?:=[=>]>?|<=[=>]?)\s+(\S+)\s*$} [string trim [hal show pin $pin]] -> signal
+    foreach line [split [hal show pin $pin] \n] {
+        if {[regexp {\s(\S+)\s+(?:=[=>]>?|<=[=>]?)\s+(\S+)\s*$} $line -> name own] && $name eq $pin} { return $own }
+    }
     return $signal
 }
 

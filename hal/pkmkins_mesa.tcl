@@ -19,7 +19,7 @@ proc pkmkins_mesa::card {} { return hm2_[pkmkins_drives::ini HOSTMOT2 BOARD].0 }
 
 # What a joint has on the card: that of its number, or of the one that a key gives.
 proc pkmkins_mesa::instance {kind n key} {
-    return [card].$kind.[format %02d [pkmkins_drives::ini JOINT_$n $key $n]]
+    return [card].$kind.[format %02d [scan [pkmkins_drives::ini JOINT_$n $key $n] %d]]
 }
 
 proc pkmkins_mesa::has_timer {} { return [expr {[pkmkins_drives::ini HOSTMOT2 DPLL_TIMER_US] ne ""}] }
@@ -40,7 +40,7 @@ proc pkmkins_mesa::faults {} { return [card].watchdog.has_bit }
 
 proc pkmkins_mesa::settings {} {
     variable watchdog_cycles
-    lappend settings [card].watchdog.timeout_ns [expr {$watchdog_cycles * [pkmkins_drives::ini EMCMOT SERVO_PERIOD]}]
+    lappend settings [card].watchdog.timeout_ns [expr {$watchdog_cycles * [scan [pkmkins_drives::ini EMCMOT SERVO_PERIOD] %d]}]
     if {[has_timer]} { lappend settings [card].dpll.01.timer-us [pkmkins_drives::ini HOSTMOT2 DPLL_TIMER_US] }
     # gpio that are outputs.
     foreach pin [pkmkins_drives::outputs] {

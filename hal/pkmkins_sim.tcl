@@ -91,7 +91,7 @@ proc pkmkins_sim::wire_drive {n} {
     hal setp J${n}_drive.maxa [ini JOINT_$n MAX_ACCELERATION]
     hal setp J${n}_true.offset [start_position $n]
     # `offset` subtracts on the feedback side what it adds on the command side.
-    if {[is_absolute $n]} { hal setp J${n}_encoder.offset [expr {-[start_position $n]}] }
+    if {[is_absolute $n]} { hal setp J${n}_encoder.offset [expr {-[scan [start_position $n] %f]}] }
 }
 
 proc pkmkins_sim::searching_joints {} {

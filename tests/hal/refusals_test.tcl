@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+# What the files for drives refuse: every key that is missing or no number, all of them in one list, before anything is loaded.
+
+# The lines of a case, with its keys changed: `section key value`, with {} for one that is left out.
+proc changed {case changes} {
+    set lines {}
+    set section ""
+    foreach line [split [content $::here/cases/$case.ini] \n] {
+        regexp {^\[(.*)\]$} $line -> section
+        foreach {own key value} $changes {
+            if {$own ne $section || ![string match "$key = *" $line]} { continue }
+            set line [expr {$value eq "" ? "" : "$key = $value"}]
+        }
+        lappend lines $line
+    }
+    return [join $lines \n]
+}
+
+# What a case with changed keys is told, without the heading; fails where a line of `absent` was asked for before the end.
+proc refusal {case changes absent} {
+    set lines [asked [changed $case $changes]]
+    if {"ends" ni $lines} { error "it is not refused" }
+    foreach line [lsearch -all -inline -not $lines "says *"] {
+        if {[regexp $absent $line]} { error "asked for: $line" }
+    }
+    set told [lmap line [lsearch -all -inline $lines "says ?*"] { string range $line 5 end }]
+    if {[lindex $told 0] ne "pkmkins: the drives are not set up, LinuxCNC does not start:"} { error "no heading: $told" }
+    return [lmap text [lrange $told 1 end] { regsub {^pkmkins: } $text "" }]
+}
+
+# Keys that are needed: case, section, key, what is expected. A number may be of any sign unless it is a scale.
+set steps "steps per unit of the joint"
+set times "nanoseconds, from the sheet of the drive"
+set needed {}
+foreach {case drive section keys} [subst {
+    mesa_step {load|run|net|set} HOSTMOT2 {DRIVER "the driver of the card with its parameters, as hm2_eth board_ip=10.10.10.10" BOARD "the name of the card in HAL, as 7i92"}
+    mesa_step {load|run|net|set} IO {ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"}
+    mesa_step {load|run|net|set} JOINT_1 {SCALE "$steps" STEPLEN "$times" STEPSPACE "$times" DIRSETUP "$times" DIRHOLD "$times" MAX_VELOCITY "the limit of the joint" MAX_ACCELERATION "the limit of the joint"}
+    mesa_step {(net|set) \[^ ]*spindle} SPINDLE_0 {OUTPUT_PIN "the analogue output, as hm2_7i76e.0.7i76.0.0.spinout" OUTPUT_SCALE "turns per minute at full output"}
+    mesa_step {pump-} IO {PUMP_PIN "the output that lets the pump run" PUMP_OK_PIN "the input that is true while the thermal contact of the pump is closed"}
+    mesa_step_least {vfd} SPINDLE_0 {VFD "the component with its line, as hy_vfd -n vfd -d /dev/ttyUSB0"}
+    mesa_servo {load|run|net|set} HOSTMOT2 {DRIVER "the driver of the card with its parameters, as hm2_eth board_ip=10.10.10.10"}
+    mesa_servo {load|run|net|set} IO {ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"}
+    mesa_servo {load|run|net|set} JOINT_0 {P "a gain of the PID loop" OUTPUT_SCALE "speed of the joint at full output" ENCODER_SCALE "counts per unit of the joint"}
+    mesa_servo {load|run|net|set} JOINT_1 {P "a gain of the PID loop" OUTPUT_SCALE "speed of the joint at full output"}
+    parport {load|run|net|set} EMCMOT {BASE_PERIOD "nanoseconds between two steps, as latency-test shows"}
+    parport {load|run|net|set} PARPORT {PORTS "addresses of the ports, as 0x378 out"}
+    parport {load|run|net|set} IO {ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"}
+    parport {load|run|net|set} JOINT_0 {SCALE "$steps" STEPLEN "$times" STEPSPACE "$times" DIRSETUP "$times" DIRHOLD "$times" MAX_VELOCITY "the limit of the joint" MAX_ACCELERATION "the limit of the joint" STEP_PIN "an output of a port, as parport.0.pin-02-out" DIR_PIN "an output of a port, as parport.0.pin-02-out"}
+    parport {(net|set) \[^ ]*spindle} SPINDLE_0 {RAMP_TIME "the seconds that the spindle needs to come up, or AT_SPEED_PIN, or SPEED_PIN"}
+    ethercat {load|run|net|set} ETHERCAT {CONFIG "the file with the drives and their process data"}
+    ethercat {load|run|net|set} JOINT_0 {SCALE "increments per unit of the joint"}
+    ethercat {load|run|net|set} IO {ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"}
+}] {
+    foreach {key expected} $keys { lappend needed $case $drive $section $key $expected }
+}
+
+foreach {case absent section key expected} $needed {
+    test missing-$case-$section-$key "a missing key is named" {
+        refusal $case [list $section $key {}] $absent
+    } [list "\[$section\]$key is missing: expected $expected"]
+}
+
+# What is no decimal number; a list of two is none either.
+set numbers {}
+foreach {case absent section key expected} $needed {
+    if {[regexp {SCALE|STEP[LS]|DIR[SH]|MAX_|^P$|RAMP|BASE_P} $key]} { lappend numbers $case $absent $section $key $expected }
+}
+lappend numbers mesa_step {load|run|net|set} JOINT_1 STEPGEN_MAXVEL "units and seconds"
+lappend numbers mesa_step {load|run|net|set} JOINT_1 STEPGEN_MAXACCEL "units and seconds"
+lappend numbers parport {load|run|net|set} JOINT_1 STEPGEN_MAXVEL "units and seconds"
+lappend numbers parport {load|run|net|set} JOINT_1 STEPGEN_MAXACCEL "units and seconds"
+lappend numbers mesa_servo {load|run|net|set} JOINT_2 OUTPUT_MIN_LIMIT "a speed"
+lappend numbers mesa_servo {load|run|net|set} JOINT_2 OUTPUT_MAX_LIMIT "a speed"
+foreach key {I D FF0 FF1 FF2 BIAS DEADBAND MAX_OUTPUT MAX_ERROR} {
+    lappend numbers mesa_servo {load|run|net|set} JOINT_1 $key "a gain of the PID loop"
+}
+foreach {case absent section key expected} $numbers {
+    test number-$case-$section-$key "what is no number is refused with its value" {
+        refusal $case [list $section $key "4 mm"] $absent
+    } [list "\[$section\]$key = \"4 mm\": expected $expected, one decimal number"]
+    if {[string match *SCALE $key]} {
+        test zero-$case-$section-$key "a scale of 0 is refused" {
+            refusal $case [list $section $key -0.0] $absent
+        } [list "\[$section\]$key = \"-0.0\": expected $expected, and not 0"]
+    }
+}
+foreach text {abc 1,5 0x10 nan 1e 1e1.5 . -} {
+    test form-$text "a text that is no decimal number is refused" {
+        refusal ethercat [list JOINT_1 SCALE $text] {load}
+    } [list "\[JOINT_1\]SCALE = \"$text\": expected increments per unit of the joint, one decimal number"]
+}
+foreach {text value} {+1.5 +1.5  1. 1.  .5 .5  1e3 1e3  -2.5E-1 -2.5E-1  007 7  -007.5 -7.5  0.25 0.25} {
+    test form-$text "a decimal number is taken as it is" {
+        lsearch -inline [asked [changed ethercat [list JOINT_1 SCALE $text]]] "set cia402.1.pos-scale *"
+    } "set cia402.1.pos-scale $value"
+}
+
+test missing-all "everything that is missing is in one list" {
+    refusal mesa_step {HOSTMOT2 BOARD {} IO ESTOP_PIN {} JOINT_0 SCALE {} JOINT_1 DIRHOLD x} {load|run|net|set}
+} [list \
+    {[HOSTMOT2]BOARD is missing: expected the name of the card in HAL, as 7i92} \
+    {[IO]ESTOP_PIN is missing: expected the input that is true while the chain of the emergency stop is closed, or NONE} \
+    {[JOINT_0]SCALE is missing: expected steps per unit of the joint} \
+    {[JOINT_1]DIRHOLD = "x": expected nanoseconds, from the sheet of the drive, one decimal number}]
+
+test missing-joints "the number of joints is needed" {
+    refusal ethercat {KINS JOINTS {}} {load}
+} {{[KINS]JOINTS is missing: expected the number of joints}}
+
+# A spindle that is known to be up by one way needs no other one.
+foreach {key value} {AT_SPEED_PIN parport.1.pin-15-in SPEED_PIN parport.1.pin-15-in} {
+    test enough-$key "one way to know that the spindle is up is enough" {
+        expr {"ends" in [asked [regsub {RAMP_TIME = 4} [content $here/cases/parport.ini] "$key = $value"]]}
+    } 0
+}
