@@ -173,12 +173,14 @@ wheel() {
 python-figures() { test-wheel; virtually build/wheel/env/bin/python python/benchmarks/figures.py; }
 ## paper-figures: runs the design studies of the papers; tables in build/design-papers.md
 paper-figures() { wheel-env; build/wheel/env/bin/python python/benchmarks/papers.py; }
-## python-tools: writes tools/python.txt, the newest versions of what tools/python.in names, with their hashes
+## python-tools: writes tools/*.txt, the newest versions of what tools/*.in name, with their hashes
 python-tools() {
     python3 -m venv --clear target/tools/pip-tools
     target/tools/pip-tools/bin/pip install --quiet --disable-pip-version-check pip-tools
-    target/tools/pip-tools/bin/pip-compile --quiet --upgrade --generate-hashes --strip-extras --allow-unsafe \
-        --no-annotate --no-header --no-emit-index-url --output-file tools/python.txt tools/python.in
+    for list in tools/*.in; do
+        target/tools/pip-tools/bin/pip-compile --quiet --upgrade --generate-hashes --strip-extras --allow-unsafe \
+            --no-annotate --no-header --no-emit-index-url --output-file "${list%.in}.txt" "$list"
+    done
 }
 ## repository: makes of build/release a repository for apt, in build/repository
 repository() { packaging/repository.sh "$@"; }

@@ -13,7 +13,7 @@ namespace eval model {
     # Lines of components.txt: component, what, type or {}, names.
     variable rows {}
     variable state {pins {} patterns {} functions {} threads {} loaded {} signals {} values {} now 0 events {} asked {} on_setp list
-                    components {} on_exec {error "couldn't execute"}}
+                    components {} on_exec error}
     # Folder of the HAL files.
     variable hal $::root/hal
 }
@@ -138,9 +138,16 @@ proc model::addf {function thread args} {
     ask run $thread $function {*}$args
 }
 
+# As halcmd does it: every pin is looked at before one is put on the signal.
 proc model::net {signal args} {
     variable signals
-    foreach pin $args {
+    set before $signals
+    try { put $signal $args } on error {text options} { set signals $before; return -options $options $text }
+}
+
+proc model::put {signal pins} {
+    variable signals
+    foreach pin $pins {
         if {[regexp {^<?=>?>?$} $pin]} { continue }
         lassign [known $pin] way type
         if {$way eq "parameter"} { drives::mistake "$pin is a parameter" }
@@ -263,7 +270,7 @@ proc model::pass {ms} {
         lassign $event at script
         if {$at > $now} { continue }
         set events [lsearch -all -inline -not -exact $events $event]
-        eval $script
+        namespace eval ::model $script
     }
 }
 
