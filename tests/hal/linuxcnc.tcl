@@ -102,7 +102,7 @@ proc model::known {name} {
 
 proc model::ask {args} {
     variable asked
-    lappend asked [join $args]
+    lappend asked $args
 }
 
 proc model::loadrt {name args} {

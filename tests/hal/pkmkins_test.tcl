@@ -13,10 +13,13 @@ namespace eval model {
     # Makes pins of the module.
     proc module {names} {
         foreach name $names {
-            set kind ""
-            dict for {pattern own} $::promised { if {[string match $pattern pkmkins.$name]} { set kind $own; break } }
-            if {$kind eq ""} { error "pkmkins.$name is not in names.txt" }
-            exists pkmkins.$name {*}$kind
+            if {![dict exists $::promised pkmkins.$name]} {
+                dict for {pattern own} $::promised {
+                    if {[string match $pattern pkmkins.$name]} { dict set ::promised pkmkins.$name $own; break }
+                }
+            }
+            # Fails where names.txt has no such pin.
+            exists pkmkins.$name {*}[dict get $::promised pkmkins.$name]
         }
     }
 }

@@ -20,7 +20,7 @@ judge() {
     cp "$mutant" "$folder/$name"
     if ! tclsh /dev/stdin "$mutant" <<< 'exit [expr {![info complete [read [open [lindex $argv 0]]]]}]'; then
         list=unviable
-    elif timeout 60 tests/hal/hal_test.tcl --first "$folder" > /dev/null 2>&1; then
+    elif timeout 60 tests/hal/hal_test.tcl "$folder" "$name" > /dev/null 2>&1; then
         list=missed
     else
         list=caught

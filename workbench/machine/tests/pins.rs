@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Output of `pkmkins-pins`; tests/cases/ini/run.py passes it to the module.
 
+use keys::{Key, chain, joint, leg, machine as pkm, second, workspace_box};
 use machine::read::diagnostic::of_machine;
 use machine::read::pins::printed;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
-use test_support::shipped::root;
+use test_support::shipped::{MACHINES, root};
 
 fn shipped(name: &str) -> PathBuf {
     root().join(format!("configs/{name}/{name}.ini"))
@@ -21,6 +23,257 @@ fn text_of(text: &str) -> String {
 
 fn has(text: &str, line: &str) -> bool {
     text.lines().any(|own| own == line)
+}
+
+/// Returns the lines `pin NAME VALUE` by name.
+fn pins_of(text: &str) -> BTreeMap<String, f64> {
+    let pins = text.lines().filter_map(|line| line.strip_prefix("pin ")?.split_once(' '));
+    pins.map(|(name, value)| (name.into(), value.parse().unwrap())).collect()
+}
+
+/// Returns the pins of a key of the INI file by the rule of the manual page: the key in small letters with - for _, behind it
+/// the number of the section and the parts of a vector.
+fn expected(section: &str, key: &str, value: &str) -> Vec<(String, f64)> {
+    let (kind, number) = section.rsplit_once('_').unwrap_or((section, ""));
+    let name = key.to_lowercase().replace('_', "-");
+    let number = number.to_lowercase();
+    let (all, stem): (&[&Key], String) = match kind {
+        "PKM" => (pkm::ALL, name.clone()),
+        "SECOND" => (second::ALL, format!("second.{name}")),
+        "LEG" => (leg::ALL, format!("{name}.{number}")),
+        "JOINT" => (joint::ALL, format!("{name}.{number}")),
+        "CHAIN" => (chain::ALL, format!("chain.{number}.{name}")),
+        "BOX" => (workspace_box::ALL, format!("box.{number}.{name}")),
+        "SECOND_BOX" => (workspace_box::ALL, format!("second.box.{number}.{name}")),
+        _ => return vec![],
+    };
+    let rows = key.strip_prefix("ROW_").filter(|_| kind.ends_with("BOX"));
+    if rows.is_none() && !all.iter().any(|own| own.name == key && !own.pin.is_empty()) {
+        return vec![];
+    }
+    let words: Vec<&str> = value.split_whitespace().collect();
+    let parts: Vec<String> = match (rows, words.len()) {
+        (Some(letter), count) => {
+            let stem = stem.rsplit_once('.').unwrap().0;
+            let letter = letter.to_lowercase();
+            let row = (0..count).map(|n| format!("{stem}.matrix.{letter}.{n}"));
+            return row.zip(words).map(|(name, word)| (name, word.parse().unwrap())).collect();
+        }
+        (None, 1) => return vec![(stem, number_of(words[0]))],
+        (None, 2) if key == "EFFECTOR" => vec!["r".into(), "z".into()],
+        (None, 2) => vec!["about".into(), "across".into()],
+        (None, _) => ["x", "y", "z", "a", "b", "c"].map(String::from).into(),
+    };
+    let values = words.iter().map(|word| word.parse().unwrap());
+    parts.into_iter().map(|part| format!("{stem}.{part}")).zip(values).collect()
+}
+
+/// Returns the number that a pin has for a word of the INI file.
+fn number_of(word: &str) -> f64 {
+    match word {
+        "WORK" => 1.0,
+        "TOOL" => 2.0,
+        "LEGS" => 3.0,
+        _ => match word.strip_prefix("0x") {
+            Some(digits) => f64::from(u32::from_str_radix(digits, 16).unwrap()),
+            None => word.parse().unwrap(),
+        },
+    }
+}
+
+/// Returns the sections, keys and values of a file, the first of each key.
+fn entries(text: &str) -> Vec<(String, String, String)> {
+    let mut section = "";
+    let mut found: Vec<(String, String, String)> = vec![];
+    for line in text.lines() {
+        if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+            section = name;
+        } else if let Some((key, value)) = line.split_once('=').filter(|_| !line.starts_with('#')) {
+            let entry = (section.to_string(), key.trim().to_string(), value.trim().to_string());
+            if !found.iter().any(|own| (&own.0, &own.1) == (&entry.0, &entry.1)) {
+                found.push(entry);
+            }
+        }
+    }
+    found
+}
+
+/// Checks that the printed pins are those of the keys and nothing else; those of the reference pose, of leads and of the planner have tests of
+/// their own.
+fn assert_every_key_reaches_its_pin(name: &str, text: &str) {
+    let mut printed = pins_of(&text_of(text));
+    let count = printed.len();
+    assert!(count > 20, "{name}: {}", text_of(text));
+    for (section, key, value) in entries(text) {
+        for (pin, value) in expected(&section, &key, &value) {
+            if pin.starts_with("lead.") || pin == "screw-lead" {
+                continue;
+            }
+            assert_eq!(printed.remove(&pin), Some(value), "{name}: [{section}]{key}: {pin}");
+        }
+    }
+    // Of all that is left, a default of the file's reader has one value.
+    if let Some(value) = printed.remove("limit-iterations") {
+        assert_eq!(value, 288.0, "{name}");
+    }
+    let others = ["home.", "second.home.", "lead.", "screw-lead", "max-override"];
+    let accelerations = ["linear-acceleration", "angular-acceleration"];
+    printed
+        .retain(|pin, _| !others.iter().chain(&accelerations).any(|start| pin.starts_with(start)));
+    assert!(printed.is_empty(), "{name}: of no key: {printed:?}");
+}
+
+#[test]
+fn every_key_of_a_shipped_machine_reaches_its_pin() {
+    for name in MACHINES {
+        assert_every_key_reaches_its_pin(name, &fs::read_to_string(shipped(name)).unwrap());
+    }
+}
+
+/// Keys that no shipped machine has, each joint and leg with values of its own.
+#[test]
+fn every_other_key_reaches_its_pin() {
+    let mut text = fs::read_to_string(shipped("hexapod")).unwrap();
+    text = text.replace(" boxes=1", "").replace("[BOX_0]", "[OLD_BOX]");
+    let more = "[PKM]\nCENTRE = 1.5 -2.5 3.5\nSPINDLE_OFFSET = 12.25\nCONVERGENCE_CRITERION = 2e-9\nRESIDUAL_LIMIT = 0.001\n\
+        MAX_ERROR = 499\nCONDITIONING_LIMIT = 0.01\nROD_CLEARANCE = 7\nTILT_LIMIT = 41\nFEED_FLOOR = 0.03\n";
+    text = text.replace("[PKM]\n", more);
+    for n in 0..6 {
+        let offset = format!("[LEG_{n}]\nOFFSET = {n}.5\nBASE_CONE = 8{n}\nPLATFORM_CONE = 9{n}\n");
+        text = text.replace(&format!("[LEG_{n}]\n"), &offset);
+        let correction =
+            format!("[JOINT_{n}]\nCORRECTION_LIMIT = 0.{n}1\nCORRECTION_RATE = 1.{n}\n");
+        text = text.replace(&format!("[JOINT_{n}]\n"), &correction);
+    }
+    assert_every_key_reaches_its_pin("hexapod with more keys", &text);
+    assert!(pins_of(&text_of(&text)).contains_key("correction-rate.5"));
+    // The second mechanism's own keys, and the distance of both.
+    let mirrored = fs::read_to_string(shipped("lathe-mirrored")).unwrap();
+    let text = format!("{mirrored}[SECOND]\nCENTRE = 4 5 6\nSPINDLE_OFFSET = -3\n")
+        .replace(" boxes=1", "")
+        .replace("second_boxes=1", "")
+        .replace("[BOX_0]", "[OLD_BOX]")
+        .replace("[SECOND_BOX_0]", "[OLD_SECOND]");
+    assert_every_key_reaches_its_pin("lathe-mirrored with an offset", &text);
+    assert_eq!(pins_of(&text_of(&text))["second.spindle-offset"], -3.0);
+}
+
+#[test]
+fn the_reference_pose_of_both_mechanisms_is_trajs_home() {
+    let mirrored = fs::read_to_string(shipped("lathe-mirrored")).unwrap();
+    let text = mirrored
+        .replace("HOME = 0 450 1000 0 0 0 0 450 2600", "HOME = 1 451 1002 0 3 4 5 456 2607");
+    assert_ne!(text, mirrored);
+    let pins = pins_of(&text_of(&text));
+    let of =
+        |stem: &str| ["x", "y", "z", "a", "b", "c"].map(|letter| pins[&format!("{stem}.{letter}")]);
+    assert_eq!(of("home"), [1.0, 451.0, 1002.0, 0.0, 3.0, 4.0]);
+    assert_eq!(of("second.home"), [5.0, 456.0, 2607.0, 0.0, 0.0, 0.0]);
+}
+
+/// What the planner may ask for: the smallest of the axes' and of the planner's own, of tool and platform.
+#[test]
+fn the_planner_has_the_smallest_acceleration_of_what_brakes_the_tool() {
+    let planner = |text: &str| {
+        let pins = pins_of(&text_of(text));
+        ["linear-acceleration", "angular-acceleration", "max-override"]
+            .map(|name| pins.get(name).copied())
+    };
+    // Every axis has an acceleration of its own: the largest first, so that none is taken for another.
+    let with = |name: &str, values: &[(&str, f64)]| {
+        let text = fs::read_to_string(shipped(name)).unwrap();
+        let mut section = String::new();
+        let lines = text.lines().map(|line| {
+            if line.starts_with('[') {
+                section = line.trim_matches(['[', ']']).into();
+            }
+            let key = line.split('=').next().unwrap().trim();
+            let is_it = |(of, _): &&(&str, f64)| {
+                *of == format!("{section}/{key}") || *of == section && key == "MAX_ACCELERATION"
+            };
+            match values.iter().find(is_it) {
+                Some((_, value)) if *value == 0.0 => String::new(),
+                Some((_, value)) => format!("{key} = {value}"),
+                None => line.into(),
+            }
+        });
+        lines.collect::<Vec<String>>().join("\n") + "\n"
+    };
+    const LINEAR: &str = "TRAJ/MAX_LINEAR_ACCELERATION";
+    const ANGULAR: &str = "TRAJ/MAX_ANGULAR_ACCELERATION";
+    let axes = |own: &'static str, least: f64| {
+        let all = [
+            "AXIS_X", "AXIS_Y", "AXIS_Z", "AXIS_A", "AXIS_B", "AXIS_C", "AXIS_U", "AXIS_V",
+            "AXIS_W",
+        ];
+        let mut values: Vec<(&str, f64)> = all.iter().map(|axis| (*axis, 5000.0)).collect();
+        values.extend([(LINEAR, 6000.0), (ANGULAR, 7000.0), ("DISPLAY/MAX_FEED_OVERRIDE", 1.25)]);
+        values.retain(|(axis, _)| *axis != own);
+        values.push((own, least));
+        values
+    };
+    let machines = [
+        ("hexapod", "XYZABC", ""),
+        ("lathe-mirrored", "XYZBCUVW", "UVW"),
+        ("hexapod-rotary-table", "XYZABC", ""),
+    ];
+    for (name, letters, second) in machines {
+        for letter in "XYZABCUVW".chars() {
+            let axis: &'static str = match letter {
+                'X' => "AXIS_X",
+                'Y' => "AXIS_Y",
+                'Z' => "AXIS_Z",
+                'A' => "AXIS_A",
+                'B' => "AXIS_B",
+                'C' => "AXIS_C",
+                'U' => "AXIS_U",
+                'V' => "AXIS_V",
+                _ => "AXIS_W",
+            };
+            let found = planner(&with(name, &axes(axis, 10.0)));
+            let is_linear = "XYZ".contains(letter) || second.contains(letter);
+            let brakes = letters.contains(letter);
+            let of = |moves: bool| Some(if moves && brakes { 10.0 } else { 5000.0 });
+            let expected = [of(is_linear), of("ABC".contains(letter)), Some(1.25)];
+            assert_eq!(found, expected, "{name}: {letter}");
+        }
+        assert_eq!(
+            planner(&with(name, &axes(LINEAR, 11.0)))[..2],
+            [Some(11.0), Some(5000.0)],
+            "{name}"
+        );
+        assert_eq!(
+            planner(&with(name, &axes(ANGULAR, 12.0)))[..2],
+            [Some(5000.0), Some(12.0)],
+            "{name}"
+        );
+        // Without a key, and with a value that LinuxCNC does not take either, the default of the module stays.
+        let text = with(name, &axes("DISPLAY/MAX_FEED_OVERRIDE", 0.0));
+        assert_eq!(planner(&text)[2], None, "{name}");
+        assert_eq!(
+            planner(&with(name, &axes("DISPLAY/MAX_FEED_OVERRIDE", -1.0)))[2],
+            None,
+            "{name}"
+        );
+    }
+    // A slide that carries something brakes the tool, and one that carries nothing does not.
+    let slide = |carries: &str| {
+        let text = with("linear-delta", &axes("AXIS_X", 5000.0));
+        let joint = "[JOINT_3]\nTYPE = LINEAR\nMIN_LIMIT = -1\nMAX_LIMIT = 1\nMAX_VELOCITY = 1\nMAX_ACCELERATION = 1\n";
+        let axis =
+            "[AXIS_W]\nMIN_LIMIT = -1\nMAX_LIMIT = 1\nMAX_VELOCITY = 1\nMAX_ACCELERATION = 10\n";
+        text.replace("coordinates=XYZ", "coordinates=XYZ axes=W")
+            .replace("COORDINATES = XYZ", "COORDINATES = XYZW")
+            .replace("JOINTS = 3", "JOINTS = 4")
+            .replace(" boxes=1", "")
+            .replace("[BOX_0]", "[OLD_BOX]")
+            + joint
+            + axis
+            + carries
+    };
+    let carrying = slide("[CHAIN_W]\nCARRIES = WORK\nAXIS = 0 0 1\n");
+    assert_eq!(planner(&carrying)[0], Some(10.0), "{}", text_of(&carrying));
+    assert_eq!(planner(&slide(""))[0], Some(5000.0), "{}", text_of(&slide("")));
 }
 
 #[test]

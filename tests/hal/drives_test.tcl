@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What the files for drives refuse: every key that is missing or no number, all of them in one list, before anything is loaded.
+# The files for drives, spindle and coolant: what each asks for, and what it refuses: every key that is missing or no number, all
+# of them in one list, before anything is loaded.
+
+foreach case [lsort [glob $here/cases/*.ini]] {
+    set name [file rootname [file tail $case]]
+    test $name "asks for what $name.hal lists" {
+        difference [asked [content $case]] [table [content [file rootname $case].hal]]
+    } {}
+}
 
 # The lines of a case, with its keys changed: `section key value`, with {} for one that is left out.
 proc changed {case changes} {
@@ -90,7 +98,7 @@ foreach text {abc 1,5 0x10 nan 1e 1e1.5 . -} {
         refusal ethercat [list JOINT_1 SCALE $text] {load}
     } [list "\[JOINT_1\]SCALE = \"$text\": expected increments per unit of the joint, one decimal number"]
 }
-foreach {text value} {+1.5 +1.5  1. 1.  .5 .5  1e3 1e3  -2.5E-1 -2.5E-1  007 7  -007.5 -7.5  0.25 0.25} {
+foreach {text value} {+1.5 +1.5  1. 1.  .5 .5  1e3 1e3  -2.5E-1 -2.5E-1  007 7  -007.5 -7.5  0.25 0.25  .05 .05  10.06 10.06  1e10 1e10  2E05 2E05} {
     test form-$text "a decimal number is taken as it is" {
         lsearch -inline [asked [changed ethercat [list JOINT_1 SCALE $text]]] "set cia402.1.pos-scale *"
     } "set cia402.1.pos-scale $value"
