@@ -9,7 +9,7 @@ foreach case [lsort [glob $here/cases/*.ini]] {
     } {}
 }
 
-# The lines of a case, with its keys changed: `section key value`, with {} for one that is left out.
+# Returns the INI file of a case with keys changed: `section key value`, with {} for a key that is left out.
 proc changed {case changes} {
     set lines {}
     set section ""
@@ -24,16 +24,16 @@ proc changed {case changes} {
     return [join $lines \n]
 }
 
-# What a case with changed keys is told, without the heading; fails where a line of `absent` was asked for before the end.
+# Returns the complaints about a case with changed keys. Fails without a heading, or where a line that matches `absent` was asked for.
 proc refusal {case changes absent} {
     set lines [asked [changed $case $changes]]
     if {"ends" ni $lines} { error "it is not refused" }
     foreach line [lsearch -all -inline -not $lines "says *"] {
         if {[regexp $absent $line]} { error "asked for: $line" }
     }
-    set told [lmap line [lsearch -all -inline $lines "says ?*"] { string range $line 5 end }]
-    if {[lindex $told 0] ne "pkmkins: the drives are not set up, LinuxCNC does not start:"} { error "no heading: $told" }
-    return [lmap text [lrange $told 1 end] { regsub {^pkmkins: } $text "" }]
+    set complaints [lmap line [lsearch -all -inline $lines "says ?*"] { string range $line 5 end }]
+    if {[lindex $complaints 0] ne "pkmkins: the drives are not set up, LinuxCNC does not start:"} { error "no heading: $complaints" }
+    return [lmap text [lrange $complaints 1 end] { regsub {^pkmkins: } $text "" }]
 }
 
 # Keys that are needed: case, section, key, what is expected. A number may be of any sign unless it is a scale.
@@ -121,4 +121,17 @@ foreach {key value} {AT_SPEED_PIN parport.1.pin-15-in SPEED_PIN parport.1.pin-15
     test enough-$key "one way to know that the spindle is up is enough" {
         expr {"ends" in [asked [regsub {RAMP_TIME = 4} [content $here/cases/parport.ini] "$key = $value"]]}
     } 0
+}
+
+# A spindle or a pump behind drives of the machine's own.
+foreach {file case} {vfd_modbus mesa_step_least vfd_analog mesa_servo coolant mesa_step} {
+    test alone-$file "the file needs no file for drives" {
+        set text [regsub -all {HALFILE = [^\n]*\n} [content $here/cases/$case.ini] ""]
+        set card {add_component hm2_7i92 {}}
+        set lines [asked [regsub {\[HAL\]\n} $text "\[HAL\]\nHALFILE = board.tcl\nHALFILE = LIB:pkmkins_$file.tcl\n"] $card]
+        set of_case [table [content $here/cases/$case.hal]]
+        # Everything that it asks for is in the table of the case, whose signals may have more pins.
+        set strange [lmap line [lrange $lines 2 end] { if {$line in $of_case} continue; set line }]
+        list [llength $lines] $strange
+    } [dict get {vfd_modbus {9 {}} vfd_analog {10 {}} coolant {20 {}}} $file]
 }

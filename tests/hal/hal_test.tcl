@@ -25,7 +25,7 @@ proc finish {} {
     exit [expr {$tcltest::numTests(Failed) > 0}]
 }
 
-# The tests that use a HAL file.
+# Returns the tests that use a HAL file.
 proc tests_of {file} {
     switch $file {
         pkmkins.tcl { return pkmkins }
@@ -35,7 +35,7 @@ proc tests_of {file} {
     }
 }
 
-# The lines of a file.
+# Returns the text of a file.
 proc content {file} {
     set channel [open $file]
     set text [read $channel]
@@ -43,7 +43,7 @@ proc content {file} {
     return $text
 }
 
-# A table as `asked` has it.
+# Returns the lines of a table in the order of `asked`.
 proc table {text} {
     set lines [lsearch -all -inline -regexp [split $text \n] {^[^#]}]
     set ordered [lsearch -all -inline -regexp $lines {^(load|start|run|ends|stops) }]

@@ -22,7 +22,7 @@ proc model::answered {pin value} {
     if {[regexp {^pkmkins\.axis-max-velocity\.(.)$} $pin -> letter]} { dict set values pkmkins.jog-velocity.$letter $value }
 }
 
-# Lines of the axes that are slowed.
+# Returns the lines of axes that are slowed.
 proc slowed {letters} {
     return [concat [lsort [lmap letter $letters {
         string cat "set pkmkins.axis-max-velocity.$letter " [expr {200 + [scan $letter %c]}]
@@ -31,7 +31,7 @@ proc slowed {letters} {
     }]]]
 }
 
-proc told {text} { return "says pkmkins: jogs are not slowed before limits: $text" }
+proc reported {text} { return "says pkmkins: jogs are not slowed before limits: $text" }
 
 # Name, letters of the machine, part of the prelude, letters that are slowed, what is said, and the time it takes in ms.
 foreach {name letters more expected says least most} {
@@ -49,12 +49,16 @@ foreach {name letters more expected says least most} {
 } {
     test jog-$name "the axes that can be slowed are, and the others are named" {
         set lines [jog $letters $more]
-        set said [expr {$says eq "" ? {} : [list [told $says]]}]
+        set said [expr {$says eq "" ? {} : [list [reported $says]]}]
         set difference [difference $lines [table [join [concat [slowed $expected] $said] \n]]]
         if {$model::now < $least || $model::now > $most} { append difference "took $model::now ms" }
         set difference
     } {}
 }
+
+test jog-inch "speeds of less than 1, as a machine in inches has them, are speeds" {
+    jog x {dict set values ini.x.max_velocity 0.4}
+} {{set pkmkins.axis-max-velocity.x 0.4} {net pkmkins:jog-velocity-x pkmkins.jog-velocity.x => ini.x.max_velocity}}
 
 test jog-answer "the module becomes the writer of a speed once it allows as much" {
     set lines [jog {x y} {
@@ -81,7 +85,7 @@ test jog-twice "whoever comes second finds the work done" {
 test jog-taken "a speed that another signal has stays there" {
     set lines [jog {x y} {exists mine out float; net mine mine ini.x.max_velocity}]
     difference $lines [table [join [concat [slowed y] {{net mine mine => ini.x.max_velocity}} \
-        [list [told "ini.x.max_velocity is on signal mine: take it off"]]] \n]]
+        [list [reported "ini.x.max_velocity is on signal mine: take it off"]]] \n]]
 } {}
 
 test jog-longer-name "a pin with a longer name is another pin" {
@@ -91,16 +95,16 @@ test jog-longer-name "a pin with a longer name is another pin" {
 
 test jog-own-limit "a module whose limit another signal sets is named" {
     jog {x y} {exists mine out float; net mine mine pkmkins.axis-max-velocity.x}
-} [linsert [concat [slowed y] [list [told "pkmkins.axis-max-velocity.x is on signal mine"]]] 1 \
+} [linsert [concat [slowed y] [list [reported "pkmkins.axis-max-velocity.x is on signal mine"]]] 1 \
     "net mine mine => pkmkins.axis-max-velocity.x"]
 
 test jog-writer "a signal of the same name with another writer is named" {
     lindex [jog x {exists mine out float; net pkmkins:jog-velocity-x mine}] end
-} [told "pkmkins:jog-velocity-x has the writer mine already, and cannot have pkmkins.jog-velocity.x"]
+} [reported "pkmkins:jog-velocity-x has the writer mine already, and cannot have pkmkins.jog-velocity.x"]
 
-test jog-broken "an error ends nothing, and is told" {
+test jog-broken "an error ends nothing, and is reported" {
     jog x {interp alias $::drives::box hal {} apply {args {error "HAL has gone"}}}
-} [list [told "HAL has gone"]]
+} [list [reported "HAL has gone"]]
 
 test jog-closed "where nobody reads, nothing ends" {
     set lines [jog x {dict unset pins pkmkins.jog-scale; interp alias $::drives::box puts {} error}]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# LinuxCNC's HAL as far as hal/*.tcl use it, with a clock that only waits move: no LinuxCNC, no hardware.
+# A model of LinuxCNC's HAL, as far as hal/*.tcl use it, with a clock that only waits move: no LinuxCNC, no hardware.
 #
 # `asked` carries out the HAL files of an INI file in the interpreter of `pkm check` and returns what they ask for. As in
 # HAL, a step fails where a pin does not exist, has another type or direction, or has a writer already. `components.txt`
@@ -32,7 +32,7 @@ proc model::read_rows {file} {
 }
 model::read_rows [file join [file dirname [info script]] components.txt]
 
-# A state of HAL as LinuxCNC's start has it before the first HAL file.
+# Resets HAL to its state before the first HAL file.
 proc model::reset {} {
     variable state
     foreach {name value} $state { variable $name $value }
@@ -41,7 +41,7 @@ proc model::reset {} {
     add_component iocontrol {}
 }
 
-# Makes a pin or a parameter, `way` in, out, io or parameter; its name may be a pattern.
+# Creates a pin or a parameter, `way` in, out, io or parameter; its name may be a pattern.
 proc model::exists {name way type {value ""}} {
     variable pins
     variable patterns
@@ -50,7 +50,7 @@ proc model::exists {name way type {value ""}} {
     if {$value ne ""} { dict set values $name $value }
 }
 
-# Makes what a component has, by what it is loaded with.
+# Creates pins, parameters and functions of a component from its load parameters.
 proc model::add_component {component words} {
     variable rows
     variable functions
@@ -96,7 +96,9 @@ proc model::known {name} {
     variable pins
     variable patterns
     if {[dict exists $pins $name]} { return [dict get $pins $name] }
-    foreach {pattern kind} $patterns { if {[string match $pattern $name]} { return $kind } }
+    foreach {pattern kind} $patterns {
+        if {[string match $pattern $name] && ![regexp {\s} $name]} { return $kind }
+    }
     drives::mistake "pin or parameter $name does not exist"
 }
 
@@ -118,7 +120,7 @@ proc model::loadrt {name args} {
     ask load $name {*}$args
 }
 
-# Components of loadusr are ready at once.
+# Starts a component, which is ready at once.
 proc model::loadusr {args} {
     set name [lindex $args end]
     for {set k 0} {$k < [llength $args]} {incr k} {
@@ -138,7 +140,7 @@ proc model::addf {function thread args} {
     ask run $thread $function {*}$args
 }
 
-# As halcmd does it: every pin is looked at before one is put on the signal.
+# Connects pins to a signal as halcmd does: it checks all of them before it connects one.
 proc model::net {signal args} {
     variable signals
     set before $signals
@@ -189,7 +191,7 @@ proc model::getp {pin} {
     return [expr {[dict exists $values $pin] ? [dict get $values $pin] : 0}]
 }
 
-# Names that begin with a text or match a pattern, as halcmd has it.
+# Returns the names that begin with a text or match a pattern, as halcmd does.
 proc model::matching {pattern} {
     variable pins
     variable signals
@@ -235,7 +237,7 @@ proc drives::hal {frames verb args} {
     return ""
 }
 
-# What the recorder says of steps is not needed; how a file ends is.
+# Drops the recorder's steps, which the model has, and keeps how a file ends.
 proc drives::say {args} {
     set text [lassign $args file line what]
     if {$what in {refused failed} && $text ne "exit"} { model::ask stops {*}$text }
@@ -256,7 +258,7 @@ proc drives::print {args} {
     lappend printed [string trim [lindex $args end]]
 }
 
-# Has a script run once so many milliseconds have passed.
+# Runs a script once so many milliseconds have passed.
 proc model::later {ms script} {
     variable events
     lappend events [list $ms $script]
@@ -287,8 +289,8 @@ proc drives::make_box {} {
     namespace eval ::model $::model::prelude
 }
 
-# The lines in the order of the files where it matters: loads, programs, functions, and how it ends; then values and
-# signals, sorted. What is printed comes last.
+# Returns loads, programs, functions and the end in the order of the files; then values and signals, sorted, and at last what
+# is printed.
 proc model::lines {} {
     variable asked
     variable signals
