@@ -83,6 +83,23 @@ proc pkmkins_drives::above {n key} {
     return [expr {$limit eq "" ? 0 : 1.25 * $limit}]
 }
 
+# Returns the settings of a joint's step generator, whose pins begin with `pin`.
+proc pkmkins_drives::step_settings {n pin} {
+    set section JOINT_$n
+    lappend settings $pin.position-scale [scale $section SCALE "steps per unit of the joint"]
+    foreach key {STEPLEN STEPSPACE DIRSETUP DIRHOLD} {
+        set what "nanoseconds, from the data sheet of the drive"
+        set text [number $section $key $what]
+        # The pin takes integers only.
+        if {[regexp {[^0-9]} $text]} { complain $section $key "= \"$text\": expected $what, a whole number" }
+        lappend settings $pin.[string tolower $key] $text
+    }
+    foreach {key parameter limit} {STEPGEN_MAXVEL maxvel MAX_VELOCITY STEPGEN_MAXACCEL maxaccel MAX_ACCELERATION} {
+        lappend settings $pin.$parameter [number $section $key "units and seconds" [above $n $limit]]
+    }
+    return $settings
+}
+
 # The settings of all joints, as `of_joint` has them of one: pins and values, in turn. Stops the start
 # before anything is loaded where a key is missing or no good.
 proc pkmkins_drives::settings {of_joint} {

@@ -29,14 +29,7 @@ proc pkmkins_mesa_step::generator {n} {
 
 proc pkmkins_mesa_step::of_joint {n} {
     set pin [generator $n]
-    set section JOINT_$n
-    lappend settings $pin.position-scale [pkmkins_drives::scale $section SCALE "steps per unit of the joint"]
-    foreach key {STEPLEN STEPSPACE DIRSETUP DIRHOLD} {
-        lappend settings $pin.[string tolower $key] [pkmkins_drives::number $section $key "nanoseconds, from the data sheet of the drive"]
-    }
-    foreach {key parameter limit} {STEPGEN_MAXVEL maxvel MAX_VELOCITY STEPGEN_MAXACCEL maxaccel MAX_ACCELERATION} {
-        lappend settings $pin.$parameter [pkmkins_drives::number $section $key "units and seconds" [pkmkins_drives::above $n $limit]]
-    }
+    set settings [pkmkins_drives::step_settings $n $pin]
     lappend settings $pin.step_type 0 $pin.control-type 0
     if {[pkmkins_mesa::has_timer]} { lappend settings $pin.timer-number 1 }
     return $settings

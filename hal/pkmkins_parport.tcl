@@ -38,16 +38,8 @@ proc pkmkins_parport::check {} {
 }
 
 proc pkmkins_parport::of_joint {n} {
-    set section JOINT_$n
-    foreach key {STEP_PIN DIR_PIN} { pkmkins_drives::need $section $key "an output of a port, such as parport.0.pin-02-out" }
-    lappend settings stepgen.$n.position-scale [pkmkins_drives::scale $section SCALE "steps per unit of the joint"]
-    foreach key {STEPLEN STEPSPACE DIRSETUP DIRHOLD} {
-        lappend settings stepgen.$n.[string tolower $key] [pkmkins_drives::number $section $key "nanoseconds, from the data sheet of the drive"]
-    }
-    foreach {key parameter limit} {STEPGEN_MAXVEL maxvel MAX_VELOCITY STEPGEN_MAXACCEL maxaccel MAX_ACCELERATION} {
-        lappend settings stepgen.$n.$parameter [pkmkins_drives::number $section $key "units and seconds" [pkmkins_drives::above $n $limit]]
-    }
-    return $settings
+    foreach key {STEP_PIN DIR_PIN} { pkmkins_drives::need JOINT_$n $key "an output of a port, such as parport.0.pin-02-out" }
+    return [pkmkins_drives::step_settings $n stepgen.$n]
 }
 
 proc pkmkins_parport::enables {n} { return stepgen.$n.enable }

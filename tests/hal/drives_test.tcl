@@ -93,6 +93,13 @@ foreach {case absent section key expected} $numbers {
         } [list "\[$section\]$key = \"-0.0\": expected $expected, and not 0"]
     }
 }
+foreach key {STEPLEN STEPSPACE DIRSETUP DIRHOLD} {
+    foreach text {5000.5 5e3 -5000} {
+        test whole-$key-$text "a time is a whole number of nanoseconds" {
+            refusal mesa_step [list JOINT_1 $key $text] {load|run|net|set}
+        } [list "\[JOINT_1\]$key = \"$text\": expected $times, a whole number"]
+    }
+}
 foreach text {abc 1,5 0x10 nan 1e 1e1.5 . -} {
     test form-$text "a text that is no decimal number is refused" {
         refusal ethercat [list JOINT_1 SCALE $text] {load}
