@@ -152,6 +152,8 @@ fn every_other_key_reaches_its_pin() {
     let more = "[PKM]\nCENTRE = 1.5 -2.5 3.5\nSPINDLE_OFFSET = 12.25\nCONVERGENCE_CRITERION = 2e-9\nRESIDUAL_LIMIT = 0.001\n\
         MAX_ERROR = 499\nCONDITIONING_LIMIT = 0.01\nFEED_FLOOR = 0.03\n";
     text = text.replace("[PKM]\n", more).replace("TILT_LIMIT = 30", "TILT_LIMIT = 29.5");
+    // Values are in machine units, whatever these are.
+    text = text.replace("LINEAR_UNITS = mm", "LINEAR_UNITS = inch");
     for n in 0..6 {
         let offset = format!("[LEG_{n}]\nOFFSET = {n}.5\n");
         text = text.replace(&format!("[LEG_{n}]\n"), &offset);
