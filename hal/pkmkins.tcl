@@ -29,7 +29,7 @@ namespace eval pkmkins {
 
 # LinuxCNC ends its start when a HAL file ends with a code that is not 0.
 proc pkmkins::stop {text} {
-    puts stderr "\npkmkins: LinuxCNC does not start, because the machine is not configured correctly:\n$text\n"
+    puts stderr "\npkmkins: LinuxCNC does not start, because the machine could not be set up:\n$text\n"
     exit 1
 }
 
@@ -145,14 +145,14 @@ proc pkmkins::wire_guard {} {
     if {$taken eq ""} {
         hal net pkmkins:feed-scale pkmkins.feed-scale motion.adaptive-feed
     } elseif {$taken ne [signal_of pkmkins.feed-scale ""]} {
-        puts stderr "pkmkins: motion.adaptive-feed already has signal $taken, so pkmkins.feed-scale has no effect; multiply both"
+        puts stderr "pkmkins: motion.adaptive-feed already has signal $taken: pkmkins.feed-scale has no effect unless a mult2 multiplies both"
     }
     connect pkmkins:jogging motion.jog-is-active pkmkins.jogging
     set taken [signal_of motion.jog-stop ""]
     if {$taken eq ""} {
         hal net pkmkins:jog-stop pkmkins.jog-stop motion.jog-stop
     } elseif {$taken ne [signal_of pkmkins.jog-stop ""]} {
-        puts stderr "pkmkins: motion.jog-stop already has signal $taken, so pkmkins.jog-stop has no effect; join both with an or2"
+        puts stderr "pkmkins: motion.jog-stop already has signal $taken: pkmkins.jog-stop has no effect unless an or2 joins both"
     }
 }
 

@@ -104,7 +104,7 @@ proc pkmkins_jog::attach {} {
     }
     foreach {axis fastest} $asked {
         if {$axis in $waiting} {
-            lappend reasons "pkmkins.jog-velocity.$axis is [hal getp pkmkins.jog-velocity.$axis] not\
+            lappend reasons "pkmkins.jog-velocity.$axis is [hal getp pkmkins.jog-velocity.$axis], not\
                 $fastest: check that pkmkins.monitor runs in a thread"
         } elseif {[catch {
             hal net pkmkins:jog-velocity-$axis pkmkins.jog-velocity.$axis ini.$axis.max_velocity

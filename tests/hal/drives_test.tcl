@@ -32,33 +32,37 @@ proc refusal {case changes absent} {
         if {[regexp $absent $line]} { error "asked for: $line" }
     }
     set complaints [lmap line [lsearch -all -inline $lines "says ?*"] { string range $line 5 end }]
-    if {[lindex $complaints 0] ne "pkmkins: the drives are not set up, LinuxCNC does not start:"} { error "no heading: $complaints" }
+    if {[lindex $complaints 0] ne "pkmkins: LinuxCNC does not start, because the drives are not configured correctly:"} { error "no heading: $complaints" }
     return [lmap text [lrange $complaints 1 end] { regsub {^pkmkins: } $text "" }]
 }
 
 # Keys that are needed: case, section, key, what is expected. A number may be of any sign unless it is a scale.
 set steps "steps per unit of the joint"
-set times "nanoseconds, from the sheet of the drive"
+set times "nanoseconds, from the data sheet of the drive"
+set estop "the input that is true while the emergency stop chain is closed, or NONE"
+set driver "the driver of the card with its parameters, such as hm2_eth board_ip=10.10.10.10"
+set board "the HAL name of the card, such as 7i92"
+set output "an output of a port, such as parport.0.pin-02-out"
 set needed {}
 foreach {case drive section keys} [subst {
-    mesa_step {load|run|net|set} HOSTMOT2 {DRIVER "the driver of the card with its parameters, as hm2_eth board_ip=10.10.10.10" BOARD "the name of the card in HAL, as 7i92"}
-    mesa_step {load|run|net|set} IO {ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"}
+    mesa_step {load|run|net|set} HOSTMOT2 {DRIVER "$driver" BOARD "$board"}
+    mesa_step {load|run|net|set} IO {ESTOP_PIN "$estop"}
     mesa_step {load|run|net|set} JOINT_1 {SCALE "$steps" STEPLEN "$times" STEPSPACE "$times" DIRSETUP "$times" DIRHOLD "$times" MAX_VELOCITY "the limit of the joint" MAX_ACCELERATION "the limit of the joint"}
-    mesa_step {(net|set) \[^ ]*spindle} SPINDLE_0 {OUTPUT_PIN "the analogue output, as hm2_7i76e.0.7i76.0.0.spinout" OUTPUT_SCALE "turns per minute at full output"}
-    mesa_step {pump-} IO {PUMP_PIN "the output that lets the pump run" PUMP_OK_PIN "the input that is true while the thermal contact of the pump is closed"}
-    mesa_step_least {vfd} SPINDLE_0 {VFD "the component with its line, as hy_vfd -n vfd -d /dev/ttyUSB0"}
-    mesa_servo {load|run|net|set} HOSTMOT2 {DRIVER "the driver of the card with its parameters, as hm2_eth board_ip=10.10.10.10"}
-    mesa_servo {load|run|net|set} IO {ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"}
+    mesa_step {(net|set) \[^ ]*spindle} SPINDLE_0 {OUTPUT_PIN "the analog output, such as hm2_7i76e.0.7i76.0.0.spinout" OUTPUT_SCALE "turns per minute at full output"}
+    mesa_step {pump-} IO {PUMP_PIN "the output that enables the pump" PUMP_OK_PIN "the input that is true while the thermal contact of the pump is closed"}
+    mesa_step_least {vfd} SPINDLE_0 {VFD "the component with its arguments, such as hy_vfd -n vfd -d /dev/ttyUSB0"}
+    mesa_servo {load|run|net|set} HOSTMOT2 {DRIVER "$driver"}
+    mesa_servo {load|run|net|set} IO {ESTOP_PIN "$estop"}
     mesa_servo {load|run|net|set} JOINT_0 {P "a gain of the PID loop" OUTPUT_SCALE "speed of the joint at full output" ENCODER_SCALE "counts per unit of the joint"}
     mesa_servo {load|run|net|set} JOINT_1 {P "a gain of the PID loop" OUTPUT_SCALE "speed of the joint at full output"}
-    parport {load|run|net|set} EMCMOT {BASE_PERIOD "nanoseconds between two steps, as latency-test shows"}
-    parport {load|run|net|set} PARPORT {PORTS "addresses of the ports, as 0x378 out"}
-    parport {load|run|net|set} IO {ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"}
-    parport {load|run|net|set} JOINT_0 {SCALE "$steps" STEPLEN "$times" STEPSPACE "$times" DIRSETUP "$times" DIRHOLD "$times" MAX_VELOCITY "the limit of the joint" MAX_ACCELERATION "the limit of the joint" STEP_PIN "an output of a port, as parport.0.pin-02-out" DIR_PIN "an output of a port, as parport.0.pin-02-out"}
-    parport {(net|set) \[^ ]*spindle} SPINDLE_0 {RAMP_TIME "the seconds that the spindle needs to come up, or AT_SPEED_PIN, or SPEED_PIN"}
+    parport {load|run|net|set} EMCMOT {BASE_PERIOD "the base period in nanoseconds, see latency-test"}
+    parport {load|run|net|set} PARPORT {PORTS "addresses of the ports, such as 0x378 out"}
+    parport {load|run|net|set} IO {ESTOP_PIN "$estop"}
+    parport {load|run|net|set} JOINT_0 {SCALE "$steps" STEPLEN "$times" STEPSPACE "$times" DIRSETUP "$times" DIRHOLD "$times" MAX_VELOCITY "the limit of the joint" MAX_ACCELERATION "the limit of the joint" STEP_PIN "$output" DIR_PIN "$output"}
+    parport {(net|set) \[^ ]*spindle} SPINDLE_0 {RAMP_TIME "the spin-up time of the spindle in seconds, or AT_SPEED_PIN, or SPEED_PIN"}
     ethercat {load|run|net|set} ETHERCAT {CONFIG "the file with the drives and their process data"}
     ethercat {load|run|net|set} JOINT_0 {SCALE "increments per unit of the joint"}
-    ethercat {load|run|net|set} IO {ESTOP_PIN "the input that is true while the chain of the emergency stop is closed, or NONE"}
+    ethercat {load|run|net|set} IO {ESTOP_PIN "$estop"}
 }] {
     foreach {key expected} $keys { lappend needed $case $drive $section $key $expected }
 }
@@ -90,7 +94,7 @@ foreach {case absent section key expected} $numbers {
     if {[string match *SCALE $key]} {
         test zero-$case-$section-$key "a scale of 0 is refused" {
             refusal $case [list $section $key -0.0] $absent
-        } [list "\[$section\]$key = \"-0.0\": expected $expected, and not 0"]
+        } [list "\[$section\]$key = \"-0.0\": expected $expected, not 0"]
     }
 }
 foreach key {STEPLEN STEPSPACE DIRSETUP DIRHOLD} {
@@ -114,10 +118,10 @@ foreach {text value} {+1.5 +1.5  1. 1.  .5 .5  1e3 1e3  -2.5E-1 -2.5E-1  007 7  
 test missing-all "everything that is missing is in one list" {
     refusal mesa_step {HOSTMOT2 BOARD {} IO ESTOP_PIN {} JOINT_0 SCALE {} JOINT_1 DIRHOLD x} {load|run|net|set}
 } [list \
-    {[HOSTMOT2]BOARD is missing: expected the name of the card in HAL, as 7i92} \
-    {[IO]ESTOP_PIN is missing: expected the input that is true while the chain of the emergency stop is closed, or NONE} \
-    {[JOINT_0]SCALE is missing: expected steps per unit of the joint} \
-    {[JOINT_1]DIRHOLD = "x": expected nanoseconds, from the sheet of the drive, one decimal number}]
+    "\[HOSTMOT2\]BOARD is missing: expected $board" \
+    "\[IO\]ESTOP_PIN is missing: expected $estop" \
+    "\[JOINT_0\]SCALE is missing: expected $steps" \
+    "\[JOINT_1\]DIRHOLD = \"x\": expected $times, one decimal number"]
 
 test missing-joints "the number of joints is needed" {
     refusal ethercat {KINS JOINTS {}} {load}

@@ -43,6 +43,9 @@ proc content {file} {
     return $text
 }
 
+# Returns the line that pkmkins_jog.tcl prints for a reason.
+proc reported {text} { return "says pkmkins: jogs do not slow down near limits: $text" }
+
 # Returns the lines of a table in the order of `asked`.
 proc table {text} {
     set lines [lsearch -all -inline -regexp [split $text \n] {^[^#]}]

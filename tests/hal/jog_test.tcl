@@ -31,20 +31,18 @@ proc slowed {letters} {
     }]]]
 }
 
-proc reported {text} { return "says pkmkins: jogs are not slowed before limits: $text" }
-
 # Name, letters of the machine, part of the prelude, letters that are slowed, what is said, and the time it takes in ms.
 foreach {name letters more expected says least most} {
     all {x y z a b c} {} {x y z a b c} {} 0 0
     nine {x y z a b c u v w} {} {x y z a b c u v w} {} 0 0
     some {z b w} {} {z b w} {} 0 0
-    no-module {x} {dict unset pins pkmkins.jog-scale} {} {there is no pin pkmkins.jog-scale: load pkmkins} 0 0
+    no-module {x} {dict unset pins pkmkins.jog-scale} {} {the pin pkmkins.jog-scale is missing: load pkmkins} 0 0
     late {x y} {dict set values ini.y.max_velocity 0; later 19000 {dict set values ini.y.max_velocity 321}} {x y} {} 19000 19010
     late-pin {x y} {dict unset pins ini.x.max_velocity; later 3000 {exists ini.x.max_velocity in float 320}} {x y} {} 3000 3010
-    never {x y} {dict set values ini.y.max_velocity 0} {x} {LinuxCNC's task has not set ini.y.max_velocity after 20 s} 20000 20010
-    no-pin {x y} {dict unset pins ini.x.max_velocity} {y} {LinuxCNC's task has not set ini.x.max_velocity after 20 s} 20000 20010
+    never {x y} {dict set values ini.y.max_velocity 0} {x} {LinuxCNC's task did not set ini.y.max_velocity within 20 s} 20000 20010
+    no-pin {x y} {dict unset pins ini.x.max_velocity} {y} {LinuxCNC's task did not set ini.x.max_velocity within 20 s} 20000 20010
     two {x y} {dict unset pins ini.x.max_velocity; dict unset pins ini.y.max_velocity} {}
-    {LinuxCNC's task has not set ini.x.max_velocity after 20 s; LinuxCNC's task has not set ini.y.max_velocity after 20 s} 20000 20010
+    {LinuxCNC's task did not set ini.x.max_velocity within 20 s; LinuxCNC's task did not set ini.y.max_velocity within 20 s} 20000 20010
     letters {x y z u} {$::drives::box eval {set ::env(TRAJ_COORDINATES) XyU}} {x y u} {} 0 0
 } {
     test jog-$name "the axes that can be slowed are, and the others are named" {
@@ -75,7 +73,9 @@ test jog-no-answer "a speed is left as it is where the module does not allow as 
         later 1500 { dict set values pkmkins.jog-velocity.x 320 }
     }]
     list $lines [expr {$model::now >= 1000 && $model::now <= 1020}]
-} {{{set pkmkins.axis-max-velocity.x 320} {set pkmkins.axis-max-velocity.y 321} {net pkmkins:jog-velocity-y pkmkins.jog-velocity.y => ini.y.max_velocity} {says pkmkins: jogs are not slowed before limits: pkmkins.jog-velocity.x is 1e+99 and not 320: does pkmkins.monitor run in a thread?}} 1}
+} [list [list {set pkmkins.axis-max-velocity.x 320} {set pkmkins.axis-max-velocity.y 321} \
+    {net pkmkins:jog-velocity-y pkmkins.jog-velocity.y => ini.y.max_velocity} \
+    [reported "pkmkins.jog-velocity.x is 1e+99, not 320: check that pkmkins.monitor runs in a thread"]] 1]
 
 test jog-twice "whoever comes second finds the work done" {
     set lines [jog x {} "LIB:pkmkins_jog.tcl\nHALFILE = LIB:pkmkins_jog.tcl"]
@@ -85,7 +85,7 @@ test jog-twice "whoever comes second finds the work done" {
 test jog-taken "a speed that another signal has stays there" {
     set lines [jog {x y} {exists mine out float; net mine mine ini.x.max_velocity}]
     difference $lines [table [join [concat [slowed y] {{net mine mine => ini.x.max_velocity}} \
-        [list [reported "ini.x.max_velocity is on signal mine: take it off"]]] \n]]
+        [list [reported "ini.x.max_velocity already has signal mine: remove it"]]] \n]]
 } {}
 
 test jog-longer-name "a pin with a longer name is another pin" {

@@ -70,7 +70,14 @@ set run "exec pkmkins-panel machine.ini x c &"
 proc says {text} { return [list "says pkmkins: panel: $text"] }
 set nans {{set pyvcp.c-minus nan} {set pyvcp.c-plus nan} {set pyvcp.x-minus nan} {set pyvcp.x-plus nan}}
 set no_pyvcp "not shown: this user interface has not loaded \[DISPLAY\]PYVCP, as AXIS does; the machine runs without it"
-set no_travel "not shown: there is no pin pkmkins-panel.x-minus, pkmkins-panel.known"
+# What it reports where pkmkins-panel does not start, for a reason, and where the selector has a signal.
+proc not_started {reason} {
+    return [concat [says "pkmkins-panel does not start, so the travel left is not shown: $reason"] \
+        [says "not shown: missing pin pkmkins-panel.x-minus, pkmkins-panel.known"]]
+}
+proc taken {signal} {
+    return [says "motion.switchkins-type already has signal $signal, so the kinematics buttons have no effect"]
+}
 set app "\[APPLICATIONS\]\nAPP = pyvcp -c pyvcp panel.xml"
 
 # Name, part of the prelude, of the INI file, what is asked for, what is said, the time it takes in ms.
@@ -85,27 +92,27 @@ foreach {name more text lines says least most} [list \
     no-window {dict unset components pyvcp} $app {} [says $no_pyvcp] 10000 10020 \
     another-app {dict unset components pyvcp} "\[APPLICATIONS\]\nAPP = mypyvcp" {} [says $no_pyvcp] 0 0 \
     no-program {variable on_exec {apply {args {error "couldn't execute"}}}} "" \
-        [concat $nans [lrange $shown 0 1]] [concat [says "pkmkins-panel does not start: no travel left is shown: couldn't execute"] [says $no_travel]] 0 0 \
+        [concat $nans [lrange $shown 0 1]] [not_started "couldn't execute"] 0 0 \
     ends {variable events {}; later 500 {variable process ""}} "" \
-        [concat [list $run] $nans [lrange $shown 0 1]] [concat [says "pkmkins-panel does not start: no travel left is shown: it has ended"] [says $no_travel]] 500 510 \
+        [concat [list $run] $nans [lrange $shown 0 1]] [not_started "it has exited"] 500 510 \
     dead {variable events {}; later 500 {variable process "4711 (a) S (b) Z 1"}} "" \
-        [concat [list $run] $nans [lrange $shown 0 1]] [concat [says "pkmkins-panel does not start: no travel left is shown: it has ended"] [says $no_travel]] 500 510 \
+        [concat [list $run] $nans [lrange $shown 0 1]] [not_started "it has exited"] 500 510 \
     dies {later 90 {variable process ""; dict set components pkmkins-panel ready}; variable events [lrange $events 1 end]} "" \
-        [concat [list $run] $nans [lrange $shown 0 1]] [concat [says "pkmkins-panel does not start: no travel left is shown: it has ended"] [says $no_travel]] 90 100 \
+        [concat [list $run] $nans [lrange $shown 0 1]] [not_started "it has exited"] 90 100 \
     hangs {variable events {}} "" \
-        [concat [list $run "exec kill -KILL 4711"] $nans [lrange $shown 0 1]] [concat [says "pkmkins-panel does not start: no travel left is shown: it is not ready after 10 s"] [says $no_travel]] 10000 10020 \
+        [concat [list $run "exec kill -KILL 4711"] $nans [lrange $shown 0 1]] [not_started "it was not ready within 10 s"] 10000 10020 \
     on-signal {exists mine in float; net mine joint.0.pos-fb mine} "" \
         [concat [list $run] {{net mine joint.0.pos-fb => mine pyvcp.joint-0}} [lrange $shown 1 end] $switched] {} 100 110 \
     longer-name {exists mine in float; exists joint.0.pos-fb-more out float; net mine joint.0.pos-fb-more mine} "" \
         [concat [list $run] {{net mine joint.0.pos-fb-more => mine}} $shown $switched] {} 100 110 \
     pin-missing {dict unset pins joint.0.pos-fb} "" \
-        [concat [list $run] [lrange $shown 1 end] $switched] [says "not shown: there is no pin joint.0.pos-fb"] 100 110 \
+        [concat [list $run] [lrange $shown 1 end] $switched] [says "not shown: missing pin joint.0.pos-fb"] 100 110 \
     widget-missing {dict unset pins pyvcp.joint-0; dict unset pins pkmkins.margin.0} "" \
         [concat [list $run] [lrange $shown 2 end] $switched] \
-        [says "not shown: joint.0.pos-fb: pin or parameter pyvcp.joint-0 does not exist; there is no pin pkmkins.margin.0"] 100 110 \
+        [says "not shown: joint.0.pos-fb: pin or parameter pyvcp.joint-0 does not exist; missing pin pkmkins.margin.0"] 100 110 \
     selector-taken {exists mine out float; net mine mine motion.switchkins-type} "" \
         [concat [list $run] $shown {{net mine mine => motion.switchkins-type}}] \
-        [says "motion.switchkins-type is on signal mine: the buttons for kinematics do nothing"] 100 110 \
+        [taken mine] 100 110 \
     no-selector {dict unset pins motion.switchkins-type} "" [concat [list $run] $shown] {} 100 110 \
     no-button-machine {dict unset pins pyvcp.kinematics.machine} "" [concat [list $run] $shown] {} 100 110 \
     no-button-joints {dict unset pins pyvcp.kinematics.joints} "" [concat [list $run] $shown] {} 100 110 \
@@ -113,7 +120,7 @@ foreach {name more text lines says least most} [list \
     no-ask-joints {later 101 {dict unset pins pkmkins-panel.ask-joints}; later 100 {pass 1}} "" [concat [list $run] $shown] {} 101 111 \
     no-kinematics {later 101 {dict unset pins pkmkins-panel.kinematics}; later 100 {pass 1}} "" [concat [list $run] $shown] {} 101 111 \
     broken {interp alias $::drives::box hal {} apply {args {error "HAL has gone"}}} "" {} \
-        [concat {{says pkmkins: jogs are not slowed before limits: HAL has gone}} {*}[lrepeat 3 [says "not all is shown: HAL has gone"]]] 0 0 \
+        [concat [list [reported "HAL has gone"]] {*}[lrepeat 3 [says "not everything is shown: HAL has gone"]]] 0 0 \
 ] {
     test panel-$name "what is there is shown, and what is missing is named" {
         set difference [difference [lsort [panel $more $text]] [lsort [concat $lines $says]]]
@@ -125,7 +132,7 @@ foreach {name more text lines says least most} [list \
 test panel-twice "a file that is carried out again changes nothing and says it once" {
     set twice [panel {} "" "panel.tcl\nHALFILE = panel.tcl"]
     list [difference [lsort $twice] [lsort [concat [list $run] $shown $switched \
-        [says "motion.switchkins-type is on signal panel:kinematics: the buttons for kinematics do nothing"]]]]
+        [taken panel:kinematics]]]]
 } {{}}
 
 test panel-closed "where nobody reads, nothing ends" {
@@ -142,5 +149,5 @@ test panel-alone "without the file for jogs the panel names what is missing, and
     set model::hal $before
     string map [list $own HALLIB] $lines
 } [list $run {*}[says {not connected: couldn't read file "HALLIB/pkmkins_jog.tcl": no such file or directory}] \
-    {*}[says {not all is shown: invalid command name "wait"}] \
-    {*}[lrepeat 2 {*}[says {not all is shown: invalid command name "exists"}]]]
+    {*}[says {not everything is shown: invalid command name "wait"}] \
+    {*}[lrepeat 2 {*}[says {not everything is shown: invalid command name "exists"}]]]

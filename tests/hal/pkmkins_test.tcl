@@ -158,7 +158,7 @@ foreach {name before without with} {
     adaptive-feed-taken {exists mine.out out float; net mine mine.out motion.adaptive-feed}
     {{net pkmkins:feed-scale *}} {
         {net mine mine.out => motion.adaptive-feed}
-        {says pkmkins: motion.adaptive-feed is on signal mine: pkmkins.feed-scale does not act on it}
+        {says pkmkins: motion.adaptive-feed already has signal mine: pkmkins.feed-scale has no effect unless a mult2 multiplies both}
     }
 
     adaptive-feed-joined {net both pkmkins.feed-scale motion.adaptive-feed}
@@ -167,7 +167,7 @@ foreach {name before without with} {
     jog-stop-taken {exists mine.out out bit; net mine mine.out motion.jog-stop}
     {{net pkmkins:jog-stop *}} {
         {net mine mine.out => motion.jog-stop}
-        {says pkmkins: motion.jog-stop is on signal mine: pkmkins.jog-stop does not act on it, join both by an or2}
+        {says pkmkins: motion.jog-stop already has signal mine: pkmkins.jog-stop has no effect unless an or2 joins both}
     }
 
     jog-stop-joined {net both pkmkins.jog-stop motion.jog-stop}
@@ -179,7 +179,7 @@ foreach {name before without with} {
     both-jog-stops {exists mine.out out bit; net mine mine.out motion.jog-stop-immediate motion.jog-stop}
     {{net pkmkins:jog-stop *}} {
         {net mine mine.out => motion.jog-stop motion.jog-stop-immediate}
-        {says pkmkins: motion.jog-stop is on signal mine: pkmkins.jog-stop does not act on it, join both by an or2}
+        {says pkmkins: motion.jog-stop already has signal mine: pkmkins.jog-stop has no effect unless an or2 joins both}
     }
 
     feed-inhibit-joined {exists or.in in bit; exists or.out out bit; net inhibit or.out motion.feed-inhibit; net own pkmkins.feed-inhibit or.in}
@@ -191,49 +191,52 @@ foreach {name before without with} {
     } {}
 }
 
+# What begins every line that ends LinuxCNC's start.
+set heading "says pkmkins: LinuxCNC does not start, because the machine could not be set up:\n"
+
 test signal-feed-inhibit-taken "nothing is set where the module could not inhibit feed" {
     set model::before {exists mine.out out bit; net mine mine.out motion.feed-inhibit}
     set_up $printed {later 1 $before}
 } [list "load motmod num_joints=3" "load pkmkins" ends "net mine mine.out => motion.feed-inhibit" \
-    "says pkmkins: the machine is not set up, LinuxCNC does not start:\npkmkins: \[HAL\]HALFILE = LIB:pkmkins.tcl: motion.feed-inhibit is on signal mine already: expected an or2 of its writer and pkmkins.feed-inhibit, in a HALFILE before this one"]
+    "${heading}pkmkins: \[HAL\]HALFILE = LIB:pkmkins.tcl: motion.feed-inhibit already has signal mine: in a HALFILE before this one, join its writer and pkmkins.feed-inhibit with an or2"]
 
 # How pkmkins-pins fails or prints something else: name, change of its text, its end, and what is said. Nothing is set then.
 proc refused {lines} {
     if {[lsearch -regexp $lines {^(set|net|run) }] >= 0} { error "HAL has changed: $lines" }
     if {"ends" ni $lines} { error "it is not refused: $lines" }
-    set heading "says pkmkins: the machine is not set up, LinuxCNC does not start:\n"
     set said [lsearch -all -inline $lines "says *"]
-    if {[llength $said] != 1 || [string first $heading [lindex $said 0]] != 0} { error "said: $said" }
-    return [string range [lindex $said 0] [string length $heading] end]
+    if {[llength $said] != 1 || [string first $::heading [lindex $said 0]] != 0} { error "said: $said" }
+    return [string range [lindex $said 0] [string length $::heading] end]
 }
-set again ": install pkmkins again"
+set again "; reinstall pkmkins"
+set restart "; start LinuxCNC again"
 set program /usr/bin/pkmkins-pins
-set whole "pkmkins: $program has not printed all of its text for FILE$again"
-set changed "pkmkins: FILE has changed while LinuxCNC was starting, at"
-set version "pkmkins: $program is of version 1.2.3, and the module that is loaded of version"
+set whole "pkmkins: the output of $program for FILE is incomplete$again"
+set changed "pkmkins: FILE changed while LinuxCNC was starting, at"
+set version "pkmkins: $program has version 1.2.3, but the loaded module has version"
 foreach {name change how said} [list \
     refusal {return "\[LEG_0\]BASE is wrong\nin two lines"} {CHILDSTATUS 7 1} "\[LEG_0\]BASE is wrong\nin two lines" \
     refusal-end {return "wrong\nchild process exited abnormally"} {CHILDSTATUS 7 1} "wrong" \
-    no-word {return "child process exited abnormally"} {CHILDSTATUS 7 1} "pkmkins: $program has not read FILE: child process exited abnormally$again" \
-    other-code {return "panicked\nhere"} {CHILDSTATUS 7 101} "pkmkins: $program has not read FILE: panicked; here$again" \
-    killed {return "killed"} {CHILDKILLED 7 SIGKILL 1} "pkmkins: $program has not read FILE: killed$again" \
-    missing {return "couldn't execute"} {POSIX ENOENT {no such file}} "pkmkins: $program has not read FILE: couldn't execute$again" \
+    no-word {return "child process exited abnormally"} {CHILDSTATUS 7 1} "pkmkins: $program could not read FILE: child process exited abnormally$again" \
+    other-code {return "panicked\nhere"} {CHILDSTATUS 7 101} "pkmkins: $program could not read FILE: panicked; here$again" \
+    killed {return "killed"} {CHILDKILLED 7 SIGKILL 1} "pkmkins: $program could not read FILE: killed$again" \
+    missing {return "couldn't execute"} {POSIX ENOENT {no such file}} "pkmkins: $program could not read FILE: couldn't execute$again" \
     empty {return ""} "" $whole \
     no-end {regsub {\nend$} $text ""} "" $whole \
     no-version {regsub {version 1.2.3\n} $text ""} "" $whole \
     no-compared {regsub -line {^compared.*\n} $text ""} "" $whole \
-    behind-end {return $text\nmore} "" "pkmkins: $program prints \"more\"$again" \
+    behind-end {return $text\nmore} "" "pkmkins: unexpected output of $program, \"more\"$again" \
     pin-behind-end {return "$text\npin centre.y 2"} "" $whole \
-    bad-line {regsub {pin centre.x 1} $text {pin centre.x [exit 0]}} "" "pkmkins: $program prints \"pin centre.x \[exit 0\]\"$again" \
-    bad-name {regsub {pin centre.x 1} $text {pin Centre.x 1}} "" "pkmkins: $program prints \"pin Centre.x 1\"$again" \
-    bad-version {regsub {version 1.2.3} $text {version 1.2}} "" "pkmkins: $program prints \"version 1.2\"$again" \
-    bad-compared {regsub {compared KINS} $text {compared kins}} "" "pkmkins: $program prints \"compared kins * TRAJ * PKM * JOINT_* * DISPLAY MAX_FEED_OVERRIDE LEG_* BASE\"$again" \
-    other-value {regsub {MIN_LIMIT=2} $text {MIN_LIMIT=3}} "" "$changed \[JOINT_1\]MIN_LIMIT = 2: start LinuxCNC again" \
-    key-more {regsub {ini PKM CENTRE=1 2 3} $text "ini PKM CENTRE=1 2 3\nini PKM MAX_ERROR=1"} "" "$changed \[PKM\]MAX_ERROR = 1: start LinuxCNC again" \
-    key-less {regsub {ini PKM CENTRE=1 2 3\n} $text ""} "" "$changed \[PKM\]CENTRE = 1 2 3: start LinuxCNC again" \
-    section-more {regsub {ini PKM CENTRE=1 2 3} $text "ini PKM CENTRE=1 2 3\nini DISPLAY MAX_FEED_OVERRIDE=2"} "" "$changed \[DISPLAY\]MAX_FEED_OVERRIDE = 2: start LinuxCNC again" \
-    second-value {regsub {BASE=4 5 6} $text {BASE=4 5 7}} "" "$changed \[LEG_0\]BASE = 4 5 6: start LinuxCNC again" \
-    pin-more {regsub {pin centre.x 1} $text "pin centre.x 1\npin centre.y 1"} "" "pkmkins: \[KINS\]KINEMATICS = \"pkmkins legs=strut:3 coordinates=XYZ\": the module was loaded with other parameters: it has no pin pkmkins.centre.y" \
+    bad-line {regsub {pin centre.x 1} $text {pin centre.x [exit 0]}} "" "pkmkins: unexpected output of $program, \"pin centre.x \[exit 0\]\"$again" \
+    bad-name {regsub {pin centre.x 1} $text {pin Centre.x 1}} "" "pkmkins: unexpected output of $program, \"pin Centre.x 1\"$again" \
+    bad-version {regsub {version 1.2.3} $text {version 1.2}} "" "pkmkins: unexpected output of $program, \"version 1.2\"$again" \
+    bad-compared {regsub {compared KINS} $text {compared kins}} "" "pkmkins: unexpected output of $program, \"compared kins * TRAJ * PKM * JOINT_* * DISPLAY MAX_FEED_OVERRIDE LEG_* BASE\"$again" \
+    other-value {regsub {MIN_LIMIT=2} $text {MIN_LIMIT=3}} "" "$changed \[JOINT_1\]MIN_LIMIT = 2$restart" \
+    key-more {regsub {ini PKM CENTRE=1 2 3} $text "ini PKM CENTRE=1 2 3\nini PKM MAX_ERROR=1"} "" "$changed \[PKM\]MAX_ERROR = 1$restart" \
+    key-less {regsub {ini PKM CENTRE=1 2 3\n} $text ""} "" "$changed \[PKM\]CENTRE = 1 2 3$restart" \
+    section-more {regsub {ini PKM CENTRE=1 2 3} $text "ini PKM CENTRE=1 2 3\nini DISPLAY MAX_FEED_OVERRIDE=2"} "" "$changed \[DISPLAY\]MAX_FEED_OVERRIDE = 2$restart" \
+    second-value {regsub {BASE=4 5 6} $text {BASE=4 5 7}} "" "$changed \[LEG_0\]BASE = 4 5 6$restart" \
+    pin-more {regsub {pin centre.x 1} $text "pin centre.x 1\npin centre.y 1"} "" "pkmkins: \[KINS\]KINEMATICS = \"pkmkins legs=strut:3 coordinates=XYZ\": the module was loaded with other parameters and has no pin pkmkins.centre.y; load it with these" \
 ] {
     test refused-$name "nothing is set" {
         string map [list $folder/machine.ini FILE] [refused [set_up [apply [list text $change] $printed] "" "" $how]]
@@ -251,7 +254,7 @@ foreach {number text} {1002004 1.2.4 1003003 1.3.3 2002003 2.2.3 1999999 1.999.9
 }
 test version-none "a module that is not loaded is named" {
     refused [set_up $printed {dict unset pins pkmkins.version}]
-} "pkmkins: HAL has no pin pkmkins.version: load pkmkins by a HALFILE before LIB:pkmkins.tcl; where it is loaded, it is older than $program 1.2.3: install pkmkins again"
+} "pkmkins: HAL has no pin pkmkins.version: load pkmkins in a HALFILE before LIB:pkmkins.tcl; if it is loaded, it is older than $program 1.2.3: reinstall pkmkins"
 
 test nameless "without the name of the INI file nothing is asked for" {
     set machine_before $machine
@@ -259,8 +262,7 @@ test nameless "without the name of the INI file nothing is asked for" {
     set lines [set_up $printed]
     set machine $machine_before
     set lines
-} {ends {says pkmkins: the machine is not set up, LinuxCNC does not start:
-pkmkins: the variable INI_FILE_NAME, which LinuxCNC sets, is missing}}
+} [list ends "${heading}pkmkins: the variable INI_FILE_NAME is missing; LinuxCNC sets it, so run this file from LinuxCNC"]
 
 # A pkmkins-pins beside the file is the one that is run.
 test beside "a program beside the file is run in place of the installed one" {

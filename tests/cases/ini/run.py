@@ -30,7 +30,7 @@ from unprivileged import (clear_hal, is_unprivileged, lost_its_start, only_one, 
 
 SCRIPT = Path("/usr/share/linuxcnc/hallib/pkmkins.tcl")
 PROGRAM = "/usr/bin/pkmkins-pins"
-HEADING = "pkmkins: LinuxCNC does not start, because the machine is not configured correctly:\n"
+HEADING = "pkmkins: LinuxCNC does not start, because the machine could not be set up:\n"
 # pkm, copied there for the user who runs this.
 PKM = REPOSITORY / "given/pkm"
 REALTIME = "/usr/lib/linuxcnc/realtime"
