@@ -166,8 +166,8 @@ class Hal:
 
 NO_PANEL = "panel: not shown: this user interface has not loaded [DISPLAY]PYVCP"
 NOT_SLOWED = "jogs do not slow down near limits: "
-NO_TRAVEL = "panel: pkmkins-panel does not start: so the travel left is not shown: "
-NO_TRAVEL_PINS = "panel: not shown: there is no pin pkmkins-panel.x-minus, "
+NO_TRAVEL = "panel: pkmkins-panel does not start, so the travel left is not shown: "
+NO_TRAVEL_PINS = "panel: not shown: missing pin pkmkins-panel.x-minus, "
 
 
 def everything(folder):
@@ -234,7 +234,7 @@ def pins_taken(folder):
                      "net widget pyvcp.joint-1", "net selector motion.switchkins-type"):
             hal.command(*line.split())
         hal.reported(f"{NOT_SLOWED}ini.x.max_velocity already has signal theirs",
-                 "panel: motion.switchkins-type is on signal selector", "panel: not shown: joint.1.pos-fb: ")
+                 "panel: motion.switchkins-type already has signal selector", "panel: not shown: joint.1.pos-fb: ")
         hal.is_on("ini.z.max_velocity", "pkmkins:jog-velocity-z")
         hal.is_on("pyvcp.joint-5", "panel:joint-5")
 

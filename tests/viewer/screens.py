@@ -160,7 +160,7 @@ def without_the_command(out):
         wiring.write_text(wiring.read_text().replace(" pkmkins.margin.5 ", " pkmkins.margin.6 "))
 
     log = driven("hexapod", out, "bare", edit, "/usr/bin:/bin")
-    for text in ("panel: not shown: there is no pin pkmkins.margin.6",
+    for text in ("panel: not shown: missing pin pkmkins.margin.6",
                  "pkmkins-vismach: pkm: No such file", "pkmkins-panel: pkm: No such file", "make install-pkm"):
         assert text in log, f"not told: {text}"
     return "homed, kinematics switched, without model and travel left"
