@@ -218,7 +218,7 @@ def test_a_question_is_asked_once_and_not_before_homing(panel, hal, linuxcnc):
 
 @pytest.mark.parametrize(
     ("status", "why"),
-    [({}, None), ({"inpos": False}, "the machine moves"), ({"interp_state": 2}, "a program runs"), ({"motion_mode": 3}, "world mode")],
+    [({}, None), ({"inpos": False}, "the machine is moving"), ({"interp_state": 2}, "a program is running"), ({"motion_mode": 3}, "world mode")],
 )
 def test_kinematics_are_switched_by_a_press_at_rest_alone(panel, linuxcnc, status, why):
     own = panel.Panel("machine.ini", ["x"])
@@ -262,9 +262,9 @@ def test_the_command_is_kept_open_and_started_again_in_time(panel, tmp_path, mon
     assert travel.ask({"at": "a"}) == {"error": "a"}
     process = travel.process
     assert travel.ask({"at": "b"}) == {"error": "b"} and travel.process is process
-    with pytest.raises(panel.Stopped, match="pkm travel machine.ini has written 'no json'"):
+    with pytest.raises(panel.Stopped, match="unexpected output of pkm travel machine.ini, 'no json'"):
         travel.ask({"at": "words"})
-    with pytest.raises(panel.Stopped, match="pkm travel machine.ini has ended with code 3"):
+    with pytest.raises(panel.Stopped, match="pkm travel machine.ini exited with code 3"):
         travel.ask({"at": "end"})
     # Not again at once, and without a word.
     with pytest.raises(panel.Stopped, match="^$"):
@@ -388,7 +388,7 @@ def test_shapes_that_cannot_be_read_are_told_and_the_others_drawn(vismach, tmp_p
     found, wrong = vismach.meshes(types.SimpleNamespace(meshes=[mesh, {**mesh, "part": "base", "file": str(bad)}]))
     [(part, at, scale, triangles)] = found
     assert part == "table" and scale == 25.4 and len(triangles) == 1 and at.out((1, 0, 0)) == pytest.approx((1, 3, 3))
-    assert len(wrong) == 1 and wrong[0].startswith("base is drawn without its shape: ") and "bad.stl" in wrong[0]
+    assert len(wrong) == 1 and wrong[0].startswith("base is drawn without its model: ") and "bad.stl" in wrong[0]
 
 
 def test_the_backplot_forgets_its_oldest_points(vismach):
