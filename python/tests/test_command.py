@@ -65,7 +65,7 @@ def test_options_of_preflight_come_to_the_judge_by_their_names(monkeypatch):
     assert json.loads(seen[1][4]) == {
         "hal": ["a.hal", "b.hal"], "unconfined": True, "most_moves": 5, "most_seconds": 1.5, "most_standstill": 2.0, "most_work": 3.0,
     }
-    for words, text in [(["--mechanism", 3], "mechanism"), (["--report", "x"], "--report: no option of preflight in Python"), (["--most-moves", "x"], "most-moves")]:
+    for words, text in [(["--mechanism", 3], "mechanism"), (["--report", "x"], "--report: not an option of preflight in Python"), (["--most-moves", "x"], "most-moves")]:
         with pytest.raises(CommandFailed, match=text):
             command.preflight("m.ini", "p.ngc", *words)
     assert len(seen) == 2

@@ -131,4 +131,4 @@ def test_a_table_has_the_columns_of_its_machines_and_a_page_escapes():
 def test_wrong_lengths_are_named(words, capsys):
     with pytest.raises(SystemExit) as ended:
         main([str(ini("tripod")), *words])
-    assert ended.value.code == 2 and "expected a number of 0 or more" in capsys.readouterr().err
+    assert ended.value.code == 2 and "expected a number >= 0" in capsys.readouterr().err

@@ -68,22 +68,22 @@ def test_a_study_is_read_with_its_defaults(study):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("population = 8", "population = 3", "search.population: 3; expected a whole number from 4 to 100000"),
+        ("population = 8", "population = 3", "search.population: 3; expected an integer from 4 to 100000"),
         ("population = 8", "population = true", "search.population: True"),
-        ("population = 8", "seed = -1", "search.seed: -1; expected a whole number from 0 to"),
+        ("population = 8", "seed = -1", "search.seed: -1; expected an integer from 0 to"),
         ("population = 8", "bands = 201", "search.bands: 201"),
         ("x = [-30, 20]", "x = [20, -30]", "required.x: 20.0 to -30.0 is empty"),
-        ("x = [-30, 20]", "tilt = -1", "expected numbers of 0 or more"),
+        ("x = [-30, 20]", "tilt = -1", "expected numbers >= 0"),
         ("x = [-30, 20]", "tilt = true", "required.tilt: True"),
-        ("x = [-30, 20]", "w = [0, 1]", "required.w: no such key"),
+        ("x = [-30, 20]", "w = [0, 1]", "required.w: unknown key"),
         ("x = [-30, 20]", "joint_speed = 3", "belong together"),
         ("base_radius = [200, 900]", "base_radius = [200, 200]", "range.base_radius: 200.0 to 200.0 is empty"),
         ("base_radius = [200, 900]", "base_radius = [200, 300, 400]", "expected two numbers"),
-        ("base_radius = [200, 900]", "", "nothing to look for"),
-        ('"size", ', '"stiffness", ', "one stands there twice"),
+        ("base_radius = [200, 900]", "", "nothing to search"),
+        ('"size", ', '"stiffness", ', "an objective appears twice"),
         ("joint_sigma_um = 5", "", "objective tool_error: [legs] needs joint_sigma_um"),
         ("joint_sigma_um = 5", 'joint_sigma_um = "5"', "legs.joint_sigma_um: 5; expected a number"),
-        ("[search]", "[search]\nother = 1", "search.other: no such key"),
+        ("[search]", "[search]\nother = 1", "search.other: unknown key"),
         ('kind = "tripod"', "kind = 3", "kind: expected a word"),
     ],
 )
@@ -188,7 +188,7 @@ def test_judgements_are_kept_to_the_last_bit_and_once(study, tmp_path):
         record.add((0.1, 1 / 3), judgement(1.5, math.nan, 2.0, 3.0, reach=0.25))
         record.add((0.1, 1 / 3), judgement(9.0, 9.0, 9.0, 9.0))
         record.add((0.1, 0.3333), judgement(1.0, 2.0, 3.0, 4.0))
-        with pytest.raises(RecordError, match="another run writes to it"):
+        with pytest.raises(RecordError, match="another run is writing to it"):
             Record(file, study)
     with open(file, "ab") as half:
         half.write(b'{"x": [1.0')

@@ -335,11 +335,11 @@ def goes_on(machine, block):
     """Checks that a good move is still made, without a further message."""
     if not machine.is_on():
         machine.turn_on()
-    before = len(machine.messages)
+    count = len(machine.messages)
     before = machine.pose()
     machine.mdi(block)
     assert machine.pose() != before, f"{block} did not move the machine"
-    assert not machine.messages[before:], f"messages after {block}: {machine.messages[before:]}"
+    assert not machine.messages[count:], f"messages after {block}: {machine.messages[count:]}"
 
 
 def refused_move(machine: Machine, out, block, code, after):

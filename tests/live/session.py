@@ -60,7 +60,7 @@ class Session:
         shutil.copy(self.log, out / "linuxcnc.log")
         if (out / "result.json").exists():
             return json.loads((out / "result.json").read_text())
-        reason = "had to be stopped" if code is None else f"ended with code {code}"
+        reason = "had to be stopped" if code is None else f"exited with code {code}"
         return {"ok": False, "messages": [],
                 "error": f"LinuxCNC {reason} before the scenario ended: {self.log_tail()}"}
 
