@@ -25,7 +25,7 @@ static ERRORS: Mutex<Vec<String>> = Mutex::new(vec![]);
 
 /// Returns the texts reported on standard error since the last call, for JSON.
 pub fn reported() -> Vec<String> {
-    std::mem::take(&mut *ERRORS.lock().expect("nobody panics with it"))
+    std::mem::take(&mut *ERRORS.lock().expect("never poisoned"))
 }
 
 /// An error in the arguments that the command line's grammar accepts.
@@ -97,7 +97,7 @@ pub fn report_error(error: &(impl Display + ?Sized)) {
 fn report_lines(text: &str) {
     let plain = anstream::adapter::strip_str(text).to_string();
     let error = plain.strip_prefix("pkm: ").unwrap_or(&plain).into();
-    ERRORS.lock().expect("nobody panics with it").push(error);
+    ERRORS.lock().expect("never poisoned").push(error);
     // Nothing can be done if standard error is closed as well.
     let _ = writeln!(anstream::stderr(), "{text}");
 }

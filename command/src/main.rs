@@ -78,7 +78,7 @@ fn main() -> ExitCode {
         leave_nothing();
         std::process::exit(INTERRUPTED);
     });
-    output::choose_colours(std::env::args_os());
+    output::choose_colors(std::env::args_os());
     if let Some(failure) = other::run(std::env::args_os().skip(1)) {
         failure.report();
         return ExitCode::from(2);

@@ -62,7 +62,7 @@ impl Settings {
 }
 
 /// Sets the colors of all output, including that of the command line's grammar: before it is parsed.
-pub fn choose_colours(words: impl Iterator<Item = OsString>) {
+pub fn choose_colors(words: impl Iterator<Item = OsString>) {
     let words: Vec<String> = words.map(|word| word.to_string_lossy().into_owned()).collect();
     let behind = words.iter().position(|word| word == "--color").and_then(|k| words.get(k + 1));
     let joined = words.iter().find_map(|word| word.strip_prefix("--color="));
@@ -127,7 +127,7 @@ pub fn list(answers: Vec<(Verdict, Value)>) {
 }
 
 fn put(answer: Answer) {
-    *ANSWER.lock().expect("nobody panics with it") = Some(answer);
+    *ANSWER.lock().expect("never poisoned") = Some(answer);
 }
 
 /// A table of numbers: as text CSV, row by row; as JSON all rows at the end.
@@ -178,7 +178,7 @@ pub fn finish(verdict: Verdict) -> Result<(), Failure> {
         return Ok(());
     }
     let errors = failure::reported();
-    let value = match ANSWER.lock().expect("nobody panics with it").take() {
+    let value = match ANSWER.lock().expect("never poisoned").take() {
         Some(Answer::List(list)) => Value::Array(list),
         Some(Answer::Fields(mut fields)) => {
             fields.insert("errors".into(), json!(errors));

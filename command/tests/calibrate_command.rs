@@ -171,7 +171,7 @@ fn a_log_becomes_a_file_with_the_true_geometry_and_a_difference_to_read() {
 }
 
 #[test]
-fn what_is_wrong_with_a_log_is_told_and_nothing_is_written() {
+fn errors_in_a_log_are_reported_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let log = Shop::new().log(&TILTS[..2]);
     let lines: Vec<&str> = log.lines().collect();
@@ -256,7 +256,7 @@ fn points(log: &str) -> String {
 }
 
 #[test]
-fn points_of_probeopen_tell_what_the_log_of_the_same_touches_tells() {
+fn points_of_probeopen_give_the_result_of_a_log_of_the_same_touches() {
     let folder = tempfile::tempdir().unwrap();
     let mut shop = Shop::new();
     let log = shop.log(&TILTS);
@@ -303,7 +303,7 @@ fn the_offset_of_the_spindle_is_no_part_of_the_tip_that_is_shown() {
 }
 
 #[test]
-fn what_is_wrong_with_points_of_probeopen_is_told_with_its_line() {
+fn errors_in_points_of_probeopen_are_reported_with_their_line() {
     let folder = tempfile::tempdir().unwrap();
     let points = points(&Shop::new().log(&TILTS[..2]));
     let changed = |from: &str, to: &str| {

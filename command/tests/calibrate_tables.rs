@@ -105,7 +105,7 @@ fn one_orientation_is_said_to_be_one() {
 }
 
 #[test]
-fn what_is_wrong_with_a_table_is_told_with_its_line_and_nothing_is_written() {
+fn errors_in_a_table_are_reported_with_their_line_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let hash = shipped::config(MACHINE).hash;
     for (columns, count) in [(TRACKER, 14), (BAR, 60)] {

@@ -241,15 +241,15 @@ fn quiet_leaves_findings_and_results_alone() {
 }
 
 #[test]
-fn colours_are_those_that_are_asked_for() {
+fn colors_follow_the_options() {
     let bench = Bench::new();
-    for (words, coloured) in [
+    for (words, colored) in [
         ("check none.ini --color always", true),
         ("check none.ini --color=never", false),
         ("check none.ini", false),
         ("check --nonsense --color always", true),
     ] {
-        assert_eq!(bench.answer(words, "").contains('\u{1b}'), coloured, "{words}");
+        assert_eq!(bench.answer(words, "").contains('\u{1b}'), colored, "{words}");
     }
 }
 

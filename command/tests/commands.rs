@@ -230,7 +230,7 @@ exit 2
 }
 
 #[test]
-fn everything_that_is_wrong_is_told_at_once() {
+fn all_errors_are_reported_at_once() {
     let bench = Bench::new()
         .spoilt("GUIDE = 0 0 1", "GUIDE = 0 0 up")
         .spoilt("ROD = 269", "ROD = -269")
@@ -1359,7 +1359,7 @@ exit 2
 }
 
 #[test]
-fn nobody_reads_on() {
+fn a_closed_output_changes_no_exit_code() {
     let bench = Bench::new().with("good.ngc", "G21 G1 X10 F600\nM2\n");
     for (words, code) in [
         ("check linear-delta.ini", 0),
@@ -1386,7 +1386,7 @@ fn nobody_reads_on() {
 }
 
 #[test]
-fn no_colours_and_no_bar_go_into_a_pipe() {
+fn no_colors_and_no_bar_go_into_a_pipe() {
     let bench = Bench::new().spoilt("HALFILE = LIB:pkmkins.tcl", "HALFILE = own.hal");
     let output = bench.command("check linear-delta.ini").env_remove("NO_COLOR").output().unwrap();
     assert!(!output.stdout.contains(&0x1b), "{}", String::from_utf8_lossy(&output.stdout));
@@ -1395,7 +1395,7 @@ fn no_colours_and_no_bar_go_into_a_pipe() {
 
 /// The folder of subroutines is named relative to that of the INI file.
 #[test]
-fn a_line_of_a_subroutine_is_told_with_its_file() {
+fn a_line_of_a_subroutine_is_reported_with_its_file() {
     let bench = Bench::new().spoilt("[RS274NGC]\n", "[RS274NGC]\nSUBROUTINE_PATH = .\n");
     let program = "G21 F6000 M52 P1\nG0 Z80\nG0 X1\no<away> call\nG0 X0\nM2\n";
     let away = "o<away> sub\n\n\n\n\nG1 X75 Y75\no<away> endsub\nM2\n";

@@ -20,7 +20,7 @@ fn assert_output(answer: &str, exit: u8, words: &[&str]) {
 }
 
 #[test]
-fn modes_responses_maps_and_motions_are_told_written_and_drawn() {
+fn modes_responses_maps_and_motions_are_reported_written_and_drawn() {
     let bench = Bench::new().with("study.toml", STUDY);
     let words = "dynamics linear-delta.ini --study study.toml --grid 7 --plots drawn --response h.csv \
                  --map map.csv --shake noise --trace trace.csv --spectrum s.csv";

@@ -22,7 +22,7 @@ fn comments(text: &str) -> Vec<&str> {
 }
 
 #[test]
-fn a_changed_geometry_is_put_right_at_once_and_only_when_told() {
+fn a_changed_geometry_is_corrected_at_once_and_only_with_write() {
     let bench = measured();
     let old = text(&bench);
     let told = bench.answer("check linear-delta.ini", "");

@@ -79,20 +79,20 @@ fn is_at(found: &[f64; 2], wanted: &[f64; 2]) -> bool {
 }
 
 /// Returns the centers of the joints of a color.
-fn balls(sheet: &roxmltree::Document, colour: &str) -> Vec<[f64; 2]> {
+fn balls(sheet: &roxmltree::Document, color: &str) -> Vec<[f64; 2]> {
     let balls = sheet.descendants().filter(|node| {
         node.has_tag_name("circle")
-            && node.attribute("fill") == Some(colour)
+            && node.attribute("fill") == Some(color)
             && number(*node, "r") == 5.0
     });
     balls.map(|node| [number(node, "cx"), number(node, "cy")]).collect()
 }
 
 /// Returns the lines of a color and a width from their first to their last point.
-fn lines(sheet: &roxmltree::Document, colour: &str, width: &str) -> Vec<[[f64; 2]; 2]> {
+fn lines(sheet: &roxmltree::Document, color: &str, width: &str) -> Vec<[[f64; 2]; 2]> {
     let lines = sheet.descendants().filter(|node| {
         node.has_tag_name("polyline")
-            && node.attribute("stroke") == Some(colour)
+            && node.attribute("stroke") == Some(color)
             && node.attribute("stroke-width") == Some(width)
     });
     let ends = |node: roxmltree::Node| {
@@ -165,7 +165,7 @@ fn joints_and_the_ways_in_which_they_grow_are_where_the_kinematics_have_them() {
 }
 
 #[test]
-fn tools_point_as_the_file_says_and_hands_are_those_that_check_tells() {
+fn tools_point_as_the_file_says_and_screws_have_the_hand_of_the_file() {
     for (to, is_up) in [("down", false), ("up", true)] {
         let bench = Bench::new().spoilt("TOOL_DIRECTION = down", &format!("TOOL_DIRECTION = {to}"));
         let svg = drawn(&bench, Path::new("linear-delta.ini"));

@@ -376,7 +376,7 @@ fn large_changes_are_not_written_unasked() {
 }
 
 #[test]
-fn slips_of_whoever_types_are_told_with_their_line_and_nothing_is_written() {
+fn typos_are_reported_with_their_line_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let table = lab().table(1, 2.0);
     let first = first_row(&table);

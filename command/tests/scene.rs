@@ -107,7 +107,7 @@ fn both_ends_of_every_leg_follow_from_the_scene_the_joints_and_the_pose() {
 }
 
 #[test]
-fn a_scene_tells_unit_hash_letters_home_and_limits_of_its_file() {
+fn a_scene_contains_unit_hash_letters_home_and_limits_of_its_file() {
     let (lathe, tripod) = (scene(&ini("lathe-counter-spindle"), &[]), scene(&ini("tripod"), &[]));
     assert_eq!(
         (&lathe["version"], &lathe["machine"]),

@@ -37,7 +37,7 @@ fn a_study_that_is_wrong_is_refused_with_its_line_and_nothing_is_written() {
 }
 
 #[test]
-fn stiffness_tells_matrix_and_axes_and_draws_its_maps() {
+fn stiffness_prints_matrix_and_axes_and_draws_its_maps() {
     let bench = Bench::new().with("study.toml", LEGS);
     let words =
         "stiffness linear-delta.ini --study study.toml --grid 9 --plots drawn --csv map.csv";
@@ -69,7 +69,7 @@ fn rods_follow_poses_and_programs() {
 }
 
 #[test]
-fn sensitivity_tells_errors_and_singular_poses_and_follows_a_law() {
+fn sensitivity_prints_errors_and_singular_poses_and_follows_a_law() {
     let law = "[law]\nperiod_s = 4\nradius_mm = 10\ngrowth_mm = 20\nrise_mm = 1\nbend_mm = 1\n";
     let bench = Bench::new().with("study.toml", &format!("{LEGS}{law}"));
     let words = "sensitivity linear-delta.ini --study study.toml --draws 500 --rays 100 --law \
@@ -92,7 +92,7 @@ fn sensitivity_tells_errors_and_singular_poses_and_follows_a_law() {
 }
 
 #[test]
-fn a_workspace_is_told_drawn_and_written() {
+fn a_workspace_is_reported_drawn_and_written() {
     let bench = Bench::new().with("study.toml", LEGS);
     let words = "workspace linear-delta.ini --study study.toml --bands 12 --grid 20 --threads 2 \
                  --plane xz --plane 1,1,0 --csv ends.csv --mesh body.obj --plots drawn";

@@ -5,7 +5,7 @@ use crate::commands::Bench;
 use serde_json::Value;
 
 #[test]
-fn questions_are_answered_line_by_line_and_what_cannot_be_is_told_in_its_line() {
+fn questions_are_answered_line_by_line_and_errors_stay_in_their_line() {
     let good = r#"{"at": [0, 0, -300, 0, 0, 0, 0, 0, 0], "tools": [[0, 0, 0]]}"#;
     let far = r#"{"at": [99999, 0, 0, 0, 0, 0, 0, 0, 0], "tools": [[0, 0, 0]]}"#;
     let two = r#"{"at": [0, 0, 0, 0, 0, 0, 0, 0, 0], "tools": [[0, 0, 0], [0, 0, 0]]}"#;

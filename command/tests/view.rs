@@ -31,7 +31,7 @@ fn the_page_of_a_machine_is_one_file_by_its_name() {
 }
 
 #[test]
-fn a_program_that_cannot_be_read_is_told_and_the_page_shows_the_machine() {
+fn an_unreadable_program_is_reported_and_the_page_shows_the_machine() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("broken.ngc"), "G1 X10 F100\nG1 X[1+\nM2\n").unwrap();
     let out = view(

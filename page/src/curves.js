@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // Curves over the time of a program, with the time that is shown.
 import uPlot from "uplot";
-import { CURVES } from "./colours.js";
+import { CURVES } from "./colors.js";
 
 const SAMPLES = 1500;
 
@@ -82,8 +82,8 @@ export class Curves {
     pen.beginPath();
     pen.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     pen.clip();
-    const line = (from, to, colour, dash) => {
-      pen.strokeStyle = colour;
+    const line = (from, to, color, dash) => {
+      pen.strokeStyle = color;
       pen.setLineDash(dash);
       pen.lineWidth = 1.5 * devicePixelRatio;
       pen.beginPath();

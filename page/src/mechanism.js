@@ -2,7 +2,7 @@
 // A mechanism in 3D: its scene, and the answers of its kinematics laid into it.
 import * as THREE from "three";
 import { isHeld, placed, turning } from "./carried.js";
-import { COLOURS, ofPart } from "./colours.js";
+import { COLORS, ofPart } from "./colors.js";
 import { ball, bar, body, label, material, pieces, stretch, vector } from "./parts.js";
 
 /** Kinds of parts that a margin is of, as the kinematics number them. */
@@ -36,10 +36,10 @@ export class Mechanism {
 
   leg(leg, i) {
     const { thick } = this;
-    const own = { rod: material(COLOURS.rod), barrel: material(COLOURS.barrel), arm: material(COLOURS.arm) };
+    const own = { rod: material(COLORS.rod), barrel: material(COLORS.barrel), arm: material(COLORS.arm) };
     const parts = { leg, own, joint: this.scene.joints[i], rod: bar(thick * 0.55, own.rod) };
-    parts.lower = ball(thick * 0.95, material(COLOURS.joint));
-    parts.upper = ball(thick * 0.95, material(COLOURS.joint));
+    parts.lower = ball(thick * 0.95, material(COLORS.joint));
+    parts.upper = ball(thick * 0.95, material(COLORS.joint));
     this.onBase.add(parts.rod, parts.lower, parts.upper);
     if (leg.kind === "strut" || leg.kind === "ring") {
       parts.barrel = bar(thick, own.barrel);
@@ -58,7 +58,7 @@ export class Mechanism {
   }
 
   buildBase() {
-    const look = material(COLOURS.base);
+    const look = material(COLORS.base);
     const anchors = [];
     for (const { leg, joint } of this.legs) {
       if (leg.kind === "slider") this.guide(leg, joint);
@@ -88,7 +88,7 @@ export class Mechanism {
   guide(leg, joint) {
     const at = (value) => vector(leg.base).addScaledVector(vector(leg.guide), value + leg.offset);
     const beyond = 3 * this.thick;
-    const rail = bar(this.thick * 0.9, material(COLOURS.guide));
+    const rail = bar(this.thick * 0.9, material(COLORS.guide));
     stretch(rail, at(joint.min - beyond), at(joint.max + beyond));
     this.base.add(rail);
   }
@@ -102,13 +102,13 @@ export class Mechanism {
 
   buildPlatform() {
     const { scene, thick } = this;
-    const look = material(COLOURS.platform);
+    const look = material(COLORS.platform);
     const anchors = scene.legs.flatMap((leg) => (leg.kind === "ring" ? circle(leg) : [vector(leg.platform)]));
     this.platform.add(body(anchors, thick * 1.4, look));
-    this.tool = bar(thick * 0.7, material(COLOURS.tool));
-    this.spindle = bar(thick * 1.8, material(COLOURS.spindle));
+    this.tool = bar(thick * 0.7, material(COLORS.tool));
+    this.spindle = bar(thick * 1.8, material(COLORS.spindle));
     if (isHeld(scene)) this.buildHolder();
-    this.tip = new THREE.Mesh(new THREE.ConeGeometry(thick * 0.7, thick * 2, 24), material(COLOURS.tool));
+    this.tip = new THREE.Mesh(new THREE.ConeGeometry(thick * 0.7, thick * 2, 24), material(COLORS.tool));
     this.anchors = anchors;
     this.group.add(this.tool, this.spindle, this.tip);
   }
@@ -118,8 +118,8 @@ export class Mechanism {
     const { thick, size } = this;
     const group = new THREE.Group();
     group.matrixAutoUpdate = false;
-    const disc = new THREE.Mesh(new THREE.CylinderGeometry(size / 8, size / 8, thick, 48), material(COLOURS.table));
-    const notch = new THREE.Mesh(new THREE.BoxGeometry(size / 24, thick * 1.1, thick), material(COLOURS.joint));
+    const disc = new THREE.Mesh(new THREE.CylinderGeometry(size / 8, size / 8, thick, 48), material(COLORS.table));
+    const notch = new THREE.Mesh(new THREE.BoxGeometry(size / 24, thick * 1.1, thick), material(COLORS.joint));
     notch.position.x = size / 8 - size / 48;
     const axis = vector(link.axis);
     const laid = new THREE.Group();
@@ -163,8 +163,8 @@ export class Mechanism {
 
   /** Bars from what holds the tool to the axes that turn it. */
   buildHolder() {
-    const look = material(COLOURS.spindle);
-    this.holder = turning(this.scene, "tool").map(() => ({ bar: bar(this.thick * 1.2, look), pivot: ball(this.thick * 1.8, material(COLOURS.joint)) }));
+    const look = material(COLORS.spindle);
+    this.holder = turning(this.scene, "tool").map(() => ({ bar: bar(this.thick * 1.2, look), pivot: ball(this.thick * 1.8, material(COLORS.joint)) }));
     for (const { bar: arm, pivot } of this.holder) this.group.add(arm, pivot);
     if (!this.scene.holder) return;
     const side = this.thick * 3;
@@ -220,8 +220,8 @@ export class Mechanism {
     const [lower, upper] = [vector(ends.lower), vector(ends.upper)];
     parts.lower.position.copy(lower);
     parts.upper.position.copy(upper);
-    parts.own.rod.color.set(ofPart(share, COLOURS.rod));
-    parts.own.barrel.color.set(ofPart(share, COLOURS.barrel));
+    parts.own.rod.color.set(ofPart(share, COLORS.rod));
+    parts.own.barrel.color.set(ofPart(share, COLORS.barrel));
     if (parts.barrel) {
       const way = new THREE.Vector3().subVectors(upper, lower);
       const shortest = Math.max(parts.joint.min + parts.leg.offset, 0);
@@ -254,7 +254,7 @@ export class Mechanism {
     const radius = length * Math.tan((Math.min(halfAngle, 80) * Math.PI) / 180);
     const geometry = new THREE.ConeGeometry(radius, length, 40, 1, true);
     geometry.translate(0, -length / 2, 0);
-    const look = material(COLOURS.near, { transparent: true, opacity: 0.25, side: THREE.DoubleSide, depthWrite: false });
+    const look = material(COLORS.near, { transparent: true, opacity: 0.25, side: THREE.DoubleSide, depthWrite: false });
     const cone = new THREE.Mesh(geometry, look);
     cone.position.copy(at);
     cone.quaternion.setFromUnitVectors(new THREE.Vector3(0, -1, 0), way);
@@ -301,9 +301,9 @@ export function cross(size) {
   const group = new THREE.Group();
   const ways = { X: [size, 0, 0], Y: [0, size, 0], Z: [0, 0, size] };
   Object.entries(ways).forEach(([letter, way], i) => {
-    const colour = [0xd55e00, 0x009e73, 0x0072b2][i];
-    group.add(pieces([new THREE.Vector3(), vector(way)], colour));
-    const name = label(letter, size / 3, `#${colour.toString(16).padStart(6, "0")}`);
+    const color = [0xd55e00, 0x009e73, 0x0072b2][i];
+    group.add(pieces([new THREE.Vector3(), vector(way)], color));
+    const name = label(letter, size / 3, `#${color.toString(16).padStart(6, "0")}`);
     name.position.copy(vector(way).multiplyScalar(1.15));
     group.add(name);
   });

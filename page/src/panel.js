@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // The panel beside the picture: pose, limits, travel left, and what is shown.
-import { ofShare } from "./colours.js";
+import { ofShare } from "./colors.js";
 import { box, choice, element, shown } from "./elements.js";
 import { key } from "./kinematics.js";
 import { homeOf } from "./mechanism.js";
@@ -195,7 +195,7 @@ export class Panel {
       const allowed = [low, high].map((end) => (isFinite(end) ? shown(end, 3) : "")).join(" … ");
       const bar = element("meter-bar", { title: `${limit}: ${shown(value)} ${unit}, allowed ${allowed}` });
       bar.style.setProperty("--share", `${100 * Math.min(Math.max(share, 0), 1)}%`);
-      bar.style.setProperty("--colour", ofShare(share).getStyle());
+      bar.style.setProperty("--color", ofShare(share).getStyle());
       const words = share < 0 ? "beyond" : `${shown(100 * Math.min(share, 1), 0)} %`;
       return element("div", { class: share < 0 ? "limit broken" : "limit" }, element("span", {}, named(part, limit)), bar, element("em", {}, words));
     }));

@@ -8,8 +8,8 @@ const UP = new THREE.Vector3(0, 1, 0);
 
 export const vector = (v) => new THREE.Vector3(v[0], v[1], v[2]);
 
-export function material(colour, options = {}) {
-  return new THREE.MeshStandardMaterial({ color: colour, roughness: 0.55, metalness: 0.15, ...options });
+export function material(color, options = {}) {
+  return new THREE.MeshStandardMaterial({ color, roughness: 0.55, metalness: 0.15, ...options });
 }
 
 /** A cylinder of length 1 that `stretch` lays between two points. */
@@ -52,7 +52,7 @@ function ring(point, thickness, side) {
 }
 
 /** A word that always faces the reader; `height` in units of length. */
-export function label(text, height, colour = "#16202a") {
+export function label(text, height, color = "#16202a") {
   const size = 64;
   const canvas = document.createElement("canvas");
   const pen = canvas.getContext("2d");
@@ -65,7 +65,7 @@ export function label(text, height, colour = "#16202a") {
   pen.lineWidth = size / 6;
   pen.strokeStyle = "rgba(255,255,255,0.9)";
   pen.strokeText(text, canvas.width / 2, canvas.height / 2);
-  pen.fillStyle = colour;
+  pen.fillStyle = color;
   pen.fillText(text, canvas.width / 2, canvas.height / 2);
   const map = new THREE.CanvasTexture(canvas);
   const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false, transparent: true }));
@@ -75,9 +75,9 @@ export function label(text, height, colour = "#16202a") {
 }
 
 /** Lines between points, a pair for each piece. */
-export function pieces(points, colour, options = {}) {
+export function pieces(points, color, options = {}) {
   const geometry = new THREE.BufferGeometry().setFromPoints(points);
-  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colour, ...options }));
+  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color, ...options }));
 }
 
 /** Frees what a group has drawn, and empties it. */

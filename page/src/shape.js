@@ -3,7 +3,7 @@
 import * as THREE from "three";
 import { OBJLoader } from "three/addons/loaders/OBJLoader.js";
 import { STLLoader } from "three/addons/loaders/STLLoader.js";
-import { COLOURS } from "./colours.js";
+import { COLORS } from "./colors.js";
 import { material } from "./parts.js";
 import { bytes } from "./unpack.js";
 
@@ -19,7 +19,7 @@ function read({ name, bytes: text }, look) {
 
 /** The shape that pkm has packed, at its place and in machine units. */
 export function shape(given) {
-  const look = material(given.part === "platform" ? COLOURS.platform : COLOURS.table, { side: THREE.DoubleSide });
+  const look = material(given.part === "platform" ? COLORS.platform : COLORS.table, { side: THREE.DoubleSide });
   const made = read(given, look);
   const box = new THREE.Box3().setFromObject(made);
   if (box.isEmpty() || ![...box.min, ...box.max].every(Number.isFinite)) throw new Error("the file has no triangles");

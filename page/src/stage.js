@@ -6,7 +6,7 @@ import { TransformControls } from "three/addons/controls/TransformControls.js";
 import { Line2 } from "three/addons/lines/Line2.js";
 import { LineGeometry } from "three/addons/lines/LineGeometry.js";
 import { LineMaterial } from "three/addons/lines/LineMaterial.js";
-import { COLOURS, ofShare } from "./colours.js";
+import { COLORS, ofShare } from "./colors.js";
 import { cross } from "./mechanism.js";
 import { clear, material, pieces, vector } from "./parts.js";
 import { bodyOf } from "./workspace.js";
@@ -50,7 +50,7 @@ export class Stage {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: keepsPixels });
     this.renderer.setPixelRatio(keepsPixels ? 1 : window.devicePixelRatio);
     this.scene = new THREE.Scene();
-    this.scene.background = new THREE.Color(COLOURS.background);
+    this.scene.background = new THREE.Color(COLORS.background);
     this.camera = new THREE.PerspectiveCamera(35, 1, size / 500, size * 60);
     this.camera.up.copy(this.frame[1]);
     this.controls = new OrbitControls(this.camera, canvas);
@@ -151,7 +151,7 @@ export class Stage {
 
   showSweep(points) {
     clear(this.sweep);
-    if (points.length) this.sweep.add(pieces(points, COLOURS.barrel, { transparent: true, opacity: 0.18 }));
+    if (points.length) this.sweep.add(pieces(points, COLORS.barrel, { transparent: true, opacity: 0.18 }));
     this.redraw();
   }
 
@@ -169,9 +169,9 @@ export class Stage {
   showSpace(surface, box) {
     clear(this.space);
     if (surface) {
-      const look = material(COLOURS.workspace, { transparent: true, opacity: 0.38, side: THREE.DoubleSide, depthWrite: false });
+      const look = material(COLORS.workspace, { transparent: true, opacity: 0.38, side: THREE.DoubleSide, depthWrite: false });
       if (surface.faces.length) this.space.add(bodyOf(surface, look));
-      this.space.add(pieces(box, COLOURS.limits));
+      this.space.add(pieces(box, COLORS.limits));
     }
     this.redraw();
   }

@@ -29,7 +29,7 @@ def test_machines_stand_side_by_side_in_one_table_and_page(tmp_path, capsys):
     assert "linapod" in capsys.readouterr().out.splitlines()[0]
 
 
-def test_lengths_are_millimetres_whatever_the_unit_of_a_machine(capsys):
+def test_lengths_are_millimeters_for_machines_of_any_unit(capsys):
     assert main([str(ini("tripod")), str(ini("tripod")), "--format", "json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert all(row["values"][0] == row["values"][1] for row in rows)

@@ -264,7 +264,7 @@ def no_files(folder):
         hal.reported("panel: not connected: ")
 
 
-def nobody_reads(folder):
+def no_reader(folder):
     """Tests a standard error that is closed, or not read."""
     with Hal(folder, ("pyvcp",), start=False) as hal:
         hal.reported(shell="2>&-")
@@ -278,7 +278,7 @@ CASES = {
     "a component that ends": component("ends", "it has exited"),
     "a component that dies": component("dies", "it has exited"),
     "a component that hangs": component("hangs", "it was not ready within 5 s"),
-    "files that are missing": no_files, "a report that nobody reads": nobody_reads,
+    "files that are missing": no_files, "a report without a reader": no_reader,
 }
 
 

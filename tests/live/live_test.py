@@ -332,7 +332,7 @@ def switch_back_where_no_platform_closes_is_refused(out):
 
 
 @test
-def commanded_motion_through_a_singular_pose_is_told(out):
+def commanded_motion_through_a_singular_pose_is_reported(out):
     wide = [{"section": "AXIS_C", "key": key, "lines": [f"{key} = {value}"]}
             for key, value in (("MIN_LIMIT", -200), ("MAX_LIMIT", 200))]
     result = scenario(HEXAPOD, "singular_passed", out, edits=wide, letter="C", end=130, feed=1200, code=-41)
@@ -553,7 +553,7 @@ def machine_off_in_a_tool_change_moves_no_joint(out):
 
 
 @test
-def whatever_linuxcnc_does_in_a_tool_change_the_joints_keep_their_limits(out):
+def joints_keep_their_limits_when_linuxcnc_interrupts_a_tool_change(out):
     edits = [{"section": "HAL", "key": "HALUI", "lines": ["HALUI = halui"]},
              {"section": "HALUI", "append": ["MDI_COMMAND = G43.1 Z65"]}]
     result = scenario(HEXAPOD, "interrupted_tool_changes", out, limit=180, edits=edits,

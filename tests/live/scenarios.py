@@ -155,7 +155,7 @@ def spindle_and_pump(machine: Machine, out, speed, ramp, ok, pump, forward):
 
 
 # Degrees: rounding leaves 1e-14 of a level platform, and at this tilt a tool 100 long moves the joints
-# by 2e-6 of a millimetre.
+# by 2e-6 of a millimeter.
 LEVEL = 1e-6
 
 TOOL_COLUMNS = [("busy", "pkmkins.tool-busy", "bit"),
@@ -848,7 +848,7 @@ def feedback_jump(machine: Machine, out, joint, jump, after):
     machine.pause(0.5)
     moved = max(max(way) - min(way) for way in (watch.way(n) for n in watch.joints if n != joint))
     watch.recorder.stop()
-    # At this feed a strut moves 10 mm/s at most, and a drive brakes within a millimetre.
+    # At this feed a strut moves 10 mm/s at most, and a drive brakes within a millimeter.
     assert moved < 10, f"a drive ran {moved} on after the jump of joint {joint}"
     texts = machine.errors_with("following error")
     halcmd("net", signal, pin)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The picture of the page beside the answers of pkm: cones, colours, tool, workspace, cuts, views, and what is dragged.
+// The picture of the page beside the answers of pkm: cones, colors, tool, workspace, cuts, views, and what is dragged.
 import { readFileSync, writeFileSync } from "node:fs";
 import { answer, asText, check, complaints, file, ini, near, opened, ownTool, rested, table } from "./browser.mjs";
 import { carrying } from "./machines.mjs";
@@ -81,12 +81,12 @@ const NEAR = "e69f00";
 const BEYOND = "d55e00";
 
 /** A leg is orange within a tenth of its range and red beyond it; the words beside the picture name the limit that is left. */
-async function colours(page) {
+async function colors(page) {
   for (const machine of ["tripod", "hexapod", "linear-delta"]) {
     const text = readFileSync(ini(machine), "utf8").replace(/(\[AXIS_Z\][^[]*?MIN_LIMIT = )\S+/, "$1-9999").replace(/(\[AXIS_Z\][^[]*?MAX_LIMIT = )\S+/, "$19999").replaceAll(/_CONE = \S+/g, "_CONE = 179").replace(/^\[BOX_\d+\][^[]*/gm, "").replace(" boxes=1", "");
     const narrow = file(`${machine}-long.ini`);
     writeFileSync(narrow, text);
-    const [own] = await opened(page, `${machine}-colours`, narrow);
+    const [own] = await opened(page, `${machine}-colors`, narrow);
     const seen = new Set();
     const size = Math.max(...own.scene.legs.map(({ base }) => Math.hypot(...base)));
     for (let n = -16; n <= 16; n++) {
@@ -97,7 +97,7 @@ async function colours(page) {
       const found = await asText(page, () => {
         const rods = [];
         window.seen.scene.updateMatrixWorld(true);
-        window.seen.scene.traverse((object) => object.geometry?.type === "CylinderGeometry" && object.geometry.parameters.height === 1 && rods.push({ colour: object.material.color.getHexString(), at: object.getWorldPosition(object.position.clone()).toArray(), end: object.localToWorld(object.position.clone().set(0, 1, 0)).toArray() }));
+        window.seen.scene.traverse((object) => object.geometry?.type === "CylinderGeometry" && object.geometry.parameters.height === 1 && rods.push({ color: object.material.color.getHexString(), at: object.getWorldPosition(object.position.clone()).toArray(), end: object.localToWorld(object.position.clone().set(0, 1, 0)).toArray() }));
         return rods;
       });
       const { legs } = state;
@@ -108,7 +108,7 @@ async function colours(page) {
         // Dead points count too; the struts of these machines have none, the rods of a delta on rails are far from theirs near home.
         if (own.scene.legs[k].kind !== "strut" && shares[k] > 0.1) return;
         const wanted = shares[k] < 0 ? BEYOND : shares[k] < 0.1 ? NEAR : "c3ccd6";
-        check(rod.colour === wanted, `${machine}: rod of leg ${k} with ${shares[k]} is ${rod.colour}`);
+        check(rod.color === wanted, `${machine}: rod of leg ${k} with ${shares[k]} is ${rod.color}`);
         seen.add(wanted);
       });
       const reason = await page.locator(".reason").textContent();
@@ -260,16 +260,16 @@ async function viewsTest(page) {
   }
 }
 
-/** Bars of a colour, as their ends. */
-const bars = (page, colour) => asText(page, (colour) => {
+/** Bars of a color, as their ends. */
+const bars = (page, color) => asText(page, (color) => {
   const found = [];
   window.seen.scene.updateMatrixWorld(true);
   window.seen.scene.traverse((object) => {
-    if (object.geometry?.type !== "CylinderGeometry" || object.geometry.parameters.height !== 1 || object.material.color.getHexString() !== colour) return;
+    if (object.geometry?.type !== "CylinderGeometry" || object.geometry.parameters.height !== 1 || object.material.color.getHexString() !== color) return;
     found.push([object.getWorldPosition(object.position.clone()).toArray(), object.localToWorld(object.position.clone().set(0, 1, 0)).toArray()]);
   });
   return found;
-}, colour);
+}, color);
 
 /** The base is a ring through its anchors, each guide goes as far as its carriage, each shaft along its axis, each arm from
  * its shaft to the rod. */
@@ -444,7 +444,7 @@ async function dragTest(page) {
 
 export const TESTS = [
   ["cones stand at their joints", conesTest],
-  ["legs near their limits and beyond have their colours, and the reason is told", colours],
+  ["legs near their limits and beyond have their colors, and the reason is told", colors],
   ["the workspace ends where travel does", workspaceTest],
   ["views and cuts look along the axes", viewsTest],
   ["base, guides, arms and barrels are drawn where the machine has them", baseTest],

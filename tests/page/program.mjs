@@ -230,7 +230,7 @@ async function plot(page, machine, end) {
   check(legend[0] === "s" && legend.length > 1, `${machine}: ${legend}`);
 }
 
-/** Points of lines in the picture: of the path, its colours, of a trace and of what is swept. */
+/** Points of lines in the picture: of the path, its colors, of a trace and of what is swept. */
 async function traces(page) {
   for (const machine of ["tripod", "hexapod-rotary-table"]) {
     const program = machine === "tripod" ? PROGRAMS.tripod.text : "G21 G90\nG0 X40 Y0 Z200 A0 B0 C0\nG1 C90 X-20 F1000\nG1 A10 Z230\nM2\n";
@@ -277,7 +277,7 @@ async function traces(page) {
       let line;
       window.seen.scene.traverse((object) => object.type === "Line2" && (line = object));
       found.line = Array.from(line.geometry.attributes.instanceStart.data.array);
-      found.colours = Array.from(line.geometry.attributes.instanceColorStart.data.array);
+      found.colors = Array.from(line.geometry.attributes.instanceColorStart.data.array);
       path.click();
       found.hidden = !line.parent.visible;
       return found;
@@ -299,7 +299,7 @@ async function traces(page) {
     });
     check(seen.hidden, `${machine}: the path cannot be hidden`);
     near(seen.line.slice(0, 6), [...seen.path[0].at, ...seen.path[1].at], 1e-4, `${machine}: the path in the picture`);
-    check(seen.line.length === 6 * (seen.path.length - 1) && seen.colours.length === seen.line.length, `${machine}: ${seen.line.length} numbers of ${seen.path.length} points`);
+    check(seen.line.length === 6 * (seen.path.length - 1) && seen.colors.length === seen.line.length, `${machine}: ${seen.line.length} numbers of ${seen.path.length} points`);
     check(seen.path[0].time < 0.02 * seen.end && Math.abs(seen.path.at(-1).time - seen.end) < 0.02 * seen.end, `${machine}: ends of the path`);
   }
 }

@@ -34,7 +34,7 @@ async function dragged(page, scene, tool, which) {
   }, { axes: scene.axes, home: scene.home.pose, tool, which, count: POSES });
 }
 
-/** The picture has the colours of the machine where they should be. */
+/** The picture has the colors of the machine where they should be. */
 async function isDrawn(page, name) {
   if (given.code) return page.evaluate(() => window.pkm.seen());
   const shot = await page.screenshot();
@@ -45,11 +45,11 @@ async function isDrawn(page, name) {
     const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
     const pen = canvas.getContext("2d", { willReadFrequently: true });
     pen.drawImage(bitmap, 0, 0);
-    const colour = ([x, y]) => Array.from(pen.getImageData(Math.round(x), Math.round(y), 1, 1).data.slice(0, 3));
-    return window.pkm.seen().map((part) => ({ ...part, colour: colour(part.at) }));
+    const color = ([x, y]) => Array.from(pen.getImageData(Math.round(x), Math.round(y), 1, 1).data.slice(0, 3));
+    return window.pkm.seen().map((part) => ({ ...part, color: color(part.at) }));
   }, shot.toString("base64"));
   const background = [244, 246, 248];
-  const isOther = ({ colour }) => Math.hypot(...colour.map((c, k) => c - background[k])) > 40;
+  const isOther = ({ color }) => Math.hypot(...color.map((c, k) => c - background[k])) > 40;
   const missing = seen.filter((part) => !isOther(part));
   check(seen.length > 2 && missing.length === 0, `${name}: not drawn: ${JSON.stringify(missing)}`);
   return seen;

@@ -13,7 +13,7 @@ from pkmkins_scene import Scene, add, scaled, subtract, whole  # noqa: E402
 # The view of a model in LinuxCNC's library: degrees, and the distance in sizes of the model.
 LATITUDE, LONGITUDE, FIELD, DISTANCE = -70, 30, 30, 3
 # Rounding of a position; a part is a few pixels wide.
-NEIGHBOURS = 1
+NEIGHBORS = 1
 # Parts may hide others: legs cross, and a platform is in front of rods. With a view rotated by 8 degrees 12 of the
 # 18 configurations fall below this, by 15 degrees 17 do.
 SEEN = 0.7
@@ -50,26 +50,26 @@ class Picture:
         return sum(one[n:n + pixel] != two[n:n + pixel] for one, two in pairs if one != two
                    for n in range(0, len(one), pixel)) / (width * height)
 
-    def shows(self, place, is_colour):
+    def shows(self, place, is_color):
         x, y = (round(part) for part in place)
-        near = range(-NEIGHBOURS, NEIGHBOURS + 1)
-        return any(is_colour(self.at(x + i, y + j)) for i in near for j in near)
+        near = range(-NEIGHBORS, NEIGHBORS + 1)
+        return any(is_color(self.at(x + i, y + j)) for i in near for j in near)
 
 
 # Colors under LinuxCNC's two lights, one of them blue: distinguished by the larger part.
-def is_green(colour):
-    red, green, blue = colour
+def is_green(color):
+    red, green, blue = color
     return green > 45 and green > 1.15 * red and green > 1.15 * blue
 
 
-def is_blue(colour):
-    red, green, blue = colour
+def is_blue(color):
+    red, green, blue = color
     return blue > 50 and blue > 1.25 * red and blue > 1.1 * green
 
 
-def is_metal(colour):
+def is_metal(color):
     # The red warning background does not count.
-    return max(colour) > 60 and colour[0] < 1.8 * colour[2] and not is_green(colour)
+    return max(color) > 60 and color[0] < 1.8 * color[2] and not is_green(color)
 
 
 class View:
@@ -117,7 +117,7 @@ def farthest(view, before, after):
 def missing(scenes, state, picture):
     """Returns names of missing parts; none if nearly all are visible, because parts hide each other."""
     view, all_parts = View(scenes, state["window"]), parts(scenes, state)
-    names = [name for name, point, colour in all_parts if not picture.shows(view.pixel(point), colour)]
+    names = [name for name, point, color in all_parts if not picture.shows(view.pixel(point), color)]
     return names if len(names) > (1 - SEEN) * len(all_parts) else []
 
 
@@ -152,6 +152,6 @@ def has_shape(out, points):
         x, y = map(round, view.pixel(platform.out(point)))
         assert is_green(picture.at(x, y)), f"no shape at {point}, pixel {x} {y}: {picture.at(x, y)}"
     rods = [part for part in parts([scene], state) if part[0].startswith("rod")]
-    missing = [name for name, point, colour in rods if not picture.shows(view.pixel(point), colour)]
+    missing = [name for name, point, color in rods if not picture.shows(view.pixel(point), color)]
     assert len(missing) <= 1, missing
     return f"{len(points)} points of the shape, {len(rods)} legs"

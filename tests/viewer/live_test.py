@@ -104,7 +104,7 @@ def test_only_reading_is_served(served):
     assert served.answer("GET /") == (200, PAGE)
 
 
-def test_connections_that_say_nothing_hold_nobody(served):
+def test_silent_connections_block_no_other(served):
     idle = [socket.create_connection((HOST, served.port)) for _ in range(200)]
     end = time.monotonic() + 20
     # The first fifty end normally, those beyond at once.

@@ -320,13 +320,13 @@ def test_wrong_words_get_the_help(panel, monkeypatch, words):
 # The model in 3D.
 
 
-def test_colours_of_legs_are_those_of_the_room_of_their_joints(vismach):
+def test_colors_of_legs_are_those_of_the_room_of_their_joints(vismach):
     joint = {"min": 100.0, "max": 300.0}
     expected = {99.9: vismach.RED, 100: vismach.ORANGE, 119.9: vismach.ORANGE, 120.1: vismach.STEEL, 200: vismach.STEEL,
                 279.9: vismach.STEEL, 280.1: vismach.ORANGE, 300: vismach.ORANGE, 300.1: vismach.RED}
-    assert {value: vismach.colour_of(joint, value) for value in expected} == expected
+    assert {value: vismach.color_of(joint, value) for value in expected} == expected
     for end in ("min", "max"):
-        assert vismach.colour_of({**joint, end: None}, 99) == vismach.STEEL
+        assert vismach.color_of({**joint, end: None}, 99) == vismach.STEEL
 
 
 @pytest.mark.parametrize(("name", "mechanism"), [("hexapod", 1), ("lathe-mirrored", 2), ("hexapod-rotary-table", 1)])

@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn both_moves_of_a_corner_are_told_apart_whatever_they_move() {
+    fn both_moves_of_a_corner_are_distinguished_for_all_letters() {
         let across = [0.6, 0.8, 0.0, 0.1, 0.0, 0.2];
         let along = [0.0, 0.28, 0.96, -0.3, 0.0, 0.0];
         let back = across.map(|w| -w);
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_that_follow_one_another_are_told_apart_without_a_straight_between_them() {
+    fn consecutive_corners_are_distinguished_without_a_straight_between_them() {
         let w = [
             [0.6, 0.8, 0.0, 0.0, 0.0, 0.0],
             [0.0, 0.0, 1.0, 0.5, 0.0, 0.0],
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_move_whose_request_is_not_told_may_outrun_what_is_allowed_while_it_gains() {
+    fn a_move_with_a_hidden_request_may_outrun_the_allowed_speed_while_it_gains() {
         let w = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]];
         let mut straight = Straight::NONE;
         straight.plain(&w[0].map(|w| 10.0 * w), 10.0);

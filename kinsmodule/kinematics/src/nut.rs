@@ -596,7 +596,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_near_a_quarter_turn_fixes_the_fold_and_its_cosine_is_told() {
+    fn a_pose_near_a_quarter_turn_fixes_the_fold_and_its_cosine_is_returned() {
         // Axes perpendicular to the strut, the platform's rotated from the base's by an angle.
         let up = Lanes3::<4>::from_fn(|_| Vector3::z());
         let folded = |angle: f64, lean: f64| {

@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_is_checked_coordinate_by_coordinate_and_its_angle_told() {
+    fn a_pose_is_checked_coordinate_by_coordinate_and_its_angle_returned() {
         assert_eq!(pose([1e300, -1e300, 1e300, 720.0, -720.0, 0.0]).check(), Ok(()));
         for k in 0..6 {
             for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {

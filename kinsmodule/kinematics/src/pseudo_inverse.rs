@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn three_columns_are_open_by_their_volume_whatever_their_lengths() {
+    fn three_columns_are_open_by_their_volume_at_all_lengths() {
         // Columns of lengths 4, 3 and 2, the last two at an angle with this squared sine.
         let is_open = |square: f64| {
             let (sine, cosine) = (libm::sqrt(square), libm::sqrt(1.0 - square));

@@ -117,7 +117,7 @@ fn a_table_carries_the_pose_out_of_no_box() {
 }
 
 #[test]
-fn neighbouring_boxes_have_one_pose_at_their_face_and_two_poses_are_told() {
+fn neighboring_boxes_have_one_pose_at_their_face_and_two_poses_are_reported() {
     let case = tripod();
     let home = case.home.to_degrees();
     let whole = about(&case, home, [0.4; 6]);

@@ -155,7 +155,7 @@ fn a_seed_beyond_reach_is_refused_with_its_leg() {
 /// Tests an arm of 100 and a rod of 300, which reach from 200 to 400; 30 beside the arm's plane slightly
 /// less far.
 #[test]
-fn a_crank_out_of_reach_tells_how_much_rod_it_lacks_or_has_too_much() {
+fn a_crank_out_of_reach_reports_how_much_its_rod_is_too_short_or_too_long() {
     for beside in [0.0, 30.0] {
         let crank = CrankGeometry {
             axis: [0.0, 1.0, 0.0],

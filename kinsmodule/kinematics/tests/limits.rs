@@ -116,7 +116,7 @@ fn joints_turn_about_the_axes_that_are_named_for_them_and_nothing_else_changes()
 }
 
 #[test]
-fn the_tilt_is_the_angle_of_the_tool_axis_to_z_whatever_turns_about_it() {
+fn the_tilt_is_the_angle_of_the_tool_axis_to_z_for_all_turns_about_it() {
     let case = &declared()[0];
     for (pose, tilt) in [
         ([0.0, 0.0, 250.0, 0.0, 0.0, 30.0], 0.0),

@@ -158,7 +158,7 @@ fn a_machine_scaled_by_a_power_of_two_gives_the_same_bits() {
 }
 
 #[test]
-fn a_machine_in_inches_or_metres_behaves_as_in_millimetres() {
+fn a_machine_in_inches_or_meters_behaves_as_in_millimeters() {
     for case in declared() {
         for by in [1.0 / 25.4, 1e-3] {
             let other = Machine::freeze(&scaled(&case.geometry, by), &NO_OFFSET).unwrap();
@@ -306,7 +306,7 @@ fn angles_keep_whole_turns_of_the_seed() {
 }
 
 #[test]
-fn a_machine_tells_its_radius_and_the_largest_residual_that_forward_may_return() {
+fn a_machine_returns_its_radius_and_the_largest_residual_that_forward_may_return() {
     for case in declared() {
         let legs = case.geometry.legs();
         let anchors = legs.iter().map(|leg| Vector3::from(leg.platform));

@@ -172,7 +172,7 @@ fn conditioning_is_the_smallest_singular_value_of_the_legs_as_unit_forces() {
 }
 
 #[test]
-fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
+fn a_leg_beyond_its_cone_and_legs_too_near_are_reported_at_standstill() {
     let mut counted = [0; 3];
     each_pose(84, |case, watch, pose, legs, rng| {
         let at = |limits: &Limits| case.machine.nowhere().here(&NO_TOOL, limits, pose);
@@ -217,7 +217,7 @@ fn a_leg_beyond_its_cone_and_legs_too_near_are_told_where_the_machine_stands() {
 }
 
 #[test]
-fn a_pose_that_is_none_is_told_with_its_own_cause() {
+fn an_invalid_pose_is_refused_with_its_own_cause() {
     let case = &declared()[0];
     let mut far = case.home;
     far.position.x = f64::INFINITY;

@@ -42,8 +42,8 @@ SCRIPTS = {"scene": ["tests/viewer/scene_test.py", os.environ["PKM"]], "live": [
 # on a screen, which tests/viewer/screens.py judges, or spread over processes, which test-wheel does.
 UNTIL = {"viewer/pkmkins-vismach": "def model(", "python/pkmkins/design/engine.py": "class Processes:"}
 
-# Colours of the model, which are judged on a screen too.
-COLOURS = ("GREY, STEEL", "BLUE, GREEN", "BACKGROUND =", "WARNING =")
+# Colors of the model, which are judged on a screen too.
+COLORS = ("GRAY, STEEL", "BLUE, GREEN", "BACKGROUND =", "WARNING =")
 
 
 def changes(text):
@@ -85,7 +85,7 @@ def main():
         for name, operator, (line, column), occurrence in changes(text):
             # A number that stays the same when others come: of file, line and change.
             number = int(hashlib.sha256(f"{file} {line} {column} {name}".encode()).hexdigest(), 16)
-            if line > last or number % parts != part or text.splitlines()[line - 1].startswith(COLOURS):
+            if line > last or number % parts != part or text.splitlines()[line - 1].startswith(COLORS):
                 continue
             changed = mutate_code(text, operator, occurrence)
             what = f"{file}:{line}:{column}: {name.partition('/')[2]}: {text.splitlines()[line - 1].strip()[:80]}"

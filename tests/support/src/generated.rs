@@ -102,7 +102,7 @@ pub struct Generated {
     pub mechanisms: Vec<Built>,
     pub extra: Vec<Extra>,
     pub holder: Option<[f64; 3]>,
-    /// Machine units per millimetre.
+    /// Machine units per millimeter.
     pub unit: f64,
     /// Nanoseconds.
     pub period: u32,

@@ -190,7 +190,7 @@ fn ranks_are_those_of_the_theory_and_what_is_missing_has_a_name() {
 }
 
 #[test]
-fn half_a_millimetre_becomes_two_micrometres_over_the_workspace() {
+fn half_a_millimeter_becomes_two_micrometers_over_the_workspace() {
     let config = shipped::config(MACHINE);
     let model = drawn(&config, &Tolerance::of_lengths(TOLERANCE)).with_frame(Frame::BASE);
     let mut dice = Dice::new(2);
@@ -257,7 +257,7 @@ fn touches(config: &Mechanism, truth: &Machine, plate: &Frame, dice: &mut Dice) 
 }
 
 #[test]
-fn touches_on_a_plate_whose_place_nobody_knows_calibrate_where_they_were_made() {
+fn touches_on_a_plate_of_unknown_place_calibrate_where_they_were_made() {
     let config = shipped::config(MACHINE);
     let plate = Frame {
         origin: Vector3::new(3.0, -4.0, 600.0),

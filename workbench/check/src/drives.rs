@@ -853,13 +853,13 @@ mod tests {
     }
 
     #[test]
-    fn drives_that_are_wired_whole_are_told_nothing_of() {
+    fn completely_wired_drives_have_no_findings() {
         assert_eq!(reported("own.hal", STEPS, ""), []);
         assert_eq!(reported("own.tcl", SERVO, ""), []);
     }
 
     #[test]
-    fn feedback_command_and_enable_that_are_missing_are_told_with_their_line() {
+    fn missing_feedback_command_and_enable_are_reported_with_their_line() {
         let without = |text: &str, what: &str| text.replace(what, "");
         let found = reported("own.hal", &without(STEPS, " stepgen.0.position-fb"), "");
         assert_one(&found, Severity::Error, "no feedback on joint 0", 10);
@@ -886,7 +886,7 @@ mod tests {
     }
 
     #[test]
-    fn functions_in_the_wrong_place_are_told() {
+    fn functions_in_the_wrong_place_are_reported() {
         let late = STEPS.replace("addf stepgen.capture-position servo-thread\n", "\n")
             + "addf stepgen.capture-position servo-thread\n";
         assert_one(&reported("own.hal", &late, ""), Severity::Warning, "a cycle older", 13);
@@ -905,7 +905,7 @@ mod tests {
     }
 
     #[test]
-    fn homing_without_its_switch_or_its_index_is_told() {
+    fn homing_without_its_switch_or_its_index_is_reported() {
         let more = "[JOINT_0]\nHOME_SEARCH_VEL = 5\nHOME_LATCH_VEL = 1\nHOME_USE_INDEX = YES\n";
         let found = reported("own.hal", STEPS, more);
         assert!(
@@ -919,7 +919,7 @@ mod tests {
     }
 
     #[test]
-    fn a_following_error_below_the_delay_is_told() {
+    fn a_following_error_below_the_delay_is_reported() {
         let joint = |keys: &str| {
             reported("own.hal", STEPS, &format!("[JOINT_0]\nMAX_VELOCITY = 500\n{keys}"))
         };

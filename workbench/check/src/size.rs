@@ -19,14 +19,14 @@ const USUAL_M: [f64; 2] = [0.04, 10.0];
 const FASTEST_M: f64 = 10.0;
 
 /// Meters per millimeter.
-const METRES: f64 = 1e-3;
+const METERS: f64 = 1e-3;
 
 /// Reports unit and size, and unusual ones.
 pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
     let extent = extent(config, at);
-    let metres = extent * (METRES / config.units_per_mm);
-    let (unit, [x, y, z]) = (config.length_unit(), <[f64; 3]>::from(metres));
-    let largest = widest(config, at) * METRES / config.units_per_mm;
+    let meters = extent * (METERS / config.units_per_mm);
+    let (unit, [x, y, z]) = (config.length_unit(), <[f64; 3]>::from(meters));
+    let largest = widest(config, at) * METERS / config.units_per_mm;
     // Meters show a wrong unit; drawings in inches are in inches.
     let own = match unit {
         "mm" => String::new(),
@@ -72,7 +72,7 @@ fn around(points: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
 /// Reports drives that are unusually fast, naming the first.
 fn speeds(report: &mut Report, config: &Mechanism) {
     let is_length = |kind| kind != JointKind::Arm;
-    let speed = |value: f64| value * METRES / config.units_per_mm;
+    let speed = |value: f64| value * METERS / config.units_per_mm;
     let mut joints = config.joints.iter().enumerate().filter(|(_, joint)| is_length(joint.kind));
     if let Some((i, joint)) = joints.find(|(_, joint)| speed(joint.max_velocity) > FASTEST_M) {
         let text = format!(

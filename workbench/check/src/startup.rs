@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_comment_is_told_from_a_parameter() {
+    fn a_comment_is_distinguished_from_a_parameter() {
         assert_eq!(comment("G21 # mm"), Some("mm"));
         assert_eq!(comment("G21 #"), Some(""));
         for code in

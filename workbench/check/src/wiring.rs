@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_not_there_and_files_too_early_are_told() {
+    fn missing_files_and_files_too_early_are_reported() {
         let load = "loadrt [KINS]KINEMATICS\nloadrt motmod servo_period_nsec=1000000\n";
         let all =
             reported(&[("drives.hal", load), ("pkmkins.tcl", "")], "POSTGUI_HALFILE = panel.hal\n");
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn m52_in_the_startup_code_is_told() {
+    fn m52_in_the_startup_code_is_reported() {
         let hal = [("drives.hal", "loadrt motmod"), ("pkmkins.tcl", "")];
         let all = reported(&hal, "[RS274NGC]\nRS274NGC_STARTUP_CODE = G21 G64 P0.1 m52 p1\n");
         assert!(all.len() == 1 && all[0].contains("every program"), "{all:?}");

@@ -85,7 +85,7 @@ fn struts_that_cross_away_from_home_do_not_fit_unless_a_clearance_keeps_them_apa
 }
 
 #[test]
-fn legs_without_a_clearance_are_a_warning_and_the_nearest_are_told_always() {
+fn legs_without_a_clearance_are_a_warning_and_the_nearest_are_always_reported() {
     let report = hexapod(without_clearance);
     let warnings = reported(&report, Severity::Warning);
     assert!(warnings.len() == 1 && warnings[0].contains("ROD_CLEARANCE"), "{warnings:?}");

@@ -60,7 +60,7 @@ fn a_drive_file_without_its_keys_does_not_fit() {
 }
 
 #[test]
-fn speeds_of_homing_that_linuxcnc_refuses_and_searches_the_wrong_way_are_told() {
+fn homing_speeds_that_linuxcnc_refuses_and_searches_the_wrong_way_are_reported() {
     let told = |from: &str, to: &str| {
         let (_folder, config) = changed("linear-delta", |text| {
             assert!(text.contains(from), "{from}");

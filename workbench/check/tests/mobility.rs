@@ -12,7 +12,7 @@ fn structure(machine: &str) -> Structure {
 }
 
 #[test]
-fn links_and_joints_fit_the_loops_and_leave_six_freedoms_whatever_the_number_of_legs() {
+fn links_and_joints_fit_the_loops_and_leave_six_freedoms_for_any_number_of_legs() {
     for (machine, links, joints, loops) in [
         ("tripod", 8, 9, 2),
         ("four-rod-lathe", 10, 12, 3),
@@ -47,7 +47,7 @@ fn rank_redundancy_and_held_coordinates_are_those_of_each_machine() {
 }
 
 #[test]
-fn what_the_legs_hold_is_told_in_one_line() {
+fn the_mobility_of_the_legs_is_reported_in_one_line() {
     assert_eq!(structure("hexapod").mobility(), "legs constrain 6 of 6 motions, 6 of XYZABC");
     assert_eq!(
         structure("pyramid").mobility(),

@@ -18,7 +18,7 @@ pub(super) fn arrow(
     area: &Area,
     from: (i32, i32),
     to: (i32, i32),
-    colour: RGBColor,
+    color: RGBColor,
     width: u32,
 ) -> Result<(), DrawError> {
     let [head, side] = HEAD.map(|share| share * f64::from(width));
@@ -31,9 +31,9 @@ pub(super) fn arrow(
     };
     // The line ends inside the head, which at its tip is as narrow as the line.
     let line = [from, back(0.7 * head, 0.0)];
-    area.draw(&PathElement::new(line, colour.stroke_width(width)))?;
+    area.draw(&PathElement::new(line, color.stroke_width(width)))?;
     let head = vec![to, back(head, side), back(head, -side)];
-    area.draw(&Polygon::new(head, colour.filled()))?;
+    area.draw(&Polygon::new(head, color.filled()))?;
     Ok(())
 }
 
@@ -42,13 +42,13 @@ pub(super) fn along_sight(
     area: &Area,
     at: (i32, i32),
     is_towards: bool,
-    colour: RGBColor,
+    color: RGBColor,
 ) -> Result<(), DrawError> {
     area.draw(&Circle::new(at, SIGN, WHITE.filled()))?;
-    area.draw(&Circle::new(at, SIGN, colour.stroke_width(WIDTH)))?;
+    area.draw(&Circle::new(at, SIGN, color.stroke_width(WIDTH)))?;
     match is_towards {
-        true => area.draw(&Circle::new(at, 3, colour.filled()))?,
-        false => area.draw(&Cross::new(at, 4, colour.stroke_width(WIDTH)))?,
+        true => area.draw(&Circle::new(at, 3, color.filled()))?,
+        false => area.draw(&Cross::new(at, 4, color.stroke_width(WIDTH)))?,
     }
     Ok(())
 }

@@ -5,7 +5,7 @@ use crate::plot::DrawError;
 use crate::sheet::{
     Area, Chart, Frame, SIZE, drawn_on, path_axes, round_steps, span, tick, width_for,
 };
-use crate::style::{GREY, SMALL, letters_at, shade, width_of};
+use crate::style::{GRAY, SMALL, letters_at, shade, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
@@ -35,7 +35,7 @@ pub(super) fn contoured(
         map.draw_shades(&mut chart)?;
         let [(left, low), (right, high)] = corners;
         let border = [(left, low), (right, low), (right, high), (left, high), (left, low)];
-        chart.draw_series([PathElement::new(border, GREY.stroke_width(1))])?;
+        chart.draw_series([PathElement::new(border, GRAY.stroke_width(1))])?;
         let levels = map.levels();
         map.draw_lines(&mut chart, &levels)?;
         map.draw_scale(&scale, unit, &levels)
@@ -74,8 +74,8 @@ impl Map<'_> {
                 if let Some(step) = cells[0] {
                     let corners =
                         [(edge(across, from), edge(up, j)), (over(across, to), over(up, j + 1))];
-                    let colour = shade(step as f64 / (SHADES - 1) as f64);
-                    chart.draw_series([Rectangle::new(corners, colour.filled())])?;
+                    let color = shade(step as f64 / (SHADES - 1) as f64);
+                    chart.draw_series([Rectangle::new(corners, color.filled())])?;
                 }
                 from = to;
             }
@@ -136,10 +136,10 @@ impl Map<'_> {
         let place = |share: f64| bottom - (share * f64::from(bottom - top)).round() as i32;
         for step in 0..SHADES {
             let [from, to] = [step, step + 1].map(|k| place(k as f64 / SHADES as f64));
-            let colour = shade(step as f64 / (SHADES - 1) as f64);
-            area.draw(&Rectangle::new([(0, to), (22, from)], colour.filled()))?;
+            let color = shade(step as f64 / (SHADES - 1) as f64);
+            area.draw(&Rectangle::new([(0, to), (22, from)], color.filled()))?;
         }
-        area.draw(&Rectangle::new([(0, top), (22, bottom)], GREY.stroke_width(1)))?;
+        area.draw(&Rectangle::new([(0, top), (22, bottom)], GRAY.stroke_width(1)))?;
         for level in levels {
             let y = place((level - low) / (high - low));
             area.draw(&PathElement::new([(0, y), (28, y)], BLACK.stroke_width(1)))?;

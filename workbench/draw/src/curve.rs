@@ -11,7 +11,7 @@ use crate::sample::Sample;
 use crate::sheet::{Frame, padded, path_axes, span, tick};
 use crate::space::Space;
 use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
-use crate::style::{BLUE, GREY, VERMILLION, limit_style};
+use crate::style::{BLUE, GRAY, VERMILLION, limit_style};
 use kinematics::{MAX_LEGS, Vector3};
 use machine::read::joints::Joint;
 use machine::read::mechanism::Mechanism;
@@ -134,8 +134,8 @@ fn net(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     ];
     let svg = keyed(&keys, |area| {
         let mut chart = path_axes(area, &frame, &all)?;
-        for (k, colour) in FAMILIES.iter().enumerate() {
-            let style = colour.stroke_width(1);
+        for (k, color) in FAMILIES.iter().enumerate() {
+            let style = color.stroke_width(1);
             let pieces = levels.iter().flat_map(|level| &level.families[k]);
             chart.draw_series(pieces.map(|ends| PathElement::new(*ends, style)))?;
         }
@@ -171,7 +171,7 @@ fn surfaces(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     let surfaces = [surface(0), surface(1)];
     let ends = surfaces.iter().flatten().flatten();
     let all: Vec<Vector3<f64>> = raised.iter().chain(&shadow).chain(ends).copied().collect();
-    let thin = GREY.stroke_width(1);
+    let thin = GRAY.stroke_width(1);
     let keys = [
         Key::new(Sign::Line(FAMILIES[0].stroke_width(1)), NAMES[0]),
         Key::new(Sign::Line(FAMILIES[1].stroke_width(1)), NAMES[1]),
@@ -182,8 +182,8 @@ fn surfaces(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
         let title =
             format!("Surfaces of both families; up: t from {} to {}", tick(&low), tick(&high));
         let view = Space::around(&title, "mm", &all).up("t, scaled").draw(area, vec![])?;
-        for (surface, colour) in surfaces.iter().zip(FAMILIES) {
-            let style = colour.stroke_width(1);
+        for (surface, color) in surfaces.iter().zip(FAMILIES) {
+            let style = color.stroke_width(1);
             surface.iter().try_for_each(|ends| area.draw(&view.path(ends, style)))?;
         }
         area.draw(&view.path(&shadow, thin))?;

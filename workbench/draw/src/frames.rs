@@ -89,7 +89,7 @@ impl View {
 struct Arrow {
     from: Vector3<f64>,
     to: Vector3<f64>,
-    colour: RGBColor,
+    color: RGBColor,
     width: u32,
     name: &'static str,
 }
@@ -97,7 +97,7 @@ struct Arrow {
 /// A joint at an end of a leg, with its label.
 struct Joint {
     at: Vector3<f64>,
-    colour: RGBColor,
+    color: RGBColor,
     name: String,
 }
 
@@ -192,15 +192,15 @@ impl Drawing {
             let number = (config.place.first_leg + leg).to_string();
             let hand = hands.get(leg).copied().flatten().map(|hand| format!(" {hand}"));
             let name = number.clone() + &hand.unwrap_or_default();
-            drawing.joints.push(Joint { at: *from, colour: BLUE, name });
-            drawing.joints.push(Joint { at: *to, colour: VERMILLION, name: number });
+            drawing.joints.push(Joint { at: *from, color: BLUE, name });
+            drawing.joints.push(Joint { at: *to, color: VERMILLION, name: number });
         }
         drawing
     }
 
     /// Adds the outline of a body between its joints.
-    fn ring(&mut self, joints: &[Vector3<f64>], colour: RGBColor) {
-        let style = colour.mix(0.45).stroke_width(1);
+    fn ring(&mut self, joints: &[Vector3<f64>], color: RGBColor) {
+        let style = color.mix(0.45).stroke_width(1);
         let ring = outline(joints).unwrap_or_default();
         self.lines.extend(ring.windows(2).map(|line| ([line[0], line[1]], style)));
     }
@@ -209,7 +209,7 @@ impl Drawing {
         let Some(direction) = tool_direction(config) else { return };
         let up = if direction == ToolDirection::Up { length } else { -length };
         let to = from + Vector3::z() * up;
-        self.arrows.push(Arrow { from, to, colour: PURPLE, width: TOOL, name: "tool" });
+        self.arrows.push(Arrow { from, to, color: PURPLE, width: TOOL, name: "tool" });
     }
 
     /// Adds the rail of a carriage, or an arm.
@@ -234,20 +234,20 @@ impl Drawing {
             None => (lower + (upper - lower) * 0.4, upper - lower),
         };
         let to = from + direction.normalize() * length;
-        self.arrows.push(Arrow { from, to, colour: GREEN, width: WIDTH, name: "" });
+        self.arrows.push(Arrow { from, to, color: GREEN, width: WIDTH, name: "" });
     }
 
     fn axes(
         &mut self,
         origin: Vector3<f64>,
         length: f64,
-        colour: RGBColor,
+        color: RGBColor,
         names: [&'static str; 3],
     ) {
         for (k, name) in names.into_iter().enumerate() {
             let mut to = origin;
             to[k] += length;
-            self.arrows.push(Arrow { from: origin, to, colour, width: WIDTH, name });
+            self.arrows.push(Arrow { from: origin, to, color, width: WIDTH, name });
         }
     }
 
@@ -282,7 +282,7 @@ impl Drawing {
         let joints = self.joints.iter().map(|joint| (sight.pixel(&joint.at), joint));
         let joints: Vec<_> = joints.collect();
         for (at, joint) in &joints {
-            plot.draw(&Circle::new(*at, BALL, joint.colour.filled()))?;
+            plot.draw(&Circle::new(*at, BALL, joint.color.filled()))?;
             names.taken.push(around(*at, BALL));
         }
         let mut ends = vec![];
@@ -291,10 +291,10 @@ impl Drawing {
         }
         let middle = middle(joints.iter().map(|(at, _)| *at));
         for (at, arrow) in ends.iter().filter(|(_, arrow)| !arrow.name.is_empty()) {
-            names.put(&plot, *at, sight.pixel(&arrow.from), arrow.name, arrow.colour)?;
+            names.put(&plot, *at, sight.pixel(&arrow.from), arrow.name, arrow.color)?;
         }
-        for (at, colour, name) in merged(&joints) {
-            names.put(&plot, at, middle, &name, colour)?;
+        for (at, color, name) in merged(&joints) {
+            names.put(&plot, at, middle, &name, color)?;
         }
         Ok(())
     }
@@ -426,17 +426,17 @@ impl Sight<'_, '_, '_> {
         let sight = direction.normalize().dot(&self.view.eye);
         // Within 15 degrees of the viewing direction.
         if sight.abs() > 0.966 {
-            let sign = (from, sight > 0.0, drawn.colour);
+            let sign = (from, sight > 0.0, drawn.color);
             if let Some((_, at)) = names.signs.iter().find(|(other, _)| *other == sign) {
                 return Ok(*at);
             }
             let at = names.free_for_sign(from);
-            along_sight(plot, at, sight > 0.0, drawn.colour)?;
+            along_sight(plot, at, sight > 0.0, drawn.color)?;
             names.taken.push(around(at, SIGN));
             names.signs.push((sign, at));
             return Ok(at);
         }
-        arrow(plot, from, to, drawn.colour, drawn.width)?;
+        arrow(plot, from, to, drawn.color, drawn.width)?;
         names.lines.push([from, to]);
         names.taken.push(around(to, 3));
         Ok(to)
@@ -461,10 +461,9 @@ fn merged(joints: &[((i32, i32), &Joint)]) -> Vec<((i32, i32), RGBColor, String)
     for (at, joint) in joints {
         let is_near =
             |other: &(i32, i32)| (other.0 - at.0).abs() <= SAME && (other.1 - at.1).abs() <= SAME;
-        match found.iter_mut().find(|(other, colour, _)| *colour == joint.colour && is_near(other))
-        {
+        match found.iter_mut().find(|(other, color, _)| *color == joint.color && is_near(other)) {
             Some((_, _, name)) => *name += &format!(", {}", joint.name),
-            None => found.push((*at, joint.colour, joint.name.clone())),
+            None => found.push((*at, joint.color, joint.name.clone())),
         }
     }
     found
@@ -499,7 +498,7 @@ impl Names {
         at: (i32, i32),
         from: (i32, i32),
         name: &str,
-        colour: RGBColor,
+        color: RGBColor,
     ) -> Result<(), DrawError> {
         let (width, height) = (width_of(name, NAME) as i32, NAME);
         let outwards = f64::from(at.1 - from.1).atan2(f64::from(at.0 - from.0));
@@ -521,7 +520,7 @@ impl Names {
         }
         let Some((_, bounds)) = best else { return Ok(()) };
         let at = ((bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2);
-        let style = letters_at(NAME, HPos::Center, VPos::Center).color(&colour);
+        let style = letters_at(NAME, HPos::Center, VPos::Center).color(&color);
         plot.draw(&Text::new(name.to_string(), at, style))?;
         self.taken.push(bounds);
         Ok(())

@@ -4,7 +4,7 @@
 use crate::arrows::{WIDTH, along_sight, arrow};
 use crate::plot::DrawError;
 use crate::sheet::{Area, CAPTION, MARGIN, SIZE, drawn_on};
-use crate::style::{GREY, NAME, SMALL, letters_at, limit_style, line_style, width_of};
+use crate::style::{GRAY, NAME, SMALL, letters_at, limit_style, line_style, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
@@ -53,15 +53,15 @@ impl Key {
         let middle = (x + end) / 2;
         match &self.sign {
             Sign::Line(style) => area.draw(&PathElement::new([(x, y), (end, y)], *style))?,
-            Sign::Area(colour) => {
+            Sign::Area(color) => {
                 let corners = [(x, y - 6), (end, y + 6)];
-                area.draw(&Rectangle::new(corners, colour.filled()))?;
-                area.draw(&Rectangle::new(corners, GREY.stroke_width(1)))?;
+                area.draw(&Rectangle::new(corners, color.filled()))?;
+                area.draw(&Rectangle::new(corners, GRAY.stroke_width(1)))?;
             }
             Sign::Dot => area.draw(&Circle::new((middle, y), 4, BLACK.filled()))?,
-            Sign::Ball(colour) => area.draw(&Circle::new((middle, y), 5, colour.filled()))?,
-            Sign::Arrow(colour) => arrow(area, (x, y), (end, y), *colour, WIDTH)?,
-            Sign::Sight(is_towards) => along_sight(area, (middle, y), *is_towards, GREY)?,
+            Sign::Ball(color) => area.draw(&Circle::new((middle, y), 5, color.filled()))?,
+            Sign::Arrow(color) => arrow(area, (x, y), (end, y), *color, WIDTH)?,
+            Sign::Sight(is_towards) => along_sight(area, (middle, y), *is_towards, GRAY)?,
             Sign::Cross => area.draw(&Cross::new((middle, y), 6, limit_style()))?,
             Sign::Letter(letter) => {
                 let style = letters_at(NAME, HPos::Center, VPos::Center);

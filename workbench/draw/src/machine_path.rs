@@ -125,16 +125,16 @@ impl Path {
     fn keys(&self) -> impl Iterator<Item = Key> {
         let is_seen = |shade: &usize| *shade == 0 || self.stretches.iter().any(|s| s.1 == *shade);
         let shades = (0..SHADES.len()).filter(is_seen).map(|shade| SHADES[shade]);
-        shades.map(|(name, colour, width)| Key::new(Sign::Line(colour.stroke_width(width)), name))
+        shades.map(|(name, color, width)| Key::new(Sign::Line(color.stroke_width(width)), name))
     }
 
     fn draw(&self, area: &Area, view: &View) -> Result<(), DrawError> {
         let last = self.points.len().saturating_sub(1);
         let whole = ([0, last], 0);
-        for (shade, (_, colour, width)) in SHADES.into_iter().enumerate() {
+        for (shade, (_, color, width)) in SHADES.into_iter().enumerate() {
             let own = self.stretches.iter().chain([&whole]).filter(|(_, own)| *own == shade);
             for ([from, to], _) in own {
-                area.draw(&view.path(&self.points[*from..=*to], colour.stroke_width(width)))?;
+                area.draw(&view.path(&self.points[*from..=*to], color.stroke_width(width)))?;
             }
         }
         Ok(())

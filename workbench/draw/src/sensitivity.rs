@@ -6,7 +6,7 @@ use crate::lines::Line;
 use crate::plot::{DrawError, Plot};
 use crate::sheet::{Frame, drawn, tick};
 use crate::strips::Strip;
-use crate::style::{FONT, NAME, PALE, SMALL, TITLE, area_colour, letters_at};
+use crate::style::{FONT, NAME, PALE, SMALL, TITLE, area_color, letters_at};
 use crate::thin::thin;
 use kinematics::Letter;
 use machine::read::mechanism::Mechanism;
@@ -153,7 +153,7 @@ fn bars(frame: &Frame, groups: &[(char, Vec<f64>)]) -> Result<String, DrawError>
             let left = |j: usize| g as f64 + 0.1 + 0.8 * j as f64 / count as f64;
             for (j, value) in values.iter().enumerate() {
                 let corners = [(left(j), 0.0), (left(j) + 0.64 / count as f64, *value)];
-                let filled = Rectangle::new(corners, area_colour(0).filled());
+                let filled = Rectangle::new(corners, area_color(0).filled());
                 let outline = Rectangle::new(corners, BLACK.stroke_width(1));
                 chart.draw_series([filled, outline])?;
                 let beyond = value + most * 0.04 * if *value < 0.0 { -1.0 } else { 1.0 };

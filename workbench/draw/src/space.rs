@@ -4,7 +4,7 @@
 
 use crate::plot::DrawError;
 use crate::sheet::{Area, round_steps, span, tick};
-use crate::style::{GREY, NAME, PALE, SMALL, TITLE, letters_at};
+use crate::style::{GRAY, NAME, PALE, SMALL, TITLE, letters_at};
 use crate::thin::bends;
 use kinematics::Vector3;
 use plotters::prelude::*;
@@ -49,21 +49,21 @@ enum Kind {
 }
 
 /// Creates a flat side, shaded by its angle to the light; `None` if only its back is visible.
-pub(super) fn side(corners: Vec<Vector3<f64>>, colour: RGBColor, opacity: f64) -> Option<Part> {
+pub(super) fn side(corners: Vec<Vector3<f64>>, color: RGBColor, opacity: f64) -> Option<Part> {
     let normal = normal(&corners)?;
     if normal.dot(&EYE) <= 0.0 {
         return None;
     }
     let lit = DARK + (1.0 - DARK) * normal.dot(&LIGHT.normalize()).max(0.0);
-    let RGBColor(r, g, b) = colour;
+    let RGBColor(r, g, b) = color;
     let shaded = [r, g, b].map(|part| (f64::from(part) * lit) as u8);
-    let colour = RGBColor(shaded[0], shaded[1], shaded[2]).mix(opacity);
-    Some(Part { corners, kind: Kind::Side(colour) })
+    let color = RGBColor(shaded[0], shaded[1], shaded[2]).mix(opacity);
+    Some(Part { corners, kind: Kind::Side(color) })
 }
 
 /// Creates a side visible from both sides, in one shade.
-pub(super) fn plate(corners: Vec<Vector3<f64>>, colour: RGBColor, opacity: f64) -> Part {
-    Part { corners, kind: Kind::Side(colour.mix(opacity)) }
+pub(super) fn plate(corners: Vec<Vector3<f64>>, color: RGBColor, opacity: f64) -> Part {
+    Part { corners, kind: Kind::Side(color.mix(opacity)) }
 }
 
 /// Creates a line, in pieces.
@@ -74,8 +74,8 @@ pub(super) fn line(from: Vector3<f64>, to: Vector3<f64>, style: ShapeStyle) -> V
 }
 
 /// Creates a ball with a radius in pixels.
-pub(super) fn ball(at: Vector3<f64>, colour: RGBColor, pixels: i32) -> Part {
-    Part { corners: vec![at], kind: Kind::Ball(colour, pixels) }
+pub(super) fn ball(at: Vector3<f64>, color: RGBColor, pixels: i32) -> Part {
+    Part { corners: vec![at], kind: Kind::Ball(color, pixels) }
 }
 
 /// Creates a line through points, without further division.
@@ -149,10 +149,10 @@ impl<'a> Space<'a> {
         for Part { corners, kind } in &parts {
             let places: Vec<(i32, i32)> = corners.iter().map(|place| view.pixel(place)).collect();
             match kind {
-                Kind::Side(colour) => area.draw(&Polygon::new(places, colour.filled()))?,
+                Kind::Side(color) => area.draw(&Polygon::new(places, color.filled()))?,
                 Kind::Line(style) => area.draw(&PathElement::new(places, *style))?,
-                Kind::Ball(colour, pixels) => {
-                    area.draw(&Circle::new(places[0], *pixels, colour.filled()))?;
+                Kind::Ball(color, pixels) => {
+                    area.draw(&Circle::new(places[0], *pixels, color.filled()))?;
                 }
             }
         }
@@ -194,7 +194,7 @@ impl<'a> Space<'a> {
             }
             self.draw_name(area, view, axis)?;
         }
-        let edge = GREY.stroke_width(1);
+        let edge = GRAY.stroke_width(1);
         let edges = [
             [(0, 0, 0), (1, 0, 0)],
             [(1, 0, 0), (1, 1, 0)],
@@ -320,7 +320,7 @@ mod tests {
             let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
             plate(corners.map(|[x, z]| Vector3::new(x, y, z)).to_vec(), PALE, 1.0)
         };
-        let style = GREY.stroke_width(5);
+        let style = GRAY.stroke_width(5);
         let across = |y: f64| line(Vector3::new(0.5, y, 0.0), Vector3::new(0.5, y, 1.0), style);
         let places = [Vector3::zeros(), Vector3::repeat(1.0)];
         let order = |y: f64| {

@@ -7,7 +7,7 @@ use crate::lines::{Line, drawn_lines, without_stairs};
 use crate::partition::{Partition, partitioned, places};
 use crate::plot::{DrawError, Plot};
 use crate::sheet::{Frame, axes, path_axes};
-use crate::style::{GREY, limit_style, line_style};
+use crate::style::{GRAY, limit_style, line_style};
 use nalgebra::{Complex, ComplexField};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
@@ -264,7 +264,7 @@ pub fn of_overhangs(limits: &[(f64, f64)]) -> Result<Plot, DrawError> {
 const LOSSES: [(Loss, RGBColor, &str); 3] = [
     (Loss::Hopf, RGBColor(250, 200, 160), "unstable"),
     (Loss::Doubling, RGBColor(190, 140, 180), "unstable, two tooth periods"),
-    (Loss::Fold, GREY, "unstable, deflection grows"),
+    (Loss::Fold, GRAY, "unstable, deflection grows"),
 ];
 
 /// Draws unstable depths over spindle speeds, darker if the vibration has a period of two tooth periods; the line is
@@ -279,14 +279,14 @@ pub fn of_stable_map(map: &StableMap, zero_order: &[(f64, f64)]) -> Result<Plot,
     let [first, last] = [&map.columns[0], &map.columns[map.columns.len() - 1]].map(|c| c.rpm);
     let has = |loss: Loss| map.columns.iter().any(|c| c.bands.iter().any(|band| band.loss == loss));
     let shades = LOSSES.iter().filter(|(loss, ..)| has(*loss));
-    let shades = shades.map(|(_, colour, name)| Key::new(Sign::Area(*colour), name));
+    let shades = shades.map(|(_, color, name)| Key::new(Sign::Area(*color), name));
     let stable = [Key::new(Sign::Area(WHITE), "stable")];
     let line = [Key::new(Sign::Line(limit_style()), "zero order")];
     let keys: Vec<Key> = stable.into_iter().chain(shades).chain(line).collect();
     let svg = keyed(&keys, |area| {
         let mut chart = axes(area, &frame, first..last, 0.0..map.most)?;
         let cells = map.columns.windows(2).flat_map(|pair| cells(&pair[0], &pair[1]));
-        chart.draw_series(cells.map(|(corners, colour)| Polygon::new(corners, colour.filled())))?;
+        chart.draw_series(cells.map(|(corners, color)| Polygon::new(corners, color.filled())))?;
         let inside = zero_order.split(|point| !(point.1 <= map.most)).filter(|part| part.len() > 1);
         chart.draw_series(inside.map(|part| PathElement::new(part.to_vec(), limit_style())))?;
         Ok(())
@@ -297,13 +297,13 @@ pub fn of_stable_map(map: &StableMap, zero_order: &[(f64, f64)]) -> Result<Plot,
 /// Returns the unstable areas between two columns: bands of both columns are connected if they match, others
 /// reach half way.
 fn cells(left: &Column, right: &Column) -> Vec<(Vec<(f64, f64)>, RGBColor)> {
-    let colour =
-        |band: &Band| LOSSES.iter().find(|(loss, ..)| *loss == band.loss).map_or(GREY, |l| l.1);
+    let color =
+        |band: &Band| LOSSES.iter().find(|(loss, ..)| *loss == band.loss).map_or(GRAY, |l| l.1);
     let same = |(a, b): (&Band, &Band)| a.loss == b.loss;
     let cell = |from: (f64, &Band), to: (f64, &Band)| {
         let corners =
             vec![(from.0, from.1.low), (to.0, to.1.low), (to.0, to.1.high), (from.0, from.1.high)];
-        (corners, colour(from.1))
+        (corners, color(from.1))
     };
     let pairs = left.bands.iter().zip(&right.bands);
     if left.bands.len() == right.bands.len() && pairs.clone().all(same) {

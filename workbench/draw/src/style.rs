@@ -21,7 +21,7 @@ pub(super) const GREEN: RGBColor = RGBColor(0, 158, 115);
 pub(super) const PURPLE: RGBColor = RGBColor(204, 121, 167);
 pub(super) const ORANGE: RGBColor = RGBColor(230, 159, 0);
 pub(super) const SKY: RGBColor = RGBColor(86, 180, 233);
-pub(super) const GREY: RGBColor = RGBColor(110, 110, 110);
+pub(super) const GRAY: RGBColor = RGBColor(110, 110, 110);
 pub(super) const PALE: RGBColor = RGBColor(205, 205, 205);
 /// Color of limit violations: darker than all others.
 pub(super) const RED: RGBColor = RGBColor(180, 0, 0);
@@ -34,7 +34,7 @@ pub(super) const STYLES: [(RGBColor, (u32, u32)); MAX_LEGS] = [
     (GREEN, (3, 4)),
     (PURPLE, (24, 5)),
     (ORANGE, (7, 6)),
-    (GREY, (16, 12)),
+    (GRAY, (16, 12)),
     (SKY, (5, 2)),
     (RGBColor(60, 60, 60), (2, 8)),
 ];
@@ -49,7 +49,7 @@ pub(super) fn line_style(number: usize) -> ShapeStyle {
 }
 
 /// Returns the color of an area that belongs to a line's number: lighter.
-pub(super) fn area_colour(number: usize) -> RGBColor {
+pub(super) fn area_color(number: usize) -> RGBColor {
     let RGBColor(r, g, b) = STYLES[number % STYLES.len()].0;
     let light = |part: u8| part + (255 - part) / 5 * 2;
     RGBColor(light(r), light(g), light(b))
@@ -129,9 +129,9 @@ mod tests {
     }
 
     #[test]
-    fn no_two_lines_have_the_same_dashes_or_the_same_colour() {
-        for (k, (colour, dashes)) in STYLES.iter().enumerate() {
-            assert!(STYLES[..k].iter().all(|(c, d)| c != colour && d != dashes), "{k}");
+    fn no_two_lines_have_the_same_dashes_or_the_same_color() {
+        for (k, (color, dashes)) in STYLES.iter().enumerate() {
+            assert!(STYLES[..k].iter().all(|(c, d)| c != color && d != dashes), "{k}");
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::machine::{Drawn, LEG, at_pose, axis_box};
 use crate::plot::{DrawError, Plot};
 use crate::slice::{Kinds, sliced};
 use crate::space::{Part, Space, edges, side};
-use crate::style::{area_colour, limit_style};
+use crate::style::{area_color, limit_style};
 use kinematics::Vector3;
 use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
@@ -56,7 +56,7 @@ fn solid(config: &Mechanism, body: &Body, kinds: &Kinds) -> Result<String, DrawE
     parts.extend(machine);
     places.extend(body.rays().map(|(_, ray)| end(body, ray)));
     let seen = body.rays().map(|(_, ray)| &ray.limit);
-    let mut keys = kinds.keys(seen, |number| Sign::Area(area_colour(number)));
+    let mut keys = kinds.keys(seen, |number| Sign::Area(area_color(number)));
     keys.push(Key::new(Sign::Line(LEG.stroke_width(4)), "machine, at home"));
     if let Some(corners) = axis_box(config) {
         parts.extend(edges(&corners, limit_style()));
@@ -92,11 +92,7 @@ fn sides(body: &Body, kinds: &Kinds) -> Vec<Part> {
         ];
         // At a pole two of them coincide.
         let own = if rings[0] == 0 { rays[2] } else { rays[0] };
-        side(
-            rays.map(|ray| end(body, ray)).to_vec(),
-            area_colour(kinds.number(&own.limit)),
-            OPACITY,
-        )
+        side(rays.map(|ray| end(body, ray)).to_vec(), area_color(kinds.number(&own.limit)), OPACITY)
     };
     between.filter_map(of).collect()
 }

@@ -45,7 +45,7 @@ fn the_same_program_gives_the_same_rows_also_in_several_runs_at_once() {
 }
 
 #[test]
-fn what_linuxcnc_stops_is_told_with_its_line_and_words() {
+fn stops_of_linuxcnc_are_reported_with_their_line_and_words() {
     let text = "G21 G90 G61\nG1 F3000 X10\nX0\nX500\nM2\n";
     let outcome = run_text("hexapod", text, &Options::default()).unwrap();
     assert_eq!(outcome.ending, Ending::Stopped);

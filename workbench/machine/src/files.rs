@@ -56,7 +56,7 @@ static READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 /// Begins a new task, which may replace the files that were read before.
 pub fn forget_read() {
-    READ.lock().expect("nobody panics with it").clear();
+    READ.lock().expect("never poisoned").clear();
 }
 
 /// Largest file that is read, bytes: a program of ten million lines has half as many.
@@ -80,7 +80,7 @@ pub fn open(file: &Path) -> Result<File, AtFile<io::Error>> {
     let opened = File::open(file).at(file)?;
     // A pipe has no canonical path and cannot be replaced.
     if let Some(place) = place {
-        READ.lock().expect("nobody panics with it").insert(place);
+        READ.lock().expect("never poisoned").insert(place);
     }
     Ok(opened)
 }
@@ -157,7 +157,7 @@ static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
 const REMOVALS: usize = 100;
 
 fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
-    TEMPORARY.lock().expect("nobody panics with it")
+    TEMPORARY.lock().expect("never poisoned")
 }
 
 /// An entry in the list of temporary files and folders.
@@ -279,7 +279,7 @@ impl Whole {
     /// # Errors
     /// Its folder cannot be written, its path is not a regular file, or the file was read.
     pub fn new(file: &Path) -> Result<Self, AtFile<io::Error>> {
-        let is_read = |place: &PathBuf| READ.lock().expect("nobody panics with it").contains(place);
+        let is_read = |place: &PathBuf| READ.lock().expect("never poisoned").contains(place);
         if fs::canonicalize(file).is_ok_and(|place| is_read(&place)) {
             let text =
                 "this file was read as input and would be lost; choose another file for the output";
@@ -402,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_that_is_none_is_told_with_its_line() {
+    fn invalid_text_is_reported_with_its_line() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("table.csv");
         fs::write(&file, b"a,b\n\xf6,1\n").unwrap();

@@ -47,7 +47,7 @@ struct Bar {
     range: [f64; 2],
     /// Ends of the ranges of the first and the second color.
     steps: [f64; 2],
-    colours: [&'static str; 3],
+    colors: [&'static str; 3],
     format: &'static str,
 }
 
@@ -96,9 +96,9 @@ impl Sheet {
     }
 
     fn bar(&mut self, bar: &Bar) {
-        let Bar { range: [low, high], steps: [first, second], colours, .. } = bar;
+        let Bar { range: [low, high], steps: [first, second], colors, .. } = bar;
         let [low, high, first, second] = [low, high, first, second].map(|value| rounded(*value));
-        let [one, two, three] = colours;
+        let [one, two, three] = colors;
         let attributes = format!(
             "min_=\"{low}\" max_=\"{high}\" range1=\"({low},{first},'{one}')\" \
              range2=\"({first},{second},'{two}')\" range3=\"({second},{high},'{three}')\" \
@@ -118,8 +118,8 @@ impl Sheet {
         self.widgets.push_str("<tablerow/>\n");
     }
 
-    fn lamp(&mut self, widget: &str, pin: &str, text: &str, colour: &str) {
-        let attributes = format!("size=\"12\" on_color=\"{colour}\" off_color=\"#dddddd\"");
+    fn lamp(&mut self, widget: &str, pin: &str, text: &str, color: &str) {
+        let attributes = format!("size=\"12\" on_color=\"{color}\" off_color=\"#dddddd\"");
         self.shown("led", widget, pin, &attributes);
         self.label(text);
     }
@@ -159,7 +159,7 @@ impl Sheet {
                     pin: format!("pkmkins.{pin}"),
                     range: [0.0, *most],
                     steps: [(1.0 - EDGE) * most, *most],
-                    colours: [WELL, NEAR, BEYOND],
+                    colors: [WELL, NEAR, BEYOND],
                     format: ".1f",
                 });
             }
@@ -180,7 +180,7 @@ impl Sheet {
             pin: format!("joint.{n}.pos-fb"),
             range: [min, max],
             steps: [min + edge, max - edge],
-            colours: [NEAR, WELL, NEAR],
+            colors: [NEAR, WELL, NEAR],
             format,
         });
         if n < config.guarded_joints() {
@@ -234,7 +234,7 @@ impl Sheet {
                 pin: format!("{stem}conditioning"),
                 range: [0.0, 1.0],
                 steps: [limit, 2.0 * limit],
-                colours: [BEYOND, NEAR, WELL],
+                colors: [BEYOND, NEAR, WELL],
                 format: ".3f",
             });
         }
@@ -245,7 +245,7 @@ impl Sheet {
             pin: "pkmkins.feed-scale".into(),
             range: [0.0, 1.0],
             steps: [0.25, 0.99],
-            colours: [BEYOND, NEAR, WELL],
+            colors: [BEYOND, NEAR, WELL],
             format: ".2f",
         });
         self.row();
@@ -255,7 +255,7 @@ impl Sheet {
             pin: "pkmkins.jog-scale".into(),
             range: [0.0, 1.0],
             steps: [0.25, 0.99],
-            colours: [BEYOND, NEAR, WELL],
+            colors: [BEYOND, NEAR, WELL],
             format: ".2f",
         });
         self.close("table");

@@ -47,7 +47,7 @@ fn enter_at_every_question_makes_what_the_examples_make() {
 }
 
 #[test]
-fn of_long_work_the_share_that_is_done_is_told() {
+fn long_work_reports_the_share_that_is_done() {
     let kind = KINDS.iter().find(|kind| kind.name == "linear-delta").unwrap();
     let needed = kind.parameters().into_iter().filter(|p| p.need != Need::Optional);
     let words = |text: &str| text.split_whitespace().map(String::from).collect();

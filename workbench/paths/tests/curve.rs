@@ -850,7 +850,7 @@ fn laws_of_the_carriages_give_back_the_path_that_they_were_made_from() {
 }
 
 #[test]
-fn a_title_stays_one_comment_whatever_is_in_it() {
+fn a_title_with_any_characters_stays_one_comment() {
     let config = config("pyramid");
     let plain = PathFile::parse(CYCLOID).unwrap();
     let lines = route(&config, &plain).unwrap().program.lines().count();

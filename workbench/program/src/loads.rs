@@ -406,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_that_is_left_is_told_with_its_first_place_and_the_lines_that_leave_it() {
+    fn a_violated_limit_is_reported_with_its_first_place_and_its_lines() {
         let mut config = config();
         config.mechanisms[0].joints[0].max_velocity = 8.5;
         let found = judged(&config, &rows(&twice(&ramp(0.001), &ramp(0.001))));
@@ -504,7 +504,7 @@ mod tests {
     }
 
     #[test]
-    fn every_line_tells_once_by_how_much_its_feed_may_be_multiplied() {
+    fn every_line_reports_once_by_how_much_its_feed_may_be_multiplied() {
         let mut config = config();
         config.mechanisms[0].joints[0].max_velocity = 20.0;
         let found = judged(&config, &rows(&ramp(0.001)));

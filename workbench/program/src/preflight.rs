@@ -427,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_that_is_too_fast_breaks_the_program_and_one_that_is_not_tells_its_margin() {
+    fn a_joint_that_is_too_fast_breaks_the_program_and_a_slower_one_has_a_margin() {
         let config = config();
         let most = config.first().joints[2].max_velocity;
         let slow = run(&config, most / 2.0, finished());

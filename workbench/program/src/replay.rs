@@ -631,7 +631,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_are_told_in_the_words_and_units_of_the_joint() {
+    fn limits_are_reported_in_the_words_and_units_of_the_joint() {
         for (machine, joint, to, text) in [
             ("four-rod-lathe", 1, [0.0, 0.0, 5.0], "carriage 1 reaches 1509.410 mm, above 1500"),
             ("pyramid", 4, [4.0, 0.0, 0.0], "table X reaches 4.000 mm, above 3"),

@@ -43,7 +43,7 @@ fn assert_end(step: &Move, end: [f64; 6]) {
 }
 
 #[test]
-fn inch_and_millimetre_words_become_machine_units() {
+fn inch_and_millimeter_words_become_machine_units() {
     let steps = run("G20 G0 X1 Z2\nG1 Y-1 F10\nG21 G1 X10\nM2\n", None).unwrap();
     let [a, b, c] = steps.as_slice() else { panic!("{steps:?}") };
     assert_eq!((a.kind, b.kind, b.line), (MoveKind::Rapid, MoveKind::Feed, 2));
@@ -73,7 +73,7 @@ fn tool_length_is_part_of_the_commanded_position_and_is_named() {
 }
 
 #[test]
-fn arcs_stay_within_a_ten_thousandth_of_a_millimetre() {
+fn arcs_stay_within_a_ten_thousandth_of_a_millimeter() {
     let steps = run("G0 X50 Y0 Z200\nG2 X-50 Y0 I-50 J0 B10 F600\nM2\n", None).unwrap();
     assert!(steps.len() > 300, "{}", steps.len());
     for pair in steps.windows(2) {
@@ -125,7 +125,7 @@ fn axis_limits_slow_down_what_the_feed_would_allow() {
 }
 
 #[test]
-fn an_inch_machine_gets_inches_whatever_the_program_speaks() {
+fn an_inch_machine_gets_inches_from_programs_in_any_unit() {
     let steps = run_on("tripod", "G20 G0 X1\nG21\nG1 X50.8 F254\nM2\n").unwrap();
     let [_, inch, metric] = steps.as_slice() else { panic!("{steps:?}") };
     let home = test_support::shipped::config("tripod").home;

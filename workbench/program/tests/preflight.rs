@@ -79,7 +79,7 @@ fn a_turn_counts_in_the_share_that_runs() {
 
 /// The violated limit may not be the one that is nearer at the start.
 #[test]
-fn every_axis_limit_that_is_left_is_told_with_its_first_place_and_how_often() {
+fn every_violated_axis_limit_is_reported_with_its_first_place_and_count() {
     let mut config = config("hexapod");
     for (axis, [low, high]) in config.programmed.iter_mut().zip([[-48.0, 56.0], [-20.0, 20.0]]) {
         (axis.min, axis.max) = (low, high);
@@ -261,7 +261,7 @@ fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
 /// Limits of the rods' distance and of the conditioning halfway between the ends of a move and
 /// its center.
 #[test]
-fn rods_that_come_near_and_legs_that_hardly_hold_are_told_with_place_and_amount() {
+fn rods_too_near_and_poses_near_a_singularity_are_reported_with_place_and_amount() {
     let mut config = config("hexapod");
     let far = [120.0, 0.0, 220.0, 0.0, 0.0, 0.0];
     let near = [0.0, 0.0, 220.0, 20.0, 0.0, 15.0];
@@ -329,7 +329,7 @@ fn a_singular_pose_between_is_never_missed() {
 }
 
 #[test]
-fn a_rapid_down_to_the_machines_own_zero_is_told() {
+fn a_rapid_down_to_the_machines_own_zero_is_reported() {
     let delta = config("linear-delta");
     let at = |z: f64| [0.0, 0.0, z, 0.0, 0.0, 0.0];
     let cut = |line, z| Move { kind: MoveKind::Feed, ..rapid(line, at(z)) };
@@ -352,7 +352,7 @@ fn a_rapid_down_to_the_machines_own_zero_is_told() {
 }
 
 #[test]
-fn a_tool_offset_at_a_tilt_is_told_and_followed() {
+fn a_tool_offset_at_a_tilt_is_reported_and_followed() {
     let mut config = config("hexapod");
     let tilted = [0.0, 0.0, 220.0, 20.0, 0.0, 0.0];
     let longer = |line, z| Move { tool: [0.0, 0.0, z], ..rapid(line, tilted) };

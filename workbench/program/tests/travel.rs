@@ -40,7 +40,7 @@ fn a_long_way_is_followed_to_its_end() {
 }
 
 #[test]
-fn up_to_the_place_told_every_pose_keeps_all_limits_and_just_behind_it_one_does_not() {
+fn poses_up_to_the_reported_end_keep_all_limits_and_just_behind_it_one_does_not() {
     let mut rng = Pcg64::seed_from_u64(22);
     let mut stopped = 0;
     for machine in unchained() {

@@ -228,7 +228,7 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
 }
 
 #[test]
-fn limits_of_the_second_are_told_with_its_own_letters_and_numbers() {
+fn limits_of_the_second_are_reported_with_its_own_letters_and_numbers() {
     let config = whole(LATHE);
     let found = followed(&config, program(&["G1 W3050", "G1 W2600 C25"]).path());
     let told: Vec<(&str, u32)> = found.breaks.iter().map(|b| (b.part.as_str(), b.line)).collect();

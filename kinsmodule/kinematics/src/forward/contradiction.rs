@@ -104,7 +104,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     #[test]
-    fn what_legs_are_off_is_told_as_errors_of_their_joints_wherever_these_have_their_zero() {
+    fn errors_of_legs_are_reported_as_joint_errors_for_any_joint_zero() {
         let mut rng = Pcg64::seed_from_u64(23);
         let mut checked = 0;
         for _ in 0..40 {

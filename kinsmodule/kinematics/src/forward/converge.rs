@@ -510,7 +510,7 @@ mod tests {
     }
 
     #[test]
-    fn a_certificate_tells_how_far_from_the_middle_of_its_ball_the_pose_was_found() {
+    fn a_certificate_returns_the_distance_of_the_pose_from_the_middle_of_its_ball() {
         let mut rng = Pcg64::seed_from_u64(21);
         let mut checked = 0;
         for _ in 0..60 {
@@ -561,7 +561,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_tells_how_long_the_next_should_be_and_what_it_leaves() {
+    fn a_step_returns_the_next_length_and_the_unconverged_rest() {
         let step = |length: f64, lipschitz: f64| Step {
             step: [0.0; 6],
             length,

@@ -249,7 +249,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     #[test]
-    fn a_refusal_of_the_search_is_told_by_what_is_behind_it() {
+    fn a_refusal_of_the_search_reports_the_cause_behind_it() {
         let mut rng = Pcg64::seed_from_u64(27);
         let solver = Solver { residual_limit: 0.25, ..Solver::default() };
         for (coordinates, redundant) in [(b"XYZABC".as_slice(), false), (b"XYZAB", true)] {

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_rod_lacks_and_how_little_it_drives_are_told() {
+    fn missing_length_and_weak_drive_of_a_rod_are_reported() {
         let told = |off| slider(1).joint(&anchor(7.0, off)).expect_err("refused");
         let (cause, lacks) = told(5.5);
         assert_eq!(cause, Cause::OutOfReach);

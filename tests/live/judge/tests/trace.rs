@@ -94,7 +94,7 @@ fn a_faultless_trace_passes() {
 }
 
 #[test]
-fn a_joint_off_by_a_nanometre_and_more_is_seen() {
+fn a_joint_off_by_a_nanometer_and_more_is_seen() {
     let names = bad(|samples, _| samples[2000].joints[3] += 2e-9);
     assert!(names.contains(&"struts against host inverse".into()), "{names:?}");
 }
@@ -259,7 +259,7 @@ fn report(folder: &Path, machine: &str, hash: u32, trace: &Path) -> (Option<i32>
 }
 
 #[test]
-fn the_report_is_written_and_the_exit_code_tells_the_verdict() {
+fn the_report_is_written_and_the_exit_code_gives_the_verdict() {
     let folder = tempfile::tempdir().unwrap();
     let trace = folder.path().join("t.csv");
     let config = config();

@@ -237,7 +237,7 @@ fn changed(module: &Module, world: &Pose, to: Vector) -> Vec<Joints> {
 }
 
 #[test]
-fn a_tool_changes_within_the_limits_of_the_joints_whatever_is_turned() {
+fn a_tool_changes_within_the_limits_of_the_joints_for_all_turned_axes() {
     for (machine, value) in [(over_a_table(), 70.0), (with_a_turret_on_a_track(), -25.0)] {
         let module = machine.module();
         for i in 0..6 {

@@ -24,7 +24,7 @@ fn with_error(leg: usize, off: f64) -> Joints {
 }
 
 #[test]
-fn one_carriage_a_millimetre_off_passes_and_leaves_a_quarter_of_it() {
+fn one_carriage_a_millimeter_off_passes_and_leaves_a_quarter_of_it() {
     let module = pyramid().module();
     for leg in 0..4 {
         for off in [1.0, -1.0] {
@@ -62,7 +62,7 @@ fn redundant() -> Vec<Subject> {
 
 /// The default is 5e-3 of the platform's radius, 0.6 mm of 120 mm: a quarter of 2.4 mm.
 #[test]
-fn by_default_a_carriage_more_than_two_millimetres_off_is_refused_and_named() {
+fn by_default_a_carriage_more_than_two_millimeters_off_is_refused_and_named() {
     let module = pyramid().module();
     for leg in 0..4 {
         for off in [2.3, -2.3] {
@@ -125,7 +125,7 @@ fn a_limit_that_is_no_positive_number_is_refused() {
 
 /// Before homing all joints are 0 and do not contradict; a wrong limit is reported then too.
 #[test]
-fn a_wrong_limit_is_told_before_homing() {
+fn a_wrong_limit_is_reported_before_homing() {
     let module = pyramid().module();
     module.set("residual-limit", f64::NAN);
     let code = module.forward_into(&[0.0; 16], &mut home());
@@ -197,7 +197,7 @@ fn following_errors_of_all_carriages_pass_and_blur_the_pose_no_more_than_themsel
         for joint in &mut joints[..4] {
             *joint += random.within(0.5);
         }
-        let found = module.forward(&joints, &pose).expect("half a millimetre each");
+        let found = module.forward(&joints, &pose).expect("half a millimeter each");
         // Z follows at most a carriage's error over the least rate, 1.3 (golden Jacobian);
         // at home they are its mean.
         assert!((found[2] - pose[2]).abs() <= 0.5, "{found:?} of {pose:?}");

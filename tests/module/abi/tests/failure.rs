@@ -91,7 +91,7 @@ fn no_fault_floods_the_operator() {
 }
 
 #[test]
-fn a_fault_is_told_again_after_a_quiet_while() {
+fn a_fault_is_reported_again_after_a_quiet_period() {
     let module = paper_004().module();
     let refuse = || {
         let mut pose = SEED;
@@ -412,7 +412,7 @@ fn inverse_leaves_every_pin_but_the_fault_record_alone() {
 }
 
 #[test]
-fn inverse_answers_the_same_whatever_was_asked_before() {
+fn inverse_is_independent_of_earlier_calls() {
     let module = paper_004().module();
     let first = module.inverse(&SEED);
     for other in [PAPER_004_HOME, NO_POSE, [50.0; 9]] {
@@ -476,7 +476,7 @@ fn forward_writes_the_pins_people_look_at() {
 
 /// LinuxCNC passes the NaN of a refused forward to inverse when it is switched off and on again.
 #[test]
-fn the_nan_of_a_refused_forward_is_not_told_as_a_fault_of_the_program() {
+fn the_nan_of_a_refused_forward_is_not_reported_as_a_fault_of_the_program() {
     let module = paper_004().module();
     let joints = module.inverse(&SEED).expect("a pose of the workspace");
     module.follow(&joints, &SEED).expect("its own joints");
@@ -496,7 +496,7 @@ fn the_nan_of_a_refused_forward_is_not_told_as_a_fault_of_the_program() {
 }
 
 #[test]
-fn the_tool_of_identity_kinematics_stands_upright_whatever_the_joints_are() {
+fn the_tool_of_identity_kinematics_stands_upright_for_all_joint_values() {
     let module = paper_004().module();
     assert_eq!(module.switch(1), 0);
     let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -235,7 +235,7 @@ fn an_apply_edge_is_seen_without_the_monitor_too() {
 }
 
 #[test]
-fn a_machine_that_is_on_keeps_its_geometry_whatever_is_applied() {
+fn a_machine_that_is_on_keeps_its_geometry_despite_apply() {
     let bad = |module: &Module| module.set("platform.1.z", f64::NAN);
     let good = |module: &Module| module.set("platform.1.z", 151.0);
     for change in [&bad as &dyn Fn(&Module), &good] {
@@ -484,7 +484,7 @@ fn a_bad_drop_in_geometry_answers_no_call() {
 }
 
 #[test]
-fn a_bad_drop_in_geometry_is_told_once_and_not_in_every_cycle() {
+fn a_bad_drop_in_geometry_is_reported_once_and_not_in_every_cycle() {
     let module = dropped_in(&paper_004());
     module.set("base.3.y", f64::NAN);
     for _ in 0..1000 {

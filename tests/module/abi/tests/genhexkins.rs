@@ -221,7 +221,7 @@ fn forward_returns_to_the_pose_on_random_machines() {
 
 /// genhexkins fails in millimeters: its max-error is an absolute 500.
 #[test]
-fn genhexkins_fails_from_home_in_millimetres_where_this_module_does_not() {
+fn genhexkins_fails_from_home_in_millimeters_and_this_module_does_not() {
     let machine = paper_004();
     let (ours, theirs) = (machine.module(), Module::genhexkins());
     machine.wire(&theirs);

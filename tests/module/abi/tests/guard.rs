@@ -551,7 +551,7 @@ fn a_machine_stops_before_its_legs_lose_hold_and_may_go_back() {
 }
 
 #[test]
-fn what_lies_within_the_braking_distance_is_told_with_leg_and_reason() {
+fn limits_within_the_braking_distance_are_reported_with_leg_and_reason() {
     // 100 mm/s stop within 12 mm at the assumed share of 1000 mm/s².
     let along = |s: f64| pose(s, 0.0, 250.0, 0.0, 0.0);
     let seen = |set: &dyn Fn(&Module)| {

@@ -84,7 +84,7 @@ fn a_held_coordinate_that_is_0_but_for_rounding_changes_no_bit() {
 }
 
 #[test]
-fn forward_writes_0_to_held_coordinates_whatever_the_seed_has_there() {
+fn forward_writes_0_to_held_coordinates_for_any_seed() {
     for subject in holding() {
         let module = subject.machine.module();
         let pose = (subject.sample)(&mut Random::new(43));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The guard over the moves of machines that vary what the shipped ones hold constant: millimetres and inches,
+//! The guard over the moves of machines that vary what the shipped ones hold constant: millimeters and inches,
 //! servo cycles of 250 us to 2 ms, feed overrides, joint offsets, a second mechanism, axes that carry something.
 //!
 //! Joint values along a move come from a second module that guards nothing; what they may be is arithmetic.

@@ -228,7 +228,7 @@ fn fault_reset_ends_no_doubt_while_there_is_no_pose_to_confirm() {
 }
 
 #[test]
-fn fault_reset_ends_no_doubt_in_world_mode_whatever_becomes_of_the_commanded_pose() {
+fn fault_reset_ends_no_doubt_in_world_mode_for_any_commanded_pose() {
     let passed = Cause::SingularPassed.code();
     for coordinate in [1e9, f64::NAN] {
         let beyond = Beyond::singular();

@@ -249,7 +249,7 @@ fn without_boxes_there_are_no_pins_for_them_and_home_is_where_forward_starts() {
 const MIRRORED: Pose = [5.0, 1.768, -3.06, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 #[test]
-fn three_legs_that_move_x_y_and_z_start_without_boxes_and_whatever_the_seed() {
+fn three_legs_that_move_x_y_and_z_start_without_boxes_from_any_seed() {
     let module = before_homing(tripod(0));
     let joints = module.inverse(&far_pose()).unwrap();
     let mut world = MIRRORED;

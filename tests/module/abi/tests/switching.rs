@@ -241,7 +241,7 @@ fn identity_is_refused_where_legs_exceed_coordinates_and_changes_nothing() {
 
 /// Without the monitor nothing else reports it.
 #[test]
-fn without_the_monitor_a_refused_identity_is_told_at_once() {
+fn without_the_monitor_a_refused_identity_is_reported_at_once() {
     let machine = pyramid();
     let module = machine.loaded();
     machine.wire(&module);

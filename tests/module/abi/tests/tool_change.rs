@@ -489,7 +489,7 @@ fn in_joint_mode_a_change_moves_the_pose_and_no_joint() {
 }
 
 #[test]
-fn whatever_is_asked_for_forward_follows_the_joints() {
+fn forward_follows_the_joints_during_a_tool_change() {
     let module = hexapod();
     let mut thread = Thread::at(&module, TILTED);
     request(&module, LONG);
@@ -532,7 +532,7 @@ fn sent(tool: [f64; 3]) -> Pose {
 }
 
 #[test]
-fn what_linuxcnc_hands_over_counts_and_pins_that_contradict_it_are_told_once() {
+fn offsets_from_linuxcnc_count_and_contradicting_pins_are_reported_once() {
     let module = hexapod();
     let mut thread = Thread::at(&module, TILTED);
     assert_eq!(module.set_tool(Some(&sent([0.0; 3]))), 0);

@@ -198,7 +198,7 @@ fn random_machine(random: &mut Random) -> (Control, Pose) {
 }
 
 #[test]
-fn whatever_linuxcnc_does_in_a_tool_change_the_joints_keep_their_limits() {
+fn joints_keep_their_limits_when_linuxcnc_interrupts_a_tool_change() {
     let mut random = Random::new(51);
     let tilting = |s: &Subject| (3..6).any(|letter| s.machine.moves(letter));
     let mut controls: Vec<_> = subjects().into_iter().filter(tilting).map(Control::Alone).collect();

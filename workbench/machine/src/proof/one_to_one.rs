@@ -207,7 +207,7 @@ impl<'a> Prover<'a> {
         }
         match proved? {
             Verdict::Proved => {
-                let mut done = work.done.lock().expect("nobody panics with it");
+                let mut done = work.done.lock().expect("never poisoned");
                 *done += self.share(work.claim, cell);
                 (self.progress)(*done);
                 Ok(())

@@ -152,7 +152,7 @@ impl OldIni {
         Ok(number)
     }
 
-    /// Returns the machine units of a millimetre.
+    /// Returns the machine units of a millimeter.
     ///
     /// # Errors
     /// The unit is missing, or none that is known.

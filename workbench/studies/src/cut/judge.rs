@@ -81,7 +81,7 @@ impl<'a> Cut<'a> {
         path.check(f64::INFINITY).map_err(|(k, error)| AtPlace::new(at(&stops[k]), error))?;
         let (found, ran) = self.passed(program, moves, options, &lines, &mut show)?;
         let show = Mutex::new(|share| show(Step::Search("limit depths", share)));
-        let shown = |share| show.lock().expect("nobody panics with it")(share);
+        let shown = |share| show.lock().expect("never poisoned")(share);
         shown(0.0);
         let depths = path.depths(shown);
         let steps = half_steps(subject.config);

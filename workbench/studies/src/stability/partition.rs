@@ -114,7 +114,7 @@ pub fn regions(window: &Window, unstable: impl Fn([f64; 2]) -> usize + Sync) -> 
     found
 }
 
-fn neighbours(cell: usize) -> impl Iterator<Item = usize> {
+fn neighbors(cell: usize) -> impl Iterator<Item = usize> {
     let [across, up] = CELLS;
     let (x, y) = (cell % across, cell / across);
     [
@@ -132,7 +132,7 @@ fn connected(counts: &[usize], start: usize, is_seen: &mut [bool]) -> Vec<usize>
     is_seen[start] = true;
     let mut next = 0;
     while next < cells.len() {
-        for other in neighbours(cells[next]) {
+        for other in neighbors(cells[next]) {
             if !is_seen[other] && counts[other] == counts[start] {
                 is_seen[other] = true;
                 cells.push(other);
@@ -150,7 +150,7 @@ fn innermost(cells: &[usize]) -> usize {
     let mut last = cells[0];
     while !left.is_empty() {
         let is_border = |cell: &&usize| {
-            let inside = neighbours(**cell).filter(|other| left.contains(other)).count();
+            let inside = neighbors(**cell).filter(|other| left.contains(other)).count();
             inside < 4
         };
         let border: Vec<usize> = left.iter().filter(is_border).copied().collect();

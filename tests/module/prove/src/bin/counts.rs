@@ -493,7 +493,7 @@ mod tests {
     }
 
     #[test]
-    fn what_exceeds_its_bound_is_told() {
+    fn exceeded_bounds_are_reported() {
         let mut cases = row();
         cases.push((case(Aim::Typical, MAX_ITERATIONS, 0), 90));
         let table = of(&cases);
@@ -511,7 +511,7 @@ mod tests {
     }
 
     #[test]
-    fn a_call_that_its_solves_do_not_explain_is_told() {
+    fn a_call_that_its_solves_do_not_explain_is_reported() {
         let mut cases = row();
         cases.push((case(Aim::Worst, MAX_ITERATIONS, 2), 170 + 2 * 14 + 1));
         let reported = complaints(&["m"], &of(&cases), &bound(0, 10_000));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Colours that people who do not tell red from green can tell, after Okabe and Ito.
+// Colors that people who do not tell red from green can tell, after Okabe and Ito.
 import { Color } from "three";
 
-export const COLOURS = {
+export const COLORS = {
   background: 0xf4f6f8,
   base: 0x6b7785,
   guide: 0x9aa5b1,
@@ -27,8 +27,8 @@ export const NEAR = 0.1;
 export const CURVES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#b8860b", "#444499"];
 
 const STOPS = [
-  [-1e-9, new Color(COLOURS.broken)],
-  [0, new Color(COLOURS.near)],
+  [-1e-9, new Color(COLORS.broken)],
+  [0, new Color(COLORS.near)],
   [NEAR, new Color(0xf0e442)],
   [0.3, new Color(0x56b4e9)],
   [0.5, new Color(0x0072b2)],
@@ -43,8 +43,8 @@ export function ofShare(share) {
   return a.clone().lerp(b, (share - from) / (to - from));
 }
 
-/** Of a part that is `share` from its limit, whose own colour is `own`. */
+/** Of a part that is `share` from its limit, whose own color is `own`. */
 export function ofPart(share, own) {
-  if (share < 0) return COLOURS.broken;
-  return share < NEAR ? COLOURS.near : own;
+  if (share < 0) return COLORS.broken;
+  return share < NEAR ? COLORS.near : own;
 }
