@@ -13,7 +13,7 @@ if [ -d "$(rustc --print target-libdir --target $target)" ]; then
     cargo check --locked --quiet -p kinematics --target $target --target-dir target/bare-metal
 else
     . tools/rust-web.sh
-    # The library is built from its sources, which a released compiler does only when it is told so.
+    # The library is built from its sources, which a released compiler refuses without RUSTC_BOOTSTRAP.
     RUSTC_BOOTSTRAP=1 cargo check --locked --quiet -p kinematics --target $target -Zbuild-std=core \
         --target-dir target/bare-metal
 fi

@@ -20,7 +20,7 @@ def count_legs(value):
 
 
 def sentence(code, number, legs):
-    """As the module tells it to the operator, without the value, which no pin holds."""
+    """Returns the refusal as the module reports it, without the value, which no pin has."""
     text, remedy = CAUSES.get(code, ("unknown cause", "see docs/reference/causes.md"))
     part = "" if number < 0 else f"leg {number}: " if number < legs else f"joint {number}: "
     return f"{part}{text}; {remedy} [code {code}]"

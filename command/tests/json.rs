@@ -228,7 +228,7 @@ fn every_subcommand_answers_in_json_as_the_page_says() {
         for place in own.iter().filter(|place| !place.ends_with(".*")) {
             assert!(
                 places.contains_key(place),
-                "pkm {command}: {place} is documented and nowhere told"
+                "pkm {command}: {place} is documented and never written"
             );
         }
     }

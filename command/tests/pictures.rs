@@ -191,7 +191,7 @@ fn axes_have_units(name: &str, sheet: &roxmltree::Document) {
         assert!(is_number || has_unit(&lowest.words), "{name}: {:?}", lowest.words);
     }
     let odd = texts.iter().find(|t| t.words.contains("cos") || t.words.contains("(Y"));
-    assert!(odd.is_none(), "{name}: an axis that nobody reads at once");
+    assert!(odd.is_none(), "{name}: the label of an axis is not plain");
 }
 
 fn lines_have_keys_and_stay_inside(name: &str, sheet: &roxmltree::Document) {

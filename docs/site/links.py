@@ -3,7 +3,7 @@
 
     links.py SITE
 
-Sphinx checks the links that it makes; manual pages come as HTML, and only what browsers get tells whether all hold.
+Sphinx checks the links that it makes. Manual pages come as HTML, so that only the finished site shows whether all links work.
 """
 
 import sys

@@ -106,6 +106,6 @@ test jog-broken "an error ends nothing, and is reported" {
     jog x {interp alias $::drives::box hal {} apply {args {error "HAL has gone"}}}
 } [list [reported "HAL has gone"]]
 
-test jog-closed "where nobody reads, nothing ends" {
+test jog-closed "a closed standard error ends nothing" {
     set lines [jog x {dict unset pins pkmkins.jog-scale; interp alias $::drives::box puts {} error}]
 } {}

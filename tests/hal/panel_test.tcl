@@ -135,7 +135,7 @@ test panel-twice "a file that is carried out again changes nothing and says it o
         [taken panel:kinematics]]]]
 } {{}}
 
-test panel-closed "where nobody reads, nothing ends" {
+test panel-closed "a closed standard error ends nothing" {
     panel {dict unset components pyvcp; interp alias $::drives::box puts {} error}
 } {}
 

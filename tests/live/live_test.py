@@ -278,7 +278,7 @@ def corrections(out, rate, circles):
     smooth = computed + effect
     smooth = (smooth[:-2] + 4 * smooth[1:-1] + smooth[2:]) / 6
     late = abs(sent[3:] - smooth[:-1]).max()
-    assert late < OF_ROUNDING, f"drives are told values {late} mm off those of the commanded pose"
+    assert late < OF_ROUNDING, f"joint commands are {late} mm off those of the commanded pose"
     shares = [max(abs(numpy.diff(values, n=order, axis=0)).max(axis=0) / period**order / limits[order - 1])
               for order in (1, 2) for values in (joints, sent)]
     assert max(shares) <= 1, f"of their speed and acceleration joints need {shares}"

@@ -575,7 +575,7 @@ def jogs(machine: Machine, out, letter, speed, limits, slowest):
                            "/usr/share/linuxcnc/hallib/pkmkins_jog.tcl"], capture_output=True, text=True, timeout=30)
     assert done.returncode == 0 and not done.stderr, done.stderr
     wired = halcmd("-s", "show", "pin", f"ini.{letter}.max_velocity")
-    assert "jog-velocity" in wired, f"the axis is not told: {wired}, {done.stdout}"
+    assert "jog-velocity" in wired, f"the axis does not get the speed: {wired}, {done.stdout}"
     axis = AXES.index(letter)
     columns = [(f"j{n}", f"joint.{n}.pos-cmd", "float") for n in machine.layout.joints]
     columns += [("axis", f"axis.{letter}.pos-cmd", "float"), ("scale", "pkmkins.jog-scale", "float")]
@@ -1241,7 +1241,7 @@ def stopped_by_guard(machine: Machine, out, far, code):
     most = 1 + machine.get("pkmkins.feed-floor") * machine.get("pkmkins.max-override")
     assert limit < hold < limit * most * 1.001, f"stands at {hold}, limit {limit}"
     reasons = reasons_of(machine, code)
-    assert len(reasons) == 1, f"told more than once: {reasons}"
+    assert len(reasons) == 1, f"reported more than once: {reasons}"
     machine.command.abort()
     machine.wait(lambda: not machine.get("pkmkins.feed-inhibit"), 2, "feed free again")
     goes_on(machine, "G0 C0")

@@ -164,7 +164,7 @@ def bare(out, _ini, _name):
     # As long as the panel would need for its data.
     machine.pause(3)
     assert not machine.get("pkmkins-panel.known") and machine.get("pyvcp.geometry-ok")
-    assert machine.get("pyvcp.x-plus") != machine.get("pyvcp.x-plus"), "a number that nobody knows"
+    assert machine.get("pyvcp.x-plus") != machine.get("pyvcp.x-plus"), "unknown travel is not NaN"
     switch_kinematics(machine)
     # Causes a refusal for the picture.
     machine.command.abort()

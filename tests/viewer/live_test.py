@@ -113,7 +113,7 @@ def test_silent_connections_block_no_other(served):
             assert served.answer("GET /") == (200, PAGE)
             break
         except (OSError, IndexError):
-            assert time.monotonic() < end, "nobody is served any more"
+            assert time.monotonic() < end, "the page is not served any more"
             time.sleep(0.5)
     for connection in idle:
         connection.close()

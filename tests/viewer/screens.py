@@ -148,7 +148,7 @@ def filter_holds_back(out):
 
     log = driven("hexapod", out, "refused", edit)
     for text in ("does not fit the machine", "line 2: axis range: axis X violates its limit of -150 to 150 mm"):
-        assert text in log, f"AXIS was not told: {text}"
+        assert text in log, f"not reported to AXIS: {text}"
     return "AXIS says that the filter failed"
 
 
@@ -162,7 +162,7 @@ def without_the_command(out):
     log = driven("hexapod", out, "bare", edit, "/usr/bin:/bin")
     for text in ("panel: not shown: missing pin pkmkins.margin.6",
                  "pkmkins-vismach: pkm: No such file", "pkmkins-panel: pkm: No such file", "make install-pkm"):
-        assert text in log, f"not told: {text}"
+        assert text in log, f"not reported: {text}"
     return "homed, kinematics switched, without model and travel left"
 
 

@@ -315,7 +315,7 @@ fn a_value_that_is_no_number_or_too_large_is_refused() {
     for place in [0, 4, 5, 8] {
         assert_eq!(cause(place, f64::NAN), Err(Cause::PoseNotFinite), "{place}");
     }
-    assert!(cause(6, f64::NAN).is_ok(), "nobody asks for U");
+    assert!(cause(6, f64::NAN).is_ok(), "U is unused");
     assert_eq!(cause(5, 1_000_001.0), Err(Cause::AngleTooLarge));
     assert!(cause(5, -999_999.0).is_ok() && cause(8, 1e9).is_ok());
 }

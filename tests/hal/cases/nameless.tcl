@@ -1,2 +1,2 @@
-# Takes away the variable by which LinuxCNC tells HAL files the INI file.
+# Removes the variable with the path of the INI file, which LinuxCNC sets for HAL files.
 unset ::env(INI_FILE_NAME)

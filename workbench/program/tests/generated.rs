@@ -192,7 +192,7 @@ fn programs_are_judged_and_run_as_the_equations_have_it() {
                 assert!(off[0].max(off[1]) < 1e-3, "{}: {used:?} {ends:?}", drawn.name);
             }
         }
-        // Breaks are told where a piece of a move cannot be proved, a millionth of the size.
+        // A violation is reported if a piece of a move cannot be proved: a millionth of the size.
         assert!(!is_told || least < 1e-4, "{least}: {told}");
         // Where every pose can be reached, LinuxCNC ends where the program does.
         let end = last.last().unwrap();

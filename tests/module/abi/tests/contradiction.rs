@@ -83,7 +83,7 @@ fn assert_contradiction(module: &Module, leg: usize, off: f64) {
     let code = module.forward_into(&joints, &mut world);
     assert_eq!(code, Cause::JointsInconsistent.code(), "{leg} {off}");
     assert!(world[..5].iter().all(|v| v.is_nan()), "{world:?}");
-    assert_eq!(world[5..], home()[5..], "C is held, U V W belong to somebody else");
+    assert_eq!(world[5..], home()[5..], "C is held, U V W are not the module's");
     assert!(module.is_on("fwd-kins-fail"));
     module.monitor();
     assert_eq!(module.get("fault-leg"), leg as f64, "{off}");

@@ -58,7 +58,7 @@ fn letters_that_are_no_axis_stay_refused_or_alone() {
     let module = with_axes(&subject, &[5, 8]);
     let mut pose = subject.home();
     [pose[5], pose[6], pose[8]] = [30.0, 12.0, -7.0];
-    let joints = module.inverse(&pose).expect("C and W are axes, and nobody asks for U");
+    let joints = module.inverse(&pose).expect("C and W are axes, and U is not checked");
     assert_eq!(module.forward(&joints, &pose).expect("its own joints")[6], 12.0);
     pose[3] = 1.0;
     assert_eq!(module.inverse(&pose), Err(Cause::HeldA.code()));

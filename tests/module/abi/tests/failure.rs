@@ -27,7 +27,7 @@ fn pins_but_faults(module: &Module) -> Vec<(String, u64)> {
 
 fn assert_marked_unusable(pose: &Pose, before: &Pose) {
     assert!(pose[..6].iter().all(|v| v.is_nan()), "x to c must be NaN: {pose:?}");
-    assert_eq!(pose[6..], before[6..], "u v w belong to somebody else");
+    assert_eq!(pose[6..], before[6..], "u v w are not the module's");
 }
 
 #[test]

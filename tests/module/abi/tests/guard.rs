@@ -749,7 +749,7 @@ fn each_cone_and_each_turn_of_a_cardan_joint_has_the_limit_of_its_own_pin() {
                 ("platform-pyramid.N.across", platform[1], Cause::PlatformPyramidAhead),
             ] {
                 let pin = pin.replace('N', &n.to_string());
-                // A millionth is far above rounding, and tells one turn from any other.
+                // A millionth is far above rounding, and distinguishes one turn from any other.
                 for (share, code) in [(1.0 - 1e-6, cause.code()), (1.0 + 1e-6, 0)] {
                     module.set(&pin, value * share);
                     (0..3).for_each(|_| cycle(&module, &pose, &pose));

@@ -585,8 +585,8 @@ impl Move {
     }
 
     /// Makes the move, and returns the final distance, and whether it was stopped. The feed is inhibited three
-    /// cycles late. `tells` is whether `in-position` is connected.
-    fn make(&self, module: &Module, queue: Queue, tells: bool) -> (f64, bool) {
+    /// cycles late. `has_in_position` is whether `in-position` is connected.
+    fn make(&self, module: &Module, queue: Queue, has_in_position: bool) -> (f64, bool) {
         let moving = |feed: f64, speed: f64, to_go: f64| {
             let pins = [("requested-vel", feed), ("current-vel", speed), ("distance-to-go", to_go)];
             pins.into_iter().for_each(|(pin, value)| module.set(pin, value));
@@ -594,7 +594,7 @@ impl Move {
         let mut joints = module.inverse(&self.start).expect("a pose of the workspaces");
         moving(0.0, 0.0, 0.0);
         (0..3).for_each(|_| servo(module, &mut joints, &self.start));
-        module.set("in-position", if tells { 1.0 } else { 0.0 });
+        module.set("in-position", if has_in_position { 1.0 } else { 0.0 });
         let (length, step) = (self.length(), ACCELERATION * PERIOD);
         let mut end = if let Queue::UpTo(share) = queue { share * length } else { length };
         self.queue(module, end / length);

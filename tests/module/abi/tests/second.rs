@@ -246,6 +246,6 @@ fn each_of_two_is_guarded_jogged_corrected_and_given_tools_as_alone() {
             }
         }
     }
-    println!("{counts:?} cycles inhibited, jogs stopped, tools changed, limits told");
+    println!("{counts:?} cycles inhibited, jogs stopped, tools changed, limits reported");
     assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
 }

@@ -342,7 +342,7 @@ fn an_offset_out_of_reach_is_refused_and_nothing_moves() {
         assert!(said(&module).contains(Cause::ToolOutOfReach.text()), "'{}'", said(&module));
         let reasons = module.messages().len();
         thread.settle().expect_err("still asked for");
-        assert_eq!(module.messages().len(), reasons, "told once");
+        assert_eq!(module.messages().len(), reasons, "reported once");
         request(&module, [0.0; 3]);
         thread.settle().expect("taken back");
         module.set("min-limit.3", 0.0);

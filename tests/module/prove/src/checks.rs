@@ -260,7 +260,7 @@ fn calls(graph: &mut Graph<'_>, proved: &[Proved<'_>]) -> Check {
 fn recursion(proved: &[Proved<'_>]) -> Check {
     let found: BTreeSet<&String> = proved.iter().flat_map(|p| &p.reached.recursive).collect();
     let complaints =
-        found.iter().map(|name| format!("{name} calls itself: nobody bounds its stack")).collect();
+        found.iter().map(|name| format!("{name} calls itself: its stack has no bound")).collect();
     Check::new("recursive functions", found.len().to_string(), "none", complaints)
 }
 

@@ -138,7 +138,7 @@ fn an_import_that_one_version_of_linuxcnc_lacks_is_caught() {
 
 #[test]
 fn an_allowance_without_a_reason_or_without_use_is_caught() {
-    let silent = CONTRACT.replace("\"tells\"", "\"\"");
+    let silent = CONTRACT.replace("\"prints\"", "\"\"");
     assert_caught(&of_c(&[], &silent), &["imported symbols"], "print is allowed without a reason");
     let idle = format!("{CONTRACT}\n[[import]]\nname = \"sin\"\nwhen = \"run\"\nreason = \"x\"\n");
     assert_caught(&of_c(&[], &idle), &["imported symbols"], "sin is no longer imported");
