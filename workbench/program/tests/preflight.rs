@@ -254,7 +254,9 @@ fn no_pose_between_leaves_a_limit_that_is_said_to_be_kept() {
     let looked_at: usize = found.iter().filter(|(fits, ..)| *fits).map(|(_, poses, _)| poses).sum();
     let broken = found.iter().filter(|(.., seen)| *seen).count();
     let alarms = found.iter().filter(|(fits, _, seen)| !fits && !seen).count();
-    println!("{fitting} fit ({looked_at} poses), {broken} broken, {alarms} reported but not sampled");
+    println!(
+        "{fitting} fit ({looked_at} poses), {broken} broken, {alarms} reported but not sampled"
+    );
     assert!(looked_at >= 20_000 && broken > 100, "{looked_at} {broken}");
 }
 
