@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Builds the page's code into the folder built, or with --check says whether it stands there byte for byte.
+// Builds the page's code into the folder built; with --check compares the built files byte for byte.
 import { build } from "esbuild";
 import { execFileSync } from "node:child_process";
 import { mkdtemp, readFile, writeFile, mkdir, rm } from "node:fs/promises";
@@ -24,12 +24,12 @@ async function bundled(folder) {
     absWorkingDir: HERE,
     logLevel: "warning",
   });
-  const licences = await Promise.all(LIBRARIES.map(async (name) => {
+  const licenses = await Promise.all(LIBRARIES.map(async (name) => {
     const home = join(HERE, "node_modules", name);
     const { version } = JSON.parse(await readFile(join(home, "package.json"), "utf8"));
     return `${name} ${version}\n\n${(await readFile(join(home, "LICENSE"), "utf8")).trim()}\n`;
   }));
-  await writeFile(join(folder, "LICENSES.txt"), licences.join("\n\n"));
+  await writeFile(join(folder, "LICENSES.txt"), licenses.join("\n\n"));
 }
 
 const FILES = ["page.js", "page.css", "LICENSES.txt"];

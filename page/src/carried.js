@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Where axes that carry work, tool or legs put them: the formulas of docs/reference/view.md.
+// Positions of the work, tool and legs that axes carry: the formulas of docs/reference/view.md.
 import * as THREE from "three";
 import { vector } from "./parts.js";
 
 const moved = (by) => new THREE.Matrix4().makeTranslation(by);
 
-/** Frame of what an axis carries at a value. */
+/** Returns the frame of the part that an axis carries, at a value of the axis. */
 function frameOf({ axis, point, is_rotary: isRotary }, value) {
   const way = vector(axis);
   if (!isRotary) return moved(way.multiplyScalar(value));
@@ -13,12 +13,12 @@ function frameOf({ axis, point, is_rotary: isRotary }, value) {
   return moved(vector(point)).multiply(turn).multiply(moved(vector(point).negate()));
 }
 
-/** The axes of a scene that carry this and turn. */
+/** Returns the rotary axes of a scene that carry `carries`. */
 export function turning(scene, carries) {
   return scene.chain.filter((link) => link.carries === carries && link.is_rotary);
 }
 
-/** Frame of what axes carry together, and that of what each one carries that turns. */
+/** Returns the frame of the part that several axes carry, and the point and frame of each rotary axis among them. */
 function carried(scene, carries, values) {
   const frame = new THREE.Matrix4();
   const turned = [];
@@ -29,20 +29,19 @@ function carried(scene, carries, values) {
   return { frame, turned };
 }
 
-/** Whether the tool is more than a line from the platform: it is turned there, or stands in base. */
+/** Returns whether axes turn the tool on the platform, or the tool stands in base. */
 export function isHeld(scene) {
   return scene.holder !== null || scene.chain.some(({ carries }) => carries === "tool");
 }
 
-/** Everything on the ground, for an answer of the kinematics, the tool vector and values of the extra axes: frames of
- * base, platform (its own in base as well), work and what turns it, and the points of what holds the tool from its holder
- * to its tip. */
+/** Computes positions in the world for an answer of the kinematics, the tool vector and values of the extra axes: the
+ * frames of base, platform (relative to base too), work and its tables, and the points from the tool's holder to its tip. */
 export function placed(scene, drawn, tool, values) {
   const [{ frame: base }, working, holding] = ["legs", "work", "tool"].map((what) => carried(scene, what, values));
   const [x, y, z] = drawn.rotation.map(vector);
   const own = new THREE.Matrix4().makeBasis(x, y, z).setPosition(vector(drawn.nose));
   const platform = base.clone().multiply(own);
-  // A point on its axis stays where it is as an axis turns.
+  // A point on a rotary axis does not move when the axis turns.
   const pivots = holding.turned.map(({ point, frame }) => point.applyMatrix4(frame));
   const held = [new THREE.Vector3(), ...pivots, vector(tool).negate().applyMatrix4(holding.frame)];
   const onWhat = scene.holder ? platform : moved(vector(drawn.table).applyMatrix3(new THREE.Matrix3().setFromMatrix4(base)));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Colors that people who do not tell red from green can tell, after Okabe and Ito.
+// Colors that are distinguishable for color-blind users, after Okabe and Ito.
 import { Color } from "three";
 
 export const COLORS = {
@@ -20,10 +20,10 @@ export const COLORS = {
   broken: 0xd55e00,
 };
 
-/** Share of its range from which on a limit is near. */
+/** A limit is near if less than this share of its range is left. */
 export const NEAR = 0.1;
 
-/** Curves that are told apart, in order. */
+/** Colors of curves, in order. */
 export const CURVES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#b8860b", "#444499"];
 
 const STOPS = [
@@ -34,7 +34,7 @@ const STOPS = [
   [0.5, new Color(0x0072b2)],
 ];
 
-/** Blue with much room to the nearest limit, yellow near it, orange at it, vermilion beyond. */
+/** Returns the color for the share of range left: blue far from limits, yellow near one, orange at it, vermilion beyond. */
 export function ofShare(share) {
   const above = STOPS.findIndex(([at]) => share <= at);
   if (above === 0) return STOPS[0][1].clone();
@@ -43,7 +43,7 @@ export function ofShare(share) {
   return a.clone().lerp(b, (share - from) / (to - from));
 }
 
-/** Of a part that is `share` from its limit, whose own color is `own`. */
+/** Returns the color of a part that has `share` of its range left and the usual color `own`. */
 export function ofPart(share, own) {
   if (share < 0) return COLORS.broken;
   return share < NEAR ? COLORS.near : own;

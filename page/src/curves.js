@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Curves over the time of a program, with the time that is shown.
+// Curves over the time of a program, with a mark at the current time.
 import uPlot from "uplot";
 import { CURVES } from "./colors.js";
 
 const SAMPLES = 1500;
 
-/** Curves that the page computes itself from the poses: how a joint and the tool move for each other. */
+/** Computes the curves that pkm does not send: joint motion per tool motion, and conditioning. */
 function computed(program, mechanism) {
   const { kinematics, scene } = mechanism;
   const count = Math.min(SAMPLES, program.times.length * 4);
@@ -31,7 +31,7 @@ function computed(program, mechanism) {
   };
 }
 
-/** Groups of curves by their names, each with its times. */
+/** Returns the groups of curves by name, each with its times. */
 export function groups(program, mechanism) {
   const all = new Map();
   const { names, values } = program.curves ?? { names: [], values: [[]] };
@@ -44,7 +44,7 @@ export function groups(program, mechanism) {
   return all;
 }
 
-/** Draws a group into an element; `chosen` gets a time that was clicked. */
+/** A plot of one group of curves in an element; `chosen` gets a time that was clicked. */
 export class Curves {
   constructor(element, chosen) {
     Object.assign(this, { element, chosen, time: 0 });
@@ -75,7 +75,7 @@ export class Curves {
     });
   }
 
-  /** The time that is shown, and limits that all curves have. */
+  /** Draws the current time, and the limits that all curves share. */
   mark(plot, limits) {
     const { ctx: pen, bbox } = plot;
     pen.save();

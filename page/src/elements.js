@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Elements of the page.
+// Builders for elements of the page.
 
-/** An element with attributes, properties whose names begin with a dot, listeners (on…), and children. */
+/** Creates an element with attributes, properties (names that begin with a dot), listeners (on…) and children. */
 export function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
@@ -13,7 +13,7 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-/** A list of choices with what happens when one is taken. */
+/** Creates a drop-down list; `chosen` gets the option that the user selects. */
 export function choice(name, options, chosen) {
   const list = element("select", { "aria-label": name, onchange: () => chosen(list.value) });
   list.append(...options.map((option) => element("option", { value: option }, option)));
@@ -25,18 +25,18 @@ export function box(name, changed, isOn = false) {
   return element("label", { class: "box" }, input, name);
 }
 
-/** As many digits as anybody reads. */
+/** Formats a number with a fixed number of decimals. */
 export function shown(value, digits = 3) {
   if (!isFinite(value)) return "–";
   return (Math.round(value * 10 ** digits) / 10 ** digits + 0).toFixed(digits);
 }
 
-/** A geometry hash, as the module and pkm write it. */
+/** Formats a geometry hash as the module and pkm write it. */
 export function hexadecimal(hash) {
   return `0x${hash.toString(16).padStart(8, "0")}`;
 }
 
-/** Of a long list only the rows in sight: all of one height. */
+/** A long list of rows of equal height, of which only the visible rows are elements. */
 export class Rows {
   constructor(rows, height, made) {
     Object.assign(this, { rows, height, made, first: -1 });
@@ -59,8 +59,8 @@ export class Rows {
     this.space.replaceChildren(...rows);
   }
 
-  /** Brings a row into sight. Rows that have not changed stay the same elements: a click on an element that is replaced
-   * between press and release is lost. */
+  /** Scrolls a row into view. Unchanged rows keep their elements: a click is lost if its element is replaced between press
+   * and release. */
   go(i, hasChanged) {
     const [top, height] = [i * this.height, this.root.clientHeight];
     if (top < this.root.scrollTop || top > this.root.scrollTop + height - 2 * this.height) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The kinematics of a mechanism: pkmkins' own, built for the browser.
+// The kinematics of a mechanism: the same code as in the module, compiled to WebAssembly.
 
-/** A pose that is refused, with its reason and the way out. */
+/** A refused pose: the code, and a message with the reason and the remedy. */
 export class Refusal extends Error {
   constructor(code, text) {
     super(text);
@@ -10,8 +10,8 @@ export class Refusal extends Error {
 }
 
 export class Kinematics {
-  /** Of a compiled module and the numbers of a mechanism, as pkm has written them; of one that does not see the tool poses
-   * are the platform's own. */
+  /** Creates the kinematics from a compiled module and a mechanism's numbers, as pkm writes them. Without `seesTool`, poses
+   * are those of the platform, and tool vectors are ignored. */
   static async of(module, described, seesTool) {
     const { exports } = await WebAssembly.instantiate(module, {});
     const machine = new Kinematics(exports, seesTool);
@@ -26,17 +26,17 @@ export class Kinematics {
     this.joints = exports.most_joints();
     this.legs = exports.most_legs();
     this.marginLength = exports.margin_length();
-    // Behind joints and ratios, ends of legs, rotation, three places, and the conditioning.
+    // The count follows joints and ratios, ends of legs, the rotation, three points, and the conditioning.
     this.countPlace = 2 * this.joints + 6 * this.legs + 9 + 9 + 1;
   }
 
-  /** The block of numbers that the kinematics take and give; their memory never grows. */
+  /** Returns the block for input and output of the kinematics. It stays valid because their memory never grows. */
   numbers() {
     this.block ??= new Float64Array(this.exports.memory.buffer, this.exports.numbers(), this.exports.capacity());
     return this.block;
   }
 
-  /** Asks about a pose with a tool vector: the code of a refusal, or 0. */
+  /** Computes a pose with a tool vector; returns the code of a refusal, or 0. */
   asked(pose, tool) {
     const numbers = this.numbers();
     numbers.set(pose);
@@ -44,15 +44,15 @@ export class Kinematics {
     return this.exports.draw();
   }
 
-  /** Everything about a pose with a tool vector, or a Refusal. */
+  /** Returns all results at a pose with a tool vector; throws a Refusal if the pose is refused. */
   at(pose, tool) {
     const code = this.asked(pose, tool);
     if (code !== 0) throw new Refusal(code, this.message());
     return this.answer(this.numbers());
   }
 
-  /** The least share of the range that limits leave at a pose, NaN where it is refused; `isLeftOut` gets kind of part and
-   * its number. */
+  /** Returns the least share of a limit's range left at a pose, NaN if the pose is refused. `isLeftOut` gets the kind and
+   * number of a part, and returns whether to skip it. */
   least(pose, tool, isLeftOut) {
     if (this.asked(pose, tool) !== 0) return NaN;
     const numbers = this.numbers();
@@ -87,12 +87,12 @@ export class Kinematics {
   }
 }
 
-/** Name of a margin's limit and part among those of its mechanism. */
+/** Returns the key of a margin: its limit and part, unique in its mechanism. */
 export function key({ limit, kind, first, second }) {
   return `${limit} ${kind} ${first} ${second}`;
 }
 
-/** The margin with the least share of its range left. */
+/** Returns the margin with the least share of its range left. */
 export function least(margins) {
   return margins.reduce((worst, margin) => (worst && worst.share <= margin.share ? worst : margin), undefined);
 }

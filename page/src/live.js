@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The running machine: what pkm-live sends.
+// The running machine, from the events of pkm-live.
 import { hexadecimal } from "./elements.js";
 
-/** Milliseconds without news after which the picture is old. */
+/** Milliseconds without an event after which the page reports the picture as old. */
 const OLD = 2000;
 
 export function follow(page) {
-  // Only the first mechanism's pins are sent.
+  // pkm-live sends only the first mechanism's pins.
   for (const { drawing } of page.mechanisms.slice(1)) drawing.group.visible = false;
   const source = new EventSource("events");
   let heard = 0;
@@ -37,11 +37,11 @@ function show(page) {
   }
   if (!live.pose) return;
   const { scene, place } = mechanisms[0];
-  // What a missing pin does not say stays as it is.
+  // Values of missing pins stay unchanged.
   const tool = live.tool ?? place.tool;
   const known = scene.extra_axes.map(({ letter }) => [letter, live.extra[letter.toLowerCase()] ?? place.extra[letter]]);
   const extra = Object.fromEntries(known);
-  // At rest nothing is computed anew.
+  // A machine at rest needs no new computation.
   if (JSON.stringify(place) !== JSON.stringify({ pose: live.pose, tool, extra })) page.take(live.pose, tool, 0, extra);
 }
 

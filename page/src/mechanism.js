@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// A mechanism in 3D: its scene, and the answers of its kinematics laid into it.
+// A mechanism in 3D: its parts, placed by the answers of its kinematics.
 import * as THREE from "three";
 import { isHeld, placed, turning } from "./carried.js";
 import { COLORS, ofPart } from "./colors.js";
 import { ball, bar, body, label, material, pieces, stretch, vector } from "./parts.js";
 
-/** Kinds of parts that a margin is of, as the kinematics number them. */
+/** Kinds of parts that a margin belongs to, as the kinematics number them. */
 export const PART = { whole: 0, axis: 1, joint: 2, leg: 3, legs: 4 };
 
 const CONE = "cone";
@@ -16,7 +16,7 @@ export class Mechanism {
     this.size = size;
     this.thick = size / 90;
     this.group = new THREE.Group();
-    // What stands on the base, which an axis may carry.
+    // Parts on the base, which an axis may carry.
     this.onBase = new THREE.Group();
     this.onBase.matrixAutoUpdate = false;
     this.base = new THREE.Group();
@@ -73,7 +73,7 @@ export class Mechanism {
     if (anchors.length > 2) this.frame(anchors, look);
   }
 
-  /** A ring of bars through the anchors, in their order about the middle. */
+  /** Creates a ring of bars through the anchors, in their order about the middle. */
   frame(anchors, look) {
     const middle = anchors.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(anchors.length);
     const angle = (p) => Math.atan2(p.y - middle.y, p.x - middle.x);
@@ -113,7 +113,7 @@ export class Mechanism {
     this.group.add(this.tool, this.spindle, this.tip);
   }
 
-  /** A disc under what an axis turns, with a notch that turns with it. */
+  /** Creates a disc for a rotary axis, with a notch that shows its angle. */
   table(link) {
     const { thick, size } = this;
     const group = new THREE.Group();
@@ -127,17 +127,17 @@ export class Mechanism {
     laid.position.copy(vector(link.point)).addScaledVector(axis, -thick);
     laid.add(disc, notch);
     group.add(laid);
-    // Work on the platform turns where the platform is drawn already.
+    // Work on the platform has no table: the platform itself is drawn.
     if (!this.scene.holder) this.group.add(group);
     return group;
   }
 
-  /** Where everything is on the ground, for an answer of the kinematics, the tool vector and values of the extra axes. */
+  /** Computes positions in the world for an answer of the kinematics, the tool vector and values of the extra axes. */
   placed(drawn, { tool, extra }) {
     return placed(this.scene, drawn, tool, extra);
   }
 
-  /** Takes the answer of the kinematics at a place. */
+  /** Moves all parts to an answer of the kinematics. */
   place(drawn, place) {
     const at = this.placed(drawn, place);
     this.onBase.matrix.copy(at.base);
@@ -150,7 +150,7 @@ export class Mechanism {
     this.legs.forEach((parts, i) => this.placeLeg(parts, drawn.legs[i], shares[i]));
   }
 
-  /** The least share of each leg's own limits. */
+  /** Returns for each leg the least share left of the limits of this leg. */
   shares(margins) {
     const shares = this.legs.map(() => 1);
     for (const margin of margins) {
@@ -161,7 +161,7 @@ export class Mechanism {
     return shares;
   }
 
-  /** Bars from what holds the tool to the axes that turn it. */
+  /** Creates the bars between the tool's holder and the axes that turn the tool. */
   buildHolder() {
     const look = material(COLORS.spindle);
     this.holder = turning(this.scene, "tool").map(() => ({ bar: bar(this.thick * 1.2, look), pivot: ball(this.thick * 1.8, material(COLORS.joint)) }));
@@ -173,13 +173,13 @@ export class Mechanism {
     this.group.add(post);
   }
 
-  /** The middle of the platform on its axis. */
+  /** Returns the point of the platform's axis at the height of the anchors' middle. */
   hub(platform) {
     const middle = this.anchors.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(this.anchors.length);
     return new THREE.Vector3(0, 0, middle.z).applyMatrix4(platform);
   }
 
-  /** The tool where axes turn it, or where it stands in base. */
+  /** Places a tool that axes turn, or that stands in base. */
   placeHolder({ platform, tool }) {
     stretch(this.spindle, this.hub(platform), new THREE.Vector3().setFromMatrixPosition(platform));
     this.holder.forEach(({ bar: arm, pivot }, i) => {
@@ -193,7 +193,7 @@ export class Mechanism {
     this.placeTip(tip, point);
   }
 
-  /** The tool on the platform, along its axis. */
+  /** Places a tool that is fixed to the platform, along the platform's axis. */
   placeTool({ platform, tool: [nose, tip] }) {
     const axis = new THREE.Vector3().setFromMatrixColumn(platform, 2);
     const hub = this.hub(platform);
@@ -210,7 +210,7 @@ export class Mechanism {
     this.placeTip(tip, point);
   }
 
-  /** The point of the tool, or a dot where it has no length. */
+  /** Places the tip of the tool, or a dot if the tool has no length. */
   placeTip(tip, point) {
     this.tip.position.copy(tip).addScaledVector(point, -this.thick);
     if (point.lengthSq() > 0) this.tip.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), point);
@@ -234,7 +234,7 @@ export class Mechanism {
     parts.label.position.lerpVectors(lower, upper, 0.3).addScaledVector(new THREE.Vector3(0, 0, 1), this.thick * 3);
   }
 
-  /** Cones of the joints about the legs' directions at home, at the ends where they are at home. */
+  /** Creates the cones of the joints, about the directions of the legs at home. */
   buildCones(home) {
     const turn = new THREE.Matrix3().setFromMatrix4(this.platform.matrix);
     const back = turn.clone().invert();
@@ -270,7 +270,7 @@ export class Mechanism {
     });
   }
 
-  /** Rods, guides and platform as lines on the ground, for what has been swept. */
+  /** Returns the rods and the platform's edges as lines in the world, for the swept volume. */
   outline(drawn, { base }) {
     const onGround = (point) => vector(point).applyMatrix4(base);
     const ends = this.legs.flatMap((_, i) => [onGround(drawn.legs[i].lower), onGround(drawn.legs[i].upper)]);
@@ -290,13 +290,13 @@ function circle(leg) {
   });
 }
 
-/** Where a mechanism is at home. */
+/** Returns pose, tool and extra axes of a mechanism at home. */
 export function homeOf({ scene, tool }) {
   const extra = Object.fromEntries(scene.extra_axes.map(({ letter, home }) => [letter, home]));
   return { pose: [...scene.home.pose], tool: [...tool], extra };
 }
 
-/** X, Y and Z from a point, with their letters. */
+/** Creates lines along X, Y and Z with their letters. */
 export function cross(size) {
   const group = new THREE.Group();
   const ways = { X: [size, 0, 0], Y: [0, size, 0], Z: [0, 0, size] };

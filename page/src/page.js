@@ -39,7 +39,7 @@ class Page {
     this.lay(record);
   }
 
-  /** Drawn at home. */
+  /** Creates the drawing of a mechanism, at home. */
   build(mechanism) {
     const { scene, tool, kinematics } = mechanism;
     mechanism.drawing = new Mechanism(scene, this.size);
@@ -48,7 +48,7 @@ class Page {
     mechanism.drawing.place(mechanism.drawn, mechanism.place);
   }
 
-  /** A shape from a file, in the frame of its part. */
+  /** Adds a shape from a file in the frame of its part. */
   addShape(given) {
     const { base, platform } = this.mechanisms[0].drawing;
     const frames = { base, platform, spindle: platform, table: this.stage.work };
@@ -111,7 +111,7 @@ class Page {
     return this.mechanisms[this.which];
   }
 
-  /** Corners of everything that the picture has to show. */
+  /** Returns the bounding box of everything that the picture must show. */
   everything() {
     const box = new THREE.Box3();
     for (const { drawing } of this.mechanisms) {
@@ -127,14 +127,14 @@ class Page {
     return box;
   }
 
-  /** Looks at everything that is shown. */
+  /** Points the camera at everything that is shown, from the view `name`. */
   look(name) {
     const box = this.box.clone();
     if (this.panel.isSpaceShown) box.expandByObject(this.stage.space);
     this.stage.look(name, box);
   }
 
-  /** Where on the page parts of the first mechanism are: middles of legs, and the platform. */
+  /** Returns the positions on the page of the first mechanism's legs, at 60 % of their lengths. */
   seen() {
     this.stage.redraw();
     this.stage.draw();
@@ -149,8 +149,8 @@ class Page {
     });
   }
 
-  /** Takes a pose, of one mechanism, with a tool vector and values of the extra axes by their letters, or those that are; a
-   * pose that is refused stays where it was, and its reason is told. */
+  /** Moves a mechanism to a pose, with a tool vector and values of the extra axes by letter; those left out keep their
+   * values. If the pose is refused, the drawing stays and the page shows the reason. */
   take(pose, tool, which = this.which, extra = {}) {
     const mechanism = this.mechanisms[which];
     const { place } = mechanism;
@@ -176,7 +176,7 @@ class Page {
     this.stage.redraw();
   }
 
-  /** Why a mechanism cannot be where it is wanted: a refusal, or a limit that it breaks. */
+  /** Returns why a mechanism cannot be at its pose: a refusal, or the limit violated most; undefined if it can. */
   whyNot(which) {
     const { drawn, limits } = this.mechanisms[which];
     if (this.refusals[which]) return this.refusals[which].message;
@@ -193,14 +193,14 @@ class Page {
   }
 }
 
-/** Length that the drawing is measured by: of the machine, guides included. */
+/** Returns the size of the machine, guides included; sizes of drawn parts are shares of it. */
 function sizeOf({ scene }) {
   const guides = scene.legs.map((leg, i) => (leg.kind === "slider" ? [(scene.joints[i].max - scene.joints[i].min) * 0.7, 0, 0] : [0, 0, 0]));
   const lengths = scene.legs.flatMap((leg) => [leg.base, leg.platform, ...(leg.rod ? [[leg.rod, 0, 0]] : [])]);
   return Math.max(...[...lengths, ...guides].map((v) => Math.hypot(...v)).filter(Number.isFinite));
 }
 
-/** Ranges without an end, which JSON does not know, as far as anybody looks: some sizes, or a turn. */
+/** Replaces missing limits, which are null in JSON, by finite ones for sliders: some machine sizes, or a turn. */
 function bounded(scene) {
   const size = sizeOf({ scene });
   const axes = scene.axes.map(({ letter, min, max }) => {
@@ -220,7 +220,7 @@ function bounded(scene) {
   return { ...scene, axes, joints, extra_axes: extraAxes };
 }
 
-/** Where things are drawn: ends of legs, the tip, and frames as matrices, column by column. */
+/** Returns positions of what is drawn: ends of legs, the tip, and frames as matrices in column order. */
 function onGround({ stage }, { legs, onBase, group, at }) {
   group.updateMatrixWorld(true);
   const place = (object) => object.getWorldPosition(new THREE.Vector3()).toArray();
@@ -230,7 +230,7 @@ function onGround({ stage }, { legs, onBase, group, at }) {
   };
 }
 
-/** What tests and other programs may use: poses and times are taken, and all is told as numbers. */
+/** Returns the interface for tests and other programs: it sets poses and times, and returns numbers. */
 function interfaceOf(page) {
   return {
     take: (pose, tool, which = 0, extra = {}) => page.take(pose, tool, which, extra),

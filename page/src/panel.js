@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The panel beside the picture: pose, limits, travel left, and what is shown.
+// The panel beside the picture: pose, limits, travel left, and display options.
 import { ofShare } from "./colors.js";
 import { box, choice, element, shown } from "./elements.js";
 import { key } from "./kinematics.js";
@@ -8,16 +8,16 @@ import { Stage } from "./stage.js";
 import { travel } from "./travel.js";
 import { limitsBox, workspace } from "./workspace.js";
 
-/** Limits that are listed: the nearest. */
+/** Number of nearest limits that are listed. */
 const LISTED = 9;
 
-/** Milliseconds of peace before what takes long is computed. */
+/** Milliseconds without a change before the workspace, which takes long, is computed. */
 const PEACE = 250;
 
-/** Milliseconds between two answers of what takes some. */
+/** Milliseconds between two computations of the travel left. */
 const SOON = 400;
 
-/** Degrees each way of the slider of an extra axis, which may turn on and on; its field takes more. */
+/** Degrees in each direction of the slider of a rotary extra axis. Its field accepts more turns. */
 const TURN = 360;
 
 export class Panel {
@@ -45,7 +45,7 @@ export class Panel {
     });
   }
 
-  /** A slider for each coordinate of the mechanism, and for each extra axis. */
+  /** Creates a slider for each coordinate of the mechanism and for each extra axis. */
   build() {
     const { page } = this;
     const { scene } = page.current;
@@ -68,7 +68,7 @@ export class Panel {
     this.pose.replaceChildren(...this.sliders.map(({ root }) => root), element("button", { onclick: () => this.home() }, "home"));
   }
 
-  /** A slider and a field of a letter; `of` gives its value at a place, `set` takes a value. */
+  /** Creates a slider and a field for a letter; `of` returns its value at a place, `set` moves to a value. */
   slider({ letter, min, max }, beyond, of, set) {
     const range = element("input", { type: "range", min: min - beyond, max: max + beyond, step: "any", "aria-label": letter });
     const field = element("input", { type: "number", step: "any", "aria-label": `${letter} as a number` });
@@ -89,7 +89,7 @@ export class Panel {
     this.page.take(pose, tool, this.page.which, extra);
   }
 
-  /** Dragging the tool in the picture. */
+  /** Lets the user drag the tool in the picture, and returns the list of modes. */
   handles() {
     const letters = () => this.page.current.scene.axes.map(({ letter }) => letter);
     const taken = (place) => (this.grip = { place, pose: [...this.page.current.place.pose] });
@@ -107,7 +107,7 @@ export class Panel {
     });
   }
 
-  /** Keeps the handle at the tool's tip, or where the pose is the platform's own, at its origin; on the base, as the pose. */
+  /** Keeps the handle at the tool tip, or at the platform's origin if poses are those of the platform; relative to the base. */
   follow() {
     if (this.isDragged) return;
     const { place, drawn, drawing } = this.page.current;
@@ -178,7 +178,7 @@ export class Panel {
       element("td", {}, joint.name), element("td", {}, shown(drawn.joints[i], 4)), element("td", {}, joint.unit))));
     if (this.handle) this.follow();
     this.page.stage.space.matrix.copy(this.page.current.drawing.at.base);
-    // While the machine moves travel is told from time to time, and the workspace when it has come to rest.
+    // While the machine moves, travel is computed at intervals; the workspace is computed once the machine rests.
     this.travelWaits ??= setTimeout(() => {
       this.travelWaits = undefined;
       this.showTravel();
@@ -220,7 +220,7 @@ export class Panel {
   }
 }
 
-/** A part with its limit, where the part's words do not say it. */
+/** Returns the name of a part, followed by its limit unless the name implies it. */
 function named(part, limit) {
   const isSaid = ["joint range", "axis range", "clearance of legs"].includes(limit) || part.includes(limit);
   return isSaid ? part.replace(/^the /, "") : `${part.replace(/^the /, "")}, ${limit}`;

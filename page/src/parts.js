@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Solids that a machine is drawn of.
+// Solids, labels and lines for the drawing of a machine.
 import * as THREE from "three";
 import { ConvexGeometry } from "three/addons/geometries/ConvexGeometry.js";
 
@@ -12,7 +12,7 @@ export function material(color, options = {}) {
   return new THREE.MeshStandardMaterial({ color, roughness: 0.55, metalness: 0.15, ...options });
 }
 
-/** A cylinder of length 1 that `stretch` lays between two points. */
+/** Creates a cylinder of length 1, which `stretch` lays between two points. */
 export function bar(radius, look) {
   const mesh = new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, 1, ROUND), look);
   mesh.geometry.translate(0, 0.5, 0);
@@ -32,13 +32,13 @@ export function ball(radius, look) {
   return new THREE.Mesh(new THREE.SphereGeometry(radius, ROUND, ROUND / 2), look);
 }
 
-/** The body that joins points, thick by `thickness` along Z where they lie in a plane or a line. */
+/** Creates the convex body about points; `thickness` along Z gives points in a plane or on a line a volume. */
 export function body(points, thickness, look) {
   const all = points.flatMap((p) => [-1, 1].flatMap((side) => ring(p, thickness, side)));
   return new THREE.Mesh(new ConvexGeometry(all), look);
 }
 
-/** Points about a point, above or below it, so that bodies have round corners. */
+/** Returns points on a circle above or below a point, which round the corners of bodies. */
 function ring(point, thickness, side) {
   const count = 10;
   return Array.from({ length: count }, (_, i) => {
@@ -51,7 +51,7 @@ function ring(point, thickness, side) {
   });
 }
 
-/** A word that always faces the reader; `height` in units of length. */
+/** Creates a label that always faces the camera; `height` is in units of length. */
 export function label(text, height, color = "#16202a") {
   const size = 64;
   const canvas = document.createElement("canvas");
@@ -74,13 +74,13 @@ export function label(text, height, color = "#16202a") {
   return sprite;
 }
 
-/** Lines between points, a pair for each piece. */
+/** Creates separate lines, each between a pair of points. */
 export function pieces(points, color, options = {}) {
   const geometry = new THREE.BufferGeometry().setFromPoints(points);
   return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color, ...options }));
 }
 
-/** Frees what a group has drawn, and empties it. */
+/** Frees the resources of a group's objects, and empties the group. */
 export function clear(group) {
   group.traverse((object) => {
     object.geometry?.dispose();

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// A program through time: slider, text, marks, curves, path.
+// Playback of a program: slider, text, marks, curves, path.
 import { Curves, groups } from "./curves.js";
 import { Rows, choice, element, shown } from "./elements.js";
 import { vector } from "./parts.js";
 
 const SPEEDS = ["0.1 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "20 ×", "100 ×"];
 
-/** Height of a line of the program, as the style says. */
+/** Height of a program line, the same as in page.css. */
 const LINE = 18;
 
-/** Moments at which what is swept is drawn. */
+/** Number of moments that the swept volume is drawn from. */
 const SWEPT = 240;
 
 export class Player {
@@ -81,7 +81,7 @@ export class Player {
     return [notJudged, ...marks, ...warnings].filter((part) => part);
   }
 
-  /** Once the page is laid out. */
+  /** Draws curves and path once the page is laid out. */
   start() {
     if (this.program.isEmpty) return;
     this.curves.show([...this.groups.values()][0]);
@@ -92,7 +92,7 @@ export class Player {
 
   drawPath() {
     const { program, page } = this;
-    // Of a pose that is refused nobody knows where the tip is on the work.
+    // At a refused pose the position of the tip on the work is unknown.
     const all = Array.from(program.times, (time, i) => ({ time, ...this.moment(program.point(i)) }));
     const moments = all.filter(({ drawn }) => drawn);
     const shares = moments.map(({ drawn }) => drawn.margins.reduce((least, { share }) => Math.min(least, share), 1));
@@ -107,13 +107,13 @@ export class Player {
     stage.showSweep(all);
   }
 
-  /** The trace of the tool's tip (0) or of the upper end of a leg (1, 2, …) on the ground; none below. */
+  /** Draws the trace of the tool tip (0) or of a leg's upper end (1, 2, …) in the world; a negative number removes it. */
   trace(which) {
     const of = ({ drawn, at }) => (which === 0 ? at.tool.at(-1) : vector(drawn.legs[which - 1].upper).applyMatrix4(at.base));
     this.page.stage.showTrace(which < 0 ? [] : this.moments(8 * SWEPT).map(of));
   }
 
-  /** The answer of the kinematics at a place, and where everything is on the ground; nothing where it is refused. */
+  /** Returns the answer of the kinematics at a place, and positions in the world; undefined if the pose is refused. */
   moment(place) {
     const { kinematics, drawing } = this.page.mechanisms[0];
     try {
@@ -124,7 +124,7 @@ export class Player {
     }
   }
 
-  /** The same at moments of the program. */
+  /** Returns `moment` at equidistant times of the program, without refused poses. */
   moments(count = SWEPT) {
     const times = Array.from({ length: count }, (_, n) => (n / (count - 1)) * this.program.end);
     return times.map((time) => this.moment(this.program.at(time))).filter((moment) => moment);
@@ -156,7 +156,7 @@ export class Player {
     if (this.time >= this.program.end) this.pause();
   }
 
-  /** A mark whose moment the run did not come to leads to its line alone. */
+  /** Goes to the time and line of a mark. A mark that the run did not reach has no time, only a line. */
   goTo({ time, line, isOwn = true }) {
     this.pause();
     if (time !== undefined) this.go(time);

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// A program through time: poses between the points that pkm has kept, lines, curves.
+// A program over time: poses interpolated between the points that pkm kept, lines, curves.
 import { columns } from "./unpack.js";
 
-/** Numbers of a pose, with the tool vector behind it. */
+/** Numbers of a pose; the tool vector follows them. */
 const POSE = 6;
 
-/** Moments at which a line is looked at for a place in it. */
+/** Number of moments searched for the position of a mark in its line. */
 const MOST_LOOKS = 4000;
 
-/** The last place whose value is at most this one. */
+/** Returns the index of the last of the ascending `values` that is at most `value`, or 0. */
 export function before(values, value) {
   let [low, high] = [0, values.length - 1];
   while (low < high) {
@@ -20,7 +20,7 @@ export function before(values, value) {
 }
 
 export class Program {
-  /** Of a machine whose extra axes have these letters. */
+  /** Unpacks a program; `letters` are those of the machine's extra axes. */
   constructor(data, letters) {
     Object.assign(this, { name: data.name, end: data.end, report: data.report, letters });
     this.ofMechanism = data.of_mechanism;
@@ -30,7 +30,7 @@ export class Program {
     this.curves = data.curves && { names: data.curves.names, values: columns(data.curves.values, Float32Array) };
   }
 
-  /** Why nothing is known of its time, if so. */
+  /** Returns why the program's timing was not judged, if so. */
   get notJudged() {
     const cause = this.report.time.not_judged;
     return cause && `time not judged: ${cause}`;
@@ -40,7 +40,7 @@ export class Program {
     return this.times.length === 0;
   }
 
-  /** Pose, tool and extra axes of mechanism `which` at a time; linear between points. */
+  /** Returns pose, tool and extra axes of mechanism `which` at a time, linear between points. */
   at(time, which = 0) {
     const { times } = this;
     const i = before(times, time);
@@ -49,7 +49,7 @@ export class Program {
     return this.place(which, (column) => column[i] + part * (column[next] - column[i]));
   }
 
-  /** The same at a point. */
+  /** Returns pose, tool and extra axes of mechanism `which` at point `i`. */
   point(i, which = 0) {
     return this.place(which, (column) => column[i]);
   }
@@ -64,7 +64,7 @@ export class Program {
     return this.lineNumbers.length ? this.lineNumbers[before(this.lineTimes, time)] : 0;
   }
 
-  /** Units of length a second. */
+  /** Returns the speed of the pose at a time, in units of length per second. */
   speed(time) {
     const step = 0.005;
     const [from, to] = [Math.max(time - step, 0), Math.min(time + step, this.end)];
@@ -72,7 +72,8 @@ export class Program {
     return to > from ? Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) / (to - from) : 0;
   }
 
-  /** When a line begins first; with a pose of mechanism `which`, when the line comes nearest to it in these letters. */
+  /** Returns when a line first begins; with a pose, when mechanism `which` comes nearest to it within the line, measured in
+   * `letters`. */
   timeOf(line, pose, which = 0, letters = "XYZABC") {
     const starts = Array.from(this.lineNumbers.keys()).filter((i) => this.lineNumbers[i] === line);
     if (starts.length === 0) return undefined;

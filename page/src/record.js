@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Frames for a video or a picture: pkm asks for them by what stands behind # in the address.
+// Frames for a video or a picture, which pkm requests after # in the address.
 import { shown } from "./elements.js";
 
-/** #frames=first,count,all,width,height,view asks for frames first … of all that a program has. */
+/** Parses #frames=first,count,all,width,height,view: `count` frames from `first` of the `all` frames of a program. */
 export function wanted() {
   const found = /^#frames=(\d+),(\d+),(\d+),(\d+),(\d+),(\w+)$/.exec(location.hash);
   if (!found) return undefined;
@@ -15,7 +15,7 @@ export class Recorder {
     this.page = page;
   }
 
-  /** Draws the frames and lays them into the page, where whoever has opened it finds them. */
+  /** Draws the frames and replaces the page's content by them, where pkm reads them. */
   run({ first, count, all, width, height, view }) {
     const { page } = this;
     document.body.classList.add("recording");

@@ -17,7 +17,7 @@ function read({ name, bytes: text }, look) {
   return group;
 }
 
-/** The shape that pkm has packed, at its place and in machine units. */
+/** Creates a shape from the file that pkm packed, at its place and in machine units. */
 export function shape(given) {
   const look = material(given.part === "platform" ? COLORS.platform : COLORS.table, { side: THREE.DoubleSide });
   const made = read(given, look);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The 3D picture: camera, lights, and what stands in it beside the mechanisms.
+// The 3D picture: camera, lights, and everything in it except the mechanisms.
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
@@ -11,7 +11,7 @@ import { cross } from "./mechanism.js";
 import { clear, material, pieces, vector } from "./parts.js";
 import { bodyOf } from "./workspace.js";
 
-/** Directions to look from, by which way is up: as right, up and towards the reader. */
+/** Directions from the target to the camera, as shares of right, up and towards the viewer. */
 const VIEWS = {
   "3D": [0.75, 0.55, 1],
   front: [0, 0, 1],
@@ -19,7 +19,7 @@ const VIEWS = {
   top: [0, 1, 1e-6],
 };
 
-/** Right, up and towards the reader in base: Z is up, but for machines that are long in Z, as lathes are. */
+/** Right, up and towards the viewer in base. Z is up, except for machines that are long in Z, such as lathes. */
 const STANDING = ["100", "001", "0-10"].map(unit);
 const LYING = { Y: ["001", "010", "-100"].map(unit), X: ["001", "100", "010"].map(unit) };
 const LONG = 1.5;
@@ -34,7 +34,7 @@ function frame(box, letters) {
   return LYING[letters.includes("Y") ? "Y" : "X"];
 }
 
-/** Room about what is looked at. */
+/** Camera distance per distance at which everything just fits. */
 const BORDER = 1.04;
 
 function corners({ min, max }) {
@@ -43,7 +43,7 @@ function corners({ min, max }) {
 }
 
 export class Stage {
-  /** Of machines in a box, which move these letters. */
+  /** Creates the picture of machines of a size within a box; `letters` are those that the machines move. */
   constructor(canvas, size, box, letters, keepsPixels) {
     this.size = size;
     this.frame = frame(box, letters);
@@ -95,7 +95,7 @@ export class Stage {
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** Looks at everything in a box from one of the views, as near as it fits. */
+  /** Moves the camera to a view, as near as the box fits into the picture. */
   look(name, box) {
     const centre = box.getCenter(new THREE.Vector3());
     const way = new THREE.Vector3();
@@ -116,7 +116,7 @@ export class Stage {
     this.redraw();
   }
 
-  /** Where a place is on the canvas, pixels from its upper left corner. */
+  /** Returns the position of a point on the canvas, in pixels from its upper left corner. */
   onCanvas(place) {
     const { x, y } = place.clone().project(this.camera);
     const { clientWidth, clientHeight } = this.renderer.domElement;
@@ -127,7 +127,7 @@ export class Stage {
     return Object.keys(VIEWS);
   }
 
-  /** Cuts away what lies beyond a value of a letter, or nothing. */
+  /** Hides everything above a value of X or Z, or below a value of Y; without a letter shows everything. */
   cut(letter, value) {
     const normal = { X: [-1, 0, 0], Y: [0, 1, 0], Z: [0, 0, -1] }[letter];
     const offset = letter === "Y" ? -value : value;
@@ -135,7 +135,7 @@ export class Stage {
     this.redraw();
   }
 
-  /** The path of the tool in the work's coordinates, with a share of room for each point. */
+  /** Draws the path of the tool in the work's coordinates, colored by the share of range left at each point. */
   showPath(points, shares) {
     clear(this.path);
     if (points.length < 2) return;
@@ -155,7 +155,7 @@ export class Stage {
     this.redraw();
   }
 
-  /** A trace of a point in base. */
+  /** Draws the trace of a point in the world. */
   showTrace(points) {
     clear(this.traces);
     if (points.length) {
@@ -165,7 +165,7 @@ export class Stage {
     this.redraw();
   }
 
-  /** The body of reachable poses and the box of axis limits, seen from a base, or nothing. */
+  /** Draws the workspace and the box of axis limits in the frame of a base; without a surface removes them. */
   showSpace(surface, box) {
     clear(this.space);
     if (surface) {
@@ -176,8 +176,8 @@ export class Stage {
     this.redraw();
   }
 
-  /** Lets a point be dragged along and about `letters()`; `taken` is told when it is grasped, `moved` gets its place and
-   * turn. */
+  /** Creates a handle that the user drags along and about `letters()`; `taken` gets its position when a drag begins, `moved`
+   * its position and angles. */
   handle(letters, taken, moved) {
     const proxy = new THREE.Object3D();
     proxy.rotation.order = "ZYX";

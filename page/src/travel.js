@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// How far a mechanism gets from a pose along each of its coordinates.
+// Travel left from a pose along each coordinate of a mechanism.
 import { Refusal, key } from "./kinematics.js";
 import { PART } from "./mechanism.js";
 
-/** Steps of the way to the end of an axis, and halvings of the step in which a limit breaks. */
+/** Steps to the end of an axis, and halvings of the step in which a limit is violated. */
 const STEPS = 100;
 const HALVINGS = 20;
 
-/** What a pose breaks beside the range of its own axis. */
+/** Returns the limit that a pose violates, other than the range of axis `k`, or the reason of a refusal. */
 function broken(kinematics, limits, pose, tool, k) {
   try {
     const found = kinematics.at(pose, tool).margins.find(({ share, kind, first }) => share < 0 && !(kind === PART.axis && first === k));
@@ -18,7 +18,7 @@ function broken(kinematics, limits, pose, tool, k) {
   }
 }
 
-/** Of every letter that moves, both ways: the way that is left, its unit, and what ends it. */
+/** Returns for every moving letter and both directions the travel left, its unit, and the limit that ends it. */
 export function travel(kinematics, { scene, limits }, pose, tool) {
   return scene.axes.flatMap((axis) => [-1, 1].map((sign) => {
     const k = "XYZABC".indexOf(axis.letter);

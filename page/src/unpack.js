@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// What pkm has packed into the page.
+// Unpacking of the data that pkm packs into the page.
 
 export function bytes(base64) {
   const text = atob(base64);
@@ -8,19 +8,19 @@ export function bytes(base64) {
   return all;
 }
 
-/** The bytes of a packed part of the page, by its id. */
+/** Returns the bytes of a packed part of the page, by its id. */
 export async function unpacked(id) {
   const gzip = new Blob([bytes(document.getElementById(id).textContent)]);
   const stream = gzip.stream().pipeThrough(new DecompressionStream("gzip"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** A row of 64-bit numbers. */
+/** Decodes an array of 64-bit numbers. */
 export function numbers(base64) {
   return new Float64Array(bytes(base64).buffer);
 }
 
-/** Equally long columns of numbers: Float64Array of program points, Float32Array of curves. */
+/** Decodes equally long columns of numbers: Float64Array for program points, Float32Array for curves. */
 export function columns({ rows, columns: count, bytes: base64 }, Kind = Float64Array) {
   const all = new Kind(bytes(base64).buffer);
   return Array.from({ length: count }, (_, k) => all.subarray(k * rows, (k + 1) * rows));

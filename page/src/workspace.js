@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Where the tool gets to with its angles as they are: the surface of the poses that keep all limits.
+// The workspace at fixed angles: the surface around the poses that keep all limits.
 import * as THREE from "three";
 import { PART } from "./mechanism.js";
 
-/** Cells along each side, of the picture and of the search for its frame. */
+/** Cells along each side of the drawn grid, and of the coarse grid that searches the extent. */
 const CELLS = 32;
 const COARSE = 14;
 
-/** How far the search goes beyond the axis limits, as shares of their ranges. */
+/** First and last extent of the search beyond the axis limits, as shares of their ranges. */
 const FIRST_SHARE = 0.25;
 const LAST_SHARE = 60;
 
-/** Room where nothing is reached: near 0, so that the surface stands near the last pose that is reached. */
+/** Value at unreachable poses. It is near 0, so that the surface lies near the last reachable pose. */
 const OUTSIDE = -0.05;
 
-/** Least share of room at a pose; negative where a limit is broken or nothing is reached. */
+/** Returns the least share of range left at a pose; negative if a limit is violated or the pose is unreachable. */
 function room(kinematics, pose, tool) {
   const least = kinematics.least(pose, tool, (kind) => kind === PART.axis);
   return Number.isNaN(least) ? OUTSIDE : Math.max(Math.min(least, 1), -1);
 }
 
-/** Axis limits with a share of their range about them; nothing where a letter does not move. */
+/** Returns the ranges of X, Y and Z, extended by a share of each; undefined for a letter that does not move. */
 function box(scene, share) {
   return ["X", "Y", "Z"].map((letter) => {
     const axis = scene.axes.find((axis) => axis.letter === letter);
@@ -29,7 +29,7 @@ function box(scene, share) {
   });
 }
 
-/** Values on a grid with so many cells along each side. A letter that does not move has a thin slab. */
+/** Samples values on a grid with `cells` cells along each side. A letter that does not move gets a thin slab. */
 function scanned(at, sides, pose, cells) {
   const thin = Math.max(...sides.map((side) => (side ? side.to - side.from : 0))) / cells;
   const grid = sides.map((side, k) =>
@@ -56,7 +56,7 @@ function scanned(at, sides, pose, cells) {
   return { values, grid, sizes, touchesEdge };
 }
 
-/** A grid that holds the whole body: a coarse one grows until nothing is reached at its edge. */
+/** Samples a grid that encloses the whole workspace: a coarse one grows until no pose at its edge is reachable. */
 function found(at, scene, pose) {
   let share = FIRST_SHARE;
   while (share < LAST_SHARE && scanned(at, box(scene, share), pose, COARSE).touchesEdge) share *= 1.6;
@@ -66,7 +66,7 @@ function found(at, scene, pose) {
 const CORNERS = Array.from({ length: 8 }, (_, n) => [n & 1, (n >> 1) & 1, (n >> 2) & 1]);
 const EDGES = CORNERS.flatMap((_, a) => [1, 2, 4].filter((bit) => !(a & bit)).map((bit) => [a, a | bit]));
 
-/** The surface where the values are 0: one vertex in every cell that it passes, one square across every edge. */
+/** Computes the surface of value 0 (surface nets): one vertex in every cell it crosses, one square for every crossed edge. */
 function surface({ values, grid, sizes: [nx, ny, nz] }) {
   const index = (i, j, k) => (i * ny + j) * nz + k;
   const vertices = [];
@@ -106,7 +106,7 @@ function squares(values, numbers, [nx, ny, nz], index) {
   return faces;
 }
 
-/** Vertices and faces of the workspace at the angles of a pose. */
+/** Computes vertices and faces of the workspace at the angles of a pose. */
 export function workspace(kinematics, scene, pose, tool) {
   const at = (place) => room(kinematics, [...place, ...pose.slice(3)], tool);
   return surface(found(at, scene, pose));
@@ -120,7 +120,7 @@ export function bodyOf({ vertices, faces }, look) {
   return new THREE.Mesh(geometry, look);
 }
 
-/** The edges of the axis limits; held letters have the pose's value. */
+/** Returns the edges of the axis limits' box. Letters that do not move have the pose's value. */
 export function limitsBox(scene, pose) {
   const range = ["X", "Y", "Z"].map((letter, k) => {
     const axis = scene.axes.find((axis) => axis.letter === letter);
