@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# The machine described in the INI file, given to the kinematics module pkmkins.
+# Passes the machine described in the INI file to the kinematics module pkmkins.
 #
 # In the INI file, after the HALFILE that loads the kinematics and motmod:
 #
@@ -9,35 +9,36 @@
 # pkmkins-pins reads the file, checks it as `pkm check` does, and prints the value of every pin that the file decides.
 # This file sets them, connects the module to the motion controller (tool offsets, and the feed that the module allows:
 # motion.adaptive-feed, motion.feed-inhibit) and asks for the geometry to be frozen (.apply). Everything is checked
-# before the first pin is set: an error stops LinuxCNC's start and leaves the module as it was.
+# before the first pin is set: an error ends LinuxCNC's start and leaves the module unchanged.
 #
-# pkmkins-pins prints a line for each of these, and nothing is printed where anything is wrong:
+# pkmkins-pins prints these lines, or nothing if the file is wrong:
 #
-#     version NUMBER                    its own, which has to be the module's
-#     compared SECTIONS KEYS ...        patterns of what decides about the machine
-#     ini SECTION KEY=VALUE             these values, as haltcl reads them
+#     version NUMBER                    its version, which must equal the module's
+#     compared SECTIONS KEYS ...        patterns of the keys that describe the machine
+#     ini SECTION KEY=VALUE             the values of these keys, as haltcl reads them
 #     pin NAME VALUE                    without "pkmkins."
 #     end
 
 namespace eval pkmkins {
-    # Beside this file where it is tried before it is installed; never one of PATH.
+    # Beside this file for tests before installation; never searched in PATH.
     variable program [file join [file dirname [info script]] pkmkins-pins]
     if {![file exists $program]} { set program /usr/bin/pkmkins-pins }
-    # Seconds that it may take: it takes some milliseconds.
+    # Seconds that pkmkins-pins may run. It usually takes some milliseconds.
     variable longest 10
 }
 
-# LinuxCNC ends its start when a HAL file ends with a code that is not 0.
+# LinuxCNC ends its start if a HAL file exits with a code other than 0.
 proc pkmkins::stop {text} {
     puts stderr "\npkmkins: LinuxCNC does not start, because the machine could not be set up:\n$text\n"
     exit 1
 }
 
-# What pkmkins-pins prints for this INI file. With code 1 it refuses the file, in the words of `pkm check`.
+# Returns the output of pkmkins-pins for this INI file. If it refuses the file, it exits with code 1 and prints the
+# messages of `pkm check`.
 proc pkmkins::printed {ini} {
     variable program
     variable longest
-    # No shell, and no file for errors: a run in virtual time can write none.
+    # No shell, and no file for errors, which a run in virtual time could not write.
     if {![catch { exec -- /usr/bin/timeout --verbose --kill-after=1 $longest $program $ini 2>@1 } text options]} { return $text }
     lassign [dict get $options -errorcode] kind id code
     set refusal [regsub {\n?child process exited abnormally$} $text ""]
@@ -45,7 +46,7 @@ proc pkmkins::printed {ini} {
     stop "pkmkins: $program could not read $ini: [join [split $text \n] {; }]; reinstall pkmkins"
 }
 
-# The pins and values of a text of pkmkins-pins, which is checked as a whole.
+# Checks the whole output of pkmkins-pins, and returns its pins and values.
 proc pkmkins::pins_of {ini text} {
     variable program
     set pins {}
@@ -70,7 +71,7 @@ proc pkmkins::pins_of {ini text} {
     return $pins
 }
 
-# The module shows its version as one number: a million for each major one, a thousand for each minor one.
+# Rejects a module of another version than pkmkins-pins. The pin is major * 1000000 + minor * 1000 + patch.
 proc pkmkins::check_version {own} {
     variable program
     if {![llength [hal list pin pkmkins.version]]} {
@@ -83,7 +84,7 @@ proc pkmkins::check_version {own} {
     }
 }
 
-# haltcl has read the file before: it may have changed since.
+# Rejects an INI file that has changed since haltcl read it.
 proc pkmkins::check_unchanged {ini compared read} {
     set known {}
     foreach {sections keys} $compared {
@@ -103,7 +104,7 @@ proc pkmkins::check_unchanged {ini compared read} {
     }
 }
 
-# A HAL file of one's own may have loaded the module with other parameters than the INI file says.
+# Rejects missing pins: a custom HAL file may have loaded the module with parameters other than those of the INI file.
 proc pkmkins::check_exist {pins} {
     set existing [hal list pin pkmkins.*]
     foreach {pin text} $pins {
@@ -112,7 +113,8 @@ proc pkmkins::check_exist {pins} {
     }
 }
 
-# Returns the signal of a pin, or the one given. HAL shows pins with longer names as well: motion.jog-stop-immediate.
+# Returns the signal of a pin, or `signal` if it has none. HAL also shows pins with longer names, such as
+# motion.jog-stop-immediate.
 proc pkmkins::signal_of {pin signal} {
     foreach line [split [hal show pin $pin] \n] {
         if {[regexp {\s(\S+)\s+(?:=[=>]>?|<=[=>]?)\s+(\S+)\s*$} $line -> name own] && $name eq $pin} { return $own }
@@ -120,8 +122,8 @@ proc pkmkins::signal_of {pin signal} {
     return $signal
 }
 
-# A signal has one writer: where something else inhibits feed, the HAL file that knows it has to join
-# both, because without its inhibition the module does not change a tool while tilted.
+# A signal has one writer: if another component inhibits feed, the custom HAL file must combine both,
+# because without feed inhibition the module does not change a tool at a tilt.
 proc pkmkins::check_feed_inhibit {} {
     set taken [signal_of motion.feed-inhibit ""]
     if {$taken ne "" && [signal_of pkmkins.feed-inhibit ""] eq ""} {
@@ -129,14 +131,14 @@ proc pkmkins::check_feed_inhibit {} {
     }
 }
 
-# Adds a pin to the signal its writer is already on, or to a new one; only some machines have all pins.
+# Connects `target` to the existing signal of `source`, or to a new one. Some machines do not have all pins.
 proc pkmkins::connect {signal source target} {
     if {![llength [hal list pin $target]]} { return }
     hal net [signal_of $source $signal] $source $target
 }
 
-# Without the feed that the guard allows the machine still runs, so that an adaptive feed of somebody
-# else's is left alone.
+# The machine also runs without the guard's feed, so an existing adaptive feed of another component
+# stays connected.
 proc pkmkins::wire_guard {} {
     foreach name {requested-vel current-vel distance-to-go in-position} {
         connect pkmkins:$name motion.$name pkmkins.$name
@@ -174,10 +176,10 @@ proc pkmkins::wire {} {
 proc pkmkins::main {ini} {
     set pins [pins_of $ini [printed $ini]]
     check_feed_inhibit
-    # `hal setp`, not haltcl's own setp, which would evaluate the text.
+    # `hal setp`: haltcl's own setp would evaluate the text.
     foreach {pin text} $pins { hal setp $pin $text }
     wire
-    # The threads are not running yet: the module sees this edge in its first cycle.
+    # The threads do not run yet: the module detects this edge in its first cycle.
     hal setp pkmkins.apply 1
 }
 

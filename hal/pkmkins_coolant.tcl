@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A coolant pump that is switched off where it is too hot, for pkmkins. See docs/guide/drives.md.
+# A coolant pump for pkmkins, switched off if it is too hot. See docs/guide/drives.md.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #
@@ -9,14 +9,14 @@
 #     PUMP_PIN                    outputs: the pump runs; M8 and M9
 #     PUMP_OK_PIN                 input, true while the thermal contact of the pump is closed
 #
-# Once the contact has opened the pump is off, and feed is held until M9: a pump that has cooled down does
-# not start by itself, and a program does not go on dry. The operator is told.
+# After the contact opens, the pump is off and feed is held until M9: a cooled pump does not restart
+# automatically, and a program does not continue without coolant. The operator gets a message.
 
 source [file join $::env(HALLIB_DIR) pkmkins_drives.tcl]
 
 namespace eval pkmkins_coolant {}
 
-# LinuxCNC loads each of these components once: a HAL file of one's own that needs one adds its names here.
+# LinuxCNC loads each of these components only once: if a custom HAL file needs one, add its names here.
 proc pkmkins_coolant::load_parts {} {
     hal loadrt not names=pump-hot,pump-off
     hal loadrt flipflop names=pump-latch
@@ -27,7 +27,7 @@ proc pkmkins_coolant::load_parts {} {
     }
 }
 
-# The latch is set by the contact, and reset by M9; M8 on a hot pump sets it again.
+# The contact sets the latch, M9 resets it; M8 with a hot pump sets it again.
 proc pkmkins_coolant::wire {} {
     hal net pump:on iocontrol.0.coolant-flood pump-off.in pump-run.in0 pump-hold.in0
     pkmkins_drives::connect pump:ok [pkmkins_drives::ini IO PUMP_OK_PIN] pump-hot.in

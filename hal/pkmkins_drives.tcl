@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What the HAL files for real drives have in common, for pkmkins; they source it. See docs/guide/drives.md.
+# Procedures common to the HAL files for real drives, which source this file. See docs/guide/drives.md.
 #
-# Loads the kinematics and the motion controller, wires the chain of the emergency stop, enables, faults,
-# limit and home switches, and what is missing in the INI file is said before LinuxCNC starts.
+# Loads the kinematics and the motion controller; wires the emergency stop chain, enables, faults, limit
+# and home switches; reports keys missing in the INI file before LinuxCNC starts.
 #
 # Inputs and outputs are named in the INI file by the pin that the driver has for them:
 #
 #     [IO]
-#     ESTOP_PIN    input, true while the chain of the emergency stop is closed; NONE where there is no chain
-#     ENABLE_PIN   outputs, true while the machine is on: contactors, drives with one enable for all
+#     ESTOP_PIN    input, true while the emergency stop chain is closed; NONE without a chain
+#     ENABLE_PIN   outputs, true while the machine is on: contactors, a common enable of all drives
 #     TOOL_CHANGE  MANUAL (default: LinuxCNC's window asks for the tool) or NONE (answers at once)
 #     [JOINT_N]
 #     ENABLE_PIN   outputs, true while this joint is on
-#     FAULT_PIN    input, true where its drive reports a fault
-#     HOME_SWITCH_PIN, MIN_LIMIT_PIN, MAX_LIMIT_PIN   inputs, true where the switch is met
+#     FAULT_PIN    input, true while its drive reports a fault
+#     HOME_SWITCH_PIN, MIN_LIMIT_PIN, MAX_LIMIT_PIN   inputs, true at the switch
 
 namespace eval pkmkins_drives {
     variable errors {}
@@ -29,15 +29,15 @@ proc pkmkins_drives::complain {section key text} {
     lappend errors "\[$section\]$key $text"
 }
 
-# A key that has to be there; "" and a complaint where it is not.
+# Returns a required key; "" with a complaint if it is missing.
 proc pkmkins_drives::need {section key what} {
     set text [ini $section $key]
     if {$text eq ""} { complain $section $key "is missing: expected $what" }
     return $text
 }
 
-# Returns a decimal number; without it the default, or {} with a complaint. Zeros in front would make it octal
-# for Tcl and for a pin that takes integers.
+# Returns a decimal number; if it is missing the default, or {} with a complaint. Leading zeros would make it
+# octal in Tcl and in an integer pin.
 proc pkmkins_drives::number {section key what {default ""}} {
     if {$default eq ""} { need $section $key $what }
     set text [regsub {^([+-]?)0+(?=[0-9])} [ini $section $key $default] {\1}]
@@ -48,14 +48,14 @@ proc pkmkins_drives::number {section key what {default ""}} {
     return $text
 }
 
-# The same, and not 0: what a position is multiplied by.
+# Returns a decimal number other than 0, by which positions are multiplied.
 proc pkmkins_drives::scale {section key what} {
     set text [number $section $key $what]
     if {$text ne "" && $text == 0} { complain $section $key "= \"$text\": expected $what, not 0" }
     return $text
 }
 
-# LinuxCNC ends its start when a HAL file ends with a code that is not 0.
+# Prints all complaints and ends LinuxCNC's start, which a HAL file does by an exit code other than 0.
 proc pkmkins_drives::stop_on_errors {} {
     variable errors
     if {![llength $errors]} { return }
@@ -71,12 +71,12 @@ proc pkmkins_drives::joints {} {
     return $joints
 }
 
-# One name for each joint, separated by commas, as loadrt takes them.
+# Returns a name for each joint, separated by commas as loadrt requires.
 proc pkmkins_drives::names {suffix} {
     return [join [lmap n [joints] { string cat J${n}_$suffix }] ,]
 }
 
-# A limit of a joint and a quarter: a generator of steps that can do no more than LinuxCNC asks for never
+# Returns 1.25 times a limit of a joint: a step generator with no reserve beyond LinuxCNC's commands never
 # catches up.
 proc pkmkins_drives::above {n key} {
     set limit [number JOINT_$n $key "the limit of the joint"]
@@ -90,7 +90,7 @@ proc pkmkins_drives::step_settings {n pin} {
     foreach key {STEPLEN STEPSPACE DIRSETUP DIRHOLD} {
         set what "nanoseconds, from the data sheet of the drive"
         set text [number $section $key $what]
-        # The pin takes integers only.
+        # This pin is an integer.
         if {[regexp {[^0-9]} $text]} { complain $section $key "= \"$text\": expected $what, a whole number" }
         lappend settings $pin.[string tolower $key] $text
     }
@@ -100,8 +100,8 @@ proc pkmkins_drives::step_settings {n pin} {
     return $settings
 }
 
-# The settings of all joints, as `of_joint` has them of one: pins and values, in turn. Stops the start
-# before anything is loaded where a key is missing or no good.
+# Returns the settings of all joints, from `of_joint` for each: pins and values, alternating. Ends the start
+# before anything is loaded if a key is missing or wrong.
 proc pkmkins_drives::settings {of_joint} {
     need KINS JOINTS "the number of joints"
     need IO ESTOP_PIN "the input that is true while the emergency stop chain is closed, or NONE"
@@ -111,7 +111,7 @@ proc pkmkins_drives::settings {of_joint} {
     return $settings
 }
 
-# `hal setp`, not haltcl's own setp, which would evaluate the text (010 would become 8).
+# Sets pins by `hal setp`: haltcl's own setp would evaluate the text (010 would become 8).
 proc pkmkins_drives::set_pins {settings} {
     foreach {pin text} $settings { hal setp $pin $text }
 }
@@ -123,8 +123,8 @@ proc pkmkins_drives::load_motion {} {
     hal loadrt {*}[ini EMCMOT EMCMOT motmod] {*}$periods num_joints=[ini KINS JOINTS]
 }
 
-# One cycle of the servo thread. What the drives show is read before motion, and what they are to do is
-# written after it, so that a command is no cycle older than it has to be.
+# Adds the functions of one servo cycle. Feedback of the drives is read before motion and commands are
+# written after it, so that a command is not delayed by a cycle.
 proc pkmkins_drives::add_functions {read write} {
     set safety {pkmkins-closed pkmkins-fault estop-latch.0}
     foreach name [concat $read $safety {motion-command-handler motion-controller} $write] {
@@ -132,7 +132,8 @@ proc pkmkins_drives::add_functions {read write} {
     }
 }
 
-# Returns the signal of a pin, or the one given. HAL shows pins with longer names as well, such as the inverted twin of an input.
+# Returns the signal of a pin, or `signal` if it has none. HAL also shows pins with longer names, such as the inverted
+# twin of an input.
 proc pkmkins_drives::signal_of {pin signal} {
     foreach line [split [hal show pin $pin] \n] {
         if {[regexp {\s(\S+)\s+(?:=[=>]>?|<=[=>]?)\s+(\S+)\s*$} $line -> name own] && $name eq $pin} { return $own }
@@ -140,17 +141,17 @@ proc pkmkins_drives::signal_of {pin signal} {
     return $signal
 }
 
-# Brings a pin that writes to those that read; it is on one signal, however many read it.
+# Connects a writing pin to reading pins, all on one signal.
 proc pkmkins_drives::connect {signal source args} {
     if {[llength $args]} { hal net [signal_of $source $signal] $source {*}$args }
 }
 
-# The pins that a key names.
+# Returns the pins that a key names.
 proc pkmkins_drives::pins {section key} {
     return [regexp -all -inline {\S+} [ini $section $key]]
 }
 
-# Every output that the INI file names, for drivers whose pins can be either.
+# Returns every output that the INI file names, for drivers whose pins can be inputs or outputs.
 proc pkmkins_drives::outputs {} {
     set outputs [concat [pins IO ENABLE_PIN] [pins IO PUMP_PIN]]
     foreach key {ENABLE_PIN FORWARD_PIN REVERSE_PIN} { lappend outputs {*}[pins SPINDLE_0 $key] }
@@ -158,8 +159,8 @@ proc pkmkins_drives::outputs {} {
     return $outputs
 }
 
-# The chain, in software: a latch that stays open until the operator resets it. `faults` are pins that open
-# it while they are true. The chain of hardware takes the power away by itself; this one only knows of it.
+# Wires the emergency stop chain in software: a latch that stays open until the operator resets it. `faults`
+# are pins that open it while they are true. The hardware chain cuts the power; this one only follows it.
 proc pkmkins_drives::load_estop {faults} {
     hal loadrt estop_latch count=1
     hal loadrt logic names=pkmkins-closed,pkmkins-fault personality=0x102,[format 0x%x [expr {0x200 + max(2, [llength $faults])}]]
@@ -190,7 +191,7 @@ proc pkmkins_drives::load_tool_change {} {
     hal net drives:tool-number iocontrol.0.tool-prep-number hal_manualtoolchange.number
 }
 
-# Enable, fault and switches of a joint; `enables` are pins of its drive that need the enable as well.
+# Wires enable, fault and switches of a joint; `enables` are pins of its drive that also need the enable.
 proc pkmkins_drives::wire_joint {n enables} {
     connect J$n:enable joint.$n.amp-enable-out {*}$enables {*}[pins JOINT_$n ENABLE_PIN]
     foreach {key target} {
@@ -203,8 +204,8 @@ proc pkmkins_drives::wire_joint {n enables} {
     }
 }
 
-# Everything but the drives themselves. `functions` are what they read and what they write, in two lists;
-# `enables` gives the enables of a joint's drive; `faults` open the chain of the emergency stop.
+# Wires everything except the drives. `functions` are two lists, the drives' read and write functions;
+# `enables` returns the enable pins of a joint's drive; `faults` open the emergency stop chain.
 proc pkmkins_drives::wire_machine {functions enables {faults {}}} {
     load_estop $faults
     load_tool_change

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# EtherCAT drives that follow a position in every cycle (CiA 402, mode CSP), for pkmkins. See
+# EtherCAT drives in cyclic synchronous position mode (CiA 402, CSP) for pkmkins. See
 # docs/guide/drives.md. Needs two components that LinuxCNC does not ship: lcec (linuxcnc-ethercat) and cia402
 # (hal-cia402).
 #
@@ -11,7 +11,7 @@
 #     [ETHERCAT]
 #     CONFIG = ethercat.xml       drives and their process data
 #     [JOINT_N]
-#     SCALE = 10000               increments of the drive per unit of the joint; negative turns it round
+#     SCALE = 10000               increments of the drive per unit of the joint; negative reverses it
 #     DELAY = 3                   cycles from command to feedback, measured
 #
 # and the inputs and outputs of pkmkins_drives.tcl. The file names the drive of joint N `JN`, or
@@ -21,7 +21,7 @@
 source [file join $::env(HALLIB_DIR) pkmkins_drives.tcl]
 
 namespace eval pkmkins_ethercat {
-    # Process data of a drive, beside its component: pin of lcec, pin of cia402.
+    # Process data of a drive and its component: pin of lcec, pin of cia402.
     variable from_drive {statusword statusword  opmode-display opmode-display  actual-position drv-actual-position}
     variable to_drive {controlword controlword  opmode opmode  target-position drv-target-position}
 }
@@ -32,7 +32,7 @@ proc pkmkins_ethercat::check {} {
 
 proc pkmkins_ethercat::slave {n} { return lcec.0.[pkmkins_drives::ini JOINT_$n SLAVE J$n] }
 
-# A joint is in one mode for ever: homing is LinuxCNC's, with the encoder of the drive.
+# A joint stays in one mode: LinuxCNC does the homing, with the encoder of the drive.
 proc pkmkins_ethercat::of_joint {n} {
     return [list cia402.$n.pos-scale [pkmkins_drives::scale JOINT_$n SCALE "increments per unit of the joint"] \
         cia402.$n.csp-mode 1]

@@ -1,31 +1,31 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Lets pkmkins slow jogs in world mode: the largest speed of every axis is the one that it allows.
+# Lets pkmkins slow jogs in world mode: the module sets the maximum speed of every axis.
 #
-# LinuxCNC makes the pins ini.L.max_velocity with its task, after all files of [HAL]HALFILE. A line starts this
-# file beside every user interface:
+# LinuxCNC's task creates the pins ini.L.max_velocity after all files of [HAL]HALFILE. This line starts the file
+# beside any user interface:
 #
 #     [APPLICATIONS]
 #     APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
 #
-# The panel of `pkm panel` sources it too; whoever comes second finds the work done. Without it, pkmkins still
-# stops jogs before limits, but does not slow them.
+# The panel of `pkm panel` sources it too; the second run changes nothing. Without it, pkmkins still stops
+# jogs before limits, but does not slow them.
 #
-# A user interface ends LinuxCNC where a file of [HAL]POSTGUI_HALFILE fails: no error leaves this one, and no wait is
-# without an end.
+# A user interface ends LinuxCNC if a file of [HAL]POSTGUI_HALFILE fails: this file catches all errors, and every wait
+# is limited.
 
 namespace eval pkmkins_jog {
-    # LinuxCNC's task starts beside this, in some seconds on a computer that has other work.
+    # LinuxCNC's task starts at the same time, which takes some seconds on a loaded computer.
     variable task_seconds 20
-    # The monitor answers in the next servo cycle, of some ms.
+    # The monitor answers in the next servo cycle, within some ms.
     variable answer_seconds 1
 }
 
-# Where the standard error is closed, nobody reads this.
-proc pkmkins_jog::tell {text} { catch { puts stderr "pkmkins: $text" } }
+# Standard error may be closed.
+proc pkmkins_jog::report {text} { catch { puts stderr "pkmkins: $text" } }
 
 proc pkmkins_jog::exists {pin} { return [expr {$pin in [hal list pin $pin]}] }
 
-# Returns the signal that a pin is on, or {}.
+# Returns the signal of a pin, or {}.
 proc pkmkins_jog::signal_of {pin} {
     foreach line [split [hal show pin $pin] \n] {
         if {[regexp {\s(\S+)\s+(?:=[=>]>?|<=[=>]?)\s+(\S+)\s*$} $line -> name signal] && $name eq $pin} {
@@ -35,7 +35,7 @@ proc pkmkins_jog::signal_of {pin} {
     return {}
 }
 
-# Waits until the script `is_true` returns true; returns whether that was within so many seconds.
+# Waits until the script `is_true` returns true; returns whether it did within the given seconds.
 proc pkmkins_jog::wait {seconds is_true} {
     set end [expr {[clock milliseconds] + 1000 * $seconds}]
     while {![uplevel 1 $is_true]} {
@@ -49,7 +49,7 @@ proc pkmkins_jog::wait {seconds is_true} {
 proc pkmkins_jog::axes {} {
     set found {}
     foreach axis {x y z a b c u v w} {
-        # LinuxCNC gives no speed to a letter that [TRAJ]COORDINATES has not.
+        # LinuxCNC sets no speed for a letter that is not in [TRAJ]COORDINATES.
         set is_used [expr {![info exists ::env(TRAJ_COORDINATES)]
             || [string match -nocase *$axis* $::env(TRAJ_COORDINATES)]}]
         if {$is_used && [exists pkmkins.jog-velocity.$axis]} { lappend found $axis }
@@ -57,7 +57,7 @@ proc pkmkins_jog::axes {} {
     return $found
 }
 
-# Returns those whose speed LinuxCNC's task has not set yet: it makes all pins first, and sets them then.
+# Returns the axes whose speed LinuxCNC's task has not set yet: it creates all pins before it sets them.
 proc pkmkins_jog::unset_of {axes} {
     set found {}
     foreach axis $axes {
@@ -66,7 +66,7 @@ proc pkmkins_jog::unset_of {axes} {
     return $found
 }
 
-# Connects the axes that can be; returns why the others are not, a reason for each.
+# Connects the axes if possible; returns a reason for each axis that is not connected.
 proc pkmkins_jog::attach {} {
     variable task_seconds
     variable answer_seconds
@@ -85,7 +85,7 @@ proc pkmkins_jog::attach {} {
         if {$signal ne ""} {
             lappend reasons "ini.$axis.max_velocity already has signal $signal: remove it"
         } elseif {[catch {
-            # The speed in force becomes the largest.
+            # The current maximum speed becomes the upper bound.
             set fastest [hal getp ini.$axis.max_velocity]
             hal setp pkmkins.axis-max-velocity.$axis $fastest
         } error]} {
@@ -94,7 +94,7 @@ proc pkmkins_jog::attach {} {
             lappend asked $axis $fastest
         }
     }
-    # pkmkins becomes the writer of a speed once it allows that much.
+    # pkmkins becomes the writer of a maximum speed once its value equals the current one.
     wait $answer_seconds {
         set waiting {}
         foreach {axis fastest} $asked {
@@ -119,5 +119,5 @@ if {[catch { pkmkins_jog::attach } pkmkins_jog::reasons]} {
     set pkmkins_jog::reasons [list $pkmkins_jog::reasons]
 }
 if {$pkmkins_jog::reasons ne ""} {
-    pkmkins_jog::tell "jogs do not slow down near limits: [join $pkmkins_jog::reasons {; }]"
+    pkmkins_jog::report "jogs do not slow down near limits: [join $pkmkins_jog::reasons {; }]"
 }

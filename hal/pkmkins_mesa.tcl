@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What Mesa cards (hostmot2) have in common, for pkmkins_mesa_step.tcl and pkmkins_mesa_servo.tcl, which
-# source it.
+# Procedures common to Mesa cards (hostmot2), sourced by pkmkins_mesa_step.tcl and pkmkins_mesa_servo.tcl.
 
 source [file join $::env(HALLIB_DIR) pkmkins_drives.tcl]
 
 namespace eval pkmkins_mesa {
-    # Cycles of the servo thread without a word after which the card stops everything by itself.
+    # Servo cycles without communication after which the card's watchdog stops all outputs.
     variable watchdog_cycles 5
 }
 
@@ -14,10 +13,10 @@ proc pkmkins_mesa::check {} {
     pkmkins_drives::need HOSTMOT2 BOARD "the HAL name of the card, such as 7i92"
 }
 
-# The card, as HAL names it.
+# Returns the card's name in HAL.
 proc pkmkins_mesa::card {} { return hm2_[pkmkins_drives::ini HOSTMOT2 BOARD].0 }
 
-# What a joint has on the card: that of its number, or of the one that a key gives.
+# Returns a joint's function on the card, with the joint's number or the number that a key gives.
 proc pkmkins_mesa::instance {kind n key} {
     return [card].$kind.[format %02d [scan [pkmkins_drives::ini JOINT_$n $key $n] %d]]
 }
@@ -30,19 +29,19 @@ proc pkmkins_mesa::load {} {
     hal loadrt {*}[pkmkins_drives::ini HOSTMOT2 DRIVER] {*}[expr {$config eq "" ? {} : [list config=$config]}]
 }
 
-# What is read and what is written in a cycle, with `loops` between motion and the card.
+# Returns the functions that read and that write in a cycle, with `loops` between motion and the card.
 proc pkmkins_mesa::functions {loops} {
     return [list [card].read [concat $loops [card].write]]
 }
 
-# Opens the chain: the card has stopped because LinuxCNC was late.
+# Opens the emergency stop chain: the card has stopped because LinuxCNC was late.
 proc pkmkins_mesa::faults {} { return [card].watchdog.has_bit }
 
 proc pkmkins_mesa::settings {} {
     variable watchdog_cycles
     lappend settings [card].watchdog.timeout_ns [expr {$watchdog_cycles * [scan [pkmkins_drives::ini EMCMOT SERVO_PERIOD] %d]}]
     if {[has_timer]} { lappend settings [card].dpll.01.timer-us [pkmkins_drives::ini HOSTMOT2 DPLL_TIMER_US] }
-    # gpio that are outputs.
+    # Configures GPIO pins as outputs.
     foreach pin [pkmkins_drives::outputs] {
         if {[regexp {^(.*\.gpio\.\d+)\.out$} $pin -> gpio]} { lappend settings $gpio.is_output 1 }
     }

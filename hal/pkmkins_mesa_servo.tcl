@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Servo drives with an analogue input for speed (+-10 V) on a Mesa card (hostmot2), for pkmkins: a PID
+# Servo drives with an analog input for speed (+-10 V) on a Mesa card (hostmot2), for pkmkins: a PID
 # loop in LinuxCNC, encoders on the card. See docs/guide/drives.md.
 #
 # In the INI file, before LIB:pkmkins.tcl:
@@ -12,21 +12,21 @@
 #     BOARD = 5i25
 #     CONFIG = num_encoders=6 num_pwmgens=0 num_stepgens=0 sserial_port_0=0XXXXX
 #     [JOINT_N]
-#     ENCODER_SCALE = 4000        counts per unit of the joint; negative turns the encoder round
+#     ENCODER_SCALE = 4000        counts per unit of the joint; negative reverses the encoder
 #     OUTPUT_PIN = hm2_5i25.0.7i77.0.1.analogout0      without it pwmgen N of the card
-#     OUTPUT_SCALE = 600          speed of the joint at 10 V (full output); negative turns the motor round
-#     OUTPUT_MIN_LIMIT OUTPUT_MAX_LIMIT     speeds; default: the scale either way
-#     P I D FF0 FF1 FF2 BIAS DEADBAND       of the loop; P in 1/s, FF1 1 where the scale is right
+#     OUTPUT_SCALE = 600          speed of the joint at 10 V (full output); negative reverses the motor
+#     OUTPUT_MIN_LIMIT OUTPUT_MAX_LIMIT     speeds; default: the scale in both directions
+#     P I D FF0 FF1 FF2 BIAS DEADBAND       of the loop; P in 1/s, FF1 = 1 if the scale is right
 #     MAX_OUTPUT MAX_ERROR                  default 0: no limit
 #
-# and the inputs and outputs of pkmkins_drives.tcl. Encoder N belongs to joint N, or [JOINT_N]ENCODER; an
-# absolute encoder is named by [JOINT_N]FEEDBACK_PIN, its position in units of the joint. The PID loop of
+# and the inputs and outputs of pkmkins_drives.tcl. Joint N uses encoder N, or the one in [JOINT_N]ENCODER;
+# [JOINT_N]FEEDBACK_PIN names an absolute encoder, with its position in units of the joint. The PID loop of
 # joint N is JN_pid.
 
 source [file join $::env(HALLIB_DIR) pkmkins_mesa.tcl]
 
 namespace eval pkmkins_mesa_servo {
-    # Of the PID loop: key, pin, default; P has none.
+    # Settings of the PID loop: key, pin, default; P has no default.
     variable gains {
         P Pgain {}  I Igain 0  D Dgain 0  FF0 FF0 0  FF1 FF1 1  FF2 FF2 0
         BIAS bias 0  DEADBAND deadband 0  MAX_OUTPUT maxoutput 0  MAX_ERROR maxerror 0
@@ -57,12 +57,12 @@ proc pkmkins_mesa_servo::loop_settings {n} {
     foreach {key pin default} $gains {
         lappend settings J${n}_pid.$pin [pkmkins_drives::number JOINT_$n $key "a gain of the PID loop" $default]
     }
-    # LinuxCNC compares a position read in this cycle with the command of the last one, too.
+    # LinuxCNC, too, compares a position read in this cycle with the command of the last one.
     lappend settings J${n}_pid.error-previous-target 1
     return $settings
 }
 
-# A 7i77 and its kind have limits beside the scale; the scale of a pwmgen is all it needs.
+# Analog cards such as the 7i77 have limits besides the scale; a pwmgen has only the scale.
 proc pkmkins_mesa_servo::output_settings {n} {
     set section JOINT_$n
     set scale [pkmkins_drives::scale $section OUTPUT_SCALE "speed of the joint at full output"]
@@ -86,7 +86,7 @@ proc pkmkins_mesa_servo::enables {n} {
     return [concat J${n}_pid.enable [expr {[has_pwm $n] ? "[pwm $n].enable" : {}}]]
 }
 
-# What motion commands and sees, and the loop between them. An index pulse is for the three that count from it.
+# Wires command and feedback of motion and the loop between them. Motion, encoder and loop share the index pulse.
 proc pkmkins_mesa_servo::wire_drive {n} {
     hal net J$n:motor-pos-cmd joint.$n.motor-pos-cmd J${n}_pid.command
     hal net J$n:motor-pos-fb [feedback $n] J${n}_pid.feedback joint.$n.motor-pos-fb

@@ -11,13 +11,13 @@
 #     BOARD = 7i92
 #     CONFIG = num_encoders=0 num_pwmgens=0 num_stepgens=6
 #     [JOINT_N]
-#     SCALE = 400                 steps per unit of the joint; negative turns the motor round
-#     STEPLEN STEPSPACE DIRSETUP DIRHOLD    ns, from the sheet of the drive
+#     SCALE = 400                 steps per unit of the joint; negative reverses the motor
+#     STEPLEN STEPSPACE DIRSETUP DIRHOLD    ns, from the drive's data sheet
 #     STEPGEN_MAXVEL STEPGEN_MAXACCEL       default: 1.25 times the limits of the joint
 #
-# and the inputs and outputs of pkmkins_drives.tcl. Step generator N belongs to joint N, or
-# [JOINT_N]STEPGEN. [HOSTMOT2]DPLL_TIMER_US (-100, say) has the card latch positions that long before it is
-# read, which takes the jitter of the network out of them; the firmware needs a DPLL for it.
+# and the inputs and outputs of pkmkins_drives.tcl. Joint N uses step generator N, or the one in
+# [JOINT_N]STEPGEN. [HOSTMOT2]DPLL_TIMER_US (such as -100) lets the card latch positions that long before they
+# are read, which removes network jitter; the firmware needs a DPLL for it.
 
 source [file join $::env(HALLIB_DIR) pkmkins_mesa.tcl]
 

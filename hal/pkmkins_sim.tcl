@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A simulated machine with drives that lag and saturate, for pkmkins.
+# A simulated machine for pkmkins, with drives that lag and saturate.
 #
 # In the INI file, before LIB:pkmkins.tcl:
 #
 #     [HAL]
 #     HALFILE = LIB:pkmkins_sim.tcl
 #
-# Loads the kinematics, the motion controller and, for every joint, a drive: it follows the
-# commanded position no faster than [JOINT_N]MAX_VELOCITY and MAX_ACCELERATION allow, so that a
-# command no real drive could follow shows as a following error. (LinuxCNC's own simulation feeds
-# commands back as they are, whatever their speed.)
+# Loads the kinematics, the motion controller and a drive for every joint. The drive follows the
+# commanded position within [JOINT_N]MAX_VELOCITY and MAX_ACCELERATION, so that a command too fast for
+# a real drive causes a following error. (LinuxCNC's own simulation feeds commands back unchanged at any
+# speed.)
 #
-# Position at power-up is [JOINT_N]SIM_START, without it [JOINT_N]HOME. A joint with
-# HOME_SEARCH_VEL = 0 has an absolute encoder that knows this position. Any other joint has an
-# encoder that starts at 0 and a home switch that closes where the true position passes
-# HOME_OFFSET in the direction of the search.
+# The position at power-up is [JOINT_N]SIM_START, or [JOINT_N]HOME if that is missing. A joint with
+# HOME_SEARCH_VEL = 0 has an absolute encoder that shows this position. Any other joint has an
+# encoder that starts at 0 and a home switch that closes when the true position passes
+# HOME_OFFSET in the search direction.
 #
 # Estop and tool change answer at once; the spindle is LinuxCNC's simulated one.
 
@@ -58,8 +58,8 @@ proc pkmkins_sim::close_loops {} {
     }
 }
 
-# The drives count from the position at power-up; _true adds that position, so that no sequence
-# is needed to start them at the right place. Each cycle: command, drive, what the encoder shows.
+# The drives count from the position at power-up, and _true adds that position: no start sequence
+# is needed. Each cycle: command, drive, encoder.
 proc pkmkins_sim::load_drives {} {
     load_parts mux2 [joint_names select]
     load_parts limit3 [joint_names drive]
@@ -79,7 +79,7 @@ proc pkmkins_sim::start_position {n} {
     return [ini JOINT_$n SIM_START [ini JOINT_$n HOME 0]]
 }
 
-# A disabled drive brakes and then stays where it is: its command is its own position.
+# A disabled drive brakes and then stays: its command is its own position.
 proc pkmkins_sim::wire_drive {n} {
     hal net J$n:enable joint.$n.amp-enable-out J${n}_select.sel
     hal net J$n:motor-pos-cmd joint.$n.motor-pos-cmd J${n}_encoder.in
@@ -102,8 +102,8 @@ proc pkmkins_sim::searching_joints {} {
     return $joints
 }
 
-# Switch of a joint: closed while the true position lies beyond HOME_OFFSET, seen in the
-# direction of the search.
+# Home switch of a joint: closed while the true position is beyond HOME_OFFSET in the search
+# direction.
 proc pkmkins_sim::load_switches {} {
     set joints [searching_joints]
     if {![llength $joints]} { return }

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A spindle on an inverter with an analogue input for its speed, for pkmkins. See docs/guide/drives.md.
+# A spindle on an inverter with an analog speed input, for pkmkins. See docs/guide/drives.md.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #
 #     [HAL]
 #     HALFILE = LIB:pkmkins_vfd_analog.tcl
 #     [SPINDLE_0]
-#     OUTPUT_PIN = hm2_7i76e.0.7i76.0.0.spinout     takes the speed, without sign, in turns per minute
+#     OUTPUT_PIN = hm2_7i76e.0.7i76.0.0.spinout     gets the absolute speed in turns per minute
 #     OUTPUT_SCALE = 24000        turns per minute at 10 V
 #     ENABLE_PIN FORWARD_PIN REVERSE_PIN            outputs
 #     AT_SPEED_PIN                input: the inverter reports that its speed is reached
 #     SPEED_PIN                   input: speed measured, turns per minute; at speed within 2 percent
-#     RAMP_TIME = 4               seconds after which it is at speed, where neither is there
+#     RAMP_TIME = 4               seconds until it counts as at speed, if both pins are missing
 #
-# Where all three are missing LinuxCNC's start ends: a program must not cut with a spindle that still
-# comes up.
+# If all three are missing, LinuxCNC's start ends: a program must not cut before the spindle is at
+# speed.
 
 source [file join $::env(HALLIB_DIR) pkmkins_drives.tcl]
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A spindle on an inverter that takes its speed over a serial line (RS-485), for pkmkins: Huanyang's own
-# protocol, which LinuxCNC's hy_vfd speaks. See docs/guide/drives.md, there of inverters with Modbus proper as well.
+# A spindle on a Huanyang inverter with a serial line (RS-485), for pkmkins. Uses LinuxCNC's hy_vfd. See
+# docs/guide/drives.md, also for inverters with standard Modbus.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #
@@ -9,7 +9,7 @@
 #     [SPINDLE_0]
 #     VFD = hy_vfd -n vfd -d /dev/ttyUSB0 -p none -r 9600 -t 1
 #
-# The name after -n is vfd. In the inverter PD001 = 2 and PD002 = 2 give the line command and speed.
+# The name after -n must be vfd. Set PD001 = 2 and PD002 = 2 in the inverter: start and speed come from the line.
 
 source [file join $::env(HALLIB_DIR) pkmkins_drives.tcl]
 
