@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# The files for drives, spindle and coolant: what each asks for, and what it refuses: every key that is missing or no number, all
-# of them in one list, before anything is loaded.
+# The HAL files for drives, spindle and coolant: the loads, pins and signals of each, and its complaints about missing and
+# wrong keys, all in one list before anything is loaded.
 
 foreach case [lsort [glob $here/cases/*.ini]] {
     set name [file rootname [file tail $case]]
@@ -9,7 +9,7 @@ foreach case [lsort [glob $here/cases/*.ini]] {
     } {}
 }
 
-# Returns the INI file of a case with keys changed: `section key value`, with {} for a key that is left out.
+# Returns the INI file of a case with changed keys: `section key value`, with {} for a removed key.
 proc changed {case changes} {
     set lines {}
     set section ""
@@ -36,7 +36,7 @@ proc refusal {case changes absent} {
     return [lmap text [lrange $complaints 1 end] { regsub {^pkmkins: } $text "" }]
 }
 
-# Keys that are needed: case, section, key, what is expected. A number may be of any sign unless it is a scale.
+# Required keys: case, section, key, expected text.
 set steps "steps per unit of the joint"
 set times "nanoseconds, from the data sheet of the drive"
 set estop "the input that is true while the emergency stop chain is closed, or NONE"
@@ -73,7 +73,7 @@ foreach {case absent section key expected} $needed {
     } [list "\[$section\]$key is missing: expected $expected"]
 }
 
-# What is no decimal number; a list of two is none either.
+# Values that are not one decimal number.
 set numbers {}
 foreach {case absent section key expected} $needed {
     if {[regexp {SCALE|STEP[LS]|DIR[SH]|MAX_|^P$|RAMP|BASE_P} $key]} { lappend numbers $case $absent $section $key $expected }
@@ -127,21 +127,21 @@ test missing-joints "the number of joints is needed" {
     refusal ethercat {KINS JOINTS {}} {load}
 } {{[KINS]JOINTS is missing: expected the number of joints}}
 
-# A spindle that is known to be up by one way needs no other one.
+# One of the three keys for a spindle at speed is enough.
 foreach {key value} {AT_SPEED_PIN parport.1.pin-15-in SPEED_PIN parport.1.pin-15-in} {
     test enough-$key "one way to know that the spindle is up is enough" {
         expr {"ends" in [asked [regsub {RAMP_TIME = 4} [content $here/cases/parport.ini] "$key = $value"]]}
     } 0
 }
 
-# A spindle or a pump behind drives of the machine's own.
+# A spindle or a pump with custom drives.
 foreach {file case} {vfd_modbus mesa_step_least vfd_analog mesa_servo coolant mesa_step} {
     test alone-$file "the file needs no file for drives" {
         set text [regsub -all {HALFILE = [^\n]*\n} [content $here/cases/$case.ini] ""]
         set card {add_component hm2_7i92 {}}
         set lines [asked [regsub {\[HAL\]\n} $text "\[HAL\]\nHALFILE = board.tcl\nHALFILE = LIB:pkmkins_$file.tcl\n"] $card]
         set of_case [table [content $here/cases/$case.hal]]
-        # Everything that it asks for is in the table of the case, whose signals may have more pins.
+        # Everything requested is in the table of the case, whose signals may have more pins.
         set strange [lmap line [lrange $lines 2 end] { if {$line in $of_case} continue; set line }]
         list [llength $lines] $strange
     } [dict get {vfd_modbus {9 {}} vfd_analog {10 {}} coolant {20 {}}} $file]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# pkmkins_jog.tcl: which axes it connects, what it waits for and how long, and what it says where it cannot.
+# pkmkins_jog.tcl: the axes that it connects, its waits and their limits, and its messages.
 
-# HAL with the module and LinuxCNC's task for these letters. The largest speeds are set, and the module answers at once; `more` is
-# a part of the prelude. Returns what is asked for, without the loads.
+# Runs the file with the module and LinuxCNC's task for these letters. The maximum speeds are set, and the module answers at
+# once; `more` is added to the prelude. Returns the requests without the loads.
 proc jog {letters more {file LIB:pkmkins_jog.tcl}} {
     return [asked "\[HAL\]\nHALFILE = $file" [format {
         exists pkmkins.jog-scale out float
@@ -31,7 +31,7 @@ proc slowed {letters} {
     }]]]
 }
 
-# Name, letters of the machine, part of the prelude, letters that are slowed, what is said, and the time it takes in ms.
+# Name, letters of the machine, part of the prelude, letters that are slowed, messages, and duration in ms.
 foreach {name letters more expected says least most} {
     all {x y z a b c} {} {x y z a b c} {} 0 0
     nine {x y z a b c u v w} {} {x y z a b c u v w} {} 0 0

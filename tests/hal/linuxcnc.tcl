@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A model of LinuxCNC's HAL, as far as hal/*.tcl use it, with a clock that only waits move: no LinuxCNC, no hardware.
+# A model of the parts of LinuxCNC's HAL that hal/*.tcl use, with a clock that only waits advance. Needs no LinuxCNC.
 #
-# `asked` carries out the HAL files of an INI file in the interpreter of `pkm check` and returns what they ask for. As in
-# HAL, a step fails where a pin does not exist, has another type or direction, or has a writer already. `components.txt`
-# has the pins.
+# `asked` runs the HAL files of an INI file in the interpreter of `pkm check` and returns their requests. As in HAL, a
+# step fails if a pin does not exist, has another type or direction, or has a writer already. `components.txt` lists the
+# pins.
 
 set root [file normalize [file join [file dirname [info script]] ../..]]
 source $root/workbench/machine/src/read/ini.tcl
 source $root/workbench/check/src/hal_files.tcl
 
 namespace eval model {
-    # Lines of components.txt: component, what, type or {}, names.
+    # Lines of components.txt: component, kind, type or {}, names.
     variable rows {}
     variable state {pins {} patterns {} functions {} threads {} loaded {} signals {} values {} now 0 events {} asked {} on_setp list
                     components {} on_exec error}
@@ -237,14 +237,14 @@ proc drives::hal {frames verb args} {
     return ""
 }
 
-# Drops the recorder's steps, which the model has, and keeps how a file ends.
+# Drops the recorder's steps, which the model records itself; keeps how a file ends.
 proc drives::say {args} {
     set text [lassign $args file line what]
     if {$what in {refused failed} && $text ne "exit"} { model::ask stops {*}$text }
     if {$what eq "ends"} { model::ask ends }
 }
 
-# The simulated spindle is LinuxCNC's.
+# The simulated spindle comes from LinuxCNC.
 rename drives::source_file drives::source_own
 proc drives::source_file {name} {
     variable box
@@ -258,7 +258,7 @@ proc drives::print {args} {
     lappend printed [string trim [lindex $args end]]
 }
 
-# Runs a script once so many milliseconds have passed.
+# Runs a script after the given milliseconds.
 proc model::later {ms script} {
     variable events
     lappend events [list $ms $script]
@@ -289,8 +289,8 @@ proc drives::make_box {} {
     namespace eval ::model $::model::prelude
 }
 
-# Returns loads, programs, functions and the end in the order of the files; then values and signals, sorted, and at last what
-# is printed.
+# Returns loads, programs, functions and the end in the order of the files; then values and signals, sorted; then the
+# printed text.
 proc model::lines {} {
     variable asked
     variable signals
@@ -307,7 +307,7 @@ proc model::lines {} {
         [lmap text $drives::printed { string cat "says " $text }]]
 }
 
-# Returns what the HAL files ask for that an INI file (its text) names; the prelude may add to HAL before.
+# Returns the requests of the HAL files that an INI file (its text) names; the prelude may add to HAL first.
 proc asked {text {prelude ""}} {
     set model::prelude $prelude
     model::reset
@@ -322,7 +322,7 @@ proc asked {text {prelude ""}} {
     return [model::lines]
 }
 
-# Returns the lines of one list that the other has not, and the other way round; {} where both have the same.
+# Returns the lines of each list that the other lacks; {} if both are equal.
 proc difference {found expected} {
     set lines {}
     foreach {one other sign} [list $expected $found - $found $expected +] {

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# pkmkins_panel.tcl, as a panel's file uses it: what it connects, how long it waits, and what it says.
+# pkmkins_panel.tcl, as used by a panel's HAL file: connections, waits and messages.
 
-# Lines of a whole panel.
+# Requests of a complete panel.
 set shown {
     {net panel:joint-0 joint.0.pos-fb => pyvcp.joint-0}
     {net panel:margin-0 pkmkins.margin.0 => pyvcp.margin-0}
@@ -33,7 +33,7 @@ namespace eval model {
         exists pkmkins-panel.kinematics out float
         foreach choice {machine joints} { exists pkmkins-panel.ask-$choice in bit }
     }
-    # A process: what is carried out, whether it is there, and the text of /proc.
+    # A process: its command, whether it exists, and the text of /proc.
     variable process ""
     proc executed {args} {
         variable process
@@ -50,7 +50,7 @@ namespace eval model {
     proc read_of {name} { variable process; return $process }
 }
 
-# What the file of a panel asks for; `more` is a part of the prelude, `text` one of the INI file.
+# Returns the requests of a panel's HAL file; `more` is added to the prelude, `text` to the INI file.
 proc panel {{more ""} {text ""} {file panel.tcl}} {
     return [asked "\[HAL\]\nHALFILE = $file\n$text" [format {
         exists pkmkins.jog-scale out float
@@ -70,7 +70,7 @@ set run "exec pkmkins-panel machine.ini x c &"
 proc says {text} { return [list "says pkmkins: panel: $text"] }
 set nans {{set pyvcp.c-minus nan} {set pyvcp.c-plus nan} {set pyvcp.x-minus nan} {set pyvcp.x-plus nan}}
 set no_pyvcp "not shown: this user interface has not loaded \[DISPLAY\]PYVCP, as AXIS does; the machine runs without it"
-# What it reports where pkmkins-panel does not start, for a reason, and where the selector has a signal.
+# Messages if pkmkins-panel does not start, and if the selector has a signal.
 proc not_started {reason} {
     return [concat [says "pkmkins-panel does not start, so the travel left is not shown: $reason"] \
         [says "not shown: missing pin pkmkins-panel.x-minus, pkmkins-panel.known"]]
@@ -80,7 +80,7 @@ proc taken {signal} {
 }
 set app "\[APPLICATIONS\]\nAPP = pyvcp -c pyvcp panel.xml"
 
-# Name, part of the prelude, of the INI file, what is asked for, what is said, the time it takes in ms.
+# Name, part of the prelude, part of the INI file, requests, messages, duration in ms.
 foreach {name more text lines says least most} [list \
     whole {} "" [concat [list $run] $shown $switched] {} 100 110 \
     running {travel} "" [concat $shown $switched] {} 0 0 \

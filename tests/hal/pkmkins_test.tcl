@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# pkmkins.tcl beside a stand-in for pkmkins-pins: every pin it prints is set to its value, every connection is made, and
-# every text that is not whole, not of this module or not of this INI file leaves HAL as it was.
+# pkmkins.tcl with a stand-in for pkmkins-pins: it sets every printed pin and makes every connection. An incomplete text,
+# one of another module or of another INI file leaves HAL unchanged.
 
-# Type and direction of the module's pins, as docs/reference/names.txt promises them; N for a number, any letter for another.
+# Type and direction of the module's pins from docs/reference/names.txt; N stands for a number, a letter for any letter.
 set promised {}
 foreach {- name type way} [regexp -all -inline -line {^\S+ pin (\S+) (\S+) (\S+)$} [content $root/docs/reference/names.txt]] {
     dict set promised [join [lmap word [split $name .] { expr {$word eq "N" ? {[0-9]} : [string length $word] == 1 ? "?" : $word} }] .] \
@@ -10,7 +10,7 @@ foreach {- name type way} [regexp -all -inline -line {^\S+ pin (\S+) (\S+) (\S+)
 }
 
 namespace eval model {
-    # Makes pins of the module.
+    # Creates pins of the module.
     proc module {names} {
         foreach name $names {
             if {![dict exists $::promised pkmkins.$name]} {
@@ -18,7 +18,7 @@ namespace eval model {
                     if {[string match $pattern pkmkins.$name]} { dict set ::promised pkmkins.$name $own; break }
                 }
             }
-            # Fails where names.txt has no such pin.
+            # Fails if names.txt has no such pin.
             exists pkmkins.$name {*}[dict get $::promised pkmkins.$name]
         }
     }
@@ -51,7 +51,7 @@ BASE = 4 5 6
 [EMCMOT]
 SERVO_PERIOD = 1000000
 }
-# What pkmkins-pins prints for it: the values of the INI file in any order, every one twice where a key is there twice.
+# The output of pkmkins-pins for it: the values of the INI file in any order, and all values of a repeated key.
 set printed {version 1.2.3
 compared KINS * TRAJ * PKM * JOINT_* * DISPLAY MAX_FEED_OVERRIDE LEG_* BASE
 ini TRAJ HOME=0 0 100
@@ -77,7 +77,7 @@ set pins_printed {centre.x box.0.geometry base.0.x base.2.z max-override linear-
 
 set program_call {-- /usr/bin/timeout --verbose --kill-after=1 10 /usr/bin/pkmkins-pins FILE 2>@1}
 
-# Stands in for it.
+# Stands in for pkmkins-pins.
 proc model::program {args} {
     variable text
     variable how
@@ -86,8 +86,8 @@ proc model::program {args} {
     return -code error -errorcode $how $text
 }
 
-# Carries pkmkins.tcl out where pkmkins-pins prints a text, or ends as `how` has it, on a module of so many pins; `more` is a part of
-# the prelude.
+# Runs pkmkins.tcl with a pkmkins-pins that prints a text, or ends as in `how`, and a module with the given pins; `more` is
+# added to the prelude.
 proc set_up {text {more ""} {pins ""} {how ""}} {
     set ::model::text $text
     set ::model::how $how
@@ -119,7 +119,7 @@ set plain {
     {net pkmkins:jogging motion.jog-is-active => pkmkins.jogging}
     {net pkmkins:jog-stop pkmkins.jog-stop => motion.jog-stop}
 }
-# That of a second mechanism.
+# Connections of a second mechanism.
 set of_second {
     {net pkmkins:in-position motion.in-position => pkmkins.in-position}
     {net pkmkins:tool-offset-u motion.tooloffset.u => pkmkins.second.tool-offset-x}
@@ -140,14 +140,14 @@ test wired-order "the geometry is asked for last" {
     lindex $model::asked end
 } {set pkmkins.apply 1}
 
-# Plain without some lines, and with others.
+# Returns the plain result without some lines and with others.
 proc but_for {patterns others} {
     set lines $::plain
     foreach pattern $patterns { set lines [lsearch -all -inline -not $lines $pattern] }
     return [table [join [concat $lines $others] \n]]
 }
 
-# What is on signals before: name, what a HAL file has done, lines that are not there then, lines that are.
+# Signals of earlier HAL files: name, commands of that file, missing lines, added lines.
 foreach {name before without with} {
     machine-on-signal {net drives:machine-on motion.motion-enabled}
     {{net pkmkins:machine-on *}} {{net drives:machine-on motion.motion-enabled => pkmkins.machine-on}}
@@ -191,7 +191,7 @@ foreach {name before without with} {
     } {}
 }
 
-# What begins every line that ends LinuxCNC's start.
+# The beginning of every message that ends LinuxCNC's start.
 set heading "says pkmkins: LinuxCNC does not start, because the machine could not be set up:\n"
 
 test signal-feed-inhibit-taken "nothing is set where the module could not inhibit feed" {
@@ -200,7 +200,7 @@ test signal-feed-inhibit-taken "nothing is set where the module could not inhibi
 } [list "load motmod num_joints=3" "load pkmkins" ends "net mine mine.out => motion.feed-inhibit" \
     "${heading}pkmkins: \[HAL\]HALFILE = LIB:pkmkins.tcl: motion.feed-inhibit already has signal mine: in a HALFILE before this one, join its writer and pkmkins.feed-inhibit with an or2"]
 
-# How pkmkins-pins fails or prints something else: name, change of its text, its end, and what is said. Nothing is set then.
+# Failures of pkmkins-pins and wrong output: name, change of its text, its end, and message. No pin is set.
 proc refused {lines} {
     if {[lsearch -regexp $lines {^(set|net|run) }] >= 0} { error "HAL has changed: $lines" }
     if {"ends" ni $lines} { error "it is not refused: $lines" }
@@ -243,7 +243,7 @@ foreach {name change how said} [list \
     } $said
 }
 
-# The module's version as a number, which is 0.0.0 at the least; {} where it has no such pin.
+# The module's version as a number, at least 0.0.0; {} without the pin.
 foreach {number text} {1002004 1.2.4 1003003 1.3.3 2002003 2.2.3 1999999 1.999.999 3 0.0.3 12000345 12.0.345} {
     test version-$text "a module of another version is refused" {
         refused [set_up $printed "exists pkmkins.version out u32 $number"]
@@ -264,7 +264,7 @@ test nameless "without the name of the INI file nothing is asked for" {
     set lines
 } [list ends "${heading}pkmkins: the variable INI_FILE_NAME is missing; LinuxCNC sets it, so run this file from LinuxCNC"]
 
-# A pkmkins-pins beside the file is the one that is run.
+# A pkmkins-pins beside the file takes precedence.
 test beside "a program beside the file is run in place of the installed one" {
     set own [file join $folder hal]
     file mkdir $own

@@ -734,7 +734,7 @@ def of_port(n):
 
 @test
 def spindle_and_hot_coolant_pump(out):
-    """Tests them on parallel ports, with a pwmgen of LinuxCNC as the analogue output."""
+    """Tests them on parallel ports, with a pwmgen of LinuxCNC as the analog output."""
     machine_keys = {"PARPORT": ["PORTS = 0x378 out 0x278 out"],
                     "IO": ["PUMP_PIN = parport.1.pin-02-out", "PUMP_OK_PIN = parport.1.pin-10-in"],
                     "SPINDLE_0": ["OUTPUT_PIN = pwmgen.0.value", "OUTPUT_SCALE = 24000", "RAMP_TIME = 0.5",

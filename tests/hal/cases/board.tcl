@@ -1,4 +1,4 @@
-# What a HAL file of a machine has loaded before pkmkins.tcl. `after` has what a test puts on signals happen.
+# Loads of a machine's HAL file before pkmkins.tcl. `after` then runs the test's own connections.
 hal loadrt motmod num_joints=3
 hal loadrt pkmkins
 after 10

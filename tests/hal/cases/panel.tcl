@@ -1,4 +1,4 @@
-# As `pkm panel` writes it.
+# A panel's HAL file as `pkm panel` writes it.
 if {[catch { source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl] } error]} {
     catch { puts stderr "pkmkins: panel: not connected: $error" }
     return

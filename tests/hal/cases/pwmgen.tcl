@@ -1,2 +1,2 @@
-# A HAL file of the machine's own: LinuxCNC's generator, whose functions are of no matter here.
+# A custom HAL file with LinuxCNC's pwmgen, whose functions do not matter here.
 hal loadrt pwmgen output_type=0
