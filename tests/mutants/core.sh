@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Which changes of the core its tests do not notice: cargo xtask mutants core [PART]
+# Finds changes of the core that its tests do not notice: cargo xtask mutants core [PART]
 #
-# Most mutants take a second of one core, to be built and noticed; one that nothing notices a minute.
-# Three stages, for a small part of the tests notices most mutants within a second: first the unit
-# tests inside the core, then the quick tests from outside with few cases, then everything, each for
-# the mutants that survived. Ends in a table and in the mutants not noticed.
+# To build and notice a mutant usually takes a second of one processor core; a surviving mutant takes a minute.
+# There are three stages, because few tests notice most mutants within a second: the unit tests of the
+# core, then the quick outside tests with few cases, then all tests, each for the mutants that survived.
+# Prints a table and the surviving mutants.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 tool=target/tools/bin/cargo-mutants part=${1:-0/1}
@@ -15,18 +15,18 @@ out=build/mutants/core
 host=$(rustc -vV | sed -n 's/^host: //p' | tr 'a-z-' 'A-Z_')
 export "CARGO_TARGET_${host}_RUNNER=$PWD/tests/mutants/first_failure.sh"
 
-# Mutants of one stage; 2 and 3 tell of mutants that survived or ran out of time: the result.
+# Runs one stage. Exit codes 2 and 3 report mutants that survived or timed out, which is a result.
 stage() {
     local name=$1
     shift
     "$tool" mutants --output "$out/$name" --jobs 2 "$@" || case $? in 2 | 3) ;; *) return 1 ;; esac
 }
 
-# Of the mutants in the files named, those that survived the first stage: a pattern brings a few
-# others along.
+# Keeps the mutants of the named files that survived the first stage: a pattern also matches a few
+# others.
 survived() { cat "$@" 2>/dev/null | grep -Fxf "$out/units/mutants.out/missed.txt" || true; }
 
-# A stage for the mutants that another one missed.
+# Runs a stage for the mutants that an earlier one missed.
 again() {
     local name=$1 before=$2
     shift 2
@@ -37,10 +37,9 @@ again() {
 
 rm -rf "$out"
 mkdir -p "$out"
-# Unoptimised: building a mutant would take longer than the tests save. Nothing is built but the
-# program that runs. Left out are tests that take long, and those that with so few cases do not meet
-# what they look for; the unchanged core has to pass what is left, or everything would seem to be
-# caught.
+# Unoptimized: optimizing a mutant would take longer than it saves in tests. Only the test program that
+# runs is built. Excluded are slow tests, and tests that find nothing with so few cases. The unchanged
+# core must pass the other tests; otherwise every mutant would seem noticed.
 quickly() {
     CARGO_PROFILE_DEV_OPT_LEVEL=0 CARGO_PROFILE_DEV_DEBUG=0 PKMKINS_CASES=0.01 "$@"
 }

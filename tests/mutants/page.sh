@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Which changes of the page's code its tests do not notice: tests/mutants/page.sh [PART]
+# Finds changes of the page's code that its tests do not notice: cargo xtask mutants page [PART]
 #
-# Stryker makes the changes, tests/mutants/page/runner.mjs runs the tests of tests/page that reach a change until one fails.
-# Changed words are left out: most of them are names of styles.
+# Stryker makes the changes; tests/mutants/page/runner.mjs runs the tests of tests/page that reach a change until one
+# fails. Strings are not changed: most of them are names of styles.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 make setup-page virtual

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Which changes of the Python package and of the viewer's programs tests do not notice: tests/mutants/python.sh [PART]
+# Finds changes of the Python package and the viewer's programs that tests do not notice: cargo xtask mutants python [PART]
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 make virtual

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Ends a run of mutants: tests/mutants/table.sh FOLDER LEAST
+# Summarizes a run of mutants: tests/mutants/table.sh FOLDER LEAST
 #
-# Reads caught.txt, missed.txt and, if any, unviable.txt in FOLDER: one mutant a line, `FILE:LINE: CHANGE`.
-# Prints a row for each file and the mutants not noticed, and writes both to FOLDER/table.md. Fails where
-# fewer than LEAST of a hundred mutants are noticed.
+# Reads caught.txt, missed.txt and optionally unviable.txt in FOLDER: one mutant per line, `FILE:LINE: CHANGE`.
+# Prints a row for each file and the surviving mutants, and writes both to FOLDER/table.md. Fails if fewer than
+# LEAST percent of the mutants are noticed.
 set -euo pipefail
 cd "$1"
 touch caught.txt missed.txt unviable.txt

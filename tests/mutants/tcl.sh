@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Which changes of the HAL files the tests in tests/hal do not notice: cargo xtask mutants tcl [PART]
+# Finds changes of the HAL files that the tests in tests/hal do not notice: cargo xtask mutants tcl [PART]
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 part=${1:-0/1} out=build/mutants/tcl tool=target/tools/mutants
@@ -11,7 +11,7 @@ part=${1:-0/1} out=build/mutants/tcl tool=target/tools/mutants
 rm -rf "$out"
 mkdir -p "$out"
 
-# Judges one mutant, `FOLDER/NAME.mutant.N.tcl`, in a copy of all HAL files.
+# Tests one mutant, `FOLDER/NAME.mutant.N.tcl`, in a copy of all HAL files.
 judge() {
     local mutant=$1 out=$2 name list folder
     name=$(basename "$mutant" | sed 's/\.mutant\.[0-9]*//')

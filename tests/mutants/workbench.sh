@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Which changes of the workbench's crates the tests of the same crate do not notice:
+# Finds changes of the workbench's crates that the tests of the same crate do not notice:
 #     cargo xtask mutants workbench [PART [CRATE...]]
 #
-# PART is a number of changes, drawn at random from all files alike, or a part of all changes, such as 0/500. A change
-# takes a minute to be built and tested, all 15,000 days: without PART it is 30 changes.
-# Tests of programs run LinuxCNC in virtual time, with the library that is built here, or PKM_VIRTUAL_LIBRARY.
+# PART is a number of changes, drawn at random from all files, or a part of all changes, such as 0/500; default: 30.
+# To build and test a change takes a minute, all 15,000 changes take days.
+# Tests of programs run LinuxCNC in virtual time, with the library built here or PKM_VIRTUAL_LIBRARY.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 tool=target/tools/bin/cargo-mutants part=${1:-30}
@@ -20,7 +20,7 @@ if [ -z "${PKM_VIRTUAL_LIBRARY-}" ]; then
 fi
 host=$(rustc -vV | sed -n 's/^host: //p' | tr 'a-z-' 'A-Z_')
 export PKM_VIRTUAL_LIBRARY "CARGO_TARGET_${host}_RUNNER=$PWD/tests/mutants/first_failure.sh"
-# Built fast, with libraries that calculate fast. The libraries stay from one run to the next.
+# Crates are built fast, libraries optimized. The libraries are kept between runs.
 export CARGO_PROFILE_DEV_DEBUG=0 CARGO_PROFILE_DEV_PANIC=unwind CARGO_TARGET_DIR=$PWD/target/mutants
 fast=(--cargo-arg=--config='profile.dev.package."*".opt-level=2'
     --cargo-arg=--config='profile.dev.package.kinematics.opt-level=2')
@@ -28,7 +28,7 @@ fast=(--cargo-arg=--config='profile.dev.package."*".opt-level=2'
 rm -rf "$out"
 mkdir -p "$out"
 mutants() {
-    # Programs and panels that git does not have are copied as well.
+    # Generated programs and panels, which git ignores, are copied too.
     "$tool" mutants --no-config --gitignore=false --timeout-multiplier 4 --minimum-test-timeout 60 "$@"
 }
 packages=("${@/#/--package=}")

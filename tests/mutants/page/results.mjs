@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Writes what Stryker found as lists of mutants: results.mjs REPORT.json FOLDER
+// Writes Stryker's results as lists of mutants: results.mjs REPORT.json FOLDER
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 

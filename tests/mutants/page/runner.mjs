@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Runs the tests of the page for Stryker: one bundle has all mutants, and the browser is told which one is active.
+// Runs the tests of the page for Stryker: one bundle contains all mutants, and a variable in the browser activates one.
 //
-// PAGE_PART, such as 3/10, chooses mutants by their numbers: Stryker itself takes all. Others are reported as errors, which
-// results.mjs leaves out.
+// PAGE_PART, such as 3/10, selects mutants by number, because Stryker itself runs all. The others are reported as errors,
+// which results.mjs ignores.
 import { createRequire } from "node:module";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -14,10 +14,10 @@ import { TESTS } from "../../page/tests.mjs";
 const modules = join(HOME, "page/node_modules");
 const { build } = await import(pathToFileURL(createRequire(join(HOME, "page/package.json")).resolve("esbuild")));
 
-/** Tests of pkm rather than of the page, and machines that are like others. */
+/** Skipped: tests of pkm rather than the page, and machines similar to others. */
 const LEFT_OUT = /video has|without a video|5,000 lines|the page of (?!hexapod|lathe-mirrored|rotary-delta|pentapod)/;
 
-/** A test that takes longer has noticed a change that lets the page wait or loop for ever, milliseconds. */
+/** Milliseconds after which a test has noticed the change: the page waits or loops forever. */
 const PATIENCE = 120_000;
 
 const late = (delay) => new Promise((_, fail) => setTimeout(() => fail(new Error(`not over after ${delay} ms`)), delay).unref());
@@ -33,7 +33,7 @@ class PageRunner {
   }
 
   async init() {
-    // Stryker has put the mutants into a copy of the sources and made that the folder of this process.
+    // Stryker puts the mutants into a copy of the sources and runs this process in that folder.
     const { outputFiles: [file] } = await build({
       entryPoints: ["src/page.js"], absWorkingDir: process.cwd(), bundle: true, format: "esm", target: "es2022", charset: "ascii", write: false, nodePaths: [modules], logLevel: "error",
     });
@@ -45,7 +45,7 @@ class PageRunner {
     await this.browser?.close();
   }
 
-  /** Runs a test in a tab of its own, with what Stryker's code in the page wants to know. */
+  /** Runs a test in a new tab, with the variables that Stryker's code in the page reads. */
   async run({ id, test }, stryker, left = async () => {}) {
     Object.assign(given, { before: `window.__stryker__ = ${JSON.stringify(stryker)};`, left });
     const page = await tab(this.browser);
@@ -57,7 +57,7 @@ class PageRunner {
       return { id, name: id, status: TestStatus.Failed, failureMessage: error.message, timeSpentMs: performance.now() - began };
     } finally {
       await left(page).catch(() => {});
-      // A page in a loop does not close: another browser goes on without it.
+      // A page in an endless loop cannot be closed: start another browser.
       await Promise.race([page.context().close(), late(5000)]).catch(async () => (this.browser = await started()));
     }
   }

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Changes one place of Python code after the other, and runs the tests of the file: mutants.py FOLDER PART
+"""Changes Python code in one place at a time, and runs the tests of the file: mutants.py FOLDER PART
 
-FOLDER has copies of `python` and `viewer`. Cosmic-ray makes the changes; only those that a slip of the hand could be. Writes
+FOLDER has copies of `python` and `viewer`. Cosmic-ray makes the changes; only those that a mistake could cause. Writes
 caught.txt, missed.txt and unviable.txt into FOLDER's parent.
 """
 
@@ -15,7 +15,7 @@ from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 
-# A test that waits for what a change has taken away has noticed it, seconds.
+# Seconds after which a test has noticed the change: it waits for something that the change removed.
 PATIENCE = 120
 
 OPERATORS = [
@@ -26,7 +26,7 @@ OPERATORS = [
     "core/ZeroIterationForLoop",
 ]
 
-# Files with the tests that judge them. What draws, searches (which needs pymoo) or talks to a terminal is not among them.
+# Files and the tests that judge them, without code that draws, searches (needs pymoo) or uses a terminal.
 VIEWER = ["tests/viewer/scripts_test.py"]
 FILES = {
     "viewer/pkmkins_scene.py": VIEWER + ["scene"], "viewer/pkmkins_pins.py": VIEWER, "viewer/pkmkins_mesh.py": VIEWER + ["scene"],
@@ -38,16 +38,16 @@ FILES = {
 }
 SCRIPTS = {"scene": ["tests/viewer/scene_test.py", os.environ["PKM"]], "live": ["tests/viewer/live_test.py"]}
 
-# Of the model only what needs no OpenGL, of engines what needs no second process: the rest of a file from these lines on is drawn
-# on a screen, which tests/viewer/screens.py judges, or spread over processes, which test-wheel does.
+# Code after these lines is not changed: it draws with OpenGL (judged by tests/viewer/screens.py) or uses several processes
+# (judged by test-wheel).
 UNTIL = {"viewer/pkmkins-vismach": "def model(", "python/pkmkins/design/engine.py": "class Processes:"}
 
-# Colors of the model, which are judged on a screen too.
+# Colors of the model, which tests/viewer/screens.py judges, too.
 COLORS = ("GRAY, STEEL", "BLUE, GREEN", "BACKGROUND =", "WARNING =")
 
 
 def changes(text):
-    """Operators with their names, the place as line and column, and which of the operator's places it is."""
+    """Yields for each change the operator's name, the operator, line and column, and the occurrence that it changes."""
     tree = get_ast(text)
     for name in OPERATORS:
         operator = get_operator(name)()
@@ -57,7 +57,7 @@ def changes(text):
 
 
 def is_noticed(tests):
-    """Whether a test fails."""
+    """Returns whether a test fails."""
     for test in tests:
         own = SCRIPTS.get(test)
         command = ["/usr/bin/python3", *own] if own else ["/usr/bin/python3", "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", test]
@@ -83,7 +83,7 @@ def main():
         end = text.index(UNTIL[file]) if file in UNTIL else len(text)
         last = text.count("\n", 0, end)
         for name, operator, (line, column), occurrence in changes(text):
-            # A number that stays the same when others come: of file, line and change.
+            # A number from file, line and change, which does not depend on other changes.
             number = int(hashlib.sha256(f"{file} {line} {column} {name}".encode()).hexdigest(), 16)
             if line > last or number % parts != part or text.splitlines()[line - 1].startswith(COLORS):
                 continue
