@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// What the tests of the page share: pkm, a browser, and the page in it.
+// Helpers for the tests of the page: pkm, a browser, and the page in it.
 import { spawnSync } from "node:child_process";
 import { mkdtempSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -10,12 +10,12 @@ import { fileURLToPath } from "node:url";
 export const HOME = resolve(dirname(fileURLToPath(import.meta.url)), "../..");
 const { chromium } = createRequire(join(HOME, "page/package.json"))("playwright-core");
 
-/** Files of this run. */
+/** Folder for the files of this run. */
 export const FOLDER = mkdtempSync(join(tmpdir(), "pkmkins-page-test-"));
 export const file = (name) => join(FOLDER, name);
 export const ini = (machine) => join(HOME, "configs", machine, `${machine}.ini`);
 
-/** Machines by their folders, each with its first program. */
+/** The shipped machines, each with its first program. */
 export const MACHINES = readdirSync(join(HOME, "configs")).map((machine) => {
   const programs = join(HOME, "configs", machine, "programs");
   return { machine, program: join(programs, readdirSync(programs).filter((name) => name.endsWith(".ngc")).sort()[0]) };
@@ -25,23 +25,23 @@ export const MACHINES = readdirSync(join(HOME, "configs")).map((machine) => {
  * that runs before it, and a function that is called before a page is left. */
 export const given = { pkm: undefined, out: undefined, code: undefined, before: undefined, left: async () => {} };
 
-// The page and pkm compute with the same code, so that the bits are the same.
+// Tolerance 0: the page and pkm compute with the same code, so results are equal to the last bit.
 export const SAME = 0;
-// Where pkm is given a tool without the spindle's offset and adds it again, some roundings of lengths of 1e3.
+// Some roundings of lengths of 1e3: pkm gets a tool without the spindle's offset and adds the offset again.
 export const ROUNDED = 1e-9;
 
 export function check(is, text) {
   if (!is) throw new Error(text);
 }
 
-/** Fails where two numbers, or lists of them, are further apart than a tolerance. */
+/** Fails if two numbers, or lists of numbers, differ by more than a tolerance. */
 export function near(found, expected, tolerance, text) {
   const [a, b] = [[found].flat(), [expected].flat()];
   const apart = Math.max(...b.map((value, k) => (a[k] === value ? 0 : Math.abs(a[k] - value))));
-  check(a.length === b.length && apart <= tolerance, `${text}: ${a} where ${b} is expected`);
+  check(a.length === b.length && apart <= tolerance, `${text}: ${a}, expected ${b}`);
 }
 
-/** Answers of `pkm` to the same words and input, which a run of mutants asks for again and again. */
+/** Answers of `pkm` by arguments and input, which a run of mutants repeats often. */
 const answers = new Map();
 
 export function pkm(args, input = "") {
@@ -53,14 +53,14 @@ export function pkm(args, input = "") {
   return done;
 }
 
-/** The answer of a subcommand as an object. */
+/** Runs a subcommand and returns its answer as an object. */
 export function answer(...words) {
   const done = pkm([...words.map(String), "--format", "json"]);
   check(done.status !== 2 && done.stdout !== "", `${words.join(" ")}: ${done.stderr}`);
   return JSON.parse(done.stdout);
 }
 
-/** Poses of a mechanism and one tool as CSV in, a list of objects out. */
+/** Runs a subcommand with poses of a mechanism as CSV and one tool; returns a list of objects. */
 export function table(command, machine, mechanism, poses, tool) {
   const rows = ["x,y,z,a,b,c", ...poses.map((pose) => pose.join(","))].join("\n");
   const done = pkm([command, machine, "--mechanism", String(mechanism + 1), "--tool", ...tool.map(String)], `${rows}\n`);
@@ -71,7 +71,7 @@ export function table(command, machine, mechanism, poses, tool) {
   return { rows: answers, values: lines.map((line) => line.map(number)), told: done.stderr };
 }
 
-/** The tool vector as pkm is given it: without the spindle's offset, and none where the pose is the platform's own. */
+/** Returns the tool vector for pkm: without the spindle's offset, or 0 if poses are those of the platform. */
 export function ownTool({ scene, tool: spindle }, tool) {
   return tool.map((value, k) => (scene.sees_tool ? value - spindle[k] : 0));
 }
@@ -83,8 +83,8 @@ export async function browser() {
   });
 }
 
-/** Three.js reports every scene and renderer to a developer's tool; this one keeps the last of each, with the camera. Where a
- * run of mutants needs no picture none is drawn, which takes longest; and nothing waits for long. */
+/** Records the last scene, renderer and camera, which Three.js reports to developer tools. It also shortens waits, and skips
+ * drawing, which takes longest, if a run of mutants needs no picture. */
 const OBSERVER = () => {
   const later = window.setTimeout;
   window.setTimeout = (act, delay, ...rest) => later(act, Math.min(delay, 40), ...rest);
@@ -105,13 +105,13 @@ const OBSERVER = () => {
   });
 };
 
-/** Until the page has computed what it computes once in a while. */
+/** Waits until the page has done its delayed computations. */
 export const rested = (page) => page.evaluate(() => window.seen.rested());
 
-/** How long an element of the page is waited for, milliseconds. */
+/** Milliseconds to wait for an element of the page. */
 const MOST_WAIT = 15_000;
 
-/** A tab without a network; what its pages complain about is collected. */
+/** Opens a tab without network, which collects errors and warnings of its pages. */
 export async function tab(browser, options = { offline: true }) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });
   const page = await context.newPage();
@@ -125,10 +125,10 @@ export async function tab(browser, options = { offline: true }) {
   return page;
 }
 
-/** Pages whose code a run of mutants has replaced. */
+/** Pages in which a run of mutants has replaced the code. */
 const replaced = new Set();
 
-/** Makes a page by `pkm view`; what the command said. */
+/** Makes a page by `pkm view`; returns the finished process. */
 export function view(html, ...words) {
   const made = pkm(["view", ...words, "--html", html]);
   if (given.code && made.status !== 2 && !replaced.has(html)) {
@@ -140,7 +140,7 @@ export function view(html, ...words) {
   return made;
 }
 
-/** Another page in the same tab: a tab of its own takes more than half of the time of a page. */
+/** Opens another page in the same tab: a new tab takes more than half of a page's time. */
 export async function open(page, html, address = `file://${html}`) {
   page.complaints.length = 0;
   await given.left(page);
@@ -151,7 +151,7 @@ export async function open(page, html, address = `file://${html}`) {
   check(await page.evaluate(() => window.pkm !== undefined), `${html}: ${await page.locator("#page").textContent()}`);
 }
 
-/** The page of a machine, with a program or without one, in the tab; its mechanisms. */
+/** Makes and opens the page of a machine, with or without a program; returns its mechanisms. */
 export async function opened(page, name, machine, ...words) {
   const made = view(file(`${name}.html`), machine, ...words);
   check(made.status !== 2, `${name}: ${made.stderr}`);
@@ -159,22 +159,22 @@ export async function opened(page, name, machine, ...words) {
   return page.evaluate(() => window.pkm.mechanisms());
 }
 
-/** Nothing but what a browser without a graphics card says of itself. */
+/** Returns errors and warnings, except those of a browser without a graphics card. */
 export function complaints(page) {
   return page.complaints.filter((text) => !/GPU stall|GL Driver Message|swiftshader|software WebGL/i.test(text));
 }
 
 const NO_NUMBERS = ["NaN", "Infinity", "-Infinity"];
 
-/** What a function gives in the page, as one text: value by value the browser's protocol takes longer than the page. What
- * is no finite number stays that. */
+/** Returns the result of a function in the page, transferred as one text: value by value, the browser's protocol takes longer
+ * than the page. NaN and infinities are kept. */
 export async function asText(page, ask, given) {
   const named = (_, value) => (typeof value === "number" && !Number.isFinite(value) ? String(value) : value);
   const text = await page.evaluate(`JSON.stringify((${ask})(${JSON.stringify(given)}), ${named})`);
   return JSON.parse(text, (_, value) => (NO_NUMBERS.includes(value) ? Number(value) : value));
 }
 
-/** What the page has at each pose is what the command says, refusals included. */
+/** Compares the page's joints and refusals at each pose with those of `pkm joints`. */
 export function compare(machine, mechanism, own, states, tolerance) {
   const byTool = new Map();
   for (const state of states) {
@@ -185,8 +185,8 @@ export function compare(machine, mechanism, own, states, tolerance) {
     const { values, told } = table("joints", ini(machine), mechanism, group.map(({ pose }) => pose), key.split(",").map(Number));
     group.forEach((state, i) => {
       if (values[i][0] === undefined) {
-        check(state.code !== 0, `${machine}: the page takes ${state.pose}, pkm joints refuses it`);
-        check(told.includes(state.refusal), `${machine}: "${state.refusal}" is not what pkm joints says: ${told}`);
+        check(state.code !== 0, `${machine}: the page accepts ${state.pose}, pkm joints refuses it`);
+        check(told.includes(state.refusal), `${machine}: "${state.refusal}" is not the message of pkm joints: ${told}`);
       } else {
         check(state.code === 0, `${machine}: the page refuses ${state.pose}: ${state.refusal}`);
         near(state.joints, values[i], tolerance, `${machine}: joints at ${state.pose}`);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// Machines that nobody ships, as texts of INI files.
+// Machines for tests only, as texts of INI files.
 
-/** An INI file of legs, with limits about their values at home. */
+/** Returns an INI file of legs, with limits about their values at home. */
 function iniOf(kinematics, letters, home, legs) {
   const section = (name, keys) => `[${name}]\n${Object.entries(keys).map(([key, value]) => `${key} = ${value}`).join("\n")}\n`;
   const motion = { MAX_VELOCITY: 100, MAX_ACCELERATION: 1000, FERROR: 5, MIN_FERROR: 1 };
@@ -24,7 +24,7 @@ const strut = (base, platform, [x, y, z]) => ({
   home: Math.hypot(base[0] - platform[0] - x, base[1] - platform[1] - y, base[2] - platform[2] - z),
 });
 
-/** Machines that nobody has drawn before. */
+/** Returns machines with uncommon legs, each an INI file. */
 export function ownMachines() {
   const place = [0, 0, -300];
   const around = (radius, degrees, z = 0) => [radius * Math.cos((degrees * Math.PI) / 180), radius * Math.sin((degrees * Math.PI) / 180), z];
@@ -37,7 +37,7 @@ export function ownMachines() {
   };
 }
 
-/** Machines whose axes carry work, tool and legs in all ways: each an INI file. */
+/** Returns machines whose axes carry work, tool and legs, each an INI file. */
 export function carrying() {
   const { "five-struts": five, "mixed-legs": mixed } = ownMachines();
   const axis = (letter, place, carries, direction, point) => [

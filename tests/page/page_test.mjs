@@ -1,17 +1,18 @@
 #!/usr/bin/env node
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The page of pkm view in a headless browser that has no network, for every shipped machine.
+// Tests the page of pkm view in a headless browser without network, for every shipped machine.
 //
 //     tests/page/page_test.mjs PKM [--only TEXT] [--out FOLDER]
 //
-// First, whether page/built is what page/src gives. Needs chromium and npm ci in the folder page. With --out it leaves a picture of every page.
+// First compares page/built with a new build of page/src. Needs chromium and npm ci in the folder page. --out keeps a picture
+// of every page.
 import { spawnSync } from "node:child_process";
 import { mkdirSync, rmSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { FOLDER, HOME, browser as started, given, tab } from "./browser.mjs";
 import { TESTS } from "./tests.mjs";
 
-/** A test that takes longer has failed, milliseconds: a page can be in a loop without an end. */
+/** Milliseconds after which a test has failed: a page can be in an endless loop. */
 const PATIENCE = 180_000;
 
 const option = (name) => {
@@ -19,7 +20,7 @@ const option = (name) => {
   return place < 0 ? undefined : process.argv[place + 1];
 };
 
-/** A failure after the time that a test has. */
+/** Returns a promise that fails after PATIENCE. */
 function late() {
   return new Promise((_, fail) => setTimeout(() => fail(new Error(`not over after ${PATIENCE / 1000} s`)), PATIENCE).unref());
 }

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The panel of the page beside the answers of pkm: pose, joints, nearest limits, travel, reasons.
+// Compares the page's panel with the answers of pkm: pose, joints, nearest limits, travel, reasons.
 import { writeFileSync } from "node:fs";
 import { answer, asText, check, complaints, file, ini, near, opened, ownTool, pkm, rested, table } from "./browser.mjs";
 import { carrying } from "./machines.mjs";
 
-/** Rows of a table or a list as texts. */
+/** Returns the rows of a table or list as texts. */
 export const texts = (page, rows, cells) => page.evaluate(([rows, cells]) => Array.from(document.querySelectorAll(rows),
   (row) => Array.from(row.querySelectorAll(cells), (cell) => cell.textContent)), [rows, cells]);
 
-/** As the page writes numbers: rounded to so many places, and no minus before a zero. */
+/** Formats a number as the page does: fixed decimals, and no minus sign before zero. */
 const shown = (value, places) => (Math.round(value * 10 ** places) / 10 ** places + 0).toFixed(places);
 
-/** Half a unit of the last place that is shown. */
+/** Returns half a unit of the last decimal shown. */
 const half = (places) => 0.5 * 10 ** -places + 1e-9;
 
-/** Letters of the second mechanism of lathe-mirrored as LinuxCNC has them. */
+/** LinuxCNC's letters of the second mechanism of lathe-mirrored. */
 const SECOND = { X: "U", Y: "V", Z: "W", B: "C" };
 
-/** Limits of a mechanism as pkm knows them: words of the part, value, smallest and largest, room as a share. */
+/** Returns the limits of a mechanism from pkm: name of the part, value, minimum, maximum, share of range left. */
 function limitsOf(machine, which, { scene, tool: spindle }, { pose, tool }) {
   const own = ownTool({ scene, tool: spindle }, tool);
   const [row] = table("joints", machine, which, [pose], own).values;
@@ -38,7 +38,7 @@ function limitsOf(machine, which, { scene, tool: spindle }, { pose, tool }) {
   return all;
 }
 
-/** The nearest limits are listed, nearest first, each with the share of its range that is left. */
+/** Compares the list of nearest limits, nearest first, each with the share of its range left. */
 async function compareLimits(page, told, limits, count) {
   const listed = await page.evaluate(() => Array.from(document.querySelectorAll(".limits > div"), (row) => {
     const bar = row.querySelector("meter-bar");
@@ -61,7 +61,7 @@ async function compareLimits(page, told, limits, count) {
   return compared;
 }
 
-/** Sliders and fields show the pose and the extra axes, with their units. */
+/** Compares sliders and fields with the pose and the extra axes, and checks their units. */
 async function compareSliders(page, told, scene, { pose, extra }) {
   const sliders = await page.evaluate(() => Array.from(document.querySelectorAll(".pose label"), (label) => {
     const [range, field] = label.querySelectorAll("input");
@@ -82,7 +82,7 @@ async function compareSliders(page, told, scene, { pose, extra }) {
   }
 }
 
-/** Travel of `pkm travel`, which looks at every point of the way; the page at a hundred. */
+/** Compares travel with `pkm travel`, which proves the whole path; the page samples a hundred points. */
 async function compareTravel(page, told, machine, which, own, { pose, tool }) {
   const words = own.scene.axes.map(({ letter }) => `${which ? SECOND[letter] : letter}${pose["XYZABC".indexOf(letter)].toFixed(12)}`);
   const { travel } = answer("travel", machine, "--mechanism", which + 1, "--tool", ...ownTool(own, tool), "--pose", ...words);
@@ -92,7 +92,7 @@ async function compareTravel(page, told, machine, which, own, { pose, tool }) {
     const way = travel.find((one) => one.letter === axis);
     return [["−", way.minus], ["+", way.plus]].map(([sign, side]) => ({ axis, letter, sign, unit: way.unit, ...side }));
   });
-  check(rows.length === expected.length, `${told}: ${rows.length} ways, ${expected.length} of pkm travel`);
+  check(rows.length === expected.length, `${told}: ${rows.length} directions, ${expected.length} of pkm travel`);
   expected.forEach(({ axis, letter, unit, sign, left, stop }, k) => {
     const [name, value, shownUnit, end] = rows[k];
     check(name === `${sign}${letter}` && shownUnit === (unit === "degrees" ? "°" : unit), `${told}: ${rows[k]} where ${sign}${letter} in ${unit} is expected`);
@@ -102,7 +102,7 @@ async function compareTravel(page, told, machine, which, own, { pose, tool }) {
   return rows.length;
 }
 
-/** A pose a share of the way from home to the ends of the axes, by turns to either. */
+/** Returns a pose at a share of the distance from home to the ends of the axes, alternately to either end. */
 function part({ home, axes }, share) {
   const pose = [...home.pose];
   axes.forEach(({ letter, min, max }, n) => {
@@ -120,7 +120,7 @@ async function panel(page) {
   let [limits, ways] = [0, 0];
   for (const [name, machine] of machines) {
     const mechanisms = await opened(page, `${name}-panel`, machine);
-    check(await page.locator("select[aria-label=mechanism]").count() === (mechanisms.length > 1 ? 1 : 0), `${name}: which mechanism is not asked`);
+    check(await page.locator("select[aria-label=mechanism]").count() === (mechanisms.length > 1 ? 1 : 0), `${name}: wrong selection of the mechanism`);
     for (const [which, own] of mechanisms.entries()) {
       if (mechanisms.length > 1) await page.locator("select[aria-label=mechanism]").selectOption(`mechanism ${which + 1}`);
       for (const share of POSES) {
@@ -144,7 +144,7 @@ async function panel(page) {
     }
     check(complaints(page).length === 0, complaints(page).join("; "));
   }
-  return `${limits} limits and ${ways} ways as pkm says`;
+  return `${limits} limits and ${ways} directions equal to those of pkm`;
 }
 
-export const TESTS = [["the panel shows what pkm joints, rods and travel say", panel]];
+export const TESTS = [["the panel shows the answers of pkm joints, rods and travel", panel]];

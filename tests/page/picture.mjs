@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// The picture of the page beside the answers of pkm: cones, colors, tool, workspace, cuts, views, and what is dragged.
+// Compares the page's picture with the answers of pkm: cones, colors, tool, workspace, cuts, views, and dragging.
 import { readFileSync, writeFileSync } from "node:fs";
 import { answer, asText, check, complaints, file, ini, near, opened, ownTool, rested, table } from "./browser.mjs";
 import { carrying } from "./machines.mjs";
 
-/** Positions in the picture are kept as 32-bit numbers of lengths of 1e3. */
+/** Rounding of positions in the picture: 32-bit numbers of lengths of 1e3. */
 const SINGLE = 2e-4;
 
 const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
@@ -13,12 +13,12 @@ const scaled = (a, by) => a.map((value) => value * by);
 const unit = (a) => scaled(a, 1 / Math.hypot(...a));
 const degrees = (a, b) => (Math.acos(Math.min(Math.max(dot(unit(a), unit(b)), -1), 1)) * 180) / Math.PI;
 
-/** Base and platform end of a leg in a row of `pkm rods`. */
+/** Returns the base and platform end of a leg from a row of `pkm rods`. */
 const ends = (row, n) => ["base", "platform"].map((which) => ["x", "y", "z"].map((axis) => row[`${which}_${n}_${axis}`]));
 
 const box = (page, words) => page.locator("label.box", { hasText: words }).locator("input");
 
-/** Cones as they stand in the picture: tip, direction and half angle. */
+/** Returns the cones in the picture: tip, direction and half angle. */
 const cones = (page) => asText(page, () => {
   const found = [];
   window.seen.scene.updateMatrixWorld(true);
@@ -37,7 +37,8 @@ const cones = (page) => asText(page, () => {
   return found;
 });
 
-/** Each cone stands at its joint, about the leg at home, with the angle of the INI file; those of the platform go with it. */
+/** Checks that each cone is at its joint, about the leg at home, with the angle of the INI file, and that the platform's cones
+ * move with it. */
 async function conesTest(page) {
   let count = 0;
   for (const machine of ["hexapod", "lab-hexapod", "tripod", "rotary-delta", "lathe-mirrored"]) {
@@ -80,7 +81,8 @@ async function conesTest(page) {
 const NEAR = "e69f00";
 const BEYOND = "d55e00";
 
-/** A leg is orange within a tenth of its range and red beyond it; the words beside the picture name the limit that is left. */
+/** Checks that a leg is orange within a tenth of its range from a limit and red beyond it, and that the text beside the picture
+ * names the violated limit. */
 async function colors(page) {
   for (const machine of ["tripod", "hexapod", "linear-delta"]) {
     const text = readFileSync(ini(machine), "utf8").replace(/(\[AXIS_Z\][^[]*?MIN_LIMIT = )\S+/, "$1-9999").replace(/(\[AXIS_Z\][^[]*?MAX_LIMIT = )\S+/, "$19999").replaceAll(/_CONE = \S+/g, "_CONE = 179").replace(/^\[BOX_\d+\][^[]*/gm, "").replace(" boxes=1", "");
@@ -105,7 +107,7 @@ async function colors(page) {
       legs.forEach(({ lower, upper }, k) => {
         const rod = found.find(({ at, end }) => Math.hypot(...less(at, lower)) < SINGLE * size && Math.hypot(...less(end, upper)) < SINGLE * size);
         check(rod, `${machine}: no rod of leg ${k} at ${pose}`);
-        // Dead points count too; the struts of these machines have none, the rods of a delta on rails are far from theirs near home.
+        // Dead points count too: struts have none, and near home the rods of a delta on rails are far from theirs.
         if (own.scene.legs[k].kind !== "strut" && shares[k] > 0.1) return;
         const wanted = shares[k] < 0 ? BEYOND : shares[k] < 0.1 ? NEAR : "c3ccd6";
         check(rod.color === wanted, `${machine}: rod of leg ${k} with ${shares[k]} is ${rod.color}`);
@@ -125,7 +127,7 @@ async function colors(page) {
   }
 }
 
-/** The surface of the workspace as points and triangles, and the lines of the axis limits. */
+/** Returns the surface of the workspace as points and triangles, and the lines of the axis limits. */
 const space = (page) => asText(page, () => {
   const found = {};
   window.seen.scene.traverse((object) => {
@@ -138,7 +140,7 @@ const space = (page) => asText(page, () => {
 
 const triples = (list) => Array.from({ length: list.length / 3 }, (_, n) => list.slice(3 * n, 3 * n + 3));
 
-/** Where a ray from a point meets a surface, nearest first. */
+/** Returns the distances at which a ray from a point meets a surface, nearest first. */
 function meeting({ points, faces }, from, way) {
   const all = triples(points);
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -156,7 +158,8 @@ function meeting({ points, faces }, from, way) {
   }).sort((a, b) => a - b);
 }
 
-/** From home and from a tilted pose each way to the surface is the travel of pkm on the machine whose axes have no limits. */
+/** Checks that the distances to the surface, from home and from a tilted pose, equal the travel of pkm on the same machine
+ * without axis limits. */
 async function workspaceTest(page) {
   let ways = 0;
   for (const [machine, turn] of [["hexapod", [0, 0, 0]], ["hexapod", [18, -14, 9]], ["tripod", [0, 0, 0]], ["linear-delta", [0, 0, 0]]]) {
@@ -177,12 +180,12 @@ async function workspaceTest(page) {
       for (const [sign, { left }] of [[-1, way.minus], [1, way.plus]]) {
         const [at] = meeting(body, pose.slice(0, 3), [0, 1, 2].map((n) => (n === k ? sign : 0)));
         check(at !== undefined, `${machine}: ${sign}${name} meets no surface`);
-        // A surface of cells cuts the sharp corners off that the one of a delta has.
+        // A surface from cells cuts off the sharp corners of a delta's workspace.
         near(at, left, (machine === "linear-delta" ? 2 : 1) * cell, `${machine}: way ${sign}${name} to the surface`);
         ways += 1;
       }
     }
-    // Seen from outside faces are turned right: their volume is positive.
+    // Faces are oriented outward: their volume is positive.
     const volume = triples(body.faces).reduce((sum, [i, j, k]) => {
       const [p, q, r] = [all[i], all[j], all[k]];
       return sum + (p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2]) + p[2] * (q[0] * r[1] - q[1] * r[0])) / 6;
@@ -207,7 +210,7 @@ async function workspaceTest(page) {
 
 const RIGHT = { X: [1, 0, 0], Y: [0, 1, 0], Z: [0, 0, 1] };
 
-/** Views look along the axes; a cut leaves what lies on the reader's side away. */
+/** Checks that views look along the axes, and that a cut hides the parts on the viewer's side. */
 async function viewsTest(page) {
   for (const [machine, standing] of [["hexapod", true], ["four-rod-lathe", false]]) {
     await opened(page, `${machine}-views`, ini(machine));
@@ -260,7 +263,7 @@ async function viewsTest(page) {
   }
 }
 
-/** Bars of a color, as their ends. */
+/** Returns the ends of all bars of a color. */
 const bars = (page, color) => asText(page, (color) => {
   const found = [];
   window.seen.scene.updateMatrixWorld(true);
@@ -271,8 +274,8 @@ const bars = (page, color) => asText(page, (color) => {
   return found;
 }, color);
 
-/** The base is a ring through its anchors, each guide goes as far as its carriage, each shaft along its axis, each arm from
- * its shaft to the rod. */
+/** Checks that the base is a ring through its anchors, each guide is as long as its carriage's range, each shaft is along its
+ * axis, and each arm joins its shaft and rod. */
 async function baseTest(page) {
   const at = (a, b) => Math.hypot(...less(a, b)) < 1e-2;
   for (const machine of ["hexapod", "tripod", "rotary-delta", "linear-delta"]) {
@@ -284,7 +287,7 @@ async function baseTest(page) {
       const feet = scene.legs.map((leg) => leg.base);
       const ring = base.filter((ends) => ends.every((end) => feet.some((foot) => at(end, foot))));
       check(ring.length === feet.length && feet.every((foot) => ring.flat().filter((end) => at(end, foot)).length === 2), `${machine}: ${ring.length} bars between ${feet.length} feet`);
-      // A ring that crosses itself is longer than the one about the middle.
+      // A self-crossing ring is longer than the one ordered about the middle.
       const middle = [0, 1].map((k) => feet.reduce((sum, foot) => sum + foot[k], 0) / feet.length);
       const around = [...feet].sort((a, b) => Math.atan2(a[1] - middle[1], a[0] - middle[0]) - Math.atan2(b[1] - middle[1], b[0] - middle[0]));
       const length = (pairs) => pairs.reduce((sum, [a, b]) => sum + Math.hypot(...less(a, b)), 0);
@@ -315,7 +318,7 @@ async function baseTest(page) {
   }
 }
 
-/** The body of the platform reaches to all anchors, and round the rings on which anchors slide. */
+/** Checks that the body of the platform reaches all anchors, and encloses the rings on which anchors slide. */
 async function platformTest(page) {
   for (const machine of ["pentapod", "hexapod"]) {
     const [{ scene }] = await opened(page, `${machine}-platform`, ini(machine));
@@ -334,7 +337,7 @@ async function platformTest(page) {
   }
 }
 
-/** The tip of the tool stands where pkm says, its shaft between platform and tip, labels at their legs. */
+/** Checks that the tool tip is at the position of pkm, its shaft between platform and tip, and labels at their legs. */
 async function toolTest(page) {
   writeFileSync(file("held.ini"), carrying()["carried-tool"]);
   for (const [machine, path] of [["hexapod", ini("hexapod")], ["tripod", ini("tripod")], ["pyramid", ini("pyramid")], ["carried-tool", file("held.ini")]]) {
@@ -389,7 +392,7 @@ async function toolTest(page) {
   }
 }
 
-/** The tool is dragged along X, and turned about Z, by the mouse; nothing else moves. */
+/** Checks that the mouse drags the tool along X and turns it about Z, and that nothing else moves. */
 async function dragTest(page) {
   const [own] = await opened(page, "dragged", ini("hexapod"));
   await page.evaluate(() => window.pkm.take([10, -20, 240, 2, 3, 4]));
@@ -443,12 +446,12 @@ async function dragTest(page) {
 }
 
 export const TESTS = [
-  ["cones stand at their joints", conesTest],
-  ["legs near their limits and beyond have their colors, and the reason is told", colors],
+  ["cones are at their joints", conesTest],
+  ["legs near and beyond limits have their colors, and the reason is shown", colors],
   ["the workspace ends where travel does", workspaceTest],
   ["views and cuts look along the axes", viewsTest],
-  ["base, guides, arms and barrels are drawn where the machine has them", baseTest],
+  ["base, guides, arms and barrels have the machine's positions", baseTest],
   ["the platform reaches to its anchors", platformTest],
-  ["tool and numbers stand where they belong", toolTest],
+  ["tool and labels are at their positions", toolTest],
   ["the tool is dragged, and poses are typed", dragTest],
 ];

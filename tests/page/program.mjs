@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// A program on the page beside the answers of pkm: marks, time, curves, path, traces, frames.
+// Compares a program on the page with the answers of pkm: marks, time, curves, path, traces, frames.
 import { copyFileSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { answer, asText, check, file, ini, near, opened, ownTool, rested, table } from "./browser.mjs";
 
-// Limits that LinuxCNC does not know, so that it runs the programs to their ends: cones of one leg of each mechanism are narrow,
-// and of the hexapod the tilt is limited.
+// Limits that LinuxCNC does not have, so that it runs the programs to their ends: narrow cones of one leg of each mechanism,
+// and a tilt limit of the hexapod.
 const PROGRAMS = {
   "lathe-mirrored": { legs: [1, 5], cone: 0.4, text: "G21 G90 M52 P1\nG1 X20 F2000\nG1 B10\nG1 X0 U10\nG4 P0.5\nG1 C10 W2650\nG1 B-5\nG1 U0 C0 B0\nM2\n" },
   tripod: { legs: [0], cone: 8, text: "G20 G90 M52 P1\nG0 X5 Y2 Z3\nG1 X6 F60\nG1 Y2.8 Z3.5\nG1 X4 F20\nG1 X5 Y2\nM2\n" },
@@ -14,7 +14,7 @@ const PROGRAMS = {
 
 const told = (machine) => file(join(machine, `${machine}.ini`));
 
-/** The page of a machine with narrow cones and its program. */
+/** Opens the page of a machine with narrow cones and its program. */
 async function withProgram(page, machine) {
   const { legs, cone, text } = PROGRAMS[machine];
   mkdirSync(file(machine), { recursive: true });
@@ -26,7 +26,7 @@ async function withProgram(page, machine) {
 
 const state = (page, which = 0) => asText(page, (which) => window.pkm.state(which), which);
 
-/** Each finding of preflight has its mark: at its time, on its line, of its mechanism. */
+/** Checks that each finding of preflight has a mark at its time, on its line, of its mechanism. */
 async function marks(page) {
   let count = 0;
   for (const machine of Object.keys(PROGRAMS)) {
@@ -52,7 +52,7 @@ async function marks(page) {
       near(flag[1], (100 * now.time) / end, 1e-4, `${machine}: flag of finding ${k}`);
       if (one.seconds !== null && one.seconds !== undefined) near(now.time, one.seconds, 1e-9, `${machine}: time of finding ${k}`);
       else {
-        // The line is looked at in thousands of moments, and points of it may be left out.
+        // The page samples the line at thousands of moments, and pkm may omit points of it.
         const size = Math.max(...mechanisms[which].scene.legs.flatMap(({ base }) => base.map(Math.abs)));
         const { coordinates, table: letters } = mechanisms[which].scene;
         now.pose.forEach((value, n) => (coordinates + letters).includes("XYZABC"[n]) && near(value, one.pose[n], n < 3 ? 2e-3 * size : 0.05, `${machine}: pose of finding ${k}`));
@@ -65,12 +65,12 @@ async function marks(page) {
   return `${count} findings`;
 }
 
-/** Pose, tool and extra axes at the end are those that the program has named, also of the second mechanism. */
+/** Checks that pose, tool and extra axes at the end are those of the program's last lines, for the second mechanism, too. */
 async function ends(page) {
   await withProgram(page, "hexapod");
   const end = () => asText(page, () => (window.pkm.go(window.pkm.end()), [0, 1].slice(0, window.pkm.mechanisms().length).map((which) => window.pkm.state(which))));
   const [{ pose, tool, tip }] = await end();
-  // Tool 2 of the tool table is 65 mm long; the last points are within what the page leaves out.
+  // Tool 2 of the tool table is 65 mm long. The tolerance covers the points that the page omits.
   near([...pose, ...tool], [30, -7, 310, 0, 0, 5, 0, 0, 65], 0.05, "the end of the hexapod's program");
   near(tip, [30, -7, 245], 0.05, "the tip at the end");
   writeFileSync(file("letters.ngc"), "G21 G90\nG1 F2000 X10 Y440 Z1010 B3 U-20 V460 W2590 C-4\nM2\n");
@@ -84,7 +84,7 @@ async function ends(page) {
   near([extra.C, extra.W], [30, 790], 0.05, "the extra axes at the end");
 }
 
-/** Seconds of a real clock that a page may be late under load. */
+/** Seconds that a page may be late under load. */
 const LATE = 1.5;
 
 async function play(page) {
@@ -134,7 +134,7 @@ async function play(page) {
   return `${end.toFixed(1)} s of program`;
 }
 
-/** By how much a joint moves for a unit of the tool in the direction that moves it most, by differences of `pkm joints`. */
+/** Returns the largest joint motion per unit of tool motion over all directions, from differences of `pkm joints`. */
 function ratios(machine, own, { pose, tool }) {
   const step = 1e-4;
   const letters = [0, 1, 2].filter((k) => (own.scene.coordinates + own.scene.table).includes("XYZ"[k]));
@@ -170,7 +170,7 @@ async function curves(page) {
       near(motion.curves.map(({ values }) => values[place]), expected, 1e-4 * Math.max(...expected), `${machine}: joint motion at ${motion.times[place]} s`);
       near(of("conditioning").curves[0].values[place], states[k].conditioning, 1e-12, `${machine}: conditioning at ${motion.times[place]} s`);
     });
-    // A sample has the extreme of its cycles; between two of them a joint goes no further than its speed allows.
+    // A sample is the extreme of its cycles; between two samples the joint's speed limits its motion.
     const samples = Array.from({ length: 12 }, (_, k) => Math.floor(((k + 0.5) * joints.times.length) / 12));
     const at = await asText(page, (times) => times.map((time) => (window.pkm.go(time), window.pkm.state().joints)), samples.map((k) => joints.times[k]));
     const step = joints.times[1] - joints.times[0];
@@ -182,7 +182,7 @@ async function curves(page) {
   return `${count} curves`;
 }
 
-/** The plot has the time that is shown as a dark line, limits that all curves have as orange ones, and a click goes there. */
+/** Checks that the plot marks the time by a dark line and common limits by orange ones, and that a click sets the time. */
 async function plot(page, machine, end) {
   await page.locator("select[aria-label=curves]").selectOption("joints");
   const area = () => page.evaluate(() => {
@@ -207,7 +207,7 @@ async function plot(page, machine, end) {
     check(line.share > 0.6, `${machine}: no line of the time in the plot`);
     near(line.at, share, 0.02, `${machine}: the line of the time`);
   }
-  // The cone of a strut is left, so that the limit of the margins stands between them.
+  // The cone of a strut is violated, so that the limit lies within the range of the margins.
   if (machine === "tripod") {
     for (const [name, isLimited] of [["margins", true], ["joint motion for tool motion", false]]) {
       await page.locator("select[aria-label=curves]").selectOption(name);
@@ -230,7 +230,7 @@ async function plot(page, machine, end) {
   check(legend[0] === "s" && legend.length > 1, `${machine}: ${legend}`);
 }
 
-/** Points of lines in the picture: of the path, its colors, of a trace and of what is swept. */
+/** Returns points of lines in the picture: the path with its colors, a trace, and the swept volume. */
 async function traces(page) {
   for (const machine of ["tripod", "hexapod-rotary-table"]) {
     const program = machine === "tripod" ? PROGRAMS.tripod.text : "G21 G90\nG0 X40 Y0 Z200 A0 B0 C0\nG1 C90 X-20 F1000\nG1 A10 Z230\nM2\n";
@@ -304,7 +304,7 @@ async function traces(page) {
   }
 }
 
-/** Frames of a video: as many as asked for, at their times, with title, line and block. */
+/** Checks the frames of a video: number, times, title, line and block. */
 async function frames(page) {
   await withProgram(page, "tripod");
   const end = await page.evaluate(() => window.pkm.end());
@@ -351,7 +351,7 @@ export const TESTS = [
   ["findings of preflight are marks at their times", marks],
   ["a program ends at its last pose, with its tool", ends],
   ["a program is played, and stops", play],
-  ["curves are what pkm joints says, and the plot shows the time", curves],
-  ["the path, traces and what is swept are where the machine goes", traces],
+  ["curves equal the answers of pkm joints, and the plot shows the time", curves],
+  ["the path, traces and the swept volume follow the machine", traces],
   ["frames of a video have their times", frames],
 ];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-// What the page shows: the tests of page_test.mjs, each a name and a function of a tab.
+// Tests of the page for page_test.mjs, each a name and a function of a tab.
 import { spawnSync } from "node:child_process";
 import { readFileSync, readdirSync, statSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
@@ -11,12 +11,12 @@ import { TESTS as PICTURE } from "./picture.mjs";
 import { TESTS as PROGRAM } from "./program.mjs";
 
 const POSES = 300;
-// Of each machine whose axes carry something, beside these.
+// Poses of each machine whose axes carry something.
 const CARRIED = 60;
-// Bytes of the page of a program with 5,000 lines.
+// Maximum bytes of the page of a program with 5,000 lines.
 const MOST_BYTES = 2_000_000;
 
-/** Random poses within the axes and beyond, taken as a drag would. */
+/** Moves the page to random poses within the axes and beyond, as dragging does; returns its states. */
 async function dragged(page, scene, tool, which) {
   return asText(page, ({ axes, home, tool, which, count }) => {
     let seed = 12345;
@@ -34,7 +34,7 @@ async function dragged(page, scene, tool, which) {
   }, { axes: scene.axes, home: scene.home.pose, tool, which, count: POSES });
 }
 
-/** The picture has the colors of the machine where they should be. */
+/** Checks by a screenshot that the legs are drawn. */
 async function isDrawn(page, name) {
   if (given.code) return page.evaluate(() => window.pkm.seen());
   const shot = await page.screenshot();
@@ -141,7 +141,7 @@ async function own(page) {
   }
 }
 
-/** Random poses, tools and values of the extra axes, and where the page draws everything. */
+/** Moves the page to random poses, tools and values of the extra axes; returns its states. */
 async function carried(page, scene) {
   return asText(page, ({ axes, home, extra, count }) => {
     let seed = 54321;
@@ -158,7 +158,7 @@ async function carried(page, scene) {
 
 const OF_WORK = [12, -34, 56];
 
-/** Where the page draws ends of legs, tip and work is where the viewer of LinuxCNC has them. */
+/** Compares the page's positions of leg ends, tip and work with those of the viewer for LinuxCNC. */
 function compareGround(name, sceneFile, states) {
   const questions = states.map(({ joints, pose, tool, extra }) => JSON.stringify({ joints, pose, tool, values: extra, of_work: OF_WORK }));
   const told = spawnSync("python3", [join(HOME, "tests/viewer/placed.py"), sceneFile], { input: `${questions.join("\n")}\n`, encoding: "utf8" });
@@ -173,8 +173,8 @@ function compareGround(name, sceneFile, states) {
   });
 }
 
-/** Axes that carry something move what they carry as the scene says, and their sliders move the axes alone; the number of
- * poses compared. */
+/** Checks that axes move the parts that they carry as in the scene, and that their sliders move only the axes; returns the
+ * number of poses compared. */
 async function carry(page, name, machine, { scene }) {
   const sceneFile = file(`${name}.json`);
   const told = pkm(["scene", machine, "-o", sceneFile]);
@@ -207,10 +207,10 @@ async function carriers(page) {
     count += await carry(page, name, file(`${name}.ini`), own);
     check(complaints(page).length === 0, complaints(page).join("; "));
   }
-  return `${count} poses as the model beside AXIS`;
+  return `${count} poses equal to the model beside AXIS`;
 }
 
-/** A table turns under the tip, which stays in base: on the work it goes round, and the path is drawn on the work. */
+/** Checks the path for a table that turns under a tip fixed in base: the path is drawn on the work. */
 async function workPath(page) {
   writeFileSync(file("turn.ngc"), "G21 G90\nG0 X40 Y0 Z200 A0 B0 C0\nG1 C90 F1000\nM2\n");
   const made = view(file("turn.html"), ini("hexapod-rotary-table"), file("turn.ngc"));
@@ -224,14 +224,14 @@ async function workPath(page) {
   check(turned[0] > 10 && turned[0] < 80 && Math.abs(turned[1] - 90) < 1e-3, `C is at ${turned}`);
   const [x, y, z] = ends[1].ground.tip;
   check(Math.hypot(x, y - 40, z - 200) < 1e-3, `the tip is at ${ends[1].ground.tip} in base`);
-  // X Y Z of a program are the tip on the work: the table's turn is no way on it.
+  // X Y Z of a program are the tip on the work, so the turn of the table is no motion on the work.
   const path = await page.evaluate(() => window.pkm.path());
   const apart = Math.max(...path.filter(({ time }) => time > ends[0].time).map(({ at }) => Math.hypot(at[0] - 40, at[1], at[2] - 200)));
   check(apart < 1e-5, `the path is drawn ${apart} beside the point of the work`);
   await isDrawn(page, "turn");
 }
 
-/** The machine is drawn whatever is wrong with the shapes of its parts, and what is wrong is told. */
+/** Checks that the machine is drawn despite errors in the shapes of its parts, and that the page shows the errors. */
 async function shapes(page) {
   const triangles = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 300 0 0\nvertex 0 300 0\nendloop\nendfacet\nendsolid\n";
   writeFileSync(file("good.stl"), triangles);
@@ -246,14 +246,14 @@ async function shapes(page) {
   await isDrawn(page, "shapes");
 }
 
-/** Of a program that LinuxCNC does not run there is no motion: machine, lines and findings are shown, and why. */
+/** Checks the page of a program that LinuxCNC does not run to its end: machine, lines, findings and the reason are shown. */
 async function unjudged(page) {
-  // Too far a tilt, which LinuxCNC does not know, and then a dwell that is longer than anybody waits.
+  // An excessive tilt, which LinuxCNC does not limit, and then a dwell longer than pkm waits.
   writeFileSync(file("unjudged.ngc"), "G21 G90 M52 P0\nG1 X10 F1000\nG1 A24 B24\nG4 P700\nM2\n");
   const made = view(file("unjudged.html"), ini("hexapod"), file("unjudged.ngc"));
   check(made.status === 1 && made.stderr.includes("nothing moves for 600 s"), `status ${made.status}: ${made.stderr}`);
   await open(page, file("unjudged.html"));
-  check((await page.locator(".warning").first().textContent()).includes("nothing moves for 600 s"), "why is not told");
+  check((await page.locator(".warning").first().textContent()).includes("nothing moves for 600 s"), "the reason is not shown");
   const mark = page.locator(".finding").first();
   check((await mark.textContent()).includes("line 3"), "the finding is not shown");
   await mark.click();
@@ -262,7 +262,7 @@ async function unjudged(page) {
   check(complaints(page).length === 0, complaints(page).join("; "));
 }
 
-/** An axis without limits can be set, and its travel is told as without an end. */
+/** Checks that an axis without limits can be set. */
 async function unlimited(page) {
   const text = Object.values(ownMachines())[0].replace(/(\[AXIS_X\]\n)MIN_LIMIT = .*\nMAX_LIMIT = .*\n/, "$1");
   writeFileSync(file("unlimited.ini"), text);
@@ -276,7 +276,7 @@ async function unlimited(page) {
   check(complaints(page).length === 0, complaints(page).join("; "));
 }
 
-/** A stream of events as pkm-live sends them, beside the page that it serves. */
+/** Serves a page and a stream of events as pkm-live does. */
 async function streaming(html) {
   const streams = new Set();
   const server = createServer((request, answer) => {
@@ -294,7 +294,7 @@ async function streaming(html) {
     cut: () => { streams.forEach((stream) => stream.destroy()); streams.clear(); },
     watched: async () => {
       for (let n = 0; streams.size === 0; n++) {
-        check(n < 200, "nobody asks for events");
+        check(n < 200, "the page does not request events");
         await new Promise((resolve) => setTimeout(resolve, 50));
       }
     },
@@ -302,7 +302,7 @@ async function streaming(html) {
   };
 }
 
-/** The page of pkm-live says what the stream says; that the stream is LinuxCNC's is seen in tests/live. */
+/** Checks that the page of pkm-live shows the events; tests/live checks that these are LinuxCNC's. */
 async function live(offline) {
   const machine = "hexapod-rotary-table";
   const made = view(file("live.html"), ini(machine), "--live");
@@ -349,7 +349,7 @@ async function long(page) {
   return `${size} bytes for 5,000 lines`;
 }
 
-/** A browser that does not end is ended, and nothing is written. */
+/** Checks that a browser that hangs is ended, and that no file is written. */
 async function endless() {
   writeFileSync(file("endless"), "#!/bin/sh\nsleep 600 &\nsleep 600\n", { mode: 0o755 });
   const { program } = MACHINES.find(({ machine }) => machine === "rotary-delta");
@@ -368,21 +368,21 @@ async function video() {
 }
 
 export const TESTS = [
-  ...MACHINES.map((one) => [`the page of ${one.machine} moves as pkm joints says`, (page) => machineTest(page, one)]),
+  ...MACHINES.map((one) => [`the page of ${one.machine} moves like pkm joints`, (page) => machineTest(page, one)]),
   ...PANEL,
   ...PROGRAM,
   ...PICTURE,
   ["a machine without a program shows its workspace and the axis limits", alone],
   ["a mark leads to its line, and a refused pose has a reason", marks],
-  ["a program that cannot be read is told beside the machine", unread],
-  ["a machine of one's own appears without a line of code", own],
-  ["what axes carry is drawn where they put it", carriers],
-  ["the path stands on the work that an axis turns", workPath],
-  ["a shape that cannot be read is told, and the machine is drawn", shapes],
+  ["a program that cannot be read is reported beside the machine", unread],
+  ["a custom machine appears without a line of code", own],
+  ["parts that axes carry are drawn at their positions", carriers],
+  ["the path is drawn on the work that an axis turns", workPath],
+  ["an unreadable shape is reported, and the machine is drawn", shapes],
   ["a program that LinuxCNC does not run to its end is shown as far as it ran", unjudged],
   ["an axis without limits can be set", unlimited],
-  ["the live page says what pkm-live sends, and finds it again", live],
+  ["the live page shows the events of pkm-live, and reconnects", live],
   ["the page of 5,000 lines is below 2 MB", long],
-  ["a browser that does not end is ended, without a video", endless],
-  ["a video has the frames that were asked for", video],
+  ["a browser that hangs is ended, without a video", endless],
+  ["a video has the requested frames", video],
 ];
