@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Machines that nobody ships: INI files drawn at random, each beside its meaning in plain numbers.
+//! Random machines for tests: INI files, each with its meaning in plain numbers.
 //!
 //! They vary everything that the shipped machines have in common: offsets of joints and spindle, inches, all nine
 //! letters, servo periods, second mechanisms of another kind with other letters, spare legs, chains, tables, a tilt
-//! about B alone, extra axes, corrections. The values a test needs follow from the equations of the core's reference
-//! tracker and from the algebra in this file, not from the code under test.
+//! about B alone, extra axes, corrections. Expected values follow from the equations of the core's reference tracker
+//! and from the algebra in this file, not from the code under test.
 
 use crate::common::random::{RECIPES, draw};
 use crate::common::reference::{State, Tracker, rod};
@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// LinuxCNC's letters.
 pub const LETTERS: [char; 9] = ['X', 'Y', 'Z', 'A', 'B', 'C', 'U', 'V', 'W'];
 
-/// Recipe of the first mechanism, extra axes with what they carry, whether the work is on the platform; recipe of a
+/// Recipe of the first mechanism, extra axes and the parts they carry, whether the work is on the platform; recipe of a
 /// second mechanism, and the letters of its angles.
 type Plan =
     (&'static str, &'static [(char, &'static str)], bool, Option<(&'static str, &'static str)>);
@@ -39,7 +39,7 @@ const PLANS: [Plan; 11] = [
     ("five rings", &[('V', "WORK"), ('U', "LEGS")], false, None),
 ];
 
-/// Machines of which every plan comes in mm and in inches, and with each servo period.
+/// Machines that cover every plan in mm and in inches, and with each servo period.
 pub const ALL: std::ops::Range<u64> = 0..22;
 
 const PERIODS: [u32; 3] = [250_000, 1_000_000, 2_000_000];
@@ -52,7 +52,7 @@ pub struct Joint {
     pub max: f64,
     pub velocity: f64,
     pub acceleration: f64,
-    /// CORRECTION_LIMIT and CORRECTION_RATE; 0 without.
+    /// CORRECTION_LIMIT and CORRECTION_RATE, or 0.
     pub correction: [f64; 2],
     pub is_angular: bool,
 }
@@ -72,7 +72,7 @@ pub struct Axis {
 pub struct Extra {
     pub axis: Axis,
     pub joint: Joint,
-    /// WORK, TOOL or LEGS; empty where it passes through.
+    /// WORK, TOOL or LEGS; empty if it carries nothing.
     pub carries: &'static str,
     pub direction: [f64; 3],
     pub point: [f64; 3],
@@ -86,7 +86,7 @@ pub struct Built {
     pub spindle_offset: f64,
     pub first_leg: usize,
     pub first_joint: usize,
-    /// LinuxCNC's letters of its X Y Z A B C, where it moves them.
+    /// LinuxCNC's letters for X Y Z A B C of the mechanism, if it moves them.
     pub letters: [Option<char>; 6],
     pub joints: Vec<Joint>,
     pub axes: Vec<Axis>,
@@ -104,7 +104,7 @@ pub struct Generated {
     pub holder: Option<[f64; 3]>,
     /// Machine units per millimeter.
     pub unit: f64,
-    /// Nanoseconds.
+    /// Servo period in nanoseconds.
     pub period: u32,
     pub tilt_limit: Option<f64>,
     /// `[TRAJ]HOME`.
@@ -118,12 +118,12 @@ pub struct Generated {
 }
 
 impl Built {
-    /// Returns whether it moves its coordinate `k`.
+    /// Returns whether the mechanism moves its coordinate `k`.
     pub fn moves(&self, k: usize) -> bool {
         self.letters[k].is_some()
     }
 
-    /// Returns its pose in its own letters, degrees, from one of LinuxCNC's.
+    /// Returns the pose in the mechanism's letters, degrees, from one of LinuxCNC's.
     pub fn own(&self, world: &[f64; 9]) -> [f64; 6] {
         let home = self.geometry.home.unwrap();
         std::array::from_fn(|k| match self.letters[k] {
@@ -132,7 +132,8 @@ impl Built {
         })
     }
 
-    /// Returns where the legs see the platform: `pose` has its control point, which `tool` leads to from the tip.
+    /// Returns the platform's state for the legs: `pose` is that of the controlled point, and `tool` the vector from the
+    /// tip to it.
     fn state(&self, tracker: &Tracker, pose: &[f64; 6], tool: &Vector3<f64>) -> State {
         let mut pose = Pose::from_degrees(*pose);
         let shift = rotation(&pose) * tool - tool;
@@ -152,7 +153,7 @@ impl Built {
                     let arm = Vector3::from(leg.platform) - Vector3::from(self.geometry.centre);
                     let seen = Vector3::from(leg.base) - state.centre - state.rotation * arm;
                     let axis = state.rotation.column(2);
-                    // Within the ring no strut is in one plane with the axis and outside.
+                    // Within the ring, no strut lies in a plane with the axis.
                     if (seen - axis * axis.dot(&seen)).norm() <= ring.radius {
                         return None;
                     }
@@ -168,8 +169,8 @@ impl Built {
         Some(joints)
     }
 
-    /// Returns the room that is left at a pose of the platform as a share of the nearest limit's range: of the joint
-    /// ranges that corrections leave, and of the tilt. It is negative beyond a limit.
+    /// Returns the least share left at a pose of the platform of the joint ranges that corrections leave, and of the
+    /// tilt limit. It is negative beyond a limit.
     pub fn room(&self, pose: &[f64; 6], tool: &Vector3<f64>, tilt_limit: Option<f64>) -> f64 {
         let Some(joints) = self.joints(pose, tool) else { return f64::NEG_INFINITY };
         let rooms = joints.iter().zip(&self.joints).map(|(value, joint)| {
@@ -183,7 +184,7 @@ impl Built {
     }
 }
 
-/// R = Rz(C) Ry(B) Rx(A).
+/// Returns R = Rz(C) Ry(B) Rx(A).
 fn rotation(pose: &Pose) -> Matrix3<f64> {
     let turn = |axis, angle| Rotation3::from_axis_angle(&axis, angle);
     let [a, b, c]: [f64; 3] = pose.angles.into();
@@ -191,7 +192,7 @@ fn rotation(pose: &Pose) -> Matrix3<f64> {
         .into_inner()
 }
 
-/// Returns a leg's value without offset and nut rotation, from its base anchor to its end on the platform.
+/// Returns a leg's joint value, without offset and nut rotation, between its base anchor and its platform end.
 fn native(leg: &LegGeometry, span: &Vector3<f64>) -> Option<f64> {
     let on_side = |q: &f64| {
         let lower = rod(leg, *q);
@@ -231,7 +232,7 @@ impl Extra {
         Rotation3::from_axis_angle(&axis, value.to_radians())
     }
 
-    /// Returns where a point is that the axis carries.
+    /// Returns the new position of a point that the axis carries.
     fn carried(&self, at: Vector3<f64>, value: f64) -> Vector3<f64> {
         if !self.is_angle() {
             return at + Vector3::from(self.direction).normalize() * value;
@@ -240,7 +241,7 @@ impl Extra {
         point + self.turned(value) * (at - point)
     }
 
-    /// Returns the point that the axis carries to a place.
+    /// Returns the point that the axis carries to a position.
     fn carried_to(&self, at: Vector3<f64>, value: f64) -> Vector3<f64> {
         if !self.is_angle() {
             return at - Vector3::from(self.direction).normalize() * value;
@@ -277,7 +278,7 @@ impl Generated {
         };
         let value =
             |extra: &Extra| world[LETTERS.iter().position(|l| *l == extra.axis.letter).unwrap()];
-        // The tip on the work, and where the axes under the work take it.
+        // The tip on the work, moved by the axes under the work.
         let tip = Vector3::new(own[0], own[1], own[2]) - tool;
         let on_work = carrying("WORK").into_iter().rev();
         let tip = on_work.fold(tip, |tip, axis| axis.carried(tip, value(axis)));
@@ -287,7 +288,7 @@ impl Generated {
         let turn = rotation(&Pose::from_degrees(own));
         let on_tool = carrying("TOOL");
         let (place, tool) = match self.holder {
-            // The work is on the platform, and the tool stands in base.
+            // The work is on the platform, and the tool is fixed in base.
             Some(holder) => {
                 let rests = seen_from_legs(Vector3::from(holder) - tool);
                 (rests - turn * tip, Vector3::zeros())
@@ -302,8 +303,8 @@ impl Generated {
         ([place.x, place.y, place.z, own[3], own[4], own[5]], tool)
     }
 
-    /// Returns the values of all joints as LinuxCNC counts them, or `None` out of reach; a tool vector for each
-    /// mechanism, with the spindle offset.
+    /// Returns the values of all joints as LinuxCNC counts them, or `None` out of reach. `tools` has a tool vector for
+    /// each mechanism, with the spindle offset.
     pub fn joints(&self, world: &[f64; 9], tools: &[Vector3<f64>]) -> Option<Vec<f64>> {
         let mut all = vec![];
         for (n, built) in self.mechanisms.iter().enumerate() {
@@ -318,7 +319,7 @@ impl Generated {
         Some(all)
     }
 
-    /// Returns the tool vectors of the mechanisms with a tool, or without one for 0.
+    /// Returns the mechanisms' tool vectors for a tool number, 0 for no tool.
     pub fn tools(&self, tool: usize) -> Vec<Vector3<f64>> {
         let of = |built: &Built| {
             let spindle = Vector3::z() * built.spindle_offset;
@@ -327,7 +328,7 @@ impl Generated {
         self.mechanisms.iter().map(of).collect()
     }
 
-    /// Draws a pose of LinuxCNC's within a share of all axis limits.
+    /// Draws a pose of LinuxCNC within a share of all axis limits.
     pub fn world(&mut self, share: f64) -> [f64; 9] {
         let mut world = self.home;
         let axes = self.mechanisms.iter().flat_map(|built| &built.axes);
@@ -339,7 +340,7 @@ impl Generated {
         world
     }
 
-    /// Returns the words of a block that leads to a pose of LinuxCNC's with a tool.
+    /// Returns the words of a block that moves to a pose of LinuxCNC with a tool.
     pub fn words(&self, world: &[f64; 9], tool: usize) -> String {
         let mut text = String::new();
         for letter in self.letters().chars() {
@@ -376,7 +377,7 @@ fn within(rng: &mut Pcg64, low: f64, high: f64) -> f64 {
     low + (high - low) * rng.random::<f64>()
 }
 
-/// Draws a mechanism that stands level at home, in machine units.
+/// Draws a mechanism that is level at home, in machine units.
 fn mechanism(rng: &mut Pcg64, name: &str, unit: f64, shift: f64) -> Geometry {
     let recipe = RECIPES.iter().find(|recipe| recipe.name == name).unwrap();
     for _ in 0..10_000 {
@@ -406,7 +407,7 @@ fn mechanism(rng: &mut Pcg64, name: &str, unit: f64, shift: f64) -> Geometry {
             let (mut base, mut platform) = (base, platform);
             base[0] += if moves_x { shift } else { 0.0 };
             if let LegKind::Ring(_) = kind {
-                // A ring lies about the tool axis.
+                // A ring is centered on the tool axis.
                 (platform[0], platform[1]) = (0.0, 0.0);
             }
             LegGeometry { base: scaled(base), platform: scaled(platform), kind }
@@ -419,7 +420,7 @@ fn mechanism(rng: &mut Pcg64, name: &str, unit: f64, shift: f64) -> Geometry {
         let Ok(at) = machine.at(&Pose::from_degrees(given.home.unwrap()), &Vector3::zeros()) else {
             continue;
         };
-        // Far from singular poses and from dead points, and no leg near another one.
+        // Reject mechanisms near singular poses or dead points, and with close legs.
         let apart = at.nearest().map_or(f64::INFINITY, |nearest| nearest.distance);
         let ratios = at.speed_ratios().unwrap_or([f64::INFINITY; MAX_JOINTS]);
         let of_lengths = given.legs().iter().zip(ratios).filter(|(leg, _)| !leg.kind.is_angular());
@@ -445,7 +446,7 @@ pub fn generated(seed: u64) -> Generated {
     let mut mechanisms = vec![];
     let recipes = [Some((first, "")), second];
     for (n, (name, angles)) in recipes.into_iter().flatten().enumerate() {
-        // Far enough apart that the two never meet.
+        // The two mechanisms are too far apart to collide.
         let mut geometry = mechanism(rng, name, unit, 4000.0 * n as f64);
         let layout = *geometry.layout();
         let mut angles = angles.chars();
@@ -462,11 +463,11 @@ pub fn generated(seed: u64) -> Generated {
         }
         let mut own = geometry.home.unwrap();
         if let Some(holder) = holder {
-            // X Y Z are those of the tip on the platform.
+            // X Y Z are the tip on the platform.
             let mut machine = own;
             for k in 0..3 {
                 own[k] = holder[k] - own[k];
-                // As the file has it, to the last digit.
+                // Rounded like the text in the file.
                 machine[k] = holder[k] - own[k];
             }
             geometry.home = Some(machine);
@@ -510,7 +511,7 @@ pub fn generated(seed: u64) -> Generated {
             axes,
             tools: [(); 2].map(|()| {
                 Vector3::from_fn(|k, _| match letters[k] {
-                    // A tool must not lead to a coordinate that nothing moves.
+                    // A tool must not require motion in a missing coordinate.
                     None => 0.0,
                     Some(_) if k == 2 => unit * within(rng, 10.0, 50.0),
                     Some(_) => unit * within(rng, -3.0, 3.0),
@@ -542,7 +543,7 @@ pub fn generated(seed: u64) -> Generated {
             let is_angle = "ABC".contains(*letter);
             let point = std::array::from_fn(|_| unit * within(rng, -60.0, 60.0));
             let unit = if is_angle { 1.0 } else { unit };
-            // [TRAJ]HOME is level, and sees what carries something at 0.
+            // [TRAJ]HOME is level, with 0 for axes that carry something.
             let stands = is_angle || !carries.is_empty();
             let at = if stands { 0.0 } else { unit * within(rng, -20.0, 20.0) };
             home[LETTERS.iter().position(|l| l == letter).unwrap()] = at;
@@ -558,7 +559,7 @@ pub fn generated(seed: u64) -> Generated {
                 },
                 joint: Joint {
                     home: at,
-                    // Of the two ends one is nearer than that of the axis.
+                    // One of the two joint limits is nearer than the axis limit.
                     min: at - reach * 0.7,
                     max: at + reach * 1.2,
                     velocity: 1.5 * speed,
@@ -594,7 +595,7 @@ pub fn generated(seed: u64) -> Generated {
     machine
 }
 
-/// Kinds and numbers of legs as `[KINS]KINEMATICS` has them.
+/// Returns kinds and numbers of legs as in `[KINS]KINEMATICS`.
 fn kinds(geometry: &Geometry) -> String {
     let name = |leg: &LegGeometry| match leg.kind {
         LegKind::Strut(_) => "strut",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! What a machine has from an older configuration, in place of what [`crate::ini`] would choose.
+//! Values kept from an older configuration, which replace those that [`crate::ini`] would choose.
 
 use crate::kinds::MachineKind;
 
@@ -7,44 +7,44 @@ use crate::kinds::MachineKind;
 #[derive(Clone, Debug, Default)]
 pub struct CarriedJoint {
     pub kind: &'static str,
-    /// Its HOME there; that of an extra axis stays.
+    /// HOME in the older configuration; an extra axis keeps it.
     pub home: f64,
     pub range: [f64; 2],
-    /// Largest speed and acceleration.
+    /// Maximum speed and acceleration.
     pub motion: [f64; 2],
-    /// Other lines of its section: following errors, homing, and what drives need.
+    /// Other lines of its section: following errors, homing, and keys for drives.
     pub lines: String,
 }
 
-/// Limits of a coordinate, and its largest speed and acceleration.
+/// Limits of a coordinate, and its maximum speed and acceleration.
 #[derive(Clone, Copy, Debug)]
 pub struct CarriedAxis {
     pub letter: char,
-    /// As the older configuration has them; `None` where it has none.
+    /// Limits in the older configuration, if any.
     pub limits: Option<[f64; 2]>,
     pub motion: [f64; 2],
 }
 
-/// Everything that is carried over.
+/// All values that are kept.
 #[derive(Clone, Debug, Default)]
 pub struct Carried {
-    /// Comment at the head of the file, one paragraph each.
+    /// Comment at the head of the file, one entry per paragraph.
     pub about: Vec<String>,
-    /// Where it comes from, for the page beside it.
+    /// Origin, for the page of the machine.
     pub source: String,
-    /// Lines of `[DISPLAY]`, its first one names the user interface.
+    /// Lines of `[DISPLAY]`; the first names the user interface.
     pub display: String,
-    /// Servo period, nanoseconds.
+    /// Servo period in nanoseconds.
     pub period: u32,
     /// Lines of `[PKM]`.
     pub machine: String,
-    /// Which way tools point, where that is known.
+    /// Direction in which tools point, if known.
     pub direction: Option<&'static str>,
-    /// Largest speed and acceleration along X Y Z and of angles, a second.
+    /// Maximum speed and acceleration along X Y Z and of angles, per second.
     pub motion: [[f64; 2]; 2],
-    /// Speeds that a user interface starts with.
+    /// Initial speeds of a user interface.
     pub start: [f64; 2],
-    /// The joints of the legs, then those of extra axes.
+    /// Joints of the legs, then of extra axes.
     pub joints: Vec<CarriedJoint>,
     pub axes: Vec<CarriedAxis>,
     /// Letters of extra axes.
@@ -58,7 +58,8 @@ impl Carried {
         self.axes.iter().find(|axis| axis.letter == letter)
     }
 
-    /// Returns which way tools point where the older configuration does not say it: a delta hangs above its work.
+    /// Returns the direction in which tools point if the older configuration does not give it: a delta hangs above its
+    /// work.
     pub fn usual_direction(kind: &MachineKind) -> Option<&'static str> {
         kind.name.ends_with("delta").then_some("down")
     }

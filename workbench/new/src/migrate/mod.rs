@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! An older configuration of a parallel machine as one for pkmkins: from before LinuxCNC had joints and axes, or for
-//! one of LinuxCNC's own modules.
+//! Conversion of an older configuration of a parallel machine to one for pkmkins: from before LinuxCNC had joints and
+//! axes, or for one of LinuxCNC's own modules.
 //!
-//! [`modules`] has these modules and the legs they mean, [`old`] reads the INI file, `check` carries out the HAL
-//! files, which set the geometry. The folder is made by [`crate::make`], as that of any machine.
+//! [`modules`] has these modules and the legs they describe, [`old`] reads the INI file, `check` runs the HAL files,
+//! which set the geometry. [`crate::make`] makes the folder, as for any machine.
 
 pub mod modules;
 mod old;
@@ -27,10 +27,10 @@ use modules::{PEERS, PeerModule, Pins};
 use old::{AT_HOME, NamedHome, OldIni};
 use std::path::{Path, PathBuf};
 
-/// The pin of motion that has the tool length.
+/// Pin of motion with the tool length.
 const TOOL_LENGTH: &str = "motion.tooloffset.z";
 
-/// User interfaces that LinuxCNC has.
+/// User interfaces of LinuxCNC.
 const DISPLAYS: [&str; 7] =
     ["axis", "gmoccapy", "gscreen", "qtvcp", "qtdragon", "tklinuxcnc", "touchy"];
 
@@ -53,23 +53,24 @@ const OF_LINUXCNC: [&str; 15] = [
     "SPINDLE",
 ];
 
-/// Keys of the user interface that stay.
+/// Keys of the user interface that are kept.
 const OF_DISPLAY: [&str; 5] =
     ["POSITION_OFFSET", "POSITION_FEEDBACK", "MAX_FEED_OVERRIDE", "INCREMENTS", "EDITOR"];
 
-/// Angles below which a pose is level, degrees: the last digit of joint values that were rounded turns by more.
+/// Largest angle, in degrees, of a pose that counts as level: joint values in files are rounded. [`fits`] then
+/// compares the joints.
 const LEVEL: f64 = 0.01;
 
-/// Files and values of a migration.
+/// Input of a migration.
 #[derive(Debug)]
 pub struct Migration<'a> {
     /// The older INI file.
     pub file: &'a Path,
-    /// The folder to be made; `None`: beside the folder of the file.
+    /// Folder to create; `None`: beside the folder of the file.
     pub folder: Option<&'a Path>,
-    /// Place of the tool at home, in place of what the file says.
+    /// Tool position at home, which replaces the file's.
     pub home: Option<[f64; 3]>,
-    /// A HAL file that sets the geometry, in place of those of the file.
+    /// HAL file that sets the geometry, which replaces those of the file.
     pub geometry: Option<&'a Path>,
 }
 
@@ -78,26 +79,26 @@ pub struct Migration<'a> {
 pub struct Migrated {
     pub made: Made,
     pub folder: PathBuf,
-    /// Name of the machine and of its files.
+    /// Name of the machine and its files.
     pub name: String,
-    /// LinuxCNC's module that it was for.
+    /// LinuxCNC's module of the older configuration.
     pub module: &'static str,
     pub notes: Notes,
 }
 
-/// Sentences on what became of the older configuration.
+/// Sentences on the parts of the older configuration.
 #[derive(Clone, Debug, Default)]
 pub struct Notes {
     pub carried: Vec<String>,
-    /// What the files do not determine, and the value that was taken.
+    /// Values that the files do not determine, and the value used instead.
     pub undetermined: Vec<String>,
     pub left_out: Vec<String>,
 }
 
-/// Makes the folder; `say` gets the progress, as in [`crate::make::make`].
+/// Creates the folder; `say` gets the progress, as in [`crate::make::make`].
 ///
 /// # Errors
-/// The file is wrong, its geometry or home is not determined, or no such machine works. Nothing is made then.
+/// The file is wrong, its geometry or home is not determined, or no such machine can work. Then nothing is created.
 pub fn migrate(
     migration: &Migration,
     say: impl Fn(&str, Option<f64>) + Sync,
@@ -144,7 +145,7 @@ pub fn migrate(
         let order = Order { kind, values, name: &name, folder: &folder };
         completed(&order, plan, &say)
     };
-    // All of the limits if each pose between them can be taken, else the most that is proved within them.
+    // Keep all limits if every pose between them is reachable; otherwise take the largest proved box within them.
     let made = match words_of_limits(&carried.axes, peer).is_empty() {
         true => None,
         false => with(true).and_then(|values| make(&values)).ok(),
@@ -199,7 +200,7 @@ fn input(old: &OldIni, text: &str) -> Refusal {
     Refusal::Input(format!("{}: {text}", old.ini.file().display()))
 }
 
-/// Returns the machine's name: that of its file, with `-` for characters that HAL files do not allow in names.
+/// Returns the machine's name: the file's name, with `-` for characters that HAL files do not allow in names.
 fn name_of(file: &Path) -> String {
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
@@ -214,7 +215,7 @@ fn beside(file: &Path, name: &str) -> Result<PathBuf, Refusal> {
     Ok(folder.parent().unwrap_or(folder).join(format!("{name}-pkmkins")))
 }
 
-/// Finds the module that the configuration is for.
+/// Finds the module of the configuration.
 fn module(old: &OldIni, hal: &HalValues) -> Result<&'static PeerModule, Refusal> {
     let known: Vec<&str> = PEERS.iter().map(|peer| peer.name).collect();
     let known = known.join(", ");
@@ -309,14 +310,14 @@ fn geometry(
     Ok(pins)
 }
 
-/// Returns whether the default of a pin needs no mention.
+/// Returns whether the default of a pin needs no note.
 fn is_free(pins: &Pins, name: &str) -> bool {
     let of_screw = name.starts_with("base-n.") || name.starts_with("platform-n.");
     let is_screw = pins.get("screw-lead").is_some_and(|lead| *lead != 0.0);
     (of_screw && !is_screw) || ["screw-lead", "spindle-offset", "tool-offset"].contains(&name)
 }
 
-/// Returns the refusal of geometry that is not determined, with a way out.
+/// Returns the refusal of undetermined geometry, with a remedy.
 fn undetermined(why: &str, peer: &PeerModule) -> Refusal {
     Refusal::Input(format!(
         "{why}: the geometry is not determined. Write lines such as setp {}.{} 100 into a HAL file, a line for each pin \
@@ -348,7 +349,7 @@ fn refuse_unknown_pins(peer: &PeerModule, hal: &HalValues) -> Result<(), Refusal
     Ok(())
 }
 
-/// Rejects commands, files and programs that are not carried out and could set the geometry.
+/// Rejects commands, files and programs that are not run and could set the geometry.
 fn refuse_gaps(
     old: &OldIni,
     peer: &PeerModule,
@@ -384,14 +385,14 @@ fn refuse_gaps(
     }
 }
 
-/// Reads a file that is not carried out.
+/// Reads a file that is not run.
 fn text_of(old: &OldIni, place: &Place) -> Option<String> {
     let name = place.file.to_string_lossy();
     let file = machine::read::places::named(old.ini.file(), &name);
     read(&file).ok().map(|bytes| String::from_utf8_lossy(&bytes).into())
 }
 
-/// Collects everything that has a place in the new file.
+/// Collects everything that the new file keeps.
 fn carried(
     old: &OldIni,
     peer: &PeerModule,
@@ -414,7 +415,7 @@ fn carried(
     for (letter, n) in &extra {
         let joint = old.joint(*n, Some(*letter), "ABC".contains(*letter))?;
         let mut axis = old.axis(*letter, joint.motion)?;
-        // The joint is the axis.
+        // This joint moves only this axis.
         axis.motion = std::array::from_fn(|k| axis.motion[k].min(joint.motion[k]));
         axis.limits = axis.limits.or(Some(joint.range));
         joints.push(joint);
@@ -458,7 +459,7 @@ fn motion(
     let slowest = |k: usize| {
         let values = joints.iter().map(|joint| joint.motion[k]);
         let least = values.fold(f64::INFINITY, f64::min);
-        // Degrees of an arm are no lengths.
+        // Joint values of an arm are degrees, not lengths.
         let lengths = joints[0].kind == "LINEAR";
         Ok::<f64, Refusal>(if lengths { least } else { [50.0, 400.0][k] * old.per_mm()? })
     };
@@ -624,9 +625,9 @@ fn given(old: &OldIni, peer: &PeerModule, joints: &[CarriedJoint]) -> Result<Giv
     let unit = if old.per_mm()? == 1.0 { "mm" } else { "inch" };
     Ok(Given::from([
         (UNIT.name, vec![unit.into()]),
-        // In place of dimensions; no file is read.
+        // Replaces the dimensions; no file is read.
         (ANCHORS.name, vec![peer.name.into()]),
-        // Beyond it limits are none.
+        // Values beyond MOST count as no limit.
         (peer.range, [low, high].map(|x| x.clamp(-MOST, MOST).to_string()).to_vec()),
     ]))
 }
@@ -648,7 +649,7 @@ fn joints_at(config: &MachineConfig) -> Result<Joints, Refusal> {
     joints.map_err(|fault| Refusal::Misfit(format!("at home {fault}")))
 }
 
-/// Gives joints that stand at home when they are homed their HOME_OFFSET, with all its digits.
+/// Sets HOME_OFFSET = HOME for joints that are at home when they are homed, with all digits of HOME.
 fn with_homes(carried: &Carried, joints: &[f64]) -> Carried {
     let mut carried = carried.clone();
     for (n, joint) in carried.joints.iter_mut().enumerate() {
@@ -658,7 +659,7 @@ fn with_homes(carried: &Carried, joints: &[f64]) -> Carried {
     carried
 }
 
-/// Decides where home is; docs/guide/migrating.md has the order.
+/// Decides on home, in the order of docs/guide/migrating.md.
 fn stand(
     plan: &Plan,
     peer: &PeerModule,
@@ -693,7 +694,7 @@ fn stand(
     {
         return Ok(*place);
     }
-    // The pose that belongs to the joints' HOME.
+    // The pose at the joints' HOME.
     let seed = match &at_named {
         Some((_, config)) => Some(config.clone()),
         None if peer.is_one_to_one => Some(home::found(plan)?.1),
@@ -738,14 +739,14 @@ fn stand(
     }
 }
 
-/// Returns whether joint values are those of the file, which may be rounded.
+/// Returns whether joint values equal those of the file, which may be rounded.
 fn fits(joints: &Joints, homes: &Joints, peer: &PeerModule, old: &OldIni) -> bool {
     // Roundings of some hundred operations on lengths below a thousand.
     let near = |n: usize| (joints[n] - homes[n]).abs() <= old.rounding(n).max(1e-9);
     (0..peer.legs).all(near)
 }
 
-/// Computes the level pose of joint values; `None` where they have none.
+/// Computes the level pose of joint values; `None` if none is found.
 fn forward(
     plan: &Plan,
     seed: &MachineConfig,
@@ -768,7 +769,7 @@ fn forward(
     is_own.then_some(place)
 }
 
-/// Lists what has no place in the new file.
+/// Lists keys and sections that the new file does not keep.
 fn left_out(old: &OldIni) -> Vec<String> {
     let mut left = old.left_out();
     for item in &mut left {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! LinuxCNC's kinematics modules of parallel machines: their pins, and the legs that they mean.
+//! LinuxCNC's kinematics modules for parallel machines: their pins, and the legs that these describe.
 //!
 //! Formulas and defaults are those of LinuxCNC 2.9; tests/module/abi compares joints and defaults with its modules.
 
@@ -7,28 +7,28 @@ use crate::anchors::Leg;
 use keys::leg as key;
 use std::collections::BTreeMap;
 
-/// Values of a module's pins by their names without the module's.
+/// Values of a module's pins by their names without the module's prefix.
 pub type Pins = BTreeMap<String, f64>;
 
-/// One of the modules.
+/// A kinematics module of LinuxCNC.
 #[derive(Clone, Copy, Debug)]
 pub struct PeerModule {
     pub name: &'static str,
-    /// Name of its kind in [`crate::kinds::KINDS`].
+    /// Name of the kind in [`crate::kinds::KINDS`].
     pub kind: &'static str,
-    /// Name of the parameter that has the range of its drives.
+    /// Name of the parameter with the range of the drives.
     pub range: &'static str,
     pub legs: usize,
     /// Letters that the legs move.
     pub letters: &'static str,
-    /// Letters that it passes on to the joints behind those of the legs, in their order.
+    /// Letters that the module passes on to the joints after those of the legs, in order.
     pub passes: &'static str,
-    /// Pins of the geometry with their defaults.
+    /// Geometry pins with their defaults.
     pub defaults: fn() -> Pins,
-    /// Pins that are no geometry.
+    /// Pins that do not describe the geometry.
     pub others: &'static [&'static str],
     pub build: fn(&Pins) -> Vec<Leg>,
-    /// Whether one pose alone belongs to joint values, with the platform on the side where the module puts it.
+    /// Whether joint values determine one pose, with the platform on the module's side.
     pub is_one_to_one: bool,
 }
 
@@ -197,7 +197,7 @@ fn hexapod(pins: &Pins) -> Vec<Leg> {
     let leg = |n| {
         let of = |name: &str| vector(pins, name, n);
         let leg = Leg::base(of("base")).with(&key::PLATFORM, &of("platform"));
-        // Without a lead the axes change nothing.
+        // Without a lead the axes have no effect.
         match pins["screw-lead"] {
             0.0 => leg,
             _ => leg.with(&key::BASE_N, &of("base-n")).with(&key::PLATFORM_N, &of("platform-n")),

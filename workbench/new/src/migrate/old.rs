@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! An older INI file: its values, whichever section they stand in, and what nothing has asked for.
+//! An older INI file: its values, from whichever section contains them, and the keys that were never read.
 
 use crate::carried::{CarriedAxis, CarriedJoint};
 use crate::ini::line;
@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Keys of a joint that stay as they are.
+/// Keys of a joint that are copied unchanged.
 const KEPT: [&str; 13] = [
     "FERROR",
     "MIN_FERROR",
@@ -26,7 +26,7 @@ const KEPT: [&str; 13] = [
     "MAX_JERK",
 ];
 
-/// Keys that LinuxCNC has for a joint or an axis and that do not stay; all others are for the drives.
+/// Keys of LinuxCNC for a joint or an axis that are not copied; all others are for the drives.
 const NOT_OF_DRIVES: [&str; 14] = [
     "TYPE",
     "HOME",
@@ -44,10 +44,10 @@ const NOT_OF_DRIVES: [&str; 14] = [
     "CYCLE_TIME",
 ];
 
-/// Speed and acceleration where the file gives none: LinuxCNC's, a unit a second (squared).
+/// Speed and acceleration if the file has none: LinuxCNC's defaults, in units per second (squared).
 const USUAL: f64 = 1.0;
 
-/// Where a simulated drive stands before its switch, mm, and in degrees.
+/// Distance of a simulated drive before its switch, in mm and degrees.
 const BEFORE_SWITCH: [f64; 2] = [30.0, 10.0];
 
 impl From<IniError> for Refusal {
@@ -61,18 +61,18 @@ pub struct NamedHome {
     pub place: [f64; 3],
     /// Whether A, B and C are 0.
     pub is_level: bool,
-    /// What the file calls it.
+    /// Name of its key, for messages.
     pub name: &'static str,
 }
 
-/// An older INI file that is being read.
+/// An older INI file, with the keys read so far.
 pub struct OldIni {
     pub ini: Ini,
-    /// Whether joints and axes are the same sections, `[AXIS_0]`.
+    /// Whether joints and axes share sections, as in `[AXIS_0]`.
     pub is_of_axes: bool,
-    /// Sections and keys that were asked for.
+    /// Sections and keys that were read.
     used: RefCell<BTreeSet<(String, String)>>,
-    /// What was chosen on the way, and for which joints.
+    /// Values chosen instead of missing ones, and their joints.
     chosen: RefCell<BTreeMap<String, Vec<String>>>,
 }
 
@@ -80,7 +80,7 @@ impl OldIni {
     /// Reads a file.
     ///
     /// # Errors
-    /// It cannot be read, or a line means different things to LinuxCNC's readers.
+    /// The file cannot be read, or LinuxCNC's readers interpret a line differently.
     pub fn read(file: &Path) -> Result<Self, Refusal> {
         let ini = Ini::read(file)?;
         let is_of_axes = !ini.sections().any(|name| name.starts_with("JOINT_"));
@@ -100,12 +100,12 @@ impl OldIni {
         self.used.borrow_mut().insert((section.into(), key.into()));
     }
 
-    /// Remembers what was chosen for a joint, or with an empty name for the whole.
+    /// Notes a value chosen for a joint, or for the whole machine with an empty name.
     pub fn choose(&self, text: &str, joint: String) {
         self.chosen.borrow_mut().entry(text.into()).or_default().push(joint);
     }
 
-    /// Returns everything that was chosen, a line each.
+    /// Returns all chosen values, one line each.
     pub fn chosen(&self) -> Vec<String> {
         let of = |(text, joints): (&String, &Vec<String>)| match joints.concat().is_empty() {
             true => text.clone(),
@@ -114,7 +114,7 @@ impl OldIni {
         self.chosen.borrow().iter().map(of).collect()
     }
 
-    /// Returns the entry of a key that may be missing, but not repeated.
+    /// Returns the entry of a key, which may be missing but not repeated.
     pub fn entry(&self, section: &str, key: &str) -> Result<Option<&Entry>, Refusal> {
         self.mark(section, key);
         match self.ini.all(section, key).is_empty() {
@@ -133,7 +133,7 @@ impl OldIni {
         Ok(self.ini.numbers::<1>(section, key)?.map(|[number]| number))
     }
 
-    /// Returns the first of several keys that the file has: LinuxCNC renamed them.
+    /// Returns the value of the first of several keys that the file has: LinuxCNC renamed them.
     pub fn number_of(&self, section: &str, keys: &[&str]) -> Result<Option<f64>, Refusal> {
         let mut found = None;
         for key in keys {
@@ -152,10 +152,10 @@ impl OldIni {
         Ok(number)
     }
 
-    /// Returns the machine units of a millimeter.
+    /// Returns the machine units per millimeter.
     ///
     /// # Errors
-    /// The unit is missing, or none that is known.
+    /// The unit is missing or unknown.
     pub fn per_mm(&self) -> Result<f64, Refusal> {
         let expected = "expected mm or inch: lengths mean nothing without their unit; add the line, with the unit that the \
                         machine was measured in";
@@ -176,7 +176,7 @@ impl OldIni {
         }
     }
 
-    /// Reads the limits of a section, `None` where it has neither.
+    /// Reads the limits of a section, `None` if it has neither.
     fn limits(&self, section: &str) -> Result<Option<[f64; 2]>, Refusal> {
         let [low, high] = ["MIN_LIMIT", "MAX_LIMIT"].map(|key| self.number(section, key));
         let (low, high) = match (low?, high?) {
@@ -195,7 +195,7 @@ impl OldIni {
         Err(self.ini.refuse(entry, &text).into())
     }
 
-    /// Reads speed and acceleration of a section; LinuxCNC's where it has none.
+    /// Reads speed and acceleration of a section, or LinuxCNC's defaults.
     fn motion(&self, section: &str, n: usize) -> Result<[f64; 2], Refusal> {
         let of = |key: &str| -> Result<f64, Refusal> {
             let number = self.positive(section, key)?;
@@ -208,7 +208,7 @@ impl OldIni {
         Ok([of("MAX_VELOCITY")?, of("MAX_ACCELERATION")?])
     }
 
-    /// Reads the joint of leg `n`, or that of an extra axis with its letter.
+    /// Reads the joint of leg `n`, or of an extra axis with its letter.
     pub fn joint(
         &self,
         n: usize,
@@ -247,7 +247,7 @@ impl OldIni {
         Ok(CarriedJoint { kind, home, range, motion, lines })
     }
 
-    /// Rejects limits of an arm beyond half a turn, where its joint value jumps.
+    /// Rejects limits of an arm beyond half a turn, where its joint value is discontinuous.
     fn check_turn(&self, section: &str, range: [f64; 2]) -> Result<(), Refusal> {
         for (key, limit) in ["MIN_LIMIT", "MAX_LIMIT"].into_iter().zip(range) {
             if limit.abs() >= 180.0 {
@@ -259,7 +259,7 @@ impl OldIni {
         Ok(())
     }
 
-    /// Collects the lines of following errors, homing and drives.
+    /// Collects the lines for following errors, homing and drives.
     fn joint_lines(
         &self,
         n: usize,
@@ -280,14 +280,14 @@ impl OldIni {
         }
         let search = self.number(section, "HOME_SEARCH_VEL")?.unwrap_or(0.0);
         match self.number(section, "HOME_OFFSET")? {
-            // It stands at home when it is homed; the text of HOME has more digits now.
+            // The joint is at home when it is homed; HOME now has more digits.
             Some(offset) if offset == home && search == 0.0 => lines += AT_HOME,
             Some(offset) => lines += &line("HOME_OFFSET", &[offset]),
             None => {}
         }
         let sequence = self.number(section, "HOME_SEQUENCE")?;
         match sequence {
-            // Before joints and axes it kept a joint out.
+            // Before joints and axes, this value excluded a joint from homing.
             Some(-1.0) if self.is_of_axes => {}
             Some(sequence) => lines += &line("HOME_SEQUENCE", &[sequence]),
             None => {}
@@ -316,7 +316,7 @@ impl OldIni {
         Ok(lines)
     }
 
-    /// Reads the axis of a letter, with `usual` where the file has no speeds for it.
+    /// Reads the axis of a letter, with `usual` if the file has no speeds for it.
     pub fn axis(&self, letter: char, usual: [f64; 2]) -> Result<CarriedAxis, Refusal> {
         let section = format!("AXIS_{letter}");
         let limits = self.limits(&section)?;
@@ -326,7 +326,7 @@ impl OldIni {
         Ok(CarriedAxis { letter, limits, motion: [speed, acceleration] })
     }
 
-    /// Reads `[TRAJ]HOME`, or without it the HOMEs of the axes X Y Z.
+    /// Reads `[TRAJ]HOME`, or if it is missing the HOME of the axes X Y Z.
     pub fn home(&self) -> Result<Option<NamedHome>, Refusal> {
         if let Some(entry) = self.entry("TRAJ", "HOME")?.filter(|entry| !entry.value.is_empty()) {
             let expected = "expected 3 to 9 decimal numbers separated by blanks";
@@ -345,7 +345,7 @@ impl OldIni {
         Ok(is_given.then_some(NamedHome { place, is_level: true, name: "HOME of the axes" }))
     }
 
-    /// Returns half of the last digit of a joint's HOME, by which it may be rounded.
+    /// Returns half a unit of the last digit of a joint's HOME, its rounding.
     pub fn rounding(&self, n: usize) -> f64 {
         let word = self.ini.first(&self.joint_section(n), "HOME").map_or("", |entry| &entry.value);
         match (decimal(word), word.split_once('.')) {
@@ -362,14 +362,14 @@ impl OldIni {
         Ok(name.map(|name| machine::read::places::named(self.ini.file(), name)))
     }
 
-    /// Marks keys as used: they need no mention.
+    /// Marks keys as read, so that they are not listed as left out.
     pub fn pass(&self, keys: &[(&str, &str)]) {
         for (section, key) in keys {
             self.mark(section, key);
         }
     }
 
-    /// Lists the keys that were not used, a line for each section.
+    /// Lists the keys that were not read, a line for each section.
     pub fn left_out(&self) -> Vec<String> {
         let used = self.used.borrow();
         let mut left: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
@@ -385,5 +385,5 @@ impl OldIni {
     }
 }
 
-/// A line that stands for HOME_OFFSET at the HOME that the joint gets.
+/// Line that replaces HOME_OFFSET if it equals the joint's HOME.
 pub const AT_HOME: &str = "HOME_OFFSET = HOME\n";
