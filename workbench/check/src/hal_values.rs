@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Values that the HAL files of a configuration give to the pins of a component, for its migration.
 //!
-//! The files are carried out as for the drives, in an interpreter that can touch nothing. What it cannot carry out is a
-//! [`Gap`]: a value that could be set there is not determined.
+//! The files run as for the drives, in an interpreter without access to files, programs and the network. A part that it
+//! cannot run is a [`Gap`]: a value that this part could set is not determined.
 
 use crate::drives::{program, recorded};
 use machine::read::ini::Ini;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Keys whose files LinuxCNC carries out, in its order.
+/// Keys whose files LinuxCNC runs, in its order.
 const FILES: [&str; 2] = ["HALFILE", "POSTGUI_HALFILE"];
 
-/// Programs that carry out a file of the owner's, which may set pins.
+/// Interpreters that run a user's file, which may set pins.
 const INTERPRETERS: [&str; 8] =
     ["python", "python2", "python3", "sh", "bash", "halcmd", "haltcl", "tclsh"];
 
-/// A place in a HAL file, or without a name an entry of `[HAL]`.
+/// A position in a HAL file, or an entry of `[HAL]` if the name is empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place {
     pub file: PathBuf,
-    /// Counted from 1; 0 where the file as a whole is meant.
+    /// Line number from 1; 0 for the whole file.
     pub line: usize,
 }
 
@@ -34,42 +34,42 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// A part of the HAL files that is not carried out.
+/// A part of the HAL files that is not run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Gap {
     pub place: Place,
     pub reason: String,
-    /// The command, where one line is left out; without it the rest of the file is.
+    /// The command, if one line is skipped; `None` if the rest of the file is.
     pub command: Option<String>,
 }
 
 /// The value of a pin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Value {
-    /// The word it was set to, and where.
+    /// The word it was set to, and the position of the command.
     Set(String, Place),
-    /// It is on a signal that no `sets` gives a value, and where it was put there.
+    /// Its signal, which no `sets` gives a value, and the position of the connection.
     Driven(String, Place),
 }
 
-/// Everything that the HAL files set.
+/// All settings of the HAL files.
 #[derive(Clone, Debug, Default)]
 pub struct HalValues {
     pins: BTreeMap<String, (String, Place)>,
     signals: BTreeMap<String, (String, Place)>,
     on: BTreeMap<String, (String, Place)>,
-    /// Modules in the order in which they are loaded, with their load parameters.
+    /// Modules in the order of loading, with their load parameters.
     pub modules: Vec<Vec<String>>,
     pub gaps: Vec<Gap>,
-    /// Programs of the owner's that are started, and could set pins.
+    /// Custom programs that are started, and could set pins.
     pub programs: Vec<(String, Place)>,
 }
 
 impl HalValues {
-    /// Carries out the HAL files that an INI file names, or one file in their place.
+    /// Runs the HAL files that an INI file names, or one file instead.
     ///
     /// # Errors
-    /// The files cannot be carried out at all, with the reason.
+    /// The reason why the files cannot be run at all.
     pub fn read(ini: &Ini, instead: Option<&Path>) -> Result<Self, String> {
         let mut found = Self::default();
         let of = |key: &str, kind: &str| -> Vec<String> {
@@ -85,7 +85,7 @@ impl HalValues {
                 [files, of("HALCMD", "command"), late].concat()
             }
         };
-        // Machinekit's HAL files of Python.
+        // HAL files of Machinekit in Python.
         entries.retain(|entry| match entry.split_whitespace().nth(1) {
             Some(name) if name.ends_with(".py") => {
                 let place = Place { file: name.into(), line: 0 };
@@ -126,7 +126,7 @@ impl HalValues {
                     self.programs.push((name.into(), place));
                 }
             }
-            // A pin may be set by its other name.
+            // A pin may be set by its alias.
             ("alias", _) => {
                 let (reason, command) =
                     ("another name of a pin is not followed".into(), words.join(" "));
@@ -144,7 +144,7 @@ impl HalValues {
         }
     }
 
-    /// Returns the value that a pin has once all files are carried out; `None` where no file sets it.
+    /// Returns the value of a pin after all files have run; `None` if no file sets it.
     pub fn get(&self, pin: &str) -> Option<Value> {
         let Some((signal, place)) = self.on.get(pin) else {
             return self.pins.get(pin).map(|(word, place)| Value::Set(word.clone(), place.clone()));
@@ -161,7 +161,7 @@ impl HalValues {
         signal(pin).is_some_and(|own| signal(other) == Some(own))
     }
 
-    /// Returns the pins of a component that are set or on a signal, with a place that names them.
+    /// Returns the pins of a component that are set or on a signal, each with the position of a command.
     pub fn pins_of<'a>(&'a self, component: &'a str) -> impl Iterator<Item = (&'a str, &'a Place)> {
         let all = self.pins.iter().chain(&self.on);
         let own = move |pin: &str| pin.split('.').next() == Some(component);
@@ -169,7 +169,7 @@ impl HalValues {
     }
 }
 
-/// Returns whether a program may be the owner's, or carries out a file of the owner's.
+/// Returns whether a program may be custom, or runs a user's file.
 fn is_own(name: &str) -> bool {
     let is_script = [".py", ".sh", ".tcl"].iter().any(|end| name.ends_with(end));
     name.contains('/') || is_script || INTERPRETERS.contains(&name)

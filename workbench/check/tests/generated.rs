@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Generated machines: what `pkm check` finds of them, and what it proves, beside the equations of their legs.
+//! Generated machines: findings and proofs of `pkm check`, compared with the equations of their legs.
 
 use check::between;
 use check::report::check;
@@ -8,7 +8,7 @@ use machine::read::machine::MachineConfig;
 use rand::Rng;
 use test_support::generated::generated;
 
-/// Room beside a limit, as a share of its range, that may be a rounding.
+/// Share of a limit's range that may be rounding.
 const ROUNDED: f64 = 1e-9;
 
 #[test]
@@ -54,7 +54,7 @@ fn machines_fit_and_every_pose_that_is_proved_keeps_ranges_and_tilt() {
     assert!(proved > 8, "{proved}");
 }
 
-/// The joint whose HOME is wrong is named with its own number, also one of the second mechanism and behind a table.
+/// Checks that a joint with a wrong HOME is named by its number, also in the second mechanism and after a table.
 #[test]
 fn a_wrong_home_is_found_in_every_joint() {
     for seed in [1, 3, 5, 7, 9] {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Generated machines through the reader, the pins, the limits and the scene, beside their own numbers.
+//! Generated machines through the reader, the pins, the limits and the scene, compared with their own numbers.
 
 use kinematics::{LegKind, Limit, Part, Pose, Vector3};
 use machine::limits;
@@ -11,11 +11,11 @@ use std::collections::BTreeMap;
 use test_support::common::reference::Tracker;
 use test_support::generated::{ALL, Generated, LETTERS, generated};
 
-/// Of the machine's size: some roundings of lengths in two orders of the same sums, and of chains and rods that go
-/// 2.5 times as fast as the platform.
+/// Tolerance relative to the machine's size: some roundings of lengths whose sums have two different orders, and of
+/// chains and rods that move 2.5 times as fast as the platform.
 const SAME: f64 = 1e-11;
 
-/// Reads every machine from its file.
+/// Runs a test for every machine, read from its file.
 fn each(mut test: impl FnMut(&mut Generated, &MachineConfig)) {
     for seed in ALL {
         let mut drawn = generated(seed);
@@ -100,7 +100,7 @@ fn every_value_of_the_file_is_read_where_it_belongs() {
     });
 }
 
-/// The pins that a machine needs, written down from its numbers.
+/// Returns the pins that a machine needs, computed from its numbers.
 fn pins(drawn: &Generated) -> BTreeMap<String, f64> {
     let mut pins = BTreeMap::new();
     let mut set = |name: String, parts: &[&str], values: &[f64]| {
@@ -138,7 +138,7 @@ fn pins(drawn: &Generated) -> BTreeMap<String, f64> {
             match leg.kind {
                 LegKind::Ring(_) => {}
                 LegKind::Strut(strut) => {
-                    // A pin of 0 stands for this one.
+                    // With 0, the leg's own pin `lead.N` counts.
                     set("screw-lead".into(), &[""], &[0.0]);
                     set(format!("lead.{n}"), &[""], &[strut.lead]);
                     if strut.lead != 0.0 {
@@ -238,7 +238,7 @@ fn joints_at_poses_of_linuxcnc_are_those_of_the_equations() {
                     let off = (joint - wanted[from + i]).abs();
                     assert!(off < SAME * unit, "{} joint {}: {off}", drawn.name, from + i);
                 }
-                // And the equations hold as they stand, the side of every rod too.
+                // The equations hold, too, including the side of every rod.
                 if drawn.is_carried() {
                     continue;
                 }
@@ -347,7 +347,7 @@ fn a_scene_has_the_numbers_of_the_file() {
     });
 }
 
-/// The box of the platform's poses that follows from the limits of LinuxCNC's axes has all of them in it.
+/// Checks that the box of platform poses derived from LinuxCNC's axis limits contains all of these poses.
 #[test]
 fn limits_of_the_platform_hold_every_pose_that_the_axes_allow() {
     each(|drawn, config| {

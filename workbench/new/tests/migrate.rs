@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Older configurations: what is carried over, what is said of the rest, and what is refused with nothing made.
+//! Older configurations: the converted parts, the notes on the rest, and refusals that write nothing.
 
 use machine::read::machine::MachineConfig;
 use new::migrate::{Migrated, Migration, migrate};
@@ -7,7 +7,7 @@ use new::values::Refusal;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A copy of a configuration of `tests/cases/older`, in a folder of its own.
+/// Copy of a configuration of `tests/cases/older`, in a temporary folder.
 struct Old {
     place: TempDir,
     file: PathBuf,
@@ -32,7 +32,7 @@ impl Old {
         Self { place, file }
     }
 
-    /// With other text in one of its files; empty is the INI file.
+    /// Replaces text in one of its files; an empty name is the INI file.
     fn with(self, name: &str, from: &str, to: &str) -> Self {
         let file = match name {
             "" => self.file.clone(),
@@ -57,7 +57,7 @@ impl Old {
         self.migrated_with(None, None).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// Why nothing is made; that nothing is.
+    /// Returns the reason of a refusal, and checks that nothing was written.
     fn refused(&self) -> String {
         let before = self.listed();
         let error = self.migrated_with(None, None).unwrap_err().to_string();
@@ -65,7 +65,7 @@ impl Old {
         error
     }
 
-    /// Names beside the old folder and in it.
+    /// Lists the files in the old folder and beside it.
     fn listed(&self) -> Vec<PathBuf> {
         let in_folder = |folder: &Path| {
             std::fs::read_dir(folder)
@@ -115,7 +115,7 @@ fn a_file_of_2_7_gets_joints_limits_homing_scales_and_tools() {
     }
     let tools = std::fs::read(migrated.folder.join("delta.tbl")).unwrap();
     assert_eq!(tools, std::fs::read(old.file.with_file_name("delta.tbl")).unwrap());
-    // [TRAJ]HOME was 0 0 0, and the carriages at 330: homing ends there.
+    // [TRAJ]HOME was 0 0 0, and the carriages were at 330, where homing ends.
     assert_said(&migrated.notes.undetermined, &["taken is where homing ends", "the file has none"]);
     assert_said(
         &migrated.notes.left_out,
@@ -174,7 +174,7 @@ fn homes_that_contradict_each_other_are_said_with_what_is_taken() {
     let old = Old::new("hexapod-27").with("", "HOME = 14.6751", "HOME = 16.2");
     let migrated = old.migrated();
     assert_said(&migrated.notes.undetermined, &["are off by up to 1.5249", "taken is [TRAJ]HOME"]);
-    // Without any pose, the joints of a hexapod belong to several.
+    // Without any pose, several poses fit the joints of a hexapod.
     let old = Old::new("hexapod-27").with("", "HOME = 0 0 14 0 0 0\n", "");
     let error = old.refused();
     assert!(error.contains("home is not determined") && error.contains("--home X Y Z"), "{error}");
@@ -255,7 +255,7 @@ fn a_folder_that_is_there_stays_as_it_is() {
 #[test]
 fn geometry_that_only_a_running_script_knows_is_not_determined_and_nothing_of_it_runs() {
     for (folder, file, from, to, parts) in [
-        // A program that Tcl starts.
+        // A program started by Tcl.
         (
             "rotary-delta",
             "picker.tcl",
@@ -263,7 +263,7 @@ fn geometry_that_only_a_running_script_knows_is_not_determined_and_nothing_of_it
             "exec touch ../touched\nforeach {pin key}",
             ["picker.tcl", "exec"],
         ),
-        // One that HAL starts may set what no file does.
+        // A program started by HAL may set pins that no file sets.
         (
             "delta-27",
             "delta.hal",
@@ -271,7 +271,7 @@ fn geometry_that_only_a_running_script_knows_is_not_determined_and_nothing_of_it
             "loadusr -w python3 geometry.py",
             ["delta.hal:16", "python3"],
         ),
-        // Another pin.
+        // An unknown pin.
         (
             "delta-27",
             "delta.hal",
@@ -279,7 +279,7 @@ fn geometry_that_only_a_running_script_knows_is_not_determined_and_nothing_of_it
             "net rod mux.0.out => lineardeltakins.L",
             ["delta.hal:16", "signal rod"],
         ),
-        // A pin by another name.
+        // An alias of a pin.
         (
             "delta-27",
             "delta.hal",
@@ -287,7 +287,7 @@ fn geometry_that_only_a_running_script_knows_is_not_determined_and_nothing_of_it
             "alias pin lineardeltakins.L rod\nsetp rod 242.3",
             ["delta.hal:16", "another name"],
         ),
-        // A key that is not in the INI file.
+        // A key missing in the INI file.
         (
             "delta-27",
             "delta.hal",
@@ -295,7 +295,7 @@ fn geometry_that_only_a_running_script_knows_is_not_determined_and_nothing_of_it
             "[DELTA]LENGTH",
             ["delta.hal:16", "[DELTA]LENGTH is not in the INI file"],
         ),
-        // HAL files of Python.
+        // HAL files in Python.
         (
             "machinekit-delta",
             "rostock.ini",

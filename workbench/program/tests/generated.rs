@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Generated machines: travel, and programs in virtual time, beside the equations of their legs.
+//! Generated machines: travel, and programs in virtual time, compared with the equations of their legs.
 
 use kinematics::{Limit, Vector3};
 use linuxcnc::process::{Options, run};
@@ -13,13 +13,14 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use test_support::generated::{ALL, Generated, LETTERS, generated};
 
-/// Poses looked at along a way.
+/// Poses sampled along a path.
 const LOOKS: u32 = 100;
 
-/// Room beside a limit, as a share of its range, that may be a rounding.
+/// Share of a limit's range that may be rounding.
 const ROUNDED: f64 = 1e-9;
 
-/// Joints in virtual time, of the machine's size: they come through text of 15 digits, and LinuxCNC's cubic smoothing.
+/// Tolerance for joints in virtual time, relative to the machine's size: they pass through text of 15 digits and
+/// LinuxCNC's cubic smoothing.
 const SAME: f64 = 1e-10;
 
 fn read(drawn: &Generated) -> (tempfile::TempDir, MachineConfig) {
@@ -28,7 +29,7 @@ fn read(drawn: &Generated) -> (tempfile::TempDir, MachineConfig) {
     (folder, config)
 }
 
-/// Least room of all mechanisms at a pose of LinuxCNC's.
+/// Returns the least share of range left of all mechanisms at a pose of LinuxCNC.
 fn room(drawn: &Generated, world: &[f64; 9], tools: &[Vector3<f64>]) -> f64 {
     let rooms = drawn.mechanisms.iter().enumerate().map(|(n, built)| {
         let (pose, tool) = drawn.platform(n, world, &tools[n]);
@@ -111,7 +112,7 @@ fn travel_ends_at_the_limit_that_it_names_and_at_none_before() {
     assert!(ended[0] > 200 && ended[1] > 20, "{ended:?}");
 }
 
-/// A program of straight moves with two tools, and the poses at which they end with the tool of each.
+/// Returns a program of straight moves with two tools, and the poses at their ends with the tool of each.
 fn program(drawn: &mut Generated) -> (String, Vec<([f64; 9], usize)>) {
     let units = if drawn.unit == 1.0 { "G21" } else { "G20" };
     let mut text = format!("{units} G90 G94 G61\n");
@@ -174,7 +175,7 @@ fn programs_are_judged_and_run_as_the_equations_have_it() {
             left += 1;
         }
         if let (Time::Judged(timing), true) = (&found.time, found.fits()) {
-            // A speed is the difference of two commands; cycles about the change of the tool, at rest, do not count.
+            // A speed is the difference of two commands; cycles during the tool change, at rest, do not count.
             for (peak, fastest) in timing.speeds.iter().zip(&fastest) {
                 let share = peak.value / fastest;
                 assert!((0.999..1.001).contains(&share), "{}: {peak:?} {fastest}", drawn.name);
@@ -187,14 +188,14 @@ fn programs_are_judged_and_run_as_the_equations_have_it() {
                 assert_eq!(range.allowed, [joint.min.max(axis.min), joint.max.min(axis.max)]);
                 let values = poses.iter().map(|(world, _)| world[place(extra.axis.letter)]);
                 let ends = values.fold([extra.joint.home; 2], |[a, b], v| [a.min(v), b.max(v)]);
-                // G61 takes a move for done a hair before its end.
+                // With G61, a move counts as done slightly before its end.
                 let off = [0, 1].map(|end| (used[end] - ends[end]).abs());
                 assert!(off[0].max(off[1]) < 1e-3, "{}: {used:?} {ends:?}", drawn.name);
             }
         }
         // A violation is reported if a piece of a move cannot be proved: a millionth of the size.
         assert!(!is_told || least < 1e-4, "{least}: {told}");
-        // Where every pose can be reached, LinuxCNC ends where the program does.
+        // If every pose is reachable, LinuxCNC ends at the program's end.
         let end = last.last().unwrap();
         let stood = last.iter().all(|row| row.extra.world == end.extra.world);
         if !found.fits() || !stood {
@@ -221,8 +222,8 @@ fn programs_are_judged_and_run_as_the_equations_have_it() {
     assert!(fitting > 4 && left > 3, "{fitting} {left}");
 }
 
-/// A letter alone: its speed is that of the programmed feed, of its axis or of the whole, which are in units a minute or
-/// a second, and cycles are as long as the file says.
+/// Checks that a single letter moves at the programmed feed, the axis' speed or the machine's speed, which are in units
+/// per minute or second, and that cycles have the period of the file.
 #[test]
 fn a_letter_alone_takes_the_time_of_its_feed_and_acceleration() {
     let mut timed = 0;
@@ -238,15 +239,15 @@ fn a_letter_alone_takes_the_time_of_its_feed_and_acceleration() {
             let is_angle = "ABC".contains(axis.letter);
             let of = usize::from(is_angle);
             let most = drawn.velocity[of].min(axis.velocity);
-            // LinuxCNC takes the acceleration of the whole for some moves, and not for others.
+            // LinuxCNC uses the machine's acceleration for some moves, and not for others.
             let brakes = [axis.acceleration, drawn.acceleration[of].min(axis.acceleration)];
-            // Every other letter is slower than its axis.
+            // Every other letter moves slower than its axis allows.
             let speed = if n % 2 == 0 { 0.3 * most } else { 2.0 * most };
             let from = drawn.home[place(axis.letter)];
             let to = from + 0.3 * (axis.max - from);
             let mut world = drawn.home;
             world[place(axis.letter)] = to;
-            // Joints near their ends, or far from an axis that turns the work or the tool, may be too fast for
+            // Joints near their limits, or far from an axis that turns the work or the tool, may be too fast for
             // their drives.
             let carries =
                 drawn.extra.iter().any(|e| e.axis.letter == axis.letter && !e.carries.is_empty());
@@ -283,8 +284,8 @@ fn a_letter_alone_takes_the_time_of_its_feed_and_acceleration() {
         assert_eq!(outcome.ending, Ending::Finished, "{}: {:?}", drawn.name, outcome.messages);
         timed += moves.len();
         for (k, seconds) in moves {
-            // There and back. LinuxCNC is never faster than a trapezoid; it begins to brake a little earlier than
-            // one, and rounds its parts to whole cycles.
+            // There and back. LinuxCNC is never faster than a trapezoidal profile; it begins to brake slightly earlier,
+            // and rounds its parts to whole cycles.
             let found = f64::from(cycles[k]) * config.period / 2.0;
             let least = 0.99 * seconds[0] - 4.0 * config.period;
             let most = 1.1 * seconds[1] + 4.0 * config.period;

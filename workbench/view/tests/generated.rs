@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The page's data of generated machines, read as the page reads it.
+//! The page's data of generated machines, decoded as on the page.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -21,7 +21,7 @@ fn the_page_has_every_mechanism_with_its_numbers_limits_and_units() {
         assert_eq!(mechanisms.len(), drawn.mechanisms.len());
         let unit = if drawn.unit == 1.0 { "mm" } else { "inch" };
         for (page, built) in mechanisms.iter().zip(&drawn.mechanisms) {
-            // Numbers of JSON are read to one unit in the last place.
+            // Numbers in JSON are read with an error of up to one unit in the last place.
             let off = page["tool"][2].as_f64().unwrap() / built.spindle_offset - 1.0;
             assert!(off.abs() < 1e-15, "{}: {}", drawn.name, page["tool"]);
             let bytes = BASE64_STANDARD.decode(page["numbers"].as_str().unwrap()).unwrap();

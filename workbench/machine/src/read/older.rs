@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Configurations of parallel machines that are not for pkmkins: of LinuxCNC's own modules, and from before joints and axes.
+//! Detection of configurations that are not for pkmkins: for LinuxCNC's own modules of parallel machines, or from
+//! before joints and axes.
 
 use crate::read::ini::{Ini, IniError};
 
@@ -7,10 +8,10 @@ use crate::read::ini::{Ini, IniError};
 pub const MODULES: [&str; 5] =
     ["genhexkins", "lineardeltakins", "rotarydeltakins", "tripodkins", "pentakins"];
 
-/// Refuses such a configuration, and names the command that makes one for pkmkins of it.
+/// Refuses such a configuration, and names the command that converts it.
 ///
 /// # Errors
-/// It is one.
+/// It is such a configuration.
 pub fn refuse(ini: &Ini) -> Result<(), IniError> {
     let way_out = format!("pkm migrate {} makes one of it", ini.file().display());
     if let Some(entry) = ini.first("KINS", "KINEMATICS") {
