@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Generated machines through the command: frames with the numbers of all legs, travel along all letters.
+//! Generated machines through the command: frames with the numbers of all legs, and travel along all letters.
 
 use std::path::Path;
 use std::process::Command;

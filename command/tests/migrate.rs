@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `pkm migrate`: LinuxCNC's samples and layouts of older files become machines that fit together and run their first
-//! program in LinuxCNC in virtual time. `pkm check` names it, and `pkm preflight` what posts write for other machines.
+//! `pkm migrate`: LinuxCNC's samples and layouts of older files become consistent machines, which run their first
+//! program in LinuxCNC in virtual time. `pkm check` suggests it; `pkm preflight` warns about output of posts for other
+//! machines.
 
 use crate::commands::Bench;
 use std::fs;
@@ -21,7 +22,7 @@ fn older() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases/older")
 }
 
-/// Migrates, checks and runs a file, and returns what is said of it.
+/// Migrates, checks and runs a file, and returns the output of the migration.
 fn assert_migrated(bench: &Bench, file: &Path) -> String {
     let name = file.file_stem().unwrap().to_str().unwrap();
     let (file, made) = (file.display(), format!("{name}-new"));
@@ -85,7 +86,7 @@ fn what_is_refused_leaves_no_folder() {
     let file = older().join("delta-27/delta.ini");
     let told = bench.answer(&format!("migrate {} --out old", file.display()), "");
     assert!(told.contains("old is there already") && told.ends_with("exit 2\n"), "{told}");
-    // No such machine: its home is out of reach.
+    // The machine is impossible: its home is out of reach.
     let words = format!("migrate {} --home 0 0 900 --out far", file.display());
     let told = bench.answer(&words, "");
     assert!(told.contains("at the home given") && told.ends_with("exit 1\n"), "{told}");
@@ -97,7 +98,7 @@ fn a_post_for_a_machine_whose_zero_is_the_top_gets_a_warning() {
     let header = "G21 G90 G94 G17 G54\nG0 Z40\n";
     for (words, line) in [
         ("G53 G0 Z0\n", Some(3)),
-        // The post's retract after an offset, which G53 passes over.
+        // The post's retract after a work offset, which G53 ignores.
         ("G10 L20 P1 Z10\nG53 G0 Z0\n", Some(4)),
         ("G91 G28 Z0\nG90\n", Some(3)),
         ("o<retract> sub\nG53 G0 Z0\no<retract> endsub\no<retract> call\n", Some(4)),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The built file `page/built/kinematics.wasm`, run by node, beside the core.
+//! The built file `page/built/kinematics.wasm`, run by node, compared with the core.
 
 use super::{mechanisms, numbers};
 use machine::limits;
@@ -10,13 +10,13 @@ use rand_pcg::Pcg64;
 use std::path::Path;
 use std::process::Command;
 
-/// Of each mechanism.
+/// Number of poses of each mechanism.
 const POSES: usize = 200;
 
-/// The pose and the tool vector of a question.
+/// Pose and tool vector of a question.
 type Asked = [f64; 9];
 
-/// Returns what the built file answers: for every question a code and the block of numbers.
+/// Returns the answers of the built file: for every question a code and the block of numbers.
 fn answers(questions: &[f64]) -> Vec<f64> {
     let folder = std::env::temp_dir().join(format!("pkmkins-page-core-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -72,7 +72,7 @@ fn the_built_kinematics_answer_with_the_bits_of_the_core() {
             Ok(drawn) => {
                 let mut own = vec![0.0];
                 drawn.write(|value| own.push(value));
-                // Which bits a NaN has is left to the processor.
+                // The bits of a NaN depend on the processor.
                 let bits = |value: &f64| if value.is_nan() { u64::MAX } else { value.to_bits() };
                 let differs = own.iter().zip(answer).position(|(a, b)| bits(a) != bits(b));
                 assert_eq!(differs, None, "{place}");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Tests of the page's inputs and of the answers of its kinematics. tests/page opens it in a browser.
+//! Tests of the page's inputs and of the answers of its kinematics. tests/page runs the page in a browser.
 
 mod built;
 

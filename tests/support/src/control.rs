@@ -15,7 +15,7 @@ use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// More than any test waits for on a computer with ten other jobs: what takes three seconds of a processor took two minutes there.
+/// More than any test needs on a computer with ten other jobs, where three seconds of processor time took two minutes.
 const MOST: Duration = Duration::from_secs(600);
 
 /// Runs a program on a shipped machine; returns its outcome, and a row for every cycle.
@@ -29,7 +29,7 @@ pub fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     (outcome.unwrap(), rows)
 }
 
-/// Returns options whose run is interrupted after [`MOST`]: where nothing else ends an endless program, its test fails.
+/// Returns options that interrupt a run after [`MOST`], so that the test of an endless program fails.
 pub fn bounded(options: Options) -> Options {
     let stop = options.stop.clone();
     thread::spawn(move || {
@@ -61,7 +61,7 @@ pub fn run_text(machine: &str, text: &str, options: &Options) -> Result<Outcome,
     process::run(&shipped::whole(machine), file.path(), options, |_| ControlFlow::Continue(()))
 }
 
-/// Returns the row of a machine that stands at home with its drives on.
+/// Returns the row of a machine at rest at home with its drives on.
 pub fn standing(config: &Mechanism) -> Row {
     let at = config.machine.at(&config.home_pose(), &config.spindle).unwrap();
     Row {

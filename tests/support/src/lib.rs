@@ -18,7 +18,7 @@ pub const CUT: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
     [cutting]\nteeth = 2\nentry_deg = 0\nexit_deg = 180\ndepth_mm = 0.1\nkt_n_per_mm2 = 700\n\
     kr_n_per_mm2 = 200\nka_n_per_mm2 = 90\n";
 
-/// A path file without laws: two pencils of lines through the ends of a diameter meet on a circle.
+/// A path file without laws: two pencils of lines through the ends of a diameter intersect on a circle.
 pub const CIRCLE: &str = "
 [parameters]
 R = 80

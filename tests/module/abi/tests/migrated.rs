@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Migrated configurations beside the modules of LinuxCNC that they were for: the same joints.
+//! Migrated configurations compared with the LinuxCNC modules that they were for: joint values are equal.
 //!
-//! LinuxCNC's five samples, and eight layouts with numbers of their own in `tests/cases/older`. What a module gets on its
-//! pins is written here again, and not read from the HAL files.
+//! LinuxCNC's five samples, and eight layouts in `tests/cases/older`. The modules' pin values are repeated here, not
+//! read from the HAL files.
 
 use abi_tests::module::{Module, Pose};
 use abi_tests::random::Random;
@@ -13,17 +13,17 @@ use new::migrate::modules::PEERS;
 use new::migrate::{Migration, migrate};
 use std::path::{Path, PathBuf};
 
-/// Poses of a machine.
+/// Number of poses of each machine.
 const POSES: usize = 500;
 
-/// Where LinuxCNC's package has its samples.
+/// Folder of the samples in LinuxCNC's package.
 const SAMPLES: &str = "/usr/share/doc/linuxcnc/examples/sample-configs/sim";
 
 fn own(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/older").join(name)
 }
 
-/// Migrates a file and compares its joints with those of the module, over all of its axis limits.
+/// Migrates a file and compares its joints with those of the module over all of its axis limits.
 fn assert_same_joints(file: &Path, module: &'static str, pins: &[(String, f64)]) {
     let folder = tempfile::tempdir().unwrap();
     let made = folder.path().join("made");
@@ -48,7 +48,7 @@ fn assert_same_joints(file: &Path, module: &'static str, pins: &[(String, f64)])
         }
         let own = kinematics::Pose::from_degrees(std::array::from_fn(|k| pose[k]));
         let own = config.machine.inverse(&own, &config.spindle).unwrap();
-        // Of an extra axis the joint is the coordinate, in the order of both.
+        // The joint of an extra axis equals its coordinate, in the order of both.
         for (k, axis) in config.extra.iter().enumerate() {
             let place = "XYZABCUVW".find(axis.letter).unwrap();
             pose[place] = 1.5 + k as f64;
@@ -69,7 +69,7 @@ fn named(pins: &[(&str, f64)]) -> Vec<(String, f64)> {
     pins.iter().map(|(name, value)| ((*name).into(), *value)).collect()
 }
 
-/// The pins of vectors, one a leg.
+/// Returns the pins of vectors, one per leg.
 fn vectors(name: &str, of_legs: &[[f64; 3]]) -> Vec<(String, f64)> {
     let of = |(n, vector): (usize, &[f64; 3])| {
         let vector = *vector;
@@ -102,7 +102,7 @@ fn the_samples_of_linuxcnc_keep_their_joints() {
     assert_same_joints(&sample("tklinuxcnc/tripod.ini"), "tripodkins", &tripod);
     let penta = [vectors("base", &PENTAPOD_BASE), rings(PENTAPOD_RINGS)].concat();
     assert_same_joints(&sample("axis/pentapod/pentapod.ini"), "pentakins", &penta);
-    // The module's own values are those of its sample.
+    // The module's defaults are those of its sample.
     assert_same_joints(&sample("axis/vismach/hexapod-sim/hexapod.ini"), "genhexkins", &[]);
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The guard over the moves of machines that vary what the shipped ones hold constant: millimeters and inches,
+//! The guard during moves of machines with properties that are the same in all shipped ones: millimeters and inches,
 //! servo cycles of 250 us to 2 ms, feed overrides, joint offsets, a second mechanism, axes that carry something.
 //!
-//! Joint values along a move come from a second module that guards nothing; what they may be is arithmetic.
+//! Joint values along a move come from a second module without guard; their limits are arithmetic.
 
 use abi_tests::control::{Control, controls, in_a_chain};
 use abi_tests::geometry::norm;
@@ -15,7 +15,7 @@ use kinematics::{Cause, ChainGeometry};
 /// Cycles until a feed scale acts on the poses: LinuxCNC's planner takes it over in the next cycle.
 const LATENCY: usize = 3;
 
-/// Poses along a move at which joint values are looked at.
+/// Poses along a move at which joint values are sampled.
 const PLACES: usize = 40;
 
 /// A machine in some unit, with a module that is guarded and one that gives the joints of a pose.
@@ -59,11 +59,11 @@ struct Move<'a> {
     machine: &'a Machine,
     from: Pose,
     to: Pose,
-    /// Of the length that LinuxCNC counts, per second.
+    /// Feed in LinuxCNC's measure of length, per second.
     feed: f64,
     acceleration: f64,
     feed_override: f64,
-    /// Servo period, nanoseconds.
+    /// Servo period in nanoseconds.
     period: i64,
 }
 
@@ -71,7 +71,7 @@ struct Move<'a> {
 struct Outcome {
     /// Largest joint speed, units per second, by joint.
     fastest: Vec<f64>,
-    /// Share of the move at its end.
+    /// Share of the move that was completed.
     share: f64,
     is_inhibited: bool,
     /// Share of the move at which a limit was first reported, with leg or joint and cause.
@@ -93,7 +93,7 @@ impl<'a> Move<'a> {
         let kept = |k: usize| only == 3 || k / 3 == only || !letters.iter().any(|k| k / 3 == only);
         let carries = matches!(machine.control, Control::Carrying(..));
         for k in letters.iter().copied().filter(|k| kept(*k)) {
-            // What turns the work turns the path of the tool, which the guard follows as a circle.
+            // An axis that turns the work bends the path of the tool, which the guard approximates by a circle.
             let share = if carries && k == 5 { 0.02 } else { 0.3 };
             to[k] += share * (other[k] - from[k]);
         }
@@ -154,7 +154,7 @@ impl<'a> Move<'a> {
         let [tip, all, slides] = lengths(&self.change());
         let change = self.change();
         let turn = match self.machine.control {
-            // Each angle has its own acceleration. Of more than one mechanism the guard takes all of them together.
+            // Each angle has its own acceleration. With two mechanisms the guard combines all of them.
             Control::Alone(_) => (3..6).map(|k| change[k].abs()).fold(0.0, f64::max),
             _ => all,
         };
@@ -231,7 +231,7 @@ impl<'a> Move<'a> {
     }
 }
 
-/// Returns the hexapod of paper 004 with axes that carry nothing: it brakes as slowly as these need.
+/// Returns the hexapod of paper 004 with axes that carry nothing: it brakes as slowly as these axes.
 fn beside_axes() -> Control {
     let Control::Carrying(subject, mut carrying) = in_a_chain() else { unreachable!("a chain") };
     carrying.given = ChainGeometry::NONE;
@@ -243,7 +243,7 @@ fn beside_axes() -> Control {
 fn each_move(seed: u64, count: usize, test: &mut dyn FnMut(&Move<'_>, &mut Random)) {
     let mut random = Random::new(seed);
     for original in controls().into_iter().chain([beside_axes()]) {
-        // Every group of letters of machines that have more than one.
+        // Cover every group of letters of machines that have more than one.
         let least = if matches!(original, Control::Alone(_)) { 1 } else { 4 };
         // No more in a long run: what bounds the guard's look ahead below holds for straight motions of the platform, and
         // a few of a thousand random moves bend more than it allows for.
@@ -259,7 +259,7 @@ fn no_joint_is_faster_than_its_limit_and_one_comes_near_to_it() {
     each_move(401, 4, &mut |step, random| {
         let joint = random.between(0.0, step.machine.joints as f64) as usize;
         let free = step.steepest(joint) * step.fastest();
-        // Rounding of a joint that stands.
+        // Rounding of a joint at rest.
         if free < 1e-6 * step.machine.control.size() {
             return;
         }
@@ -339,7 +339,7 @@ fn a_limit_of_the_pose_is_reported_from_the_braking_distance_on_and_not_much_soo
         let what = || format!("{}, limit at {share}: {:?}", step.words(), outcome.reported);
         let (at, found_leg, found_why) = outcome.reported.unwrap_or_else(|| panic!("{}", what()));
         assert_eq!((found_leg, found_why), (leg, why), "{}", what());
-        // What it needs to stop, with the whole acceleration; in shares of the move.
+        // The stopping distance at full acceleration, as a share of the move.
         let stop = step.fastest() * step.fastest() * step.counted() / (2.0 * step.acceleration);
         let cycle = step.fastest() * step.seconds();
         // The guard counts on 0.43 of the acceleration, looks a fifth farther, and at a place every ninth cycle.
@@ -374,7 +374,7 @@ fn what_may_not_be_slowed_is_stopped_before_a_joint_is_too_fast_and_not_where_th
         let Some((joint, speeds)) = growing(step) else { return };
         let module = &step.machine.module;
         module.set("feed-floor", 1.0);
-        // Of a move that is at its full speed where the limit is.
+        // The move must be at full speed at the limit.
         let stop = step.fastest() * step.fastest() * step.counted() / (2.0 * step.acceleration);
         let is_legal = stop > 0.2 || random.between(0.0, 1.0) < 0.5;
         // The guard aims at 0.98 of the limit. The last speed is that of the middle of the last part.

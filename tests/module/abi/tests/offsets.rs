@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Offsets of joints and of the spindle, of all machines, each mechanism with its own: no shipped machine has either.
+//! Offsets of joints and of the spindle, of all machines, separate for each mechanism: no shipped machine has any.
 
 use abi_tests::control::{Control, controls};
 use abi_tests::module::Module;
 use abi_tests::random::{Random, cases};
 
-/// Names of the first mechanism's pins, and of the second one's where there is one.
+/// Returns the prefixes of the first mechanism's pins, and of the second one's if it exists.
 fn stems(control: &Control) -> &'static [&'static str] {
     match control {
         Control::Pair(..) => &["", "second."],
@@ -35,7 +35,7 @@ fn the_offset_of_a_leg_is_taken_from_its_joint_alone_and_the_pose_stays() {
             let each = offsets.iter().enumerate();
             each.for_each(|(n, offset)| module.set(&format!("offset.{n}"), *offset));
         });
-        // Joints of a table and of extra axes have none.
+        // Joints of a table and of extra axes have no offset.
         let mut of_joint = [0.0; 16];
         let (mut joint, mut leg) = (0, 0);
         for (legs, joints) in legs.iter().zip(&joints) {

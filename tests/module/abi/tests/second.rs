@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Of two mechanisms each is guarded, jogged, corrected and given tools as it is alone, cycle by cycle: whatever a
-//! module of one mechanism shows, a module of both shows of it, under the names of the second or counted on.
+//! With two mechanisms, each is guarded, jogged, corrected and given tools as if alone, cycle by cycle: the pins of a
+//! module with both equal those of modules with one, under the names of the second mechanism or its higher numbers.
 
 use abi_tests::module::{Joints, Module, Pose};
 use abi_tests::pair::{Two, pairs};
 use abi_tests::random::{Random, cases};
 use abi_tests::stub::PinDir;
 
-/// Pins of a joint; all others that are numbered are of a leg.
+/// Pins of joints; all other numbered pins are of legs.
 const OF_JOINTS: [&str; 10] = [
     "min-limit",
     "max-limit",
@@ -21,7 +21,7 @@ const OF_JOINTS: [&str; 10] = [
     "joint-correction-eff",
 ];
 
-/// Pins with which the module answers for both, and the clock of calls.
+/// Pins with a common value for both mechanisms, and the clock of calls.
 const OF_BOTH: [&str; 15] = [
     "feed-inhibit",
     "feed-scale",
@@ -40,7 +40,7 @@ const OF_BOTH: [&str; 15] = [
     "forward-time",
 ];
 
-/// A module of both, and one of each alone.
+/// A module with both mechanisms, and one with each alone.
 struct Beside {
     two: Two,
     both: Module,
@@ -54,7 +54,7 @@ impl Beside {
         Self { two, both, alone }
     }
 
-    /// The name that a pin of a mechanism alone has in the module of both; `None` where that has none.
+    /// Returns the name of a single mechanism's pin in the module with both; `None` if that has no such pin.
     fn name(&self, mechanism: usize, pin: &str) -> Option<String> {
         let machine = &self.two.first.machine;
         let own = if mechanism == 0 {
@@ -76,19 +76,19 @@ impl Beside {
         self.both.has(&own).then_some(own)
     }
 
-    /// Sets a pin of one mechanism, alone and beside the other.
+    /// Sets a pin of one mechanism, in its own module and in the module with both.
     fn set(&self, mechanism: usize, pin: &str, value: f64) {
         self.alone[mechanism].set(pin, value);
         let name = self.name(mechanism, pin).unwrap_or_else(|| panic!("no pin for {pin}"));
         self.both.set(&name, value);
     }
 
-    /// Sets a pin that both have in common.
+    /// Sets a pin that both mechanisms share.
     fn set_for_both(&self, pin: &str, value: f64) {
         self.alone.iter().chain([&self.both]).for_each(|module| module.set(pin, value));
     }
 
-    /// A cycle at poses of the two; false where it is refused, by all alike.
+    /// Runs a cycle at poses of the two; returns false if all modules refuse it.
     fn cycle(&self, poses: &[Pose; 2]) -> bool {
         let world = self.two.world(&poses[0], &poses[1]);
         let run = |module: &Module, pose: &Pose| -> Option<Joints> {
@@ -108,7 +108,7 @@ impl Beside {
         true
     }
 
-    /// Compares all that is shown; `is_at_rest` that which is shown in cycles of its own, too.
+    /// Compares all outputs; with `is_at_rest` also those that are updated in other cycles.
     fn compare(&self, what: &str, is_at_rest: bool) {
         let in_turn =
             ["margin", "speed-ratio", "base-angle", "platform-angle", "conditioning", "assembly"];
@@ -125,12 +125,12 @@ impl Beside {
                 let first = self.two.first.machine.legs.len() as f64;
                 let (found, mut expected) = (self.both.get(&name), pin.get());
                 if own.starts_with("rod-pair") && i == 1 && expected >= 0.0 {
-                    // By symmetry another pair may be as near.
+                    // By symmetry another pair may have the same distance.
                     let legs = self.two.second.machine.legs.len() as f64;
                     assert!((first..first + legs).contains(&found), "{what}: {name} is {found}");
                     expected = found;
                 }
-                // Shown in another cycle, of a pose found again to a rounding.
+                // Updated in another cycle, from a pose equal up to rounding.
                 let is_same = in_turn(own) && (found - expected).abs() <= 1e-9 * expected.abs();
                 assert!(
                     found == expected || is_same,
@@ -164,7 +164,7 @@ impl Beside {
     }
 }
 
-/// Limits of a mechanism that it meets now and then within some tenths of a second about a pose.
+/// Sets limits of a mechanism that it sometimes reaches within some tenths of a second about a pose.
 fn limit(beside: &Beside, i: usize, pose: &Pose, random: &mut Random) {
     let machine = [&beside.two.first.machine, &beside.two.second.machine][i];
     let (joints, size) = (beside.alone[i].inverse(pose).expect("a pose"), machine.size());
