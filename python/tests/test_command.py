@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The command pkm from Python: its words, and what becomes of its answers."""
+"""Tests the command pkm from Python: its arguments and answers."""
 
 import json
 
@@ -9,7 +9,7 @@ from pkmkins import CommandFailed, calibrate, command
 
 @pytest.fixture
 def say(tmp_path, monkeypatch):
-    """A command `pkm` that writes its words into a file, and says what a test wants."""
+    """Writes a command `pkm` that writes its arguments into a file, and prints the text of a test."""
 
     def said(out="", errors="", status=0):
         script = tmp_path / "pkm"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the search over geometries is made of, each part alone: it needs no pymoo."""
+"""Tests the parts of the search over geometries that need no pymoo."""
 
 import csv
 import dataclasses
@@ -212,7 +212,7 @@ def test_judgements_are_kept_to_the_last_bit_and_once(study, tmp_path):
 
 @pytest.fixture
 def front(study, tmp_path):
-    """Of stiffness (most) and size (least)."""
+    """Returns a result for stiffness (maximized) and size (minimized)."""
     two = dataclasses.replace(study, name="a <b>", objectives=("stiffness", "size"))
     with Record(tmp_path / "r.jsonl", two) as record:
         record.add((300.0,), judgement(10.0, 100.0))

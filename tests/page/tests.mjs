@@ -242,7 +242,7 @@ async function shapes(page) {
   check(made.status === 0 && made.stderr.includes("missing.obj"), `status ${made.status}: ${made.stderr}`);
   await open(page, file("shapes.html"));
   const told = (await page.locator("header .error").allTextContents()).join("; ");
-  check(told.includes("missing.obj") && told.includes("broken.stl") && !told.includes("good.stl"), `told: ${told}`);
+  check(told.includes("missing.obj") && told.includes("broken.stl") && !told.includes("good.stl"), `shown: ${told}`);
   await isDrawn(page, "shapes");
 }
 

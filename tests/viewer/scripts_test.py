@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The viewer's programs without LinuxCNC: stand-ins for HAL and LinuxCNC's status say what the real ones would.
+"""Tests the viewer's programs without LinuxCNC: stand-ins for HAL and LinuxCNC's status answer like the real ones.
 
     PKM=target/host/pkm /usr/bin/python3 -m pytest -q -p no:cacheprovider tests/viewer/scripts_test.py
 """
@@ -94,7 +94,7 @@ class Status:
 
 
 class LinuxCNC(types.ModuleType):
-    """The module of that name."""
+    """Returns the module of that name."""
 
     MODE_MANUAL, MODE_AUTO, MODE_MDI = 1, 2, 3
     STATE_ESTOP, STATE_ESTOP_RESET, STATE_OFF, STATE_ON = 1, 2, 3, 4
@@ -102,7 +102,7 @@ class LinuxCNC(types.ModuleType):
     TRAJ_MODE_FREE, TRAJ_MODE_COORD, TRAJ_MODE_TELEOP = 1, 2, 3
 
     class error(Exception):
-        """What its calls raise."""
+        """The exception that its calls raise."""
 
     def __init__(self):
         super().__init__("linuxcnc")
@@ -131,7 +131,7 @@ def linuxcnc(monkeypatch):
 
 
 def program(name):
-    """One of the programs without an ending, as a module."""
+    """Imports a program without a file extension as a module."""
     loader = importlib.machinery.SourceFileLoader(name.replace("-", "_"), str(VIEWER / name))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
     loader.exec_module(module)
@@ -149,7 +149,7 @@ def vismach():
 
 
 def pkm_in_path(folder, text):
-    """A command `pkm` of a few lines."""
+    """Writes a command `pkm` of a few lines."""
     script = folder / "pkm"
     script.write_text(f"#!/usr/bin/python3\n{text}")
     script.chmod(0o755)
@@ -229,7 +229,7 @@ def test_kinematics_are_switched_by_a_press_at_rest_alone(panel, linuxcnc, statu
     own.switch(True)
     assert len(linuxcnc.told) == (1 if why else 0)
     own.switch(False)
-    # What stays as it is asked for is no news.
+    # An unchanged request causes no new message.
     assert own.component["kinematics"] == 0 and len(linuxcnc.told) == (1 if why else 0)
 
 
@@ -266,7 +266,7 @@ def test_the_command_is_kept_open_and_started_again_in_time(panel, tmp_path, mon
         travel.ask({"at": "words"})
     with pytest.raises(panel.Stopped, match="pkm travel machine.ini exited with code 3"):
         travel.ask({"at": "end"})
-    # Not again at once, and without a word.
+    # It does not restart at once, and prints nothing.
     with pytest.raises(panel.Stopped, match="^$"):
         travel.ask({"at": "a"})
     travel.since -= panel.AGAIN
@@ -423,7 +423,7 @@ def test_frames_turn_right_handed_and_there_and_back():
     assert frame([1, 2, 3, 0, 0, 90]).out((1, 0, 0)) == pytest.approx((1, 3, 3))
     assert frame([0, 0, 0, 90, 0, 0]).out((0, 1, 0)) == pytest.approx((0, 0, 1))
     assert frame([0, 0, 0, 0, 90, 0]).out((0, 0, 1)) == pytest.approx((1, 0, 0))
-    # A first, then B, then C, about axes that stand.
+    # First A, then B, then C, about fixed axes.
     assert frame([0, 0, 0, 90, 90, 90]).out((0, 1, 0)) == pytest.approx((0, 1, 0))
     assert about((0, 0, 1), 90, (1, 0, 5)) == pytest.approx((0, 1, 5))
     own = frame([1, -2, 3, 20, -30, 40])
@@ -447,7 +447,7 @@ def test_axes_carry_one_after_the_other_what_is_theirs():
     assert points == [pytest.approx((10, 0, 0)), pytest.approx((5, 0, 0))]
     assert tool.out((10, 6, 0)) == pytest.approx((5, 0, 1)) and tool.out((12, 5, 0)) == pytest.approx((5, 2, 0))
     assert own.carried("work", {})[0].out((1, 2, 3)) == (1, 2, 3)
-    # An axis without a value stands at 0.
+    # An axis without a value is at 0.
     assert own.carried("legs", {"V": 7})[0].origin == (0, 7, 0)
 
 
@@ -527,7 +527,7 @@ def test_status_is_told_in_words_and_is_null_where_linuxcnc_is_silent(linuxcnc):
         status.fails = error
         assert read() == dict.fromkeys(("line", "file", "feed", "mode", "task state", "interpreter"))
         status.fails = None
-        # It is opened anew.
+        # It is opened again.
         assert read()["mode"] == "mdi"
     assert linuxcnc.opened == 3
 
@@ -563,7 +563,7 @@ def test_states_are_written_until_linuxcnc_ends(hal, linuxcnc, monkeypatch, tmp_
     with open(tmp_path / "out", "w") as out, open(tmp_path / "errors", "w") as errors:
         monkeypatch.setattr(sys, "stdout", out)
         monkeypatch.setattr(sys, "stderr", errors)
-        # LinuxCNC's library writes to standard output by itself.
+        # LinuxCNC's library itself writes to standard output.
         linuxcnc.status.poll = lambda: out.flush() or os.write(out.fileno(), b"noise")
         pkmkins_pins.follow(machine, ["1"])
     lines = [json.loads(line) for line in (tmp_path / "out").read_text().splitlines()]
@@ -572,7 +572,7 @@ def test_states_are_written_until_linuxcnc_ends(hal, linuxcnc, monkeypatch, tmp_
     with pytest.raises(SystemExit):
         handlers[pkmkins_pins.signal.SIGTERM]()
     assert len(lines) == 3 and all(line["state"] == "running" and line["line"] == 12 for line in lines)
-    # No time passes in these sleeps, so that the next one is longer by a period.
+    # These sleeps take no time, so that the next one is longer by a period.
     assert len(slept) == 3 and all(0 < one <= n * pkmkins_pins.PERIOD for n, one in enumerate(slept, 1))
     [component] = hal.made
     assert component.name == f"pkm-live-{os.getpid()}" and component.is_ready and component.has_ended and linuxcnc.nmlfile == "own.nml"

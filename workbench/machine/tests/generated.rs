@@ -138,7 +138,7 @@ fn pins(drawn: &Generated) -> BTreeMap<String, f64> {
             match leg.kind {
                 LegKind::Ring(_) => {}
                 LegKind::Strut(strut) => {
-                    // With 0, the leg's own pin `lead.N` counts.
+                    // Applies to a `lead.N` of 0.
                     set("screw-lead".into(), &[""], &[0.0]);
                     set(format!("lead.{n}"), &[""], &[strut.lead]);
                     if strut.lead != 0.0 {
