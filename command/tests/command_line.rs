@@ -107,14 +107,15 @@ pub fn subcommands(help: &str) -> Vec<String> {
     names.filter(|name| !name.is_empty() && name != "help").collect()
 }
 
-/// Examples that take too long for a test, or need a browser; and kinds of machines, which `new` makes.
-const SLOW: [&str; 6] = [
+/// Examples that take too long for a test or need a browser; kinds of machines, which `new` makes, and older ones.
+const SLOW: [&str; 7] = [
     "pkm boxes",
     "stability map",
     "--tilt 15",
     "-80 60 350 10 -20 0 --plots",
     "--video",
     "pkm new",
+    "pkm migrate",
 ];
 
 /// Makes the files that the examples name, in a copy of the hexapod. TOML files are those that the help shows.

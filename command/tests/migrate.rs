@@ -85,8 +85,8 @@ fn what_is_refused_leaves_no_folder() {
     assert!(!bench.0.path().join("mill-pkmkins").exists());
     let file = older().join("delta-27/delta.ini");
     let told = bench.answer(&format!("migrate {} --out old", file.display()), "");
-    assert!(told.contains("old is there already") && told.ends_with("exit 2\n"), "{told}");
-    // The machine is impossible: its home is out of reach.
+    assert!(told.contains("old exists already") && told.ends_with("exit 2\n"), "{told}");
+    // No such machine: its home is out of reach.
     let words = format!("migrate {} --home 0 0 900 --out far", file.display());
     let told = bench.answer(&words, "");
     assert!(told.contains("at the home given") && told.ends_with("exit 1\n"), "{told}");
@@ -115,7 +115,7 @@ fn a_post_for_a_machine_whose_zero_is_the_top_gets_a_warning() {
                     "{words}{told}"
                 );
                 assert!(told.contains("Let the post write G53 G0 Z90"), "{words}{told}");
-                assert!(told.ends_with("look at the warnings.\nexit 0\n"), "{words}{told}");
+                assert!(told.ends_with("see the warnings.\nexit 0\n"), "{words}{told}");
             }
             None => assert!(!told.contains(warning), "{words}{told}"),
         }

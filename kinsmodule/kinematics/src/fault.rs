@@ -437,7 +437,7 @@ mod tests {
         let layout = Layout::new(4, letters(b"ZABC"), letters(b"XY")).unwrap();
         let joint = |i| Fault::of_joint(Cause::JointNotFinite, &layout, i, 0.0);
         for (fault, name, number) in [
-            (Fault::of_leg(Cause::StrutTooShort, 2, 0.0), "leg 2: the pose", 2),
+            (Fault::of_leg(Cause::StrutTooShort, 2, 0.0), "leg 2: both ends", 2),
             (Fault::of_legs(Cause::LegsNear, [3, 0], 1.5), "legs 3 and 0: the legs", 3),
             (joint(3), "joint 3: the joint", 3),
             (joint(4), "joint 4 (table X): the joint", 4),

@@ -328,7 +328,7 @@ mod tests {
     fn every_reason_names_what_to_write() {
         for (error, told) in [
             (LoadError::LegsMalformed, "legs="),
-            (LoadError::KindUnknown, "kinds of legs"),
+            (LoadError::KindUnknown, "kind of leg"),
             (LoadError::LegsWrong, "one to eight"),
             (LoadError::CoordinatesWrong, "coordinates="),
             (LoadError::TooManyCoordinates, "coordinates="),

@@ -328,13 +328,17 @@ impl Generated {
         self.mechanisms.iter().map(of).collect()
     }
 
-    /// Draws a pose of LinuxCNC within a share of all axis limits.
+    /// Draws a pose of LinuxCNC within a share of all axis limits, and of the joint limits of extra axes.
     pub fn world(&mut self, share: f64) -> [f64; 9] {
         let mut world = self.home;
         let axes = self.mechanisms.iter().flat_map(|built| &built.axes);
-        for axis in axes.chain(self.extra.iter().map(|extra| &extra.axis)) {
-            let k = LETTERS.iter().position(|l| *l == axis.letter).unwrap();
-            let end = if self.rng.random() { axis.max } else { axis.min };
+        let axes = axes.map(|axis| (axis.letter, [axis.min, axis.max]));
+        let extra = self.extra.iter().map(|Extra { axis, joint, .. }| {
+            (axis.letter, [axis.min.max(joint.min), axis.max.min(joint.max)])
+        });
+        for (letter, [min, max]) in axes.chain(extra) {
+            let k = LETTERS.iter().position(|l| *l == letter).unwrap();
+            let end = if self.rng.random() { max } else { min };
             world[k] += share * self.rng.random::<f64>() * (end - world[k]);
         }
         world

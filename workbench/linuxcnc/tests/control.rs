@@ -81,5 +81,5 @@ fn an_endless_loop_without_motion_is_not_judged() {
     // It reaches its last cycle in a small part of this.
     let impatient = Options { most_work: 1.5, ..Options::default() };
     let refusal = run_text("hexapod", text, &impatient).unwrap_err();
-    assert!(refusal.to_string().contains("an endless loop"), "{refusal}");
+    assert!(refusal.to_string().contains("a loop without an end"), "{refusal}");
 }

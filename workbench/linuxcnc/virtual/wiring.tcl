@@ -25,7 +25,7 @@ proc wiring::parse {ini} {
 proc wiring::ask {args} {
     puts [join $args "\t"]
     flush stdout
-    if {[gets stdin answer] < 0} { error "LinuxCNC has gone away" }
+    if {[gets stdin answer] < 0} { error "LinuxCNC has exited" }
     if {![regexp {^ok ?(.*)$} $answer -> found]} { error $answer }
     return $found
 }

@@ -248,7 +248,7 @@ fn a_folder_that_is_there_stays_as_it_is() {
     std::fs::create_dir(&there).unwrap();
     std::fs::write(there.join("mine"), "mine").unwrap();
     let error = old.refused();
-    assert!(error.contains("delta-pkmkins is there already") && error.contains("--out"), "{error}");
+    assert!(error.contains("delta-pkmkins exists already") && error.contains("--out"), "{error}");
     assert_eq!(std::fs::read_to_string(there.join("mine")).unwrap(), "mine");
 }
 
@@ -381,5 +381,5 @@ fn a_hal_file_that_sources_itself_ends() {
 #[test]
 fn a_machine_that_cannot_be_is_refused() {
     let error = Old::new("delta-27").with("", "ROD = 242.3", "ROD = 42.3").refused();
-    assert!(error.contains("the machine can stand at none of"), "{error}");
+    assert!(error.contains("the machine cannot be at any of"), "{error}");
 }

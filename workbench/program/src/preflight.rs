@@ -439,7 +439,7 @@ mod tests {
         let fast = run(&config, 2.0 * most, finished());
         let [told] = fast.breaks.as_slice() else { panic!("{:?}", fast.breaks) };
         assert!(told.limit == Limit::JointSpeed && told.limit.is_of_time() && told.line == 4);
-        assert!(told.text.starts_with("the speed of strut 2 goes beyond"), "{}", told.text);
+        assert!(told.text.starts_with("the speed of strut 2 exceeds"), "{}", told.text);
         assert_eq!((told.moves, told.seconds), (1, Some(0.0)));
     }
 

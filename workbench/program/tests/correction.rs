@@ -165,7 +165,7 @@ fn a_program_is_judged_by_the_speed_that_the_correction_leaves() {
     );
     let fast = found.breaks.iter().find(|told| told.limit == Limit::JointSpeed);
     let fast = fast.unwrap_or_else(|| panic!("{:?}", found.margins));
-    assert!(fast.text.contains("beyond 21.5 mm/s") && fast.text.contains("22.0"), "{}", fast.text);
+    assert!(fast.text.contains("exceeds 21.5 mm/s") && fast.text.contains("22.0"), "{}", fast.text);
     let found = judged(
         &changed("hexapod", &HEXAPOD, &limits("23.5"), folder.path()),
         program,

@@ -186,7 +186,10 @@ fn preflight_names_line_and_pair_where_they_meet() {
     let fits = followed(&config, &folder(LATHE).join("programs/two-short-parts.ngc"));
     assert!(fits.fits(), "{:?}", fits.breaks);
     let margin = fits.margins.iter().find(|margin| margin.limit == Rule::Mechanisms).unwrap();
-    assert!(margin.value > 90.0 && margin.part == "the distance of leg 3 and leg 6", "{margin:?}");
+    assert!(
+        margin.value > 90.0 && margin.part == "the distance between leg 3 and leg 6",
+        "{margin:?}"
+    );
 }
 
 #[test]
@@ -282,7 +285,7 @@ fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
     let found = followed(&config, file.path());
     let between = |told: &&program::report::Break| told.limit == Rule::Mechanisms;
     let told = found.breaks.iter().find(between).unwrap_or_else(|| panic!("{:?}", found.breaks));
-    assert_eq!(told.part, "the distance of leg 1 and leg 4");
+    assert_eq!(told.part, "the distance between leg 1 and leg 4");
     let tilted = Pose::from_degrees([0.0, 450.0, 2600.0, 0.0, 20.0, 0.0]);
     let one = Pose::from_degrees([0.0, 450.0, 1350.0, 0.0, 0.0, 0.0]);
     let one = config.first().machine.at(&one, &config.first().spindle).unwrap();
@@ -309,7 +312,7 @@ fn check_looks_at_both_and_at_what_is_between_them() {
     let found = between::check(&config).unwrap().expect("two mechanisms");
     assert!(found.fits() && found.findings.is_empty(), "{:?}", found.findings);
     assert!(
-        found.facts[0].1.contains("the distance of leg 1 and leg 4 is 591.181 mm at home"),
+        found.facts[0].1.contains("the distance between leg 1 and leg 4 is 591.181 mm at home"),
         "{:?}",
         found.facts
     );

@@ -811,7 +811,7 @@ fn a_motor_feels_the_force_of_its_drive_through_the_lead() {
     // The lead of a carriage's screw is not in the INI file.
     let text = "[legs]\nmotor_torque_n_m = 4\n";
     let error = Capacity::of(&config("linear-delta"), &Study::parse(text).unwrap()).unwrap_err();
-    assert!(error.to_string().contains("screw_lead_mm of [legs]"), "{error}");
+    assert!(error.to_string().contains("no screw_lead_mm in [legs]"), "{error}");
     let arms = of(&config("rotary-delta"), "[legs]\nmax_torque_n_m = [10, 20, 40]\n");
     close(&[arms[1].share(5e3).unwrap()], &[0.25], 1e-12);
     let table = "[table]\nmotor_torque_n_m = 2\nscrew_lead_mm = 5\n";

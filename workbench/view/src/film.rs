@@ -266,7 +266,7 @@ mod tests {
         assert!(error.starts_with("/bin/false drew 0 of 1 frames"), "{error}");
         let camera = Camera { browser: "/nowhere".into(), ..camera };
         let error = camera.frames(0..1, 1).unwrap_err().to_string();
-        assert!(error.starts_with("/nowhere: cannot be started"), "{error}");
+        assert!(error.starts_with("/nowhere: cannot start"), "{error}");
     }
 
     #[test]

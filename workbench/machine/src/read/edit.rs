@@ -152,7 +152,10 @@ mod tests {
         assert_eq!(entered(text, &edits).unwrap(), new);
         let other = Edit { section: "LEG_7".into(), key: "BASE", value: String::new() };
         assert!(
-            entered(text, &[other]).unwrap_err().to_string().contains("[LEG_7] is not in the file")
+            entered(text, &[other])
+                .unwrap_err()
+                .to_string()
+                .contains("[LEG_7] is not in this file")
         );
     }
 
