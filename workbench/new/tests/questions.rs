@@ -19,15 +19,15 @@ fn questions_are_asked_again_until_they_are_answered_and_offer_what_the_table_ha
     assert_data_eq!(
         String::from_utf8(asked).unwrap(),
         str![[r#"
-linear-delta: three carriages on upright rails, pairs of rods, X Y Z. Enter takes what is in brackets.
+linear-delta: three carriages on vertical rails, pairs of rods, X Y Z. Press Enter for the value in brackets.
 Unit of all lengths, and of the machine
-  --unit (mm or inch) [mm]: CSV file with the anchors of every leg, in place of the dimensions that make them
-  --anchors (a file) []: From the middle of the base to the centre of a joint, seen from above
+  --unit (mm or inch) [mm]: CSV file with the anchors of every leg, instead of dimensions
+  --anchors (a file) []: Distance from the center of the base to the center of a joint, seen from above
   --base-radius (inch) [6.42]:   --base-radius long: expected a decimal number
-From the middle of the base to the centre of a joint, seen from above
+Distance from the center of the base to the center of a joint, seen from above
   --base-radius (inch) [6.42]:   --base-radius -3: expected more than 0
-From the middle of the base to the centre of a joint, seen from above
-  --base-radius (inch) [6.42]: From the middle of the platform to the centre of a joint
+Distance from the center of the base to the center of a joint, seen from above
+  --base-radius (inch) [6.42]: Distance from the center of the platform to the center of a joint
   --platform-radius (inch) [1.3]: 
 "#]]
     );
