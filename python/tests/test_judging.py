@@ -206,7 +206,7 @@ def test_judgements_are_kept_to_the_last_bit_and_once(study, tmp_path):
     with pytest.raises(RecordError, match="another version of pkmkins"):
         Record(file, study)
     file.write_text(json.dumps(lines[0]) + "\n" + '{"x": [1]}\n')
-    with pytest.raises(RecordError, match="line 2 is no judgement"):
+    with pytest.raises(RecordError, match="line 2 is not a judgment"):
         Record(file, study)
 
 
