@@ -89,7 +89,7 @@ fn what_is_refused_leaves_no_folder() {
     // No such machine: its home is out of reach.
     let words = format!("migrate {} --home 0 0 900 --out far", file.display());
     let told = bench.answer(&words, "");
-    assert!(told.contains("at the home given") && told.ends_with("exit 1\n"), "{told}");
+    assert!(told.contains("at the given home") && told.ends_with("exit 1\n"), "{told}");
     assert!(!bench.0.path().join("far").exists());
 }
 

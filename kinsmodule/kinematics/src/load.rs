@@ -342,7 +342,7 @@ mod tests {
             (LoadError::SecondAngles, "second_angles="),
             (LoadError::SecondTaken, "second_angles="),
             (LoadError::SecondAlone, "second="),
-            (LoadError::SparmUnknown, "sparm=identityfirst"),
+            (LoadError::SparmUnknown, "identityfirst"),
             (LoadError::IdentityImpossible, "sparm=identityfirst"),
         ] {
             assert!(error.text().contains(told), "{error:?}");

@@ -749,7 +749,7 @@ fn what_the_machine_cannot_is_refused_with_t_and_limit() {
         assert!(message.contains(expected), "{laws}: {message}");
     }
     let fine = line(speed, "").replace("chord_mm = 0.01", "chord_mm = 1e-6");
-    assert!(refused("pyramid", &fine).contains("[tolerance] chord_mm: 0.000001 is less"));
+    assert!(refused("pyramid", &fine).contains("[tolerance] chord_mm: 0.000001 is finer"));
     let none = line(speed, "").replace("[tolerance]\nchord_mm = 0.01\n", "");
     assert!(refused("pyramid", &none).contains("[tolerance] chord_mm: missing"));
 }
