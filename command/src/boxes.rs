@@ -149,8 +149,8 @@ fn proved(config: &Mechanism, bar: &Bar) -> Result<Answer, Unproved> {
     for (k, section) in config.boxes.iter().enumerate() {
         let name = config.place.box_section(k);
         let count = config.boxes.len() as f64;
-        let told = |share: f64| bar.set((k as f64 + share) / count);
-        let cells = proof::prove(config, section, &told)
+        let reported = |share: f64| bar.set((k as f64 + share) / count);
+        let cells = proof::prove(config, section, &reported)
             .map_err(|doubt| Unproved::Section(name.clone(), doubt))?;
         let c = section.claim.contraction;
         text += &format!("[{name}] proved with {cells} cells: contraction {c}\n");

@@ -154,13 +154,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     };
     subject.write(&answer, moved.as_ref().map(|(record, _)| record), linear.as_ref())?;
     let verdict = moved.as_ref().map_or(Verdict::Fits, |(_, verdict)| *verdict);
-    let told = linear.map(|((covariance, leg_rms_n, spread), _)| LinearAnswer {
+    let reported = linear.map(|((covariance, leg_rms_n, spread), _)| LinearAnswer {
         rms_um: roots(&covariance),
         ellipse: EllipseAnswer::of(&covariance),
         leg_rms_n,
         spread,
     });
-    answer.motion = moved.map(|(record, _)| of_record(&record, told));
+    answer.motion = moved.map(|(record, _)| of_record(&record, reported));
     output::answer(&answer)?;
     report(&answer, &pose)?;
     Ok(verdict)

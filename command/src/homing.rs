@@ -82,8 +82,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         "safe_order": proposal.as_deref().map(groups),
         "safe_sequences": proposal.as_deref().map(sequences),
     }))?;
-    let told = write(&config, &homing, &order, &outcome, proposal.as_deref());
-    Failure::unless_unread(told.map_err(Failure::from))?;
+    let reported = write(&config, &homing, &order, &outcome, proposal.as_deref());
+    Failure::unless_unread(reported.map_err(Failure::from))?;
     Ok(match outcome {
         Outcome { starts: 0, .. } => Verdict::Unjudged,
         Outcome { broken: 0, .. } => Verdict::Fits,
@@ -158,7 +158,7 @@ fn write(
 
 /// Describes the joints of a sequence, and the motion of each.
 fn members(config: &Mechanism, homing: &Homing, group: &Group) -> String {
-    let told = group.joints.iter().map(|i| {
+    let reported = group.joints.iter().map(|i| {
         let method = match homing.joints[*i].method {
             HomingMethod::Search { switch, end: Some(end), .. } => {
                 format!("to its switch at {switch} (closed from there to {end})")
@@ -170,7 +170,7 @@ fn members(config: &Mechanism, homing: &Homing, group: &Group) -> String {
         };
         format!("{} {method}", config.joints[*i].name)
     });
-    told.collect::<Vec<_>>().join(", ")
+    reported.collect::<Vec<_>>().join(", ")
 }
 
 /// Returns the table of a path; cells of a moment without a pose stay empty.

@@ -38,10 +38,10 @@ impl TypedValueParser for Program {
 fn spooled() -> Result<PathBuf, String> {
     static FILE: OnceLock<Result<(Folder, PathBuf), String>> = OnceLock::new();
     let found = FILE.get_or_init(|| {
-        let told = |error: String| format!("standard input: {error}; name a file instead of -");
+        let reported = |error: String| format!("standard input: {error}; name a file instead of -");
         let bytes =
-            read_all(&mut std::io::stdin().lock()).map_err(|error| told(error.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|error| told(error.to_string()))?;
+            read_all(&mut std::io::stdin().lock()).map_err(|error| reported(error.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|error| reported(error.to_string()))?;
         let folder = Folder::new().map_err(|error| error.to_string())?;
         let file = folder.path().join("standard-input.ngc");
         write_whole(&file, &text).map_err(|error| error.to_string())?;

@@ -118,7 +118,8 @@ fn run_one(
 /// motion
 /// is near them: then the path shows it.
 fn shows_what_breaks(config: &Mechanism, found: &Preflight, course: &Thinned) -> bool {
-    let of = |is_of_time| found.breaks.iter().find(|told| told.limit.is_of_time() == is_of_time);
+    let of =
+        |is_of_time| found.breaks.iter().find(|message| message.limit.is_of_time() == is_of_time);
     let (Some(path), Some(time)) = (of(false), of(true)) else { return true };
     found.time.is_whole()
         || path.line > time.line

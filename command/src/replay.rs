@@ -73,17 +73,17 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Some(error) => return Err(error),
         None => table.finish(&config.file)?,
     }
-    let told = match &replayed {
+    let message = match &replayed {
         Ok(replay) => replay.violations(&config),
         Err(fault) => vec![fault.to_string()],
     };
-    for text in &told {
+    for text in &message {
         report_error(&format!("{}: {text}", arguments.program.display()));
     }
     if let Some(folder) = arguments.plots.as_ref().filter(|_| !samples.is_empty()) {
         Plot::write_all(&motion::all(&config, &samples)?, folder)?;
     }
-    Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
+    Ok(if message.is_empty() { Verdict::Fits } else { Verdict::Misfit })
 }
 
 fn row(config: &Mechanism, visit: &Visit) -> Vec<Option<f64>> {

@@ -48,12 +48,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let points = arguments.point.chunks(3).map(Vector3::from_column_slice).collect();
     let view = View::new(&config, points, diameter);
     let mut source = arguments.source.read(&config)?;
-    let mut told: Vec<String> = source.end.take().into_iter().collect();
+    let mut message: Vec<String> = source.end.take().into_iter().collect();
     let mut seen = vec![];
     for stop in &source.stops {
         match view.at(&stop.pose, &stop.tool) {
             Ok(rods) => seen.push((*stop, rods)),
-            Err(fault) => told.push(format!("line {}: {fault}", stop.line)),
+            Err(fault) => message.push(format!("line {}: {fault}", stop.line)),
         }
     }
     if let Some(folder) = arguments.plots.as_ref().filter(|_| !seen.is_empty()) {
@@ -64,11 +64,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let rods: Vec<Rods> = seen.iter().map(|(_, rods)| rods.clone()).collect();
         Plot::write_all(&of_rods(&config, &course, &rods)?, folder)?;
     }
-    for text in &told {
+    for text in &message {
         report_error(text);
     }
     write_rows(&config, &view, &seen)?;
-    Ok(if told.is_empty() { Verdict::Fits } else { Verdict::Misfit })
+    Ok(if message.is_empty() { Verdict::Fits } else { Verdict::Misfit })
 }
 
 fn write_rows(config: &Mechanism, view: &View, seen: &[(Stop, Rods)]) -> Result<(), Failure> {

@@ -267,8 +267,8 @@ fn points_of_probeopen_give_the_result_of_a_log_of_the_same_touches() {
         fs::write(&file, text).unwrap();
         let Given { model, readings, .. } = study::read(&shop.config, &[file], &wishes).unwrap();
         let found = fit(&model, &readings, None).unwrap();
-        let told = |r: &Reading| (r.measured, r.name.split_once(": ").unwrap().1.to_string());
-        (readings.iter().map(told).collect::<Vec<_>>(), found)
+        let reported = |r: &Reading| (r.measured, r.name.split_once(": ").unwrap().1.to_string());
+        (readings.iter().map(reported).collect::<Vec<_>>(), found)
     };
     let (touches, by_log) = of("probe.log", &log);
     let (same, by_points) = of("probe.txt", &points(&log));
@@ -364,9 +364,9 @@ fn errors_in_points_of_probeopen_are_reported_with_their_line() {
         (lines[..6].join("\n"), ":1: neither a log"),
     ];
     for (text, expected) in cases {
-        let (told, code) = answer(folder.path(), &text, &["--write", "new.ini"]);
-        assert_eq!(code, 2, "{expected}: {told}");
-        assert!(told.contains(expected), "{expected}: {told}");
+        let (reported, code) = answer(folder.path(), &text, &["--write", "new.ini"]);
+        assert_eq!(code, 2, "{expected}: {reported}");
+        assert!(reported.contains(expected), "{expected}: {reported}");
         assert!(!folder.path().join("new.ini").exists());
     }
 }

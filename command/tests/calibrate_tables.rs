@@ -118,7 +118,7 @@ fn errors_in_a_table_are_reported_with_their_line_and_nothing_is_written() {
         let endless = format!("{short},inf");
         let heading = |key: &str| format!("# {key} 0 0 0\n{whole}");
         let measured = format!("c,{columns}");
-        for (text, told) in [
+        for (text, reported) in [
             (without(1), ":1: expected a line \"# geometry HASH\"".to_string()),
             (without(2), ":1: expected a line \"# tool X Y Z\"".into()),
             (without(3), "expected columns x,y,z,a,b,c".into()),
@@ -137,9 +137,9 @@ fn errors_in_a_table_are_reported_with_their_line_and_nothing_is_written() {
             (lines[..8].join("\n"), "too few readings".into()),
         ] {
             let (answer, code) = answer(folder.path(), &text);
-            assert_eq!(code, 2, "{told}: {answer}");
-            assert!(answer.contains(&told), "{told}: {answer}");
-            assert!(!folder.path().join("new.ini").exists(), "{told}");
+            assert_eq!(code, 2, "{reported}: {answer}");
+            assert!(answer.contains(&reported), "{reported}: {answer}");
+            assert!(!folder.path().join("new.ini").exists(), "{reported}");
         }
     }
 }

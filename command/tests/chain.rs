@@ -19,9 +19,12 @@ fn commands_that_know_the_machines_own_pose_alone_judge_no_program_over_a_chain(
     ] {
         let pkm = env!("CARGO_BIN_EXE_pkm");
         let done = std::process::Command::new(pkm).args(arguments).output().unwrap();
-        let told = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert_eq!(done.status.code(), Some(2), "{arguments:?}: {told}");
-        assert!(told.contains("not judged") && told.contains(TABLE), "{arguments:?}: {told}");
+        let reported = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(2), "{arguments:?}: {reported}");
+        assert!(
+            reported.contains("not judged") && reported.contains(TABLE),
+            "{arguments:?}: {reported}"
+        );
         assert!(done.stdout.is_empty(), "{arguments:?}");
     }
 }

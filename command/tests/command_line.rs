@@ -27,7 +27,7 @@ fn rows_come_from_a_file_or_from_standard_input() {
     let joints = bench.with("joints.csv", piped.strip_suffix("exit 0\n").unwrap());
     let poses = joints.answer("pose linear-delta.ini --rows joints.csv", "");
     assert!(poses.starts_with("x,y,z,a,b,c\n") && poses.ends_with("exit 0\n"), "{poses}");
-    for (words, told) in [
+    for (words, reported) in [
         ("joints linear-delta.ini --rows none.csv", "none.csv: No such file or directory"),
         (
             "joints linear-delta.ini --rows short.csv",
@@ -38,7 +38,7 @@ fn rows_come_from_a_file_or_from_standard_input() {
         ("pose linear-delta.ini --joints 1 2", "--joints: found 2 numbers; expected joint_0"),
     ] {
         let answer = joints.answer(words, "");
-        assert!(answer.contains(told) && answer.ends_with("exit 2\n"), "{answer}");
+        assert!(answer.contains(reported) && answer.ends_with("exit 2\n"), "{answer}");
     }
 }
 
@@ -306,7 +306,7 @@ fn no_output_takes_the_place_of_what_was_read() {
 fn outputs_that_cannot_be_written_are_refused_and_leave_nothing() {
     let bench = Bench::new().with("line.ngc", PROGRAM).with("file", "");
     let before = bench.files();
-    for (words, told) in [
+    for (words, reported) in [
         (
             "run linear-delta.ini line.ngc --trace none/t.csv",
             "none/t.csv: No such file or directory",
@@ -323,7 +323,7 @@ fn outputs_that_cannot_be_written_are_refused_and_leave_nothing() {
     ] {
         for format in ["text", "json"] {
             let answer = bench.answer(&format!("{words} --format {format}"), "");
-            assert!(answer.contains(told) && answer.ends_with("exit 2\n"), "{words}: {answer}");
+            assert!(answer.contains(reported) && answer.ends_with("exit 2\n"), "{words}: {answer}");
             assert_eq!(bench.files(), before, "{words}");
         }
     }

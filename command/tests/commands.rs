@@ -295,10 +295,11 @@ exit 2
 #[test]
 fn a_tool_table_that_is_none() {
     let bench = Bench::new().with("linear-delta.tbl", "T1 P1 Z1\nT2 Zlong\n");
-    let told = bench.answer("check linear-delta.ini", "");
-    let told: Vec<&str> = told.lines().skip_while(|line| !line.starts_with("warning")).collect();
+    let reported = bench.answer("check linear-delta.ini", "");
+    let reported: Vec<&str> =
+        reported.lines().skip_while(|line| !line.starts_with("warning")).collect();
     assert_data_eq!(
-        told[..5].join("\n"),
+        reported[..5].join("\n"),
         str![[r#"
 warning: [EMCIO]TOOL_TABLE = linear-delta.tbl
   --> linear-delta.ini:50:14
@@ -317,8 +318,8 @@ const FITS: &str = "The program fits the machine.\nexit 0\n";
 fn a_work_offset_that_is_turned() {
     let bench =
         Bench::new().with("slot.ngc", "G21 G90\nM52 P1\nG0 X-95 Y0 Z60\nG1 X95 F3000\nM2\n");
-    let told = bench.answer("preflight linear-delta.ini slot.ngc", "");
-    let help: Vec<&str> = told.lines().skip_while(|line| !line.starts_with("help")).collect();
+    let reported = bench.answer("preflight linear-delta.ini slot.ngc", "");
+    let help: Vec<&str> = reported.lines().skip_while(|line| !line.starts_with("help")).collect();
     assert_data_eq!(
         help.join("\n"),
         str![[r#"
@@ -334,8 +335,8 @@ exit 1
     // As the operator would do it.
     let turned = format!("{block}\nG21 G90\nM52 P1\nG0 X-95 Y0 Z60\nG1 X95 F3000\nM2\n");
     let bench = bench.with("turned.ngc", &turned);
-    let told = bench.answer("preflight linear-delta.ini turned.ngc", "");
-    assert!(told.ends_with(FITS), "{told}");
+    let reported = bench.answer("preflight linear-delta.ini turned.ngc", "");
+    assert!(reported.ends_with(FITS), "{reported}");
 }
 
 #[test]
@@ -700,9 +701,9 @@ fn a_program_and_its_trace() {
 fn a_program_that_leaves_the_limits() {
     let bench = Bench::new().with("far.ngc", "G21 G90\nG1 X79 F60000\nG1 X120\nM2\n");
     let answer = bench.answer("replay linear-delta.ini far.ngc --period 0.5", "");
-    let told: Vec<&str> = answer.lines().filter(|line| line.starts_with("pkm: ")).collect();
+    let reported: Vec<&str> = answer.lines().filter(|line| line.starts_with("pkm: ")).collect();
     assert_data_eq!(
-        told.join("\n"),
+        reported.join("\n"),
         str!["pkm: far.ngc: line 3: axis X reaches 120.000 mm, above 80"]
     );
 }
@@ -998,8 +999,11 @@ exit 2
 "#]]
     );
     for command in ["panel -", "filter --machine - a.ngc"] {
-        let told = bench.answer(command, "");
-        assert!(told.contains("not from standard input: name its INI file"), "{command}: {told}");
+        let reported = bench.answer(command, "");
+        assert!(
+            reported.contains("not from standard input: name its INI file"),
+            "{command}: {reported}"
+        );
     }
 }
 
@@ -1033,10 +1037,10 @@ exit 0
 
 "#]]
     );
-    let told =
+    let reported =
         bench.answer("preflight linear-delta.ini good.ngc --format json --report r.html", "");
     let json: serde_json::Value =
-        serde_json::from_str(told.split_once("exit ").unwrap().0).unwrap();
+        serde_json::from_str(reported.split_once("exit ").unwrap().0).unwrap();
     assert_eq!((&json["version"], json["breaks"].as_array().map(Vec::len)), (&1.into(), Some(0)));
     let page = fs::read_to_string(bench.0.path().join("r.html")).unwrap();
     assert!(page.contains("fits the machine") && page.contains("<svg"));
@@ -1216,8 +1220,8 @@ fn several_programs_and_a_folder() {
         .with("all/b.nc", "G21 G90 M52 P1\nG1 Y200 F600\nM2\n")
         .with("all/notes.txt", "none")
         .with("all/c.ngc", "G21\nG1 G2 X3\nM2\n");
-    let told = bench.answer("preflight linear-delta.ini all", "");
-    let lines: Vec<&str> = told.lines().collect();
+    let reported = bench.answer("preflight linear-delta.ini all", "");
+    let lines: Vec<&str> = reported.lines().collect();
     let table = lines.iter().position(|line| line.starts_with("all/a.ngc  ")).unwrap();
     assert_data_eq!(
         lines[table..table + 3].join("\n"),
@@ -1227,12 +1231,12 @@ all/b.nc   does not fit  line 2: [..]
 all/c.ngc  not judged    FOLDER/all/c.ngc:2: LinuxCNC stops here: Two g codes used from same modal group
 "#]]
     );
-    assert!(told.ends_with("exit 2\n"), "{told}");
-    let told = bench.answer("preflight linear-delta.ini --format json all/b.nc all/c.ngc", "");
-    let json = told.split("\n]\n").next().unwrap().to_string() + "]";
+    assert!(reported.ends_with("exit 2\n"), "{reported}");
+    let reported = bench.answer("preflight linear-delta.ini --format json all/b.nc all/c.ngc", "");
+    let json = reported.split("\n]\n").next().unwrap().to_string() + "]";
     let json = &json[json.find('[').unwrap()..];
     let list: serde_json::Value =
-        serde_json::from_str(json).unwrap_or_else(|e| panic!("{e}: {told}"));
+        serde_json::from_str(json).unwrap_or_else(|e| panic!("{e}: {reported}"));
     assert_eq!((&list[0]["fits"], &list[1]["fits"]), (&false.into(), &serde_json::Value::Null));
     assert!(list[1]["error"].as_str().unwrap().contains("Two g codes"), "{list}");
     assert!(bench.answer("preflight linear-delta.ini all/b.nc all/b.nc", "").ends_with("exit 1\n"));
@@ -1241,8 +1245,8 @@ all/c.ngc  not judged    FOLDER/all/c.ngc:2: LinuxCNC stops here: Two g codes us
         ("all --trace t.csv", "--trace works with a single program"),
         ("none", "none: No such file or directory"),
     ] {
-        let told = bench.answer(&format!("preflight linear-delta.ini {words}"), "");
-        assert!(told.contains(said) && told.ends_with("exit 2\n"), "{told}");
+        let reported = bench.answer(&format!("preflight linear-delta.ini {words}"), "");
+        assert!(reported.contains(said) && reported.ends_with("exit 2\n"), "{reported}");
     }
 }
 
@@ -1346,8 +1350,8 @@ fn a_random_program_runs_through_preflight() {
     let bench = Bench::new();
     let program = bench.answer("random linear-delta.ini --seed 3 --seconds 20", "");
     let bench = bench.with("random.ngc", program.strip_suffix("exit 0\n").unwrap());
-    let told = bench.answer("preflight linear-delta.ini random.ngc", "");
-    assert!(told.ends_with(FITS), "{told}");
+    let reported = bench.answer("preflight linear-delta.ini random.ngc", "");
+    assert!(reported.ends_with(FITS), "{reported}");
     assert_data_eq!(
         bench.answer("random linear-delta.ini --seconds nan", ""),
         str![[r#"
@@ -1379,9 +1383,9 @@ fn a_closed_output_changes_no_exit_code() {
         let rows = "0,0,50,0,0,0\n".repeat(20_000);
         let _ = input.write_all(format!("x,y,z,a,b,c\n{rows}").as_bytes());
         drop(input);
-        let mut told = String::new();
-        child.stderr.take().unwrap().read_to_string(&mut told).unwrap();
-        assert_eq!((child.wait().unwrap().code(), told.as_str()), (Some(code), ""), "{words}");
+        let mut reported = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut reported).unwrap();
+        assert_eq!((child.wait().unwrap().code(), reported.as_str()), (Some(code), ""), "{words}");
     }
 }
 
@@ -1400,11 +1404,11 @@ fn a_line_of_a_subroutine_is_reported_with_its_file() {
     let program = "G21 F6000 M52 P1\nG0 Z80\nG0 X1\no<away> call\nG0 X0\nM2\n";
     let away = "o<away> sub\n\n\n\n\nG1 X75 Y75\no<away> endsub\nM2\n";
     let bench = bench.with("p.ngc", program).with("away.ngc", away);
-    let told = bench.answer("preflight linear-delta.ini p.ngc --report p.html", "");
+    let reported = bench.answer("preflight linear-delta.ini p.ngc --report p.html", "");
     // From the path, and from LinuxCNC's cycles, which have only the line.
     for part in ["  axis range ", "  joint speed ", "  feed "] {
-        let line = told.lines().find(|line| line.starts_with(part));
-        assert!(line.is_some_and(|line| line.ends_with("FOLDER/away.ngc, line 6")), "{told}");
+        let line = reported.lines().find(|line| line.starts_with(part));
+        assert!(line.is_some_and(|line| line.ends_with("FOLDER/away.ngc, line 6")), "{reported}");
     }
     let page = fs::read_to_string(bench.0.path().join("p.html")).unwrap();
     let (all, named) = (page.matches("line 6").count(), page.matches("away.ngc, line 6").count());

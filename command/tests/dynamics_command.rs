@@ -25,9 +25,9 @@ fn modes_responses_maps_and_motions_are_reported_written_and_drawn() {
     let words = "dynamics linear-delta.ini --study study.toml --grid 7 --plots drawn --response h.csv \
                  --map map.csv --shake noise --trace trace.csv --spectrum s.csv";
     let answer = bench.answer(words, "");
-    let told =
+    let reported =
         ["modes: Hz", "compliance", "bear the weight", "ellipse in X and Y", "linear theory"];
-    assert_output(&answer, 0, &told);
+    assert_output(&answer, 0, &reported);
     // The response, two maps of three planes, trace, deviation and spectrum.
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 10);
     let read = |name: &str| fs::read_to_string(bench.0.path().join(name)).unwrap();
@@ -140,7 +140,7 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
     let bench = Bench::new().with("study.toml", STUDY).with("empty.toml", empty);
     let bench = bench.with("flat.toml", &STUDY.replace("depth_mm = 1\n", ""));
     let files = bench.files();
-    for (words, told) in [
+    for (words, reported) in [
         ("study.toml --trace t.csv", "--trace: nothing moves"),
         ("study.toml --spectrum s.csv", "--spectrum: nothing moves"),
         ("study.toml --top 0", "--top 0: expected more than 0"),
@@ -156,7 +156,7 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
         assert_output(
             &bench.answer(&format!("dynamics linear-delta.ini --study {words}"), ""),
             2,
-            &[told],
+            &[reported],
         );
         assert_eq!(bench.files(), files, "{words}");
     }

@@ -25,9 +25,12 @@ fn comments(text: &str) -> Vec<&str> {
 fn a_changed_geometry_is_corrected_at_once_and_only_with_write() {
     let bench = measured();
     let old = text(&bench);
-    let told = bench.answer("check linear-delta.ini", "");
-    assert!(told.ends_with("exit 1\n") && told.contains("[BOX_0]GEOMETRY"), "{told}");
-    assert!(told.contains("off by 1.142 mm") && told.contains("pkm boxes --write"), "{told}");
+    let reported = bench.answer("check linear-delta.ini", "");
+    assert!(reported.ends_with("exit 1\n") && reported.contains("[BOX_0]GEOMETRY"), "{reported}");
+    assert!(
+        reported.contains("off by 1.142 mm") && reported.contains("pkm boxes --write"),
+        "{reported}"
+    );
     let proposed = bench.answer("check --fix linear-delta.ini", "");
     assert!(proposed.starts_with("--- linear-delta.ini\n+++ linear-delta.ini\n@@"), "{proposed}");
     assert!(proposed.contains("\n+GEOMETRY = 0xc8345362\n") && proposed.ends_with("exit 0\n"));
@@ -60,9 +63,9 @@ fn what_is_written_keeps_link_ends_of_lines_and_every_byte() {
     latin.extend(old.bytes());
     fs::write(at("latin.ini"), &latin).unwrap();
     for words in ["check --fix --write latin.ini", "boxes --write latin.ini"] {
-        let told = bench.answer(words, "");
-        assert!(told.contains("latin.ini:1") && told.contains("not UTF-8"), "{told}");
-        assert!(told.ends_with("exit 2\n"), "{told}");
+        let reported = bench.answer(words, "");
+        assert!(reported.contains("latin.ini:1") && reported.contains("not UTF-8"), "{reported}");
+        assert!(reported.ends_with("exit 2\n"), "{reported}");
         assert_eq!(fs::read(at("latin.ini")).unwrap(), latin);
     }
 }
@@ -92,20 +95,20 @@ fn boxes_are_written_over_those_of_another_geometry_and_where_there_are_none() {
 #[test]
 fn limits_that_are_missing_become_those_that_are_proved() {
     let bench = Bench::new().spoilt("MIN_LIMIT = -80\nMAX_LIMIT = 80\n", "");
-    let told = bench.answer("check linear-delta.ini", "");
-    assert!(told.contains("[AXIS_X]MIN_LIMIT is missing"), "{told}");
+    let reported = bench.answer("check linear-delta.ini", "");
+    assert!(reported.contains("[AXIS_X]MIN_LIMIT is missing"), "{reported}");
     let proposed = bench.answer("check --fix linear-delta.ini", "");
     assert!(
         proposed.contains("\n+MIN_LIMIT = ") && proposed.contains("\n+MAX_LIMIT = "),
         "{proposed}"
     );
     bench.answer("check --fix --write linear-delta.ini", "");
-    let told = bench.answer("check linear-delta.ini", "");
-    assert!(!told.contains("is missing") && !told.contains("error"), "{told}");
+    let reported = bench.answer("check linear-delta.ini", "");
+    assert!(!reported.contains("is missing") && !reported.contains("error"), "{reported}");
 }
 
 #[test]
 fn writing_is_a_part_of_fixing_alone() {
-    let told = Bench::new().answer("check --write linear-delta.ini", "");
-    assert!(told.contains("--fix") && told.ends_with("exit 2\n"), "{told}");
+    let reported = Bench::new().answer("check --write linear-delta.ini", "");
+    assert!(reported.contains("--fix") && reported.ends_with("exit 2\n"), "{reported}");
 }

@@ -189,14 +189,14 @@ fn tools_point_as_the_file_says_and_screws_have_the_hand_of_the_file() {
 fn what_describes_no_machine_is_refused_and_nothing_is_written() {
     let bench = Bench::new().spoilt("ROD = 269", "ROD = -269");
     let files = bench.files();
-    for (words, told) in [
+    for (words, reported) in [
         ("linear-delta.ini -o frames.svg", "ROD"),
         ("none.ini -o frames.svg", "cannot be read"),
         ("--mechanism 2 linear-delta.ini -o frames.svg", "ROD"),
         ("linear-delta.ini linear-delta.ini", "unexpected argument"),
     ] {
         let answer = bench.answer(&format!("frames {words}"), "");
-        assert!(answer.ends_with("exit 2\n") && answer.contains(told), "{words}: {answer}");
+        assert!(answer.ends_with("exit 2\n") && answer.contains(reported), "{words}: {answer}");
     }
     assert_eq!(bench.files(), files, "nothing is left behind");
     let answer = Bench::new().answer("frames linear-delta.ini -o none/frames.svg", "");

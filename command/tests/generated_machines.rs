@@ -25,9 +25,10 @@ fn frames_and_travel_answer_for_every_machine() {
                 assert!(svg.contains(&format!("\n{leg}")), "{} {n}: leg {leg}", drawn.name);
             }
         }
-        let told = pkm(&file, &["travel", "--format", "json"]);
-        let named: String = told.split("\"letter\": \"").skip(1).map(|rest| &rest[..1]).collect();
+        let reported = pkm(&file, &["travel", "--format", "json"]);
+        let named: String =
+            reported.split("\"letter\": \"").skip(1).map(|rest| &rest[..1]).collect();
         let letters: String = LETTERS.iter().filter(|l| drawn.letters().contains(**l)).collect();
-        assert_eq!(named, letters, "{}: {told}", drawn.name);
+        assert_eq!(named, letters, "{}: {reported}", drawn.name);
     }
 }

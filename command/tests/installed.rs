@@ -172,9 +172,12 @@ fn pkm_goes_into_a_place_of_ones_own_without_root_and_an_old_cargo_is_named() {
     );
     let place = tempfile::tempdir().unwrap();
     let old = make_pkm("install-pkm", place.path(), "1.63.0");
-    let told = String::from_utf8_lossy(&old.stdout).into_owned();
-    assert!(!old.status.success() && told.contains("cargo 1.63.0 (stub) found, and 1."), "{told}");
-    assert!(told.contains("https://rustup.rs"), "{told}");
+    let reported = String::from_utf8_lossy(&old.stdout).into_owned();
+    assert!(
+        !old.status.success() && reported.contains("cargo 1.63.0 (stub) found, and 1."),
+        "{reported}"
+    );
+    assert!(reported.contains("https://rustup.rs"), "{reported}");
     let local = place.path().join(".local");
     assert!(!local.exists());
     let done = make_pkm("install-pkm", place.path(), "99.0.0");

@@ -205,17 +205,17 @@ fn reported() -> BTreeMap<String, BTreeMap<String, bool>> {
 
 #[test]
 fn every_subcommand_answers_in_json_as_the_page_says() {
-    let (told, documented) = (reported(), documented());
+    let (message, documented) = (reported(), documented());
     if let Ok(file) = std::env::var("PRINT_JSON") {
         let mut text = String::new();
-        for (command, places) in &told {
+        for (command, places) in &message {
             text += &format!("## pkm {command}\n\n");
             places.keys().for_each(|place| text += &format!("| `{place}` | |\n"));
         }
         std::fs::write(file, text).unwrap();
     }
     let common = &documented["Fields of all"];
-    for (command, places) in &told {
+    for (command, places) in &message {
         let own = documented.get(command).unwrap_or_else(|| panic!("no section of pkm {command}"));
         let known = |place: &str| {
             let below =
@@ -259,8 +259,8 @@ fn what_cannot_be_judged_is_one_object_as_well() {
         let answer = bench.answer(&format!("{words} --format json"), "");
         let value = json(&answer);
         assert_eq!((&value["fits"], &value["version"]), (&Value::Null, &1.into()), "{answer}");
-        let told = value["errors"][0].as_str().unwrap();
-        assert!(answer.matches(told.lines().next().unwrap()).count() >= 2, "{answer}");
+        let message = value["errors"][0].as_str().unwrap();
+        assert!(answer.matches(message.lines().next().unwrap()).count() >= 2, "{answer}");
         assert!(answer.ends_with("exit 2\n"), "{answer}");
     }
 }

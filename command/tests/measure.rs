@@ -351,10 +351,13 @@ fn readings_count_once_and_are_never_written_over() {
         let base = ["calibrate", machine.to_str().unwrap(), "dial.csv", "--tolerance", "0.1"];
         answer(folder.path(), &[&base, more].concat())
     };
-    let (told, code) = calibrate(&["copy.csv"]);
-    assert!(told.contains("copy.csv: the same readings as dial.csv") && code == 2, "{told}");
-    let (told, code) = calibrate(&["--accept", "--write", "dial.csv"]);
-    assert!(told.contains("was read as input") && code == 2, "{told}");
+    let (reported, code) = calibrate(&["copy.csv"]);
+    assert!(
+        reported.contains("copy.csv: the same readings as dial.csv") && code == 2,
+        "{reported}"
+    );
+    let (reported, code) = calibrate(&["--accept", "--write", "dial.csv"]);
+    assert!(reported.contains("was read as input") && code == 2, "{reported}");
     assert_eq!(fs::read_to_string(folder.path().join("dial.csv")).unwrap(), table);
 }
 
@@ -483,16 +486,16 @@ fn typos_are_reported_with_their_line_and_nothing_is_written() {
         (table.replace(",reading,", ",value,"), "no column \"reading\"".into()),
     ];
     for (text, expected) in cases {
-        let (told, code) = calibrated(folder.path(), &text, &["--tolerance", "0.1"]);
-        assert_eq!(code, 2, "{expected}: {told}");
-        assert!(told.contains(&expected), "{expected}: {told}");
+        let (reported, code) = calibrated(folder.path(), &text, &["--tolerance", "0.1"]);
+        assert_eq!(code, 2, "{expected}: {reported}");
+        assert!(reported.contains(&expected), "{expected}: {reported}");
         assert!(!folder.path().join("new.ini").exists(), "{expected}");
     }
     // For any deviation of the machine: the other readings show it.
     let in_mm = typed(row(7), &format!("{:.4}", number(row(7)) / 1e3));
-    let (told, code) = calibrated(folder.path(), &in_mm, &["--tolerance", "100"]);
-    assert_eq!(code, 2, "{told}");
-    assert!(told.contains(&at(row(7), "")) && told.contains(" mm would fit"), "{told}");
+    let (reported, code) = calibrated(folder.path(), &in_mm, &["--tolerance", "100"]);
+    assert_eq!(code, 2, "{reported}");
+    assert!(reported.contains(&at(row(7), "")) && reported.contains(" mm would fit"), "{reported}");
     // A spreadsheet's changes to a table are no mistake, nor is a missing reading.
     let quoted: Vec<String> =
         lines
@@ -505,11 +508,11 @@ fn typos_are_reported_with_their_line_and_nothing_is_written() {
                 }
             })
             .collect();
-    let (told, code) = calibrated(folder.path(), &quoted.join("\r\n"), &["--tolerance", "0.1"]);
-    assert_eq!(code, 0, "{told}");
-    let (told, code) = calibrated(folder.path(), &typed(row(12), "-"), &["--tolerance", "0.1"]);
-    assert_eq!(code, 0, "{told}");
-    assert!(told.contains("29 readings"), "{told}");
+    let (reported, code) = calibrated(folder.path(), &quoted.join("\r\n"), &["--tolerance", "0.1"]);
+    assert_eq!(code, 0, "{reported}");
+    let (reported, code) = calibrated(folder.path(), &typed(row(12), "-"), &["--tolerance", "0.1"]);
+    assert_eq!(code, 0, "{reported}");
+    assert!(reported.contains("29 readings"), "{reported}");
 }
 
 #[test]
@@ -605,23 +608,24 @@ fn a_proposal_is_written_whole_or_not_at_all() {
         ("name = \"plate\"", "name = \"a plate\"", "name: expected letters"),
     ] {
         assert!(good.contains(from), "{from}");
-        let (told, code) = measure(&good.replace(from, to));
-        assert_eq!(code, 2, "{told}");
-        assert!(told.contains(expected), "{expected}: {told}");
+        let (reported, code) = measure(&good.replace(from, to));
+        assert_eq!(code, 2, "{reported}");
+        assert!(reported.contains(expected), "{expected}: {reported}");
         assert!(!path("dial.ngc").exists() && !path("dial.csv").exists());
     }
-    let (told, code) = measure(&good);
-    assert_eq!(code, 0, "{told}");
+    let (reported, code) = measure(&good);
+    assert_eq!(code, 0, "{reported}");
     let table = fs::read_to_string(path("dial.csv")).unwrap();
     let program = fs::read_to_string(path("dial.ngc")).unwrap();
     assert_eq!(program.matches("\nM0\n").count(), 30);
     assert!(program.contains("(MSG,pose 30 of 30 at plate: enter the reading of the dial in um)"));
-    let (told, code) = measure(&good);
-    assert_eq!(code, 2, "{told}");
-    assert!(told.contains("dial.ngc: exists already and may contain readings"), "{told}");
+    let (reported, code) = measure(&good);
+    assert_eq!(code, 2, "{reported}");
+    assert!(reported.contains("dial.ngc: exists already and may contain readings"), "{reported}");
     assert_eq!(table, fs::read_to_string(path("dial.csv")).unwrap());
     // No reading is entered yet.
-    let (told, code) = answer(folder.path(), &["calibrate", machine.to_str().unwrap(), "dial.csv"]);
-    assert_eq!(code, 2, "{told}");
-    assert!(told.contains("reading of pose 1 is empty"), "{told}");
+    let (reported, code) =
+        answer(folder.path(), &["calibrate", machine.to_str().unwrap(), "dial.csv"]);
+    assert_eq!(code, 2, "{reported}");
+    assert!(reported.contains("reading of pose 1 is empty"), "{reported}");
 }

@@ -26,15 +26,15 @@ fn older() -> PathBuf {
 fn assert_migrated(bench: &Bench, file: &Path) -> String {
     let name = file.file_stem().unwrap().to_str().unwrap();
     let (file, made) = (file.display(), format!("{name}-new"));
-    let told = bench.answer(&format!("migrate {file} --out {made}"), "");
-    assert!(told.ends_with("exit 0\n"), "{file}: {told}");
+    let reported = bench.answer(&format!("migrate {file} --out {made}"), "");
+    assert!(reported.ends_with("exit 0\n"), "{file}: {reported}");
     let ini = format!("{made}/{name}.ini");
     let checked = bench.answer(&format!("check {ini}"), "");
     assert!(checked.ends_with("exit 0\n"), "{file}: {checked}");
     assert!(checked.contains("every pose within its axis limits"), "{file}: {checked}");
     let ran = bench.answer(&format!("preflight {ini} {made}/programs/first.ngc"), "");
     assert!(ran.ends_with("\nThe program fits the machine.\nexit 0\n"), "{file}: {ran}");
-    told
+    reported
 }
 
 #[test]
@@ -46,8 +46,11 @@ fn the_samples_of_linuxcnc_become_machines_that_run() {
         let way_out = format!("pkm migrate {} makes one of it", file.display());
         assert!(checked.contains(&way_out) && checked.contains(module), "{checked}");
         assert!(checked.ends_with("exit 2\n"), "{checked}");
-        let told = assert_migrated(&bench, &file);
-        assert!(told.contains(&format!("is made, of a configuration for {module}.")), "{told}");
+        let reported = assert_migrated(&bench, &file);
+        assert!(
+            reported.contains(&format!("is made, of a configuration for {module}.")),
+            "{reported}"
+        );
     }
 }
 
@@ -69,27 +72,30 @@ fn older_layouts_become_machines_that_run() {
 fn check_names_the_command_for_files_from_before_joints_and_axes_and_for_no_others() {
     let bench = Bench::new();
     let old = older().join("delta-27/delta.ini");
-    let told = bench.answer(&format!("check {}", old.display()), "");
-    assert!(told.contains("from before LinuxCNC had joints and axes"), "{told}");
-    assert!(told.contains("pkm migrate") && told.ends_with("exit 2\n"), "{told}");
+    let reported = bench.answer(&format!("check {}", old.display()), "");
+    assert!(reported.contains("from before LinuxCNC had joints and axes"), "{reported}");
+    assert!(reported.contains("pkm migrate") && reported.ends_with("exit 2\n"), "{reported}");
     let bench = bench.with("mill.ini", "[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n");
-    let told = bench.answer("check mill.ini", "");
-    assert!(!told.contains("migrate") && told.contains("expected pkmkins"), "{told}");
+    let reported = bench.answer("check mill.ini", "");
+    assert!(!reported.contains("migrate") && reported.contains("expected pkmkins"), "{reported}");
 }
 
 #[test]
 fn what_is_refused_leaves_no_folder() {
     let bench = Bench::new().with("old/mill.ini", "[KINS]\nKINEMATICS = trivkins\nJOINTS = 3\n");
-    let told = bench.answer("migrate old/mill.ini", "");
-    assert!(told.contains("old/mill.ini:2") && told.ends_with("exit 2\n"), "{told}");
+    let reported = bench.answer("migrate old/mill.ini", "");
+    assert!(reported.contains("old/mill.ini:2") && reported.ends_with("exit 2\n"), "{reported}");
     assert!(!bench.0.path().join("mill-pkmkins").exists());
     let file = older().join("delta-27/delta.ini");
-    let told = bench.answer(&format!("migrate {} --out old", file.display()), "");
-    assert!(told.contains("old exists already") && told.ends_with("exit 2\n"), "{told}");
+    let reported = bench.answer(&format!("migrate {} --out old", file.display()), "");
+    assert!(
+        reported.contains("old exists already") && reported.ends_with("exit 2\n"),
+        "{reported}"
+    );
     // No such machine: its home is out of reach.
     let words = format!("migrate {} --home 0 0 900 --out far", file.display());
-    let told = bench.answer(&words, "");
-    assert!(told.contains("at the given home") && told.ends_with("exit 1\n"), "{told}");
+    let reported = bench.answer(&words, "");
+    assert!(reported.contains("at the given home") && reported.ends_with("exit 1\n"), "{reported}");
     assert!(!bench.0.path().join("far").exists());
 }
 
@@ -106,18 +112,18 @@ fn a_post_for_a_machine_whose_zero_is_the_top_gets_a_warning() {
         ("G1 Z0 F600\nG0 Z40\n", None),
     ] {
         let bench = Bench::new().with("part.ngc", &format!("{header}{words}G0 Z50\nM2\n"));
-        let told = bench.answer("preflight linear-delta.ini part.ngc", "");
+        let reported = bench.answer("preflight linear-delta.ini part.ngc", "");
         let warning = "a rapid goes down to Z0 of the machine";
         match line {
             Some(line) => {
                 assert!(
-                    told.contains(&format!("warning: line {line}: {warning}")),
-                    "{words}{told}"
+                    reported.contains(&format!("warning: line {line}: {warning}")),
+                    "{words}{reported}"
                 );
-                assert!(told.contains("Let the post write G53 G0 Z90"), "{words}{told}");
-                assert!(told.ends_with("see the warnings.\nexit 0\n"), "{words}{told}");
+                assert!(reported.contains("Let the post write G53 G0 Z90"), "{words}{reported}");
+                assert!(reported.ends_with("see the warnings.\nexit 0\n"), "{words}{reported}");
             }
-            None => assert!(!told.contains(warning), "{words}{told}"),
+            None => assert!(!reported.contains(warning), "{words}{reported}"),
         }
     }
 }

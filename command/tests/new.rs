@@ -32,8 +32,8 @@ fn file(bench: &Bench, name: &str) -> PathBuf {
 
 /// Checks the properties of a new machine.
 fn assert_made(bench: &Bench, name: &str, words: &str) -> Mechanism {
-    let told = bench.answer(&format!("new {words} --out {name}"), "");
-    assert!(told.ends_with("exit 0\n"), "{words}: {told}");
+    let reported = bench.answer(&format!("new {words} --out {name}"), "");
+    assert!(reported.ends_with("exit 0\n"), "{words}: {reported}");
     let ini = format!("{name}/{name}.ini");
     let config = test_support::shipped::first_of(&file(bench, &ini));
     assert_homes(&config, words);
@@ -51,8 +51,8 @@ fn assert_made(bench: &Bench, name: &str, words: &str) -> Mechanism {
     let checked = bench.answer(&format!("check {ini}"), "");
     assert!(checked.ends_with("exit 0\n"), "{words}: {checked}");
     assert!(checked.contains("every pose within its axis limits"), "{words}: {checked}");
-    let told = bench.answer(&format!("preflight {ini} {name}/programs/first.ngc"), "");
-    assert!(told.ends_with("\nThe program fits the machine.\nexit 0\n"), "{words}: {told}");
+    let reported = bench.answer(&format!("preflight {ini} {name}/programs/first.ngc"), "");
+    assert!(reported.ends_with("\nThe program fits the machine.\nexit 0\n"), "{words}: {reported}");
     assert_holds_everywhere(&config);
     config
 }
@@ -176,9 +176,12 @@ fn the_documented_hexapod_with_mixed_hands_and_the_tool_up_is_made_and_runs() {
 #[test]
 fn a_name_that_makes_lines_too_long_for_linuxcnc_is_refused() {
     let bench = Bench::new();
-    let told =
+    let reported =
         bench.answer(&format!("new {} --out long {}", example("tripod"), "a".repeat(65)), "");
-    assert!(told.contains("at most 64 characters") && told.ends_with("exit 2\n"), "{told}");
+    assert!(
+        reported.contains("at most 64 characters") && reported.ends_with("exit 2\n"),
+        "{reported}"
+    );
 }
 
 #[test]
@@ -238,7 +241,7 @@ fn limits_that_are_asked_for_are_those_of_the_machine_and_its_program_or_refused
     // Those of Y, Z and C are derived around them.
     assert!([1, 2, 5].iter().all(|k| ends(*k)[1] - ends(*k)[0] >= 1.0));
     let files = bench.files();
-    let mut told = String::new();
+    let mut reported = String::new();
     for asked in [
         "--limits X -600 60 --limits Y -5 5",
         "--limits Z -5 5",
@@ -246,13 +249,13 @@ fn limits_that_are_asked_for_are_those_of_the_machine_and_its_program_or_refused
         "--limits X 5 -5",
         "--limits X -5 5 --limits X -6 6",
     ] {
-        told += &format!("$ {asked}\n{}", bench.answer(&format!("new {hexapod} {asked}"), ""));
+        reported += &format!("$ {asked}\n{}", bench.answer(&format!("new {hexapod} {asked}"), ""));
     }
     let delta = example("linear-delta");
     let without = bench.answer(&format!("new {delta} --limits B -5 5"), "");
-    told += &format!("$ --limits B -5 5\n{without}");
+    reported += &format!("$ --limits B -5 5\n{without}");
     assert_data_eq!(
-        told,
+        reported,
         str![[r#"
 $ --limits X -600 60 --limits Y -5 5
 pkm: --limits X -600 60, Y -5 5: not proved for every pose within: at X-600 Y-5 strut 0 is at 1082.300 mm, beyond its limit of 550 to 850 mm; use smaller limits, other dimensions, or another position with --home
@@ -378,7 +381,7 @@ fn nonsense_is_refused_with_what_was_expected() {
     let bench = Bench::new();
     let files = bench.files();
     let delta = example("linear-delta");
-    let mut told = String::new();
+    let mut reported = String::new();
     for words in [
         "new".into(),
         "new linear-delta --rod 270".into(),
@@ -396,10 +399,10 @@ fn nonsense_is_refused_with_what_was_expected() {
         "new linear-delta --rod 1e300 --carriage 0 400".into(),
         "new linear-delta --rod 1e-9 --carriage 0 400".into(),
     ] {
-        told += &format!("$ {words}\n{}", bench.answer(&words, ""));
+        reported += &format!("$ {words}\n{}", bench.answer(&words, ""));
     }
     assert_data_eq!(
-        told,
+        reported,
         str![[r#"
 $ new
 pkm: no kind of machine given: run pkm new KIND with one of hexapod, tripod, struts, pentapod, linear-delta, rotary-delta, triaglide, hexaglide, linapod, pyramid, pyramid-cross, four-rod-lathe, six-rod-lathe
@@ -463,7 +466,7 @@ exit 2
 fn a_table_of_anchors_that_is_none_is_refused_at_its_line() {
     let bench = Bench::new();
     let [first, ..] = ["0,400,0,0,120,60,0"];
-    let mut told = String::new();
+    let mut reported = String::new();
     for (from, to) in [
         ("platform_z\n", "\n"),
         (first, "0,400,0,0,120,60"),
@@ -475,7 +478,7 @@ fn a_table_of_anchors_that_is_none_is_refused_at_its_line() {
     ] {
         let text = FIVE_STRUTS.replacen(from, to, 1);
         fs::write(file(&bench, "five.csv"), text).unwrap();
-        told += &bench.answer("new struts --anchors five.csv --strut 450 800", "");
+        reported += &bench.answer("new struts --anchors five.csv --strut 450 800", "");
     }
     fs::write(file(&bench, "five.csv"), FIVE_STRUTS).unwrap();
     for words in [
@@ -484,10 +487,10 @@ fn a_table_of_anchors_that_is_none_is_refused_at_its_line() {
         "hexapod --anchors five.csv --strut 450 800",
         "hexapod --anchors five.csv --strut 450 800 --base-radius 3",
     ] {
-        told += &bench.answer(&format!("new {words}"), "");
+        reported += &bench.answer(&format!("new {words}"), "");
     }
     assert_data_eq!(
-        told,
+        reported,
         str![[r#"
 pkm: five.csv:2: expected the heading leg,base_x,base_y,base_z,platform_x,platform_y,platform_z
 exit 2
@@ -533,8 +536,8 @@ fn on_a_terminal_everything_is_asked_for() {
         .unwrap();
     std::io::Write::write_all(child.stdin.as_mut().unwrap(), answers.as_bytes()).unwrap();
     let output = child.wait_with_output().unwrap();
-    let told = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{told}");
-    assert!(told.contains("Length of a rod") && told.contains("Created "), "{told}");
+    let reported = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{reported}");
+    assert!(reported.contains("Length of a rod") && reported.contains("Created "), "{reported}");
     assert!(folder.path().join("linear-delta/linear-delta.ini").exists());
 }

@@ -141,8 +141,8 @@ fn the_commands_answer_as_without_offsets_but_for_joint_values() {
         assert_alike(words, &plain.answer(words, ""), &moved.answer(words, ""));
     }
     let joints = |bench: &Bench| -> Vec<f64> {
-        let told = bench.answer("joints linear-delta.ini --pose 10 -20 50 0 0 0", "");
-        told.split_whitespace().filter_map(|word| word.parse().ok()).take(3).collect()
+        let reported = bench.answer("joints linear-delta.ini --pose 10 -20 50 0 0 0", "");
+        reported.split_whitespace().filter_map(|word| word.parse().ok()).take(3).collect()
     };
     let (expected, found) = (joints(&plain), joints(&moved));
     for (expected, found) in expected.iter().zip(&found) {

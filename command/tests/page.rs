@@ -23,13 +23,14 @@ fn a_program_that_breaks_its_limits_is_red_and_names_every_break() {
             && !good.contains("violated (")
     );
 
-    let told = bench.answer("preflight linear-delta.ini bad.ngc --report bad.html", "");
+    let reported = bench.answer("preflight linear-delta.ini bad.ngc --report bad.html", "");
     let bad = read("bad.html");
-    assert!(bad.contains("\u{2717} </span>The program does not fit the machine"), "{told}");
+    assert!(bad.contains("\u{2717} </span>The program does not fit the machine"), "{reported}");
     assert!(bad.contains("beyond a limit") && bad.contains("class=\"verdict misfit\""));
     // As many as the command reports, each with its line, in the list and in the plots.
-    let places: Vec<&str> = told.lines().filter_map(|l| l.strip_prefix("error: line ")).collect();
-    assert!(places.len() > 3, "{told}");
+    let places: Vec<&str> =
+        reported.lines().filter_map(|l| l.strip_prefix("error: line ")).collect();
+    assert!(places.len() > 3, "{reported}");
     for (number, place) in places.iter().enumerate() {
         let (line, text) = place.split_once(": ").unwrap();
         assert!(

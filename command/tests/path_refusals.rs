@@ -276,8 +276,8 @@ fn what_is_refused_names_the_key_or_t_ends_with_2_and_leaves_no_file() {
     let ini = folder("pyramid").join("pyramid.ini");
     let all = ["-o", "path.ngc", "--csv", "path.csv", "--plots", "plots"];
     let good = case(FINE.into(), &[]);
-    let (code, told, names) = run(&ini, &good, &all);
-    assert_eq!(code, Some(0), "{told}");
+    let (code, reported, names) = run(&ini, &good, &all);
+    assert_eq!(code, Some(0), "{reported}");
     assert_eq!(
         names.into_iter().collect::<Vec<_>>(),
         ["path.csv", "path.ngc", "path.toml", "plots"]
@@ -289,7 +289,7 @@ fn what_is_refused_names_the_key_or_t_ends_with_2_and_leaves_no_file() {
     for case in cases {
         let is_law = case.text.contains("[carriages]");
         let ask = if is_law { &all[2..] } else { &all[..] };
-        let (code, told, names) = run(&ini, &case, ask);
+        let (code, reported, names) = run(&ini, &case, ask);
         let before: BTreeSet<String> = case
             .beside
             .iter()
@@ -297,9 +297,12 @@ fn what_is_refused_names_the_key_or_t_ends_with_2_and_leaves_no_file() {
             .chain(["path.toml"])
             .map(String::from)
             .collect();
-        let is_told = case.expected.iter().all(|expected| told.contains(expected));
-        if code != Some(2) || !is_told || names != before || !told.contains("path.toml") {
-            wrong.push(format!("{:?} of\n{}\n{code:?} {names:?} {told}", case.expected, case.text));
+        let is_told = case.expected.iter().all(|expected| reported.contains(expected));
+        if code != Some(2) || !is_told || names != before || !reported.contains("path.toml") {
+            wrong.push(format!(
+                "{:?} of\n{}\n{code:?} {names:?} {reported}",
+                case.expected, case.text
+            ));
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n----\n"));

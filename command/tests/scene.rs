@@ -176,13 +176,13 @@ fn a_scene_of_no_machine_or_to_no_place_is_refused_and_leaves_nothing() {
         let out = command.arg("scene").arg(file).arg("-o").arg(&place).output().unwrap();
         (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
     };
-    let (code, told) = run(&ini("tripod"));
-    assert!(code == Some(2) && told.contains("none/scene.json"), "{told}");
+    let (code, reported) = run(&ini("tripod"));
+    assert!(code == Some(2) && reported.contains("none/scene.json"), "{reported}");
     let broken = folder.path().join("broken.ini");
     let text = Ini::read(&ini("tripod")).map(|_| std::fs::read_to_string(ini("tripod")).unwrap());
     std::fs::write(&broken, text.unwrap().replace("legs=strut:3", "legs=strut:4")).unwrap();
-    let (code, told) = run(&broken);
-    assert!(code == Some(2) && told.contains("broken.ini"), "{told}");
+    let (code, reported) = run(&broken);
+    assert!(code == Some(2) && reported.contains("broken.ini"), "{reported}");
     assert!(!place.exists());
 }
 
@@ -232,7 +232,7 @@ fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
             let world = config.world(&pose, &extra);
             let platform = Pose::from_degrees(config.carried(&pose, &extra, &tool).unwrap());
             // The programmed tip, on the workpiece.
-            let told = Vector3::from_fn(|k, _| world[k]) - tool;
+            let reported = Vector3::from_fn(|k, _| world[k]) - tool;
             let held = carried(&scene, "tool", &world, -tool);
             let on_platform = |point| {
                 let place = match scene["sees_tool"].as_bool().unwrap() {
@@ -241,7 +241,7 @@ fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
                 };
                 carried(&scene, "legs", &world, place)
             };
-            let worked = carried(&scene, "work", &world, told);
+            let worked = carried(&scene, "work", &world, reported);
             let (tip, work) = match scene["holder"].is_null() {
                 true => (on_platform(held), worked),
                 false => (vector(&scene["holder"]) + held, on_platform(worked)),
@@ -255,7 +255,7 @@ fn tool_tip_and_work_of_a_machine_whose_axes_carry_follow_from_the_scene() {
                 "pose": platform.to_degrees(),
                 "tool": <[f64; 3]>::from(tool),
                 "values": values,
-                "of_work": <[f64; 3]>::from(told),
+                "of_work": <[f64; 3]>::from(reported),
             });
             questions.push_str(&format!("{question}\n"));
             tips.push(tip);

@@ -48,7 +48,7 @@ fn hexapod() -> String {
 #[serde(rename_all = "lowercase")]
 enum Expect {
     #[default]
-    Told,
+    Reported,
     Shown,
     Silent,
 }
@@ -127,13 +127,13 @@ fn judge(case: &Case) -> Option<String> {
     let (text, code) = answer(folder.path(), &file, &[]);
     let wrong = |what: &str| Some(format!("{}: {what}\n{text}", case.name));
     let is_told = code != 0 || text.contains("see the warnings");
-    if is_told != (case.expect == Expect::Told) {
+    if is_told != (case.expect == Expect::Reported) {
         return wrong(&format!("expected {:?}, exit status {code}", case.expect));
     }
     if let Some(missing) = case.names.iter().find(|name| !text.contains(*name)) {
         return wrong(&format!("{missing:?} is not said"));
     }
-    if case.expect != Expect::Told {
+    if case.expect != Expect::Reported {
         return case.why.is_none().then(|| format!("{}: no reason", case.name));
     }
     let place = case.place.clone().unwrap_or_else(|| format!("{file}:"));
@@ -149,8 +149,8 @@ fn judge(case: &Case) -> Option<String> {
 #[test]
 fn no_slip_ends_in_fits_without_a_word() {
     let cases: Vec<Case> = cases_of("slips/slips.toml");
-    let told = cases.iter().filter(|case| case.expect == Expect::Told).count();
-    assert!(told >= 40, "{told}");
+    let reported = cases.iter().filter(|case| case.expect == Expect::Reported).count();
+    assert!(reported >= 40, "{reported}");
     let failures: Vec<String> = cases.par_iter().filter_map(judge).collect();
     assert!(
         failures.is_empty(),

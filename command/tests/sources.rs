@@ -57,7 +57,7 @@ fn struts_of_the_lab_hexapod_have_the_slopes_of_paper_001() {
 
 #[test]
 fn figures_of_papers_002_and_004_stand_in_what_the_commands_say() {
-    for (words, told) in [
+    for (words, reported) in [
         ("stability lag --study docs/studies/examples/paper-002.toml", "4884.700 N/mm"),
         (
             "cut configs/hexapod/hexapod.ini configs/hexapod/programs/five-axis-surface.ngc \
@@ -66,7 +66,7 @@ fn figures_of_papers_002_and_004_stand_in_what_the_commands_say() {
         ),
     ] {
         let found = answer(of_page(words), "");
-        assert!(found.contains(told), "{found}");
+        assert!(found.contains(reported), "{found}");
     }
 }
 

@@ -79,7 +79,7 @@ fn sensitivity_prints_errors_and_singular_poses_and_follows_a_law() {
     let law = fs::read_to_string(bench.0.path().join("law.csv")).unwrap();
     assert_eq!(law.lines().count(), 502);
     assert!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count() >= 6);
-    for (words, told) in [
+    for (words, reported) in [
         ("sensitivity linear-delta.ini --law", "no section [law]"),
         ("sensitivity linear-delta.ini --csv x.csv", "need a motion"),
         ("sensitivity linear-delta.ini --length 0", "--length 0: expected more than 0"),
@@ -87,7 +87,7 @@ fn sensitivity_prints_errors_and_singular_poses_and_follows_a_law() {
         ("sensitivity linear-delta.ini --pose 1 2 3", "found 3 numbers"),
         ("sensitivity linear-delta.ini --pose 900 0 0 0 0 0", "X900.0000 Y0.0000 Z0.0000"),
     ] {
-        assert_output(&bench.answer(words, ""), 2, &[told]);
+        assert_output(&bench.answer(words, ""), 2, &[reported]);
     }
 }
 
@@ -108,7 +108,7 @@ fn a_workspace_is_reported_drawn_and_written() {
 fn a_workspace_that_is_empty_or_cannot_be_written_leaves_nothing_behind() {
     let bench = Bench::new().with("file", "").with("study.toml", "[limits]\nconditioning = 0.9\n");
     let files = bench.files();
-    for (words, told) in [
+    for (words, reported) in [
         ("--from 0 0 900 --csv x.csv", "is not in the workspace"),
         ("--study study.toml --mesh x.obj", "conditioning; give a point inside"),
         ("--tilt 95", "expected 0 or more, and less than 90"),
@@ -120,7 +120,7 @@ fn a_workspace_that_is_empty_or_cannot_be_written_leaves_nothing_behind() {
         assert_output(
             &bench.answer(&format!("workspace linear-delta.ini {words}"), ""),
             2,
-            &[told],
+            &[reported],
         );
         assert_eq!(bench.files(), files, "{words}");
     }

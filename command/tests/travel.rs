@@ -25,19 +25,22 @@ fn questions_are_answered_line_by_line_and_errors_stay_in_their_line() {
 #[test]
 fn a_pose_beyond_a_limit_is_no_place_to_stand() {
     let bench = Bench::new();
-    let told = bench.answer("travel linear-delta.ini --pose Z900", "");
+    let reported = bench.answer("travel linear-delta.ini --pose Z900", "");
     assert!(
-        told.contains("the machine cannot be at this pose: ") && told.contains("joint range"),
-        "{told}"
+        reported.contains("the machine cannot be at this pose: ")
+            && reported.contains("joint range"),
+        "{reported}"
     );
-    assert!(told.ends_with("exit 1\n"), "{told}");
+    assert!(reported.ends_with("exit 1\n"), "{reported}");
 }
 
 #[test]
 fn words_that_name_no_coordinate_and_poses_out_of_reach_are_refused() {
     let bench = Bench::new();
-    let told = bench.answer("travel linear-delta.ini --pose Q7", "");
-    assert!(told.contains("or a letter of XYZ and a number each") && told.ends_with("exit 2\n"));
+    let reported = bench.answer("travel linear-delta.ini --pose Q7", "");
+    assert!(
+        reported.contains("or a letter of XYZ and a number each") && reported.ends_with("exit 2\n")
+    );
     for word in ["X", "Xnan", "A5"] {
         assert!(
             bench

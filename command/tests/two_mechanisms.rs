@@ -37,7 +37,7 @@ fn workspace_shows_each_alone_and_beside_the_other() {
         / second["beside_home"]["volume_by_boundary"].as_f64().unwrap();
     assert!((apart - 1.0).abs() < 0.02, "{apart}");
     let one = ini("four-rod-lathe");
-    for (arguments, told) in [
+    for (arguments, reported) in [
         (vec![lathe, "--csv", "any.csv"], "add --mechanism 1"),
         (vec![lathe, "--beside", "home"], "--mechanism"),
         (
@@ -46,6 +46,6 @@ fn workspace_shows_each_alone_and_beside_the_other() {
         ),
     ] {
         let (code, _, err) = pkm(&arguments);
-        assert!(code == Some(2) && err.contains(told), "{arguments:?}: {err}");
+        assert!(code == Some(2) && err.contains(reported), "{arguments:?}: {err}");
     }
 }

@@ -56,11 +56,11 @@ fn what_cannot_be_written_or_drawn_is_refused_and_nothing_is_left() {
         (&["--video", "v.mp4"], "PROGRAM.ngc"),
         (&["--from", "below"], "3D, front, side, top"),
     ];
-    for (arguments, told) in cases {
+    for (arguments, reported) in cases {
         let out = view(folder.path(), &[&[file], arguments].concat());
         let stderr = String::from_utf8_lossy(&out.stderr).into_owned();
         assert_eq!(out.status.code(), Some(2), "{arguments:?} {stderr}");
-        assert!(stderr.contains(told), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(reported), "{arguments:?}: {stderr}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{arguments:?}");
     }
 }

@@ -34,8 +34,8 @@ const NOT_JUDGED: [&str; 2] = [
     "the drives are not judged from here on: LIB:pkmkins_sim.tcl is neither beside the INI file nor in /usr/share/linuxcnc/hallib",
 ];
 
-fn expect(told: &(String, i32), code: i32, parts: &[&str]) {
-    let (text, found) = told;
+fn expect(reported: &(String, i32), code: i32, parts: &[&str]) {
+    let (text, found) = reported;
     assert_eq!(*found, code, "{text}");
     for part in parts {
         assert!(text.contains(part), "{part:?} is not said:\n{text}");
@@ -85,6 +85,10 @@ fn what_needs_linuxcnc_is_not_judged_and_the_rest_is() {
 #[test]
 fn without_tcl_the_drives_are_not_judged() {
     let hidden = "mount --bind /dev/null /usr/bin/tclsh || exit 99; ";
-    let told = answer(hidden, &shipped::ini("hexapod"));
-    expect(&told, 0, &[NOT_JUDGED[0], "the drives are not judged: /usr/bin/tclsh", "install tcl"]);
+    let reported = answer(hidden, &shipped::ini("hexapod"));
+    expect(
+        &reported,
+        0,
+        &[NOT_JUDGED[0], "the drives are not judged: /usr/bin/tclsh", "install tcl"],
+    );
 }

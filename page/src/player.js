@@ -19,17 +19,17 @@ export class Player {
     this.time = 0;
     this.rate = 1;
     this.isPlaying = false;
-    this.marks = this.program.report.breaks.map((told) => this.mark(told));
+    this.marks = this.program.report.breaks.map((readout) => this.mark(readout));
     this.root = element("section", { class: "player" }, this.program.isEmpty ? undefined : this.bar(), this.middle());
   }
 
-  mark(told) {
-    const which = told.of_second ? 1 : 0;
+  mark(readout) {
+    const which = readout.of_second ? 1 : 0;
     const { coordinates, table } = this.page.mechanisms[which].scene;
-    const isOwn = told.file === 0;
-    const time = told.seconds ?? (isOwn ? this.program.timeOf(told.line, told.pose, which, coordinates + table) : undefined);
-    const place = isOwn ? `line ${told.line}` : `${this.program.report.files[told.file].split("/").pop()}, line ${told.line}`;
-    return { time, line: told.line, isOwn, text: `${place}: ${told.limit}: ${told.text}` };
+    const isOwn = readout.file === 0;
+    const time = readout.seconds ?? (isOwn ? this.program.timeOf(readout.line, readout.pose, which, coordinates + table) : undefined);
+    const place = isOwn ? `line ${readout.line}` : `${this.program.report.files[readout.file].split("/").pop()}, line ${readout.line}`;
+    return { time, line: readout.line, isOwn, text: `${place}: ${readout.limit}: ${readout.text}` };
   }
 
   bar() {
@@ -40,7 +40,7 @@ export class Player {
       this.pause();
       this.go(Number(this.slider.value));
     });
-    this.told = element("output", {});
+    this.readout = element("output", {});
     const speed = choice("speed", SPEEDS, (name) => (this.rate = parseFloat(name)));
     speed.value = "1 ×";
     const marks = element("div", { class: "marks" }, ...this.marks.filter(({ time }) => time !== undefined).map((mark) => {
@@ -48,7 +48,7 @@ export class Player {
       flag.style.left = `${(100 * mark.time) / end}%`;
       return flag;
     }));
-    return element("div", { class: "bar" }, this.button, speed, element("div", { class: "time" }, marks, this.slider), this.told);
+    return element("div", { class: "bar" }, this.button, speed, element("div", { class: "time" }, marks, this.slider), this.readout);
   }
 
   middle() {
@@ -185,6 +185,6 @@ export class Player {
     const { length_unit: unit } = this.page.mechanisms[0].scene;
     this.rows.go(Math.max(line - 1, 0), hasChanged);
     if (this.program.isEmpty) return;
-    this.told.textContent = `${shown(this.time, 2)} of ${shown(this.program.end, 1)} s · line ${line} · ${shown(this.program.speed(this.time), 1)} ${unit}/s`;
+    this.readout.textContent = `${shown(this.time, 2)} of ${shown(this.program.end, 1)} s · line ${line} · ${shown(this.program.speed(this.time), 1)} ${unit}/s`;
   }
 }

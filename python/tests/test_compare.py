@@ -20,8 +20,8 @@ def test_machines_stand_side_by_side_in_one_table_and_page(tmp_path, capsys):
     study.write_text(STUDY)
     words = [str(ini("lab-hexapod")), str(ini("linapod")), "--box", "20", "20", "20", "--study", str(study)]
     assert main([*words, "--page", str(page), "--format", "json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    rows = {row["name"]: row["values"] for row in told["rows"]}
+    answered = json.loads(capsys.readouterr().out)
+    rows = {row["name"]: row["values"] for row in answered["rows"]}
     assert rows["poses within every limit"] == ["27 of 27"] * 2
     assert all(value > 0 for value in rows["least stiffness at the tool"])
     assert "<h1>Machines compared</h1>" in page.read_text()
@@ -56,7 +56,7 @@ def test_machines_that_the_package_does_not_cover_are_refused_with_the_command_t
     assert f"{name}.ini" in said and why in said and "use the command pkm" in said
 
 
-def told(capsys, *words):
+def answered(capsys, *words):
     status = main([*map(str, words), "--format", "json"])
     answer = json.loads(capsys.readouterr().out)
     assert (answer["version"], answer["command"]) == (1, "compare")
@@ -67,7 +67,7 @@ def test_rows_are_what_the_machines_answer(tmp_path, capsys):
     study = tmp_path / "study.toml"
     study.write_text(STUDY)
     names = ["lab-hexapod", "tripod"]
-    status, files, rows = told(capsys, *map(ini, names), "--box", 12.7, 7.62, 10.16, "--tilt", 3, "--study", study)
+    status, files, rows = answered(capsys, *map(ini, names), "--box", 12.7, 7.62, 10.16, "--tilt", 3, "--study", study)
     assert status == 0 and files == [str(ini(name)) for name in names]
     for k, name in enumerate(names):
         machine, mm = Machine.from_ini(ini(name)), 25.4 if name == "tripod" else 1.0
@@ -98,7 +98,7 @@ def test_the_lowest_frequency_is_that_of_pkm_dynamics(tmp_path, capsys):
     study = tmp_path / "study.toml"
     study.write_text(STUDY.replace("[legs]\n", '[legs]\nscrew = "self-locking"\ndamping_ratio = 0.02\n') + "[platform]\nmass_kg = 20\ncentre_mm = [0, 0, 0]\ninertia_kg_m2 = [[0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.5]]\n")
     hexapod = ini("hexapod")
-    _, _, rows = told(capsys, hexapod, "--study", study)
+    _, _, rows = answered(capsys, hexapod, "--study", study)
     modes = asked("dynamics", hexapod, "--study", study)["modes"]
     assert rows["lowest natural frequency at home"] == ("Hz", [min(mode["hz"] for mode in modes)])
 
@@ -106,7 +106,7 @@ def test_the_lowest_frequency_is_that_of_pkm_dynamics(tmp_path, capsys):
 def test_a_program_has_a_verdict_and_what_is_not_judged_is_no_success(monkeypatch, capsys):
     for fits, said in [(True, "fits"), (False, "does not fit"), (None, "not judged")]:
         monkeypatch.setattr(compare, "preflight", lambda *_, fits=fits: {"fits": fits})
-        status, _, rows = told(capsys, ini("tripod"), "--program", "p.ngc")
+        status, _, rows = answered(capsys, ini("tripod"), "--program", "p.ngc")
         assert rows["program"] == ("", [said]) and status == (fits is None)
 
     def failed(file, program):
@@ -114,7 +114,7 @@ def test_a_program_has_a_verdict_and_what_is_not_judged_is_no_success(monkeypatc
         raise CommandFailed("no LinuxCNC")
 
     monkeypatch.setattr(compare, "preflight", failed)
-    status, _, rows = told(capsys, ini("tripod"), "--program", "p.ngc")
+    status, _, rows = answered(capsys, ini("tripod"), "--program", "p.ngc")
     assert status == 1 and rows["program"][1] == ["not judged: no LinuxCNC"]
 
 

@@ -76,7 +76,7 @@ other_series() {
     next=$(dpkg-deb --field "$pkmkins" Depends | sed 's/.*linuxcnc-uspace (<< \([^)]*\)~).*/\1/')
     rm -rf /srv/other && mkdir -p /srv/other/DEBIAN &&
         printf '%s\n' 'Package: linuxcnc-uspace' "Version: $next.0" "Architecture: $architecture" \
-            'Maintainer: nobody <nobody@localhost>' 'Description: stands for the next LinuxCNC' > /srv/other/DEBIAN/control &&
+            'Maintainer: test <test@localhost>' 'Description: stands for the next LinuxCNC' > /srv/other/DEBIAN/control &&
         dpkg-deb --build /srv/other /srv/other.deb && dpkg --install /srv/other.deb &&
         refused "$next~" dpkg --install "./$pkmkins" && ! installed pkmkins &&
         dpkg --purge pkmkins linuxcnc-uspace && orderly

@@ -68,7 +68,7 @@ export function table(command, machine, mechanism, poses, tool) {
   check(lines.length === poses.length, `${machine}: ${lines.length} answers for ${poses.length} poses: ${done.stderr}`);
   const number = (text) => (text === "" ? undefined : Number(text));
   const answers = lines.map((line) => Object.fromEntries(names.map((name, k) => [name, number(line[k])])));
-  return { rows: answers, values: lines.map((line) => line.map(number)), told: done.stderr };
+  return { rows: answers, values: lines.map((line) => line.map(number)), reply: done.stderr };
 }
 
 /** Returns the tool vector for pkm: without the spindle's offset, or 0 if poses are those of the platform. */
@@ -117,7 +117,7 @@ export async function tab(browser, options = { offline: true }) {
   const page = await context.newPage();
   page.setDefaultTimeout(MOST_WAIT);
   page.complaints = [];
-  page.on("console", (told) => ["error", "warning"].includes(told.type()) && page.complaints.push(told.text()));
+  page.on("console", (reply) => ["error", "warning"].includes(reply.type()) && page.complaints.push(reply.text()));
   page.on("pageerror", (error) => page.complaints.push(error.message));
   if (options.offline) page.on("request", (request) => request.url().match(/^(file|data|blob):/) || page.complaints.push(`asked for ${request.url()}`));
   await page.addInitScript(OBSERVER);
@@ -182,11 +182,11 @@ export function compare(machine, mechanism, own, states, tolerance) {
     byTool.set(key, [...(byTool.get(key) ?? []), state]);
   }
   for (const [key, group] of byTool) {
-    const { values, told } = table("joints", ini(machine), mechanism, group.map(({ pose }) => pose), key.split(",").map(Number));
+    const { values, reply } = table("joints", ini(machine), mechanism, group.map(({ pose }) => pose), key.split(",").map(Number));
     group.forEach((state, i) => {
       if (values[i][0] === undefined) {
         check(state.code !== 0, `${machine}: the page accepts ${state.pose}, pkm joints refuses it`);
-        check(told.includes(state.refusal), `${machine}: "${state.refusal}" is not the message of pkm joints: ${told}`);
+        check(reply.includes(state.refusal), `${machine}: "${state.refusal}" is not the message of pkm joints: ${reply}`);
       } else {
         check(state.code === 0, `${machine}: the page refuses ${state.pose}: ${state.refusal}`);
         near(state.joints, values[i], tolerance, `${machine}: joints at ${state.pose}`);

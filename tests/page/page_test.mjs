@@ -35,8 +35,8 @@ async function main() {
   const chosen = TESTS.filter(([name]) => name.includes(option("--only") ?? ""));
   for (const [name, test] of chosen) {
     try {
-      const told = await Promise.race([test(page), late()]);
-      console.log(`PASS ${name}${told ? `: ${told}` : ""}`);
+      const reply = await Promise.race([test(page), late()]);
+      console.log(`PASS ${name}${reply ? `: ${reply}` : ""}`);
     } catch (error) {
       failed += 1;
       console.log(`FAIL ${name}: ${error.message}`);

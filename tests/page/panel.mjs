@@ -39,51 +39,51 @@ function limitsOf(machine, which, { scene, tool: spindle }, { pose, tool }) {
 }
 
 /** Compares the list of nearest limits, nearest first, each with the share of its range left. */
-async function compareLimits(page, told, limits, count) {
+async function compareLimits(page, reply, limits, count) {
   const listed = await page.evaluate(() => Array.from(document.querySelectorAll(".limits > div"), (row) => {
     const bar = row.querySelector("meter-bar");
     return { words: row.querySelector("span").textContent, share: row.querySelector("em").textContent, is: row.className, title: bar.title, width: bar.style.getPropertyValue("--share") };
   }));
   const shares = listed.map(({ share, width }) => (share === "beyond" ? -1 : parseFloat(width) / 100));
-  check(listed.length === count, `${told}: ${listed.length} limits are listed`);
-  check(shares.every((share, k) => k === 0 || shares[k - 1] <= share + 1e-12), `${told}: the nearest is not the first: ${shares}`);
+  check(listed.length === count, `${reply}: ${listed.length} limits are listed`);
+  check(shares.every((share, k) => k === 0 || shares[k - 1] <= share + 1e-12), `${reply}: the nearest is not the first: ${shares}`);
   let compared = 0;
   for (const [words, share] of limits) {
     const row = listed.find((one) => one.words === words.replace(/^the /, ""));
-    check(row || share >= shares.at(-1) - 1e-9, `${told}: ${words} with ${share} is not listed: ${listed.map((one) => one.words)}`);
+    check(row || share >= shares.at(-1) - 1e-9, `${reply}: ${words} with ${share} is not listed: ${listed.map((one) => one.words)}`);
     if (!row) continue;
     compared += 1;
-    check(share < 0 === (row.share === "beyond") && share < 0 === (row.is === "limit broken"), `${told}: ${words} has ${share} and is ${row.share}`);
+    check(share < 0 === (row.share === "beyond") && share < 0 === (row.is === "limit broken"), `${reply}: ${words} has ${share} and is ${row.share}`);
     if (share < 0) continue;
-    near(parseFloat(row.width), 100 * Math.min(share, 1), 1e-6, `${told}: bar of ${words}`);
-    check(row.share === `${shown(100 * Math.min(share, 1), 0)} %`, `${told}: ${words} has ${share} and is ${row.share}`);
+    near(parseFloat(row.width), 100 * Math.min(share, 1), 1e-6, `${reply}: bar of ${words}`);
+    check(row.share === `${shown(100 * Math.min(share, 1), 0)} %`, `${reply}: ${words} has ${share} and is ${row.share}`);
   }
   return compared;
 }
 
 /** Compares sliders and fields with the pose and the extra axes, and checks their units. */
-async function compareSliders(page, told, scene, { pose, extra }) {
+async function compareSliders(page, reply, scene, { pose, extra }) {
   const sliders = await page.evaluate(() => Array.from(document.querySelectorAll(".pose label"), (label) => {
     const [range, field] = label.querySelectorAll("input");
     return { letter: label.querySelector("b").textContent, unit: label.querySelector("i").textContent, value: Number(range.value), min: Number(range.min), max: Number(range.max), text: field.value };
   }));
-  check(sliders.map(({ letter }) => letter).join("") === [...scene.axes, ...scene.extra_axes].map(({ letter }) => letter).join(""), `${told}: ${sliders.map(({ letter }) => letter)}`);
+  check(sliders.map(({ letter }) => letter).join("") === [...scene.axes, ...scene.extra_axes].map(({ letter }) => letter).join(""), `${reply}: ${sliders.map(({ letter }) => letter)}`);
   for (const { letter, unit, value, min, max, text } of sliders) {
     const axis = [...scene.axes, ...scene.extra_axes].find((one) => one.letter === letter);
     const isExtra = scene.extra_axes.includes(axis);
     const wanted = isExtra ? extra[letter] : pose["XYZABC".indexOf(letter)];
     const isAngle = "ABC".includes(letter);
-    check(unit === (isAngle ? "°" : scene.length_unit), `${told}: ${letter} is in ${unit}`);
+    check(unit === (isAngle ? "°" : scene.length_unit), `${reply}: ${letter} is in ${unit}`);
     const [low, high] = isExtra && isAngle ? [Math.max(axis.min, -360), Math.min(axis.max, 360)] : [axis.min, axis.max];
     const beyond = isExtra ? 0 : 0.1 * (high - low);
-    near([min, max], [low - beyond, high + beyond], 1e-9 * (high - low), `${told}: range of ${letter}`);
-    near(value, Math.min(Math.max(wanted, min), max), 1e-9, `${told}: slider of ${letter}`);
-    near(Number(text), wanted, half(4), `${told}: field of ${letter}`);
+    near([min, max], [low - beyond, high + beyond], 1e-9 * (high - low), `${reply}: range of ${letter}`);
+    near(value, Math.min(Math.max(wanted, min), max), 1e-9, `${reply}: slider of ${letter}`);
+    near(Number(text), wanted, half(4), `${reply}: field of ${letter}`);
   }
 }
 
 /** Compares travel with `pkm travel`, which proves the whole path; the page samples a hundred points. */
-async function compareTravel(page, told, machine, which, own, { pose, tool }) {
+async function compareTravel(page, reply, machine, which, own, { pose, tool }) {
   const words = own.scene.axes.map(({ letter }) => `${which ? SECOND[letter] : letter}${pose["XYZABC".indexOf(letter)].toFixed(12)}`);
   const { travel } = answer("travel", machine, "--mechanism", which + 1, "--tool", ...ownTool(own, tool), "--pose", ...words);
   const rows = await texts(page, "table.travel tr", "td");
@@ -92,12 +92,12 @@ async function compareTravel(page, told, machine, which, own, { pose, tool }) {
     const way = travel.find((one) => one.letter === axis);
     return [["−", way.minus], ["+", way.plus]].map(([sign, side]) => ({ axis, letter, sign, unit: way.unit, ...side }));
   });
-  check(rows.length === expected.length, `${told}: ${rows.length} directions, ${expected.length} of pkm travel`);
+  check(rows.length === expected.length, `${reply}: ${rows.length} directions, ${expected.length} of pkm travel`);
   expected.forEach(({ axis, letter, unit, sign, left, stop }, k) => {
     const [name, value, shownUnit, end] = rows[k];
-    check(name === `${sign}${letter}` && shownUnit === (unit === "degrees" ? "°" : unit), `${told}: ${rows[k]} where ${sign}${letter} in ${unit} is expected`);
-    near(Number(value), left, half(2) + 2e-5 * Math.abs(left), `${told}: travel ${name}`);
-    check(stop.replace(`axis ${axis}: `, "") === end, `${told}: ${name} ends at "${end}", by pkm travel at "${stop}"`);
+    check(name === `${sign}${letter}` && shownUnit === (unit === "degrees" ? "°" : unit), `${reply}: ${rows[k]} where ${sign}${letter} in ${unit} is expected`);
+    near(Number(value), left, half(2) + 2e-5 * Math.abs(left), `${reply}: travel ${name}`);
+    check(stop.replace(`axis ${axis}: `, "") === end, `${reply}: ${name} ends at "${end}", by pkm travel at "${stop}"`);
   });
   return rows.length;
 }
@@ -124,7 +124,7 @@ async function panel(page) {
     for (const [which, own] of mechanisms.entries()) {
       if (mechanisms.length > 1) await page.locator("select[aria-label=mechanism]").selectOption(`mechanism ${which + 1}`);
       for (const share of POSES) {
-        const told = `${name}, mechanism ${which + 1}, ${share}`;
+        const reply = `${name}, mechanism ${which + 1}, ${share}`;
         const { scene } = own;
         const extra = Object.fromEntries(scene.extra_axes.map(({ letter }, k) => [letter, share * (20 + k)]));
         await page.evaluate(([pose, tool, which, extra]) => window.pkm.take(pose, tool, which, extra), [part(scene, share), own.tool.map((value) => value + share), which, extra]);
@@ -132,14 +132,14 @@ async function panel(page) {
         const state = await asText(page, (which) => window.pkm.state(which), which);
         const [values] = table("joints", machine, which, [state.pose], ownTool(own, state.tool)).values;
         const rows = await texts(page, "table.joints tr", "td");
-        check(rows.length === scene.joints.length, `${told}: ${rows.length} joints`);
+        check(rows.length === scene.joints.length, `${reply}: ${rows.length} joints`);
         rows.forEach(([joint, value, unit], k) => {
-          check(joint === scene.joints[k].name && unit === scene.joints[k].unit, `${told}: joint ${k} is ${joint} in ${unit}`);
-          near(Number(value), values[k], half(4), `${told}: ${joint}`);
+          check(joint === scene.joints[k].name && unit === scene.joints[k].unit, `${reply}: joint ${k} is ${joint} in ${unit}`);
+          near(Number(value), values[k], half(4), `${reply}: ${joint}`);
         });
-        await compareSliders(page, told, scene, state);
-        limits += await compareLimits(page, told, limitsOf(machine, which, own, state), 9);
-        if (scene.chain.length === 0) ways += await compareTravel(page, told, machine, which, own, state);
+        await compareSliders(page, reply, scene, state);
+        limits += await compareLimits(page, reply, limitsOf(machine, which, own, state), 9);
+        if (scene.chain.length === 0) ways += await compareTravel(page, reply, machine, which, own, state);
       }
     }
     check(complaints(page).length === 0, complaints(page).join("; "));

@@ -12,16 +12,16 @@ const PROGRAMS = {
   hexapod: { legs: [], cone: 0, text: "G21 G90\nG1 X10 F1000\nG1 X20\nG1 A24 B24\nG1 A0 B0\nT2 M6 G43\nG1 X30 Y-7 Z245 C5\nM2\n" },
 };
 
-const told = (machine) => file(join(machine, `${machine}.ini`));
+const reply = (machine) => file(join(machine, `${machine}.ini`));
 
 /** Opens the page of a machine with narrow cones and its program. */
 async function withProgram(page, machine) {
   const { legs, cone, text } = PROGRAMS[machine];
   mkdirSync(file(machine), { recursive: true });
-  copyFileSync(ini(machine).replace(/ini$/, "tbl"), told(machine).replace(/ini$/, "tbl"));
-  writeFileSync(told(machine), legs.reduce((all, n) => all.replace(new RegExp(`(\\[LEG_${n}\\][^[]*?BASE_CONE = )\\S+`), `$1${cone}`), readFileSync(ini(machine), "utf8")));
-  writeFileSync(file(`${machine}-told.ngc`), text);
-  return opened(page, `${machine}-told`, told(machine), file(`${machine}-told.ngc`));
+  copyFileSync(ini(machine).replace(/ini$/, "tbl"), reply(machine).replace(/ini$/, "tbl"));
+  writeFileSync(reply(machine), legs.reduce((all, n) => all.replace(new RegExp(`(\\[LEG_${n}\\][^[]*?BASE_CONE = )\\S+`), `$1${cone}`), readFileSync(ini(machine), "utf8")));
+  writeFileSync(file(`${machine}-reply.ngc`), text);
+  return opened(page, `${machine}-reply`, reply(machine), file(`${machine}-reply.ngc`));
 }
 
 const state = (page, which = 0) => asText(page, (which) => window.pkm.state(which), which);
@@ -31,7 +31,7 @@ async function marks(page) {
   let count = 0;
   for (const machine of Object.keys(PROGRAMS)) {
     const mechanisms = await withProgram(page, machine);
-    const { breaks, warnings } = answer("preflight", told(machine), file(`${machine}-told.ngc`));
+    const { breaks, warnings } = answer("preflight", reply(machine), file(`${machine}-reply.ngc`));
     check(breaks.length > 0, `${machine}: nothing is found`);
     const found = await page.locator(".finding").allTextContents();
     const expected = breaks.map(({ line, text }) => [line, text]);
@@ -95,10 +95,10 @@ async function play(page) {
   const texts = PROGRAMS.tripod.text.split("\n");
   for (const share of [0, 0.2, 0.5, 0.9, 1]) {
     await page.evaluate((time) => window.pkm.go(time), share * end);
-    const [now, told] = [await state(page), await page.locator(".bar output").textContent()];
-    const [, at, all, line, speed] = /^([\d.]+) of ([\d.]+) s · line (\d+) · ([\d.]+) inch\/s$/.exec(told) ?? [];
-    near([Number(at), Number(all)], [share * end, end], 0.051, `what is told: ${told}`);
-    check(Number(line) === now.line && (await page.locator(".space .now").allTextContents()).join() === (now.line ? `${line}${texts[line - 1]}` : ""), `line ${now.line}: ${told}`);
+    const [now, reply] = [await state(page), await page.locator(".bar output").textContent()];
+    const [, at, all, line, speed] = /^([\d.]+) of ([\d.]+) s · line (\d+) · ([\d.]+) inch\/s$/.exec(reply) ?? [];
+    near([Number(at), Number(all)], [share * end, end], 0.051, `what is reply: ${reply}`);
+    check(Number(line) === now.line && (await page.locator(".space .now").allTextContents()).join() === (now.line ? `${line}${texts[line - 1]}` : ""), `line ${now.line}: ${reply}`);
     const [a, b] = await asText(page, ([from, to]) => [from, to].map((time) => (window.pkm.go(time), window.pkm.state().pose)), [Math.max(share * end - 0.005, 0), Math.min(share * end + 0.005, end)]);
     const step = Math.min(share * end + 0.005, end) - Math.max(share * end - 0.005, 0);
     near(Number(speed), Math.hypot(...[0, 1, 2].map((k) => a[k] - b[k])) / step, 0.051, `speed at ${share}`);
@@ -166,7 +166,7 @@ async function curves(page) {
     const places = [3, Math.floor(motion.times.length / 2), motion.times.length - 2];
     const states = await asText(page, (times) => times.map((time) => (window.pkm.go(time), window.pkm.state())), places.map((k) => motion.times[k]));
     places.forEach((place, k) => {
-      const expected = ratios(told(machine), own, states[k]);
+      const expected = ratios(reply(machine), own, states[k]);
       near(motion.curves.map(({ values }) => values[place]), expected, 1e-4 * Math.max(...expected), `${machine}: joint motion at ${motion.times[place]} s`);
       near(of("conditioning").curves[0].values[place], states[k].conditioning, 1e-12, `${machine}: conditioning at ${motion.times[place]} s`);
     });
@@ -318,7 +318,7 @@ async function frames(page) {
   });
   const asked = async (words) => {
     await page.goto("about:blank");
-    await page.goto(`file://${file("tripod-told.html")}#frames=${words}`);
+    await page.goto(`file://${file("tripod-reply.html")}#frames=${words}`);
     await page.waitForSelector("#frames", { state: "attached" });
     return page.evaluate(async () => {
       const images = document.getElementById("frames").textContent.split("\n");
@@ -332,15 +332,15 @@ async function frames(page) {
   const all = await asked("0,4,4,320,180,top");
   check(all.sizes.length === 4 && all.sizes.every(([width, height]) => width === 320 && height === 180), `sizes: ${all.sizes}`);
   check(new Set(all.images).size === 4, "frames are alike");
-  const told = all.written.filter(([text]) => text.includes(" s · line "));
+  const reply = all.written.filter(([text]) => text.includes(" s · line "));
   const texts = PROGRAMS.tripod.text.split("\n");
-  told.forEach(([text, left, below], k) => {
+  reply.forEach(([text, left, below], k) => {
     const [, time, line, block] = /^([\d.]+) s · line (\d+): (.*)$/.exec(text);
     near(Number(time), (end * k) / 3, 0.0051, `time of frame ${k}`);
     check(block === (texts[line - 1] ?? ""), `frame ${k}: ${text}`);
     near([left, below], [5, 175], 0, `place of the words of frame ${k}`);
   });
-  check(told.length === 4 && all.written.filter(([text]) => text === "tripod").length === 4, `written: ${JSON.stringify(all.written)}`);
+  check(reply.length === 4 && all.written.filter(([text]) => text === "tripod").length === 4, `written: ${JSON.stringify(all.written)}`);
   const third = await asked("2,1,4,320,180,top");
   check(third.images.length === 1 && third.images[0] === all.images[2], "the third frame is another one alone");
   const side = await asked("2,1,4,320,180,side");

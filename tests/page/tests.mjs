@@ -123,8 +123,8 @@ async function unread(page) {
   const made = view(file("unread.html"), ini("hexapod"), file("unread.ngc"));
   check(made.status === 2, `status ${made.status}`);
   await open(page, file("unread.html"));
-  const told = await page.locator("header .error").textContent();
-  check(told.includes("unread.ngc"), `not told: ${told}`);
+  const reply = await page.locator("header .error").textContent();
+  check(reply.includes("unread.ngc"), `not reply: ${reply}`);
   await isDrawn(page, "unread");
 }
 
@@ -161,9 +161,9 @@ const OF_WORK = [12, -34, 56];
 /** Compares the page's positions of leg ends, tip and work with those of the viewer for LinuxCNC. */
 function compareGround(name, sceneFile, states) {
   const questions = states.map(({ joints, pose, tool, extra }) => JSON.stringify({ joints, pose, tool, values: extra, of_work: OF_WORK }));
-  const told = spawnSync("python3", [join(HOME, "tests/viewer/placed.py"), sceneFile], { input: `${questions.join("\n")}\n`, encoding: "utf8" });
-  const lines = told.stdout.trim().split("\n").map((line) => JSON.parse(line));
-  check(lines.length === states.length, `${name}: ${told.stderr}`);
+  const reply = spawnSync("python3", [join(HOME, "tests/viewer/placed.py"), sceneFile], { input: `${questions.join("\n")}\n`, encoding: "utf8" });
+  const lines = reply.stdout.trim().split("\n").map((line) => JSON.parse(line));
+  check(lines.length === states.length, `${name}: ${reply.stderr}`);
   states.forEach(({ ground, pose, extra }, i) => {
     const { work: m, tip, lower, upper } = ground;
     const ofWork = [0, 1, 2].map((k) => m[k] * OF_WORK[0] + m[4 + k] * OF_WORK[1] + m[8 + k] * OF_WORK[2] + m[12 + k]);
@@ -177,8 +177,8 @@ function compareGround(name, sceneFile, states) {
  * number of poses compared. */
 async function carry(page, name, machine, { scene }) {
   const sceneFile = file(`${name}.json`);
-  const told = pkm(["scene", machine, "-o", sceneFile]);
-  check(told.status === 0, `${name}: ${told.stderr}`);
+  const reply = pkm(["scene", machine, "-o", sceneFile]);
+  check(reply.status === 0, `${name}: ${reply.stderr}`);
   const states = (await carried(page, scene)).filter(({ code }) => code === 0);
   check(states.length > CARRIED / 3, `${name}: ${states.length} of ${CARRIED} poses are reached`);
   compareGround(name, sceneFile, states);
@@ -241,8 +241,8 @@ async function shapes(page) {
   const made = view(file("shapes.html"), file("shapes.ini"));
   check(made.status === 0 && made.stderr.includes("missing.obj"), `status ${made.status}: ${made.stderr}`);
   await open(page, file("shapes.html"));
-  const told = (await page.locator("header .error").allTextContents()).join("; ");
-  check(told.includes("missing.obj") && told.includes("broken.stl") && !told.includes("good.stl"), `shown: ${told}`);
+  const reply = (await page.locator("header .error").allTextContents()).join("; ");
+  check(reply.includes("missing.obj") && reply.includes("broken.stl") && !reply.includes("good.stl"), `shown: ${reply}`);
   await isDrawn(page, "shapes");
 }
 
@@ -363,8 +363,8 @@ async function video() {
   const made = pkm(["view", ini("rotary-delta"), MACHINES.find(({ machine }) => machine === "rotary-delta").program,
     "--video", file("v.mp4"), "--video-seconds", "0.4", "--size", "320", "180"]);
   check(made.status === 0, made.stderr);
-  const told = spawnSync("ffprobe", ["-v", "error", "-count_frames", "-select_streams", "v:0", "-show_entries", "stream=nb_read_frames,width,height", "-of", "csv=p=0", file("v.mp4")], { encoding: "utf8" });
-  check(told.stdout.trim() === "320,180,10", `frames: ${told.stdout}`);
+  const reply = spawnSync("ffprobe", ["-v", "error", "-count_frames", "-select_streams", "v:0", "-show_entries", "stream=nb_read_frames,width,height", "-of", "csv=p=0", file("v.mp4")], { encoding: "utf8" });
+  check(reply.stdout.trim() === "320,180,10", `frames: ${reply.stdout}`);
 }
 
 export const TESTS = [

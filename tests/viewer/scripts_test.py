@@ -106,14 +106,14 @@ class LinuxCNC(types.ModuleType):
 
     def __init__(self):
         super().__init__("linuxcnc")
-        self.status, self.told, self.opened = Status(), [], 0
+        self.status, self.messages, self.opened = Status(), [], 0
 
     def stat(self):
         self.opened += 1
         return self.status
 
     def command(self):
-        return types.SimpleNamespace(error_msg=self.told.append)
+        return types.SimpleNamespace(error_msg=self.messages.append)
 
 
 @pytest.fixture
@@ -224,13 +224,13 @@ def test_kinematics_are_switched_by_a_press_at_rest_alone(panel, linuxcnc, statu
     own = panel.Panel("machine.ini", ["x"])
     vars(linuxcnc.status).update(status)
     own.switch(True)
-    assert own.component["kinematics"] == (0 if why else 1) and len(linuxcnc.told) == (1 if why else 0)
-    assert why is None or why in linuxcnc.told[0]
+    assert own.component["kinematics"] == (0 if why else 1) and len(linuxcnc.messages) == (1 if why else 0)
+    assert why is None or why in linuxcnc.messages[0]
     own.switch(True)
-    assert len(linuxcnc.told) == (1 if why else 0)
+    assert len(linuxcnc.messages) == (1 if why else 0)
     own.switch(False)
     # An unchanged request causes no new message.
-    assert own.component["kinematics"] == 0 and len(linuxcnc.told) == (1 if why else 0)
+    assert own.component["kinematics"] == 0 and len(linuxcnc.messages) == (1 if why else 0)
 
 
 def test_a_button_is_looked_at_each_time(panel, linuxcnc):

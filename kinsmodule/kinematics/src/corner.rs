@@ -168,7 +168,7 @@ mod tests {
     }
 
     /// Returns the corner found for v₁ w₁ + v₂ w₂, after w₁ alone.
-    fn told(w: [Rate; 2], v: [f64; 2]) -> Option<Corner> {
+    fn message(w: [Rate; 2], v: [f64; 2]) -> Option<Corner> {
         let mut straight = Straight::NONE;
         assert_eq!(straight.plain(&w[0].map(|w| 7.0 * w), 7.0), None);
         let sum = core::array::from_fn(|k| v[0] * w[0][k] + v[1] * w[1][k]);
@@ -186,7 +186,7 @@ mod tests {
             [[across, along], [across, back], [across, turning], [turning, along], [turning, other]]
         {
             for v in [[40.0, 0.5], [20.0, 20.0], [0.5, 40.0]] {
-                let corner = told(w, v).expect("a corner");
+                let corner = message(w, v).expect("a corner");
                 // Rounding of speeds of 40, divided by their share of the differences.
                 assert!((corner.speed - v[1]).abs() < 1e-11, "{corner:?} {v:?}");
                 for k in 0..6 {
@@ -250,7 +250,7 @@ mod tests {
     #[test]
     fn no_corner_is_seen_on_one_move_at_rest_or_without_one_before() {
         let w = [0.6, 0.8, 0.0, 0.1, 0.0, 0.2];
-        assert_eq!(told([w, w], [3.0, 4.0]), None);
+        assert_eq!(message([w, w], [3.0, 4.0]), None);
         let mut straight = Straight::NONE;
         assert_eq!(straight.plain(&w, 2.0), None);
         for speed in [0.0, -1.0, f64::NAN, f64::INFINITY] {

@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn every_reason_names_what_to_write() {
-        for (error, told) in [
+        for (error, reported) in [
             (LoadError::LegsMalformed, "legs="),
             (LoadError::KindUnknown, "kind of leg"),
             (LoadError::LegsWrong, "one to eight"),
@@ -345,7 +345,7 @@ mod tests {
             (LoadError::SparmUnknown, "identityfirst"),
             (LoadError::IdentityImpossible, "sparm=identityfirst"),
         ] {
-            assert!(error.text().contains(told), "{error:?}");
+            assert!(error.text().contains(reported), "{error:?}");
         }
     }
 

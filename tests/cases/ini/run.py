@@ -147,11 +147,11 @@ def lacking(names, message):
 
 def differing(session, message):
     """Complaint about a message that is not that of `pkm check`, or None."""
-    told = run(str(PKM), "check", "--no-start", str(session.folder / "case.ini"))
+    printed = run(str(PKM), "check", "--no-start", str(session.folder / "case.ini"))
     shown = message.partition(HEADING)[2].strip()
     # What `pkm check` finds of a machine that it can read stands on standard output, among other things.
-    is_same = shown and (shown == told.stderr.strip() or shown in told.stdout)
-    return None if is_same else f"LinuxCNC shows {message!r}, and pkm check {told.stderr!r}"
+    is_same = shown and (shown == printed.stderr.strip() or shown in printed.stdout)
+    return None if is_same else f"LinuxCNC shows {message!r}, and pkm check {printed.stderr!r}"
 
 
 def check_refused(session, case):

@@ -33,20 +33,20 @@ pub fn check(config: &MachineConfig) -> Result<Option<Report>, MachineError> {
     let (one, other) = (one?, other?);
     let mut found = Report::new(first);
     let gap = Gap::between(&one, &other);
-    let told = |gap: &Gap| shown(configs, gap);
-    found.fact("nearest parts", format!("{} at home", told(&gap)));
+    let reported = |gap: &Gap| shown(configs, gap);
+    found.fact("nearest parts", format!("{} at home", reported(&gap)));
     let least = limits::least_distance_between(first);
     if gap.distance < least {
         let text = format!(
             "{}, but MECHANISM_CLEARANCE requires {}; move HOME of one mechanism away",
-            told(&gap),
+            reported(&gap),
             limits::shown(least)
         );
         found.finding(Severity::Error, at_key(&config.ini, "TRAJ", "HOME", &text));
     }
     if let Some((gap, poses)) = nearest(configs) {
         let [one, other] = [0, 1].map(|i| shown_pose(configs[i], &poses[i]));
-        let (apart, place) = (told(&gap), format!("{one} and {other}"));
+        let (apart, place) = (reported(&gap), format!("{one} and {other}"));
         found.fact(
             "",
             format!("{apart}, the smallest sampled within the axis limits of both, at {place}"),

@@ -122,6 +122,6 @@ fn a_tool_without_a_length_is_proved_as_no_tool_is() {
     let config = MachineConfig::read(&file).unwrap();
     let report = check(&config, config.first(), |_| ()).unwrap();
     assert!(report.is_whole, "the case is about limits that are proved as a whole");
-    let told = report.facts.iter().find(|(name, _)| name.starts_with("T1")).unwrap();
-    assert!(told.1.ends_with("; proved for the limits below"), "{told:?}");
+    let answer = report.facts.iter().find(|(name, _)| name.starts_with("T1")).unwrap();
+    assert!(answer.1.ends_with("; proved for the limits below"), "{answer:?}");
 }

@@ -61,7 +61,7 @@ fn a_drive_file_without_its_keys_does_not_fit() {
 
 #[test]
 fn homing_speeds_that_linuxcnc_refuses_and_searches_the_wrong_way_are_reported() {
-    let told = |from: &str, to: &str| {
+    let reported = |from: &str, to: &str| {
         let (_folder, config) = changed("linear-delta", |text| {
             assert!(text.contains(from), "{from}");
             text.replacen(from, to, 1)
@@ -70,11 +70,11 @@ fn homing_speeds_that_linuxcnc_refuses_and_searches_the_wrong_way_are_reported()
         let texts = report.findings.iter().map(|finding| finding.problem.message());
         texts.collect::<Vec<String>>().join("\n")
     };
-    let latch = told("HOME_LATCH_VEL = ", "HOME_LATCH_VEL = 0\n# ");
+    let latch = reported("HOME_LATCH_VEL = ", "HOME_LATCH_VEL = 0\n# ");
     assert!(latch.contains("LinuxCNC does not home a joint that searches without it"), "{latch}");
-    let search = told("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = 0\n# ");
+    let search = reported("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = 0\n# ");
     assert!(search.contains("add HOME_SEARCH_VEL, or HOME_USE_INDEX = YES"), "{search}");
-    let away = told("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = -");
+    let away = reported("HOME_SEARCH_VEL = ", "HOME_SEARCH_VEL = -");
     assert!(
         away.contains("the search moves to the other end") && away.contains("expected 20"),
         "{away}"

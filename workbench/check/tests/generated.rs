@@ -25,14 +25,14 @@ fn machines_fit_and_every_pose_that_is_proved_keeps_ranges_and_tilt() {
                 found.map(|(_, value)| value.clone()).unwrap_or_default()
             };
             let errors = report.findings.iter().filter(|one| one.severity == Severity::Error);
-            let told: Vec<_> = errors.map(|finding| finding.problem.message()).collect();
-            let told = format!("{} {n}: {told:?}", drawn.name);
-            assert!(report.fits(), "{told}");
+            let reported: Vec<_> = errors.map(|finding| finding.problem.message()).collect();
+            let reported = format!("{} {n}: {reported:?}", drawn.name);
+            assert!(report.fits(), "{reported}");
             assert!(fact("geometry hash").starts_with(&format!("{:#010x}", mechanism.hash)));
             for joint in mechanism.joints.iter() {
                 let value = fact(&joint.name);
-                assert!(value.contains(&format!("MIN_LIMIT {}", joint.min)), "{told}: {value}");
-                assert!(value.contains(&format!("MAX_LIMIT {}", joint.max)), "{told}: {value}");
+                assert!(value.contains(&format!("MIN_LIMIT {}", joint.min)), "{reported}: {value}");
+                assert!(value.contains(&format!("MAX_LIMIT {}", joint.max)), "{reported}: {value}");
             }
             let Some(limits) = report.suggestion else { continue };
             let built = &drawn.mechanisms[n];

@@ -65,10 +65,10 @@ fn struts_that_home_one_by_one_break_limits_and_the_order_computed_does_not() {
     assert_eq!(homing.judge(&order).broken, 0);
     assert_eq!(sequences(&order), [-1; 6]);
     let report = check(&config.clone().into(), &config, |_| ()).unwrap();
-    let told: Vec<String> = report.findings.iter().map(|f| f.problem.message()).collect();
+    let reported: Vec<String> = report.findings.iter().map(|f| f.problem.message()).collect();
     assert!(
-        told.iter().any(|text| text.contains("HOME_SEQUENCE") && text.contains("-1 -1 -1")),
-        "{told:?}"
+        reported.iter().any(|text| text.contains("HOME_SEQUENCE") && text.contains("-1 -1 -1")),
+        "{reported:?}"
     );
 }
 

@@ -79,8 +79,11 @@ fn every_value_of_the_file_is_read_where_it_belongs() {
                 let number = (built.first_joint + i).to_string();
                 let is_leg = i < built.geometry.legs().len();
                 let leg = (built.first_leg + i).to_string();
-                let told = limits::part(mechanism, Limit::JointRange, part);
-                assert!(!is_leg || told.ends_with(&format!(" {leg}")), "{name} {number}: {told}");
+                let reported = limits::part(mechanism, Limit::JointRange, part);
+                assert!(
+                    !is_leg || reported.ends_with(&format!(" {leg}")),
+                    "{name} {number}: {reported}"
+                );
             }
             for k in 0..6 {
                 let Some(letter) = built.letters[k] else { continue };
@@ -201,12 +204,12 @@ fn pins(drawn: &Generated) -> BTreeMap<String, f64> {
 fn every_pin_has_its_value() {
     each(|drawn, config| {
         let text = printed(&config.file, "1.2.3").unwrap();
-        let told: BTreeMap<String, f64> = text
+        let reported: BTreeMap<String, f64> = text
             .lines()
             .filter_map(|line| line.strip_prefix("pin ")?.split_once(' '))
             .map(|(name, value)| (name.into(), value.parse().unwrap()))
             .collect();
-        assert_eq!(told, pins(drawn), "{}", drawn.name);
+        assert_eq!(reported, pins(drawn), "{}", drawn.name);
     });
 }
 

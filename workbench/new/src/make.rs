@@ -312,8 +312,8 @@ fn with_boxes(
             .into();
     }
     say(PROVING_BOXES, None);
-    let told = |share: f64| say(PROVING_BOXES, Some(share));
-    match boxes::found(config, &told) {
+    let reported = |share: f64| say(PROVING_BOXES, Some(share));
+    match boxes::found(config, &reported) {
         Ok(found) => {
             let letters = config.machine.layout().coordinates().as_slice();
             let section = |(k, (section, _)): (usize, &(_, usize))| {

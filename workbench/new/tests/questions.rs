@@ -54,12 +54,12 @@ fn long_work_reports_the_share_that_is_done() {
     let given = needed.map(|p| (p.name, words(p.default))).collect();
     let values = Values::new(kind.name, &kind.parameters(), &given).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path().join("told");
-    let told = Mutex::new(vec![]);
-    let order = Order { kind, values: &values, name: "told", folder: &folder };
-    make(&order, |what, share| told.lock().unwrap().push((what.to_string(), share))).unwrap();
-    let told = told.into_inner().unwrap();
-    let own = told.iter().filter(|(what, _)| what == "proving axis limits");
+    let folder = folder.path().join("reported");
+    let reported = Mutex::new(vec![]);
+    let order = Order { kind, values: &values, name: "reported", folder: &folder };
+    make(&order, |what, share| reported.lock().unwrap().push((what.to_string(), share))).unwrap();
+    let reported = reported.into_inner().unwrap();
+    let own = reported.iter().filter(|(what, _)| what == "proving axis limits");
     let own: Vec<Option<f64>> = own.map(|(_, share)| *share).collect();
     let is_rising = own[1..].is_sorted() && own.last().unwrap().is_some_and(|share| share <= 1.0);
     assert!(own[0].is_none() && own.len() > 1 && is_rising, "{own:?}");

@@ -403,11 +403,13 @@ impl<'a> Pilot<'a> {
     pub(super) fn report(&mut self, leg: &Leg, found: &Found, worst: f64) {
         let part = limits::part(self.config, found.limit, found.part);
         let is_reach = found.limit == Limit::Reach;
-        let of = |told: &&mut Break| told.limit == found.limit && (is_reach || told.part == part);
-        if let Some(told) = self.result.breaks.iter_mut().find(of) {
+        let of = |message: &&mut Break| {
+            message.limit == found.limit && (is_reach || message.part == part)
+        };
+        if let Some(message) = self.result.breaks.iter_mut().find(of) {
             // Moves are in program order; a tool change precedes its move.
-            told.moves += usize::from(told.last != leg.number);
-            told.last = leg.number;
+            message.moves += usize::from(message.last != leg.number);
+            message.last = leg.number;
             return;
         }
         self.result.breaks.push(Break {

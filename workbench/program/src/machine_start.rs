@@ -144,15 +144,15 @@ fn refused(
         NotJudged::Step { text, .. } | NotJudged::Refused(text) if is_of_virtual_time(text) => None,
         NotJudged::Step { is_mistake: false, .. } => None,
         NotJudged::Step { file, line, entry, text, .. } => {
-            let told = format!("LinuxCNC fails to start: {text}");
+            let answer = format!("LinuxCNC fails to start: {text}");
             let is_own = *line > 0 && !file.starts_with(HALLIB);
             if is_own && file.parent().is_some() && !is_of_library(file) {
-                return Some(drives::of_line(file, *line, &told));
+                return Some(drives::of_line(file, *line, &answer));
             }
             let entry = entries.get(*entry).and_then(|(entry, _)| *entry);
-            Some(named(ini, text, &told).unwrap_or_else(|| match entry {
-                Some(entry) => ini.refuse(entry, &told),
-                None => whole(ini, &told),
+            Some(named(ini, text, &answer).unwrap_or_else(|| match entry {
+                Some(entry) => ini.refuse(entry, &answer),
+                None => whole(ini, &answer),
             }))
         }
         NotJudged::StartupCode(error) => Some(error.clone()),
@@ -197,8 +197,8 @@ const ABOUT: [(&str, &str, &str); 9] = [
     ("pkmkins.so", "KINS", "KINEMATICS"),
 ];
 
-/// Returns the refusal `told` at the key that a message names, if any.
-fn named(ini: &Ini, text: &str, told: &str) -> Option<IniError> {
+/// Returns the refusal `answer` at the key that a message names, if any.
+fn named(ini: &Ini, text: &str, answer: &str) -> Option<IniError> {
     let between = |start: &str, end: &str| {
         let (_, rest) = text.split_once(start)?;
         Some(rest.split_once(end)?.0.to_string())
@@ -216,22 +216,22 @@ fn named(ini: &Ini, text: &str, told: &str) -> Option<IniError> {
         Some((section, key)).filter(|(_, key)| is_name(key))
     });
     if let Some((section, key)) = of_reader.or(of_file) {
-        return Some(at_key(ini, &section, &key, told));
+        return Some(at_key(ini, &section, &key, answer));
     }
     if let Some((section, key)) = of_joint(text) {
-        return Some(at_key(ini, &section, key, told));
+        return Some(at_key(ini, &section, key, answer));
     }
     let table = ini.entries().find(|entry| {
         let is_named = text.contains("compensation file") && text.contains(&entry.value);
         entry.key == "COMP_FILE" && is_named
     });
     if let Some(entry) = table {
-        return Some(ini.refuse(entry, told));
+        return Some(ini.refuse(entry, answer));
     }
     let about = ABOUT
         .iter()
         .find(|(words, section, key)| text.contains(words) && ini.first(section, key).is_some());
-    about.map(|(_, section, key)| at_key(ini, section, key, told))
+    about.map(|(_, section, key)| at_key(ini, section, key, answer))
 }
 
 /// Returns the key of the joint or axis of a message.

@@ -81,9 +81,9 @@ impl Pilot<'_> {
             if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
                 let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
                 let (from, line, file) = (self.at, step.line, step.file);
-                let told = if self.config.chain.is_empty() { delta } else { [0.0; 6] };
+                let reported = if self.config.chain.is_empty() { delta } else { [0.0; 6] };
                 let course = Course::Straight { from: pose, delta };
-                self.follow(&Leg { number, line, file, from, delta: told, course });
+                self.follow(&Leg { number, line, file, from, delta: reported, course });
             }
         }
         self.reach = Reach::with_tool(self.config, tool)?;

@@ -104,7 +104,7 @@ pub fn judge(
         // It may call other subroutines, and in another order.
         let numbers: Vec<usize> = files.into_iter().map(|file| judged.number_of(file)).collect();
         let renumber = |file: &mut usize| *file = numbers.get(*file).copied().unwrap_or(0);
-        other.breaks.iter_mut().for_each(|told| renumber(&mut told.file));
+        other.breaks.iter_mut().for_each(|answer| renumber(&mut answer.file));
         other.margins.iter_mut().for_each(|margin| renumber(&mut margin.file));
         judged.found.add_variant(other, "with block delete off");
     }
@@ -239,10 +239,12 @@ impl Preflight {
     /// Adds the violations in servo cycles: other limits, and limits violated before the first commanded move
     /// that violates them.
     fn add_cycles(&mut self, beyond: Vec<Break>) {
-        for told in beyond {
-            match self.breaks.iter_mut().find(|known| known.is_like(&told)) {
-                None => self.breaks.push(told),
-                Some(known) if known.seconds.is_none() && told.step <= known.step => *known = told,
+        for answer in beyond {
+            match self.breaks.iter_mut().find(|known| known.is_like(&answer)) {
+                None => self.breaks.push(answer),
+                Some(known) if known.seconds.is_none() && answer.step <= known.step => {
+                    *known = answer
+                }
                 Some(_) => {}
             }
         }
@@ -250,10 +252,10 @@ impl Preflight {
 
     /// Adds the findings of another run of the same program, under `condition`.
     fn add_variant(&mut self, other: Self, condition: &str) {
-        for told in other.breaks {
-            let is_here = |known: &Break| (known.file, known.line) == (told.file, told.line);
-            if !self.breaks.iter().any(|known| known.is_like(&told) && is_here(known)) {
-                self.breaks.push(Break { text: format!("{condition}: {}", told.text), ..told });
+        for answer in other.breaks {
+            let is_here = |known: &Break| (known.file, known.line) == (answer.file, answer.line);
+            if !self.breaks.iter().any(|known| known.is_like(&answer) && is_here(known)) {
+                self.breaks.push(Break { text: format!("{condition}: {}", answer.text), ..answer });
             }
         }
         for margin in other.margins {
@@ -342,12 +344,12 @@ impl Timing {
 
 fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
     let found = config.all_joints().zip(load.peaks.iter().zip(&load.beyond));
-    let told = found.filter_map(|((config, joint), (peak, beyond))| {
+    let answer = found.filter_map(|((config, joint), (peak, beyond))| {
         let Beyond { place, lines } = (*beyond)?;
         let (part, text) = sentence(config, limit, joint, peak);
         Some(Break::in_time(limit, part, &place, lines, text))
     });
-    told.collect()
+    answer.collect()
 }
 
 /// Returns the part that violates a limit, and a sentence about it.
@@ -372,12 +374,12 @@ fn stop(outcome: &Outcome, last: &Place) -> Option<Break> {
     if outcome.ending == Ending::Finished {
         return None;
     }
-    let errors = outcome.messages.iter().filter(|told| told.is_error());
+    let errors = outcome.messages.iter().filter(|answer| answer.is_error());
     let first = errors.clone().next();
-    let (line, file, seconds) = first.map_or((last.line, last.file, last.seconds), |told| {
-        (told.place(), told.file, told.seconds)
+    let (line, file, seconds) = first.map_or((last.line, last.file, last.seconds), |answer| {
+        (answer.place(), answer.file, answer.seconds)
     });
-    let texts: Vec<&str> = errors.map(|told| told.text.as_str()).collect();
+    let texts: Vec<&str> = errors.map(|answer| answer.text.as_str()).collect();
     let text = match texts.is_empty() {
         true => "LinuxCNC stops here, without a message".into(),
         false => format!("LinuxCNC stops here: {}", texts.join("; ")),
@@ -437,10 +439,10 @@ mod tests {
         let Time::Judged(timing) = &slow.time else { panic!() };
         assert!((timing.feed_factor - 2.0).abs() < 1e-6, "{}", timing.feed_factor);
         let fast = run(&config, 2.0 * most, finished());
-        let [told] = fast.breaks.as_slice() else { panic!("{:?}", fast.breaks) };
-        assert!(told.limit == Limit::JointSpeed && told.limit.is_of_time() && told.line == 4);
-        assert!(told.text.starts_with("the speed of strut 2 exceeds"), "{}", told.text);
-        assert_eq!((told.moves, told.seconds), (1, Some(0.0)));
+        let [answer] = fast.breaks.as_slice() else { panic!("{:?}", fast.breaks) };
+        assert!(answer.limit == Limit::JointSpeed && answer.limit.is_of_time() && answer.line == 4);
+        assert!(answer.text.starts_with("the speed of strut 2 exceeds"), "{}", answer.text);
+        assert_eq!((answer.moves, answer.seconds), (1, Some(0.0)));
     }
 
     #[test]
@@ -457,21 +459,21 @@ mod tests {
         let shown = Outcome { messages: vec![error(MessageKind::Display)], ..finished() };
         assert!(run(&config, 1.0, shown.clone()).fits());
         let stopped = Outcome { ending: Ending::Stopped, ..shown.clone() };
-        let told = &run(&config, 1.0, stopped).breaks[0];
-        assert_eq!(told.text, "LinuxCNC stops here, without a message");
-        assert_eq!((told.line, told.seconds), (4, Some(0.499)));
+        let answer = &run(&config, 1.0, stopped).breaks[0];
+        assert_eq!(answer.text, "LinuxCNC stops here, without a message");
+        assert_eq!((answer.line, answer.seconds), (4, Some(0.499)));
         let messages = vec![error(MessageKind::Error)];
         let stopped = Outcome { ending: Ending::Stopped, messages, ..shown };
-        let told = &run(&config, 1.0, stopped).breaks[0];
-        assert_eq!(told.text, "LinuxCNC stops here: joint 2 following error");
-        assert_eq!((told.limit, told.line, told.seconds), (Rule::Control, 4, Some(0.3)));
+        let answer = &run(&config, 1.0, stopped).breaks[0];
+        assert_eq!(answer.text, "LinuxCNC stops here: joint 2 following error");
+        assert_eq!((answer.limit, answer.line, answer.seconds), (Rule::Control, 4, Some(0.3)));
     }
 
     #[test]
     fn time_that_is_not_judged_breaks_nothing() {
         let config = config();
         let found = preflight(&config.mechanisms, &[]).unwrap();
-        let told = found.with_time(&config, Time::NotJudged("no LinuxCNC".into()));
-        assert!(told.fits() && told.time == Time::NotJudged("no LinuxCNC".into()));
+        let answer = found.with_time(&config, Time::NotJudged("no LinuxCNC".into()));
+        assert!(answer.fits() && answer.time == Time::NotJudged("no LinuxCNC".into()));
     }
 }

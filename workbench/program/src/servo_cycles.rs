@@ -236,8 +236,8 @@ impl<'a> Cycles<'a> {
                         thread.turning, thread.pitch, thread.needed(), thread.fastest
                     ),
                 };
-                let told = Break::in_time(found.rule, found.name, &found.place, found.lines, text);
-                Break { of_second: found.of_second, step: found.step, ..told }
+                let message = Break::in_time(found.rule, found.name, &found.place, found.lines, text);
+                Break { of_second: found.of_second, step: found.step, ..message }
             })
             .collect()
         })

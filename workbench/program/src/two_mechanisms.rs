@@ -73,7 +73,8 @@ impl Preflight {
         self.runnable = self.runnable.min(second.runnable);
         self.ranges.extend(second.ranges);
         self.margins.extend(second.margins);
-        self.breaks.extend(second.breaks.into_iter().map(|told| Break { of_second: true, ..told }));
+        self.breaks
+            .extend(second.breaks.into_iter().map(|message| Break { of_second: true, ..message }));
         for rapid in second.rapids_to_zero {
             if !self.rapids_to_zero.contains(&rapid) {
                 self.rapids_to_zero.push(rapid);
@@ -242,8 +243,8 @@ impl<'a> Between<'a> {
     }
 
     fn report(&mut self, leg: &Leg, share: f64, bodies: [Body; 2]) {
-        if let Some(told) = &mut self.broken {
-            told.moves += 1;
+        if let Some(message) = &mut self.broken {
+            message.moves += 1;
             return;
         }
         let seen = (0..=SAMPLES).filter_map(|n| {
@@ -298,10 +299,10 @@ impl<'a> Between<'a> {
                 file,
             });
         }
-        if let Some(told) = self.broken {
-            let share = if self.advance > 0.0 { told.before / self.advance } else { 0.0 };
+        if let Some(message) = self.broken {
+            let share = if self.advance > 0.0 { message.before / self.advance } else { 0.0 };
             found.runnable = found.runnable.min(share);
-            found.breaks.push(told);
+            found.breaks.push(message);
         }
         found.breaks.sort_by(|a, b| a.step.cmp(&b.step).then(a.share.total_cmp(&b.share)));
         Ok(())

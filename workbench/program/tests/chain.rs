@@ -197,11 +197,11 @@ fn preflight_proves_a_program_over_a_turning_table_and_finds_what_leaves_it() {
         .unwrap();
     narrow.joints[strut].max = (middle[strut] + begin[strut].max(end[strut])) / 2.0;
     let found = preflight(std::slice::from_ref(&narrow), &moves).unwrap();
-    let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
-    assert!(told.text.contains(&format!("strut {strut}")), "{}", told.text);
-    assert_eq!(told.line, 3);
+    let [message] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
+    assert!(message.text.contains(&format!("strut {strut}")), "{}", message.text);
+    assert_eq!(message.line, 3);
     // At the reported position the strut leaves its range, to the accuracy of a violation.
-    let c = told.pose[5];
+    let c = message.pose[5];
     assert!((joints(c)[strut] - narrow.joints[strut].max).abs() < 0.01, "{c}");
 }
 

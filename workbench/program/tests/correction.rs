@@ -163,7 +163,7 @@ fn a_program_is_judged_by_the_speed_that_the_correction_leaves() {
         program,
         folder.path(),
     );
-    let fast = found.breaks.iter().find(|told| told.limit == Limit::JointSpeed);
+    let fast = found.breaks.iter().find(|message| message.limit == Limit::JointSpeed);
     let fast = fast.unwrap_or_else(|| panic!("{:?}", found.margins));
     assert!(fast.text.contains("exceeds 21.5 mm/s") && fast.text.contains("22.0"), "{}", fast.text);
     let found = judged(
@@ -181,9 +181,10 @@ fn a_path_is_judged_by_the_range_that_the_correction_leaves() {
     let config = changed("hexapod", &HEXAPOD, &keys, folder.path());
     let program = "G21 G90\nM52 P1\nG1 F1000 Z400\nG1 Z250\nM2\n";
     let found = judged(&config, program, folder.path());
-    let left: Vec<_> = found.breaks.iter().filter(|told| told.limit == Limit::JointRange).collect();
+    let left: Vec<_> =
+        found.breaks.iter().filter(|message| message.limit == Limit::JointRange).collect();
     assert_eq!(left.len(), 6, "{:?}", found.breaks);
-    assert!(left.iter().all(|told| told.text.contains("840 to 960 mm")), "{left:?}");
+    assert!(left.iter().all(|message| message.text.contains("840 to 960 mm")), "{left:?}");
     let strut = found.ranges.iter().find(|range| range.part == "strut 0").unwrap();
     assert_eq!(strut.allowed, [840.0, 960.0]);
     // The travel available for jogs, as `pkm travel` reports it.

@@ -90,13 +90,13 @@ fn preflight_judges_their_ranges_speeds_and_limits() {
     assert!(near(used("axis C"), [-45.0, 90.0]), "{:?}", used("axis C"));
     assert!(near(used("axis W"), [300.0, 800.0]), "{:?}", used("axis W"));
     let beyond = judged("G21 G90\nG0 W950\nM2\n");
-    let told: Vec<&str> = beyond.breaks.iter().map(|found| found.text.as_str()).collect();
-    assert!(told.iter().any(|text| text.contains("exceed W's positive limit")), "{told:?}");
+    let reported: Vec<&str> = beyond.breaks.iter().map(|found| found.text.as_str()).collect();
+    assert!(reported.iter().any(|text| text.contains("exceed W's positive limit")), "{reported:?}");
     // A blend at which C reverses needs 1.5 times the acceleration of the axis.
     let helix = std::fs::read_to_string(folder(LATHE).join("programs/helix.ngc")).unwrap();
     let turning_back = judged(&helix.replace("G61\n", ""));
-    let told: Vec<&str> = turning_back.breaks.iter().map(|found| found.part.as_str()).collect();
-    assert!(told.contains(&"the acceleration of axis C"), "{told:?}");
+    let reported: Vec<&str> = turning_back.breaks.iter().map(|found| found.part.as_str()).collect();
+    assert!(reported.contains(&"the acceleration of axis C"), "{reported:?}");
 }
 
 #[test]
@@ -118,6 +118,6 @@ fn letters_that_are_no_axis_of_the_machine_are_refused() {
     let options = Options::default();
     let refused = run_text(LATHE, "G21 G90\nG0 U10\nM2\n", &options).unwrap();
     assert_eq!(refused.ending, Ending::Stopped);
-    let told = refused.messages.first().expect("a reason").text.to_lowercase();
-    assert!(told.contains('u'), "{told}");
+    let reported = refused.messages.first().expect("a reason").text.to_lowercase();
+    assert!(reported.contains('u'), "{reported}");
 }

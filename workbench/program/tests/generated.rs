@@ -69,11 +69,11 @@ fn travel_ends_at_the_limit_that_it_names_and_at_none_before() {
             let own = drawn.mechanisms.iter().flat_map(|built| &built.axes);
             let axes: Vec<_> = own.chain(drawn.extra.iter().map(|extra| &extra.axis)).collect();
             for way in &found {
-                let told = |side: &str| format!("{} {n} {side}: {way:?}", drawn.name);
+                let message = |side: &str| format!("{} {n} {side}: {way:?}", drawn.name);
                 let axis = axes.iter().find(|axis| axis.letter == way.letter).unwrap();
                 let unit =
                     if "ABC".contains(way.letter) { "degrees" } else { config.length_unit() };
-                assert_eq!(way.unit, unit, "{}", told(""));
+                assert_eq!(way.unit, unit, "{}", message(""));
                 let k = place(way.letter);
                 for (side, sign, end) in [(&way.minus, -1.0, axis.min), (&way.plus, 1.0, axis.max)]
                 {
@@ -85,21 +85,25 @@ fn travel_ends_at_the_limit_that_it_names_and_at_none_before() {
                     };
                     for look in 0..LOOKS {
                         let share = f64::from(look) / f64::from(LOOKS);
-                        assert!(at(share * left) > -ROUNDED, "{} at {share}", told("before"));
+                        assert!(at(share * left) > -ROUNDED, "{} at {share}", message("before"));
                     }
                     let stop = side.stop.as_ref().unwrap();
                     let to_axis = sign * (end - world[k]);
                     if stop.starts_with("axis ") && stop.contains("axis range") {
-                        assert!(stop.starts_with(&format!("axis {}:", way.letter)), "{}", told(""));
+                        assert!(
+                            stop.starts_with(&format!("axis {}:", way.letter)),
+                            "{}",
+                            message("")
+                        );
                         assert!((left - to_axis).abs() < 1e-9 * axis.max.abs().max(1.0));
                         ended[0] += 1;
                         continue;
                     }
-                    assert!(left < to_axis, "{}", told("beyond its axis"));
+                    assert!(left < to_axis, "{}", message("beyond its axis"));
                     if stop.contains("joint range") || stop.contains("tilt") {
                         // Travel resolves a 10,000th of the machine's size, or of a turn.
                         let resolved = if k < 6 && k > 2 { 0.05 } else { 0.1 * drawn.unit };
-                        assert!(at(left + resolved) < ROUNDED, "{}", told("behind"));
+                        assert!(at(left + resolved) < ROUNDED, "{}", message("behind"));
                         ended[1] += 1;
                     } else {
                         ended[2] += 1;
@@ -151,8 +155,8 @@ fn programs_are_judged_and_run_as_the_equations_have_it() {
             }
         });
         let found = judged.unwrap_or_else(|error| panic!("{}: {error}\n{text}", drawn.name)).found;
-        let told = format!("{}: {:?}", drawn.name, found.breaks);
-        assert!(found.time.is_whole() || !found.fits(), "{told}");
+        let message = format!("{}: {:?}", drawn.name, found.breaks);
+        assert!(found.time.is_whole() || !found.fits(), "{message}");
         let tools = drawn.tools(2);
         let mut least = f64::INFINITY;
         let mut from = drawn.home;
@@ -165,13 +169,13 @@ fn programs_are_judged_and_run_as_the_equations_have_it() {
             from = *to;
         }
         let is_known = |rule: Rule| matches!(rule, Rule::Limit(Limit::Tilt | Limit::JointRange));
-        let is_told = found.breaks.iter().any(|told| is_known(told.limit));
+        let is_told = found.breaks.iter().any(|message| is_known(message.limit));
         if found.fits() {
             assert!(least > -ROUNDED, "{} fits, and leaves a limit by {least}", drawn.name);
             fitting += 1;
         }
         if least < -ROUNDED {
-            assert!(!found.fits(), "{told}");
+            assert!(!found.fits(), "{message}");
             left += 1;
         }
         if let (Time::Judged(timing), true) = (&found.time, found.fits()) {
@@ -194,7 +198,7 @@ fn programs_are_judged_and_run_as_the_equations_have_it() {
             }
         }
         // A violation is reported if a piece of a move cannot be proved: a millionth of the size.
-        assert!(!is_told || least < 1e-4, "{least}: {told}");
+        assert!(!is_told || least < 1e-4, "{least}: {message}");
         // If every pose is reachable, LinuxCNC ends at the program's end.
         let end = last.last().unwrap();
         let stood = last.iter().all(|row| row.extra.world == end.extra.world);
@@ -289,8 +293,8 @@ fn a_letter_alone_takes_the_time_of_its_feed_and_acceleration() {
             let found = f64::from(cycles[k]) * config.period / 2.0;
             let least = 0.99 * seconds[0] - 4.0 * config.period;
             let most = 1.1 * seconds[1] + 4.0 * config.period;
-            let told = format!("{} {}: {found} s, not {seconds:?}", drawn.name, LETTERS[k]);
-            assert!(found > least && found < most, "{told}");
+            let message = format!("{} {}: {found} s, not {seconds:?}", drawn.name, LETTERS[k]);
+            assert!(found > least && found < most, "{message}");
         }
     }
     assert!(timed > 40, "{timed}");

@@ -177,13 +177,13 @@ fn words_of_axes_that_the_machine_has_not_are_refused() {
 
 #[test]
 fn motion_without_a_feed_is_refused_and_motion_of_the_spindle_needs_none() {
-    for (text, told) in [
+    for (text, reported) in [
         ("G20\nG1 X1\nM2\n", "Cannot do g1 with zero feed rate"),
         ("G20\nG2 X1 I0.5\nM2\n", "Cannot make arc with zero feed rate"),
         ("G20\nG38.2 X1\nM2\n", "Cannot probe with zero feed rate"),
     ] {
         let error = run(text, None).unwrap_err();
-        assert!(error.contains(told) && error.contains("p.ngc:2:"), "{error}");
+        assert!(error.contains(reported) && error.contains("p.ngc:2:"), "{error}");
     }
     for block in ["G33 X1 K1", "G76 P1 Z200 I-1 J0.1 K0.5"] {
         let steps = run(&format!("G21\nM3 S60\n{block}\nM2\n"), None).unwrap();
@@ -249,7 +249,7 @@ fn loops_without_an_end_end() {
     Arc::make_mut(&mut config.facts).program.tool_table = None;
     let options = Options { most_moves: 1000, most_work: 3.0, ..Options::default() };
     let options = bounded(options);
-    let told = |body: &str| {
+    let reported = |body: &str| {
         std::fs::write(&program, format!("F100\nO1 while [1]\n{body}\nO1 endwhile\nM2\n")).unwrap();
         let judged = judge(&config.clone().into(), &program, &options, &mut |_| ());
         match judged {
@@ -258,10 +258,10 @@ fn loops_without_an_end_end() {
         }
     };
     for body in ["G1 X1\nX0", "G91 G1 X0.001"] {
-        let text = told(body);
+        let text = reported(body);
         assert!(text.contains("more than 1000 moves"), "{text}");
     }
-    let text = told("#1=[#1+1]");
+    let text = reported("#1=[#1+1]");
     assert!(text.contains("without a move"), "{text}");
 }
 

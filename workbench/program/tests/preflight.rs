@@ -137,10 +137,10 @@ fn a_move_with_good_ends_breaks_in_its_middle() {
         let limits = &mut config.joints[joint];
         *(if side > 0.0 { &mut limits.max } else { &mut limits.min }) = limit;
         let found = follow(&config, &[rapid(1, from), rapid(2, to), rapid(3, from)]);
-        let first = found.breaks.iter().find(|told| told.limit == Limit::JointRange);
-        let Some(told) = first else { panic!("{machine}: {found:?}") };
-        assert_eq!(told.line, 2, "{machine}: {told:?}");
-        let there = values(&config, &told.pose)[joint];
+        let first = found.breaks.iter().find(|message| message.limit == Limit::JointRange);
+        let Some(message) = first else { panic!("{machine}: {found:?}") };
+        assert_eq!(message.line, 2, "{machine}: {message:?}");
+        let there = values(&config, &message.pose)[joint];
         // A piece is 1e-6 of the size; joints move at most some ten times as far as the pose.
         assert!((there - limit).abs() < 1e-4 * config.machine.size(), "{machine}: {there}");
     }
@@ -279,8 +279,8 @@ fn rods_too_near_and_poses_near_a_singularity_are_reported_with_place_and_amount
     drop(reach);
     (config.clearance, config.conditioning_limit) = (Some(limit), hold);
     let found = follow(&config, &moves);
-    let told = |limit| found.breaks.iter().find(|told| told.limit == limit).unwrap();
-    let (rods, held) = (told(Limit::Clearance), told(Limit::Conditioning));
+    let message = |limit| found.breaks.iter().find(|message| message.limit == limit).unwrap();
+    let (rods, held) = (message(Limit::Clearance), message(Limit::Conditioning));
     assert_eq!((rods.line, held.line), (2, 2));
     let [i, j] = gap.pair;
     assert!(rods.text.contains(&format!("legs {i} and {j}")), "{}", rods.text);
@@ -375,7 +375,11 @@ fn a_tool_offset_at_a_tilt_is_reported_and_followed() {
     let joint = (0..6).find(|i| after[*i] > before[*i] + 10.0).unwrap();
     config.joints[joint].max = (before[joint] + after[joint]) / 2.0;
     let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0)]);
-    assert!(found.breaks.iter().any(|told| told.limit == Limit::JointRange), "{:?}", found.breaks);
+    assert!(
+        found.breaks.iter().any(|message| message.limit == Limit::JointRange),
+        "{:?}",
+        found.breaks
+    );
     config.joints[joint].max = after[joint] + 1e-3;
     let found = follow(&config, &[longer(1, 0.0), longer(2, 60.0)]);
     assert!(found.fits(), "{:?}", found.breaks);

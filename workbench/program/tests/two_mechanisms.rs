@@ -176,12 +176,14 @@ fn a_machine_that_stands_too_near_may_move_away() {
 fn preflight_names_line_and_pair_where_they_meet() {
     let config = whole(LATHE);
     let found = followed(&config, program(&MEETING).path());
-    let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
-    assert_eq!((told.limit, told.line), (Rule::Mechanisms, 4));
+    let [message] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
+    assert_eq!((message.limit, message.line), (Rule::Mechanisms, 4));
     assert!(
-        told.text.starts_with("the distance between leg 1 and leg 4 violates its limit of 150 mm"),
+        message
+            .text
+            .starts_with("the distance between leg 1 and leg 4 violates its limit of 150 mm"),
         "{}",
-        told.text
+        message.text
     );
     let fits = followed(&config, &folder(LATHE).join("programs/two-short-parts.ngc"));
     assert!(fits.fits(), "{:?}", fits.breaks);
@@ -199,7 +201,8 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
     let moves =
         motion::moves(&config, &folder(LATHE).join("programs/long-part.ngc"), None).unwrap();
     let found = preflight(&config.mechanisms, &moves).unwrap();
-    let told = found.margins.iter().find(|margin| margin.limit == Rule::Mechanisms).unwrap().value;
+    let message =
+        found.margins.iter().find(|margin| margin.limit == Rule::Mechanisms).unwrap().value;
     let mut least = f64::INFINITY;
     let (mut from, mut beside_from) = (config.first().home, second.home);
     for step in &moves {
@@ -227,24 +230,28 @@ fn the_least_distance_is_that_of_a_search_along_the_program() {
         (from, beside_from) = (step.end, beside.end);
     }
     // A lower bound, reported within a hundredth of the distance.
-    assert!(told <= least && told > least - 0.01 * (150.0 + least), "{told} {least}");
+    assert!(message <= least && message > least - 0.01 * (150.0 + least), "{message} {least}");
 }
 
 #[test]
 fn limits_of_the_second_are_reported_with_its_own_letters_and_numbers() {
     let config = whole(LATHE);
     let found = followed(&config, program(&["G1 W3050", "G1 W2600 C25"]).path());
-    let told: Vec<(&str, u32)> = found.breaks.iter().map(|b| (b.part.as_str(), b.line)).collect();
-    assert!(told.contains(&("axis W", 3)) && told.contains(&("axis C", 4)), "{told:?}");
-    assert!(found.breaks.iter().all(|told| told.of_second));
+    let message: Vec<(&str, u32)> =
+        found.breaks.iter().map(|b| (b.part.as_str(), b.line)).collect();
+    assert!(message.contains(&("axis W", 3)) && message.contains(&("axis C", 4)), "{message:?}");
+    assert!(found.breaks.iter().all(|message| message.of_second));
     let narrow = std::fs::read_to_string(ini(LATHE)).unwrap();
     let at = narrow.find("[JOINT_5]").unwrap();
     let narrow = narrow[..at].to_string()
         + &narrow[at..].replacen("MAX_LIMIT = 3700", "MAX_LIMIT = 3200", 1);
     let config = machine_of(&ini(LATHE), &narrow);
     let found = followed(&config, program(&["G1 W2750"]).path());
-    let [told] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
-    assert_eq!((told.limit, told.part.as_str()), (Rule::Limit(Limit::JointRange), "carriage 5"));
+    let [message] = found.breaks.as_slice() else { panic!("{:?}", found.breaks) };
+    assert_eq!(
+        (message.limit, message.part.as_str()),
+        (Rule::Limit(Limit::JointRange), "carriage 5")
+    );
 }
 
 #[test]
@@ -283,9 +290,9 @@ fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
     let (config, second) = (whole(LATHE), second());
     let file = program(&["G1 Z1350 W2600 C20", "G43.1 U300", "G1 W3100"]);
     let found = followed(&config, file.path());
-    let between = |told: &&program::report::Break| told.limit == Rule::Mechanisms;
-    let told = found.breaks.iter().find(between).unwrap_or_else(|| panic!("{:?}", found.breaks));
-    assert_eq!(told.part, "the distance between leg 1 and leg 4");
+    let between = |message: &&program::report::Break| message.limit == Rule::Mechanisms;
+    let message = found.breaks.iter().find(between).unwrap_or_else(|| panic!("{:?}", found.breaks));
+    assert_eq!(message.part, "the distance between leg 1 and leg 4");
     let tilted = Pose::from_degrees([0.0, 450.0, 2600.0, 0.0, 20.0, 0.0]);
     let one = Pose::from_degrees([0.0, 450.0, 1350.0, 0.0, 0.0, 0.0]);
     let one = config.first().machine.at(&one, &config.first().spindle).unwrap();
@@ -296,11 +303,15 @@ fn the_way_of_a_tool_change_at_a_tilt_is_followed_between_them() {
     assert!(distances[0] > 200.0 && distances[1] < 130.0, "{distances:?}");
     let by =
         format!("as the tool offset changes before this move by {:.4} mm", 150.0 - distances[1]);
-    assert!(told.line == 5 && told.text.contains(&by), "{}, not {by}", told.text);
+    assert!(message.line == 5 && message.text.contains(&by), "{}, not {by}", message.text);
     // A change that moves them apart is not reported.
     let away =
         followed(&config, program(&["G1 Z1350 W2600 C20", "G43.1 U-100", "G1 W3000"]).path());
-    assert!(!away.breaks.iter().any(|told| told.limit == Rule::Mechanisms), "{:?}", away.breaks);
+    assert!(
+        !away.breaks.iter().any(|message| message.limit == Rule::Mechanisms),
+        "{:?}",
+        away.breaks
+    );
 }
 
 #[test]
@@ -326,10 +337,10 @@ fn check_looks_at_both_and_at_what_is_between_them() {
     assert!(!none.fits() && none.findings[0].problem.key == "MECHANISM_CLEARANCE");
     // A clearance that home violates.
     let wide = checked(&text.replace("MECHANISM_CLEARANCE = 150", "MECHANISM_CLEARANCE = 600"));
-    let told = &wide.findings[0].problem;
+    let message = &wide.findings[0].problem;
     assert!(
-        !wide.fits() && told.section == "TRAJ" && told.expected.contains("leg 1 and leg 4"),
-        "{told:?}"
+        !wide.fits() && message.section == "TRAJ" && message.expected.contains("leg 1 and leg 4"),
+        "{message:?}"
     );
     assert!(between::check(&whole("four-rod-lathe")).unwrap().is_none());
 }

@@ -627,12 +627,12 @@ mod tests {
             Mechanism { size: 1.01 / (CERTAIN_AT_ALL * lipschitz(0.0)), ..machine.clone() };
         let regular =
             Mechanism { size: 0.99 / (CERTAIN_AT_ALL * lipschitz(0.0)), ..machine.clone() };
-        let told = |machine: &Mechanism<6>| {
+        let reported = |machine: &Mechanism<6>| {
             let first = step_of(1.0, 2.0 * lipschitz(0.0));
             machine.confirm(&target, &Ball { about: &about, first }, 0.0, &end)
         };
-        assert_eq!(told(&regular), Ok(Certificate::Ball(0.0)));
-        assert_eq!(told(&singular), Err(Cause::NearlySingular.into()));
+        assert_eq!(reported(&regular), Ok(Certificate::Ball(0.0)));
+        assert_eq!(reported(&singular), Err(Cause::NearlySingular.into()));
     }
 
     #[test]

@@ -256,19 +256,19 @@ mod tests {
             let (machine, start) = machine(&mut rng, coordinates, false).expect("a machine");
             let joints = machine.joints_at(&start).expect("joints");
             let target = machine.target(&joints).expect("a target");
-            let told = |fault| machine.explained(fault, &target, &start, &solver);
+            let reported = |fault| machine.explained(fault, &target, &start, &solver);
             // These joints are the seed's own.
             let fault = Fault::of_leg(Cause::OutOfReach, 2, 1.5);
-            assert_eq!(told(fault), Fault::of_leg(Cause::SeedOutOfReach, 2, 1.5));
+            assert_eq!(reported(fault), Fault::of_leg(Cause::SeedOutOfReach, 2, 1.5));
             // Redundant legs contradict each other if they are off by more than the limit.
             for (off, inconsistent) in [(0.26, redundant), (0.25, false), (0.24, false)] {
                 let fault = Fault::with_value(Cause::NotConverged, off);
                 let expected = if inconsistent { Cause::JointsInconsistent } else { fault.cause };
-                let found = told(fault);
+                let found = reported(fault);
                 assert_eq!((found.cause, found.value), (expected, off));
             }
             let fault = Fault::with_value(Cause::PathStalled, 9.0);
-            assert_eq!(told(fault), fault);
+            assert_eq!(reported(fault), fault);
         }
     }
 }

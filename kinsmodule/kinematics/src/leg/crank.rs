@@ -177,8 +177,8 @@ mod tests {
     #[test]
     fn a_rod_that_only_just_reaches_is_at_its_dead_point_and_not_out_of_reach() {
         // 3 + 5 from the axis, in the plane of the circle: within reach, but at the dead point.
-        let told = crank().joint(&Vector3::new(0.0, 8.0, 2.0));
-        assert_eq!(told, Err((Cause::DeadPoint, 0.0)));
+        let reported = crank().joint(&Vector3::new(0.0, 8.0, 2.0));
+        assert_eq!(reported, Err((Cause::DeadPoint, 0.0)));
         let (cause, lacks) = crank().joint(&Vector3::new(0.0, 8.5, 2.0)).expect_err("refused");
         assert_eq!(cause, Cause::OutOfReach);
         assert!((lacks - 0.5).abs() < ROUNDING, "{lacks}");

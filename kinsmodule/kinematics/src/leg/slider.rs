@@ -112,12 +112,12 @@ mod tests {
 
     #[test]
     fn missing_length_and_weak_drive_of_a_rod_are_reported() {
-        let told = |off| slider(1).joint(&anchor(7.0, off)).expect_err("refused");
-        let (cause, lacks) = told(5.5);
+        let reported = |off| slider(1).joint(&anchor(7.0, off)).expect_err("refused");
+        let (cause, lacks) = reported(5.5);
         assert_eq!(cause, Cause::OutOfReach);
         assert!((lacks - 0.5).abs() < ROUNDING, "{lacks}");
         // The root of 5² − 4.995² is 0.0447 of 5; the limit is 0.05.
-        let (cause, drive) = told(4.995);
+        let (cause, drive) = reported(4.995);
         assert_eq!(cause, Cause::DeadPoint);
         // The root of a difference that loses three digits.
         assert!((drive - sqrt(1.0 - 0.999 * 0.999)).abs() < 1e3 * ROUNDING, "{drive}");

@@ -167,7 +167,7 @@ fn a_grossly_wrong_carriage_is_a_contradiction_too() {
     // Inverse of a module without a contradiction so far: it adds none to its joints.
     let (module, sound) = (pyramid().module(), pyramid().module());
     let mut random = Random::new(54);
-    let (mut told, mut right, mut wrong) = (0, 0, 0);
+    let (mut message, mut right, mut wrong) = (0, 0, 0);
     for leg in (0..4).cycle().take(cases(2_000)) {
         let pose = pyramid_pose(&mut random);
         let mut joints = sound.inverse(&pose).expect("a pose of the workspace");
@@ -176,13 +176,13 @@ fn a_grossly_wrong_carriage_is_a_contradiction_too() {
         assert_ne!(code, Cause::NotConverged.code(), "{joints:?} from {pose:?}");
         if code == Cause::JointsInconsistent.code() {
             module.monitor();
-            told += 1;
+            message += 1;
             let named = module.get("fault-leg");
             right += u32::from(named == leg as f64);
             wrong += u32::from(named != leg as f64 && named >= 0.0);
         }
     }
-    println!("of {told} contradictions {right} are named rightly, {wrong} wrongly");
+    println!("of {message} contradictions {right} are named rightly, {wrong} wrongly");
     assert!(right > 0 && wrong == 0, "{right} {wrong}");
 }
 

@@ -278,8 +278,11 @@ fn a_drop_in_with_a_lead_answers_all_that_genhexkins_answers_rightly_a_servo_ste
         let found = pair.ours.forward(&first, &home).expect("its home");
         assert!(distance(&found, &home, pair.machine.radius()) <= ROUND_TRIP_REL * pair.size);
         // Leg 1 is near a quarter turn there: reported, and not refused.
-        let told = pair.ours.messages();
-        assert!(told.len() == 1 && told[0].text.contains(Cause::FoldUndefined.text()), "{told:?}");
+        let message = pair.ours.messages();
+        assert!(
+            message.len() == 1 && message[0].text.contains(Cause::FoldUndefined.text()),
+            "{message:?}"
+        );
         let folds = torsions(&pair.machine, &home);
         let mut random = Random::new(6);
         let (mut right, mut beyond, mut refused) = (0_u32, 0_u32, 0_u32);

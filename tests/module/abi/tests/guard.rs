@@ -537,9 +537,9 @@ fn a_machine_stops_before_its_legs_lose_hold_and_may_go_back() {
     assert_eq!(module.get("feed-scale"), module.get("feed-floor"));
     assert_eq!(module.get("limit-reason") as i32, Cause::ConditioningAhead.code());
     assert_eq!(module.get("fault") as i32, Cause::ConditioningAhead.code());
-    let told: Vec<_> = module.messages().into_iter().map(|message| message.text).collect();
-    assert_eq!(told.len(), 1, "{told:?}");
-    assert!(told[0].contains("[code -93]"), "{told:?}");
+    let reported: Vec<_> = module.messages().into_iter().map(|message| message.text).collect();
+    assert_eq!(reported.len(), 1, "{reported:?}");
+    assert!(reported[0].contains("[code -93]"), "{reported:?}");
     // The program is aborted: no move is requested any more.
     module.set("requested-vel", 0.0);
     module.set("current-vel", 0.0);

@@ -73,7 +73,7 @@ pub struct Inertia(pub Matrix3<f64>);
 
 /// Why no body can have an inertia tensor.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum NoBody {
+pub enum BodyError {
     #[error("expected finite numbers")]
     NotFinite,
     #[error("expected a symmetric tensor; found {0} and {1} on opposite sides of the diagonal")]
@@ -92,17 +92,17 @@ pub enum NoBody {
 const ROUNDED: f64 = 1e-6;
 
 impl TryFrom<[[f64; 3]; 3]> for Inertia {
-    type Error = NoBody;
+    type Error = BodyError;
 
-    fn try_from(rows: [[f64; 3]; 3]) -> Result<Self, NoBody> {
+    fn try_from(rows: [[f64; 3]; 3]) -> Result<Self, BodyError> {
         let tensor = Matrix3::from(rows).transpose();
         if !tensor.iter().all(|value| value.is_finite()) {
-            return Err(NoBody::NotFinite);
+            return Err(BodyError::NotFinite);
         }
         let size = tensor.amax();
         for (i, k) in [(0, 1), (0, 2), (1, 2)] {
             if (tensor[(i, k)] - tensor[(k, i)]).abs() > ROUNDED * size {
-                return Err(NoBody::Asymmetric(tensor[(i, k)], tensor[(k, i)]));
+                return Err(BodyError::Asymmetric(tensor[(i, k)], tensor[(k, i)]));
             }
         }
         let tensor = (tensor + tensor.transpose()) / 2.0;
@@ -110,10 +110,10 @@ impl TryFrom<[[f64; 3]; 3]> for Inertia {
         moments.sort_by(f64::total_cmp);
         let [least, middle, most] = moments;
         if !(least > 0.0) {
-            return Err(NoBody::NotPositive(least));
+            return Err(BodyError::NotPositive(least));
         }
         if most > (least + middle) * (1.0 + ROUNDED) {
-            return Err(NoBody::Triangle(least, middle, most));
+            return Err(BodyError::Triangle(least, middle, most));
         }
         Ok(Self(tensor))
     }
