@@ -196,7 +196,7 @@ def misses(before, after, most):
 
 def worst(report):
     """Returns the largest deviation of a hole, in mm."""
-    return float(re.search(r"off by ([\d.]+) mm at most", fact(report, "holes"))[1])
+    return float(re.search(r"off by up to ([\d.]+) mm", fact(report, "holes"))[1])
 
 
 def parsed():
