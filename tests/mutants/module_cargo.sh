@@ -25,6 +25,7 @@ test*)
         --skip=connected:: --skip=workspace:: --skip=start:: --skip=jog::jogs_end --skip=pair::a_move_alone"
     # shellcheck disable=SC2086
     run 0.01 $few $long
+    # shellcheck disable=SC2086 # several words
     run 0.03 $few
     ;;
 *) exec cargo "$@" ;;
