@@ -240,7 +240,7 @@ async function viewsTest(page) {
     for (const letter of "XYZ") {
       await page.locator("select[aria-label=cut]").selectOption(`cut: ${letter}`);
       const planes = await asText(page, () => {
-        const slider = document.querySelector("input[aria-label='place of the cut']");
+        const slider = document.querySelector("input[aria-label='position of the cut']");
         return [0.25, 0.75].map((value) => {
           slider.value = value;
           slider.dispatchEvent(new Event("input"));
@@ -376,7 +376,7 @@ async function toolTest(page) {
         check(parts.labels.some((place) => Math.hypot(place[0] - at[0], place[1] - at[1]) < SINGLE * scale && place[2] > at[2] && place[2] - at[2] < 0.3 * scale), `${machine}: no number at leg ${n}`);
       });
     }
-    await box(page, "numbers of joints").uncheck();
+    await box(page, "joint numbers").uncheck();
     const isShown = await page.evaluate(() => {
       let shown = 0;
       window.seen.scene.traverse((object) => {

@@ -257,7 +257,7 @@ async function traces(page) {
         found.at.push({ n, tip: ground.tip, upper: ground.upper[1] });
       }
       const boxes = Array.from(document.querySelectorAll(".box"), (label) => [label.textContent, label.querySelector("input")]);
-      const sweep = boxes.find(([text]) => text.startsWith("swept"))[1];
+      const sweep = boxes.find(([text]) => text.startsWith("space swept"))[1];
       const swept = () => {
         let all;
         window.seen.scene.traverse((object) => object.type === "LineSegments" && object.material.opacity === 0.18 && (all = Array.from(object.geometry.attributes.position.array)));
@@ -273,7 +273,7 @@ async function traces(page) {
         const { ground } = window.pkm.state();
         return [ground.lower, ground.upper];
       });
-      const path = boxes.find(([text]) => text.startsWith("path"))[1];
+      const path = boxes.find(([text]) => text.startsWith("tool path"))[1];
       let line;
       window.seen.scene.traverse((object) => object.type === "Line2" && (line = object));
       found.line = Array.from(line.geometry.attributes.instanceStart.data.array);

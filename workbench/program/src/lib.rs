@@ -3,7 +3,7 @@
 //!
 //! - Input: a description of `machine`, a program, and LinuxCNC's run of it from `linuxcnc`: the moves as
 //!   commanded to motion, and a row for every servo cycle.
-//! - Output: [`findings`], limits and peaks with their lines; [`verdict`] and its sentences; remaining [`travel`];
+//! - Output: [`report`], limits and peaks with their lines; [`verdict`] and its sentences; remaining [`travel`];
 //!   joint values of [`replay`].
 //! - Uses: `machine`, `linuxcnc` and `check`.
 

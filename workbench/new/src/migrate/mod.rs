@@ -2,7 +2,7 @@
 //! Conversion of an older configuration of a parallel machine to one for pkmkins: from before LinuxCNC had joints and
 //! axes, or for one of LinuxCNC's own modules.
 //!
-//! [`modules`] has these modules and the legs they describe, [`old`] reads the INI file, `check` runs the HAL files,
+//! `modules` has these modules and the legs they describe, `old` reads the INI file, `check` runs the HAL files,
 //! which set the geometry. [`crate::make`] makes the folder, as for any machine.
 
 pub mod modules;
