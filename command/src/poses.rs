@@ -73,19 +73,34 @@ impl PoseWords {
     pub fn read(&self, config: &Mechanism) -> Result<[f64; 6], Failure> {
         let letters: String = Letter::ALL.iter().map(|letter| letter.name()).collect();
         let mut pose = config.home;
-        for (place, value) in self.words(&letters)? {
+        for (place, value) in self.words(&letters, Some)? {
             pose[place] = value;
         }
         Ok(pose)
     }
 
-    /// Parses words or numbers for these letters: indices among LinuxCNC's nine coordinates, and values.
-    pub fn words(&self, letters: &str) -> Result<Vec<(usize, f64)>, Failure> {
+    /// Parses words for these letters, or numbers for X Y Z A B C, of which number `k` is at `place_of(k)`: indices
+    /// among LinuxCNC's nine coordinates, and values. A number without a place must be 0.
+    pub fn words(
+        &self,
+        letters: &str,
+        place_of: impl Fn(usize) -> Option<usize>,
+    ) -> Result<Vec<(usize, f64)>, Failure> {
         let finite = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
         let numbers: Option<Vec<f64>> = self.pose.iter().map(|word| finite(word)).collect();
         match numbers {
             Some(numbers) if numbers.is_empty() || numbers.len() == 6 => {
-                Ok(numbers.into_iter().enumerate().collect())
+                let places = numbers.into_iter().zip(Letter::ALL).map(|(value, letter)| {
+                    match place_of(letter.index()) {
+                        Some(place) => Ok(Some((place, value))),
+                        None if value == 0.0 => Ok(None),
+                        None => Err(refused(format!(
+                            "--pose: {name} is {value}, but no joint moves {name}; use 0",
+                            name = letter.name()
+                        ))),
+                    }
+                });
+                Ok(places.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
             }
             Some(numbers) => {
                 let count = numbers.len();

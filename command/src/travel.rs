@@ -4,7 +4,7 @@
 use super::failure::Failure;
 use super::poses::{PoseWords, Tool};
 use super::{MachineFile, Verdict, output, print_text};
-use kinematics::Vector3;
+use kinematics::{Letter, POSE_LETTERS, Vector3};
 use machine::read::machine::MachineConfig;
 use program::travel::{Side, Stand, Travel, letters, travel};
 use serde::{Deserialize, Serialize};
@@ -60,7 +60,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Failure::unless_unread(serve(&config)).map(|()| Verdict::Fits);
     }
     let mut stand = Stand::home(&config);
-    for (place, value) in arguments.pose.words(&letters(&config))? {
+    let letters = letters(&config);
+    let first = config.first();
+    let place_of = |k: usize| {
+        let place = first.place.places[k];
+        let is_extra = !first.place.is_second && letters.contains(POSE_LETTERS[place]);
+        (is_extra || !first.machine.layout().is_held(Letter::ALL[k])).then_some(place)
+    };
+    for (place, value) in arguments.pose.words(&letters, place_of)? {
         stand.world[place] = value;
     }
     stand.tools[0] = arguments.tool.vector(config.first());

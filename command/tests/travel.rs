@@ -50,3 +50,22 @@ fn words_that_name_no_coordinate_and_poses_out_of_reach_are_refused() {
     }
     assert!(bench.answer("travel linear-delta.ini --pose X99999", "").ends_with("exit 1\n"));
 }
+
+#[test]
+fn six_numbers_are_a_pose_of_the_selected_mechanism_and_move_no_held_coordinate() {
+    let bench = Bench::new();
+    // On lathe-mirrored U V W C are X Y Z B of the second mechanism.
+    let lathe = test_support::shipped::ini("lathe-mirrored");
+    let own = |pose: &str| {
+        let words = format!("travel {} --mechanism 2 --pose {pose}", lathe.display());
+        bench.answer(&words, "")
+    };
+    let words = own("U-36 V440 W2580 C3");
+    assert!(words.ends_with("exit 0\n"), "{words}");
+    assert_eq!(own("-36 440 2580 0 3 0"), words);
+    assert_ne!(own("-30 440 2580 0 3 0"), words);
+    let held = own("-36 440 2580 7 3 0");
+    assert!(held.contains("no joint moves A") && held.ends_with("exit 2\n"), "{held}");
+    let delta = bench.answer("travel linear-delta.ini --pose 0 0 40 0 5 0", "");
+    assert!(delta.contains("no joint moves B") && delta.ends_with("exit 2\n"), "{delta}");
+}
