@@ -204,8 +204,9 @@ impl Control {
         let Some(Second { module, between, .. }) = &mut self.second else {
             return self.first.monitor(seconds, None);
         };
-        self.first.monitor(seconds, Some(module.rates(seconds)));
-        module.monitor(seconds, Some(self.first.rates(seconds)));
+        let both = self.first.programmed(seconds).with_second(&module.programmed(seconds));
+        self.first.monitor(seconds, Some(both));
+        module.monitor(seconds, Some(both));
         let near = between.watch([&self.first, &*module], seconds);
         let (first, second) = (self.first.pins, module.pins);
         let inhibits = [self.first.inhibits_feed(), module.inhibits_feed()];

@@ -34,8 +34,8 @@ pub struct Cycle<'a> {
     pub lost: Option<Fault>,
     /// LinuxCNC's motion, if it differs from the machine's own.
     pub programmed: Option<Programmed>,
-    /// Rates of everything that LinuxCNC moves, if that is more than the machine's own motion.
-    pub path: Option<Rates>,
+    /// Everything that LinuxCNC moves, if that is more than the machine's own motion.
+    pub path: Option<Programmed>,
     /// Servo period, seconds.
     pub period: f64,
     /// The part of the pose's pins that is updated in this cycle.
@@ -54,9 +54,8 @@ pub enum Shown {
 /// LinuxCNC's motion in a cycle.
 #[derive(Clone, Copy)]
 pub struct Programmed {
-    /// As LinuxCNC defines it, per second: of X Y Z, otherwise of U V W, otherwise of A B C.
-    pub speed: f64,
-    pub rates: Rates,
+    /// Speeds of X Y Z, of U V W and of A B C, per second.
+    speeds: [f64; 3],
     /// Rates of LinuxCNC's axes, per second.
     pub axes: World,
 }
@@ -68,38 +67,35 @@ impl Programmed {
         axes.iter_mut().zip(before).for_each(|(now, before)| *now = (*now - before) / period);
         let [x, y, z, a, b, c, u, v, w] = axes;
         let norm = |[a, b, c]: [f64; 3]| sqrt(a * a + b * b + c * c);
-        let [tip, turns, slides] = [norm([x, y, z]), norm([a, b, c]), norm([u, v, w])];
-        let speed = if tip > 0.0 {
+        Self { speeds: [norm([x, y, z]), norm([u, v, w]), norm([a, b, c])], axes }
+    }
+
+    /// Adds the motion of the second mechanism, in its own coordinates: LinuxCNC's U V W are its X Y Z.
+    pub fn with_second(self, second: &Self) -> Self {
+        let ([tip, slides, turns], [own_tip, _, own_turns]) = (self.speeds, second.speeds);
+        let both = |one: f64, other: f64| sqrt(one * one + other * other);
+        Self { speeds: [tip, both(slides, own_tip), both(turns, own_turns)], axes: self.axes }
+    }
+
+    /// Returns the speed as LinuxCNC defines it: of X Y Z, otherwise of U V W, otherwise of A B C.
+    fn speed(&self) -> f64 {
+        let [tip, slides, turns] = self.speeds;
+        if tip > 0.0 {
             tip
         } else if slides > 0.0 {
             slides
         } else {
             turns
-        };
-        let rates = Rates { lengths: tip.max(slides), angles: turns };
-        Self { speed, rates, axes }
-    }
-}
-
-/// The largest rates of lengths and of angles, per second.
-#[derive(Clone, Copy)]
-pub struct Rates {
-    lengths: f64,
-    angles: f64,
-}
-
-impl Rates {
-    /// Returns the larger rates of two mechanisms that move together.
-    pub fn with(self, other: Self) -> Self {
-        Self { lengths: self.lengths.max(other.lengths), angles: self.angles.max(other.angles) }
+        }
     }
 
     /// Returns the least share of the speed by which LinuxCNC brakes per second: a move brakes as slowly as the axis
     /// that has to brake most.
     fn braking(&self, asked: &GuardInputs) -> f64 {
+        let [tip, slides, turns] = self.speeds;
         let limits = [asked.linear_acceleration.get(), asked.angular_acceleration.get()];
         let mut least = f64::INFINITY;
-        for (limit, rate) in limits.iter().zip([self.lengths, self.angles]) {
+        for (limit, rate) in limits.iter().zip([tip.max(slides), turns]) {
             let braking = if rate > 0.0 { limit / rate } else { f64::INFINITY };
             // Treat NaN as no braking.
             if !(braking >= least) {
@@ -219,7 +215,8 @@ impl Guard {
         let asked = &cycle.pins.guard.asked;
         // In the first and last cycles of a motion only the poses show the actual speed.
         let slow = !(reported >= 0.5 * cycle.pins.guard.floor() * requested(asked));
-        let own = cycle.programmed.map_or(motion.speed(), |programmed| programmed.speed);
+        let path = cycle.path.as_ref().or(cycle.programmed.as_ref());
+        let own = path.map_or(motion.speed(), Programmed::speed);
         let corner = if slow { None } else { self.corner(cycle, &pose, reported) };
         let motion = corner.map_or(motion, |corner| motion.beginning(&corner));
         let together = if slow { own } else { reported };
@@ -231,8 +228,8 @@ impl Guard {
             latency: (LATENCY + f64::from(Sight::OLDEST)) * cycle.period,
             notice: None,
         };
-        let planner = match &cycle.path {
-            Some(rates) => motion.braked(rates.braking(asked), &planner),
+        let planner = match path {
+            Some(path) => motion.braked(path.braking(asked), &planner),
             None => planner,
         };
         let mut view = at.ahead_in_turn(&mut self.sight, (cycle.tool, &limits), &motion, &planner);
@@ -267,7 +264,7 @@ impl Guard {
         };
         // In a jog every axis brakes independently.
         let planner = match &cycle.programmed {
-            Some(programmed) => motion.braked(programmed.rates.braking(&guard.asked), &planner),
+            Some(programmed) => motion.braked(programmed.braking(&guard.asked), &planner),
             None => planner,
         };
         // Limits far enough ahead for a speed limit of the axes to act in time.

@@ -2,7 +2,7 @@
 //! The function in the servo thread beside the kinematics calls.
 
 use super::{Kind, Module};
-use crate::guard::{Cycle, Rates, Shown};
+use crate::guard::{Cycle, Programmed, Shown};
 use kinematics::{Fault, Pose};
 
 /// Cycles in which all pins that only users read are updated: sixty times a second at 1 kHz.
@@ -11,7 +11,7 @@ const SHOWN_IN: u32 = 16;
 impl Module {
     /// Runs one cycle: handles `.apply` and `.fault-reset`, moves the tool offset, guards the motion,
     /// updates the pins for users, and reports faults to the operator.
-    pub fn monitor(&mut self, seconds: f64, other: Option<Rates>) {
+    pub fn monitor(&mut self, seconds: f64, both: Option<Programmed>) {
         self.is_monitored = true;
         self.start.count_cycle();
         self.watch_apply();
@@ -25,7 +25,7 @@ impl Module {
         if self.turn == 0 {
             self.watch_geometry();
         }
-        if let Some(fault) = self.guarded(commanded, seconds, other) {
+        if let Some(fault) = self.guarded(commanded, seconds, both) {
             self.record(&fault);
         }
         self.pins.feed_inhibit.set(self.inhibits_feed());
@@ -37,16 +37,14 @@ impl Module {
         &mut self,
         commanded: Option<Pose>,
         period: f64,
-        other: Option<Rates>,
+        both: Option<Programmed>,
     ) -> Option<Fault> {
         let Some(frozen) = self.frozen.as_ref().filter(|_| self.kind == Kind::Machine) else {
             self.guard.idle(self.pins, period);
             self.show_assembly();
             return None;
         };
-        let moves_more = other.is_some() || !self.load.extra.is_empty();
-        let programmed = moves_more.then(|| self.carrying.programmed(period));
-        let path = programmed.map(|own| other.map_or(own.rates, |other| own.rates.with(other)));
+        let programmed = (!self.load.extra.is_empty()).then(|| self.programmed(period));
         self.guard.run(&Cycle {
             pins: self.pins,
             place: self.place,
@@ -56,7 +54,7 @@ impl Module {
             commanded,
             lost: self.lost,
             programmed: programmed.filter(|_| !self.carrying.chain.is_empty()),
-            path,
+            path: both.or(programmed),
             period,
             // Two mechanisms update their poses in different cycles.
             shows: match (self.turn + u32::from(self.place.is_second)) % SHOWN_IN {
@@ -69,9 +67,9 @@ impl Module {
         })
     }
 
-    /// Returns the rates of the mechanism and the extra axes in this cycle, as LinuxCNC moves them.
-    pub fn rates(&self, period: f64) -> Rates {
-        self.carrying.programmed(period).rates
+    /// Returns the motion of the mechanism and the extra axes in this cycle, as LinuxCNC moves them.
+    pub fn programmed(&self, period: f64) -> Programmed {
+        self.carrying.programmed(period)
     }
 
     /// Returns whether this cycle updates the distance of two mechanisms.
