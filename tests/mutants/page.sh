@@ -15,8 +15,8 @@ here=$PWD/tests/mutants/page out=$PWD/build/mutants/page
 [ "$here/node_modules/.package-lock.json" -nt "$here/package-lock.json" ] ||
     npm ci --prefix "$here" --silent --no-audit --no-fund
 rm -rf "$out"
-mkdir -p "$out/work"
-cp -r page/src "$out/work/src"
-(cd "$out/work" && "$here/node_modules/.bin/stryker" run --plugins "$here/runner.mjs" "$here/stryker.config.json")
-node "$here/results.mjs" "$out/work/report.json" "$out"
+mkdir -p "$out/run"
+cp -r page/src "$out/run/src"
+(cd "$out/run" && "$here/node_modules/.bin/stryker" run --plugins "$here/runner.mjs" "$here/stryker.config.json")
+node "$here/results.mjs" "$out/run/report.json" "$out"
 tests/mutants/table.sh "$out" 85

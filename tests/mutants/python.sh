@@ -11,7 +11,7 @@ environment=target/tools/mutants-python
     "$environment/bin/pip" install --quiet --require-hashes -r tests/mutants/python/requirements.txt
     touch "$environment/.installed"
 }
-out=$PWD/build/mutants/python work=$PWD/build/mutants/python/work
+out=$PWD/build/mutants/python work=$PWD/build/mutants/python/copy
 rm -rf "$out"
 mkdir -p "$work/target"
 cp -r configs docs python subroutines tests viewer "$work"

@@ -71,7 +71,7 @@ pub(crate) fn standing(plan: &Plan, home: [f64; 3]) -> Result<MachineConfig, Mac
     MachineConfig::from_ini(&ini)
 }
 
-/// The same, judged.
+/// Judges the machine at a home position.
 fn judged(plan: &Plan, home: [f64; 3]) -> Result<Found, MachineError> {
     let machine = standing(plan, home)?;
     let config = machine.first();

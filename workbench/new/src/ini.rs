@@ -84,7 +84,7 @@ impl Plan<'_> {
         self.letters().iter().any(|letter| letter.is_angle())
     }
 
-    /// Letters of extra axes.
+    /// Returns the letters of extra axes.
     fn extra(&self) -> &str {
         self.carried.as_ref().map_or("", |carried| &carried.extra)
     }
@@ -102,7 +102,7 @@ impl Plan<'_> {
         [[self.values.number("feed") / 60.0, self.values.number("accel")], [turn, 10.0 * turn]]
     }
 
-    /// Speeds that a user interface starts with, along X Y Z and of angles.
+    /// Returns the initial speeds of a user interface, along X Y Z and of angles.
     fn start(&self) -> [f64; 2] {
         let [[feed, _], [turn, _]] = self.motion();
         let usual = [0.2 * feed, 0.5 * turn];
@@ -369,7 +369,7 @@ MAX_LINEAR_ACCELERATION = {accel}
         )
     }
 
-    /// What a drive may be behind at its largest speed, and at standstill.
+    /// Returns the following errors allowed at the largest speed and at standstill.
     fn following_error(&self, speed: f64, is_angle: bool) -> (f64, f64) {
         let least = if is_angle { LEAST_ERROR[1] } else { self.values.from_mm(LEAST_ERROR[0]) };
         let error = digits((LAG * speed * f64::from(PERIOD) * 1e-9).max(least));
@@ -472,7 +472,7 @@ MAX_LINEAR_ACCELERATION = {accel}
 }
 
 impl Plan<'_> {
-    /// A coordinate that a joint of its own is.
+    /// Writes the axis and joint of a coordinate that passes through.
     fn extra_axis(&self, letter: char) -> String {
         let Some(axis) = self.carried.as_ref().and_then(|carried| carried.axis(letter)) else {
             return String::new();

@@ -262,8 +262,8 @@ pub fn speeds(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> Vec<[f64; 2]
     most.into_iter().map(|found| found.map(|value| rounded_up(ROOM * value))).collect()
 }
 
-/// Speeds and accelerations of the tool, along X Y Z and of angles, that drives of an older configuration can follow
-/// anywhere within the limits: those that it has, or less.
+/// Computes speeds and accelerations of the tool, along X Y Z and of angles, that the drives of an older configuration
+/// can follow anywhere within the limits: its own, or less.
 pub fn slowed(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> [[f64; 2]; 2] {
     let Some(carried) = &plan.carried else { return plan.motion() };
     let needed = |share: f64| {
@@ -286,7 +286,7 @@ pub fn slowed(config: &Mechanism, plan: &Plan, limits: &AxisBox) -> [[f64; 2]; 2
     })
 }
 
-/// A share of a value: two digits, and no more; all of it unchanged.
+/// Rounds a share of a value down to two digits; a share of 1 or more leaves the value unchanged.
 fn rounded_down(share: f64, value: f64) -> f64 {
     if !(share < 1.0) {
         return value;

@@ -249,7 +249,7 @@ fn misfit(machine: &Parallel, joints: &Joints, pose: &Pose) -> f64 {
     (0..machine.legs.len()).map(of).sum()
 }
 
-/// In joint mode LinuxCNC asks for the poses of feedback and command, and for no joints.
+/// Makes the calls of a cycle in joint mode: forward for feedback and command, no inverse.
 fn joint_mode(module: &Module, joints: &Joints, poses: &mut [Pose; 2], period: i64) {
     for pose in poses {
         assert!(module.forward_into(joints, pose) >= 0, "joints that nearly fit");

@@ -108,9 +108,14 @@ pub fn among<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option
     (apart(nearest) <= most(name)).then_some(nearest)
 }
 
+/// Returns whether LinuxCNC or pkmkins reads the section.
+pub fn is_section(name: &str) -> bool {
+    SECTIONS.contains(&name) || STEMS.iter().any(|stem| is_one(name, stem))
+}
+
 /// Suggests the section for a misspelt name; none for a known name, or if none is near.
 pub fn section(name: &str) -> Option<String> {
-    if SECTIONS.contains(&name) || STEMS.iter().any(|stem| is_one(name, stem)) {
+    if is_section(name) {
         return None;
     }
     let bare = |name: &str| name.to_ascii_uppercase().replace('_', "");

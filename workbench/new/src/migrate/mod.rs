@@ -23,6 +23,7 @@ use kinematics::{Joints, MAX_JOINTS, Pose};
 use machine::files::{read, read_text};
 use machine::read::ini::decimal;
 use machine::read::machine::MachineConfig;
+use machine::read::near;
 use modules::{PEERS, PeerModule, Pins};
 use old::{AT_HOME, NamedHome, OldIni};
 use std::path::{Path, PathBuf};
@@ -33,25 +34,6 @@ const TOOL_LENGTH: &str = "motion.tooloffset.z";
 /// User interfaces of LinuxCNC.
 const DISPLAYS: [&str; 7] =
     ["axis", "gmoccapy", "gscreen", "qtvcp", "qtdragon", "tklinuxcnc", "touchy"];
-
-/// Sections that LinuxCNC reads, up to the first `_`.
-const OF_LINUXCNC: [&str; 15] = [
-    "EMC",
-    "DISPLAY",
-    "FILTER",
-    "RS274NGC",
-    "EMCMOT",
-    "TASK",
-    "HAL",
-    "HALUI",
-    "TRAJ",
-    "EMCIO",
-    "KINS",
-    "APPLICATIONS",
-    "AXIS",
-    "JOINT",
-    "SPINDLE",
-];
 
 /// Keys of the user interface that are kept.
 const OF_DISPLAY: [&str; 5] =
@@ -773,8 +755,9 @@ fn forward(
 fn left_out(old: &OldIni) -> Vec<String> {
     let mut left = old.left_out();
     for item in &mut left {
-        let section = item.split([']', '_']).next().unwrap_or_default().trim_start_matches('[');
-        if !OF_LINUXCNC.contains(&section) {
+        let section = item.split(']').next().unwrap_or_default().trim_start_matches('[');
+        // Before joints and axes, LinuxCNC numbered its axes.
+        if !near::is_section(section) && !section.starts_with("AXIS_") {
             *item += ": only HAL files read it";
         }
         if item.starts_with("[HAL]") {

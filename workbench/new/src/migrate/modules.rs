@@ -206,7 +206,7 @@ fn hexapod(pins: &Pins) -> Vec<Leg> {
     (0..6).map(leg).collect()
 }
 
-/// Directions of three legs a third of a turn apart, the first along Y or against it.
+/// Returns the directions of three legs a third of a turn apart, the first along Y or against it.
 fn spokes(first: f64) -> [[f64; 2]; 3] {
     let far = 0.75_f64.sqrt();
     [[0.0, first], [-far * first, -0.5 * first], [far * first, -0.5 * first]]

@@ -5,6 +5,7 @@ use crate::carried::{CarriedAxis, CarriedJoint};
 use crate::ini::line;
 use crate::values::{MM_PER_INCH, Refusal};
 use machine::read::ini::{Entry, Ini, IniError, decimal};
+use machine::read::near;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -24,24 +25,6 @@ const KEPT: [&str; 13] = [
     "HOME_ABSOLUTE_ENCODER",
     "VOLATILE_HOME",
     "MAX_JERK",
-];
-
-/// Keys of LinuxCNC for a joint or an axis that are not copied; all others are for the drives.
-const NOT_OF_DRIVES: [&str; 14] = [
-    "TYPE",
-    "HOME",
-    "MIN_LIMIT",
-    "MAX_LIMIT",
-    "MAX_VELOCITY",
-    "MAX_ACCELERATION",
-    "HOME_OFFSET",
-    "HOME_SEQUENCE",
-    "LOCKING_INDEXER",
-    "LOCKING_INDEXER_JOINT",
-    "COMP_FILE",
-    "COMP_FILE_TYPE",
-    "UNITS",
-    "CYCLE_TIME",
 ];
 
 /// Speed and acceleration if the file has none: LinuxCNC's defaults, in units per second (squared).
@@ -305,7 +288,9 @@ impl OldIni {
         }
         let of_drives = self.ini.entries().filter(|entry| {
             let key = entry.key.as_str();
-            entry.section == section && !KEPT.contains(&key) && !NOT_OF_DRIVES.contains(&key)
+            let is_of_linuxcnc = key == "CYCLE_TIME"
+                || ["JOINT_0", "AXIS_X"].iter().any(|of| near::is_of_linuxcnc(of, key));
+            entry.section == section && !KEPT.contains(&key) && !is_of_linuxcnc
         });
         let of_drives: BTreeSet<&str> = of_drives.map(|entry| entry.key.as_str()).collect();
         for key in of_drives {
