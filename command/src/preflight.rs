@@ -115,8 +115,7 @@ fn run_one(
 }
 
 /// Returns whether the servo cycles reach the first violation. LinuxCNC refuses some moves in advance, before the
-/// motion
-/// is near them: then the path shows it.
+/// motion is near them: then the path shows it.
 fn shows_what_breaks(config: &Mechanism, found: &Preflight, course: &Thinned) -> bool {
     let of =
         |is_of_time| found.breaks.iter().find(|message| message.limit.is_of_time() == is_of_time);

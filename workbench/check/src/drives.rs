@@ -102,8 +102,7 @@ pub(crate) fn check(ini: &Ini) -> Result<Vec<Found>, IniError> {
 }
 
 /// Checks that LinuxCNC tolerates the following error that a drive's delay causes at its largest speed. The tolerance
-/// is
-/// proportional to the speed, so the result is the same at every speed.
+/// is proportional to the speed, so the result is the same at every speed.
 fn following_errors(ini: &Ini) -> Result<Vec<Found>, IniError> {
     let period = 1e-9 * ini.number_or("EMCMOT", "SERVO_PERIOD", 1e6)?;
     let mut found = vec![];
@@ -658,8 +657,7 @@ impl Judge<'_> {
     }
 
     /// Reports an absolute encoder that is the count of a step generator: it is 0 at LinuxCNC's start, independent of
-    /// the
-    /// joint's position.
+    /// the joint's position.
     fn absolute(&mut self, n: usize, section: &str) -> Result<(), IniError> {
         const KEY: &str = "HOME_ABSOLUTE_ENCODER";
         if self.ini.number_or(section, KEY, 0.0)? == 0.0 {

@@ -65,8 +65,7 @@ pub(crate) fn check(ini: &Ini, config: &Mechanism) -> Result<Vec<Trouble>, IniEr
 }
 
 /// Reports a switch beyond the limits of its joint: of a machine's own joints, then those of its extra axes, the one
-/// with
-/// index `n`, which has number `i` in LinuxCNC.
+/// with index `n`, which has number `i` in LinuxCNC.
 fn outside(config: &Mechanism, (n, i): (usize, usize), joint: &Homing) -> Option<Trouble> {
     let switch = joint.switch.filter(|_| joint.sequence.is_some())?;
     let (own, unit) = match config.joints.get(n) {

@@ -159,8 +159,7 @@ impl<'a> Homing<'a> {
     }
 
     /// Returns the share of the start poses in which the switch of joint `i` must be closed already: the joint is
-    /// between
-    /// the switch and the end to which its search moves. `None` if it searches no switch.
+    /// between the switch and the end to which its search moves. `None` if it searches no switch.
     pub fn share_closed(&self, i: usize) -> Option<f64> {
         let HomingMethod::Search { switch, end: Some(end), .. } = self.joints.get(i)?.method else {
             return None;

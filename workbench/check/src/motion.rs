@@ -67,8 +67,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism) -> Result<(), IniEr
 }
 
 /// Checks that the angular unit is degrees, as in the kinematics. LinuxCNC accepts a name, in lower or upper case, or
-/// the
-/// number of units per degree; `degrees` ends its start, as does a missing key.
+/// the number of units per degree; `degrees` ends its start, as does a missing key.
 fn angles(report: &mut Report, config: &Mechanism) {
     let is_degree = config.ini.first("TRAJ", "ANGULAR_UNITS").is_some_and(|entry| {
         let value = entry.value.to_lowercase();
@@ -204,8 +203,7 @@ fn backlash(
 }
 
 /// Reports table axes that are slower than the coordinate that they follow one to one while the machine is level, or
-/// whose
-/// range is smaller.
+/// whose range is smaller.
 fn tables(report: &mut Report, config: &Mechanism) {
     let joints =
         config.joints[config.legs()..].iter().zip(config.machine.layout().table().as_slice());

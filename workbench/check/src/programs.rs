@@ -127,8 +127,7 @@ fn buffers(ini: &Ini) -> Option<IniError> {
 }
 
 /// Reports a missing program that replaces the tool table. LinuxCNC searches for it only in its current folder, which
-/// is
-/// that of the INI file.
+/// is that of the INI file.
 fn tools(ini: &Ini) -> Option<IniError> {
     let (entry, name) = named(ini, "EMCIO", "DB_PROGRAM")?;
     let name = if name.contains('/') { name.into() } else { format!("./{name}") };
@@ -247,8 +246,7 @@ fn shown(ini: &Ini) -> impl Iterator<Item = IniError> {
 }
 
 /// Reports missing folders of the files of parameters and joint positions, which LinuxCNC writes when it ends: the
-/// files
-/// themselves may be missing.
+/// files themselves may be missing.
 fn kept(ini: &Ini) -> impl Iterator<Item = IniError> {
     [PARAMETER_FILE, ["TRAJ", "POSITION_FILE"]].into_iter().filter_map(|[section, key]| {
         let (entry, file) = file(ini, section, key)?;

@@ -14,8 +14,7 @@ use machine::read::mechanism::Mechanism;
 const END: f64 = 0.05;
 
 /// Largest share of the poses within the axis limits in which a joint may be beyond its switch: a switch is reached
-/// from
-/// nearly all of them, or must stay closed over most of the travel, as on machines with switches in the middle.
+/// from nearly all of them, or must stay closed over most of the travel, as on machines with switches in the middle.
 const BEYOND: f64 = 0.9;
 
 /// Checks all of it.

@@ -38,8 +38,7 @@ fn row(config: &Mechanism, at: &At, tool: &Tool) -> String {
 }
 
 /// Describes the vector from the center of the platform joints to the tip, in base; home is level, so the platform's
-/// axes
-/// are those of base.
+/// axes are those of base.
 fn place(config: &Mechanism, at: &At, offset: &Vector3<f64>) -> String {
     let legs = config.geometry.legs();
     let middle = legs.iter().map(|leg| Vector3::from(leg.platform)).sum::<Vector3<f64>>()

@@ -124,8 +124,7 @@ fn unlimited(report: &mut Report, ini: &Ini, config: &Mechanism) {
 }
 
 /// Reports the legal part of the axis limits for the tools of the table, and whether the suggested limits are proved
-/// with
-/// them, if tools affect which poses are legal: on a machine that tilts.
+/// with them, if tools affect which poses are legal: on a machine that tilts.
 fn with_tools(
     report: &mut Report,
     config: &Mechanism,

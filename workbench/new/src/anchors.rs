@@ -149,8 +149,7 @@ pub fn rotary_delta(values: &Values) -> Vec<Leg> {
 }
 
 /// Returns a rod from a carriage on rail -1, 0 or 1 of parallel horizontal ones; its X is that of home, with the
-/// carriage
-/// at the center of its travel.
+/// carriage at the center of its travel.
 fn on_rail(values: &Values, rail: f64, platform: [f64; 3], side: f64) -> Leg {
     let [low, high] = values.list::<2>("carriage").unwrap_or_default();
     let base = [-0.5 * (low + high), rail * values.number("rail-spacing"), values.number("height")];

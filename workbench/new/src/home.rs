@@ -121,8 +121,7 @@ fn places(plan: &Plan) -> Vec<[f64; 3]> {
 }
 
 /// Returns the center of the base joints with their drives at the center of their travel; along the line, starting
-/// where
-/// the platform joints are level with them.
+/// where the platform joints are level with them.
 fn middle(plan: &Plan) -> [f64; 3] {
     let k = plan.kind.axis;
     if plan.kind.side == PlatformSide::AboutOrigin {

@@ -113,8 +113,7 @@ impl<const N: usize> Motion<N> {
     pub const START: Self = Self { last: None, speeds: None };
 
     /// Returns the speeds since the previous cycle, and the accelerations over the two previous ones, in joint units
-    /// per
-    /// second and per second squared. 0 if those cycles are unknown, or the drives were off.
+    /// per second and per second squared. 0 if those cycles are unknown, or the drives were off.
     pub fn next(&mut self, row: &Row, commands: &[f64; N], period: f64) -> [[f64; N]; 2] {
         let last = self.last.take().filter(|(cycle, _)| row.flags.on && cycle + 1 == row.cycle);
         self.last = row.flags.on.then_some((row.cycle, *commands));

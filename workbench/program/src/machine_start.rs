@@ -30,8 +30,7 @@ const MOST_WORK: f64 = 3.0;
 const MOST_STANDSTILL: f64 = 60.0;
 
 /// Size of a small move as a share of a coordinate's range, or of the machine's size if it is unlimited; and the
-/// largest
-/// angle, degrees.
+/// largest angle, degrees.
 const SHARE: f64 = 0.02;
 const MOST_ANGLE: f64 = 1.0;
 

@@ -163,8 +163,7 @@ impl<'a> Between<'a> {
     }
 
     /// Checks the platform motion due to another tool offset. With the tip at t the platform is at t − o + R o: if o
-    /// changes
-    /// by d, it moves by (R − 1) d, as it would by that move with the old tool.
+    /// changes by d, it moves by (R − 1) d, as it would by that move with the old tool.
     fn follow_tools(&mut self, step: &Move, tools: [[f64; 3]; 2]) {
         let shift = |i: usize| {
             let change = self.configs[i].spindle + Vector3::from(tools[i]) - self.tools[i];

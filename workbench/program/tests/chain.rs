@@ -99,8 +99,7 @@ fn over_the_table(config: &Mechanism, row: &Row) -> Joints {
 }
 
 /// Returns the largest distance from the programmed circle, on the workpiece, of the tip at the smoothed commands of
-/// struts
-/// and table: forward of the struts, rotated back by the table.
+/// struts and table: forward of the struts, rotated back by the table.
 fn tip_of_commands(config: &Mechanism, circle: &[&Row]) -> f64 {
     let inner = circle.iter().filter(|row| (1.0..1079.0).contains(&row.extra.positions[0]));
     let off = inner.map(|row| {

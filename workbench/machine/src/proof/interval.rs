@@ -90,8 +90,7 @@ impl Interval {
     }
 
     /// Widens ends that are off by this many units, computed from nonzero numbers: below the normal numbers they are
-    /// off
-    /// by more, and 0 may be an underflow.
+    /// off by more, and 0 may be an underflow.
     fn outward_above_zero(low: f64, high: f64, units: f64) -> Self {
         let own = Self::outward(low, high, units);
         match low.abs() >= f64::MIN_POSITIVE && high.abs() >= f64::MIN_POSITIVE {

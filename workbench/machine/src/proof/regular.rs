@@ -107,8 +107,7 @@ impl Reach<'_> {
     }
 
     /// Returns the pseudo-inverse of rows, and its product with its transpose; zeros for coordinates that the legs do
-    /// not
-    /// move.
+    /// not move.
     fn pseudo_inverse(&self, rows: &Rows) -> Option<(Inverse, Square)> {
         let mut normal = rows.tr_mul(rows);
         for k in (0..6).filter(|k| !self.active[*k]) {
@@ -141,8 +140,7 @@ impl Reach<'_> {
     }
 
     /// Returns the absolute values of the pseudo-inverse times the change of the constraint rows along a step, machine
-    /// units
-    /// and radians.
+    /// units and radians.
     fn change_along(
         &self,
         step: &[f64; 6],
