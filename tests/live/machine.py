@@ -54,7 +54,7 @@ class Layout(NamedTuple):
     second_home: list  # letters of a second mechanism with their values in [TRAJ]HOME
     home: list  # [TRAJ]HOME, a pose
     joint_home: list  # HOME of every joint
-    is_home_whole: bool  # whether these have more than six decimals, or are integers
+    acceleration: float  # the largest MAX_ACCELERATION of a joint
 
     @classmethod
     def of_running(cls):
@@ -70,7 +70,7 @@ class Layout(NamedTuple):
         home = whole[:len(AXES)]
         return cls(joints=joints, second_home=second_home, home=home + [0.0] * (len(AXES) - len(home)),
                    joint_home=[float(ini.find(f"JOINT_{n}", "HOME")) for n in joints],
-                   is_home_whole=all(len(ini.find(f"JOINT_{n}", "HOME").partition(".")[2]) != 6 for n in joints),
+                   acceleration=max(float(ini.find(f"JOINT_{n}", "MAX_ACCELERATION")) for n in joints),
                    struts=[n for n, kind in enumerate(kinds) if kind == "strut"],
                    letters=(given.get("coordinates", AXES) + given.get("table", "")).lower())
 
