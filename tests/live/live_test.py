@@ -29,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import getting_started  # noqa: E402
 import ini_edit  # noqa: E402
 import run_live  # noqa: E402
+import truth_programs  # noqa: E402
 from browsers import Browser  # noqa: E402
 from served import Served  # noqa: E402
 from session import Session  # noqa: E402
@@ -76,9 +77,26 @@ def scenario(config, name, out, limit=60, edits=(), **arguments):
 # -------------------------------------------------------------------- every machine
 
 def program(config, name, out):
-    result = check(run_live.run(config.relative_to(REPOSITORY), name, out, 120))
+    result = check(run_live.run(config.relative_to(REPOSITORY), name, out, 600))
     assert result["moves"] > 0, "LinuxCNC's interpreter makes no motion of the program"
     return f"{result['moves']} moves, {result['seconds']} s, longest cycle {result['servo_tmax_ns']} ns"
+
+
+def demo(config, out):
+    """Runs what `make demo` runs, with a program of one short move there and back for each letter."""
+    facts = truth_programs.Config(config)
+    lines = [facts.start.replace("G94", "G93"), "M52 P0"]
+    for letter in facts.low:
+        low, high, home = facts.low[letter], facts.high[letter], facts.home[letter]
+        if letter in facts.passed:
+            home = facts.joint_value(facts.joints + facts.passed.index(letter), "HOME")
+        way = min(max(high - home, home - low), 0.02 * min(high - low, 100))
+        there = home + way if high - home >= way else home - way
+        lines += [f"G1 F120 {letter}{there:.4f}", f"G1 F120 {letter}{home:.4f}"]
+    name = sorted((config / "programs").glob("*.ngc"))[0].name
+    text = "\n".join([*lines, "G94", "M2", ""])
+    result = check(run_live.run(config.relative_to(REPOSITORY), name, out, 120, text=text))
+    return f"{len(facts.low)} letters, {result['seconds']} s"
 
 
 def no_program(config, out):
@@ -90,9 +108,11 @@ def slug(text):
 
 
 def add_machine(config):
-    """Adds the tests of a machine. With `--long` every folder of configs/ runs each of its programs. Otherwise truth.py
-    runs them in virtual time, and one shorter program per machine live."""
+    """Adds the tests of a machine: a short demo, and with `--long` each of its programs, which truth.py runs in virtual
+    time."""
     name = slug(config.name)
+    add_test(f"demo_{name}", partial(demo, config))
+    RECORDING.add(f"demo_{name}")
     programs = sorted((config / "programs").glob("*.ngc"))
     if not programs:
         add_test(f"program_{name}", partial(no_program, config))

@@ -7,7 +7,7 @@
 
 use check::mobility::Structure;
 use draw::sample::Sample;
-use kinematics::{Fault, Joints, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
+use kinematics::{Fault, Joints, LegKind, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
 use machine::limits;
 use machine::read::joints::{Group, JointKind};
 use machine::read::mechanism::Mechanism;
@@ -106,8 +106,8 @@ impl Columns<'_> {
     }
 
     fn struts(&self) -> impl Iterator<Item = usize> {
-        let kinds = self.config.joints.iter().map(|joint| joint.kind).enumerate();
-        kinds.filter(|(_, kind)| *kind == JointKind::Strut).map(|(i, _)| i)
+        let legs = self.config.geometry.legs().iter().enumerate();
+        legs.filter(|(_, leg)| matches!(leg.kind, LegKind::Strut(_))).map(|(i, _)| i)
     }
 
     fn names(&self) -> Vec<String> {
