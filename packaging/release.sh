@@ -1,21 +1,22 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Tests the last commit, whose tag is the version, and makes the files of its release, into build/release: `make release`.
+# Tests the last commit, which must have the tag of its version, and writes the release files to build/release: `make
+# release`.
 #
 #     packaging/release.sh
 #
-# One package serves every Debian that is named in SUITES: its programs are built in the oldest, and it has the
-# library for virtual time of each. They are made, installed and used in Debians that debootstrap makes; needs root
-# and 20 GB. Built is what this computer's processor runs. Nothing is signed: who publishes signs SHA256SUMS.
+# One package serves every Debian in SUITES: its programs are built in the oldest, and it contains each one's library
+# for virtual time. debootstrap creates the systems in which the packages are built, installed and tested; needs root
+# and 20 GB. Builds for this computer's processor only. Signs nothing: the publisher signs SHA256SUMS.
 set -eu
 cd "$(dirname "$0")/.."
 
-# The oldest first.
+# Debian releases, oldest first.
 SUITES=$(sed -n 's/^debian = \[\(.*\)\]$/\1/p;T;q' workbench/linuxcnc/versions.toml | tr -d '",')
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)
 out=$PWD/build/release
 
-# missing TEXT: says what the release lacks; all of it, before anything runs.
+# missing TEXT: reports something that the release lacks; all such reports come before anything runs.
 missing() { lacks=yes; echo "release: $*" >&2; }
 tag=v$version
 tagged() { git for-each-ref --format="%($1)" "refs/tags/$tag"; }

@@ -1,12 +1,12 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Makes of packages a repository for apt: files that any web server, or a folder, can offer.
+# Writes a repository for apt from packages: files that apt reads from any web server or folder.
 #
 #     packaging/repository.sh [FOLDER [OUT]]     build/release, build/repository
 #
-# A component holds what serves one series of LinuxCNC, as in linuxcnc.org's own repository, so that apt never
-# chooses a pkmkins for another one; pkm, which serves all, is in each. Nothing is signed: who publishes signs
-# dists/stable/Release, as InRelease.
+# Each series of LinuxCNC has a component, as in linuxcnc.org's repository, so that apt never selects a pkmkins for
+# another series; every component contains pkm, which works with all. Signs nothing: the publisher signs
+# dists/stable/Release as InRelease.
 set -eu
 cd "$(dirname "$0")/.."
 folder=$(realpath "${1:-build/release}")

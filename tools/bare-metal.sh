@@ -3,8 +3,8 @@
 # Checks that the core compiles for a microcontroller (Cortex-M4F), where there is neither an operating system nor a
 # C library.
 #
-# Where rustc has the target's library (rustup target add thumbv7em-none-eabihf), with that. Else with Debian's
-# rustc-web, whose sources have the library.
+# Uses the target's library if rustc has it (rustup target add thumbv7em-none-eabihf), otherwise builds it from the
+# sources of Debian's rustc-web.
 set -eu
 cd "$(dirname "$0")/.."
 target=thumbv7em-none-eabihf

@@ -1,11 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Writes the files beside the configurations that git does not have, because pkm makes them: the panel of every
-# machine, and the programs that a file in `paths` names by "Makes programs/NAME.ngc."
+# Writes the files of the configurations that pkm generates and git does not contain: the panel of every machine, and a
+# program for every file in `paths` with the words "Makes programs/NAME.ngc".
 #
 #     tools/generate.sh PKM
 #
-# A file that is as it should be is left alone: a test that copies the folder meanwhile copies whole files.
+# Does not touch files that are up to date, so that a test that copies the folder meanwhile gets complete files.
 set -eu
 pkm=$(realpath "$1")
 cd "$(dirname "$0")/.."
@@ -24,7 +24,7 @@ grep -l 'Makes programs/' configs/*/paths/*.toml | while read -r path; do
 done
 cd "$made"
 find configs -type f | while read -r file; do
-    # git does not have a folder of programs that are all made.
+    # git contains no folder whose programs are all generated.
     mkdir -p "$OLDPWD/$(dirname "$file")"
     cmp -s "$file" "$OLDPWD/$file" || mv "$file" "$OLDPWD/$file"
 done

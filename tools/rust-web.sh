@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # shellcheck shell=sh
-# Read with `.` at the root of the repository: makes the rustc of Debian's browsers, with the sources of its library,
-# the one that cargo calls. For targets that the rustc at hand has no library for. Its packages are
-# unpacked into target/tools and not installed.
+# Sourced at the root of the repository: makes cargo call Debian's rustc-web, which comes with the sources of its
+# library, for targets for which the installed rustc has no library. Its packages are unpacked into target/tools and not
+# installed.
 
 rust_web=$PWD/target/tools/rust-web
 if [ ! -d "$rust_web/usr" ]; then
@@ -11,7 +11,7 @@ if [ ! -d "$rust_web/usr" ]; then
     mkdir -p "$rust_web/packages"
     (cd "$rust_web/packages" && apt-get download -q \
         rustc-web rust-web-src libstd-rust-web-dev "$std" "libllvm$llvm" "lld-$llvm")
-    # Under another name until all is there: what was broken off is begun anew.
+    # Unpacked under another name until complete, so that an interrupted run starts again.
     rm -rf "$rust_web/unpacked"
     for package in "$rust_web"/packages/*.deb; do dpkg -x "$package" "$rust_web/unpacked"; done
     mv "$rust_web/unpacked/usr" "$rust_web/usr"

@@ -38,7 +38,7 @@ def reason(master):
 
     def look():
         try:
-            # None are counted before the module is there.
+            # Count again until the module is loaded.
             if not any(legs):
                 legs[:] = [count_legs(hal.get_value)]
             text.set(words(hal.get_value, legs[0]))

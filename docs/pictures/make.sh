@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Draws the pictures of the documentation by the commands that they show; `cargo xtask pictures` calls it.
+# Draws the pictures of the documentation with the commands that the pages show; `cargo xtask pictures` calls it.
 #
 #     docs/pictures/make.sh PKM
 set -eu
@@ -12,7 +12,7 @@ surface=configs/hexapod/programs/five-axis-surface.ngc
 drawn=$(mktemp -d)
 trap 'rm -rf "$drawn"' EXIT
 
-# draw COMMAND... -- PICTURE...: the pictures that are kept of those that a command draws, NAME or NAME=OWN-NAME.
+# draw COMMAND... -- PICTURE...: runs a command and keeps these of its pictures, NAME or NAME=NEW-NAME.
 draw() {
     words=
     while [ "$1" != -- ]; do words="$words $1"; shift; done
@@ -36,7 +36,7 @@ draw stability pose $hexapod --study configs/hexapod/cutting.toml --pose -80 60 
 draw stability lag --study docs/studies/examples/paper-002.toml --overhang 150 -- overhang-150-partition-link=partition
 draw path configs/hexaglide/hexaglide.ini configs/hexaglide/paths/dome.toml -o "$drawn/dome.ngc" -- families-net
 
-# Frames and signs of every shipped machine, and of the one that docs/guide/getting-started.md makes.
+# Draws frames and signs of every shipped machine, and of the hexapod in docs/guide/getting-started.md.
 for folder in configs/*/; do
     machine=$(basename "$folder")
     echo "pkm frames $machine"
@@ -48,7 +48,7 @@ made=$(sed -e ':line' -e '/\\$/{N;s/\\\n *//;b line' -e '}' docs/guide/getting-s
 "$pkm" $made --out "$drawn/my-hexapod" > "$drawn/answer"
 "$pkm" frames "$drawn/my-hexapod/my-hexapod.ini" --output docs/pictures/frames-my-hexapod.svg
 
-# The pages of pkm view: every shipped machine in the middle of its first program. Needs a browser.
+# Draws the pages of pkm view: every shipped machine halfway through its first program. Needs a browser.
 for folder in configs/*/; do
     machine=$(basename "$folder")
     set -- "$folder"programs/*.ngc

@@ -1,12 +1,12 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Makes a site of the documentation, and checks every link and anchor of it.
+# Builds a website of the documentation, and checks all its links and anchors.
 #
 #     docs/site/build.sh PKM PYTHON
 #
-# PKM writes the manual pages of its subcommands, PYTHON has Sphinx; the site comes into build/site. Sphinx gets
-# the pages as they lie in the repository, so that a link holds here and in a forge; it fails where a page, an
-# anchor or a picture is missing, and where a page stands neither in its folder's README.md nor in docs/site/index.md.
+# PKM writes the manual pages of its subcommands; PYTHON must have Sphinx; the output is build/site. Pages keep their
+# paths in the repository, so that links work both on the site and on GitHub. Fails if a page, an anchor or a picture is
+# missing, or if neither the README.md of its folder nor docs/site/index.md lists a page.
 set -eu
 cd "$(dirname "$0")/../.."
 pkm=$1 python=$2
@@ -17,16 +17,16 @@ mkdir -p "$pages/man"
 find . \( -name target -o -name build -o -name node_modules -o -name '.?*' \) -prune -o -name '*.md' -print |
     while read -r page; do cp -p --parents "$page" "$pages"; done
 mv "$pages/docs/site/index.md" "$pages/index.md"
-# Links of the pages that lead to no page lead to files: pictures, and what the text quotes.
+# Other link targets: pictures, and the files that pages cite.
 cp -rp --parents docs/pictures docs/studies/examples docs/reference/pkmkins.9 docs/reference/names.txt configs/*/*.ini configs/*/*.toml "$pages"
 
-# The index of a folder is the order of its pages.
+# The links in a folder's README.md determine the order of its pages.
 for index in docs/*/README.md; do
     { printf '\n```{toctree}\n:hidden:\n\n'; sed -n 's/^[-0-9.]* \[[^]]*\](\([a-z-]*\)\.md).*/\1/p' "$index"; printf '```\n'; } \
         >> "$pages/$index"
 done
 
-# manual_page FILE: one as a page of the site, which links to the others.
+# manual_page FILE: converts a manual page to a page of the site, with links to the other manual pages.
 manual_page() {
     name=$(basename "$1")
     mandoc -T html -O fragment,man=%N.%S.html "$1" > "$pages/man/$name.fragment"
@@ -41,7 +41,7 @@ for page in docs/reference/pkmkins.9 build/man/*.1; do manual_page "$page"; done
 
 "$python" -m sphinx --quiet --fail-on-warning --keep-going --fresh-env --jobs auto \
     --conf-dir docs/site --doctree-dir build/site-doctrees --builder html "$pages" "$out"
-# redirect OLD NEW: the address that a page had up to 1.0.0, when all lay in docs.
+# redirect OLD NEW: keeps the address that a page had up to 1.0.0, when all pages were in docs.
 redirect() {
     printf '<!doctype html><meta http-equiv="refresh" content="0; url=%s.html"><a href="%s.html">%s</a>\n' \
         "$2" "$2" "$2" > "$out/docs/$1.html"

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Follows every link of a built site that stays in it, to files and to their anchors.
+"""Checks every internal link of a built site: that the file and the anchor exist.
 
     links.py SITE
 
-Sphinx checks the links that it makes. Manual pages come as HTML, so that only the finished site shows whether all links work.
+Sphinx checks only its own links. The manual pages are inserted as HTML, so their links can be checked only in the
+finished site.
 """
 
 import sys
@@ -13,7 +14,7 @@ from urllib.parse import unquote, urlsplit
 
 
 class Page(HTMLParser):
-    """The anchors of a page, and where it leads."""
+    """The anchors and link targets of a page."""
 
     def __init__(self, text):
         super().__init__()
@@ -28,7 +29,7 @@ class Page(HTMLParser):
 
 
 def broken(page, links, pages):
-    """The links of one page that lead nowhere."""
+    """Yields the broken links of a page."""
     for link in sorted(links):
         parts = urlsplit(link)
         if parts.scheme or parts.netloc:

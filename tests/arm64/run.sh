@@ -1,23 +1,22 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Builds the core, the module and their tests for 64-bit ARM, proves of the module what can be without following its
-# instructions, runs the tests under qemu, and compares every bit of what the module answers with the one built for
-# this processor.
+# Builds the core, the module and their tests for 64-bit ARM, runs the checks of the module that need no disassembly,
+# runs the tests under qemu, and compares every result bit by bit with the module built for this processor.
 #
 #     tests/arm64/run.sh [answers]      only the comparison
 #
-# Needs gcc-aarch64-linux-gnu, libc6-dev-arm64-cross and qemu-user-static (`cargo xtask test-arm64` installs them), and the
-# library of Rust for aarch64: that of rustup, so that one compiler builds for both, or Debian's. LinuxCNC's own
-# modules, beside which ours is tested, come from Debian's package for arm64. Packages are unpacked into target/tools
-# and not installed.
-# qemu is some ten times as slow. PKMKINS_CASES=0.1 takes a tenth of the cases; tests that count what they met then fail.
+# Needs gcc-aarch64-linux-gnu, libc6-dev-arm64-cross and qemu-user-static (`cargo xtask test-arm64` installs them), and
+# Rust's library for aarch64, from rustup (the same compiler then builds both) or from Debian. LinuxCNC's own modules,
+# with which ours is compared, come from Debian's package for arm64. Packages are unpacked into target/tools and not
+# installed. qemu is about ten times slower. PKMKINS_CASES=0.1 runs a tenth of the cases; tests that require a number of
+# events then fail.
 set -eu
 cd "$(dirname "$0")/../.."
 target=aarch64-unknown-linux-gnu
 arm=$PWD/target/tools/arm64
 out=$PWD/build/arm64
 
-# arm64 COMMAND...: apt as on a computer with that processor, with lists of its own.
+# arm64 COMMAND...: runs apt as on an arm64 computer, with separate package lists.
 arm64() {
     mkdir -p "$arm/apt/state/lists/partial" "$arm/apt/cache/archives/partial"
     : >> "$arm/apt/status"
@@ -32,7 +31,7 @@ CONF
     APT_CONFIG=$arm/apt/apt.conf "$@"
 }
 
-# unpacked PACKAGE FOLDER: Debian's package for arm64, once.
+# unpacked PACKAGE FOLDER: downloads and unpacks Debian's arm64 package, once.
 unpacked() {
     [ ! -e "$arm/$1.done" ] || return 0
     [ -d "$arm/apt" ] || arm64 apt-get update -q
@@ -42,7 +41,7 @@ unpacked() {
     touch "$arm/$1.done"
 }
 
-# What runs here is built before the compiler for the other processor takes the place of this one.
+# Build the programs that run here before rust-web.sh replaces the compiler.
 cargo build --release --locked --quiet -p pkmkins --target-dir target/module
 cargo build --profile host --locked --quiet -p abi-tests -p prove --bin answers --bin prove
 
@@ -53,14 +52,14 @@ if [ ! -d "$(rustc --print target-libdir --target $target)" ]; then
 fi
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu"
-# Of an apart folder: cargo would build for this processor anew with the other compiler.
+# In a separate folder: otherwise cargo would rebuild this processor's files with the other compiler.
 for_arm() { cargo "$@" --locked --quiet --target $target --target-dir target/arm64; }
 
 for_arm build --release -p pkmkins
 for_arm build --profile host -p abi-tests --bin answers
 module=$PWD/target/arm64/$target/release/libpkmkins.so
 
-# Symbols, imports, panic machinery, rights of memory: what needs no instructions read.
+# Checks symbols, imports, panic code and memory permissions, which need no disassembly.
 target/host/prove "$module"
 
 mkdir -p "$out"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # shellcheck shell=sh
-# For the scripts that need a Debian with nothing in it; sourced.
+# Functions for scripts that need a minimal Debian; sourced.
 
-# alone NAME SCRIPT ARGUMENT...: goes on in namespaces of its own, whose processes and mounts end with the script.
+# alone NAME SCRIPT ARGUMENT...: restarts the script in separate namespaces, whose processes and mounts end with it.
 alone() {
     [ "$(id -u)" = 0 ] || { echo "$1: only root can make a Debian: run this with sudo" >&2; exit 2; }
     command -v debootstrap >/dev/null || { echo "$1: debootstrap is missing: install it" >&2; exit 2; }
@@ -12,14 +12,14 @@ alone() {
         --mount-proc sh "$@"
 }
 
-# archive PATTERN: where apt has the first release from whose name matches.
+# archive PATTERN: prints the address from which apt gets the first release whose name matches.
 archive() {
     apt-get indextargets --format '$(RELEASE) $(REPO_URI)' 'Created-By: Packages' |
         awk -v release="$1" '$1 ~ release { print $2; exit }'
 }
 
-# debian SUITE FOLDER [PACKAGE,...]: makes it anew, from the archive that this computer's apt uses, with this
-# computer's certificates and settings of the network.
+# debian SUITE FOLDER [PACKAGE,...]: recreates the system from this computer's apt archive, with its certificates and
+# network settings.
 debian() {
     suite=$1 root=$2
     main=$(archive '^[a-z]+$')
@@ -32,11 +32,11 @@ deb $main $suite-updates main
 deb $(archive '-security$') $suite-security main
 END
     apt-config dump | grep -E '^Acquire::(https?|Check)' > "$root/etc/apt/apt.conf.d/99this-computer" || true
-    # It need not outlive a power cut.
+    # Skip fsync: the system need not survive a power failure.
     echo force-unsafe-io > "$root/etc/dpkg/dpkg.cfg.d/99quick"
     mkdir -p "$root/usr/local/share/ca-certificates"
     find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$root/usr/local/share/ca-certificates" \;
-    # A mount itself, or nothing inside could have mounts of its own.
+    # The root must be a mount point: otherwise nothing inside could mount.
     mount --bind "$root" "$root"
     mount -t proc proc "$root/proc"
     mount --rbind /sys "$root/sys"
@@ -44,7 +44,7 @@ END
     mount -t tmpfs -o mode=1777 shm "$root/dev/shm"
 }
 
-# inside FOLDER COMMAND...: runs it there.
+# inside FOLDER COMMAND...: runs a command in that system.
 inside() {
     root=$1
     shift

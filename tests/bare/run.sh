@@ -1,12 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Runs the README's commands on the last commit, in a Debian that has make and git and nothing else.
+# Runs the README's commands on the last commit, in a minimal Debian with make and git.
 #
 #     tests/bare/run.sh [SUITE [COMMAND [FILE...]]]     bookworm, 'time make demo && time make test'
 #
-# FILEs of this tree that are not committed go along, into the same places.
-# debootstrap makes it in build/bare/SUITE, anew each time. Needs root, debootstrap and 15 GB. What runs inside
-# has memory, processes and mounts of its own, and ends with the command.
+# Copies uncommitted FILEs of this tree to the same places. debootstrap recreates the system in build/bare/SUITE each
+# time. Needs root, debootstrap and 15 GB. Shared memory, processes and mounts are separate, and end with the command.
 set -eu
 cd "$(dirname "$0")/../.."
 . tests/bare/debian.sh

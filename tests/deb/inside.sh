@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What tests/deb/run.sh runs in its Debian, as root: the packages are in /srv/deb.
+# The steps that tests/deb/run.sh runs as root in its Debian, with the packages in /srv/deb.
 set -u
 export DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8
 cd /srv/deb || exit
@@ -9,7 +9,7 @@ architecture=$(dpkg --print-architecture)
 log=/srv/log
 passed=0 failed=0
 
-# step NAME COMMAND...: it has to succeed.
+# step NAME COMMAND...: runs a command that must succeed.
 step() {
     name=$1
     shift
@@ -24,17 +24,17 @@ step() {
     fi
 }
 
-# refused TEXT COMMAND...: it has to fail, and to say so.
+# refused TEXT COMMAND...: runs a command that must fail with TEXT in its output.
 refused() {
     text=$1
     shift
     ! "$@" > "$log.raw" 2>&1 || { echo "not refused: $*"; cat "$log.raw"; return 1; }
-    # apt gives dpkg a terminal, whose lines end in two characters.
+    # apt gives dpkg a terminal, which ends lines with CR LF.
     tr -d '\r' < "$log.raw" | tee "$log.refused"
     grep -q -- "$text" "$log.refused"
 }
 
-# remade FILE FIELD VALUE OUT: the package with another value of a field.
+# remade FILE FIELD VALUE OUT: builds the package with another value of a field.
 remade() {
     rm -rf /srv/remade
     dpkg-deb --raw-extract "$1" /srv/remade
@@ -43,11 +43,11 @@ remade() {
 }
 
 installed() { [ "$(dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null)" = "ii " ]; }
-# dpkg has nothing half done.
+# Returns whether dpkg has left nothing half installed.
 orderly() { dpkg --audit && [ -z "$(dpkg --audit)" ]; }
 get() { apt-get install -q -y --no-install-recommends "$@"; }
 
-# Everything that is on the disk, but for what programs write while they run.
+# Lists all files on the disk, except those that programs write while they run.
 files() {
     find / -xdev \( -path /srv -o -path /proc -o -path /sys -o -path /dev -o -path /run -o -path /tmp -o -path /var/tmp \
         -o -path /var/log -o -path /var/cache -o -path /home -o -path /var/lib/apt -o -path /var/lib/pkmkins-run \) -prune \
@@ -71,7 +71,7 @@ missing_dependency() {
         ! installed pkmkins && dpkg --purge pkmkins && orderly
 }
 
-# A LinuxCNC whose interface the module was not built for.
+# Tests that dpkg refuses the module with a LinuxCNC of the next series.
 other_series() {
     next=$(dpkg-deb --field "$pkmkins" Depends | sed 's/.*linuxcnc-uspace (<< \([^)]*\)~).*/\1/')
     rm -rf /srv/other && mkdir -p /srv/other/DEBIAN &&
@@ -89,7 +89,7 @@ other_architecture() {
         refused "does not match system" dpkg --install /srv/other.deb && ! installed pkmkins && orderly
 }
 
-# With the way out that the message gives.
+# Tests that apt refuses to replace files of `make install`, then follows the remedy in the message.
 over_a_hand_made_installation() {
     cp -a /srv/by-hand/usr /
     refused "files of .make install. are in the way" get "./$pkmkins" && ! installed pkmkins &&
@@ -107,7 +107,7 @@ read_only() {
     refused "Read-only file system" dpkg --install "./$pkmkins"
     code=$?
     umount --lazy /usr
-    # Where dpkg could not clean up either it wants the package once more, and then takes it away.
+    # dpkg could not clean up on a read-only disk: install the package once more, then purge it.
     [ $code = 0 ] && ! installed pkmkins && dpkg --install "./$pkmkins" && dpkg --purge pkmkins && orderly && nothing_of_ours
 }
 
@@ -125,13 +125,13 @@ picked() {
     as_user env HALLIB_DIR=/usr/share/linuxcnc/hallib xvfb-run -a wish /srv/pkmkins/tests/deb/pick.tcl \
         /usr/lib/tcltk/linuxcnc/bin/pickconfig.tcl /usr/share/linuxcnc/aux_examples/pkmkins/hexapod/hexapod.ini > /srv/picked &&
         cat /srv/picked && [ "$(tail -n 1 /srv/picked)" = /home/machinist/linuxcnc/configs/hexapod/hexapod.ini ] &&
-        # What it shows, the line it writes into the copy, and the subroutines it links.
+        # The text shown, the line written into the copy, and the linked subroutines.
         grep -q 'Novikov, Strutynsky and Kyrychenko' "$log" &&
         grep -q '^PROGRAM_PREFIX = /home/machinist/linuxcnc/nc_files$' /home/machinist/linuxcnc/configs/hexapod/hexapod.ini &&
         [ -e /home/machinist/linuxcnc/nc_files/pkmkins_lib/pkm_circle.ngc ]
 }
 
-# Homed, and a program run to its end without a message.
+# Homes the machine and runs a program to its end without a message.
 ran() {
     /srv/pkmkins/tests/live/run_live.py --config /home/machinist/linuxcnc/configs/hexapod/hexapod.ini \
         --program five-axis-surface.ngc --out /srv/ran --seconds 600 && grep -q '"ok": true' /srv/ran/result.json
@@ -148,7 +148,7 @@ manuals() {
         pkm check /usr/share/linuxcnc/aux_examples/pkmkins/hexapod/hexapod.ini
 }
 
-# LinuxCNC's realtime process, as a session of HAL starts it; it ends with what it reads.
+# Tests upgrade and removal while LinuxCNC's real-time process runs, started by halrun, which ends with its input.
 while_linuxcnc_runs() {
     remade "$pkmkins" Version 99 /srv/newer.deb
     rm -f /srv/hal && mkfifo /srv/hal

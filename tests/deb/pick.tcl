@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Picks a machine in LinuxCNC's own configuration picker, which a hand would click through.
+# Selects a machine in LinuxCNC's configuration selector, in place of a user.
 #
-#     wish pick.tcl PICKER INI     prints what the picker prints: the INI file of the copy
+#     wish pick.tcl PICKER INI     prints the output of the selector: the INI file of the copy
 #
-# On standard error: what the picker shows of the machine.
+# Standard error gets the text that the selector shows about the machine.
 lassign $argv picker wanted
 set argv {}
-# Yes to the question whether to copy, OK to where it was copied to.
+# Answers Yes to the question whether to copy, and OK to the message with the path of the copy.
 proc tk_dialog {args} { return 0 }
 proc pick {} {
     if {![info exists ::button_ok] || ![$::tree exists $::wanted]} {
@@ -22,7 +22,7 @@ proc pick {} {
     puts stderr [$::detail_box get 1.0 end]
     press
 }
-# Again and again: the picker may not wait for the button yet.
+# Repeats the press: the selector may not be waiting for the button yet.
 proc press {} {
     $::button_ok invoke
     after 500 press

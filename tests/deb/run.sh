@@ -1,11 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Installs the packages of target/debian in a Debian that has nothing else, uses them and takes them away again.
+# Installs the packages of target/debian in a minimal Debian, uses them and removes them.
 #
 #     tests/deb/run.sh [SUITE [FOLDER]]     bookworm, target/debian
 #
-# debootstrap makes it in build/deb/SUITE, anew each time. Needs root, debootstrap and 4 GB. Neither Rust nor a
-# compiler comes into it. What each step came to stands in the output, closed by the number of those that passed.
+# debootstrap recreates the system in build/deb/SUITE each time, without Rust or a compiler. Needs root, debootstrap and
+# 4 GB. Prints the result of each step, and finally the number that passed.
 set -eu
 cd "$(dirname "$0")/../.."
 . tests/bare/debian.sh
@@ -19,8 +19,8 @@ ls "$folder"/pkm_*.deb "$folder"/pkmkins_*.deb >/dev/null || { echo "deb: no pac
 debian "$suite" "$root"
 mkdir -p "$root/srv/deb" "$root/srv/pkmkins"
 cp "$folder"/pkm_*.deb "$folder"/pkmkins_*.deb "$root/srv/deb"
-# What the live tests take along.
+# Files that the live tests need.
 cp -a --parents configs tests/live tests/viewer tests/cases/ini tests/deb viewer "$root/srv/pkmkins"
-# What `make install` puts there, by itself: the packages have to find it.
+# A separate copy of the files of `make install`, which the packages must detect.
 make --no-print-directory -s -o setup -o module -o virtual install DESTDIR="$root/srv/by-hand"
 inside "$root" sh /srv/pkmkins/tests/deb/inside.sh

@@ -1,11 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Installs the wheel of build/wheel with a Debian's own Python, in a Debian that has nothing else, and tests it there.
+# Installs the wheel of build/wheel with Debian's Python in a minimal Debian, and tests it there.
 #
 #     tests/wheel/run.sh [SUITE]     trixie
 #
-# debootstrap makes it in build/wheel/SUITE, anew each time. Needs root, debootstrap and 3 GB. Neither Rust nor a
-# compiler comes into it: what requirements.txt pins has to have wheels for that Python.
+# debootstrap recreates the system in build/wheel/SUITE each time, without Rust or a compiler, so every library in
+# requirements.txt needs a wheel for that Python. Needs root, debootstrap and 3 GB.
 set -eu
 cd "$(dirname "$0")/../.."
 . tests/bare/debian.sh
