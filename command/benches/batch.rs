@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Inverse and forward solutions of rows of a file in batches, for comparisons with other programs in turns:
+//! Inverse and forward solutions of the rows of a file in batches, to be run alternately with other programs:
 //!
 //! ```text
 //! cargo bench -p pkm --bench batch -- MACHINE.ini ROWS
@@ -35,7 +35,7 @@ fn main() {
     let rows = rows(&given[1]);
     let seeds = rows.iter().map(|[x, y, z, a, b, c]| [x + 0.1, *y, *z, a + 0.01, *b, *c]);
     let seeds: Vec<_> = seeds.collect();
-    // Written where they stay: results that are handed on cost as much again.
+    // Results are written in place: returning each one would double the time.
     let inverse = || {
         let mut joints = vec![[0.0; MAX_JOINTS]; rows.len()];
         rows.par_iter().zip(&mut joints).for_each(|(row, joints)| {

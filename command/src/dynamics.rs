@@ -46,7 +46,7 @@ const BEYOND: f64 = 1.5;
 /// Both report the deviation of the tip from its command; for a random force also the result of
 /// the linear theory.
 ///
-/// Damping and cutting coefficients are your measurements: the results are as good as they are.
+/// Damping and cutting coefficients are your measurements: the results are no more accurate than these.
 /// The modes of spindle and tool are not included.
 ///
 /// Hz, mm, um, N, degrees; machine axes.

@@ -40,7 +40,7 @@ pub struct Arguments {
     /// The machine's LinuxCNC INI file [default: that of the running LinuxCNC]
     #[arg(long, value_name = "MACHINE.ini", value_hint = clap::ValueHint::FilePath, value_parser = super::input::ini_file())]
     machine: Option<PathBuf>,
-    /// Changes nothing: LinuxCNC alone reads programs, and what it did not run has no path that could fit
+    /// No effect: promised by earlier versions, which could accept a program that LinuxCNC had not run
     #[arg(long, hide = true)]
     path_is_enough: bool,
 }

@@ -10,28 +10,28 @@ use new::values::Refusal;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Make a configuration of one for an older LinuxCNC or another module
+/// Convert a configuration for an older LinuxCNC or another module
 ///
-/// Reads an INI file for genhexkins, lineardeltakins, rotarydeltakins, tripodkins or pentakins, or of such a machine from
-/// before LinuxCNC had joints and axes (2.7, Machinekit), and the geometry that its HAL files set. Writes a folder as pkm
-/// new makes it, with its limits, speeds, homing, scales and tools. Says what the file does not determine and what is left
-/// out; nothing in the old folder changes. docs/guide/migrating.md describes it.
+/// Reads an INI file for genhexkins, lineardeltakins, rotarydeltakins, tripodkins or pentakins, also from before
+/// LinuxCNC had joints and axes (2.7, Machinekit), and the geometry that its HAL files set. Writes a folder like that
+/// of pkm new, with the old limits, speeds, homing, scales and tools. Lists the values that the file does not determine
+/// and the omitted parts; the old folder does not change. docs/guide/migrating.md describes it.
 ///
-/// Exit status: 0 where the folder is made and fits together, 1 where it is made and pkm check finds errors in it, or
-/// where no such machine can work, 2 where the file is wrong, does not determine the machine, or the folder is there
-/// already. In the last two cases nothing is written.
+/// Exit status: 0 if the folder is complete and pkm check finds no error in it, 1 if pkm check finds errors, or if no
+/// such machine can work and no folder is created, 2 if the file is wrong or does not determine the machine, or if the
+/// folder exists; then nothing is written.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     /// The INI file of the older configuration
     #[arg(value_name = "OLD.ini", value_hint = clap::ValueHint::FilePath, value_parser = input::ini_file())]
     file: PathBuf,
-    /// Folder to be made [default: NAME-pkmkins beside the folder of OLD.ini]
+    /// Folder to create [default: NAME-pkmkins beside the folder of OLD.ini]
     #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
     out: Option<PathBuf>,
-    /// Place of the tool without a length at home, in place of what the file says
+    /// Position at home of a tool without length, instead of the one in the file
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     home: Option<Vec<f64>>,
-    /// HAL file with a setp line for each pin of the geometry, in place of the files of OLD.ini
+    /// HAL file with a setp line for each pin of the geometry, instead of the HAL files of OLD.ini
     #[arg(long, value_name = "FILE.hal", value_hint = clap::ValueHint::FilePath)]
     geometry: Option<PathBuf>,
 }

@@ -798,7 +798,7 @@ Usage: pkm [OPTIONS] <COMMAND>
 
 Machine:
   new          Make a complete LinuxCNC configuration of a machine
-  migrate      Make a configuration of one for an older LinuxCNC or another module
+  migrate      Convert a configuration for an older LinuxCNC or another module
   check        Check that the files of a machine fit together
   homing       Simulate homing from sampled poses, and find a safe order
   frames       Draw the machine with its frames and signs

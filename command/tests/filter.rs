@@ -91,7 +91,7 @@ fn a_program_that_is_not_judged_is_held_back() {
     let held = filter(&[]);
     assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", reported(&held));
     assert!(reported(&held).contains("PLANNER_TYPE"), "{}", reported(&held));
-    // A program that LinuxCNC did not run has no path that could be sufficient.
+    // The option of earlier versions does not accept a program that LinuxCNC did not run.
     let held = filter(&["--path-is-enough"]);
     assert_eq!((held.status.code(), held.stdout.len()), (Some(2), 0), "{}", reported(&held));
 }

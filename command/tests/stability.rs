@@ -70,7 +70,7 @@ fn the_lag_of_paper_002_is_answered_drawn_and_written() {
     assert_eq!(count("drawn"), 8);
     let partition = fs::read_to_string(bench.0.path().join("drawn/lag-partition.svg")).unwrap();
     assert!(partition.contains("K 4885 N/mm at 138.10 rad/s"));
-    // W at rest equals the one in the values, in the first row.
+    // The first row is W at rest, as in the independent values.
     let table = fs::read_to_string(bench.0.path().join("out.csv")).unwrap();
     let cells: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
     let rest = &rows("dpartition", "response_K_2000_T_3ms_omega_re_im_abs_arg_reP_imP")[0];

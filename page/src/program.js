@@ -2,7 +2,7 @@
 // A program over time: poses interpolated between the points that pkm kept, lines, curves.
 import { columns } from "./unpack.js";
 
-/** Numbers of a pose; the tool vector follows them. */
+/** Number of values of a pose, which the tool vector follows. */
 const POSE = 6;
 
 /** Number of moments searched for the position of a mark in its line. */

@@ -20,7 +20,7 @@ Rows = NDArray[np.float64] | Sequence[float] | Sequence[Sequence[float]]
 VERSION: str
 
 class MachineError(ValueError):
-    """An INI file, a study or a set of dimensions that describes no machine, with locations and remedies."""
+    """An INI file, a study or dimensions that describe no machine; the text has locations and remedies."""
 
 class CommandFailed(RuntimeError):
     """A call equivalent to a subcommand of `pkm` ended without an answer (exit status 2); the text gives the reason."""
@@ -32,9 +32,9 @@ class Refused(ValueError):
     """Fixed negative code, as on the module's pin `fault`; docs/reference/causes.md lists all."""
     name: str
     part: int | None
-    """Number of the leg or joint, where one can be named."""
+    """Number of the leg or joint, if one can be named."""
     value: float
-    """The value that helps, in the unit that the text names."""
+    """The offending value, in the unit that the text names."""
     remedy: str
 
 class _Cause(TypedDict):
@@ -60,51 +60,52 @@ class Answer:
     """The answer of a batch."""
 
     values: NDArray[np.float64]
-    """One row for each row asked; NaN where there is no answer."""
+    """One row for each input row; NaN if there is no answer."""
     code: NDArray[np.int32]
-    """0 where there is an answer, else the code of the refusal."""
+    """0 if there is an answer, otherwise the code of the refusal."""
     part: NDArray[np.int32]
-    """Number of the leg or joint that a refusal names, -1 where it names none."""
+    """Number of the leg or joint that a refusal names, -1 if it names none."""
     @property
     def ok(self) -> NDArray[np.bool_]:
         """Returns which rows have an answer."""
 
 class Margins:
     answer: Answer
-    """(n, 2, columns): values and shares; its codes."""
+    """(n, 2, columns): values and shares, with the codes."""
     low: NDArray[np.float64]
-    """(columns,): smallest allowed values, -inf where there is none."""
+    """(columns,): smallest allowed values, -inf if there is none."""
     high: NDArray[np.float64]
-    """(columns,): largest allowed values, inf where there is none."""
+    """(columns,): largest allowed values, inf if there is none."""
     names: list[str]
-    """What each column is about."""
+    """The limit and part of each column."""
     @property
     def value(self) -> NDArray[np.float64]:
         """Returns (n, columns): machine units, degrees or no dimension, by column."""
     @property
     def share(self) -> NDArray[np.float64]:
-        """Returns (n, columns): room as a fraction of the range, 0 at the limit, negative beyond it, inf without."""
+        """Returns (n, columns): room as a fraction of the range, 0 at the limit, negative beyond it, inf without a
+        limit."""
 
 class Stiffness:
     compliance: Answer
-    """(n, 6, 6): displacement in mm and turn in rad by force in N and moment in N mm, about the tool tip,
-    machine axes; what guides hold is rigid."""
+    """(n, 6, 6): displacement in mm and rotation in rad for force in N and moment in N mm, about the tool tip, machine
+    axes; coordinates constrained by guides count as rigid."""
     translation: Answer
     """(n, 3): stiffness along the principal axes of displacements, smallest first, N/mm."""
     rotation: Answer
-    """(n, 3): the same of turns, N mm/rad."""
+    """(n, 3): the same for rotations, N mm/rad."""
 
 class Sensitivity:
     gain: Answer
-    """(n, 6, joints): change of X Y Z (machine units) and A B C (degrees) by that of a joint, in its unit."""
+    """(n, 6, joints): change of X Y Z (machine units) and A B C (degrees) per unit of a joint."""
     singular_values: Answer
     """(n, 2): largest and smallest singular value of the inverse Jacobian, angles times the length."""
 
 class Workspace:
     volume: float
-    """Within the boundary, machine units cubed."""
+    """Volume within the boundary, cubic machine units."""
     volume_by_grid: float
-    """By counting cells of a grid; NaN where none was asked for."""
+    """The same by counting cells of a grid; NaN without a grid."""
     limits: dict[str, float]
     """Share of the directions that each limit ends."""
     vertices: NDArray[np.float64]
@@ -112,7 +113,7 @@ class Workspace:
     triangles: NDArray[np.uint64]
     """(m, 3): numbers of vertices."""
     start: NDArray[np.float64]
-    """(3,): where the rays begin."""
+    """(3,): the point from which the rays start."""
 
 class Machine:
     """A machine with its limits. It is immutable, and any number of threads may use it.

@@ -47,7 +47,7 @@ TESTS = {}
 RECORDING = set()  # tests that leave a trace for the judge
 PASSED = "passed"  # a file that a passed test has in its folder
 LONG = set()  # tests that run with `--long`, or when requested by name
-AGAIN = set()  # tests that a delayed thread can fail: they fail after TRIES failures
+AGAIN = set()  # tests that a delayed thread can make fail: they get TRIES attempts
 TRIES = 3
 # The longest test begins first, so that the lanes finish together.
 FIRST = "tools_change_while_tilted_hexapod"

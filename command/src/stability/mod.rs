@@ -22,7 +22,7 @@ use studies::study::file::Study;
 /// two bearings; both need only a study file.
 ///
 /// Damping and cutting coefficients are your measurements: limits are roughly proportional to
-/// damping and inverse to the coefficients, so the results are as good as they are.
+/// damping and inverse to the coefficients, so the results are no more accurate than these.
 #[derive(clap::Args, Debug)]
 #[command(subcommand_required = true, arg_required_else_help = true)]
 pub struct Arguments {
@@ -39,7 +39,7 @@ enum Question {
     Spindle(spindle::Arguments),
 }
 
-/// Spindle speeds and depths that are looked at.
+/// Spindle speeds and depths to examine.
 #[derive(clap::Args, Clone, Debug)]
 struct Speeds {
     /// Lowest and highest spindle speed, 1/min

@@ -49,7 +49,7 @@ pub struct Arguments {
     plots: Option<PathBuf>,
 }
 
-/// A program that cuts on a machine, and how closely it is looked at.
+/// A program that cuts on a machine, and the number of positions to examine.
 #[derive(clap::Args, Debug)]
 pub struct Job {
     #[command(flatten)]

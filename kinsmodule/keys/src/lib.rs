@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The keys of a machine's INI file that describe the kinematics, as one table.
 //!
-//! A new key goes here and nowhere else as a name: `cargo xtask header` writes docs/reference/keys.md and the section of docs/reference/pkmkins.9
-//! from it, and the workbench reads with it, for `pkm` and for `pkmkins-pins`, which sets the pins.
+//! A new key is named only here. `cargo xtask header` writes docs/reference/keys.md and a section of
+//! docs/reference/pkmkins.9 from this table, and the workbench reads INI files with it, for `pkm` and for
+//! `pkmkins-pins`, which prints the pins.
 
 use Need::{Cardan, Needed, Optional, With};
 use Range::{Above, Any, From, Hash, Model, Sign, Whole, Word};

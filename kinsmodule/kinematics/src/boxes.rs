@@ -31,7 +31,7 @@ use nalgebra::Vector3;
 /// Largest number of boxes of a machine.
 pub const MAX_BOXES: usize = 8;
 
-/// Largest number of steps that a box may need: c up to 0.995.
+/// Largest number of steps that a box may need: sufficient up to c = 0.995.
 pub const MAX_BOX_STEPS: u32 = 4096;
 
 /// Steps in one call of [`Machine::search`], over all boxes: each costs one inverse, so that a

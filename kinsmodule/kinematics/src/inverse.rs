@@ -74,7 +74,7 @@ impl<const N: usize> Mechanism<N> {
             put(&mut length, i, lengths);
         }
         sound &= between(&length, self.least_length(), HUGE);
-        // A loop of its own: overlap, see `lanes`.
+        // A separate loop, see `lanes` (overlap).
         for i in (0..N).step_by(2) {
             let (correction, known) = nut.correction(i, &turns);
             sound &= known;

@@ -359,7 +359,7 @@ impl<const N: usize> Torsion<N> {
         from_fold: [0.0; N],
     };
 
-    /// Fills in the arcs. A loop of its own: overlap, see `lanes`.
+    /// Fills in the arcs. A separate loop, see `lanes` (overlap).
     #[inline(always)]
     fn unfold(&mut self) {
         for i in (0..N).step_by(2) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The watch's results for the present pose, compared with the same from the legs' ends alone.
+//! Monitored values at a pose, compared with those computed from the ends of the legs alone.
 
 use crate::common::machines::{declared, on_circle, paper_004, strut, with_legs};
 use crate::common::{Case, NO_TOOL, cases, rng, uniform};

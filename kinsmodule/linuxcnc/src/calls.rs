@@ -6,12 +6,10 @@ use kinematics::Pose;
 /// The kinematics calls of a servo cycle.
 ///
 /// **The rule**: the commanded pose of a cycle is the one of the first inverse after the last
-/// forward. LinuxCNC's motion controller calls forward for the feedback first, then inverse for the
-/// forward. LinuxCNC's motion controller calls forward for the feedback first, then inverse for the
-/// commanded pose in world mode, or forward again for the commanded joints in joint mode. Its
-/// command handler calls inverse for the end points of queued moves: before the controller, or after
-/// it if a HAL file adds the two in reverse order. A cycle may have no commanded pose: in joint
-/// mode, with the machine off, and between two points of a slower trajectory period.
+/// forward. LinuxCNC's motion controller calls forward for the feedback first, then inverse for the commanded pose in
+/// world mode, or forward again for the commanded joints in joint mode. Its command handler calls inverse for the end
+/// points of queued moves: before the controller, or after it if a HAL file adds the two in reverse order. A cycle may
+/// have no commanded pose: in joint mode, with the machine off, and between two points of a slower trajectory period.
 #[derive(Clone, Copy, Default)]
 pub struct Calls {
     /// Whether the next inverse is for the commanded pose.

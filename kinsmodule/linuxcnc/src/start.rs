@@ -42,10 +42,10 @@ impl Start {
         self.count > 0
     }
 
-    /// Continues the search: returns the pose from which forward starts, or why there is none (yet).
+    /// Continues the search: returns the pose from which forward starts, or why none is known (yet).
     ///
-    /// The search is for the joints of its first call until it ends. From the pose found for them
-    /// forward follows to the present joints.
+    /// A search uses the joints of its first call to its end. Forward then follows from the pose found to the present
+    /// joints.
     pub fn seed(
         &mut self,
         machine: &Machine,
@@ -73,13 +73,13 @@ impl Start {
         self.idle = self.idle.saturating_add(1);
     }
 
-    /// Returns, as forward is called, whether LinuxCNC had stopped calling it. It does so while a joint
-    /// is not homed; the joints may have moved arbitrarily since.
+    /// Returns in a call of forward whether LinuxCNC had stopped calling it, as it does while a joint is not homed; the
+    /// joints may have moved arbitrarily since.
     pub fn resumes(&mut self) -> bool {
         core::mem::take(&mut self.idle) > 1
     }
 
-    /// Ends a search, because its joints are no longer the present ones.
+    /// Ends a search whose joints are no longer the present ones.
     pub fn stop_searching(&mut self) {
         self.search = None;
     }

@@ -130,13 +130,13 @@ fn joints(ini: &Ini) -> Result<std::ops::Range<usize>, IniError> {
     Ok(0..ini.number_or("KINS", "JOINTS", 0.0)? as usize)
 }
 
-/// Runs the script on all HAL files; an error has the reason why it cannot.
+/// Runs the script on all HAL files; an error gives the reason for a failure.
 fn carried_out(ini: &Ini) -> Result<Wiring, String> {
     let entries: Vec<String> = entries(ini).into_iter().map(|(_, text)| text).collect();
     Ok(Wiring::of(&recorded(ini, "main", &entries)?))
 }
 
-/// Runs a command of the script on entries; the reason where that cannot be.
+/// Runs a command of the script on these entries and returns its output, or the reason for a failure.
 pub(crate) fn recorded(ini: &Ini, command: &str, entries: &[String]) -> Result<String, String> {
     let folder = Folder::new().map_err(|error| error.to_string())?;
     let [script, copy] = ["hal_files.tcl", "machine.ini"].map(|name| folder.path().join(name));

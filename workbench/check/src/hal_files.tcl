@@ -34,9 +34,9 @@ namespace eval drives {
     }
     # Time limit for a file, seconds.
     variable longest 5
-    # Files that are being carried out, each from the one before it.
+    # Files that are running, each sourced by the one before it.
     variable open_files {}
-    # Whether what cannot be carried out is listed, and the rest carried out all the same.
+    # Whether commands that cannot be run are listed, and the others run.
     variable goes_on 0
 }
 
@@ -168,7 +168,7 @@ proc drives::run_hal {file} {
     set place {}
 }
 
-# Carries out a line, and lists it as skipped where that cannot be and the rest counts.
+# Runs a line; with `goes_on`, lists it as skipped if that fails.
 proc drives::run_alone {command script} {
     variable goes_on
     if {!$goes_on} { return [uplevel $script] }
@@ -198,7 +198,7 @@ proc drives::run_file {name args} {
     try { interp invokehidden $box source $file } trap {DRIVES DONE} {} {}
 }
 
-# Carries out a file of halcmd that is not being carried out already.
+# Runs a file of halcmd; refuses one that is running already.
 proc drives::run_once {file} {
     variable open_files
     if {$file in $open_files} { error "$file sources itself" }
@@ -310,7 +310,7 @@ proc drives::main {ini in libs args} {
     return 1
 }
 
-# Carries out as much as can be: for who wants the values that pins and signals get.
+# Runs as much as possible, for callers that need the values of pins and signals.
 proc drives::all {args} {
     variable goes_on 1
     main {*}$args

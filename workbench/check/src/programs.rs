@@ -41,7 +41,8 @@ pub(super) fn is_axis(ini: &Ini) -> bool {
     named(ini, "DISPLAY", "DISPLAY").is_some_and(|(_, name)| name == AXIS)
 }
 
-/// Checks all of it; if LinuxCNC is not on this computer, programs and its own files are not checked.
+/// Checks programs, modules, files and folders that the INI file names; without LinuxCNC on this computer, only files
+/// and folders.
 pub(super) fn check(ini: &Ini) -> Vec<(Severity, IniError)> {
     let mut found: Vec<_> = parameters(ini).into_iter().collect();
     found.extend(opened(ini).map(|error| (Severity::Warning, error)));

@@ -69,7 +69,7 @@ pub struct Options {
     pub written: Option<PathBuf>,
     /// Skips lines that begin with `/`, as LinuxCNC does until the operator decides otherwise.
     pub block_delete: bool,
-    /// Opens the limits of axes, joints and the guard, so that a program continues beyond them.
+    /// Removes the limits of axes, joints and the guard, so that a program continues beyond them.
     pub open_limits: bool,
     /// Runs the program with all rights of the user: for a kernel without confinement.
     pub unconfined: bool,

@@ -42,7 +42,7 @@ impl<'a> Trace<'a> {
         Ok(Self { config, out, file, text: String::new(), unwritten: None })
     }
 
-    /// Adds a servo cycle; breaks off if the file cannot be written, which [`Self::finish`] reports.
+    /// Adds a servo cycle; ends the run if the file cannot be written, which [`Self::finish`] reports.
     pub fn see(&mut self, row: &Row) -> ControlFlow<()> {
         if self.unwritten.is_none() {
             self.unwritten = self.write(row).err();

@@ -71,7 +71,7 @@ void *only();
 namespace moves {
 // Finds the shared memory of milltask and motion, once the modules are loaded.
 void find();
-// Opens the limits of the guard, if the run requests it; those of axes and joints are set by commands.
+// Removes the limits of the guard, if the run requests it; commands remove those of axes and joints.
 void open_limits();
 // Records the initial position of the machine, as a move.
 void start();

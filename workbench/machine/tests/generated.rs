@@ -183,7 +183,7 @@ fn pins(drawn: &Generated) -> BTreeMap<String, f64> {
             set(format!("{stem}.point"), &XYZ, &extra.point);
         }
     }
-    // What the planner brakes the tool with: slides that neither are a mechanism's nor carry anything are others'.
+    // Axes that limit the planner's acceleration: all except slides of extra axes that carry nothing.
     let own = drawn.mechanisms.iter().flat_map(|built| &built.axes);
     let carrying = drawn
         .extra

@@ -39,8 +39,8 @@ fn pins_of(text: &str) -> BTreeMap<String, f64> {
     pins.map(|(name, value)| (name.into(), value.parse().unwrap())).collect()
 }
 
-/// Returns the pins of a key of the INI file by the rule of the manual page: the key in small letters with - for _, behind it
-/// the number of the section and the parts of a vector.
+/// Returns the pins of a key of the INI file by the rule of the manual page: the key in small letters with - for _,
+/// followed by the number of the section and the parts of a vector.
 fn expected(section: &str, key: &str, value: &str) -> Vec<(String, f64)> {
     let (kind, number) = section.rsplit_once('_').unwrap_or((section, ""));
     let name = key.to_lowercase().replace('_', "-");
@@ -106,8 +106,8 @@ fn entries(text: &str) -> Vec<(String, String, String)> {
     found
 }
 
-/// Checks that the printed pins are those of the keys and nothing else; those of the reference pose, of leads and of the planner have tests of
-/// their own.
+/// Checks that the printed pins are exactly those of the keys; the reference pose, leads and planner values have
+/// separate tests.
 fn assert_every_key_reaches_its_pin(name: &str, text: &str) {
     let mut printed = pins_of(&text_of(text));
     let count = printed.len();
@@ -127,7 +127,7 @@ fn assert_every_key_reaches_its_pin(name: &str, text: &str) {
             assert_eq!(printed.remove(&pin), Some(value), "{name}: [{section}]{key}: {pin}");
         }
     }
-    // Of all that is left, a default of the file's reader has one value.
+    // The only other value is a default of the reader.
     if let Some(value) = printed.remove("limit-iterations") {
         assert_eq!(value, 288.0, "{name}");
     }
@@ -145,7 +145,7 @@ fn every_key_of_a_shipped_machine_reaches_its_pin() {
     }
 }
 
-/// Keys that no shipped machine has, each joint and leg with values of its own.
+/// Keys that no shipped machine has, with different values for each joint and leg.
 #[test]
 fn every_other_key_reaches_its_pin() {
     let mut text = without_boxes("hexapod");
@@ -183,7 +183,7 @@ fn the_reference_pose_of_both_mechanisms_is_trajs_home() {
     assert_eq!(of("second.home"), [5.0, 456.0, 2607.0, 0.0, 0.0, 0.0]);
 }
 
-/// What the planner may ask for: the smallest of the axes' and of the planner's own, of tool and platform.
+/// The planner's accelerations, linear and angular: the smallest of those of the axes and of `[TRAJ]`.
 #[test]
 fn the_planner_has_the_smallest_acceleration_of_what_brakes_the_tool() {
     let planner = |text: &str| {
@@ -191,7 +191,7 @@ fn the_planner_has_the_smallest_acceleration_of_what_brakes_the_tool() {
         ["linear-acceleration", "angular-acceleration", "max-override"]
             .map(|name| pins.get(name).copied())
     };
-    // Every axis has an acceleration of its own: the largest first, so that none is taken for another.
+    // Replaces values named SECTION/KEY, or the MAX_ACCELERATION of a SECTION; 0 removes the line.
     let with = |name: &str, values: &[(&str, f64)]| {
         let text = fs::read_to_string(shipped(name)).unwrap();
         let mut section = String::new();
@@ -219,7 +219,7 @@ fn the_planner_has_the_smallest_acceleration_of_what_brakes_the_tool() {
             "AXIS_W",
         ];
         let mut values: Vec<(&str, f64)> = all.iter().map(|axis| (*axis, 5000.0)).collect();
-        // An axis that is a joint may not have more than the joint.
+        // An extra axis may not exceed the acceleration of its joint.
         values.extend([
             ("JOINT_6", 5000.0),
             (LINEAR, 6000.0),
@@ -265,7 +265,7 @@ fn the_planner_has_the_smallest_acceleration_of_what_brakes_the_tool() {
             [Some(5000.0), Some(12.0)],
             "{name}"
         );
-        // Without a key, and with a value that LinuxCNC does not take either, the default of the module stays.
+        // Without the key, or with a value that LinuxCNC does not accept either, the module's default stays.
         let text = with(name, &axes("DISPLAY/MAX_FEED_OVERRIDE", 0.0));
         assert_eq!(planner(&text)[2], None, "{name}");
         assert_eq!(
@@ -274,7 +274,7 @@ fn the_planner_has_the_smallest_acceleration_of_what_brakes_the_tool() {
             "{name}"
         );
     }
-    // A slide that carries something brakes the tool, and one that carries nothing does not.
+    // A slide that carries something limits the acceleration, one that carries nothing does not.
     let slide = |carries: &str| {
         let text = with("linear-delta", &axes("AXIS_X", 5000.0));
         let joint = "[JOINT_3]\nTYPE = LINEAR\nMIN_LIMIT = -1\nMAX_LIMIT = 1\nMAX_VELOCITY = 1\nMAX_ACCELERATION = 10\n";

@@ -51,7 +51,7 @@ pub struct Plan<'a> {
     pub speeds: Vec<[f64; 2]>,
     /// Sections of boxes, and their number.
     pub boxes: (String, usize),
-    /// What an older configuration has, where one is migrated.
+    /// Values of the older configuration, if one is migrated.
     pub carried: Option<Carried>,
 }
 

@@ -197,7 +197,7 @@ fn extents(config: &Mechanism, reach: &Reach, plan: &Plan) -> Result<AxisBox, Re
         let k = letter.index();
         let carried = plan.carried.as_ref();
         let carried = carried.and_then(|carried| carried.axis(letter.name())?.limits);
-        // Where home is outside they are no limits of this machine.
+        // Limits that exclude home do not apply to this machine.
         let cap = carried.filter(|[low, high]| (*low..=*high).contains(&config.home[k]));
         if let Some([low, high]) = asked(plan, letter) {
             (extents.low[k], extents.high[k]) = (low, high);

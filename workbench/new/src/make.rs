@@ -342,7 +342,7 @@ fn checked(
     let mut report = check(config, config.first(), progress)
         .map_err(|error| Refusal::Misfit(error.to_string()))?;
     name_place(&mut report, folder, order);
-    // What an older configuration has wrong is not made here.
+    // A migrated configuration may contain errors of the older one.
     if report.fits() || is_carried {
         return Ok(report);
     }

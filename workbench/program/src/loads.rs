@@ -7,7 +7,6 @@
 //! acceleration that of two speeds; one that exceeds its limit by no more than the rounding of these
 //! differences counts as at its limit (`Rounding`). Cycles in which pkmkins moves the joints for another tool
 //! offset do not count as motion of the program, nor do those with the drives off.
-//! offset are no speed of the program, neither are those with the drives off.
 
 use crate::report::{LineLoad, Peak, Place};
 use kinematics::{MAX_EXTRA, MAX_JOINTS};

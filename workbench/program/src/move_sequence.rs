@@ -75,8 +75,8 @@ impl Pilot<'_> {
         let shift = self.shift(&pose) * change;
         if shift.norm() > ROUNDING * self.config.machine.size() {
             self.result.tilted_tool_changes.push((step.file, step.line));
-            // As a motion of the old tool. If a table makes part of it, only its end is judged,
-            // with the next move.
+            // Checked as a motion of the old tool. If a table makes part of it, only its end is checked, with the next
+            // move.
             let active = |letter| self.config.machine.layout().coordinates().contains(letter);
             if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
                 let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
@@ -124,8 +124,8 @@ impl Pilot<'_> {
         (self.at, self.extra) = (step.end, step.extra_end);
     }
 
-    /// Returns whether a rapid goes down to the machine's own Z0 (`G53 G0 Z0`, or `G28` whose place is not stored), where
-    /// that is neither home nor above it. Posts mean the top by it, which it is on other machines.
+    /// Returns whether a rapid goes down to the machine's Z0 (`G53 G0 Z0`, or `G28` without a stored position) although
+    /// home is above it. Postprocessors use Z0 for the top of the travel, where it is on other machines.
     fn falls_to_zero(&self, step: &Move) -> bool {
         let slack = ROUNDING * self.config.machine.size();
         let z = Letter::Z.index();

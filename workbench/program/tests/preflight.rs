@@ -335,7 +335,7 @@ fn a_rapid_down_to_the_machines_own_zero_is_reported() {
     let delta = config("linear-delta");
     let at = |z: f64| [0.0, 0.0, z, 0.0, 0.0, 0.0];
     let cut = |line, z| Move { kind: MoveKind::Feed, ..rapid(line, at(z)) };
-    // From home, and from the work; a feed to it, a rapid beside it and a rapid that leaves it are meant.
+    // Reported from home and from the work; not a feed to Z0, a rapid to just above it or a rapid along it.
     let moves = [
         rapid(1, at(0.0)),
         rapid(2, at(40.0)),
@@ -347,7 +347,7 @@ fn a_rapid_down_to_the_machines_own_zero_is_reported() {
         rapid(8, [10.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
     ];
     assert_eq!(follow(&delta, &moves).rapids_to_zero, [(0, 1), (0, 7)]);
-    // Where home is at Z0, it is the place to go to.
+    // If home is at Z0, a rapid to it is intended.
     let pentapod = config("pentapod");
     let moves = [rapid(1, at(20.0)), rapid(2, at(0.0))];
     assert_eq!(follow(&pentapod, &moves).rapids_to_zero, []);

@@ -7,7 +7,6 @@
 //!
 //! Integers have 32 bits: HAL nets a pin only with signals of its type, and those of other modules
 //! have 32 as well until LinuxCNC changes all of them.
-//! have 32 as well until LinuxCNC changes all of them.
 
 use super::PinValue;
 use core::ffi::{c_char, c_int};

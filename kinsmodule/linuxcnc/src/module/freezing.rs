@@ -140,8 +140,8 @@ impl Module {
         self.frozen.as_ref().ok_or(Cause::NoGeometry.into())
     }
 
-    /// Updates in one of [`WATCHED_EVERY`] calls of forward, including the first after a geometry was frozen, the
-    /// pins that the monitor, if it runs, updates in every cycle.
+    /// Updates the pins that otherwise the monitor updates: in one of [`WATCHED_EVERY`] calls of forward, including the
+    /// first after a geometry was frozen.
     pub(super) fn watch_seldom(&mut self) {
         if self.until_watched > 0 {
             self.until_watched -= 1;

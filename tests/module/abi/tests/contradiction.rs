@@ -265,7 +265,8 @@ fn joints_of_joint_mode_go_to_those_of_the_pose_as_slowly_as_they_can_stop_in_a_
         for period in [250_000, 1_000_000, 2_000_000] {
             let (module, size) = (machine.module(), machine.size());
             let dt = period as f64 * 1e-9;
-            // A third of what changes the mode at any time allows, a tenth less: 0.3 of the smaller limit.
+            // Per cycle 0.3 of the smaller limit, because LinuxCNC may change its mode in any cycle (the module's
+            // `tool`).
             let (speed, acceleration) = (0.1 * size, 2.0 * size);
             for n in 0..machine.joints() {
                 module.set(&format!("max-velocity.{n}"), speed);
@@ -303,7 +304,7 @@ fn joints_of_joint_mode_go_to_those_of_the_pose_as_slowly_as_they_can_stop_in_a_
                 let off = (before[n] - expected[n]).abs();
                 assert!(off <= most, "{}: joint {n} off by {off}", subject.name);
             }
-            // The one that is off by most goes at that step, and has to go less than a hundred of them.
+            // The joint with the largest error determines the number of cycles.
             let all = joints.iter().zip(&expected).map(|(a, b)| (a - b).abs());
             let needed = all.fold(0.0, f64::max) / most;
             let range = needed.floor()..=needed + 3.0;

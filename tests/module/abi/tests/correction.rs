@@ -40,7 +40,7 @@ fn it_comes_into_effect_at_its_rate_and_the_pose_stays() {
     for n in 1..=120 {
         module.monitor();
         let joints = cycle(&module);
-        // Of this cycle and the one in `cycle` before it.
+        // The monitor has run 2 n - 1 times, each for one period at 1 mm/s.
         let wanted = (f64::from(2 * n - 1) * PERIOD).min(0.1);
         assert!((joints[2] - before[2] - wanted).abs() < 1e-12, "{n}: {}", joints[2] - before[2]);
         for i in [0, 1, 3, 4, 5] {

@@ -104,7 +104,7 @@ fn pins_changed_after_freezing_are_shown_and_change_no_joint() {
 
 /// Pins of the geometry of a module.
 fn of_geometry(module: &Module) -> Vec<String> {
-    // What the guard is given, and what has a pin of its own for its effect.
+    // Excluded: limits of the guard, and inputs whose effect another pin shows.
     let others = ["axis-max-velocity", "rod-clearance", "base-cone", "base-pyramid"];
     let others = |name: &str| {
         name.starts_with("platform-cone")
@@ -164,7 +164,7 @@ fn every_pin_of_the_geometry_shows_a_change_and_those_of_the_legs_give_another_h
         for pin in &pins {
             let what = format!("{} of {}", pin, control.name());
             let value = module.get(pin);
-            // A little, so that most are machines still. A branch and what an axis carries are whole numbers.
+            // A small change, so that most geometries stay valid. A side and a carried part are whole numbers.
             let is_whole = ["side", "carries"].iter().any(|name| pin.contains(name));
             let change = if is_whole { 1.0 } else { 1e-4 * control.size() };
             module.set(pin, if value.is_nan() { 1.0 } else { value + change });

@@ -269,9 +269,9 @@ fn no_joint_is_faster_than_its_limit_and_one_comes_near_to_it() {
         let share = outcome.fastest[joint] / limit;
         let what = || format!("{}: joint {joint} at {share} of its limit", step.words());
         assert!(outcome.share > 1.0 - 1e-6 && !outcome.is_inhibited, "{}", what());
-        // The guard aims at 0.98, and makes room for an override of at least 1. What the places between those that
-        // it looks at add is less than 0.02, and what a short move leaves unused than 0.03. Below that override it brakes
-        // late, as there is room.
+        // The guard aims at 0.98 and assumes an override of at least 1. Positions between its samples add less than
+        // 0.02, and a short move leaves less than 0.03 unused. At a smaller override it brakes late, because there is
+        // room.
         let (aim, more) = match step.feed_override {
             below if below < 1.0 => (0.98 * below, 0.05),
             _ => (0.98, 0.02),
@@ -344,7 +344,8 @@ fn a_limit_of_the_pose_is_reported_from_the_braking_distance_on_and_not_much_soo
         // The stopping distance at full acceleration, as a share of the move.
         let stop = step.fastest() * step.fastest() * step.counted() / (2.0 * step.acceleration);
         let cycle = step.fastest() * step.seconds();
-        // The guard counts on 0.43 of the acceleration, looks a fifth farther, and at a place every ninth cycle.
+        // The guard assumes 0.43 of the acceleration, looks ahead 1.2 times the braking distance, and evaluates each
+        // position every ninth cycle.
         let (least, most) = (stop / 0.43, 1.2 * stop / 0.43 + 14.0 * cycle);
         assert!(share - at <= most, "{}: at most {most}", what());
         if at > stop + 10.0 * cycle {
@@ -382,7 +383,7 @@ fn what_may_not_be_slowed_is_stopped_before_a_joint_is_too_fast_and_not_where_th
         // The guard aims at 0.98 of the limit. The last speed is that of the middle of the last part.
         let place = if is_legal { PLACES - 1 } else { PLACES * 7 / 10 };
         let most = speeds[place] + (speeds[place] - speeds[place - 1]);
-        // A little more for one that is legal, as the guard sees a turn of the work as a circle.
+        // Slightly more for a legal move: the guard approximates a rotation of the work by a circle.
         let more = match step.machine.control {
             _ if !is_legal => 1.0,
             Control::Carrying(..) => 1.02,

@@ -191,13 +191,13 @@ fn limit(beside: &Beside, i: usize, pose: &Pose, random: &mut Random) {
 fn each_of_two_is_guarded_jogged_corrected_and_given_tools_as_alone() {
     let mut random = Random::new(421);
     let mut counts = [0; 4];
-    // No more in a long run: the guard of two takes the angles of both together, and one alone each for itself, so that
-    // of two joints that are too fast the other one may be named.
+    // The same number in a long run: the guard of two combines the angles of both, that of one considers only its own,
+    // so that with two joints too fast they may name different ones.
     for case in 0..cases(6).min(6) {
         for (n, two) in pairs().into_iter().enumerate() {
             let what = format!("case {case}, pair {n}");
             let beside = Beside::new(two);
-            // One moves, the other or both: what brakes one alone is then what brakes both.
+            // Only one moves: then the same acceleration brakes it alone and in the pair.
             let who = random.between(0.0, 2.0) as usize;
             let subjects = [&beside.two.first, &beside.two.second];
             let mut poses = [0, 1].map(|i| (subjects[i].sample)(&mut random));

@@ -178,7 +178,8 @@ fn joint_mode_and_the_machine_off_do_not_end_the_doubt_and_no_kinematics_are_swi
         command = beyond.home;
         beyond.module.monitor();
     }
-    // LinuxCNC's planner would keep the letters of the joints, because it refuses the NaN of the way back.
+    // After a switch to the identity and back, LinuxCNC's planner would keep joint values as coordinates, because it
+    // ignores the NaN of forward.
     for kinematics in [1, 0] {
         assert_eq!(beyond.module.switch(kinematics), passed, "{kinematics}");
         assert_eq!(beyond.code(), passed);

@@ -69,8 +69,8 @@ pub fn passing_pose(case: &Case, cycle: u32) -> Pose {
     std::array::from_fn(|k| case.pose[k] + steps * case.joints[k])
 }
 
-/// Prepares forward in a cycle of a commanded motion through a singular pose, the first of which
-/// restarts; returns the joints of the cycle.
+/// Prepares forward in a cycle of a commanded motion through a singular pose; returns the joints of the cycle. Cycle 0
+/// applies the geometry again.
 pub fn pass_singular(case: &Case, control: &Control, module: &Module) -> Joints {
     let mut joints = [0.0; 16];
     if case.limit == 0 {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Enclosure of the curve that a straight move of LinuxCNC's pose is for a machine whose axes carry workpiece, tool or
-//! legs.
+//! Encloses the motion of a machine whose axes carry workpiece, tool or legs: a straight move of LinuxCNC's pose is a
+//! curve for it.
 //!
 //! Along the move, parametrized from −1 to 1, every value changes at a constant rate. A point x carried by a
 //! rotary axis, at a distance r from it and rotating by w, satisfies

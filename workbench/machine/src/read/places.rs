@@ -24,13 +24,11 @@ const FOLDERS: [(&str, &str); 4] = [
 ];
 
 /// Why a section of [`is_of_tcl`] is refused.
-/// Returns whether a section has the name of one of Tcl's own variables, such as `env`. LinuxCNC creates
-/// a variable for each section before it runs HAL files of Tcl, which would then misbehave.
 pub const OF_TCL: &str =
     "the section would overwrite a variable of Tcl, which runs the HAL files; rename it";
 
-/// Returns whether a section has the name of a variable of Tcl's own, as `env`. LinuxCNC makes
-/// a variable of each section before it carries out HAL files of Tcl, and these would then do something else.
+/// Returns whether a section has the name of one of Tcl's own variables, such as `env`. LinuxCNC creates a variable for
+/// each section before it runs HAL files of Tcl, which would then misbehave.
 pub fn is_of_tcl(section: &str) -> bool {
     let own = ["auto_", "tcl_", "unknown_", "argv", "error"];
     own.iter().any(|start| section.starts_with(start)) || ["env", "argc"].contains(&section)

@@ -93,8 +93,7 @@ impl<'a> Setup<'a> {
         }
     }
 
-    /// Returns the modes as rows of the process, with a feed in machine axes, which turning
-    /// ignores.
+    /// Returns the modes as rows of the process; `feed` is in machine axes, and has no effect in turning.
     ///
     /// # Errors
     /// See [`NoModes`].

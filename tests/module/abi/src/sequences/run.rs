@@ -940,7 +940,7 @@ impl<'a> Run<'a> {
         self.reset -= 1;
         let is_commanded = self.enabled && self.motion != Motion::Free && !self.identity;
         let quiet = !is_commanded && self.homed;
-        // Without a pose there is none to confirm.
+        // An operator can confirm only a pose that was found.
         let finds = self.last_code >= 0 || matches!(self.last_code, -41 | -42);
         let confirms = self.reset == 1 && quiet && finds;
         if confirms && (self.judge.held || self.judge.crossed) && !self.confirm() {
