@@ -47,7 +47,7 @@ impl Tool {
     }
 }
 
-/// A pose, home where none is given.
+/// A pose; home if none is given.
 #[derive(clap::Args, Clone, Debug)]
 pub struct PoseWords {
     /// Pose in machine units and degrees: six numbers X Y Z A B C, or words as in a program block,
@@ -127,7 +127,7 @@ fn word_of(letters: &str, word: &str) -> Result<(usize, f64), Failure> {
     }
 }
 
-/// One pose, home where nothing is given, and the tool there.
+/// One pose, home if nothing is given, and the tool there.
 #[derive(clap::Args, Clone, Debug)]
 pub struct At {
     #[command(flatten)]

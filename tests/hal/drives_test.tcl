@@ -24,7 +24,8 @@ proc changed {case changes} {
     return [join $lines \n]
 }
 
-# Returns the complaints about a case with changed keys. Fails without a heading, or where a line that matches `absent` was asked for.
+# Returns the complaints about a case with changed keys. Fails if there is no heading or if a line that matches `absent` was
+# asked for.
 proc refusal {case changes absent} {
     set lines [asked [changed $case $changes]]
     if {"ends" ni $lines} { error "it is not refused" }

@@ -53,7 +53,7 @@ pub(crate) fn broad_arcs(sine: f64x2, cosine: f64x2) -> f64x2 {
 /// Computes atan2 of any two directions, from the nearest of 0°, 45° and 90° to their first octants.
 ///
 /// Uses only sums, products and quotients, so that every processor computes the same bits: the function
-/// in `wide` uses fused multiply-add where the processor has it.
+/// in `wide` uses fused multiply-add if the processor has it.
 #[inline(always)]
 pub(crate) fn arcs_all_around(sine: f64x2, cosine: f64x2) -> f64x2 {
     let (rise, run) = (sine.abs(), cosine.abs());

@@ -1,13 +1,13 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Every case of cases.toml through the real haltcl and the real module, in HAL alone.
+"""Runs every case of cases.toml with the real haltcl and the real module, in HAL without LinuxCNC.
 
     tests/cases/ini/run.py --pkm target/host/pkm [--only TEXT]
 
-LinuxCNC itself is not started: `pkmkins` with the load parameters of the case and `motmod` are
-loaded and pkmkins.tcl, as installed, sets the module up from the INI file of the case. A file that is
-refused has to be refused in the words of `pkm check`, and every way in which pkmkins-pins can fail has to
-leave the pins as they were. Prints one line a case and a closing line; exit code 1 if any fails.
+Loads `pkmkins`, with the load parameters of the case, and `motmod`. Then the installed pkmkins.tcl sets
+the module up from the INI file of the case. If it refuses the file, its message must be that of
+`pkm check`. However pkmkins-pins fails, the pins must keep their values. Prints one line per case and a
+closing line; the exit code is 1 if any case fails.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from unprivileged import (clear_hal, is_unprivileged, lost_its_start, only_one, 
 SCRIPT = Path("/usr/share/linuxcnc/hallib/pkmkins.tcl")
 PROGRAM = "/usr/bin/pkmkins-pins"
 HEADING = "pkmkins: LinuxCNC does not start, because the machine could not be set up:\n"
-# pkm, copied there for the user who runs this.
+# rerun_unprivileged copies pkm to this place, where the unprivileged user can run it.
 PKM = REPOSITORY / "given/pkm"
 REALTIME = "/usr/lib/linuxcnc/realtime"
 LOAD = """\
@@ -54,13 +54,13 @@ def halcmd(*arguments):
 
 
 class Setup(NamedTuple):
-    """What has to be loaded before an INI file can be read: [KINS]KINEMATICS, number of joints."""
+    """What is loaded before an INI file is read: [KINS]KINEMATICS and the number of joints."""
     kinematics: str
     joints: str
 
 
 class Case(NamedTuple):
-    """One case: its keys as listed, the base file's text and the INI text to be read."""
+    """One case: its keys as listed, the base file's text and the INI text of the case."""
     keys: dict
     shipped: str
     text: str
@@ -71,7 +71,7 @@ class Case(NamedTuple):
 
     @property
     def setup(self):
-        # JOINTS of the base file: where the case has another number, pkmkins.tcl must say so.
+        # JOINTS of the base file: if the case has another number, pkmkins.tcl must say so.
         return Setup(setup_of(self.text).kinematics, setup_of(self.shipped).joints)
 
 
@@ -80,9 +80,9 @@ def setup_of(text):
 
 
 class Session:
-    """A HAL with the module loaded and not yet set up; `log` collects what the module prints.
+    """HAL with the module loaded but not set up; `log` collects what the module prints.
 
-    `loaded` is false where the module refused its load parameters.
+    `loaded` is false if the module refused its load parameters.
     """
 
     def __init__(self, folder, setup):
@@ -105,7 +105,7 @@ class Session:
         return self
 
     def load(self):
-        # The process that runs the realtime modules inherits these files, hence no pipes here.
+        # The process that runs the realtime modules inherits these files and would keep a pipe open.
         with open(self.log, "w") as log:
             started = subprocess.run([REALTIME, "start"], stdin=subprocess.DEVNULL, stdout=log, stderr=log, timeout=30)
             done = subprocess.run(["halcmd", "-f", str(self.folder / "load.hal")],
@@ -116,7 +116,7 @@ class Session:
         clear_hal()
 
     def read_ini(self, text, script=SCRIPT, name="case.ini"):
-        """Result of pkmkins.tcl for this INI text, in a file of this name."""
+        """Runs pkmkins.tcl on a file with this name and INI text, and returns the result."""
         ini = self.folder / name
         ini.parent.mkdir(exist_ok=True)
         ini.write_text(text)
@@ -124,7 +124,7 @@ class Session:
         return run("haltcl", "-i", str(ini), str(script), env=environment)
 
     def frozen(self):
-        """geometry-ok and geometry-hash after the module had time to freeze the geometry."""
+        """Gives the module time to freeze the geometry, and returns geometry-ok and geometry-hash."""
         halcmd("start")
         time.sleep(0.05)
         return halcmd("getp", "pkmkins.geometry-ok").strip() == "TRUE", geometry_hash()
@@ -135,27 +135,27 @@ def geometry_hash():
 
 
 def all_pins():
-    """Text of all pins of the module, to see whether anything was set or connected."""
+    """Lists all pins of the module, to compare whether anything was set or connected."""
     return halcmd("-s", "show", "pin", "pkmkins.*")
 
 
 def lacking(names, message):
-    """Complaint about the strings that a message should name and does not, or None."""
+    """Returns a complaint if the message lacks one of these names, else None."""
     absent = [name for name in names if name not in message]
     return f"the message lacks {absent}: {message.strip()!r}" if absent else None
 
 
 def differing(session, message):
-    """Complaint about a message that is not that of `pkm check`, or None."""
+    """Returns a complaint if the message differs from that of `pkm check`, else None."""
     printed = run(str(PKM), "check", "--no-start", str(session.folder / "case.ini"))
     shown = message.partition(HEADING)[2].strip()
-    # What `pkm check` finds of a machine that it can read stands on standard output, among other things.
+    # If `pkm check` can read the machine, it prints its findings to standard output, among other text.
     is_same = shown and (shown == printed.stderr.strip() or shown in printed.stdout)
     return None if is_same else f"LinuxCNC shows {message!r}, and pkm check {printed.stderr!r}"
 
 
 def check_refused(session, case):
-    """Reason why a case that must be refused fails, or None."""
+    """Returns why a case that must be refused fails, or None."""
     if not session.loaded:
         return lacking(case.keys["names"], session.log.read_text())
     before = all_pins()
@@ -168,7 +168,7 @@ def check_refused(session, case):
 
 
 def check_frozen(session, case, shipped):
-    """Reason why a case that reaches the module fails, or None."""
+    """Returns why a case that must be accepted fails, or None."""
     if not session.loaded:
         return f"the load parameters were refused: {session.log.read_text().strip()!r}"
     result = session.read_ini(case.text)
@@ -201,7 +201,7 @@ def report(name, reason):
 
 
 def shipped_hash(folder, text):
-    """geometry-hash of a base file; None if it is refused."""
+    """Returns the geometry-hash of a base file, or None if the file is refused."""
     with Session(folder, setup_of(text)) as session:
         if not session.loaded or session.read_ini(text).returncode != 0:
             return None
@@ -209,7 +209,7 @@ def shipped_hash(folder, text):
 
 
 def run_refused(folder, cases):
-    """A refused file must leave the module as it was, so all with the same set-up share a session."""
+    """Runs the refused cases, in one session per set-up: a refused file must not change the module."""
     for setup, group in groupby(sorted(cases, key=lambda c: c.setup), key=lambda c: c.setup):
         with Session(folder, setup) as session:
             for case in group:
@@ -225,13 +225,13 @@ def run_frozen(folder, cases):
 
 
 class Broken(NamedTuple):
-    """How pkmkins-pins fails: a shell script in its place, or none, and what the message names."""
+    """A failure of pkmkins-pins: the shell script that replaces it, if any, and what the message must name."""
     script: str
     names: tuple
     mode: int = 0o755
 
 
-# The script is called as pkmkins-pins is, and {0} is that.
+# The script gets the arguments of pkmkins-pins; {0} stands for the real program.
 BROKEN = {
     "missing": Broken("", ("No such file",)),
     "not executable": Broken("exit 0", ("Permission denied",), 0o644),
@@ -245,12 +245,12 @@ BROKEN = {
     "another value": Broken('{0} "$1" | sed "s/^ini TRAJ HOME=.*/ini TRAJ HOME=1 2 3/"', ("changed while", "HOME")),
 }
 
-# Characters that Tcl, a shell or `exec` would act on.
+# Characters that are special to Tcl, a shell or `exec`.
 STRANGE = "a b $HOME [exit 3] {x \"q' \\n ~ ; |cat <x >y"
 
 
 def check_broken(session, text, broken):
-    """Reason why a pkmkins-pins that fails is not refused as it has to be, or None."""
+    """Returns what is wrong with the reaction to a failing pkmkins-pins, or None."""
     beside = session.folder / "beside"
     beside.mkdir(exist_ok=True)
     program, script = beside / "pkmkins-pins", beside / SCRIPT.name
@@ -270,13 +270,13 @@ def check_broken(session, text, broken):
 
 
 def check_strange(session, text):
-    """Reason why a file in a folder with a strange name is not read, or None."""
+    """Returns why a file in a folder with a strange name is not read, or None."""
     result = session.read_ini(text, name=f"{STRANGE}/{STRANGE}.ini")
     return f"was refused: {result.stderr!r}" if result.returncode != 0 else None
 
 
 def run_programs(folder, only):
-    """pkmkins-pins in every way in which it can fail; at last an INI file whose name is not evaluated."""
+    """Runs the failures of pkmkins-pins, then an INI file whose name must not be evaluated."""
     text = (REPOSITORY / "configs/hexapod/hexapod.ini").read_text()
     with Session(folder, setup_of(text)) as session:
         for name, broken in BROKEN.items():
