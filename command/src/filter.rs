@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             "no machine given: {INI} is not set outside LinuxCNC; add --machine MACHINE.ini"
         )));
     };
-    // Promised by earlier versions.
+    // The option has no effect: it is accepted for users of earlier versions.
     let _ = arguments.path_is_enough;
     let program = &arguments.program;
     let text = read(program)?;

@@ -90,7 +90,7 @@ fn main() -> ExitCode {
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     cli.settings.choose(words(&matches));
     let code = cli.run();
-    // The copy of standard input.
+    // Removes the copy of standard input.
     leave_nothing();
     code
 }

@@ -1294,7 +1294,7 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         let text = fs::read_to_string(page.path()).unwrap();
         let [examples, see] = [".SH EXAMPLES\n.TP\n\\fBpkm ", ".SH \"SEE ALSO\"\n"];
         assert!(text.contains(examples) && text.contains(see), "{:?}: {text}", page.path());
-        // References exist.
+        // The pages and files that it refers to exist.
         let end = text.rsplit_once(see).unwrap().1.replace('\\', "");
         for name in end.trim().split(", ") {
             let file = match name.strip_suffix("(1)") {

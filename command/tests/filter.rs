@@ -78,7 +78,7 @@ fn a_program_that_is_not_judged_is_held_back() {
     let [ini, tools] =
         ["ini", "tbl"].map(|end| folder("linear-delta").join(format!("linear-delta.{end}")));
     let text = std::fs::read_to_string(ini).unwrap();
-    // With a key of another LinuxCNC.
+    // A key that only another version of LinuxCNC has.
     std::fs::write(&machine, text.replace("[TRAJ]\n", "[TRAJ]\nPLANNER_TYPE = 1\n")).unwrap();
     std::fs::copy(tools, place.path().join("linear-delta.tbl")).unwrap();
     let program = place.path().join("fits.ngc");

@@ -10,7 +10,7 @@ import pytest
 from pkmkins import Machine
 
 ROOT = Path(__file__).resolve().parents[2]
-# Machines whose axes carry something and pairs of mechanisms are refused, which has a separate test.
+# Machine refuses pairs of mechanisms and machines whose axes carry something; a separate test checks that.
 OTHERS = {"hexapod-rotary-table", "lathe-mirrored", "lathe-two-turrets", "lathe-work-on-platform"}
 MACHINES = sorted(ini.stem for ini in ROOT.glob("configs/*/*.ini") if ini.stem not in OTHERS)
 

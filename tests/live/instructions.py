@@ -29,8 +29,8 @@ MODULE = Path("/usr/lib/linuxcnc/modules/pkmkins.so")
 BROWSERS = 10
 # Full periods in which the module updates the pins that only users read.
 CYCLES = 16
-# Whether a drive's last digit has changed, and how long the last cycle took, are branches: two counts of the machine
-# alone differ by 0.1 %.
+# The path through the code depends on whether a drive's last digit has changed and on how long the last cycle took:
+# even without a browser two counts differ by 0.1 %.
 SLACK = 0.005
 # Fewer instructions mean another thread: the kinematics alone need more.
 LEAST = 10_000

@@ -178,7 +178,7 @@ def wrong(flight, outcome, first, seen, is_whole, source, is_inch):
     """Returns where preflight differs from the cycles."""
     found, timing = [], flight["time"]["judged"]
     is_exact = "G64" not in source and "g64" not in source
-    # Corners are rounded by as much.
+    # G64 may round corners by this much.
     slack = 0.0 if is_exact else inf if "G64\n" in source or "G64 G" in source else 5 * max(
         float(word) for word in re.findall(r"G64 P([\d.]+)", source))
     # LinuxCNC stops in advance for some errors, without a cycle.

@@ -116,7 +116,7 @@ class Writer:
         return {l: (found[l] - self.shift[l]) * self.of(l) for l in found}
 
     def to_machine(self, place):
-        """Does the reverse, of all letters."""
+        """Converts program coordinates of all letters to a machine position."""
         system = self.systems[self.current]
         found = {l: place[l] / self.of(l) + self.shift[l] for l in place}
         turn = radians(system["R"])

@@ -302,7 +302,7 @@ def survived(interface, out):
     return f"on after {done.stdout.strip()} s, jogs are guarded"
 
 
-# Beside the configurations.
+# Cases in addition to the configurations.
 CASES = {**{f"under-{name}": partial(survived, interface) for name, interface in INTERFACES.items()},
          "a-filter-that-holds-back": filter_holds_back, "without-the-command": without_the_command,
          "shapes-from-files": shapes_from_files, "tool-touch-off-at-a-tilt": tool_touch_off_at_a_tilt}

@@ -156,7 +156,7 @@ def pkm_in_path(folder, text):
     return str(folder)
 
 
-# Travel left, on pins.
+# The panel's pins for the remaining travel.
 
 
 def test_the_panel_has_a_pin_for_every_way_and_asks_with_both_tools(panel, hal, linuxcnc):

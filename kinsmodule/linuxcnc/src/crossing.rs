@@ -22,7 +22,7 @@ const SAME_POSE: f64 = 1e-6;
 /// joints: on a machine of 1 m twice the usual following error limit of drives.
 const FOLLOWING: f64 = 0.02;
 
-/// The commanded pose beside the one that forward has found.
+/// The commanded pose and the one that forward has found.
 pub struct Comparison<'a> {
     pub machine: &'a Machine,
     pub tool: &'a Vector3<f64>,
@@ -73,8 +73,8 @@ impl Crossing {
                 .is_some_and(|side| side.reaches(commanded, tool) && side.reaches(found, tool))
     }
 
-    /// Checks in a refused cycle whether the commanded motion has passed a singular pose: forward finds no pose
-    /// to compare then, and later one that fits the joints on the side of its last pose.
+    /// Checks in a cycle that forward refuses whether the commanded motion has passed a singular pose. There is no
+    /// pose to compare now, and the next one that forward finds is on the side of its last pose.
     pub fn watch_refused(
         &mut self,
         machine: &Machine,

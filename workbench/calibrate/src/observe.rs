@@ -73,7 +73,7 @@ pub fn unseen(
         let norm = own.norm();
         let is_unseen = norm > 0.0 && (nothing.transpose() * &own).norm() > NEARLY_ALL * norm;
         let new = rejected(&known, &(own / norm));
-        // For a unit vector: below that it is a combination of those before it.
+        // If less of the unit vector is new, it is a combination of those before it.
         if !is_unseen || !(new.norm() > 1e-6) {
             continue;
         }

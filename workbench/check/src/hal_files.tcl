@@ -249,7 +249,7 @@ proc drives::make_box {} {
             hal_from $frames {*}$args
         }
         foreach verb {loadrt loadusr net addf newsig sets linkps linksp} { proc $verb args "hal $verb {*}\$args" }
-        # As in haltcl, with an expression.
+        # As in haltcl, the value may be an expression.
         proc setp {pin value} { hal setp $pin [uplevel [list expr $value]] }
         proc getp pin { hal getp $pin }
     }

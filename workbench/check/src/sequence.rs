@@ -3,7 +3,7 @@
 
 use machine::read::ini::{Ini, IniError};
 
-/// LinuxCNC's value for a joint without one.
+/// LinuxCNC's value for a joint without `HOME_SEQUENCE`.
 const NONE: f64 = 999.0;
 
 /// Returns the number of a joint; `None` if Home All does not home the joint: it has no number, or one after a gap.

@@ -181,7 +181,7 @@ fn keys(sheet: &Strips, strips: &[Strip]) -> Vec<Key> {
 fn ranges(sheet: &Strips, strips: &[Strip]) -> (Vec<Range<f64>>, bool) {
     let own: Vec<Range<f64>> = strips.iter().map(|strip| strip.range(sheet.all_limits)).collect();
     let (low, high) = span(own.iter().flat_map(|range| [range.start, range.end]));
-    // The height of a constant line is no criterion.
+    // Constant lines do not count: their height is 0.
     let heights: Vec<f64> = strips
         .iter()
         .map(|strip| span(strip.values().chain(strip.drawn(sheet.all_limits))))

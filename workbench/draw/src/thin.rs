@@ -26,7 +26,7 @@ pub(super) fn envelope(values: &[(f64, [f64; 2])]) -> Vec<(f64, f64)> {
 
 /// Reduces a line to few points; every column keeps its highest value.
 pub(super) fn highest(values: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    // Of equal values the first.
+    // Keeps the first of equal values.
     let higher = |a: (f64, f64), b: (f64, f64)| if b.1 > a.1 { b } else { a };
     let highest = |column: &[(f64, f64)]| column.iter().copied().reduce(higher).unwrap_or_default();
     without_level_points(columns(values).map(highest).collect())
@@ -162,7 +162,7 @@ mod tests {
         let corner = |k: u32| (f64::from(k), if k < 70 { 3.0 } else { f64::from(k) - 67.0 });
         let points: Vec<_> = (0..=100).map(corner).collect();
         assert_eq!(bends(&points), [0, 70, 100]);
-        // A closed line too, and none.
+        // A closed line, and no points.
         let square = [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0), (0.0, 0.0)];
         assert_eq!(bends(&square), [0, 1, 2, 3, 4]);
         assert!(bends(&[]).is_empty());

@@ -224,7 +224,7 @@ std::string unlink(const std::string &name) {
     for (std::string *writer : {&signal.writer, &signal.other}) {
         *writer = *writer == name ? "" : *writer;
     }
-    // It keeps its value.
+    // The pin keeps the signal's value.
     *pin.where = std::memcpy(new_value(), signal.value, sizeof(hal_data_u));
     pin.signal.clear();
     return "";

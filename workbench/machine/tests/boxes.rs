@@ -91,7 +91,7 @@ fn prove(config: &Mechanism, section: &BoxSection) -> Result<usize, Doubt> {
         assert!((*last..=1.0 + 1e-9).contains(&share), "{share} after {last}");
         *last = share;
     })?;
-    // This many shares are added.
+    // The tolerance is for rounding of a sum with one share per cell.
     assert!((*last.lock().unwrap() - 1.0).abs() < 1e-15 * cells as f64 + 1e-9);
     Ok(cells)
 }
@@ -104,7 +104,7 @@ fn proved(config: &Mechanism, section: &BoxSection) -> Result<String, Doubt> {
 fn sampled(config: &Mechanism, section: &BoxSection) -> Result<String, Doubt> {
     const SAMPLES: usize = 20_000;
     let prover = Prover::new(&config.machine, &config.geometry);
-    // The checks before the first cell.
+    // Checks what the prover checks before the first cell.
     assert_eq!(section.geometry, config.hash);
     assert_eq!(prover.prove(&section.claim, 0), Err(Doubt::Effort(0)));
     let mut rng = Pcg64::seed_from_u64(40);

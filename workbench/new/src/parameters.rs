@@ -9,7 +9,7 @@ pub enum Measure {
     Distance,
     /// A length of any sign.
     Place,
-    /// This many lengths of any sign.
+    /// A list of this many lengths of any sign.
     Places(usize),
     /// Smallest and largest value of a linear drive, lengths.
     Travel,

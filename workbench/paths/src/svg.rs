@@ -20,7 +20,7 @@ pub enum SvgError {
     #[error("line {line}: {text}")]
     Untaken {
         line: u32,
-        /// The refused element, and the way out.
+        /// The refused element, and the remedy.
         text: String,
     },
     #[error("no path")]

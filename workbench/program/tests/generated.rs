@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use test_support::generated::{ALL, Generated, LETTERS, generated};
 
-/// Poses sampled along a path.
+/// Number of poses sampled along a path.
 const LOOKS: u32 = 100;
 
 /// Share of a limit's range that may be rounding.

@@ -10,7 +10,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use test_support::shipped::{self, unchained, whole};
 
-/// Poses sampled along a path.
+/// Number of poses sampled along a path.
 const LOOKS: u32 = 400;
 
 /// Accuracy of reported positions, as a share of the machine's size: a piece of a path of this length is not halved,

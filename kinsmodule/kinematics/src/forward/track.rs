@@ -36,7 +36,7 @@ struct Path<'a, const N: usize, F: Fn(f64) -> [f64; N]> {
     middle: f64,
     /// Newton's step from the center of the ball back to the path.
     back: f64,
-    /// Bound of the step back, at least half of it.
+    /// Half of the least extent of the next ball, see `first_step`; at least `back`.
     leftover: f64,
 }
 

@@ -58,7 +58,7 @@ impl Module {
             // A reduced limit also applies to the correction in effect.
             let wanted = if is_within { asked } else { own.max(-limit).min(limit) };
             let step = pins.step(seconds);
-            // The correction in this cycle's joint values: the next ones get the new one.
+            // This cycle's joint values contain the old correction; the new one applies from the next cycle.
             let shown = *own;
             pins.shown.set(shown);
             *own += (wanted - *own).max(-step).min(step);

@@ -64,9 +64,9 @@ impl Line {
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Sequences {
     pub lines: usize,
-    /// Lines with a refusal because the commanded motion had passed it.
+    /// Lines with a refusal because the commanded motion had passed the singular pose.
     pub passed: usize,
-    /// Lines on which forward returned a pose for joints of a commanded pose beyond it.
+    /// Lines on which forward still returned a pose after the commanded motion had passed it.
     pub answered: usize,
     /// Largest distance of the returned poses from the commanded ones, relative to the machine's size.
     pub farthest: f64,

@@ -5,7 +5,7 @@ use crate::study::masses::Direction;
 use crate::study::number::Positive;
 use serde::Deserialize;
 
-/// A negative or not finite number.
+/// The error of a number that is negative or not finite.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected 0 or more")]
 pub struct Negative(f64);
@@ -26,7 +26,7 @@ impl TryFrom<f64> for NotNegative {
     }
 }
 
-/// An angle outside 0 to 180 degrees.
+/// The error of an angle outside 0 to 180 degrees.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected an angle of 0 to 180 degrees")]
 pub struct NoAngle(f64);

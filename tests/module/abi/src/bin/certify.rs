@@ -49,9 +49,9 @@ enum Seed {
 struct Count {
     calls: usize,
     right: usize,
-    /// Failures although there is a right pose.
+    /// Calls that fail although a right pose exists.
     missed: usize,
-    /// Failures if there is none.
+    /// Calls that fail because no right pose exists.
     refused: usize,
     wrong: usize,
 }

@@ -41,7 +41,7 @@ impl Setup {
     pub fn module(&self) -> Module {
         let module = self.control.loaded();
         self.control.wire(&module);
-        // The machine's size in a second, from standstill in a tenth of it.
+        // Speed: the machine's size per second. Acceleration: that speed in a tenth of a second.
         for n in (0..).take_while(|n| module.has(&format!("max-velocity.{n}"))) {
             module.set(&format!("max-velocity.{n}"), self.system.size());
             module.set(&format!("max-acceleration.{n}"), 10.0 * self.system.size());
@@ -192,7 +192,7 @@ fn random_leg(i: usize, legs: usize, coordinates: &str, random: &mut Random) -> 
     let anchor = plus(platform, [0.0, 0.0, held(2, HEIGHT)]);
     let kind = random.between(0.0, 4.0) as usize;
     let side = |joint: f64, with: &dyn Fn(i32) -> Kind| {
-        // The branch of the joint.
+        // Selects the side of the rod that this joint value belongs to.
         let leg = |side| Leg { base, platform, kind: with(side) };
         let error = |leg: &Leg| {
             let other = leg.other_side(anchor, joint).unwrap_or(joint);
