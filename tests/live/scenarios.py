@@ -709,8 +709,8 @@ def power_down_at(machine: Machine, out, block):
 
 
 def power_up_at(machine: Machine, out, pose, joint, distance, speed, after):
-    """Checks that the machine, homed where it was switched off, has its pose without having moved; and again after
-    a joint was moved with the machine on, and after it was off."""
+    """Homes the machine where it was switched off, and checks that it knows its pose and that no joint has moved.
+    Then jogs a joint, switches the machine off and on, jogs the joint back, and checks the pose again."""
     machine.turn_on()
     watch = JointWatch(machine)
     machine.home()

@@ -338,7 +338,7 @@ mod tests {
         let mut draw = || rng.random::<f64>() * 2.0 - 1.0;
         let (mut refused, mut inverted, mut worst) = (0, 0, 0.0_f64);
         for n in 0..40_000 {
-            // In turn, one column of each triple next to a combination of others, or one of them alone.
+            // One column of each triple, or of only one, is nearly a combination of others; the columns take turns.
             let mut a: [[f64; 6]; 6] = core::array::from_fn(|_| core::array::from_fn(|_| draw()));
             let mut nearest = 1.0_f64;
             for (k, others) in [(n % 3, 1 + n / 9 % 2), (3 + n / 3 % 3, 1 + n / 18 % 5)] {

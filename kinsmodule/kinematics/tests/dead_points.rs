@@ -27,8 +27,8 @@ fn moved(from: &Pose, along: &Vector3<f64>, by: f64) -> Pose {
     Pose { position: from.position + along * by, ..*from }
 }
 
-/// Returns the last pose of a walk away from home that inverse accepts, the first refusal of a rod
-/// and the one beyond it; `None` if another leg kind refuses, or nothing in the end.
+/// Moves away from home in one direction. Returns the last pose that inverse accepts, the first refusal, and the refusal
+/// far beyond; `None` if inverse refuses nothing there.
 fn walk(case: &Case, along: &Vector3<f64>) -> Option<(Pose, Fault, Fault)> {
     let mut by = 0.0;
     let mut refused = None;

@@ -9,8 +9,8 @@
 //! x,y,z,a,b,c,distance                     ball bar: the tip from a fixed point
 //! ```
 //!
-//! x y z a b c is the tip in machine coordinates. The joints, which LinuxCNC commanded, are its inverse by the geometry
-//! that the table names.
+//! x y z a b c is the pose of the tip in machine coordinates. The joint values that LinuxCNC commanded are computed from
+//! it with the geometry that the table names.
 
 use super::heading;
 use super::log::{self, BadLog};

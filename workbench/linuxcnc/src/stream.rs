@@ -328,7 +328,8 @@ mod tests {
         let columns = Columns { extra: axes, ..plain(1) };
         let mut records = Records::new(bytes.as_slice(), columns);
         let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
-        // Feed, all coordinates, of which the pose has no C, tool; then commands, errors and what is allowed of three joints.
+        // The values are the feed, all coordinates (the pose has no C) and the tool, then commands, errors and allowed
+        // errors of three joints.
         assert_eq!(row.pose, [2.0, 3.0, 4.0, 5.0, 6.0, 0.0]);
         let first = |values: &[f64]| [values[0], values[1], values[2]];
         assert_eq!((row.joints[0], row.errors[0], row.allowed[0]), (17.0, 20.0, 23.0));

@@ -349,7 +349,7 @@ fn without_path(error: io::Error) -> io::Error {
 /// Writes a temporary file next to `file`, then renames it.
 ///
 /// # Errors
-/// The file cannot be written, or was read.
+/// The file cannot be written, or the command has read it.
 pub fn write_whole(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
     filled(Whole::new(file)?, file, text)
 }
