@@ -18,8 +18,8 @@ thread_local! {
 /// Poses and axis points beyond this many sizes lose digits that are significant relative to the size.
 const FAR: f64 = 100.0;
 
-/// Tolerance of a rotation and its inverse, as a fraction of the largest length: some rotations of 2⁻⁵² each, at
-/// arms of FAR sizes.
+/// Tolerance of a rotation and its inverse, as a fraction of the largest length: some rotations, each with an error of
+/// 2⁻⁵², of vectors of up to FAR sizes.
 const THERE_AND_BACK: f64 = 1e-12;
 
 const LINUXCNC_JOINTS: usize = 16;

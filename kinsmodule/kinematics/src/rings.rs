@@ -168,7 +168,8 @@ mod tests {
 
     #[test]
     fn a_strut_ends_where_the_ring_is_nearest_whichever_point_it_was_at() {
-        // 3 + 4 from the axis and 3 below the ring: 3, 4, 5; then in the direction 0.6 to 0.8.
+        // The first base is 4 outside the ring of radius 3 and 3 below it: a strut of length 5. The second is equal, in
+        // the direction (-0.6, 0.8).
         let bases = [[7.0, 0.0, -2.0], [-4.2, 5.6, 4.0], [3.0, 0.0, 5.0], [0.0, 0.0, 3.0]];
         let mut placed = legs(bases, &Matrix3::identity());
         for _ in 0..2 {
