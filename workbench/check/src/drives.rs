@@ -55,7 +55,7 @@ pub(crate) type Found = (Severity, IniError);
 
 /// Location of a command in a file.
 #[derive(Clone, Debug, Default)]
-struct Place {
+struct Location {
     file: PathBuf,
     line: usize,
 }
@@ -64,15 +64,15 @@ struct Place {
 #[derive(Default)]
 struct Wiring {
     /// Signal of each linked pin, and the location of the command.
-    signals: BTreeMap<String, (String, Place)>,
+    signals: BTreeMap<String, (String, Location)>,
     /// Functions in the order of their threads.
-    functions: BTreeMap<String, Vec<(String, Place)>>,
+    functions: BTreeMap<String, Vec<(String, Location)>>,
     /// Modules with their arguments, and where they are loaded.
-    modules: Vec<(Vec<String>, Place)>,
+    modules: Vec<(Vec<String>, Location)>,
     /// Programs with their arguments, and where they are started.
-    programs: Vec<(Vec<String>, Place)>,
+    programs: Vec<(Vec<String>, Location)>,
     /// Why a file cannot be run, and whether this ends LinuxCNC's start.
-    stopped: Option<(Severity, String, Place)>,
+    stopped: Option<(Severity, String, Location)>,
 }
 
 /// Returns all mistakes in the wiring of the drives.
@@ -237,7 +237,7 @@ impl Wiring {
             };
             Some((severity, place, name, format!("there is no program {name}, {what}")))
         });
-        let command = |place: &Place, name: &str, text: &str| {
+        let command = |place: &Location, name: &str, text: &str| {
             let is_it = |entry: &&Entry| entry.value.split_whitespace().any(|word| word == name);
             let entry =
                 ini.all("HAL", "HALCMD").into_iter().find(is_it).filter(|_| place.line == 0);
@@ -248,7 +248,7 @@ impl Wiring {
     }
 
     /// Returns the first module that needs its hardware.
-    fn hardware(&self) -> Option<(&str, &Place)> {
+    fn hardware(&self) -> Option<(&str, &Location)> {
         let is_hardware = |name: &str| {
             HARDWARE.0.iter().any(|start| name.starts_with(start)) || HARDWARE.1.contains(&name)
         };
@@ -265,7 +265,7 @@ impl Wiring {
         if let Some((name, place)) = self.hardware() {
             return Err(format!("{name}{} needs its hardware", place.shown()));
         }
-        let threads = |(words, _): &&(Vec<String>, Place)| {
+        let threads = |(words, _): &&(Vec<String>, Location)| {
             words.first().is_some_and(|name| name == "threads")
         };
         if let Some((_, place)) = self.modules.iter().find(threads) {
@@ -294,7 +294,7 @@ impl Wiring {
     }
 }
 
-impl Place {
+impl Location {
     /// Returns a description to follow a name.
     fn shown(&self) -> String {
         match self.file.file_name() {
@@ -337,13 +337,13 @@ impl Wiring {
         for line in text.lines() {
             let words: Vec<&str> = line.split('\t').collect();
             let [file, line, what, arguments @ ..] = &words[..] else { continue };
-            let place = Place { file: file.into(), line: line.parse().unwrap_or(0) };
+            let place = Location { file: file.into(), line: line.parse().unwrap_or(0) };
             wiring.take(place, what, arguments);
         }
         wiring
     }
 
-    fn take(&mut self, place: Place, what: &str, words: &[&str]) {
+    fn take(&mut self, place: Location, what: &str, words: &[&str]) {
         match (what, words) {
             ("net", [signal, pins @ ..]) => {
                 for pin in pins {
@@ -386,7 +386,7 @@ impl Wiring {
     }
 
     /// Adds a function at HAL's position: 1 is the first in a thread, -1 or none the last.
-    fn add(&mut self, function: &str, thread: &str, position: Option<&&str>, place: Place) {
+    fn add(&mut self, function: &str, thread: &str, position: Option<&&str>, place: Location) {
         let functions = self.functions.entry(thread.into()).or_default();
         let position = position.and_then(|text| text.parse::<i64>().ok()).unwrap_or(-1);
         let last = functions.len();
@@ -404,7 +404,7 @@ impl Wiring {
         pins.map(|(other, _)| other.as_str()).filter(|other| *other != pin).collect()
     }
 
-    fn place_of(&self, pin: &str) -> Option<&Place> {
+    fn place_of(&self, pin: &str) -> Option<&Location> {
         self.signals.get(pin).map(|(_, place)| place)
     }
 
@@ -440,7 +440,7 @@ impl Judge<'_> {
         Ok(self.found)
     }
 
-    fn report(&mut self, severity: Severity, place: Option<&Place>, text: &str) {
+    fn report(&mut self, severity: Severity, place: Option<&Location>, text: &str) {
         let error = match place {
             Some(place) => at(self.ini, place, text),
             None => at_last_file(self.ini, text),
@@ -488,8 +488,9 @@ impl Judge<'_> {
 
     /// Reports threads that no module creates. The names given to `threads` are not evaluated.
     fn threads(&mut self) {
-        let makes =
-            |(words, _): &(Vec<String>, Place)| words.first().is_some_and(|name| name == "threads");
+        let makes = |(words, _): &(Vec<String>, Location)| {
+            words.first().is_some_and(|name| name == "threads")
+        };
         if self.wiring.modules.iter().any(makes) {
             return;
         }
@@ -767,7 +768,7 @@ fn at_last_file(ini: &Ini, text: &str) -> IniError {
 }
 
 /// Returns an error at a line of a HAL file, or in the INI file if the line is unknown.
-fn at(ini: &Ini, place: &Place, text: &str) -> IniError {
+fn at(ini: &Ini, place: &Location, text: &str) -> IniError {
     match place.line {
         0 => at_last_file(ini, text),
         _ => at_line(place, text),
@@ -776,10 +777,10 @@ fn at(ini: &Ini, place: &Place, text: &str) -> IniError {
 
 /// Returns an error at a line of a HAL file.
 pub fn of_line(file: &Path, line: usize, text: &str) -> IniError {
-    at_line(&Place { file: file.into(), line }, text)
+    at_line(&Location { file: file.into(), line }, text)
 }
 
-fn at_line(place: &Place, text: &str) -> IniError {
+fn at_line(place: &Location, text: &str) -> IniError {
     let source = files::read(&place.file).unwrap_or_default();
     let source = String::from_utf8_lossy(&source);
     let line = source.lines().nth(place.line - 1).unwrap_or_default().trim_end();
