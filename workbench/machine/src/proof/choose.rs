@@ -6,7 +6,7 @@
 //! p, and minimized by gradient descent (Adam). The result needs no guarantee here: the
 //! prover checks it.
 
-use crate::proof::one_to_one::{Doubt, Matrix, Prover, Rows, steps_needed};
+use crate::proof::one_to_one::{Doubt, LegRows, Matrix, Prover, steps_needed};
 use crate::read::boxes::Claim;
 use kinematics::{MAX_LEGS, WorkspaceBox};
 use nalgebra::{SMatrix, Vector6};
@@ -96,8 +96,8 @@ fn candidate(prover: &Prover, low: [f64; 6], high: [f64; 6]) -> Result<Candidate
         let sum: f64 = rows.iter().map(|rows| rows.row(i).norm_squared()).sum();
         (sum / rows.len() as f64).sqrt().max(f64::MIN_POSITIVE)
     });
-    let scaled: Vec<Rows> =
-        rows.iter().map(|rows| Rows::from_fn(|i, k| rows[(i, k)] / scale[i])).collect();
+    let scaled: Vec<LegRows> =
+        rows.iter().map(|rows| LegRows::from_fn(|i, k| rows[(i, k)] / scale[i])).collect();
     let best = descended(prover.active(), &scaled);
     let region = WorkspaceBox {
         low,
@@ -172,8 +172,8 @@ fn halton(mut i: usize, base: usize) -> f64 {
     value
 }
 
-fn descended(active: &[usize], rows: &[Rows]) -> Unknowns {
-    let mean = rows.iter().sum::<Rows>() / rows.len() as f64;
+fn descended(active: &[usize], rows: &[LegRows]) -> Unknowns {
+    let mean = rows.iter().sum::<LegRows>() / rows.len() as f64;
     let inverse = mean.pseudo_inverse(1e-12).expect("the threshold is positive");
     // Weights of coordinates by their effect on the joints.
     let weight: [f64; 6] = std::array::from_fn(|k| mean.column(k).norm().max(1e-9).ln());
@@ -213,7 +213,7 @@ fn descended(active: &[usize], rows: &[Rows]) -> Unknowns {
 /// stretch are kept from step to step.
 fn gradient(
     active: &[usize],
-    rows: &[Rows],
+    rows: &[LegRows],
     x: &Unknowns,
     sharpness: f64,
     directions: &mut [Vector6<f64>],
@@ -222,7 +222,7 @@ fn gradient(
     let mut terms = Vec::with_capacity(rows.len());
     let mut largest = 0.0_f64;
     for (rows, direction) in rows.iter().zip(directions) {
-        let scaled = Rows::from_fn(|i, k| rows[(i, k)] * over[k]);
+        let scaled = LegRows::from_fn(|i, k| rows[(i, k)] * over[k]);
         let product = x.matrix * scaled;
         let mut departure = -product;
         for &k in active {

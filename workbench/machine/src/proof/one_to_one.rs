@@ -45,7 +45,7 @@ pub type Matrix = SMatrix<f64, 6, 6>;
 type Jet<const N: usize> = jet::Jet<N, 3>;
 
 /// Legs by coordinates.
-pub type Rows = SMatrix<f64, 8, 6>;
+pub type LegRows = SMatrix<f64, 8, 6>;
 
 /// Why a claim is not proved.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -146,13 +146,13 @@ impl<'a> Prover<'a> {
     ///
     /// # Errors
     /// The pose is out of reach.
-    pub fn jacobian(&self, pose: &[f64; 6]) -> Result<Rows, Doubt> {
+    pub fn jacobian(&self, pose: &[f64; 6]) -> Result<LegRows, Doubt> {
         let jacobian = self
             .machine
             .at(&Pose::from_degrees(*pose), &Vector3::zeros())
             .and_then(|at| at.pose_jacobian())
             .map_err(|fault| Doubt::Reach(*pose, fault))?;
-        let mut rows = Rows::zeros();
+        let mut rows = LegRows::zeros();
         for i in 0..self.machine.layout().legs() {
             for k in &self.active {
                 rows[(i, *k)] = jacobian[(i, *k)];

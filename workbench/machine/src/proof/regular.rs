@@ -18,7 +18,7 @@ use nalgebra::{Matrix6, SMatrix, Vector6};
 use std::f64::consts::PI;
 
 /// Legs by coordinates.
-type Rows = SMatrix<f64, MAX_LEGS, 6>;
+type LegRows = SMatrix<f64, MAX_LEGS, 6>;
 
 /// Coordinates by legs.
 type Inverse = SMatrix<f64, 6, MAX_LEGS>;
@@ -97,7 +97,7 @@ impl Reach<'_> {
         middle: &Middle,
         spread: &Spread,
         seconds: &[SecondDerivatives],
-        (rows, inverse, bound): (&Rows, &Inverse, &Square),
+        (rows, inverse, bound): (&LegRows, &Inverse, &Square),
     ) -> bool {
         let nuts = self.rows_of_nuts(middle).zip(self.rest_of_nuts(middle, spread, seconds));
         nuts.is_some_and(|(with_nuts, rest)| {
@@ -108,7 +108,7 @@ impl Reach<'_> {
 
     /// Returns the pseudo-inverse of rows, and its product with its transpose; zeros for coordinates that the legs do
     /// not move.
-    fn pseudo_inverse(&self, rows: &Rows) -> Option<(Inverse, Square)> {
+    fn pseudo_inverse(&self, rows: &LegRows) -> Option<(Inverse, Square)> {
         let mut normal = rows.tr_mul(rows);
         for k in (0..6).filter(|k| !self.active[*k]) {
             normal[(k, k)] = 1.0;
@@ -193,9 +193,9 @@ impl Reach<'_> {
     }
 
     /// Bounds the change of the constraint rows in the cell beyond [`Self::row_slope`].
-    fn row_rest(&self, spread: &Spread, seconds: &[SecondDerivatives]) -> Rows {
+    fn row_rest(&self, spread: &Spread, seconds: &[SecondDerivatives]) -> LegRows {
         let turns = if self.is_about_base() { spread.turn } else { 2.0 * spread.turn };
-        let mut rest = Rows::zeros();
+        let mut rest = LegRows::zeros();
         let per_radius = 1.0 / self.config.machine.radius();
         for (i, second_derivative) in seconds.iter().enumerate() {
             let [turned, bent] = second_derivative.direction;
@@ -216,7 +216,7 @@ impl Reach<'_> {
     }
 
     /// Returns the constraint rows with those of the joints instead of the struts'.
-    fn rows_of_nuts(&self, middle: &Middle) -> Option<Rows> {
+    fn rows_of_nuts(&self, middle: &Middle) -> Option<LegRows> {
         let of_twist = middle.at.inverse_jacobian().ok()?;
         let mut rows = constraint_rows(middle.at);
         let per_radius = 1.0 / self.config.machine.radius();
@@ -242,8 +242,8 @@ impl Reach<'_> {
         middle: &Middle,
         spread: &Spread,
         seconds: &[SecondDerivatives],
-    ) -> Option<Rows> {
-        let mut rest = Rows::zeros();
+    ) -> Option<LegRows> {
+        let mut rest = LegRows::zeros();
         for (i, second_derivative) in seconds.iter().enumerate() {
             let lead = self.config.geometry.legs()[i].kind.screw().lead;
             if lead == 0.0 {
@@ -289,7 +289,7 @@ fn spectral_radius(matrix: &Square) -> f64 {
     least
 }
 
-fn constraint_rows(at: &At) -> Rows {
+fn constraint_rows(at: &At) -> LegRows {
     let rows = at.constraint_rows();
-    Rows::from_fn(|i, k| rows[i][k])
+    LegRows::from_fn(|i, k| rows[i][k])
 }
