@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 
 /// Results for a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct Assessment {
     /// Amplitude of the tool's vibration under the teeth, mm.
     pub vibration: f64,
     /// Largest error in X, Y, Z if every drive is off by half a step, mm; `None` if the
@@ -46,7 +46,7 @@ impl Subject<'_> {
         stop: &Stop,
         chip: f64,
         half_steps: Option<&[f64]>,
-    ) -> Result<Place, NoMoment> {
+    ) -> Result<Assessment, NoMoment> {
         let structure = Structure::at(self.config, &self.model, &stop.pose, &stop.tool)?;
         let frame = cutter_frame(&stop.feed, &stop.pose).map(|value| Complex::new(value, 0.0));
         let tooth = TAU * f64::from(self.teeth.count) * stop.rpm / 60.0;
@@ -57,7 +57,7 @@ impl Subject<'_> {
             swings.push(receptance * (frame * self.teeth.harmonic(chip, harmonic)));
         }
         let resolution = half_steps.map(|steps| self.resolution(stop, steps)).transpose()?;
-        Ok(Place { vibration: Teeth::swing(&swings), resolution })
+        Ok(Assessment { vibration: Teeth::swing(&swings), resolution })
     }
 
     fn resolution(&self, stop: &Stop, steps: &[f64]) -> Result<[f64; 3], NoMoment> {

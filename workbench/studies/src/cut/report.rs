@@ -3,7 +3,7 @@
 
 use crate::cut::moment::Subject;
 use crate::cut::pass::{Found, OfLine, Peak};
-use crate::cut::place::Place;
+use crate::cut::place::Assessment;
 use crate::cut::program::Line;
 use crate::stability::path::{Depth, Stop};
 use serde::Serialize;
@@ -142,7 +142,7 @@ pub struct LineReport {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Looked {
     /// Stop, limit depth, and the other results.
-    pub places: Vec<(Stop, Depth, Place)>,
+    pub places: Vec<(Stop, Depth, Assessment)>,
     pub feed_moves: usize,
     /// Largest depth assessed, mm.
     pub deepest: f64,

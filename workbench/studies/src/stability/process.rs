@@ -25,7 +25,7 @@ pub struct Row {
 
 /// The law of the force.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum ForceLaw {
     Milling([f64; 3]),
     Turning(f64),
 }
@@ -37,7 +37,7 @@ pub struct Process {
     pub teeth: usize,
     /// Angles at which a tooth enters and leaves, rad.
     pub arc: [f64; 2],
-    kind: Kind,
+    kind: ForceLaw,
 }
 
 impl From<&Cutting> for Process {
@@ -45,14 +45,14 @@ impl From<&Cutting> for Process {
         Self {
             teeth: cutting.teeth.into(),
             arc: cutting.arc(),
-            kind: Kind::Milling(cutting.coefficients),
+            kind: ForceLaw::Milling(cutting.coefficients),
         }
     }
 }
 
 impl From<&Turning> for Process {
     fn from(turning: &Turning) -> Self {
-        Self { teeth: 1, arc: [0.0, TAU], kind: Kind::Turning(turning.kf_n_per_mm2.0) }
+        Self { teeth: 1, arc: [0.0, TAU], kind: ForceLaw::Turning(turning.kf_n_per_mm2.0) }
     }
 }
 
@@ -65,8 +65,8 @@ impl Process {
     /// Returns whether no force acts along the spindle axis.
     pub fn is_flat(&self) -> bool {
         match self.kind {
-            Kind::Milling([_, _, axial]) => axial == 0.0,
-            Kind::Turning(_) => true,
+            ForceLaw::Milling([_, _, axial]) => axial == 0.0,
+            ForceLaw::Turning(_) => true,
         }
     }
 
@@ -78,18 +78,18 @@ impl Process {
     /// Returns the force of a tooth in cut at an angle per depth and displacement, N/mm².
     pub fn at(&self, angle: f64) -> Matrix3x2<f64> {
         match self.kind {
-            Kind::Milling(coefficients) => {
+            ForceLaw::Milling(coefficients) => {
                 let (s, c) = angle.sin_cos();
                 on_tool(coefficients, angle) * Vector2::new(s, c).transpose()
             }
-            Kind::Turning(kf) => Matrix3x2::new(kf, 0.0, 0.0, 0.0, 0.0, 0.0),
+            ForceLaw::Turning(kf) => Matrix3x2::new(kf, 0.0, 0.0, 0.0, 0.0, 0.0),
         }
     }
 
     /// Returns the integral of [`Process::at`] between two angles of the cut, N/mm².
     pub fn integral(&self, low: f64, high: f64) -> Matrix3x2<f64> {
         match self.kind {
-            Kind::Milling([kt, kr, ka]) => {
+            ForceLaw::Milling([kt, kr, ka]) => {
                 // Integrals of s s, s c, c c, s and c.
                 let of = |f: fn(f64) -> f64| f(high) - f(low);
                 let ss = of(|a| a / 2.0 - (2.0 * a).sin() / 4.0);
@@ -105,7 +105,7 @@ impl Process {
                     ka * c,
                 )
             }
-            Kind::Turning(_) => self.at(low) * (high - low),
+            ForceLaw::Turning(_) => self.at(low) * (high - low),
         }
     }
 

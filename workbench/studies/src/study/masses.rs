@@ -11,7 +11,7 @@ use serde::Deserialize;
 pub struct Platform {
     pub mass_kg: Positive,
     /// Center of mass in the platform frame.
-    pub centre_mm: Place,
+    pub centre_mm: Position,
     /// Inertia tensor about the center of mass, platform axes; products of inertia are entered
     /// with the sign they have in the tensor, I_xy = −∫ x y dm.
     pub inertia_kg_m2: Option<Inertia>,
@@ -25,14 +25,14 @@ pub struct Platform {
 /// A position: three finite numbers.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(try_from = "[f64; 3]")]
-pub struct Place(pub Vector3<f64>);
+pub struct Position(pub Vector3<f64>);
 
 /// A number that is not finite.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected a finite number")]
 pub struct NotFinite(f64);
 
-impl TryFrom<[f64; 3]> for Place {
+impl TryFrom<[f64; 3]> for Position {
     type Error = NotFinite;
 
     fn try_from(values: [f64; 3]) -> Result<Self, NotFinite> {
