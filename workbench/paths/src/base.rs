@@ -15,7 +15,7 @@ pub(super) const PLANE: usize = 2;
 
 /// Coordinates and the parameter t of a curve; z of a family is 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct CurveTaylor {
     /// x, y and z, mm.
     pub at: [Taylor; 3],
     /// The parameter.
@@ -68,24 +68,24 @@ impl Part {
     ///
     /// # Errors
     /// As [`Expression::at`].
-    pub fn at(&self, over: Interval) -> Result<Option<Place>, Trouble> {
+    pub fn at(&self, over: Interval) -> Result<Option<CurveTaylor>, Trouble> {
         let zero = Taylor::constant(0.0);
         Ok(match &self.form {
             Form::Explicit(explicit) => {
                 let t = Taylor::variable(over, 0);
                 let [x, y] = explicit.at(t)?;
-                Some(Place { at: [x, y, zero], t })
+                Some(CurveTaylor { at: [x, y, zero], t })
             }
             Form::Implicit(families, chord) => {
-                chord.at(families, over)?.map(|[x, y, t]| Place { at: [x, y, zero], t })
+                chord.at(families, over)?.map(|[x, y, t]| CurveTaylor { at: [x, y, zero], t })
             }
             Form::Spline(spline, span) => {
                 let t = Taylor::variable(over, 0);
-                Some(Place { at: spline.at(*span, t), t })
+                Some(CurveTaylor { at: spline.at(*span, t), t })
             }
             Form::Ellipse(ellipse) => {
                 let t = Taylor::variable(over, 0);
-                Some(Place { at: ellipse.at(t), t })
+                Some(CurveTaylor { at: ellipse.at(t), t })
             }
         })
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Laws along a curve: height, tilts and speed as functions of the parameter, the arc length and the position.
 
-use crate::base::Place;
+use crate::base::CurveTaylor;
 use crate::expression::{Expression, Trouble};
 use machine::proof::interval::Interval;
 use machine::proof::jet::Taylor;
@@ -42,7 +42,7 @@ impl Laws {
     /// Returns the pose at a point of the curve: mm and degrees.
     pub(super) fn pose(
         &self,
-        place: &Place,
+        place: &CurveTaylor,
         length: Taylor,
         whole: f64,
     ) -> Result<[Taylor; 6], Trouble> {
@@ -68,7 +68,7 @@ fn leaning([x, y, z]: [Taylor; 3]) -> [Taylor; 3] {
 }
 
 /// Encloses the arc length over a range: between its values at the ends, with the derivatives of the curve.
-pub(super) fn length(place: &Place, dimensions: usize, ends: [f64; 2]) -> Taylor {
+pub(super) fn length(place: &CurveTaylor, dimensions: usize, ends: [f64; 2]) -> Taylor {
     let square = |of: fn(&Taylor) -> Interval| {
         let of = |x| of(x).squared();
         place.at[..dimensions].iter().map(of).fold(Interval::ZERO, |sum, x| sum + x)
