@@ -69,7 +69,7 @@ fn plane(text: &str) -> Result<[usize; 2], String> {
 }
 
 /// A position and its limit depth, mm; infinite if every depth is stable.
-struct Place {
+struct MapPoint {
     position: [f64; 3],
     depth: f64,
 }
@@ -121,7 +121,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     if let Some(file) = &arguments.csv {
         let header = ["x", "y", "z", "limit_depth_mm"];
-        let row = |place: &Place| {
+        let row = |place: &MapPoint| {
             let [x, y, z] = place.position;
             [x, y, z, place.depth]
         };
@@ -149,29 +149,29 @@ fn places(
     plane: [usize; 2],
     sides: &[Vec<f64>; 2],
     depths: &[Option<f64>],
-) -> Vec<Place> {
+) -> Vec<MapPoint> {
     let count = sides[0].len();
     let place = |(n, depth): (usize, &Option<f64>)| {
         let mut position: [f64; 3] = pose.position.into();
         (position[plane[0]], position[plane[1]]) = (sides[0][n % count], sides[1][n / count]);
-        depth.map(|depth| Place { position, depth })
+        depth.map(|depth| MapPoint { position, depth })
     };
     depths.iter().enumerate().filter_map(place).collect()
 }
 
-fn report(machine: &std::path::Path, places: &[Place], rpm: Option<f64>) -> Result<(), Failure> {
+fn report(machine: &std::path::Path, places: &[MapPoint], rpm: Option<f64>) -> Result<(), Failure> {
     let mut out = output::people();
     let what = rpm.map_or("over all speeds".into(), |rpm| format!("at {rpm} 1/min"));
     writeln!(out, "{}: limit depth by zero order, worst feed, {what}", machine.display())?;
     let least = places.iter().min_by(|a, b| a.depth.total_cmp(&b.depth));
     let most = places.iter().max_by(|a, b| a.depth.total_cmp(&b.depth));
     for (name, place) in [("least", least), ("most", most)] {
-        let Some(Place { position: [x, y, z], depth }) = place else { continue };
+        let Some(MapPoint { position: [x, y, z], depth }) = place else { continue };
         writeln!(out, "  {name:<6} {depth:10.4} mm at X{x:.3} Y{y:.3} Z{z:.3}")?;
     }
     writeln!(out, "{WORTH}")?;
     out.flush()?;
-    let shown = |Place { position, depth }: &Place| json!({ "position": position, "limit_depth_mm": depth });
+    let shown = |MapPoint { position, depth }: &MapPoint| json!({ "position": position, "limit_depth_mm": depth });
     output::answer(&json!({
         "machine": machine,
         "rpm": rpm,
