@@ -165,7 +165,7 @@ class Machine:
         """Returns the unit of length, mm or inch."""
     @property
     def size(self) -> float:
-        """Returns the largest length of the geometry: relative tolerances refer to it."""
+        """Returns the largest length of the geometry, to which relative tolerances refer; `space` is what it occupies."""
     @property
     def radius(self) -> float:
         """Returns the RMS distance of the platform anchors from their center: converts angles to lengths."""
@@ -189,6 +189,9 @@ class Machine:
         """Returns (n, joints, 6): derivatives of joint values by X Y Z (machine unit) and A B C (degree)."""
     def conditioning(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
         """Returns (n,): smallest singular value of the legs' constraint rows, 0 at a singular pose."""
+    def space(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
+        """Returns (n, 2, 3): the least and the largest X Y Z in base of the machine at each pose, machine units. Counts
+        the control point, both ends of every leg, the whole travel of carriages and the pivots of arms."""
     def margins(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Margins:
         """Returns the distances from every limit of the machine's file; for joint speeds see `preflight`."""
     def stiffness(self, poses: Rows, study: str, *, tool: Sequence[float] | None = None) -> Stiffness:

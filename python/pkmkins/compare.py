@@ -14,10 +14,16 @@ import numpy as np
 
 from ._core import VERSION, Machine, MachineError
 from .command import CommandFailed, asked, preflight
-from .design.candidate import required_poses
+from .design.candidate import required_poses, size
 from .design.study import Required
 
 MM_PER_INCH = 25.4
+
+STYLE = (
+    "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:70em;padding:0 1em;color:#222}.wide{overflow-x:auto}"
+    "table{border-collapse:collapse}td,th{border:1px solid #ccc;padding:.3em .6em;text-align:left}"
+    ".bar{height:.4em;background:#0072b2;border-radius:.2em}"
+)
 
 TEXT = """Compare machines over the same poses: workspace, stiffness, errors, speeds, natural frequencies
 
@@ -64,7 +70,8 @@ def _rows(file, machine, asked):
     nearest = limits[int(shares[:, limits].min(axis=0).argmin())]
     yield ("poses within every limit", ""), f"{np.count_nonzero((shares[:, limits] >= 0).all(axis=1))} of {len(poses)}"
     yield ("nearest limit", ""), margins.names[nearest]
-    yield ("size", "mm"), machine.size * mm
+    if joints.ok.all():
+        yield ("size X Y Z", "mm"), " x ".join(f"{side * mm:.0f}" for side in size(machine, poses))
     volume = _workspace(machine)
     yield ("workspace, level", "dm³"), volume * mm**3 * 1e-6 if isinstance(volume, float) else volume
     if not joints.ok.all():
@@ -133,19 +140,26 @@ def table(files, rows):
 
 
 def page(files, rows):
-    """Returns the rows as an HTML page."""
+    """Returns the rows as an HTML page. Bars compare the numbers of a row; the longest one is its largest number."""
     head = "".join(f"<th>{html.escape(Path(file).stem)}</th>" for file in files)
-    body = "".join(
-        f"<tr><th>{html.escape(name)}</th><td>{html.escape(unit)}</td>"
-        + "".join(f"<td>{html.escape(shown(value))}</td>" for value in values)
-        + "</tr>"
-        for name, unit, values in rows
-    )
-    style = "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:70em}table{border-collapse:collapse}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:left}"
+    body = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(unit)}</td>{_cells(values)}</tr>" for name, unit, values in rows)
     return (
-        f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>Machines compared</title><style>{style}</style>"
-        f"<h1>Machines compared</h1><table><tr><th></th><th></th>{head}</tr>{body}</table></html>\n"
+        f"<!DOCTYPE html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
+        f"<title>Machines compared</title><style>{STYLE}</style><h1>Machines compared</h1>"
+        f"<p>Each machine is judged over the same poses around its home. Bars compare the numbers of a row.</p>"
+        f"<div class=wide><table><tr><th>quantity</th><th>unit</th>{head}</tr>{body}</table></div></html>\n"
     )
+
+
+def _cells(values):
+    largest = max((value for value in values if not isinstance(value, str) and math.isfinite(value)), default=0.0)
+
+    def bar(value):
+        if isinstance(value, str) or not value >= 0 or not largest > 0:
+            return ""
+        return f"<div class=bar style='width:{100 * value / largest:.1f}%'></div>"
+
+    return "".join(f"<td>{html.escape(shown(value))}{bar(value)}</td>" for value in values)
 
 
 def shown(value):

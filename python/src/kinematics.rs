@@ -124,6 +124,21 @@ pub fn conditioning(
     at_each(py, config, poses, tool, 1, ask).answer(py, poses, &[])
 }
 
+/// Returns least and largest X, Y and Z of the machine at each pose: (n, 2, 3).
+pub fn space(
+    py: Python<'_>,
+    config: &Mechanism,
+    poses: &Rows,
+    tool: &Vector3<f64>,
+) -> PyResult<Answer> {
+    let ask = |at: &At, answer: &mut [f64]| {
+        let ends = machine::space::space(config, at);
+        answer.iter_mut().zip(ends.iter().flatten()).for_each(|(to, value)| *to = *value);
+        Ok(())
+    };
+    at_each(py, config, poses, tool, 2 * 3, ask).answer(py, poses, &[2, 3])
+}
+
 /// Margins of many poses: columns are the limits of the machine's file.
 #[pyclass(frozen, get_all, module = "pkmkins")]
 pub struct Margins {

@@ -208,6 +208,16 @@ impl Machine {
     }
 
     #[pyo3(signature = (poses, *, tool=None))]
+    fn space(
+        &self,
+        py: Python<'_>,
+        poses: &Bound<'_, PyAny>,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Answer> {
+        many::space(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    }
+
+    #[pyo3(signature = (poses, *, tool=None))]
     fn margins(
         &self,
         py: Python<'_>,

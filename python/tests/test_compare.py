@@ -9,7 +9,7 @@ from conftest import ini
 from pkmkins import CommandFailed, Machine, compare
 from pkmkins.command import asked
 from pkmkins.compare import main, page, table
-from pkmkins.design.candidate import required_poses
+from pkmkins.design.candidate import required_poses, size
 from pkmkins.design.study import Required
 
 STUDY = "[legs]\nstiffness_n_per_um = 10\njoint_sigma_um = 5\n"
@@ -33,9 +33,9 @@ def test_lengths_are_millimeters_for_machines_of_any_unit(capsys):
     assert main([str(ini("tripod")), str(ini("tripod")), "--format", "json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert all(row["values"][0] == row["values"][1] for row in rows)
-    size = next(row["values"][0] for row in rows if row["name"] == "size")
-    # Its longest length is 10 inches.
-    assert size == pytest.approx(254)
+    sides = next(row["values"][0] for row in rows if row["name"] == "size X Y Z")
+    machine = Machine.from_ini(ini("tripod"))
+    assert sides == " x ".join(f"{side:.0f}" for side in size(machine, machine.home[None]) * 25.4)
 
 
 def test_what_cannot_be_said_is_not_judged(capsys):
@@ -79,7 +79,7 @@ def test_rows_are_what_the_machines_answer(tmp_path, capsys):
         expected = {
             "poses within every limit": ("", f"{(shares >= 0).all(axis=1).sum()} of {len(given)}"),
             "nearest limit": ("", margins.names[kept[shares.min(axis=0).argmin()]]),
-            "size": ("mm", machine.size * mm),
+            "size X Y Z": ("mm", " x ".join(f"{side * mm:.0f}" for side in size(machine, given))),
             "workspace, level": ("dm³", machine.workspace(bands=24).volume * mm**3 / 1e6),
             "largest travel of a joint": ("mm or degrees", np.ptp(joints, axis=0).max() * mm),
             "least conditioning": ("", machine.conditioning(given).values.min()),

@@ -125,7 +125,7 @@ def test_objectives_are_those_of_the_machine(study):
     jacobian = machine.jacobian(poses).values[:, :, :3]
     # Three struts: the deviation at the tip is sigma times the norm of the inverse.
     error = max(np.linalg.norm(np.linalg.inv(one)) for one in jacobian) * 5e-3
-    assert found.objectives == pytest.approx((least, machine.size, np.ptp(joints, axis=0).max(), error))
+    assert found.objectives == pytest.approx((least, candidate.size(machine, poses).max(), np.ptp(joints, axis=0).max(), error))
     inch = dataclasses.replace(study, objectives=("tool_error",), fixed={**study.fixed, "unit": "inch", "home": [0, 0, 16], "strut": [12, 48]}, required=Required())
     machine = kinds.machine_of("tripod", **inch.dimensions([20.0]))
     [one] = machine.jacobian(machine.home[None]).values[:, :, :3]
@@ -243,7 +243,10 @@ def test_a_front_has_the_machines_that_none_is_better_than(front):
     page = front.page()
     assert "a &lt;b&gt;" in page and page.count("<tr class=chosen>") == 1 and "<tr class=chosen><td>400</td><td>19</td><td>120</td>" in page
     dots = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="(\d)"', page)
-    assert dots == [("320.0", "60.0", "3"), ("294.0", "188.0", "6"), ("60.0", "220.0", "3")]
+    # Across 80 to 410 for 10 to 20 N/mm, up 270 to 30 for 100 to 200 mm.
+    assert dots == [("410.0", "30.0", "3"), ("377.0", "222.0", "6"), ("80.0", "270.0", "3")]
+    assert "stiffness, N/mm (largest is best)" in page and "size, mm (smallest is best)" in page
+    assert "<th>base_radius<br><small>mm</small></th>" in page and page.count('stroke="#ddd"') == 10
 
 
 def test_a_front_of_nothing_says_why(study, tmp_path):

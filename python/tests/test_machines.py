@@ -207,3 +207,15 @@ def test_other_threads_run_during_preflight():
     done.set()
     thread.join()
     assert counted[0] > 20
+
+
+def test_the_space_of_a_machine_has_its_feet_platform_and_rails():
+    tripod = Machine.from_ini(ini("tripod"))
+    feet = np.array([(0, 0, 0), (10, 0, 0), (5, 7.071, 0)])
+    points = np.vstack([feet, tripod.home[None, :3]])
+    [found] = tripod.space(tripod.home[None]).values
+    np.testing.assert_allclose(found, [points.min(axis=0), points.max(axis=0)], atol=1e-12)
+    glide = Machine.from_ini(ini("hexaglide"))
+    [[low, high]] = glide.space(glide.home[None]).values
+    # Rails along X from -1400, with carriages from 100 to 2700 mm.
+    assert (low[0], high[0]) == (-1300, 1300)

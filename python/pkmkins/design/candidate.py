@@ -131,8 +131,15 @@ def _sigma(study, machine):
     return float(sigma) * 1e-3 / (25.4 if machine.unit == "inch" else 1.0)
 
 
-def _size(_study, machine, _poses):
-    return machine.size
+def size(machine, poses):
+    """Returns the sides X Y Z of the space that the machine occupies over the poses, machine units."""
+    ends = machine.space(poses).values
+    return ends[:, 1].max(axis=0) - ends[:, 0].min(axis=0)
+
+
+def _size(_study, machine, poses):
+    """Returns the longest side of the space that the machine occupies over the required poses, machine units."""
+    return size(machine, poses).max()
 
 
 def _stroke(_study, machine, poses):

@@ -4,6 +4,7 @@
 import csv
 import html
 import io
+import math
 import subprocess
 from collections import Counter
 from dataclasses import dataclass
@@ -57,6 +58,13 @@ class Front:
         ranges = [one.name if one.place is None else f"{one.name}[{one.place}]" for one in self.study.ranges]
         return [*ranges, *self.study.objectives]
 
+    def units(self):
+        """Returns the unit of each heading."""
+        length = self.study.fixed.get("unit", "mm")
+        lengths = {"volume": f"{length}³", "stiffness": "N/mm", "stroke": f"{length} or °"}
+        dimensions = ["°" if "angle" in one.name else length for one in self.study.ranges]
+        return [*dimensions, *(lengths.get(name, length) for name in self.study.objectives)]
+
     def csv(self):
         """Returns the front as CSV, full digits."""
         text = io.StringIO()
@@ -109,7 +117,7 @@ class Front:
     def page(self):
         """Returns the front as an HTML page."""
         title = html.escape(self.study.name)
-        head = "".join(f"<th>{html.escape(name)}</th>" for name in self.names())
+        head = "".join(f"<th>{html.escape(name)}<br><small>{unit}</small></th>" for name, unit in zip(self.names(), self.units()))
         chosen = self.chosen()
         body = "".join(
             f"<tr{' class=chosen' if one == chosen else ''}>" + "".join(f"<td>{x:.6g}</td>" for x in (*one[0], *one[1])) + "</tr>"
@@ -118,15 +126,16 @@ class Front:
         summary = f"{self.fitting} of {self.judged} candidates keep their limits at the poses looked at, which proves nothing between them. Marked: nearest to the best of every objective."
         why = "" if self.machines else f"<p>{html.escape(self.why_nothing())}</p>"
         return (
-            f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{title}</title><style>{STYLE}</style>"
-            f"<h1>{title}</h1><p>{summary}</p>{why}{_pictures(self)}<table><tr>{head}</tr>{body}</table></html>\n"
+            f"<!DOCTYPE html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
+            f"<title>{title}</title><style>{STYLE}</style><h1>{title}</h1><p>{summary}</p>{why}{_pictures(self)}"
+            f"<div class=wide><table><tr>{head}</tr>{body}</table></div></html>\n"
         )
 
 
 STYLE = (
-    "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:70em;color:#222}table{border-collapse:collapse}"
-    "td,th{border:1px solid #ccc;padding:.2em .6em;text-align:right}.chosen{background:#fde9c8}"
-    "svg{margin:0 2em 1em 0}text{font-size:12px}"
+    "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:70em;padding:0 1em;color:#222}.wide{overflow-x:auto}"
+    "table{border-collapse:collapse}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:right}"
+    ".chosen{background:#fde9c8}svg{max-width:100%;height:auto;margin:0 1em 1em 0}text{font-size:12px}"
 )
 
 
@@ -151,31 +160,47 @@ def _pictures(front):
 
 
 def _picture(front, across, up):
-    width, height, edge = 380, 280, 60
-    chosen = front.chosen()
+    width, height, left, edge = 440, 320, 80, 50
+    chosen, names, units = front.chosen(), front.study.objectives, front.units()[-len(front.study.objectives):]
 
-    def scale(k, size):
+    def scale(k, start, end):
         column = [objectives[k] for _, objectives in front.machines]
         low, span = min(column), (max(column) - min(column)) or 1.0
-        return lambda x: edge + (x - low) / span * (size - 2 * edge), low, low + span
+        return (lambda x: start + (x - low) / span * (end - start)), _round_between(low, low + span)
 
-    x, x_low, x_high = scale(across, width)
-    y, y_low, y_high = scale(up, height)
+    x, along = scale(across, left, width - 30)
+    y, upward = scale(up, height - edge, 30)
+    grid = "".join(
+        f'<path d="M{x(value):.1f} 20V{height - edge + 10}" stroke="#ddd"/>'
+        f'<text x="{x(value):.1f}" y="{height - edge + 24}" text-anchor="middle">{value:.6g}</text>' for value in along
+    ) + "".join(
+        f'<path d="M{left - 10} {y(value):.1f}H{width - 20}" stroke="#ddd"/>'
+        f'<text x="{left - 16}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.6g}</text>' for value in upward
+    )
     dots = "".join(
-        f'<circle cx="{x(o[across]):.1f}" cy="{height - y(o[up]):.1f}" r="{6 if one == chosen else 3}" '
+        f'<circle cx="{x(o[across]):.1f}" cy="{y(o[up]):.1f}" r="{6 if one == chosen else 3}" '
         f'fill="{"#d55e00" if one == chosen else "#0072b2"}"/>'
         for one in front.machines
         for o in [one[1]]
     )
-    names = front.study.objectives
+
+    def title(k):
+        return f"{names[k]}, {units[k]} ({OBJECTIVES[names[k]]} is best)"
+
     return (
-        f'<svg width="{width}" height="{height}" role="img"><title>{names[across]} and {names[up]} of the front</title>'
-        f'<path d="M{edge - 12} {edge - 12}V{height - edge + 12}H{width - edge + 12}" fill="none" stroke="#222"/>{dots}'
-        f'<text x="{edge}" y="{height - 28}">{x_low:.4g}</text><text x="{width - edge}" y="{height - 28}" text-anchor="end">{x_high:.4g}</text>'
-        f'<text x="{width / 2}" y="{height - 10}" text-anchor="middle">{names[across]}</text>'
-        f'<text x="{edge - 16}" y="{height - edge}" text-anchor="end">{y_low:.4g}</text><text x="{edge - 16}" y="{edge}" text-anchor="end">{y_high:.4g}</text>'
-        f'<text x="16" y="{edge - 24}">{names[up]}</text></svg>'
+        f'<svg width="{width}" height="{height}" viewBox="0 0 {width} {height}" role="img">'
+        f"<title>{names[across]} and {names[up]} of the front</title>{grid}{dots}"
+        f'<text x="{(left + width) / 2}" y="{height - 6}" text-anchor="middle">{title(across)}</text>'
+        f'<text transform="rotate(-90)" x="{-height / 2}" y="14" text-anchor="middle">{title(up)}</text></svg>'
     )
+
+
+def _round_between(low, high):
+    """Returns up to five round numbers between two different ones."""
+    exact = (high - low) / 4
+    power = 10.0 ** math.floor(math.log10(exact))
+    step = next(factor * power for factor in (1, 2, 2.5, 5, 10) if factor * power >= exact)
+    return [k * step for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
 
 
 def write_machine(study, values, folder):

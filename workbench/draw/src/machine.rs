@@ -5,6 +5,7 @@ use crate::space::{Part, ball, course, line, plate};
 use crate::style::PALE;
 use kinematics::{LegGeometry, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
+use machine::space::rail;
 use plotters::prelude::*;
 
 pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
@@ -59,14 +60,7 @@ pub(super) fn rail_or_arm(
     lower: &Vector3<f64>,
 ) -> Option<[Vector3<f64>; 2]> {
     let LegGeometry { base, kind, .. } = config.geometry.legs()[leg];
-    let foot = Vector3::from(base);
-    match kind.guide().map(|guide| Vector3::from(guide).normalize()) {
-        Some(direction) => {
-            let ends = [config.joints[leg].min, config.joints[leg].max];
-            Some(ends.map(|value| foot + direction * (value + config.offsets[leg])))
-        }
-        None => (!kind.stands()).then_some([foot, *lower]),
-    }
+    rail(config, leg).or_else(|| (!kind.stands()).then_some([Vector3::from(base), *lower]))
 }
 
 /// Sorts points by their angle around their middle, seen from above.

@@ -4,7 +4,8 @@
 //! - Input: the machine's INI file and the files that it names.
 //! - Output: [`read`], the checked description with the core's frozen geometry, or an error with excerpt, column
 //!   and a fix; [`limits`], every limit at a pose; [`proof`], limits over moves and cells of poses; [`rows`],
-//!   the machine's Jacobian rows over its coordinates; [`scene`], the machine as JSON; [`files`], atomic writes.
+//!   the machine's Jacobian rows over its coordinates; [`scene`], the machine as JSON; [`mod@space`], the space that it
+//!   occupies; [`files`], atomic writes.
 //! - Uses: the core and the table of keys. All other crates of the workbench depend on this one.
 
 pub mod files;
@@ -13,3 +14,4 @@ pub mod proof;
 pub mod read;
 pub mod rows;
 pub mod scene;
+pub mod space;
