@@ -16,7 +16,7 @@ pytest.importorskip("pymoo")
 from conftest import needs_linuxcnc  # noqa: E402
 from pkmkins import CommandFailed, preflight  # noqa: E402
 from pkmkins._core import VERSION  # noqa: E402
-from pkmkins.design import Study, StudyError, judge, scatter, write_machine  # noqa: E402
+from pkmkins.design import Study, scatter, write_machine  # noqa: E402
 from pkmkins.design.candidate import MEASURES  # noqa: E402
 from pkmkins.design.command import main  # noqa: E402
 from pkmkins.design.engine import Cluster, EngineError, Processes, judged  # noqa: E402
@@ -148,34 +148,6 @@ def test_what_nothing_meets_is_said_with_the_constraint(tmp_path, capsys):
     assert main([str(file), "--workers", "1", "--quiet"]) == 1
     said = capsys.readouterr().out
     assert "none of 48 candidates fits. Most are ruled out by: " in said and "widen [range]" in said
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "text"),
-    [
-        ("seed = 3", "seed = 3\npopulatoin = 3", "search.populatoin: unknown key"),
-        ("base_radius = [300, 500]", "base_radius = [500, 300]", "range.base_radius: 500.0 to 300.0 is empty"),
-        ("base_radius = [300, 500]", "base_radius = [300, nan]", "range.base_radius: nan; expected a number"),
-        ('["stiffness", "size"]', '["stifness"]', "objectives: stifness; expected some of"),
-        ('["stiffness", "size"]', "[]", "objectives: expected a list"),
-        ("stiffness_n_per_um = 10", "screw = \"backdrivable\"", "needs stiffness_n_per_um"),
-        ("candidates = 48", "candidates = -1", "search.candidates: -1"),
-        ("tilt = 10", "feed = 10", "belong together"),
-        ('kind = "hexapod"', "", "kind: expected a word"),
-        ("platform_half_angle = 15", "base_radius = 15", "both have base_radius"),
-        ("[legs]", "[legs", "line"),
-    ],
-)
-def test_a_study_that_cannot_be_followed_is_refused_by_its_key(old, new, text):
-    with pytest.raises(StudyError, match=text.replace("[", r"\[")):
-        Study.parse(STUDY.replace(old, new, 1))
-
-
-def test_unknown_kinds_and_dimensions_are_refused(study):
-    with pytest.raises(ValueError, match="no kind of machine"):
-        judge(Study.parse(STUDY.replace('kind = "hexapod"', 'kind = "heptapod"')), [400, 15, 180])
-    with pytest.raises(ValueError, match="unknown value of a hexapod"):
-        judge(Study.parse(STUDY.replace("base_radius =", "base_width =")), [400, 15, 180])
 
 
 def test_inaccuracies_of_making_scatter_as_the_slope_says():

@@ -129,11 +129,8 @@ def test_what_starts_the_command_needs_it_and_preflight_does_not(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["--most-moves", "few"], "most-moves"),
         (["--most-moves", "-1"], "-1"),
-        (["--report", "page.html"], "--report: not an option of preflight in Python"),
         (["--mechanism", "2"], "tripod.ini has only one mechanism"),
-        (["--mechanism", "3"], "mechanism"),
         pytest.param(["--hal", "no-such.hal"], "no-such.hal", marks=needs_linuxcnc),
     ],
 )
