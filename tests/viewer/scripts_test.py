@@ -11,6 +11,7 @@ import io
 import json
 import math
 import os
+import struct
 import subprocess
 import sys
 import types
@@ -23,7 +24,7 @@ VIEWER = Path(os.environ.get("PKMKINS_VIEWER", REPOSITORY / "viewer"))
 sys.path.insert(0, str(VIEWER))
 sys.dont_write_bytecode = True
 import pkmkins_pins  # noqa: E402
-from pkmkins_mesh import read as read_mesh  # noqa: E402
+from pkmkins_mesh import MeshError, read as read_mesh  # noqa: E402
 from pkmkins_panel import reason, words  # noqa: E402
 from pkmkins_refusal import count_legs, sentence  # noqa: E402
 from pkmkins_scene import Frame, Scene, SceneError, about, extent, frame, whole  # noqa: E402
@@ -375,6 +376,10 @@ def test_scenes_come_from_the_command_both_of_a_pair(vismach, tmp_path, monkeypa
         vismach.read_scenes("missing.ini")
     with pytest.raises(SceneError, match="missing.json"):
         vismach.read_scenes("missing.json")
+    for text in ("[]", '{"version": 2}', "no JSON"):
+        file.write_text(text)
+        with pytest.raises(SceneError, match="scene.json: "):
+            vismach.read_scenes(str(file))
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(SceneError, match="make install-pkm"):
         vismach.read_scenes(str(ini("tripod")))
@@ -492,7 +497,7 @@ def test_joints_and_letters_are_counted_as_linuxcnc_does(tmp_path):
     file.write_text("[KINS]\nKINEMATICS = pkmkins\n")
     assert list(pkmkins_pins.Machine(file).joints) == list(range(6))
     for text, why in [("[KINS]\nKINEMATICS = trivkins coordinates=XYZ\n", "found trivkins coordinates=XYZ"), ("", "found nothing"),
-                      ("[KINS]\nKINEMATICS = pkmkins legs=strut:x\n", "legs=strut:x")]:
+                      ("[KINS]\nKINEMATICS = pkmkins legs=strut:x\n", "legs=strut:x"), ("[KINS]\nKINEMATICS = pkmkins legs=strut\n", "legs=strut$")]:
         file.write_text(text)
         with pytest.raises(pkmkins_pins.NotAMachine, match=why):
             pkmkins_pins.Machine(file)
@@ -515,6 +520,11 @@ def test_a_state_has_every_value_at_its_name(hal):
     del hal.values["pkmkins.geometry-hash"]
     state = values.now()
     assert state["extra"] == {"c": 14, "w": None} and state["geometry_hash"] is None
+    # A pose or tool without one of its values is unknown. HAL's numbers have a sign, hashes have none.
+    del hal.values["pkmkins.c"]
+    hal.values |= {"pkmkins.tool-offset-eff-x": math.nan, "pkmkins.geometry-hash": -2}
+    state = values.now()
+    assert state["pose"] is None and state["tool"] is None and state["joints"] == [10, 11, 12, 13] and state["geometry_hash"] == 2**32 - 2
 
 
 def test_status_is_told_in_words_and_is_null_where_linuxcnc_is_silent(linuxcnc):
@@ -673,3 +683,33 @@ def test_corners_of_faces_are_those_of_the_file(tmp_path):
     text = tmp_path / "two.stl"
     text.write_text("solid two\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in (a, b, c, c, d, a)) + "endsolid\n")
     assert read_mesh(str(text)) == [(a, b, c), (c, d, a)]
+    binary = tmp_path / "binary.stl"
+    binary.write_bytes(bytes(80) + struct.pack("<I12fH12fH", 2, 0, 0, 1, *a, *b, *c, 0, 0, 0, 1, *c, *d, *a, 0))
+    assert read_mesh(str(binary)) == [(a, b, c), (c, d, a)]
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "why"),
+    [
+        ("cut.stl", bytes(80) + struct.pack("<I12f", 1, *range(12)), "neither a text STL nor"), ("empty.stl", b"", "neither a text STL nor"),
+        ("half.stl", b"solid a\nvertex 0 0 0\nvertex 1 0 0\n", "is incomplete"), ("words.stl", b"solid a\nvertex 1 x 2\n", "could not convert"),
+        ("none.obj", b"v 0 0 0\n", "no triangles"), ("far.obj", b"v 0 0 0\nf 1 2 3\n", "does not exist"), ("zero.obj", b"v 0 0 0\nf 1 0 1\n", "does not exist"),
+        ("short.obj", b"v 0 0\n", "fewer than three numbers"), ("nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "NaN or too far"),
+        ("away.obj", b"v 0 0 1e31\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "NaN or too far"), ("missing.stl", None, "No such file"),
+    ],
+)
+def test_a_file_without_a_shape_is_refused_with_the_reason(tmp_path, name, data, why):
+    file = tmp_path / name
+    if data is not None:
+        file.write_bytes(data)
+    with pytest.raises(MeshError, match=f"{name}: .*{why}"):
+        read_mesh(str(file))
+
+
+def test_a_shape_too_large_to_draw_is_refused_unread(tmp_path):
+    file = tmp_path / "huge.stl"
+    for size, why in [(20_000_000, "neither"), (20_000_001, "20 MB, expected at most 20 MB: use a coarser mesh")]:
+        with open(file, "wb") as huge:
+            huge.truncate(size)
+        with pytest.raises(MeshError, match=why):
+            read_mesh(str(file))

@@ -29,8 +29,8 @@ OPERATORS = [
 # Files and the tests that judge them, without code that draws, searches (needs pymoo) or uses a terminal.
 VIEWER = ["tests/viewer/scripts_test.py"]
 FILES = {
-    "viewer/pkmkins_scene.py": VIEWER + ["scene"], "viewer/pkmkins_pins.py": VIEWER, "viewer/pkmkins_mesh.py": VIEWER + ["scene"],
-    "viewer/pkmkins_refusal.py": VIEWER, "viewer/pkmkins_panel.py": VIEWER + ["scene"], "viewer/pkmkins-panel": VIEWER, "viewer/pkmkins-vismach": VIEWER,
+    "viewer/pkmkins_scene.py": VIEWER + ["scene"], "viewer/pkmkins_pins.py": VIEWER, "viewer/pkmkins_mesh.py": VIEWER,
+    "viewer/pkmkins_refusal.py": VIEWER, "viewer/pkmkins_panel.py": VIEWER, "viewer/pkmkins-panel": VIEWER, "viewer/pkmkins-vismach": VIEWER,
     "viewer/pkm-live": ["live"],
     "python/pkmkins/compare.py": ["python/tests/test_compare.py"], "python/pkmkins/kinds.py": ["python/tests/test_judging.py"],
     "python/pkmkins/command.py": ["python/tests/test_command.py"],
