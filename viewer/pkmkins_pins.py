@@ -45,7 +45,7 @@ class Machine:
 
     def __init__(self, file):
         words, ini = read(file)
-        given = dict(word.split("=", 1) for word in words[1:] if "=" in word)
+        given = dict(word.partition("=")[::2] for word in words[1:] if "=" in word)
         legs = given.get("legs", "strut:6").split(",")
         try:
             count = sum(int(group.split(":")[1]) for group in legs) + len(given.get("table", ""))

@@ -135,7 +135,7 @@ def table(files, rows):
     """Returns the rows as text."""
     cells = [["", "", *(Path(file).stem for file in files)]]
     cells += [[name, unit, *map(shown, values)] for name, unit, values in rows]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))]
+    widths = [max(map(len, column)) for column in zip(*cells)]
     return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells)
 
 

@@ -32,6 +32,8 @@ def test_machines_stand_side_by_side_in_one_table_and_page(tmp_path, capsys):
 def test_lengths_are_millimeters_for_machines_of_any_unit(capsys):
     assert main([str(ini("tripod")), str(ini("tripod")), "--format", "json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
+    # Without --box and --tilt the only pose is home.
+    assert rows[0] == {"name": "poses within every limit", "unit": "", "values": ["1 of 1"] * 2}
     assert all(row["values"][0] == row["values"][1] for row in rows)
     sides = next(row["values"][0] for row in rows if row["name"] == "size X Y Z")
     machine = Machine.from_ini(ini("tripod"))

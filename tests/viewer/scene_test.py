@@ -48,7 +48,7 @@ def poses(scene, chance):
 
 
 def largest_difference(ini, chance):
-    """Returns the largest difference of leg ends, and of the tip on the work, over random poses with a tool, and their number."""
+    """Returns the largest difference of leg ends and of the tool's ends over random poses with a tool, and the number of poses."""
     scene = Scene(json.loads(pkm("scene", ini)))
     # If the pose is the platform's own, `pkm rods` has no tool.
     own = [chance.uniform(-20, 20) * scene.units_per_mm * scene.sees_tool for _ in range(3)]
@@ -64,7 +64,8 @@ def largest_difference(ini, chance):
                 worst = max(worst, norm(subtract(end, [numbers[f"{name}_{n}_{axis}"] for axis in "xyz"])))
         # The program's coordinates are those of the tip on the work, or of the platform if it does not see the tool.
         of_pose = add(place.work.into(place.tip), tool) if scene.sees_tool else place.nose
-        worst = max(worst, norm(subtract(of_pose, [numbers[letter] for letter in "xyz"])))
+        holder = place.base.out(place.nose) if scene.holder is None else scene.holder
+        worst = max(worst, norm(subtract(of_pose, [numbers[letter] for letter in "xyz"])), norm(subtract(place.tool[0], holder)))
         count += 1
     return worst, count
 

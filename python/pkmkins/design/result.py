@@ -96,7 +96,7 @@ class Front:
         lines = [f"{self.study.name}: {self.fitting} of {self.judged} candidates keep their limits at the poses looked at, which proves nothing between them; {len(self.machines)} are on the front"]
         chosen = self.chosen()
         rows = [self.names(), *([f"{x:.6g}" for x in (*a, *b)] for a, b in self.machines)]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        widths = [max(map(len, column)) for column in zip(*rows)]
         marks = ["", *("  <- nearest to the best of all" if one == chosen else "" for one in self.machines)]
         shown = [number for number, mark in enumerate(marks) if number <= MOST_ROWS or mark]
         lines += ["  ".join(x.rjust(w) for x, w in zip(rows[n], widths)) + marks[n] for n in shown]
