@@ -162,6 +162,9 @@ def test_violations_say_what_is_missing_and_by_how_much(study):
     columns = [k for k, name in enumerate(margins.names) if name.startswith("joint range")]
     missing = -np.minimum(margins.share[:, columns], 0).min(axis=0).sum()
     assert wide["joint range"] == pytest.approx(missing) and missing > 0 and "axis range" not in wide
+    delta = Machine.from_ini(ini("linear-delta"))
+    poses = delta.home + np.array([[0.0] * 6, [9e3, 0, 0, 0, 0, 0], [0, 9e3, 0, 0, 0, 0]])
+    assert candidate._violations(delta, poses, Required())["reach"] == pytest.approx(1 + 2 / 3)
     nothing = judge(study, [899.0 * 20])
     assert not nothing.fits and list(nothing.violations) == ["machine"] and candidate.NO_MACHINE <= nothing.violations["machine"] <= candidate.NO_MACHINE + 1
     assert all(map(math.isnan, nothing.objectives)) and len(nothing.objectives) == 4

@@ -318,6 +318,20 @@ def test_wrong_words_get_the_help(panel, monkeypatch, words):
         panel.main()
 
 
+def test_the_panel_leaves_the_processor_to_others_and_a_signal_ends_it_without_an_error(panel, monkeypatch):
+    handlers, nice, ran = {}, [], []
+    monkeypatch.setattr(panel.signal, "signal", handlers.__setitem__)
+    monkeypatch.setattr(panel.os, "nice", nice.append)
+    monkeypatch.setattr(panel.Panel, "run", lambda own: ran.append((own.travel.ini, own.letters)))
+    monkeypatch.setattr(sys, "argv", ["pkmkins-panel", "machine.ini", "x", "c"])
+    panel.main()
+    assert ran == [("machine.ini", ["x", "c"])] and nice == [10]
+    for number in (panel.signal.SIGTERM, panel.signal.SIGINT):
+        with pytest.raises(SystemExit) as ended:
+            handlers[number]()
+        assert ended.value.code == 0
+
+
 # The model in 3D.
 
 
@@ -635,6 +649,25 @@ def test_states_are_passed_on_until_their_reader_ends_fails_or_is_silent(tmp_pat
     monkeypatch.setattr(live, "SILENCE", 5 if last == "silent" else 30)
     live.relay("m.ini", types.SimpleNamespace(put=states.append))
     assert states == [{"n": 1}, {"n": 2}]
+
+
+@pytest.mark.parametrize(
+    ("text", "page"),
+    [
+        ("open(sys.argv[-1], 'w').write('page')", b"page"), ("open(sys.argv[-1], 'w').write('page'); sys.exit(1)", b"page"),
+        ("open(sys.argv[-1], 'w').write('page'); sys.stderr.write(' why '); sys.exit(2)", "^why$"),
+        ("sys.stderr.write('why')", "^why$"), ("", "^pkm view wrote no page$"), (None, "run make install-pkm, or give a page with --page"),
+    ],
+)
+def test_the_page_is_what_pkm_view_writes(tmp_path, monkeypatch, text, page):
+    live = program("pkm-live")
+    asked = "import sys\nassert sys.argv[1:5] == ['view', 'm.ini', '--live', '--html'], sys.argv\n"
+    monkeypatch.setenv("PATH", str(tmp_path / "none") if text is None else pkm_in_path(tmp_path, asked + text))
+    if isinstance(page, bytes):
+        assert live.made("m.ini") == page
+    else:
+        with pytest.raises(live.Refused, match=page):
+            live.made("m.ini")
 
 
 # Refusals in words, and shapes.

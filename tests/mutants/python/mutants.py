@@ -31,7 +31,7 @@ VIEWER = ["tests/viewer/scripts_test.py"]
 FILES = {
     "viewer/pkmkins_scene.py": VIEWER + ["scene"], "viewer/pkmkins_pins.py": VIEWER, "viewer/pkmkins_mesh.py": VIEWER,
     "viewer/pkmkins_refusal.py": VIEWER, "viewer/pkmkins_panel.py": VIEWER, "viewer/pkmkins-panel": VIEWER, "viewer/pkmkins-vismach": VIEWER,
-    "viewer/pkm-live": ["live"],
+    "viewer/pkm-live": ["live"] + VIEWER,
     "python/pkmkins/compare.py": ["python/tests/test_compare.py"], "python/pkmkins/kinds.py": ["python/tests/test_judging.py"],
     "python/pkmkins/command.py": ["python/tests/test_command.py"],
     **{f"python/pkmkins/design/{name}.py": ["python/tests/test_judging.py"] for name in ("candidate", "engine", "record", "result", "scatter", "study")},
