@@ -52,7 +52,8 @@ def test_a_study_is_read_with_its_defaults(study):
     assert (study.name, study.kind, study.seed, study.population, study.candidates, study.bands) == ("tripod", "tripod", 1, 8, 16, 12)
     assert study.ranges == (Range("base_radius", None, 200.0, 900.0),) and study.fixed["strut"] == [300, 1200]
     assert study.required == Required(box=((-30.0, 20.0), (0.0, 0.0), (-10.0, 40.0)))
-    assert study.required.joint_speed == math.inf
+    required = study.required
+    assert (required.tilt, required.conditioning, required.feed, required.joint_speed) == (0, 0, 0, math.inf)
     assert study.legs == "[legs]\nstiffness_n_per_um = 10\njoint_sigma_um = 5\n"
     assert study.dimensions([321]) == {"home": [0, 0, 400], "strut": [300, 1200], "joint_angle": 85, "base_radius": 321.0}
     several = Study.parse(STUDY.replace("strut = [300, 1200]\n", "").replace("[range]\n", "[range]\nstrut = [[200, 400], [900, 1300]]\n"))
@@ -61,6 +62,7 @@ def test_a_study_is_read_with_its_defaults(study):
     whole = Study.parse(STUDY.replace("x = [-30, 20]", "tilt = 5\nconditioning = 0.2\nfeed = 10\njoint_speed = 20"))
     assert whole.required == Required(((0.0, 0.0), (0.0, 0.0), (-10.0, 40.0)), 5.0, 0.2, 10.0, 20.0)
     assert study.hash != whole.hash and Study.parse(STUDY).hash == study.hash
+    assert Study.parse(STUDY[:STUDY.index("[legs]")].replace('"stiffness", "size", "stroke", "tool_error"', '"size"')).legs == ""
     words = Study.parse(STUDY.replace("[search]", 'screw = "self-locking"\n[search]'))
     assert words.legs.endswith('screw = "self-locking"\n')
 
@@ -245,6 +247,7 @@ def test_a_front_has_the_machines_that_none_is_better_than(front):
     assert [(row["base_radius"], row["stiffness"], row["size"]) for row in rows] == [("500.0", "20.0", "200.0"), ("400.0", "19.0", "120.0"), ("300.0", "10.0", "100.0")]
     fields = front.fields()
     assert fields["chosen"] == {"base_radius": 400.0, "stiffness": 19.0, "size": 120.0} and fields["fits"] is None
+    assert (fields["version"], fields["command"], fields["study"]) == (1, "design", "a <b>")
     assert (fields["judged"], fields["fitting"], fields["constraints"], len(fields["front"])) == (7, 5, {"reach": 2, "conditioning": 1}, 3)
     lines = str(front).splitlines()
     assert lines[0].startswith("a <b>: 5 of 7 candidates") and lines[0].endswith("3 are on the front")
@@ -310,6 +313,19 @@ def test_a_machine_that_is_not_written_says_why(study, tmp_path, monkeypatch, sa
     monkeypatch.setenv("PKM", str(script))
     with pytest.raises(CommandFailed, match=text):
         result.write_machine(study, [550.0], tmp_path / "machine")
+
+
+def test_a_machine_is_written_by_pkm_new_with_its_dimensions_and_limits_and_checked(study, tmp_path, monkeypatch):
+    script = tmp_path / "pkm"
+    script.write_text(f"#!/usr/bin/python3\nimport sys\nprint(*sys.argv[1:], file=open({str(tmp_path / 'words')!r}, 'a'))\nprint(sys.argv[1])\n")
+    script.chmod(0o755)
+    monkeypatch.setenv("PKM", str(script))
+    folder = tmp_path / "machine"
+    assert result.write_machine(study, [550.0], folder) == "check\n"
+    assert (tmp_path / "words").read_text().splitlines() == [
+        f"new tripod --out {folder} --home 0.0 0.0 400.0 --strut 300.0 1200.0 --joint-angle 85.0 --base-radius 550.0 --limits X -30.0 20.0 --limits Z 390.0 440.0",
+        f"check {folder}/machine.ini",
+    ]
 
 
 @pytest.mark.parametrize(("value", "expected"), [("up", ["up"]), (3, ["3.0"]), (0.1, ["0.1"]), ((550, 850), ["550.0", "850.0"]), (np.array([1, 2]), ["1.0", "2.0"])])

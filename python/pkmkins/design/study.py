@@ -54,12 +54,12 @@ class Study:
     ranges: tuple
     required: Required
     objectives: tuple
-    seed: int = 1
-    population: int = 60
-    candidates: int = 3000
-    bands: int = 12
-    legs: str = ""
-    hash: str = field(default="", compare=False)
+    seed: int
+    population: int
+    candidates: int
+    bands: int
+    legs: str
+    hash: str = field(compare=False)
 
     @classmethod
     def read(cls, path):
@@ -101,9 +101,9 @@ class Study:
         both = set(study.fixed) & {one.name for one in study.ranges}
         if both:
             raise StudyError(f"[fixed] and [range] both have {', '.join(sorted(both))}")
-        if {"stiffness"} & set(study.objectives) and "stiffness_n_per_um" not in study.legs:
+        if "stiffness" in study.objectives and "stiffness_n_per_um" not in study.legs:
             raise StudyError("objective stiffness: [legs] needs stiffness_n_per_um")
-        if {"tool_error"} & set(study.objectives) and "joint_sigma_um" not in study.legs:
+        if "tool_error" in study.objectives and "joint_sigma_um" not in study.legs:
             raise StudyError("objective tool_error: [legs] needs joint_sigma_um")
         if "tool_error" in study.objectives:
             _number("legs.joint_sigma_um", given["legs"]["joint_sigma_um"])
