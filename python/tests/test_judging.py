@@ -50,6 +50,8 @@ def study():
 
 def test_a_study_is_read_with_its_defaults(study):
     assert (study.name, study.kind, study.seed, study.population, study.candidates, study.bands) == ("tripod", "tripod", 1, 8, 16, 12)
+    default = Study.parse(STUDY[: STUDY.index("[search]")])
+    assert (default.seed, default.population, default.candidates, default.bands) == (1, 60, 3000, 12)
     assert study.ranges == (Range("base_radius", None, 200.0, 900.0),) and study.fixed["strut"] == [300, 1200]
     assert study.required == Required(box=((-30.0, 20.0), (0.0, 0.0), (-10.0, 40.0)))
     required = study.required
