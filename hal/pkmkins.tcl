@@ -173,7 +173,18 @@ proc pkmkins::wire {} {
     hal addf pkmkins.monitor servo-thread
 }
 
+# Reports a missing panel of `pkm panel`, because AXIS then fails with a message that does not name the command.
+proc pkmkins::report_panel {ini} {
+    set stem [file rootname [file tail $ini]]
+    foreach {key ending} {::DISPLAY(PYVCP) xml ::HAL(POSTGUI_HALFILE) tcl} {
+        set name $stem-panel.$ending
+        if {![info exists $key] || $name ni [set $key] || [file exists [file join [file dirname $ini] $name]]} { continue }
+        puts stderr "pkmkins: there is no $name, and AXIS does not start without it: run pkm panel $ini to write it"
+    }
+}
+
 proc pkmkins::main {ini} {
+    report_panel $ini
     set pins [pins_of $ini [printed $ini]]
     check_feed_inhibit
     # `hal setp`: haltcl's own setp would evaluate the text.

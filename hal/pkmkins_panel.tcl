@@ -21,6 +21,8 @@ namespace eval pkmkins_panel {
     variable start_seconds 10
     # Whether the missing panel has been reported.
     variable is_reported 0
+    # The machine's file, as the panel names it.
+    variable machine MACHINE.ini
     namespace path ::pkmkins_jog
 }
 
@@ -71,12 +73,18 @@ proc pkmkins_panel::show {nets} {
             } error]} { lappend reasons "$pin: $error" }
         }
         if {$missing ne ""} { lappend reasons "missing pin [join $missing {, }]" }
+        # Pins of the machine itself are missing if the panel is another machine's.
+        if {[lsearch -not $missing pkmkins-panel.*] >= 0} {
+            variable machine
+            lappend reasons "run pkm panel $machine to write the panel again"
+        }
         if {$reasons ne ""} { report "not shown: [join $reasons {; }]" }
     }
 }
 
 # Starts the component that computes the travel left along these letters.
 proc pkmkins_panel::start {ini letters} {
+    variable machine $ini
     safely {
         if {![is_there] || [is_ready pkmkins-panel]} { return }
         set error [started [list pkmkins-panel $ini {*}$letters]]

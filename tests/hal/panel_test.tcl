@@ -78,6 +78,7 @@ proc not_started {reason} {
 proc taken {signal} {
     return [says "motion.switchkins-type already has signal $signal, so the kinematics buttons have no effect"]
 }
+set again "run pkm panel machine.ini to write the panel again"
 set app "\[APPLICATIONS\]\nAPP = pyvcp -c pyvcp panel.xml"
 
 # Name, part of the prelude, part of the INI file, requests, messages, duration in ms.
@@ -106,10 +107,10 @@ foreach {name more text lines says least most} [list \
     longer-name {exists mine in float; exists joint.0.pos-fb-more out float; net mine joint.0.pos-fb-more mine} "" \
         [concat [list $run] {{net mine joint.0.pos-fb-more => mine}} $shown $switched] {} 100 110 \
     pin-missing {dict unset pins joint.0.pos-fb} "" \
-        [concat [list $run] [lrange $shown 1 end] $switched] [says "not shown: missing pin joint.0.pos-fb"] 100 110 \
+        [concat [list $run] [lrange $shown 1 end] $switched] [says "not shown: missing pin joint.0.pos-fb; $again"] 100 110 \
     widget-missing {dict unset pins pyvcp.joint-0; dict unset pins pkmkins.margin.0} "" \
         [concat [list $run] [lrange $shown 2 end] $switched] \
-        [says "not shown: joint.0.pos-fb: pin or parameter pyvcp.joint-0 does not exist; missing pin pkmkins.margin.0"] 100 110 \
+        [says "not shown: joint.0.pos-fb: pin or parameter pyvcp.joint-0 does not exist; missing pin pkmkins.margin.0; $again"] 100 110 \
     selector-taken {exists mine out float; net mine mine motion.switchkins-type} "" \
         [concat [list $run] $shown {{net mine mine => motion.switchkins-type}}] \
         [taken mine] 100 110 \

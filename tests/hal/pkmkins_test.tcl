@@ -191,6 +191,14 @@ foreach {name before without with} {
     } {}
 }
 
+set without_panel $machine
+set machine "\[DISPLAY\]\nPYVCP = machine-panel.xml\n$machine"
+test panel-missing "a missing panel is reported with the command that writes it" {
+    difference [set_up $printed] [but_for {} [list \
+        "says pkmkins: there is no machine-panel.xml, and AXIS does not start without it: run pkm panel $folder/machine.ini to write it"]]
+} {}
+set machine $without_panel
+
 # The beginning of every message that ends LinuxCNC's start.
 set heading "says pkmkins: LinuxCNC does not start, because the machine could not be set up:\n"
 
