@@ -24,6 +24,7 @@ use super::log::BadLog;
 use super::model::Frame;
 use super::reading::Reading;
 use kinematics::{Pose, Vector3};
+use machine::digits::list;
 use machine::files::csv;
 use machine::read::mechanism::Mechanism;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -118,17 +119,16 @@ fn is_comment(line: &str) -> bool {
 /// Writes the empty table of some poses.
 pub fn empty(config: &Mechanism, gauge: &Gauge, objects: &[Object], stops: &[Stop]) -> String {
     let mut text = format!("{HEADER}\n# geometry {:#010x}\n", config.hash);
-    let [low, high] = gauge.range;
-    let [x, y, z] = gauge.tool.into();
+    let number = |value: f64| list(&[value]);
     for (key, value) in [
         ("machine", config.file.file_name().unwrap_or_default().to_string_lossy().into_owned()),
         ("gauge", gauge.kind.name().into()),
         ("unit", gauge.scale.name().into()),
-        ("deviation", gauge.deviation.to_string()),
-        ("range", format!("{low} {high}")),
-        ("zero", gauge.zero.to_string()),
-        ("radius", gauge.radius.to_string()),
-        ("tool", format!("{x} {y} {z}")),
+        ("deviation", number(gauge.deviation)),
+        ("range", list(&gauge.range)),
+        ("zero", number(gauge.zero)),
+        ("radius", number(gauge.radius)),
+        ("tool", list(gauge.tool.as_slice())),
     ] {
         let _ = writeln!(text, "# {key} {value}");
     }

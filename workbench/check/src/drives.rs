@@ -8,6 +8,7 @@
 //! here it is known for motion and PID loops, and for inputs by their names.
 
 use crate::programs::{is_installed, is_program};
+use machine::digits::plain;
 use machine::files::{self, Folder};
 use machine::read::diagnostic::Severity;
 use machine::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
@@ -110,7 +111,7 @@ fn following_errors(ini: &Ini) -> Result<Vec<Found>, IniError> {
         let speed = ini.number_or(&section, "MAX_VELOCITY", 0.0)?;
         let allowed = ini.number_or(&section, "FERROR", 1.0)?;
         let cycles = ini.number_or(&section, "DELAY", DELAY)?;
-        let least = speed * period * cycles;
+        let least = plain(speed * period * cycles);
         if allowed >= least {
             continue;
         }

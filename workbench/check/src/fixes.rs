@@ -7,6 +7,7 @@ use crate::homing::{self, TOGETHER, Trouble};
 use crate::report;
 use crate::workspace::MOST;
 use kinematics::{Fault, Letter};
+use machine::digits::plain;
 use machine::proof::axis_box::AxisBox;
 use machine::proof::boxes as proof;
 use machine::read::boxes;
@@ -85,14 +86,14 @@ fn homes(config: &MachineConfig) -> Result<Vec<Edit>, FixError> {
             let section = mechanism.place.joint_section(i);
             let is_given = config.ini.first(&section, "HOME").is_some();
             if (joint.home - wanted).abs() > least || !is_given {
-                edits.push(Edit { section, key: "HOME", value: format!("{}", wanted + 0.0) });
+                edits.push(Edit { section, key: "HOME", value: plain(wanted).to_string() });
             }
         }
         for letter in moved(mechanism) {
             let section = mechanism.place.axis_section(letter);
             let home = mechanism.start[letter.index()];
             if config.ini.number_or(&section, "HOME", home)? != home {
-                edits.push(Edit { section, key: "HOME", value: home.to_string() });
+                edits.push(Edit { section, key: "HOME", value: plain(home).to_string() });
             }
         }
     }
@@ -133,8 +134,11 @@ fn axes(config: &MachineConfig, mut text: String) -> Result<String, FixError> {
                 let kind = if letter.is_angle() { "ANGULAR" } else { "LINEAR" };
                 text = format!("{}\n\n[{section}]\nTYPE = {kind}\n", text.trim_end());
             }
-            let edit =
-                |key, value: f64| Edit { section: section.clone(), key, value: value.to_string() };
+            let edit = |key, value: f64| Edit {
+                section: section.clone(),
+                key,
+                value: plain(value).to_string(),
+            };
             let edits = [
                 edit("MIN_LIMIT", of(letter, limits.low)),
                 edit("MAX_LIMIT", of(letter, limits.high)),

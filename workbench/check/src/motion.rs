@@ -5,6 +5,7 @@ use crate::findings::Report;
 use crate::motors::{self, Motor};
 use crate::wiring::at_key;
 use kinematics::{Joints, Letter, Pose};
+use machine::digits::plain;
 use machine::read::diagnostic::Severity;
 use machine::read::ini::IniError;
 use machine::read::joints::{Joint, JointKind};
@@ -136,7 +137,8 @@ fn following(
     joint: &Joint,
 ) -> Result<(), IniError> {
     let (ini, unit) = (&config.ini, config.unit(joint.kind));
-    let most = LOOSE * (joint.max - joint.min);
+    let range = plain(joint.max - joint.min);
+    let most = plain(LOOSE * range);
     let allowed = ini.number_or(section, "FERROR", 1.0)?;
     let least = ini.number_or(section, "MIN_FERROR", 0.0)?;
     let text = match ini.first(section, "FERROR") {
@@ -146,8 +148,7 @@ fn following(
         Some(_) if allowed >= most => Some(format!(
             "{} may lag by {allowed} {unit}, {most} or more of its range of {}: a drive that does not follow moves the \
              platform far before it stops",
-            joint.name,
-            joint.max - joint.min
+            joint.name, range
         )),
         _ => None,
     };
@@ -165,7 +166,7 @@ fn following(
 /// Reports corrections whose acceleration exceeds the drive's: they reach their full speed in a cycle.
 fn ramp(report: &mut Report, config: &Mechanism, section: &str, joint: &Joint) {
     let [_, rate] = joint.correction;
-    let most = joint.max_acceleration * config.period / IN_A_CYCLE;
+    let most = plain(joint.max_acceleration * config.period / IN_A_CYCLE);
     if rate > most {
         let text = format!(
             "it starts and stops within a servo cycle, in which at most {most} {} per second keep MAX_ACCELERATION = {}: \

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The limits of a machine's configuration as the core lists them, and their names in reports.
 
+use crate::digits::plain;
 use crate::read::mechanism::{LegAngles, Mechanism};
 use kinematics::{At, Body, Joints, LEAST_DRIVE, Limit, Limits, Margin, Part};
 use serde::Serializer;
@@ -144,7 +145,7 @@ pub fn unit(config: &Mechanism, limit: Limit, part: Part) -> String {
 /// Returns the range of a margin, with its unit.
 pub fn bound(config: &Mechanism, margin: &Margin) -> String {
     let unit = unit(config, margin.limit, margin.part);
-    let value = match margin.range {
+    let value = match margin.range.map(plain) {
         [_, high] if is_either_way(margin.limit) => format!("{high}"),
         [low, high] if low.is_finite() && high.is_finite() => format!("{low} to {high}"),
         [low, high] => format!("{}", if low.is_finite() { low } else { high }),

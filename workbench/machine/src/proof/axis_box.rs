@@ -7,6 +7,7 @@
 //! within the cells that a proof may use. It is not the largest box, for which
 //! no common measure of millimeters and degrees exists.
 
+use crate::digits::plain;
 use crate::proof::cell::{Cell, Verdict};
 use crate::proof::reach::{Reach, Stop};
 use crate::read::mechanism::Mechanism;
@@ -70,8 +71,8 @@ impl AxisBox {
             let width = self.high[k] - self.low[k];
             if width > 0.0 {
                 let grid = 10_f64.powi(LIMIT_DIGITS - width.log10().floor() as i32);
-                rounded.low[k] = (self.low[k] * grid).ceil() / grid;
-                rounded.high[k] = (self.high[k] * grid).floor() / grid;
+                rounded.low[k] = plain((self.low[k] * grid).ceil() / grid);
+                rounded.high[k] = plain((self.high[k] * grid).floor() / grid);
             }
         }
         rounded
