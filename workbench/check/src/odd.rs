@@ -5,6 +5,7 @@
 use crate::findings::Report;
 use crate::wiring::at_key;
 use kinematics::At;
+use machine::digits::plain;
 use machine::limits;
 use machine::read::diagnostic::Severity;
 use machine::read::joints::Joint;
@@ -81,19 +82,24 @@ pub(super) fn keys(report: &mut Report, config: &Mechanism) {
              like that",
             joints[leg].name,
             values.len() - 1,
-            match beside(&values, leg) {
-                [low, high] if low == high => low.to_string(),
-                [low, high] => format!("{low} to {high}"),
-            }
+            others(&values, leg)
         );
         let section = config.place.joint_section(leg);
         report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
     }
 }
 
+/// Formats the values of all other legs.
+pub(crate) fn others(values: &[f64], leg: usize) -> String {
+    match beside(values, leg).map(plain) {
+        [low, high] if low == high => low.to_string(),
+        [low, high] => format!("{low} to {high}"),
+    }
+}
+
 /// Returns the value that differs from all others, which are equal; or that is many times as large or small as all
 /// others, which are similar.
-fn apart(values: &[f64]) -> Option<usize> {
+pub(crate) fn apart(values: &[f64]) -> Option<usize> {
     (values.len() > ALIKE).then_some(())?;
     (0..values.len()).find(|leg| {
         let ([low, high], own) = (beside(values, *leg), values[*leg]);

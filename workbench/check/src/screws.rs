@@ -5,9 +5,11 @@
 //! screws are positive if these were entered in opposite directions, as seen along the strut at the reference pose.
 
 use crate::findings::Report;
+use crate::odd::{apart, others};
 use crate::wiring::at_key;
 use kinematics::leg::StrutGeometry;
 use kinematics::{At, LegKind, Vector3};
+use machine::digits::plain;
 use machine::limits;
 use machine::read::diagnostic::Severity;
 use machine::read::mechanism::Mechanism;
@@ -63,7 +65,7 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
         }
         let list: Vec<String> = own
             .iter()
-            .map(|screw| format!("{} ({})", name(config, screw), screw.lead.abs()))
+            .map(|screw| format!("{} ({})", name(config, screw), plain(screw.lead.abs())))
             .collect();
         let text = format!(
             "{hand}, with the lead in {} per turn: strut {}; if that is wrong, change the sign of the lead or of one \
@@ -74,12 +76,30 @@ pub(super) fn check(report: &mut Report, config: &Mechanism, at: &At) {
         report.fact("screws", text);
     }
     differing(report, config, &screws);
+    odd_lead(report, config);
     if let Some(screw) = screws.iter().find(|screw| {
         let joint = &config.joints[screw.leg];
         screw.lead.abs() > STEEP * (joint.max - joint.min)
     }) {
         steep(report, config, screw);
     }
+}
+
+/// Reports a lead that differs from those of all other struts.
+fn odd_lead(report: &mut Report, config: &Mechanism) {
+    let legs = config.geometry.legs();
+    let leads: Vec<f64> = legs.iter().map(|leg| leg.kind.screw().lead.abs()).collect();
+    let Some(leg) = apart(&leads) else { return };
+    let text = format!(
+        "{} has a lead of {} {} per turn, the {} others {}; check digits and unit, unless its screw differs",
+        config.joints[leg].name,
+        plain(leads[leg]),
+        config.length_unit(),
+        leads.len() - 1,
+        others(&leads, leg)
+    );
+    let (section, key) = place_of_lead(config, leg);
+    report.finding(Severity::Warning, at_key(&config.ini, &section, key, &text));
 }
 
 /// Returns the section and key of a lead.
