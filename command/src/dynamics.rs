@@ -410,21 +410,21 @@ impl Subject<'_> {
         }
     }
 
-    fn maps(&self) -> Result<[Map; 3], Failure> {
+    fn maps(&self) -> Result<Vec<Map>, Failure> {
         let [_, _, _, a, b, c] = self.pose.to_degrees();
         let workspace = Workspace::new(self.config, self.tool, vec![[a, b, c]], self.study)?;
         let range = axis_box::range(self.config);
         let bar = Bar::new("mapping");
-        let planes = [[0, 1], [0, 2], [1, 2]];
-        let map = |plane: [usize; 2]| {
-            bar.set(planes.iter().take_while(|other| **other != plane).count() as f64 / 3.0);
+        let planes = workspace.planes();
+        let map = |(done, plane): (usize, &[usize; 2])| {
+            bar.set(done as f64 / planes.len() as f64);
             let corners = [&range.low, &range.high];
-            Map::over(&self.pose, plane, corners, self.arguments.grid.into(), |pose| {
+            Map::over(&self.pose, *plane, corners, self.arguments.grid.into(), |pose| {
                 workspace.check(&pose.position).ok()?;
                 Structure::at(self.config, &self.model, pose, &self.tool).ok()?.softest()
             })
         };
-        let maps = planes.map(map);
+        let maps: Vec<Map> = planes.iter().enumerate().map(map).collect();
         match maps.iter().all(Map::is_empty) {
             true => Err(refused(format!(
                 "{}: no point of the maps is within the machine's limits; choose another pose with --pose, or \

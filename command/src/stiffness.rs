@@ -29,8 +29,8 @@ const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 /// the table's axes from a study file. Reports at one pose: the 6 by 6 stiffness matrix at the
 /// tool tip; the principal axes of displacement under a force and of rotation under a moment; and
 /// how the smallest of them change with the size of the platform. --plots draws both ellipsoids,
-/// and maps of both over the axis limits, in three planes through the pose; unreachable areas
-/// stay empty.
+/// and maps of both over the axis limits, in three planes through the pose (in its own plane on a
+/// planar machine); unreachable areas stay empty.
 ///
 /// N/um, N m/rad, mm, degrees; machine axes. Coordinates constrained by guides count as rigid.
 ///
@@ -108,13 +108,12 @@ fn draw(
         })
     };
     let bar = Bar::new("mapping");
-    let planes = [[0, 1], [0, 2], [1, 2]].into_iter().enumerate();
-    let maps: Vec<Map> = planes
-        .map(|(done, plane)| {
-            bar.set(done as f64 / 3.0);
-            map(plane)
-        })
-        .collect();
+    let planes = workspace.planes();
+    let mapped = |(done, plane): (usize, &[usize; 2])| {
+        bar.set(done as f64 / planes.len() as f64);
+        map(*plane)
+    };
+    let maps: Vec<Map> = planes.iter().enumerate().map(mapped).collect();
     drop(bar);
     if maps.iter().all(Map::is_empty) {
         return Err(refused(format!(

@@ -7,6 +7,7 @@ use super::{Bar, MachineFile, StudyFile, Verdict, output};
 use draw::plot::Plot;
 use draw::workspace::of_workspace;
 use kinematics::Vector3;
+use machine::digits::plain;
 use machine::files::write_whole;
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
@@ -24,6 +25,8 @@ use studies::study::workspace::{Border, Ray, Stand, Workspace, tilts};
 const DIRECTIONS: usize = 12;
 /// Number of rays of a slice.
 const SLICE_RAYS: usize = 720;
+/// Names of the axes of positions.
+const NAMES: [&str; 3] = ["X", "Y", "Z"];
 /// Number of steps along a ray.
 const STEPS: f64 = 300.0;
 
@@ -36,7 +39,8 @@ const STEPS: f64 = 300.0;
 /// orientations of a set: several --orientation, or --tilt in twelve directions. Reports the
 /// extent along X Y Z, the volume within the boundary and by counting grid points, the share of
 /// directions that each limit ends, and for each slice its area and the angles that it spans as
-/// seen from the machine's origin. Features thinner than a step along a ray can be missed.
+/// seen from the machine's origin. Features thinner than a step along a ray can be missed. On a
+/// planar machine, such as a five-bar, all rays are in its plane, and the report has its area.
 ///
 /// For two mechanisms it reports each one alone; with the other one at home; and with the other
 /// one anywhere: at home and, one after another, in the reachable corners of its axis limits.
@@ -74,8 +78,9 @@ pub struct Arguments {
     /// (home and the corners of its axis limits)
     #[arg(long, value_name = "STAND", value_enum, requires = "mechanism")]
     beside: Option<Beside>,
-    /// Plane of a slice: xy, xz, yz, or a normal such as 1,1,0; repeatable
-    #[arg(long, value_name = "PLANE", default_values = ["xz", "yz"])]
+    /// Plane of a slice: xy, xz, yz, or a normal such as 1,1,0; repeatable [default: xz and yz, or
+    /// the plane of a planar machine]
+    #[arg(long, value_name = "PLANE")]
     plane: Vec<String>,
     /// Number of rays from pole to pole; twice as many around
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u16).range(4..=2000))]
@@ -129,7 +134,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let other = other.ok_or_else(|| refused(text))?;
         workspace = workspace.beside(whole.first(), other, beside.stand())?;
     }
-    let planes = planes(&arguments.plane)?;
+    let planes = planes(arguments, &workspace)?;
     let from = match arguments.from.as_deref() {
         Some(from) => Vector3::from_column_slice(from),
         // Home need not keep the clearance from the other mechanism.
@@ -206,7 +211,7 @@ fn both(
         )?;
         let alone = workspace(arguments, meant, study)?;
         let home = meant.home_pose().position;
-        let seen = pool.install(|| look(arguments, &alone, home, planes(&arguments.plane)?))?;
+        let seen = pool.install(|| look(arguments, &alone, home, planes(arguments, &alone)?))?;
         let mut answer = report(&mut out, meant, &alone, &seen)?;
         for (beside, key, name) in [
             (Beside::Home, "beside_home", "the other one at home"),
@@ -255,11 +260,9 @@ fn report_beside(
     writeln!(
         out,
         "  {name}: {boundary:.3} {unit}^3 by the boundary, {grid:.3} on a grid; it ends {:.1} % of the \
-         directions from X{} Y{} Z{}",
+         directions from {}",
         100.0 * share,
-        from.x,
-        from.y,
-        from.z
+        words(from)
     )?;
     Ok(json!({
         "from": [from.x, from.y, from.z],
@@ -299,10 +302,15 @@ fn look(
 
 fn empty(from: &Vector3<f64>, limit: Border) -> Failure {
     refused(format!(
-        "X{} Y{} Z{} is not in the workspace: {limit}; give a point inside with --from, or a \
-         smaller tilt",
-        from.x, from.y, from.z
+        "{} is not in the workspace: {limit}; give a point inside with --from, or a smaller tilt",
+        words(from)
     ))
+}
+
+/// Formats a position as in a program.
+fn words(position: &Vector3<f64>) -> String {
+    let [x, y, z] = <[f64; 3]>::from(*position).map(plain);
+    format!("X{x} Y{y} Z{z}")
 }
 
 fn orientations(arguments: &Arguments, config: &Mechanism) -> Result<Vec<[f64; 3]>, Failure> {
@@ -314,12 +322,26 @@ fn orientations(arguments: &Arguments, config: &Mechanism) -> Result<Vec<[f64; 3
     }
 }
 
-fn planes(names: &[String]) -> Result<Vec<Plane>, Failure> {
+fn planes(arguments: &Arguments, workspace: &Workspace) -> Result<Vec<Plane>, Failure> {
+    let own = match workspace.axes()[..] {
+        [across, up] => Some([across, up].map(|k| NAMES[k].to_ascii_lowercase()).concat()),
+        _ => None,
+    };
     let plane = |name: &String| {
         let text = format!("--plane {name}: expected xy, xz, yz or a normal such as 1,1,0");
-        Plane::parse(name).ok_or(refused(text))
+        let plane = Plane::parse(name).ok_or(refused(text))?;
+        match &own {
+            Some(own) if !plane.name.eq_ignore_ascii_case(own) => {
+                Err(refused(format!("--plane {name}: the machine moves in the plane {own} only")))
+            }
+            _ => Ok(plane),
+        }
     };
-    names.iter().map(plane).collect()
+    match (&arguments.plane[..], &own) {
+        ([], Some(own)) => [own].map(plane).into_iter().collect(),
+        ([], None) => ["xz", "yz"].map(|name| plane(&name.into())).into_iter().collect(),
+        (given, _) => given.iter().map(plane).collect(),
+    }
 }
 
 /// Prints the results as text and returns those for JSON.
@@ -333,15 +355,12 @@ fn report(
     let unit = config.length_unit();
     let from = &body.from;
     let mut ways = vec![];
-    writeln!(out, "{} from X{} Y{} Z{}", config.file.display(), from.x, from.y, from.z)?;
-    for (name, direction) in [
-        ("+X", Vector3::x()),
-        ("-X", -Vector3::x()),
-        ("+Y", Vector3::y()),
-        ("-Y", -Vector3::y()),
-        ("+Z", Vector3::z()),
-        ("-Z", -Vector3::z()),
-    ] {
+    writeln!(out, "{} from {}", config.file.display(), words(from))?;
+    let directions = workspace.axes().into_iter().flat_map(|k| {
+        let axis = Vector3::ith(k, 1.0);
+        [(format!("+{}", NAMES[k]), axis), (format!("-{}", NAMES[k]), -axis)]
+    });
+    for (name, direction) in directions {
         let ray: Ray = workspace.ray(from, &direction, workspace.extent() / STEPS);
         writeln!(out, "  {name}      {:>14.6} {unit}: {}", ray.exit(), ray.limit)?;
         ways.push(
@@ -349,9 +368,10 @@ fn report(
         );
     }
     let [boundary, grid] = [body.volume(), counted.volume];
+    let (what, power) = if body.is_plane() { ("area", 2) } else { ("volume", 3) };
     writeln!(
         out,
-        "  volume  {boundary:>14.3} {unit}^3 by the boundary, {grid:.3} on a grid of {} points: \
+        "  {what:<7} {boundary:>14.3} {unit}^{power} by the boundary, {grid:.3} on a grid of {} points: \
          {:.2} % apart",
         counted.points,
         100.0 * (boundary / grid - 1.0).abs()
@@ -380,8 +400,8 @@ fn report(
         "machine": config.file,
         "from": [from.x, from.y, from.z],
         "ways": ways,
-        "volume_by_boundary": boundary,
-        "volume_by_grid": grid,
+        (format!("{what}_by_boundary")): boundary,
+        (format!("{what}_by_grid")): grid,
         "grid_points": counted.points,
         "slices": slices.iter().map(slice).collect::<Vec<_>>(),
         "limits": shares.iter().map(share).collect::<Vec<_>>(),

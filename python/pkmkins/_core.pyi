@@ -103,7 +103,9 @@ class Sensitivity:
 
 class Workspace:
     volume: float
-    """Volume within the boundary, cubic machine units."""
+    """Within the boundary, machine units cubed; the area, machine units squared, if there are two dimensions."""
+    dimensions: int
+    """3, or 2 on a planar machine."""
     volume_by_grid: float
     """The same by counting cells of a grid; NaN without a grid."""
     limits: dict[str, float]

@@ -72,8 +72,7 @@ def _rows(file, machine, asked):
     yield ("nearest limit", ""), margins.names[nearest]
     if joints.ok.all():
         yield ("size X Y Z", "mm"), " x ".join(f"{side * mm:.0f}" for side in size(machine, poses))
-    volume = _workspace(machine)
-    yield ("workspace, level", "dm³"), volume * mm**3 * 1e-6 if isinstance(volume, float) else volume
+    yield _workspace(machine, mm)
     if not joints.ok.all():
         return
     strokes = joints.values.max(axis=0) - joints.values.min(axis=0)
@@ -86,11 +85,14 @@ def _rows(file, machine, asked):
         yield from _of_program(file, asked.program)
 
 
-def _workspace(machine):
+def _workspace(machine, mm):
+    """Returns the row of the workspace: its volume, or its area on a planar machine."""
     try:
-        return machine.workspace(bands=24).volume
+        found = machine.workspace(bands=24)
     except MachineError as error:
-        return f"not judged: {error}"
+        return ("workspace, level", "dm³"), f"not judged: {error}"
+    n = found.dimensions
+    return ("workspace, level", {2: "dm²", 3: "dm³"}[n]), found.volume * mm**n / 100**n
 
 
 def _of_study(file, machine, poses, given, mm):

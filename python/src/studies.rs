@@ -114,8 +114,10 @@ pub struct Look {
 /// The workspace around a start pose.
 #[pyclass(frozen, get_all, module = "pkmkins")]
 pub struct Workspace {
-    /// Volume within the boundary, machine units cubed.
+    /// Volume within the boundary, machine units cubed; the area, squared, if there are two dimensions.
     pub volume: f64,
+    /// Number of dimensions: 2 on a planar machine.
+    pub dimensions: usize,
     /// The same by counting a grid; NaN without a grid.
     pub volume_by_grid: f64,
     /// Fraction of the directions that each limit ends.
@@ -159,6 +161,7 @@ pub fn seen(
     let numbers: Vec<usize> = triangles.iter().flatten().copied().collect();
     Ok(Workspace {
         volume: body.volume(),
+        dimensions: space.axes().len(),
         volume_by_grid: grid.unwrap_or(f64::NAN),
         limits: limits.unbind(),
         vertices: flat.into_pyarray(py).reshape([points.len(), 3])?.unbind(),

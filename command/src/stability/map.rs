@@ -81,6 +81,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let (pose, tool) = arguments.at.read(&config)?;
     let [_, _, _, a, b, c] = pose.to_degrees();
     let workspace = Workspace::new(&config, tool, vec![[a, b, c]], &study)?;
+    let axes = workspace.axes();
+    if let Some(k) = arguments.plane.into_iter().find(|k| !axes.contains(k)) {
+        let letter = ["X", "Y", "Z"][k];
+        return Err(refused(format!(
+            "--plane: no joint moves {letter}; choose the plane of the machine"
+        )));
+    }
     let range = axis_box::range(&config);
     let count = usize::from(arguments.grid);
     let side = |k: usize| -> Vec<f64> {

@@ -34,11 +34,15 @@ pub fn of_workspace(
     let outlines: Vec<Border> =
         slices.iter().flat_map(|slice| slice.outline()).map(|(_, border)| border).collect();
     let kinds = Kinds::of(body.rays().map(|(_, ray)| &ray.limit).chain(&outlines));
-    let mut plots = vec![Plot {
-        file: "workspace.svg".into(),
-        caption: "The workspace around the start of the rays, with the machine at home".into(),
-        svg: solid(config, body, &kinds)?,
-    }];
+    let mut plots = vec![];
+    // In a plane its slice shows all of it.
+    if !body.is_plane() {
+        plots.push(Plot {
+            file: "workspace.svg".into(),
+            caption: "The workspace around the start of the rays, with the machine at home".into(),
+            svg: solid(config, body, &kinds)?,
+        });
+    }
     for slice in slices {
         let name = slice.plane.name.to_lowercase().replace(',', "_");
         plots.push(Plot {

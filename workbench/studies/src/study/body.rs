@@ -45,7 +45,7 @@ pub struct Body {
     /// Origin of the rays.
     pub from: Vector3<f64>,
     /// Rings of rays from below (elevation −90) to above (90); the first and the last ring have
-    /// one ray, the others as many as `around`, from azimuth 0.
+    /// one ray, the others as many as `around`, from azimuth 0. On a planar machine, one ring in its plane.
     pub rings: Vec<Vec<Ray>>,
     /// Number of rays of a ring.
     pub around: usize,
@@ -62,6 +62,20 @@ impl Body {
         effort: &Effort,
     ) -> Result<Self, Border> {
         workspace.check(&from)?;
+        let look = |direction: &Vector3<f64>| workspace.ray(&from, direction, effort.step);
+        if let [across, up] = workspace.axes()[..] {
+            // As many rays as of a body.
+            let around = 2 * effort.bands * effort.bands;
+            let direction = |k: usize| {
+                let mut direction = Vector3::zeros();
+                (direction[up], direction[across]) =
+                    (2.0 * PI * k as f64 / around as f64).sin_cos();
+                direction
+            };
+            let directions: Vec<_> = (0..around).map(direction).collect();
+            let rings = vec![effort.each(&directions, (0.0, 0.5), look)];
+            return Ok(Self { from, rings, around });
+        }
         let around = 2 * effort.bands;
         let elevation = |ring: usize| PI * (ring as f64 / effort.bands as f64 - 0.5);
         let mut directions = vec![];
@@ -74,7 +88,6 @@ impl Body {
                 directions.push(Vector3::new(level * x, level * y, sin));
             }
         }
-        let look = |direction: &Vector3<f64>| workspace.ray(&from, direction, effort.step);
         let mut rays = effort.each(&directions, (0.0, 0.5), look).into_iter();
         let ring = |ring: usize| {
             let pole = ring == 0 || ring == effort.bands;
@@ -83,20 +96,37 @@ impl Body {
         Ok(Self { from, rings: (0..=effort.bands).map(ring).collect(), around })
     }
 
-    /// Returns all rays, each with the solid angle it represents.
+    /// Returns whether all rays are in a plane.
+    pub fn is_plane(&self) -> bool {
+        self.rings.len() == 1
+    }
+
+    /// Returns the number of dimensions.
+    fn dimensions(&self) -> i32 {
+        if self.is_plane() { 2 } else { 3 }
+    }
+
+    /// Returns the angle of all directions.
+    fn whole_angle(&self) -> f64 {
+        if self.is_plane() { 2.0 * PI } else { 4.0 * PI }
+    }
+
+    /// Returns all rays, each with the solid angle it represents, or its angle in a plane.
     pub fn rays(&self) -> impl Iterator<Item = (f64, &Ray)> {
-        let band = PI / (self.rings.len() - 1) as f64;
+        let band = PI / (self.rings.len() - 1).max(1) as f64;
         self.rings.iter().enumerate().flat_map(move |(ring, rays)| {
             let middle = band * ring as f64 - PI / 2.0;
             let edge = |side: f64| (middle + side * band / 2.0).clamp(-PI / 2.0, PI / 2.0).sin();
-            let angle = 2.0 * PI * (edge(1.0) - edge(-1.0)) / rays.len() as f64;
+            let height = if self.is_plane() { 1.0 } else { edge(1.0) - edge(-1.0) };
+            let angle = 2.0 * PI * height / rays.len() as f64;
             rays.iter().map(move |ray| (angle, ray))
         })
     }
 
-    /// Returns the volume of all segments of the rays.
+    /// Returns the volume of all segments of the rays, or their area in a plane.
     pub fn volume(&self) -> f64 {
-        let piece = |[from, to]: &[f64; 2]| (to.powi(3) - from.powi(3)) / 3.0;
+        let n = self.dimensions();
+        let piece = |[from, to]: &[f64; 2]| (to.powi(n) - from.powi(n)) / f64::from(n);
         self.rays().map(|(angle, ray)| angle * ray.inside.iter().map(piece).sum::<f64>()).sum()
     }
 
@@ -108,7 +138,7 @@ impl Body {
     pub fn shares(&self) -> Vec<(Border, f64)> {
         let mut shares: Vec<(Border, f64)> = vec![];
         for (angle, ray) in self.rays() {
-            let share = angle / (4.0 * PI);
+            let share = angle / self.whole_angle();
             match shares.iter_mut().find(|(limit, _)| *limit == ray.limit) {
                 Some((_, sum)) => *sum += share,
                 None => shares.push((ray.limit, share)),
@@ -129,9 +159,10 @@ impl Body {
 
     /// Returns the center of volume of the first segments of the rays.
     pub fn middle(&self) -> Vector3<f64> {
+        let n = self.dimensions();
         let piece = |(angle, ray): (f64, &Ray)| {
-            let exit = ray.exit();
-            (angle * exit.powi(3) / 3.0, ray.direction * (angle * exit.powi(4) / 4.0))
+            let of = |power: i32| angle * ray.exit().powi(power) / f64::from(power);
+            (of(n), ray.direction * of(n + 1))
         };
         let pieces = self.rays().map(piece);
         let (volume, moment) =
@@ -140,8 +171,16 @@ impl Body {
     }
 
     /// Returns the points of the surface around the origin of the rays, and its triangles,
-    /// counterclockwise seen from outside.
+    /// counterclockwise seen from outside; in a plane, triangles from the origin of the rays to its outline.
     pub fn mesh(&self) -> (Vec<Vector3<f64>>, Vec<[usize; 3]>) {
+        if self.is_plane() {
+            let ends = self.rays().map(|(_, ray)| self.from + ray.direction * ray.exit());
+            let triangle = |k: usize| [0, 1 + k, 1 + (k + 1) % self.around];
+            return (
+                std::iter::once(self.from).chain(ends).collect(),
+                (0..self.around).map(triangle).collect(),
+            );
+        }
         let points = self.rays().map(|(_, ray)| self.from + ray.direction * ray.exit()).collect();
         let last = self.rings.len() - 1;
         let point = |ring: usize, k: usize| match ring {
@@ -180,10 +219,10 @@ pub fn obj(unit: &str, (points, triangles): &(Vec<Vector3<f64>>, Vec<[usize; 3]>
     text
 }
 
-/// A volume counted on a grid.
+/// A volume, or an area in a plane, counted on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Counted {
-    /// Volume of the cells whose centers are within the limits.
+    /// Volume or area of the cells whose centers are within the limits.
     pub volume: f64,
     pub points: usize,
 }
@@ -193,18 +232,25 @@ pub fn counted(workspace: &Workspace, corners: &[Vector3<f64>; 2], effort: &Effo
     // Between two rays the body may extend a little further.
     let margin = Vector3::repeat(0.02 * (corners[1] - corners[0]).max());
     let (low, high) = (corners[0] - margin, corners[1] + margin);
+    let axes = workspace.axes();
     let cell = (high - low).max() / effort.grid as f64;
-    let count = (high - low).map(|side| (side / cell).ceil() as usize);
+    let is_moved = |k: usize| axes.contains(&k);
+    let side = |k: usize| if is_moved(k) { ((high - low)[k] / cell).ceil() as usize } else { 1 };
+    let count = Vector3::new(side(0), side(1), side(2));
     let columns: Vec<[usize; 2]> =
         (0..count.x).flat_map(|i| (0..count.y).map(move |j| [i, j])).collect();
-    let middle = |k: usize, n: usize| low[k] + (n as f64 + 0.5) * cell;
+    let middle = |k: usize, n: usize| match is_moved(k) {
+        true => low[k] + (n as f64 + 0.5) * cell,
+        false => corners[0][k],
+    };
     let inside = |[i, j]: &[usize; 2]| {
         let at = |n: usize| Vector3::new(middle(0, *i), middle(1, *j), middle(2, n));
         let mut probe = workspace.probe();
         (0..count.z).filter(|n| probe.check(&at(*n)).is_ok()).count()
     };
     let cells: usize = effort.each(&columns, (0.5, 1.0), inside).into_iter().sum();
-    Counted { volume: cells as f64 * cell.powi(3), points: columns.len() * count.z }
+    let volume = cells as f64 * cell.powi(axes.len() as i32);
+    Counted { volume, points: columns.len() * count.z }
 }
 
 /// Formats the ends of the rays as CSV.

@@ -5,7 +5,8 @@
 //! It is sampled along rays from one point inside. A ray is followed in steps, and every
 //! crossing of a limit is bisected down to rounding; parts thinner than a step can be missed. The
 //! volume is the sum of the rays' segments times their solid angles, islands and holes included;
-//! a count on a grid computes it again, independently.
+//! a count on a grid computes it again, independently. On a planar machine all rays are in its plane,
+//! and both compute the area.
 
 use crate::study::file;
 use kinematics::{
@@ -90,8 +91,8 @@ impl fmt::Display for Border {
 /// Why there is no workspace.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoWorkspace {
-    #[error("no joint moves {0}, so there is no workspace")]
-    Held(char),
+    #[error("the joints move none or one of X, Y and Z, so there is no workspace")]
+    Held,
     #[error(transparent)]
     Home(#[from] Fault),
     #[error("{key}: expected {expected} axes; found {found}")]
@@ -182,9 +183,8 @@ impl<'a> Workspace<'a> {
         orientations: Vec<[f64; 3]>,
         study: &file::Study,
     ) -> Result<Self, NoWorkspace> {
-        let layout = config.machine.layout();
-        if let Some(held) = Letter::ALL[..3].iter().find(|letter| layout.is_held(**letter)) {
-            return Err(NoWorkspace::Held(held.name()));
+        if lengths(config).len() < 2 {
+            return Err(NoWorkspace::Held);
         }
         config.machine.inverse(&config.home_pose(), &tool)?;
         let diameter = study.legs.rod_diameter_mm.map_or(0.0, |d| d.0 * config.units_per_mm);
@@ -224,6 +224,18 @@ impl<'a> Workspace<'a> {
         let clearance = limits::least_distance_between(first);
         self.other = Some(Other { config: other, poses, clearance });
         Ok(self)
+    }
+
+    /// Returns which of X, Y and Z the machine moves, as indices: all of them, or two on a planar machine.
+    pub fn axes(&self) -> Vec<usize> {
+        lengths(self.config)
+    }
+
+    /// Returns every plane of two of these axes.
+    pub fn planes(&self) -> Vec<[usize; 2]> {
+        let axes = self.axes();
+        let is_moved = |plane: &[usize; 2]| plane.iter().all(|k| axes.contains(k));
+        [[0, 1], [0, 2], [1, 2]].into_iter().filter(is_moved).collect()
     }
 
     /// Checks whether a position satisfies the limits in every orientation.
@@ -317,6 +329,12 @@ impl Probe<'_> {
             }
         })
     }
+}
+
+/// Returns which of X, Y and Z a machine moves, as indices.
+pub fn lengths(config: &Mechanism) -> Vec<usize> {
+    let layout = config.machine.layout();
+    (0..3).filter(|k| !layout.is_held(Letter::ALL[*k])).collect()
 }
 
 /// Returns the corners of a bounding box of the legs, and so of the platform, at a pose.
