@@ -10,6 +10,7 @@ use machine::files::write_over;
 use machine::read::diagnostic::rendered;
 use machine::read::edit::difference;
 use machine::read::machine::MachineConfig;
+use new::panel::stale;
 use program::machine_check::checked;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -68,11 +69,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return propose(arguments, &config);
     }
     let bar = Bar::spinner("reading the machine");
-    let whole = checked::<Failure>(&config, !arguments.no_start, |what, share| match share {
+    let mut whole = checked::<Failure>(&config, !arguments.no_start, |what, share| match share {
         Some(share) => bar.set(share),
         None => bar.next(what.into()),
     })?;
     drop(bar);
+    whole.mechanisms[0].findings.extend(stale(&config)?);
     for report in &whole.mechanisms {
         let heading = match (config.mechanisms.len(), report.config.place.is_second) {
             (1, _) => "",
@@ -124,7 +126,10 @@ fn propose(arguments: &Arguments, config: &MachineConfig) -> Result<Verdict, Fai
         .map_err(|error| Failure::at(config.file.display(), error))?;
     let new = machine(&config.file, &fixed.text)?;
     bar.say("checking the corrections".into());
-    let whole = checked::<Failure>(&new, false, |_, _| ())?;
+    let mut whole = checked::<Failure>(&new, false, |_, _| ())?;
+    if arguments.write {
+        whole.mechanisms[0].findings.extend(stale(&new)?);
+    }
     let findings = whole.findings();
     drop(bar);
     for text in &fixed.left {

@@ -9,6 +9,7 @@ use machine::read::diagnostic::rendered;
 use new::kinds::{KINDS, MachineKind};
 use new::make::{Made, Order, limit_lines, make};
 use new::parameters::{Measure, Need, Parameter};
+use new::program::next_steps;
 use new::questions::{Dialogue, Given};
 use new::table::columns;
 use new::values::{Refusal, Values};
@@ -220,7 +221,6 @@ fn answered(arguments: &Arguments) -> Result<(&'static MachineKind, Given), Stop
 }
 
 fn text(made: &Made, order: &Order) -> String {
-    let (folder, name) = (order.folder.display(), order.name);
     let findings: String = made
         .report
         .findings
@@ -228,11 +228,11 @@ fn text(made: &Made, order: &Order) -> String {
         .map(|f| format!("{}\n\n", rendered(f.severity, &f.problem)))
         .collect();
     let notes = format!(
-        "Created {folder}. Proved: without a tool the machine reaches every pose within\n\n{}\n{}\n\n",
+        "Created {}. Proved: without a tool the machine reaches every pose within\n\n{}\n{}\n\n",
+        order.folder.display(),
         limit_lines(&made.report.config),
         made.boxes
     );
-    format!(
-        "{notes}{findings}Next:\n\n  pkm check {folder}/{name}.ini\n  pkm view {folder}/{name}.ini\n  pkm preflight {folder}/{name}.ini {folder}/programs/first.ngc\n  linuxcnc {folder}/{name}.ini\n"
-    )
+    let next = next_steps("  ", order.folder, order.name);
+    format!("{notes}{findings}Next:\n\n{next}")
 }

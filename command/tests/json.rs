@@ -33,6 +33,13 @@ const CASES: &[Case] = &[
         "",
         0,
     ),
+    (
+        "new",
+        "five-bar --axis-distance 200 --arm 200 --rod 300 --angle -30 120 --boxes no plane",
+        "",
+        0,
+    ),
+    ("workspace", "plane/plane.ini --bands 12 --grid 20", "", 0),
     ("migrate", "OLDER --out migrated", "", 0),
     ("check", "linear-delta.ini", "", 0),
     ("check", "lean.ini", "", 1),

@@ -32,3 +32,30 @@ fn both_files_are_written_beside_the_machine_or_into_a_folder_and_nothing_where_
     assert_eq!(bench.answer("panel linear-delta.ini", ""), lines);
     assert_eq!(bench.files(), before + 2);
 }
+
+#[test]
+fn a_panel_of_other_limits_is_reported_with_the_command_that_writes_it() {
+    let bench = Bench::new();
+    let path = |name: &str| bench.0.path().join(name);
+    let is_stale =
+        |reported: &str| reported.contains("run pkm panel linear-delta.ini to write it again");
+    let check = || bench.answer("check --no-start linear-delta.ini", "");
+    assert!(!is_stale(&check()));
+    let text = fs::read_to_string(path("linear-delta.ini")).unwrap();
+    let (head, joint) = text.split_once("[JOINT_0]").unwrap();
+    let line = joint.lines().find(|line| line.starts_with("MAX_LIMIT")).unwrap();
+    let shorter = joint.replacen(line, "MAX_LIMIT = 390", 1);
+    fs::write(path("linear-delta.ini"), format!("{head}[JOINT_0]{shorter}")).unwrap();
+    let reported = check();
+    assert!(
+        is_stale(&reported) && reported.contains("PYVCP = linear-delta-panel.xml"),
+        "{reported}"
+    );
+    // A panel of the user is not judged.
+    let xml = path("linear-delta-panel.xml");
+    let widgets = fs::read_to_string(&xml).unwrap();
+    fs::write(&xml, widgets.replace("Made by pkm panel", "Mine")).unwrap();
+    assert!(!is_stale(&check()));
+    assert!(bench.answer("panel linear-delta.ini", "").ends_with("exit 0\n"));
+    assert!(!is_stale(&check()));
+}

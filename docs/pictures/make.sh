@@ -55,5 +55,13 @@ for folder in configs/*/; do
     echo "pkm view $machine"
     "$pkm" view "$folder$machine.ini" "$1" --picture "docs/pictures/machine-$machine.png" --size 640 400
 done
+sed -n 's/^    pkm \(new .*\)$/\1/p' docs/reference/machines.md | while read -r made; do
+    kind=${made#new }
+    kind=${kind%% *}
+    echo "pkm view $kind"
+    # shellcheck disable=SC2086  # words of commands have no spaces
+    "$pkm" $made --out "$drawn/$kind" > "$drawn/answer"
+    "$pkm" view "$drawn/$kind/$kind.ini" "$drawn/$kind/programs/first.ngc" --picture "docs/pictures/machine-$kind.png" --size 640 400
+done
 echo "pkm view hexapod"
 "$pkm" view $hexapod $surface --picture docs/pictures/view-hexapod.png --size 1200 700

@@ -69,7 +69,17 @@ fn at([x, y]: [f64; 2], z: f64) -> [f64; 3] {
 /// Returns Z of the platform joints in the platform's frame, whose origin is the nose.
 fn nose(values: &Values) -> f64 {
     let nose = values.number("nose");
-    if values.word("tool") == "up" { 0.0 - nose } else { nose }
+    if is_up(values) { 0.0 - nose } else { nose }
+}
+
+/// Returns whether the tool points up.
+pub(crate) fn is_up(values: &Values) -> bool {
+    values.word("tool") == "up"
+}
+
+/// Returns the side of the platform on which the base is: 1 above it, -1 below it.
+fn side(values: &Values) -> f64 {
+    if is_up(values) { -1.0 } else { 1.0 }
 }
 
 /// Returns no legs: they come from a table.
@@ -114,7 +124,9 @@ pub fn pentapod(values: &Values) -> Vec<Leg> {
         [-half, wall, upper],
     ];
     let heights = values.list::<5>("ring-heights").unwrap_or_default();
-    let leg = |(base, height)| Leg::base(base).with(&key::EFFECTOR, &[of("ring-radius"), height]);
+    let leg = |(base, height): (_, f64)| {
+        Leg::base(base).with(&key::EFFECTOR, &[of("ring-radius"), side(values) * height])
+    };
     bases.into_iter().zip(heights).map(leg).collect()
 }
 
@@ -127,25 +139,57 @@ pub fn linear_delta(values: &Values) -> Vec<Leg> {
             [0.0, 0.0, 1.0],
             at(of("platform-radius"), nose(values)),
             values.number("rod"),
-            1.0,
+            side(values),
         )
     };
     (0..3).map(leg).collect()
+}
+
+/// Returns a rod from an arm that is level at 0 and then points in a direction, in degrees; larger joint values turn it
+/// down.
+fn on_arm(values: &Values, base: [f64; 2], direction: f64, platform: [f64; 2]) -> Leg {
+    Leg::base(at(base, values.number("height")))
+        .with(&key::PLATFORM, &at(platform, nose(values)))
+        .with(&key::AXIS, &at(on_circle(1.0, direction + 90.0), 0.0))
+        .with(&key::ARM, &at(on_circle(values.number("arm"), direction), 0.0))
+        .with(&key::ROD, &[values.number("rod")])
+        // The arm whose rod leaves it away from the center.
+        .with(&key::SIDE, &[0.0 - side(values)])
 }
 
 /// Returns three rods from rotating arms.
 pub fn rotary_delta(values: &Values) -> Vec<Leg> {
     let leg = |i| {
         let angle = of_three(i) - 180.0;
-        let of = |name: &str| on_circle(values.number(name), angle);
-        let leg = Leg::base(at(of("base-radius"), values.number("height")));
-        leg.with(&key::PLATFORM, &at(of("platform-radius"), nose(values)))
-            .with(&key::AXIS, &at(on_circle(1.0, angle + 90.0), 0.0))
-            .with(&key::ARM, &at(of("arm"), 0.0))
+        let [base, platform] =
+            ["base-radius", "platform-radius"].map(|name| on_circle(values.number(name), angle));
+        on_arm(values, base, angle, platform)
+    };
+    (0..3).map(leg).collect()
+}
+
+/// Returns six rods from rotating arms in pairs.
+pub fn rotary_hexapod(values: &Values) -> Vec<Leg> {
+    let leg = |i: usize| {
+        let [base, platform] = pairs(values, i, 0.0);
+        let turn = values.number("arm-turn");
+        let turn = if i.is_multiple_of(2) { -turn } else { turn };
+        on_arm(values, base, 120.0 * (i / 2) as f64 + turn, platform)
+    };
+    (0..6).map(leg).collect()
+}
+
+/// Returns two rods from rotating arms in one plane, which meet in a point.
+pub fn five_bar(values: &Values) -> Vec<Leg> {
+    let leg = |side: f64| {
+        Leg::base([0.5 * side * values.number("axis-distance"), 0.0, nose(values)])
+            .with(&key::PLATFORM, &[0.0, 0.0, nose(values)])
+            .with(&key::AXIS, &[0.0, 0.0, side])
+            .with(&key::ARM, &[side * values.number("arm"), 0.0, 0.0])
             .with(&key::ROD, &[values.number("rod")])
             .with(&key::SIDE, &[-1.0])
     };
-    (0..3).map(leg).collect()
+    [1.0, -1.0].map(leg).to_vec()
 }
 
 /// Returns a rod from a carriage on rail -1, 0 or 1 of parallel horizontal ones; its X is that of home, with the
@@ -169,7 +213,7 @@ pub fn hexaglide(values: &Values) -> Vec<Leg> {
     let half = |name: &str| 0.5 * values.number(name);
     let (y, z) = (half("platform-width"), nose(values));
     let outer = (half("platform-length"), z);
-    let middle = (half("middle-length"), z + values.number("middle-rise"));
+    let middle = (half("middle-length"), z + side(values) * values.number("middle-rise"));
     let rails = [(-1.0, outer, -y), (0.0, middle, values.number("middle-offset")), (1.0, outer, y)];
     let legs =
         |(rail, (x, z), y)| [-1.0, 1.0].map(|side| on_rail(values, rail, [side * x, y, z], side));
@@ -185,7 +229,7 @@ pub fn linapod(values: &Values) -> Vec<Leg> {
             [0.0, 0.0, 1.0],
             at(platform, nose(values)),
             values.number("rod"),
-            1.0,
+            side(values),
         )
     };
     (0..6).map(leg).collect()
@@ -202,7 +246,7 @@ pub fn pyramid(values: &Values) -> Vec<Leg> {
             at(on(inwards), of("guide-rise")),
             at(on(of("platform-radius")), nose(values)),
             of("rod"),
-            1.0,
+            side(values),
         )
     };
     (0..4).map(leg).collect()
@@ -229,7 +273,8 @@ pub fn six_rod_lathe(values: &Values) -> Vec<Leg> {
     let of_side = |side: f64| {
         let [first, second] = spread(values, side);
         let base = [side * half("third-rail-distance"), 0.0, 0.0];
-        let platform = [side * half("third-width"), -values.number("third-depth"), 0.0];
+        let depth = self::side(values) * values.number("third-depth");
+        let platform = [side * half("third-width"), depth, 0.0];
         let third = Leg::slider(base, [0.0, 0.0, 1.0], platform, values.number("rod"), 1.0);
         [first, second, third]
     };

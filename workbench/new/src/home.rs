@@ -100,9 +100,8 @@ fn places(plan: &Plan) -> Vec<[f64; 3]> {
     let (middle, reach) = (middle(plan), reach(plan));
     let grid = 10_f64.powf((reach / PLACES).log10().floor());
     let sides: &[f64] = match plan.kind.side {
-        PlatformSide::Less => &[-1.0],
         PlatformSide::More => &[1.0],
-        PlatformSide::WithTool if plan.values.word("tool") == "up" => &[1.0],
+        PlatformSide::WithTool if plan.is_up() => &[1.0],
         PlatformSide::WithTool => &[-1.0],
         PlatformSide::AboutOrigin => &[-1.0, 1.0],
     };

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The INI file of a new machine, with comments for the integrator.
 
-use crate::anchors::Leg;
+use crate::anchors::{self, Leg};
 use crate::carried::{Carried, CarriedJoint};
 use crate::kinds::{Homing, MachineKind};
-use crate::values::Values;
+use crate::parameters::JOINT_ANGLE;
+use crate::values::{Values, rounded};
 use keys::{leg as of_leg, machine as of_machine};
 use kinematics::Letter;
 use kinematics::leg;
+use machine::digits::{list, plain};
 use machine::proof::axis_box::AxisBox;
 use std::fmt::Write;
 
@@ -25,6 +27,9 @@ const LAG: f64 = 4.0;
 
 /// Tolerated share of the following error at standstill.
 const STANDSTILL: f64 = 0.25;
+
+/// Significant digits of speeds and distances that follow from given ones: drives need fewer.
+const DIGITS: i32 = 7;
 
 /// Smallest following error, mm, or degrees for an arm.
 const LEAST_ERROR: [f64; 2] = [1.0, 0.5];
@@ -53,11 +58,6 @@ pub struct Plan<'a> {
     pub boxes: (String, usize),
     /// Values of the older configuration, if one is migrated.
     pub carried: Option<Carried>,
-}
-
-/// Joins numbers with blanks.
-fn list(numbers: &[f64]) -> String {
-    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
 impl Plan<'_> {
@@ -96,16 +96,17 @@ impl Plan<'_> {
     /// Returns the largest speed and acceleration along X Y Z and of angles, per second.
     pub fn motion(&self) -> [[f64; 2]; 2] {
         if let Some(carried) = &self.carried {
-            return carried.motion;
+            return carried.motion.map(|most| most.map(plain));
         }
         let turn = self.values.number("turn");
-        [[self.values.number("feed") / 60.0, self.values.number("accel")], [turn, 10.0 * turn]]
+        let feed = rounded(DIGITS, self.values.number("feed") / 60.0);
+        [[feed, self.values.number("accel")], [turn, plain(10.0 * turn)]]
     }
 
     /// Returns the initial speeds of a user interface, along X Y Z and of angles.
     fn start(&self) -> [f64; 2] {
         let [[feed, _], [turn, _]] = self.motion();
-        let usual = [0.2 * feed, 0.5 * turn];
+        let usual = [rounded(DIGITS, 0.2 * feed), rounded(DIGITS, 0.5 * turn)];
         let carried = self.carried.as_ref();
         carried.map_or(usual, |carried| [carried.start[0].min(feed), carried.start[1].min(turn)])
     }
@@ -238,7 +239,7 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
             ),
             false => String::new(),
         };
-        let [x, y, z] = self.home;
+        let home = list(&self.home);
         format!(
             "
 # The kind and number of the legs, and the letters that they move.
@@ -250,7 +251,7 @@ JOINTS = {}
 # tool; those of the joints below follow from them.
 [TRAJ]
 COORDINATES = {letters}
-HOME = {x} {y} {z} 0 0 0
+HOME = {home} 0 0 0
 LINEAR_UNITS = {}
 ANGULAR_UNITS = degree
 DEFAULT_LINEAR_VELOCITY = {start}
@@ -290,12 +291,15 @@ MAX_LINEAR_ACCELERATION = {accel}
             0.0 => "# The thickness of the legs was not given, so it is not judged. Set ROD_CLEARANCE to the minimum distance\n# between center lines: their diameter and some margin.\n".into(),
             diameter => format!(
                 "# The legs are {diameter} thick; the minimum distance between center lines is a fifth more.\n{}",
-                line(of_machine::ROD_CLEARANCE.name, &[digits(CLEARANCE * diameter)])
+                line(of_machine::ROD_CLEARANCE.name, &[rounded(DIGITS, CLEARANCE * diameter)])
             ),
         };
         text += match &self.carried {
             Some(_) => {
                 "\n# Dimensions of every leg. BASE_CONE is the largest swing of its base joint from its direction at home, in\n# degrees: add it to every leg, such as BASE_CONE = 40; without it the swing is not judged.\n"
+            }
+            None if self.cone().is_empty() => {
+                "\n# Dimensions of every leg: measure them on the machine.\n"
             }
             None => {
                 "\n# Dimensions of every leg: measure them on the machine. BASE_CONE is the largest swing of its base joint\n# from its direction at home, in degrees.\n"
@@ -307,14 +311,18 @@ MAX_LINEAR_ACCELERATION = {accel}
         text + &(0..self.legs.len()).map(|n| self.leg(n)).collect::<Vec<_>>().join("\n")
     }
 
+    /// Returns whether the platform is above the base, or on the other side of the rails of a lathe.
+    pub fn is_up(&self) -> bool {
+        anchors::is_up(self.values)
+    }
+
     /// Returns the direction of tools along Z, if any.
     pub fn direction(&self) -> Option<&str> {
         if let Some(carried) = &self.carried {
             return carried.direction;
         }
         match self.values.word("tool") {
-            _ if self.kind.axis != 2 => None,
-            "" => Some("down"),
+            _ if self.kind.is_lathe() => None,
             given => Some(given),
         }
     }
@@ -342,8 +350,14 @@ MAX_LINEAR_ACCELERATION = {accel}
         }
         match &self.carried {
             Some(_) => text,
-            None => text + &line(of_leg::BASE_CONE.name, &[self.values.number("joint-angle")]),
+            None => text + &self.cone(),
         }
+    }
+
+    /// Returns the cone of a base joint, if its swing is limited.
+    fn cone(&self) -> String {
+        let swing = self.values.list::<1>(JOINT_ANGLE.name);
+        swing.map_or(String::new(), |swing| line(of_leg::BASE_CONE.name, &swing))
     }
 
     fn joint(&self, n: usize) -> String {
@@ -356,7 +370,7 @@ MAX_LINEAR_ACCELERATION = {accel}
             true => self.range(),
             false => self.values.list("table").unwrap_or_default(),
         };
-        let home = self.joints.get(n).copied().unwrap_or_default();
+        let home = plain(self.joints.get(n).copied().unwrap_or_default());
         let [speed, acceleration] = self.speeds.get(n).copied().unwrap_or([1.0; 2]);
         let (error, least) = self.following_error(speed, is_arm);
         let kind = if is_arm { "ANGULAR" } else { "LINEAR" };
@@ -372,8 +386,8 @@ MAX_LINEAR_ACCELERATION = {accel}
     /// Returns the following errors allowed at the largest speed and at standstill.
     fn following_error(&self, speed: f64, is_angle: bool) -> (f64, f64) {
         let least = if is_angle { LEAST_ERROR[1] } else { self.values.from_mm(LEAST_ERROR[0]) };
-        let error = digits((LAG * speed * f64::from(PERIOD) * 1e-9).max(least));
-        (error, digits(STANDSTILL * error))
+        let error = rounded(DIGITS, (LAG * speed * f64::from(PERIOD) * 1e-9).max(least));
+        (error, rounded(DIGITS, STANDSTILL * error))
     }
 
     fn carried_joint(&self, n: usize, joint: &CarriedJoint) -> String {
@@ -389,7 +403,7 @@ MAX_LINEAR_ACCELERATION = {accel}
             error += &format!("MIN_FERROR = {least}\n");
         }
         let home = match n < self.legs.len() {
-            true => self.joints.get(n).copied().unwrap_or_default(),
+            true => plain(self.joints.get(n).copied().unwrap_or_default()),
             false => joint.home,
         };
         let about = match n {
@@ -422,21 +436,25 @@ MAX_LINEAR_ACCELERATION = {accel}
 
     fn homing(&self, n: usize, home: f64) -> String {
         let mm = |mm: f64| self.values.from_mm(mm);
-        let switch = match self.kind.homing {
-            Homing::AtEnd => self.range()[1] - mm(5.0),
-            Homing::BeyondHome => home + mm(20.0),
+        let (way, switch) = match self.kind.homing {
+            // Away from the work.
+            Homing::AtEnd if self.is_up() => (-1.0, self.range()[0] + mm(5.0)),
+            Homing::AtEnd => (1.0, self.range()[1] - mm(5.0)),
+            Homing::BeyondHome => (1.0, home + mm(20.0)),
             Homing::Absolute => {
                 return "HOME_ABSOLUTE_ENCODER = 2\nHOME_OFFSET = 0\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n".into();
             }
         };
         // Drives are not exactly aligned at power-up.
-        let start = switch - mm(30.0 + 3.0 * (n % 3) as f64);
+        let start = switch - way * mm(30.0 + 3.0 * (n % 3) as f64);
         format!(
-            "HOME_OFFSET = {switch}\nHOME_SEARCH_VEL = {}\nHOME_LATCH_VEL = {}\nHOME_FINAL_VEL = {}\n\
-             HOME_SEQUENCE = -1\nSIM_START = {start}\n",
+            "HOME_OFFSET = {}\nHOME_SEARCH_VEL = {}\nHOME_LATCH_VEL = {}\nHOME_FINAL_VEL = {}\n\
+             HOME_SEQUENCE = -1\nSIM_START = {}\n",
+            plain(switch),
+            way * mm(20.0),
+            way * mm(-2.0),
             mm(20.0),
-            mm(-2.0),
-            mm(20.0)
+            plain(start)
         )
     }
 
@@ -460,7 +478,7 @@ MAX_LINEAR_ACCELERATION = {accel}
         };
         let limits = match &self.limits {
             Some(AxisBox { low, high }) => {
-                format!("MIN_LIMIT = {}\nMAX_LIMIT = {}\n", low[k], high[k])
+                format!("MIN_LIMIT = {}\nMAX_LIMIT = {}\n", plain(low[k]), plain(high[k]))
             }
             None => String::new(),
         };
@@ -490,11 +508,6 @@ impl Plan<'_> {
 
 pub(crate) fn line(key: &str, numbers: &[f64]) -> String {
     format!("{key} = {}\n", list(numbers))
-}
-
-/// Rounds off the digits that rounding errors leave.
-fn digits(number: f64) -> f64 {
-    (number * 1e6).round() / 1e6
 }
 
 /// Formats a text as lines of a comment.

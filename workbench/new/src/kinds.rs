@@ -9,8 +9,6 @@ use kinematics::leg;
 /// Direction to the platform along the line through the center of the legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlatformSide {
-    /// Smaller coordinates.
-    Less,
     /// Larger coordinates.
     More,
     /// Smaller with the tool down, larger with the tool up.
@@ -45,6 +43,8 @@ pub struct MachineKind {
     /// Letters that the table moves.
     pub table: &'static str,
     pub own: &'static [Parameter],
+    /// Direction of the tool.
+    pub tool: Parameter,
     pub anchors: fn(&Values) -> Vec<Leg>,
     /// The axis X Y Z along which home is searched, 0 to 2.
     pub axis: usize,
@@ -89,10 +89,10 @@ pub const KINDS: &[MachineKind] = &[
             STRUT,
             LEAD,
             HANDS,
-            TOOL,
             HEIGHT,
             NOSE,
         ],
+        tool: TOOL,
         anchors: anchors::hexapod,
         axis: 2,
         side: PlatformSide::WithTool,
@@ -107,7 +107,8 @@ pub const KINDS: &[MachineKind] = &[
         legs: 3,
         coordinates: "XYZ",
         table: "",
-        own: &[BASE_RADIUS, STRUT, TOOL_UP, HEIGHT, NOSE],
+        own: &[BASE_RADIUS, STRUT, HEIGHT, NOSE],
+        tool: TOOL_UP,
         anchors: anchors::tripod,
         axis: 2,
         side: PlatformSide::WithTool,
@@ -122,7 +123,8 @@ pub const KINDS: &[MachineKind] = &[
         legs: 0,
         coordinates: "",
         table: "",
-        own: &[STRUT, COORDINATES, LEAD, HANDS, TOOL],
+        own: &[STRUT, COORDINATES, LEAD, HANDS],
+        tool: TOOL,
         anchors: anchors::none,
         axis: 2,
         side: PlatformSide::WithTool,
@@ -163,10 +165,11 @@ pub const KINDS: &[MachineKind] = &[
                 "ring-heights",
                 Measure::Places(5),
                 "87 114.5 140.5 232.5 258.5",
-                "Height of every ring above the spindle nose: for the lower left strut, lower right, middle, upper right, upper left",
+                "Distance of every ring from the spindle nose, away from the tool: for the lower left strut, lower right, middle, upper right, upper left",
             ),
             Parameter { default: "450 820", ..STRUT },
         ],
+        tool: TOOL,
         anchors: anchors::pentapod,
         axis: 2,
         side: PlatformSide::AboutOrigin,
@@ -189,16 +192,17 @@ pub const KINDS: &[MachineKind] = &[
             HEIGHT,
             NOSE,
         ],
+        tool: TOOL,
         anchors: anchors::linear_delta,
         axis: 2,
-        side: PlatformSide::Less,
+        side: PlatformSide::WithTool,
         homing: Homing::AtEnd,
         boxes: "yes",
     },
     MachineKind {
         name: "rotary-delta",
         text: "three arms on rotary drives, pairs of rods, X Y Z",
-        frame: "World origin: the center of the arm axes, Z up. Pose: the center of the effector joints, or the nose below them. A joint value is the angle of an arm in degrees: 0 level and outwards, positive downwards.",
+        frame: "World origin: the center of the arm axes, Z up. Pose: the center of the effector joints, or the nose beyond them. A joint value is the angle of an arm in degrees: 0 level and outwards, positive downwards.",
         leg: leg::Kind::Crank,
         legs: 3,
         coordinates: "XYZ",
@@ -206,25 +210,85 @@ pub const KINDS: &[MachineKind] = &[
         own: &[
             Parameter { default: "250", ..BASE_RADIUS },
             Parameter { default: "125", ..PLATFORM_RADIUS },
-            anchor(
-                "arm",
-                Measure::Length,
-                "250",
-                "Length of an arm, from its axis to the joints of the rod",
-            ),
+            ARM,
             Parameter { default: "450", ..ROD },
-            needed(
-                "angle",
-                Measure::Swing,
-                "-45 90",
-                "Smallest and largest angle of an arm: 0 level and outwards, positive downwards",
-            ),
+            ANGLE,
             HEIGHT,
             NOSE,
         ],
+        tool: TOOL,
         anchors: anchors::rotary_delta,
         axis: 2,
-        side: PlatformSide::Less,
+        side: PlatformSide::WithTool,
+        homing: Homing::Absolute,
+        boxes: "yes",
+    },
+    MachineKind {
+        name: "rotary-hexapod",
+        text: "six arms on rotary drives, six rods, X Y Z A B C",
+        frame: "World origin: the center of the base seen from above, Z up. Pose: the spindle nose. A joint value is the angle of an arm in degrees: 0 level, positive downwards.",
+        leg: leg::Kind::Crank,
+        legs: 6,
+        coordinates: "XYZABC",
+        table: "",
+        own: &[
+            Parameter { default: "250", ..BASE_RADIUS },
+            BASE_HALF_ANGLE,
+            Parameter { default: "125", ..PLATFORM_RADIUS },
+            PLATFORM_HALF_ANGLE,
+            Parameter { default: "150", ..ARM },
+            optional(
+                "arm-turn",
+                Measure::Turn,
+                "0",
+                "Direction of an arm at 0, seen from above: 0 outwards, 90 away from the other arm of its pair, -90 towards it",
+            ),
+            Parameter { default: "450", ..ROD },
+            Parameter {
+                text: "Smallest and largest angle of an arm: 0 level, positive downwards",
+                ..ANGLE
+            },
+            HEIGHT,
+            NOSE,
+        ],
+        tool: TOOL,
+        anchors: anchors::rotary_hexapod,
+        axis: 2,
+        side: PlatformSide::WithTool,
+        homing: Homing::Absolute,
+        boxes: "no",
+    },
+    MachineKind {
+        name: "five-bar",
+        text: "two arms on rotary drives in a plane, two rods that meet, X Y",
+        frame: "World origin: between the axes of the arms, X from the left axis to the right one, Y towards the tool. Pose: the tip of a tool of zero length. A joint value is the angle of an arm in degrees: 0 outwards along X, positive towards larger Y. Joint 0 is the right arm.",
+        leg: leg::Kind::Crank,
+        legs: 2,
+        coordinates: "XY",
+        table: "",
+        own: &[
+            anchor(
+                "axis-distance",
+                Measure::Distance,
+                "200",
+                "Distance between the axes of the two arms",
+            ),
+            Parameter { default: "200", ..ARM },
+            Parameter { default: "300", ..ROD },
+            Parameter {
+                default: "-30 120",
+                text: "Smallest and largest angle of an arm: 0 outwards along X, positive towards larger Y",
+                ..ANGLE
+            },
+            Parameter {
+                text: "Distance from the plane of arms and rods to the tip of a tool of zero length, along the tool",
+                ..NOSE
+            },
+        ],
+        tool: TOOL_BESIDE,
+        anchors: anchors::five_bar,
+        axis: 1,
+        side: PlatformSide::More,
         homing: Homing::Absolute,
         boxes: "yes",
     },
@@ -245,9 +309,10 @@ pub const KINDS: &[MachineKind] = &[
             HEIGHT,
             NOSE,
         ],
+        tool: TOOL,
         anchors: anchors::triaglide,
         axis: 2,
-        side: PlatformSide::Less,
+        side: PlatformSide::WithTool,
         homing: Homing::BeyondHome,
         boxes: "yes",
     },
@@ -279,16 +344,17 @@ pub const KINDS: &[MachineKind] = &[
                 "middle-rise",
                 Measure::Place,
                 "150",
-                "Height of these two joints above the others",
+                "Distance of these two joints from the others, towards the rails",
             ),
             Parameter { default: "900", ..ROD },
             Parameter { default: "100 2700", ..CARRIAGE },
             HEIGHT,
             NOSE,
         ],
+        tool: TOOL,
         anchors: anchors::hexaglide,
         axis: 2,
-        side: PlatformSide::Less,
+        side: PlatformSide::WithTool,
         homing: Homing::Absolute,
         boxes: "yes",
     },
@@ -310,9 +376,10 @@ pub const KINDS: &[MachineKind] = &[
             HEIGHT,
             NOSE,
         ],
+        tool: TOOL,
         anchors: anchors::linapod,
         axis: 2,
-        side: PlatformSide::Less,
+        side: PlatformSide::WithTool,
         homing: Homing::Absolute,
         boxes: "yes",
     },
@@ -325,9 +392,10 @@ pub const KINDS: &[MachineKind] = &[
         coordinates: "ZAB",
         table: "XY",
         own: PYRAMID,
+        tool: TOOL,
         anchors: anchors::pyramid,
         axis: 2,
-        side: PlatformSide::Less,
+        side: PlatformSide::WithTool,
         homing: Homing::Absolute,
         boxes: "yes",
     },
@@ -340,9 +408,10 @@ pub const KINDS: &[MachineKind] = &[
         coordinates: "XZA",
         table: "Y",
         own: PYRAMID,
+        tool: TOOL,
         anchors: anchors::pyramid,
         axis: 2,
-        side: PlatformSide::Less,
+        side: PlatformSide::WithTool,
         homing: Homing::Absolute,
         boxes: "yes",
     },
@@ -361,9 +430,10 @@ pub const KINDS: &[MachineKind] = &[
             ROD,
             Parameter { default: "-100 2100", ..CARRIAGE },
         ],
+        tool: LATHE_SIDE,
         anchors: anchors::four_rod_lathe,
         axis: 1,
-        side: PlatformSide::More,
+        side: PlatformSide::WithTool,
         homing: Homing::BeyondHome,
         boxes: "yes",
     },
@@ -400,15 +470,26 @@ pub const KINDS: &[MachineKind] = &[
             ROD,
             Parameter { default: "-100 2100", ..CARRIAGE },
         ],
+        tool: LATHE_SIDE,
         anchors: anchors::six_rod_lathe,
         axis: 1,
-        side: PlatformSide::More,
+        side: PlatformSide::WithTool,
         homing: Homing::Absolute,
         boxes: "yes",
     },
 ];
 
 impl MachineKind {
+    /// Returns whether a lathe: the tool table has the directions of its tools.
+    pub fn is_lathe(&self) -> bool {
+        self.name.ends_with("-lathe")
+    }
+
+    /// Returns whether all motion is in a plane, with joints that turn about its normal only.
+    pub fn is_planar(&self) -> bool {
+        self.coordinates == "XY"
+    }
+
     /// Returns all parameters of this kind, in the order of questions.
     pub fn parameters(&self) -> Vec<Parameter> {
         let tilts = self.coordinates.is_empty() || self.coordinates.contains(['A', 'B', 'C']);
@@ -417,7 +498,11 @@ impl MachineKind {
             all[1].need = Need::Needed;
         }
         all.extend(self.own);
-        all.extend([JOINT_ANGLE, DIAMETER, HOME, FEED, ACCEL]);
+        all.push(self.tool);
+        if !self.is_planar() {
+            all.push(JOINT_ANGLE);
+        }
+        all.extend([DIAMETER, HOME, FEED, ACCEL]);
         if tilts {
             all.extend([TURN, TILT]);
         }

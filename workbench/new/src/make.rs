@@ -11,6 +11,7 @@ use crate::{home, limits, program, table};
 use check::findings::{Finding, Report};
 use check::report::check;
 use kinematics::{Letter, Vector3};
+use machine::digits::plain;
 use machine::files::{AtFile, Folder, write_over, write_whole};
 use machine::proof::axis_box::AxisBox;
 use machine::proof::boxes;
@@ -366,7 +367,7 @@ pub fn limit_lines(config: &Mechanism) -> String {
     let line = |letter: &Letter| {
         let axis = &config.axes[letter.index()];
         let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };
-        format!("  {} {} to {} {unit}\n", letter.name(), axis.min, axis.max)
+        format!("  {} {} to {} {unit}\n", letter.name(), plain(axis.min), plain(axis.max))
     };
     let is_moved = |letter: &&Letter| !config.machine.layout().is_held(**letter);
     Letter::ALL.iter().filter(is_moved).map(line).collect()

@@ -4,11 +4,15 @@
 //! Two texts: the widgets, and the pin connected to each of them. Pins have the names of their widgets with
 //! the prefix `pyvcp.`.
 
+use check::findings::Finding;
 use kinematics::Letter;
+use machine::files::{AtFile, read_text};
+use machine::read::diagnostic::Severity;
 use machine::read::joints::Joint;
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use std::fmt::Write as _;
+use std::io;
 
 /// Colors for within, near and beyond limits, distinguishable with color blindness and in print.
 const WELL: &str = "#56b4e9";
@@ -23,6 +27,9 @@ const WORDS: &str = "/usr/share/pkmkins/pkmkins_panel.py";
 
 /// Most rows of a page: more do not fit beside AXIS on a screen of 1080 lines.
 const ROWS: usize = 12;
+
+/// Comment of both files.
+const MADE: &str = "Made by pkm panel";
 
 /// Both texts.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,11 +72,42 @@ impl Panel {
         // A comment of XML must not contain two adjacent hyphens.
         let spaced = name.replace("--", "- -");
         let widgets = format!(
-            "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- Made by pkm panel from {spaced}.ini. -->\n{}",
+            "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- {MADE} from {spaced}.ini. -->\n{}",
             sheet.widgets
         );
         Self { widgets, wiring: sheet.wiring(config, name) }
     }
+}
+
+/// Returns a warning if a file of the panel beside the machine's file is from `pkm panel`, but for another machine.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn stale(config: &MachineConfig) -> Result<Option<Finding>, AtFile<io::Error>> {
+    let name = config.file.file_stem().unwrap_or_default().to_string_lossy();
+    let panel = Panel::new(config, &name);
+    for (section, key, ending, text) in [
+        ("DISPLAY", "PYVCP", "xml", &panel.widgets),
+        ("HAL", "POSTGUI_HALFILE", "tcl", &panel.wiring),
+    ] {
+        let file = format!("{name}-panel.{ending}");
+        let entries = config.ini.all(section, key);
+        let Some(entry) = entries.iter().find(|entry| entry.value.trim() == file) else { continue };
+        let place = config.file.with_file_name(&file);
+        // A missing one is an error of the check.
+        let written = if place.is_file() { read_text(&place)? } else { continue };
+        if written == *text || !written.contains(MADE) {
+            continue;
+        }
+        let text = format!(
+            "the panel is not that of this machine and shows other limits or axes: run pkm panel {} to write it \
+             again; if you changed it yourself, remove the comment {MADE:?} from it",
+            config.file.display()
+        );
+        let problem = *config.ini.refuse(entry, &text).0;
+        return Ok(Some(Finding { severity: Severity::Warning, problem }));
+    }
+    Ok(None)
 }
 
 impl Sheet {
@@ -318,7 +356,7 @@ impl Sheet {
     fn wiring(&self, config: &MachineConfig, name: &str) -> String {
         // A user interface ends LinuxCNC if this file fails.
         let mut text = format!(
-            "# Made by pkm panel from {name}.ini: what {name}-panel.xml shows.\n\
+            "# {MADE} from {name}.ini: what {name}-panel.xml shows.\n\
              if {{[catch {{ source [file join $::env(HALLIB_DIR) pkmkins_panel.tcl] }} error]}} {{\n    \
                  catch {{ puts stderr \"pkmkins: panel: not connected: $error\" }}\n    \
                  return\n\

@@ -17,6 +17,8 @@ pub enum Measure {
     Swing,
     /// A positive angle, degrees; at most the number.
     Angle(u16),
+    /// An angle of any sign, degrees.
+    Turn,
     /// A length per minute.
     Feed,
     /// A length per second squared.
@@ -77,7 +79,7 @@ pub(super) const fn needed(
     Parameter { need: Need::Needed, ..anchor(name, measure, default, text) }
 }
 
-const fn optional(
+pub(super) const fn optional(
     name: &'static str,
     measure: Measure,
     default: &'static str,
@@ -121,6 +123,13 @@ pub const TOOL: Parameter = optional(
 );
 /// Direction of tools for machines that stand on their base.
 pub(super) const TOOL_UP: Parameter = Parameter { default: "up", ..TOOL };
+/// Direction of tools for machines whose platform is beside their base.
+pub(super) const TOOL_BESIDE: Parameter = Parameter { text: "Direction of the tool", ..TOOL };
+/// Side of the platform of a lathe.
+pub(super) const LATHE_SIDE: Parameter = Parameter {
+    text: "Side of the rails on which platform and tool are: up for larger Y, or down for smaller Y",
+    ..TOOL_UP
+};
 /// Home position of the platform.
 pub const HOME: Parameter = optional(
     "home",
@@ -233,6 +242,18 @@ pub(super) const CARRIAGE: Parameter = needed(
 );
 pub(super) const ROD: Parameter =
     anchor("rod", Measure::Length, "700", "Length of a rod, between the centers of its joints");
+pub(super) const ARM: Parameter = anchor(
+    "arm",
+    Measure::Length,
+    "250",
+    "Length of an arm, from its axis to the joints of the rod",
+);
+pub(super) const ANGLE: Parameter = needed(
+    "angle",
+    Measure::Swing,
+    "-45 90",
+    "Smallest and largest angle of an arm: 0 level and outwards, positive downwards",
+);
 pub(super) const RAIL_SPACING: Parameter = anchor(
     "rail-spacing",
     Measure::Length,
@@ -289,7 +310,7 @@ impl Measure {
             Self::Places(3) => &["X", "Y", "Z"],
             Self::Places(_) => &["HEIGHT"; 5],
             Self::Travel | Self::Swing => &["MIN", "MAX"],
-            Self::Angle(_) => &["DEGREES"],
+            Self::Angle(_) | Self::Turn => &["DEGREES"],
             Self::Feed => &["LENGTH/MIN"],
             Self::Acceleration => &["LENGTH/S2"],
             Self::Turning => &["DEGREES/S"],
@@ -320,7 +341,7 @@ impl Measure {
             Self::Feed => format!("{length}/min"),
             Self::Acceleration => format!("{length}/s²"),
             Self::Turning => "degrees/s".into(),
-            Self::Swing | Self::Angle(_) => "degrees".into(),
+            Self::Swing | Self::Angle(_) | Self::Turn => "degrees".into(),
             Self::Choice(words) => words.join(" or "),
             Self::Hands => "R or L".into(),
             Self::Letters => "of XYZABC".into(),

@@ -3,8 +3,10 @@
 
 use crate::ini::Plan;
 use kinematics::Letter;
+use machine::digits::plain;
 use machine::proof::axis_box::AxisBox;
 use std::fmt::Write;
+use std::path::Path;
 
 /// Speed of the first program, as a share of the largest one.
 const SHARE: f64 = 0.5;
@@ -18,8 +20,7 @@ fn words(plan: &Plan, letters: &[Letter], pose: [f64; 6]) -> String {
     let of = |letter: &Letter| {
         let digits = if letter.is_angle() || plan.values.unit() == "mm" { 2 } else { 4 };
         let grid = 10_f64.powi(digits);
-        let value = (pose[letter.index()] * grid).round() / grid + 0.0;
-        format!("{}{value}", letter.name())
+        format!("{}{}", letter.name(), plain((pose[letter.index()] * grid).round() / grid))
     };
     letters.iter().map(of).collect::<Vec<_>>().join(" ")
 }
@@ -91,15 +92,27 @@ pub fn readme(plan: &Plan) -> String {
     };
     let frame = if plan.carried.is_some() { "" } else { plan.kind.frame };
     format!(
-        "# {name}: {}\n\n{source} {frame} {tools}\n\n    \
-         pkm check {name}.ini                       check that everything fits together\n    \
-         pkm preflight {name}.ini programs/first.ngc   check that the program fits\n    \
-         linuxcnc {name}.ini                        run it with simulated drives\n    \
-         pkm frames {name}.ini -o frames.svg        draw axes, numbers and signs\n    \
-         pkm view {name}.ini programs/first.ngc     make a page of machine and program\n\n\
+        "# {name}: {}\n\n{source} {frame} {tools}\n\n{}\n\
          On real hardware replace `LIB:pkmkins_sim.tcl` by your HAL file; keep `LIB:pkmkins.tcl` after it.\n\
          After changes of dimensions: run `pkm check` for the new HOME and axis limits, and `pkm boxes` to prove\n\
          `[BOX_K]` sections again. After changes of limits: run `pkm panel` to write the panel again.\n",
         plan.kind.text,
+        next_steps("    ", Path::new(""), name),
     )
+}
+
+/// Returns the commands that follow, one per line after an indent, for a machine in a folder.
+pub fn next_steps(indent: &str, folder: &Path, name: &str) -> String {
+    let [ini, first, frames] = [&format!("{name}.ini"), "programs/first.ngc", "frames.svg"]
+        .map(|file| folder.join(file).display().to_string());
+    let steps = [
+        (format!("pkm check {ini}"), "check that everything fits together"),
+        (format!("pkm frames {ini} -o {frames}"), "draw axes, numbers and signs"),
+        (format!("pkm view {ini} {first}"), "make a page of machine and program"),
+        (format!("pkm preflight {ini} {first}"), "check that the program fits"),
+        (format!("linuxcnc {ini}"), "run it with simulated drives"),
+    ];
+    let width = steps.iter().map(|(command, _)| command.len()).max().unwrap_or_default();
+    let line = |(command, what): &(String, _)| format!("{indent}{command:<width$}   {what}\n");
+    steps.iter().map(line).collect()
 }

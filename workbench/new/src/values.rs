@@ -14,6 +14,12 @@ pub const MM_PER_INCH: f64 = 25.4;
 pub(super) const MOST: f64 = 1e7;
 const LEAST: f64 = 1e-6;
 
+/// Largest angle of either sign, degrees.
+const HALF_TURN: f64 = 180.0;
+
+/// Significant digits of a default in inches.
+const SHORT: i32 = 3;
+
 /// Why no machine is created.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
@@ -136,7 +142,7 @@ impl Values {
 
     /// Converts a length in mm to machine units, with few digits.
     pub fn from_mm(&self, mm: f64) -> f64 {
-        if self.unit() == "mm" { mm } else { short(mm / MM_PER_INCH) }
+        if self.unit() == "mm" { mm } else { rounded(SHORT, mm / MM_PER_INCH) }
     }
 }
 
@@ -169,19 +175,19 @@ fn missing_text(machine: &str, missing: &[Parameter]) -> String {
 pub fn default(parameter: &Parameter, per_mm: f64) -> Vec<String> {
     let in_unit = |word: &str| match decimal(word) {
         Some(number) if parameter.measure.is_length() && per_mm != 1.0 => {
-            short(number * per_mm).to_string()
+            rounded(SHORT, number * per_mm).to_string()
         }
         _ => word.into(),
     };
     parameter.default.split_ascii_whitespace().map(in_unit).collect()
 }
 
-/// Rounds to three digits.
-fn short(number: f64) -> f64 {
+/// Rounds to significant digits.
+pub(crate) fn rounded(significant: i32, number: f64) -> f64 {
     if number == 0.0 {
         return 0.0;
     }
-    let digits = 2 - number.abs().log10().floor() as i32;
+    let digits = significant - 1 - number.abs().log10().floor() as i32;
     // Divides by powers of ten, because they have no exact inverse.
     match digits {
         0.. => (number * 10_f64.powi(digits)).round() / 10_f64.powi(digits),
@@ -265,6 +271,7 @@ fn numbers_fit(measure: Measure, numbers: &[f64]) -> Result<(), String> {
         Measure::Swing => numbers[0] < numbers[1] && numbers.iter().all(|a| a.abs() < 180.0),
         Measure::Angle(most) => numbers[0] > 0.0 && numbers[0] <= f64::from(most),
         Measure::Place | Measure::Places(_) => true,
+        Measure::Turn => numbers[0].abs() <= HALF_TURN,
         _ => numbers[0] >= LEAST,
     };
     if fits {
@@ -277,6 +284,7 @@ fn numbers_fit(measure: Measure, numbers: &[f64]) -> Result<(), String> {
             "more than -180 and less than 180 degrees, the smaller number first".into()
         }
         Measure::Angle(most) => format!("more than 0 and at most {most} degrees"),
+        Measure::Turn => format!("-{HALF_TURN} to {HALF_TURN} degrees"),
         _ if numbers[0] > 0.0 => format!("{LEAST} or more"),
         _ => "more than 0".into(),
     })

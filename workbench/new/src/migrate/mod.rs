@@ -20,6 +20,7 @@ use crate::values::{MOST, Refusal, Values};
 use check::hal_values::{Gap, HalValues, Place, Value};
 use keys::machine as of_machine;
 use kinematics::{Joints, MAX_JOINTS, Pose};
+use machine::digits::plain;
 use machine::files::{read, read_text};
 use machine::read::ini::decimal;
 use machine::read::machine::MachineConfig;
@@ -657,7 +658,7 @@ fn stand(
     for (home, joint) in homes.iter_mut().zip(carried) {
         *home = joint.home;
     }
-    let own: Vec<String> = homes[..peer.legs].iter().map(f64::to_string).collect();
+    let own: Vec<String> = homes[..peer.legs].iter().map(|home| plain(*home).to_string()).collect();
     let own = own.join(", ");
     let named = old.home()?;
     if let Some(NamedHome { is_level: false, name, .. }) = named {
@@ -667,7 +668,7 @@ fn stand(
     }
     let named = named.map(|NamedHome { place, name, .. }| (place, name));
     let words = |place: [f64; 3]| {
-        let [x, y, z] = place.map(|x| x + 0.0);
+        let [x, y, z] = place.map(plain);
         format!("X{x} Y{y} Z{z}")
     };
     let at_named = named.and_then(|(place, _)| Some((place, home::standing(plan, place).ok()?)));
