@@ -21,8 +21,6 @@ proc pkmkins_mesa::instance {kind n key} {
     return [card].$kind.[format %02d [scan [pkmkins_drives::ini JOINT_$n $key $n] %d]]
 }
 
-proc pkmkins_mesa::has_timer {} { return [expr {[pkmkins_drives::ini HOSTMOT2 DPLL_TIMER_US] ne ""}] }
-
 proc pkmkins_mesa::load {} {
     hal loadrt hostmot2
     set config [pkmkins_drives::ini HOSTMOT2 CONFIG]
@@ -37,10 +35,16 @@ proc pkmkins_mesa::functions {loops} {
 # Opens the emergency stop chain: the card has stopped because LinuxCNC was late.
 proc pkmkins_mesa::faults {} { return [card].watchdog.has_bit }
 
-proc pkmkins_mesa::settings {} {
+# Returns the settings of the card. `latched` is its kind of function that measures positions, if one does: all
+# functions of a kind share one timer.
+proc pkmkins_mesa::settings {latched} {
     variable watchdog_cycles
     lappend settings [card].watchdog.timeout_ns [expr {$watchdog_cycles * [scan [pkmkins_drives::ini EMCMOT SERVO_PERIOD] %d]}]
-    if {[has_timer]} { lappend settings [card].dpll.01.timer-us [pkmkins_drives::ini HOSTMOT2 DPLL_TIMER_US] }
+    set timer [pkmkins_drives::ini HOSTMOT2 DPLL_TIMER_US]
+    if {$timer ne ""} {
+        lappend settings [card].dpll.01.timer-us $timer
+        if {$latched ne ""} { lappend settings [card].$latched.timer-number 1 }
+    }
     # Configures GPIO pins as outputs.
     foreach pin [pkmkins_drives::outputs] {
         if {[regexp {^(.*\.gpio\.\d+)\.out$} $pin -> gpio]} { lappend settings $gpio.is_output 1 }

@@ -21,7 +21,7 @@
 #
 # and the inputs and outputs of pkmkins_drives.tcl. Joint N uses encoder N, or the one in [JOINT_N]ENCODER;
 # [JOINT_N]FEEDBACK_PIN names an absolute encoder, with its position in units of the joint. The PID loop of
-# joint N is JN_pid.
+# joint N is JN_pid. [HOSTMOT2]DPLL_TIMER_US: see pkmkins_mesa_step.tcl.
 
 source [file join $::env(HALLIB_DIR) pkmkins_mesa.tcl]
 
@@ -105,7 +105,9 @@ proc pkmkins_mesa_servo::main {} {
     set loops [lmap n [pkmkins_drives::joints] { string cat J${n}_pid.do-pid-calcs }]
     pkmkins_drives::wire_machine [pkmkins_mesa::functions $loops] pkmkins_mesa_servo::enables [pkmkins_mesa::faults]
     foreach n [pkmkins_drives::joints] { wire_drive $n }
-    pkmkins_drives::set_pins [concat $settings [pkmkins_mesa::settings]]
+    # Absolute encoders use the first timer without a setting.
+    set counting [lsearch -inline -regexp $settings {\.encoder\.\d+\.scale$}]
+    pkmkins_drives::set_pins [concat $settings [pkmkins_mesa::settings [expr {$counting eq "" ? "" : "encoder"}]]]
 }
 
 pkmkins_mesa_servo::main

@@ -31,7 +31,6 @@ proc pkmkins_mesa_step::of_joint {n} {
     set pin [generator $n]
     set settings [pkmkins_drives::step_settings $n $pin]
     lappend settings $pin.step_type 0 $pin.control-type 0
-    if {[pkmkins_mesa::has_timer]} { lappend settings $pin.timer-number 1 }
     return $settings
 }
 
@@ -50,7 +49,7 @@ proc pkmkins_mesa_step::main {} {
     pkmkins_mesa::load
     pkmkins_drives::wire_machine [pkmkins_mesa::functions {}] pkmkins_mesa_step::enables [pkmkins_mesa::faults]
     foreach n [pkmkins_drives::joints] { wire_drive $n }
-    pkmkins_drives::set_pins [concat $settings [pkmkins_mesa::settings]]
+    pkmkins_drives::set_pins [concat $settings [pkmkins_mesa::settings stepgen]]
 }
 
 pkmkins_mesa_step::main

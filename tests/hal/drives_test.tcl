@@ -128,6 +128,13 @@ test missing-joints "the number of joints is needed" {
     refusal ethercat {KINS JOINTS {}} {load}
 } {{[KINS]JOINTS is missing: expected the number of joints}}
 
+# Without encoders the card has no pin for their timer.
+test absolute-timer "the timer of encoders is set only if there are some" {
+    set text [content $here/cases/mesa_servo.ini]
+    foreach {scale n} {4000 00 -4002 02} { regsub "ENCODER_SCALE = $scale" $text "FEEDBACK_PIN = hm2_5i25.0.biss.$n.position" text }
+    lsearch -all -inline [asked $text] "set *timer*"
+} {{set hm2_5i25.0.dpll.01.timer-us -50}}
+
 # One of the three keys for a spindle at speed is enough.
 foreach {key value} {AT_SPEED_PIN parport.1.pin-15-in SPEED_PIN parport.1.pin-15-in} {
     test enough-$key "one way to know that the spindle is up is enough" {
