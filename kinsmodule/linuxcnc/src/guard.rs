@@ -7,7 +7,8 @@
 use crate::jog::{Jog, Led, NOTICE};
 use crate::pins::{GuardInputs, GuardPins, Pins, Place};
 use kinematics::{
-    At, Corner, Fault, Machine, Motion, Outlook, Planner, Pose, Sight, Straight, Vector3, World,
+    At, Corner, ExtraAxes, Fault, MAX_EXTRA, Machine, Motion, Outlook, Planner, Pose, Sight,
+    Straight, Vector3, World,
 };
 use libm::sqrt;
 
@@ -58,23 +59,29 @@ pub struct Programmed {
     speeds: [f64; 3],
     /// Rates of LinuxCNC's axes, per second.
     pub axes: World,
+    /// Speeds of the extra axes, per second.
+    extra: [f64; MAX_EXTRA],
 }
 
 impl Programmed {
     /// Computes the motion between two poses a period apart.
-    pub fn between(before: &World, now: &World, period: f64) -> Self {
+    pub fn between(before: &World, now: &World, period: f64, extra: &ExtraAxes) -> Self {
         let mut axes = *now;
         axes.iter_mut().zip(before).for_each(|(now, before)| *now = (*now - before) / period);
         let [x, y, z, a, b, c, u, v, w] = axes;
         let norm = |[a, b, c]: [f64; 3]| sqrt(a * a + b * b + c * c);
-        Self { speeds: [norm([x, y, z]), norm([u, v, w]), norm([a, b, c])], axes }
+        let mut speeds = [0.0; MAX_EXTRA];
+        for (speed, place) in speeds.iter_mut().zip(extra.places()) {
+            *speed = axes.get(place).map_or(0.0, |rate| rate.abs());
+        }
+        Self { speeds: [norm([x, y, z]), norm([u, v, w]), norm([a, b, c])], axes, extra: speeds }
     }
 
     /// Adds the motion of the second mechanism, in its own coordinates: LinuxCNC's U V W are its X Y Z.
     pub fn with_second(self, second: &Self) -> Self {
         let ([tip, slides, turns], [own_tip, _, own_turns]) = (self.speeds, second.speeds);
         let both = |one: f64, other: f64| sqrt(one * one + other * other);
-        Self { speeds: [tip, both(slides, own_tip), both(turns, own_turns)], axes: self.axes }
+        Self { speeds: [tip, both(slides, own_tip), both(turns, own_turns)], ..self }
     }
 
     /// Returns the speed as LinuxCNC defines it: of X Y Z, otherwise of U V W, otherwise of A B C.
@@ -93,10 +100,12 @@ impl Programmed {
     /// that has to brake most.
     fn braking(&self, asked: &GuardInputs) -> f64 {
         let [tip, slides, turns] = self.speeds;
-        let limits = [asked.linear_acceleration.get(), asked.angular_acceleration.get()];
+        let groups =
+            [(&asked.linear_acceleration, tip.max(slides)), (&asked.angular_acceleration, turns)];
+        let extra = asked.extra_acceleration.iter().zip(self.extra);
         let mut least = f64::INFINITY;
-        for (limit, rate) in limits.iter().zip([tip.max(slides), turns]) {
-            let braking = if rate > 0.0 { limit / rate } else { f64::INFINITY };
+        for (limit, rate) in groups.into_iter().chain(extra) {
+            let braking = if rate > 0.0 { limit.get() / rate } else { f64::INFINITY };
             // Treat NaN as no braking.
             if !(braking >= least) {
                 least = braking;

@@ -183,6 +183,10 @@ fn pins(drawn: &Generated) -> BTreeMap<String, f64> {
             set(format!("{stem}.point"), &XYZ, &extra.point);
         }
     }
+    for extra in &drawn.extra {
+        let pin = format!("extra-acceleration.{}", extra.axis.letter.to_ascii_lowercase());
+        set(pin, &[""], &[extra.axis.acceleration]);
+    }
     // Axes that limit the planner's acceleration: all except slides of extra axes that carry nothing.
     let own = drawn.mechanisms.iter().flat_map(|built| &built.axes);
     let carrying = drawn

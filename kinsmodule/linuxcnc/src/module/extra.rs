@@ -57,8 +57,8 @@ impl Carrying {
     }
 
     /// Returns LinuxCNC's motion in this cycle, including axes that carry nothing.
-    pub(super) fn programmed(&self, period: f64) -> Programmed {
-        Programmed::between(&self.before, &self.commanded, period)
+    pub(super) fn programmed(&self, period: f64, axes: &ExtraAxes) -> Programmed {
+        Programmed::between(&self.before, &self.commanded, period, axes)
     }
 
     /// Computes the shift of the platform per change of the tool vector at the commanded pose.

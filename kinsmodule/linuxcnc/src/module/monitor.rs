@@ -69,7 +69,7 @@ impl Module {
 
     /// Returns the motion of the mechanism and the extra axes in this cycle, as LinuxCNC moves them.
     pub fn programmed(&self, period: f64) -> Programmed {
-        self.carrying.programmed(period)
+        self.carrying.programmed(period, &self.load.extra)
     }
 
     /// Returns whether this cycle updates the distance of two mechanisms.

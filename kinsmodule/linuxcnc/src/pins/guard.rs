@@ -2,9 +2,12 @@
 //! The pins of the guard: its limits and its results.
 
 use super::Pins;
+use super::jog::AXES;
 use super::maker::Maker;
 use crate::hal::{Direction, HalError, Pin};
-use kinematics::{CONDITIONING_LIMIT, Fault, Layout, Limits, MAX_JOINTS, MAX_LEGS, text};
+use kinematics::{
+    CONDITIONING_LIMIT, Fault, Layout, Limits, Load, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, text,
+};
 
 /// Floor of the feed scale if the value of the pin is not in (0, 1].
 const FLOOR: f64 = 0.02;
@@ -54,6 +57,8 @@ pub struct GuardInputs {
     pub max_override: Pin<f64>,
     pub linear_acceleration: Pin<f64>,
     pub angular_acceleration: Pin<f64>,
+    /// Accelerations of the extra axes, in joint order; only as many pins as axes exist.
+    pub extra_acceleration: [Pin<f64>; MAX_EXTRA],
     pub requested_vel: Pin<f64>,
     pub current_vel: Pin<f64>,
     pub distance_to_go: Pin<f64>,
@@ -69,7 +74,8 @@ pub struct GuardPins {
 }
 
 impl GuardPins {
-    pub(super) fn create(&mut self, make: &Maker, layout: &Layout) -> Result<(), HalError> {
+    pub(super) fn create(&mut self, make: &Maker, load: &Load) -> Result<(), HalError> {
+        let layout = &load.layout;
         for (n, joint) in self.joints.iter_mut().enumerate().take(layout.joints()) {
             joint.create(make, n)?;
         }
@@ -78,7 +84,7 @@ impl GuardPins {
         }
         self.shown.create(make)?;
         // A second mechanism uses those of the first.
-        if make.place.is_second { Ok(()) } else { self.asked.create(make) }
+        if make.place.is_second { Ok(()) } else { self.asked.create(make, load) }
     }
 
     /// Returns the limits of the machine, live.
@@ -197,13 +203,18 @@ impl GuardInputs {
 
     /// Uses the pins of the first mechanism.
     pub(super) fn share(&self, first: &Self) {
-        for (own, first) in self.all().into_iter().zip(first.all()) {
+        let extra = self.extra_acceleration.iter().zip(&first.extra_acceleration);
+        for (own, first) in self.all().into_iter().zip(first.all()).chain(extra) {
             own.share(first);
         }
     }
 
-    fn create(&mut self, make: &Maker) -> Result<(), HalError> {
+    fn create(&mut self, make: &Maker, load: &Load) -> Result<(), HalError> {
         use Direction::In;
+        for (pin, place) in self.extra_acceleration.iter_mut().zip(load.extra.places()) {
+            let axis = AXES.get(place).copied().unwrap_or_default();
+            make.one(pin, In, text!["pkmkins.extra-acceleration.", axis], FAR)?;
+        }
         let one = |pin: &mut Pin<f64>, name: &str, value: f64| {
             make.one(pin, In, text!["pkmkins.", name], value)
         };

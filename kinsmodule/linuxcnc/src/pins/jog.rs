@@ -6,7 +6,8 @@ use super::maker::Maker;
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::{Letter, Load, World, text};
 
-const AXES: [&str; 9] = ["x", "y", "z", "a", "b", "c", "u", "v", "w"];
+/// LinuxCNC's axes, in the order of its pose.
+pub(super) const AXES: [&str; 9] = ["x", "y", "z", "a", "b", "c", "u", "v", "w"];
 
 /// Part of [`Pins`](super::Pins), in HAL memory.
 #[repr(C)]

@@ -174,7 +174,7 @@ impl Pins {
             self.create_common(&make)?;
             self.jog.create(&make, load)?;
         }
-        self.guard.create(&make, &load.layout)
+        self.guard.create(&make, load)
     }
 
     /// Uses the pins that both mechanisms share, from those of the first.

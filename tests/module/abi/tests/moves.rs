@@ -162,9 +162,24 @@ impl<'a> Move<'a> {
             let share = length / self.counted();
             if length > 0.0 { self.acceleration * share } else { 1.0 }
         };
-        module.set("linear-acceleration", each(tip.max(slides)));
-        module.set("angular-acceleration", each(turn));
+        // Axes that carry nothing may be weaker than all others.
+        let stronger = if self.has_weak_axes() { 10.0 } else { 1.0 };
+        module.set("linear-acceleration", stronger * each(tip.max(slides)));
+        module.set("angular-acceleration", stronger * each(turn));
+        for (k, axis) in AXES.iter().enumerate() {
+            let pin = format!("extra-acceleration.{axis}");
+            if stronger > 1.0 && module.has(&pin) {
+                module.set(&pin, each(change[k].abs()));
+            }
+        }
         module.set("max-override", self.feed_override);
+    }
+
+    /// Returns whether axes that carry nothing take part in a move, and so determine its acceleration.
+    fn has_weak_axes(&self) -> bool {
+        let Control::Carrying(_, carrying) = &self.machine.control else { return false };
+        carrying.given == ChainGeometry::NONE
+            && carrying.axes.iter().any(|k| self.change()[*k] != 0.0)
     }
 
     fn report(&self, requested: f64, speed: f64, to_go: f64) {

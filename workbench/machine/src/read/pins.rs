@@ -212,6 +212,12 @@ impl Pins<'_> {
                 self.pin(name, value);
             }
         }
+        // Moves of these axes alone, or with the others, brake as slowly as they do.
+        for letter in load.extra.letters() {
+            if let Some(value) = self.positive(&format!("AXIS_{letter}"), "MAX_ACCELERATION") {
+                self.pin(&format!("extra-acceleration.{}", letter.to_ascii_lowercase()), value);
+            }
+        }
     }
 
     /// Returns the smallest acceleration of a key of `[TRAJ]` and of axes.
