@@ -674,6 +674,15 @@ fn the_feed_scale_is_a_share_above_its_floor_that_grows_with_the_speed_of_the_jo
 }
 
 #[test]
+fn a_floor_of_the_feed_scale_outside_its_range_is_two_percent() {
+    for (given, floor) in [(1.0, 1.0), (0.0, 0.02), (-0.5, 0.02), (1.5, 0.02), (f64::NAN, 0.02)] {
+        // Joints that may hardly move leave only the floor.
+        let scales = scales_along(&line, 1e-3, given);
+        assert_eq!(scales.into_iter().fold(f64::INFINITY, f64::min), floor, "{given}");
+    }
+}
+
+#[test]
 fn before_homing_and_after_a_jump_of_the_pose_the_feed_scale_is_a_number() {
     let module = Module::pkmkins(&[]);
     module.monitor();

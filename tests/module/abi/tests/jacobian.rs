@@ -155,6 +155,7 @@ fn the_tool_frame_of_impossible_joints_is_refused() {
         let mut bad = joints;
         bad[2] = value;
         assert_eq!(module.tool_frame(&bad), Err(-1), "{value}");
+        assert!(module.work_frame(&bad).is_ok(), "{value}: no joint rotates the workpiece");
     }
 }
 
