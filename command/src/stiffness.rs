@@ -153,6 +153,11 @@ fn sizes(
     SIZES.into_iter().filter_map(of).collect()
 }
 
+/// Formats a stiffness with decimals.
+fn shown(value: f64, decimals: usize) -> String {
+    if value.is_finite() { format!("{value:.decimals$}") } else { "rigid".into() }
+}
+
 fn report(
     config: &Mechanism,
     pose: &Pose,
@@ -185,16 +190,14 @@ fn report(
         writeln!(out, "\n{name}: stiffness in {unit} along")?;
         for (k, value) in stiffness.iter().enumerate() {
             let axis = axes.column(k);
-            let value = match value.is_finite() {
-                true => format!("{:.3}", value * scale),
-                false => "rigid".into(),
-            };
+            let value = shown(value * scale, 3);
             writeln!(out, "{value:>16}  {:8.4} {:8.4} {:8.4}", axis[0], axis[1], axis[2])?;
         }
     }
     writeln!(out, "\nsize of the platform: smallest stiffness in N/um, in N m/rad")?;
     for (factor, [translation, rotation]) in sizes {
-        writeln!(out, "{factor:>16}  {:12.3} {:12.1}", translation * 1e-3, rotation * 1e-3)?;
+        let [translation, rotation] = [shown(translation * 1e-3, 3), shown(rotation * 1e-3, 1)];
+        writeln!(out, "{factor:>16}  {translation:>12} {rotation:>12}")?;
     }
     out.flush()?;
     let ellipsoid = |Ellipsoid { stiffness, axes }: Ellipsoid| {

@@ -128,6 +128,8 @@ fn the_commands_answer_as_without_offsets_but_for_joint_values() {
     let moved = Bench::new().with("line.ngc", program).with("study.toml", study);
     let file = moved.0.path().join("linear-delta.ini");
     fs::write(&file, shifted(&fs::read_to_string(&file).unwrap())).unwrap();
+    // Its panel shows the shifted ranges.
+    assert!(moved.answer("panel linear-delta.ini", "").ends_with("exit 0\n"));
     for words in [
         "check linear-delta.ini",
         "preflight linear-delta.ini line.ngc",

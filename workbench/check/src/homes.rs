@@ -6,6 +6,7 @@ use crate::homing::{self, Trouble};
 use crate::sequence;
 use crate::wiring::at_key;
 use kinematics::Letter;
+use machine::digits::plain;
 use machine::limits;
 use machine::read::diagnostic::Severity;
 use machine::read::error::MachineError;
@@ -66,17 +67,21 @@ fn homes(report: &mut Report, ini: &Ini, config: &Mechanism) -> Result<(), Machi
         if !(away <= tolerance(config, joint.kind)) {
             let leg = if i < config.legs() { config.place.leg_section(i) } else { "PKM".into() };
             let text = format!(
-                "off by {}: the kinematics give {} = {wanted} at [TRAJ]HOME; use that (pkm check --fix writes it), or \
+                "off by {}: the kinematics give {} = {} at [TRAJ]HOME; use that (pkm check --fix writes it), or \
                  correct [TRAJ]HOME or [{leg}] if this value was measured",
                 off(away, unit),
-                joint.name
+                joint.name,
+                plain(wanted)
             );
             report.finding(Severity::Error, at_key(ini, &section, "HOME", &text));
         }
         if !(joint.min..=joint.max).contains(&wanted) {
             let text = format!(
-                "[TRAJ]HOME needs {wanted} of {}: widen its limits {} to {}, or move HOME",
-                joint.name, joint.min, joint.max
+                "[TRAJ]HOME needs {} of {}: widen its limits {} to {}, or move HOME",
+                plain(wanted),
+                joint.name,
+                joint.min,
+                joint.max
             );
             report.finding(Severity::Error, at_key(ini, "TRAJ", "HOME", &text));
         }
