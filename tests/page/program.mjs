@@ -33,6 +33,7 @@ async function marks(page) {
     const mechanisms = await withProgram(page, machine);
     const { breaks, warnings } = answer("preflight", reply(machine), file(`${machine}-reply.ngc`));
     check(breaks.length > 0, `${machine}: nothing is found`);
+    check((await page.locator(".verdict").textContent()) === "does not fit", `${machine}: the verdict is not shown`);
     const found = await page.locator(".finding").allTextContents();
     const expected = breaks.map(({ line, text }) => [line, text]);
     check(found.length === breaks.length && expected.every(([line, text], k) => found[k].startsWith(`line ${line}: `) && found[k].endsWith(text)), `${machine}: ${found} where ${JSON.stringify(expected)} is expected`);

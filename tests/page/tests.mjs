@@ -4,7 +4,7 @@ import { spawnSync } from "node:child_process";
 import { readFileSync, readdirSync, statSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { join } from "node:path";
-import { FOLDER, HOME, MACHINES, ROUNDED, SAME, asText, check, compare, complaints, file, given, ini, open, pkm, tab, view } from "./browser.mjs";
+import { FOLDER, HOME, MACHINES, ROUNDED, SAME, asText, check, compare, complaints, file, given, ini, open, opened, pkm, tab, view } from "./browser.mjs";
 import { carrying, ownMachines } from "./machines.mjs";
 import { TESTS as PANEL } from "./panel.mjs";
 import { TESTS as PICTURE } from "./picture.mjs";
@@ -60,6 +60,7 @@ async function machineTest(page, { machine, program }) {
   const made = view(html, ini(machine), program);
   check(made.status === 0, `${machine}: ${made.stderr}`);
   await open(page, html);
+  check((await page.locator(".verdict").textContent()) === "fits", `${machine}: the verdict is not shown`);
   const scenes = await page.evaluate(() => window.pkm.mechanisms());
   const before = await isDrawn(page, machine);
   for (const [which, own] of scenes.entries()) {
@@ -87,35 +88,15 @@ async function machineTest(page, { machine, program }) {
   return `${scenes.length * (POSES + 60)} poses as pkm joints${placed ? `, ${placed} as the model beside AXIS` : ""}`;
 }
 
-async function alone(page) {
-  for (const machine of ["linear-delta", "lathe-mirrored"]) {
-    const html = file(`${machine}-alone.html`);
-    view(html, ini(machine));
-    await open(page, html);
-    const [body, limits] = await page.evaluate(() => window.pkm.workspace());
-    check(body > 100 && limits === 24, `${machine}: workspace of ${body} points, box of ${limits}`);
-    await isDrawn(page, `${machine}-workspace`);
-    check(complaints(page).length === 0, complaints(page).join("; "));
-  }
-}
-
-async function marks(page) {
-  writeFileSync(file("marks.ngc"), "G21 G90\nG1 X10 F1000\nG1 X20\nG1 A24 B24\nG1 A0 B0\nM2\n");
-  const made = view(file("marks.html"), ini("hexapod"), file("marks.ngc"));
-  check(made.status === 1, `status ${made.status}: ${made.stderr}`);
-  await open(page, file("marks.html"));
-  await page.locator(".finding").first().click();
-  const { line, time } = await page.evaluate(() => window.pkm.state());
-  check(line === 4 && time > 0, `the mark leads to line ${line} at ${time} s`);
-  check((await page.locator(".space .now b").textContent()) === "4", "the line is not shown");
-  check((await page.locator(".verdict").textContent()) === "does not fit", "the verdict is not shown");
+/** Checks that a pose beyond a limit and a refused pose have a reason. */
+async function reasons(page) {
+  await opened(page, "reasons", ini("hexapod"));
   await page.evaluate(() => window.pkm.take([5000, 0, 250, 0, 0, 0]));
   const reason = await page.locator(".reason").textContent();
   check(/axis X is at 5000.000 mm, above its limit of 150.000/.test(reason), `beyond a limit without a reason: ${reason}`);
   await page.evaluate(() => window.pkm.take([NaN, 0, 250, 0, 0, 0]));
   const refused = await page.locator(".reason").textContent();
   check(refused.includes("[code -"), `refused without a reason: ${refused}`);
-  await isDrawn(page, "marks");
 }
 
 async function unread(page) {
@@ -126,19 +107,6 @@ async function unread(page) {
   const reply = await page.locator("header .error").textContent();
   check(reply.includes("unread.ngc"), `not reply: ${reply}`);
   await isDrawn(page, "unread");
-}
-
-async function own(page) {
-  for (const [name, text] of Object.entries(ownMachines())) {
-    writeFileSync(file(`${name}.ini`), text);
-    const made = view(file(`${name}.html`), file(`${name}.ini`));
-    check(made.status === 0, `${name}: ${made.stderr}`);
-    await open(page, file(`${name}.html`));
-    await isDrawn(page, name);
-    const { refusal, joints } = await page.evaluate(() => window.pkm.state());
-    check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `${name}: ${refusal}`);
-    check(complaints(page).length === 0, complaints(page).join("; "));
-  }
 }
 
 /** Moves the page to random poses, tools and values of the extra axes; returns its states. */
@@ -372,10 +340,8 @@ export const TESTS = [
   ...PANEL,
   ...PROGRAM,
   ...PICTURE,
-  ["a machine without a program shows its workspace and the axis limits", alone],
-  ["a mark leads to its line, and a refused pose has a reason", marks],
+  ["a pose beyond a limit and a refused pose have a reason", reasons],
   ["a program that cannot be read is reported beside the machine", unread],
-  ["a custom machine appears without a line of code", own],
   ["parts that axes carry are drawn at their positions", carriers],
   ["the path is drawn on the work that an axis turns", workPath],
   ["an unreadable shape is reported, and the machine is drawn", shapes],
