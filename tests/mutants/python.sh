@@ -13,8 +13,9 @@ environment=target/tools/mutants-python
 }
 out=$PWD/build/mutants/python work=$PWD/build/mutants/python/copy
 rm -rf "$out"
-mkdir -p "$work/target"
-cp -r configs docs python subroutines tests viewer "$work"
+mkdir -p "$work/target" "$work/tests"
+cp -r configs docs python subroutines viewer "$work"
+cp -r tests/live tests/viewer "$work/tests"
 cp target/host/lib_core.so "$work/python/pkmkins/_core.abi3.so"
 PKM=$PWD/target/host/pkm
 PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so
