@@ -16,7 +16,12 @@ const SECTIONS: &[(&str, &str, &[&Key], Option<&str>)] = &[
         chain::ALL,
         None,
     ),
-    ("[JOINT_0], [JOINT_1], ...", "LinuxCNC's own", joint::ALL, None),
+    (
+        "[JOINT_0], [JOINT_1], ...",
+        "one for each joint, as LinuxCNC requires: legs first, then table axes, then extra axes; pkmkins and pkm read these keys",
+        joint::ALL,
+        None,
+    ),
     (
         "[BOX_0], [BOX_1], ...",
         "as many as boxes= gives; for a second mechanism [SECOND_BOX_0] and so on, as many as \

@@ -160,7 +160,7 @@ table! {
         SCREW_LEAD = Key { pin: "screw-lead", unit: "machine units a turn",
             ..key("Lead of every strut without its own LEAD, which then needs it; 0 if the struts are not open screws.") };
         CENTRE = Key { parts: XYZ, pin: "centre", unit: LENGTH,
-            ..key("Platform point that stays at 0 in those of X, Y, Z that no joint moves.") };
+            ..key("Only if the legs do not move all of X, Y and Z: the point of the platform, in its frame, that a column or slide keeps at 0 in the others. If the legs move Z, A and B, for example, this point stays at X0 Y0 of the base frame.") };
         SPINDLE_OFFSET = Key { pin: "spindle-offset", unit: LENGTH,
             ..key("Part of the tool length that is not in the tool table; for its sign see SIGN OF TOOL LENGTHS.") };
         TOOL_DIRECTION = Key { range: Word(DIRECTIONS),
@@ -184,21 +184,21 @@ table! {
         FEED_FLOOR = Key { pin: "feed-floor", range: Above(0.0, 1.0),
             ..key("Smallest feed scale that the guard sets.") };
         WORK_ON_PLATFORM = Key { parts: XYZ, pin: "work-on-platform", unit: LENGTH,
-            ..key("For work on the platform and fixed tools: control point of the tool holder, in base.") };
+            ..key("Only if the platform carries the work and the tools stand still: position of the tool holder in the base frame. Tool lengths are measured from it.") };
         BASE_MODEL = Key { range: Model,
-            ..key("Shape of the frame below the legs, for viewers, in base.") };
+            ..key("Shape of the frame below the legs, for viewers; placed in the base frame.") };
         PLATFORM_MODEL = Key { range: Model,
             ..key("Shape of the platform, in the platform frame; its origin is the control point without a tool.") };
         SPINDLE_MODEL = Key { range: Model,
             ..key("Shape of the spindle on the platform, in the platform frame.") };
         TABLE_MODEL = Key { range: Model,
-            ..key("Shape of the table under the work, in base, with all axes at 0.") };
+            ..key("Shape of the table under the work, for viewers; placed in the base frame, with all axes at 0.") };
     }
 
     /// `[SECOND]`: the differences of a second mechanism.
     second {
         CENTRE = Key { parts: XYZ, pin: "second.centre", unit: LENGTH,
-            ..key("Point of its platform that stays at 0 in those of its X, Y, Z that no joint moves.") };
+            ..key("Like [PKM]CENTRE, for the second mechanism: in its platform's frame.") };
         SPINDLE_OFFSET = Key { pin: "second.spindle-offset", unit: LENGTH,
             ..key("Part of its tool length that is not in the tool table.") };
         TOOL_DIRECTION = Key { range: Word(DIRECTIONS),
