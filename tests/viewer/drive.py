@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Homes the machine that AXIS shows, runs its program, and takes a picture of both: `screens.py` runs it.
 
-    drive.py FOLDER home|program|refused|bare|touch-off        with INI_FILE_NAME and DISPLAY set
+    drive.py FOLDER home|program|refused|bare|touch-off|beside        with INI_FILE_NAME and DISPLAY set
     drive.py FOLDER outlived WINDOW PROCESS WORD     for another user interface, with INI_FILE_NAME set
 
 `program` writes home.png and program.png, and HAL's values at the time, home.json and program.json.
@@ -68,9 +68,12 @@ def title(name):
 
 def windows(name):
     """Returns left, top, width and height of the model's window, once it has its position."""
-    if not re.search('"(AXIS|axis)', tree()):
-        return None
-    found = re.search(rf'"{re.escape(name)}: pkmkins.*?\s(\d+)x(\d+)\+-?\d+\+-?\d+\s+\+(-?\d+)\+(-?\d+)', tree())
+    return rectangle(rf'"{re.escape(name)}: pkmkins') if re.search('"(AXIS|axis)', tree()) else None
+
+
+def rectangle(title):
+    """Returns left, top, width and height of a window by an expression for its title; `None` if it does not exist."""
+    found = re.search(rf'{title}.*?\s(\d+)x(\d+)\+-?\d+\+-?\d+\s+\+(-?\d+)\+(-?\d+)', tree())
     return [int(found[k]) for k in (3, 4, 1, 2)] if found else None
 
 
@@ -149,6 +152,19 @@ def refused(out, _ini, _name):
     wait(lambda: '"Filter failed' in tree(), "what AXIS says of the program")
     time.sleep(SETTLE_SECONDS)
     subprocess.run(["import", "-window", "root", str(out / "refused.png")], check=True, timeout=60)
+
+
+def beside(out, _ini, name):
+    """Records the positions of both windows as LinuxCNC starts them."""
+    kept = wait_for_axis(name)
+    # The model looks for AXIS twice a second.
+    before = None
+    while (now := {"axis": rectangle(r'\("axis" "Axis"\)'), "model": windows(name)}) != before:
+        before = now
+        time.sleep(2 * SETTLE_SECONDS)
+    (out / "beside.json").write_text(json.dumps(now))
+    subprocess.run(["import", "-window", "root", str(out / "beside.png")], check=True, timeout=60)
+    kept.exit()
 
 
 def bare(out, _ini, _name):
@@ -316,7 +332,7 @@ def main():
     out, ini = Path(sys.argv[1]), os.environ["INI_FILE_NAME"]
     if sys.argv[2] == "outlived":
         return outlived(out, ini, *sys.argv[3:])
-    {"home": home, "program": program, "refused": refused, "bare": bare, "touch-off": touch_off}[sys.argv[2]](out, ini, Path(ini).stem)
+    {"home": home, "program": program, "refused": refused, "bare": bare, "touch-off": touch_off, "beside": beside}[sys.argv[2]](out, ini, Path(ini).stem)
 
 
 if __name__ == "__main__":

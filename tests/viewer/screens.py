@@ -166,6 +166,17 @@ def without_the_command(out):
     return "homed, kinematics switched, without model and travel left"
 
 
+def model_beside_axis(out):
+    """Checks that the windows do not overlap as the shipped INI file starts them."""
+    driven("hexapod", out, "beside", lambda ini: ini.write_text(ini.read_text().replace(f" --geometry {MODEL}", "")))
+    found = json.loads((out / "beside.json").read_text())
+    (left, _, width, _), (model, top, wide, high) = found["axis"], found["model"]
+    screen = [int(part) for part in SCREEN.split("x")]
+    assert left == 0 and model >= width and model + wide <= screen[0] and top >= 0 and top + high <= screen[1], found
+    assert wide >= 500, f"the model is too small: {found}"
+    return f"AXIS {width} pixels wide, model {wide}"
+
+
 # AXIS executes ~/.axisrc in its own namespace. When drive.py requests it, this presses the button of the tool touch-off
 # and answers its dialog, which waits in its own loop.
 AXISRC = """
@@ -305,7 +316,7 @@ def survived(interface, out):
 # Cases in addition to the configurations.
 CASES = {**{f"under-{name}": partial(survived, interface) for name, interface in INTERFACES.items()},
          "a-filter-that-holds-back": filter_holds_back, "without-the-command": without_the_command,
-         "shapes-from-files": shapes_from_files, "tool-touch-off-at-a-tilt": tool_touch_off_at_a_tilt}
+         "model-beside-axis": model_beside_axis, "shapes-from-files": shapes_from_files, "tool-touch-off-at-a-tilt": tool_touch_off_at_a_tilt}
 
 
 def run_one(name, out):

@@ -435,6 +435,20 @@ def test_words_of_the_model(vismach, monkeypatch, given, expected):
         vismach.main()
 
 
+@pytest.mark.parametrize("area", [(0, 0, 1920, 1080), (0, 27, 1366, 741), (0, 0, 1280, 800), (60, 0, 3780, 2160)])
+def test_the_model_stands_beside_axis(vismach, area):
+    # AXIS with the panel of a hexapod.
+    width = 1118
+    x, y, wide, high = vismach.beside(area, width)
+    assert x == area[0] + width and x + wide <= area[0] + area[2], "beside AXIS, on the screen"
+    assert y == area[1] and y + high <= area[1] + area[3]
+    assert wide == high == min(area[2] - width, vismach.LARGE)
+
+
+def test_the_model_stays_on_a_screen_without_room_for_both(vismach):
+    assert vismach.beside((0, 0, 1024, 768), 1118) == (874, 0, 150, 150)
+
+
 # Formulas of the scene.
 
 
