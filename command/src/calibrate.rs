@@ -110,17 +110,20 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
         return Err(OwnFile(config.file.clone()).into());
     }
+    let bar = Bar::spinner("reading the measurements");
     let given = study::read(&config, &arguments.files, &wishes)?;
     study::look_for_mistakes(&config, &given, &arguments.files)?;
-    let bar = Bar::new("calibrating");
+    bar.next("calibrating".into());
     let study = study::study(&config, given, |share| bar.set(share))?;
     let target = arguments.write.as_ref().or(arguments.in_place.then_some(&config.file));
+    bar.next("writing the new file".into());
     let new = new_text(arguments, &config, &study)?;
-    drop(bar);
     let mut text = in_words(&config, &study);
     if arguments.next > 0 {
+        bar.next("choosing the next poses".into());
         text += &next(&config, &study, arguments.next)?;
     }
+    drop(bar);
     let mut concerns = beyond(arguments, &config, &study);
     let is_kept = !concerns.is_empty() && !arguments.accept;
     if let Some(target) = target.filter(|_| is_kept) {

@@ -141,18 +141,24 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         .map_err(|fault| Failure::at(in_words(&pose), fault))?;
     let subject =
         Subject { arguments, config: &config, study: &study, model, pose, tool, structure };
+    let bar = Bar::spinner("vibration modes");
     let Some(mut answer) = subject.answer() else {
+        drop(bar);
         report_error(&format!("{}: {}", in_words(&pose), Ended::Singular));
         return Ok(Verdict::Misfit);
     };
+    drop(bar);
     let moved = subject.moved()?;
+    let bar = Bar::spinner("linear theory");
     let linear = match (&moved, subject.noise()) {
         (Some((record, _)), Some(noise)) if arguments.program.is_none() => {
             subject.linear(&noise, record).map(|linear| (linear, noise))
         }
         _ => None,
     };
+    bar.say("drawing".into());
     subject.write(&answer, moved.as_ref().map(|(record, _)| record), linear.as_ref())?;
+    drop(bar);
     let verdict = moved.as_ref().map_or(Verdict::Fits, |(_, verdict)| *verdict);
     let reported = linear.map(|((covariance, leg_rms_n, spread), _)| LinearAnswer {
         rms_um: roots(&covariance),

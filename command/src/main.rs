@@ -378,7 +378,9 @@ fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
         Some(_) => MachineConfig::from_ini(&config.ini)?,
         None => config.clone().into(),
     };
+    let bar = Bar::spinner(READING);
     let (moves, files) = mechanism_moves::moves_of(config, &whole, program)?;
+    drop(bar);
     report_deleted(program, &files)?;
     match moves.iter().all(|step| step.stays(config)) {
         true => Err(JudgeError::MovesNothing(program.into()).into()),
@@ -417,12 +419,14 @@ impl Bar {
     fn spinner(message: &'static str) -> Self {
         let bar = ProgressBar::new_spinner().with_message(message);
         bar.set_style(style(UNKNOWN));
-        bar.enable_steady_tick(TICK);
         if output::is_quiet() {
             bar.set_draw_target(ProgressDrawTarget::hidden());
             return Self(bar);
         }
-        Self(BARS.add(bar))
+        let bar = Self(BARS.add(bar));
+        bar.0.enable_steady_tick(TICK);
+        bar.0.force_draw();
+        bar
     }
 
     /// Shows a message about a task of unknown length.
@@ -436,6 +440,7 @@ impl Bar {
         self.0.unset_length();
         self.0.reset();
         self.0.set_message(message);
+        self.0.force_draw();
     }
 
     /// Sets the completed share.
@@ -463,6 +468,9 @@ impl Bar {
         }
     }
 }
+
+/// Message while LinuxCNC reads a program without servo cycles.
+const READING: &str = "reading the program";
 
 /// Templates of bars with and without a length.
 const KNOWN: &str = "{msg} {bar:40} {percent} %, {eta} left";

@@ -85,8 +85,9 @@ fn read(
     let bar = Bar::new("choosing poses");
     let proposal = propose(config, &setup, tolerance, |share| bar.set(share))
         .map_err(|error| Failure::at(arguments.gauge.display(), error))?;
-    drop(bar);
+    bar.next("checking the path".into());
     follow(config, &setup, &proposal)?;
+    drop(bar);
     let [program, table] = &files;
     let name = table.file_name().unwrap_or_default().to_string_lossy();
     write_both(
@@ -108,7 +109,9 @@ fn probe(arguments: &Arguments, config: &Mechanism) -> Result<Verdict, Failure> 
     let [program, hal] = files(arguments, ["ngc", "hal"])?;
     let log = with_ending(&arguments.output, "log");
     let log = log.file_name().unwrap_or_default().to_string_lossy();
+    let bar = Bar::spinner("choosing touches");
     let found = probing::probing(config, &arguments.gauge, &log)?;
+    drop(bar);
     write_both((&program, &found.program), (&hal, &found.hal))?;
     let tilts: Vec<String> =
         found.tilts.iter().map(|[a, b, c]| format!("A{a} B{b} C{c}")).collect();

@@ -2,7 +2,7 @@
 //! `pkm path`.
 
 use super::failure::{Failure, refused};
-use super::{MachineFile, Verdict, output, write_out};
+use super::{Bar, MachineFile, Verdict, output, write_out};
 use draw::curve::{of_carriages, of_job, of_route};
 use draw::plot::{DrawError, Plot};
 use machine::files::write_whole;
@@ -91,17 +91,19 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let place = arguments.path.display();
     match (&file.curve, file.operation.is_empty(), &file.carriages) {
         (Some(_), true, None) => {
+            let bar = Bar::spinner("finding the path");
             let found = route(&config, &file).map_err(|error| Failure::at(place, error))?;
             let plots = || of_route(&config, &found);
-            write(arguments, &found.program, || csv(&config, &found.rows), plots)?;
+            write(arguments, &found.program, || csv(&config, &found.rows), plots, bar)?;
             report(&found);
             output::answer(&of_program(arguments, &config, &found.program, &route_value(&found)))?;
         }
         (None, true, Some(_)) => return backwards(arguments, &config, &file),
         (None, false, None) => {
+            let bar = Bar::spinner("finding the path");
             let found = job(&config, &file).map_err(|error| Failure::at(place, error))?;
             let plots = || of_job(&config, &found);
-            write(arguments, &found.program, || job::csv(&config, &found), plots)?;
+            write(arguments, &found.program, || job::csv(&config, &found), plots, bar)?;
             report_job(&config, &found);
             let operations = json!({ "operations": found.done.iter().map(|done| json!({
                 "name": done.name,
@@ -128,12 +130,14 @@ fn backwards(
         let text = "--output: laws of joints give no program; use --csv for the path of the tool";
         return Err(refused(text));
     }
+    let bar = Bar::spinner("finding the path");
     let places = carriages::taken(config, file)
         .map_err(|error| Failure::at(arguments.path.display(), error))?;
     if let Some(folder) = &arguments.plots {
         Plot::write_all(&of_carriages(config, &places)?, folder)?;
     }
     let text = carriages::csv(config, &places);
+    drop(bar);
     write_out(&text, arguments.csv.as_deref())?;
     output::answer(&json!({ "machine": config.file, "path": arguments.path, "table": text }))?;
     Ok(Verdict::Fits)
@@ -172,6 +176,7 @@ fn write(
     program: &str,
     csv: impl FnOnce() -> String,
     plots: impl FnOnce() -> Result<Vec<Plot>, DrawError>,
+    bar: Bar,
 ) -> Result<(), Failure> {
     if let Some(folder) = &arguments.plots {
         Plot::write_all(&plots()?, folder)?;
@@ -179,6 +184,7 @@ fn write(
     if let Some(file) = &arguments.csv {
         write_whole(file, &csv())?;
     }
+    drop(bar);
     write_out(program, arguments.output.as_deref())
 }
 

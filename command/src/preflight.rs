@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused, report_error};
 use super::run::{Control, Progress};
-use super::{MachineFile, Verdict, output, print_text, report};
+use super::{Bar, MachineFile, READING, Verdict, output, print_text, report};
 use linuxcnc::process::Options;
 use linuxcnc::row::Row;
 use linuxcnc::trace::Trace;
@@ -104,7 +104,12 @@ fn run_one(
             course.filter(|course| shows_what_breaks(config.first(), &verdict.found, course));
         let course = match shown {
             Some(course) => course,
-            None => Course::along(config.first(), &motion::moves(config, program, None)?),
+            None => {
+                let bar = Bar::spinner(READING);
+                let course = Course::along(config.first(), &motion::moves(config, program, None)?);
+                drop(bar);
+                course
+            }
         };
         write_whole(file, &report::page(&verdict, &course)?)?;
     }

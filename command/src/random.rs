@@ -2,7 +2,7 @@
 //! `pkm random`.
 
 use super::failure::{Failure, refused, report_error};
-use super::{MachineFile, Verdict, output, print_text};
+use super::{Bar, MachineFile, Verdict, output, print_text};
 use program::random_program::random_program;
 use serde_json::json;
 
@@ -36,7 +36,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         return Err(refused(text));
     }
     let config = arguments.machine.read()?;
-    match random_program(&config, arguments.seed, seconds) {
+    let bar = Bar::spinner("choosing moves");
+    let found = random_program(&config, arguments.seed, seconds);
+    drop(bar);
+    match found {
         Ok(text) => {
             print_text(&text)?;
             output::answer(&json!({ "machine": config.file, "program": text }))?;

@@ -4,7 +4,7 @@
 use super::failure::{Failure, report_error};
 use super::output::Table;
 use super::poses::{Source, Stop};
-use super::{MachineFile, StudyFile, Verdict};
+use super::{Bar, MachineFile, StudyFile, Verdict};
 use draw::course::Course;
 use draw::plot::Plot;
 use draw::rods::of_rods;
@@ -49,8 +49,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let view = View::new(&config, points, diameter);
     let mut source = arguments.source.read(&config)?;
     let mut message: Vec<String> = source.end.take().into_iter().collect();
-    let mut seen = vec![];
-    for stop in &source.stops {
+    let (mut seen, count) = (vec![], source.stops.len());
+    let bar = Bar::new("measuring the rods");
+    for (n, stop) in source.stops.iter().enumerate() {
+        bar.set(n as f64 / count as f64);
         match view.at(&stop.pose, &stop.tool) {
             Ok(rods) => seen.push((*stop, rods)),
             Err(fault) => message.push(format!("line {}: {fault}", stop.line)),
@@ -64,6 +66,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let rods: Vec<Rods> = seen.iter().map(|(_, rods)| rods.clone()).collect();
         Plot::write_all(&of_rods(&config, &course, &rods)?, folder)?;
     }
+    drop(bar);
     for text in &message {
         report_error(text);
     }

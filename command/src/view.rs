@@ -149,8 +149,10 @@ fn draw(arguments: &Arguments, page: &str) -> Result<(), Failure> {
     };
     write_whole(&camera.page, page)?;
     if let Some(file) = &arguments.picture {
+        let bar = Bar::spinner("drawing the picture");
         // The middle frame of three.
         let frames = camera.frames(1..2, 3)?;
+        drop(bar);
         let mut whole = Whole::new(file)?;
         whole.write_all(&frames[0]).at(file)?;
         whole.finish()?;

@@ -156,7 +156,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if let Some(folder) = &arguments.plots {
         // From its center, if inside, the resolution is the same on all sides.
         let step = workspace.extent() / STEPS;
-        let effort = Effort { bands: arguments.bands.into(), step, grid: 0, progress: &|_| () };
+        let bar = Bar::new("drawing the workspace");
+        let progress = |share| bar.set(share);
+        let effort = Effort { bands: arguments.bands.into(), step, grid: 0, progress: &progress };
         let pictured = pool.install(|| Body::seen(&workspace, body.middle(), &effort));
         let plots = of_workspace(meant, pictured.as_ref().unwrap_or(body), slices)?;
         Plot::write_all(&plots, folder)?;

@@ -5,7 +5,7 @@ use crate::commands::Bench;
 use std::fs;
 use test_support::shipped::folder;
 
-const STUDY: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
+pub const STUDY: &str = "[platform]\nmass_kg = 2\ncentre_mm = [0, 0, 20]\n\
     [legs]\nstiffness_n_per_um = 5\ndamping_ratio = 0.05\n\
     [force]\nsigma_n = [20, 20, 10]\ncorner_hz = 200\nseconds = 0.2\n\
     [cutting]\nteeth = 2\nentry_deg = 0\nexit_deg = 90\ndepth_mm = 1\nkt_n_per_mm2 = 700\nkr_n_per_mm2 = 200\n\

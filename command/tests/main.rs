@@ -27,6 +27,7 @@ mod page;
 mod panel;
 mod path_refusals;
 mod pictures;
+mod progress;
 mod scene;
 mod slips;
 mod sources;

@@ -149,7 +149,7 @@ fn assert_holds_everywhere(config: &Mechanism) {
 }
 
 /// Returns the command with every required value from the table's examples.
-fn example(kind: &str) -> String {
+pub fn example(kind: &str) -> String {
     let kind = KINDS.iter().find(|known| known.name == kind).unwrap();
     let needed = kind.parameters().into_iter().filter(|p| p.need != Need::Optional);
     let words = needed.map(|p| format!(" --{} {}", p.name, p.default));

@@ -175,7 +175,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let bar = Bar::new("stable depths");
     let first = usize::from(arguments.columns);
     let map = StableMap::new(&rows, &setup.process, range, deepest, first, |share| bar.set(share));
-    drop(bar);
+    bar.next("limits by zero order and at single speeds".into());
     let zero_order = |rpm: f64| lobes.limit(rpm).map(|limit| limit.depth);
     if let Some(folder) = &arguments.plots {
         Plot::write_all(&plots(&setup, &rows, &map, &lobes, range)?, folder)?;
@@ -215,6 +215,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             })
             .collect(),
     };
+    drop(bar);
     output::answer(&answer)?;
     let mut out = output::people();
     writeln!(out, "{} at {}", config.file.display(), in_words(&pose))?;

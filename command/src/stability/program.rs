@@ -2,7 +2,7 @@
 //! `pkm stability program`.
 
 use super::super::failure::{Failure, refused};
-use super::super::{Bar, MachineFile, Verdict, in_words, output, report_deleted};
+use super::super::{Bar, MachineFile, READING, Verdict, in_words, output, report_deleted};
 use super::{Speeds, setup};
 use ::program::motion::{self, Move, MoveKind, Spindle};
 use draw::plot::Plot;
@@ -150,7 +150,9 @@ impl Job {
     pub fn moves(&self, config: &Mechanism) -> Result<Vec<Move>, Failure> {
         // Reported before LinuxCNC starts, in the system's words.
         open(&self.program)?;
+        let bar = Bar::spinner(READING);
         let (mut moves, files) = motion::read(&config.clone().into(), &self.program, None)?;
+        drop(bar);
         report_deleted(&self.program, &files)?;
         if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
             let (file, line) = (self.program.display(), step.line);
