@@ -146,6 +146,36 @@ fn a_map_is_drawn_within_the_limits() {
 }
 
 #[test]
+fn where_every_depth_is_stable_is_reported_and_drawn() {
+    let bench = Bench::new().with("study.toml", DELTA);
+    let read = |name: &str| fs::read_to_string(bench.0.path().join(name)).unwrap();
+    // So fast that no lobe is left.
+    let words = "stability map linear-delta.ini --study study.toml --grid 3 --rpm 1e6 --plots fast";
+    let answer = bench.answer(words, "");
+    assert_output(&answer, 0, &["  every depth is stable at "]);
+    assert!(!answer.contains("inf ") && !answer.contains("least  "), "{answer}");
+    assert!(read("fast/limit-depth-xy.svg").contains("every depth"));
+    let pose = "stability pose linear-delta.ini --study study.toml --columns 3";
+    let found = bench.answer(&format!("{pose} --speeds 1e6 2e6 --plots fast --format json"), "");
+    assert_eq!(json(&found)["without_unstable_rpm"], serde_json::json!([[1e6, 2e6]]));
+    assert!(read("fast/lobes.svg").contains("Zero order: every depth is stable at these spindle"));
+    let map = read("fast/stable-depths.svg");
+    assert!(map.contains("At these spindle speeds every depth up to "), "{map}");
+    assert!(map.contains("zero order: every depth is stable"), "{map}");
+    // Lobes far above the plot.
+    let words = format!("{pose} --speeds 7000 7100 --deepest 0.01 --plots low");
+    let reported =
+        "every depth up to 0.010 mm is stable at the sampled speeds 7000.0 to 7100.0 1/min";
+    assert_output(&bench.answer(&words, ""), 0, &[reported]);
+    assert!(read("low/lobes.svg").contains("Zero order: every depth up to 0.01 mm is stable"));
+    assert!(read("low/stable-depths.svg").contains("zero order: above the plot"));
+    // Lobes in the plot, and no bar.
+    bench.answer(&format!("{pose} --speeds 7000 7100 --plots high"), "");
+    let lobes = read("high/lobes.svg");
+    assert!(lobes.contains("lobes") && !lobes.contains("every depth"), "{lobes}");
+}
+
+#[test]
 fn a_program_is_judged_at_its_spindle_speeds() {
     let study = format!("{DELTA}depth_mm = 0.01\n");
     let cut = "G21 G90 G64\nS9000 M3\nG0 Z20\nG1 X10 F600\nS6000\nG1 Y20\nG1 Z15\nM2\n";

@@ -174,7 +174,13 @@ fn report(machine: &std::path::Path, places: &[MapPoint], rpm: Option<f64>) -> R
     let most = places.iter().max_by(|a, b| a.depth.total_cmp(&b.depth));
     for (name, place) in [("least", least), ("most", most)] {
         let Some(MapPoint { position: [x, y, z], depth }) = place else { continue };
-        writeln!(out, "  {name:<6} {depth:10.4} mm at X{x:.3} Y{y:.3} Z{z:.3}")?;
+        if depth.is_finite() {
+            writeln!(out, "  {name:<6} {depth:10.4} mm at X{x:.3} Y{y:.3} Z{z:.3}")?;
+        }
+    }
+    match places.iter().filter(|place| place.depth.is_infinite()).count() {
+        0 => {}
+        count => writeln!(out, "  every depth is stable at {count} of {} positions", places.len())?,
     }
     writeln!(out, "{WORTH}")?;
     out.flush()?;

@@ -94,6 +94,8 @@ struct Answer {
     deepest_mm: f64,
     best: Speed,
     worst: Speed,
+    /// Ranges of sampled speeds without an unstable depth up to the deepest.
+    without_unstable_rpm: Vec<[f64; 2]>,
     at: Vec<Single>,
     map: Vec<Column>,
 }
@@ -200,6 +202,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         deepest_mm: deepest,
         best: speed(&map, map.best()),
         worst: speed(&map, map.worst()),
+        without_unstable_rpm: map.without_unstable(),
         at: arguments
             .rpm
             .iter()
@@ -285,7 +288,7 @@ fn plots(
         omegas.map(|omega| (omega, receptance(rows, omega)[(k, k)].modulus())).collect()
     };
     let lobes = lobes.curves(LOBES);
-    let mut plots = vec![of_stable_map(map, &line)?, of_lobes(&lobes, [low, high], map.most)?];
+    let mut plots = vec![of_stable_map(map, &line)?, of_lobes(&lobes, &line, map.most)?];
     if setup.is_milling() {
         plots.push(of_tip([amplitude(0), amplitude(1)])?);
     }
@@ -347,15 +350,28 @@ fn report(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
         let at_least = if depth < deepest { "" } else { "at least " };
         writeln!(out, "    {name:<6} {rpm:10.1} 1/min: stable to {at_least}{depth:.4} mm")?;
     }
+    let ranges: Vec<String> = answer
+        .without_unstable_rpm
+        .iter()
+        .map(|[low, high]| format!("{low:.1} to {high:.1}"))
+        .collect();
+    if !ranges.is_empty() {
+        writeln!(
+            out,
+            "    every depth up to {deepest:.3} mm is stable at the sampled speeds {} 1/min",
+            ranges.join(", ")
+        )?;
+    }
     for single in &answer.at {
-        let zero = single.zero_order_mm.map_or("none".into(), |depth| format!("{depth:.4} mm"));
+        let zero = single.zero_order_mm;
+        let zero = zero.map_or("every depth is stable".into(), |depth| format!("{depth:.4} mm"));
         writeln!(out, "  {} 1/min: zero order {zero}", single.rpm)?;
         for band in &single.unstable {
             let to = band.to_mm.map_or("beyond".into(), |depth| format!("to {depth:.4} mm"));
             writeln!(out, "    unstable from {:.4} mm {to} ({})", band.from_mm, band.loss)?;
         }
         if single.unstable.is_empty() {
-            writeln!(out, "    stable")?;
+            writeln!(out, "    every depth up to {deepest:.3} mm is stable")?;
         }
         match single.semi_discretisation {
             _ if single.unstable.is_empty() => {}

@@ -122,7 +122,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let speed = |k: usize| range[0] + (range[1] - range[0]) * k as f64 / (SPEEDS - 1) as f64;
     let best = path.best(&(0..SPEEDS).map(speed).collect::<Vec<_>>());
     drop(bar);
-    write(arguments, &stops, &depths)?;
+    write(arguments, &stops, &depths, deepest)?;
     let files = [config.file.clone(), arguments.job.program.clone()];
     let answer = answer(files, &stops, &depths, feed_moves, deepest, cut, best);
     output::answer(&answer)?;
@@ -200,7 +200,12 @@ fn answer(
     }
 }
 
-fn write(arguments: &Arguments, stops: &[Stop], depths: &[Depth]) -> Result<(), Failure> {
+fn write(
+    arguments: &Arguments,
+    stops: &[Stop],
+    depths: &[Depth],
+    deepest: f64,
+) -> Result<(), Failure> {
     if let Some(file) = &arguments.csv {
         let header = [
             "line",
@@ -224,7 +229,7 @@ fn write(arguments: &Arguments, stops: &[Stop], depths: &[Depth]) -> Result<(), 
     }
     if let Some(folder) = &arguments.plots {
         let depths: Vec<f64> = depths.iter().map(|depth| depth.stable_to).collect();
-        Plot::write_all(&[of_path(&depths)?], folder)?;
+        Plot::write_all(&[of_path(&depths, deepest)?], folder)?;
     }
     Ok(())
 }

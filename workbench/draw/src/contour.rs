@@ -5,7 +5,7 @@ use crate::plot::DrawError;
 use crate::sheet::{
     Area, Chart, Frame, SIZE, drawn_on, path_axes, round_steps, span, tick, width_for,
 };
-use crate::style::{GRAY, SMALL, letters_at, shade, width_of};
+use crate::style::{GRAY, GREEN, SMALL, letters_at, shade, width_of};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 
@@ -19,12 +19,14 @@ const SHADES: usize = 32;
 /// Least distance of labels from the border and from each other, as a share of the map's side.
 const APART: f64 = 0.06;
 
-/// Draws a shaded map with contour lines, and its scale next to it; white where there is no value.
+/// Draws a shaded map with contour lines, and its scale next to it; white where there is no value. Infinite values have
+/// a color of their own, which `unlimited` explains in lines below the scale.
 pub(super) fn contoured(
     frame: &Frame,
     unit: &str,
     sides: &[Vec<f64>; 2],
     values: &[f64],
+    unlimited: &[&str],
 ) -> Result<String, DrawError> {
     let map = Map { sides, values, range: span(values.iter().copied().filter(|v| v.is_finite())) };
     let corners = [0, 1].map(|end| map.corner(end));
@@ -38,7 +40,8 @@ pub(super) fn contoured(
         chart.draw_series([PathElement::new(border, GRAY.stroke_width(1))])?;
         let levels = map.levels();
         map.draw_lines(&mut chart, &levels)?;
-        map.draw_scale(&scale, unit, &levels)
+        map.draw_scale(&scale, unit, &levels)?;
+        map.draw_unlimited(&scale, unlimited)
     })
 }
 
@@ -55,11 +58,15 @@ impl Map<'_> {
         (of(across), of(up))
     }
 
-    /// Returns the shade of a value; in a map with a single value the middle one.
-    fn step(&self, value: f64) -> Option<usize> {
+    /// Returns the color of a value; in a map with a single value the middle one.
+    fn color(&self, value: f64) -> Option<RGBColor> {
+        if value == f64::INFINITY {
+            return Some(GREEN);
+        }
         let (low, high) = self.range;
         let share = if high > low { (value - low) / (high - low) } else { 0.5 };
-        value.is_finite().then_some((share * (SHADES - 1) as f64).round() as usize)
+        let steps = (SHADES - 1) as f64;
+        value.is_finite().then(|| shade((share * steps).round() / steps))
     }
 
     /// Draws the shades: every grid point fills half the distance to its neighbors; neighbors in a row with the same
@@ -67,14 +74,14 @@ impl Map<'_> {
     fn draw_shades(&self, chart: &mut Chart) -> Result<(), DrawError> {
         let [across, up] = self.sides;
         for (j, row) in self.values.chunks(across.len()).enumerate() {
-            let steps: Vec<Option<usize>> = row.iter().map(|value| self.step(*value)).collect();
+            let colors: Vec<Option<RGBColor>> =
+                row.iter().map(|value| self.color(*value)).collect();
             let mut from = 0;
-            for cells in steps.chunk_by(|a, b| a == b) {
+            for cells in colors.chunk_by(|a, b| a == b) {
                 let to = from + cells.len();
-                if let Some(step) = cells[0] {
+                if let Some(color) = cells[0] {
                     let corners =
                         [(edge(across, from), edge(up, j)), (over(across, to), over(up, j + 1))];
-                    let color = shade(step as f64 / (SHADES - 1) as f64);
                     chart.draw_series([Rectangle::new(corners, color.filled())])?;
                 }
                 from = to;
@@ -144,6 +151,22 @@ impl Map<'_> {
             let y = place((level - low) / (high - low));
             area.draw(&PathElement::new([(0, y), (28, y)], BLACK.stroke_width(1)))?;
             area.draw(&Text::new(tick(level), (32, y), style.clone()))?;
+        }
+        Ok(())
+    }
+
+    /// Draws the color of infinite values, if there are any, with its meaning.
+    fn draw_unlimited(&self, area: &Area, meaning: &[&str]) -> Result<(), DrawError> {
+        if !self.values.contains(&f64::INFINITY) {
+            return Ok(());
+        }
+        let top = SIZE.1 as i32 - 42;
+        let corners = [(0, top), (22, top + 16)];
+        area.draw(&Rectangle::new(corners, GREEN.filled()))?;
+        area.draw(&Rectangle::new(corners, GRAY.stroke_width(1)))?;
+        let style = letters_at(SMALL, HPos::Left, VPos::Center);
+        for (k, line) in meaning.iter().enumerate() {
+            area.draw(&Text::new(*line, (28, top + 8 + 16 * k as i32), style.clone()))?;
         }
         Ok(())
     }

@@ -62,7 +62,7 @@ pub fn of_map(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
                 y: &format!("{} in {length}", letters[1]),
                 limits: vec![],
             };
-            let svg = contoured(&frame, unit, &map.sides, &values)?;
+            let svg = contoured(&frame, unit, &map.sides, &values, &["unlimited"])?;
             let file = format!("{file}-{}.svg", plane.to_lowercase());
             Ok(Plot { file, caption: caption.clone(), svg })
         };

@@ -6,8 +6,8 @@ use crate::key::{Key, Sign, keyed};
 use crate::lines::{Line, drawn_lines, without_stairs};
 use crate::partition::{Partition, partitioned, places};
 use crate::plot::{DrawError, Plot};
-use crate::sheet::{Frame, axes, path_axes};
-use crate::style::{GRAY, limit_style, line_style};
+use crate::sheet::{Chart, Frame, axes, path_axes, tick};
+use crate::style::{GRAY, GREEN, limit_style, line_style};
 use nalgebra::{Complex, ComplexField};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
@@ -267,31 +267,79 @@ const LOSSES: [(Loss, RGBColor, &str); 3] = [
     (Loss::Fold, GRAY, "unstable, deflection grows"),
 ];
 
-/// Draws unstable depths over spindle speeds, darker if the vibration has a period of two tooth periods; the line is
-/// the zero-order limit (1/min, mm).
+/// Shade of stable depths.
+const STABLE: RGBColor = RGBColor(224, 243, 238);
+
+/// Returns the style of stable depths, through which the grid of the plot is visible.
+fn stable_style() -> ShapeStyle {
+    GREEN.mix(0.12).filled()
+}
+
+/// Returns a depth with at most three digits behind the point.
+fn short(depth: f64) -> String {
+    tick(&((depth * 1e3).round() / 1e3))
+}
+
+/// Height of the bar over speeds without an unstable depth, as a share of the plot.
+const BAR: f64 = 0.025;
+
+/// Draws a bar along the upper end of a plot over ranges of speeds.
+fn draw_bars(chart: &mut Chart, ranges: &[[f64; 2]], most: f64) -> Result<(), DrawError> {
+    let bar = |[low, high]: &[f64; 2]| {
+        Rectangle::new([(*low, (1.0 - BAR) * most), (*high, most)], GREEN.filled())
+    };
+    chart.draw_series(ranges.iter().map(bar))?;
+    Ok(())
+}
+
+/// Returns the ranges of speeds at which a limit (1/min, mm) is infinite.
+fn unlimited(limits: &[(f64, f64)]) -> Vec<[f64; 2]> {
+    let runs = limits.chunk_by(|a, b| a.1.is_infinite() == b.1.is_infinite());
+    let runs = runs.filter(|run| run[0].1.is_infinite());
+    runs.map(|run| [run[0].0, run[run.len() - 1].0]).collect()
+}
+
+/// Draws unstable depths over spindle speeds, darker if the vibration has a period of two tooth periods, and a bar over
+/// speeds without an unstable depth; the line is the zero-order limit (1/min, mm; infinite if every depth is stable).
 ///
 /// # Errors
 /// As [`DrawError`].
 pub fn of_stable_map(map: &StableMap, zero_order: &[(f64, f64)]) -> Result<Plot, DrawError> {
-    let caption = "Stable depths by spindle speed";
+    let ranges = map.without_unstable();
+    let all = format!("every depth up to {} mm is stable", short(map.most));
+    let caption = match map.columns.iter().all(|column| column.bands.is_empty()) {
+        true => format!("At these spindle speeds {all}"),
+        false => "Stable depths by spindle speed".into(),
+    };
     let frame =
-        Frame { title: caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
+        Frame { title: &caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
     let [first, last] = [&map.columns[0], &map.columns[map.columns.len() - 1]].map(|c| c.rpm);
     let has = |loss: Loss| map.columns.iter().any(|c| c.bands.iter().any(|band| band.loss == loss));
     let shades = LOSSES.iter().filter(|(loss, ..)| has(*loss));
     let shades = shades.map(|(_, color, name)| Key::new(Sign::Area(*color), name));
-    let stable = [Key::new(Sign::Area(WHITE), "stable")];
-    let line = [Key::new(Sign::Line(limit_style()), "zero order")];
-    let keys: Vec<Key> = stable.into_iter().chain(shades).chain(line).collect();
+    let stable = [Key::new(Sign::Area(STABLE), "stable")];
+    let bar = (!ranges.is_empty()).then(|| Key::new(Sign::Area(GREEN), &all));
+    let is_drawn = zero_order.iter().any(|point| point.1 <= map.most);
+    let is_stable = zero_order.iter().all(|point| point.1.is_infinite());
+    let name = match (is_drawn, is_stable) {
+        (true, _) => "zero order",
+        (_, true) => "zero order: every depth is stable",
+        _ => "zero order: above the plot",
+    };
+    let line = [Key::new(Sign::Line(limit_style()), name)];
+    let keys: Vec<Key> = stable.into_iter().chain(bar).chain(shades).chain(line).collect();
     let svg = keyed(&keys, |area| {
         let mut chart = axes(area, &frame, first..last, 0.0..map.most)?;
+        let corners = [(first, 0.0), (last, map.most)];
+        chart.draw_series([Rectangle::new(corners, stable_style())])?;
         let cells = map.columns.windows(2).flat_map(|pair| cells(&pair[0], &pair[1]));
         chart.draw_series(cells.map(|(corners, color)| Polygon::new(corners, color.filled())))?;
+        draw_bars(&mut chart, &ranges, map.most)?;
         let inside = zero_order.split(|point| !(point.1 <= map.most)).filter(|part| part.len() > 1);
         chart.draw_series(inside.map(|part| PathElement::new(part.to_vec(), limit_style())))?;
         Ok(())
     })?;
-    Ok(Plot { file: "stable-depths.svg".into(), caption: caption.into(), svg })
+    Ok(Plot { file: "stable-depths.svg".into(), caption: caption.clone(), svg })
 }
 
 /// Returns the unstable areas between two columns: bands of both columns are connected if they match, others
@@ -316,23 +364,39 @@ fn cells(left: &Column, right: &Column) -> Vec<(Vec<(f64, f64)>, RGBColor)> {
     [half(left), half(right)].concat()
 }
 
-/// Draws stability lobes of the zero-order approximation, within spindle speeds (1/min) and up to a depth in
-/// mm.
+/// Draws stability lobes of the zero-order approximation up to a depth in mm, above the stable depths below their limit
+/// over the spindle speeds of the plot (1/min, mm; infinite if every depth is stable).
 ///
 /// # Errors
 /// As [`DrawError`].
 pub fn of_lobes(
     lobes: &[Vec<LobePoint>],
-    [low, high]: [f64; 2],
+    limit: &[(f64, f64)],
     most: f64,
 ) -> Result<Plot, DrawError> {
-    let caption = "Stability lobes, zero order: stable below all of them";
+    let ranges = unlimited(limit);
+    let is_stable = limit.iter().all(|point| point.1.is_infinite());
+    let caption = match limit.iter().any(|point| point.1 < most) {
+        true => "Stability lobes, zero order".into(),
+        false if is_stable => "Zero order: every depth is stable at these spindle speeds".into(),
+        false => format!("Zero order: every depth up to {} mm is stable", short(most)),
+    };
     let frame =
-        Frame { title: caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
+        Frame { title: &caption, x: "spindle speed in 1/min", y: "depth in mm", limits: vec![] };
+    let [low, high] = [limit[0].0, limit[limit.len() - 1].0];
     let is_seen =
         |point: &LobePoint| (low..=high).contains(&point.rpm) && point.limit.depth <= most;
-    let svg = keyed(&[Key::line(0, "lobes")], |area| {
+    let bar = (!ranges.is_empty()).then(|| Key::new(Sign::Area(GREEN), "every depth is stable"));
+    let stable = [Key::new(Sign::Area(STABLE), "stable")];
+    let lines = lobes.iter().flatten().any(|point| is_seen(point)).then(|| Key::line(0, "lobes"));
+    let keys: Vec<Key> = stable.into_iter().chain(bar).chain(lines).collect();
+    let svg = keyed(&keys, |area| {
         let mut chart = axes(area, &frame, low..high, 0.0..most)?;
+        let top = limit.iter().map(|point| (point.0, point.1.min(most)));
+        let corners: Vec<(f64, f64)> =
+            [(low, 0.0)].into_iter().chain(top).chain([(high, 0.0)]).collect();
+        chart.draw_series([Polygon::new(corners, stable_style())])?;
+        draw_bars(&mut chart, &ranges, most)?;
         for lobe in lobes {
             for part in lobe.split(|point| !is_seen(point)).filter(|part| part.len() > 1) {
                 let points: Vec<(f64, f64)> =
@@ -342,7 +406,7 @@ pub fn of_lobes(
         }
         Ok(())
     })?;
-    Ok(Plot { file: "lobes.svg".into(), caption: caption.into(), svg })
+    Ok(Plot { file: "lobes.svg".into(), caption: caption.clone(), svg })
 }
 
 /// Draws receptances of the tool tip along the feed and its normal, um/N over Hz.
@@ -364,7 +428,7 @@ pub fn of_tip(lines: [Vec<(f64, f64)>; 2]) -> Result<Plot, DrawError> {
     Ok(Plot { file: "tip-response.svg".into(), caption: caption.into(), svg })
 }
 
-/// Draws a map of limit depths (mm) over a plane of two coordinates.
+/// Draws a map of limit depths (mm; infinite if every depth is stable) over a plane of two coordinates.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -383,22 +447,25 @@ pub fn of_depths(
         y: &format!("{} in {unit}", letters[1]),
         limits: vec![],
     };
-    let svg = contoured(&frame, "mm", sides, depths)?;
+    let svg = contoured(&frame, "mm", sides, depths, &["every depth", "is stable"])?;
     let file = format!("limit-depth-{}.svg", plane.to_lowercase());
     Ok(Plot { file, caption: caption.clone(), svg })
 }
 
-/// Draws limit depths (mm) along a program, in order.
+/// Draws limit depths (mm) along a program, in order; the largest depth examined limits them.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_path(depths: &[f64]) -> Result<Plot, DrawError> {
+pub fn of_path(depths: &[f64], deepest: f64) -> Result<Plot, DrawError> {
     let caption = "Depth up to which the program is stable";
     let frame = Frame {
         title: caption,
         x: "number of the position along the program",
         y: "depth in mm",
-        limits: vec![],
+        limits: match depths.iter().any(|depth| *depth >= deepest) {
+            true => vec![("largest depth examined".into(), deepest)],
+            false => vec![],
+        },
     };
     let points = depths.iter().enumerate().map(|(k, depth)| (k as f64, *depth)).collect();
     let svg = drawn_lines(&frame, &[Line { name: "limit".into(), points }])?;

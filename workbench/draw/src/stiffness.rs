@@ -24,7 +24,7 @@ pub fn of_stiffness(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
             y: &format!("{} in {}", letters[1], length),
             limits: vec![],
         };
-        let svg = contoured(&frame, unit, &map.sides, &values)?;
+        let svg = contoured(&frame, unit, &map.sides, &values, &["unlimited"])?;
         let file = format!("stiffness-{what}-{}.svg", plane.to_lowercase());
         Ok(Plot { file, caption: caption.clone(), svg })
     };

@@ -66,6 +66,13 @@ impl StableMap {
         Self { most, columns }
     }
 
+    /// Returns the ranges of sampled speeds (1/min) at which no depth up to the largest one is unstable.
+    pub fn without_unstable(&self) -> Vec<[f64; 2]> {
+        let runs = self.columns.chunk_by(|a, b| a.bands.is_empty() == b.bands.is_empty());
+        let runs = runs.filter(|run| run[0].bands.is_empty());
+        runs.map(|run| [run[0].rpm, run[run.len() - 1].rpm]).collect()
+    }
+
     /// Returns the column whose stable range from 0 is largest.
     pub fn best(&self) -> &Column {
         self.by_depth(true)
