@@ -14,6 +14,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use studies::cut::judge::Cut;
 use studies::cut::report::{Drive, LineReport, Most, Report};
+use studies::cut::words::place;
 use studies::study::file::Study;
 
 /// Compute forces, deflection and vibration while a program cuts
@@ -24,7 +25,8 @@ use studies::study::file::Study;
 /// under the teeth; the depth at which chatter starts; and the worst lines.
 ///
 /// Every feed move counts as a cut with the study's immersion and depth, because the position of
-/// the stock is not known. A plunge counts as a feed across the tool. If LinuxCNC cannot run the
+/// the stock is not known. Results have the time, because a loop runs a line several times; the
+/// plots of --report are over time. A plunge counts as a feed across the tool. If LinuxCNC cannot run the
 /// program, time and inertia are not judged.
 ///
 ///     [cutting]
@@ -97,8 +99,8 @@ fn report(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
         ("vibration", "um under the teeth", &answer.vibration_um),
     ];
     for (name, unit, most) in peaks {
-        let Some(Most { value, line, .. }) = most else { continue };
-        writeln!(out, "  {name:<12}  {value:.4} {unit}, line {line}")?;
+        let Some(Most { value, line, at_s, .. }) = most else { continue };
+        writeln!(out, "  {name:<12}  {value:.4} {unit}, {}", place(*line, *at_s))?;
     }
     if let Some([x, y, z]) = answer.resolution_um {
         writeln!(
@@ -122,7 +124,7 @@ fn shown(value: Option<f64>, digits: usize) -> String {
 }
 
 fn report_drives(out: &mut impl Write, drives: &[Drive]) -> Result<(), Failure> {
-    writeln!(out, "\ndrive: largest load, allowed; motor in Nm, allowed; share, line")?;
+    writeln!(out, "\ndrive: largest load, allowed; motor in Nm, allowed; share; line and time")?;
     for drive in drives {
         writeln!(
             out,
@@ -134,7 +136,7 @@ fn report_drives(out: &mut impl Write, drives: &[Drive]) -> Result<(), Failure> 
             shown(drive.motor_torque_n_m, 3),
             shown(drive.motor_limit_n_m, 3),
             shown(drive.share, 3),
-            drive.line
+            place(drive.line, drive.at_s)
         )?;
     }
     Ok(())
@@ -151,9 +153,9 @@ fn report_stability(out: &mut impl Write, answer: &Report) -> Result<(), Failure
     )?;
     writeln!(
         out,
-        "  least limit   {at_least}{:.4} mm at line {}, {} 1/min, {}",
+        "  least limit   {at_least}{:.4} mm in {}, {} 1/min, {}",
         stability.stable_to_mm,
-        stability.line,
+        place(stability.line, stability.at_s),
         stability.rpm,
         in_words(&Pose::from_degrees(stability.pose))
     )?;
@@ -172,13 +174,14 @@ fn report_lines(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
     };
     writeln!(
         out,
-        "\nworst lines: share; chip mm; force N; drive, its share; deflection, inertia, vibration um; margin"
+        "\nworst lines: at s; share; chip mm; force N; drive, its share; deflection, inertia, vibration um; margin"
     )?;
     for line in &answer.worst_lines {
         writeln!(
             out,
-            "  {:>6} {:>7.3} {:>8} {:>8} {:>12} {:>7} {:>8} {:>8} {:>8} {:>8}",
+            "  {:>6} {:>9} {:>7.3} {:>8} {:>8} {:>12} {:>7} {:>8} {:>8} {:>8} {:>8}",
             line.line,
+            shown(line.at_s, 3),
             line.share,
             shown(line.chip_mm, 4),
             shown(line.force_n, 1),

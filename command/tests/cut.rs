@@ -56,6 +56,42 @@ fn the_worst_line_is_the_planted_one_and_its_chip_is_feed_over_teeth_and_turns()
 }
 
 #[test]
+fn every_pass_of_a_loop_is_reported_at_its_time() {
+    // Three passes there and back, each faster than the one before.
+    let program = "G21 G90 G64\nS6000 M3\nG0 X-20 Y0 Z50\n#1 = 0\no1 repeat [3]\n#1 = [#1 + 600]\n\
+                   G1 X20 F#1\nG1 X-20\no1 endrepeat\nM5\nM2\n";
+    let bench = bench(STUDY, program);
+    let found = json(&bench.answer(&format!("{WORDS} --format json --report page.html"), ""));
+    let course = &found["course"];
+    assert_eq!(course["over"], "seconds");
+    assert_eq!(course["end"], found["seconds"]);
+    let positions = course["positions"].as_array().unwrap();
+    let lines: Vec<&Value> = positions.iter().map(|position| &position["line"]).collect();
+    assert_eq!(lines, [7, 8, 7, 8, 7, 8]);
+    let ends: Vec<f64> = positions.iter().map(|position| float(&position["at"])).collect();
+    let chip = |from: f64, to: f64| {
+        let all = course["stretches"].as_array().unwrap().iter();
+        let own = all.filter(|stretch| (from..to).contains(&float(&stretch["at"])));
+        own.map(|stretch| float(&stretch["chip_mm"])).fold(0.0, f64::max)
+    };
+    for (pass, feed) in [600.0, 1200.0, 1800.0].into_iter().enumerate() {
+        let [there, back] = [ends[2 * pass], ends[2 * pass + 1]];
+        // 40 mm at the feed, and at most 0.2 s for speeding up and braking.
+        let seconds = 40.0 / (feed / 60.0);
+        assert!((seconds..seconds + 0.2).contains(&(back - there)), "{ends:?}");
+        // Well inside the move: LinuxCNC reaches the feed to rounding.
+        let chip = chip(there + 0.3, back - 0.3);
+        assert!((chip / (feed / 12_000.0) - 1.0).abs() < 1e-8, "{pass} {chip}");
+    }
+    let worst = &found["chip_mm"];
+    assert!((ends[3]..ends[5]).contains(&float(&worst["at_s"])), "{worst} {ends:?}");
+    let drives = found["drives"].as_array().unwrap();
+    assert!(drives.iter().all(|drive| float(&drive["at_s"]) <= float(&found["seconds"])));
+    let page = fs::read_to_string(bench.0.path().join("page.html")).unwrap();
+    assert!(page.contains("time in s") && !page.contains("line of the program"));
+}
+
+#[test]
 fn a_drive_beyond_its_force_and_an_unstable_cut_are_refused_by_exit_code() {
     let weak = STUDY.replace("max_force_n = 500", "max_force_n = [500, 500, 3]");
     let answer = bench(&weak, PROGRAM).answer(WORDS, "");

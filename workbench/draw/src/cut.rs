@@ -5,10 +5,14 @@ use crate::lines::Line;
 use crate::margins::Figure;
 use crate::page::{drawing, page, verdict};
 use crate::plot::DrawError;
+use crate::sheet::TIME;
 use crate::strips::{Strip, Strips, drawn_strips};
 use crate::thin::{highest, lowest};
 use maud::{Markup, html};
+use program::timeline::Abscissa;
+use studies::cut::course::{Position, Stretch};
 use studies::cut::report::{Drive, LineReport, Most, Report};
+use studies::cut::words::place;
 
 /// Largest share drawn: otherwise a single large one would hide all others.
 const MOST_SHARE: f64 = 2.0;
@@ -42,8 +46,7 @@ fn row(name: &str, meaning: &str, value: &str, place: &str) -> Markup {
 fn peaks(report: &Report) -> Markup {
     let peak = |name: &str, meaning: &str, unit: &str, most: &Option<Most>| {
         let Some(most) = most else { return html! {} };
-        let line = format!("line {}", most.line);
-        row(name, meaning, &format!("{:.4} {unit}", most.value), &line)
+        row(name, meaning, &format!("{:.4} {unit}", most.value), &place(most.line, most.at_s))
     };
     let stability = &report.stability;
     let seconds = report.seconds.map(|seconds| format!("{seconds:.3} s"));
@@ -69,7 +72,7 @@ fn peaks(report: &Report) -> Markup {
                 (peak("inertia", "deflection by acceleration", "um", &report.inertia_um))
                 (peak("vibration", "vibration under the teeth", "um", &report.vibration_um))
                 (row("limit depth", "depth at which chatter starts",
-                    &format!("{:.4} mm", stability.stable_to_mm), &format!("line {}", stability.line)))
+                    &format!("{:.4} mm", stability.stable_to_mm), &place(stability.line, stability.at_s)))
                 (row("stability margin", "limit depth over depth of cut",
                     &format!("{:.3}", stability.margin), &format!("depth of cut {} mm", report.depth_mm)))
                 @if let Some(error) = resolution {
@@ -103,7 +106,7 @@ fn drives(drives: &[Drive]) -> Markup {
                     td class="number" { (number(drive.motor_torque_n_m, 3)) }
                     td class="number" { (number(drive.motor_limit_n_m, 3)) }
                     td class="number" { (number(drive.share, 3)) }
-                    td { "line " (drive.line) }
+                    td { (place(drive.line, drive.at_s)) }
                 }
             } }
         }
@@ -112,6 +115,7 @@ fn drives(drives: &[Drive]) -> Markup {
 
 fn worst(lines: &[LineReport]) -> Markup {
     let head = [
+        "at, s",
         "share",
         "chip, mm",
         "force, N",
@@ -131,6 +135,7 @@ fn worst(lines: &[LineReport]) -> Markup {
             tbody { @for line in lines {
                 tr class=[(line.share > 1.0).then_some("broken")] {
                     th scope="row" { (line.line) }
+                    td class="number" { (number(line.at_s, 3)) }
                     td class="number" { (number(Some(line.share), 3)) }
                     td class="number" { (number(line.chip_mm, 4)) }
                     td class="number" { (number(line.force_n, 1)) }
@@ -145,14 +150,13 @@ fn worst(lines: &[LineReport]) -> Markup {
     }
 }
 
-/// Returns the points of a plot over the lines of a program.
-fn points(lines: &[LineReport], of: impl Fn(&LineReport) -> Option<f64>) -> Vec<(f64, f64)> {
-    lines.iter().filter_map(|line| Some((f64::from(line.line), of(line)?))).collect()
-}
-
+/// Returns the figures over time, or along the feed moves if the time is unknown.
 fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
-    let lines = &report.lines;
-    let end = lines.last().map_or(1.0, |line| f64::from(line.line));
+    let course = &report.course;
+    let (x, end) = match course.over {
+        Abscissa::Seconds => (TIME, course.end),
+        Abscissa::Length => ("length of the feed moves in machine units", course.end),
+    };
     let figure =
         |title: &str, about: &str, y: &str, limits: &[f64], most: f64, lines: Vec<Line>| {
             let lines = lines.into_iter().filter(|line| !line.points.is_empty());
@@ -161,25 +165,34 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             if strips.is_empty() {
                 return Ok(None);
             }
-            let x = "line of the program";
             let sheet = Strips { title: "", x, y, end, all_limits: true, marks: &[], dots: true };
             let svg = drawn_strips(&sheet, &strips)?;
             Ok::<_, DrawError>(Some(Figure { title: title.into(), about: about.into(), svg }))
         };
-    let high = |name: &str, of: &dyn Fn(&LineReport) -> Option<f64>| Line {
+    let moments = |name: &str, of: &dyn Fn(&Stretch) -> Option<f64>| {
+        let points: Vec<(f64, f64)> = course
+            .stretches
+            .iter()
+            .filter_map(|stretch| Some((stretch.at, of(stretch)?)))
+            .collect();
+        Line { name: name.into(), points: highest(&points) }
+    };
+    let positions = |of: &dyn Fn(&Position) -> f64| -> Vec<(f64, f64)> {
+        course.positions.iter().map(|position| (position.at, of(position))).collect()
+    };
+    let at_positions = |name: &str, of: &dyn Fn(&Position) -> f64| Line {
         name: name.into(),
-        points: highest(&points(lines, of)),
+        points: highest(&positions(of)),
     };
     let shares = vec![
-        high("drive", &|line| line.drive_share),
-        high("depth of cut", &|line| line.margin.map(|margin| 1.0 / margin)),
+        moments("drive", &|stretch| stretch.drive_share),
+        at_positions("depth of cut", &|position| report.depth_mm / position.stable_to_mm),
     ];
-    let yields = vec![
-        high("deflection", &|line| line.deflection_um),
-        high("inertia", &|line| line.inertia_um),
-        high("vibration", &|line| line.vibration_um),
-    ];
-    let limits = points(lines, |line| line.stable_to_mm);
+    let inertia = report.seconds.map(|_| moments("inertia", &|stretch| Some(stretch.inertia_um)));
+    let yields = [moments("deflection", &|stretch| Some(stretch.deflection_um))]
+        .into_iter()
+        .chain(inertia)
+        .chain([at_positions("vibration", &|position| position.vibration_um)]);
     let all = [
         figure(
             "Load as a share of the rating",
@@ -197,7 +210,7 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             "deflection in µm",
             &[],
             f64::INFINITY,
-            yields,
+            yields.collect(),
         )?,
         figure(
             "Depth at which chatter starts",
@@ -205,7 +218,10 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             "depth in mm",
             &[report.depth_mm],
             f64::INFINITY,
-            vec![Line { name: "stable up to".into(), points: lowest(&limits) }],
+            vec![Line {
+                name: "stable up to".into(),
+                points: lowest(&positions(&|position| position.stable_to_mm)),
+            }],
         )?,
     ];
     Ok(all.into_iter().flatten().collect())

@@ -15,13 +15,15 @@ use kinematics::{
 use linuxcnc::row::Row;
 use machine::limits;
 use machine::read::mechanism::Mechanism;
+use serde::Serialize;
 use std::ops::ControlFlow;
 
 /// Largest number of samples: several for each column of pixels of a wide plot.
 pub const MOST_SAMPLES: usize = 8192;
 
 /// The abscissa of the samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Abscissa {
     /// Seconds of the machine's time.
     Seconds,

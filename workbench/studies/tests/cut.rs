@@ -38,7 +38,7 @@ fn subject<'a>(config: &'a Mechanism, text: &str) -> Subject<'a> {
 /// Returns a moment of a cut at rest.
 fn cut(pose: [f64; 6]) -> Moment {
     let feed = Vector3::new(3.0, 2.0, 0.5);
-    Moment { line: 1, poses: [pose; 3], tool: TOOL, speed: 10.0, feed, rpm: Some(6000.0) }
+    Moment { line: 1, at: 0.0, poses: [pose; 3], tool: TOOL, speed: 10.0, feed, rpm: Some(6000.0) }
 }
 
 #[track_caller]

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Assesses a program while it cuts, from its moves to the report.
 
+use crate::cut::course::Clock;
 use crate::cut::moment::{NoMoment, Subject};
 use crate::cut::pass::{Found, Pass};
 use crate::cut::place::half_steps;
-use crate::cut::program::{Line, lines, stops};
+use crate::cut::program::{Line, lengths, lines, stops};
 use crate::cut::report::{Looked, Report, Run, report};
 use crate::cut::teeth::Teeth;
 use crate::dynamics::capacity::Capacity;
@@ -12,12 +13,12 @@ use crate::dynamics::model::Model;
 use crate::stability::path::{self, Stop};
 use crate::stability::pose::{NoSetup, Setup};
 use crate::study::file::{Lacking, Study};
-use linuxcnc::process::{self, Options};
+use linuxcnc::process::{self, Event, Options};
 use linuxcnc::row::Ending;
 use machine::files::AtPlace;
 use machine::read::columns::in_words;
 use machine::read::mechanism::Mechanism;
-use program::motion::Move;
+use program::motion::{Move, Translator};
 use program::verdict::Step;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -79,7 +80,7 @@ impl<'a> Cut<'a> {
         let path = path::Path::new(setup, &stops, deepest);
         let path = path.map_err(|(k, error)| AtPlace::new(at(&stops[k]), error))?;
         path.check(f64::INFINITY).map_err(|(k, error)| AtPlace::new(at(&stops[k]), error))?;
-        let (found, ran) = self.passed(program, moves, options, &lines, &mut show)?;
+        let (found, ran, clock) = self.passed(program, moves, options, &lines, &mut show)?;
         let show = Mutex::new(|share| show(Step::Search("limit depths", share)));
         let shown = |share| show.lock().expect("never poisoned")(share);
         shown(0.0);
@@ -95,11 +96,18 @@ impl<'a> Cut<'a> {
             let place = subject.look(stop, chip, steps.as_deref());
             places.push((*stop, limit, place.map_err(|error| AtPlace::new(at(stop), error))?));
         }
-        let looked = Looked { places, feed_moves, deepest };
-        Ok(report(subject, program.into(), *depth, &lines, &found, &looked, &ran))
+        let at = match &ran {
+            Run::NotJudged(_) => lengths(moves, &stops).into_iter().map(Some).collect(),
+            Run::Finished(_) | Run::Stopped(..) => {
+                stops.iter().map(|stop| clock.end_of(stop.step)).collect()
+            }
+        };
+        let looked = Looked { places, at, feed_moves, deepest };
+        Ok(report(subject, program.into(), *depth, &lines, found, &looked, &ran))
     }
 
-    /// Runs a program and assesses its moments; assesses only its moves if LinuxCNC cannot run it.
+    /// Runs a program and assesses its moments, with the times of its moves; assesses only its moves if LinuxCNC cannot
+    /// run it.
     fn passed(
         &self,
         program: &Path,
@@ -107,16 +115,29 @@ impl<'a> Cut<'a> {
         options: &Options,
         lines: &Lines,
         show: &mut impl FnMut(Step),
-    ) -> Result<(Found, Run), AtPlace> {
+    ) -> Result<(Found, Run, Clock), AtPlace> {
         let Subject { config, .. } = self.subject;
         let failed = |(line, error): (u32, NoMoment)| {
             AtPlace::new(format!("{}: line {line}", program.display()), error)
         };
         let mut pass = Pass::new(&self.subject, lines);
         let mut error = None;
-        let outcome = process::run(&config.clone().into(), program, options, |row| {
-            show(Step::Row(row));
-            error = pass.see(row).err();
+        let (whole, mut clock) = (config.clone().into(), Clock::default());
+        let mut translator = Translator::new(&whole);
+        let outcome = process::run_with_moves(&whole, program, options, |event| {
+            match event {
+                Event::Row(row) => {
+                    show(Step::Row(row));
+                    clock.see(row, row.cycle as f64 * config.period);
+                    error = pass.see(row).err();
+                }
+                Event::Move(commanded) => {
+                    let mut count = 0;
+                    translator.see(commanded, |_| count += 1);
+                    clock.command(count);
+                }
+                Event::File(_) => {}
+            }
             if error.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         if let Some(error) = error {
@@ -131,12 +152,12 @@ impl<'a> Cut<'a> {
                     Ending::Finished => Run::Finished(outcome.seconds),
                     Ending::Stopped => Run::Stopped(outcome.seconds, texts.join("; ")),
                 };
-                (found, run)
+                (found, run, clock)
             }
             Err(why) => {
                 let pass = Pass::new(&self.subject, lines);
                 let found = pass.of_moves(moves).map_err(failed)?;
-                (found, Run::NotJudged(why.to_string()))
+                (found, Run::NotJudged(why.to_string()), clock)
             }
         })
     }

@@ -3,9 +3,10 @@
 //!
 //! [`program`] determines which lines cut, with which feed and spindle speed; [`teeth`] is the force of the
 //! cutter over one tooth pitch. A [`pass`] processes LinuxCNC's servo cycles and chooses the [`moment`]s
-//! to assess; expensive quantities are computed at [`place`]s along the program. A [`report`] contains all
-//! results, and [`judge`] leads from a program's moves to its report.
+//! to assess; expensive quantities are computed at [`place`]s along the program. The [`course`] follows them over time.
+//! A [`report`] contains all results, and [`judge`] leads from a program's moves to its report.
 
+pub mod course;
 pub mod judge;
 pub mod moment;
 pub mod pass;
@@ -13,4 +14,4 @@ pub mod place;
 pub mod program;
 pub mod report;
 pub mod teeth;
-mod words;
+pub mod words;

@@ -31,6 +31,8 @@ pub struct Subject<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
     pub line: u32,
+    /// Seconds from the start, or machine units along the feed moves.
+    pub at: f64,
     /// Poses, machine units and degrees.
     pub poses: [[f64; 6]; 3],
     /// Tool vector of the machine, machine units.
@@ -47,6 +49,8 @@ pub struct Moment {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     pub line: u32,
+    /// As in [`Moment`].
+    pub at: f64,
     /// The pose, machine units and degrees.
     pub pose: [f64; 6],
     /// Feed per tooth, mm; `None` if nothing is cut.
@@ -144,6 +148,7 @@ impl Subject<'_> {
         };
         Ok(Judged {
             line: moment.line,
+            at: moment.at,
             pose: moment.poses[1],
             chip,
             force: chip.map_or(0.0, |chip| self.teeth.peak(chip)),

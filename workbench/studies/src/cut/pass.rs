@@ -4,14 +4,18 @@
 //! Of every few cycles of a line, the one with the largest acceleration is assessed, with the largest
 //! speed among them. Memory grows with the lines of the program, not with its cycles.
 
+use crate::cut::course::{Stretch, Stretches};
 use crate::cut::moment::{Judged, Moment, NoMoment, Subject};
-use crate::cut::program::{Line, cuts};
+use crate::cut::program::{Line, cuts, length};
 use kinematics::Vector3;
 use linuxcnc::row::Row;
 use machine::read::mechanism::Mechanism;
 use program::motion::Move;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+
+/// um per mm.
+pub const UM: f64 = 1e3;
 
 /// Cycles of which one is assessed.
 const WINDOW: u64 = 10;
@@ -32,6 +36,8 @@ pub struct OfLine {
     pub force: f64,
     /// The drive with the largest share of its capacity, and the share.
     pub drive: Option<(usize, f64)>,
+    /// Abscissa of that share.
+    pub at: f64,
     /// Largest deflection by the mean cutting force, mm.
     pub deflection: f64,
     /// Largest deflection by inertia, mm.
@@ -57,6 +63,8 @@ pub struct Found {
     pub cutting: u64,
     /// Number of assessed moments.
     pub judged: u64,
+    /// The moments in order.
+    pub stretches: Stretches,
 }
 
 /// Processes rows.
@@ -132,6 +140,7 @@ impl<'a> Pass<'a> {
         let cuts = line.filter(|line| moves && rate <= line.feed * FASTER);
         Moment {
             line: row.line,
+            at: row.cycle as f64 * config.period,
             poses: rows.map(|row| row.pose),
             tool: row.tool.into(),
             speed: rate.min(line.map_or(rate, |line| line.feed)) / config.units_per_mm,
@@ -171,14 +180,18 @@ impl<'a> Pass<'a> {
     /// As [`Pass::see`].
     pub fn of_moves(mut self, moves: &[Move]) -> Result<Found, (u32, NoMoment)> {
         let config = self.subject.config;
+        let mut gone = 0.0;
         for [from, step] in cuts(moves) {
+            let start = gone;
+            gone += length([from, step]);
             let Some(line) = self.program.get(&step.line) else { continue };
             let feed = Vector3::from_fn(|k, _| step.end[k] - from.end[k]);
             // A move of rotary axes alone has no linear feed, and feed per revolution is unknown here.
             let is_known = feed.norm() > 0.0 && step.feed.is_finite();
-            for end in [from.end, step.end] {
+            for (at, end) in [(start, from.end), (gone, step.end)] {
                 self.batch.push(Moment {
                     line: step.line,
+                    at,
                     poses: [end; 3],
                     tool: config.spindle + Vector3::from(step.tool),
                     speed: if is_known { step.feed / config.units_per_mm } else { 0.0 },
@@ -214,11 +227,21 @@ impl Found {
         line.force = line.force.max(judged.force);
         line.deflection = line.deflection.max(deflection);
         line.lag = line.lag.max(lag);
-        if let Some((drive, share)) = subject.hardest(&judged.drives)
+        let hardest = subject.hardest(&judged.drives);
+        if let Some((drive, share)) = hardest
             && line.drive.is_none_or(|(_, most)| share > most)
         {
-            line.drive = Some((drive, share));
+            (line.drive, line.at) = (Some((drive, share)), judged.at);
         }
+        self.stretches.add(Stretch {
+            at: judged.at,
+            line: judged.line,
+            chip_mm: chip,
+            force_n: judged.force,
+            drive_share: hardest.map(|(_, share)| share),
+            deflection_um: deflection * UM,
+            inertia_um: lag * UM,
+        });
         let values = [chip, judged.force, deflection, lag];
         for (peak, value) in self.peaks.iter_mut().zip(values) {
             note(peak, value, judged);

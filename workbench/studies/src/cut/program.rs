@@ -36,8 +36,36 @@ pub enum NoCut {
 
 /// Returns the feed moves of a program: the start of each, and the move.
 pub fn cuts(moves: &[Move]) -> impl Iterator<Item = [&Move; 2]> {
+    numbered_cuts(moves).map(|(_, pair)| pair)
+}
+
+/// Returns the feed moves with their indices.
+fn numbered_cuts(moves: &[Move]) -> impl Iterator<Item = (usize, [&Move; 2])> {
     let pairs = moves.windows(2).map(|pair| [&pair[0], &pair[1]]);
-    pairs.filter(|[from, step]| step.kind == MoveKind::Feed && step.end != from.end)
+    let pairs = pairs.enumerate().map(|(k, pair)| (k + 1, pair));
+    pairs.filter(|(_, [from, step])| step.kind == MoveKind::Feed && step.end != from.end)
+}
+
+/// Returns the length of a move in machine units; degrees if only rotary axes move.
+pub fn length([from, step]: [&Move; 2]) -> f64 {
+    let norm = |letters: std::ops::Range<usize>| {
+        letters.map(|k| (step.end[k] - from.end[k]).powi(2)).sum::<f64>().sqrt()
+    };
+    let linear = norm(0..3);
+    if linear > 0.0 { linear } else { norm(3..6) }
+}
+
+/// Returns the length of the feed moves up to the end of each of these moves, which are in order.
+pub fn lengths(moves: &[Move], stops: &[Stop]) -> Vec<f64> {
+    let mut cuts = numbered_cuts(moves).peekable();
+    let mut total = 0.0;
+    let up_to = |stop: &Stop| {
+        while let Some((_, pair)) = cuts.next_if(|(number, _)| *number <= stop.step) {
+            total += length(pair);
+        }
+        total
+    };
+    stops.iter().map(up_to).collect()
 }
 
 /// Returns the spindle speed of a feed move, 1/min.
@@ -73,17 +101,18 @@ pub fn lines(moves: &[Move]) -> Result<BTreeMap<u32, Line>, NoCut> {
 /// # Errors
 /// See [`NoCut`].
 pub fn stops(config: &Mechanism, moves: &[Move], most: usize) -> Result<(Vec<Stop>, usize), NoCut> {
-    let all: Vec<[&Move; 2]> = cuts(moves).collect();
+    let all: Vec<(usize, [&Move; 2])> = numbered_cuts(moves).collect();
     if all.is_empty() {
         return Err(NoCut::NoFeed);
     }
     // A move that is not selected needs a speed as well.
-    all.iter().try_for_each(|[_, step]| rpm(step).map(drop))?;
+    all.iter().try_for_each(|(_, [_, step])| rpm(step).map(drop))?;
     let count = all.len().min(most);
     let stop = |k: usize| -> Result<Stop, NoCut> {
-        let [from, step] = all[k * all.len() / count];
+        let (number, [from, step]) = all[k * all.len() / count];
         let feed = Vector3::from_fn(|i, _| step.end[i] - from.end[i]);
         Ok(Stop {
+            step: number,
             line: step.line,
             pose: Pose::from_degrees(step.end),
             tool: config.spindle + Vector3::from(step.tool),

@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The report on a program: JSON, and the source of text and page.
 
+use crate::cut::course::{Course, Position};
 use crate::cut::moment::Subject;
-use crate::cut::pass::{Found, OfLine, Peak};
+use crate::cut::pass::{Found, OfLine, Peak, UM};
 use crate::cut::place::Assessment;
 use crate::cut::program::Line;
 use crate::stability::path::{Depth, Stop};
+use program::timeline::Abscissa;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Number of worst lines to report.
 const WORST: usize = 10;
-
-/// um per mm.
-const UM: f64 = 1e3;
 
 /// N mm per N m.
 const MM_PER_M: f64 = 1e3;
@@ -58,6 +57,7 @@ pub struct Report {
     /// The lines nearest to the machine's limits, worst first.
     pub worst_lines: Vec<LineReport>,
     pub lines: Vec<LineReport>,
+    pub course: Course,
 }
 
 /// A largest value, and its location.
@@ -65,6 +65,8 @@ pub struct Report {
 pub struct Most {
     pub value: f64,
     pub line: u32,
+    /// Seconds from the start; none if unknown.
+    pub at_s: Option<f64>,
     /// X Y Z A B C there, machine units and degrees.
     pub pose: [f64; 6],
 }
@@ -78,6 +80,8 @@ pub struct Drive {
     /// The load of largest magnitude, positive towards increasing joint values.
     pub load: f64,
     pub line: u32,
+    /// Seconds from the start; none if unknown.
+    pub at_s: Option<f64>,
     /// X Y Z A B C there.
     pub pose: [f64; 6],
     /// The drive's capacity, if the study defines it.
@@ -99,6 +103,8 @@ pub struct Stability {
     pub deepest_mm: f64,
     /// Line with the smallest limit.
     pub line: u32,
+    /// Seconds from the start; none if unknown.
+    pub at_s: Option<f64>,
     /// X Y Z A B C there.
     pub pose: [f64; 6],
     /// Spindle speed there, 1/min.
@@ -114,7 +120,9 @@ pub struct LineReport {
     pub line: u32,
     /// The larger of the drive's share and the depth of cut divided by its limit: cannot be cut if above 1.
     pub share: f64,
-    /// Seconds of the line; none if unknown. Like all values that depend on the motion, it is also none
+    /// Seconds from the start to that share; none if unknown.
+    pub at_s: Option<f64>,
+    /// Seconds of all passes of the line; none if unknown. Like all values that depend on the motion, it is also none
     /// if LinuxCNC blends the line with its neighbors.
     pub seconds: Option<f64>,
     /// Spindle speed, 1/min.
@@ -143,6 +151,8 @@ pub struct LineReport {
 pub struct Looked {
     /// Stop, limit depth, and the other results.
     pub places: Vec<(Stop, Depth, Assessment)>,
+    /// Abscissa of each; none if the program is stopped before it.
+    pub at: Vec<Option<f64>>,
     pub feed_moves: usize,
     /// Largest depth assessed, mm.
     pub deepest: f64,
@@ -165,7 +175,7 @@ pub fn report(
     program: PathBuf,
     depth_mm: f64,
     lines: &BTreeMap<u32, Line>,
-    found: &Found,
+    found: Found,
     looked: &Looked,
     run: &Run,
 ) -> Report {
@@ -182,8 +192,9 @@ pub fn report(
             of_line(subject, *number, line, own, looked, depth_mm, period)
         })
         .collect();
-    let drives = drives(subject, found);
-    let stability = stability(looked, depth_mm);
+    let is_timed = seconds.is_some();
+    let drives = drives(subject, &found, is_timed);
+    let stability = stability(looked, depth_mm, is_timed);
     let is_above = drives.iter().filter_map(|drive| drive.share).any(|share| share > 1.0);
     let is_whole = stability.places == stability.feed_moves
         && drives.iter().all(|drive| drive.share.is_some());
@@ -194,6 +205,7 @@ pub fn report(
         Run::Finished(_) | Run::NotJudged(_) => None,
     };
     let [chip, force, deflection, lag] = &found.peaks;
+    let most = |peak: &Option<Peak>, scale: f64| most(peak, scale, is_timed);
     Report {
         machine: config.file.clone(),
         program,
@@ -208,12 +220,13 @@ pub fn report(
         force_n: most(force, 1.0),
         deflection_um: most(deflection, UM),
         inertia_um: seconds.and_then(|_| most(lag, UM)),
-        vibration_um: vibration(looked),
+        vibration_um: vibration(looked, is_timed),
         resolution_um: resolution(looked),
         drives,
         stability,
         worst_lines: worst(&lines),
         lines,
+        course: course(found, looked, seconds),
     }
 }
 
@@ -224,10 +237,29 @@ fn worst(lines: &[LineReport]) -> Vec<LineReport> {
     worst
 }
 
-fn most(peak: &Option<Peak>, scale: f64) -> Option<Most> {
+fn course(found: Found, looked: &Looked, seconds: Option<f64>) -> Course {
+    let stretches = found.stretches.finish();
+    let placed =
+        looked.places.iter().zip(&looked.at).filter_map(|(place, at)| Some((place, (*at)?)));
+    let position = |((stop, limit, place), at): (&(Stop, Depth, Assessment), f64)| Position {
+        at,
+        line: stop.line,
+        stable_to_mm: limit.stable_to,
+        vibration_um: place.vibration * UM,
+    };
+    Course {
+        over: if seconds.is_some() { Abscissa::Seconds } else { Abscissa::Length },
+        end: seconds.unwrap_or_else(|| stretches.last().map_or(0.0, |last| last.at)),
+        stretches,
+        positions: placed.map(position).collect(),
+    }
+}
+
+fn most(peak: &Option<Peak>, scale: f64, is_timed: bool) -> Option<Most> {
     let peak = peak.as_ref()?;
     let (line, pose) = (peak.judged.line, peak.judged.pose);
-    Some(Most { value: peak.value * scale, line, pose })
+    let at_s = is_timed.then_some(peak.judged.at);
+    Some(Most { value: peak.value * scale, line, at_s, pose })
 }
 
 fn of_line(
@@ -239,15 +271,24 @@ fn of_line(
     depth: f64,
     period: Option<f64>,
 ) -> LineReport {
-    let places = || looked.places.iter().filter(|(stop, ..)| stop.line == number);
-    let stable_to = places().map(|(_, depth, _)| depth.stable_to).reduce(f64::min);
-    let vibration = places().map(|(_, _, place)| place.vibration * UM).reduce(f64::max);
+    let places = looked.places.iter().zip(&looked.at);
+    let places = || places.clone().filter(|((stop, ..), _)| stop.line == number);
+    let least =
+        places().min_by(|((_, a, _), _), ((_, b, _), _)| a.stable_to.total_cmp(&b.stable_to));
+    let stable_to = least.map(|((_, depth, _), _)| depth.stable_to);
+    let vibration = places().map(|((_, _, place), _)| place.vibration * UM).reduce(f64::max);
     let drive = own.and_then(|own| own.drive);
     let drive_share = drive.map(|(_, share)| share);
-    let share = drive_share.into_iter().chain(stable_to.map(|limit| depth / limit));
+    let of_depth = stable_to.map(|limit| depth / limit);
+    let share = drive_share.into_iter().chain(of_depth).fold(0.0, f64::max);
+    let at = match of_depth == Some(share) {
+        true => least.and_then(|(_, at)| *at),
+        false => own.map(|own| own.at),
+    };
     LineReport {
         line: number,
-        share: share.fold(0.0, f64::max),
+        share,
+        at_s: period.and(at),
         seconds: period.and_then(|period| Some(own?.cycles as f64 * period)),
         rpm: line.rpm,
         chip_mm: own.map(|own| own.chip),
@@ -262,7 +303,7 @@ fn of_line(
     }
 }
 
-fn drives(subject: &Subject, found: &Found) -> Vec<Drive> {
+fn drives(subject: &Subject, found: &Found, is_timed: bool) -> Vec<Drive> {
     let drive = |(i, peak): (usize, &Option<Peak>)| {
         let peak = peak.as_ref()?;
         let (scale, unit) = if subject.is_arm(i) { (MM_PER_M, "Nm") } else { (1.0, "N") };
@@ -272,6 +313,7 @@ fn drives(subject: &Subject, found: &Found) -> Vec<Drive> {
             unit,
             load: peak.value / scale,
             line: peak.judged.line,
+            at_s: is_timed.then_some(peak.judged.at),
             pose: peak.judged.pose,
             limit: own.most.map(|most| most / scale),
             motor_torque_n_m: own.motor.map(|motor| motor.torque_of(peak.value) / MM_PER_M),
@@ -282,14 +324,16 @@ fn drives(subject: &Subject, found: &Found) -> Vec<Drive> {
     found.drives.iter().enumerate().filter_map(drive).collect()
 }
 
-fn stability(looked: &Looked, depth: f64) -> Stability {
-    let least = looked.places.iter().min_by(|a, b| a.1.stable_to.total_cmp(&b.1.stable_to));
-    let (stop, limit, _) = least.expect("a program with feed moves has places");
+fn stability(looked: &Looked, depth: f64, is_timed: bool) -> Stability {
+    let places = looked.places.iter().zip(&looked.at);
+    let least = places.min_by(|(a, _), (b, _)| a.1.stable_to.total_cmp(&b.1.stable_to));
+    let ((stop, limit, _), at) = least.expect("a program with feed moves has places");
     Stability {
         places: looked.places.len(),
         feed_moves: looked.feed_moves,
         deepest_mm: looked.deepest,
         line: stop.line,
+        at_s: at.filter(|_| is_timed),
         pose: stop.pose.to_degrees(),
         rpm: stop.rpm,
         stable_to_mm: limit.stable_to,
@@ -297,11 +341,13 @@ fn stability(looked: &Looked, depth: f64) -> Stability {
     }
 }
 
-fn vibration(looked: &Looked) -> Option<Most> {
-    let most = looked.places.iter().max_by(|a, b| a.2.vibration.total_cmp(&b.2.vibration));
-    most.map(|(stop, _, place)| Most {
+fn vibration(looked: &Looked, is_timed: bool) -> Option<Most> {
+    let places = looked.places.iter().zip(&looked.at);
+    let most = places.max_by(|(a, _), (b, _)| a.2.vibration.total_cmp(&b.2.vibration));
+    most.map(|((stop, _, place), at)| Most {
         value: place.vibration * UM,
         line: stop.line,
+        at_s: at.filter(|_| is_timed),
         pose: stop.pose.to_degrees(),
     })
 }

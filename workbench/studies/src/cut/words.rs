@@ -4,21 +4,28 @@
 use crate::cut::report::{Drive, Report, Stability};
 use crate::stability::WORTH;
 
+/// Returns a line and the time from the start, if known: a loop executes a line several times.
+pub fn place(line: u32, at_s: Option<f64>) -> String {
+    at_s.map_or(format!("line {line}"), |seconds| format!("line {line} at {seconds:.3} s"))
+}
+
 impl Report {
     /// Returns the verdict in a sentence.
     pub fn why(&self) -> String {
         let above = self.drives.iter().find(|drive| drive.share.is_some_and(|share| share > 1.0));
-        if let Some(Drive { name, load, unit, line, share, .. }) = above {
+        if let Some(Drive { name, load, unit, line, at_s, share, .. }) = above {
             let share = share.unwrap_or_default();
             return format!(
-                "{name} needs {load:.1} {unit} in line {line}, {share:.3} of its rating."
+                "{name} needs {load:.1} {unit} in {}, {share:.3} of its rating.",
+                place(*line, *at_s)
             );
         }
         let stability = &self.stability;
         if !(stability.margin > 1.0) {
-            let (limit, line) = (stability.stable_to_mm, stability.line);
+            let limit = stability.stable_to_mm;
             return format!(
-                "In line {line} the cut chatters beyond {limit:.4} mm, but its depth is {} mm.",
+                "In {} the cut chatters beyond {limit:.4} mm, but its depth is {} mm.",
+                place(stability.line, stability.at_s),
                 self.depth_mm
             );
         }

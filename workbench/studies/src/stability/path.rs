@@ -13,6 +13,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// A position on a path where the tool cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
+    /// Index of the move that ends here.
+    pub step: usize,
     pub line: u32,
     pub pose: Pose,
     /// Tool vector, spindle offset included.

@@ -171,7 +171,14 @@ fn along_a_path_the_least_depth_is_found_and_the_best_speed_keeps_the_most() {
     let setup = Setup::new(&config, &study).unwrap();
     let stop = |line: u32, pose: [f64; 6], rpm: f64| {
         let pose = with_tool(pose);
-        Stop { line, pose, tool: TOOL, feed: pose.rotation().column(0).into_owned(), rpm }
+        Stop {
+            step: line as usize,
+            line,
+            pose,
+            tool: TOOL,
+            feed: pose.rotation().column(0).into_owned(),
+            rpm,
+        }
     };
     let stops: Vec<Stop> =
         (1..).zip(POSES).map(|(line, (_, pose))| stop(line, pose, 6000.0)).collect();
