@@ -100,10 +100,8 @@ pub fn poses(config: &Mechanism, tool: &Vector3<f64>, count: usize, seed: u64) -
                 pose[letter.index()] = random.random_range(axis.min..=axis.max);
             }
         }
-        // The position drawn is that of the tip, to which LinuxCNC adds the tool.
-        let mut pose = Pose::from_degrees(pose);
-        pose.position += tool - config.spindle;
-        pose
+        // LinuxCNC compares the axis limits with the position, tool offset included.
+        Pose::from_degrees(pose)
     };
     // A machine with one legal pose in a hundred within its axis limits still yields enough.
     (0..100 * count)

@@ -486,8 +486,8 @@ fn at_tool(
     let tool = readings.first().map_or(config.spindle, |reading| reading.tool);
     let changed = Changed::new(model, &found.changes)?;
     let drawn = drawn(model);
-    let mut home = config.home_pose();
-    home.position += tool - config.spindle;
+    // The tool offset does not move the machine.
+    let home = config.home_pose();
     let mut poses = at_tool::workspace(config, &tool);
     poses.push(home);
     let both = |poses: &[Pose]| -> Result<(Ellipsoid, Ellipsoid), Fault> {

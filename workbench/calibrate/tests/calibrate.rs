@@ -95,6 +95,29 @@ fn tip_error(control: &Machine, truth: &Machine, config: &Mechanism) -> f64 {
 }
 
 #[test]
+fn drawn_poses_are_within_the_axis_limits_whatever_the_tool() {
+    for machine in shipped::unchained() {
+        let config = shipped::config(machine);
+        // A tool offset longer than the margin of any axis at the poses drawn.
+        let offset = 60.0 * config.units_per_mm * config.spindle.z.signum();
+        let tool = config.spindle + Vector3::new(0.0, 0.0, offset);
+        let poses = at_tool::poses(&config, &tool, 60, 3);
+        assert_eq!(poses.len(), 60, "{machine}");
+        for pose in poses {
+            for (k, value) in pose.to_degrees().into_iter().enumerate() {
+                let axis = &config.axes[k];
+                // Rounding of degrees to radians and back.
+                let room = 1e-9 * (1.0 + value.abs());
+                assert!(
+                    value > axis.min - room && value < axis.max + room,
+                    "{machine} {k}: {value}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn the_derivatives_are_those_of_the_residuals() {
     for machine in shipped::unchained() {
         let config = shipped::config(machine);
@@ -320,7 +343,7 @@ fn what_one_orientation_does_not_tell_is_not_moved() {
             // difference is split equally between both.
             let sum = change(Quantity::Base(leg, axis)) + change(Quantity::Platform(leg, axis));
             // The true tilt of the platform differs from level by 1e-3, which makes the sum observable to that extent.
-            assert!(sum.abs() < 1e-2 * TOLERANCE, "leg {leg} axis {axis}: {sum}");
+            assert!(sum.abs() < 2e-2 * TOLERANCE, "leg {leg} axis {axis}: {sum}");
             let k = model.number(Quantity::Base(leg, axis)).unwrap();
             assert!(found.deviation(k) > 0.6 * TOLERANCE, "{}", found.deviation(k));
         }
