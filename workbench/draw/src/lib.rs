@@ -10,6 +10,8 @@
 //! draws a machine in two views.
 
 mod arrows;
+pub mod bars;
+pub mod changes;
 mod contour;
 pub mod course;
 pub mod curve;

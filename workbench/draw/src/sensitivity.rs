@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Effects of joint errors: bars at one pose, and lines along a motion.
 
+use crate::bars::{Bar, Group, bars};
 use crate::course::{Course, lines_over, strips_over};
 use crate::lines::Line;
 use crate::plot::{DrawError, Plot};
-use crate::sheet::{Frame, drawn, tick};
+use crate::sheet::Frame;
 use crate::strips::Strip;
-use crate::style::{FONT, NAME, PALE, SMALL, TITLE, area_color, letters_at};
 use crate::thin::thin;
 use kinematics::Letter;
 use machine::read::mechanism::Mechanism;
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, VPos};
 use studies::study::sensitivity::{Point, Sensitivity};
 
 /// Draws the effects of joint errors: bars at one pose, and lines along a motion.
@@ -27,12 +25,17 @@ pub fn of_sensitivity(
     let unit = config.length_unit();
     let mut plots = vec![];
     for (part, from, unit) in [("position", 0, unit), ("angles", 3, "degrees")] {
-        let groups: Vec<(char, Vec<f64>)> = Letter::ALL[from..from + 3]
+        let groups: Vec<Group> = Letter::ALL[from..from + 3]
             .iter()
             .filter(|letter| !config.machine.layout().is_held(**letter))
             .map(|letter| {
-                let gain = |(j, s): (usize, &f64)| found.gain[(letter.index(), j)] * s;
-                (letter.name(), sigma.iter().enumerate().map(gain).collect())
+                let bar = |(j, s): (usize, &f64)| Bar {
+                    number: j,
+                    value: found.gain[(letter.index(), j)] * s,
+                    half: 0.0,
+                };
+                let bars = sigma.iter().enumerate().map(bar).collect();
+                Group { name: letter.name().into(), bars }
             })
             .collect();
         if groups.is_empty() {
@@ -122,57 +125,4 @@ fn of_motion(config: &Mechanism, points: &[Point]) -> Result<Vec<Plot>, DrawErro
     let strips = [Strip::of(hold, limit.into_iter().collect())];
     plots.push(strips_over(&course, "motion-hold.svg", caption, y, &strips)?);
     Ok(plots)
-}
-
-/// Draws bars in groups, each bar with the number of its joint.
-fn bars(frame: &Frame, groups: &[(char, Vec<f64>)]) -> Result<String, DrawError> {
-    let all = || groups.iter().flat_map(|(_, values)| values.iter().copied());
-    let most = all().fold(0.0, |most: f64, value| most.max(value.abs())).max(f64::MIN_POSITIVE);
-    let count = groups[0].1.len();
-    drawn(|root| {
-        let width = groups.len() as f64;
-        let mut chart = ChartBuilder::on(root)
-            .caption(frame.title, (FONT, TITLE))
-            .margin(12)
-            .x_label_area_size(44)
-            .y_label_area_size(96)
-            .build_cartesian_2d(0.0..width, -1.15 * most..1.3 * most)?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .x_labels(0)
-            .x_desc(frame.x)
-            .y_desc(frame.y)
-            .y_label_formatter(&tick)
-            .label_style((FONT, SMALL))
-            .axis_desc_style((FONT, NAME))
-            .light_line_style(WHITE)
-            .draw()?;
-        let number = letters_at(SMALL, HPos::Center, VPos::Center);
-        for (g, (name, values)) in groups.iter().enumerate() {
-            let left = |j: usize| g as f64 + 0.1 + 0.8 * j as f64 / count as f64;
-            for (j, value) in values.iter().enumerate() {
-                let corners = [(left(j), 0.0), (left(j) + 0.64 / count as f64, *value)];
-                let filled = Rectangle::new(corners, area_color(0).filled());
-                let outline = Rectangle::new(corners, BLACK.stroke_width(1));
-                chart.draw_series([filled, outline])?;
-                let beyond = value + most * 0.04 * if *value < 0.0 { -1.0 } else { 1.0 };
-                let at = (left(j) + 0.32 / count as f64, beyond);
-                chart.draw_series([Text::new(j.to_string(), at, number.clone())])?;
-            }
-            let head = letters_at(TITLE, HPos::Center, VPos::Top);
-            chart.draw_series([Text::new(
-                name.to_string(),
-                (g as f64 + 0.5, 1.28 * most),
-                head,
-            )])?;
-            if g > 0 {
-                let edge = [(g as f64, -1.15 * most), (g as f64, 1.3 * most)];
-                chart.draw_series([PathElement::new(edge, PALE.stroke_width(1))])?;
-            }
-        }
-        let zero = [(0.0, 0.0), (width, 0.0)];
-        chart.draw_series([PathElement::new(zero, BLACK.stroke_width(1))])?;
-        Ok(())
-    })
 }
