@@ -2,12 +2,16 @@
 //! `pkm calibrate`.
 
 use super::failure::{Failure, refused};
-use super::{Bar, MachineFile, Verdict, output};
+use super::{Bar as Progress, MachineFile, Verdict, output};
 use calibrate::at_tool::{CONFIDENCE, Ellipsoid};
 use calibrate::model::{Parameter, Quantity, Tolerance};
 use calibrate::rewrite;
+use calibrate::scale::DriveScale;
 use calibrate::sheet::Sheet;
 use calibrate::study::{self, Agreement, Study, Wishes};
+use draw::bars::{Bar, Group};
+use draw::changes::of_changes;
+use draw::plot::Plot;
 use machine::files::{write_over, write_whole};
 use machine::read::mechanism::Mechanism;
 use serde_json::{Value, json};
@@ -20,9 +24,10 @@ use std::path::PathBuf;
 /// and unknowns: the held-out fifth has other poses.
 const HELD_OUT: f64 = 1.5;
 
-/// What the bounds do not include if only planes were probed.
-const NO_SCALE: &str = "the scale of the drives (length per turn or per step): planes do not show it, and all bounds above \
-                        assume it is right. Measure one length: the travel between two stops, or with a bar";
+/// Change of the drives' scale for which the report states the error of the tip.
+const SHARE: f64 = 1e-3;
+
+const AXES: [&str; 3] = ["X", "Y", "Z"];
 
 /// Number of standard deviations that a change exceeds once in 16000 cases.
 const FAR: f64 = 4.0;
@@ -63,6 +68,9 @@ pub struct Arguments {
     /// Plate that was probed
     #[arg(long, value_name = "FILE.toml", value_hint = clap::ValueHint::FilePath)]
     plate: Option<PathBuf>,
+    /// Draw the changes of all legs into this folder (SVG)
+    #[arg(long, value_name = "FOLDER", value_hint = clap::ValueHint::DirPath)]
+    plots: Option<PathBuf>,
     /// Write a copy of MACHINE.ini with the new geometry
     #[arg(long, value_name = "NEW.ini", value_hint = clap::ValueHint::FilePath)]
     write: Option<PathBuf>,
@@ -122,6 +130,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if arguments.next > 0 {
         bar.next("choosing the next poses".into());
         text += &next(&config, &study, arguments.next)?;
+    }
+    if let Some(folder) = &arguments.plots {
+        Plot::write_all(&[changes(&config, &study)?], folder)?;
     }
     drop(bar);
     let mut concerns = beyond(arguments, &config, &study);
@@ -255,8 +266,27 @@ fn in_words(config: &Mechanism, study: &Study) -> String {
             before.expected
         ),
     );
-    if !study.shows_scale() {
-        row("not covered", NO_SCALE.into());
+    let DriveScale { change, deviation, motion } = study.scale;
+    let half = Normal::standard().inverse_cdf(0.5 + CONFIDENCE / 2.0) * deviation;
+    match study.scale.is_covered() {
+        true => row(
+            "drives' scale",
+            format!(
+                "{:+.4} % +- {:.4} %, which all bounds above include",
+                100.0 * change,
+                100.0 * half
+            ),
+        ),
+        false => row(
+            "not covered",
+            format!(
+                "the scale of the drives (travel per turn or per step): an error of {} % moves the tip by rms {:.5} \
+                 {unit}, which no bound above includes. Measure one length and compare it with LinuxCNC's display: \
+                 the travel between two stops, or a part",
+                100.0 * SHARE,
+                SHARE * motion
+            ),
+        ),
     }
     if let Some(Agreement { chi_square, numbers, most, .. }) = study.agreement {
         row(
@@ -300,12 +330,13 @@ fn ellipsoid(before: &Ellipsoid, after: &Ellipsoid, unit: &str) -> String {
 }
 
 fn name(quantity: Quantity) -> String {
-    let axis = |k: usize| ["X", "Y", "Z"][k % 3];
+    let axis = |k: usize| AXES[k % 3];
     match quantity {
         Quantity::Base(leg, k) => format!("LEG_{leg} BASE {}", axis(k)),
         Quantity::Platform(leg, k) => format!("LEG_{leg} PLATFORM {}", axis(k)),
         Quantity::Length(leg) => format!("LEG_{leg} length"),
         Quantity::Lead => "lead".into(),
+        Quantity::Scale => "scale of the drives".into(),
         Quantity::Trigger => "probe late by".into(),
         Quantity::Zero(gauge) => format!("zero of gauge {}", gauge + 1),
         Quantity::Frame(frame, k) => format!("file {} coordinate {k}", frame + 1),
@@ -329,6 +360,30 @@ fn values(study: &Study) -> String {
         );
     }
     text
+}
+
+/// Draws the changes of the legs with their intervals.
+fn changes(config: &Mechanism, study: &Study) -> Result<Plot, Failure> {
+    let reach = Normal::standard().inverse_cdf(0.5 + CONFIDENCE / 2.0);
+    let mut groups: Vec<Group> = vec![];
+    for (k, parameter) in study.model.parameters.iter().enumerate() {
+        let (name, leg) = match parameter.quantity {
+            Quantity::Base(leg, axis) => (format!("base {}", AXES[axis]), leg),
+            Quantity::Platform(leg, axis) => (format!("platform {}", AXES[axis]), leg),
+            Quantity::Length(leg) => ("length".into(), leg),
+            _ => continue,
+        };
+        let bar = Bar {
+            number: leg,
+            value: study.found.changes[k],
+            half: reach * study.found.deviation(k),
+        };
+        match groups.iter_mut().find(|group| group.name == name) {
+            Some(group) => group.bars.push(bar),
+            None => groups.push(Group { name, bars: vec![bar] }),
+        }
+    }
+    Ok(of_changes(config.length_unit(), &groups)?)
 }
 
 /// Returns the changes that are too large to be written without `--accept`.
@@ -378,6 +433,15 @@ fn others(config: &Mechanism, study: &Study) -> Vec<String> {
             readings[number].name
         ));
     }
+    if study.scale.is_off() {
+        let DriveScale { change, deviation, .. } = study.scale;
+        all.push(format!(
+            "the readings fit better if the drives travel {:+.3} % (+- {:.3} %) farther than commanded: measure one length, \
+             correct SCALE of the joints, and measure again",
+            100.0 * change,
+            100.0 * deviation
+        ));
+    }
     for typed in &study.typed {
         all.extend(of_runs(&typed.sheet));
     }
@@ -400,6 +464,11 @@ fn of_runs(sheet: &Sheet) -> Vec<String> {
             "the two runs scatter by {:.3} {scale}, more than the stated deviation of {stated} {scale}: using the larger one",
             found.deviation
         ));
+    }
+    if found.is_copied {
+        all.push(
+            "both runs have the same reading in every row: check for a copied column, which shows no scatter".into(),
+        );
     }
     if found.is_drift {
         all.push(format!(
@@ -466,7 +535,12 @@ fn for_programs(
             "by_drawing": study.shape[0].expected,
             "expected": study.shape[1].expected,
             "below": study.shape[1].below,
-            "not_covered": if study.shows_scale() { vec![] } else { vec!["drive-scale"] },
+            "not_covered": if study.scale.is_covered() { vec![] } else { vec!["drive-scale"] },
+        },
+        "drive_scale": {
+            "change": study.scale.change,
+            "half_width": reach * study.scale.deviation,
+            "motion": study.scale.motion,
         },
         "agreement": {
             "chi_square": study.agreement.map(|it| it.chi_square),

@@ -190,7 +190,7 @@ fn in_words(
     let ([low, high], scale) = (setup.gauge.range, setup.gauge.scale);
     format!(
         "{}\n  poses          {}, within all limits on the whole path\n  tip's motion   rms {:.5} {unit} over the workspace by \
-         the drawing, {:.5} with one reading of {} {} at each\n  readings       about {}, by the drawing's tolerances with a deviation of {spread:.0} {scale}; the gauge shows {low} to \
+         the drawing, {:.5} with one reading of {} {} at each and drives of exact scale\n  readings       about {}, by the drawing's tolerances with a deviation of {spread:.0} {scale}; the gauge shows {low} to \
          {high}: type - where it does not\nwritten: {}, {}\n",
         config.file.display(),
         stops.len(),

@@ -29,6 +29,8 @@ mod path_refusals;
 mod pictures;
 mod progress;
 mod scene;
+#[path = "../../workbench/calibrate/tests/shop.rs"]
+mod shop;
 mod slips;
 mod sources;
 mod stability;

@@ -3,13 +3,14 @@
 //! inside the sheet and overlaps nothing, axes have units, lines have keys, slices are closed.
 
 use crate::commands::Bench;
+use crate::measure;
 use draw::curve::of_route;
 use paths::file::PathFile;
 use paths::route::route;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use test_support::shipped::{MACHINES, config, configs};
+use test_support::shipped::{MACHINES, config, configs, ini};
 
 /// Words of units; names of dimensionless axes say so.
 const UNITS: [&str; 7] =
@@ -30,6 +31,7 @@ fn drawn() -> BTreeMap<String, String> {
     let bench = Bench::new()
         .with("study.toml", study)
         .with("dynamics.toml", &noise)
+        .with("dial.csv", &measure::lab().table(2, 2.0))
         .with("curve.ngc", "G21 G90\nG1 X10 F3000\nG1 Y10 Z80\nG1 X0 Y0\nM2\n");
     let hexapod = shared("configs/hexapod/hexapod.ini");
     let surface = shared("configs/hexapod/programs/five-axis-surface.ngc");
@@ -51,6 +53,7 @@ fn drawn() -> BTreeMap<String, String> {
         format!("stability map {hexapod} --study {cutting} --rpm 6000 --grid 7"),
         format!("replay {hexapod} {surface} --period 0.02"),
         "replay linear-delta.ini curve.ngc --period 0.02".into(),
+        format!("calibrate {} dial.csv --tolerance 0.1", ini("lab-hexapod").display()),
     ];
     let mut found = BTreeMap::new();
     for (number, words) in commands.iter().enumerate() {

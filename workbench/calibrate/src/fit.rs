@@ -23,7 +23,7 @@ const MOST_OUTLIERS: f64 = 0.1;
 const LEAST_FREE: f64 = 1e-3;
 
 /// Ratio of the standard deviation of a normal distribution to the median of |x|.
-const MEDIAN_TO_DEVIATION: f64 = 1.4826;
+pub(crate) const MEDIAN_TO_DEVIATION: f64 = 1.4826;
 
 /// Initial noise if none is given, in sizes of the machine.
 const FIRST_NOISE: f64 = 1e-5;

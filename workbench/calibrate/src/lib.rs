@@ -18,8 +18,8 @@
 //! outliers, [`observe`] the changes that the data does not determine, [`at_tool`] the uncertainty of the tip,
 //! [`plan`] the next poses to measure, [`plate`], [`log`], `points` and `table` input files,
 //! [`rewrite`] the new INI file; [`gauge`] gauges that the operator reads, [`sheet`] the table for the readings,
-//! [`mistakes`] typing mistakes in it, [`setup`] and [`propose`] the poses to read at, [`program`] the program
-//! that moves there, [`probing`] the program that probes a plate, [`shape`] the accuracy of the motion.
+//! [`mistakes`] and `runs` typing mistakes in it, [`setup`] and [`propose`] the poses to read at, [`program`] the program
+//! that moves there, [`scale`] the scale of the drives, [`probing`] the program that probes a plate, [`shape`] the accuracy of the motion.
 
 pub mod at_tool;
 pub mod fit;
@@ -38,6 +38,8 @@ pub mod program;
 pub mod propose;
 pub mod reading;
 pub mod rewrite;
+mod runs;
+pub mod scale;
 pub mod setup;
 pub mod shape;
 pub mod sheet;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Typing mistakes in readings, detected by the other readings: one in another unit, two exchanged,
-//! several a row too high or too low.
+//! several a row too high or too low, all with an offset. Of two runs, a mistake may be in one or in both.
 //!
-//! The search runs if the readings as typed do not fit the machine within its tolerances. The linear model at the
-//! best fit selects likely mistakes: with M = 1 + J Σ Jᵀ, all in units of noise, readings y give yᵀ M⁻¹ y,
+//! The comparison of both runs comes first (`runs`). The search runs if the readings as typed do not fit the machine
+//! within its tolerances. The linear model at the best fit selects likely mistakes: with M = 1 + J Σ Jᵀ, all in units of
+//! noise, readings y give yᵀ M⁻¹ y,
 //! which is the sum of squares that the fit leaves. The most likely ones are fitted. A mistake is accepted if
 //! correcting it makes that sum ordinary, and is no worse than leaving out the readings concerned.
 
@@ -12,7 +13,8 @@ use super::gauge::Scale;
 use super::log::BadLog;
 use super::model::Model;
 use super::reading::Reading;
-use super::sheet::{Row, Sheet, rounded};
+use super::runs::{self, Found, Order, Suspect};
+use super::sheet::{Row, Sheet, UNUSUAL, rounded};
 use machine::read::mechanism::Mechanism;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -62,6 +64,8 @@ impl Linear {
 /// One typed number: its index among the numbers of the model, and its effect.
 struct Number<'a> {
     row: &'a Row,
+    /// Index of the row.
+    index: usize,
     run: usize,
     reading: usize,
     place: usize,
@@ -114,6 +118,93 @@ pub fn look(
     Ok(None)
 }
 
+/// Compares both runs of every table; returns a mistake with the number of its file. If it may be in either run, the
+/// run whose correction fits the other readings better is named.
+pub fn compare_runs(
+    config: &Mechanism,
+    model: &Model,
+    readings: &[Reading],
+    typed: &[Typed],
+    noise: f64,
+) -> Option<(usize, BadLog)> {
+    typed.iter().find_map(|table| {
+        let mistake = match runs::compare(&table.sheet)? {
+            Found::Offset(line, text) => BadLog { line, text },
+            Found::Typed(suspects) => {
+                let left =
+                    |suspect: &Suspect| corrected(config, model, readings, table, suspect, noise);
+                let (best, text) = match &suspects[..] {
+                    [first, second] => {
+                        let [a, b] = [left(first), left(second)];
+                        let best = if a <= b { first } else { second };
+                        let is_clear = (a - b).abs() > most(1);
+                        (best, if is_clear { &best.text } else { &best.undecided })
+                    }
+                    all => (all.first()?, &all.first()?.text),
+                };
+                BadLog { line: best.line, text: text.clone() }
+            }
+        };
+        Some((table.file, mistake))
+    })
+}
+
+/// Returns the sum of squares that the fit leaves of readings with a run corrected, each in the deviation that the
+/// corrected runs show.
+fn corrected(
+    config: &Mechanism,
+    model: &Model,
+    readings: &[Reading],
+    table: &Typed,
+    suspect: &Suspect,
+    noise: f64,
+) -> f64 {
+    let mut sheet = table.sheet.clone();
+    for (row, value) in &suspect.meant {
+        sheet.rows[*row].shown[suspect.run] = *value;
+    }
+    let weight = noise / sheet.gauge.length(config, sheet.deviation());
+    let mut undone = readings.to_vec();
+    for number in numbers(config, readings, table, noise) {
+        let shown = sheet.rows[number.index].shown[number.run];
+        let Some(new) = retyped(config, readings, table, &number, shown) else {
+            return f64::INFINITY;
+        };
+        undone[number.reading] = new;
+        undone[number.reading].instrument.weight = weight;
+    }
+    let all: Vec<&Reading> = undone.iter().collect();
+    remaining(model, &all, noise).map_or(f64::INFINITY, |(sum, _)| sum)
+}
+
+/// Returns the sum of squares that the fit leaves, and the count of numbers.
+fn remaining(model: &Model, readings: &[&Reading], noise: f64) -> Result<(f64, usize), Misfit> {
+    let start = vec![0.0; model.parameters.len()];
+    let changes = most_probable(model, readings, &start, noise)?;
+    let (left, _) = residuals(model, readings, &changes)?;
+    Ok((chi_square(model, &left, &changes, noise), left.len()))
+}
+
+/// Returns a reading with another typed value, if the machine can reach its pose.
+fn retyped(
+    config: &Mechanism,
+    readings: &[Reading],
+    table: &Typed,
+    number: &Number,
+    shown: f64,
+) -> Option<Reading> {
+    let (gauge, stop) = (&table.sheet.gauge, &number.row.stop);
+    let new = gauge.reading(config, &table.sheet.objects[stop.object], stop.at, shown).ok()?;
+    let old = &readings[number.reading];
+    Some(Reading {
+        name: old.name.clone(),
+        group: old.group,
+        frame: old.frame,
+        instrument: old.instrument,
+        ..new
+    })
+}
+
 /// Returns whether readings with a mistake corrected fit, and as well as without the readings concerned.
 fn is_undone(
     config: &Mechanism,
@@ -128,29 +219,14 @@ fn is_undone(
     let mut about = vec![];
     for (place, shown) in &mistake.meant {
         let Some(number) = numbers.iter().find(|number| number.place == *place) else { continue };
-        let (gauge, stop) = (&table.sheet.gauge, &number.row.stop);
-        let object = &table.sheet.objects[stop.object];
-        let old = &readings[number.reading];
-        let Ok(new) = gauge.reading(config, object, stop.at, *shown) else { return Ok(false) };
-        undone[number.reading] = Reading {
-            name: old.name.clone(),
-            group: old.group,
-            frame: old.frame,
-            instrument: old.instrument,
-            ..new
-        };
+        let Some(new) = retyped(config, readings, table, number, *shown) else { return Ok(false) };
+        undone[number.reading] = new;
         about.push(number.reading);
     }
     let rest: Vec<&Reading> =
         readings.iter().enumerate().filter(|(i, _)| !about.contains(i)).map(|(_, r)| r).collect();
-    let left = |readings: &[&Reading]| -> Result<(f64, usize), Misfit> {
-        let start = vec![0.0; model.parameters.len()];
-        let changes = most_probable(model, readings, &start, noise)?;
-        let (left, _) = residuals(model, readings, &changes)?;
-        Ok((chi_square(model, &left, &changes, noise), left.len()))
-    };
-    let (with, count) = left(&undone.iter().collect::<Vec<_>>())?;
-    let (without, _) = left(&rest)?;
+    let (with, count) = remaining(model, &undone.iter().collect::<Vec<_>>(), noise)?;
+    let (without, _) = remaining(model, &rest, noise)?;
     Ok(with <= most(count) && with - without <= most(about.len()))
 }
 
@@ -181,7 +257,7 @@ fn numbers<'a>(
         readings[..table.first].iter().map(|reading| reading.measured.rows()).sum::<usize>();
     let mut found = vec![];
     let mut count = 0;
-    for row in &table.sheet.rows {
+    for (index, row) in table.sheet.rows.iter().enumerate() {
         for run in 0..row.shown.len() {
             let taken = &readings[table.first + count];
             let object = &table.sheet.objects[row.stop.object];
@@ -189,7 +265,7 @@ fn numbers<'a>(
                 * taken.instrument.weight
                 / noise;
             let (reading, place) = (table.first + count, rows_before + count);
-            found.push(Number { row, run, reading, place, slope });
+            found.push(Number { row, index, run, reading, place, slope });
             count += 1;
         }
     }
@@ -197,13 +273,62 @@ fn numbers<'a>(
     found
 }
 
+/// Readings of one row that share a mistake: of one run, or of both.
+type Cell<'a> = Vec<&'a Number<'a>>;
+
+/// Returns the columns that a mistake may be in: of two runs the first, the second, or both.
+fn columns<'a>(numbers: &'a [Number<'a>]) -> Vec<Vec<Cell<'a>>> {
+    let of = |runs: std::ops::Range<usize>| {
+        let mut cells: Vec<Cell> = vec![];
+        for number in numbers.iter().filter(|number| runs.contains(&number.run)) {
+            match cells.iter_mut().find(|cell| cell[0].index == number.index) {
+                Some(cell) => cell.push(number),
+                None => cells.push(vec![number]),
+            }
+        }
+        cells.sort_by_key(|cell| cell[0].index);
+        cells
+    };
+    match numbers.iter().any(|number| number.run > 0) {
+        true => vec![of(0..1), of(1..2), of(0..2)],
+        false => vec![of(0..1)],
+    }
+}
+
 /// Returns the likely mistakes, the best first.
 fn likely(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Mistake> {
-    let mut all = units(sheet, linear, numbers);
-    all.extend(shifts(linear, numbers));
+    let mut all: Vec<Mistake> = offset(sheet, linear, numbers).into_iter().collect();
+    for column in columns(numbers) {
+        all.extend(units(sheet, linear, &column));
+        all.extend(orders(linear, &column));
+    }
     all.sort_by(|a, b| a.chi_square.total_cmp(&b.chi_square));
     all.truncate(CLOSELY);
     all
+}
+
+/// Returns the offset of all readings that explains them best, if it is large.
+fn offset(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Option<Mistake> {
+    let mut slopes = DVector::zeros(linear.y.len());
+    for number in numbers {
+        slopes[number.place] = number.slope;
+    }
+    let solved = linear.factor.solve(&slopes);
+    let offset = -solved.dot(&linear.y) / solved.dot(&slopes);
+    if !(offset.abs() > UNUSUAL * sheet.gauge.deviation) {
+        return None;
+    }
+    let changed: Vec<(&Number, f64)> =
+        numbers.iter().map(|number| (number, number.row.shown[number.run] + offset)).collect();
+    let chi_square = explained(linear, &changed)?;
+    let own = sheet.gauge.scale;
+    let text = format!(
+        "all readings would fit if larger by {:.4} {own}: was the radius of a ball left out, or the gauge set to \
+         another length? correct them, or state a larger \"zero\" in a new table",
+        rounded(offset)
+    );
+    let meant = changed.iter().map(|(number, shown)| (number.place, *shown)).collect();
+    Some(Mistake { chi_square, meant, line: numbers.first()?.row.line, text })
 }
 
 /// Returns the sum of squares with other readings in some rows, if they roughly explain it.
@@ -218,87 +343,71 @@ fn explained(linear: &Linear, changed: &[(&Number, f64)]) -> Option<f64> {
     (chi_square <= most && chi_square - linear.without(&places) <= most).then_some(chi_square)
 }
 
-/// Returns mistakes of one reading in another unit.
-fn units(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Vec<Mistake> {
+/// Returns mistakes of one row in another unit.
+fn units(sheet: &Sheet, linear: &Linear, column: &[Cell]) -> Vec<Mistake> {
     let own = sheet.gauge.scale;
     let mut found = vec![];
-    for number in numbers {
-        let shown = number.row.shown[number.run];
+    for cell in column {
+        let row = cell[0].row;
         for scale in Scale::ALL.into_iter().filter(|scale| *scale != own) {
-            let meant = shown * scale.in_mm() / own.in_mm();
-            if let Some(chi_square) = explained(linear, &[(number, meant)]) {
+            let shown = |number: &Number| number.row.shown[number.run];
+            let meant = |number: &Number| shown(number) * scale.in_mm() / own.in_mm();
+            let changed: Vec<(&Number, f64)> =
+                cell.iter().map(|number| (*number, meant(number))).collect();
+            if let Some(chi_square) = explained(linear, &changed) {
+                let list = |of: &dyn Fn(&Number) -> f64| {
+                    let words: Vec<String> = cell.iter().map(|n| of(n).to_string()).collect();
+                    words.join(" and ")
+                };
                 let text = format!(
-                    "{shown} {own} of pose {} does not fit the other readings, but {shown} {scale} would: enter {} {own}",
-                    number.row.pose,
-                    rounded(meant)
+                    "{} {own} of pose {} does not fit the other readings, but {} {scale} would: enter {} {own}",
+                    list(&shown),
+                    row.pose,
+                    list(&shown),
+                    list(&|number| rounded(meant(number)))
                 );
-                let meant = vec![(number.place, meant)];
-                found.push(Mistake { chi_square, meant, line: number.row.line, text });
+                let meant = changed.iter().map(|(number, shown)| (number.place, *shown)).collect();
+                found.push(Mistake { chi_square, meant, line: row.line, text });
             }
         }
     }
     found
 }
 
-/// Returns mistakes of the order within one run: the first of some rows typed last, or the last first; for two
-/// rows both are the exchange.
-fn shifts(linear: &Linear, numbers: &[Number]) -> Vec<Mistake> {
+/// Returns mistakes of the order.
+fn orders(linear: &Linear, column: &[Cell]) -> Vec<Mistake> {
     let mut found = vec![];
-    for (i, first) in numbers.iter().enumerate() {
-        for k in i + 1..numbers.len() {
-            let block = &numbers[i..=k];
-            if block[block.len() - 1].run != first.run {
-                break;
-            }
-            let shown: Vec<f64> = block.iter().map(|number| number.row.shown[number.run]).collect();
-            let mut orders = vec![];
-            let mut exchanged = shown.clone();
-            exchanged.swap(0, shown.len() - 1);
-            orders.push((exchanged, true));
-            if block.len() > 2 {
-                let (mut up, mut down) = (shown.clone(), shown.clone());
-                up.rotate_left(1);
-                down.rotate_right(1);
-                orders.extend([(up, false), (down, false)]);
-            }
-            for (order, is_exchange) in orders {
-                found.extend(reordered(linear, block, &order, is_exchange));
-            }
+    for first in 0..column.len() {
+        for last in first + 1..column.len() {
+            let block = &column[first..=last];
+            let orders = Order::of(block.len()).iter();
+            found.extend(orders.filter_map(|order| reordered(linear, block, *order)));
         }
     }
     found
 }
 
-/// Returns a mistake of the order, unless leaving out one reading explains as much.
-fn reordered(
-    linear: &Linear,
-    block: &[Number],
-    order: &[f64],
-    is_exchange: bool,
-) -> Option<Mistake> {
-    let changed: Vec<(&Number, f64)> = block
-        .iter()
-        .zip(order)
-        .filter(|(number, shown)| number.row.shown[number.run] != **shown)
-        .map(|(number, shown)| (number, *shown))
-        .collect();
+/// Returns a mistake of the order, unless leaving out one row explains as much.
+fn reordered(linear: &Linear, block: &[Cell], order: Order) -> Option<Mistake> {
+    let mut meant: Vec<&Cell> = block.iter().collect();
+    order.apply(&mut meant);
+    let mut changed: Vec<(&Number, f64)> = vec![];
+    for (cell, from) in block.iter().zip(meant) {
+        for number in cell {
+            let other = from.iter().find(|other| other.run == number.run)?;
+            let shown = other.row.shown[other.run];
+            if shown != number.row.shown[number.run] {
+                changed.push((number, shown));
+            }
+        }
+    }
     let chi_square = explained(linear, &changed)?;
     let limit = most(linear.y.len());
-    if changed.iter().any(|(number, _)| linear.without(&[number.place]) <= limit) {
+    let places = |cell: &Cell| cell.iter().map(|number| number.place).collect::<Vec<_>>();
+    if block.iter().any(|cell| linear.without(&places(cell)) <= limit) {
         return None;
     }
-    let (first, last) = (block.first()?.row, block.last()?.row);
-    let text = match is_exchange {
-        true => format!(
-            "the readings of lines {} and {} would fit if exchanged: check their order",
-            first.line, last.line
-        ),
-        false => format!(
-            "the readings of lines {} to {} would fit if moved by a row: check for a row too high or \
-             too low",
-            first.line, last.line
-        ),
-    };
+    let (first, last) = (block.first()?[0].row.line, block.last()?[0].row.line);
     let meant = changed.iter().map(|(number, shown)| (number.place, *shown)).collect();
-    Some(Mistake { chi_square, meant, line: first.line, text })
+    Some(Mistake { chi_square, meant, line: first, text: order.text("", first, last) })
 }

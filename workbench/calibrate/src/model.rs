@@ -3,7 +3,9 @@
 //! values with their tolerances, and the machine that results from a set of changes.
 
 use kinematics::leg::StrutGeometry;
-use kinematics::{Fault, Geometry, LegGeometry, LegKind, MAX_LEGS, Machine, PerLeg, Vector3};
+use kinematics::{
+    Fault, Geometry, Joints, LegGeometry, LegKind, MAX_LEGS, Machine, PerLeg, Vector3,
+};
 use nalgebra::{Matrix3, Rotation3};
 
 /// A parameter's quantity.
@@ -17,6 +19,8 @@ pub enum Quantity {
     Length(usize),
     /// The screw lead of all struts.
     Lead,
+    /// Travel of all joints from home, per commanded travel, minus 1.
+    Scale,
     /// Distance that the probe travels after the touch before it trips.
     Trigger,
     /// Error of a gauge's zero, by number.
@@ -93,6 +97,8 @@ pub struct Model {
     pub frames: Vec<Frame>,
     /// The parameters, and their deviations.
     pub parameters: Vec<Parameter>,
+    /// Joints at home, from which the drives' scale counts.
+    pub(crate) home: Joints,
     /// Largest length of the machine.
     size: f64,
     /// Radius of the platform.
@@ -126,7 +132,8 @@ impl Model {
         if tolerance.trigger > 0.0 {
             add(Quantity::Trigger, tolerance.trigger);
         }
-        Ok(Self { geometry, offsets, frames: vec![], parameters, size, radius })
+        let home = Joints::default();
+        Ok(Self { geometry, offsets, frames: vec![], parameters, home, size, radius })
     }
 
     /// Adds a frame with a fixed pose.
@@ -152,6 +159,13 @@ impl Model {
         if deviation > 0.0 {
             self.parameters.push(Parameter { quantity: Quantity::Zero(number), deviation });
         }
+        self
+    }
+
+    /// Adds the scale of the drives, homed at these joints, with this standard deviation.
+    pub(crate) fn with_scale(mut self, home: Joints, deviation: f64) -> Self {
+        self.home = home;
+        self.parameters.push(Parameter { quantity: Quantity::Scale, deviation });
         self
     }
 
@@ -187,6 +201,8 @@ impl Model {
                     *of(&mut legs[i]).kind.rod().unwrap_or(&mut offsets[i]) += change;
                 }
                 Quantity::Lead => legs.iter_mut().flatten().for_each(|leg| turn_more(leg, *change)),
+                // The derivatives at scale 1 are all that is used.
+                Quantity::Scale => {}
                 Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..) => {}
             }
         }

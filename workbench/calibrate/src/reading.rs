@@ -27,11 +27,6 @@ pub enum Measured {
 }
 
 impl Measured {
-    /// Returns whether it depends on the scale of the machine: a face gives only heights.
-    pub fn is_length(&self) -> bool {
-        !matches!(self, Measured::Face(_))
-    }
-
     /// Returns the number of values.
     pub(crate) fn rows(&self) -> usize {
         match self {
@@ -110,7 +105,9 @@ impl Beside {
                 Quantity::Platform(leg, axis) => (3 + axis, Some(leg)),
                 Quantity::Length(leg) => (6, Some(leg)),
                 Quantity::Lead => (7, None),
-                Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..) => continue,
+                Quantity::Scale | Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..) => {
+                    continue;
+                }
             };
             let pair = kinds.iter().position(|(other, _)| *other == kind).unwrap_or_else(|| {
                 kinds.push((kind, entries.len()));
@@ -208,7 +205,12 @@ impl<'a> Changed<'a> {
         let jacobian = self.machine.at(&pose, tool)?.pose_jacobian()?;
         let active =
             DMatrix::from_fn(joints, letters.len(), |i, k| jacobian[(i, letters[k].index())]);
-        let by = self.beside.joint_rates(&pose, tool, joints, self.model.parameters.len())?;
+        let mut by = self.beside.joint_rates(&pose, tool, joints, self.model.parameters.len())?;
+        if let Some(k) = self.model.number(Quantity::Scale) {
+            // Drives that travel farther are equivalent to joints that must travel less.
+            let reached = self.machine.inverse(&pose, tool)?;
+            (0..joints).for_each(|i| by[(i, k)] = self.model.home[i] - reached[i]);
+        }
         let weighted = self.weighted(&active, &by);
         let normal = weighted.transpose() * &active;
         let solved = normal.lu().solve(&(weighted.transpose() * by));

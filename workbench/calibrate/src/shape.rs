@@ -8,7 +8,7 @@
 use super::model::Model;
 use super::plate::fitted;
 use super::reading::Changed;
-use kinematics::{Fault, Machine, Pose, Solver, Vector3};
+use kinematics::{Fault, Joints, Machine, Pose, Solver, Vector3};
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -91,20 +91,22 @@ pub(crate) fn of_covariance(
 }
 
 /// Returns the errors of the tip of a true machine under a control with another geometry, at poses, minus the rigid
-/// motion that fits best: for simulations, where the truth is known.
+/// motion that fits best: for simulations, where the truth is known. `drives` returns the joints that the drives reach
+/// for commanded ones.
 ///
 /// # Errors
 /// As [`Machine::inverse`] and [`Machine::forward`].
 pub fn errors(
     control: &Machine,
     truth: &Machine,
+    drives: impl Fn(&Joints) -> Joints,
     poses: &[Pose],
     tool: &Vector3<f64>,
 ) -> Result<Vec<f64>, Fault> {
     let mut wanted = vec![];
     let mut reached = vec![];
     for pose in poses {
-        let joints = control.inverse(pose, tool)?;
+        let joints = drives(&control.inverse(pose, tool)?);
         let there = truth.forward(&joints, pose, tool, &Solver::default())?.pose;
         wanted.push(pose.position - tool);
         reached.push(there.position - tool);

@@ -52,7 +52,10 @@ const NEAR: f64 = 2.5;
 /// Thresholds in multiples of the median error: below the first a reading is like the others, above the second it is
 /// far off.
 const USUAL: f64 = 5.0;
-const UNUSUAL: f64 = 20.0;
+pub(crate) const UNUSUAL: f64 = 20.0;
+
+/// Least number of rows that are not the same by chance.
+const FEWEST: usize = 8;
 
 /// Probability that the scatter of good readings is judged too large.
 const FALSE_ALARM: f64 = 1e-3;
@@ -99,6 +102,8 @@ pub struct Scatter {
     pub drift: f64,
     /// Whether the scatter is larger than the stated deviation explains.
     pub is_more: bool,
+    /// Whether all rows have the same reading twice. Feelers come in steps, so their readings may.
+    pub is_copied: bool,
     pub is_drift: bool,
 }
 
@@ -203,10 +208,7 @@ impl Sheet {
             );
         };
         let rows = rows(text, &gauge, &objects, &sums)?;
-        let sheet = Self { gauge, objects, rows };
-        sheet.check_unit()?;
-        sheet.check_units()?;
-        Ok(sheet)
+        Ok(Self { gauge, objects, rows })
     }
 
     /// Returns the readings, and the number of zeros. Frames are numbered from `frame` on in the order of the objects,
@@ -279,6 +281,9 @@ impl Sheet {
             rows: differences.len(),
             deviation,
             drift,
+            is_copied: self.gauge.kind != Kind::Feeler
+                && differences.len() >= FEWEST
+                && differences.iter().all(|x| *x == 0.0),
             is_more: squares / (2.0 * stated * stated) > most(degrees),
             is_drift: count * drift * drift / (2.0 * deviation.max(stated).powi(2)) > most(1.0),
         })
@@ -292,8 +297,17 @@ impl Sheet {
         }
     }
 
+    /// Refuses readings in another unit: all of them, or some.
+    ///
+    /// # Errors
+    /// See [`BadLog`].
+    pub(crate) fn check_units(&self) -> Result<(), BadLog> {
+        self.check_all()?;
+        self.check_each()
+    }
+
     /// Refuses readings that are as a whole far from those of any machine built to the drawing.
-    fn check_unit(&self) -> Result<(), BadLog> {
+    fn check_all(&self) -> Result<(), BadLog> {
         let mut ratios: Vec<(f64, usize)> = self
             .rows
             .iter()
@@ -318,7 +332,7 @@ impl Sheet {
 
     /// Refuses a reading that is far from the expected value, unlike the others, but close to it if read in another
     /// unit. The fit cannot detect it: a machine as far from its drawing as its tolerances allow may give this reading.
-    fn check_units(&self) -> Result<(), BadLog> {
+    fn check_each(&self) -> Result<(), BadLog> {
         let mut misses: Vec<f64> = self.misses().map(|(_, _, miss)| miss.abs()).collect();
         misses.sort_by(f64::total_cmp);
         let Some(middle) = misses.get(misses.len() / 2) else { return Ok(()) };

@@ -12,6 +12,7 @@ use super::plan;
 use super::plate::{Astray, Plate, PlateError};
 use super::points;
 use super::reading::{Changed, Instrument, Measured, Reading};
+use super::scale::{DriveScale, with_scale};
 use super::shape::{self, Shape};
 use super::sheet::{self, Sheet};
 use super::table;
@@ -62,15 +63,6 @@ pub struct Agreement {
     pub foremost: (usize, f64),
 }
 
-impl Study {
-    /// Returns whether any reading depends on the scale of the drives: all lengths larger by one share. If all
-    /// are heights of faces, a machine that is larger as a whole gives the same readings, and no bound of this study
-    /// contains that error.
-    pub fn shows_scale(&self) -> bool {
-        self.readings.iter().any(|reading| reading.measured.is_length())
-    }
-}
-
 /// Results of a calibration.
 #[derive(Debug)]
 pub struct Study {
@@ -98,6 +90,8 @@ pub struct Study {
     /// Error of the tip over the workspace, independent of the workpiece's placement, from the drawing alone and
     /// now.
     pub shape: [Shape; 2],
+    /// Scale of the drives, which the new geometry does not contain.
+    pub scale: DriveScale,
     /// Agreement of the readings with their stated noise, if any is stated.
     pub agreement: Option<Agreement>,
     /// Errors of the holes as measured by the control, largest first.
@@ -285,7 +279,8 @@ fn kind(text: &str) -> Option<Format> {
     }
 }
 
-/// Refuses typed readings in which one mistake explains why they do not fit, see [`mistakes`].
+/// Refuses typed readings that differ between two runs, are in another unit, or in which one mistake explains why they
+/// do not fit, see [`mistakes`].
 ///
 /// # Errors
 /// The mistake, or a failed fit.
@@ -294,13 +289,16 @@ pub fn look_for_mistakes(
     given: &Given,
     files: &[PathBuf],
 ) -> Result<(), SlipError> {
-    let (Some(noise), false) = (given.noise, given.typed.is_empty()) else { return Ok(()) };
-    match mistakes::look(config, &given.model, &given.readings, &given.typed, noise)? {
-        Some((file, mistake)) => {
-            Err(ReadError::from(AtFile { file: files[file].clone(), error: mistake }))?
-        }
-        None => Ok(()),
+    let Given { model, readings, typed, .. } = given;
+    let (Some(noise), false) = (given.noise, typed.is_empty()) else { return Ok(()) };
+    let refused = |(file, error): (usize, BadLog)| -> Result<(), SlipError> {
+        Err(ReadError::from(AtFile { file: files[file].clone(), error }).into())
+    };
+    mistakes::compare_runs(config, model, readings, typed, noise).map_or(Ok(()), refused)?;
+    for table in typed {
+        table.sheet.check_units().at(&files[table.file]).map_err(ReadError::from)?;
     }
+    mistakes::look(config, model, readings, typed, noise)?.map_or(Ok(()), refused)
 }
 
 /// Why typed readings are refused.
@@ -322,20 +320,27 @@ pub fn study(
     mut progress: impl FnMut(f64),
 ) -> Result<Study, Misfit> {
     let Given { model, readings, instruments, noise, typed } = given;
-    let found = fit(&model, &readings, noise)?;
+    let mut found = fit(&model, &readings, noise)?;
     progress(0.4);
     let (as_drawn, holes) = as_drawn(&model, &readings, &found)?;
     let held_out = held_out(&model, &readings, &found, |share| progress(0.4 + 0.5 * share))?;
     let unreachable = |fault| Misfit::Unreachable("the workspace".into(), fault);
-    let at_tool = at_tool(config, &model, &readings, &found).map_err(unreachable)?;
-    let shape = shape(config, &model, &readings, &found)?;
     let used = believed(&readings, &found);
+    let (wide_model, wide, scale) = with_scale(config, &model, &used, &found)?;
+    let (stated_model, stated) =
+        if scale.is_covered() { (&wide_model, &wide) } else { (&model, &found) };
+    let at_tool = at_tool(config, stated_model, &readings, stated).map_err(unreachable)?;
+    let shape = shape(config, stated_model, &readings, stated)?;
     let [rank, improved] = [
         observe::rank(&model, &found.jacobian),
         observe::improved(&model, &found.jacobian, found.noise),
     ];
     let unseen = observe::unseen(&model, &used, &found.jacobian);
     let agreement = noise.map(|noise| agreement(&model, &readings, &found, noise));
+    if scale.is_covered() {
+        let own = model.parameters.len();
+        found.covariance = wide.covariance.view((0, 0), (own, own)).clone_owned();
+    }
     progress(1.0);
     Ok(Study {
         as_drawn,
@@ -345,6 +350,7 @@ pub fn study(
         unseen,
         at_tool,
         shape,
+        scale,
         agreement,
         holes,
         model,
@@ -432,14 +438,15 @@ fn circle(points: &[Vector3<f64>]) -> Option<[f64; 2]> {
 }
 
 /// Returns the variances of the machine's parameters by the drawing, as a covariance: of the machine alone, because
-/// the drawing does not determine the pose of the plate.
+/// the drawing does not determine the pose of the plate, and of its geometry alone.
 fn drawn(model: &Model) -> DMatrix<f64> {
+    let is_drawn = |quantity: Quantity| quantity.is_of_machine() && quantity != Quantity::Scale;
     DMatrix::from_diagonal(&DVector::from_iterator(
         model.parameters.len(),
         model
             .parameters
             .iter()
-            .map(|p| if p.quantity.is_of_machine() { p.deviation.powi(2) } else { 0.0 }),
+            .map(|p| if is_drawn(p.quantity) { p.deviation.powi(2) } else { 0.0 }),
     ))
 }
 
