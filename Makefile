@@ -110,6 +110,9 @@ help:
 	@echo "make test-deb   installs, uses and purges them in an empty Debian; SUITE=bookworm"
 	@echo "make release    tests, and builds the packages of the tagged version in build/release"
 	@echo "make clean      removes target/ and build/"
+	@echo "make generated, make module, make virtual"
+	@echo "                build a part: panels and programs in configs; the module (PKMKINS_HAL=references for"
+	@echo "                LinuxCNC 2.10); the library for virtual time. They install nothing."
 	@echo "cargo xtask help  lists everything else: single tests, generated files, measurements"
 
 # Rejects an unknown name, such as a former target that is now a task.

@@ -157,12 +157,6 @@ lint-words() {
         xargs target/tools/python/bin/codespell --dictionary - --dictionary tools/words.txt --ignore-words tools/words-allowed.txt
     python3 tools/doc_verbs.py
 }
-## module: builds the module alone; PKMKINS_HAL=references for LinuxCNC 2.10
-module() { make module; }
-## virtual: builds the library for virtual time, with the module and its HAL files, and installs nothing
-virtual() { make virtual; }
-## generated: writes the panels and programs in configs that git does not contain
-generated() { make generated; }
 ## header: writes the C header, and the causes and INI keys in the documentation, from their tables
 header() { cargo run "${host[@]}" --bin header -- .; }
 ## names: writes docs/reference/names.txt, the promised names; refuses if a released one is missing

@@ -14,7 +14,7 @@ alone wheel tests/wheel/run.sh "$@"
 suite=${1:-trixie}
 root=$PWD/build/wheel/$suite
 ls build/wheel/pkmkins-*.whl >/dev/null || { echo "wheel: none in build/wheel: cargo xtask wheel" >&2; exit 2; }
-[ -x target/host/pkm ] || { echo "wheel: no target/host/pkm: cargo xtask generated" >&2; exit 2; }
+[ -x target/host/pkm ] || { echo "wheel: no target/host/pkm: make generated" >&2; exit 2; }
 
 debian "$suite" "$root" python3-venv,ca-certificates
 mkdir -p "$root/srv/pkmkins"

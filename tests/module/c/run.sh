@@ -21,7 +21,7 @@ say_and_fail() { echo "tests/module/c: $*" >&2; exit 1; }
 
 [ -f "$root/include/pkmkins.h" ] || say_and_fail "include/pkmkins.h is missing: run 'cargo xtask header'"
 [ -f "$headers/kinematics.h" ] || say_and_fail "$headers/kinematics.h is missing: install linuxcnc-uspace-dev"
-[ -f "$module" ] || say_and_fail "$module is missing: run 'cargo xtask module'"
+[ -f "$module" ] || say_and_fail "$module is missing: run 'make module'"
 
 # compile INCLUDE_FOLDER OUTPUT [FLAG...]: without warnings about LinuxCNC's headers.
 compile() {

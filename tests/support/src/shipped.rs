@@ -55,7 +55,7 @@ pub fn configs() -> &'static Path {
         for name in sums.lines().filter_map(|line| line.split_whitespace().nth(1)) {
             assert!(
                 root().join(name).exists(),
-                "{name} is missing: `cargo xtask generated` writes it"
+                "{name} is missing: `make generated` writes it"
             );
         }
         root().join("configs")

@@ -83,7 +83,7 @@ pub struct Module {
 }
 
 impl Module {
-    /// Returns the module under test: `PKMKINS_SO`, or the result of `cargo xtask module`.
+    /// Returns the module under test: `PKMKINS_SO`, or the result of `make module`.
     /// # Panics
     /// If the file is missing or is not loaded with these parameters.
     pub fn pkmkins(parameters: &[(&str, &str)]) -> Module {
@@ -496,7 +496,7 @@ pub fn pkmkins_path() -> PathBuf {
         },
         PathBuf::from,
     );
-    assert!(path.exists(), "{} is missing: run `cargo xtask module` first", path.display());
+    assert!(path.exists(), "{} is missing: run `make module` first", path.display());
     path
 }
 

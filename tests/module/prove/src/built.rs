@@ -84,7 +84,7 @@ impl Built {
         };
         let symbols = symbols(&file);
         if !symbols.iter().any(|s| s.is_code && !s.is_exported) {
-            return Err("the file has no local symbols: build it with `cargo xtask module`".into());
+            return Err("the file has no local symbols: build it with `make module`".into());
         }
         let pointers = pointers(&file);
         let mut built = Built {

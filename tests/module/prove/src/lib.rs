@@ -3,7 +3,7 @@
 //!
 //! [`built`] reads the file, [`walk`] follows every path through a function, [`graph`]
 //! follows the calls of an entry point, [`contract`] has the guarantees, and
-//! [`checks`] compares the two. The file must have its symbols, as `cargo xtask module`
+//! [`checks`] compares the two. The file must have its symbols, as `make module`
 //! leaves it.
 //!
 //! In addition the module is run: [`cases`] are expensive calls found by search, and

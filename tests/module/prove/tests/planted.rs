@@ -200,5 +200,5 @@ fn a_file_without_symbols_is_refused() {
     command.args(["-O2", "-shared", "-fPIC", "-s"]).arg(source("clean.c"));
     assert!(command.arg("-o").arg(&file.0).status().expect("gcc starts").success());
     let data = std::fs::read(&file.0).expect("the library was made");
-    assert!(Built::read(&data).err().expect("nothing to go by").contains("cargo xtask module"));
+    assert!(Built::read(&data).err().expect("nothing to go by").contains("make module"));
 }
