@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A coolant pump for pkmkins, switched off if it is too hot. See docs/guide/drives.md.
+# A coolant pump for pkmkins, switched off if it is too hot. See `pkm help guide/drives`.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #

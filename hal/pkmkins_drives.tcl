@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Procedures common to the HAL files for real drives, which source this file. See docs/guide/drives.md.
+# Procedures common to the HAL files for real drives, which source this file. See `pkm help guide/drives`.
 #
 # Loads the kinematics and the motion controller; wires the emergency stop chain, enables, faults, limit
 # and home switches; reports keys missing in the INI file before LinuxCNC starts.

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # EtherCAT drives in cyclic synchronous position mode (CiA 402, CSP) for pkmkins. See
-# docs/guide/drives.md. Needs two components that LinuxCNC does not ship: lcec (linuxcnc-ethercat) and cia402
+# `pkm help guide/drives`. Needs two components that LinuxCNC does not ship: lcec (linuxcnc-ethercat) and cia402
 # (hal-cia402).
 #
 # In the INI file, before LIB:pkmkins.tcl:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Servo drives with an analog input for speed (+-10 V) on a Mesa card (hostmot2), for pkmkins: a PID
-# loop in LinuxCNC, encoders on the card. See docs/guide/drives.md.
+# loop in LinuxCNC, encoders on the card. See `pkm help guide/drives`.
 #
 # In the INI file, before LIB:pkmkins.tcl:
 #

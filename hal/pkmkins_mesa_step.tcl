@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Step and direction from a Mesa card (hostmot2), for pkmkins. See docs/guide/drives.md.
+# Step and direction from a Mesa card (hostmot2), for pkmkins. See `pkm help guide/drives`.
 #
 # In the INI file, before LIB:pkmkins.tcl:
 #

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# A spindle on an inverter with an analog speed input, for pkmkins. See docs/guide/drives.md.
+# A spindle on an inverter with an analog speed input, for pkmkins. See `pkm help guide/drives`.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # A spindle on a Huanyang inverter with a serial line (RS-485), for pkmkins. Uses LinuxCNC's hy_vfd. See
-# docs/guide/drives.md, also for inverters with standard Modbus.
+# `pkm help guide/drives`, also for inverters with standard Modbus.
 #
 # In the INI file, after the file with the drives and before LIB:pkmkins.tcl:
 #

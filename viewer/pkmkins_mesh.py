@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Reads shapes from STL and OBJ files, as triangles: docs/reference/view.md."""
+"""Reads shapes from STL and OBJ files, as triangles: `pkm help reference/view`."""
 
 import os
 import struct

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The reason of a refusal as text, for a panel of PyVCP: docs/guide/panel.md.
+"""The reason of a refusal as text, for a panel of PyVCP: `pkm help guide/panel`.
 
 PyVCP has no widget that shows a text from HAL. The panel's label therefore has a variable,
 which this module updates from pins that it reads by name.

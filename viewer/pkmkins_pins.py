@@ -5,7 +5,7 @@
     pkmkins_pins.py MACHINE.ini
 
 writes one object per line, 25 per second, to standard output, until LinuxCNC or the reader of that output
-ends; docs/reference/view.md lists the fields. Without a running LinuxCNC it ends at once. It has a HAL component
+ends; `pkm help reference/view` lists the fields. Without a running LinuxCNC it ends at once. It has a HAL component
 without pins, named pkm-live and the number of the process. LinuxCNC ends it like its other components, so that a
 program that outlives LinuxCNC must start it as a separate process. It reads pins by name, writes nothing into HAL,
 and takes no message from LinuxCNC's operator interface.

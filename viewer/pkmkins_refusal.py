@@ -21,6 +21,6 @@ def count_legs(value):
 
 def sentence(code, number, legs):
     """Returns the refusal as the module reports it, without the value, which no pin has."""
-    text, remedy = CAUSES.get(code, ("unknown cause", "see docs/reference/causes.md"))
+    text, remedy = CAUSES.get(code, ("unknown cause", "see `pkm help reference/causes`"))
     part = "" if number < 0 else f"leg {number}: " if number < legs else f"joint {number}: "
     return f"{part}{text}; {remedy} [code {code}]"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A machine as described by `pkm scene`, and the positions of its parts: docs/reference/view.md.
+"""A machine as described by `pkm scene`, and the positions of its parts: `pkm help reference/view`.
 
 No kinematics: lower ends of legs are computed from joint values, upper ends from the pose.
 Vectors are tuples of three, machine units; angles are degrees.

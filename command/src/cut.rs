@@ -32,7 +32,7 @@ use studies::study::file::Study;
 ///     [cutting]
 ///     depth_mm = 0.5               # and the keys of `pkm stability pose`
 ///     [legs]
-///     max_force_n = 2000           # rating of each drive; docs/studies/cut.md lists all keys
+///     max_force_n = 2000           # rating of each drive; `pkm help studies/cut` lists all keys
 ///
 /// N, Nm, mm, um, 1/min, s.
 ///

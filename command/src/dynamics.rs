@@ -63,7 +63,7 @@ const BEYOND: f64 = 1.5;
 ///     corner_hz = 150                  # or band_hz and band_quality
 ///     seconds = 5
 ///
-/// docs/studies/dynamics.md lists all keys.
+/// `pkm help studies/dynamics` lists all keys.
 ///
 /// Exit status: 0, 1 if the pose is singular or LinuxCNC stops the program, 2 if input or output
 /// failed.

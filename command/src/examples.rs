@@ -11,7 +11,7 @@ pub struct Page {
     command: &'static str,
     /// Command lines, each with its purpose.
     examples: &'static [(&'static str, &'static str)],
-    /// Names of subcommands, and files of the documentation.
+    /// Names of subcommands, and pages of the documentation.
     see: &'static [&'static str],
 }
 
@@ -31,8 +31,9 @@ const PAGES: &[Page] = &[
             ("pkm check hexapod.ini", "check that the machine fits together"),
             ("pkm preflight hexapod.ini part.ngc", "check that a program fits the machine"),
             ("pkm help preflight", "show a subcommand and its options"),
+            ("pkm help guide", "show the guide; `reference` and `studies`, or any of their pages"),
         ],
-        &["new", "check", "preflight", "docs/reference/pkm.md", "docs/reference/json.md"],
+        &["new", "check", "preflight", "reference/pkm", "reference/json"],
     ),
     page(
         "new",
@@ -49,7 +50,7 @@ const PAGES: &[Page] = &[
                 "make a machine with struts between the anchors of a table (- for standard input)",
             ),
         ],
-        &["check", "view", "preflight", "docs/reference/pkm.md"],
+        &["check", "view", "preflight", "reference/pkm"],
     ),
     page(
         "migrate",
@@ -60,7 +61,7 @@ const PAGES: &[Page] = &[
                 "with its geometry from a file of setp lines",
             ),
         ],
-        &["new", "check", "docs/guide/migrating.md"],
+        &["new", "check", "guide/migrating"],
     ),
     page(
         "check",
@@ -71,7 +72,7 @@ const PAGES: &[Page] = &[
             ("pkm check hexapod.ini --fix", "print corrections of the file as a diff"),
             ("pkm check hexapod.ini --fix --write", "write the corrections into the file"),
         ],
-        &["homing", "boxes", "preflight", "docs/reference/pkm.md", "docs/guide/drives.md"],
+        &["homing", "boxes", "preflight", "reference/pkm", "guide/drives"],
     ),
     page(
         "homing",
@@ -82,7 +83,7 @@ const PAGES: &[Page] = &[
                 "show the worst homing motion in a browser",
             ),
         ],
-        &["check", "view", "docs/guide/homing.md"],
+        &["check", "view", "guide/homing"],
     ),
     page(
         "preflight",
@@ -101,7 +102,7 @@ const PAGES: &[Page] = &[
                 "check a program from standard input",
             ),
         ],
-        &["run", "filter", "view", "docs/reference/preflight.md", "docs/reference/json.md"],
+        &["run", "filter", "view", "reference/preflight", "reference/json"],
     ),
     page(
         "filter",
@@ -109,7 +110,7 @@ const PAGES: &[Page] = &[
             "pkm filter part.ngc --machine hexapod.ini",
             "print the program if it fits the machine",
         )],
-        &["preflight", "docs/reference/preflight.md"],
+        &["preflight", "reference/preflight"],
     ),
     page(
         "joints",
@@ -146,7 +147,7 @@ const PAGES: &[Page] = &[
             ("pkm run hexapod.ini part.ngc", "print LinuxCNC's messages and the duration"),
             ("pkm run hexapod.ini part.ngc --trace part.csv", "also write every servo cycle"),
         ],
-        &["preflight", "replay", "docs/reference/preflight.md"],
+        &["preflight", "replay", "reference/preflight"],
     ),
     page(
         "replay",
@@ -168,12 +169,12 @@ const PAGES: &[Page] = &[
                 "also write the joint motion",
             ),
         ],
-        &["preflight", "docs/studies/paths.md"],
+        &["preflight", "studies/paths"],
     ),
     page(
         "scene",
         &[("pkm scene hexapod.ini -o scene.json", "write the machine for a viewer")],
-        &["view", "docs/reference/view.md"],
+        &["view", "reference/view"],
     ),
     page(
         "frames",
@@ -181,7 +182,7 @@ const PAGES: &[Page] = &[
             "pkm frames hexapod.ini -o frames.svg",
             "write the drawing, for a browser or a printer",
         )],
-        &["check", "view", "docs/guide/frames.md"],
+        &["check", "view", "guide/frames"],
     ),
     page(
         "view",
@@ -192,7 +193,7 @@ const PAGES: &[Page] = &[
             ),
             ("pkm view hexapod.ini part.ngc --video part.mp4", "write a video"),
         ],
-        &["preflight", "scene", "docs/reference/view.md"],
+        &["preflight", "scene", "reference/view"],
     ),
     page(
         "panel",
@@ -200,7 +201,7 @@ const PAGES: &[Page] = &[
             "pkm panel hexapod.ini",
             "write the panel beside the INI file, and print the lines to add",
         )],
-        &["travel", "docs/guide/panel.md"],
+        &["travel", "guide/panel"],
     ),
     page(
         "travel",
@@ -211,7 +212,7 @@ const PAGES: &[Page] = &[
                 "show the travel from a pose, with a tool",
             ),
         ],
-        &["joints", "panel", "docs/guide/panel.md"],
+        &["joints", "panel", "guide/panel"],
     ),
     page(
         "rods",
@@ -229,7 +230,7 @@ const PAGES: &[Page] = &[
                 "write them at your own poses",
             ),
         ],
-        &["replay", "workspace", "docs/studies/machine.md"],
+        &["replay", "workspace", "studies/machine"],
     ),
     page(
         "sensitivity",
@@ -240,7 +241,7 @@ const PAGES: &[Page] = &[
                 "compute it at a pose, and along a program",
             ),
         ],
-        &["stiffness", "calibrate", "docs/studies/machine.md"],
+        &["stiffness", "calibrate", "studies/machine"],
     ),
     page(
         "stiffness",
@@ -251,7 +252,7 @@ const PAGES: &[Page] = &[
                 "compute it at a pose, with maps in planes through the pose",
             ),
         ],
-        &["dynamics", "sensitivity", "docs/studies/machine.md"],
+        &["dynamics", "sensitivity", "studies/machine"],
     ),
     page(
         "stability",
@@ -264,7 +265,7 @@ const PAGES: &[Page] = &[
             "stability map",
             "stability program",
             "stability lag",
-            "docs/studies/stability.md",
+            "studies/stability",
         ],
     ),
     page(
@@ -279,7 +280,7 @@ const PAGES: &[Page] = &[
                 "compute the limit depth at a pose, and plot it over speed",
             ),
         ],
-        &["stability map", "dynamics", "docs/studies/stability.md"],
+        &["stability map", "dynamics", "studies/stability"],
     ),
     page(
         "stability map",
@@ -287,7 +288,7 @@ const PAGES: &[Page] = &[
             "pkm stability map hexapod.ini --study cutting.toml --plane xy --grid 100 --plots plots",
             "map a plane through home",
         )],
-        &["stability pose", "docs/studies/stability.md"],
+        &["stability pose", "studies/stability"],
     ),
     page(
         "stability program",
@@ -295,7 +296,7 @@ const PAGES: &[Page] = &[
             "pkm stability program hexapod.ini part.ngc --study cutting.toml --csv depths.csv",
             "find the line that is nearest to chatter",
         )],
-        &["stability pose", "cut", "docs/studies/stability.md"],
+        &["stability pose", "cut", "studies/stability"],
     ),
     page(
         "stability lag",
@@ -303,12 +304,12 @@ const PAGES: &[Page] = &[
             "pkm stability lag --study lag.toml --overhang 500 300 --plots plots",
             "compare two overhangs",
         )],
-        &["stability spindle", "docs/studies/stability.md"],
+        &["stability spindle", "studies/stability"],
     ),
     page(
         "stability spindle",
         &[("pkm stability spindle --study spindle.toml --overhang 32 90", "compare two tools")],
-        &["stability lag", "docs/studies/stability.md"],
+        &["stability lag", "studies/stability"],
     ),
     page(
         "dynamics",
@@ -322,7 +323,7 @@ const PAGES: &[Page] = &[
                 "simulate a random force at a pose",
             ),
         ],
-        &["stiffness", "stability", "docs/studies/dynamics.md"],
+        &["stiffness", "stability", "studies/dynamics"],
     ),
     page(
         "cut",
@@ -330,7 +331,7 @@ const PAGES: &[Page] = &[
             "pkm cut hexapod.ini part.ngc --study cut.toml --report part.html",
             "write a page with the load on drives and tool",
         )],
-        &["preflight", "stability program", "docs/studies/cut.md"],
+        &["preflight", "stability program", "studies/cut"],
     ),
     page(
         "workspace",
@@ -345,7 +346,7 @@ const PAGES: &[Page] = &[
                 "of the first of two mechanisms, with the other one at home",
             ),
         ],
-        &["check", "rods", "docs/studies/machine.md"],
+        &["check", "rods", "studies/machine"],
     ),
     page(
         "boxes",
@@ -353,7 +354,7 @@ const PAGES: &[Page] = &[
             ("pkm boxes hexapod.ini", "prove the boxes of the file, or find some"),
             ("pkm boxes hexapod.ini --write", "write the boxes found into the file"),
         ],
-        &["check", "docs/reference/start-without-a-seed.md"],
+        &["check", "reference/start-without-a-seed"],
     ),
     page(
         "random",
@@ -369,7 +370,7 @@ const PAGES: &[Page] = &[
             "pkm measure hexapod.ini dial.toml -o dial",
             "write dial.ngc, which stops at each pose, and dial.csv",
         )],
-        &["calibrate", "docs/guide/calibration.md"],
+        &["calibrate", "guide/calibration"],
     ),
     page(
         "calibrate",
@@ -380,7 +381,7 @@ const PAGES: &[Page] = &[
             ),
             ("pkm calibrate hexapod.ini dial.csv --write true.ini", "the same from gauge readings"),
         ],
-        &["measure", "check", "sensitivity", "docs/guide/calibration.md"],
+        &["measure", "check", "sensitivity", "guide/calibration"],
     ),
     page(
         "man",
@@ -401,7 +402,7 @@ const PAGES: &[Page] = &[
 pub struct Ending {
     /// Command lines, each with its purpose.
     pub examples: Vec<(String, String)>,
-    /// Manual pages and files of the documentation.
+    /// Manual pages, and commands that show a page of the documentation.
     pub see: Vec<String>,
 }
 
@@ -434,15 +435,15 @@ fn of_kind(name: &str) -> Ending {
     let words: String =
         needed.map(|parameter| format!(" --{} {}", parameter.name, value(parameter))).collect();
     let line = format!("pkm new {name}{words} my-{name}");
-    let see = ["new", "check", "docs/reference/pkm.md"].map(reference).into();
+    let see = ["new", "check", "reference/pkm"].map(reference).into();
     Ending { examples: vec![(line, "make one with the required values".into())], see }
 }
 
-/// Returns the manual page of a subcommand, or a file name unchanged.
+/// Returns the manual page of a subcommand, or the command that shows a page of the documentation.
 fn reference(name: &str) -> String {
     match name {
         "" => "pkm(1)".into(),
-        name if name.starts_with("docs/") => name.into(),
+        page if page.contains('/') => format!("pkm help {page}"),
         name => format!("pkm-{}(1)", name.replace(' ', "-")),
     }
 }

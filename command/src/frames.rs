@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// and platform, the axes of base and platform, the positive direction of every joint, the
 /// direction of the tool, the hands of the screws, and the motion of table and other axes.
 /// Compare the drawing with the machine: it shows how the kinematics interpret the file. Machines
-/// that are long in Z, such as lathes, are drawn lying down. docs/guide/frames.md explains the
+/// that are long in Z, such as lathes, are drawn lying down. `pkm help guide/frames` explains the
 /// signs.
 ///
 /// Exit status: 0, or 2 if the file describes no machine or the output cannot be written.

@@ -23,7 +23,7 @@ use view::track::Track;
 /// there is one, it searches for the order with the fewest sequences that keeps the limits from
 /// all these poses, and prints it as lines for the INI file. The motions are sampled, not proved.
 /// The overtravel of a joint past its switch, and its second approach, are not simulated.
-/// docs/guide/homing.md describes the methods of homing.
+/// `pkm help guide/homing` describes the methods of homing.
 ///
 /// Exit status: 0 if no violation was found, 1 if one was, 2 if homing could not be judged.
 #[derive(clap::Args, Debug)]

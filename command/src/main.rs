@@ -14,6 +14,7 @@ mod examples;
 mod failure;
 mod filter;
 mod frames;
+mod help;
 mod homing;
 mod input;
 mod joints;
@@ -83,6 +84,15 @@ fn main() -> ExitCode {
         failure.report();
         return ExitCode::from(2);
     }
+    if let Some(shown) = help::run(std::env::args_os().skip(1)) {
+        return match Failure::unless_unread(shown) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(failure) => {
+                failure.report();
+                ExitCode::from(2)
+            }
+        };
+    }
     let given = std::env::args_os().map(with_whole_number);
     let matches = grammar()
         .try_get_matches_from(given)
@@ -127,8 +137,13 @@ fn grouped(command: &clap::Command) -> String {
 }
 
 /// Adds to an error about an unknown subcommand those whose names contain the word, as `four-rod-lathe` contains
-/// `lathe`; the parser itself suggests similar spellings.
+/// `lathe`, and for `pkm help` where the pages are listed; the parser itself suggests similar spellings.
 fn with_longer_names(mut error: clap::Error) -> clap::Error {
+    if std::env::args_os().nth(1).is_some_and(|word| word == "help") {
+        let lists = help::FOLDERS.map(|folder| format!("pkm help {folder}")).join(", ");
+        let tip = format!("the pages of the documentation are listed by: {lists}");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
     let word = match error.get(ContextKind::InvalidSubcommand) {
         Some(ContextValue::String(word))
             if error.get(ContextKind::SuggestedSubcommand).is_none() =>

@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// Reads an INI file for genhexkins, lineardeltakins, rotarydeltakins, tripodkins or pentakins, also from before
 /// LinuxCNC had joints and axes (2.7, Machinekit), and the geometry that its HAL files set. Writes a folder like that
 /// of pkm new, with the old limits, speeds, homing, scales and tools. Lists the values that the file does not determine
-/// and the omitted parts; the old folder does not change. docs/guide/migrating.md describes it.
+/// and the omitted parts; the old folder does not change. `pkm help guide/migrating` describes it.
 ///
 /// Exit status: 0 if the folder is complete and pkm check finds no error in it, 1 if pkm check finds errors, or if no
 /// such machine can work and no folder is created, 2 if the file is wrong or does not determine the machine, or if the

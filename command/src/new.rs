@@ -24,7 +24,7 @@ const LONG: &str = "Make a complete LinuxCNC configuration of a machine
 Writes a folder with an INI file, a tool table, an operator panel, a first program and a page of next steps. \
 HOME of every joint comes from the kinematics, the axis limits are proved, and joint speeds follow from the \
 tool speed. The result passes `pkm check`. Without options, on a terminal, pkm asks for every value and shows \
-its unit, its meaning and an example. docs/reference/pkm.md has the details.
+its unit, its meaning and an example. `pkm help reference/pkm` has the details.
 
 Exit status: 0 if the folder was made, 1 if a machine with these values cannot work (with the reason), 2 if a \
 value is invalid or the folder exists. Nothing is written unless the status is 0.";

@@ -24,7 +24,7 @@ pub fn run(mut words: impl Iterator<Item = OsString>) -> Option<Failure> {
     match error.kind() {
         ErrorKind::NotFound if OF_PYTHON.contains(&name.as_str()) => Some(refused(format!(
             "pkm {name} comes with the Python package pkmkins, and there is no program {program} in PATH: \
-             install it, see docs/reference/python.md"
+             install it, see `pkm help reference/python`"
         ))),
         ErrorKind::NotFound => None,
         _ => Some(Failure::at(program, error)),

@@ -12,14 +12,14 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::sync::{Mutex, OnceLock};
 
-/// Version of all JSON values, see docs/reference/json.md: incremented if a field is removed or changes its meaning.
+/// Version of all JSON values, see `pkm help reference/json`: incremented if a field is removed or changes its meaning.
 const VERSION: u32 = 1;
 
 /// Options that every subcommand has.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Settings {
-    /// Output format: text, or one JSON value for programs (docs/reference/json.md)
+    /// Output format: text, or one JSON value for programs (`pkm help reference/json`)
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     format: Format,
     /// Print findings only, without progress and statistics

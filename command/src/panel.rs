@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// file or into a folder, and prints the two lines to add to the INI file. The panel shows every
 /// joint in its range, the cones, what the guard does, the travel left along every letter, the
 /// active kinematics, the geometry, and why something was refused. Write it again after changing
-/// limits or axes of the machine. docs/guide/panel.md describes it.
+/// limits or axes of the machine. `pkm help guide/panel` describes it.
 ///
 /// Exit status: 0, or 2 if the file describes no machine or the output cannot be written.
 #[derive(clap::Args, Debug)]

@@ -59,7 +59,7 @@ use std::path::PathBuf;
 /// Common operations, from zigzag to drill, are given as [[operation]].
 ///
 /// Expressions have + - * / ^, sin cos tan asin acos atan atan2 sinh cosh tanh asinh exp ln sqrt,
-/// pi and the names in [parameters]; angles are in radians. docs/studies/paths.md lists all keys.
+/// pi and the names in [parameters]; angles are in radians. `pkm help studies/paths` lists all keys.
 ///
 /// Exit status: 0, or 2 if the file describes no path that the machine can follow; then nothing
 /// is written.

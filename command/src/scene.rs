@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// The object has everything needed to draw and move the machine: anchors, guides, arms, table,
 /// limits, cones, unit, and the geometry hash, with which a viewer detects that it watches
 /// another machine. A viewer needs no kinematics: lower ends of legs follow from joint values,
-/// upper ends from the pose. docs/reference/view.md describes the fields and the two formulas.
+/// upper ends from the pose. `pkm help reference/view` describes the fields and the two formulas.
 ///
 /// Exit status: 0, or 2 if the file describes no machine or the output cannot be written.
 #[derive(clap::Args, Debug)]

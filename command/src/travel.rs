@@ -21,7 +21,7 @@ use std::io::{BufRead, Write};
 /// degrees.
 ///
 /// With --serve, pkm answers every line of standard input with a line of JSON, until standard
-/// input ends; panels use this. docs/guide/panel.md describes both.
+/// input ends; panels use this. `pkm help guide/panel` describes both.
 ///
 /// Exit status: 0, 1 if the machine cannot be at the pose, 2 if input or output failed.
 #[derive(clap::Args, Debug)]

@@ -23,7 +23,7 @@ use view::track::Track;
 /// by its coordinates, with the distance to every limit, and its workspace. With a program also
 /// the path, colored by the distance to the nearest limit; the machine at any time; the findings
 /// of `pkm preflight` as marks to click; and curves of joints, speeds and margins. The page uses
-/// the same kinematics as the module. docs/reference/view.md shows it.
+/// the same kinematics as the module. `pkm help reference/view` shows it.
 ///
 /// Videos and pictures need a browser such as chromium, which runs without a window; videos also
 /// need ffmpeg.

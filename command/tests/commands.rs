@@ -837,7 +837,7 @@ Files and shell:
 
 Options:
       --format <FORMAT>
-          Output format: text, or one JSON value for programs (docs/reference/json.md)
+          Output format: text, or one JSON value for programs (`pkm help reference/json`)
           
           [default: text]
           [possible values: text, json]
@@ -865,8 +865,11 @@ Examples:
       check that a program fits the machine
   pkm help preflight
       show a subcommand and its options
+  pkm help guide
+      show the guide; `reference` and `studies`, or any of their pages
 
-See also: pkm-new(1), pkm-check(1), pkm-preflight(1), docs/reference/pkm.md, docs/reference/json.md
+See also: pkm-new(1), pkm-check(1), pkm-preflight(1), pkm help reference/pkm, pkm help
+reference/json
 exit 0
 
 "#]]
@@ -928,7 +931,7 @@ Options:
 
 Options of every command:
       --format <FORMAT>
-          Output format: text, or one JSON value for programs (docs/reference/json.md)
+          Output format: text, or one JSON value for programs (`pkm help reference/json`)
           
           [default: text]
           [possible values: text, json]
@@ -954,8 +957,8 @@ Examples:
   pkm check hexapod.ini --fix --write
       write the corrections into the file
 
-See also: pkm(1), pkm-homing(1), pkm-boxes(1), pkm-preflight(1), docs/reference/pkm.md,
-docs/guide/drives.md
+See also: pkm(1), pkm-homing(1), pkm-boxes(1), pkm-preflight(1), pkm help reference/pkm, pkm help
+guide/drives
 exit 0
 
 "#]]
@@ -1299,7 +1302,10 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         for name in end.trim().split(", ") {
             let file = match name.strip_suffix("(1)") {
                 Some(name) => bench.0.path().join(format!("pages/{name}.1")),
-                None => Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name),
+                None => {
+                    let page = name.strip_prefix("pkm help ").unwrap();
+                    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../docs/{page}.md"))
+                }
             };
             assert!(file.exists(), "{:?}: {name}", page.path());
         }

@@ -29,7 +29,7 @@ class Refused(ValueError):
     """A pose or joint values without an answer."""
 
     code: int
-    """Fixed negative code, as on the module's pin `fault`; docs/reference/causes.md lists all."""
+    """Fixed negative code, as on the module's pin `fault`; `pkm help reference/causes` lists all."""
     name: str
     part: int | None
     """Number of the leg or joint, if one can be named."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Functions that need LinuxCNC or measurement files, like subcommands of `pkm`: docs/reference/json.md."""
+"""Functions that need LinuxCNC or measurement files, like subcommands of `pkm`: `pkm help reference/json`."""
 
 import argparse
 import json
@@ -55,7 +55,7 @@ def pkm():
 
 
 def asked(*words):
-    """Returns the answer of a subcommand of `pkm` as a dictionary, as docs/reference/json.md describes it."""
+    """Returns the answer of a subcommand of `pkm` as a dictionary, as `pkm help reference/json` describes it."""
     run = subprocess.run([pkm(), "--format", "json", *map(str, words)], capture_output=True, text=True)
     try:
         answer = json.loads(run.stdout)

@@ -691,7 +691,7 @@ def test_a_refusal_names_its_part():
     for number, legs, part in [(-1, 6, ""), (0, 6, "leg 0: "), (5, 6, "leg 5: "), (6, 6, "joint 6: ")]:
         said = sentence(-19, number, legs)
         assert said.startswith(part) and said.endswith("[code -19]") and ("leg " in said.split(";")[0][:5]) == (part[:3] == "leg"), said
-    assert "docs/reference/causes.md" in sentence(-999, -1, 6)
+    assert "pkm help reference/causes" in sentence(-999, -1, 6)
     pins = {f"pkmkins.base.{n}.x": 0 for n in range(4)}
     assert count_legs(lambda name: pins[name] if name in pins else int("no")) == 4
 

@@ -32,7 +32,7 @@ examples:
   pkm design study.toml --shard 3/64                    judge one part of a plain sample (Slurm, GNU parallel)
   pkm design study.toml --merge study-*-of-64.jsonl     show the front of all parts
 
-docs/studies/design.md describes the study file.
+`pkm help studies/design` describes the study file.
 """
 
 

@@ -302,7 +302,7 @@ fn with_boxes(
     let without = |why: &dyn Display| {
         let text = format!(
             "# There are no [BOX_K] sections for the start without a seed: {why}.\n\
-             # pkm boxes {}.ini finds and proves some (docs/reference/start-without-a-seed.md).\n",
+             # pkm boxes {}.ini finds and proves some (`pkm help reference/start-without-a-seed`).\n",
             plan.name
         );
         (format!("\n{text}"), 0)

@@ -762,8 +762,8 @@ fn left_out(old: &OldIni) -> Vec<String> {
             *item += ": only HAL files read it";
         }
         if item.starts_with("[HAL]") {
-            *item += ": simulated drives take their place; docs/guide/drives.md has files for real ones, which read the keys of \
-                      [JOINT_N]";
+            *item += ": simulated drives take their place; `pkm help guide/drives` lists files for real ones, which read \
+                      the keys of [JOINT_N]";
         }
     }
     left
