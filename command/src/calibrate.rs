@@ -118,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
         return Err(OwnFile(config.file.clone()).into());
     }
-    let bar = Bar::spinner("reading the measurements");
+    let bar = Progress::spinner("reading the measurements");
     let given = study::read(&config, &arguments.files, &wishes)?;
     study::look_for_mistakes(&config, &given, &arguments.files)?;
     bar.next("calibrating".into());
