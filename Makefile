@@ -5,7 +5,7 @@
 
 .DELETE_ON_ERROR:
 .PHONY: help demo test check install uninstall install-pkm uninstall-pkm deb test-deb site bench release clean \
-    test-machines test-programs test-virtual test-aside ini-cases \
+    virtual-arm64 test-machines test-programs test-virtual test-aside ini-cases \
     rust setup setup-more setup-page setup-screen setup-site generated module virtual pkm-built
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
@@ -82,6 +82,8 @@ PKM_ROOT = place="$(DESTDIR)$(PREFIX)"; while [ ! -e "$$place" ]; do place=$$(di
 	root="$(SUDO)"; [ -z "$(DESTDIR)" ] && [ ! -w "$$place" ] || root=""; \
 	[ "$$root" != no-sudo ] || { \
 	    echo "pkmkins: $$place cannot be written, and sudo is missing: name another place, as PREFIX=~/.local"; exit 1; }
+# The documentation, which `pkm help PAGE` shows.
+DOCS := $(wildcard docs/guide/*.md docs/reference/*.md docs/studies/*.md docs/studies/examples/* docs/pictures/*.svg docs/pictures/*.png)
 COMPLETIONS := bash-completion/completions/pkm zsh/site-functions/_pkm fish/vendor_completions.d/pkm.fish
 
 CARGO := cargo
@@ -106,8 +108,8 @@ help:
 	@echo "make check      checks formatting, lints, documentation and generated files"
 	@echo "make site       builds the documentation as a website in build/site, and checks its links"
 	@echo "make bench      measures times and failures beside LinuxCNC's modules; tables in build/benchmarks.md"
-	@echo "make deb        builds the Debian packages in target/debian"
-	@echo "make test-deb   installs, uses and purges them in an empty Debian; SUITE=bookworm"
+	@echo "make deb        builds the Debian packages in target/debian; ARCH=arm64 for a Raspberry Pi"
+	@echo "make test-deb   installs, uses and purges them in an empty Debian; SUITE=bookworm, ARCH=arm64 under qemu"
 	@echo "make release    tests, and builds the packages of the tagged version in build/release"
 	@echo "make clean      removes target/ and build/"
 	@echo "make generated, make module, make virtual"
@@ -205,7 +207,9 @@ check: setup site
 	$(call HAS,clippy,$(WITH_CLIPPY) $(CARGO) check $(LOCKED) --profile host --workspace --all-targets)
 	$(WITH_CLIPPY) RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --profile host --lib --no-deps --quiet
 	$(CARGO) xtask header
-	git diff --exit-code -- include docs/reference/causes.md docs/reference/keys.md docs/reference/pkmkins.9 viewer/pkmkins_causes.py
+	$(CARGO) xtask publisher
+	git diff --exit-code -- include docs/reference/causes.md docs/reference/keys.md docs/reference/pkmkins.9 viewer/pkmkins_causes.py \
+	    README.md docs/guide/install.md docs/site/index.md
 
 # With pipefail, a command that fails before tee fails the target.
 bench: private SHELL := /bin/bash
@@ -307,9 +311,11 @@ uninstall:
 	    [ ! -d "$$folder" ] || $$root find "$$folder" -depth -type d -empty -delete || exit 1; done; \
 	folder="$(DESTDIR)$(dir $(EXAMPLES))"; [ ! -d "$$folder" ] || $$root rmdir --ignore-fail-on-non-empty "$$folder"
 
-# Apart from `install`: the computer that plans need not be the one that cuts. Who installs pkm for himself need not be
+# Separate from `install`: the computer that plans need not be the one that cuts. Who installs pkm for himself need not be
 # root: what is missing is named and not installed.
 PKM := target/host/pkm
+# The one to install, where that is for another processor.
+BUILT := $(PKM)
 pkm-built:
 	@$(CARGO_IS_NEW_ENOUGH) || { found=$$($(CARGO) --version 2>/dev/null); \
 	    echo "pkmkins: $${found:-no cargo} found, and $(RUST) or later is needed:" \
@@ -322,9 +328,10 @@ install-pkm: pkm-built
 	rm -rf build/pkm && $(PKM) man build/pkm/man
 	@for shell in bash zsh fish; do $(PKM) completions $$shell > build/pkm/$$shell || exit 1; done
 	@$(PKM_ROOT); \
-	$$root install -D -m 755 $(PKM) "$(DESTDIR)$(PREFIX)/bin/pkm" && \
+	$$root install -D -m 755 $(BUILT) "$(DESTDIR)$(PREFIX)/bin/pkm" && \
 	for page in build/pkm/man/*.1; do \
 	    $$root install -D -m 644 $$page "$(PKM_SHARE)/man/man1/$${page##*/}" || exit 1; done; \
+	for page in $(DOCS); do $$root install -D -m 644 $$page "$(PKM_SHARE)/doc/pkm/$$page" || exit 1; done; \
 	set -- $(COMPLETIONS); \
 	for shell in bash zsh fish; do \
 	    $$root install -D -m 644 build/pkm/$$shell "$(PKM_SHARE)/$$1" || exit 1; shift; done
@@ -335,31 +342,41 @@ install-pkm: pkm-built
 uninstall-pkm:
 	@$(PKM_ROOT); \
 	$$root rm -f "$(DESTDIR)$(PREFIX)/bin/pkm" "$(PKM_SHARE)"/man/man1/pkm.1 \
-	    "$(PKM_SHARE)"/man/man1/pkm-*.1 $(foreach f,$(COMPLETIONS),"$(PKM_SHARE)/$(f)")
+	    "$(PKM_SHARE)"/man/man1/pkm-*.1 $(foreach f,$(COMPLETIONS) $(DOCS:%=doc/pkm/%),"$(PKM_SHARE)/$(f)") && \
+	{ [ ! -d "$(PKM_SHARE)/doc/pkm" ] || $$root find "$(PKM_SHARE)/doc/pkm" -depth -type d -empty -delete; }
 
 # Debian's packages, in target/debian. VIRTUAL names the libraries for virtual time that go into pkmkins, where it
-# is to serve more versions of LinuxCNC than the one installed.
-TOOLS := target/tools/bin
-PACKAGING := $(TOOLS)/cargo-deb $(TOOLS)/cargo-about
-deb: setup module virtual $(PACKAGING)
-	@$(call INSTALLED,dpkg-dev lintian)
-	$(CARGO) build --profile deb $(LOCKED) --quiet --bin pkm --bin pkmkins-pins
-	packaging/build.sh $(TOOLS) $(VIRTUAL)
+# is to serve more versions of LinuxCNC than the one installed. ARCH=arm64 compiles for that processor.
+HERE := $(shell dpkg --print-architecture 2>/dev/null)
+ARCH := $(HERE)
+CROSS := $(filter-out $(HERE),$(ARCH))
+ARM64_PACKAGES := gcc-aarch64-linux-gnu g++-aarch64-linux-gnu libc6-dev-arm64-cross
+ABOUT := target/tools/bin/cargo-about
+# One build for what goes into the packages and for what runs on the way.
+deb: HOST_BUILD := $(CARGO) build --profile deb $(LOCKED)
+deb: PKM := target/deb/pkm
+deb: PINS := target/deb/pkmkins-pins
+deb: setup module virtual setup-site $(ABOUT) $(if $(filter arm64,$(CROSS)),virtual-arm64)
+	@$(call INSTALLED,dpkg-dev debhelper lintian)
+	packaging/build.sh $(ARCH) $(if $(CROSS),$(VIRTUAL:target/virtual/%=target/virtual/$(CROSS)/%),$(VIRTUAL))
+
+virtual-arm64: setup
+	@$(call INSTALLED,$(ARM64_PACKAGES))
+	CXX=aarch64-linux-gnu-g++ workbench/linuxcnc/virtual/build.sh target/virtual/arm64
 
 # In a Debian that has nothing else; as root, with debootstrap.
 SUITE := bookworm
 test-deb:
-	tests/deb/run.sh $(SUITE)
+	tests/deb/run.sh $(SUITE) target/debian $(ARCH)
 
 # See docs/reference/promises.md for what a version promises.
 release:
 	packaging/release.sh
 
-$(TOOLS)/cargo-deb:
-	$(CARGO) install --quiet --locked --root target/tools cargo-deb@3.8.0
-
-$(TOOLS)/cargo-about:
-	$(CARGO) install --quiet --locked --root target/tools --features cli cargo-about@0.9.3
+# Made without optimization across crates, which takes most of the time of its own profile.
+$(ABOUT):
+	CARGO_PROFILE_RELEASE_LTO=off CARGO_PROFILE_RELEASE_OPT_LEVEL=1 \
+	    $(CARGO) install --locked --root target/tools --features cli cargo-about@0.9.3
 
 clean:
 	rm -rf target build

@@ -1,100 +1,117 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Packs the built files as the Debian packages pkmkins and pkm, in target/debian; `make deb` builds and calls this.
+# Makes the packages pkmkins and pkm of what is built, into target/debian, with the tools of debhelper; `make deb` builds
+# and calls this. For arm64 it also compiles.
 #
-#     packaging/build.sh TOOLS [LIBRARY...]     folder of cargo-deb and cargo-about; libraries for virtual time
+#     packaging/build.sh ARCHITECTURE [LIBRARY...]     of this computer, or arm64; libraries for virtual time
 #
-# The packages contain the files of `make install` and `make install-pkm`, in the same places, and those that Debian
-# requires. Two builds of one commit give the same files.
+# They contain the files of `make install` and `make install-pkm`, in the same places, and the site of the documentation.
+# Two builds of one commit give the same files.
 set -eu
 cd "$(dirname "$0")/.."
-tools=$(realpath "$1")
+. packaging/publisher.sh
+arch=$1
 shift
 stage=$PWD/target/packages
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml)
 series=$(linuxcnc_var LINUXCNCVERSION | cut -d . -f 1,2)
-# The package version names the LinuxCNC series that the module was built for.
-revision=1+linuxcnc$series
+# The version shows the LinuxCNC that the module was built for.
+full=$version-1+linuxcnc$series
+# Debian 12 has 2.9 without an epoch; later versions and those of linuxcnc.org have the epoch 1.
+from=1:$series~
+[ "$series" != 2.9 ] || from=2.9.0~
+before=1:${series%.*}.$((${series#*.} + 1))~
 SOURCE_DATE_EPOCH=$(git log -1 --format=%ct)
 export SOURCE_DATE_EPOCH
+# The tools of debhelper read the architecture, and the names of its compilers, from the environment.
+eval "$(dpkg-architecture --host-arch "$arch" --print-set)"
 
-# documents PACKAGE CRATE REVISION [FILE...]: writes changelogs, and the licenses of CRATE's libraries and of FILEs.
-documents() {
-    folder=$stage/$1/usr/share/doc/$1
-    package=$1 crate=$2 revision_of=$3
-    mkdir -p "$folder"
-    shift 3
-    {
-        cat packaging/copyright
-        "$tools/cargo-about" generate --locked --offline --config packaging/licences.toml --manifest-path "$crate/Cargo.toml" \
-            --output-file "$stage/licences" packaging/licences.hbs
-        awk -f packaging/licences.awk "$stage/licences"
-        [ $# = 0 ] || cat "$@"
-    } > "$folder/copyright"
-    gzip --no-name --best < CHANGELOG.md > "$folder/changelog.gz"
-    gzip --no-name --best > "$folder/changelog.Debian.gz" <<END
-$package ($version-$revision_of) unstable; urgency=medium
+case $arch in
+"$(dpkg --print-architecture)")
+    built=target/deb module=target/module/release/libpkmkins.so
+    ;;
+arm64)
+    built=target/arm64/aarch64-unknown-linux-gnu/deb module=target/arm64/aarch64-unknown-linux-gnu/release/libpkmkins.so
+    # Its compiler must not serve what follows.
+    (
+        . tools/arm64.sh
+        for_arm build --release -p pkmkins
+        for_arm build --profile deb --bin pkm --bin pkmkins-pins
+    )
+    ;;
+*)
+    echo "deb: ARCH=$arch: expected $(dpkg --print-architecture) or arm64" >&2
+    exit 2
+    ;;
+esac
+
+# copyright CRATE [FILE...]: prints the licenses of the program, of CRATE's libraries and of FILEs.
+copyright() {
+    cat packaging/copyright
+    target/tools/bin/cargo-about generate --locked --offline --config packaging/licences.toml --manifest-path "$1/Cargo.toml" \
+        --output-file "$stage/licences" packaging/licences.hbs
+    awk -f packaging/licences.awk "$stage/licences"
+    shift
+    [ $# = 0 ] || cat "$@"
+}
+
+# changelog VERSION: prints the one that Debian expects.
+changelog() {
+    cat <<END
+pkmkins ($1) unstable; urgency=medium
 
   * What changed is in changelog.gz.
 
  -- $maintainer  $(git log -1 --format=%aD)
 END
-    [ ! -e "packaging/lintian/$package" ] ||
-        install -D -m 644 "packaging/lintian/$package" "$stage/$package/usr/share/lintian/overrides/$package"
 }
 
-# laid_out FOLDER PROGRAM: lists files with their modes, and checksums of all but PROGRAM, whose symbols are stripped.
-laid_out() {
-    (cd "$stage/$1" && find . -type f -printf '%m %P\n' | sort &&
-        find . -type f ! -path "./$2" -exec md5sum {} + | sort -k 2)
-}
-
-# packed PACKAGE PROGRAM REVISION OPTION...: builds the package and a separate one with the debug symbols of PROGRAM,
-# and checks that it contains every file laid out.
-packed() {
-    package=$1 program=$2 full=$version-$3
-    shift 3
-    laid_out "$package" "$program" > "$stage/$package.files"
-    # cargo-deb takes the program from cargo's folder, and the copyright file by its name; otherwise it would write its
-    # own.
-    rm "$stage/$package/$program"
-    mv "$stage/$package/usr/share/doc/$package/copyright" "$stage/$package.copyright"
-    "$tools/cargo-deb" --quiet --no-build --dbgsym --locked -p "$package" --deb-version "$full" --output target/debian "$@"
-    name=${full}_$(dpkg --print-architecture)
-    file=target/debian/${package}_$name.deb
-    # Debian names packages of debug symbols .deb, too.
-    mv "target/debian/$package-dbgsym_$name.ddeb" "target/debian/$package-dbgsym_$name.deb"
-    rm -rf "$stage/unpacked"
-    dpkg-deb --extract "$file" "$stage/unpacked"
-    find "$stage/unpacked" -path '*/man/*' -name '*.gz' -exec gunzip {} +
-    if ! laid_out unpacked "$program" | diff "$stage/$package.files" -; then
-        echo "pkmkins: $file does not have what \`make install\` lays out" >&2
-        exit 1
-    fi
-    echo "pkmkins: $file, $(($(stat -c %s "$file") / 1024)) KiB, $(dpkg-deb --field "$file" Installed-Size) KiB installed"
-}
-
-maintainer=$(sed -n 's/^maintainer = "\(.*\)"$/\1/p' command/Cargo.toml)
-rm -rf "$stage" target/debian
-mkdir -p "$stage" target/debian
-# cargo-about reads the licenses from the crates in the lock file, so all of them must be downloaded.
-cargo fetch --locked --quiet
+rm -rf "$stage"
+mkdir -p "$stage/debian" target/debian
+rm -f target/debian/*_"$arch".deb
+# cargo-about reads the licenses in the crates of the lock file, and needs all of them.
+cargo fetch --locked
 lay_out() { make --no-print-directory -s -o setup -o module -o virtual -o generated -o pkm-built "$@"; }
+lay_out install SO="$module" PINS="$built/pkmkins-pins" DESTDIR="$stage/debian/pkmkins" ${1:+VIRTUAL="$*"}
+lay_out install-pkm PKM=target/deb/pkm BUILT="$built/pkm" DESTDIR="$stage/debian/pkm" PREFIX=/usr
+docs/site/build.sh target/deb/pkm target/tools/python/bin/python
+documents=$stage/debian/pkm/usr/share/doc/pkm
+cp -r build/site "$documents/html"
+# The site has the pictures: the text refers to them.
+for picture in "$documents"/html/_images/*; do
+    [ ! -e "$documents/docs/pictures/${picture##*/}" ] || ln -sf "../../html/_images/${picture##*/}" "$documents/docs/pictures"
+done
 
-tools/generate.sh target/deb/pkm
-lay_out install PINS=target/deb/pkmkins-pins DESTDIR="$stage/pkmkins" ${1:+VIRTUAL="$*"}
-# cargo-deb strips only the module.
-strip "$stage/pkmkins/usr/bin/pkmkins-pins"
-# pkmkins-pins uses every library that the module uses.
-documents pkmkins kinsmodule/pins "$revision"
-set --
-[ "$series" = "$(sed -n 's/^version = "\(.*\)"$/\1/p;T;q' workbench/linuxcnc/versions.toml)" ] || set -- --variant "$series"
-CARGO_TARGET_DIR=target/module packed pkmkins usr/lib/linuxcnc/modules/pkmkins.so "$revision" "$@"
-
-lay_out install-pkm PKM=target/deb/pkm DESTDIR="$stage/pkm" PREFIX=/usr
-documents pkm command 1 page/built/LICENSES.txt
-packed pkm usr/bin/pkm 1 --profile deb
-
-# lintian skips the packages of debug symbols: cargo-deb gives them no documents.
-command -v lintian >/dev/null || { echo "pkmkins: lintian is not installed: the packages are not looked at by it"; exit 0; }
-lintian --allow-root --fail-on error,warning target/debian/pkm_*.deb target/debian/pkmkins_*.deb
+sed "s|@maintainer@|$maintainer|; s|@address@|$address|" packaging/control > "$stage/debian/control"
+changelog "$version-1" > "$stage/debian/changelog"
+changelog "$full" > "$stage/debian/pkmkins.changelog"
+# The package has the libraries of the module as well.
+copyright kinsmodule/pins > "$stage/debian/pkmkins.copyright"
+copyright command page/built/LICENSES.txt > "$stage/debian/pkm.copyright"
+for package in pkmkins pkm; do
+    for script in packaging/"$package"/*; do cp "$script" "$stage/debian/$package.${script##*/}"; done
+    [ ! -e "packaging/lintian/$package" ] || cp "packaging/lintian/$package" "$stage/debian/$package.lintian-overrides"
+done
+changes=$PWD/CHANGELOG.md out=$PWD/target/debian
+(
+    cd "$stage"
+    dh_installdocs
+    dh_installchangelogs "$changes"
+    dh_lintian
+    # `pkm help` and browsers read the pages as they are.
+    dh_compress -Xdoc/pkm/docs -Xdoc/pkm/html
+    dh_fixperms
+    dh_strip
+    dh_installdeb
+    # The second folder has the libraries of cross compilers, whose packages are named with the architecture.
+    dh_shlibdeps -ppkm "-l/usr/$DEB_HOST_GNU_TYPE/lib"
+    sed -i "s/:$arch//g" debian/pkm.substvars
+    dh_gencontrol -ppkm
+    dh_gencontrol -ppkmkins -- -v"$full" -V"linuxcnc:Depends=linuxcnc-uspace (>= $from), linuxcnc-uspace (<< $before)"
+    dh_md5sums
+    dh_builddeb --destdir="$out"
+)
+for file in target/debian/pkm_*_"$arch".deb target/debian/pkmkins_*_"$arch".deb; do
+    echo "pkmkins: $file, $(($(stat -c %s "$file") / 1024)) KiB, $(dpkg-deb --field "$file" Installed-Size) KiB installed"
+done
+lintian --allow-root --fail-on error,warning target/debian/pkm_*_"$arch".deb target/debian/pkmkins_*_"$arch".deb

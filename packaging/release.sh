@@ -5,9 +5,10 @@
 #
 #     packaging/release.sh
 #
-# One package serves every Debian in SUITES: its programs are built in the oldest, and it contains each one's library
-# for virtual time. debootstrap creates the systems in which the packages are built, installed and tested; needs root
-# and 20 GB. Builds for this computer's processor only. Signs nothing: the publisher signs SHA256SUMS.
+# One package serves every Debian that is named in SUITES: its programs are built in the oldest, and it has the
+# library for virtual time of each. They are made, installed and used in Debians that debootstrap makes; needs root
+# and 30 GB. Built are the packages for this computer's processor and for arm64. Nothing is signed: who publishes signs
+# SHA256SUMS.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -28,6 +29,11 @@ tag) [ "$(git rev-parse "$tag^{commit}")" = "$(git rev-parse HEAD)" ] ||
 commit) missing "the tag $tag is not annotated: git tag --delete $tag && git tag --annotate $tag" ;;
 *) missing "the last commit has no tag $tag: git tag --annotate $tag, or set the version in Cargo.toml" ;;
 esac
+. packaging/publisher.sh
+case "$maintainer $address" in
+*.invalid*) missing "packaging/publisher.sh has a placeholder: set maintainer and address, then cargo xtask publisher" ;;
+*) grep -qF "[published packages]($address)" README.md || missing "README.md has another address than packaging/publisher.sh: cargo xtask publisher" ;;
+esac
 date=$(tagged taggerdate:short)
 grep -qFx "## [$version] - ${date:=$(date +%F)}" CHANGELOG.md ||
     missing "CHANGELOG.md has no section \"## [$version] - $date\", with the date of the tag, or today's for one to come"
@@ -46,13 +52,15 @@ rm -rf "$out"
 mkdir -p "$out"
 libraries=target/libraries
 rm -rf "$libraries"
-mkdir -p "$libraries"
+mkdir -p "$libraries/arm64"
 oldest=${SUITES%% *}
 for suite in $SUITES; do
-    tests/bare/run.sh "$suite" "make virtual"
+    tests/bare/run.sh "$suite" "make virtual virtual-arm64"
     cp "build/bare/$suite/srv/pkmkins/target/virtual/"libpkmkins-virtual-*.so "$libraries"
+    cp "build/bare/$suite/srv/pkmkins/target/virtual/arm64/"*.so "$libraries/arm64"
 done
-tests/bare/run.sh "$oldest" "make deb VIRTUAL=\"\$(echo $libraries/*.so)\"" "$libraries"
+tests/bare/run.sh "$oldest" "make deb VIRTUAL=\"\$(echo $libraries/*.so)\" &&
+    make deb ARCH=arm64 VIRTUAL=\"\$(echo $libraries/arm64/*.so)\"" "$libraries"
 cp "build/bare/$oldest/srv/pkmkins/target/debian/"* "$out"
 for suite in $SUITES; do tests/deb/run.sh "$suite" "$out"; done
 git archive --format=tar.gz --prefix="pkmkins-$version/" --output="$out/pkmkins-$version.tar.gz" HEAD

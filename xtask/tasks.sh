@@ -17,7 +17,7 @@ virtually() {
 # environment FOLDER: creates a Python environment with the libraries that the package needs.
 environment() {
     "${PYTHON:-python3}" -m venv "$1"
-    "$1/bin/pip" install --quiet --require-hashes -r python/requirements.txt
+    tools/progress.sh "installing into $1" "$1/bin/pip" install --quiet --require-hashes -r python/requirements.txt
 }
 
 # wheel-env: installs the wheel and all optional libraries into build/wheel/env.
@@ -159,6 +159,13 @@ lint-words() {
 }
 ## header: writes the C header, and the causes and INI keys in the documentation, from their tables
 header() { cargo run "${host[@]}" --bin header -- .; }
+## publisher: writes address and maintainer of packaging/publisher.sh into the pages that name them
+publisher() {
+    . packaging/publisher.sh
+    mail=${maintainer##*<}
+    git grep -lE '\[(published packages|maintainer)\]\(' -- '*.md' |
+        xargs sed -i -E "s#(\[published packages\]\()[^)]*#\1$address#; s#(\[maintainer\]\()[^)]*#\1mailto:${mail%>}#"
+}
 ## names: writes docs/reference/names.txt, the promised names; refuses if a released one is missing
 names() { make setup module && PKMKINS_WRITE_NAMES=1 cargo test "${host[@]}" -p abi-tests --test abi released::; }
 ## page [--check]: builds the code of the page of pkm view, or compares it with page/built
@@ -171,7 +178,7 @@ pictures() { make generated && docs/pictures/make.sh target/host/pkm; }
 wheel() {
     make setup
     [ -x target/tools/python-package/bin/maturin ] || environment target/tools/python-package
-    target/tools/python-package/bin/maturin build --quiet --release --locked -m python/Cargo.toml --out build/wheel
+    target/tools/python-package/bin/maturin build --release --locked -m python/Cargo.toml --out build/wheel
 }
 ## python-figures: measures the package for Python; figures in build/design-figures.md
 python-figures() { test-wheel; virtually build/wheel/env/bin/python python/benchmarks/figures.py; }

@@ -18,14 +18,24 @@ archive() {
         awk -v release="$1" '$1 ~ release { print $2; exit }'
 }
 
-# debian SUITE FOLDER [PACKAGE,...]: recreates the system from this computer's apt archive, with its certificates and
-# network settings.
+# emulated: lets the kernel start programs for 64-bit ARM under qemu, until the script ends.
+emulated() {
+    format=/usr/lib/binfmt.d/qemu-aarch64.conf kernel=/proc/sys/fs/binfmt_misc
+    [ -e "$format" ] || { echo "arm64: qemu is missing: install qemu-user-static" >&2; exit 2; }
+    [ -e $kernel/register ] || mount -t binfmt_misc binfmt_misc $kernel
+    [ ! -e $kernel/qemu-aarch64 ] || return 0
+    trap 'echo -1 > /proc/sys/fs/binfmt_misc/qemu-aarch64' EXIT
+    cat "$format" > $kernel/register
+}
+
+# debian SUITE FOLDER [PACKAGE,...]: makes it anew, from the archive that this computer's apt uses, with this
+# computer's certificates and settings of the network; for another processor where `arch` names one.
 debian() {
     suite=$1 root=$2
     main=$(archive '^[a-z]+$')
     rm -rf "$root"
     mkdir -p "$root"
-    debootstrap --variant=minbase ${3:+--include="$3"} "$suite" "$root" "$main"
+    debootstrap ${arch:+--arch="$arch"} --variant=minbase ${3:+--include="$3"} "$suite" "$root" "$main"
     cat > "$root/etc/apt/sources.list" <<END
 deb $main $suite main
 deb $main $suite-updates main

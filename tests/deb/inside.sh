@@ -7,7 +7,7 @@ cd /srv/deb || exit
 pkm=$(ls pkm_*.deb) pkmkins=$(ls pkmkins_*.deb)
 architecture=$(dpkg --print-architecture)
 log=/srv/log
-passed=0 failed=0
+passed=0 failed=0 skipped=0
 
 # step NAME COMMAND...: runs a command that must succeed.
 step() {
@@ -24,7 +24,17 @@ step() {
     fi
 }
 
-# refused TEXT COMMAND...: runs a command that must fail with TEXT in its output.
+# natively NAME COMMAND...: a step that an emulated processor cannot do.
+natively() {
+    if [ -z "${EMULATED:-}" ]; then
+        step "$@"
+    else
+        skipped=$((skipped + 1))
+        echo "SKIP $1: not under an emulated processor"
+    fi
+}
+
+# refused TEXT COMMAND...: it has to fail, and to say so.
 refused() {
     text=$1
     shift
@@ -143,6 +153,41 @@ virtual_time() {
     grep -q '"judged"' /srv/preflight || { cat /srv/preflight; return 1; }
 }
 
+# Both ways to install, with what is to be downloaded.
+downloads() {
+    for option in --no-install-recommends --install-recommends; do
+        echo "$option: $(apt-get install --assume-no $option "./$pkmkins" "./$pkm" tk |
+            grep -E 'newly installed|^Need to get|^After this' | tr '\n' ' ')"
+    done > /srv/downloads
+    cat /srv/downloads
+    [ "$(grep -c 'Need to get' /srv/downloads)" = 2 ]
+}
+
+# Every page as text, and all links of the pages for browsers.
+documentation() {
+    documents=/usr/share/doc/pkm
+    for page in "$documents"/docs/[grs]*/*.md; do
+        page=${page#"$documents/"}
+        if ! pkm help "$page" > /srv/page 2> /srv/places || ! cmp /srv/page "$documents/$page" ||
+            [ "$(wc -l < /srv/places)" != 2 ]; then
+            echo "pkm help $page"
+            cat /srv/places
+            return 1
+        fi
+    done
+    python3 /srv/pkmkins/docs/site/links.py "$documents/html" && ! find "$documents" -xtype l | grep . &&
+        mv "$documents" /srv/documents && refused "the documentation is not installed" pkm help guide &&
+        mv /srv/documents "$documents"
+}
+
+# The commands of the installed page, in an empty folder, up to the end of the first program.
+getting_started() {
+    mkdir -p /srv/pkmkins/docs/guide /srv/pkmkins/target/host &&
+        cp /usr/share/doc/pkm/docs/guide/getting-started.md /srv/pkmkins/docs/guide &&
+        cp /usr/bin/pkm /srv/pkmkins/target/host &&
+        /srv/pkmkins/tests/live/live_test.py --only getting_started --out /srv/started
+}
+
 manuals() {
     MANWIDTH=100 man pkmkins | grep -q 'kinematics of parallel machines' && MANWIDTH=100 man pkm-preflight | grep -q preflight &&
         pkm check /usr/share/linuxcnc/aux_examples/pkmkins/hexapod/hexapod.ini
@@ -150,7 +195,6 @@ manuals() {
 
 # Tests upgrade and removal while LinuxCNC's real-time process runs, started by halrun, which ends with its input.
 while_linuxcnc_runs() {
-    remade "$pkmkins" Version 99 /srv/newer.deb
     rm -f /srv/hal && mkfifo /srv/hal
     setpriv --reuid=machinist --regid=machinist --clear-groups env HOME=/home/machinist halrun -s < /srv/hal > /srv/halrun 2>&1 &
     session=$!
@@ -180,6 +224,8 @@ step "pkm alone checks a new machine on a computer without LinuxCNC" office_pc
 step "a missing dependency" missing_dependency
 step "a LinuxCNC of another interface" other_series
 step "the wrong architecture" other_architecture
+step "what apt would download" downloads
+cat /srv/downloads
 step "apt install brings everything" get "./$pkmkins" "./$pkm"
 dpkg-query -W -f='${Package} ${Version}: ${Installed-Size} KiB installed\n' linuxcnc-uspace pkmkins pkm
 step "no compiler, no Rust" refused none sh -c 'command -v gcc cc g++ cargo rustc || { echo none; exit 1; }'
@@ -192,13 +238,16 @@ step "a read-only /usr" read_only
 step "a disk that fills up" full_disk
 step "over a hand-made installation" over_a_hand_made_installation
 step "manual pages and pkm check" manuals
+step "the documentation" documentation
 step "LinuxCNC's picker copies the hexapod" picked
-step "the copy is started, homed, and runs its program" ran
-step "preflight judges its time" virtual_time
-step "while LinuxCNC runs" while_linuxcnc_runs
+natively "the commands of getting started" getting_started
+natively "the copy is started, homed, and runs its program" ran
+natively "preflight judges its time" virtual_time
+remade "$pkmkins" Version 99 /srv/newer.deb > "$log"
+natively "while LinuxCNC runs" while_linuxcnc_runs
 step "an edited configuration at upgrade and downgrade" edited_is_kept
 step "purge at the end" purged
 files > /srv/after
 step "the files are those of before" diff /srv/before /srv/after
-echo "deb: $passed passed, $failed failed"
+echo "deb: $passed passed, $failed failed, $skipped skipped"
 [ $failed = 0 ]

@@ -53,10 +53,7 @@ pub fn configs() -> &'static Path {
     static CONFIGS: LazyLock<PathBuf> = LazyLock::new(|| {
         let sums = std::fs::read_to_string(root().join("tests/cases/generated.sha256")).unwrap();
         for name in sums.lines().filter_map(|line| line.split_whitespace().nth(1)) {
-            assert!(
-                root().join(name).exists(),
-                "{name} is missing: `make generated` writes it"
-            );
+            assert!(root().join(name).exists(), "{name} is missing: `make generated` writes it");
         }
         root().join("configs")
     });

@@ -4,6 +4,8 @@
 #
 #     build.sh [FOLDER]     /var/lib/pkmkins, where pkm looks after the folder of LinuxCNC's modules
 #
+# CXX names another compiler, such as aarch64-linux-gnu-g++ for 64-bit ARM.
+#
 # A package contains it for Debian's LinuxCNC. For another one run this once after each upgrade.
 set -eu
 sources=$(dirname "$(realpath "$0")")
@@ -13,7 +15,7 @@ lacking=
 lacks() { lacking="$lacking $1"; }
 [ -x /usr/bin/linuxcnc_var ] || lacks linuxcnc-uspace
 [ -e /usr/include/linuxcnc/hal.h ] || lacks linuxcnc-uspace-dev
-command -v g++ >/dev/null || lacks g++
+command -v "${CXX:-g++}" >/dev/null || lacks "${CXX:-g++}"
 command -v nm >/dev/null || lacks binutils
 [ -e /usr/include/boost/version.hpp ] || lacks libboost-dev
 [ -z "$lacking" ] || { echo "pkmkins: to compile for this LinuxCNC, install:$lacking" >&2; exit 1; }
@@ -36,6 +38,6 @@ trap 'rm -rf "$made" "$library.new"' EXIT
 # end the run with their name, so that nothing reaches the HAL of this computer.
 nm -D --defined-only /usr/lib/liblinuxcnchal.so.0 |
     sed -nE 's/^[0-9a-f]+ T ((hal|halpr|rtapi)_[a-z0-9_]+)$/UNCOVERED(\1)/p' > "$made/uncovered.inc"
-g++ -std=c++17 -O2 -Wall -Wextra -Wno-ignored-qualifiers -shared -s -fPIC -fvisibility=hidden \
+"${CXX:-g++}" -std=c++17 -O2 -Wall -Wextra -Wno-ignored-qualifiers -shared -s -fPIC -fvisibility=hidden \
     -DULAPI -DBUILT_FOR="\"$version\"" -I/usr/include/linuxcnc -I"$made" -o "$library.new" "$sources"/*.cc
 mv "$library.new" "$library"

@@ -6,8 +6,6 @@ use prove::contract::{CONTRACT, Contract};
 use std::collections::BTreeSet;
 use std::process::Command;
 
-const PACKAGES: &str = include_str!("../../../../kinsmodule/linuxcnc/Cargo.toml");
-
 /// The process that loads realtime modules, and the module that all others need.
 const EXPORTING: [&str; 2] = ["/usr/bin/rtapi_app", "/usr/lib/linuxcnc/modules/hal_lib.so"];
 
@@ -38,16 +36,4 @@ fn the_installed_linuxcnc_exports_what_the_contract_lists_for_its_version() {
     let exported = exported();
     let missing: Vec<&String> = version.exports.iter().filter(|e| !exported.contains(*e)).collect();
     assert!(missing.is_empty(), "LinuxCNC {installed} does not export {missing:?}");
-}
-
-#[test]
-fn every_version_has_a_package_and_the_first_one_is_the_default() {
-    let contract = Contract::parse(CONTRACT).expect("a contract");
-    let (first, others) = contract.linuxcnc.split_first().expect("a version");
-    let first = format!("\ndepends = \"linuxcnc-uspace (>= {}.", first.version);
-    let others =
-        others.iter().map(|v| format!("[package.metadata.deb.variants.\"{}\"]", v.version));
-    for words in others.chain([first]) {
-        assert!(PACKAGES.contains(&words), "kinsmodule/linuxcnc/Cargo.toml has no {words}");
-    }
 }
