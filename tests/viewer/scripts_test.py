@@ -376,6 +376,39 @@ def test_all_joints_of_both_mechanisms_count_for_homing(vismach):
         hal.values[f"joint.{n}.homed"] = True
 
 
+def test_an_axis_that_carries_something_counts_for_homing(vismach):
+    own, hal = scene("hexapod-rotary-table"), Hal()
+    is_homed = vismach.Homed([own], hal.get_value)
+    hal.values = {f"joint.{n}.homed": n < 6 for n in range(7)}
+    assert not is_homed()
+    hal.values["joint.6.homed"] = True
+    assert is_homed()
+
+
+def test_a_path_begins_one_picture_after_homing_and_ends_with_it(vismach):
+    homed = iter([False, True, True, False, True, True])
+    known = vismach.Known(lambda: next(homed))
+    assert [known() for _ in range(6)] == [False, False, True, False, False, True]
+
+
+@pytest.mark.parametrize("name", ["tripod", "hexapod", "linear-delta", "rotary-delta", "four-rod-lathe", "pentapod", "hexapod-rotary-table"])
+def test_legs_are_drawn_at_home_and_not_with_the_values_before_homing(vismach, name):
+    own = scene(name)
+    size, _ = whole([own])
+
+    def drawn(joints, pose):
+        place = own.place(joints, pose, (0.0, 0.0, own.spindle_offset))
+        ends = zip(place.lower, place.upper)
+        return [vismach.is_rod(*leg, size) for leg in zip(own.legs, joints, ends)]
+
+    assert all(drawn(own.home["joints"], own.home["pose"]))
+    # Homed, but 1 % of the size behind the command: a drive lags by less.
+    late = [value + (0.01 * size if joint["unit"] != "degrees" else 0.5) for value, joint in zip(own.home["joints"], own.joints)]
+    assert all(drawn(late, own.home["pose"]))
+    # A drive without absolute encoder stands at 0 before homing.
+    assert not any(drawn([0.0] * len(own.joints), own.home["pose"]))
+
+
 def test_scenes_come_from_the_command_both_of_a_pair(vismach, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", f"{Path(PKM).resolve().parent}:{os.environ['PATH']}")
     pair = vismach.read_scenes(str(ini("lathe-mirrored")))
