@@ -3,10 +3,11 @@
 
 use super::failure::{Failure, refused, report_error};
 use super::{Bar, MachineFile, Verdict, output, print_text};
-use check::findings::Report;
+use check::findings::{Report, TiltBox};
 use check::fixes::{fixed, machine};
-use check::suggestion::{axis_lines, tilt_table};
+use check::suggestion::{axis_lines, face, limit, tilt_table};
 use machine::files::write_over;
+use machine::proof::axis_box::End;
 use machine::read::diagnostic::rendered;
 use machine::read::edit::difference;
 use machine::read::machine::MachineConfig;
@@ -30,8 +31,8 @@ use std::io::Write;
 /// Then prints [AXIS_*] limits within which every pose without a tool is proved to keep all
 /// limits: reach, joint ranges, cones, pyramids, tilt, the distance between legs and the
 /// conditioning. They never exceed the axis limits in the file. For a machine that tilts it also
-/// reports whether the proof holds with every tool of the tool table, and how much X, Y and Z
-/// gain from a smaller tilt.
+/// reports whether the proof holds with every tool of the tool table, how far X, Y and Z reach with
+/// a smaller tilt, also beyond the axis limits, what ends them, and wider limits.
 ///
 /// Finally LinuxCNC starts the machine in virtual time with its own HAL files: it switches on,
 /// homes, moves each coordinate a little and back, and changes a tool. If LinuxCNC refuses
@@ -101,13 +102,20 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 
 /// Returns the report on a mechanism for JSON.
 fn of_report(report: &Report) -> Value {
-    let tilts = report.tilts.iter().map(|(tilt, limits)| json!({ "tilt": tilt, "limits": limits }));
+    let ends = |ends: &[End]| -> Vec<Value> {
+        let end = |end| json!({ "face": face(&report.config, end), "limit": limit(end) });
+        ends.iter().map(end).collect()
+    };
+    let tilts = report.tilts.iter().map(|TiltBox { tilt, limits, ends: stops }| {
+        json!({ "tilt": tilt, "limits": limits, "ends": ends(stops) })
+    });
     json!({
         "facts": named(&report.facts),
         "findings": report.findings,
         "limits": report.suggestion,
         "limits_are_those_of_the_file": report.is_whole,
         "tilts": tilts.collect::<Vec<_>>(),
+        "wider_limits": report.wider(),
     })
 }
 
@@ -191,9 +199,16 @@ fn write(report: &Report, heading: &str) -> std::io::Result<()> {
         let unit = config.length_unit();
         writeln!(
             out,
-            "\nProved boxes in {unit} around home, for A and B up to a tilt, without a tool:\n"
+            "\nProved boxes in {unit} around home, for A and B up to a tilt, without a tool, whatever the axis \
+             limits of X Y Z are:\n"
         )?;
         write!(out, "{}", tilt_table(config, &report.tilts))?;
+    }
+    if let Some(wider) = report.wider() {
+        let text = "With wider axis limits, programs that tilt less can use these boxes. The machine then does not reach \
+                    every pose within the limits: run pkm preflight before each program.";
+        writeln!(out, "\n{text}\n")?;
+        write!(out, "{}", axis_lines(config, &wider))?;
     }
     writeln!(out, "\n{}", verdict(report))?;
     out.flush()

@@ -191,6 +191,7 @@ fn made(arguments: &Arguments) -> Result<(), Stop> {
         "machine": file,
         "boxes": made.boxes,
         "limits": made.report.suggestion,
+        "wider_limits": made.report.wider(),
         "findings": made.report.findings,
     }))?;
     Ok(())
@@ -233,6 +234,12 @@ fn text(made: &Made, order: &Order) -> String {
         limit_lines(&made.report.config),
         made.boxes
     );
+    let farther = match made.report.wider() {
+        Some(_) => {
+            "With less tilt the machine reaches farther: pkm check has the ranges, and wider axis limits.\n\n"
+        }
+        None => "",
+    };
     let next = next_steps("  ", order.folder, order.name);
-    format!("{notes}{findings}Next:\n\n{next}")
+    format!("{notes}{farther}{findings}Next:\n\n{next}")
 }

@@ -891,7 +891,8 @@ home and at worst. Every finding says what to do.
 Then prints [AXIS_*] limits within which every pose without a tool is proved to keep all limits:
 reach, joint ranges, cones, pyramids, tilt, the distance between legs and the conditioning. They
 never exceed the axis limits in the file. For a machine that tilts it also reports whether the proof
-holds with every tool of the tool table, and how much X, Y and Z gain from a smaller tilt.
+holds with every tool of the tool table, how far X, Y and Z reach with a smaller tilt, also beyond
+the axis limits, what ends them, and wider limits.
 
 Finally LinuxCNC starts the machine in virtual time with its own HAL files: it switches on, homes,
 moves each coordinate a little and back, and changes a tool. If LinuxCNC refuses anything, the

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Text of proved axis limits, and of the gain by a smaller tilt.
 
-use kinematics::Letter;
-use machine::proof::axis_box::AxisBox;
+use crate::findings::TiltBox;
+use kinematics::{Letter, Limit};
+use machine::proof::axis_box::{AxisBox, End};
+use machine::proof::reach::Stop;
 use machine::read::mechanism::Mechanism;
 use std::fmt::Write;
 
@@ -13,14 +15,42 @@ pub(crate) fn shown_pose(config: &Mechanism, pose: &[f64; 6]) -> String {
     Letter::ALL.iter().filter(moved).map(word).collect::<Vec<_>>().join(" ")
 }
 
-/// Returns tilts and widths of their boxes as a table; empty if there are none.
-pub fn tilt_table(config: &Mechanism, tilts: &[(f64, Option<AxisBox>)]) -> String {
+/// Returns the name of a face of a box, such as `-X`.
+pub fn face(config: &Mechanism, end: &End) -> String {
+    let sign = if end.is_high { '+' } else { '-' };
+    format!("{sign}{}", config.place.letter(Letter::ALL[end.k]))
+}
+
+/// Returns the name of the limit at a face of a box; `None` if only the proof ends there.
+pub fn limit(end: &End) -> Option<&'static str> {
+    Some(match end.stop? {
+        Stop::Limit(margin) => margin.limit.name(),
+        Stop::Fault(_) => Limit::Reach.name(),
+    })
+}
+
+/// Returns the limits at the faces of a box, each with its faces.
+fn ends(config: &Mechanism, ends: &[End]) -> String {
+    let mut named: Vec<(&str, Vec<String>)> = vec![];
+    for end in ends {
+        let name = limit(end).unwrap_or("effort of the proof");
+        match named.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, faces)) => faces.push(face(config, end)),
+            None => named.push((name, vec![face(config, end)])),
+        }
+    }
+    let each = named.iter().map(|(name, faces)| format!("{name} ({})", faces.join(" ")));
+    each.collect::<Vec<_>>().join(", ")
+}
+
+/// Returns tilts and widths of their boxes, and what ends them, as a table; empty if there are none.
+pub fn tilt_table(config: &Mechanism, tilts: &[TiltBox]) -> String {
     let letters: Vec<Letter> = [Letter::X, Letter::Y, Letter::Z]
         .into_iter()
         .filter(|letter| !config.machine.layout().is_held(*letter))
         .collect();
     let mut text = String::new();
-    for (tilt, part) in tilts {
+    for TiltBox { tilt, limits: part, ends: stops } in tilts {
         let part = part.map(|part| part.rounded());
         let range = |letter: &Letter| match part {
             Some(AxisBox { low, high }) => {
@@ -33,6 +63,9 @@ pub fn tilt_table(config: &Mechanism, tilts: &[(f64, Option<AxisBox>)]) -> Strin
         let ranges = if ranges.is_empty() { "  none proved about home" } else { &ranges };
         // Rounded down: a proof for a larger tilt covers a smaller one.
         let _ = writeln!(text, "  {:>6.2}°{ranges}", (tilt * 100.0).floor() / 100.0);
+        if !stops.is_empty() {
+            let _ = writeln!(text, "           ended by {}", ends(config, stops));
+        }
     }
     text
 }

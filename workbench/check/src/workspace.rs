@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Legal part of the axis limits: conditioning, joint ranges, and the proved box.
 
-use crate::findings::Report;
+use crate::findings::{Report, TiltBox};
 use crate::nearest;
 use crate::seen::{self, DRAWN, Seen};
 use crate::suggestion::shown_pose;
@@ -16,7 +16,7 @@ use machine::read::mechanism::Mechanism;
 use machine::read::tools::Tool;
 
 /// Tilts of the table, as shares of the largest one within the axis limits.
-const TILTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+const TILTS: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
 
 /// Share of the tilt limit for which a proof is attempted.
 const TILT_SHARE: f64 = 0.98;
@@ -60,8 +60,8 @@ pub(super) fn check(
     worst_conditioning(report, ini, config, &seen);
     axis_limits(report, ini, config, &seen);
     nearest::seen(report, ini, config, &seen);
-    report.tilts = tilts(config, &within);
-    let tilted = report.tilts.last().and_then(|(_, found)| *found);
+    let (tilts, tilted) = tilts(config, &reach, &within);
+    report.tilts = tilts;
     match axis_box::find(config, &within, tilted.as_ref(), progress) {
         Ok(found) => {
             report.is_whole = found == within;
@@ -171,25 +171,32 @@ fn spread(mut table: Vec<Tool>) -> Vec<Tool> {
     (0..LOOKED_AT).map(|k| table[k * (count - 1) / (LOOKED_AT - 1)].clone()).collect()
 }
 
-/// Returns the gain in X Y Z by a smaller tilt, from the largest within the limits to none.
-fn tilts(config: &Mechanism, within: &AxisBox) -> Vec<(f64, Option<AxisBox>)> {
+/// Returns the gain in X Y Z by a smaller tilt, from none to the largest within the axis limits, and the box of that within
+/// the limits of X Y Z, which end no box of the gain.
+fn tilts(config: &Mechanism, reach: &Reach, within: &AxisBox) -> (Vec<TiltBox>, Option<AxisBox>) {
     let ends = within.low[3..5].iter().chain(&within.high[3..5]);
     let most = ends.map(|angle| angle.abs()).fold(0.0, f64::max).min(tilt_of_both(config, within));
     if most == 0.0 {
-        return vec![];
+        return (vec![], None);
     }
-    let mut steeper = None;
+    let reached = axis_box::reached(config, reach, within);
+    let (mut inner, mut steepest, mut outer) = (None, None, None);
     let mut found: Vec<_> = TILTS
         .into_iter()
         .rev()
         .map(|share| {
             let tilt = share * most;
-            steeper = axis_box::at_tilt(config, within, tilt, steeper.as_ref());
-            (tilt, steeper)
+            inner = axis_box::at_tilt(config, within, tilt, inner.as_ref());
+            if share == 1.0 {
+                steepest = inner;
+            }
+            outer = inner.map(|inner| axis_box::grown(config, &reached, &inner, outer.as_ref()));
+            let ends = outer.map(|part| axis_box::ends(config, reach, &part, &reached));
+            TiltBox { tilt, limits: outer, ends: ends.unwrap_or_default() }
         })
         .collect();
     found.reverse();
-    found
+    (found, steepest)
 }
 
 /// Returns the largest angle that A and B may have together, slightly below the end, where a proof has no room.

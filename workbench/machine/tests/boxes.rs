@@ -257,6 +257,23 @@ fn config_with_reach(name: &str) -> Result<usize, Doubt> {
 }
 
 #[test]
+fn axis_limits_without_boxes_are_refused_with_the_cause_and_the_way_out() {
+    let refused = |machine: &str, k: usize, [low, high]: [f64; 2]| {
+        let mut config = config(machine);
+        (config.axes[k].min, config.axes[k].max) = (low, high);
+        found(&config, &|_| ()).unwrap_err().to_string()
+    };
+    // A turn by more than a quarter passes the pose in which the legs of a hexapod support no turn.
+    let singular = refused("hexapod", 5, [-120.0, 120.0]);
+    assert!(singular.contains("contain singular poses") && singular.contains(" C"), "{singular}");
+    let far = refused("linear-delta", 0, [-80.0, 400.0]);
+    assert!(far.contains("cannot reach: at X400.480 Y"), "{far}");
+    for text in [singular, far] {
+        assert!(text.contains("make the axis limits smaller") && !text.contains("norm"), "{text}");
+    }
+}
+
+#[test]
 fn a_box_is_found_for_a_machine_that_has_none() {
     let config = config("rotary-delta");
     let found = found(&config, &|_| ()).unwrap();

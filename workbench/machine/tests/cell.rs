@@ -2,7 +2,7 @@
 //! Proofs that a cell of poses is inside the workspace: no pose of it may be outside.
 
 use kinematics::Limit;
-use machine::proof::axis_box::{AxisBox, at_tilt, range};
+use machine::proof::axis_box::{AxisBox, at_tilt, ends, grown, range, reached};
 use machine::proof::cell::{Cell, Verdict};
 use machine::proof::reach::{Reach, Stop};
 use machine::read::mechanism::Mechanism;
@@ -111,6 +111,43 @@ fn boxes_of_a_tilt_can_be_taken() {
         (0..3).map(|k| found.high[k] - found.low[k]).sum::<f64>()
     });
     assert!(widths[0] >= widths[1] && widths[1] >= widths[2], "{widths:?}");
+}
+
+/// Within its axis limits, which hold at the full tilt, every box of a hexaglide would be equal.
+#[test]
+fn boxes_of_smaller_tilts_reach_beyond_the_axis_limits_and_end_at_limits_of_the_machine() {
+    let config = config("hexaglide");
+    let (within, reach) = (range(&config), Reach::new(&config).unwrap());
+    let reached = reached(&config, &reach, &within);
+    let mut rng = Pcg64::seed_from_u64(9);
+    let mut steeper: Option<AxisBox> = None;
+    for tilt in [within.high[3], 2.0, 0.0] {
+        let inner = at_tilt(&config, &within, tilt, None).unwrap();
+        let found = grown(&config, &reached, &inner, steeper.as_ref());
+        for _ in 0..2_000 {
+            let pose = pose(&mut rng, &found);
+            assert_eq!(reach.check(&pose), Ok(()), "{tilt} {pose:?}");
+        }
+        let contains = |other: &AxisBox| {
+            (0..3).all(|k| found.low[k] <= other.low[k] && other.high[k] <= found.high[k])
+        };
+        assert!(contains(&inner) && steeper.is_none_or(|steeper| contains(&steeper)), "{tilt}");
+        let ends = ends(&config, &reach, &found, &reached);
+        assert_eq!(ends.len(), 6);
+        // Steep boxes may end where the proof becomes too long.
+        assert!(tilt > 0.0 || ends.iter().any(|end| end.stop.is_some()), "{ends:?}");
+        steeper = Some(found);
+    }
+    let level = steeper.unwrap();
+    assert!(level.high[0] - level.low[0] > 1.5 * (within.high[0] - within.low[0]), "{level:?}");
+    // No box could reach farther: there the machine is beyond a limit even with all other coordinates at home.
+    for k in 0..3 {
+        for end in [reached.low[k], reached.high[k]] {
+            let mut beyond = config.home;
+            beyond[k] += 1.001 * (end - config.home[k]);
+            assert!(reach.check(&beyond).is_err(), "{k} {end}");
+        }
+    }
 }
 
 /// At 25 degrees of A and of B the hexapod's spindle tilts by 34.8.

@@ -9,19 +9,12 @@ use check::usual::AWAY;
 use check::wiring::at_key;
 use kinematics::{Joints, Letter, leg};
 use machine::limits::sentence;
-use machine::proof::axis_box::{self, AxisBox};
+use machine::proof::axis_box::{self, AxisBox, FARTHEST, ray};
 use machine::proof::reach::{Reach, Stop};
 use machine::read::diagnostic::Severity;
 use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-
-/// Steps of a ray from home to its end, and halvings of the last one.
-const STEPS: u32 = 64;
-const HALVINGS: u32 = 12;
-
-/// Largest length of a ray, in sizes of the machine.
-const FARTHEST: f64 = 2.0;
 
 /// Largest angle that is tested by default, degrees, and the share of the possible range of X, Y and Z that must
 /// remain.
@@ -220,25 +213,6 @@ fn extents(config: &Mechanism, reach: &Reach, plan: &Plan) -> Result<AxisBox, Re
         }
     }
     Ok(extents)
-}
-
-/// Returns the end of a ray along a coordinate, and the reason for it.
-fn ray(config: &Mechanism, reach: &Reach, k: usize, far: f64) -> (f64, Option<Stop>) {
-    let stop = |share: f64| {
-        let mut pose = config.home;
-        pose[k] += share * far;
-        reach.check(&pose).err()
-    };
-    let share = |n: u32| f64::from(n) / f64::from(STEPS);
-    let Some(first) = (1..=STEPS).find(|n| stop(share(*n)).is_some()) else {
-        return (config.home[k] + far, None);
-    };
-    let (mut good, mut bad) = (share(first - 1), share(first));
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (good + bad);
-        if stop(middle).is_none() { good = middle } else { bad = middle }
-    }
-    (config.home[k] + good * far, stop(bad))
 }
 
 /// Returns the largest speed and acceleration that every joint needs within the limits, if the tool moves at its

@@ -111,6 +111,74 @@ pub fn range(config: &Mechanism) -> AxisBox {
     range
 }
 
+/// Steps of a ray from home to its end, and halvings of the last one.
+const RAY_STEPS: u32 = 64;
+const RAY_HALVINGS: u32 = 12;
+
+/// Largest length of a ray, in sizes of the machine.
+pub const FARTHEST: f64 = 2.0;
+
+/// Returns the end of a ray from home along coordinate `k`, and the limit at it; none at the distance `far`.
+pub fn ray(config: &Mechanism, reach: &Reach, k: usize, far: f64) -> (f64, Option<Stop>) {
+    let stop = |share: f64| {
+        let mut pose = config.home;
+        pose[k] += share * far;
+        reach.check(&pose).err()
+    };
+    let share = |n: u32| f64::from(n) / f64::from(RAY_STEPS);
+    let Some(first) = (1..=RAY_STEPS).find(|n| stop(share(*n)).is_some()) else {
+        return (config.home[k] + far, None);
+    };
+    let (mut good, mut bad) = (share(first - 1), share(first));
+    for _ in 0..RAY_HALVINGS {
+        let middle = 0.5 * (good + bad);
+        if stop(middle).is_none() { good = middle } else { bad = middle }
+    }
+    (config.home[k] + good * far, stop(bad))
+}
+
+/// Returns the range of X, Y and Z that the machine reaches from home, each alone, whatever the limits of the axes are;
+/// that of the angles is `within`.
+pub fn reached(config: &Mechanism, reach: &Reach, within: &AxisBox) -> AxisBox {
+    let mut reached = *within;
+    for k in (0..3).filter(|k| !config.machine.layout().is_held(Letter::ALL[*k])) {
+        let far = FARTHEST * config.machine.size();
+        let end = |far| ray(config, reach, k, far).0;
+        (reached.low[k], reached.high[k]) = (end(-far), end(far));
+    }
+    reached
+}
+
+/// The limit at a face of a box.
+#[derive(Clone, Debug, PartialEq)]
+pub struct End {
+    /// Index of the coordinate.
+    pub k: usize,
+    pub is_high: bool,
+    /// What a pose slightly beyond the face violates; `None` if none is found, only the proof ends there.
+    pub stop: Option<Stop>,
+}
+
+/// Distance beyond a face at which poses are checked, as a share of the range.
+const BEYOND: f64 = 1.0 / 64.0;
+
+/// Returns the limits at the faces of a box in X, Y and Z, which lies in the range `reached`.
+pub fn ends(config: &Mechanism, reach: &Reach, part: &AxisBox, reached: &AxisBox) -> Vec<End> {
+    let moved = (0..3).filter(|k| !config.machine.layout().is_held(Letter::ALL[*k]));
+    let faces = moved.flat_map(|k| [(k, false), (k, true)]);
+    let end = |(k, is_high): (usize, bool)| {
+        let step = BEYOND * (reached.high[k] - reached.low[k]);
+        let mut face = *part;
+        let at = if is_high { part.high[k] + step } else { part.low[k] - step };
+        (face.low[k], face.high[k]) = (at, at);
+        let mut rng = Pcg64::seed_from_u64(0);
+        let drawn = (0..DRAWN).map(|_| face.at(std::array::from_fn(|_| rng.random())));
+        let stop = corners(&face).chain(drawn).find_map(|pose| reach.check(&pose).err());
+        End { k, is_high, stop }
+    };
+    faces.map(end).collect()
+}
+
 /// Finds the box, without a tool; `progress` receives the completed share of the work.
 ///
 /// Growing from home leaves a box in six coordinates small; growing from the box in X Y Z with all of
@@ -206,6 +274,31 @@ fn share_of(part: &AxisBox, of: &AxisBox, moved: &[bool; 6]) -> f64 {
 /// Returns whether a box is proved with a tool offset.
 pub fn holds_with(config: &Mechanism, tool: &Vector3<f64>, part: &AxisBox) -> bool {
     Search::new(config, tool, part).is_ok_and(|mut search| search.is_inside(part))
+}
+
+/// Returns a box in X Y Z that contains a proved one with the same angles, or one of a larger tilt, whichever is larger,
+/// and reaches as far as it is proved in the range `reached`.
+pub fn grown(
+    config: &Mechanism,
+    reached: &AxisBox,
+    proved: &AxisBox,
+    steeper: Option<&AxisBox>,
+) -> AxisBox {
+    let volume = |part: &AxisBox| -> f64 {
+        let moved = (0..3).filter(|k| !config.machine.layout().is_held(Letter::ALL[*k]));
+        moved.map(|k| part.high[k] - part.low[k]).product()
+    };
+    let mut found = *proved;
+    if let Some(steeper) = steeper.filter(|steeper| volume(steeper) > volume(proved)) {
+        found = found.with_ends(steeper, Letter::ALL.map(|letter| !letter.is_angle()));
+    }
+    if let Ok(mut search) = Search::new(config, &Vector3::zeros(), reached) {
+        search.grow(
+            &mut found,
+            &Letter::ALL.map(|l| !l.is_angle() && !config.machine.layout().is_held(l)),
+        );
+    }
+    found
 }
 
 /// Returns the box in X Y Z with A and B up to `tilt` degrees in either direction from 0, C at home; `None` if

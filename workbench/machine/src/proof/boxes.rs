@@ -5,7 +5,8 @@ use crate::proof::choose;
 use crate::proof::one_to_one::{Doubt, Prover};
 use crate::read::boxes::{BoxSection, Claim};
 use crate::read::mechanism::Mechanism;
-use kinematics::MAX_BOXES;
+use kinematics::{Letter, MAX_BOXES};
+use nalgebra::DMatrix;
 
 /// Most cells of a proof.
 pub const MOST_CELLS: usize = 2_000_000;
@@ -43,7 +44,9 @@ pub fn found(
 ) -> Result<Vec<(BoxSection, usize)>, Doubt> {
     let prover = Prover::new(&config.machine, &config.geometry);
     let (low, high) = workspace(config)?;
-    let claims = choose::claims(&prover, low, high, MAX_BOXES)?;
+    refuse_singular(config, &prover, [low, high])?;
+    let claims =
+        choose::claims(&prover, low, high, MAX_BOXES).map_err(|doubt| explained(config, doubt))?;
     let count = claims.len() as f64;
     let proved = |(k, claim): (usize, Claim)| {
         let all = |share: f64| progress((k as f64 + share) / count);
@@ -52,6 +55,58 @@ pub fn found(
         Ok((BoxSection { claim, geometry: config.hash }, cells))
     };
     claims.into_iter().enumerate().map(proved).collect()
+}
+
+/// What to do if no boxes cover the axis limits.
+const WAY_OUT: &str = "make the axis limits smaller; pkm check ends with limits that are proved";
+
+/// Refuses axis limits with singular poses, where no box can be one-to-one: a search would find none, after minutes. The
+/// determinant of ∂q/∂X has another sign at a sampled pose than at home, so it is 0 between.
+fn refuse_singular(
+    config: &Mechanism,
+    prover: &Prover,
+    [low, high]: [[f64; 6]; 2],
+) -> Result<(), Doubt> {
+    let active = prover.active();
+    let sign = |pose: &[f64; 6]| {
+        let rows = prover.jacobian(pose).ok()?;
+        let square = DMatrix::from_fn(active.len(), active.len(), |i, j| rows[(i, active[j])]);
+        Some(square.determinant().signum())
+    };
+    let home = if active.len() == config.legs() { sign(&config.home) } else { None };
+    let is_beyond = |pose: &[f64; 6]| home.zip(sign(pose)).is_some_and(|(home, own)| home != own);
+    match choose::poses(active, &low, &high).into_iter().find(is_beyond) {
+        None => Ok(()),
+        Some(pose) => Err(Doubt::Limits(format!(
+            "the axis limits contain singular poses, where no box can be one-to-one: there is one between home and {}; {WAY_OUT}",
+            words(config, &pose)
+        ))),
+    }
+}
+
+/// Returns the cause for which no boxes cover the axis limits, and the way out.
+fn explained(config: &Mechanism, doubt: Doubt) -> Doubt {
+    match doubt {
+        Doubt::Exceeded(pose, norm) => Doubt::Limits(format!(
+            "the axis limits are too wide for {MAX_BOXES} boxes: two poses near {} may have the same joint values (norm \
+             {norm:.4}, must be below 1); {WAY_OUT}",
+            words(config, &pose)
+        )),
+        Doubt::Reach(pose, fault) => Doubt::Limits(format!(
+            "the axis limits contain poses that the machine cannot reach: at {}: {}; {WAY_OUT}",
+            words(config, &pose),
+            config.place.counted(fault)
+        )),
+        other => other,
+    }
+}
+
+fn words(config: &Mechanism, pose: &[f64; 6]) -> String {
+    let word = |letter: &Letter| {
+        format!("{}{:.3}", config.place.letter(*letter), pose[letter.index()] + 0.0)
+    };
+    let moved = config.machine.layout().coordinates().as_slice();
+    moved.iter().map(word).collect::<Vec<_>>().join(" ")
 }
 
 /// Proves a section again and returns the number of cells. `progress` receives the completed share.

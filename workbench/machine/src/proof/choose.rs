@@ -143,7 +143,7 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// Returns the corners, then points of a Halton sequence, every second one moved to faces of the box.
-fn poses(active: &[usize], low: &[f64; 6], high: &[f64; 6]) -> Vec<[f64; 6]> {
+pub(super) fn poses(active: &[usize], low: &[f64; 6], high: &[f64; 6]) -> Vec<[f64; 6]> {
     let at = |share: &dyn Fn(usize) -> f64| {
         let mut pose = [0.0; 6];
         for (n, k) in active.iter().enumerate() {

@@ -53,6 +53,9 @@ pub enum Doubt {
     /// Its numbers are invalid for a box.
     #[error("{0}")]
     Malformed(&'static str),
+    /// No boxes cover the axis limits.
+    #[error("{0}")]
+    Limits(String),
     /// The norm exceeds the claim at this pose.
     #[error("not proved: the norm is {1:.4} (must be below 1) at {0:?}; make the box smaller")]
     Exceeded([f64; 6], f64),
