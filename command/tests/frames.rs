@@ -165,6 +165,34 @@ fn joints_and_the_ways_in_which_they_grow_are_where_the_kinematics_have_them() {
 }
 
 #[test]
+fn tables_and_axes_that_carry_something_have_an_arrow_with_the_number_of_their_joint() {
+    let bench = Bench::new();
+    for (machine, joint, from, way) in [
+        ("pyramid", "4", Vector3::zeros(), -Vector3::x()),
+        ("pyramid", "5", Vector3::zeros(), -Vector3::y()),
+        ("pyramid-cross", "4", Vector3::zeros(), -Vector3::y()),
+        ("hexapod-rotary-table", "6", Vector3::zeros(), Vector3::z()),
+    ] {
+        let svg = drawn(&bench, &ini(machine));
+        let sheet = roxmltree::Document::parse(&svg).unwrap();
+        let is_name = |node: &roxmltree::Node| {
+            node.text().is_some_and(|text| text.trim() == joint)
+                && node.attribute("fill") == Some(GROWS)
+        };
+        assert!(sheet.descendants().any(|node| is_name(&node)), "{machine} {joint}");
+        let views = views(&sheet);
+        let view = views.iter().find(|view| view.axes.iter().any(|k| way[*k] != 0.0)).unwrap();
+        let [start, ahead] = [from, from + way].map(|place| view.pixel(&place));
+        let is_own = |arrow: &[[f64; 2]; 2]| {
+            let along: f64 =
+                (0..2).map(|k| (arrow[1][k] - arrow[0][k]) * (ahead[k] - start[k])).sum();
+            is_at(&arrow[0], &start) && along > 0.0
+        };
+        assert!(lines(&sheet, GROWS, "3").iter().any(is_own), "{machine} {joint}: {svg}");
+    }
+}
+
+#[test]
 fn tools_point_as_the_file_says_and_screws_have_the_hand_of_the_file() {
     for (to, is_up) in [("down", false), ("up", true)] {
         let bench = Bench::new().spoilt("TOOL_DIRECTION = down", &format!("TOOL_DIRECTION = {to}"));

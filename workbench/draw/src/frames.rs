@@ -7,7 +7,7 @@ use crate::machine::{GUIDE, LEG, rail_or_arm};
 use crate::plot::DrawError;
 use crate::sheet::{AROUND, Area, Chart, Frame, drawn_on, path_axes, span};
 use crate::style::{BLUE, GREEN, NAME, PURPLE, TITLE, VERMILLION, letters_at, width_of};
-use kinematics::{At, Letter, POSE_LETTERS, Segment, Vector3};
+use kinematics::{At, Carries, Letter, POSE_LETTERS, Segment, Vector3};
 use machine::read::direction::ToolDirection;
 use machine::read::legs::drive_rate;
 use machine::read::mechanism::Mechanism;
@@ -91,7 +91,7 @@ struct Arrow {
     to: Vector3<f64>,
     color: RGBColor,
     width: u32,
-    name: &'static str,
+    name: String,
 }
 
 /// A joint at an end of a leg, with its label.
@@ -185,6 +185,7 @@ impl Drawing {
         for (leg, (from, to)) in lower.iter().zip(&upper).enumerate() {
             drawing.joint_arrow(config, leg, [from, to], JOINT * size);
         }
+        drawing.other_joints(config, origin, JOINT * size);
         drawing.tool(config, origin, TOOL_LENGTH * size);
         drawing.axes(Vector3::zeros(), AXIS * size, BLUE, NAMES);
         drawing.axes(origin, OWN_AXIS * size, VERMILLION, ["x", "y", "z"]);
@@ -209,7 +210,34 @@ impl Drawing {
         let Some(direction) = tool_direction(config) else { return };
         let up = if direction == ToolDirection::Up { length } else { -length };
         let to = from + Vector3::z() * up;
-        self.arrows.push(Arrow { from, to, color: PURPLE, width: TOOL, name: "tool" });
+        self.arrows.push(Arrow { from, to, color: PURPLE, width: TOOL, name: "tool".into() });
+    }
+
+    /// Adds an arrow along each table axis, from the origin, and along each axis that carries something, with the number of
+    /// its joint. An axis that turns does so right-handed about its arrow.
+    fn other_joints(&mut self, config: &Mechanism, platform: Vector3<f64>, length: f64) {
+        let mut add = |from: Vector3<f64>, way: Vector3<f64>, joint: usize| {
+            let (to, name) = (from + way * length, joint.to_string());
+            self.arrows.push(Arrow { from, to, color: GREEN, width: WIDTH, name });
+        };
+        for (k, letter) in config.machine.layout().table().as_slice().iter().enumerate() {
+            let mut way = Vector3::zeros();
+            way[letter.index()] = -1.0;
+            add(Vector3::zeros(), way, config.place.first_joint + config.legs() + k);
+        }
+        let extra = config.extra_axes.places().enumerate();
+        for (k, place) in extra {
+            let Some(link) = config.chain.links().iter().find(|link| link.place == place) else {
+                continue;
+            };
+            let is_on_platform = match link.carries {
+                Carries::Work => config.chain.holder().is_some(),
+                Carries::Tool => config.chain.holder().is_none(),
+                Carries::Legs => false,
+            };
+            let origin = if is_on_platform { platform } else { Vector3::zeros() };
+            add(origin + link.point, link.axis, config.place.first_extra_joint + k);
+        }
     }
 
     /// Adds the rail of a carriage, or an arm.
@@ -234,7 +262,7 @@ impl Drawing {
             None => (lower + (upper - lower) * 0.4, upper - lower),
         };
         let to = from + direction.normalize() * length;
-        self.arrows.push(Arrow { from, to, color: GREEN, width: WIDTH, name: "" });
+        self.arrows.push(Arrow { from, to, color: GREEN, width: WIDTH, name: String::new() });
     }
 
     fn axes(
@@ -247,7 +275,7 @@ impl Drawing {
         for (k, name) in names.into_iter().enumerate() {
             let mut to = origin;
             to[k] += length;
-            self.arrows.push(Arrow { from: origin, to, color, width: WIDTH, name });
+            self.arrows.push(Arrow { from: origin, to, color, width: WIDTH, name: name.into() });
         }
     }
 
@@ -291,7 +319,7 @@ impl Drawing {
         }
         let middle = middle(joints.iter().map(|(at, _)| *at));
         for (at, arrow) in ends.iter().filter(|(_, arrow)| !arrow.name.is_empty()) {
-            names.put(&plot, *at, sight.pixel(&arrow.from), arrow.name, arrow.color)?;
+            names.put(&plot, *at, sight.pixel(&arrow.from), &arrow.name, arrow.color)?;
         }
         for (at, color, name) in merged(&joints) {
             names.put(&plot, at, middle, &name, color)?;
