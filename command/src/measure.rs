@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, refused};
 use super::{Bar, MachineFile, Verdict, output, print_text};
-use ::program::motion::{Move, MoveKind, Spindle};
+use ::program::motion::{Move, MoveKind, Spindle, extra_home};
 use ::program::preflight::preflight;
 use calibrate::model::Tolerance;
 use calibrate::propose::{Proposal, Step, propose};
@@ -151,7 +151,8 @@ fn write_both(first: (&Path, &str), second: (&Path, &str)) -> Result<(), Failure
 fn follow(config: &Mechanism, setup: &Setup, proposal: &Proposal) -> Result<(), Failure> {
     let tool = setup.gauge.tool - config.spindle;
     let steps = proposal.paths.iter().flatten().chain(&proposal.home);
-    let moves: Vec<Move> = steps.map(|step| moved(step, tool.into(), setup.feed / 60.0)).collect();
+    let moves: Vec<Move> =
+        steps.map(|step| moved(config, step, tool.into(), setup.feed / 60.0)).collect();
     match preflight(std::slice::from_ref(config), &moves)?.breaks.first() {
         None => Ok(()),
         Some(found) => {
@@ -160,7 +161,7 @@ fn follow(config: &Mechanism, setup: &Setup, proposal: &Proposal) -> Result<(), 
     }
 }
 
-fn moved(step: &Step, tool: [f64; 3], feed: f64) -> Move {
+fn moved(config: &Mechanism, step: &Step, tool: [f64; 3], feed: f64) -> Move {
     let mut end = step.at;
     (0..3).for_each(|k| end[k] += tool[k]);
     Move {
@@ -174,7 +175,7 @@ fn moved(step: &Step, tool: [f64; 3], feed: f64) -> Move {
         extra: false,
         second: None,
         lasts: None,
-        extra_end: Default::default(),
+        extra_end: extra_home(config),
         spindle: Spindle::Unknown,
     }
 }

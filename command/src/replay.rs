@@ -52,8 +52,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if let Some(folder) = &arguments.plots {
         std::fs::create_dir_all(folder).at(folder)?;
     }
-    let names =
-        [vec!["time".into(), "line".into()], coordinates(), joint_names(config.joints.len())];
+    let joints = joint_names(config.joints.len() + config.extra.len());
+    let names = [vec!["time".into(), "line".into()], coordinates(), joints];
     let mut table = Table::new(names.concat())?;
     let mut samples = vec![];
     let mut unwritten = None;
@@ -88,7 +88,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
 
 fn row(config: &Mechanism, visit: &Visit) -> Vec<Option<f64>> {
     let place = [visit.time, f64::from(visit.line)].into_iter().chain(visit.pose);
-    place.chain(visit.joints.into_iter().take(config.joints.len())).map(Some).collect()
+    let joints = visit.joints.into_iter().take(config.joints.len());
+    place.chain(joints).chain(config.extra_of(&visit.world)).map(Some).collect()
 }
 
 fn sample(visit: &Visit) -> Sample {

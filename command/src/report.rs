@@ -80,7 +80,7 @@ fn bare(verdict: &ProgramVerdict, limit: Rule, meaning: &str) -> LimitRow {
         margin: String::new(),
         line: first.map_or(String::new(), |broken| verdict.place(broken.file, broken.line)),
         breaks,
-        is_judged: !limit.is_of_time() || found.time.is_whole(),
+        is_judged: if limit.is_of_time() { found.time.is_whole() } else { found.is_whole },
     }
 }
 
@@ -143,7 +143,7 @@ fn following_error(verdict: &ProgramVerdict) -> Option<LimitRow> {
         allowed: format!("at most {:.3} {unit}", worst.limit),
         used: format!("{:.3} {unit}", worst.value),
         margin: format!("{:.3} {unit}", worst.limit - worst.value),
-        line: verdict.place(0, worst.place.line),
+        line: verdict.place(worst.place.file, worst.place.line),
         ..bare(verdict, Rule::FollowingError, meaning)
     };
     say_how_far(&mut row);
@@ -163,8 +163,9 @@ fn why(verdict: &ProgramVerdict, rows: &[LimitRow]) -> String {
     let found = &verdict.found;
     let Some(first) = found.breaks.first() else {
         if let Time::NotJudged(cause) = &found.time {
+            let part = if found.is_whole { "" } else { "judged part of the " };
             return format!(
-                "The path stays within the limits of the machine. The required joint speeds are \
+                "The {part}path stays within the limits of the machine. The required joint speeds are \
                  unknown, because LinuxCNC could not run the program: {cause}."
             );
         }
@@ -174,10 +175,11 @@ fn why(verdict: &ProgramVerdict, rows: &[LimitRow]) -> String {
     let broken = rows.iter().filter(|row| !row.breaks.is_empty()).count();
     let rest = match broken {
         1 if rows.iter().all(|row| row.is_judged) => "All other limits are kept.".into(),
-        1 => {
+        1 if found.is_whole => {
             "The other limits of the path are kept; time-dependent limits are not judged to the end."
                 .into()
         }
+        1 => "The other limits are kept up to the stop; the rest is not judged.".into(),
         more => format!("{more} limits are violated in total."),
     };
     format!(

@@ -1054,18 +1054,19 @@ exit 0
 
 /// LinuxCNC stops it in its first line: the later motion of its joints was not observed.
 #[test]
-fn the_page_of_a_stopped_program_calls_no_limit_kept_that_hangs_on_time() {
+fn the_page_of_a_stopped_program_calls_no_limit_kept_that_was_not_judged_to_the_end() {
     let bench = Bench::new().with("far.ngc", "M52 P1\nG1 X0 Y200 Z60 F3000\nG1 X10\nM2\n");
     bench.answer("preflight linear-delta.ini far.ngc --report r.html", "");
     let page = fs::read_to_string(bench.0.path().join("r.html")).unwrap();
     let rows: Vec<&str> =
         page.split("<tr").filter(|row| row.contains("<th scope=\"row\"")).collect();
     let row = |name: &str| *rows.iter().find(|row| row.contains(&format!(">{name}<"))).unwrap();
-    for name in ["joint speed", "joint acceleration"] {
+    // Even without its limits LinuxCNC cannot go on, so the rest of the path is unknown as well.
+    for name in ["joint speed", "joint acceleration", "conditioning"] {
         let row = row(name);
         assert!(row.contains("? not judged") && row.contains("up to the stop"), "{row}");
     }
-    assert!(row("conditioning").contains("kept") && row("LinuxCNC").contains("broken"));
+    assert!(row("LinuxCNC").contains("broken"));
 }
 
 #[test]
@@ -1098,11 +1099,11 @@ middle.ngc on linear-delta.ini
 
 error: line 4: joint range: carriage 0 violates its limit of 0 to 330 mm on this move by 3.2650 mm
   G1 X75 F3000
-  at X-41.3333 Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
+  at X-41.3333 Y75.0000 Z70.0000
 
 error: line 4: LinuxCNC: LinuxCNC stops here: Exceeded POSITIVE soft limit (330.00000) on joint 0; Hint: switch to joint mode to jog off soft limit
   G1 X75 F3000
-  at X-37.[..] Y75.0000 Z70.0000 A0.0000 B0.0000 C0.0000
+  at X-37.[..] Y75.0000 Z70.0000
 
 warning: the program has no M52 P1, so the guard cannot slow the feed: add it at the start (LinuxCNC 2.9 loses it in the startup code)
 
@@ -1119,46 +1120,46 @@ exit 1
         bench.answer("preflight linear-delta.ini far.ngc", ""),
         str![[r#"
 far.ngc on linear-delta.ini
-  moves              2, 202.2 mm long
+  moves              2, 202.2 mm long (up to line 1)
   time               0.0 s, then LinuxCNC stops it
-  axis range         120.0000 mm beyond: axis Y, line 1
-  joint range        12.4602 mm beyond: carriage 0, line 1
-  base cone          15.2543 degrees beyond: the base joint of leg 1, line 1
-  clearance of legs  6.1423 mm to spare: the distance between legs 0 and 1, line 1
-  conditioning       0.5307 to spare: the conditioning, line 1
+  axis range         120.0000 mm beyond: axis Y, line 1 (up to line 1)
+  joint range        12.4602 mm beyond: carriage 0, line 1 (up to line 1)
+  base cone          15.2543 degrees beyond: the base joint of leg 1, line 1 (up to line 1)
+  clearance of legs  6.1423 mm to spare: the distance between legs 0 and 1, line 1 (up to line 1)
+  conditioning       0.5307 to spare: the conditioning, line 1 (up to line 1)
   joint speed        300.0000 mm/s to spare: the speed of carriage 0, before the program (up to the stop)
   joint acceleration 5000.0000 mm/s² to spare: the acceleration of carriage 0, before the program (up to the stop)
-  axis X             0.000 to 0.000 of -80 to 80 mm
-  axis Y             0.000 to 200.000 of -80 to 80 mm
-  axis Z             60.000 to 90.000 of 0 to 100 mm
-  carriage 0         325.363 to 342.489 of 0 to 330 mm
-  carriage 1         76.642 to 325.385 of 0 to 375 mm
-  carriage 2         76.642 to 325.385 of 0 to 375 mm
-  runs               6.3 % of the path before the first limit
+  axis X             0.000 to 0.000 of -80 to 80 mm (up to line 1)
+  axis Y             0.000 to 200.000 of -80 to 80 mm (up to line 1)
+  axis Z             60.000 to 90.000 of 0 to 100 mm (up to line 1)
+  carriage 0         325.363 to 342.489 of 0 to 330 mm (up to line 1)
+  carriage 1         76.642 to 325.385 of 0 to 375 mm (up to line 1)
+  carriage 2         76.642 to 325.385 of 0 to 375 mm (up to line 1)
+  runs               0.0 % of the path (up to line 1) before LinuxCNC stops it
 
 error: line 1: joint range: carriage 0 violates its limit of 0 to 330 mm on this move by 12.4602 mm
   G1 X0 Y200 Z60 F3000
-  at X0.0000 Y12.5463 Z88.1180 A0.0000 B0.0000 C0.0000
+  at X0.0000 Y12.5463 Z88.1180
 
 error: line 1: axis range: axis Y violates its limit of -80 to 80 mm on this move by 120.0000 mm
   G1 X0 Y200 Z60 F3000
-  at X0.0000 Y80.0000 Z78.0000 A0.0000 B0.0000 C0.0000
+  at X0.0000 Y80.0000 Z78.0000
 
 error: line 1: base cone: the base joint of leg 1 violates its limit of 40 degrees on this move by 15.2543 degrees
   G1 X0 Y200 Z60 F3000
-  at X0.0000 Y145.7890 Z68.1317 A0.0000 B0.0000 C0.0000
+  at X0.0000 Y145.7890 Z68.1317
 
 error: line 1: base cone: the base joint of leg 2 violates its limit of 40 degrees on this move by 15.2543 degrees
   G1 X0 Y200 Z60 F3000
-  at X0.0000 Y145.7890 Z68.1317 A0.0000 B0.0000 C0.0000
+  at X0.0000 Y145.7890 Z68.1317
 
 error: line 1: reach: carriage 0 comes too close to a dead point
   G1 X0 Y200 Z60 F3000
-  at X0.0000 Y178.7115 Z63.1933 A0.0000 B0.0000 C0.0000
+  at X0.0000 Y178.7115 Z63.1933
 
 error: line 1: LinuxCNC: LinuxCNC stops here: Linear move on line 1 would exceed Y's positive limit
   G1 X0 Y200 Z60 F3000
-  at X0.0000 Y0.0000 Z90.0000 A0.0000 B0.0000 C0.0000
+  at X0.0000 Y0.0000 Z90.0000
 
 warning: line 2: M52 P0 switches adaptive feed off, so the guard cannot slow the feed; remove it
 

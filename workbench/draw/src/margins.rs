@@ -8,10 +8,10 @@ use crate::plot::DrawError;
 use crate::sheet::TIME;
 use crate::strips::{Strip, Strips, drawn_strips};
 use crate::thin::{envelope, highest, lowest};
-use kinematics::{Joints, Letter, Limit};
+use kinematics::{Letter, Limit};
 use machine::read::joints::Group;
 use machine::read::mechanism::Mechanism;
-use program::timeline::{Abscissa, Sample, Thinned};
+use program::timeline::{Abscissa, AllJoints, Sample, Thinned};
 
 /// Distances to limits are drawn between this and 1.
 const LEAST_ROOM: f64 = -0.3;
@@ -48,7 +48,7 @@ pub fn figures(
         figures.extend(sheet.feed()?);
     }
     figures.extend(sheet.axes()?);
-    for group in config.groups() {
+    for group in config.all_groups() {
         figures.push(sheet.values(&group)?);
         if in_time {
             figures.extend(sheet.motion(&group)?);
@@ -111,7 +111,7 @@ impl Sheet<'_> {
     }
 
     fn rooms_of_motion(&self) -> Result<Figure, DrawError> {
-        let least = |shares: &Joints| 1.0 - shares.iter().copied().fold(0.0, f64::max);
+        let least = |shares: &AllJoints| 1.0 - shares.iter().copied().fold(0.0, f64::max);
         let lines = [
             self.line("joint speed", |s| least(&s.speeds)),
             self.line("acceleration", |s| least(&s.accelerations)),
@@ -173,9 +173,9 @@ impl Sheet<'_> {
         let name = group.kind.plural();
         let strip = |i: &usize| {
             let values: Vec<_> = self.course.samples.iter().map(|s| (s.at, s.joints[*i])).collect();
-            let joint = &self.config.joints[*i];
-            let line = Line { name: joint.name.clone(), points: envelope(&values) };
-            let limits = joint.range().into_iter().filter(|end| end.is_finite());
+            let name = self.config.joint(*i).name.clone();
+            let line = Line { name, points: envelope(&values) };
+            let limits = self.config.range_of(*i).into_iter().filter(|end| end.is_finite());
             Strip::of(line, limits.collect())
         };
         let strips: Vec<Strip> = group.joints.iter().map(strip).collect();
@@ -189,11 +189,11 @@ impl Sheet<'_> {
 
     fn motion(&self, group: &Group) -> Result<[Figure; 3], DrawError> {
         let name = group.kind.plural();
-        let figure = |what: &str, meaning: &str, of: fn(&Sample) -> &Joints| {
+        let figure = |what: &str, meaning: &str, of: fn(&Sample) -> &AllJoints| {
             let line = |i: &usize| {
                 let values: Vec<_> =
                     self.course.samples.iter().map(|s| (s.at, of(s)[*i])).collect();
-                Line { name: self.config.joints[*i].name.clone(), points: highest(&values) }
+                Line { name: self.config.joint(*i).name.clone(), points: highest(&values) }
             };
             let lines: Vec<Line> = group.joints.iter().map(line).collect();
             let about = format!(

@@ -56,14 +56,8 @@ impl<'a> Trace<'a> {
     fn write(&mut self, row: &Row) -> Result<(), AtFile<io::Error>> {
         let (joints, extra) = (self.config.guarded_joints(), self.config.first().extra.len());
         let time = row.cycle as f64 * self.config.period;
-        let [x, y, z, a, b, c] = row.pose;
-        let mut pose = [x, y, z, a, b, c, 0.0, 0.0, 0.0];
-        for (place, value) in self.config.first().extra_axes.places().zip(row.extra.positions) {
-            pose.get_mut(place).into_iter().for_each(|coordinate| *coordinate = value);
-        }
-        let second = self.config.second_letters.as_ref();
-        second.into_iter().for_each(|letters| letters.put(&row.second.pose, &mut pose));
-        let (letters, tools) = if second.is_some() { (9, 3) } else { (6, 0) };
+        let pose = row.world(self.config);
+        let (letters, tools) = if self.config.second_letters.is_some() { (9, 3) } else { (6, 0) };
         let values: [&[f64]; 8] = [
             &pose[..letters],
             &row.joints[..joints],

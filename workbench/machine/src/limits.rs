@@ -170,12 +170,13 @@ pub fn range(config: &Mechanism, limit: Limit, part: Part) -> Option<[f64; 2]> {
     let limits = of(config);
     let most = |value: f64| (value != 0.0).then_some([f64::NEG_INFINITY, value]);
     let least = |value: f64| (value != 0.0).then_some([value, f64::INFINITY]);
+    let both_ways = |value: f64| [-value, value];
     match (limit, part) {
         (Limit::Axis, Part::Axis(letter)) => Some(limits.axis[letter.index()]),
-        (Limit::JointRange, Part::Joint(i)) => Some([limits.min[i], limits.max[i]]),
-        (Limit::JointSpeed, Part::Joint(i)) => Some([-limits.speed[i], limits.speed[i]]),
+        (Limit::JointRange, Part::Joint(i)) => Some(config.range_of(i)),
+        (Limit::JointSpeed, Part::Joint(i)) => Some(both_ways(config.joint(i).speed())),
         (Limit::JointAcceleration, Part::Joint(i)) => {
-            Some([-limits.acceleration[i], limits.acceleration[i]])
+            Some(both_ways(config.joint(i).max_acceleration))
         }
         (Limit::BaseCone, Part::Leg(i)) => most(limits.base_cone[i]),
         (Limit::PlatformCone, Part::Leg(i)) => most(limits.platform_cone[i]),

@@ -249,12 +249,13 @@ impl Scene {
 impl ExtraAxis {
     fn new(config: &Mechanism, n: usize) -> Self {
         let extra = &config.extra[n];
+        let [min, max] = extra.range();
         Self {
             letter: extra.letter,
             joint: config.place.first_extra_joint + n,
             home: config.extra_home()[n],
-            min: extra.axis.min,
-            max: extra.axis.max,
+            min,
+            max,
         }
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Generated machines through the reader, the pins, the limits and the scene, compared with their own numbers.
 
-use kinematics::{LegKind, Limit, Part, Pose, Vector3};
+use kinematics::{LegKind, Limit, Margin, Part, Pose, Vector3};
 use machine::limits;
 use machine::read::diagnostic::of_machine;
 use machine::read::machine::MachineConfig;
@@ -91,7 +91,7 @@ fn every_value_of_the_file_is_read_where_it_belongs() {
                 assert_eq!(limits::part(mechanism, Limit::Axis, part), format!("axis {letter}"));
             }
         }
-        for (extra, read) in drawn.extra.iter().zip(&config.first().extra) {
+        for (n, (extra, read)) in drawn.extra.iter().zip(&config.first().extra).enumerate() {
             assert_eq!(read.letter, extra.axis.letter, "{name}");
             assert_eq!([read.axis.min, read.axis.max], [extra.axis.min, extra.axis.max]);
             assert_eq!([read.joint.min, read.joint.max], [extra.joint.min, extra.joint.max]);
@@ -99,6 +99,19 @@ fn every_value_of_the_file_is_read_where_it_belongs() {
             assert_eq!(read.joint.max_acceleration, extra.joint.acceleration);
             assert_eq!(read.joint.home, extra.joint.home);
             assert_eq!(read.is_rotary(), extra.is_angle());
+            let (first, of_axis, of_joint) = (config.first(), &extra.axis, &extra.joint);
+            let part = Part::Joint(first.joints.len() + n);
+            let ends = [of_axis.min.max(of_joint.min), of_axis.max.min(of_joint.max)];
+            for (limit, range) in [
+                (Limit::JointRange, ends),
+                (Limit::JointSpeed, [-of_joint.velocity, of_joint.velocity]),
+                (Limit::JointAcceleration, [-of_joint.acceleration, of_joint.acceleration]),
+            ] {
+                assert_eq!(limits::range(first, limit, part), Some(range), "{name} {n}");
+                let margin = Margin { limit, part, value: 0.0, range };
+                let shown = limits::allowed(first, &margin);
+                assert!(!shown.contains("inf"), "{name} {n}: {shown}");
+            }
         }
     });
 }
@@ -337,7 +350,9 @@ fn a_scene_has_the_numbers_of_the_file() {
             let behind: usize = drawn.mechanisms.iter().map(|built| built.joints.len()).sum();
             for (n, (axis, extra)) in scene.extra_axes.iter().zip(&drawn.extra).enumerate() {
                 assert_eq!((axis.letter, axis.joint), (extra.axis.letter, behind + n), "{name}");
-                assert_eq!([axis.min, axis.max], [extra.axis.min, extra.axis.max], "{name}");
+                let (of_axis, of_joint) = (&extra.axis, &extra.joint);
+                let ends = [of_axis.min.max(of_joint.min), of_axis.max.min(of_joint.max)];
+                assert_eq!([axis.min, axis.max], ends, "{name}");
                 assert_eq!(axis.home, extra.joint.home, "{name}");
             }
             let carrying = || drawn.extra.iter().enumerate().filter(|(_, e)| !e.carries.is_empty());

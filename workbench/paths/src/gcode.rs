@@ -4,11 +4,11 @@
 use crate::file::{Feed, ProgramKeys};
 use crate::piece::{Arc, DECIMALS};
 use crate::planes::PLANES;
-use kinematics::{Letter, MAX_EXTRA};
+use kinematics::Letter;
 use machine::files::as_comment;
 use machine::read::mechanism::Mechanism;
 use machine::read::tools;
-use program::motion::{Move, MoveKind, Spindle};
+use program::motion::{Move, MoveKind, Spindle, extra_home};
 use std::fmt::Write;
 
 const FEED_DECIMALS: usize = 4;
@@ -227,7 +227,7 @@ impl<'a> Writer<'a> {
             extra: false,
             second: None,
             lasts: None,
-            extra_end: [0.0; MAX_EXTRA],
+            extra_end: extra_home(self.config),
             spindle: Spindle::Unknown,
         });
     }

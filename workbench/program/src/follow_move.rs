@@ -9,6 +9,7 @@
 //! short to matter: then the move touches the limit. So every violated limit has a first position,
 //! and a move without one is proved to satisfy all limits everywhere.
 
+use crate::motion::{Move, extra_home};
 use crate::report::{Break, Preflight, Range, Time};
 use crate::work_offset::Poses;
 use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World};
@@ -77,14 +78,14 @@ pub(super) struct Leg {
     pub(super) number: usize,
     pub(super) line: u32,
     pub(super) file: usize,
-    /// Programmed start.
-    pub(super) from: [f64; 6],
-    pub(super) delta: [f64; 6],
+    /// Programmed start, and values of the extra axes in the places of their letters.
+    pub(super) from: World,
+    pub(super) delta: World,
     pub(super) course: Course,
 }
 
 impl Leg {
-    fn at(&self, share: f64) -> [f64; 6] {
+    fn at(&self, share: f64) -> World {
         std::array::from_fn(|k| self.from[k] + share * self.delta[k])
     }
 }
@@ -146,22 +147,25 @@ pub(super) struct Pilot<'a> {
     pub(super) margins: [Option<Nearest>; Limit::ALL.len()],
     axes: [[f64; 2]; 6],
     joints: [[f64; 2]; MAX_JOINTS],
+    extra_axes: [[f64; 2]; MAX_EXTRA],
     pub(super) result: Preflight,
 }
 
 impl<'a> Pilot<'a> {
     pub(super) fn new(config: &'a Mechanism) -> Result<Self, Fault> {
+        let extra = extra_home(config);
         Ok(Self {
             config,
             reach: Reach::new(config)?,
             tool: config.spindle,
             at: config.start,
-            extra: std::array::from_fn(|n| config.extra.get(n).map_or(0.0, |axis| axis.joint.home)),
+            extra,
             checks: vec![],
             least: [f64::INFINITY; Limit::ALL.len()],
             margins: [None; Limit::ALL.len()],
             axes: config.start.map(|value| [value; 2]),
             joints: [[f64::INFINITY, f64::NEG_INFINITY]; MAX_JOINTS],
+            extra_axes: extra.map(|value| [value; 2]),
             result: Preflight {
                 moves: 0,
                 length: 0.0,
@@ -170,6 +174,8 @@ impl<'a> Pilot<'a> {
                 breaks: vec![],
                 margins: vec![],
                 ranges: vec![],
+                is_whole: true,
+                last: (0, 0),
                 runnable: 1.0,
                 time: Time::NotJudged(String::new()),
                 tilted_tool_changes: vec![],
@@ -213,7 +219,7 @@ impl<'a> Pilot<'a> {
     fn extent(&self, leg: &Leg) -> f64 {
         let arm = arm(self.config);
         match &leg.course {
-            Course::Straight { delta, .. } => advance(delta, arm),
+            Course::Straight { delta, .. } => advance(&padded(delta), arm),
             Course::Carried { .. } => {
                 self.enclosure(leg, 0.5, 0.5).map_or(f64::INFINITY, |whole| whole.extent(arm))
             }
@@ -238,7 +244,7 @@ impl<'a> Pilot<'a> {
     fn enclosure(&self, leg: &Leg, middle: f64, half: f64) -> Result<Enclosure, Fault> {
         let (from, delta) = match &leg.course {
             Course::Carried { from, delta } => (*from, *delta),
-            Course::Straight { .. } => (self.config.world(&leg.from, &self.extra), [0.0; 9]),
+            Course::Straight { .. } => (leg.from, [0.0; 9]),
         };
         let world = std::array::from_fn(|k| from[k] + middle * delta[k]);
         Enclosure::of(&self.config.chain, &world, &delta.map(|d| d * half), &self.tool)
@@ -348,8 +354,9 @@ impl<'a> Pilot<'a> {
     }
 
     /// Extends the used ranges of the axes by a straight move.
-    pub(super) fn widen_axes(&mut self, end: &[f64; 6]) {
-        for (range, value) in self.axes.iter_mut().zip(end) {
+    pub(super) fn widen_axes(&mut self, step: &Move) {
+        let extra = self.extra_axes.iter_mut().zip(&step.extra_end);
+        for (range, value) in self.axes.iter_mut().zip(&step.end).chain(extra) {
             *range = [range[0].min(*value), range[1].max(*value)];
         }
     }
@@ -363,8 +370,10 @@ impl<'a> Pilot<'a> {
                 Range::of(config, Limit::Axis, Part::Axis(letter), used, [axis.min, axis.max])
             },
         );
-        let joints = config.joints.iter().zip(self.joints).enumerate().map(|(i, (joint, used))| {
-            Range::of(config, Limit::JointRange, Part::Joint(i), used, joint.range())
+        let extra = self.extra_axes.into_iter().take(config.extra.len());
+        let joints = self.joints.into_iter().take(config.joints.len()).chain(extra).enumerate();
+        let joints = joints.map(|(i, used)| {
+            Range::of(config, Limit::JointRange, Part::Joint(i), used, config.range_of(i))
         });
         axes.chain(joints).collect()
     }
@@ -412,12 +421,14 @@ impl<'a> Pilot<'a> {
             message.last = leg.number;
             return;
         }
+        let world = leg.at(found.share);
         self.result.breaks.push(Break {
             limit: found.limit.into(),
             part,
             line: leg.line,
             file: leg.file,
-            pose: leg.at(found.share),
+            pose: std::array::from_fn(|k| world[k]),
+            words: self.config.words(&world),
             of_second: false,
             seconds: None,
             moves: 1,
@@ -462,12 +473,17 @@ pub(super) fn arm(config: &Mechanism) -> f64 {
     config.machine.size() / 2.0
 }
 
-/// Estimates the displacement of a body that also rotates: its angles are multiplied by `arm`.
-pub(super) fn advance(delta: &[f64; 6], arm: f64) -> f64 {
-    let turn: f64 = delta[3..].iter().map(|d| d.abs().to_radians()).sum();
-    length(delta) + turn * arm
+/// Estimates the displacement of a body that also rotates: its angles are multiplied by `arm`. That of slides is added.
+pub(super) fn advance(delta: &World, arm: f64) -> f64 {
+    let turn: f64 = delta[3..6].iter().map(|d| d.abs().to_radians()).sum();
+    length(&delta[..3]) + length(&delta[6..]) + turn * arm
 }
 
-pub(super) fn length(delta: &[f64; 6]) -> f64 {
-    delta[..3].iter().map(|d| d * d).sum::<f64>().sqrt()
+/// Returns a motion without extra axes.
+pub(super) fn padded(delta: &[f64; 6]) -> World {
+    std::array::from_fn(|k| delta.get(k).copied().unwrap_or(0.0))
+}
+
+pub(super) fn length(delta: &[f64]) -> f64 {
+    delta.iter().map(|d| d * d).sum::<f64>().sqrt()
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The joint loads of a program, from LinuxCNC's own servo cycles: speeds, accelerations,
-//! following errors, ranges, and the largest feed factor of every line.
+//! following errors, and the largest feed factor of every line.
 //!
 //! Rows are processed one by one and not stored; memory grows with the lines of the
 //! program, not with its cycles. A speed is the difference of two commands over the period, an
@@ -8,7 +8,7 @@
 //! differences counts as at its limit (`Rounding`). Cycles in which pkmkins moves the joints for another tool
 //! offset do not count as motion of the program, nor do those with the drives off.
 
-use crate::report::{LineLoad, Peak, Place};
+use crate::report::{LineLoad, Peak, Place, Places};
 use kinematics::{MAX_EXTRA, MAX_JOINTS};
 use linuxcnc::row::Row;
 use machine::read::joints::Joint;
@@ -137,8 +137,6 @@ pub struct Demands {
     pub following: Load,
     /// Largest feed factor of every line that moves a joint.
     pub lines: Vec<LineLoad>,
-    /// Lowest and highest value of every extra axis; infinite and reversed if there was no cycle.
-    pub extra: Vec<[f64; 2]>,
     /// Position of the program in the last cycle with the drives on.
     pub last: Place,
 }
@@ -149,10 +147,10 @@ pub struct Loads<'a> {
     /// By joint: the largest number from which its commands are calculated, besides their own values.
     scales: Vec<f64>,
     /// Rows with the drives on that are not judged yet, because a tool offset may move after them.
-    waiting: VecDeque<Row>,
+    waiting: VecDeque<(Row, Place)>,
     motion: Motion<MAX_JOINTS>,
     extra: Motion<MAX_EXTRA>,
-    ranges: Vec<[f64; 2]>,
+    places: Places<'a>,
     /// Position of the row judged last: a step belongs to the row at its start.
     before: Place,
     /// Whether the drives were on in the last row.
@@ -184,7 +182,7 @@ impl<'a> Loads<'a> {
             waiting: VecDeque::new(),
             motion: Motion::START,
             extra: Motion::START,
-            ranges: vec![[f64::INFINITY, f64::NEG_INFINITY]; config.first().extra.len()],
+            places: Places::new(config),
             before: Place::default(),
             was_on: false,
             tools: None,
@@ -209,7 +207,8 @@ impl<'a> Loads<'a> {
             return;
         }
         self.was_on = true;
-        self.note_place(row);
+        self.end = self.places.next(row);
+        self.note_errors(row);
         let tools = [row.tool, row.second.tool];
         if self.tools.replace(tools).is_some_and(|before| before != tools) {
             let first = row.cycle.saturating_sub(AROUND_TOOL_OFFSETS);
@@ -218,7 +217,7 @@ impl<'a> Loads<'a> {
             self.forget();
             self.tool_moves_to = row.cycle + AROUND_TOOL_OFFSETS;
         } else if row.cycle >= self.tool_moves_to {
-            self.waiting.push_back(*row);
+            self.waiting.push_back((*row, self.end));
         }
         self.judge_before(row.cycle.saturating_sub(AROUND_TOOL_OFFSETS));
     }
@@ -234,21 +233,11 @@ impl<'a> Loads<'a> {
         });
         Demands {
             lines: lines.collect(),
-            extra: self.ranges,
             last: self.end,
             speed: self.speed,
             acceleration: self.acceleration,
             following: self.following,
         }
-    }
-
-    /// Records the values of every cycle with the drives on.
-    fn note_place(&mut self, row: &Row) {
-        self.end = self.place(row);
-        for (range, value) in self.ranges.iter_mut().zip(row.extra.positions) {
-            *range = [range[0].min(value), range[1].max(value)];
-        }
-        self.note_errors(row);
     }
 
     fn note_errors(&mut self, row: &Row) {
@@ -272,17 +261,16 @@ impl<'a> Loads<'a> {
     }
 
     fn judge_before(&mut self, cycle: u64) {
-        while self.waiting.front().is_some_and(|row| row.cycle < cycle)
-            && let Some(row) = self.waiting.pop_front()
+        while self.waiting.front().is_some_and(|(row, _)| row.cycle < cycle)
+            && let Some((row, place)) = self.waiting.pop_front()
         {
-            self.judge(row);
+            self.judge(row, place);
         }
     }
 
-    fn judge(&mut self, row: Row) {
+    fn judge(&mut self, row: Row, here: Place) {
         let [speeds, accelerations] = self.motion.next(&row, &row.joints, self.config.period);
         let extra = self.extra.next(&row, &row.extra.positions, self.config.period);
-        let here = self.place(&row);
         let place = std::mem::replace(&mut self.before, here);
         if self.line.0 != (place.file, place.line) {
             self.close_line();
@@ -309,11 +297,6 @@ impl<'a> Loads<'a> {
             let most = self.lines.entry(line).or_default();
             *most = most.max(share);
         }
-    }
-
-    fn place(&self, row: &Row) -> Place {
-        let seconds = row.cycle as f64 * self.config.period;
-        Place { line: row.line, file: row.file, pose: row.pose, seconds }
     }
 }
 

@@ -92,9 +92,13 @@ impl Move {
         let at = |values: &[f64], home: &[f64]| {
             values.iter().zip(home).all(|(value, home)| (value - home).abs() <= slack)
         };
-        let homes: Vec<f64> = config.extra.iter().map(|axis| axis.joint.home).collect();
-        at(&self.end, &config.start) && at(&self.extra_end, &homes)
+        at(&self.end, &config.start) && at(&self.extra_end, &extra_home(config))
     }
+}
+
+/// Returns the values of the extra axes at home, as of [`Move::extra_end`].
+pub fn extra_home(config: &Mechanism) -> [f64; MAX_EXTRA] {
+    std::array::from_fn(|n| config.extra.get(n).map_or(0.0, |axis| axis.joint.home))
 }
 
 /// Why the moves of a program are unknown.

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Checks the moves of one mechanism in order, with its tool changes.
 
-use crate::follow_move::{Course, Found, Leg, Pilot, length};
+use crate::follow_move::{Course, Found, Leg, Pilot, length, padded};
 use crate::motion::{Move, MoveKind, ROUNDING};
 use crate::report::{LeastMargin, Preflight};
-use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3};
+use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3, World};
 use machine::limits;
 use machine::proof::reach::Reach;
 use machine::read::direction::ToolDirection;
@@ -80,8 +80,9 @@ impl Pilot<'_> {
             let active = |letter| self.config.machine.layout().coordinates().contains(letter);
             if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
                 let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
-                let (from, line, file) = (self.at, step.line, step.file);
-                let reported = if self.config.chain.is_empty() { delta } else { [0.0; 6] };
+                let from = self.config.world(&self.at, &self.extra);
+                let (line, file) = (step.line, step.file);
+                let reported = if self.config.chain.is_empty() { padded(&delta) } else { [0.0; 9] };
                 let course = Course::Straight { from: pose, delta };
                 self.follow(&Leg { number, line, file, from, delta: reported, course });
             }
@@ -101,25 +102,27 @@ impl Pilot<'_> {
     }
 
     fn go(&mut self, number: usize, step: &Move) {
-        let from = self.at;
-        let delta: [f64; 6] = std::array::from_fn(|k| step.end[k] - from[k]);
-        let course = self.course(step, &from, &delta);
-        let mut leg = Leg { number, line: step.line, file: step.file, from, delta, course };
-        if let Course::Carried { from, delta } = &leg.course {
-            // Reported positions have the angles of the axes.
-            leg.from.copy_from_slice(&from[..6]);
-            leg.delta.copy_from_slice(&delta[..6]);
-        }
+        let begin = self.at;
+        let from = self.config.world(&begin, &self.extra);
+        let end = self.config.world(&step.end, &step.extra_end);
+        let delta: World = std::array::from_fn(|k| end[k] - from[k]);
+        let own: [f64; 6] = std::array::from_fn(|k| step.end[k] - begin[k]);
+        let course = match self.config.chain.is_empty() {
+            true => Course::Straight { from: begin, delta: own },
+            false => Course::Carried { from, delta },
+        };
+        let leg = Leg { number, line: step.line, file: step.file, from, delta, course };
         if self.falls_to_zero(step) {
             self.result.rapids_to_zero.push((step.file, step.line));
         }
-        self.check_axes(&leg, &step.end);
+        self.check_axes(&leg, step);
         self.follow(&leg);
-        self.widen_axes(&step.end);
-        self.result.poses.see(&from, step);
+        self.widen_axes(step);
+        self.result.poses.see(&begin, step);
         self.result.is_still &= step.stays(self.config);
         self.result.moves += 1;
-        self.result.length += length(&delta);
+        self.result.last = (step.file, step.line);
+        self.result.length += length(&own[..3]);
         self.result.advance += self.advance(&leg);
         (self.at, self.extra) = (step.end, step.extra_end);
     }
@@ -136,31 +139,25 @@ impl Pilot<'_> {
             && self.at[z] > slack
     }
 
-    /// Returns the machine's motion in a move.
-    fn course(&self, step: &Move, from: &[f64; 6], delta: &[f64; 6]) -> Course {
-        if self.config.chain.is_empty() {
-            return Course::Straight { from: *from, delta: *delta };
-        }
-        let begin = self.config.world(from, &self.extra);
-        let end = self.config.world(&step.end, &step.extra_end);
-        Course::Carried { from: begin, delta: std::array::from_fn(|k| end[k] - begin[k]) }
-    }
-
-    /// Checks axis limits, which hold on a straight line that ends within them.
-    fn check_axes(&mut self, leg: &Leg, end: &[f64; 6]) {
-        let slack = ROUNDING * self.config.machine.size();
-        for (k, axis) in self.config.programmed.iter().enumerate() {
+    /// Checks the limits of axes and extra axes, which hold on a straight line that ends within them.
+    fn check_axes(&mut self, leg: &Leg, step: &Move) {
+        let config = self.config;
+        let slack = ROUNDING * config.machine.size();
+        let own = config.programmed.iter().enumerate().map(|(k, axis)| {
             let part = Part::Axis(Letter::ALL[k]);
-            // Each limit separately: the violated one may not be the nearer one at the start.
-            let ends = [
-                [leg.from[k] - axis.min, end[k] - axis.min],
-                [axis.max - leg.from[k], axis.max - end[k]],
-            ];
-            for [before, margin] in ends.into_iter().filter(|[_, margin]| margin.is_finite()) {
-                self.note(Limit::Axis, margin, part, leg);
+            (Limit::Axis, part, [self.at[k], step.end[k]], [axis.min, axis.max])
+        });
+        let extra = config.extra.iter().enumerate().map(|(n, axis)| {
+            let part = Part::Joint(config.joints.len() + n);
+            (Limit::JointRange, part, [self.extra[n], step.extra_end[n]], axis.range())
+        });
+        for (limit, part, [from, to], ends) in own.chain(extra).collect::<Vec<_>>() {
+            // Each end separately: the violated one may not be the nearer one at the start.
+            let margins = [[from - ends[0], to - ends[0]], [ends[1] - from, ends[1] - to]];
+            for [before, margin] in margins.into_iter().filter(|[_, margin]| margin.is_finite()) {
+                self.note(limit, margin, part, leg);
                 if margin < -slack {
                     let share = if before > 0.0 { before / (before - margin) } else { 0.0 };
-                    let (limit, ends) = (Limit::Axis, [axis.min, axis.max]);
                     self.report(leg, &Found { limit, share, part, ends, fault: None }, margin);
                 }
             }
@@ -185,8 +182,7 @@ impl Pilot<'_> {
         }
         self.result.ranges = self.ranges();
         if let Some(first) = self.result.breaks.first() {
-            let whole = self.result.advance;
-            self.result.runnable = if whole > 0.0 { first.before / whole } else { 0.0 };
+            self.result.runnable = self.result.share(first.before);
         }
         self.result
     }

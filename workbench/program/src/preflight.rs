@@ -10,7 +10,7 @@
 use crate::loads::{Beyond, Demands, Load, Loads};
 use crate::mechanism_moves::Half;
 use crate::motion::{Move, ROUNDING, Translator};
-use crate::report::{Break, LeastMargin, Peak, Place, Preflight, Range, Rule, Time, Timing};
+use crate::report::{Break, LeastMargin, Peak, Place, Preflight, Rule, Time, Timing};
 use crate::servo_cycles::Cycles;
 use crate::two_mechanisms::Flights;
 use kinematics::{Fault, Limit, Part};
@@ -117,19 +117,14 @@ fn judge_once(
     options: &Options,
     see: &mut (dyn FnMut(&Row) + Send),
 ) -> Result<Judged, JudgeError> {
-    let (mut judged, mut time) = followed(config, program, options, see)?;
+    let (mut judged, time) = followed(config, program, options, see)?;
     let is_stopped = matches!(&time, Time::Judged(timing) if timing.ending == Ending::Stopped);
     if is_stopped {
         let open = Options { open_limits: true, ..options.clone() };
-        let (beyond, without) = followed(config, program, &open, &mut |_| ())?;
+        let (beyond, _) = followed(config, program, &open, &mut |_| ())?;
         // Without its limits LinuxCNC reaches at least the same move.
         if beyond.found.moves >= judged.found.moves {
             judged = beyond;
-            if let (Time::Judged(timing), Time::Judged(other)) = (&mut time, without) {
-                for (used, other) in timing.extra.iter_mut().zip(other.extra) {
-                    *used = [used[0].min(other[0]), used[1].max(other[1])];
-                }
-            }
         }
     }
     judged.found = judged.found.with_time(config, time);
@@ -208,6 +203,7 @@ fn followed(
     }
     found.add_cycles(beyond);
     found.off_path = off_path;
+    found.is_whole = matches!(&outcome, Ok(outcome) if outcome.ending == Ending::Finished);
     let time = match outcome {
         // Without a start, nothing is judged at all.
         Err(cause) if found.moves <= 1 => return Err(cause.into()),
@@ -270,6 +266,7 @@ impl Preflight {
             known.widen(range.used);
         }
         self.is_still &= other.is_still;
+        self.is_whole &= other.is_whole;
         if let (Time::Judged(_), Time::NotJudged(cause)) = (&self.time, &other.time) {
             self.time = Time::NotJudged(format!("{condition}: {cause}"));
         }
@@ -279,22 +276,15 @@ impl Preflight {
     /// the others.
     pub fn with_time(mut self, config: &MachineConfig, time: Time) -> Self {
         self.time = time;
-        let Time::Judged(timing) = &self.time else { return self };
-        for (limit, peaks) in
-            [(Limit::JointSpeed, &timing.speeds), (Limit::JointAcceleration, &timing.accelerations)]
-        {
-            self.margins.extend(least(config, limit, peaks));
+        if let Time::Judged(timing) = &self.time {
+            let (speeds, accelerations) = (&timing.speeds, &timing.accelerations);
+            self.margins.extend(least(config, Limit::JointSpeed, speeds));
+            self.margins.extend(least(config, Limit::JointAcceleration, accelerations));
+            self.breaks.extend(timing.breaks.iter().cloned());
         }
-        self.breaks.extend(timing.breaks.iter().cloned());
-        let config = config.first();
-        let first = config.joints.len();
-        self.ranges.extend(config.extra.iter().zip(&timing.extra).enumerate().map(
-            |(n, (axis, used))| {
-                let joint = &axis.joint;
-                let ends = [joint.min.max(axis.axis.min), joint.max.min(axis.axis.max)];
-                Range::of(config, Limit::JointRange, Part::Joint(first + n), *used, ends)
-            },
-        ));
+        let in_time = self.breaks.iter().filter(|broken| broken.seconds.is_some());
+        let shares = in_time.map(|broken| self.share(broken.before));
+        self.runnable = shares.fold(self.runnable, f64::min);
         self
     }
 }
@@ -317,14 +307,14 @@ fn least(config: &MachineConfig, limit: Limit, peaks: &[Peak]) -> Option<LeastMa
 impl Timing {
     /// Judges a run.
     pub fn of(config: &MachineConfig, demands: Demands, outcome: Outcome) -> Self {
-        let Demands { speed, acceleration, following, lines, extra, last, .. } = demands;
+        let Demands { speed, acceleration, following, lines, last } = demands;
         let mut breaks = [
             breaks_of(config, Rule::Limit(Limit::JointSpeed), &speed),
             breaks_of(config, Rule::Limit(Limit::JointAcceleration), &acceleration),
             breaks_of(config, Rule::FollowingError, &following),
         ]
         .concat();
-        breaks.extend(stop(&outcome, &last));
+        breaks.extend(stop(config, &outcome, &last));
         breaks.sort_by(|a, b| a.seconds.partial_cmp(&b.seconds).unwrap_or(Ordering::Equal));
         let factors = lines.iter().map(|line| line.factor);
         Self {
@@ -334,7 +324,6 @@ impl Timing {
             speeds: speed.peaks,
             accelerations: acceleration.peaks,
             following_errors: following.peaks,
-            extra,
             feed_factor: factors.fold(f64::INFINITY, f64::min),
             lines,
             breaks,
@@ -344,10 +333,10 @@ impl Timing {
 
 fn breaks_of(config: &MachineConfig, limit: Rule, load: &Load) -> Vec<Break> {
     let found = config.all_joints().zip(load.peaks.iter().zip(&load.beyond));
-    let answer = found.filter_map(|((config, joint), (peak, beyond))| {
+    let answer = found.filter_map(|((mechanism, joint), (peak, beyond))| {
         let Beyond { place, lines } = (*beyond)?;
-        let (part, text) = sentence(config, limit, joint, peak);
-        Some(Break::in_time(limit, part, &place, lines, text))
+        let (part, text) = sentence(mechanism, limit, joint, peak);
+        Some(Break::in_time(config, limit, part, &place, lines, text))
     });
     answer.collect()
 }
@@ -370,7 +359,7 @@ fn sentence(config: &Mechanism, limit: Rule, joint: usize, peak: &Peak) -> (Stri
 }
 
 /// Returns LinuxCNC's message if it stops the program.
-fn stop(outcome: &Outcome, last: &Place) -> Option<Break> {
+fn stop(config: &MachineConfig, outcome: &Outcome, last: &Place) -> Option<Break> {
     if outcome.ending == Ending::Finished {
         return None;
     }
@@ -385,7 +374,7 @@ fn stop(outcome: &Outcome, last: &Place) -> Option<Break> {
         false => format!("LinuxCNC stops here: {}", texts.join("; ")),
     };
     let place = Place { line, file, seconds, ..*last };
-    Some(Break::in_time(Rule::Control, String::new(), &place, 1, text))
+    Some(Break::in_time(config, Rule::Control, String::new(), &place, 1, text))
 }
 
 #[cfg(test)]

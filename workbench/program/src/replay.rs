@@ -5,10 +5,10 @@
 //! Between its end points a move runs at constant speed, without acceleration and blending,
 //! so that speeds are upper bounds for straight pieces.
 
-use crate::motion::{Move, MoveKind};
+use crate::motion::{Move, MoveKind, ROUNDING as ROUNDED, extra_home};
 use kinematics::{
-    Certificate, Cones, Fault, Joints, Limits, MAX_EXTRA, Margin, PerLeg, Pose, Solution, Vector3,
-    World,
+    Certificate, Cones, Fault, Joints, Limit, Limits, MAX_EXTRA, Margin, Part, PerLeg, Pose,
+    Solution, Vector3, World,
 };
 use machine::limits;
 use machine::read::joints::Group;
@@ -238,7 +238,7 @@ impl<'a> Player<'a> {
         let nowhere = At { value: 0.0, line: 0 };
         Self {
             config,
-            extra: std::array::from_fn(|i| config.extra.get(i).map_or(0.0, |axis| axis.joint.home)),
+            extra: extra_home(config),
             // If an axis carries something, axis limits do not apply to the machine's own pose.
             limits: match config.chain.is_empty() {
                 true => limits::of(config),
@@ -352,6 +352,7 @@ impl<'a> Player<'a> {
         let at = machine.at(&Pose::from_degrees(pose), &self.machine_tool());
         let at = at.map_err(failed(pose))?;
         self.note_pose(&at, line);
+        self.note_extra(&step.extra_end, line);
         for (range, joint) in self.result.joints.iter_mut().zip(at.joints()) {
             range.add(*joint, line);
         }
@@ -390,6 +391,7 @@ impl<'a> Player<'a> {
         self.seed = solution.pose;
         self.note_solution(&asked, &solution, line);
         self.note_pose(&at, line);
+        self.note_extra(&extra, line);
         self.note_joints(&joints, line);
         for (range, value) in self.result.pose.iter_mut().zip(pose) {
             range.add(value, line);
@@ -429,6 +431,18 @@ impl<'a> Player<'a> {
             }
         }
         limits::each(at, &self.limits, |margin| self.result.note(margin, line));
+    }
+
+    /// Records the limits of the extra axes.
+    fn note_extra(&mut self, values: &[f64; MAX_EXTRA], line: u32) {
+        let first = self.config.joints.len();
+        for (n, (axis, value)) in self.config.extra.iter().zip(values).enumerate() {
+            let (limit, part) = (Limit::JointRange, Part::Joint(first + n));
+            let margin = Margin { limit, part, value: *value, range: axis.range() };
+            if margin.room() < -ROUNDED * self.config.machine.size() {
+                self.result.note(margin, line);
+            }
+        }
     }
 
     fn note_joints(&mut self, joints: &Joints, line: u32) {

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Results of a program on a machine.
 
+use crate::follow_move::{advance, arm};
 use crate::work_offset::Poses;
-use kinematics::{Limit, Part};
-use linuxcnc::row::{Ending, Message};
+use kinematics::{Limit, Part, World};
+use linuxcnc::row::{Ending, Message, Row};
 use machine::limits;
+use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use serde::{Serialize, Serializer};
 
@@ -82,6 +84,10 @@ pub struct Break {
     pub file: usize,
     /// X Y Z A B C there, machine units and degrees, of the mechanism concerned.
     pub pose: [f64; 6],
+    /// The words of the program there: letters with their values, those of extra axes and, in LinuxCNC's cycles, of
+    /// both mechanisms included.
+    #[serde(serialize_with = "by_letter")]
+    pub words: Vec<(char, f64)>,
     /// Whether the second of two mechanisms is concerned.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub of_second: bool,
@@ -108,26 +114,28 @@ pub struct Break {
 impl Break {
     /// Creates a violation in LinuxCNC's cycles.
     pub(super) fn in_time(
+        config: &MachineConfig,
         limit: Rule,
         part: String,
         place: &Place,
         lines: usize,
         text: String,
     ) -> Self {
-        let Place { line, file, pose, seconds } = *place;
+        let Place { line, file, pose, seconds, world, advance } = *place;
         Self {
             limit,
             part,
             line,
             file,
             pose,
+            words: config.words(&world),
             of_second: false,
             seconds: Some(seconds),
             moves: lines,
             step: usize::MAX,
             share: 0.0,
             last: usize::MAX,
-            before: f64::INFINITY,
+            before: advance,
             text,
         }
     }
@@ -215,6 +223,54 @@ pub struct Place {
     pub pose: [f64; 6],
     /// Seconds since the program was started.
     pub seconds: f64,
+    /// LinuxCNC's position, with the values of extra axes and of a second mechanism.
+    #[serde(skip)]
+    pub(super) world: World,
+    /// Length of the path so far, as [`Preflight::advance`].
+    #[serde(skip)]
+    pub(super) advance: f64,
+}
+
+/// The positions of servo cycles, one after another.
+pub(super) struct Places<'a> {
+    config: &'a MachineConfig,
+    last: Option<Row>,
+    advance: f64,
+}
+
+impl<'a> Places<'a> {
+    pub(super) const fn new(config: &'a MachineConfig) -> Self {
+        Self { config, last: None, advance: 0.0 }
+    }
+
+    /// Returns the position in the next cycle.
+    pub(super) fn next(&mut self, row: &Row) -> Place {
+        let last = self.last.replace(*row).unwrap_or(*row);
+        for mechanism in &self.config.mechanisms {
+            let world = |row: &Row| mechanism.world(&row.of(mechanism).pose, &row.extra.positions);
+            let (from, to) = (world(&last), world(row));
+            let delta = std::array::from_fn(|k| to[k] - from[k]);
+            self.advance += advance(&delta, arm(mechanism));
+        }
+        Place {
+            line: row.line,
+            file: row.file,
+            pose: row.pose,
+            seconds: row.cycle as f64 * self.config.period,
+            world: row.world(self.config),
+            advance: self.advance,
+        }
+    }
+}
+
+/// Serializes words as objects.
+fn by_letter<S: Serializer>(words: &[(char, f64)], to: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Word {
+        letter: char,
+        value: f64,
+    }
+    to.collect_seq(words.iter().map(|(letter, value)| Word { letter: *letter, value: *value }))
 }
 
 /// Largest load of a joint.
@@ -257,9 +313,6 @@ pub struct Timing {
     pub feed_factor: f64,
     /// Largest feed factor of every line.
     pub lines: Vec<LineLoad>,
-    /// Lowest and highest value of every extra axis, which are among the ranges of the program.
-    #[serde(skip)]
-    pub(super) extra: Vec<[f64; 2]>,
     /// Violated limits, which are among the violations of the program.
     #[serde(skip)]
     pub(super) breaks: Vec<Break>,
@@ -291,10 +344,16 @@ pub struct Preflight {
     pub margins: Vec<LeastMargin>,
     /// Used ranges of the axes and joints.
     pub ranges: Vec<Range>,
+    /// Whether they, and the margins to limits of the pose, cover all moves of the program: not if LinuxCNC stops it even
+    /// without its limits.
+    pub is_whole: bool,
+    /// File and line of the last move.
+    #[serde(skip)]
+    pub(super) last: (usize, u32),
     /// Length of the path with angles multiplied by half of the machine's size, to which [`Self::runnable`] relates.
     #[serde(skip)]
     pub(super) advance: f64,
-    /// Share of the path before the first violation, rotation included.
+    /// Share of the path before the first violation or LinuxCNC's stop, rotation and extra axes included.
     pub runnable: f64,
     /// What depends on time.
     pub time: Time,
@@ -321,6 +380,11 @@ impl Time {
 }
 
 impl Preflight {
+    /// Returns the share of the path before a violation.
+    pub(super) fn share(&self, before: f64) -> f64 {
+        if self.advance > 0.0 { before / self.advance } else { 0.0 }
+    }
+
     /// Returns whether the program satisfies all limits that were judged.
     pub fn fits(&self) -> bool {
         self.breaks.is_empty()

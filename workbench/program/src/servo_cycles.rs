@@ -6,7 +6,7 @@
 //! cycle is judged as well, with the same list of limits, and compared with the path.
 
 use crate::motion::{Circle, ROUNDING};
-use crate::report::{Break, Place, Rule};
+use crate::report::{Break, Place, Places, Rule};
 use kinematics::{
     Fault, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3, World,
 };
@@ -32,6 +32,7 @@ pub struct Cycles<'a> {
     /// Distance of two mechanisms, for the current tools.
     apart: Option<Apart<'a>>,
     path: Path,
+    places: Places<'a>,
     config: &'a MachineConfig,
     beyond: Vec<Beyond>,
 }
@@ -44,6 +45,7 @@ struct Judge<'a> {
     /// Smallest and largest value of every programmed axis, and of every joint.
     axes: [[f64; 2]; 6],
     joints: [[f64; 2]; MAX_JOINTS],
+    extra: [[f64; 2]; MAX_EXTRA],
 }
 
 /// The distance of two mechanisms.
@@ -96,6 +98,7 @@ impl<'a> Cycles<'a> {
             machines: config.mechanisms.iter().map(Judge::new).collect(),
             apart,
             path: Path::default(),
+            places: Places::new(config),
             config,
             beyond: vec![],
         })
@@ -111,6 +114,9 @@ impl<'a> Cycles<'a> {
                 file: commanded.file,
                 pose: std::array::from_fn(|k| commanded.end[k]),
                 seconds: 0.0,
+                world: commanded.end,
+                // LinuxCNC executes the whole program in spite of it.
+                advance: f64::INFINITY,
             };
             self.note(Rule::Path, (String::new(), false), (place, steps), 0.0, text);
         }
@@ -122,6 +128,7 @@ impl<'a> Cycles<'a> {
         if !row.flags.on {
             return;
         }
+        let place = self.places.next(row);
         let mut found = vec![];
         let mut moved = false;
         for (n, judge) in self.machines.iter_mut().enumerate() {
@@ -133,8 +140,6 @@ impl<'a> Cycles<'a> {
         if !moved {
             return;
         }
-        let seconds = row.cycle as f64 * self.config.period;
-        let place = Place { line: row.line, file: row.file, pose: row.pose, seconds };
         let off = self.path.off(row);
         let step = self.path.steps(row);
         for (rule, margin, fault, of_second) in found {
@@ -236,7 +241,14 @@ impl<'a> Cycles<'a> {
                         thread.turning, thread.pitch, thread.needed(), thread.fastest
                     ),
                 };
-                let message = Break::in_time(found.rule, found.name, &found.place, found.lines, text);
+                let message = Break::in_time(
+                    self.config,
+                    found.rule,
+                    found.name,
+                    &found.place,
+                    found.lines,
+                    text,
+                );
                 Break { of_second: found.of_second, step: found.step, ..message }
             })
             .collect()
@@ -248,15 +260,16 @@ impl<'a> Judge<'a> {
     fn new(config: &'a Mechanism) -> Self {
         const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
         let limits = limits::beyond_axes(config);
-        let (axes, joints) = ([NONE; 6], [NONE; MAX_JOINTS]);
-        Self { config, limits, before: None, axes, joints }
+        let (axes, joints, extra) = ([NONE; 6], [NONE; MAX_JOINTS], [NONE; MAX_EXTRA]);
+        Self { config, limits, before: None, axes, joints, extra }
     }
 
     /// Extends the used ranges of the axes and joints. Joints move for some cycles after the pose has stopped.
     fn widen(&mut self, row: &Row, programmed: &[f64; 6]) {
         let first = self.config.place.first_joint;
         let joints = self.joints.iter_mut().zip(row.joints.iter().skip(first));
-        for (range, value) in self.axes.iter_mut().zip(programmed).chain(joints) {
+        let extra = self.extra.iter_mut().zip(&row.extra.positions);
+        for (range, value) in self.axes.iter_mut().zip(programmed).chain(joints).chain(extra) {
             *range = [range[0].min(*value), range[1].max(*value)];
         }
     }
@@ -266,7 +279,8 @@ impl<'a> Judge<'a> {
         let layout = self.config.machine.layout();
         let axes = Letter::ALL.into_iter().zip(self.axes);
         let axes = axes.filter(|(letter, _)| !layout.is_held(*letter)).map(|(_, used)| used);
-        axes.chain(self.joints.into_iter().take(self.config.joints.len()))
+        let extra = self.extra.into_iter().take(self.config.extra.len());
+        axes.chain(self.joints.into_iter().take(self.config.joints.len())).chain(extra)
     }
 
     /// Passes violations to `show`; returns whether the mechanism has moved.
@@ -302,10 +316,8 @@ impl<'a> Judge<'a> {
     fn see_extra(&self, row: &Row, slack: f64, show: &mut impl FnMut(Margin, Option<Fault>)) {
         let first = self.config.joints.len();
         for (n, (axis, value)) in self.config.extra.iter().zip(row.extra.positions).enumerate() {
-            let (joint, axis) = (&axis.joint, &axis.axis);
-            let range = [joint.min.max(axis.min), joint.max.min(axis.max)];
             let (limit, part) = (Limit::JointRange, Part::Joint(first + n));
-            let margin = Margin { limit, part, value, range };
+            let margin = Margin { limit, part, value, range: axis.range() };
             if !(margin.room() >= -slack) {
                 show(margin, None);
             }

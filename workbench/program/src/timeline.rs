@@ -9,17 +9,18 @@
 
 use crate::loads::Motion;
 use crate::motion::Move;
-use kinematics::{
-    Joints, Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3,
-};
+use kinematics::{Letter, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Part, Pose, Vector3};
 use linuxcnc::row::Row;
 use machine::limits;
+use machine::read::joints::Joint;
 use machine::read::mechanism::Mechanism;
 use serde::Serialize;
-use std::ops::ControlFlow;
 
 /// Largest number of samples: several for each column of pixels of a wide plot.
 pub const MOST_SAMPLES: usize = 8192;
+
+/// Values of a mechanism's joints, then of the extra axes.
+pub type AllJoints = [f64; MAX_JOINTS + MAX_EXTRA];
 
 /// The abscissa of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -47,13 +48,13 @@ pub struct Sample {
     /// Lowest and highest value of each coordinate.
     pub poses: [[f64; 2]; 6],
     /// Lowest and highest value of each joint; infinite and reversed if there is none.
-    pub joints: [[f64; 2]; MAX_JOINTS],
+    pub joints: [[f64; 2]; MAX_JOINTS + MAX_EXTRA],
     /// Largest speed of each joint as a share of its limit.
-    pub speeds: Joints,
+    pub speeds: AllJoints,
     /// Largest acceleration of each joint as a share of its limit.
-    pub accelerations: Joints,
+    pub accelerations: AllJoints,
     /// Largest following error of each joint as a share of the limit at its speed.
-    pub errors: Joints,
+    pub errors: AllJoints,
     /// Least room to each limit of the pose.
     pub rooms: Rooms,
     /// Least share of the feed that the guard allows.
@@ -96,7 +97,7 @@ fn widen(ranges: &mut [[f64; 2]], others: &[[f64; 2]]) {
     }
 }
 
-fn raise(values: &mut Joints, others: &Joints) {
+fn raise(values: &mut AllJoints, others: &AllJoints) {
     values.iter_mut().zip(others).for_each(|(value, other)| *value = value.max(*other));
 }
 
@@ -141,7 +142,7 @@ impl Thinned {
 pub struct Course<'a> {
     config: &'a Mechanism,
     limits: Limits,
-    motion: Motion<MAX_JOINTS>,
+    motion: Motion<{ MAX_JOINTS + MAX_EXTRA }>,
     result: Thinned,
     /// Number of moments per sample.
     width: u64,
@@ -158,8 +159,8 @@ struct Moment {
     /// The machine's own pose, to which the tool vector belongs.
     machine: [f64; 6],
     tool: Vector3<f64>,
-    joints: Option<Joints>,
-    shares: [Joints; 3],
+    joints: Option<AllJoints>,
+    shares: [AllJoints; 3],
     feed: f64,
 }
 
@@ -197,14 +198,15 @@ impl<'a> Course<'a> {
                 let pose = config.reported_pose(&programmed, &values);
                 let tool = config.chain.machine_tool(&tool);
                 let at = config.machine.at(&Pose::from_degrees(machine), &tool);
+                let joints = at.map(|at| course.all_joints(at.joints(), &values));
                 course.take(&Moment {
                     at: before + share * length,
                     line: step.line,
                     pose,
                     machine,
                     tool,
-                    joints: at.ok().map(|at| *at.joints()),
-                    shares: [[0.0; MAX_JOINTS]; 3],
+                    joints: joints.ok(),
+                    shares: [[0.0; MAX_JOINTS + MAX_EXTRA]; 3],
                     feed: 1.0,
                 });
             }
@@ -217,23 +219,35 @@ impl<'a> Course<'a> {
     /// Adds a servo cycle.
     pub fn see(&mut self, row: &Row) {
         let at = row.cycle as f64 * self.config.period;
-        let own = |mut values: Joints| {
-            values.rotate_left(self.config.place.first_joint);
-            values
-        };
-        let [joints, errors, allowed] = [row.joints, row.errors, row.allowed].map(own);
+        let first = self.config.place.first_joint;
+        let all = |own: &[f64], extra| self.all_joints(&own[first..], extra);
+        let joints = all(&row.joints, &row.extra.positions);
+        let (errors, allowed) =
+            (all(&row.errors, &row.extra.errors), all(&row.allowed, &row.extra.allowed));
         let [speeds, accelerations] = self.motion.next(row, &joints, self.config.period);
-        let count = self.config.joints.len();
         let shares = [
-            (&speeds, &self.limits.speed),
-            (&accelerations, &self.limits.acceleration),
-            (&errors, &allowed),
-        ]
-        .map(|(values, limits)| shares(values, limits, count));
+            shares(&speeds, self.each_joint(Joint::speed)),
+            shares(&accelerations, self.each_joint(|joint| joint.max_acceleration)),
+            shares(&errors, allowed.into_iter()),
+        ];
         let (machine, tool) = row.machine(self.config);
         let pose = self.config.reported_pose(&row.of(self.config).pose, &row.extra.positions);
         let (joints, feed) = (Some(joints), row.feed);
         self.take(&Moment { at, line: row.line, pose, machine, tool, joints, shares, feed });
+    }
+
+    /// Returns the values of the mechanism's joints, then those of the extra axes, and 0 beyond.
+    fn all_joints(&self, own: &[f64], extra: &[f64; MAX_EXTRA]) -> AllJoints {
+        let own = own.iter().take(self.config.joints.len());
+        let mut all = [0.0; MAX_JOINTS + MAX_EXTRA];
+        all.iter_mut().zip(own.chain(extra)).for_each(|(to, value)| *to = *value);
+        all
+    }
+
+    /// Returns a limit of each joint, extra axes included.
+    fn each_joint(&self, limit: impl Fn(&Joint) -> f64) -> impl Iterator<Item = f64> {
+        let extra = self.config.extra.iter().map(|axis| &axis.joint);
+        self.config.joints.iter().chain(extra).map(limit)
     }
 
     fn take(&mut self, moment: &Moment) {
@@ -246,9 +260,11 @@ impl<'a> Course<'a> {
             lines: [moment.line; 2],
             pose: moment.pose,
             poses: moment.pose.map(|value| [value; 2]),
-            joints: moment.joints.map_or([[f64::INFINITY, f64::NEG_INFINITY]; MAX_JOINTS], |j| {
-                j.map(|value| [value; 2])
-            }),
+            joints: moment
+                .joints
+                .map_or([[f64::INFINITY, f64::NEG_INFINITY]; MAX_JOINTS + MAX_EXTRA], |all| {
+                    all.map(|value| [value; 2])
+                }),
             speeds,
             accelerations,
             errors,
@@ -302,11 +318,11 @@ impl<'a> Course<'a> {
             let (limit, part) = (Limit::Axis, Part::Axis(letter));
             lower(&mut rooms, &Margin { limit, part, value, range });
         }
-        let Some(joints) = moment.joints else { return rooms };
-        let _ = self.limits.joints(&joints, self.config.joints.len(), |margin| {
-            lower(&mut rooms, &margin);
-            ControlFlow::<()>::Continue(())
-        });
+        let joints = moment.joints.iter().flatten().enumerate();
+        for (i, value) in joints.take(self.config.joints.len() + self.config.extra.len()) {
+            let (limit, part, range) = (Limit::JointRange, Part::Joint(i), self.config.range_of(i));
+            lower(&mut rooms, &Margin { limit, part, value: *value, range });
+        }
         rooms
     }
 
@@ -321,10 +337,10 @@ fn lower(rooms: &mut Rooms, margin: &Margin) {
     *room = room.min(margin.share());
 }
 
-/// Returns absolute values as shares of their limits.
-fn shares(values: &Joints, limits: &Joints, count: usize) -> Joints {
-    let mut shares = [0.0; MAX_JOINTS];
-    for (share, (value, limit)) in shares.iter_mut().zip(values.iter().zip(limits)).take(count) {
+/// Returns absolute values as shares of their limits, and 0 for values without one.
+fn shares(values: &AllJoints, limits: impl Iterator<Item = f64>) -> AllJoints {
+    let mut shares = [0.0; MAX_JOINTS + MAX_EXTRA];
+    for (share, (value, limit)) in shares.iter_mut().zip(values.iter().zip(limits)) {
         // NaN counts as beyond any limit.
         *share = match value.abs() / limit {
             _ if *value == 0.0 => 0.0,

@@ -6,7 +6,7 @@
 //! changes while a platform is tilted moves that platform along a line, which is checked as a move. If
 //! both change in one block their order is unknown, and only the end is judged.
 
-use crate::follow_move::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance, arm};
+use crate::follow_move::{ACCURACY, MOST_HALVINGS, SAMPLES, SHORTEST, advance, arm, padded};
 use crate::motion::Move;
 use crate::move_sequence::Flight;
 use crate::report::{Break, LeastMargin, Preflight, Rule};
@@ -71,6 +71,7 @@ impl Preflight {
         self.pieces += second.pieces;
         self.is_still &= second.is_still;
         self.runnable = self.runnable.min(second.runnable);
+        self.advance += second.advance;
         self.ranges.extend(second.ranges);
         self.margins.extend(second.margins);
         self.breaks
@@ -157,7 +158,7 @@ impl<'a> Between<'a> {
         let ends = [step.end, beside.end];
         let delta = [0, 1].map(|i| std::array::from_fn(|k| ends[i][k] - self.at[i][k]));
         self.follow(&Leg { step, from: self.at, delta, when: "on this move" });
-        self.advance += advance(&delta[0], arm(self.configs[0]));
+        self.advance += advance(&padded(&delta[0]), arm(self.configs[0]));
         self.at = ends;
         self.number += 1;
     }
@@ -194,7 +195,7 @@ impl<'a> Between<'a> {
     fn follow(&mut self, leg: &Leg) {
         let size = self.configs[0].machine.size();
         let extent =
-            leg.delta.iter().map(|delta| advance(delta, arm(self.configs[0]))).sum::<f64>();
+            leg.delta.iter().map(|d| advance(&padded(d), arm(self.configs[0]))).sum::<f64>();
         let shortest = (SHORTEST * size / extent).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
         let mut first: Option<(f64, [Body; 2])> = None;
         let mut open = vec![(0.0, 1.0)];
@@ -268,15 +269,26 @@ impl<'a> Between<'a> {
             line: leg.step.line,
             file: leg.step.file,
             pose: leg.at(share)[0],
+            words: self.words(leg, share),
             of_second: false,
             seconds: None,
             moves: 1,
             step: self.number,
             share,
             last: self.number,
-            before: self.advance + share * advance(&leg.delta[0], arm(self.configs[0])),
+            before: self.advance + share * advance(&padded(&leg.delta[0]), arm(self.configs[0])),
             text,
         });
+    }
+
+    /// Returns the words of both mechanisms in a move, with the extra axes at its end.
+    fn words(&self, leg: &Leg, share: f64) -> Vec<(char, f64)> {
+        let words = self
+            .configs
+            .iter()
+            .zip(leg.at(share))
+            .flat_map(|(config, pose)| config.words(&config.world(&pose, &leg.step.extra_end)));
+        words.collect()
     }
 
     fn part(&self, bodies: [Body; 2]) -> String {

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Text of the verdict on a program.
 
-use crate::report::{Break, LineLoad, Range, Time, Timing};
+use crate::report::{Break, LineLoad, Range, Rule, Time, Timing};
 use crate::verdict::{ProgramVerdict, Suggestion};
 use crate::work_offset::Offset;
 use check::cautions::Caution;
-use kinematics::Letter;
 use linuxcnc::row::{Ending, Message};
 
 /// Resolution of displayed coordinates.
@@ -81,13 +80,18 @@ impl ProgramVerdict<'_> {
         let mut text = format!("{} on {}\n", self.program, self.machine);
         let mut row = |name: &str, value: String| text += &format!("  {name:<18} {value}\n");
         let unit = self.config.length_unit();
-        row("moves", format!("{}, {:.1} {unit} long", found.moves, found.length));
-        row("time", found.time.text("not judged"));
         let is_stopped =
             matches!(&found.time, Time::Judged(timing) if timing.ending == Ending::Stopped);
         let to_the_stop = if is_stopped { " (up to the stop)" } else { "" };
+        let (file, line) = found.last;
+        let of_path = &match found.is_whole {
+            true => String::new(),
+            false => format!(" (up to {})", self.place(file, line)),
+        };
+        row("moves", format!("{}, {:.1} {unit} long{of_path}", found.moves, found.length));
+        row("time", found.time.text("not judged"));
         for margin in &found.margins {
-            let how_far = if margin.limit.is_of_time() { to_the_stop } else { "" };
+            let how_far = if margin.limit.is_of_time() { to_the_stop } else { of_path };
             let place = match margin.line {
                 0 => format!("{}, before the program", margin.part),
                 line => format!("{}, {}", margin.part, self.place(margin.file, line)),
@@ -97,7 +101,7 @@ impl ProgramVerdict<'_> {
             row(margin.limit.name(), format!("{} {side}: {place}{how_far}", amount.trim_end()));
         }
         for range in &found.ranges {
-            row(&range.part, range.text());
+            row(&range.part, range.text() + of_path);
         }
         if let Time::Judged(timing) = &found.time
             && let Some(least) = timing.lines.iter().min_by(|a, b| a.factor.total_cmp(&b.factor))
@@ -105,8 +109,14 @@ impl ProgramVerdict<'_> {
             row("feed", self.feed(least) + to_the_stop);
         }
         if !found.fits() {
+            let is_first = |broken: &&Break| found.share(broken.before) <= found.runnable;
+            let stop = found.breaks.iter().find(|broken| broken.limit == Rule::Control);
+            let before = match stop.filter(is_first) {
+                Some(_) => "LinuxCNC stops it",
+                None => "the first limit",
+            };
             let share = 100.0 * found.runnable;
-            row("runs", format!("{share:.1} % of the path before the first limit"));
+            row("runs", format!("{share:.1} % of the path{of_path} before {before}"));
         }
         text
     }
@@ -145,21 +155,12 @@ impl ProgramVerdict<'_> {
 
     /// Returns a violation in a sentence, with its line and pose.
     pub fn sentence(&self, broken: &Break) -> String {
-        let mechanisms = &self.config.mechanisms;
-        let mechanism = mechanisms.get(1).filter(|_| broken.of_second).unwrap_or(&mechanisms[0]);
-        let words: Vec<String> = Letter::ALL
-            .iter()
-            .zip(broken.pose)
-            // Letters of another mechanism, or unused ones.
-            .filter(|(letter, _)| {
-                mechanism.second_letters.is_none() || !mechanism.machine.layout().is_held(**letter)
-            })
-            .map(|(letter, value)| {
-                // A value rounded to 0 has no sign.
-                let value = (value / PLACES).round() * PLACES + 0.0;
-                format!("{}{value:.4}", mechanism.place.letter(*letter))
-            })
-            .collect();
+        let word = |(letter, value): &(char, f64)| {
+            // A value rounded to 0 has no sign.
+            let value = (value / PLACES).round() * PLACES + 0.0;
+            format!("{letter}{value:.4}")
+        };
+        let words: Vec<String> = broken.words.iter().map(word).collect();
         let block = self.block(broken).map_or(String::new(), |block| format!("  {block}\n"));
         let more = match broken.moves {
             0 | 1 => String::new(),

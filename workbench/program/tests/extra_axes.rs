@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Extra axes in LinuxCNC itself, in virtual time.
 
-use kinematics::Pose;
+use kinematics::{Limit, Pose};
 use linuxcnc::process::Options;
 use linuxcnc::row::{Ending, Row};
 use program::motion;
 use program::preflight::judge;
 use program::replay::replay;
+use program::report::{Preflight, Rule};
+use program::verdict;
 use test_support::control::{run, run_text};
 use test_support::shipped::{config, folder, whole};
 
@@ -92,11 +94,70 @@ fn preflight_judges_their_ranges_speeds_and_limits() {
     let beyond = judged("G21 G90\nG0 W950\nM2\n");
     let reported: Vec<&str> = beyond.breaks.iter().map(|found| found.text.as_str()).collect();
     assert!(reported.iter().any(|text| text.contains("exceed W's positive limit")), "{reported:?}");
+    // The move itself shows it as well, where it crosses the limit, with the value of W.
+    let [low, high] = config.extra[1].range();
+    let crossed = &beyond.breaks[0];
+    assert_eq!((crossed.limit, crossed.part.as_str()), (Rule::Limit(Limit::JointRange), "axis W"));
+    assert_eq!(
+        crossed.text,
+        format!("axis W violates its limit of {low} to {high} mm on this move by 50.0000 mm")
+    );
+    let (letter, value) = crossed.words[5];
+    assert!(letter == 'W' && (value - high).abs() < 1e-9, "{:?}", crossed.words);
+    let letters: String = crossed.words.iter().map(|(letter, _)| letter).collect();
+    assert_eq!(letters, "XYZBCW");
+    let margin = |found: &Preflight| {
+        let of = found.margins.iter().find(|margin| margin.limit == Limit::JointRange).unwrap();
+        (of.part.clone(), of.value)
+    };
+    let (part, value) = margin(&beyond);
+    assert!(part == "axis W" && (value + 50.0).abs() < 1e-9, "{part} {value}");
+    let near = judged("G21 G90 G61\nG0 W890\nM2\n");
+    let (part, value) = margin(&near);
+    assert!(
+        near.fits() && part == "axis W" && (value - high + 890.0).abs() < 1e-9,
+        "{part} {value}"
+    );
+    // LinuxCNC refuses the move before anything moves, although a part of it is within the limit.
+    assert!(beyond.is_whole && beyond.runnable == 0.0, "{}", beyond.runnable);
     // A blend at which C reverses needs 1.5 times the acceleration of the axis.
     let helix = std::fs::read_to_string(folder(LATHE).join("programs/helix.ngc")).unwrap();
     let turning_back = judged(&helix.replace("G61\n", ""));
     let reported: Vec<&str> = turning_back.breaks.iter().map(|found| found.part.as_str()).collect();
     assert!(reported.contains(&"the acceleration of axis C"), "{reported:?}");
+}
+
+/// A block of one axis runs up to its limit and LinuxCNC stops at the error behind it: the ranges end there.
+#[test]
+fn ranges_up_to_a_stop_are_marked_and_the_path_ends_with_it() {
+    let config = config(LATHE);
+    let whole = config.clone().into();
+    let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
+    // An arc whose radius is too small for its end stops the interpreter, with and without limits. M66 makes it wait for the
+    // motion.
+    let text = "G21 G90 G61\nG1 F3000 W700\nG1 W600\nM66 P0 L0\nG18 G2 X-50 Z950 R1\nG1 W300\nM2\n";
+    std::fs::write(&file, text).unwrap();
+    let verdict =
+        verdict::judge(&whole, file.path(), &Options::default(), false, &mut |_| ()).unwrap();
+    let used = verdict.found.ranges.iter().find(|range| range.part == "axis W").unwrap().used;
+    assert!((used[0] - 600.0).abs() < 1e-4 && !verdict.found.is_whole, "{used:?}");
+    let text = verdict.text();
+    for line in text.lines().filter(|line| line.contains(" to spare: ") || line.contains(" of ")) {
+        let is_of_time = line.contains("joint speed") || line.contains("joint acceleration");
+        let how_far = if is_of_time { "(up to the stop)" } else { "(up to line 3)" };
+        assert!(line.contains(how_far), "{line}");
+    }
+    assert!(text.contains("% of the path (up to line 3) before LinuxCNC stops it"), "{text}");
+}
+
+#[test]
+fn a_replay_reports_an_extra_axis_beyond_its_limit() {
+    let config = config(LATHE);
+    let file = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
+    std::fs::write(file.path(), "G21 G90 G94\nG0 W900\nG0 W950\nM2\n").unwrap();
+    let moves = motion::moves(&config.clone().into(), file.path(), None).unwrap();
+    let found = replay(&config, &moves, 0.001).unwrap().violations(&config);
+    assert_eq!(found, ["line 3: axis W reaches 950.000 mm, above 900"]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use machine::limits;
 use machine::proof::axis_box::range;
 use machine::proof::reach::Reach;
 use machine::read::mechanism::Mechanism;
-use program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle};
+use program::motion::{self, LINUXCNC_PROGRAMS, Move, MoveKind, Spindle, extra_home};
 use program::preflight::preflight;
 use program::report::Preflight;
 use program::work_offset::{self, Offset};
@@ -19,9 +19,14 @@ use std::sync::Arc;
 use std::time::Instant;
 use test_support::shipped::{MACHINES, cases, config, folder, unchained, whole};
 
-/// Checks all moves of a program.
+/// Checks all moves of a program. Moves of [`rapid`] leave the extra axes at home.
 pub fn follow(config: &Mechanism, moves: &[Move]) -> Preflight {
-    preflight(std::slice::from_ref(config), moves).unwrap()
+    let is_rapid = |step: &Move| step.extra_end == [0.0; MAX_EXTRA];
+    let home = extra_home(config);
+    let at_home = |step: &Move| Move { extra_end: home, ..*step };
+    let moves: Vec<Move> =
+        moves.iter().map(|step| if is_rapid(step) { at_home(step) } else { *step }).collect();
+    preflight(std::slice::from_ref(config), &moves).unwrap()
 }
 
 pub fn rapid(line: u32, end: [f64; 6]) -> Move {

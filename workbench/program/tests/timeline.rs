@@ -5,7 +5,7 @@ use kinematics::{Limit, MAX_EXTRA, MAX_JOINTS};
 use linuxcnc::row::{Beside, Flags, Row};
 use program::loads::Motion;
 use program::motion::{Move, MoveKind, Spindle};
-use program::timeline::{Abscissa, Course, MOST_SAMPLES};
+use program::timeline::{Abscissa, Course, MOST_SAMPLES, Sample};
 use test_support::control::standing;
 use test_support::shipped::{config, whole};
 
@@ -53,6 +53,34 @@ fn a_peak_of_one_cycle_in_a_million_survives() {
     let slowed: Vec<_> = found.samples.iter().filter(|sample| sample.feed < 1.0).collect();
     assert!(slowed.len() == 1 && slowed[0].feed == 0.25 && near(slowed[0].at, late));
     assert!(slowed[0].errors[4] == 1.5 && slowed[0].room() == -0.5);
+}
+
+#[test]
+fn extra_axes_have_values_speeds_errors_and_rooms() {
+    let config = config("lathe-counter-spindle");
+    let home = standing(&config);
+    let (first, w) = (config.joints.len(), &config.extra[1]);
+    let mut course = Course::new(&config);
+    let speed = 0.5 * w.joint.max_velocity;
+    for cycle in 0..1000 {
+        let mut row = Row { cycle, ..home };
+        row.extra.positions[1] = w.range()[1] + 1.0 - speed * (999 - cycle) as f64 * config.period;
+        if cycle == 500 {
+            (row.extra.errors[1], row.extra.allowed[1]) = (-3.0, 2.0);
+        }
+        course.see(&row);
+    }
+    let found = course.finish();
+    let most = |of: &dyn Fn(&Sample) -> f64| found.samples.iter().map(of).fold(0.0, f64::max);
+    let [low, high] = found.range(|sample| sample.joints[first + 1]);
+    assert!(high == w.range()[1] + 1.0 && low < high - 0.9 * speed, "{low} to {high}");
+    // Rounding of positions of a meter over a millisecond.
+    assert!((most(&|sample| sample.speeds[first + 1]) - 0.5).abs() < 1e-9);
+    assert_eq!(most(&|sample| sample.errors[first + 1]), 1.5);
+    assert_eq!(most(&|sample| sample.speeds[first]), 0.0, "C stands");
+    let least = found.samples.last().unwrap().rooms[Limit::JointRange.index()];
+    let [low, high] = w.range();
+    assert!((least + 1.0 / (high - low)).abs() < 1e-9, "{least}");
 }
 
 #[test]

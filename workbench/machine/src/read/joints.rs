@@ -160,6 +160,11 @@ impl ExtraAxis {
         "ABC".contains(self.letter)
     }
 
+    /// Returns the smallest and largest value that the limits of its joint and of its coordinate both allow.
+    pub fn range(&self) -> [f64; 2] {
+        [self.joint.min.max(self.axis.min), self.joint.max.min(self.axis.max)]
+    }
+
     /// Returns the unit of its values, with `length` as the unit of lengths.
     pub fn unit(&self, length: &'static str) -> &'static str {
         if self.is_rotary() { "degrees" } else { length }

@@ -7,11 +7,11 @@ use crate::read::error::{Errors, MachineError};
 use crate::read::facts::FileFacts;
 use crate::read::ini::{Ini, IniError};
 use crate::read::legs::check_leg_sections;
-use crate::read::mechanism::Mechanism;
+use crate::read::mechanism::{Mechanism, in_order};
 use crate::read::older;
 use crate::read::place::Place;
 use keys::{machine as of_machine, second as of_second};
-use kinematics::{Letter, Load, POSE_LETTERS, Second};
+use kinematics::{Letter, Load, POSE_LETTERS, Second, World};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -141,6 +141,15 @@ impl MachineConfig {
     /// Returns the number of joints of legs and tables, which precede those of extra axes.
     pub fn guarded_joints(&self) -> usize {
         self.mechanisms.iter().map(|mechanism| mechanism.joints.len()).sum()
+    }
+
+    /// Returns the words of a program at one of LinuxCNC's positions.
+    pub fn words(&self, world: &World) -> Vec<(char, f64)> {
+        let own = self.mechanisms.iter().flat_map(|mechanism| {
+            let places = mechanism.places().map(|(place, _)| place);
+            places.chain(mechanism.extra_axes.places())
+        });
+        in_order(own.map(|place| (place, world[place])))
     }
 
     /// Returns every joint in LinuxCNC's order: its mechanism, and its number there.

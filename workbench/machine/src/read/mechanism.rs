@@ -14,7 +14,7 @@ use crate::read::place::Place;
 use keys::{leg as of_leg, machine as of_machine};
 use kinematics::{
     CONDITIONING_LIMIT, Chain, ChainGeometry, ExtraAxes, Fault, Geometry, Letter, Load, MAX_EXTRA,
-    Machine, PerLeg, Pose, Solver, Vector3, World,
+    Machine, POSE_LETTERS, PerLeg, Pose, Solver, Vector3, World,
 };
 use std::ops::Deref;
 use std::sync::Arc;
@@ -221,11 +221,21 @@ impl Mechanism {
         self.extra_of(&self.world_home)
     }
 
-    /// Returns a commanded pose of the tool for reports: if axes carry something, with their angles.
+    /// Returns the words of a program at a commanded position, whose X Y Z A B C are its own.
+    pub fn words(&self, world: &World) -> Vec<(char, f64)> {
+        let own = self.places().map(|(place, k)| (place, world[k]));
+        in_order(own.chain(self.extra_axes.places().map(|place| (place, world[place]))))
+    }
+
+    /// Returns the coordinates that it moves: indices among LinuxCNC's letters and among its own.
+    pub(super) fn places(&self) -> impl Iterator<Item = (usize, usize)> {
+        let moved =
+            Letter::ALL.into_iter().filter(|letter| !self.machine.layout().is_held(*letter));
+        moved.map(|letter| (self.place.places[letter.index()], letter.index()))
+    }
+
+    /// Returns a commanded pose of the tool for reports, with the angles of the extra axes.
     pub fn reported_pose(&self, pose: &[f64; 6], extra: &[f64; MAX_EXTRA]) -> [f64; 6] {
-        if self.chain.is_empty() {
-            return *pose;
-        }
         let [x, y, z, a, b, c, ..] = self.world(pose, extra);
         [x, y, z, a, b, c]
     }
@@ -285,10 +295,39 @@ impl Mechanism {
         JointKind::ALL.into_iter().map(group).filter(|group| !group.joints.is_empty()).collect()
     }
 
+    /// Returns the joints as [`Self::groups`] does, then the extra axes by unit.
+    pub fn all_groups(&self) -> Vec<Group> {
+        let mut groups = self.groups();
+        let first = self.joints.len();
+        for joint in first..first + self.extra.len() {
+            let (kind, unit) = (JointKind::Extra, self.unit_of(joint));
+            match groups.iter_mut().find(|group| (group.kind, group.unit) == (kind, unit)) {
+                Some(group) => group.joints.push(joint),
+                None => groups.push(Group { kind, unit, joints: vec![joint] }),
+            }
+        }
+        groups
+    }
+
+    /// Returns the smallest and largest value that the limits allow joint `i`.
+    pub fn range_of(&self, i: usize) -> [f64; 2] {
+        match i.checked_sub(self.joints.len()) {
+            Some(n) => self.extra[n].range(),
+            None => self.joints[i].range(),
+        }
+    }
+
     /// Returns the unit of the values of joints of this kind.
     pub fn unit(&self, kind: JointKind) -> &'static str {
         if kind == JointKind::Arm { "degrees" } else { self.length_unit() }
     }
+}
+
+/// Returns the values of coordinates in LinuxCNC's order, each with its letter.
+pub(super) fn in_order(values: impl Iterator<Item = (usize, f64)>) -> Vec<(char, f64)> {
+    let mut values: Vec<_> = values.collect();
+    values.sort_by_key(|(place, _)| *place);
+    values.into_iter().map(|(place, value)| (POSE_LETTERS[place], value)).collect()
 }
 
 fn leg_angles(ini: &Ini, section: &str, errors: &mut Errors) -> Option<LegAngles> {
