@@ -92,6 +92,18 @@ export function key({ limit, kind, first, second }) {
   return `${limit} ${kind} ${first} ${second}`;
 }
 
+/** Returns all results of a mechanism at a place, with the margins of its extra axes; throws a Refusal if the pose is refused. */
+export function answer({ kinematics, scene, limits }, { pose, tool, extra }) {
+  const drawn = kinematics.at(pose, tool);
+  const slides = scene.extra_axes.filter(({ isLimited }) => isLimited).map(({ letter, min, max }) => {
+    const [name] = Object.entries(limits).find(([, { part, limit }]) => part === `axis ${letter}` && limit === "joint range");
+    const [limit, kind, first, second] = name.split(" ").map(Number);
+    const value = extra[letter];
+    return { limit, kind, first, second, value, low: min, high: max, share: Math.min(value - min, max - value) / (max - min) };
+  });
+  return { ...drawn, margins: [...drawn.margins, ...slides] };
+}
+
 /** Returns the margin with the least share of its range left. */
 export function least(margins) {
   return margins.reduce((worst, margin) => (worst && worst.share <= margin.share ? worst : margin), undefined);

@@ -2,7 +2,7 @@
 // The page of `pkm view`: docs/reference/view.md.
 import * as THREE from "three";
 import { element, hexadecimal, shown } from "./elements.js";
-import { Kinematics, Refusal, key, least } from "./kinematics.js";
+import { Kinematics, Refusal, answer, key, least } from "./kinematics.js";
 import { follow } from "./live.js";
 import { Mechanism, homeOf } from "./mechanism.js";
 import { Panel } from "./panel.js";
@@ -41,10 +41,10 @@ class Page {
 
   /** Creates the drawing of a mechanism, at home. */
   build(mechanism) {
-    const { scene, tool, kinematics } = mechanism;
+    const { scene } = mechanism;
     mechanism.drawing = new Mechanism(scene, this.size);
     mechanism.place = homeOf(mechanism);
-    mechanism.drawn = kinematics.at(scene.home.pose, tool);
+    mechanism.drawn = answer(mechanism, mechanism.place);
     mechanism.drawing.place(mechanism.drawn, mechanism.place);
   }
 
@@ -160,9 +160,8 @@ class Page {
 
   show(which) {
     const mechanism = this.mechanisms[which];
-    const { pose, tool } = mechanism.place;
     try {
-      mechanism.drawn = mechanism.kinematics.at(pose, tool);
+      mechanism.drawn = answer(mechanism, mechanism.place);
       mechanism.drawing.place(mechanism.drawn, mechanism.place);
       this.refusals[which] = undefined;
       this.moveWork(mechanism);
@@ -215,7 +214,8 @@ function bounded(scene) {
   });
   const extraAxes = scene.extra_axes.map((axis) => {
     const far = "ABC".includes(axis.letter) ? 360 : 2 * size;
-    return { ...axis, min: axis.min ?? axis.home - far, max: axis.max ?? axis.home + far };
+    const isLimited = axis.min !== null && axis.max !== null;
+    return { ...axis, isLimited, min: axis.min ?? axis.home - far, max: axis.max ?? axis.home + far };
   });
   return { ...scene, axes, joints, extra_axes: extraAxes };
 }

@@ -174,8 +174,11 @@ export class Panel {
       if (document.activeElement !== field) field.value = shown(of(place), 4);
     }
     this.showLimits(drawn.margins, limits);
-    this.joints.replaceChildren(...scene.joints.map((joint, i) => element("tr", {},
-      element("td", {}, joint.name), element("td", {}, shown(drawn.joints[i], 4)), element("td", {}, joint.unit))));
+    const own = scene.joints.map(({ name, unit }, i) => ({ name, unit, value: drawn.joints[i] }));
+    const extra = scene.extra_axes.map(({ letter }) => (
+      { name: `axis ${letter}`, unit: "ABC".includes(letter) ? "degrees" : scene.length_unit, value: place.extra[letter] }));
+    this.joints.replaceChildren(...[...own, ...extra].map(({ name, unit, value }) => element("tr", {},
+      element("td", {}, name), element("td", {}, shown(value, 4)), element("td", {}, unit))));
     if (this.handle) this.follow();
     this.page.stage.space.matrix.copy(this.page.current.drawing.at.base);
     // While the machine moves, travel is computed at intervals; the workspace is computed once the machine rests.

@@ -2,6 +2,7 @@
 // Playback of a program: slider, text, marks, curves, path.
 import { Curves, groups } from "./curves.js";
 import { Rows, choice, element, shown } from "./elements.js";
+import { answer } from "./kinematics.js";
 import { vector } from "./parts.js";
 
 const SPEEDS = ["0.1 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "20 ×", "100 ×"];
@@ -115,10 +116,10 @@ export class Player {
 
   /** Returns the answer of the kinematics at a place, and positions in the world; undefined if the pose is refused. */
   moment(place) {
-    const { kinematics, drawing } = this.page.mechanisms[0];
+    const [mechanism] = this.page.mechanisms;
     try {
-      const drawn = kinematics.at(place.pose, place.tool);
-      return { drawn, at: drawing.placed(drawn, place) };
+      const drawn = answer(mechanism, place);
+      return { drawn, at: mechanism.drawing.placed(drawn, place) };
     } catch {
       return undefined;
     }

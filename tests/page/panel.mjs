@@ -17,8 +17,11 @@ const half = (places) => 0.5 * 10 ** -places + 1e-9;
 /** LinuxCNC's letters of the second mechanism of lathe-mirrored. */
 const SECOND = { X: "U", Y: "V", Z: "W", B: "C" };
 
+/** Returns the extra axes of a mechanism from pkm. */
+const extraOf = (machine, which) => JSON.parse(pkm(["scene", machine, "--mechanism", String(which + 1)]).stdout).extra_axes;
+
 /** Returns the limits of a mechanism from pkm: name of the part, value, minimum, maximum, share of range left. */
-function limitsOf(machine, which, { scene, tool: spindle }, { pose, tool }) {
+function limitsOf(machine, which, { scene, tool: spindle }, { pose, tool, extra }) {
   const own = ownTool({ scene, tool: spindle }, tool);
   const [row] = table("joints", machine, which, [pose], own).values;
   const [rods] = table("rods", machine, which, [pose], own).rows;
@@ -30,6 +33,7 @@ function limitsOf(machine, which, { scene, tool: spindle }, { pose, tool }) {
   for (const { letter, min, max, hasMin, hasMax } of scene.axes) add(`axis ${which ? SECOND[letter] : letter}`, pose["XYZABC".indexOf(letter)], hasMin ? min : null, hasMax ? max : null);
   const { joints } = JSON.parse(pkm(["scene", machine, "--mechanism", String(which + 1)]).stdout);
   joints.forEach(({ name, min, max }, i) => add(name, row[i], min, max));
+  for (const { letter, min, max } of extraOf(machine, which)) add(`axis ${letter}`, extra[letter], min, max);
   scene.legs.forEach((leg, i) => {
     const { number } = joints[i];
     if (leg.base_cone) add(`the base joint of leg ${number}, base cone`, rods[`base_cone_${i}`], null, leg.base_cone);
@@ -132,10 +136,13 @@ async function panel(page) {
         const state = await asText(page, (which) => window.pkm.state(which), which);
         const [values] = table("joints", machine, which, [state.pose], ownTool(own, state.tool)).values;
         const rows = await texts(page, "table.joints tr", "td");
-        check(rows.length === scene.joints.length, `${reply}: ${rows.length} joints`);
+        const others = extraOf(machine, which).map(({ letter }) => (
+          { name: `axis ${letter}`, unit: "ABC".includes(letter) ? "degrees" : scene.length_unit, value: state.extra[letter] }));
+        const expected = [...scene.joints.map(({ name, unit }, k) => ({ name, unit, value: values[k] })), ...others];
+        check(rows.length === expected.length, `${reply}: ${rows.length} joints`);
         rows.forEach(([joint, value, unit], k) => {
-          check(joint === scene.joints[k].name && unit === scene.joints[k].unit, `${reply}: joint ${k} is ${joint} in ${unit}`);
-          near(Number(value), values[k], half(4), `${reply}: ${joint}`);
+          check(joint === expected[k].name && unit === expected[k].unit, `${reply}: joint ${k} is ${joint} in ${unit}`);
+          near(Number(value), expected[k].value, half(4), `${reply}: ${joint}`);
         });
         await compareSliders(page, reply, scene, state);
         limits += await compareLimits(page, reply, limitsOf(machine, which, own, state), 9);

@@ -83,6 +83,13 @@ async function ends(page) {
   await opened(page, "extra-end", ini("lathe-counter-spindle"), file("extra.ngc"));
   const [{ extra }] = await end();
   near([extra.C, extra.W], [30, 790], 0.05, "the extra axes at the end");
+  const groups = await asText(page, () => window.pkm.curves());
+  const curve = (group, axis) => groups.find(({ name }) => name === group)?.curves.find(({ name }) => name === axis);
+  for (const [axis, group, unit, value] of [["axis C", "joints in degrees", "degrees", 30], ["axis W", "joints", "mm", 790]]) {
+    check(curve(group, axis)?.unit === unit, `${axis} is no curve of ${group}`);
+    near(curve(group, axis).values.at(-1), value, 0.05, `${axis} at the end`);
+    check(Math.max(...curve("speeds", axis).values) > 1, `${axis} has no speed`);
+  }
 }
 
 /** Seconds that a page may be late under load. */

@@ -93,7 +93,7 @@ struct Curves {
 #[derive(Serialize)]
 struct Curve {
     /// The picture that contains the curve.
-    group: &'static str,
+    group: String,
     name: String,
     unit: String,
     /// Smallest and largest allowed value.
@@ -237,7 +237,7 @@ impl Shape {
 /// Returns the names of every possible limit of all parts.
 fn named(config: &Mechanism) -> BTreeMap<String, Named> {
     let letters = Letter::ALL.into_iter().map(Part::Axis);
-    let joints = (0..config.joints.len()).map(Part::Joint);
+    let joints = (0..config.joints.len() + config.extra.len()).map(Part::Joint);
     let legs = (0..config.legs()).map(Part::Leg);
     let pairs = config.pairs().into_iter().map(Part::Legs);
     let parts: Vec<Part> = std::iter::once(Part::Whole)
@@ -292,25 +292,32 @@ impl Curves {
             all.names.push(curve);
             columns.push(course.samples.iter().map(|sample| value(sample) as f32).collect());
         };
-        for (i, joint) in config.joints.iter().enumerate() {
-            let curve = |name| Curve {
-                group: "joints",
-                name,
-                unit: config.unit_of(i).into(),
-                range: joint.range().map(Some),
+        let joints = 0..config.joints.len() + config.extra.len();
+        let name = |i: usize| config.joint(i).name.clone();
+        for i in joints.clone() {
+            let unit = config.unit_of(i);
+            let curve = Curve {
+                // A picture has one unit.
+                group: match unit == config.unit_of(0) {
+                    true => "joints".into(),
+                    false => format!("joints in {unit}"),
+                },
+                name: name(i),
+                unit: unit.into(),
+                range: config.range_of(i).map(Some),
             };
-            add(curve(joint.name.clone()), &|sample| sample.joints[i][0]);
+            add(curve, &|sample| sample.joints[i][0]);
         }
-        let share =
-            |group, name| Curve { group, name, unit: "%".into(), range: [None, Some(100.0)] };
+        let share = |group: &str, name| {
+            let (group, unit) = (group.into(), "%".into());
+            Curve { group, name, unit, range: [None, Some(100.0)] }
+        };
         if course.abscissa == Abscissa::Seconds {
-            for (i, joint) in config.joints.iter().enumerate() {
-                add(share("speeds", joint.name.clone()), &|sample| 100.0 * sample.speeds[i]);
+            for i in joints.clone() {
+                add(share("speeds", name(i)), &|sample| 100.0 * sample.speeds[i]);
             }
-            for (i, joint) in config.joints.iter().enumerate() {
-                add(share("following errors", joint.name.clone()), &|sample| {
-                    100.0 * sample.errors[i]
-                });
+            for i in joints {
+                add(share("following errors", name(i)), &|sample| 100.0 * sample.errors[i]);
             }
             add(share("feed", "feed allowed by the guard".into()), &|sample| 100.0 * sample.feed);
         }
@@ -318,7 +325,7 @@ impl Curves {
             let room = |sample: &Sample| sample.rooms[limit.index()];
             if course.samples.iter().any(|sample| room(sample).is_finite()) {
                 let curve = Curve {
-                    group: "margins",
+                    group: "margins".into(),
                     name: limit.name().into(),
                     unit: "%".into(),
                     range: [Some(0.0), None],
