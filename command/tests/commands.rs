@@ -433,6 +433,12 @@ warning: [JOINT_0]HOME_OFFSET = 370
 124 | HOME_OFFSET = 370
     |               ^^^ the switch is 60.000 mm outside MIN_LIMIT to MAX_LIMIT: expected the joint value at the switch; keep it only if the switch is beyond the travel of programs
 
+warning: [DISPLAY]PYVCP = linear-delta-panel.xml
+  --> linear-delta.ini:23:9
+   |
+23 | PYVCP = linear-delta-panel.xml
+   |         ^^^^^^^^^^^^^^^^^^^^^^ the panel is not that of this machine and shows other limits or axes: run pkm panel linear-delta.ini to write it again; if you changed it yourself, remove the comment "Made by pkm panel" from it
+
 The machine does not fit together.
 exit 1
 
