@@ -388,7 +388,7 @@ pub fn of_lobes(
         |point: &LobePoint| (low..=high).contains(&point.rpm) && point.limit.depth <= most;
     let bar = (!ranges.is_empty()).then(|| Key::new(Sign::Area(GREEN), "every depth is stable"));
     let stable = [Key::new(Sign::Area(STABLE), "stable")];
-    let lines = lobes.iter().flatten().any(|point| is_seen(point)).then(|| Key::line(0, "lobes"));
+    let lines = lobes.iter().flatten().any(&is_seen).then(|| Key::line(0, "lobes"));
     let keys: Vec<Key> = stable.into_iter().chain(bar).chain(lines).collect();
     let svg = keyed(&keys, |area| {
         let mut chart = axes(area, &frame, low..high, 0.0..most)?;
