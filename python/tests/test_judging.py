@@ -87,7 +87,7 @@ def test_a_study_is_read_with_its_defaults(study):
         ("base_radius = [200, 900]", "base_radius = [200, nan]", "range.base_radius: nan; expected a number"),
         ("base_radius = [200, 900]", "", "nothing to search"),
         ('"size", ', '"stiffness", ', "an objective appears twice"),
-        ('"size", ', '"sise", ', "objectives: sise; expected some of"),
+        ('"size", ', '"weight", ', "objectives: weight; expected some of"),
         ('["stiffness", "size", "stroke", "tool_error"]', "[]", "objectives: expected a list"),
         ("stiffness_n_per_um = 10\n", "", "objective stiffness: [legs] needs stiffness_n_per_um"),
         ("joint_sigma_um = 5", "", "objective tool_error: [legs] needs joint_sigma_um"),
