@@ -2,3 +2,4 @@
 //! All integration tests of the crate in one program, which is linked once.
 
 mod control;
+mod rows;

@@ -387,3 +387,29 @@ fn limits_of_the_platform_hold_every_pose_that_the_axes_allow() {
         }
     });
 }
+
+#[test]
+fn a_limit_of_a_joint_of_a_leg_has_the_number_of_the_leg_in_the_file() {
+    let mut seconds = 0;
+    each(|drawn, config| {
+        for (mechanism, built) in config.mechanisms.iter().zip(&drawn.mechanisms) {
+            for (n, limit) in (0..built.geometry.legs().len()).flat_map(|n| {
+                let all = [
+                    Limit::BaseCone,
+                    Limit::BasePyramid,
+                    Limit::PlatformCone,
+                    Limit::PlatformPyramid,
+                ];
+                all.map(|limit| (n, limit))
+            }) {
+                let name = limits::part(mechanism, limit, Part::Leg(n));
+                assert!(
+                    name.ends_with(&format!(" joint of leg {}", built.first_leg + n)),
+                    "{name}"
+                );
+                seconds += usize::from(built.first_leg > 0);
+            }
+        }
+    });
+    assert!(seconds > 0);
+}
