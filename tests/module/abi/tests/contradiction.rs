@@ -312,3 +312,30 @@ fn joints_of_joint_mode_go_to_those_of_the_pose_as_slowly_as_they_can_stop_in_a_
         }
     }
 }
+
+#[test]
+fn joints_of_joint_mode_that_cannot_settle_are_refused_and_the_one_that_is_off_by_most_is_named() {
+    let mut random = Random::new(432);
+    for subject in redundant() {
+        // Without limits the module does not know how slowly the joints have to settle.
+        let (machine, size) = (&subject.machine, subject.machine.size());
+        for off in [0.005 * size, -0.005 * size] {
+            let module = machine.module();
+            module.set("residual-limit", 0.01 * size);
+            let home = (subject.sample)(&mut random);
+            let mut joints = module.inverse(&home).expect("a pose of the workspace");
+            joints[machine.legs.len() - 1] += off;
+            let mut poses = [home; 2];
+            module.monitor();
+            module.set("machine-on", 1.0);
+            (0..5).for_each(|_| joint_mode(&module, &joints, &mut poses, 1_000_000));
+            let fitting = machine.module().inverse(&poses[1]).expect("the pose found");
+            let away = |n: &usize| (joints[*n] - fitting[*n]).abs();
+            let most = (0..machine.joints()).max_by(|a, b| away(a).total_cmp(&away(b)));
+            let refused = Err(Cause::JointsInconsistent.code());
+            assert_eq!(module.inverse(&poses[1]), refused, "{}", subject.name);
+            module.monitor();
+            assert_eq!(Some(module.get("fault-leg") as usize), most, "{}", subject.name);
+        }
+    }
+}
