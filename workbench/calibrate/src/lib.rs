@@ -18,8 +18,9 @@
 //! outliers, [`observe`] the changes that the data does not determine, [`at_tool`] the uncertainty of the tip,
 //! [`plan`] the next poses to measure, [`plate`], [`log`], `points` and `table` input files,
 //! [`rewrite`] the new INI file; [`gauge`] gauges that the operator reads, [`sheet`] the table for the readings,
-//! [`mistakes`] and `runs` typing mistakes in it, [`setup`] and [`propose`] the poses to read at, [`program`] the program
-//! that moves there, [`scale`] the scale of the drives, [`probing`] the program that probes a plate, [`shape`] the accuracy of the motion.
+//! [`mistakes`] and `runs` typing mistakes in it, [`setup`] and [`propose`] the poses to read at, [`program`] the
+//! program that moves there, [`probing`] the program that probes a plate, [`shape`] the accuracy of the motion,
+//! [`scale`] the scale of the drives.
 
 pub mod at_tool;
 pub mod fit;

@@ -3,17 +3,17 @@
 //! several a row too high or too low, all with an offset. Of two runs, a mistake may be in one or in both.
 //!
 //! The comparison of both runs comes first (`runs`). The search runs if the readings as typed do not fit the machine
-//! within its tolerances. The linear model at the best fit selects likely mistakes: with M = 1 + J Σ Jᵀ, all in units of
-//! noise, readings y give yᵀ M⁻¹ y,
-//! which is the sum of squares that the fit leaves. The most likely ones are fitted. A mistake is accepted if
-//! correcting it makes that sum ordinary, and is no worse than leaving out the readings concerned.
+//! within its tolerances. The linear model at the best fit selects likely mistakes: with M = 1 + J Σ Jᵀ, all in units
+//! of noise, readings y give yᵀ M⁻¹ y, which is the sum of squares that the fit leaves. The most likely ones are
+//! fitted. A mistake is accepted if correcting it makes that sum ordinary, and is no worse than leaving out the
+//! readings concerned.
 
 use super::fit::{Misfit, chi_square, most_probable, residuals};
 use super::gauge::Scale;
 use super::log::BadLog;
 use super::model::Model;
 use super::reading::Reading;
-use super::runs::{self, Found, Order, Suspect};
+use super::runs::{self, Found, LIKELIER, Order, Suspect};
 use super::sheet::{Row, Sheet, UNUSUAL, rounded};
 use machine::read::mechanism::Mechanism;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -321,6 +321,10 @@ fn offset(sheet: &Sheet, linear: &Linear, numbers: &[Number]) -> Option<Mistake>
     let changed: Vec<(&Number, f64)> =
         numbers.iter().map(|number| (number, number.row.shown[number.run] + offset)).collect();
     let chi_square = explained(linear, &changed)?;
+    // Tolerances and the pose of the object nearly absorb an offset of a dial: a large one explains little.
+    if !(linear.chi_square(&linear.y) - chi_square > 2.0 * LIKELIER) {
+        return None;
+    }
     let own = sheet.gauge.scale;
     let text = format!(
         "all readings would fit if larger by {:.4} {own}: was the radius of a ball left out, or the gauge set to \

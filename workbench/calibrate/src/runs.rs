@@ -2,20 +2,19 @@
 //! Mistakes that the second run of a table shows: both runs read the same poses, so the readings of a row differ
 //! only by the gauge's scatter and its drift.
 //!
-//! The search runs if the differences scatter more than the stated deviation explains. A correction of one run is
-//! accepted if the rows that it changes differ as all others do afterwards, but not before. Center and scatter are
-//! medians, so one mistake is found beside others.
+//! The search runs if the differences scatter more than the stated deviation explains, or if their mean is far from 0. A
+//! correction of one run is accepted if the rows that it changes differ as all others do afterwards, but not before.
+//! Center and scatter are medians, so one mistake is found beside others.
 
 use super::fit::MEDIAN_TO_DEVIATION;
 use super::gauge::{Kind, Scale};
-use super::sheet::{Sheet, UNUSUAL, rounded};
+use super::sheet::{FEWEST, Sheet, UNUSUAL, rounded};
 
-/// Least number of rows read twice: the medians of fewer rows vary too much.
-const FEWEST: usize = 8;
-
-/// Deviations that one row of 500 exceeds by chance once in 30 tables, and one of a search never: corrected rows must be
-/// below the first, a row is mistyped above the second.
+/// Largest distance of a corrected row from the center, in deviations. One of 500 good rows exceeds it by chance in 3 %
+/// of all tables.
 const ORDINARY: f64 = 4.0;
+
+/// Distance above which a row is mistyped, in deviations. One of 500 good rows exceeds it in one of a million tables.
 const ODD: f64 = 6.0;
 
 /// Deviations above which a row counts no more, so that a row that is far off does not hide the others.
@@ -26,7 +25,7 @@ const MOST_COUNTED: f64 = 10.0;
 const CLEARLY: f64 = 4.0;
 
 /// Logarithm of the likelihood ratio above which a correction is accepted: the search tries thousands.
-const LIKELIER: f64 = 12.0;
+pub(crate) const LIKELIER: f64 = 12.0;
 
 /// Largest share of mistyped rows; with more, the gauge scatters.
 const MOST_MISTYPED: f64 = 0.1;

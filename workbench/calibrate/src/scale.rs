@@ -17,8 +17,8 @@ use machine::read::mechanism::Mechanism;
 /// Deviation of the scale before readings: a wrong belt pitch or gear is farther off, and is noticed.
 const BEFORE: f64 = 0.01;
 
-/// Deviation below which readings determine the scale: a tenth of a millimeter per meter. The drawing's tolerances alone
-/// determine it to about five times that.
+/// Deviation below which readings determine the scale: a tenth of a millimeter per meter. The drawing's tolerances
+/// alone determine it to about five times that.
 const DETERMINED: f64 = 1e-4;
 
 /// Number of deviations that a scale without error exceeds once in 16000 cases.

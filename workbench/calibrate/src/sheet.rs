@@ -54,8 +54,8 @@ const NEAR: f64 = 2.5;
 const USUAL: f64 = 5.0;
 pub(crate) const UNUSUAL: f64 = 20.0;
 
-/// Least number of rows that are not the same by chance.
-const FEWEST: usize = 8;
+/// Least number of rows read twice from which both runs are compared: medians of fewer rows vary too much.
+pub(crate) const FEWEST: usize = 8;
 
 /// Probability that the scatter of good readings is judged too large.
 const FALSE_ALARM: f64 = 1e-3;

@@ -219,13 +219,13 @@ fn every_mistake_in_one_of_two_runs_or_both_is_named() {
 #[test]
 fn good_tables_are_not_refused_even_of_a_gauge_that_is_worse_than_stated() {
     let mut shop = Shop::new("lab-hexapod", &dial([0.0, 0.0, 580.0], 120.0, false, "mm"), 0.1);
-    let runs = cases(20);
-    for run in 0..runs {
-        shop.build(500 + run as u64);
+    // The last one fits badly by chance, and better with a large offset.
+    for seed in (500..500 + cases(20) as u64).chain([773]) {
+        shop.build(seed);
         for noise in [0.5, 2.0, 8.0] {
             let table = shop.table(2, noise);
             if let Err(refused) = shop.read(&table) {
-                panic!("{run} {noise}: {refused}");
+                panic!("{seed} {noise}: {refused}");
             }
         }
     }
