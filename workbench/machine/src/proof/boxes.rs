@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Pose boxes for the start without a seed: constructed for the axis limits of a machine, and proved.
 
+use crate::digits::plain;
 use crate::proof::choose;
 use crate::proof::one_to_one::{Doubt, Prover};
 use crate::read::boxes::{BoxSection, Claim};
@@ -45,8 +46,12 @@ pub fn found(
     let prover = Prover::new(&config.machine, &config.geometry);
     let (low, high) = workspace(config)?;
     refuse_singular(config, &prover, [low, high])?;
-    let claims =
+    let mut claims =
         choose::claims(&prover, low, high, MAX_BOXES).map_err(|doubt| explained(config, doubt))?;
+    // Before the proof, which is for the numbers in the file.
+    for Claim { region, .. } in &mut claims {
+        (region.low, region.high) = (region.low.map(plain), region.high.map(plain));
+    }
     let count = claims.len() as f64;
     let proved = |(k, claim): (usize, Claim)| {
         let all = |share: f64| progress((k as f64 + share) / count);
