@@ -202,7 +202,8 @@ impl Machine {
     ) -> Result<Solution, Fault> {
         if solver.method == Method::Certified
             && let Some(spheres) = self.spheres()
-            && let (Some(joints), Ok(())) = (joints.first_chunk(), solver.check())
+            && let Some(joints) = joints.first_chunk()
+            && solver.check().is_ok()
             && let near = Which::Near(&seed.position)
             && let Some(met) = spheres.meeting(joints, near, tool, solver.criterion(self.size()))
         {

@@ -118,12 +118,12 @@ impl<const N: usize> Mechanism<N> {
     /// Refuses an unusable tool vector.
     #[inline(always)]
     pub fn check_tool(&self, tool: &Vector3<f64>) -> Result<(), Fault> {
-        if !tool.iter().all(|value| value.is_finite()) {
-            return Err(Cause::ToolNotFinite.into());
+        if tool.iter().all(|value| value.abs() <= FARTHEST * self.size) {
+            return Ok(());
         }
-        match tool.amax() {
-            most if most <= FARTHEST * self.size => Ok(()),
-            most => Err(Fault::with_value(Cause::ToolTooLong, most)),
+        match tool.iter().all(|value| value.is_finite()) {
+            true => Err(Fault::with_value(Cause::ToolTooLong, tool.amax())),
+            false => Err(Cause::ToolNotFinite.into()),
         }
     }
 

@@ -3,7 +3,7 @@
 //! R = Rz(C) Ry(B) Rx(A).
 
 use crate::fault::{Cause, Fault};
-use crate::lanes::{both, pair};
+use crate::lanes::{are_within, both, pair};
 use crate::trig::{MAX_ANGLE_DEG, RADIANS, arc, arcs, sincos, sincos_of_one};
 use core::f64::consts::FRAC_PI_2;
 use libm::{atan2, sqrt};
@@ -41,7 +41,8 @@ impl Pose {
 
     /// Returns whether all six components are finite.
     pub fn is_finite(&self) -> bool {
-        self.position.iter().chain(&self.angles).all(|value| value.is_finite())
+        let Self { position: p, angles: a } = self;
+        are_within(&[p.x, p.y, p.z, a.x, a.y, a.z], f64::MAX)
     }
 
     /// Computes the orientation: base from platform.

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The functions that LinuxCNC calls. Each checks pointers, copies in, calls [`Control`], and copies out.
+//! The functions that LinuxCNC calls. Each checks pointers and passes LinuxCNC's poses and arrays to [`Control`].
 #![allow(missing_docs, reason = "LinuxCNC's layouts; their headers document the fields")]
 #![allow(non_camel_case_types, reason = "LinuxCNC's names")]
 
 use crate::component::control;
-use crate::control::{AllJoints, Control, MOST_JOINTS};
+use crate::control::{Control, MOST_JOINTS};
 use crate::module::Kind;
 use core::ffi::{c_int, c_long, c_ulong, c_void};
 use kinematics::{Cause, Fault, Matrix3, World};
@@ -81,16 +81,10 @@ fn code<T>(result: Result<T, Fault>) -> c_int {
 /// Returns the joint values; `None` for a null pointer.
 ///
 /// # Safety
-/// `joint` must be null or point to as many values as the machine has joints.
-unsafe fn joints(joint: *const f64, control: &Control) -> Option<AllJoints> {
-    if joint.is_null() {
-        return None;
-    }
+/// `joint` must be null or point to as many values as the machine has joints, which nothing changes during the call.
+unsafe fn joints<'a>(joint: *const f64, control: &Control) -> Option<&'a [f64]> {
     // SAFETY: the caller guarantees the values.
-    let given = unsafe { core::slice::from_raw_parts(joint, control.joints()) };
-    let mut joints = [0.0; MOST_JOINTS];
-    joints.iter_mut().zip(given).for_each(|(joint, value)| *joint = *value);
-    Some(joints)
+    (!joint.is_null()).then(|| unsafe { core::slice::from_raw_parts(joint, control.joints()) })
 }
 
 /// Computes the pose of the joints. `world` is the seed and receives the pose.
@@ -123,7 +117,7 @@ pub unsafe extern "C" fn kinematicsForward(
         control.refuse(world);
         return Cause::NullPointer.code();
     };
-    code(control.forward(&joints, world))
+    code(control.forward(joints, world))
 }
 
 /// Computes the joints of a pose.
@@ -145,13 +139,9 @@ pub unsafe extern "C" fn kinematicsInverse(
     let (Some(world), false, Some(control)) = (world, joint.is_null(), control) else {
         return Cause::NullPointer.code();
     };
-    let result = control.inverse(world);
-    if let Ok(joints) = &result {
-        // SAFETY: the array has room for as many values as the machine has joints.
-        let given = unsafe { core::slice::from_raw_parts_mut(joint, control.joints()) };
-        given.iter_mut().zip(joints).for_each(|(joint, value)| *joint = *value);
-    }
-    code(result)
+    // SAFETY: the array has room for as many values as the machine has joints.
+    let joints = unsafe { core::slice::from_raw_parts_mut(joint, control.joints()) };
+    code(control.inverse(world, joints))
 }
 
 /// Computes ∂ joint / ∂ pose at `world`: `jac[j][a]` in joint units per pose unit (degrees!);
@@ -209,7 +199,7 @@ pub unsafe extern "C" fn kinematicsToolFrame(
 unsafe fn frames(joint: *const f64, control: &Control) -> Option<[RotationColumns; 2]> {
     // SAFETY: the caller guarantees the values.
     let joints = unsafe { joints(joint, control) }?;
-    let frames = joints.iter().all(|value| value.is_finite()).then(|| control.frames(&joints));
+    let frames = joints.iter().all(|value| value.is_finite()).then(|| control.frames(joints));
     Some(frames?.ok()?.map(|frame| columns(&frame)))
 }
 

@@ -6,9 +6,9 @@
 //! and inverse succeed if both do, and write nothing otherwise; both geometries are frozen or none is;
 //! the feed is inhibited if either requires it, and scaled by the smaller of the two scales.
 //!
-//! Inverse is `#[inline(always)]` from here down to the core: in one frame the pose stays in registers. In separate
-//! frames the functions take a seventh longer on the hexapod (`make bench`). Everything else is left to the
-//! compiler.
+//! Inverse is `#[inline(always)]` from [`Module::inverse`] down to the core: in one frame the pose stays in
+//! registers. In separate frames the functions take a seventh longer on the hexapod (`make bench`). Everything
+//! else is left to the compiler.
 
 use crate::between::Between;
 use crate::module::Module;
@@ -50,7 +50,7 @@ impl Control {
     /// A refusal makes the coordinates that the machine moves NaN: LinuxCNC ignores the result in some
     /// places, and only NaN stops it safely. Before homing they stay unchanged: that is not yet a failure, and
     /// LinuxCNC would pass NaN on to its planner.
-    pub fn forward(&mut self, joints: &AllJoints, world: &mut World) -> Result<(), Fault> {
+    pub fn forward(&mut self, joints: &[f64], world: &mut World) -> Result<(), Fault> {
         let address = &raw const *world as usize;
         if self.first.was_homed_before(world) {
             self.first.forget_poses();
@@ -58,41 +58,41 @@ impl Control {
                 module.forget_poses();
             }
         }
-        let result = self.pose_of(joints, world, address);
-        if let Ok(pose) = &result {
-            *world = *pose;
-        }
+        let result = self.find_pose(joints, world, address);
         self.first.note_handed(world, result.is_ok());
         self.first.note_command(joints, address, result.is_ok());
         if result.is_err_and(|fault| fault.cause != Cause::NotHomed) {
             self.refuse(world);
         }
-        result.map(|_| ())
+        result
     }
 
-    /// Returns the pose of the joints that is connected with the last ones, or with the seed.
-    fn pose_of(
+    /// Replaces the seed in `world` with the pose of the joints that is connected with the last ones, or with the
+    /// seed.
+    fn find_pose(
         &mut self,
-        joints: &AllJoints,
-        seed: &World,
+        joints: &[f64],
+        world: &mut World,
         address: usize,
-    ) -> Result<World, Fault> {
+    ) -> Result<(), Fault> {
         self.begin();
         let [of_first, of_second, extra] = self.parts(joints);
         let Some(second) = &mut self.second else {
-            return self.first.forward(of_first, extra, seed, address);
+            return self.first.forward(of_first, extra, world, address);
         };
-        let [own, other] = second.worlds(seed);
+        let [mut own, mut other] = second.worlds(world);
         let Second { module, letters, .. } = second;
-        let first = self.first.forward(of_first, extra, &own, address);
-        let second = module.forward(of_second, &[], &other, address);
+        let first = self.first.forward(of_first, extra, &mut own, address);
+        let second = module.forward(of_second, &[], &mut other, address);
         // Unhomed joints are reported only if there is no other fault.
         let result = match (first, second) {
             (Err(Fault { cause: Cause::NotHomed, .. }), Err(fault)) | (Err(fault), _) => Err(fault),
-            (Ok(_), Err(fault)) => Err(fault),
-            (Ok(mut world), Ok([pose @ .., _, _, _])) => {
-                letters.put(&pose, &mut world);
-                Ok(world)
+            (Ok(()), Err(fault)) => Err(fault),
+            (Ok(()), Ok(())) => {
+                let [pose @ .., _, _, _] = other;
+                letters.put(&pose, &mut own);
+                *world = own;
+                Ok(())
             }
         };
         if result.is_err_and(|fault| fault.cause != Cause::NotHomed) {
@@ -113,14 +113,13 @@ impl Control {
         }
     }
 
-    /// Returns the joints of a pose.
-    #[inline(always)]
-    pub fn inverse(&mut self, world: &World) -> Result<AllJoints, Fault> {
+    /// Writes the joints of a pose; a refusal leaves them unchanged.
+    pub fn inverse(&mut self, world: &World, joints: &mut [f64]) -> Result<(), Fault> {
         if self.first.is_standing() && world.iter().all(|value| value.is_finite()) {
-            return self.first.stand();
+            joints.iter_mut().zip(self.first.stand()?).for_each(|(joint, value)| *joint = value);
+            return Ok(());
         }
         self.begin();
-        let mut joints = [0.0; MOST_JOINTS];
         let of_first = match &mut self.second {
             None => self.first.inverse(world)?,
             Some(second) => {
@@ -143,7 +142,7 @@ impl Control {
         for (joint, place) in extra {
             *joint = world.get(place).copied().unwrap_or(0.0);
         }
-        Ok(joints)
+        Ok(())
     }
 
     /// Returns a row for each joint: its derivatives with respect to LinuxCNC's nine letters, degrees for angles.
@@ -173,7 +172,7 @@ impl Control {
     }
 
     /// Returns the orientations of tool and workpiece in base. LinuxCNC has none for a second mechanism.
-    pub fn frames(&self, joints: &AllJoints) -> Result<[Matrix3<f64>; 2], Fault> {
+    pub fn frames(&self, joints: &[f64]) -> Result<[Matrix3<f64>; 2], Fault> {
         let [own, _, extra] = self.parts(joints);
         self.first.frames(own, extra)
     }
@@ -258,7 +257,7 @@ impl Control {
     }
 
     /// Returns the joints of the first mechanism, of the second and of the extra axes.
-    fn parts<'a>(&self, joints: &'a AllJoints) -> [&'a [f64]; 3] {
+    fn parts<'a>(&self, joints: &'a [f64]) -> [&'a [f64]; 3] {
         let load = self.first.load();
         let (own, extra) =
             joints.split_at_checked(load.first_extra_joint()).unwrap_or((joints, &[]));

@@ -33,6 +33,7 @@ pub use link::Link;
 use crate::extra::{ExtraAxes, POSE_LETTERS};
 use crate::fault::{Cause, Fault, MachinePart};
 use crate::geometry::FARTHEST;
+use crate::lanes::are_within;
 use crate::layout::Layout;
 use crate::leg::direction;
 use crate::pose::Pose;
@@ -303,7 +304,7 @@ impl Chain {
         let own = self.own(world);
         // U V W that are not axes are ignored.
         let mut extra = self.axes.places().filter_map(|place| world.get(place));
-        if !(own.iter().all(|value| value.is_finite()) && extra.all(|value| value.is_finite())) {
+        if !(are_within(&own, f64::MAX) && extra.all(|value| value.is_finite())) {
             return Err(Cause::PoseNotFinite.into());
         }
         let angles = self.links().iter().filter(|link| link.is_rotary());

@@ -7,7 +7,7 @@
 //! the difference: inverse adds it, and the monitor reduces it to 0 at a low speed. Without a monitor, or
 //! without limits of the joints, inverse refuses a noticeable difference, and names the joint.
 
-use super::Module;
+use super::{Module, joints_of};
 use crate::tool::{IMPERCEPTIBLE, JointLimits, NOTICEABLE};
 use kinematics::{Cause, Fault, Joints, MAX_JOINTS, Pose};
 
@@ -33,13 +33,13 @@ impl Contradiction {
 impl Module {
     /// Keeps the difference of the joints from those of the pose found for them: for the commanded joints, in
     /// joint mode, and for the present ones while the machine is off, which then become the commanded ones.
-    pub(super) fn note_contradiction(&mut self, joints: &Joints, found: &Pose, address: usize) {
+    pub(super) fn note_contradiction(&mut self, joints: &[f64], found: &Pose, address: usize) {
         if self.layout().is_redundant() && (!self.handed.is_feedback(address) || self.is_off()) {
             self.contradiction = self.contradicted(joints, found).unwrap_or(Contradiction::NONE);
         }
     }
 
-    fn contradicted(&self, joints: &Joints, found: &Pose) -> Option<Contradiction> {
+    fn contradicted(&self, joints: &[f64], found: &Pose) -> Option<Contradiction> {
         let machine = &self.frozen.as_ref()?.machine;
         let mut own = machine.inverse(found, &self.tool.of_machine()).ok()?;
         self.correction.add(&mut own);
@@ -52,7 +52,7 @@ impl Module {
                 (worst, largest) = (i, f64::abs(*to));
             }
         }
-        let way = machine.travel(joints, &own);
+        let way = machine.travel(&joints_of(joints), &own);
         if way <= IMPERCEPTIBLE * machine.size() {
             return None;
         }

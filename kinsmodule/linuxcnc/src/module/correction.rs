@@ -29,10 +29,9 @@ impl Correction {
     }
 
     /// Returns LinuxCNC's joint values minus the correction.
-    pub(super) fn taken_from(&self, joints: &Joints) -> Joints {
-        let mut own = *joints;
-        own.iter_mut().zip(&self.in_effect).for_each(|(joint, added)| *joint -= added);
-        own
+    pub(super) fn taken_from(&self, joints: &[f64]) -> Joints {
+        let mut own = joints.iter().zip(&self.in_effect).map(|(joint, added)| joint - added);
+        core::array::from_fn(|_| own.next().unwrap_or(0.0))
     }
 }
 

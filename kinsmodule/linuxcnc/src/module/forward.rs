@@ -2,33 +2,32 @@
 //! Joints to pose: which calls are refused, and what is shown of the result.
 
 use super::freezing::Frozen;
-use super::{Kind, Module, NO_POSE, is_zero, joints_of, nanoseconds_if};
+use super::{Kind, Module, NO_POSE, is_zero, nanoseconds_if};
 use crate::crossing::Comparison;
 use crate::hal::nanoseconds;
-use kinematics::{Cause, Fault, Joints, Pose, Solution, World};
+use kinematics::{Cause, Fault, Pose, Solution, Vector3, World};
 
 impl Module {
-    /// Returns LinuxCNC's pose of the joints. `seed` may hold NaN; `address` is that of LinuxCNC's pose and
-    /// distinguishes the kinds of call.
+    /// Replaces the seed in `world`, which may contain NaN, with LinuxCNC's pose of the joints; a refusal leaves
+    /// it. `address` is that of LinuxCNC's pose and distinguishes the kinds of call.
     pub fn forward(
         &mut self,
         joints: &[f64],
         extra: &[f64],
-        seed: &World,
+        world: &mut World,
         address: usize,
-    ) -> Result<World, Fault> {
+    ) -> Result<(), Fault> {
         let timed = self.is_monitored && !self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
         self.begin_forward();
-        let joints = &joints_of(joints);
         let result = match (self.check_extra(extra), self.kind) {
             (Err(fault), _) => {
                 self.has_found = false;
                 self.note_refusal(address);
                 self.recorded(Err(fault))
             }
-            (Ok(()), Kind::Identity) => self.identity_forward(joints, extra, seed),
-            (Ok(()), Kind::Machine) => self.machine_forward(joints, extra, seed, address),
+            (Ok(()), Kind::Identity) => self.identity_forward(joints, extra, world),
+            (Ok(()), Kind::Machine) => self.machine_forward(joints, extra, world, address),
         };
         if timed {
             self.guard.timed_forward(nanoseconds().wrapping_sub(begin));
@@ -38,34 +37,39 @@ impl Module {
 
     fn machine_forward(
         &mut self,
-        joints: &Joints,
+        joints: &[f64],
         extra: &[f64],
-        seed: &World,
+        world: &mut World,
         address: usize,
-    ) -> Result<World, Fault> {
-        let prepared = self.prepared(|| !(is_zero(joints) && is_blank(seed)));
+    ) -> Result<(), Fault> {
+        let prepared = self.prepared(|| !(is_zero(joints) && is_blank(world)));
         let was_known = self.seeds.last().is_some();
         // LinuxCNC calls with all joints 0 until they are homed: a failure is not a fault then. With the machine
         // on they are homed, and LinuxCNC must get the refusal.
         let unhomed = !was_known && is_zero(joints) && !self.pins.machine_on();
-        let mut result = prepared.and_then(|()| self.solve(joints, seed, address));
+        let mut result = match prepared {
+            Ok(()) => self.solve(joints, world, address),
+            Err(fault) => Err(fault),
+        };
         if unhomed && result.as_ref().is_err_and(|fault| is_of_joints(fault.cause)) {
             return Err(Cause::NotHomed.into());
         }
         self.has_found = result.is_ok();
-        if let Ok(Solution { pose, .. }) = result {
-            let doubtful = self.refuse_doubtful(joints, &pose);
+        if let Ok(Solution { pose, .. }) = &result {
+            let doubtful = self.refuse_doubtful(joints, pose);
             // LinuxCNC does not accept a refused pose.
             self.pose_is_unknown &= doubtful.is_err();
             // Beyond a singular pose the mirror image is followed, to detect that the motion comes back.
             let is_mirrored = doubtful.is_err_and(|fault| fault.cause == Cause::SingularPassed);
             if doubtful.is_ok() || (is_mirrored && was_known) {
                 self.seeds.remember(address, pose);
-                self.note_contradiction(joints, &pose, address);
+                self.note_contradiction(joints, pose, address);
             } else {
                 self.seeds.refuse(address);
             }
-            result = doubtful.and(result);
+            if let Err(fault) = doubtful {
+                result = Err(fault);
+            }
         } else {
             self.seeds.refuse(address);
             self.watch_refused();
@@ -78,33 +82,35 @@ impl Module {
         if self.start.has_boxes() {
             self.pins.show_searching(self.start.is_searching());
         }
-        let answer = result.map(|solution| {
+        let answer = result.as_ref().map_err(|fault| *fault).map(|solution| {
             let pose = solution.pose.to_degrees();
-            self.show(&solution, pose);
+            self.show(solution, pose);
             pose
         });
         if !self.is_monitored {
             self.watch_seldom();
         }
-        let mut world = *seed;
-        self.write_extra(extra, &mut world);
         let written = answer.and_then(|pose| {
-            self.carrying
-                .chain
-                .to_world(&pose, &mut world, &self.tool.offset())
-                .inspect_err(|_| self.note_refusal(address))
+            let seed = *world;
+            self.write_extra(extra, world);
+            let (chain, tool) = (&self.carrying.chain, &self.tool.offset());
+            chain.to_world(&pose, world, tool).inspect_err(|_| {
+                *world = seed;
+                self.note_refusal(address);
+            })
         });
         match written {
             Err(fault) if fault.cause == Cause::Searching => Err(fault),
-            written => self.recorded(written.map(|()| world)),
+            written => self.recorded(written),
         }
     }
 
-    fn solve(&mut self, joints: &Joints, seed: &World, address: usize) -> Result<Solution, Fault> {
-        let (joints, given) = (&self.correction.taken_from(joints), self.seed_in(seed));
+    fn solve(&mut self, joints: &[f64], seed: &World, address: usize) -> Result<Solution, Fault> {
+        // The seed is from before a change of the tool.
+        let (joints, before) = (&self.correction.taken_from(joints), self.tool.offset());
         self.retool_for_forward()?;
         let tool = self.tool.of_machine();
-        let seed = self.start_for((joints, address), &given, &tool)?;
+        let seed = self.start_for((joints, address), |own| own.seed_in(seed, &before), &tool)?;
         let machine = &self.frozen()?.machine;
         if machine.is_literal() {
             return self.solve_first(joints, &seed, &tool);
@@ -112,24 +118,24 @@ impl Module {
         machine.forward(joints, &seed, &tool, &self.pins.solver())
     }
 
-    /// Converts LinuxCNC's seed to the machine's pose; NaN if that is impossible.
-    pub(super) fn seed_in(&self, world: &World) -> Pose {
-        self.carrying.pose_of(world, &self.tool.offset()).unwrap_or(NO_POSE)
+    /// Converts LinuxCNC's seed to the machine's pose, with a tool offset; NaN if that is impossible.
+    pub(super) fn seed_in(&self, world: &World, tool: &Vector3<f64>) -> Pose {
+        self.carrying.pose_of(world, tool).unwrap_or(NO_POSE)
     }
 
     /// Refuses the pose found if it is not connected with the commanded one, and continues to refuse it
     /// while none is commanded.
-    fn refuse_doubtful(&mut self, joints: &Joints, found: &Pose) -> Result<(), Fault> {
+    fn refuse_doubtful(&mut self, joints: &[f64], found: &Pose) -> Result<(), Fault> {
         let (Some(commanded), Some(Frozen { machine, .. })) =
             (self.calls.commanded_before(), &self.frozen)
         else {
             return self.crossing.doubt().map_or(Ok(()), |cause| Err(cause.into()));
         };
-        let (tool, solver) = (&self.tool.of_machine(), &self.pins.solver());
+        let tool = &self.tool.of_machine();
         if self.crossing.is_settled(commanded, found, tool) {
             return Ok(());
         }
-        let joints = &self.correction.taken_from(joints);
+        let (joints, solver) = (&self.correction.taken_from(joints), &self.pins.solver());
         let comparison = Comparison { machine, tool, solver, joints, found, commanded };
         self.crossing.update(&comparison);
         self.crossing.doubt().map_or(Ok(()), |cause| Err(comparison.refusal(cause)))

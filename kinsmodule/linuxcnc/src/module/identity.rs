@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The identity kinematics, in which each joint equals a letter, and the switch to and from them.
 
-use super::Module;
+use super::{Module, joints_of};
 use kinematics::{Cause, Fault, Joints, Letter, Load, MAX_JOINTS, Pose, World};
 
 /// Kinematics in force.
@@ -106,13 +106,14 @@ impl Module {
         }
     }
 
-    /// Returns LinuxCNC's pose in which each letter equals its joint, and is 0 if no joint moves it.
+    /// Replaces the seed in `world` with LinuxCNC's pose in which each letter equals its joint, and is 0 if no
+    /// joint moves it.
     pub(super) fn identity_forward(
         &mut self,
-        joints: &Joints,
+        joints: &[f64],
         extra: &[f64],
-        seed: &World,
-    ) -> Result<World, Fault> {
+        world: &mut World,
+    ) -> Result<(), Fault> {
         let bad = joints.iter().enumerate().find(|(_, value)| !value.is_finite());
         self.pins.fwd_kins_fail.set(bad.is_some());
         if let Some((i, value)) = bad {
@@ -123,20 +124,19 @@ impl Module {
         for (letter, value) in self.layout().joint_letters().into_iter().flatten().zip(joints) {
             pose.get_mut(letter.index()).into_iter().for_each(|place| *place = *value);
         }
-        self.identity_joints = Some(*joints);
+        self.identity_joints = Some(joints_of(joints));
         self.pins.show_pose(pose);
-        let mut world = *seed;
+        self.track_machine(joints, &self.seed_in(world, &self.tool.offset()));
         world.iter_mut().zip(pose).for_each(|(to, value)| *to = value);
-        self.write_extra(extra, &mut world);
-        self.track_machine(joints, &self.seed_in(seed));
-        Ok(world)
+        self.write_extra(extra, world);
+        Ok(())
     }
 
     /// Follows the joints with the machine's pose, so that it is known after the switch back.
     ///
     /// Joints for which no pose exists leave it unchanged. After homing, joints at the reference pose start
     /// anew, or in a drop-in at LinuxCNC's seed `given`, which is `[TRAJ]HOME` then.
-    fn track_machine(&mut self, joints: &Joints, given: &Pose) {
+    fn track_machine(&mut self, joints: &[f64], given: &Pose) {
         let joints = self.correction.taken_from(joints);
         let (tool, solver) = (self.tool.of_machine(), self.pins.solver());
         self.forget_before_pause(&joints, given, &tool);

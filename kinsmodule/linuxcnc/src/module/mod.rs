@@ -157,21 +157,23 @@ impl Module {
     ///
     /// Changes nothing that affects a later call, so that LinuxCNC may ask for end
     /// points of queued moves at any time; the very first call freezes the geometry.
-    #[inline(always)]
     pub fn inverse(&mut self, world: &World) -> Result<Joints, Fault> {
-        if self.kind == Kind::Identity {
-            let result = self.identity_inverse(world);
-            return self.recorded(result);
+        match self.kind {
+            Kind::Identity => self.identity_inverse(world).inspect_err(|fault| self.record(fault)),
+            Kind::Machine => self.machine_inverse(world),
         }
+    }
+
+    fn machine_inverse(&mut self, world: &World) -> Result<Joints, Fault> {
         let timed = self.is_monitored && self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
         let prepared = self.prepared(|| !is_zero(world));
         let tool = self.tool_in_effect();
         let pose = self.carrying.pose_of(world, &tool.unwrap_or(self.tool.offset()));
-        let result = match prepared {
-            Ok(()) if self.pose_is_unknown => Err(Cause::PoseUnknown.into()),
-            Ok(()) => tool.and_then(|tool| self.joints_at(&pose?, &tool)),
-            Err(fault) => Err(fault),
+        let result = match (prepared, tool, pose) {
+            (Ok(()), ..) if self.pose_is_unknown => Err(Cause::PoseUnknown.into()),
+            (Ok(()), Ok(tool), Ok(pose)) => self.joints_at(&pose, &tool),
+            (Err(fault), ..) | (_, Err(fault), _) | (.., Err(fault)) => Err(fault),
         };
         if self.calls.awaits_command() {
             self.carrying.note(world);
@@ -194,12 +196,14 @@ impl Module {
     #[inline(always)]
     fn joints_at(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Joints, Fault> {
         let tool = self.carrying.chain.machine_tool(tool);
-        let mut joints = self.frozen()?.machine.inverse(pose, &tool)?;
-        self.correction.add(&mut joints);
-        if self.contradiction.is_on() {
-            self.contradicted_joints(&mut joints)?;
+        let mut result = self.frozen()?.machine.inverse(pose, &tool);
+        if let Ok(joints) = &mut result {
+            self.correction.add(joints);
+            if self.contradiction.is_on() {
+                self.contradicted_joints(joints)?;
+            }
         }
-        Ok(joints)
+        result
     }
 
     /// Returns ∂q/∂(x … w) of legs and table, joint units per machine unit and per degree, row by row.
@@ -234,7 +238,7 @@ impl Module {
         let machine = &self.frozen()?.machine;
         let seed = self.seeds.last().or(self.reference()).ok_or(Cause::SeedMissing)?;
         let tool = self.carrying.chain.machine_tool(&self.tool_in_effect()?);
-        let joints = self.correction.taken_from(&joints_of(joints));
+        let joints = self.correction.taken_from(joints);
         let pose = machine.forward(&joints, &seed, &tool, &self.pins.solver())?.pose;
         let mut world = [0.0; 9];
         self.write_extra(extra, &mut world);

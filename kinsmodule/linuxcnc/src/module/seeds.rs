@@ -26,7 +26,7 @@
 //! homed to its reference pose.
 
 use super::{Kind, Module, is_zero};
-use crate::control::AllJoints;
+use crate::control::{AllJoints, MOST_JOINTS};
 use crate::hal::nanoseconds;
 use crate::tool::shift;
 use kinematics::{Cause, Fault, Joints, Pose, Solution, Vector3, World};
@@ -87,8 +87,8 @@ impl Seeds {
     }
 
     /// Records a good pose.
-    pub(super) fn remember(&mut self, address: usize, pose: Pose) {
-        self.last = Some(pose);
+    pub(super) fn remember(&mut self, address: usize, pose: &Pose) {
+        self.last = Some(*pose);
         let mut free = 0;
         for (i, kept) in self.callers.iter_mut().enumerate() {
             match kept {
@@ -101,7 +101,7 @@ impl Seeds {
         }
         // Two kinds are called in turn; a third one would replace the first.
         if let Some(caller) = self.callers.get_mut(free) {
-            *caller = Some(Caller { address, pose, is_behind: false });
+            *caller = Some(Caller { address, pose: *pose, is_behind: false });
         }
     }
 
@@ -178,7 +178,7 @@ impl Module {
     /// LinuxCNC's planner refuses the NaN that forward writes for them and keeps the pose from before joint
     /// mode. On entering MDI it asks inverse for that pose, to which all joints would jump. A refusal at that
     /// moment is no better, because LinuxCNC's empty interpolators then command 0 to every joint for a cycle.
-    pub fn note_command(&mut self, joints: &AllJoints, address: usize, is_good: bool) {
+    pub fn note_command(&mut self, joints: &[f64], address: usize, is_good: bool) {
         let is_feedback = self.handed.is_feedback(address);
         if is_good {
             if self.handed.standing.is_some() && (!is_feedback || self.is_off()) {
@@ -189,7 +189,9 @@ impl Module {
             && self.kind == Kind::Machine
             && joints.iter().all(|joint| joint.is_finite())
         {
-            self.handed.standing = Some((*joints, false));
+            let mut all = [0.0; MOST_JOINTS];
+            all.iter_mut().zip(joints).for_each(|(joint, value)| *joint = *value);
+            self.handed.standing = Some((all, false));
         }
     }
 
@@ -259,19 +261,19 @@ impl Module {
         }
     }
 
-    /// Returns the pose that forward starts from. `given` is LinuxCNC's seed.
+    /// Returns the pose that forward starts from. `given` computes LinuxCNC's seed.
     pub(super) fn start_for(
         &mut self,
         (joints, address): (&Joints, usize),
-        given: &Pose,
+        given: impl Fn(&Self) -> Pose,
         tool: &Vector3<f64>,
     ) -> Result<Pose, Fault> {
         if self.handed.refused_at.is_some() {
-            self.forget_before_pause(joints, given, tool);
+            self.forget_before_pause(joints, &given(self), tool);
         }
         match self.seeds.start(address) {
             Some(pose) => Ok(*pose),
-            None => self.first_start(joints, given, tool),
+            None => self.first_start(joints, &given(self), tool),
         }
     }
 
