@@ -82,6 +82,10 @@ fn every_pass_of_a_loop_is_reported_at_its_time() {
         // Well inside the move: LinuxCNC reaches the feed to rounding.
         let chip = chip(there + 0.3, back - 0.3);
         assert!((chip / (feed / 12_000.0) - 1.0).abs() < 1e-8, "{pass} {chip}");
+        // Without edge forces the vibration at a pose is proportional to the chip.
+        let vibration = |pass: usize| float(&positions[2 * pass]["vibration_um"]);
+        let ratio = vibration(pass) / vibration(0) / (feed / 600.0);
+        assert!((ratio - 1.0).abs() < 1e-6, "{pass} {ratio}");
     }
     let worst = &found["chip_mm"];
     assert!((ends[3]..ends[5]).contains(&float(&worst["at_s"])), "{worst} {ends:?}");

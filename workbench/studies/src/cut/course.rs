@@ -98,6 +98,13 @@ impl Stretches {
         self.filled = 1;
     }
 
+    /// Returns the largest feed per tooth between two abscissas, mm; `None` without a moment.
+    pub fn chip_between(&self, [from, to]: [f64; 2]) -> Option<f64> {
+        let first = self.all.partition_point(|stretch| stretch.at <= from).saturating_sub(1);
+        let inside = self.all[first..].iter().take_while(|stretch| stretch.at < to);
+        inside.map(|stretch| stretch.chip_mm).reduce(f64::max)
+    }
+
     /// Returns the stretches, in order.
     pub fn finish(self) -> Vec<Stretch> {
         self.all
@@ -132,12 +139,18 @@ impl Clock {
         self.pose = row.pose;
     }
 
+    /// Returns the times at which the command of a straight move begins and ends, s; `None` if the program is stopped
+    /// before it.
+    pub fn of_command(&self, step: usize) -> Option<[f64; 2]> {
+        self.times.get(self.ends.partition_point(|end| *end <= step)).copied()
+    }
+
     /// Returns the time at which a straight move ends, s; `None` if the program is stopped before it.
     pub fn end_of(&self, step: usize) -> Option<f64> {
+        let [begin, end] = self.of_command(step)?;
         let command = self.ends.partition_point(|end| *end <= step);
         let first = if command > 0 { self.ends[command - 1] } else { 0 };
         let share = (step + 1 - first) as f64 / (self.ends.get(command)? - first) as f64;
-        let [begin, end] = self.times.get(command)?;
         Some(begin + share * (end - begin))
     }
 }
@@ -161,6 +174,20 @@ mod tests {
         let next = all.iter().find(|stretch| stretch.at > peak.at).unwrap();
         assert!(peak.at <= 12_345.0 && 12_345.0 < next.at, "{peak:?} {next:?}");
         assert!(all.windows(2).all(|pair| pair[0].at < pair[1].at));
+    }
+
+    #[test]
+    fn the_chip_of_a_move_is_not_that_of_its_neighbors() {
+        let mut stretches = Stretches::default();
+        assert_eq!(stretches.chip_between([0.0, 1.0]), None);
+        for (at, chip_mm) in
+            [(0.0, 5.0), (1.0, 5.0), (1.0, 2.0), (2.0, 3.0), (3.0, 7.0), (4.0, 9.0)]
+        {
+            stretches.add(Stretch { at, chip_mm, ..Stretch::default() });
+        }
+        assert_eq!(stretches.chip_between([1.0, 3.0]), Some(3.0));
+        // Between two moments counts the one before.
+        assert_eq!(stretches.chip_between([3.2, 3.4]), Some(7.0));
     }
 
     #[test]

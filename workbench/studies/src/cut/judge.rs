@@ -3,9 +3,9 @@
 
 use crate::cut::course::Clock;
 use crate::cut::moment::{NoMoment, Subject};
-use crate::cut::pass::{Found, Pass};
+use crate::cut::pass::{self, Found, Pass};
 use crate::cut::place::half_steps;
-use crate::cut::program::{Line, lengths, lines, stops};
+use crate::cut::program::{Line, length, lengths, lines, stops};
 use crate::cut::report::{Looked, Report, Run, report};
 use crate::cut::teeth::Teeth;
 use crate::dynamics::capacity::Capacity;
@@ -86,23 +86,37 @@ impl<'a> Cut<'a> {
         shown(0.0);
         let depths = path.depths(shown);
         let steps = half_steps(subject.config);
+        let window = pass::WINDOW as f64 * subject.config.period;
         let mut places = vec![];
-        for (stop, limit) in stops.iter().zip(depths) {
-            let chip = match found.lines.get(&stop.line) {
-                Some(line) => line.chip,
-                // LinuxCNC blended the line with its neighbors: use the largest value observed.
-                None => found.peaks[0].as_ref().map_or(0.0, |peak| peak.value),
-            };
-            let place = subject.look(stop, chip, steps.as_deref());
-            places.push((*stop, limit, place.map_err(|error| AtPlace::new(at(stop), error))?));
-        }
-        let at = match &ran {
+        let ends: Vec<Option<f64>> = match &ran {
             Run::NotJudged(_) => lengths(moves, &stops).into_iter().map(Some).collect(),
             Run::Finished(_) | Run::Stopped(..) => {
                 stops.iter().map(|stop| clock.end_of(stop.step)).collect()
             }
         };
-        let looked = Looked { places, at, feed_moves, deepest };
+        for ((stop, limit), end) in stops.iter().zip(depths).zip(&ends) {
+            let part = match &ran {
+                Run::NotJudged(_) => end.map(|end| {
+                    let step = stop.step;
+                    [end - length([&moves[step - 1], &moves[step]]), end]
+                }),
+                // The moment of a window may be outside of the move.
+                Run::Finished(_) | Run::Stopped(..) => {
+                    clock.of_command(stop.step).map(|[begin, end]| [begin - window, end + window])
+                }
+            };
+            let of_line = match found.lines.get(&stop.line) {
+                Some(line) => line.chip,
+                // LinuxCNC blended the line with its neighbors: use the largest value observed.
+                None => found.peaks[0].as_ref().map_or(0.0, |peak| peak.value),
+            };
+            // A loop executes the line at several speeds.
+            let of_pass = part.and_then(|part| found.stretches.chip_between(part));
+            let chip = of_pass.map_or(of_line, |chip| chip.min(of_line));
+            let place = subject.look(stop, chip, steps.as_deref());
+            places.push((*stop, limit, place.map_err(|error| AtPlace::new(at(stop), error))?));
+        }
+        let looked = Looked { places, at: ends, feed_moves, deepest };
         Ok(report(subject, program.into(), *depth, &lines, found, &looked, &ran))
     }
 

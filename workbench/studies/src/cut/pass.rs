@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 pub const UM: f64 = 1e3;
 
 /// Cycles of which one is assessed.
-const WINDOW: u64 = 10;
+pub const WINDOW: u64 = 10;
 
 /// Moments that are assessed together.
 const BATCH: usize = 1024;
