@@ -121,7 +121,7 @@ impl Control {
         }
         self.begin();
         let of_first = match &mut self.second {
-            None => self.first.inverse(world)?,
+            None => self.first.inverse(world),
             Some(second) => {
                 let [own, other] = second.worlds(world);
                 if !self.first.awaits_command() {
@@ -129,15 +129,17 @@ impl Control {
                 }
                 // Every call counts for both.
                 let of_second = second.module.inverse(&other);
-                let of_first = self.first.inverse(&own)?;
-                let behind = joints.iter_mut().skip(self.first.load().layout.joints());
-                behind.zip(of_second?).for_each(|(joint, value)| *joint = value);
+                let of_first = self.first.inverse(&own);
+                if of_first.is_ok() {
+                    let behind = joints.iter_mut().skip(self.first.load().layout.joints());
+                    behind.zip(of_second?).for_each(|(joint, value)| *joint = value);
+                }
                 of_first
             }
         };
         let load = self.first.load();
-        let own = joints.iter_mut().zip(of_first).take(load.layout.joints());
-        own.for_each(|(joint, value)| *joint = value);
+        let own = joints.iter_mut().zip(of_first.as_ref().map_err(|fault| *fault)?);
+        own.take(load.layout.joints()).for_each(|(joint, value)| *joint = *value);
         let extra = joints.iter_mut().skip(load.first_extra_joint()).zip(load.extra.places());
         for (joint, place) in extra {
             *joint = world.get(place).copied().unwrap_or(0.0);
