@@ -234,6 +234,13 @@ async function plot(page, machine, end) {
   await page.mouse.click(left + 0.4 * width, top + height / 2);
   near((await state(page)).time, 0.4 * end, 0.02 * end, `${machine}: a click into the plot`);
   check((await page.locator("button.play").textContent()) === "play", `${machine}: a click leaves it playing`);
+  // The mouse stays there: the legend shows time and values of the nearest sample.
+  await rested(page);
+  const [at, ...values] = await page.locator(".u-legend .u-value").allTextContents();
+  const { times, curves } = await asText(page, () => window.pkm.curves().find(({ name }) => name === document.querySelector("select[aria-label=curves]").value));
+  near(Number(at), 0.4 * end, 0.02 * end, `${machine}: the time in the legend`);
+  const nearest = times.reduce((best, time, k) => (Math.abs(time - Number(at)) < Math.abs(times[best] - Number(at)) ? k : best), 0);
+  check(String(values) === String(curves.map((curve) => curve.values[nearest].toPrecision(5))), `${machine}: ${values} in the legend at ${at} s`);
   const legend = await page.locator(".u-legend .u-label").allTextContents();
   check(legend[0] === "s" && legend.length > 1, `${machine}: ${legend}`);
 }

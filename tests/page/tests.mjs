@@ -244,6 +244,14 @@ async function unlimited(page) {
   check(complaints(page).length === 0, complaints(page).join("; "));
 }
 
+/** Checks that a page that was not transferred completely reports it. */
+async function damaged(page) {
+  view(file("damaged.html"), ini("tripod"));
+  writeFileSync(file("damaged.html"), readFileSync(file("damaged.html"), "utf8").replace(/(id="data"[^>]*>[^<]{100})[^<]*/, "$1"));
+  await page.goto(`file://${file("damaged.html")}`);
+  check((await page.locator("#page > .error").textContent()).startsWith("This page cannot be shown: "), "the error is not shown");
+}
+
 /** Serves a page and a stream of events as pkm-live does. */
 async function streaming(html) {
   const streams = new Set();
@@ -347,6 +355,7 @@ export const TESTS = [
   ["an unreadable shape is reported, and the machine is drawn", shapes],
   ["a program that LinuxCNC does not run to its end is shown as far as it ran", unjudged],
   ["an axis without limits can be set", unlimited],
+  ["a damaged page reports that it cannot be shown", damaged],
   ["the live page shows the events of pkm-live, and reconnects", live],
   ["the page of 5,000 lines is below 2 MB", long],
   ["a browser that hangs is ended, without a video", endless],
