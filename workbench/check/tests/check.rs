@@ -125,3 +125,25 @@ fn a_tool_without_a_length_is_proved_as_no_tool_is() {
     let answer = report.facts.iter().find(|(name, _)| name.starts_with("T1")).unwrap();
     assert!(answer.1.ends_with("; proved for the limits below"), "{answer:?}");
 }
+
+/// G30 and a tool change position with angles, each with one coordinate beyond its limit, or with none.
+#[test]
+fn every_coordinate_of_a_tool_change_is_judged_from_the_parameters_of_g30() {
+    let copy = test_support::shipped::copied("hexapod");
+    let file = copy.path().join("hexapod.ini");
+    let text = std::fs::read_to_string(&file).unwrap();
+    for (z, tilt, expected) in [(250.0, 5.0, [0, 0]), (5000.0, 80.0, [1, 1])] {
+        let keys =
+            format!("[EMCIO]\nTOOL_CHANGE_AT_G30 = 1\nTOOL_CHANGE_POSITION = 0 0 250 0 {tilt} 0\n");
+        std::fs::write(&file, text.replace("[EMCIO]\n", &keys)).unwrap();
+        let config = MachineConfig::read(&file).unwrap();
+        // G28 is legal only if G30 is not.
+        let parameters = format!("5161\t0\n5163\t{}\n5181\t0\n5183\t{z}\n", 5250.0 - z);
+        std::fs::write(config.program.parameter_file.as_ref().unwrap(), parameters).unwrap();
+        let report = check(&config, config.first(), |_| ()).unwrap();
+        let errors = reported(&report, Severity::Error);
+        let found = ["first moves to the pose of G30", "tool change moves there"]
+            .map(|way| errors.iter().filter(|error| error.contains(way)).count());
+        assert_eq!(found, expected, "{errors:?}");
+    }
+}

@@ -86,3 +86,45 @@ fn a_wrong_home_is_found_in_every_joint() {
         }
     }
 }
+
+/// Replaces the value of a key in a section of a text.
+fn with_value(text: &str, section: &str, key: &str, value: f64) -> String {
+    let (before, own) = text.split_once(&format!("[{section}]\n")).unwrap();
+    let (between, old) = own.split_once(&format!("{key} = ")).unwrap();
+    assert!(!between.contains('['), "[{section}] has no {key}");
+    let after = &old[old.find('\n').unwrap()..];
+    format!("{before}[{section}]\n{between}{key} = {value}{after}")
+}
+
+#[test]
+fn a_home_of_an_extra_axis_outside_any_of_its_four_limits_is_found_in_its_joint() {
+    let ends = [("JOINT", true), ("AXIS", true), ("AXIS", false), ("JOINT", false)];
+    let mut cases = ends.iter().cycle();
+    for seed in [0, 10] {
+        let drawn = generated(seed);
+        let first: usize = drawn.mechanisms.iter().map(|built| built.joints.len()).sum();
+        let mut text = drawn.text.clone();
+        for (n, extra) in drawn.extra.iter().enumerate() {
+            let (joint, axis) = (&extra.joint, &extra.axis);
+            let (of, is_upper) = cases.next().unwrap();
+            let (section, [min, max]) = match *of {
+                "JOINT" => (format!("JOINT_{}", first + n), [joint.min, joint.max]),
+                _ => (format!("AXIS_{}", axis.letter), [axis.min, axis.max]),
+            };
+            let (key, other) = if *is_upper { ("MAX_LIMIT", min) } else { ("MIN_LIMIT", max) };
+            let value = joint.home + 0.1 * (other - joint.home);
+            text = with_value(&text, &section, key, value);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let file = drawn.write(folder.path());
+        std::fs::write(&file, text).unwrap();
+        let config = MachineConfig::read(&file).unwrap();
+        let report = check(&config, config.first(), |_| ()).unwrap();
+        let of_home = report.findings.iter().filter(|finding| {
+            finding.problem.key == "HOME" && finding.problem.section.starts_with("JOINT_")
+        });
+        let found: Vec<_> = of_home.map(|finding| finding.problem.section.clone()).collect();
+        let all = (0..drawn.extra.len()).map(|n| format!("JOINT_{}", first + n));
+        assert_eq!(found, all.collect::<Vec<_>>(), "{}: {:?}", drawn.name, report.findings);
+    }
+}
