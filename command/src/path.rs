@@ -15,6 +15,9 @@ use paths::table::csv;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
+/// A curve that is longer in space than in x and y by a smaller share counts as level.
+const LEVEL: f64 = 1e-9;
+
 /// Write programs along curves, and report the joint motion
 ///
 /// Reads a curve from a TOML file: a pair of one-parametric families, x = f(t) and y = g(t) or
@@ -164,7 +167,7 @@ fn route_value(found: &Route) -> Value {
         "lines": found.pieces.len() - arcs,
         "arcs": arcs,
         "deviation_mm": found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max),
-        "length_mm": found.curve.length,
+        "length_mm": found.length,
         "seconds": found.seconds,
         "turnings": found.curve.turnings.iter().map(|turning| json!({ "t": turning.t, "at": turning.at })).collect::<Vec<_>>(),
         "is_closed": found.curve.is_closed,
@@ -212,9 +215,14 @@ fn report(found: &Route) {
         "{} lines and {arcs} arcs, at most {most:.6} mm from the curve; {:.6} mm long, {:.2} s at \
          the programmed speeds",
         found.pieces.len() - arcs,
-        found.curve.length,
+        found.length,
         found.seconds
     ));
+    // Laws count the length of a plane curve without its height.
+    if found.length - found.curve.length > LEVEL * found.length {
+        let flat = found.curve.length;
+        output::remark(&format!("s, the arc length in x and y, ends at {flat:.6} mm"));
+    }
     for turning in &found.curve.turnings {
         let [x, y] = turning.at;
         output::remark(&format!("t turns back at t = {:.6}: x {x:.6} y {y:.6}", turning.t));

@@ -12,7 +12,7 @@ use crate::sheet::{Frame, padded, path_axes, span, tick};
 use crate::space::Space;
 use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::style::{BLUE, GRAY, VERMILLION, limit_style};
-use kinematics::{MAX_LEGS, Vector3};
+use kinematics::{Letter, MAX_LEGS, Vector3};
 use machine::read::joints::Joint;
 use machine::read::mechanism::Mechanism;
 use paths::base::{Form, Part};
@@ -193,7 +193,7 @@ fn surfaces(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     Ok(Plot { file: "families-surfaces.svg".into(), caption: caption.into(), svg })
 }
 
-/// Draws the motion that table and platform share, over the arc length.
+/// Draws the motion that table and platform share, over the arc length, with the part that moves in each direction.
 fn split(config: &Mechanism, route: &Route) -> Result<[Plot; 2], DrawError> {
     let line = |name: &str, value: &dyn Fn(&Row) -> f64| Line {
         name: name.into(),
@@ -204,8 +204,12 @@ fn split(config: &Mechanism, route: &Route) -> Result<[Plot; 2], DrawError> {
         let svg = drawn_apart(caption, "arc length in mm", y, lines)?;
         Ok(Plot { file: file.into(), caption: caption.into(), svg })
     };
-    let centre = [("X (table)", 0), ("Y (table)", 1), ("Z (platform)", 2)]
-        .map(|(name, k)| line(name, &move |row: &Row| row.centre[k]));
+    let table = config.machine.layout().table();
+    let centre = [Letter::X, Letter::Y, Letter::Z].map(|letter| {
+        let carrier = if table.contains(letter) { "table" } else { "platform" };
+        let name = format!("{} ({carrier})", letter.name());
+        line(&name, &move |row: &Row| row.centre[letter.index()])
+    });
     let tilts =
         [("A", 3), ("B", 4)].map(|(name, k)| line(name, &move |row: &Row| row.node.pose[k]));
     Ok([

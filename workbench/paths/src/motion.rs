@@ -85,6 +85,24 @@ pub(super) fn length(piece: &Piece, [from, to]: &[Node; 2]) -> (f64, bool) {
     }
 }
 
+/// Returns the length by which the tip's path over a piece is longer than the arc length, mm: the arc length of a plane
+/// curve does not count its height.
+///
+/// # Errors
+/// See [`CurveError`].
+pub(super) fn rise(curve: &Curve, piece: &Piece) -> Result<f64, CurveError> {
+    let dimensions = curve.parts[piece.part].dimensions();
+    let excess = |at: f64| -> Result<f64, CurveError> {
+        let slope = curve.at(piece.part, at)?.pose.map(|x| x.first().middle());
+        Ok(norm(&slope[..3]) - norm(&slope[..dimensions]))
+    };
+    // Gauss-Legendre with two points: the slope may be infinite at the ends of the range.
+    let [from, to] = piece.range;
+    let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
+    let far = half / 3.0_f64.sqrt();
+    Ok(half * (excess(middle - far)? + excess(middle + far)?))
+}
+
 /// Returns the duration of a piece, s.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 
 use crate::file::{Feed, PathFile};
 use crate::gcode::Writer;
-use crate::motion::{Node, Pace, length, nodes, seconds};
+use crate::motion::{Node, Pace, length, nodes, rise, seconds};
 use crate::piece::{Piece, Wanted};
 use crate::pieces::pieces;
 use crate::route_error::RouteError;
@@ -26,6 +26,8 @@ pub struct Route {
     pub program: String,
     /// Positions and joints, one row for the end of every piece and for every start.
     pub rows: Vec<Row>,
+    /// Length of the tip's path along the curve, mm.
+    pub length: f64,
     /// Duration at the programmed speeds, without acceleration, s.
     pub seconds: f64,
 }
@@ -42,6 +44,8 @@ pub fn route(config: &Mechanism, file: &PathFile) -> Result<Route, RouteError> {
     let pieces = pieces(&curve, &wanted)?;
     let pace = Pace { turn: file.laws.turn_deg_per_s.map(|turn| turn.0) };
     let ends = nodes(&curve, &pieces, &pace)?;
+    let rises: f64 =
+        pieces.iter().map(|piece| rise(&curve, piece)).sum::<Result<f64, CurveError>>()?;
     let blend = file.program.blend_mm.unwrap_or(tolerance.chord_mm).0;
     let title = file.program.title.clone().unwrap_or("Path along a curve".into());
     let origin = format!("within {} mm of the curve, made by pkm path", tolerance.chord_mm.0);
@@ -51,7 +55,7 @@ pub fn route(config: &Mechanism, file: &PathFile) -> Result<Route, RouteError> {
     let rows = rows(config, &file.program, &nodes_once(&ends), tool)?;
     let (program, moves, places) = writer.end();
     check(config, &moves, &places)?;
-    Ok(Route { curve, pieces, program, rows, seconds })
+    Ok(Route { length: curve.length + rises, curve, pieces, program, rows, seconds })
 }
 
 /// Returns whether two nodes coincide.
