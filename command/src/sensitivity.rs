@@ -325,8 +325,10 @@ fn report_ratios(
     writeln!(
         out,
         "\nratios of rates at {} s along this motion, joint by coordinate: no partial derivatives;\n\
-         of rank 1 on any machine, infinite where a coordinate stands still",
-        point.time
+         of rank 1 on any machine, infinite where a coordinate stands still;\n\
+         in joint units per {} for X Y Z, per degree for A B C",
+        point.time,
+        config.length_unit()
     )?;
     let letters: String = Letter::ALL.iter().map(|l| format!("{:>13}", l.name())).collect();
     writeln!(out, "{:<17}{letters}", "")?;

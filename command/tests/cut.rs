@@ -236,7 +236,7 @@ fn the_shipped_study_gives_the_figures_that_its_page_shows() {
     assert!(answer.ends_with("exit 0\n"), "{answer}");
     let page = fs::read_to_string(folder("../docs/studies/cut.md")).unwrap();
     for line in
-        answer.lines().skip(1).take(6).chain(answer.lines().filter(|l| l.contains("strut 5 ")))
+        answer.lines().skip(1).take(7).chain(answer.lines().filter(|l| l.contains("strut 5 ")))
     {
         assert!(page.contains(line.trim_end()), "{line}");
     }

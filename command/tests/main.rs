@@ -25,6 +25,7 @@ mod new;
 mod offsets;
 mod page;
 mod panel;
+mod papers;
 mod path_refusals;
 mod pictures;
 mod progress;
@@ -32,7 +33,6 @@ mod scene;
 #[path = "../../workbench/calibrate/tests/shop.rs"]
 mod shop;
 mod slips;
-mod sources;
 mod stability;
 mod studies;
 mod travel;

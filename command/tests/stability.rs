@@ -13,6 +13,12 @@ fn example(name: &str) -> String {
     fs::read_to_string(folder.join(name)).unwrap()
 }
 
+/// Returns the study of the links for which golden/stability.toml has independent results.
+fn two_links() -> String {
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/cases");
+    fs::read_to_string(cases.join("two-links.toml")).unwrap()
+}
+
 /// Checks that the output ends with this exit code and contains these words.
 #[track_caller]
 fn assert_output(answer: &str, exit: u8, words: &[&str]) {
@@ -35,9 +41,9 @@ fn float(value: &Value) -> f64 {
 }
 
 #[test]
-fn two_adjustments_of_paper_002_stand_side_by_side() {
-    let bench = Bench::new().with("paper.toml", &example("paper-002.toml"));
-    let words = "stability lag --study paper.toml --overhang 500 300 --format json";
+fn two_adjustments_of_the_links_stand_side_by_side() {
+    let bench = Bench::new().with("links.toml", &two_links());
+    let words = "stability lag --study links.toml --overhang 500 300 --format json";
     let found = json(&bench.answer(words, ""));
     let expected = rows("dpartition", "overhang_l_delta_k1_omega_K_T_3ms");
     for (found, expected) in
@@ -48,7 +54,7 @@ fn two_adjustments_of_paper_002_stand_side_by_side() {
         close(float(&found["limit"]["stiffness_n_per_mm"]), expected[4], 1e-9);
         assert_eq!(found["is_confirmed_by_counts"], true);
     }
-    let answer = bench.answer("stability lag --study paper.toml --overhang 500 300", "");
+    let answer = bench.answer("stability lag --study links.toml --overhang 500 300", "");
     assert_output(
         &answer,
         0,
@@ -58,9 +64,9 @@ fn two_adjustments_of_paper_002_stand_side_by_side() {
 }
 
 #[test]
-fn the_lag_of_paper_002_is_answered_drawn_and_written() {
-    let bench = Bench::new().with("paper.toml", &example("paper-002.toml"));
-    let words = "stability lag --study paper.toml --plots drawn --csv out.csv --format json --stiffness 2000";
+fn the_lag_of_two_links_is_answered_drawn_and_written() {
+    let bench = Bench::new().with("links.toml", &two_links());
+    let words = "stability lag --study links.toml --plots drawn --csv out.csv --format json --stiffness 2000";
     let found = &json(&bench.answer(words, ""))["adjustments"][0];
     close(float(&found["limit"]["stiffness_n_per_mm"]), 4884.6998776274595, 1e-9);
     assert_eq!(found["limit"]["unstable_below_and_above"], serde_json::json!([0, 2]));
@@ -76,7 +82,7 @@ fn the_lag_of_paper_002_is_answered_drawn_and_written() {
     let rest = &rows("dpartition", "response_K_2000_T_3ms_omega_re_im_abs_arg_reP_imP")[0];
     assert_eq!((cells[0], cells[1]), ("as given", "0"));
     close(cells[2].parse().unwrap(), rest[1], 1e-12);
-    let beyond = bench.answer("stability lag --study paper.toml --stiffness 6000", "");
+    let beyond = bench.answer("stability lag --study links.toml --stiffness 6000", "");
     assert_output(&beyond, 1, &["unstable roots         2", "settling time          never"]);
 }
 
@@ -214,10 +220,10 @@ fn a_program_is_judged_at_its_spindle_speeds() {
 
 #[test]
 fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
-    let paper = example("paper-002.toml");
+    let links = two_links();
     let changed = |from: &str, to: &str| {
-        assert!(paper.contains(from), "{from}");
-        paper.replacen(from, to, 1)
+        assert!(links.contains(from), "{from}");
+        links.replacen(from, to, 1)
     };
     let delta = |from: &str, to: &str| {
         assert!(DELTA.contains(from), "{from}");
@@ -248,13 +254,13 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
         (lag, changed("angle_deg = 60", "angle_deg = 200"), &["200", "0 to 180 degrees"]),
         (lag, changed("[lag]\ntime_constant_ms = 3.0\n", ""), &["time_constant_ms in [lag]"]),
         (lag, "[lag]\ntime_constant_ms = 3\n".into(), &["[[links]]", "[spindle]"]),
-        ("stability lag --study study.toml --overhang 0", paper.clone(), &["number above 0"]),
+        ("stability lag --study study.toml --overhang 0", links.clone(), &["number above 0"]),
         (
             "stability lag --study study.toml --overhang 300",
-            paper.split("[overhang]").next().unwrap().into(),
+            links.split("[overhang]").next().unwrap().into(),
             &["--overhang needs [overhang]"],
         ),
-        ("stability spindle --study study.toml", paper.clone(), &["no [spindle]"]),
+        ("stability spindle --study study.toml", links.clone(), &["no [spindle]"]),
         (pose, delta("kt_n_per_mm2 = 600", "kt_n_per_mm2 = 0"), &["0: expected more than 0"]),
         (pose, delta("kt_n_per_mm2 = 600\n", ""), &["missing field `kt_n_per_mm2`"]),
         (pose, delta("kt_n_per_mm2 = 600", "kt = 600"), &["unknown field `kt`", "kt_n_per_mm2"]),

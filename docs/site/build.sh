@@ -55,6 +55,8 @@ redirect scene reference/view
 redirect live reference/view
 redirect upgrading guide/install
 redirect design-study studies/design
-redirect design-papers studies/sources
+redirect design-papers studies/papers
+redirect sources studies/papers
+redirect studies/sources papers
 
 "$python" docs/site/links.py "$out"

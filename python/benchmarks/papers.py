@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Writes build/design-papers.md: results of the shipped studies for the questions of papers 001, 003 and 004.
 
-docs/studies/sources.md compares them with the papers. No times: the results are the same on every computer.
+docs/studies/papers.md compares them with the papers. No times: the results are the same on every computer.
 """
 
 import json

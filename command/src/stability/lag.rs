@@ -37,11 +37,11 @@ const OVERHANGS: usize = 200;
 /// overhang.
 ///
 ///     [lag]
-///     time_constant_ms = 3.0
+///     time_constant_ms = 0.28
 ///     [[links]]                    # one or more
 ///     name = "spindle"
-///     mass_kg = 2270
-///     damping_n_s_per_mm = 13.96
+///     mass_kg = 2.27
+///     damping_n_s_per_mm = 0.44
 ///     stiffness_n_per_um = 38.9
 ///     [chip]                       # for width and depth: K = factor * ratio * strength * width
 ///     factor = 1.4

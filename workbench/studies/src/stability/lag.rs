@@ -355,7 +355,7 @@ mod tests {
 
     #[test]
     fn a_crossing_that_is_left_out_is_noticed() {
-        // Paper 002's links with a lag of 30 ms: three crossings.
+        // The links of tests/cases/two-links.toml with a lag of 30 ms: three crossings.
         let terms = vec![Term::link(2.27, 13.96, 38_900.0), Term::link(8.65, 38.51, 93_000.0)];
         let lag = Lag { terms, lag: 0.03 };
         let all = lag.crossings();

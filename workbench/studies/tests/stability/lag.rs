@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The two links of paper 002, with the printed masses, dampings and stiffnesses.
+//! The two links of tests/cases/two-links.toml: the numbers of paper 002 with its masses as tonnes.
 
-use super::example;
+use super::two_links;
 use nalgebra::{Complex, ComplexField, DMatrix};
 use studies::stability::lag::{Crossing, Lag, Term};
 use studies::stability::partition::{CHORD, Point, chordal, regions};
@@ -358,7 +358,7 @@ fn many_terms_have_all_their_crossings_and_a_certified_limit() {
 #[test]
 fn width_and_depth_of_the_chip_are_those_of_the_formulas() {
     let chip = |factor: f64| {
-        let text = example("paper-002.toml").replace("factor = 1.4", &format!("factor = {factor}"));
+        let text = two_links().replace("factor = 1.4", &format!("factor = {factor}"));
         studies::study::file::Study::parse(&text).unwrap().chip.unwrap()
     };
     let widths = rows("dpartition", "chip_b_1p4_1p3");
@@ -371,7 +371,7 @@ fn width_and_depth_of_the_chip_are_those_of_the_formulas() {
 
 #[test]
 fn the_first_link_yields_with_its_overhang_as_the_formula_says() {
-    let study = studies::study::file::Study::parse(&example("paper-002.toml")).unwrap();
+    let study = studies::study::file::Study::parse(&two_links()).unwrap();
     for expected in rows("dpartition", "overhang_l_delta_k1_omega_K_T_3ms") {
         let stiffness = study.overhang.unwrap().stiffness(expected[0]);
         close(1.0 / stiffness, expected[1], 1e-12);

@@ -14,3 +14,8 @@ use test_support::shipped::root;
 pub fn example(name: &str) -> String {
     std::fs::read_to_string(root().join("docs/studies/examples").join(name)).unwrap()
 }
+
+/// Returns the study of the links for which golden/stability.toml has independent results.
+pub fn two_links() -> String {
+    std::fs::read_to_string(root().join("tests/cases/two-links.toml")).unwrap()
+}
