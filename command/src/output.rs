@@ -4,7 +4,6 @@
 
 use super::Verdict;
 use super::failure::{self, Failure};
-use machine::digits::plain;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::ffi::OsString;
@@ -152,7 +151,7 @@ impl Table {
             self.rows.push(cells);
             return Ok(());
         }
-        let word = |cell: Option<f64>| cell.map_or(String::new(), |value| plain(value).to_string());
+        let word = |cell: Option<f64>| cell.map_or(String::new(), |value| value.to_string());
         Ok(self.out.write_record(cells.into_iter().map(word))?)
     }
 
@@ -173,18 +172,6 @@ fn object(verdict: Verdict, fields: Map<String, Value>) -> Value {
     Value::Object(all)
 }
 
-/// Returns a JSON value, its numbers without rounding errors.
-fn rounded(value: Value) -> Value {
-    match value {
-        Value::Number(number) if number.is_f64() => number.as_f64().map(plain).into(),
-        Value::Array(items) => items.into_iter().map(rounded).collect(),
-        Value::Object(fields) => {
-            fields.into_iter().map(|(name, value)| (name, rounded(value))).collect()
-        }
-        value => value,
-    }
-}
-
 /// Writes the JSON output once the verdict is known: one value, even without results.
 pub fn finish(verdict: Verdict) -> Result<(), Failure> {
     if !is_json() {
@@ -200,7 +187,7 @@ pub fn finish(verdict: Verdict) -> Result<(), Failure> {
         None => object(verdict, Map::from_iter([("errors".into(), json!(errors))])),
     };
     let mut out = io::stdout().lock();
-    serde_json::to_writer_pretty(&mut out, &rounded(value))?;
+    serde_json::to_writer_pretty(&mut out, &value)?;
     writeln!(out)?;
     out.flush()?;
     Ok(())

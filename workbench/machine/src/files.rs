@@ -2,7 +2,6 @@
 //! Files: errors name their file, a file is written completely or not at all, and a file that was read is replaced
 //! only by [`write_over`].
 
-use crate::digits;
 use std::collections::BTreeSet;
 use std::error::Error;
 use std::fmt::Display;
@@ -246,7 +245,7 @@ pub fn leave_nothing() {
     mem::forget(list);
 }
 
-/// Returns a table as the text of a CSV file, its numbers without rounding errors.
+/// Returns a table as the text of a CSV file.
 ///
 /// # Panics
 /// A row has more or fewer cells than the header.
@@ -258,7 +257,7 @@ pub fn csv<R: IntoIterator<Item: ToString>>(
     let mut write = |cells: Vec<String>| out.write_record(cells).expect("rows of one length");
     write(header.iter().map(|name| name.as_ref().to_string()).collect());
     for row in rows {
-        write(row.into_iter().map(|cell| digits::cell(cell.to_string())).collect());
+        write(row.into_iter().map(|cell| cell.to_string()).collect());
     }
     let bytes = out.into_inner().expect("memory takes everything");
     String::from_utf8(bytes).expect("cells are text")
