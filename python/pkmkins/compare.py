@@ -70,11 +70,10 @@ def _rows(file, machine, asked):
     nearest = limits[int(shares[:, limits].min(axis=0).argmin())]
     yield ("poses within every limit", ""), f"{np.count_nonzero((shares[:, limits] >= 0).all(axis=1))} of {len(poses)}"
     yield ("nearest limit", ""), margins.names[nearest]
-    if joints.ok.all():
-        yield ("size X Y Z", "mm"), " x ".join(f"{side * mm:.0f}" for side in size(machine, poses))
     yield _workspace(machine, mm)
     if not joints.ok.all():
         return
+    yield ("size X Y Z", "mm"), " x ".join(f"{side * mm:.0f}" for side in size(machine, poses))
     strokes = joints.values.max(axis=0) - joints.values.min(axis=0)
     yield ("largest travel of a joint", "mm or degrees"), strokes.max() * mm
     yield ("least conditioning", ""), machine.conditioning(poses).values.min()

@@ -81,8 +81,8 @@ def test_rows_are_what_the_machines_answer(tmp_path, capsys):
         expected = {
             "poses within every limit": ("", f"{(shares >= 0).all(axis=1).sum()} of {len(given)}"),
             "nearest limit": ("", margins.names[kept[shares.min(axis=0).argmin()]]),
-            "size X Y Z": ("mm", " x ".join(f"{side * mm:.0f}" for side in size(machine, given))),
             "workspace, level": ("dm³", machine.workspace(bands=24).volume * mm**3 / 1e6),
+            "size X Y Z": ("mm", " x ".join(f"{side * mm:.0f}" for side in size(machine, given))),
             "largest travel of a joint": ("mm or degrees", np.ptp(joints, axis=0).max() * mm),
             "least conditioning": ("", machine.conditioning(given).values.min()),
             "fastest joint by tool speed": ("1 or degrees/mm", np.linalg.norm(machine.jacobian(given).values[:, :, :3], axis=2).max()),

@@ -81,7 +81,8 @@ fn code<T>(result: Result<T, Fault>) -> c_int {
 /// Returns the joint values; `None` for a null pointer.
 ///
 /// # Safety
-/// `joint` must be null or point to as many values as the machine has joints, which nothing changes during the call.
+/// `joint` must be null or point to as many values as the machine has joints, and these must not
+/// change during the call.
 unsafe fn joints<'a>(joint: *const f64, control: &Control) -> Option<&'a [f64]> {
     // SAFETY: the caller guarantees the values.
     (!joint.is_null()).then(|| unsafe { core::slice::from_raw_parts(joint, control.joints()) })

@@ -9,7 +9,7 @@ use test_support::generated::generated;
 use test_support::shipped::whole;
 use view::track::{MOST_POINTS, Track, VALUES};
 
-/// A row in which all values of both mechanisms differ.
+/// Returns a row in which all values of both mechanisms differ.
 fn row() -> Row {
     let from = |first: usize| std::array::from_fn(|k| (first + k) as f64);
     let second = Beside { pose: from(30), tool: [41.0, 42.0, 43.0] };
