@@ -229,7 +229,7 @@ cat /srv/downloads
 step "apt install brings everything" get "./$pkmkins" "./$pkm"
 dpkg-query -W -f='${Package} ${Version}: ${Installed-Size} KiB installed\n' linuxcnc-uspace pkmkins pkm
 step "no compiler, no Rust" refused none sh -c 'command -v gcc cc g++ cargo rustc || { echo none; exit 1; }'
-step "what the tests need beside them" get xvfb xauth tk man-db
+step "what the tests need beside them" get xvfb xauth tk man-db iproute2
 step "purge" purged
 step "nothing is left of the packages" nothing_of_ours
 step "a user" useradd --create-home machinist
