@@ -55,7 +55,7 @@ rm -rf "$libraries"
 mkdir -p "$libraries/arm64"
 oldest=${SUITES%% *}
 for suite in $SUITES; do
-    tests/bare/run.sh "$suite" "make virtual virtual-arm64"
+    tests/bare/run.sh "$suite" "make virtual-arm64 && workbench/linuxcnc/virtual/build.sh target/virtual"
     cp "build/bare/$suite/srv/pkmkins/target/virtual/"libpkmkins-virtual-*.so "$libraries"
     cp "build/bare/$suite/srv/pkmkins/target/virtual/arm64/"*.so "$libraries/arm64"
 done
