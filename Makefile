@@ -90,7 +90,7 @@ CARGO := cargo
 LOCKED := --locked
 # Without -p: of one package alone cargo would choose other features of its libraries, and build all of
 # them once more.
-HOST_BUILD := $(CARGO) build --profile host $(LOCKED) --quiet
+HOST_BUILD := $(CARGO) build --profile host $(LOCKED)
 MACHINE := hexapod
 PROGRAM :=
 
@@ -246,7 +246,7 @@ setup-site: $(PYTHON_TOOLS)/.installed
 $(PYTHON_TOOLS)/.installed: tools/python.txt
 	@$(call INSTALLED,$(SITE_PACKAGES))
 	python3 -m venv --clear $(PYTHON_TOOLS)
-	$(PYTHON_TOOLS)/bin/pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r tools/python.txt
+	tools/progress.sh "installing into $(PYTHON_TOOLS)" $(PYTHON_TOOLS)/bin/pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r tools/python.txt
 	@touch $@
 
 setup-screen: setup
@@ -358,7 +358,7 @@ deb: PKM := target/deb/pkm
 deb: PINS := target/deb/pkmkins-pins
 deb: setup module virtual setup-site $(ABOUT) $(if $(filter arm64,$(CROSS)),virtual-arm64)
 	@$(call INSTALLED,dpkg-dev debhelper lintian)
-	packaging/build.sh $(ARCH) $(if $(CROSS),$(VIRTUAL:target/virtual/%=target/virtual/$(CROSS)/%),$(VIRTUAL))
+	tools/progress.sh "making the packages" packaging/build.sh $(ARCH) $(if $(CROSS),$(VIRTUAL:target/virtual/%=target/virtual/$(CROSS)/%),$(VIRTUAL))
 
 virtual-arm64: setup
 	@$(call INSTALLED,$(ARM64_PACKAGES))
