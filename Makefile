@@ -271,9 +271,10 @@ generated: $(if $(shell command -v cc),rust,setup)
 	$(HOST_BUILD) $(BINS:%=--bin %)
 	tools/generate.sh $(PKM)
 
-# By an invocation of its own: features of host crates must not reach the module.
+# By an invocation of its own: features of host crates must not reach the module. Linked lazily, so that programs
+# outside real time can open it without HAL; rtapi_app binds all symbols when it loads it (RTLD_NOW).
 module:
-	$(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
+	RUSTFLAGS="$$RUSTFLAGS -C relro-level=partial" $(CARGO) build --release $(LOCKED) -p pkmkins --target-dir target/module
 
 # The module and its HAL files stand beside the library, which takes them before those that are installed.
 virtual: setup module generated

@@ -171,7 +171,7 @@ error: [KINS]KINEMATICS = pkmkins sparm=identityfirst
  --> first.ini:2:14
   |
 2 | KINEMATICS = pkmkins sparm=identityfirst
-  |              ^^^^^^^^^^^^^^^^^^^^^^^^^^^ pkm needs LinuxCNC to start in the machine's kinematics, but sparm=identityfirst starts it in identity kinematics: use a copy of the file without sparm=, the machine is the same
+  |              ^^^^^^^^^^^^^^^^^^^^^^^^^^^ pkm needs LinuxCNC to start in the machine's kinematics, but sparm=identityfirst starts it in identity kinematics: use a copy of the file without identityfirst, the machine is the same
 exit 2
 
 "#]]

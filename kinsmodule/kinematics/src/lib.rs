@@ -73,7 +73,7 @@ pub use layout::{Joints, Layout, MAX_JOINTS, MAX_LEGS, PerLeg};
 pub use leg::{LEAST_DRIVE, LegKind};
 pub use letters::{Letter, Letters};
 pub use limits::{CONDITIONING_LIMIT, Limit, Limits, Margin, Part};
-pub use load::Load;
+pub use load::{LOAD_PARAMETERS, Load};
 pub use load_error::LoadError;
 pub use machine::Machine;
 pub use nalgebra::{Matrix3, Vector3};

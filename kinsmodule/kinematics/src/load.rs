@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS
-//! axes=LETTERS boxes=COUNT sparm=identityfirst`, and those of a second mechanism: `second=KIND:COUNT[,KIND:COUNT]
-//! second_coordinates=LETTERS second_angles=LETTERS second_boxes=COUNT`.
+//! axes=LETTERS boxes=COUNT`, and those of a second mechanism: `second=KIND:COUNT[,KIND:COUNT]
+//! second_coordinates=LETTERS second_angles=LETTERS second_boxes=COUNT`. `sparm` has `identityfirst` and any of the
+//! others, separated by slashes: a caller outside real time passes `coordinates` and `sparm` alone.
 
 use crate::boxes::MAX_BOXES;
 use crate::extra::ExtraAxes;
-use crate::layout::{Layout, MAX_LEGS};
+use crate::geometry::Fnv1a;
+use crate::layout::{Layout, MAX_LEGS, PerLeg};
 use crate::leg::Kind;
 use crate::letters::Letters;
 use crate::load_error::LoadError;
@@ -32,7 +34,67 @@ struct Beside {
     boxes: usize,
 }
 
+/// Names of the load parameters.
+pub const LOAD_PARAMETERS: [&str; 10] = [
+    "legs",
+    "coordinates",
+    "table",
+    "axes",
+    "boxes",
+    "second",
+    "second_coordinates",
+    "second_angles",
+    "second_boxes",
+    SPARM,
+];
+
+const SPARM: &str = "sparm";
+
 impl Load {
+    /// Parses the load parameters in the order of [`LOAD_PARAMETERS`], including those in `sparm`.
+    ///
+    /// # Errors
+    /// The [`LoadError`] of the first invalid parameter; [`LoadError::SparmTwice`] if one stands outside `sparm` as
+    /// well, with another value.
+    pub fn of(mut texts: [Option<&[u8]>; LOAD_PARAMETERS.len()]) -> Result<Self, LoadError> {
+        let [.., sparm] = texts;
+        let mut own = None;
+        for item in given(sparm).into_iter().flat_map(|text| text.split(|c| *c == b'/')) {
+            let mut parts = item.splitn(2, |c| *c == b'=');
+            let (Some(name), Some(value)) = (parts.next(), parts.next()) else {
+                own = Some(item);
+                continue;
+            };
+            let mut places = LOAD_PARAMETERS.iter().zip(&mut texts);
+            let place = places.find(|(known, _)| known.as_bytes() == name && **known != SPARM);
+            let (_, place) = place.ok_or(LoadError::SparmUnknown)?;
+            if place.is_some_and(|outside| outside != value) {
+                return Err(LoadError::SparmTwice);
+            }
+            *place = Some(value);
+        }
+        let [legs, coordinates, table, axes, boxes, second @ ..] = texts;
+        let [second, second_coordinates, second_angles, second_boxes, _] = second;
+        Self::parse(legs, coordinates, table)?
+            .with_second(second, second_coordinates, second_angles)?
+            .with_axes(axes)?
+            .with_boxes(boxes)?
+            .with_second_boxes(second_boxes)?
+            .with_sparm(own)
+    }
+
+    /// Combines the hash of a geometry and its chain with the other values that affect the joints: the joint
+    /// offsets, the spindle offset, and those load parameters that the geometry's hash does not contain.
+    pub fn hash(&self, of_chain: u32, offset: &PerLeg, spindle_offset: f64) -> u32 {
+        let mut hash = Fnv1a(of_chain);
+        hash.add(offset);
+        let counts = [self.joints() as f64, f64::from(u8::from(self.is_identity_first))];
+        hash.add(&[spindle_offset]);
+        hash.add(&counts);
+        self.other_places().for_each(|place| hash.add(&[place as f64]));
+        hash.0
+    }
+
     /// Parses the load parameters; `None` or empty = default
     /// (`legs=strut:6 coordinates=XYZABC`, no table).
     ///
@@ -118,7 +180,7 @@ impl Load {
         Ok(Self { boxes: boxes_of(text)?, ..self })
     }
 
-    /// Applies the parameter `sparm` of LinuxCNC's modules: `identityfirst` makes the identity kinematics
+    /// Applies the item of `sparm` that is no other parameter: `identityfirst` makes the identity kinematics
     /// number 0 and those of the machine number 1; `None` or empty = the reverse. Must be called
     /// last.
     ///
@@ -324,6 +386,57 @@ mod tests {
         }
     }
 
+    /// Parses a load line such as `legs=slider:4 table=XY`.
+    fn line(text: &'static str) -> Result<Load, LoadError> {
+        let mut texts = [None; LOAD_PARAMETERS.len()];
+        for (name, value) in text.split(' ').filter_map(|word| word.split_once('=')) {
+            texts[LOAD_PARAMETERS.iter().position(|known| *known == name).unwrap()] =
+                Some(value.as_bytes());
+        }
+        Load::of(texts)
+    }
+
+    #[test]
+    fn sparm_may_contain_the_other_parameters() {
+        let pyramid = line("legs=slider:4 coordinates=ZAB table=XY axes=CW boxes=2").unwrap();
+        for text in [
+            "coordinates=ZAB sparm=legs=slider:4/table=XY/axes=CW/boxes=2",
+            "coordinates=ZAB legs=slider:4 sparm=legs=slider:4/table=XY/axes=CW/boxes=2",
+            "sparm=boxes=2/table=XY/coordinates=ZAB/axes=CW/legs=slider:4",
+        ] {
+            assert_eq!(line(text), Ok(pyramid), "{text}");
+        }
+        let delta = line("legs=slider:3 coordinates=XYZ sparm=identityfirst").unwrap();
+        assert!(delta.is_identity_first());
+        assert_eq!(line("coordinates=XYZ sparm=identityfirst/legs=slider:3"), Ok(delta));
+        for text in ["sparm=sparm=identityfirst", "sparm=legs", "sparm=leg=strut:6", "sparm=a/b"] {
+            assert_eq!(line(text), Err(LoadError::SparmUnknown), "{text}");
+        }
+        for text in ["legs=slider:4 sparm=legs=slider:3", "sparm=axes=U/axes=V"] {
+            assert_eq!(line(text), Err(LoadError::SparmTwice), "{text}");
+        }
+        assert_eq!(line("sparm=legs=strut:5"), Err(LoadError::TooManyCoordinates));
+    }
+
+    #[test]
+    fn the_hash_changes_with_every_value_that_the_geometrys_does_not_have() {
+        let (none, hexapod) = ([0.0; MAX_LEGS], line("boxes=1").unwrap());
+        let first = hexapod.hash(7, &none, 0.0);
+        let mut offset = none;
+        offset[2] = 1.0;
+        for other in [
+            hexapod.hash(8, &none, 0.0),
+            hexapod.hash(7, &offset, 0.0),
+            hexapod.hash(7, &none, 1.0),
+            line("axes=U").unwrap().hash(7, &none, 0.0),
+            line("axes=V").unwrap().hash(7, &none, 0.0),
+            line("sparm=identityfirst").unwrap().hash(7, &none, 0.0),
+        ] {
+            assert_ne!(other, first);
+        }
+        assert_eq!(line("boxes=2").unwrap().hash(7, &none, 0.0), first);
+    }
+
     #[test]
     fn every_reason_names_what_to_write() {
         for (error, reported) in [
@@ -343,6 +456,7 @@ mod tests {
             (LoadError::SecondTaken, "second_angles="),
             (LoadError::SecondAlone, "second="),
             (LoadError::SparmUnknown, "identityfirst"),
+            (LoadError::SparmTwice, "sparm="),
             (LoadError::IdentityImpossible, "sparm=identityfirst"),
         ] {
             assert!(error.text().contains(reported), "{error:?}");

@@ -35,8 +35,10 @@ pub enum LoadError {
     SecondTaken,
     /// A parameter of the second mechanism without `second`.
     SecondAlone,
-    /// `sparm` is neither empty nor `identityfirst`.
+    /// `sparm` contains something other than `identityfirst` and load parameters.
     SparmUnknown,
+    /// A load parameter with another value in `sparm`.
+    SparmTwice,
     /// `sparm=identityfirst` although some joint has no letter.
     IdentityImpossible,
 }
@@ -84,7 +86,13 @@ impl LoadError {
             Self::SecondAlone => {
                 "a second_...= parameter needs second=KIND:COUNT, the legs of the second mechanism"
             }
-            Self::SparmUnknown => "sparm= must be empty or identityfirst",
+            Self::SparmUnknown => {
+                "sparm= must be identityfirst and load parameters, separated by slashes, such as \
+                 sparm=legs=slider:4/table=XY"
+            }
+            Self::SparmTwice => {
+                "sparm= has a load parameter that is given twice with different values: remove one"
+            }
             Self::IdentityImpossible => {
                 "sparm=identityfirst needs as many coordinates as legs, so that each joint has a letter"
             }

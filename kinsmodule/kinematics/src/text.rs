@@ -86,9 +86,12 @@ pub struct Text<const LENGTH: usize> {
 }
 
 impl<const LENGTH: usize> Text<LENGTH> {
+    /// The empty text.
+    pub const EMPTY: Self = Self { bytes: [0; LENGTH], used: 0 };
+
     /// Concatenates the parts.
     pub fn of(parts: &[Piece<'_>]) -> Self {
-        let mut text = Self { bytes: [0; LENGTH], used: 0 };
+        let mut text = Self::EMPTY;
         for part in parts {
             text.push(*part);
         }

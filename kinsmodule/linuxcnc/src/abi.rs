@@ -204,7 +204,7 @@ unsafe fn frames(joint: *const f64, control: &Control) -> Option<[RotationColumn
     Some(frames?.ok()?.map(|frame| columns(&frame)))
 }
 
-fn columns(frame: &Matrix3<f64>) -> RotationColumns {
+pub(crate) fn columns(frame: &Matrix3<f64>) -> RotationColumns {
     let column = |k: usize| PmCartesian { x: frame[(0, k)], y: frame[(1, k)], z: frame[(2, k)] };
     RotationColumns { x: column(0), y: column(1), z: column(2) }
 }

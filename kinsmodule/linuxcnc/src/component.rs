@@ -7,7 +7,7 @@ use crate::control::{Control, Second};
 use crate::hal::{Component, HalError, print_error};
 use crate::load::{COUNT, PARAMETERS};
 use crate::module::Module;
-use crate::pins::{Maker, Pins, Place};
+use crate::pins::{Maker, Pins, Place, Target};
 use core::cell::UnsafeCell;
 use core::ffi::{CStr, c_int};
 use kinematics::{Load, LoadError, text};
@@ -41,7 +41,7 @@ pub unsafe fn control<'a>() -> Option<&'a mut Control> {
 #[unsafe(no_mangle)]
 pub extern "C" fn rtapi_app_main() -> c_int {
     let texts = PARAMETERS.each_ref().map(|(_, parameter)| parameter.text());
-    let load = match parsed(texts.map(|text| text.map(CStr::to_bytes))) {
+    let load = match Load::of(texts.map(|text| text.map(CStr::to_bytes))) {
         Ok(load) => load,
         Err(error) => {
             refuse_load(error, texts);
@@ -64,17 +64,6 @@ pub extern "C" fn rtapi_app_exit() {
     if let Some(Loaded { component, .. }) = unsafe { (*LOADED.0.get()).take() } {
         component.exit();
     }
-}
-
-fn parsed(parameters: [Option<&[u8]>; COUNT]) -> Result<Load, LoadError> {
-    let [legs, coordinates, table, axes, boxes, second @ ..] = parameters;
-    let [second, second_coordinates, second_angles, second_boxes, sparm] = second;
-    Load::parse(legs, coordinates, table)?
-        .with_second(second, second_coordinates, second_angles)?
-        .with_axes(axes)?
-        .with_boxes(boxes)?
-        .with_second_boxes(second_boxes)?
-        .with_sparm(sparm)
 }
 
 fn start(load: &Load) -> Result<(), HalError> {
@@ -103,7 +92,7 @@ fn build(component: Component, load: &Load) -> Result<Control, HalError> {
         let own = make_pins(component, &alone, place)?;
         own.share(pins);
         let between = zeroed::<BetweenPins>(component)?;
-        between.create(&Maker { component, place })?;
+        between.create(&Maker { target: Target::Hal(component), place })?;
         let (module, between) = (Module::new(own, alone, place), Between::new(between));
         control.second = Some(Second { module, letters: *letters, between });
     }

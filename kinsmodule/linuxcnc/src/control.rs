@@ -12,6 +12,7 @@
 
 use crate::between::Between;
 use crate::module::Module;
+use crate::module::extra::{write_extra_joints, write_extra_rows};
 use kinematics::{
     Cause, Fault, Letter, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, Matrix3, Second as SecondLetters, World,
 };
@@ -140,10 +141,7 @@ impl Control {
         let load = self.first.load();
         let own = joints.iter_mut().zip(of_first.as_ref().map_err(|fault| *fault)?);
         own.take(load.layout.joints()).for_each(|(joint, value)| *joint = *value);
-        let extra = joints.iter_mut().skip(load.first_extra_joint()).zip(load.extra.places());
-        for (joint, place) in extra {
-            *joint = world.get(place).copied().unwrap_or(0.0);
-        }
+        write_extra_joints(load, world, joints);
         Ok(())
     }
 
@@ -168,8 +166,7 @@ impl Control {
                 letters.put(&values, row);
             }
         }
-        let extra = rows.iter_mut().skip(load.first_extra_joint()).zip(load.extra.places());
-        extra.filter_map(|(row, place)| row.get_mut(place)).for_each(|rate| *rate = 1.0);
+        write_extra_rows(load, &mut rows);
         Ok(rows)
     }
 

@@ -22,7 +22,7 @@ const MESSAGE_LENGTH: usize = 400;
 const RTAPI_MSG_ERR: c_int = 1;
 
 #[repr(C)]
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub enum Direction {
     In = 16,
     Out = 32,
@@ -56,7 +56,7 @@ fn checked(code: c_int) -> Result<c_int, HalError> {
 /// A pin's name.
 pub type Name = Text<{ NAME_LENGTH + 1 }>;
 
-type Message = Text<MESSAGE_LENGTH>;
+pub type Message = Text<MESSAGE_LENGTH>;
 
 /// Shows an error to the operator: LinuxCNC forwards it to the user interface.
 pub fn print_error(message: &Message) {
@@ -167,6 +167,17 @@ impl<T: PinValue> Pin<T> {
             )
         })
         .map(|_| ())
+    }
+
+    /// Makes this pin, which HAL does not have, refer to the `n`-th value of a parameter block, counted from 1.
+    pub fn refer_to(&mut self, n: usize) {
+        *self.0.get_mut() = core::ptr::without_provenance_mut(n);
+    }
+
+    /// Returns the number of the value that this pin refers to, which HAL does not have; 0: none.
+    pub fn referred(&self) -> usize {
+        // SAFETY: written before any other reference to the pin existed.
+        unsafe { *self.0.get() }.addr()
     }
 
     /// Makes this alias, which has no HAL pin, refer to another pin. Call it before each use,

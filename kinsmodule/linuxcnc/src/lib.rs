@@ -9,11 +9,12 @@
 //! | [`module`] | the state of a mechanism between calls, and its rules |
 //! | [`calls`], [`crossing`] | the commanded pose of a cycle; whether the commanded motion has passed a singular pose |
 //! | [`start`], [`tool`], [`guard`] | the start without a seed; the change of the tool offset; the feed scale |
+//! | [`outside`] | the kinematics as functions of a parameter block, for callers outside real time |
 //!
 //! All unsafe code that runs on a machine is here; each block names who guarantees its preconditions.
 //!
 //! LinuxCNC calls `rtapi_app_main` and `rtapi_app_exit` with no servo thread running,
-//! and everything else from that one thread.
+//! and everything else from that one thread. What [`outside`] has is called in other processes.
 #![no_std]
 
 pub mod abi;
@@ -27,6 +28,7 @@ mod hal;
 mod jog;
 mod load;
 mod module;
+mod outside;
 mod pins;
 mod start;
 mod tool;

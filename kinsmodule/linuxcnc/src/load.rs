@@ -3,6 +3,7 @@
 
 use core::ffi::{CStr, c_char, c_void};
 use core::ptr::null_mut;
+use kinematics::LOAD_PARAMETERS;
 
 /// A pointer that LinuxCNC reads or sets before any thread runs.
 #[repr(transparent)]
@@ -32,6 +33,15 @@ impl Parameter {
     }
 }
 
+/// Compares two names; `==` does not at compile time.
+const fn is_same(one: &[u8], other: &[u8]) -> bool {
+    let mut i = 0;
+    while i < one.len() && i < other.len() && one[i] == other[i] {
+        i += 1;
+    }
+    i == one.len() && i == other.len()
+}
+
 /// Exports the parameters with the symbols that `rtapi_app` reads for each: address, type and description.
 macro_rules! string_parameters {
     ($($name:ident: $text:literal;)*) => {
@@ -50,6 +60,15 @@ macro_rules! string_parameters {
         /// Number of load parameters.
         pub const COUNT: usize = [$($text),*].len();
 
+        // `Load::of` has the same parameters in the same order.
+        const _: () = {
+            let (names, mut i) = ([$(stringify!($name)),*], 0);
+            while i < COUNT {
+                assert!(is_same(names[i].as_bytes(), LOAD_PARAMETERS[i].as_bytes()));
+                i += 1;
+            }
+        };
+
         /// The load parameters, by name.
         pub static PARAMETERS: [(&str, &Parameter); COUNT] = [$((stringify!($name), &$name)),*];
     };
@@ -65,7 +84,7 @@ string_parameters! {
     second_coordinates: c"coordinates that its legs move, in its own X Y Z A B C; its X Y Z become U V W";
     second_angles: c"letters of A B C for its angles, in the order of second_coordinates";
     second_boxes: c"number of its workspace boxes, as in boxes";
-    sparm: c"identityfirst: identity kinematics are type 0, active at startup";
+    sparm: c"identityfirst (identity kinematics are type 0, active at startup), and parameters as NAME=VALUE, separated by /";
 }
 
 #[unsafe(no_mangle)]
@@ -84,5 +103,5 @@ macro_rules! exported_names {
 exported_names! {
     b"kinematicsForward\0" b"kinematicsInverse\0" b"kinematicsType\0" b"kinematicsSwitchable\0"
     b"kinematicsSwitch\0" b"kinematicsTypeFlags\0" b"kinematicsSetTool\0" b"kinematicsJacobian\0"
-    b"kinematicsToolFrame\0" b"kinematicsWorkFrame\0" b"rtapi_app_main\0" b"rtapi_app_exit\0"
+    b"kinematicsToolFrame\0" b"kinematicsWorkFrame\0" b"kinsDescribe\0" b"rtapi_app_main\0" b"rtapi_app_exit\0"
 }

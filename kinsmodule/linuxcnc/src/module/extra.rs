@@ -5,7 +5,8 @@
 use super::Module;
 use crate::guard::Programmed;
 use kinematics::{
-    Cause, Chain, ChainGeometry, ExtraAxes, Fault, Load, Matrix3, Pose, Vector3, World,
+    Cause, Chain, ChainGeometry, ExtraAxes, Fault, Load, MAX_JOINTS, Machine, Matrix3, Pose,
+    Vector3, World,
 };
 
 /// The frozen chain, and LinuxCNC's poses kept for it.
@@ -75,27 +76,60 @@ impl Carrying {
     }
 }
 
+/// Writes the joints of the extra axes into LinuxCNC's pose.
+pub fn write_extra(load: &Load, extra: &[f64], world: &mut World) {
+    for (place, value) in load.extra.places().zip(extra) {
+        world.get_mut(place).into_iter().for_each(|coordinate| *coordinate = *value);
+    }
+}
+
+/// Refuses joints of extra axes, the last ones, that are NaN or infinite.
+pub fn check_extra(load: &Load, joints: &[f64]) -> Result<(), Fault> {
+    match joints.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+        None => Ok(()),
+        Some((i, value)) => {
+            let number = load.first_extra_joint() + i;
+            Err(Fault::of_joint(Cause::JointNotFinite, &load.layout, number, *value))
+        }
+    }
+}
+
+/// Writes the joints of the extra axes at LinuxCNC's pose, those beyond legs and tables.
+pub fn write_extra_joints(load: &Load, world: &World, joints: &mut [f64]) {
+    let extra = joints.iter_mut().skip(load.first_extra_joint()).zip(load.extra.places());
+    for (joint, place) in extra {
+        *joint = world.get(place).copied().unwrap_or(0.0);
+    }
+}
+
+/// Writes the derivatives of the joints of the extra axes: 1 for the letter of each.
+pub fn write_extra_rows(load: &Load, rows: &mut [World]) {
+    let extra = rows.iter_mut().skip(load.first_extra_joint()).zip(load.extra.places());
+    extra.filter_map(|(row, place)| row.get_mut(place)).for_each(|rate| *rate = 1.0);
+}
+
+/// Returns ∂q/∂(x … w) of legs and table, joint units per machine unit and per degree, row by row.
+pub fn pose_rows(
+    machine: &Machine,
+    chain: &Chain,
+    world: &World,
+    tool: &Vector3<f64>,
+) -> Result<[World; MAX_JOINTS], Fault> {
+    let mut rows = [World::default(); MAX_JOINTS];
+    let pose = Pose::from_degrees(chain.to_machine(world, tool)?);
+    let at = machine.at(&pose, &chain.machine_tool(tool))?;
+    let (jacobian, rates) = (at.pose_jacobian()?, chain.rates(world, tool));
+    for (to, row) in rows.iter_mut().zip(jacobian.row_iter()) {
+        for (to, column) in to.iter_mut().zip(rates.column_iter()) {
+            *to = row.iter().zip(column.iter()).map(|(value, rate)| value * rate).sum();
+        }
+    }
+    Ok(rows)
+}
+
 impl Module {
     /// Returns whether the pins give the chain that is in force.
     pub(super) fn has_chain_of_pins(&self) -> bool {
         self.pins.give_chain(&self.carrying.given, &self.load)
-    }
-
-    /// Writes the joints of the extra axes into LinuxCNC's pose.
-    pub(super) fn write_extra(&self, extra: &[f64], world: &mut World) {
-        for (place, value) in self.load.extra.places().zip(extra) {
-            world.get_mut(place).into_iter().for_each(|coordinate| *coordinate = *value);
-        }
-    }
-
-    /// Refuses joints of extra axes, the last ones, that are NaN or infinite.
-    pub(super) fn check_extra(&self, joints: &[f64]) -> Result<(), Fault> {
-        match joints.iter().enumerate().find(|(_, value)| !value.is_finite()) {
-            None => Ok(()),
-            Some((i, value)) => {
-                let number = self.load.first_extra_joint() + i;
-                Err(Fault::of_joint(Cause::JointNotFinite, self.layout(), number, *value))
-            }
-        }
     }
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Joints to pose: which calls are refused, and what is shown of the result.
 
+use super::extra::{check_extra, write_extra};
 use super::freezing::Frozen;
 use super::{Kind, Module, NO_POSE, is_zero, nanoseconds_if};
 use crate::crossing::Comparison;
@@ -20,7 +21,7 @@ impl Module {
         let timed = self.is_monitored && !self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
         self.begin_forward();
-        let result = match (self.check_extra(extra), self.kind) {
+        let result = match (check_extra(&self.load, extra), self.kind) {
             (Err(fault), _) => {
                 self.has_found = false;
                 self.note_refusal(address);
@@ -92,7 +93,7 @@ impl Module {
         }
         let written = answer.and_then(|pose| {
             let seed = *world;
-            self.write_extra(extra, world);
+            write_extra(&self.load, extra, world);
             let (chain, tool) = (&self.carrying.chain, &self.tool.offset());
             chain.to_world(&pose, world, tool).inspect_err(|_| {
                 *world = seed;

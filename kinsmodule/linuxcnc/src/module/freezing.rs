@@ -115,6 +115,7 @@ impl Module {
         self.pins.geometry_ok.set(offered.is_ok());
         let Offered { frozen: Frozen { machine, given }, carrying, boxes, hash } = offered?;
         self.pins.geometry_hash.set(hash);
+        self.pins.show_kinematics_hash(given.hash(&self.load, hash));
         self.pins.geometry_changed.set(false);
         self.start = boxes;
         self.tool.set_bare(carrying.chain.is_bare());

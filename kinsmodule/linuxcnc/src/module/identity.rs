@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The identity kinematics, in which each joint equals a letter, and the switch to and from them.
 
+use super::extra::write_extra;
 use super::{Module, joints_of};
-use kinematics::{Cause, Fault, Joints, Letter, Load, MAX_JOINTS, Pose, World};
+use kinematics::{Cause, Fault, Joints, Layout, Letter, Load, MAX_JOINTS, Pose, World};
 
 /// Kinematics in force.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -38,6 +39,50 @@ pub struct Asked {
     kind: Kind,
     /// The pose to which the joints have moved in the identity kinematics, if they have.
     pose: Option<Pose>,
+}
+
+/// Returns the pose in which each letter equals its joint, and is 0 if no joint moves it.
+pub fn pose_of(layout: &Layout, joints: &[f64]) -> Result<[f64; 6], Fault> {
+    if let Some((i, value)) = joints.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+        return Err(Fault::of_joint(Cause::JointNotFinite, layout, i, *value));
+    }
+    let mut pose = [0.0; 6];
+    for (letter, value) in layout.joint_letters().into_iter().flatten().zip(joints) {
+        pose.get_mut(letter.index()).into_iter().for_each(|place| *place = *value);
+    }
+    Ok(pose)
+}
+
+/// Returns the joints of LinuxCNC's pose, each the value of its letter.
+pub fn joints_of_letters(load: &Load, world: &World, size: f64) -> Result<Joints, Fault> {
+    let (layout, extra) = (&load.layout, &load.extra);
+    // The others of U V W are unused.
+    let mut own = world.iter().enumerate().filter(|(place, _)| *place < 6 || extra.has(*place));
+    if !own.all(|(_, value)| value.is_finite()) {
+        return Err(Cause::PoseNotFinite.into());
+    }
+    // Nothing would reset a value to 0 for a letter that no joint moves.
+    for (letter, value) in Letter::ALL.into_iter().zip(world) {
+        if layout.is_held(letter) && !extra.has(letter.index()) {
+            letter.check_held(*value, size)?;
+        }
+    }
+    let mut joints = [0.0; MAX_JOINTS];
+    let letters = layout.joint_letters().into_iter().flatten();
+    for (joint, letter) in joints.iter_mut().zip(letters) {
+        *joint = world.get(letter.index()).copied().unwrap_or(0.0);
+    }
+    Ok(joints)
+}
+
+/// Returns the derivatives of the joints of legs and table by LinuxCNC's letters: 1 for the letter of each.
+pub fn rows_of_letters(layout: &Layout) -> [World; MAX_JOINTS] {
+    let mut rows = [World::default(); MAX_JOINTS];
+    let letters = layout.joint_letters().into_iter().flatten();
+    for (row, letter) in rows.iter_mut().zip(letters) {
+        row.get_mut(letter.index()).into_iter().for_each(|rate| *rate = 1.0);
+    }
+    rows
 }
 
 impl Module {
@@ -114,21 +159,17 @@ impl Module {
         extra: &[f64],
         world: &mut World,
     ) -> Result<(), Fault> {
-        let bad = joints.iter().enumerate().find(|(_, value)| !value.is_finite());
-        self.pins.fwd_kins_fail.set(bad.is_some());
-        if let Some((i, value)) = bad {
-            let fault = Fault::of_joint(Cause::JointNotFinite, self.layout(), i, *value);
-            return self.recorded(Err(fault));
-        }
-        let mut pose = [0.0; 6];
-        for (letter, value) in self.layout().joint_letters().into_iter().flatten().zip(joints) {
-            pose.get_mut(letter.index()).into_iter().for_each(|place| *place = *value);
-        }
+        let pose = pose_of(self.layout(), joints);
+        self.pins.fwd_kins_fail.set(pose.is_err());
+        let pose = match pose {
+            Ok(pose) => pose,
+            Err(fault) => return self.recorded(Err(fault)),
+        };
         self.identity_joints = Some(joints_of(joints));
         self.pins.show_pose(pose);
         self.track_machine(joints, &self.seed_in(world, &self.tool.offset()));
         world.iter_mut().zip(pose).for_each(|(to, value)| *to = value);
-        self.write_extra(extra, world);
+        write_extra(&self.load, extra, world);
         Ok(())
     }
 
@@ -162,25 +203,9 @@ impl Module {
 
     /// Returns the joints of LinuxCNC's pose, each the value of its letter.
     pub(super) fn identity_inverse(&mut self, world: &World) -> Result<Joints, Fault> {
-        let extra = &self.load.extra;
-        // The others of U V W are unused.
-        let mut own = world.iter().enumerate().filter(|(place, _)| *place < 6 || extra.has(*place));
-        if !own.all(|(_, value)| value.is_finite()) {
-            return Err(Cause::PoseNotFinite.into());
-        }
-        // Nothing would reset a value to 0 for a letter that no joint moves. Before a geometry is known
-        // the rounding tolerance is that of one machine unit.
+        // Before a geometry is known the rounding tolerance is that of one machine unit.
         let size = self.frozen.as_ref().map_or(1.0, |frozen| frozen.machine.size());
-        for (letter, value) in Letter::ALL.into_iter().zip(world) {
-            if self.layout().is_held(letter) && !extra.has(letter.index()) {
-                letter.check_held(*value, size)?;
-            }
-        }
-        let mut joints = [0.0; MAX_JOINTS];
-        let letters = self.layout().joint_letters().into_iter().flatten();
-        for (joint, letter) in joints.iter_mut().zip(letters) {
-            *joint = world.get(letter.index()).copied().unwrap_or(0.0);
-        }
+        let joints = joints_of_letters(&self.load, world, size)?;
         if self.calls.takes_command() {
             self.identity_joints = Some(joints);
         }

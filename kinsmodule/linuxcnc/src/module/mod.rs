@@ -3,10 +3,10 @@
 
 mod contradiction;
 mod correction;
-mod extra;
+pub mod extra;
 mod forward;
 mod freezing;
-mod identity;
+pub mod identity;
 mod monitor;
 mod report;
 mod seeds;
@@ -208,30 +208,17 @@ impl Module {
 
     /// Returns ∂q/∂(x … w) of legs and table, joint units per machine unit and per degree, row by row.
     pub fn jacobian(&self, world: &World) -> Result<[World; MAX_JOINTS], Fault> {
-        let mut rows = [World::default(); MAX_JOINTS];
         if self.kind == Kind::Identity {
-            let letters = self.layout().joint_letters().into_iter().flatten();
-            for (row, letter) in rows.iter_mut().zip(letters) {
-                row.get_mut(letter.index()).into_iter().for_each(|rate| *rate = 1.0);
-            }
-            return Ok(rows);
+            return Ok(identity::rows_of_letters(self.layout()));
         }
-        let (chain, tool) = (&self.carrying.chain, self.tool_in_effect()?);
-        let pose = self.carrying.pose_of(world, &tool)?;
-        let at = self.frozen()?.machine.at(&pose, &chain.machine_tool(&tool))?;
-        let (jacobian, rates) = (at.pose_jacobian()?, chain.rates(world, &tool));
-        for (to, row) in rows.iter_mut().zip(jacobian.row_iter()) {
-            for (to, column) in to.iter_mut().zip(rates.column_iter()) {
-                *to = row.iter().zip(column.iter()).map(|(value, rate)| value * rate).sum();
-            }
-        }
-        Ok(rows)
+        let tool = self.tool_in_effect()?;
+        extra::pose_rows(&self.frozen()?.machine, &self.carrying.chain, world, &tool)
     }
 
     /// Returns the orientations of tool and workpiece in base: no state changes, no fault is recorded.
     ///
     /// In identity kinematics no joint rotates a tool, whatever the letters of the pose are.
-    pub fn frames(&self, joints: &[f64], extra: &[f64]) -> Result<[Matrix3<f64>; 2], Fault> {
+    pub fn frames(&self, joints: &[f64], axes: &[f64]) -> Result<[Matrix3<f64>; 2], Fault> {
         if self.kind == Kind::Identity {
             return Ok([Matrix3::identity(); 2]);
         }
@@ -241,7 +228,7 @@ impl Module {
         let joints = self.correction.taken_from(joints);
         let pose = machine.forward(&joints, &seed, &tool, &self.pins.solver())?.pose;
         let mut world = [0.0; 9];
-        self.write_extra(extra, &mut world);
+        extra::write_extra(&self.load, axes, &mut world);
         Ok(self.carrying.chain.frames(&pose, &world))
     }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The pins of the axes that carry workpiece, tool or legs, and of a workpiece on the platform.
 
-use super::maker::{Maker, Vector, read};
+use super::maker::{Live, Maker, Source, Vector};
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::{ChainGeometry, LinkGeometry, Load, MAX_LINKS, text};
 
@@ -34,6 +34,12 @@ fn places(load: &Load) -> impl Iterator<Item = usize> + '_ {
 }
 
 impl ChainPins {
+    /// Returns the number of its pins.
+    pub(super) fn count(load: &Load) -> usize {
+        // What it carries and its axis; the point of a rotary one; the fixed holder.
+        places(load).map(|i| if i < ROTARY { 7 } else { 4 }).sum::<usize>() + 3
+    }
+
     pub(super) fn create(&mut self, make: &Maker, load: &Load) -> Result<(), HalError> {
         use Direction::In;
         for i in places(load) {
@@ -55,20 +61,20 @@ impl ChainPins {
 
     /// Returns the position of the control point of the fixed holder; all NaN is the default and means that the
     /// workpiece is not on the platform.
-    pub(super) fn holder(&self) -> Option<[f64; 3]> {
+    pub(super) fn holder(&self, from: &impl Source) -> Option<[f64; 3]> {
         if !self.is_made {
             return None;
         }
-        let holder = read(&self.holder);
+        let holder = from.row(&self.holder);
         (!holder.iter().all(|v| v.is_nan())).then_some(holder)
     }
 
     /// Reads the chain from the pins.
-    pub(super) fn given(&self, load: &Load) -> ChainGeometry {
-        let mut given = ChainGeometry { holder: self.holder(), ..ChainGeometry::NONE };
+    pub(super) fn given(&self, load: &Load, from: &impl Source) -> ChainGeometry {
+        let mut given = ChainGeometry { holder: self.holder(from), ..ChainGeometry::NONE };
         for i in places(load).filter(|_| self.is_made) {
             if let (Some(to), Some(pins)) = (given.links.get_mut(i), self.links.get(i)) {
-                *to = pins.given(i < ROTARY);
+                *to = pins.given(i < ROTARY, from);
             }
         }
         given
@@ -77,16 +83,16 @@ impl ChainPins {
     /// Returns whether the pins give the frozen chain.
     pub(super) fn give(&self, frozen: &ChainGeometry, load: &Load) -> bool {
         let same = |i: usize| match (frozen.links.get(i), self.links.get(i)) {
-            (Some(link), Some(pins)) => pins.given(i < ROTARY) == *link,
+            (Some(link), Some(pins)) => pins.given(i < ROTARY, &Live) == *link,
             _ => true,
         };
-        self.holder() == frozen.holder && places(load).all(|i| !self.is_made || same(i))
+        self.holder(&Live) == frozen.holder && places(load).all(|i| !self.is_made || same(i))
     }
 }
 
 impl LinkPins {
-    fn given(&self, is_rotary: bool) -> LinkGeometry {
-        let point = if is_rotary { read(&self.point) } else { [0.0; 3] };
-        LinkGeometry { carries: self.carries.get(), axis: read(&self.axis), point }
+    fn given(&self, is_rotary: bool, from: &impl Source) -> LinkGeometry {
+        let point = if is_rotary { from.row(&self.point) } else { [0.0; 3] };
+        LinkGeometry { carries: from.get(&self.carries), axis: from.row(&self.axis), point }
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The pins of a leg: the values of its kind, and the correction of a strut.
 
-use super::maker::{Maker, Vector, read};
+use super::maker::{Maker, Source, Vector};
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::leg::{CrankGeometry, Kind, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{LegGeometry, LegKind};
@@ -111,37 +111,39 @@ impl LegPins {
     }
 
     /// Reads the leg from the pins; `common_lead` is that of all struts.
-    pub(super) fn given(&self, kind: Kind, common_lead: f64) -> LegGeometry {
+    #[inline(always)]
+    pub(super) fn given(&self, kind: Kind, common_lead: f64, from: &impl Source) -> LegGeometry {
         // A ring has no platform anchor pins.
-        let (base, platform) = (read(&self.base), || read(&self.platform));
+        let (base, platform) = (from.row(&self.base), || from.row(&self.platform));
         match kind {
-            Kind::Ring => self.ring(base),
-            Kind::Strut => LegGeometry::strut(base, platform(), self.strut(common_lead)),
+            Kind::Ring => self.ring(base, from),
+            Kind::Strut => LegGeometry::strut(base, platform(), self.strut(common_lead, from)),
             Kind::Slider => {
-                let (guide, rod, side) = (read(&self.guide), self.rod.get(), self.side.get());
+                let guide = from.row(&self.guide);
+                let (rod, side) = (from.get(&self.rod), from.get(&self.side));
                 let kind = LegKind::Slider(SliderGeometry { guide, rod, side });
                 LegGeometry { base, platform: platform(), kind }
             }
             Kind::Crank => {
-                let (axis, arm) = (read(&self.axis), read(&self.arm));
-                let (rod, side) = (self.rod.get(), self.side.get());
+                let (axis, arm) = (from.row(&self.axis), from.row(&self.arm));
+                let (rod, side) = (from.get(&self.rod), from.get(&self.side));
                 let kind = LegKind::Crank(CrankGeometry { axis, arm, rod, side });
                 LegGeometry { base, platform: platform(), kind }
             }
         }
     }
 
-    fn ring(&self, base: [f64; 3]) -> LegGeometry {
-        let [radius, height] = read(&self.effector);
+    fn ring(&self, base: [f64; 3], from: &impl Source) -> LegGeometry {
+        let [radius, height] = from.row(&self.effector);
         let kind = LegKind::Ring(RingGeometry { radius });
         LegGeometry { base, platform: [0.0, 0.0, height], kind }
     }
 
-    fn strut(&self, common_lead: f64) -> StrutGeometry {
-        let own = self.lead.get();
+    fn strut(&self, common_lead: f64, from: &impl Source) -> StrutGeometry {
+        let own = from.get(&self.lead);
         StrutGeometry {
-            base_axis: read(&self.base_axis),
-            platform_axis: read(&self.platform_axis),
+            base_axis: from.row(&self.base_axis),
+            platform_axis: from.row(&self.platform_axis),
             lead: if own == 0.0 { common_lead } else { own },
         }
     }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The creation and reading of pins: single ones, and those that end with a coordinate's letter.
+//! The creation and reading of pins: single ones, and those that end with a coordinate's letter. Outside real time
+//! they are values of a parameter block.
 
-use crate::hal::{Component, Direction, HalError, Name, Pin, PinValue};
+use crate::hal::{Component, Direction, HalError, Name, Pin};
+use crate::outside::{Table, TableValue};
 use kinematics::{Fault, text};
 
 /// Three pins `.x`, `.y`, `.z`.
@@ -14,8 +16,36 @@ pub(super) const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
 /// Creates pins of one mechanism.
 pub struct Maker {
-    pub component: Component,
+    pub target: Target,
     pub place: Place,
+}
+
+/// Where pins are created.
+#[derive(Clone, Copy)]
+pub enum Target {
+    Hal(Component),
+    /// Inputs only.
+    Table(&'static Table),
+}
+
+/// Where the values of pins come from.
+pub trait Source {
+    fn get<T: TableValue>(&self, pin: &Pin<T>) -> T;
+
+    /// Reads a row of pins.
+    fn row<const M: usize>(&self, pins: &[Pin<f64>; M]) -> [f64; M] {
+        pins.each_ref().map(|pin| self.get(pin))
+    }
+}
+
+/// The values of HAL's pins.
+pub struct Live;
+
+impl Source for Live {
+    #[inline(always)]
+    fn get<T: TableValue>(&self, pin: &Pin<T>) -> T {
+        pin.get()
+    }
 }
 
 /// Which mechanism of a module, and the numbers of its first leg and joint.
@@ -58,15 +88,23 @@ impl Maker {
         if self.place.is_second { None } else { legs.get(n) }
     }
 
-    pub fn one<T: PinValue>(
+    pub fn one<T: TableValue>(
         &self,
         pin: &mut Pin<T>,
         direction: Direction,
         name: Name,
         value: T,
     ) -> Result<(), HalError> {
-        // SAFETY: only functions that create pins use a maker, on pins in HAL memory.
-        unsafe { pin.create(self.component, direction, &name, value) }
+        match self.target {
+            // SAFETY: only functions that create pins use a maker for HAL, on pins in HAL memory.
+            Target::Hal(component) => unsafe { pin.create(component, direction, &name, value) },
+            Target::Table(table) => {
+                if direction == Direction::In {
+                    table.add(pin, &name, value);
+                }
+                Ok(())
+            }
+        }
     }
 
     pub(super) fn letters<const M: usize>(
@@ -83,9 +121,4 @@ impl Maker {
         }
         Ok(())
     }
-}
-
-/// Reads a row of pins.
-pub(super) fn read<const M: usize>(pins: &[Pin<f64>; M]) -> [f64; M] {
-    pins.each_ref().map(Pin::get)
 }

@@ -9,24 +9,23 @@ mod correction;
 mod guard;
 mod jog;
 mod leg;
+mod machine;
 mod maker;
 mod workspace_box;
 
 pub use guard::{FAR, GuardInputs, GuardPins};
 pub use jog::JogPins;
-pub use maker::{Maker, Place};
+pub use machine::MachinePins;
+pub use maker::{Live, Maker, Place, Source, Target};
 
 use crate::hal::{Component, Direction, HalError, Pin};
 use crate::tool::JointLimits;
-use chain::ChainPins;
 pub use correction::CorrectionPins;
-use kinematics::leg::Kind;
 use kinematics::{
-    ChainGeometry, Fault, Geometry, Joints, Layout, Load, MAX_BOXES, MAX_JOINTS, MAX_LEGS, Machine,
-    Method, PerLeg, Solver, Vector3, WorkspaceBox, text,
+    ChainGeometry, Fault, Geometry, Joints, Layout, Load, MAX_BOXES, MAX_JOINTS, Machine, PerLeg,
+    Solver, Vector3, WorkspaceBox, text,
 };
-use leg::LegPins;
-use maker::{Pose6, Vector, read};
+use maker::{Pose6, Vector};
 use workspace_box::BoxPins;
 
 /// The version as one number: a million per major version, a thousand per minor version.
@@ -54,23 +53,15 @@ struct JointPins {
 /// All pins of a mechanism, in HAL memory.
 #[repr(C)]
 pub struct Pins {
-    legs: [LegPins; MAX_LEGS],
+    machine: MachinePins,
     joints: [JointPins; MAX_JOINTS],
     boxes: [BoxPins; MAX_BOXES],
     searching: Pin<bool>,
-    screw_lead: Pin<f64>,
-    home: Pose6,
-    centre: Vector,
-    spindle_offset: Pin<f64>,
-    tool_offset: Pin<f64>,
     tool_offset_x: Pin<f64>,
     tool_offset_y: Pin<f64>,
     tool_offset_eff: Vector,
     pub tool_busy: Pin<bool>,
     pub feed_inhibit: Pin<bool>,
-    convergence_criterion: Pin<f64>,
-    limit_iterations: Pin<u32>,
-    residual_limit: Pin<f64>,
     max_error: Pin<f64>,
     pub last_iterations: Pin<u32>,
     pub max_iterations: Pin<u32>,
@@ -90,7 +81,6 @@ pub struct Pins {
     fault_count: Pin<u32>,
     fault_reset: Pin<bool>,
     version: Pin<u32>,
-    chain: ChainPins,
     pub jog: JogPins,
     pub guard: GuardPins,
 }
@@ -110,6 +100,11 @@ impl Given {
         let machine = Machine::freeze(&self.geometry, &self.offset)?;
         machine.check_tool(&Vector3::new(0.0, 0.0, self.spindle_offset))?;
         Ok(machine)
+    }
+
+    /// Combines the hash of geometry and chain with everything else that affects the joints.
+    pub fn hash(&self, load: &Load, of_chain: u32) -> u32 {
+        load.hash(of_chain, &self.offset, self.spindle_offset)
     }
 }
 
@@ -151,10 +146,8 @@ impl Pins {
         load: &Load,
         place: Place,
     ) -> Result<(), HalError> {
-        let make = Maker { component, place };
-        for (n, (leg, kind)) in self.legs.iter_mut().zip(load.kinds()).enumerate() {
-            leg.create(&make, n, *kind)?;
-        }
+        let make = Maker { target: Target::Hal(component), place };
+        self.machine.create_legs(&make, load)?;
         for (n, joint) in self.joints.iter_mut().enumerate().take(load.layout.joints()) {
             joint.create(&make, n)?;
         }
@@ -167,7 +160,7 @@ impl Pins {
         }
         self.create_inputs(&make)?;
         if !place.is_second && load.second().is_none() {
-            self.chain.create(&make, load)?;
+            self.machine.create_chain(&make, load)?;
         }
         self.create_outputs(&make)?;
         if !place.is_second {
@@ -179,13 +172,7 @@ impl Pins {
 
     /// Uses the pins that both mechanisms share, from those of the first.
     pub fn share(&self, first: &Self) {
-        for (own, first) in [
-            (&self.screw_lead, &first.screw_lead),
-            (&self.convergence_criterion, &first.convergence_criterion),
-            (&self.residual_limit, &first.residual_limit),
-        ] {
-            own.share(first);
-        }
+        self.machine.share(&first.machine);
         for (own, first) in [
             (&self.machine_on, &first.machine_on),
             (&self.apply, &first.apply),
@@ -193,7 +180,6 @@ impl Pins {
         ] {
             own.share(first);
         }
-        self.limit_iterations.share(&first.limit_iterations);
         self.fault.share(&first.fault);
         self.fault_leg.share(&first.fault_leg);
         self.fault_count.share(&first.fault_count);
@@ -207,10 +193,8 @@ impl Pins {
     fn create_inputs(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::In;
         let name = |name: &str| text![make.stem(), name];
-        make.letters(&mut self.home, In, name("home."), [f64::NAN; 6])?;
-        make.letters(&mut self.centre, In, name("centre."), [0.0; 3])?;
-        make.one(&mut self.spindle_offset, In, name("spindle-offset"), 0.0)?;
-        make.one(&mut self.tool_offset, In, name("tool-offset"), 0.0)?;
+        self.machine.create_pose(make)?;
+        self.machine.create_centre(make)?;
         make.one(&mut self.tool_offset_x, In, name("tool-offset-x"), 0.0)?;
         make.one(&mut self.tool_offset_y, In, name("tool-offset-y"), 0.0)
     }
@@ -229,17 +213,15 @@ impl Pins {
         make.one(&mut self.assembly, Out, name("assembly"), 0)?;
         make.one(&mut self.geometry_ok, Out, name("geometry-ok"), false)?;
         make.one(&mut self.geometry_hash, Out, name("geometry-hash"), 0)?;
+        self.machine.create_hash(make, Out)?;
         make.one(&mut self.geometry_changed, Out, name("geometry-changed"), false)
     }
 
     /// Creates the pins that a module has once, regardless of the number of mechanisms.
     fn create_common(&mut self, make: &Maker) -> Result<(), HalError> {
         use Direction::{In, Out};
-        make.one(&mut self.screw_lead, In, text!["pkmkins.screw-lead"], 0.0)?;
-        let criterion = &mut self.convergence_criterion;
-        make.one(criterion, In, text!["pkmkins.convergence-criterion"], 1e-9)?;
-        make.one(&mut self.limit_iterations, In, text!["pkmkins.limit-iterations"], 120)?;
-        make.one(&mut self.residual_limit, In, text!["pkmkins.residual-limit"], 0.0)?;
+        self.machine.create_common(make)?;
+        self.machine.create_residual_limit(make)?;
         make.one(&mut self.max_error, In, text!["pkmkins.max-error"], 500.0)?;
         make.one(&mut self.machine_on, In, text!["pkmkins.machine-on"], false)?;
         make.one(&mut self.apply, In, text!["pkmkins.apply"], false)?;
@@ -256,31 +238,22 @@ impl Pins {
 
     /// Reads the pins that affect the joint values, except the tool.
     pub fn given(&self, load: &Load) -> Given {
-        let common_lead = self.screw_lead.get();
-        let kind = |i: usize| load.kinds().get(i).copied().unwrap_or(Kind::Strut);
-        let mut geometry = Geometry::of_layout(load.layout, |i| {
-            self.legs[i.min(MAX_LEGS - 1)].given(kind(i), common_lead)
-        });
-        geometry.centre = read(&self.centre);
-        // All NaN is the default and means that no reference pose was given.
-        let home = read(&self.home);
-        let home = (!home.iter().all(|v| v.is_nan())).then_some(home);
-        geometry.home = home.map(|home| ChainGeometry::machine_home(self.chain.holder(), home));
-        let mut offset = [0.0; MAX_LEGS];
-        for (value, leg) in offset.iter_mut().zip(&self.legs).take(load.layout.legs()) {
-            *value = leg.offset.get();
-        }
-        Given { geometry, offset, spindle_offset: self.spindle_offset.get() }
+        self.machine.given(load, &Live)
     }
 
     /// Reads what the extra axes carry.
     pub fn chain(&self, load: &Load) -> ChainGeometry {
-        self.chain.given(load)
+        self.machine.chain(load, &Live)
     }
 
     /// Returns whether the pins give the frozen chain.
     pub fn give_chain(&self, frozen: &ChainGeometry, load: &Load) -> bool {
-        self.chain.give(frozen, load)
+        self.machine.give_chain(frozen, load)
+    }
+
+    /// Shows the hash of everything that affects the joints, for callers outside real time.
+    pub fn show_kinematics_hash(&self, hash: u32) {
+        self.machine.kinematics_hash.set(hash);
     }
 
     /// Reads box `k` of the workspace, and the hash of its geometry.
@@ -291,7 +264,11 @@ impl Pins {
 
     /// Returns the requested tool offset.
     pub fn tool(&self) -> Vector3<f64> {
-        Vector3::new(self.tool_offset_x.get(), self.tool_offset_y.get(), self.tool_offset.get())
+        Vector3::new(
+            self.tool_offset_x.get(),
+            self.tool_offset_y.get(),
+            self.machine.tool_offset.get(),
+        )
     }
 
     /// Returns the limits of the joints, live, narrowed for their corrections; joints beyond the last one have none.
@@ -311,12 +288,7 @@ impl Pins {
 
     /// Returns the solver settings, live.
     pub fn solver(&self) -> Solver {
-        Solver {
-            convergence_criterion: self.convergence_criterion.get(),
-            limit_iterations: self.limit_iterations.get(),
-            residual_limit: self.residual_limit.get(),
-            method: Method::Certified,
-        }
+        self.machine.solver(&Live)
     }
 
     /// Returns the smallest and largest values and largest speeds of the first `count` joints, narrowed for
@@ -371,11 +343,7 @@ impl Pins {
     }
 
     pub fn show_corrections(&self, load: &Load, corrections: &PerLeg) {
-        for ((leg, kind), value) in self.legs.iter().zip(load.kinds()).zip(corrections) {
-            if *kind == Kind::Strut {
-                leg.correction.set(*value);
-            }
-        }
+        self.machine.show_corrections(load, corrections);
     }
 
     /// Shows whether a search runs; only a module with boxes has the pin.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The pins of a box of the workspace, for the start without a seed.
 
-use super::maker::{LETTERS, Maker, Pose6, read};
+use super::maker::{LETTERS, Live, Maker, Pose6, Source};
 use crate::hal::{Direction, HalError, Pin};
 use kinematics::{Layout, Load, MAX_LEGS, WorkspaceBox, text};
 
@@ -34,8 +34,8 @@ impl BoxPins {
 
     pub(super) fn given(&self, layout: &Layout) -> WorkspaceBox {
         let mut given = WorkspaceBox {
-            low: read(&self.low),
-            high: read(&self.high),
+            low: Live.row(&self.low),
+            high: Live.row(&self.high),
             steps: self.steps.get(),
             ..WorkspaceBox::EMPTY
         };

@@ -7,7 +7,7 @@
 //! carry something, [`pair`] a second mechanism, and a [`control`] is any of these from LinuxCNC's view;
 //! [`controller`] makes the calls of LinuxCNC's motion controller; [`random`] has repeatable random numbers;
 //! [`nut`] checks where genhexkins' arcsin is usable as a reference; [`tracker`] the required result of forward;
-//! [`limit`] the time of the arithmetic alone; [`guarded`] sets every limit; [`tolerances`] every
+//! [`outside`] calls the module outside real time; [`limit`] the time of the arithmetic alone; [`guarded`] sets every limit; [`tolerances`] every
 //! number that a test compares with.
 
 pub mod carrying;
@@ -19,6 +19,7 @@ pub mod limit;
 pub mod machines;
 pub mod module;
 pub mod nut;
+pub mod outside;
 pub mod pair;
 pub mod parallel;
 pub mod random;

@@ -508,12 +508,19 @@ fn linuxcnc_modules() -> PathBuf {
 /// Opens a copy of the file: the dynamic linker identifies libraries by inode, and
 /// only another inode has separate statics. The name is not needed afterwards.
 fn open_own_copy(path: &Path) -> Result<NonNull<c_void>, String> {
-    let say = |error: std::io::Error| format!("{}: {error}", path.display());
-    let copy = own_name();
-    std::fs::write(&copy, &*without_lines(path).map_err(say)?).map_err(say)?;
+    let copy = own_copy(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let object = stub::open(&copy, false);
     let _ = std::fs::remove_file(&copy);
     object
+}
+
+/// Writes a copy of the file, to be removed once it is open.
+/// # Errors
+/// The file cannot be read, or the copy not written.
+pub fn own_copy(path: &Path) -> std::io::Result<PathBuf> {
+    let copy = own_name();
+    std::fs::write(&copy, &*without_lines(path)?)?;
+    Ok(copy)
 }
 
 /// Returns a name that no other test uses.

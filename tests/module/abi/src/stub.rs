@@ -91,10 +91,21 @@ pub fn pass_time(nanoseconds: i64) {
 /// The dynamic linker's message.
 pub fn open(path: &Path, global: bool) -> Result<NonNull<c_void>, String> {
     let scope = if global { libc::RTLD_GLOBAL } else { libc::RTLD_LOCAL };
+    open_as(path, libc::RTLD_NOW | scope)
+}
+
+/// Opens a shared library without looking up its symbols before they are needed.
+/// # Errors
+/// The dynamic linker's message.
+pub fn open_lazily(path: &Path) -> Result<NonNull<c_void>, String> {
+    open_as(path, libc::RTLD_LAZY | libc::RTLD_LOCAL)
+}
+
+fn open_as(path: &Path, flags: c_int) -> Result<NonNull<c_void>, String> {
     let name = CString::new(path.as_os_str().as_encoded_bytes()).expect("a path without NUL");
     // SAFETY: the libraries are kinematics modules and the stub; their
     // constructors do nothing beyond libc's.
-    let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | scope) };
+    let handle = unsafe { libc::dlopen(name.as_ptr(), flags) };
     NonNull::new(handle).ok_or_else(|| {
         // SAFETY: dlerror returns a string that lives until the next dl call.
         unsafe { CStr::from_ptr(libc::dlerror()) }.to_string_lossy().into_owned()

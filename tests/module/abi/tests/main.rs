@@ -22,6 +22,7 @@ mod loading;
 mod migrated;
 mod moves;
 mod offsets;
+mod outside;
 mod pair;
 mod peers;
 mod pins;

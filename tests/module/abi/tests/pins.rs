@@ -49,6 +49,7 @@ const SINGLE: &[(&str, PinType, PinDir, f64)] = &[
     ("fwd-kins-fail", Bit, Out, 0.0),
     ("geometry-ok", Bit, Out, 0.0),
     ("geometry-hash", U32, Out, 0.0),
+    ("kinematics-hash", U32, Out, 0.0),
     ("geometry-changed", Bit, Out, 0.0),
     ("machine-on", Bit, In, 0.0),
     ("apply", Bit, In, 0.0),

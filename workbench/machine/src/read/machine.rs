@@ -11,31 +11,17 @@ use crate::read::mechanism::{Mechanism, in_order};
 use crate::read::older;
 use crate::read::place::Place;
 use keys::{machine as of_machine, second as of_second};
-use kinematics::{Letter, Load, POSE_LETTERS, Second, World};
+use kinematics::{LOAD_PARAMETERS, Letter, Load, POSE_LETTERS, Second, World};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Load parameters of the module, in the order of [`Load::parse`]; then those
-/// of [`Load::with_axes`] and [`Load::with_boxes`], then those of a second mechanism.
-const PARAMETERS: [&str; 9] = [
-    "legs",
-    "coordinates",
-    "table",
-    "axes",
-    "boxes",
-    "second",
-    "second_coordinates",
-    "second_angles",
-    "second_boxes",
-];
-
-/// Why a file with `sparm=` is not judged.
+/// Why a file with `sparm=identityfirst` is not judged.
 const IDENTITY_FIRST: &str = "pkm needs LinuxCNC to start in the machine's kinematics, but sparm=identityfirst starts it in identity \
-     kinematics: use a copy of the file without sparm=, the machine is the same";
+     kinematics: use a copy of the file without identityfirst, the machine is the same";
 
 /// Parameters that may have an empty value.
-const MAY_BE_EMPTY: [&str; 3] = ["table", "axes", "second_angles"];
+const MAY_BE_EMPTY: [&str; 4] = ["table", "axes", "second_angles", "sparm"];
 
 /// Parsed machine configuration; it derefs to the facts of the file.
 #[derive(Clone, Debug)]
@@ -94,10 +80,10 @@ impl MachineConfig {
     /// # Errors
     /// As [`MachineConfig::from_ini`], for any other reason.
     pub fn leniently(ini: &Ini, lenient: Option<Lenient>) -> Result<Self, MachineError> {
-        if lenient != Some(Lenient::Identity) {
-            refuse_identity(ini)?;
-        }
         let load = load(ini)?;
+        if load.is_identity_first() && lenient != Some(Lenient::Identity) {
+            return Err(ini.refuse(ini.require("KINS", "KINEMATICS", "")?, IDENTITY_FIRST).into());
+        }
         let mechanisms = Place::all(&load);
         let legs = mechanisms.iter().map(|(_, load)| load.layout.legs()).sum();
         let mut errors = Errors::default();
@@ -161,16 +147,6 @@ impl MachineConfig {
     }
 }
 
-/// LinuxCNC's load parameter that selects the kinematics at startup.
-const SPARM: &str = "sparm=";
-
-/// Refuses a machine that LinuxCNC starts in the identity.
-fn refuse_identity(ini: &Ini) -> Result<(), IniError> {
-    let entry = ini.first("KINS", "KINEMATICS");
-    let given = entry.filter(|entry| entry.words().any(|word| word.starts_with(SPARM)));
-    given.map_or(Ok(()), |entry| Err(ini.refuse(entry, IDENTITY_FIRST)))
-}
-
 /// Reads the load parameters in `[KINS]KINEMATICS`.
 pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
     let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]";
@@ -180,13 +156,13 @@ pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
     if words.next() != Some("pkmkins") {
         return Err(ini.refuse(entry, expected));
     }
-    let mut given: [Option<&[u8]>; PARAMETERS.len()] = [None; PARAMETERS.len()];
-    for word in words.filter(|word| !word.starts_with(SPARM)) {
-        let place = word
-            .split_once('=')
-            .and_then(|(name, text)| Some((PARAMETERS.iter().position(|p| *p == name)?, text)));
+    let mut given: [Option<&[u8]>; LOAD_PARAMETERS.len()] = [None; LOAD_PARAMETERS.len()];
+    for word in words {
+        let place = word.split_once('=').and_then(|(name, text)| {
+            Some((LOAD_PARAMETERS.iter().position(|p| *p == name)?, text))
+        });
         let (place, text) = place.ok_or_else(|| ini.refuse(entry, expected))?;
-        let name = PARAMETERS[place];
+        let name = LOAD_PARAMETERS[place];
         // LinuxCNC uses the last of several, and ignores an empty one.
         if given[place].is_some() {
             return Err(ini.refuse(entry, &format!("expected {name}= only once; {expected}")));
@@ -196,14 +172,7 @@ pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
         }
         given[place] = Some(text.as_bytes());
     }
-    let [legs, coordinates, table, axes, boxes, second, of_second @ ..] = given;
-    let [second_coordinates, second_angles, second_boxes] = of_second;
-    Load::parse(legs, coordinates, table)
-        .and_then(|load| load.with_second(second, second_coordinates, second_angles))
-        .and_then(|load| load.with_axes(axes))
-        .and_then(|load| load.with_boxes(boxes))
-        .and_then(|load| load.with_second_boxes(second_boxes))
-        .map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))
+    Load::of(given).map_err(|error| ini.refuse(entry, &format!("{}; {expected}", error.text())))
 }
 
 fn check_joints(ini: &Ini, load: &Load) -> Result<(), IniError> {
