@@ -127,6 +127,8 @@ def test_a_table_has_the_columns_of_its_machines_and_a_page_escapes():
     assert text[2].rstrip() == text[2] and text[2].endswith("not judged") and text[0].index("two") == text[1].index("1.2346e+05")
     made = page(["x/<one>.ini", "two.ini"], rows)
     assert "<th>&lt;one&gt;</th><th>two</th>" in made and "<tr><th>b &lt;c&gt;</th><td></td><td>x &amp; y</td><td>not judged</td></tr>" in made
+    made = page(["one.ini", "two.ini"], [("a", "mm", [1.0, 4.0])])
+    assert [made.count(f"style='width:{share}%'") for share in ("25.0", "100.0")] == [1, 1]
 
 
 @pytest.mark.parametrize("words", [["--box", "-1", "0", "0"], ["--tilt", "nan"], ["--tilt", "inf"], ["--tilt", "wide"]])

@@ -482,6 +482,76 @@ def test_the_model_stays_on_a_screen_without_room_for_both(vismach):
     assert vismach.beside((0, 0, 1024, 768), 1118) == (874, 0, 150, 150)
 
 
+class Window:
+    """A window of X, whose content begins at `x`."""
+
+    def __init__(self, name=None, x=0, width=0, is_shown=True, **properties):
+        self.name, self.x, self.width, self.is_shown, self.properties = name, x, width, is_shown, properties
+        self.children, self.moves = [], []
+
+    def get_full_property(self, name, _):
+        return types.SimpleNamespace(value=self.properties[name]) if name in self.properties else None
+
+    def get_wm_class(self):
+        return self.name and (self.name.lower(), self.name)
+
+    def get_attributes(self):
+        return types.SimpleNamespace(map_state=2 if self.is_shown else 0)
+
+    def get_geometry(self):
+        return types.SimpleNamespace(width=self.width)
+
+    def translate_coords(self, window, x, _):
+        return types.SimpleNamespace(x=window.x + x)
+
+    def query_tree(self):
+        return self
+
+    def configure(self, x, y):
+        self.moves.append((x, y))
+
+
+@pytest.fixture
+def screen(vismach, monkeypatch):
+    """Returns a screen of 1920 by 1080 points, and its `Axis`."""
+    made = types.SimpleNamespace(root=Window(), width_in_pixels=1920, height_in_pixels=1080)
+    display = types.SimpleNamespace(screen=lambda: made, intern_atom=str, create_resource_object=lambda _, number: made.root.children[number], sync=lambda: None)
+    monkeypatch.setitem(sys.modules, "Xlib", types.SimpleNamespace(X=types.SimpleNamespace(IsViewable=2), display=types.SimpleNamespace(Display=lambda: display)))
+    return made, vismach.Axis()
+
+
+def test_the_screen_without_panels_is_the_desktops_or_all_of_it(screen):
+    made, axis = screen
+    assert axis.area() == [0, 0, 1920, 1080]
+    made.root.properties["_NET_WORKAREA"] = (10, 20, 1400, 900, 0, 0, 1, 1)
+    assert axis.area() == [10, 20, 1400, 900]
+
+
+def test_the_window_of_axis_is_found_once_it_is_shown(screen):
+    made, axis = screen
+    assert axis.window() is None and axis.arrange([0, 0, 1920, 1080], 0) is None
+    made.root.children = [Window(), Window("Other"), Window("Axis", is_shown=False), Window("Axis")]
+    assert axis.window() is made.root.children[3]
+    made.root.properties["_NET_CLIENT_LIST"] = (1, 2)
+    assert axis.window() is None
+    made.root.properties["_NET_CLIENT_LIST"] = (0, 3)
+    assert axis.window() is made.root.children[3]
+
+
+@pytest.mark.parametrize(
+    ("x", "before", "moves"),
+    # With its frame of 2 and 3 the window is 705 wide, and the model begins at 10 + 705.
+    [(12, 0, []), (13, 0, [(10, 20)]), (300, 0, [(10, 20)]), (300, 705, []), (300, 700, [(10, 20)])],
+)
+def test_axis_moves_to_the_left_edge_if_the_model_needs_its_place(screen, x, before, moves):
+    made, axis = screen
+    window = Window("Axis", x, 700, _NET_FRAME_EXTENTS=(2, 3, 20, 4))
+    made.root.children = [window]
+    assert axis.arrange([10, 20, 1400, 900], before) == 705 and window.moves == moves
+    window.properties = {}
+    assert axis.arrange([10, 20, 1400, 900], 700) == 700
+
+
 # Formulas of the scene.
 
 
