@@ -10,8 +10,9 @@ make setup-page virtual
 PAGE_PART=${1:-0/1}
 PKM=$PWD/target/host/pkm
 PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so
-export PAGE_PART PKM PKM_VIRTUAL_LIBRARY
 here=$PWD/tests/mutants/page out=$PWD/build/mutants/page
+PAGE_PROGRESS=$out/progress.txt
+export PAGE_PART PAGE_PROGRESS PKM PKM_VIRTUAL_LIBRARY
 [ "$here/node_modules/.package-lock.json" -nt "$here/package-lock.json" ] ||
     npm ci --prefix "$here" --silent --no-audit --no-fund
 rm -rf "$out"

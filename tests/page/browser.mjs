@@ -108,14 +108,14 @@ const OBSERVER = () => {
 /** Waits until the page has done its delayed computations. */
 export const rested = (page) => page.evaluate(() => window.seen.rested());
 
-/** Milliseconds to wait for an element of the page. */
-const MOST_WAIT = 15_000;
+/** Milliseconds to wait for an element of the page: in a run of mutants, a slow computer must not look like a failure. */
+const mostWait = () => (given.code ? 60_000 : 15_000);
 
 /** Opens a tab without network, which collects errors and warnings of its pages. */
 export async function tab(browser, options = { offline: true }) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });
   const page = await context.newPage();
-  page.setDefaultTimeout(MOST_WAIT);
+  page.setDefaultTimeout(mostWait());
   page.complaints = [];
   page.on("console", (reply) => ["error", "warning"].includes(reply.type()) && page.complaints.push(reply.text()));
   page.on("pageerror", (error) => page.complaints.push(error.message));
