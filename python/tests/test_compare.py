@@ -34,6 +34,8 @@ def test_lengths_are_millimeters_for_machines_of_any_unit(capsys):
     rows = json.loads(capsys.readouterr().out)["rows"]
     # Without --box and --tilt the only pose is home.
     assert rows[0] == {"name": "poses within every limit", "unit": "", "values": ["1 of 1"] * 2}
+    assert main([str(ini("tripod")), str(ini("tripod")), "--box", "0", "0", "0", "--tilt", "0", "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] == rows
     assert all(row["values"][0] == row["values"][1] for row in rows)
     sides = next(row["values"][0] for row in rows if row["name"] == "size X Y Z")
     machine = Machine.from_ini(ini("tripod"))
@@ -129,6 +131,7 @@ def test_a_table_has_the_columns_of_its_machines_and_a_page_escapes():
     assert "<th>&lt;one&gt;</th><th>two</th>" in made and "<tr><th>b &lt;c&gt;</th><td></td><td>x &amp; y</td><td>not judged</td></tr>" in made
     made = page(["one.ini", "two.ini"], [("a", "mm", [1.0, 4.0])])
     assert [made.count(f"style='width:{share}%'") for share in ("25.0", "100.0")] == [1, 1]
+    assert "<div class=bar" not in page(["one.ini", "two.ini"], [("a", "mm", [0.0, -1.0])])
 
 
 @pytest.mark.parametrize("words", [["--box", "-1", "0", "0"], ["--tilt", "nan"], ["--tilt", "inf"], ["--tilt", "wide"]])

@@ -52,6 +52,8 @@ def test_a_study_is_read_with_its_defaults(study):
     assert (study.name, study.kind, study.seed, study.population, study.candidates, study.bands) == ("tripod", "tripod", 1, 8, 16, 12)
     default = Study.parse(STUDY[: STUDY.index("[search]")])
     assert (default.seed, default.population, default.candidates, default.bands) == (1, 60, 3000, 12)
+    for key, ends in [("seed", (0, 2**31)), ("population", (4, 100_000)), ("candidates", (4, 100_000_000)), ("bands", (4, 200))]:
+        assert [getattr(Study.parse(STUDY[: STUDY.index("[search]")] + f"[search]\n{key} = {end}\n"), key) for end in ends] == list(ends)
     assert study.ranges == (Range("base_radius", None, 200.0, 900.0),) and study.fixed["strut"] == [300, 1200]
     assert study.required == Required(box=((-30.0, 20.0), (0.0, 0.0), (-10.0, 40.0)))
     required = study.required
@@ -75,6 +77,11 @@ def test_a_study_is_read_with_its_defaults(study):
         ("population = 8", "population = 3", "search.population: 3; expected an integer from 4 to 100000"),
         ("population = 8", "population = true", "search.population: True"),
         ("population = 8", "seed = -1", "search.seed: -1; expected an integer from 0 to"),
+        ("population = 8", "seed = 2147483649", "search.seed: 2147483649"),
+        ("population = 8", "population = 100001", "search.population: 100001"),
+        ("candidates = 16", "candidates = 3", "search.candidates: 3"),
+        ("candidates = 16", "candidates = 100_000_001", "search.candidates: 100000001"),
+        ("population = 8", "bands = 3", "search.bands: 3"),
         ("population = 8", "bands = 201", "search.bands: 201"),
         ("x = [-30, 20]", "x = [20, -30]", "required.x: 20.0 to -30.0 is empty"),
         ("x = [-30, 20]", "tilt = -1", "expected numbers >= 0"),
