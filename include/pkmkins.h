@@ -198,17 +198,22 @@ typedef enum KinematicsKind {
 
 #if !(defined(POSEMATH_H) || defined(__LINUXCNC_POSEMATH_H))
 // LinuxCNC's PmCartesian.
-typedef struct PmCartesian {
+typedef struct CartesianVector {
   double x;
   double y;
   double z;
-} PmCartesian;
+} CartesianVector;
+#endif
+
+#if !(defined(POSEMATH_H) || defined(__LINUXCNC_POSEMATH_H))
+// An alias, because LinuxCNC's type has no tag.
+typedef struct CartesianVector PmCartesian;
 #endif
 
 #if !(defined(EMCPOS_H) || defined(__LINUXCNC_EMCPOS_H))
 // LinuxCNC's EmcPose: machine units and degrees.
 typedef struct EmcPose {
-  struct PmCartesian tran;
+  PmCartesian tran;
   double a;
   double b;
   double c;
@@ -231,9 +236,9 @@ typedef unsigned long KINEMATICS_INVERSE_FLAGS;
 #if !(defined(POSEMATH_H) || defined(__LINUXCNC_POSEMATH_H))
 // LinuxCNC's PmRotationMatrix: three column vectors.
 typedef struct RotationColumns {
-  struct PmCartesian x;
-  struct PmCartesian y;
-  struct PmCartesian z;
+  PmCartesian x;
+  PmCartesian y;
+  PmCartesian z;
 } RotationColumns;
 #endif
 
@@ -313,6 +318,28 @@ int kinematicsToolFrame(const double *joint,
 int kinematicsWorkFrame(const double *joint,
                         PmRotationMatrix *rot,
                         const KINEMATICS_FORWARD_FLAGS *_fflags);
+
+// Computes joints at which the tool points along `axis_in_work`, and its X along `x_in_work` if that is not null.
+//
+// LinuxCNC's X Y Z and the extra axes keep the values that they have at the joints `seed`; of the platform's
+// orientations the nearest is the only solution. Joints whose bit in `held` is set keep their values: with a leg among them
+// there is a solution only if it is the seed. Where the angles reach the axis but not X, `tool_spin` receives the rotation
+// about the axis that remains, radians; otherwise 0. `free_directions` receives the number of directions in which
+// joints could move on.
+//
+// Returns the number of solutions, 0 or 1; or −1 without an answer, in the identity kinematics as well.
+//
+// # Safety
+// Each pointer must be null or valid; `seed` has as many values as the machine has joints, and `solutions` room for as
+// many times `max_solutions`.
+int kinematicsToolFrameInverse(const PmCartesian *axis_in_work,
+                               const PmCartesian *x_in_work,
+                               const double *seed,
+                               unsigned int held,
+                               double *solutions,
+                               int max_solutions,
+                               int *free_directions,
+                               double *tool_spin);
 
 // Returns KINEMATICS_BOTH: inverse and forward exist, and forward is not called in every cycle.
 KINEMATICS_TYPE kinematicsType(void);

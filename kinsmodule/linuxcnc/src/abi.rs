@@ -6,8 +6,9 @@
 use crate::component::control;
 use crate::control::{Control, MOST_JOINTS};
 use crate::module::Kind;
-use core::ffi::{c_int, c_long, c_ulong, c_void};
-use kinematics::{Cause, Fault, Matrix3, World};
+use crate::orient::Request;
+use core::ffi::{c_int, c_long, c_uint, c_ulong, c_void};
+use kinematics::{Cause, Fault, Matrix3, Vector3, World};
 
 /// LinuxCNC's kinematics types.
 #[cfg(not(any(kinematics_h, linuxcnc_kinematics_h)))]
@@ -35,11 +36,15 @@ pub type KINEMATICS_INVERSE_FLAGS = c_ulong;
 #[cfg(not(any(posemath_h, linuxcnc_posemath_h)))]
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct PmCartesian {
+pub struct CartesianVector {
     pub x: f64,
     pub y: f64,
     pub z: f64,
 }
+
+/// An alias, because LinuxCNC's type has no tag.
+#[cfg(not(any(posemath_h, linuxcnc_posemath_h)))]
+pub type PmCartesian = CartesianVector;
 
 /// LinuxCNC's EmcPose: machine units and degrees.
 #[cfg(not(any(emcpos_h, linuxcnc_emcpos_h)))]
@@ -234,6 +239,62 @@ pub unsafe extern "C" fn kinematicsWorkFrame(
     let Some([_, work]) = (unsafe { frames(joint, control) }) else { return -1 };
     *rot = work;
     0
+}
+
+/// Computes joints at which the tool points along `axis_in_work`, and its X along `x_in_work` if that is not null.
+///
+/// LinuxCNC's X Y Z and the extra axes keep the values that they have at the joints `seed`; of the platform's
+/// orientations the nearest is the only solution. Joints whose bit in `held` is set keep their values: with a leg among them
+/// there is a solution only if it is the seed. Where the angles reach the axis but not X, `tool_spin` receives the rotation
+/// about the axis that remains, radians; otherwise 0. `free_directions` receives the number of directions in which
+/// joints could move on.
+///
+/// Returns the number of solutions, 0 or 1; or −1 without an answer, in the identity kinematics as well.
+///
+/// # Safety
+/// Each pointer must be null or valid; `seed` has as many values as the machine has joints, and `solutions` room for as
+/// many times `max_solutions`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kinematicsToolFrameInverse(
+    axis_in_work: *const PmCartesian,
+    x_in_work: *const PmCartesian,
+    seed: *const f64,
+    held: c_uint,
+    solutions: *mut f64,
+    max_solutions: c_int,
+    free_directions: *mut c_int,
+    tool_spin: *mut f64,
+) -> c_int {
+    // SAFETY: LinuxCNC passes vectors, from its servo thread, or while none runs.
+    let (axis, x, control) = unsafe { (axis_in_work.as_ref(), x_in_work.as_ref(), control()) };
+    let (Some(axis), Some(control), false) = (axis, control, solutions.is_null()) else {
+        return -1;
+    };
+    // SAFETY: the array has as many values as the machine has joints.
+    let Some(joints) = (unsafe { joints(seed, control) }) else { return -1 };
+    let vector = |given: &PmCartesian| Vector3::new(given.x, given.y, given.z);
+    let Some(request) = Request::new(vector(axis), x.map(vector)) else { return -1 };
+    if max_solutions < 1 || !joints.iter().all(|value| value.is_finite()) {
+        return -1;
+    }
+    let mut found = [0.0; MOST_JOINTS];
+    let (free, spin) = match control.oriented(joints, &request, held, &mut found) {
+        Err(_) => return -1,
+        Ok(None) => return 0,
+        Ok(Some(answer)) => answer,
+    };
+    // SAFETY: LinuxCNC passes room for each, or null.
+    let (free_directions, tool_spin) = unsafe { (free_directions.as_mut(), tool_spin.as_mut()) };
+    match tool_spin {
+        Some(to) => *to = spin,
+        None if spin != 0.0 => return 0,
+        None => {}
+    }
+    free_directions.into_iter().for_each(|to| *to = free as c_int);
+    // SAFETY: room for a row of joints, as `max_solutions` is positive.
+    let solution = unsafe { core::slice::from_raw_parts_mut(solutions, control.joints()) };
+    solution.iter_mut().zip(found).for_each(|(to, value)| *to = value);
+    1
 }
 
 /// Returns KINEMATICS_BOTH: inverse and forward exist, and forward is not called in every cycle.

@@ -13,8 +13,10 @@
 use crate::between::Between;
 use crate::module::Module;
 use crate::module::extra::{write_extra_joints, write_extra_rows};
+use crate::orient::Request;
 use kinematics::{
-    Cause, Fault, Letter, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, Matrix3, Second as SecondLetters, World,
+    Cause, Fault, Letter, Link, MAX_EXTRA, MAX_JOINTS, MAX_LEGS, Matrix3, Second as SecondLetters,
+    World,
 };
 
 /// EMCMOT_MAX_JOINTS.
@@ -26,6 +28,9 @@ pub type AllJoints = [f64; MOST_JOINTS];
 // A table and extra axes share no letter. A second mechanism shares the legs with the first, and
 // its own letters are not those of an extra axis.
 const _: () = assert!(MAX_JOINTS <= MOST_JOINTS && MAX_LEGS + MAX_EXTRA <= MOST_JOINTS);
+
+/// Change of a joint, relative to its value or 1, below which it counts as held: rounding of forward and inverse.
+const HELD: f64 = 1e-9;
 
 /// All mechanisms and axes that LinuxCNC controls.
 pub struct Control {
@@ -174,6 +179,38 @@ impl Control {
     pub fn frames(&self, joints: &[f64]) -> Result<[Matrix3<f64>; 2], Fault> {
         let [own, _, extra] = self.parts(joints);
         self.first.frames(own, extra)
+    }
+
+    /// Writes the joints at which the tool has a requested orientation; joints beyond the first mechanism's keep their values.
+    /// Returns the number of free directions and the remaining spin, or `None` if there are none that leave the joints
+    /// of `held` where they are.
+    pub fn oriented(
+        &self,
+        joints: &[f64],
+        request: &Request,
+        held: u32,
+        answer: &mut [f64],
+    ) -> Result<Option<(usize, f64)>, Fault> {
+        let [own, _, extra] = self.parts(joints);
+        let Some((found, orientation)) = self.first.oriented(own, extra, request)? else {
+            return Ok(None);
+        };
+        let load = self.first.load();
+        answer.iter_mut().zip(joints).for_each(|(to, value)| *to = *value);
+        let legs = answer.iter_mut().zip(&found).take(load.layout.joints());
+        legs.for_each(|(to, value)| *to = *value);
+        let is_held = |n: usize| n < MOST_JOINTS && held >> n & 1 == 1;
+        let mut moved = answer.iter().zip(joints).enumerate().filter(|(n, _)| is_held(*n));
+        if moved.any(|(_, (to, from))| !((to - from).abs() <= HELD * from.abs().max(1.0))) {
+            return Ok(None);
+        }
+        // An extra axis that turns tool or workpiece could move instead.
+        let chain = self.first.chain();
+        let turning = load.extra.places().enumerate().filter(|(n, place)| {
+            let turns = |link: &Link| link.place == *place && link.is_rotary();
+            !is_held(load.first_extra_joint() + n) && chain.links().iter().any(turns)
+        });
+        Ok(Some((orientation.free + turning.count(), orientation.spin)))
     }
 
     /// Switches the kinematics of both mechanisms, or of neither.

@@ -9,6 +9,7 @@
 //! | [`module`] | the state of a mechanism between calls, and its rules |
 //! | [`calls`], [`crossing`] | the commanded pose of a cycle; whether the commanded motion has passed a singular pose |
 //! | [`start`], [`tool`], [`guard`] | the start without a seed; the change of the tool offset; the feed scale |
+//! | [`orient`] | the inverse of the tool frame |
 //! | [`outside`] | the kinematics as functions of a parameter block, for callers outside real time |
 //!
 //! All unsafe code that runs on a machine is here; each block names who guarantees its preconditions.
@@ -28,6 +29,7 @@ mod hal;
 mod jog;
 mod load;
 mod module;
+mod orient;
 mod outside;
 mod pins;
 mod start;

@@ -103,5 +103,5 @@ macro_rules! exported_names {
 exported_names! {
     b"kinematicsForward\0" b"kinematicsInverse\0" b"kinematicsType\0" b"kinematicsSwitchable\0"
     b"kinematicsSwitch\0" b"kinematicsTypeFlags\0" b"kinematicsSetTool\0" b"kinematicsJacobian\0"
-    b"kinematicsToolFrame\0" b"kinematicsWorkFrame\0" b"kinsDescribe\0" b"rtapi_app_main\0" b"rtapi_app_exit\0"
+    b"kinematicsToolFrame\0" b"kinematicsWorkFrame\0" b"kinematicsToolFrameInverse\0" b"kinsDescribe\0" b"rtapi_app_main\0" b"rtapi_app_exit\0"
 }

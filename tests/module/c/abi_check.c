@@ -66,6 +66,9 @@ extern int kinematicsToolFrame(const double *joint, PmRotationMatrix *rot,
                                const KINEMATICS_FORWARD_FLAGS *fflags);
 extern int kinematicsWorkFrame(const double *joint, PmRotationMatrix *rot,
                                const KINEMATICS_FORWARD_FLAGS *fflags);
+extern int kinematicsToolFrameInverse(const PmCartesian *axis_in_work, const PmCartesian *x_in_work,
+                                      const double *seed, unsigned int held, double *solutions,
+                                      int max_solutions, int *free_directions, double *tool_spin);
 extern int kinematicsTypeFlags(int ktype);
 extern int kinematicsSetTool(const EmcPose *tool);
 

@@ -18,6 +18,7 @@ use crate::calls::Calls;
 use crate::crossing::Crossing;
 use crate::guard::Guard;
 use crate::hal::nanoseconds;
+use crate::orient::{Orientation, Request, oriented};
 use crate::pins::{Pins, Place};
 use crate::start::Start;
 use crate::tool::Tool;
@@ -26,7 +27,7 @@ use correction::Correction;
 use extra::Carrying;
 use freezing::Frozen;
 use kinematics::{
-    Cause, Fault, Joints, Layout, Load, MAX_JOINTS, Machine, Matrix3, Pose, Vector3, World,
+    Cause, Chain, Fault, Joints, Layout, Load, MAX_JOINTS, Machine, Matrix3, Pose, Vector3, World,
 };
 use report::Reports;
 use seeds::{Handed, Seeds};
@@ -149,6 +150,10 @@ impl Module {
         self.seeds.last()
     }
 
+    pub fn chain(&self) -> &Chain {
+        &self.carrying.chain
+    }
+
     pub fn load(&self) -> &Load {
         &self.load
     }
@@ -232,11 +237,48 @@ impl Module {
         Ok(self.carrying.chain.frames(&pose, &world))
     }
 
+    /// Returns the joints of legs and table at which the tool has a requested orientation, with the directions that are free
+    /// and the spin that remains; `None` if it cannot have it, or not by a motion without a singular pose.
+    pub fn oriented(
+        &self,
+        joints: &[f64],
+        axes: &[f64],
+        request: &Request,
+    ) -> Result<Option<(Joints, Orientation)>, Fault> {
+        let machine = &self.frozen()?.machine;
+        if self.kind == Kind::Identity {
+            return Err(Cause::KinematicsTypeUnknown.into());
+        }
+        let (chain, tool) = (&self.carrying.chain, self.tool_in_effect()?);
+        let (own_tool, solver) = (chain.machine_tool(&tool), self.pins.solver());
+        let seed = self.seeds.last().or(self.reference()).ok_or(Cause::SeedMissing)?;
+        let own = self.correction.taken_from(joints);
+        let pose = machine.forward(&own, &seed, &own_tool, &solver)?.pose;
+        let mut world = [0.0; 9];
+        extra::write_extra(&self.load, axes, &mut world);
+        chain.to_world(&pose.to_degrees(), &mut world, &tool)?;
+        let Some(found) = oriented((self.layout(), chain), &pose, &world, request) else {
+            return Ok(None);
+        };
+        let there = Pose::from_degrees(chain.to_machine(&found.world, &tool)?);
+        let Ok(mut joints) = machine.inverse(&there, &own_tool) else { return Ok(None) };
+        // Another assembly of the same joints is no answer.
+        let Ok(back) = machine.forward(&joints, &pose, &own_tool, &solver) else { return Ok(None) };
+        if back.pose.distance(&there, machine.radius()) > ORIENTED * machine.size() {
+            return Ok(None);
+        }
+        self.correction.add(&mut joints);
+        Ok(Some((joints, found)))
+    }
+
     /// Returns whether a joint rotates the workpiece: that of an axis which carries it, or the platform's.
     pub fn turns_work(&self) -> bool {
         self.kind == Kind::Machine && !self.carrying.chain.is_empty()
     }
 }
+
+/// Largest distance between a pose and the one that forward finds for its joints, in sizes of the machine.
+const ORIENTED: f64 = 1e-9;
 
 /// The pose of a call that has none.
 const NO_POSE: Pose = Pose {

@@ -4,7 +4,7 @@
 use crate::stub::{self, Message, Pin, World, function};
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap};
-use std::ffi::{CStr, CString, c_char, c_int, c_ulong, c_void};
+use std::ffi::{CStr, CString, c_char, c_int, c_uint, c_ulong, c_void};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::ptr::NonNull;
@@ -40,6 +40,16 @@ type JacobianFn =
 type FrameFn = unsafe extern "C" fn(*const f64, *mut Columns, *const c_ulong) -> c_int;
 type PlainFn = unsafe extern "C" fn() -> c_int;
 type SwitchFn = unsafe extern "C" fn(c_int) -> c_int;
+type ToolFrameInverseFn = unsafe extern "C" fn(
+    *const [f64; 3],
+    *const [f64; 3],
+    *const f64,
+    c_uint,
+    *mut f64,
+    c_int,
+    *mut c_int,
+    *mut f64,
+) -> c_int;
 type SetToolFn = unsafe extern "C" fn(*const Pose) -> c_int;
 
 struct Entry {
@@ -52,6 +62,7 @@ struct Entry {
     jacobian: Option<JacobianFn>,
     tool_frame: Option<FrameFn>,
     work_frame: Option<FrameFn>,
+    tool_frame_inverse: Option<ToolFrameInverseFn>,
     type_flags: Option<SwitchFn>,
     set_tool: Option<SetToolFn>,
 }
@@ -419,6 +430,35 @@ impl Module {
         self.frame(self.entry.work_frame.expect("kinematicsWorkFrame is exported"), joints)
     }
 
+    /// Calls `kinematicsToolFrameInverse`: returns joints, the number of free directions and the spin.
+    /// # Errors
+    /// The number of solutions, or −1.
+    /// # Panics
+    /// If the module does not export it, or has more than one solution.
+    pub fn tool_frame_inverse(
+        &self,
+        axis: [f64; 3],
+        x: Option<[f64; 3]>,
+        seed: &Joints,
+        held: u32,
+    ) -> Result<(Joints, usize, f64), i32> {
+        self.world.enter();
+        let call = self.entry.tool_frame_inverse.expect("kinematicsToolFrameInverse is exported");
+        let (mut joints, mut free, mut spin) = ([0.0; 16], -1, f64::NAN);
+        let x = x.as_ref().map_or(std::ptr::null(), std::ptr::from_ref);
+        // SAFETY: as in `inverse_into`; room for one solution.
+        let count = unsafe {
+            call(&axis, x, seed.as_ptr(), held, joints.as_mut_ptr(), 1, &mut free, &mut spin)
+        };
+        match count {
+            1 => Ok((joints, usize::try_from(free).expect("a number"), spin)),
+            count => {
+                assert!(count < 1, "{count} solutions");
+                Err(count)
+            }
+        }
+    }
+
     /// Calls a frame function on a matrix of NaN, which a refusal must not change.
     fn frame(&self, call: FrameFn, joints: &Joints) -> Result<Columns, i32> {
         self.world.enter();
@@ -479,6 +519,7 @@ impl Entry {
             jacobian: function!(object, "kinematicsJacobian", JacobianFn),
             tool_frame: function!(object, "kinematicsToolFrame", FrameFn),
             work_frame: function!(object, "kinematicsWorkFrame", FrameFn),
+            tool_frame_inverse: function!(object, "kinematicsToolFrameInverse", ToolFrameInverseFn),
             type_flags: function!(object, "kinematicsTypeFlags", SwitchFn),
             set_tool: function!(object, "kinematicsSetTool", SetToolFn),
         })

@@ -22,6 +22,7 @@ mod loading;
 mod migrated;
 mod moves;
 mod offsets;
+mod orient;
 mod outside;
 mod pair;
 mod peers;

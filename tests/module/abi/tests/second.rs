@@ -21,8 +21,9 @@ const OF_JOINTS: [&str; 10] = [
     "joint-correction-eff",
 ];
 
-/// Pins with a common value for both mechanisms, and the clock of calls.
-const OF_BOTH: [&str; 15] = [
+/// Pins with a common value for both mechanisms, the hash that contains the load parameters, and the clock of calls.
+const OF_BOTH: [&str; 16] = [
+    "kinematics-hash",
     "feed-inhibit",
     "feed-scale",
     "limit-soon",
