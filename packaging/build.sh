@@ -35,7 +35,7 @@ arm64)
     # Its compiler must not serve what follows.
     (
         . tools/arm64.sh
-        RUSTFLAGS="${RUSTFLAGS-} -C relro-level=partial" for_arm build --release -p pkmkins
+        module_for_arm
         for_arm build --profile deb --bin pkm --bin pkmkins-pins
     )
     ;;

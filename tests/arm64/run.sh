@@ -19,7 +19,7 @@ cargo build --profile host --locked --quiet -p abi-tests -p prove --bin answers 
 . tools/arm64.sh
 unpacked linuxcnc-uspace "$arm/linuxcnc"
 
-for_arm build --quiet --release -p pkmkins
+module_for_arm --quiet
 for_arm build --quiet --profile host -p abi-tests --bin answers
 module=$PWD/target/arm64/$arm_target/release/libpkmkins.so
 
