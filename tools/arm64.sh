@@ -42,8 +42,8 @@ export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /us
 # Of an apart folder: cargo would build for this processor anew with the other compiler.
 for_arm() { cargo "$@" --locked --target $arm_target --target-dir target/arm64; }
 
-# module_for_arm [OPTION...]: compiles the module, linked lazily as `make module` does.
+# module_for_arm: compiles the module, linked lazily as `make module` does.
 module_for_arm() (
     export RUSTFLAGS="${RUSTFLAGS-} -C relro-level=partial"
-    for_arm build --release -p pkmkins "$@"
+    for_arm build --quiet --release -p pkmkins
 )

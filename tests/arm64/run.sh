@@ -13,13 +13,13 @@ cd "$(dirname "$0")/../.."
 out=$PWD/build/arm64
 
 # What runs here is built before the compiler for the other processor takes the place of this one.
-cargo build --release --locked --quiet -p pkmkins --target-dir target/module
+make --silent module
 cargo build --profile host --locked --quiet -p abi-tests -p prove --bin answers --bin prove
 
 . tools/arm64.sh
 unpacked linuxcnc-uspace "$arm/linuxcnc"
 
-module_for_arm --quiet
+module_for_arm
 for_arm build --quiet --profile host -p abi-tests --bin answers
 module=$PWD/target/arm64/$arm_target/release/libpkmkins.so
 

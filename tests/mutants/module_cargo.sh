@@ -8,7 +8,7 @@ test*--no-run*)
     # handler, which the released file does not contain, ends the test here.
     CARGO_PROFILE_RELEASE_LTO=off CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_DEBUG=false \
         CARGO_PROFILE_RELEASE_CODEGEN_UNITS=16 CARGO_PROFILE_RELEASE_INCREMENTAL=true \
-        exec cargo rustc --release --locked --lib -p pkmkins --target-dir "$MUTANTS_TARGET" -- \
+        exec cargo rustc --release --locked --lib -p pkmkins --target-dir "$MUTANTS_TARGET" -- -Crelro-level=partial \
         -Clink-arg=-Wl,--defsym=pkmkins_has_a_panic_path=0,--defsym=rust_eh_personality=0
     ;;
 test*)
