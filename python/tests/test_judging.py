@@ -247,6 +247,12 @@ def front(study, tmp_path):
         return Front.of(two, record)
 
 
+def test_a_grid_has_up_to_five_round_numbers():
+    ends = [(0, 4), (0, 8), (0, 10), (0, 20), (0, 36), (-1, 2.6)]
+    assert [result._round_between(*one) for one in ends] == [
+        [0, 1, 2, 3, 4], [0, 2, 4, 6, 8], [0, 2.5, 5, 7.5, 10], [0, 5, 10, 15, 20], [0, 10, 20, 30], [-1, 0, 1, 2]]
+
+
 def test_a_front_has_the_machines_that_none_is_better_than(front):
     assert front.machines == (((500.0,), (20.0, 200.0)), ((400.0,), (19.0, 120.0)), ((300.0,), (10.0, 100.0)))
     assert (front.judged, front.fitting, front.killers) == (7, 5, (("reach", 2), ("conditioning", 1)))
