@@ -7,6 +7,7 @@ use super::{Bar, MachineFile, Verdict, moves};
 use draw::motion;
 use draw::plot::Plot;
 use draw::sample::Sample;
+use kinematics::MAX_EXTRA;
 use machine::files::Locate;
 use machine::read::columns::{coordinates, joint_names};
 use machine::read::mechanism::Mechanism;
@@ -65,7 +66,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
             unwritten = table.row(row(&config, visit)).err();
         }
         if arguments.plots.is_some() {
-            samples.push(sample(visit));
+            samples.push(sample(&config, visit));
         }
     });
     drop(bar);
@@ -92,13 +93,16 @@ fn row(config: &Mechanism, visit: &Visit) -> Vec<Option<f64>> {
     place.chain(joints).chain(config.extra_of(&visit.world)).map(Some).collect()
 }
 
-fn sample(visit: &Visit) -> Sample {
+fn sample(config: &Mechanism, visit: &Visit) -> Sample {
+    let mut extra = [0.0; MAX_EXTRA];
+    extra.iter_mut().zip(config.extra_of(&visit.world)).for_each(|(to, value)| *to = value);
     Sample {
         time: visit.time,
         in_world: true,
         pose: visit.pose,
         joints: visit.joints,
         motors: visit.joints,
+        extra,
         passed: 0.0,
         forward: visit.pose,
         corrections: visit.corrections,

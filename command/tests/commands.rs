@@ -704,6 +704,25 @@ fn a_program_and_its_trace() {
 }
 
 #[test]
+fn extra_axes_are_drawn_if_they_move() {
+    let lathe = include_str!("../../configs/lathe-counter-spindle/lathe-counter-spindle.ini");
+    let bench = Bench::new()
+        .with("lathe.ini", lathe)
+        .with("turn.ngc", "G21 G90\nG1 C90 F600\nM2\n")
+        .with("slide.ngc", "G21 G90\nG1 C90 W700 F600\nM2\n");
+    for (program, moved) in [("turn", vec!["rotary"]), ("slide", vec!["linear", "rotary"])] {
+        let words = format!("replay lathe.ini {program}.ngc --period 0.05 --plots {program}");
+        assert!(bench.answer(&words, "").ends_with("exit 0\n"), "{program}");
+        let files = fs::read_dir(bench.0.path().join(program)).unwrap();
+        let names = files.map(|file| file.unwrap().file_name().into_string().unwrap());
+        let mut drawn: Vec<String> =
+            names.filter_map(|name| Some(name.strip_suffix("-extra-axes.svg")?.into())).collect();
+        drawn.sort();
+        assert_eq!(drawn, moved, "{program}");
+    }
+}
+
+#[test]
 fn a_program_that_leaves_the_limits() {
     let bench = Bench::new().with("far.ngc", "G21 G90\nG1 X79 F60000\nG1 X120\nM2\n");
     let answer = bench.answer("replay linear-delta.ini far.ngc --period 0.5", "");

@@ -32,6 +32,7 @@ fn drawn() -> BTreeMap<String, String> {
         .with("study.toml", study)
         .with("dynamics.toml", &noise)
         .with("dial.csv", &measure::lab().table(2, 2.0))
+        .with("turn.ngc", "G21 G90\nG1 C90 W700 F6000\nM2\n")
         .with("curve.ngc", "G21 G90\nG1 X10 F3000\nG1 Y10 Z80\nG1 X0 Y0\nM2\n");
     let hexapod = shared("configs/hexapod/hexapod.ini");
     let surface = shared("configs/hexapod/programs/five-axis-surface.ngc");
@@ -53,6 +54,7 @@ fn drawn() -> BTreeMap<String, String> {
         format!("stability map {hexapod} --study {cutting} --rpm 6000 --grid 7"),
         format!("replay {hexapod} {surface} --period 0.02"),
         "replay linear-delta.ini curve.ngc --period 0.02".into(),
+        format!("replay {} turn.ngc --period 0.02", ini("lathe-counter-spindle").display()),
         format!("calibrate {} dial.csv --tolerance 0.1", ini("lab-hexapod").display()),
     ];
     let mut found = BTreeMap::new();

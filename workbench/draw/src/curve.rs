@@ -12,7 +12,7 @@ use crate::sheet::{Frame, padded, path_axes, span, tick};
 use crate::space::Space;
 use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::style::{BLUE, GRAY, VERMILLION, limit_style};
-use kinematics::{Letter, MAX_LEGS, Vector3};
+use kinematics::{Letter, MAX_EXTRA, MAX_LEGS, Vector3};
 use machine::read::joints::Joint;
 use machine::read::mechanism::Mechanism;
 use paths::base::{Form, Part};
@@ -262,6 +262,7 @@ pub fn of_carriages(config: &Mechanism, places: &[CarriagePose]) -> Result<Vec<P
         pose: place.pose,
         joints: place.joints,
         motors: place.joints,
+        extra: [0.0; MAX_EXTRA],
         passed: 0.0,
         forward: place.pose,
         corrections: [0.0; MAX_LEGS],

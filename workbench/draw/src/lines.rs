@@ -64,7 +64,7 @@ pub(super) fn lines<'a, const N: usize>(
     rows: impl Iterator<Item = (f64, &'a [f64; N])> + Clone,
 ) -> Vec<Line> {
     let line = |i: &usize| Line {
-        name: config.joints[*i].name.clone(),
+        name: config.joint(*i).name.clone(),
         points: thin(rows.clone().map(|(x, values)| (x, values[*i]))),
     };
     group.joints.iter().map(line).collect()

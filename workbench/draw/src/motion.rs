@@ -7,10 +7,13 @@ use crate::sample::Sample;
 use crate::sheet::TIME;
 use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::tool_path::{isometric, tool_path};
-use kinematics::MAX_JOINTS;
+use kinematics::{MAX_EXTRA, MAX_JOINTS};
 use machine::read::joints::{Group, JointKind};
 use machine::read::mechanism::Mechanism;
 use program::joint_curves::{Along, along};
+use program::timeline::AllJoints;
+
+const JOINTS: usize = MAX_JOINTS + MAX_EXTRA;
 
 /// Draws all plots of a trace.
 ///
@@ -19,10 +22,18 @@ use program::joint_curves::{Along, along};
 pub fn all(config: &Mechanism, samples: &[Sample]) -> Result<Vec<Plot>, DrawError> {
     let world: Vec<&Sample> = samples.iter().filter(|s| s.in_world).collect();
     let unit = config.length_unit();
-    let path = along(world.iter().map(|s| (s.pose, s.joints)));
+    let rows: Vec<Row> = world.iter().map(|s| (time(&world, s), s.commands(config))).collect();
+    let path = along(world.iter().zip(&rows).map(|(s, row)| (s.pose, row.1)));
     let mut plots = vec![];
-    for group in config.groups() {
-        plots.extend(of_group(config, &group, &world, &path)?);
+    let all = config.all_groups();
+    for group in all.iter().filter(|group| is_drawn(group, &rows)) {
+        let is_only = all.iter().filter(|other| other.kind == group.kind).count() == 1;
+        let name = match (is_only, group.unit) {
+            (true, _) => group.kind.plural().into(),
+            (false, "degrees") => format!("rotary {}", group.kind.plural()),
+            (false, _) => format!("linear {}", group.kind.plural()),
+        };
+        plots.extend(of_group(config, (&name, group), &rows, &path)?);
     }
     if has_lead(config) {
         plots.push(Plot {
@@ -44,6 +55,15 @@ pub fn all(config: &Mechanism, samples: &[Sample]) -> Result<Vec<Plot>, DrawErro
     Ok(plots)
 }
 
+/// Time, and commands of all joints.
+type Row = (f64, AllJoints);
+
+/// Returns whether a group is drawn: extra axes only if one of them moves, because many programs leave them at rest.
+fn is_drawn(group: &Group, rows: &[Row]) -> bool {
+    let moves = |i: &usize| rows.iter().any(|row| row.1[*i] != rows[0].1[*i]);
+    group.kind != JointKind::Extra || group.joints.iter().any(moves)
+}
+
 fn has_lead(config: &Mechanism) -> bool {
     config.geometry.legs().iter().any(|leg| leg.kind.screw().lead != 0.0)
 }
@@ -51,17 +71,17 @@ fn has_lead(config: &Mechanism) -> bool {
 /// Draws values, changes along the path and speeds of joints of one kind.
 fn of_group(
     config: &Mechanism,
-    group: &Group,
-    world: &[&Sample],
-    path: &[Along],
+    named: (&str, &Group),
+    rows: &[Row],
+    path: &[Along<JOINTS>],
 ) -> Result<[Plot; 3], DrawError> {
-    let name = group.kind.plural();
+    let (name, _) = named;
     let stem = name.replace(' ', "-");
     Ok([
         Plot {
             file: format!("{stem}.svg"),
             caption: format!("{} during the program, with their limits", first_up(name)),
-            svg: values(config, group, world)?,
+            svg: values(config, named, rows)?,
         },
         Plot {
             file: format!("{stem}-path.svg"),
@@ -69,22 +89,25 @@ fn of_group(
                 "Change of {name} since the program's start, against the length of the path of \
                  the control point; a turn in place is a vertical line"
             ),
-            svg: changes(config, group, path)?,
+            svg: changes(config, named, path)?,
         },
         Plot {
             file: format!("{stem}-speeds.svg"),
             caption: format!("Speeds of {name}, with their limits"),
-            svg: speeds(config, group, world)?,
+            svg: speeds(config, named, rows)?,
         },
     ])
 }
 
-fn values(config: &Mechanism, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
-    let lines = lines(config, group, world.iter().map(|s| (time(world, s), &s.joints)));
-    let limits = |i: &usize| config.joints[*i].range().to_vec();
-    let Group { kind, unit, .. } = group;
-    let y = format!("{} in {unit}", kind.quantity());
-    with_limits(&first_up(kind.plural()), &y, lines, group.joints.iter().map(limits))
+fn values(
+    config: &Mechanism,
+    (name, group): (&str, &Group),
+    rows: &[Row],
+) -> Result<String, DrawError> {
+    let lines = lines(config, group, rows.iter().map(|(t, values)| (*t, values)));
+    let limits = |i: &usize| config.range_of(*i).to_vec();
+    let y = format!("{} in {}", group.kind.quantity(), group.unit);
+    with_limits(&first_up(name), &y, lines, group.joints.iter().map(limits))
 }
 
 /// Draws lines over time, each with its limits.
@@ -100,8 +123,12 @@ fn with_limits(
     drawn_strips(&Strips::new(title, TIME, y, &strips), &strips)
 }
 
-fn changes(config: &Mechanism, group: &Group, path: &[Along]) -> Result<String, DrawError> {
-    let title = format!("{}: change since the program's start", first_up(group.kind.plural()));
+fn changes(
+    config: &Mechanism,
+    (name, group): (&str, &Group),
+    path: &[Along<JOINTS>],
+) -> Result<String, DrawError> {
+    let title = format!("{}: change since the program's start", first_up(name));
     let x = format!("length of the path in {}", config.length_unit());
     let y = format!("change of {} in {}", group.kind.quantity(), group.unit);
     let values = path.iter().map(|a| (a.length, &a.change));
@@ -116,22 +143,39 @@ fn corrections(config: &Mechanism, world: &[&Sample], unit: &str) -> Result<Stri
     drawn_apart("Nut corrections", TIME, &format!("correction in {unit}"), lines)
 }
 
-fn speeds(config: &Mechanism, group: &Group, world: &[&Sample]) -> Result<String, DrawError> {
-    let Group { kind, unit, .. } = group;
-    let speeds: Vec<_> = world
-        .windows(2)
-        .map(|w| {
-            let speed = |i: usize| (w[1].joints[i] - w[0].joints[i]) / config.period;
-            (time(world, w[1]), std::array::from_fn::<f64, MAX_JOINTS, _>(speed))
-        })
-        .collect();
-    let lines = lines(config, group, speeds.iter().map(|(t, v)| (*t, v)));
-    let most = group.joints.iter().map(|i| config.joints[*i].speed());
-    let title = format!("Speeds of {}", kind.plural());
-    with_limits(&title, &format!("speed in {unit}/s"), lines, most.map(|most| vec![-most, most]))
+fn speeds(
+    config: &Mechanism,
+    (name, group): (&str, &Group),
+    rows: &[Row],
+) -> Result<String, DrawError> {
+    let speeds = rates(rows);
+    let lines = lines(config, group, speeds.iter().map(|(t, values)| (*t, values)));
+    let most = group.joints.iter().map(|i| config.joint(*i).speed());
+    let y = format!("speed in {}/s", group.unit);
+    with_limits(&format!("Speeds of {name}"), &y, lines, most.map(|most| vec![-most, most]))
+}
+
+/// Returns the mean speeds between rows, each at the later one.
+fn rates(rows: &[Row]) -> Vec<Row> {
+    let rate = |w: &[Row]| {
+        let [(before, from), (now, to)] = [w[0], w[1]];
+        (now, std::array::from_fn(|i| (to[i] - from[i]) / (now - before)))
+    };
+    rows.windows(2).map(rate).collect()
 }
 
 /// Returns the seconds since the program's start.
 fn time(world: &[&Sample], sample: &Sample) -> f64 {
     sample.time - world[0].time
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speeds_are_those_of_the_time_between_the_poses() {
+        let rows = [(0.0, 1.0), (0.5, 3.0), (0.75, 3.0)].map(|(t, value)| (t, [value; JOINTS]));
+        assert_eq!(rates(&rows), [(0.5, [4.0; JOINTS]), (0.75, [0.0; JOINTS])]);
+    }
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Input data of the plots of a motion.
 
-use kinematics::{Joints, PerLeg, Vector3};
+use kinematics::{Joints, MAX_EXTRA, PerLeg, Vector3};
+use machine::read::mechanism::Mechanism;
+use program::timeline::AllJoints;
 
 /// One servo cycle. Lengths in machine units, angles in degrees; 0 beyond the last joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,7 +18,9 @@ pub struct Sample {
     pub joints: Joints,
     /// Motor positions after this cycle's command; for a joint that is homing, from power-up.
     pub motors: Joints,
-    /// Largest difference between an extra axis's coordinate and its joint; poses do not include these coordinates.
+    /// Joint values of the extra axes; poses do not include these coordinates.
+    pub extra: [f64; MAX_EXTRA],
+    /// Largest difference between an extra axis's coordinate and its joint.
     pub passed: f64,
     /// Forward solution of the motor positions of the previous cycle.
     pub forward: [f64; 6],
@@ -31,6 +35,14 @@ pub struct Sample {
 }
 
 impl Sample {
+    /// Returns the commands of all joints: legs, table, then extra axes.
+    pub(super) fn commands(&self, config: &Mechanism) -> AllJoints {
+        let own = config.joints.len();
+        std::array::from_fn(|i| {
+            if i < own { self.joints[i] } else { *self.extra.get(i - own).unwrap_or(&0.0) }
+        })
+    }
+
     pub fn tool(&self) -> Vector3<f64> {
         Vector3::from(self.tool)
     }

@@ -107,7 +107,7 @@ fn needle(sample: &Sample, length: f64) -> [Vector3<f64>; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kinematics::{MAX_JOINTS, MAX_LEGS};
+    use kinematics::{MAX_EXTRA, MAX_JOINTS, MAX_LEGS};
 
     /// Creates a path over these coordinates, each with a different law.
     fn path(letters: &[Letter]) -> Vec<Sample> {
@@ -122,6 +122,7 @@ mod tests {
                 pose,
                 joints: [0.0; MAX_JOINTS],
                 motors: [0.0; MAX_JOINTS],
+                extra: [0.0; MAX_EXTRA],
                 passed: 0.0,
                 forward: pose,
                 corrections: [0.0; MAX_LEGS],

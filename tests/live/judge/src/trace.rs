@@ -7,7 +7,9 @@
 
 use check::mobility::Structure;
 use draw::sample::Sample;
-use kinematics::{Fault, Joints, LegKind, Limit, Limits, MAX_JOINTS, Margin, Pose, Vector3};
+use kinematics::{
+    Fault, Joints, LegKind, Limit, Limits, MAX_EXTRA, MAX_JOINTS, Margin, Pose, Vector3,
+};
 use machine::limits;
 use machine::read::joints::{Group, JointKind};
 use machine::read::mechanism::Mechanism;
@@ -139,6 +141,7 @@ impl Columns<'_> {
             pose,
             joints: self.own(&commands),
             motors: self.own(&motors),
+            extra: self.extra(&commands),
             passed,
             forward: placed(&mut values, 0..6),
             corrections: placed(&mut values, self.struts()),
@@ -187,6 +190,18 @@ impl Columns<'_> {
         sample.pose = chain.to_machine(&world, &tool).map_err(|fault| fault.to_string())?;
         sample.tool = chain.machine_tool(&tool).into();
         Ok(())
+    }
+
+    /// Returns the joints of extra axes.
+    fn extra(&self, joints: &[f64; MOST_JOINTS]) -> [f64; MAX_EXTRA] {
+        let own = joints.iter().skip(self.config.place.first_extra_joint);
+        let mut extra = [0.0; MAX_EXTRA];
+        extra
+            .iter_mut()
+            .zip(own)
+            .take(self.config.extra.len())
+            .for_each(|(to, value)| *to = *value);
+        extra
     }
 
     /// Returns the joints of legs and table.

@@ -5,7 +5,7 @@
 use draw::sample::Sample;
 use judge::trace::{RunResult, judge, read_trace};
 use kinematics::{Pose, Vector3};
-use machine::read::joints::JointKind;
+use machine::read::joints::{ExtraAxis, JointKind};
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 
@@ -66,6 +66,10 @@ fn at(config: &Mechanism, k: usize, pose: [f64; 6]) -> Sample {
         pose,
         joints,
         motors: joints,
+        extra: std::array::from_fn(|n| {
+            let of_axis = |axis: &ExtraAxis| axis.joint.home + n as f64 + pose[0] - config.home[0];
+            config.extra.get(n).map_or(0.0, of_axis)
+        }),
         passed: 0.0,
         forward: pose,
         corrections: config.machine.at(&asked, &tool).unwrap().corrections(),
@@ -164,10 +168,11 @@ fn a_cone_left_in_the_program_is_seen() {
 }
 
 /// Machines with joints other than struts, and their motions.
-const OTHERS: [(&str, [f64; 6]); 3] = [
+const OTHERS: [(&str, [f64; 6]); 4] = [
     ("four-rod-lathe", [50.0, 20.0, -40.0, 0.0, 10.0, 0.0]),
     ("pyramid", [60.0, 30.0, -40.0, 10.0, 10.0, 0.0]),
     ("rotary-delta", [1.0, 1.0, -2.0, 0.0, 0.0, 0.0]),
+    ("lathe-counter-spindle", [50.0, 20.0, -40.0, 0.0, 10.0, 0.0]),
 ];
 
 #[test]
@@ -216,7 +221,8 @@ fn csv(config: &Mechanism, samples: &[Sample]) -> String {
     let joints = config.joints.len();
     let struts = config.joints.iter().filter(|joint| joint.kind == JointKind::Strut).count();
     let mut text = String::from("t_s,phase,x,y,z,a,b,c");
-    for (prefix, count) in [("j", joints), ("m", joints)] {
+    let extra = config.extra.len();
+    for (prefix, count) in [("j", joints + extra), ("m", joints + extra)] {
         (0..count).for_each(|i| write!(text, ",{prefix}{i}").unwrap());
     }
     text.push_str(",fx,fy,fz,fa,fb,fc");
@@ -224,8 +230,13 @@ fn csv(config: &Mechanism, samples: &[Sample]) -> String {
     text.push_str(",tool_x,tool_y,tool_z,iterations,residual\n");
     for s in samples {
         write!(text, "{},{}", s.time, if s.in_world { 2 } else { 0 }).unwrap();
-        let (joints, motors) = (&s.joints[..joints], &s.motors[..joints]);
-        let parts = [&s.pose[..], joints, motors, &s.forward, &s.corrections[..struts], &s.tool];
+        let (joints, motors, extra) = (&s.joints[..joints], &s.motors[..joints], &s.extra[..extra]);
+        let mut pose = s.pose;
+        for (place, value) in config.extra_axes.places().zip(extra).filter(|(k, _)| *k < 6) {
+            pose[place] = *value;
+        }
+        let (forward, corrections) = (&s.forward[..], &s.corrections[..struts]);
+        let parts = [&pose[..], joints, extra, motors, extra, forward, corrections, &s.tool];
         parts.into_iter().flatten().for_each(|v| write!(text, ",{v}").unwrap());
         writeln!(text, ",{},{}", s.iterations, s.residual).unwrap();
     }
@@ -242,7 +253,7 @@ fn a_trace_reads_back_to_the_same_bits_and_bad_columns_are_refused() {
         let text = csv(&config, &written);
         std::fs::write(&file, &text).unwrap();
         assert_eq!(read_trace(&config, &file).unwrap(), written, "{machine}");
-        let last = format!("m{}", config.joints.len() - 1);
+        let last = format!("m{}", config.joints.len() + config.extra.len() - 1);
         std::fs::write(&file, text.replace(&last, "m99")).unwrap();
         let error = read_trace(&config, &file).unwrap_err();
         assert!(error.contains("expected the columns t_s,phase,x"), "{error}");
@@ -287,12 +298,17 @@ fn the_report_of_any_machine_has_a_plot_for_each_kind_of_joint() {
         let (code, text) = report(folder.path(), machine, config.hash, &trace);
         assert_eq!(code, Some(0), "{text}");
         let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
-        for group in config.groups() {
+        for group in config.all_groups() {
             let stem = group.kind.plural().replace(' ', "-");
+            let stem = match (group.kind, group.unit) {
+                (JointKind::Extra, "degrees") => format!("rotary-{stem}"),
+                (JointKind::Extra, _) => format!("linear-{stem}"),
+                _ => stem,
+            };
             for plot in ["", "-path", "-speeds"].map(|kind| format!("{stem}{kind}.svg")) {
                 assert!(page.contains(&plot), "{machine}: {plot}");
                 let svg = std::fs::read_to_string(folder.path().join("out").join(&plot)).unwrap();
-                let joints = group.joints.iter().map(|i| &config.joints[*i].name);
+                let joints = group.joints.iter().map(|i| &config.joint(*i).name);
                 joints.for_each(|name| assert!(svg.contains(name), "{machine} {plot}: {name}"));
             }
         }
