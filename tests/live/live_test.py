@@ -41,8 +41,9 @@ HEXAPOD = REPOSITORY / "configs/hexapod"
 FOUR_ROD_LATHE = REPOSITORY / "configs/four-rod-lathe"
 SIX_ROD_LATHE = REPOSITORY / "configs/six-rod-lathe"
 PYRAMID = REPOSITORY / "configs/pyramid"
-SAMPLE = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
-PENTAPOD_SAMPLE = SAMPLE.parents[1] / "pentapod"
+SAMPLES = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim")
+SAMPLE = SAMPLES / "axis/vismach/hexapod-sim"
+PENTAPOD_SAMPLE = SAMPLES / "axis/pentapod"
 TESTS = {}
 RECORDING = set()  # tests that leave a trace for the judge
 PASSED = "passed"  # a file that a passed test has in its folder
@@ -124,6 +125,24 @@ def add_machine(config):
 
 for folder in sorted((REPOSITORY / "configs").iterdir()):
     add_machine(folder)
+
+
+# -------------------------------------------------------------------- LinuxCNC's samples, migrated
+
+def migrated(file, out):
+    """Runs the demo of a machine that `pkm migrate` makes of one of LinuxCNC's samples."""
+    made = out / file.stem
+    done = subprocess.run([PKM, "migrate", file, "--out", made], stdin=subprocess.DEVNULL, capture_output=True,
+                          text=True, timeout=60)
+    assert done.returncode == 0, done.stderr[-300:]
+    return demo(made, out)
+
+
+for sample_file in ("axis/ldelta.ini", "axis/rdelta.ini", "tklinuxcnc/tripod.ini", "axis/pentapod/pentapod.ini",
+                    "axis/vismach/hexapod-sim/hexapod.ini"):
+    name = f"migrated_{Path(sample_file).stem}"
+    add_test(name, partial(migrated, SAMPLES / sample_file))
+    RECORDING.add(name)
 
 
 # -------------------------------------------------------------------- drop-in for genhexkins

@@ -17,7 +17,8 @@ use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
 
-/// Coarse joint commands against host inverse, in mm or degrees.
+/// Coarse joint commands against host inverse, and motor positions against their range, to which their offset adds a
+/// rounding error; in mm or degrees.
 const JOINT_TOLERANCE: f64 = 1e-9;
 
 /// Host forward of the coarse joints against the commanded pose, as a fraction of the size.
@@ -508,7 +509,7 @@ fn limit_checks(
     for (i, joint) in config.joints.iter().enumerate() {
         let (low, high) = range(&motors(i));
         let allowed = format!("{} to {} {}", joint.min, joint.max, config.unit(joint.kind));
-        let kept = low >= joint.min && high <= joint.max;
+        let kept = low >= joint.min - JOINT_TOLERANCE && high <= joint.max + JOINT_TOLERANCE;
         checks.push(check(&joint.name, format!("{low:.3} to {high:.3}"), &allowed, kept));
     }
     for (what, positions) in

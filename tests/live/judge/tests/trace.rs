@@ -159,6 +159,18 @@ fn a_strut_beyond_its_limit_is_seen() {
 }
 
 #[test]
+fn a_motor_at_its_limit_may_round_beyond_it() {
+    let config = config();
+    let at_end = |by: f64| {
+        let mut samples = samples(&config);
+        samples[2000..].iter_mut().for_each(|s| s.motors[2] = config.joints[2].max + by);
+        let report = judge(&config, &samples, &result(&config)).unwrap();
+        report.checks.into_iter().find(|check| check.name == "strut 2").unwrap().kept
+    };
+    assert!(at_end(1e-13) && !at_end(1e-8));
+}
+
+#[test]
 fn a_cone_left_in_the_program_is_seen() {
     let mut config = config();
     config.angles[4].cones[0] = Some(1.0);
