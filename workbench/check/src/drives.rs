@@ -14,6 +14,7 @@ use machine::read::diagnostic::Severity;
 use machine::read::ini::{Entry, Excerpt, Ini, IniError, Problem};
 use machine::read::places::{HALLIB, MODULES};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -54,11 +55,22 @@ const DELAY: f64 = 1.0;
 
 pub(crate) type Found = (Severity, IniError);
 
-/// Location of a command in a file.
-#[derive(Clone, Debug, Default)]
-struct Location {
-    file: PathBuf,
-    line: usize,
+/// Location of a command in a HAL file, or in an entry of `[HAL]` if the file has no name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Location {
+    pub file: PathBuf,
+    /// Line number from 1; 0 for the whole file.
+    pub line: usize,
+}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.file.as_os_str().is_empty(), self.line) {
+            (true, _) => f.write_str("[HAL]"),
+            (_, 0) => write!(f, "{}", self.file.display()),
+            (_, line) => write!(f, "{}:{line}", self.file.display()),
+        }
+    }
 }
 
 /// The HAL commands of the HAL files.

@@ -4,10 +4,10 @@
 //! The files run as for the drives, in an interpreter without access to files, programs and the network. A part that it
 //! cannot run is a [`Gap`]: a value that this part could set is not determined.
 
-use crate::drives::{program, recorded};
+use crate::drives::{Location, program, recorded};
 use machine::read::ini::Ini;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Keys whose files LinuxCNC runs, in its order.
 const FILES: [&str; 2] = ["HALFILE", "POSTGUI_HALFILE"];
@@ -16,28 +16,10 @@ const FILES: [&str; 2] = ["HALFILE", "POSTGUI_HALFILE"];
 const INTERPRETERS: [&str; 8] =
     ["python", "python2", "python3", "sh", "bash", "halcmd", "haltcl", "tclsh"];
 
-/// A position in a HAL file, or an entry of `[HAL]` if the name is empty.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place {
-    pub file: PathBuf,
-    /// Line number from 1; 0 for the whole file.
-    pub line: usize,
-}
-
-impl std::fmt::Display for Place {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match (self.file.as_os_str().is_empty(), self.line) {
-            (true, _) => f.write_str("[HAL]"),
-            (_, 0) => write!(f, "{}", self.file.display()),
-            (_, line) => write!(f, "{}:{line}", self.file.display()),
-        }
-    }
-}
-
 /// A part of the HAL files that is not run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Gap {
-    pub place: Place,
+    pub place: Location,
     pub reason: String,
     /// The command, if one line is skipped; `None` if the rest of the file is.
     pub command: Option<String>,
@@ -47,22 +29,22 @@ pub struct Gap {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Value {
     /// The word it was set to, and the position of the command.
-    Set(String, Place),
+    Set(String, Location),
     /// Its signal, which no `sets` gives a value, and the position of the connection.
-    Driven(String, Place),
+    Driven(String, Location),
 }
 
 /// All settings of the HAL files.
 #[derive(Clone, Debug, Default)]
 pub struct HalValues {
-    pins: BTreeMap<String, (String, Place)>,
-    signals: BTreeMap<String, (String, Place)>,
-    on: BTreeMap<String, (String, Place)>,
+    pins: BTreeMap<String, (String, Location)>,
+    signals: BTreeMap<String, (String, Location)>,
+    on: BTreeMap<String, (String, Location)>,
     /// Modules in the order of loading, with their load parameters.
     pub modules: Vec<Vec<String>>,
     pub gaps: Vec<Gap>,
     /// Custom programs that are started, and could set pins.
-    pub programs: Vec<(String, Place)>,
+    pub programs: Vec<(String, Location)>,
 }
 
 impl HalValues {
@@ -88,7 +70,7 @@ impl HalValues {
         // HAL files of Machinekit in Python.
         entries.retain(|entry| match entry.split_whitespace().nth(1) {
             Some(name) if name.ends_with(".py") => {
-                let place = Place { file: name.into(), line: 0 };
+                let place = Location { file: name.into(), line: 0 };
                 let reason = "a program of Python computes what is set".into();
                 found.gaps.push(Gap { place, reason, command: None });
                 false
@@ -98,12 +80,16 @@ impl HalValues {
         for line in recorded(ini, "all", &entries)?.lines() {
             let words: Vec<&str> = line.split('\t').collect();
             let [file, line, what, words @ ..] = &words[..] else { continue };
-            found.take(Place { file: file.into(), line: line.parse().unwrap_or(0) }, what, words);
+            found.take(
+                Location { file: file.into(), line: line.parse().unwrap_or(0) },
+                what,
+                words,
+            );
         }
         Ok(found)
     }
 
-    fn take(&mut self, place: Place, what: &str, words: &[&str]) {
+    fn take(&mut self, place: Location, what: &str, words: &[&str]) {
         match (what, words) {
             ("setp", [pin, value, ..]) => {
                 self.pins.insert((*pin).into(), ((*value).into(), place));
@@ -162,7 +148,10 @@ impl HalValues {
     }
 
     /// Returns the pins of a component that are set or on a signal, each with the position of a command.
-    pub fn pins_of<'a>(&'a self, component: &'a str) -> impl Iterator<Item = (&'a str, &'a Place)> {
+    pub fn pins_of<'a>(
+        &'a self,
+        component: &'a str,
+    ) -> impl Iterator<Item = (&'a str, &'a Location)> {
         let all = self.pins.iter().chain(&self.on);
         let own = move |pin: &str| pin.split('.').next() == Some(component);
         all.filter(move |(pin, _)| own(pin)).map(|(pin, (_, place))| (pin.as_str(), place))

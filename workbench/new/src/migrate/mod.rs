@@ -17,7 +17,8 @@ use crate::make::{Made, Order, completed, refuse_name, refuse_place};
 use crate::parameters::{ANCHORS, UNIT};
 use crate::questions::Given;
 use crate::values::{MOST, Refusal, Values};
-use check::hal_values::{Gap, HalValues, Place, Value};
+use check::drives::Location;
+use check::hal_values::{Gap, HalValues, Value};
 use keys::machine as of_machine;
 use kinematics::{Joints, MAX_JOINTS, Pose};
 use machine::digits::plain;
@@ -369,7 +370,7 @@ fn refuse_gaps(
 }
 
 /// Reads a file that is not run.
-fn text_of(old: &OldIni, place: &Place) -> Option<String> {
+fn text_of(old: &OldIni, place: &Location) -> Option<String> {
     let name = place.file.to_string_lossy();
     let file = machine::read::places::named(old.ini.file(), &name);
     read(&file).ok().map(|bytes| String::from_utf8_lossy(&bytes).into())
