@@ -26,6 +26,13 @@ code, pre { background: #f4f4f4; white-space: pre-wrap }
 figure { margin: 2em 0 }
 svg, img { max-width: 100%; height: auto }
 svg text[font-weight] { paint-order: stroke; stroke: #fff; stroke-width: 4px }
+h1 { overflow-wrap: anywhere }
+@media (max-width: 50em) {
+  table { display: block }
+  table, figure { overflow-x: auto }
+  td:last-child { min-width: 8em }
+  svg { min-width: 44em }
+}
 ";
 
 /// Most lines of the command's output that the page repeats.
