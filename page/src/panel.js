@@ -207,7 +207,7 @@ export class Panel {
   showTravel() {
     const { current, refusals, which } = this.page;
     const { kinematics, place } = current;
-    const rows = refusals[which] ? [] : travel(kinematics, current, place.pose, place.tool);
+    const rows = refusals[which] ? [] : travel(kinematics, current, place);
     this.travel.replaceChildren(...rows.map(({ letter, sign, left, unit, end }) =>
       element("tr", { title: end }, element("td", {}, `${sign > 0 ? "+" : "−"}${letter}`), element("td", {}, shown(left, 2)), element("td", {}, unit), element("td", {}, end))));
   }

@@ -18,9 +18,13 @@ function broken(kinematics, limits, pose, tool, k) {
   }
 }
 
-/** Returns for every moving letter and both directions the travel left, its unit, and the limit that ends it. */
-export function travel(kinematics, { scene, limits }, pose, tool) {
-  return scene.axes.flatMap((axis) => [-1, 1].map((sign) => {
+/** Returns the unit of a letter. */
+const unitOf = (scene, letter) => ("ABC".includes(letter) ? "°" : scene.length_unit);
+
+/** Returns for every moving letter and every extra axis, in both directions, the travel left, its unit, and the limit that
+ * ends it. An extra axis ends only at its own range: it does not move the mechanism in its own coordinates. */
+export function travel(kinematics, { scene, limits }, { pose, tool, extra }) {
+  const own = scene.axes.flatMap((axis) => [-1, 1].map((sign) => {
     const k = "XYZABC".indexOf(axis.letter);
     const most = Math.max(sign > 0 ? axis.max - pose[k] : pose[k] - axis.min, 0);
     const place = [...pose];
@@ -44,6 +48,11 @@ export function travel(kinematics, { scene, limits }, pose, tool) {
       end = broken(kinematics, limits, place, tool, k);
       break;
     }
-    return { letter: axis.letter, sign, left: kept, unit: k < 3 ? scene.length_unit : "°", end };
+    return { letter: axis.letter, sign, left: kept, unit: unitOf(scene, axis.letter), end };
   }));
+  const others = scene.extra_axes.flatMap(({ letter, min, max, isLimited }) => [-1, 1].map((sign) => ({
+    letter, sign, left: Math.max(sign > 0 ? max - extra[letter] : extra[letter] - min, 0), unit: unitOf(scene, letter),
+    end: isLimited ? "axis range" : "no limit so far",
+  })));
+  return [...own, ...others];
 }

@@ -87,11 +87,12 @@ async function compareSliders(page, reply, scene, { pose, extra }) {
 }
 
 /** Compares travel with `pkm travel`, which proves the whole path; the page samples a hundred points. */
-async function compareTravel(page, reply, machine, which, own, { pose, tool }) {
-  const words = own.scene.axes.map(({ letter }) => `${which ? SECOND[letter] : letter}${pose["XYZABC".indexOf(letter)].toFixed(12)}`);
+async function compareTravel(page, reply, machine, which, own, { pose, tool, extra }) {
+  const all = [...own.scene.axes, ...own.scene.extra_axes];
+  const words = all.map(({ letter }) => `${which ? SECOND[letter] : letter}${(extra[letter] ?? pose["XYZABC".indexOf(letter)]).toFixed(12)}`);
   const { travel } = answer("travel", machine, "--mechanism", which + 1, "--tool", ...ownTool(own, tool), "--pose", ...words);
   const rows = await texts(page, "table.travel tr", "td");
-  const expected = own.scene.axes.flatMap(({ letter }) => {
+  const expected = all.flatMap(({ letter }) => {
     const axis = which ? SECOND[letter] : letter;
     const way = travel.find((one) => one.letter === axis);
     return [["−", way.minus], ["+", way.plus]].map(([sign, side]) => ({ axis, letter, sign, unit: way.unit, ...side }));
@@ -104,6 +105,17 @@ async function compareTravel(page, reply, machine, which, own, { pose, tool }) {
     check(stop.replace(`axis ${axis}: `, "") === end, `${reply}: ${name} ends at "${end}", by pkm travel at "${stop}"`);
   });
   return rows.length;
+}
+
+/** Checks the travel of extra axes of a machine on which they carry something: that of each alone, without the pose. */
+async function checkCarrying(page, reply, machine, which, { scene }, { extra }) {
+  const rows = (await texts(page, "table.travel tr", "td")).slice(2 * scene.axes.length);
+  const expected = extraOf(machine, which).flatMap(({ letter, min, max }) => [[`−${letter}`, extra[letter] - min], [`+${letter}`, max - extra[letter]]]);
+  check(expected.length > 0 && rows.length === expected.length, `${reply}: ${rows.length} directions of extra axes, not ${expected.length}`);
+  expected.forEach(([name, left], k) => {
+    check(rows[k][0] === name && rows[k][3] === "axis range", `${reply}: ${rows[k]} where ${name} is expected`);
+    near(Number(rows[k][1]), left, half(2), `${reply}: travel ${name}`);
+  });
 }
 
 /** Returns a pose at a share of the distance from home to the ends of the axes, alternately to either end. */
@@ -130,7 +142,7 @@ async function panel(page) {
       for (const share of POSES) {
         const reply = `${name}, mechanism ${which + 1}, ${share}`;
         const { scene } = own;
-        const extra = Object.fromEntries(scene.extra_axes.map(({ letter }, k) => [letter, share * (20 + k)]));
+        const extra = Object.fromEntries(scene.extra_axes.map(({ letter, home }, k) => [letter, home + share * (20 + k)]));
         await page.evaluate(([pose, tool, which, extra]) => window.pkm.take(pose, tool, which, extra), [part(scene, share), own.tool.map((value) => value + share), which, extra]);
         await rested(page);
         const state = await asText(page, (which) => window.pkm.state(which), which);
@@ -147,6 +159,7 @@ async function panel(page) {
         await compareSliders(page, reply, scene, state);
         limits += await compareLimits(page, reply, limitsOf(machine, which, own, state), 9);
         if (scene.chain.length === 0) ways += await compareTravel(page, reply, machine, which, own, state);
+        else await checkCarrying(page, reply, machine, which, own, state);
       }
     }
     check(complaints(page).length === 0, complaints(page).join("; "));
