@@ -117,6 +117,7 @@ fn a_scene_contains_unit_hash_letters_home_and_limits_of_its_file() {
     assert_eq!([&lathe["length_unit"], &tripod["length_unit"]], ["mm", "inch"]);
     assert_eq!(lathe["extra_axes"][1]["letter"], "W");
     assert_eq!(lathe["extra_axes"][1]["joint"], 5);
+    assert_eq!(lathe["extra_axes"][1]["home"], 800.0);
     assert_eq!(lathe["geometry_hash"], config("lathe-counter-spindle").geometry.hash());
     assert_eq!(lathe["home"]["pose"], serde_json::json!([0.0, 450.0, 1000.0, 0.0, 0.0, 0.0]));
     assert_eq!((lathe["clearance"].as_f64(), lathe["tilt_limit"].as_f64()), (Some(50.0), None));

@@ -76,7 +76,7 @@ pub struct ExtraAxis {
     pub letter: char,
     /// Number of its joint in LinuxCNC.
     pub joint: usize,
-    /// Value at `[TRAJ]HOME`.
+    /// Value after homing.
     pub home: f64,
     /// Lowest value.
     pub min: f64,

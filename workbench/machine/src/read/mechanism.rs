@@ -216,9 +216,9 @@ impl Mechanism {
         self.extra_axes.places().map(|place| world[place]).collect()
     }
 
-    /// Returns the values of the extra axes at `[TRAJ]HOME`.
+    /// Returns the values of the extra axes after homing. `[TRAJ]HOME` may leave them out.
     pub fn extra_home(&self) -> Vec<f64> {
-        self.extra_of(&self.world_home)
+        self.extra.iter().map(|axis| axis.joint.home).collect()
     }
 
     /// Returns the words of a program at a commanded position, whose X Y Z A B C are its own.
