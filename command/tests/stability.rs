@@ -67,13 +67,20 @@ fn two_adjustments_of_the_links_stand_side_by_side() {
 fn the_lag_of_two_links_is_answered_drawn_and_written() {
     let bench = Bench::new().with("links.toml", &two_links());
     let words = "stability lag --study links.toml --plots drawn --csv out.csv --format json --stiffness 2000";
-    let found = &json(&bench.answer(words, ""))["adjustments"][0];
+    let found = json(&bench.answer(words, ""));
+    // Masses as the paper prints them prompt the question.
+    assert!(found["warnings"][0].as_str().unwrap().contains("mass_kg = 2270"));
+    let found = &found["adjustments"][0];
     close(float(&found["limit"]["stiffness_n_per_mm"]), 4884.6998776274595, 1e-9);
     assert_eq!(found["limit"]["unstable_below_and_above"], serde_json::json!([0, 2]));
     close(float(&found["worst_lag"]["time_constant_ms"]), 7.291788103150239, 1e-9);
     let count = |folder: &str| fs::read_dir(bench.0.path().join(folder)).unwrap().count();
-    // Three partitions, four parts of the response, and the hodograph.
-    assert_eq!(count("drawn"), 8);
+    // Three partitions, four parts of the response, and the hodographs of the response, the links and the open loop.
+    assert_eq!(count("drawn"), 10);
+    let links = fs::read_to_string(bench.0.path().join("drawn/links-hodograph.svg")).unwrap();
+    assert!(links.contains("spindle and cantilever") && links.contains("table and workpiece"));
+    let open = fs::read_to_string(bench.0.path().join("drawn/open-loop-hodograph.svg")).unwrap();
+    assert!(open.contains("Open loop") && open.contains("encloses -1"), "{open}");
     let partition = fs::read_to_string(bench.0.path().join("drawn/lag-partition.svg")).unwrap();
     assert!(partition.contains("K 4885 N/mm at 138.10 rad/s"));
     // The first row is W at rest, as in the independent values.
@@ -84,6 +91,71 @@ fn the_lag_of_two_links_is_answered_drawn_and_written() {
     close(cells[2].parse().unwrap(), rest[1], 1e-12);
     let beyond = bench.answer("stability lag --study links.toml --stiffness 6000", "");
     assert_output(&beyond, 1, &["unstable roots         2", "settling time          never"]);
+}
+
+/// Returns a measured response as in `a_measured_response_…` of the workbench: mass (t), damping (N s/mm) and stiffness
+/// (N/mm) of paper 002's links.
+fn response() -> String {
+    let links = [[2.27e-3, 0.441454, 38_900.0], [8.65e-3, 1.217793, 93_000.0]];
+    let row = |k: u32| {
+        let hz = 20.0 + 0.5 * f64::from(k);
+        let omega = std::f64::consts::TAU * hz;
+        let (mut re, mut im) = (0.0, 0.0);
+        for [mass, damping, stiffness] in links {
+            let (a, b) = (stiffness - mass * omega * omega, damping * omega);
+            re += a / (a * a + b * b);
+            im -= b / (a * a + b * b);
+        }
+        format!("{hz},{:e},{:e}\n", 1e3 * re, 1e3 * im)
+    };
+    format!("hz,re_um_per_n,im_um_per_n\n{}", (0..4000).map(row).collect::<String>())
+}
+
+const MEASURED: &str =
+    "[lag]\ntime_constant_ms = 0.27855\n[[measured]]\nname = \"tool\"\nfile = \"frf.csv\"\n";
+
+#[test]
+fn a_measured_response_is_answered_drawn_and_written() {
+    let bench = Bench::new().with("study.toml", MEASURED).with("frf.csv", &response());
+    let lag = "stability lag --study study.toml";
+    let found =
+        json(&bench.answer(&format!("{lag} --plots drawn --csv out.csv --format json"), ""));
+    let own = &found["adjustments"][0];
+    // Lines between samples, as in the workbench, at 2.5 times their distance: 6 times the error.
+    close(float(&own["limit"]["stiffness_n_per_mm"]), 3589.986, 6e-4);
+    assert_eq!(own["is_confirmed_by_counts"], true);
+    assert!(own["real_root_passes_0_at_n_per_mm"].is_null() && own["at"]["settling_s"].is_null());
+    // Two partitions: there is no first link.
+    assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 9);
+    let table = fs::read_to_string(bench.0.path().join("out.csv")).unwrap();
+    assert!(table.lines().next().unwrap().ends_with("tool_abs_mm_per_n,tool_phase_deg"));
+    assert_output(&bench.answer(lag, ""), 0, &["unknown from a measured response"]);
+    let beyond = bench.answer(&format!("{lag} --stiffness 4000"), "");
+    assert_output(&beyond, 1, &["unstable roots         2", "settling time          never"]);
+    // Up to 420 Hz nothing is decided.
+    let short: String = response().lines().take(800).map(|line| format!("{line}\n")).collect();
+    let bench = bench.with("frf.csv", &short);
+    assert_output(
+        &bench.answer(lag, ""),
+        0,
+        &["none at the measured", "NOT confirmed: measure a wider"],
+    );
+}
+
+#[test]
+fn joints_of_a_spindle_have_their_share() {
+    let text = example("spindle-joints.toml");
+    let bench = Bench::new().with("study.toml", &text);
+    let words = "stability spindle --study study.toml --format json";
+    let found = json(&bench.answer(words, ""));
+    let own = &found["adjustments"][0];
+    let rigid = bench.with("study.toml", text.split("[[spindle.joints]]").next().unwrap());
+    let rigid = json(&rigid.answer(words, ""));
+    let compliance = |found: &Value| float(&found["adjustments"][0]["compliance_um_per_n"]);
+    // 1 and 1 nm/N, 0.5 and 1 urad/(N m) at 54 and 34 mm from the end; a static result of the workbench, 1e-6 each.
+    let added = 0.001 + 0.001 + 5e-7 * 54.0 * 54.0 + 1e-6 * 34.0 * 34.0;
+    close(compliance(&found), compliance(&rigid) + added, 3e-6);
+    close(float(&own["share_of_joints"]), added / compliance(&found), 1e-5);
 }
 
 #[test]
@@ -261,6 +333,24 @@ fn what_cannot_be_judged_is_refused_with_its_key_and_nothing_is_written() {
             &["--overhang needs [overhang]"],
         ),
         ("stability spindle --study study.toml", links.clone(), &["no [spindle]"]),
+        (
+            lag,
+            example("paper-002.toml").replace("0.27855\n", "278.55\n"),
+            &["time_constant_ms = 278.55: expected at most 1.916", "is it in us?"],
+        ),
+        (lag, MEASURED.into(), &["frf.csv: No such file"]),
+        (
+            lag,
+            MEASURED.replace("frf.csv", "cut.ngc"),
+            &["cut.ngc: line 1: found the columns", "hz,re_um_per_n"],
+        ),
+        (lag, MEASURED.replace("file", "path"), &["unknown field `path`", "file"]),
+        (spindle, shaft("bore_mm = 35", "bore_mm = 70"), &["bore_mm = 70", "diameter of 60 mm"]),
+        (
+            spindle,
+            example("spindle-joints.toml").replace("at_mm = 352", "at_mm = 500"),
+            &["[[spindle.joints]] at_mm = 500", "length of the shaft, 386 mm"],
+        ),
         (pose, delta("kt_n_per_mm2 = 600", "kt_n_per_mm2 = 0"), &["0: expected more than 0"]),
         (pose, delta("kt_n_per_mm2 = 600\n", ""), &["missing field `kt_n_per_mm2`"]),
         (pose, delta("kt_n_per_mm2 = 600", "kt = 600"), &["unknown field `kt`", "kt_n_per_mm2"]),

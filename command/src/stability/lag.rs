@@ -17,7 +17,7 @@ use studies::stability::WORTH;
 use studies::stability::lag::{Crossing, Lag};
 use studies::stability::response::{Response, unwrapped};
 use studies::stability::system::Adjustment;
-use studies::study::cutting::Chip;
+use studies::study::cutting::{Chip, Link};
 use studies::study::file::Study;
 
 /// Number of overhangs of the curve.
@@ -25,16 +25,19 @@ const OVERHANGS: usize = 200;
 
 /// Limit depth of a spring-mass model with a lagging force (paper 002)
 ///
-/// The tool moves against the work as the sum of spring-mass systems, or of the modes of a
-/// spindle; the cutting force K/(1 + T p) follows the displacement with a lag T. Reports the
+/// The tool moves against the work as the sum of spring-mass systems, of the modes of a
+/// spindle, and of measured frequency responses; the cutting force K/(1 + T p) follows the displacement with a lag T. Reports the
 /// limit cutting stiffness: all K at which a pair of roots crosses the imaginary axis, the
 /// smallest positive one, and whether counts of unstable roots (by eigenvalues) confirm it; the
 /// lag with the lowest limit; limit width and depth of cut; and at a given cutting stiffness the
 /// margins: gain, phase and distance, oscillation index (largest amplitude over static
 /// amplitude), bandwidth and settling time. --plots draws the D-partitions of the planes of K, of
 /// T and K, and of the first link's stiffness and K, hatched on the side with fewer unstable
-/// roots and with their number in every region; responses and hodograph; and the limit by
-/// overhang.
+/// roots and with their number in every region; responses; hodographs of the response, of each
+/// link and of the open loop; and the limit by overhang.
+///
+/// A measured frequency response replaces links or adds to them: [[measured]] with name and file,
+/// a CSV file with the columns hz,re_um_per_n,im_um_per_n.
 ///
 ///     [lag]
 ///     time_constant_ms = 0.28
@@ -43,6 +46,8 @@ const OVERHANGS: usize = 200;
 ///     mass_kg = 2.27
 ///     damping_n_s_per_mm = 0.44
 ///     stiffness_n_per_um = 38.9
+///     [[links.joints]]             # optional: a joint in series with the spring, such as an arbor's
+///     compliance_um_per_n = 0.002  # or angular_rad_per_n_m and arm_mm
 ///     [chip]                       # for width and depth: K = factor * ratio * strength * width
 ///     factor = 1.4
 ///     ratio = 2.2
@@ -82,7 +87,8 @@ struct Answer {
     limit: Option<Shown>,
     is_confirmed_by_counts: bool,
     crossings: Vec<Shown>,
-    real_root_passes_0_at_n_per_mm: f64,
+    /// Null for a measured response, which has no value at rest.
+    real_root_passes_0_at_n_per_mm: Option<f64>,
     worst_lag: Option<Worst>,
     chip: Option<Cut>,
     at: At,
@@ -133,15 +139,19 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     let own = overhangs.into_iter().map(|overhang| Adjustment::of(&study, overhang));
     let own: Vec<Adjustment> = own.collect::<Result<_, _>>().at(&arguments.study)?;
+    let doubts: Vec<String> = study.links.iter().filter_map(Link::doubt).collect();
     let answers: Vec<Answer> =
         own.iter().map(|adjustment| answer(adjustment, &study, arguments.stiffness)).collect();
     write(arguments, &study, &own, &answers)?;
-    output::answer(&json!({ "study": arguments.study, "adjustments": answers }))?;
+    output::answer(
+        &json!({ "study": arguments.study, "adjustments": answers, "warnings": doubts }),
+    )?;
     let mut out = output::people();
     writeln!(out, "{}", arguments.study.display())?;
     for (adjustment, answer) in own.iter().zip(&answers) {
-        report(&mut out, &adjustment.name(), answer)?;
+        report(&mut out, &adjustment.name(), answer, !study.measured.is_empty())?;
     }
+    doubts.iter().try_for_each(|doubt| writeln!(out, "warning: {doubt}"))?;
     writeln!(out, "{WORTH}")?;
     out.flush()?;
     let is_stable = answers.iter().all(|answer| answer.at.unstable == 0);
@@ -161,7 +171,7 @@ fn answer(adjustment: &Adjustment, study: &Study, stiffness: Option<f64>) -> Ans
         limit: limit.crossing.map(|found| shown(lag, &found)),
         is_confirmed_by_counts: limit.is_certified,
         crossings: lag.crossings().iter().map(|found| shown(lag, found)).collect(),
-        real_root_passes_0_at_n_per_mm: lag.at_rest(),
+        real_root_passes_0_at_n_per_mm: lag.measured.is_empty().then(|| lag.at_rest()),
         worst_lag: lag.worst_lag().map(|(time, found)| Worst {
             time_constant_ms: 1e3 * time,
             limit_n_per_mm: found.stiffness,
@@ -204,7 +214,12 @@ fn margins(lag: &Lag, stiffness: f64) -> At {
     }
 }
 
-fn report(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failure> {
+fn report(
+    out: &mut impl Write,
+    name: &str,
+    answer: &Answer,
+    is_measured: bool,
+) -> Result<(), Failure> {
     writeln!(out, "{name}")?;
     let mut row = |name: &str, text: String| writeln!(out, "  {name:<24} {text}");
     match &answer.limit {
@@ -215,10 +230,16 @@ fn report(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failu
                 limit.stiffness_n_per_mm, limit.omega_rad_per_s, limit.hz
             ),
         )?,
+        None if is_measured => {
+            row("limit cutting stiffness", "none at the measured frequencies".into())?;
+        }
         None => row("limit cutting stiffness", "none: every cutting stiffness is stable".into())?,
     }
     let counts = match answer.is_confirmed_by_counts {
         true => "confirmed by counts of unstable roots",
+        false if is_measured => {
+            "NOT confirmed: measure a wider range of frequencies, at which the open loop stays away from -1"
+        }
         false => "NOT confirmed: counts of unstable roots disagree",
     };
     row("", counts.into())?;
@@ -232,7 +253,9 @@ fn report(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failu
             ),
         )?;
     }
-    row("real root passes 0 at", format!("{:.3} N/mm", answer.real_root_passes_0_at_n_per_mm))?;
+    if let Some(stiffness) = answer.real_root_passes_0_at_n_per_mm {
+        row("real root passes 0 at", format!("{stiffness:.3} N/mm"))?;
+    }
     if let Some(worst) = &answer.worst_lag {
         let [time, limit] = [worst.time_constant_ms, worst.limit_n_per_mm];
         row("worst lag", format!("{time:.4} ms, where the limit is {limit:.3} N/mm"))?;
@@ -252,7 +275,11 @@ fn report(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failu
     let peak = at.peak_rad_per_s;
     row("  oscillation index", format!("{:.4}, peak at {peak:.3} rad/s", at.oscillation_index))?;
     row("  bandwidth", format!("{:.3} rad/s", at.bandwidth_rad_per_s))?;
-    let settling = at.settling_s.map_or("never".into(), |time| format!("{time:.4} s"));
+    let settling = match at.settling_s {
+        Some(time) => format!("{time:.4} s"),
+        None if at.unstable > 0 => "never".into(),
+        None => "unknown from a measured response".into(),
+    };
     row("  settling time", settling)?;
     Ok(())
 }
@@ -284,7 +311,7 @@ fn write(
         for adjustment in own {
             plots.extend(of_partitions(adjustment, &stem(adjustment))?);
         }
-        plots.extend(of_responses(&responses)?);
+        plots.extend(of_responses(&responses, &own[0].names)?);
         let limits = by_overhang(study, own);
         if limits.len() > 1 {
             plots.push(of_overhangs(&limits)?);

@@ -39,6 +39,10 @@ use studies::study::file::Study;
 ///     [[spindle.bearings]]
 ///     at_mm = 280
 ///     compliance_um_per_n = 0.005
+///     [[spindle.joints]]           # optional: where an arbor or tool begins
+///     at_mm = 312
+///     compliance_um_per_n = 0.001
+///     angular_rad_per_n_m = 2e-7
 ///
 /// Exit status: 0, or 2 if input or output failed.
 #[derive(clap::Args, Debug)]
@@ -59,6 +63,8 @@ struct Answer {
     compliance_um_per_n: f64,
     /// Share of the compliance due to the modes in use.
     share_of_modes: f64,
+    /// Share of the compliance due to the joints.
+    share_of_joints: f64,
     modes: Vec<Shown>,
 }
 
@@ -85,8 +91,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         if arguments.overhang.is_empty() { vec![own] } else { arguments.overhang.clone() };
     let mut answers = vec![];
     for length in lengths {
-        let nose = spindle.with_overhang(length).nose().at(&arguments.study)?;
-        answers.push(shown(length, &nose));
+        let own = spindle.with_overhang(length);
+        let nose = own.nose().at(&arguments.study)?;
+        let rigid = own.without_joints().nose().at(&arguments.study)?;
+        answers.push(shown(length, &nose, 1.0 - rigid.compliance / nose.compliance));
     }
     output::answer(&json!({ "study": arguments.study, "adjustments": answers }))?;
     let mut out = output::people();
@@ -95,7 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     Ok(Verdict::Fits)
 }
 
-fn shown(overhang_mm: f64, nose: &Nose) -> Answer {
+fn shown(overhang_mm: f64, nose: &Nose, share_of_joints: f64) -> Answer {
     let mode = |mode: &ShaftMode| Shown {
         hz: mode.omega / TAU,
         damping_ratio: mode.zeta,
@@ -106,6 +114,7 @@ fn shown(overhang_mm: f64, nose: &Nose) -> Answer {
         overhang_mm,
         compliance_um_per_n: 1e3 * nose.compliance,
         share_of_modes: nose.share(),
+        share_of_joints,
         modes: nose.modes.iter().map(mode).collect(),
     }
 }
@@ -118,6 +127,10 @@ fn report(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
         out,
         "  static compliance  {compliance:.6} um/N at the nose; {share:.2} % of it in the modes used"
     )?;
+    if answer.share_of_joints > 0.0 {
+        let share = 100.0 * answer.share_of_joints;
+        writeln!(out, "  joints             {share:.2} % of the static compliance")?;
+    }
     writeln!(out, "  {:>12} {:>14} {:>12} {:>16}", "Hz", "damping ratio", "decrement", "um/N")?;
     for mode in &answer.modes {
         writeln!(

@@ -32,7 +32,8 @@ fn reference(lag: &Lag) -> f64 {
     lag.limit().crossing.map_or(lag.at_rest().abs(), |limit| limit.stiffness)
 }
 
-/// Draws the D-partition by the cutting stiffness, and those by lag and by the first link's stiffness.
+/// Draws the D-partition by the cutting stiffness, and those by lag and, unless responses are measured, by the first
+/// link's stiffness.
 ///
 /// # Errors
 /// As [`DrawError`].
@@ -41,7 +42,9 @@ pub fn of_partitions(adjustment: &Adjustment, stem: &str) -> Result<Vec<Plot>, D
     let mut plots = vec![by_stiffness(lag, &adjustment.name(), stem)?];
     if lag.lag > 0.0 {
         plots.push(by_lag(lag, &adjustment.name(), stem)?);
-        plots.push(by_first_link(lag, adjustment, stem)?);
+        if lag.measured.is_empty() {
+            plots.push(by_first_link(lag, adjustment, stem)?);
+        }
     }
     Ok(plots)
 }
@@ -71,9 +74,12 @@ fn by_stiffness(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
 }
 
 /// Returns the frequencies for boundaries by two parameters.
-fn omegas(lag: &Lag) -> impl Iterator<Item = f64> {
+fn omegas(lag: &Lag) -> Vec<f64> {
+    if !lag.measured.is_empty() {
+        return lag.grid(POINTS);
+    }
     let highest = 20.0 * lag.terms.iter().map(|term| term.omega()).fold(0.0, f64::max);
-    (1..=POINTS).map(move |k| highest * (k as f64 / POINTS as f64).powi(2))
+    (1..=POINTS).map(|k| highest * (k as f64 / POINTS as f64).powi(2)).collect()
 }
 
 fn by_lag(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
@@ -82,6 +88,7 @@ fn by_lag(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
     let window = [[0.0, 1e3 * longest], [0.0, most]];
     let is_near = |place: &&[f64; 2]| place[0] >= 0.0 && place[1] > 0.0;
     let all: Vec<[f64; 2]> = omegas(lag)
+        .into_iter()
         .map(|omega| lag.lag_and_stiffness(omega).at)
         .map(|[time, stiffness]| [1e3 * time, stiffness])
         .collect();
@@ -153,7 +160,7 @@ fn by_omega(lag: &Lag) -> Vec<Vec<[f64; 2]>> {
         points.sort_by(|a, b| (1.0 / a[1]).total_cmp(&(1.0 / b[1])));
         points
     };
-    let omegas: Vec<f64> = omegas(lag).collect();
+    let omegas = omegas(lag);
     let mut found = vec![];
     for pair in omegas.windows(2) {
         let (from, to) = (at(pair[0]), at(pair[1]));
@@ -171,12 +178,16 @@ fn by_omega(lag: &Lag) -> Vec<Vec<[f64; 2]>> {
     found
 }
 
-/// Draws real and imaginary part, amplitude, phase and hodograph of the tool's response relative to the work, for one
-/// or several adjustments at one cutting stiffness.
+/// Draws real and imaginary part, amplitude, phase and hodograph of the tool's response relative to the work, and the
+/// hodographs of each link and of the open loop, for one or several adjustments at one cutting stiffness. `links` are
+/// the names of the links.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_responses(responses: &[(String, Vec<Response>)]) -> Result<Vec<Plot>, DrawError> {
+pub fn of_responses(
+    responses: &[(String, Vec<Response>)],
+    links: &[String],
+) -> Result<Vec<Plot>, DrawError> {
     // um/N; frequencies up to the last amplitude above 2 % of the largest.
     let most = responses.iter().flat_map(|(_, all)| all.iter().map(|r| r.cutting.modulus()));
     let most = most.fold(0.0, f64::max);
@@ -201,7 +212,31 @@ pub fn of_responses(responses: &[(String, Vec<Response>)]) -> Result<Vec<Plot>, 
         let file = format!("response-{}.svg", name.replace(' ', "-"));
         plots.push(Plot { file, caption: caption.clone(), svg });
     }
-    plots.push(hodograph(responses)?);
+    let um = |value: Complex<f64>| (1e3 * value.re, 1e3 * value.im);
+    let of_all = |place: &dyn Fn(&Response) -> (f64, f64)| -> Vec<Line> {
+        let line = |(name, all): &(String, Vec<Response>)| Line {
+            name: name.clone(),
+            points: all.iter().map(place).collect(),
+        };
+        responses.iter().map(line).collect()
+    };
+    let of_link = |(k, name): (usize, &String)| {
+        let lines = of_all(&|response| um(response.terms[k]));
+        let named = |line: Line| match responses.len() {
+            1 => Line { name: name.clone(), ..line },
+            _ => Line { name: format!("{name}, {}", line.name), ..line },
+        };
+        lines.into_iter().map(named).collect::<Vec<_>>()
+    };
+    let links = links.iter().enumerate().flat_map(of_link).collect();
+    let whole = of_all(&|response| um(response.cutting));
+    let open = of_all(&|response| (response.open.re, response.open.im));
+    let (response, unit) = ("Response of the tool relative to the work: hodograph", " in µm/N");
+    plots.push(hodograph("response-hodograph.svg", response, unit, whole, 0.0)?);
+    let caption = "Each link alone, without cutting: hodograph";
+    plots.push(hodograph("links-hodograph.svg", caption, unit, links, 0.0)?);
+    let caption = "Open loop K G/(1 + iωT): hodograph, unstable if it encloses -1";
+    plots.push(hodograph("open-loop-hodograph.svg", caption, "", open, -1.0)?);
     Ok(plots)
 }
 
@@ -222,30 +257,31 @@ fn part(k: usize, all: &[Response]) -> Vec<f64> {
     }
 }
 
-fn hodograph(responses: &[(String, Vec<Response>)]) -> Result<Plot, DrawError> {
-    let place = |response: &Response| (1e3 * response.cutting.re, 1e3 * response.cutting.im);
+/// Draws curves over frequency in the complex plane, with a cross at a real number.
+fn hodograph(
+    file: &str,
+    caption: &str,
+    unit: &str,
+    lines: Vec<Line>,
+    cross: f64,
+) -> Result<Plot, DrawError> {
     let all: Vec<(f64, f64)> =
-        responses.iter().flat_map(|(_, all)| all.iter().map(place)).collect();
-    let caption = "Response of the tool relative to the work: hodograph";
-    let frame = Frame {
-        title: caption,
-        x: "real part in µm/N",
-        y: "imaginary part in µm/N",
-        limits: vec![],
-    };
-    let names = responses.iter().enumerate().map(|(k, (name, _))| Key::line(k, name));
-    let keys: Vec<Key> = names.chain([Key::new(Sign::Cross, "zero")]).collect();
+        lines.iter().flat_map(|line| line.points.iter().copied()).chain([(cross, 0.0)]).collect();
+    let [x, y] = ["real part", "imaginary part"].map(|name| format!("{name}{unit}"));
+    let frame = Frame { title: caption, x: &x, y: &y, limits: vec![] };
+    let names = lines.iter().enumerate().map(|(k, line)| Key::line(k, &line.name));
+    let mark = if cross == 0.0 { "zero".into() } else { cross.to_string() };
+    let keys: Vec<Key> = names.chain([Key::new(Sign::Cross, &mark)]).collect();
     let svg = keyed(&keys, |area| {
         let mut chart = path_axes(area, &frame, &all)?;
-        for (k, (_, own)) in responses.iter().enumerate() {
-            let points: Vec<(f64, f64)> = own.iter().map(place).collect();
-            let path = without_stairs(&chart, &points);
+        for (k, line) in lines.iter().enumerate() {
+            let path = without_stairs(&chart, &line.points);
             chart.draw_series([PathElement::new(path, line_style(k))])?;
         }
-        chart.draw_series([Cross::new((0.0, 0.0), 6, limit_style())])?;
+        chart.draw_series([Cross::new((cross, 0.0), 6, limit_style())])?;
         Ok(())
     })?;
-    Ok(Plot { file: "response-hodograph.svg".into(), caption: caption.into(), svg })
+    Ok(Plot { file: file.into(), caption: caption.into(), svg })
 }
 
 /// Draws the limit cutting stiffness over the overhang, mm and N/mm.

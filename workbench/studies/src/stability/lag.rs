@@ -5,12 +5,15 @@
 //! with mass m, damping h and stiffness k it is `1/(m p² + h p + k)`; for a mode it is the motion along the
 //! chip's thickness under a force along the cutting force. The force is `K/(1 + T p)` times the
 //! displacement, so the loop is on the limit of stability if `1 + K G/(1 + T p) = 0` has
-//! a root on the imaginary axis. Units: N, mm, s, t.
+//! a root on the imaginary axis. A measured response adds to G; it has no roots, so roots with a positive real part
+//! are counted by the turns of `1 + K G/(1 + T p)` about 0 along the imaginary axis (Nyquist). Units: N, mm, s, t.
 
 use crate::dense;
 use crate::dynamics::mode::Mode;
 use crate::stability::root;
+use crate::study::measured::Receptance;
 use nalgebra::{Complex, ComplexField, DMatrix, Vector3};
+use std::f64::consts::TAU;
 
 /// A pair of frequency (rad/s) and cutting stiffness (N/mm) on the limit of stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +53,12 @@ impl Term {
         Complex::new(self.gain, 0.0) / self.denominator(omega)
     }
 
+    /// Returns a link with another stiffness (N/mm), and the same mass and damping ratio.
+    pub fn with_stiffness(&self, stiffness: f64) -> Self {
+        let square = stiffness * self.gain;
+        Self { gain: self.gain, rate: self.rate * (square / self.square).sqrt(), square }
+    }
+
     fn denominator(&self, omega: f64) -> Complex<f64> {
         Complex::new(self.square - omega * omega, self.rate * omega)
     }
@@ -61,10 +70,12 @@ impl Term {
 }
 
 /// The loop of a receptance and a cutting force with a lag.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lag {
-    /// The receptance; not empty.
+    /// The receptance: with the measured ones, not empty.
     pub terms: Vec<Term>,
+    /// Measured receptances, added to those of the terms.
+    pub measured: Vec<Receptance>,
     /// Time constant T of the cutting force, s; 0 or more.
     pub lag: f64,
 }
@@ -95,7 +106,48 @@ const GRID: usize = 4000;
 impl Lag {
     /// Returns the receptance G at an angular frequency, mm/N.
     pub fn receptance(&self, omega: f64) -> Complex<f64> {
-        self.terms.iter().map(|term| term.at(omega)).sum()
+        self.parts(omega).sum()
+    }
+
+    /// Returns the receptance of each term and measured response, mm/N.
+    pub fn parts(&self, omega: f64) -> impl Iterator<Item = Complex<f64>> {
+        let terms = self.terms.iter().map(move |term| term.at(omega));
+        terms.chain(self.measured.iter().map(move |own| own.at(omega)))
+    }
+
+    /// Returns the lowest frequency of a resonance, rad/s.
+    pub fn slowest(&self) -> f64 {
+        let terms = self.terms.iter().map(Term::omega);
+        terms.chain(self.measured.iter().map(Receptance::peak)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Returns whether the measured responses have no common range of frequencies.
+    pub fn is_apart(&self) -> bool {
+        let [low, high] = self.range();
+        !(low < high)
+    }
+
+    /// Returns the range of frequencies of all measured responses, rad/s.
+    fn range(&self) -> [f64; 2] {
+        let common = |[low, high]: [f64; 2], [from, to]: [f64; 2]| [low.max(from), high.min(to)];
+        self.measured.iter().map(Receptance::range).fold([0.0, f64::INFINITY], common)
+    }
+
+    /// Returns sorted frequencies at which the loop is sampled: dense around each term's, and those measured.
+    pub fn grid(&self, count: usize) -> Vec<f64> {
+        if self.measured.is_empty() {
+            return frequencies(&self.terms, count);
+        }
+        let [low, high] = self.range();
+        let own = self.measured.iter().flat_map(|own| own.samples.iter().map(|(omega, _)| *omega));
+        let mut all: Vec<f64> = own.collect();
+        if !self.terms.is_empty() {
+            all.extend(frequencies(&self.terms, count));
+        }
+        all.retain(|omega| (low..=high).contains(omega));
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
     }
 
     /// Returns the factor 1 + i ω T.
@@ -123,11 +175,16 @@ impl Lag {
     pub fn crossings(&self) -> Vec<Crossing> {
         let scale = self.terms.iter().map(|term| term.square).fold(0.0, f64::max);
         let is_real = |root: &Complex<f64>| root.re > 0.0 && root.im.abs() < REAL * root.modulus();
-        let of_polynomial = roots(&self.polynomial(scale)).into_iter().filter(is_real);
+        let polynomial = if self.measured.is_empty() { self.polynomial(scale) } else { vec![] };
+        let of_polynomial = roots(&polynomial).into_iter().filter(is_real);
         let mut squares: Vec<f64> =
             of_polynomial.filter_map(|root| self.polished(root.re * scale)).collect();
-        let sum = |omega: f64| self.sum(omega * omega)[0];
-        let grid = frequencies(&self.terms, GRID);
+        // T Re G - Im G/ω, in closed form for the terms.
+        let sum = |omega: f64| {
+            let measured: Complex<f64> = self.measured.iter().map(|own| own.at(omega)).sum();
+            self.sum(omega * omega)[0] + self.lag * measured.re - measured.im / omega
+        };
+        let grid = self.grid(GRID);
         let changes = grid.windows(2).filter_map(|pair| root::between(sum, pair[0], pair[1]));
         squares.extend(changes.map(|omega| omega * omega));
         squares.sort_by(f64::total_cmp);
@@ -211,6 +268,16 @@ impl Lag {
     /// Returns whether the numbers of unstable roots agree with these being all positive crossings: equal
     /// just above a crossing and just below the next, 0 at K = 0, and equal above the last and far beyond it.
     fn agrees(&self, positive: &[Crossing]) -> bool {
+        if !self.measured.is_empty() {
+            // Beyond the measured frequencies the open loop must stay away from -1.
+            let Some(limit) = positive.first() else { return false };
+            let ends = self
+                .range()
+                .map(|omega| self.receptance(omega) * limit.stiffness / self.delay(omega));
+            if ends.iter().any(|open| open.re < 0.0 && open.modulus() > 1.0) {
+                return false;
+            }
+        }
         let at = |stiffness: f64| self.unstable(Complex::new(stiffness, 0.0));
         let mut count = 0;
         let mut agrees = at(0.0) == count;
@@ -222,14 +289,33 @@ impl Lag {
         agrees && at(beyond) == count
     }
 
-    /// Counts the roots with a positive real part at a cutting stiffness, by eigenvalues.
+    /// Counts the roots with a positive real part at a cutting stiffness, by eigenvalues; with measured responses
+    /// by Nyquist's criterion, as all of them are stable without cutting.
     pub fn unstable(&self, stiffness: Complex<f64>) -> usize {
+        if !self.measured.is_empty() {
+            return self.turns(stiffness);
+        }
         // NaN counts as unstable.
         self.roots(stiffness).iter().filter(|root| !(root.re <= 0.0)).count()
     }
 
+    /// Returns the turns about 0 of `1 + K G/(1 + iωT)` over negative and positive frequencies.
+    fn turns(&self, stiffness: Complex<f64>) -> usize {
+        let mut grid = self.grid(GRID);
+        grid.extend(self.crossings().iter().map(|found| found.omega));
+        grid.sort_by(f64::total_cmp);
+        let open = |omega: &f64| self.receptance(*omega) / self.delay(*omega);
+        let half: Vec<Complex<f64>> = grid.iter().map(open).collect();
+        let negative = half.iter().rev().map(|open| open.conjugate());
+        let all: Vec<Complex<f64>> =
+            negative.chain(half.iter().copied()).map(|open| 1.0 + open * stiffness).collect();
+        let next = all.iter().cycle().skip(1);
+        let angle: f64 = all.iter().zip(next).map(|(a, b)| (b / a).argument()).sum();
+        (angle / TAU).round().abs() as usize
+    }
+
     /// Returns all roots of the characteristic equation, 1/s: eigenvalues of the closed loop whose state is
-    /// the displacement and speed of each term and the force.
+    /// the displacement and speed of each term and the force. Measured responses have none.
     pub fn roots(&self, stiffness: Complex<f64>) -> Vec<Complex<f64>> {
         let count = self.terms.len();
         let size = 2 * count + usize::from(self.lag > 0.0);
@@ -259,7 +345,7 @@ impl Lag {
 
     /// Returns the same loop with another lag.
     pub fn with_lag(&self, lag: f64) -> Self {
-        Self { terms: self.terms.clone(), lag }
+        Self { lag, ..self.clone() }
     }
 
     /// Returns the lag and crossing of the least limit. It lies at the minimum of Re G, so the limit is
@@ -289,14 +375,18 @@ impl Lag {
             };
             self.terms.iter().map(of).sum()
         };
-        let grid = frequencies(&self.terms, GRID);
+        let grid = self.grid(GRID);
+        if !self.measured.is_empty() {
+            // Straight lines have their extrema at their ends.
+            return grid;
+        }
         let pairs = grid.windows(2);
         pairs.filter_map(|pair| root::between(slope, pair[0], pair[1])).collect()
     }
 }
 
 /// Returns angular frequencies up to four times the highest of the terms, dense around each of them.
-pub(super) fn frequencies(terms: &[Term], count: usize) -> Vec<f64> {
+fn frequencies(terms: &[Term], count: usize) -> Vec<f64> {
     let omegas: Vec<[f64; 2]> = terms.iter().map(|term| [term.omega(), term.rate]).collect();
     super::grid::frequencies(&omegas, count, 400, 4.0)
 }
@@ -357,7 +447,7 @@ mod tests {
     fn a_crossing_that_is_left_out_is_noticed() {
         // The links of tests/cases/two-links.toml with a lag of 30 ms: three crossings.
         let terms = vec![Term::link(2.27, 13.96, 38_900.0), Term::link(8.65, 38.51, 93_000.0)];
-        let lag = Lag { terms, lag: 0.03 };
+        let lag = Lag { terms, lag: 0.03, ..Lag::default() };
         let all = lag.crossings();
         assert!(all.len() == 3 && lag.agrees(&all));
         for left in 0..3 {

@@ -13,6 +13,9 @@ pub const CHORD: f64 = 0.01;
 /// the largest.
 const HALVINGS: [usize; 2] = [6, 40];
 
+/// Evenly spaced frequencies of a curve with measured responses, which is not refined.
+const EVEN: usize = 2000;
+
 /// Upper end of the curve, in multiples of the highest resonance.
 const BEYOND: f64 = 1e3;
 
@@ -32,8 +35,15 @@ pub fn chordal(a: Complex<f64>, b: Complex<f64>) -> f64 {
 impl Lag {
     /// Returns the boundary `K(iω)` of the D-partition for ω from 0 up, real and imaginary part in N/mm;
     /// for ω below 0 it is the mirror image. Neighbors are nearer than [`CHORD`] on the sphere
-    /// whose equator is `|K| = reference`.
+    /// whose equator is `|K| = reference`, unless responses are measured.
     pub fn curve(&self, reference: f64) -> Vec<Point> {
+        if !self.measured.is_empty() {
+            let point = |omega: f64| {
+                let place = self.boundary(omega);
+                Point { omega, at: [place.re, place.im] }
+            };
+            return self.grid(EVEN).into_iter().map(point).collect();
+        }
         let mut ends: Vec<f64> = self.terms.iter().map(|term| term.omega()).collect();
         let highest = ends.iter().copied().fold(0.0, f64::max);
         ends.extend(self.crossings().iter().map(|found| found.omega));

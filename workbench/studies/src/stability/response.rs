@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Frequency responses of the loop, and its stability margins.
 
-use crate::stability::lag::{Lag, frequencies};
+use crate::stability::lag::Lag;
 use nalgebra::{Complex, ComplexField};
 use std::f64::consts::PI;
 
@@ -14,7 +14,10 @@ pub struct Response {
     pub cutting: Complex<f64>,
     /// The displacement without cutting, G.
     pub free: Complex<f64>,
+    /// Each link's own displacement under a force on it alone.
     pub terms: Vec<Complex<f64>>,
+    /// The open loop, `K G/(1 + iωT)`.
+    pub open: Complex<f64>,
 }
 
 /// Distance of a loop from its limit of stability, at a cutting stiffness.
@@ -33,17 +36,17 @@ pub struct Margins {
     pub peak: f64,
     /// Angular frequency above which the amplitude stays below 1/√2 of the amplitude at rest, rad/s.
     pub bandwidth: f64,
-    /// Decay rate of the slowest root, 1/s; negative if it grows.
-    pub decay: f64,
+    /// Decay rate of the slowest root, 1/s; negative if it grows; `None` for measured responses.
+    pub decay: Option<f64>,
 }
 
 /// A disturbance has settled when a share of e⁻³ is left.
 const SETTLED: f64 = 3.0;
 
 impl Margins {
-    /// Returns the time after which e⁻³ of a disturbance is left, s; `None` if it grows.
+    /// Returns the time after which e⁻³ of a disturbance is left, s; `None` if it grows, or for measured responses.
     pub fn settling(&self) -> Option<f64> {
-        (self.decay > 0.0).then(|| SETTLED / self.decay)
+        self.decay.filter(|decay| *decay > 0.0).map(|decay| SETTLED / decay)
     }
 }
 
@@ -54,9 +57,14 @@ impl Lag {
     /// Returns the response at a cutting stiffness (N/mm) and an angular frequency.
     pub fn response(&self, stiffness: f64, omega: f64) -> Response {
         let free = self.receptance(omega);
-        let cutting = free / (1.0 + self.open(stiffness, omega));
-        let terms = self.terms.iter().map(|term| term.at(omega)).collect();
-        Response { omega, cutting, free, terms }
+        let open = self.open(stiffness, omega);
+        Response {
+            omega,
+            cutting: free / (1.0 + open),
+            free,
+            terms: self.parts(omega).collect(),
+            open,
+        }
     }
 
     /// Returns the response of the whole loop to a force on one term alone, as in equation 1 of paper 002:
@@ -69,16 +77,19 @@ impl Lag {
         self.receptance(omega) * stiffness / self.delay(omega)
     }
 
-    /// Returns the responses at frequencies from 0 up, dense around each term's.
+    /// Returns the responses at frequencies from 0 (or the lowest measured) up, dense around each term's.
     pub fn responses(&self, stiffness: f64) -> Vec<Response> {
-        let grid = std::iter::once(0.0).chain(frequencies(&self.terms, COUNT));
-        grid.map(|omega| self.response(stiffness, omega)).collect()
+        let rest = self.measured.is_empty().then_some(0.0);
+        rest.into_iter()
+            .chain(self.grid(COUNT))
+            .map(|omega| self.response(stiffness, omega))
+            .collect()
     }
 
     /// Returns the margins at a cutting stiffness above 0.
     pub fn margins(&self, stiffness: f64) -> Margins {
         let limit = self.limit().crossing.map_or(f64::INFINITY, |limit| limit.stiffness);
-        let grid = frequencies(&self.terms, COUNT);
+        let grid = self.grid(COUNT);
         let amount = |omega: f64| self.response(stiffness, omega).cutting.modulus();
         let rest = amount(0.0);
         let peak = grid.iter().copied().max_by(|a, b| amount(*a).total_cmp(&amount(*b)));
@@ -92,7 +103,8 @@ impl Lag {
         };
         let to_turn = |omega: f64| (open(omega).argument() + PI).rem_euclid(2.0 * PI);
         let phases = passes(1.0, &|omega| open(omega).modulus()).into_iter().map(to_turn);
-        let roots = self.roots(Complex::new(stiffness, 0.0));
+        let roots = || self.roots(Complex::new(stiffness, 0.0)).into_iter().map(|root| root.re);
+        let decay = || -roots().fold(f64::NEG_INFINITY, f64::max);
         let last = passes(rest / 2.0_f64.sqrt(), &amount).last().copied();
         Margins {
             gain: limit / stiffness,
@@ -101,7 +113,7 @@ impl Lag {
             index: amount(peak).max(rest) / rest,
             peak,
             bandwidth: last.unwrap_or(f64::INFINITY),
-            decay: -roots.iter().map(|root| root.re).fold(f64::NEG_INFINITY, f64::max),
+            decay: self.measured.is_empty().then(decay),
         }
     }
 }

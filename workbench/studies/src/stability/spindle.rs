@@ -4,8 +4,8 @@
 //! The shaft is a beam of cylinders (Euler and Bernoulli: slender, no shear), divided into elements
 //! with cubic displacements, which are exact for forces at their ends. Each bearing is a spring
 //! against displacement, and against rotation if its angular compliance is given; a compliance
-//! of 0 is rigid. Damping is that of the bearings, projected on each mode, plus a damping ratio of
-//! the shaft itself. N, mm, s, t.
+//! of 0 is rigid. At a joint the shaft is divided, and springs connect the two parts. Damping is that of
+//! the bearings, projected on each mode, plus a damping ratio of the shaft itself. N, mm, s, t.
 
 use crate::dynamics::mode::Mode;
 use crate::stability::lag::Term;
@@ -37,6 +37,10 @@ pub enum NoSpindle {
     Together(f64),
     #[error("[[spindle.sections]] bore_mm = {bore}: expected less than the diameter of {outer} mm")]
     Bore { bore: f64, outer: f64 },
+    #[error(
+        "[[spindle.joints]] at_mm = {at}: expected less than the length of the shaft, {length} mm"
+    )]
+    Joint { at: f64, length: f64 },
     #[error("[spindle] has no [[spindle.sections]]: add one or more")]
     Empty,
     #[error("[spindle] modes = 0: expected at least 1")]
@@ -98,6 +102,11 @@ impl Nose {
 }
 
 impl Spindle {
+    /// Returns the spindle with rigid joints.
+    pub fn without_joints(&self) -> Self {
+        Self { joints: vec![], ..self.clone() }
+    }
+
     /// Returns the spindle with another length of its last cylinder, mm.
     pub fn with_overhang(&self, length: f64) -> Self {
         let mut other = self.clone();
@@ -140,6 +149,11 @@ impl Spindle {
                 return Err(NoSpindle::Beside { at: bearing.at_mm.0, length });
             }
         }
+        for joint in &self.joints {
+            if !(joint.at_mm.0 < length) {
+                return Err(NoSpindle::Joint { at: joint.at_mm.0, length });
+            }
+        }
         let [first, second] = self.bearings.map(|bearing| bearing.at_mm.0);
         if first == second { Err(NoSpindle::Together(first)) } else { Ok(()) }
     }
@@ -154,7 +168,7 @@ impl Spindle {
     }
 }
 
-/// The matrices of a shaft, over displacement and rotation of each free node.
+/// The matrices of a shaft, over displacement and rotation of each free node, and of both sides of a joint.
 struct Shaft {
     stiffness: DMatrix<f64>,
     mass: DMatrix<f64>,
@@ -166,7 +180,8 @@ struct Shaft {
 impl Shaft {
     fn new(spindle: &Spindle) -> Self {
         let nodes = nodes(spindle);
-        let size = 2 * nodes.len();
+        let joints = Joints::new(spindle, &nodes);
+        let size = joints.size;
         let mut stiffness = DMatrix::zeros(size, size);
         let mut mass = DMatrix::zeros(size, size);
         let mut damping = DMatrix::zeros(size, size);
@@ -174,17 +189,25 @@ impl Shaft {
             let middle = (pair[0] + pair[1]) / 2.0;
             let [bending, density] = spindle.cross_section(section_at(spindle, middle));
             let length = pair[1] - pair[0];
-            let mut at = stiffness.fixed_view_mut::<4, 4>(2 * k, 2 * k);
-            at += beam_stiffness(length) * bending;
-            let mut at = mass.fixed_view_mut::<4, 4>(2 * k, 2 * k);
-            at += beam_mass(length) * density;
+            let (own, inert) = (beam_stiffness(length) * bending, beam_mass(length) * density);
+            let [[a, b], [c, d]] = [joints.front[k], joints.rear[k + 1]];
+            let rows = [a, b, c, d];
+            for (i, row) in rows.into_iter().enumerate() {
+                for (j, column) in rows.into_iter().enumerate() {
+                    stiffness[(row, column)] += own[(i, j)];
+                    mass[(row, column)] += inert[(i, j)];
+                }
+            }
+        }
+        for ([one, other], spring) in joints.springs {
+            stiffness[(one, one)] += spring;
+            stiffness[(other, other)] += spring;
+            stiffness[(one, other)] -= spring;
+            stiffness[(other, one)] -= spring;
         }
         let mut held = vec![];
         for bearing in &spindle.bearings {
-            let away = |node: &f64| (node - bearing.at_mm.0).abs();
-            let nearest =
-                (0..nodes.len()).min_by(|a, b| away(&nodes[*a]).total_cmp(&away(&nodes[*b])));
-            let row = 2 * nearest.unwrap_or_default();
+            let row = joints.rear[nearest(&nodes, bearing.at_mm.0)][0];
             let support = Support {
                 linear: bearing.compliance_um_per_n.0 * 1e-3,
                 // rad/(N m) is 1e-3 rad/(N mm).
@@ -204,7 +227,8 @@ impl Shaft {
         }
         let free: Vec<usize> = (0..size).filter(|row| !held.contains(row)).collect();
         let kept = |matrix: DMatrix<f64>| matrix.select_rows(&free).select_columns(&free);
-        let nose = free.iter().position(|row| *row == size - 2);
+        let end = joints.rear[nodes.len() - 1][0];
+        let nose = free.iter().position(|row| *row == end);
         Self { stiffness: kept(stiffness), mass: kept(mass), damping: kept(damping), nose }
     }
 
@@ -237,7 +261,48 @@ impl Shaft {
     }
 }
 
-/// Returns the ends of the elements: ends of cylinders, bearings, and points that divide long pieces between them.
+/// Rows of displacement and rotation of the nodes, and the springs of the joints.
+struct Joints {
+    size: usize,
+    /// Of the side of a node towards the rear end, which bearings support.
+    rear: Vec<[usize; 2]>,
+    /// Of the side towards the nose; equal to those of `rear` where a joint does not yield.
+    front: Vec<[usize; 2]>,
+    springs: Vec<([usize; 2], f64)>,
+}
+
+impl Joints {
+    fn new(spindle: &Spindle, nodes: &[f64]) -> Self {
+        let mut all = Self { size: 0, rear: vec![], front: vec![], springs: vec![] };
+        let mut compliance = vec![[0.0; 2]; nodes.len()];
+        for joint in &spindle.joints {
+            let own = &mut compliance[nearest(nodes, joint.at_mm.0)];
+            // um/N and rad/(N m) are 1e-3 mm/N and 1e-3 rad/(N mm).
+            own[0] += joint.compliance_um_per_n.0 * 1e-3;
+            own[1] += joint.angular_rad_per_n_m.0 * 1e-3;
+        }
+        for own in compliance {
+            let rear = [all.size, all.size + 1];
+            all.size += 2;
+            let mut front = rear;
+            for (k, yielding) in own.into_iter().enumerate().filter(|(_, value)| *value > 0.0) {
+                front[k] = all.size;
+                all.size += 1;
+                all.springs.push(([rear[k], front[k]], 1.0 / yielding));
+            }
+            all.rear.push(rear);
+            all.front.push(front);
+        }
+        all
+    }
+}
+
+fn nearest(nodes: &[f64], place: f64) -> usize {
+    let away = |node: &usize| (nodes[*node] - place).abs();
+    (0..nodes.len()).min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or_default()
+}
+
+/// Returns the ends of the elements: ends of cylinders, bearings, joints, and points that divide long pieces between them.
 fn nodes(spindle: &Spindle) -> Vec<f64> {
     let mut ends = vec![0.0];
     for section in &spindle.sections {
@@ -245,8 +310,9 @@ fn nodes(spindle: &Spindle) -> Vec<f64> {
     }
     let length = spindle.length();
     ends.extend(spindle.bearings.map(|bearing| bearing.at_mm.0));
+    ends.extend(spindle.joints.iter().map(|joint| joint.at_mm.0));
     ends.sort_by(f64::total_cmp);
-    // A bearing at the end of a cylinder shares its node.
+    // A bearing or joint at the end of a cylinder shares its node.
     ends.dedup_by(|a, b| (*a - *b).abs() < 1e-9 * length);
     let mut nodes = vec![ends[0]];
     for pair in ends.windows(2) {

@@ -3,14 +3,15 @@
 
 use crate::stability::lag::{Lag, Term};
 use crate::stability::spindle::NoSpindle;
-use crate::study::cutting::Overhang;
+use crate::study::cutting::{Link, LinkJoint, Overhang};
 use crate::study::file::Study;
+use std::f64::consts::TAU;
 
 /// Why a study does not describe a loop.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoLoop {
     #[error(
-        "the study has neither [[links]] nor [spindle], so nothing yields between tool and work: add one of them"
+        "the study has neither [[links]] nor [spindle] nor [[measured]], so nothing yields between tool and work: add one of them"
     )]
     Nothing,
     #[error("the study has no time_constant_ms in [lag]: add it")]
@@ -19,6 +20,17 @@ pub enum NoLoop {
     Overhang,
     #[error("[overhang] changes the first of [[links]], but the study has none: add one")]
     Link,
+    #[error(
+        "[[links.joints]] arm_mm = {0} does not follow --overhang; add the compliance of this joint to [overhang], or \
+         use [spindle] with [[spindle.joints]]"
+    )]
+    Arm(f64),
+    #[error(
+        "[lag] time_constant_ms = {lag}: expected at most {period:.3}, the period of the slowest oscillation; is it in us?"
+    )]
+    Slow { lag: f64, period: f64 },
+    #[error("the frequencies of the files of [[measured]] do not overlap: measure a common range")]
+    Apart,
     #[error(transparent)]
     Spindle(#[from] NoSpindle),
 }
@@ -32,6 +44,33 @@ pub struct Adjustment {
     pub names: Vec<String>,
 }
 
+/// Natural frequency of a link below which its mass may be in grams, Hz: 2270 kg instead of g on the spring of a
+/// spindle vibrates at 21 Hz, while links of machine tools are above 30 Hz.
+const SLOW: f64 = 30.0;
+
+impl Link {
+    /// Returns the question whether the mass has another unit; `None` for a plausible link.
+    pub fn doubt(&self) -> Option<String> {
+        let [mass, stiffness] = [self.mass_kg.0, self.stiffness_n_per_um.0];
+        let hz = (stiffness * 1e6 / mass).sqrt() / TAU;
+        (hz < SLOW).then(|| {
+            format!(
+                "[[links]] {}: mass_kg = {mass} on {stiffness} N/um vibrates at only {hz:.1} Hz; is the mass in g? \
+                 Give it in kg",
+                self.name
+            )
+        })
+    }
+}
+
+impl LinkJoint {
+    /// Returns displacement of the tool per force, mm/N.
+    fn compliance(&self) -> f64 {
+        // rad/(N m) is 1e-3 rad/(N mm).
+        1e-3 * (self.compliance_um_per_n.0 + self.angular_rad_per_n_m.0 * self.arm_mm.0.powi(2))
+    }
+}
+
 impl Overhang {
     /// Returns the stiffness of the first link at an overhang in mm, N/mm.
     pub fn stiffness(&self, overhang: f64) -> f64 {
@@ -42,9 +81,10 @@ impl Overhang {
 }
 
 impl Adjustment {
-    /// Builds the loop of a study: the links, then the modes of the spindle. With an overhang the first link has
-    /// the stiffness that `[overhang]` gives, and keeps its mass and damping ratio; without that table
-    /// the overhang is the length of the spindle's last cylinder.
+    /// Builds the loop of a study: the links, then the modes of the spindle, then measured responses. With an
+    /// overhang the first link has the stiffness that `[overhang]` gives; without that table
+    /// the overhang is the length of the spindle's last cylinder. Joints are springs in series with that of
+    /// their link. Another stiffness leaves mass and damping ratio of a link unchanged.
     ///
     /// # Errors
     /// See [`NoLoop`].
@@ -64,9 +104,11 @@ impl Adjustment {
         match (overhang, &study.overhang) {
             (Some(length), Some(formula)) => {
                 let first = terms.first_mut().ok_or(NoLoop::Link)?;
-                let square = formula.stiffness(length) * first.gain;
-                first.rate *= (square / first.square).sqrt();
-                first.square = square;
+                *first = first.with_stiffness(formula.stiffness(length));
+                let turns = |joint: &&LinkJoint| joint.angular_rad_per_n_m.0 > 0.0;
+                if let Some(joint) = study.links[0].joints.iter().find(turns) {
+                    return Err(NoLoop::Arm(joint.arm_mm.0));
+                }
             }
             (Some(length), None) => {
                 let own = spindle.take().ok_or(NoLoop::Overhang)?;
@@ -74,19 +116,31 @@ impl Adjustment {
             }
             (None, _) => {}
         }
+        for (term, link) in terms.iter_mut().zip(&study.links) {
+            let joints: f64 = link.joints.iter().map(LinkJoint::compliance).sum();
+            if joints > 0.0 {
+                *term = term.with_stiffness(1.0 / (term.gain / term.square + joints));
+            }
+        }
         if let Some(spindle) = spindle {
             let own = spindle.nose()?.terms();
             names.extend((1..=own.len()).map(|k| format!("spindle, mode {k}")));
             terms.extend(own);
         }
-        match terms.is_empty() {
-            true => Err(NoLoop::Nothing),
-            false => Ok(Self {
-                overhang,
-                lag: Lag { terms, lag: keys.time_constant_ms.0 * 1e-3 },
-                names,
-            }),
+        names.extend(study.measured.iter().map(|own| own.name.clone()));
+        let measured = study.measured.iter().map(|own| own.response.clone()).collect();
+        let lag = Lag { terms, measured, lag: keys.time_constant_ms.0 * 1e-3 };
+        if names.is_empty() {
+            return Err(NoLoop::Nothing);
         }
+        if lag.is_apart() {
+            return Err(NoLoop::Apart);
+        }
+        let period = TAU / lag.slowest();
+        if lag.lag > period {
+            return Err(NoLoop::Slow { lag: keys.time_constant_ms.0, period: period * 1e3 });
+        }
+        Ok(Self { overhang, lag, names })
     }
 
     /// Returns the name in tables and plots.

@@ -23,7 +23,8 @@ impl Lag {
     pub fn link_and_stiffness(&self, omega: f64) -> Vec<Point> {
         let Some((first, others)) = self.terms.split_first() else { return vec![] };
         let (mass, damping) = (1.0 / first.gain, first.rate / first.gain);
-        let beta: Complex<f64> = others.iter().map(|term| term.at(omega)).sum();
+        let measured = self.measured.iter().map(|own| own.at(omega));
+        let beta: Complex<f64> = others.iter().map(|term| term.at(omega)).chain(measured).sum();
         let (drag, turn) = (damping * omega, omega * self.lag);
         let a = drag * (1.0 + turn * turn);
         let b = 2.0 * drag * (beta.re + turn * beta.im) - turn;
@@ -49,6 +50,6 @@ impl Lag {
         if let Some(first) = terms.first_mut() {
             *first = Term { square: stiffness * first.gain, ..*first };
         }
-        Self { terms, lag: self.lag }
+        Self { terms, ..self.clone() }
     }
 }

@@ -137,6 +137,24 @@ pub struct Link {
     pub damping_n_s_per_mm: Positive,
     /// Force per displacement.
     pub stiffness_n_per_um: Positive,
+    /// Joints between spindle, arbor and tool, in series with the spring.
+    #[serde(default)]
+    pub joints: Vec<LinkJoint>,
+}
+
+/// One of `[[links.joints]]`: a spring in series with that of its link.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct LinkJoint {
+    /// Displacement per force.
+    #[serde(default)]
+    pub compliance_um_per_n: NotNegative,
+    /// Angle per moment.
+    #[serde(default)]
+    pub angular_rad_per_n_m: NotNegative,
+    /// Distance of the force from the joint, by which the angle moves the tool.
+    #[serde(default)]
+    pub arm_mm: NotNegative,
 }
 
 /// `[lag]`: a cutting force that follows the chip's thickness with a first-order lag.

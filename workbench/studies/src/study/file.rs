@@ -7,6 +7,7 @@
 use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
 use crate::study::forcing::{Force, Milling};
 use crate::study::masses::Platform;
+use crate::study::measured::{BadResponse, Measured};
 use crate::study::number::{Positive, Ratio};
 use crate::study::spindle::Spindle;
 use machine::files::{AtFile, Locate, read_text};
@@ -38,6 +39,8 @@ pub struct Study {
     pub turning: Option<Turning>,
     /// Masses on springs between tool and work.
     pub links: Vec<Link>,
+    /// Measured frequency responses between tool and work.
+    pub measured: Vec<Measured>,
     /// Lag of the cutting force behind the chip's thickness.
     pub lag: Option<LagKeys>,
     /// Cutting stiffness per width of chip.
@@ -171,6 +174,8 @@ pub enum StudyError {
     Unread(#[from] AtFile<io::Error>),
     #[error(transparent)]
     Malformed(#[from] AtFile<toml::de::Error>),
+    #[error(transparent)]
+    Response(#[from] AtFile<BadResponse>),
 }
 
 /// A value that a study lacks, or has in the wrong form.
@@ -257,13 +262,18 @@ impl<'de> Visitor<'de> for EachVisitor {
 }
 
 impl Study {
-    /// Reads a study.
+    /// Reads a study, and the files that it names relative to its own.
     ///
     /// # Errors
     /// See [`StudyError`].
     pub fn read(file: &Path) -> Result<Self, StudyError> {
         let text = read_text(file)?;
-        Ok(Self::parse(&text).at(file)?)
+        let mut study = Self::parse(&text).at(file)?;
+        for measured in &mut study.measured {
+            let place = file.parent().unwrap_or(Path::new("")).join(&measured.file);
+            measured.response = read_text(&place)?.parse().at(&place)?;
+        }
+        Ok(study)
     }
 
     /// Returns the standard deviation of every joint, in its unit; `None` if the file has none.

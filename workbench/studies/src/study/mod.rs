@@ -8,6 +8,7 @@ pub mod forcing;
 mod law;
 pub mod map;
 pub mod masses;
+pub mod measured;
 pub mod number;
 pub mod rods;
 pub mod sensitivity;

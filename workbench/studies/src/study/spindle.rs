@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! `[spindle]` of a study: a shaft on two elastic supports.
+//! `[spindle]` of a study: a shaft on two elastic supports, with elastic joints to arbor and tool.
 
 use crate::study::cutting::NotNegative;
 use crate::study::number::Positive;
@@ -17,6 +17,8 @@ pub struct Spindle {
     /// Cylinders from the rear end on; the last one is the overhang that commands change.
     pub sections: Vec<Section>,
     pub bearings: [Bearing; 2],
+    #[serde(default)]
+    pub joints: Vec<ShaftJoint>,
     /// Number of modes used.
     #[serde(default = "three")]
     pub modes: u8,
@@ -49,4 +51,18 @@ pub struct Bearing {
     /// Force per speed.
     #[serde(default)]
     pub damping_n_s_per_mm: NotNegative,
+}
+
+/// One of `[[spindle.joints]]`: springs where the shaft continues as arbor or tool.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ShaftJoint {
+    /// Distance from the rear end.
+    pub at_mm: Positive,
+    /// Displacement of one side against the other per force.
+    #[serde(default)]
+    pub compliance_um_per_n: NotNegative,
+    /// Rotation of one side against the other per moment.
+    #[serde(default)]
+    pub angular_rad_per_n_m: NotNegative,
 }

@@ -3,6 +3,7 @@
 
 mod lag;
 mod machine;
+mod measured;
 mod milling;
 mod poses;
 mod spindle;

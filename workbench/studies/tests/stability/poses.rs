@@ -247,7 +247,7 @@ fn a_lag_at_the_tip_is_worst_at_twice_the_regenerative_floor() {
     let expected = row(golden("chatter", "a_home_feed_lag_floor_and_regenerative_floor_n_per_mm"));
     let terms =
         modes(&POSES[0].1).into_iter().map(|mode| Term::mode(&mode, &Vector3::x(), &-Vector3::x()));
-    let lag = Lag { terms: terms.collect(), lag: 0.0 };
+    let lag = Lag { terms: terms.collect(), lag: 0.0, ..Lag::default() };
     let (time, crossing) = lag.worst_lag().unwrap();
     close(crossing.stiffness, expected[0], 1e-9);
     close(crossing.stiffness, 2.0 * expected[1], 1e-9);

@@ -3,8 +3,10 @@
 
 use std::f64::consts::{PI, TAU};
 use studies::stability::spindle::{NoSpindle, Nose};
+use studies::study::cutting::NotNegative;
 use studies::study::file::Study;
-use studies::study::spindle::Spindle;
+use studies::study::number::Positive;
+use studies::study::spindle::{ShaftJoint, Spindle};
 use test_support::stability::close;
 
 /// Forces at the ends of elements are exact except for rounding, with a matrix whose condition number is 1e10.
@@ -132,6 +134,86 @@ fn a_rigid_shaft_on_soft_bearings_swings_and_loses_as_two_springs_say() {
     close(nose(&own).modes[0].zeta, mode.zeta + 0.01, 1e-12);
 }
 
+/// Returns a joint: mm, um/N, rad/(N m).
+fn joint(at: f64, linear: f64, angular: f64) -> ShaftJoint {
+    ShaftJoint {
+        at_mm: Positive(at),
+        compliance_um_per_n: NotNegative(linear),
+        angular_rad_per_n_m: NotNegative(angular),
+    }
+}
+
+#[test]
+fn joints_add_their_displacement_and_their_rotation_times_the_arm() {
+    let (span, over) = (300.0, 90.0);
+    let rigid = spindle(&[span, over], [(0.0, 0.01, None, 0.0), (span, 0.02, None, 0.0)]);
+    let mut shaft = rigid.clone();
+    // Arbor in front of the nose, tool 40 mm before the tip.
+    let (arbor, tool) = (joint(span + 20.0, 0.003, 2e-6), joint(span + 50.0, 0.0, 5e-6));
+    shaft.joints = vec![arbor, tool];
+    let added = 0.003e-3 + 2e-9 * 70.0 * 70.0 + 5e-9 * 40.0 * 40.0;
+    close(nose(&shaft).compliance, nose(&rigid).compliance + added, STATIC);
+    shaft.joints = vec![joint(span + 20.0, 0.001, 2e-6), joint(span + 20.0, 0.002, 0.0), tool];
+    close(nose(&shaft).compliance, nose(&rigid).compliance + added, STATIC);
+    // A joint stays with the shaft if the last cylinder grows: its arm grows.
+    let longer = nose(&shaft.with_overhang(120.0)).compliance;
+    let added = 0.003e-3 + 2e-9 * 100.0 * 100.0 + 5e-9 * 70.0 * 70.0;
+    close(longer, nose(&rigid.with_overhang(120.0)).compliance + added, STATIC);
+    // Other elements: rounding, as STATIC.
+    close(nose(&shaft.without_joints()).compliance, nose(&rigid).compliance, STATIC);
+}
+
+/// Returns the determinant whose zeros x = βL are the natural frequencies of a cantilever on springs against
+/// displacement and rotation at its root, L³/(c EI) and L/(γ EI): the shape is a cosh + b sinh + c cos + d sin.
+#[rustfmt::skip]
+fn on_springs(x: f64, linear: f64, angular: f64) -> f64 {
+    let (ch, sh, c, s) = (x.cosh(), x.sinh(), x.cos(), x.sin());
+    // At the root w''' = -linear w and w'' = angular w', at the tip w'' = w''' = 0, with L = 1.
+    let (x2, x3) = (x * x, x * x * x);
+    nalgebra::Matrix4::new(
+        linear, x3, linear, -x3,
+        x2, -angular * x, -x2, -angular * x,
+        ch, sh, -c, -s,
+        sh, ch, s, -c,
+    )
+    .determinant()
+}
+
+#[test]
+fn frequencies_with_a_joint_are_those_of_a_cantilever_on_springs() {
+    let (length, stub): (f64, f64) = (400.0, 50.0);
+    let unit = (bending() / density()).sqrt() / (length * length);
+    for (linear, angular) in [(0.01, 1e-5), (0.5, 1e-7), (0.02, 3e-5)] {
+        // Clamped at the joint by its bearing.
+        let mut shaft =
+            spindle(&[stub, length], [(0.0, 0.0, None, 0.0), (stub, 0.0, Some(0.0), 0.0)]);
+        shaft.joints = vec![joint(stub, linear, angular)];
+        let of = |x: f64| {
+            let root = length.powi(3) / (linear * 1e-3 * bending());
+            on_springs(x, root, length / (angular * 1e-3 * bending()))
+        };
+        let mut expected = vec![];
+        let mut low = 0.1;
+        while expected.len() < 3 {
+            let high = low + 0.01;
+            if of(low) * of(high) < 0.0 {
+                let (mut a, mut b) = (low, high);
+                for _ in 0..60 {
+                    let middle = (a + b) / 2.0;
+                    *(if of(a) * of(middle) <= 0.0 { &mut b } else { &mut a }) = middle;
+                }
+                expected.push(a);
+            }
+            low = high;
+        }
+        for (mode, x) in nose(&shaft).modes.iter().zip(&expected) {
+            // As for beams without a joint, with elements of a 43rd of the cantilever.
+            close(mode.omega, x * x * unit, 2.0 * FREQUENCY);
+        }
+        assert!(expected[0] < 0.99 * 1.875_104_068_711_961, "{expected:?}: no effect");
+    }
+}
+
 #[test]
 fn finer_elements_are_not_needed_and_a_longer_overhang_yields_more() {
     let shaft = spindle(&[74.0, 312.0, 70.0], [(74.0, 0.01, None, 0.1), (386.0, 0.005, None, 0.1)]);
@@ -162,6 +244,8 @@ fn a_spindle_that_is_none_is_refused() {
     assert_eq!(refused(|s| s.bearings[1].at_mm.0 = 0.0), NoSpindle::Together(0.0));
     let bore = refused(|s| s.sections[0].bore_mm.0 = 40.0);
     assert_eq!(bore, NoSpindle::Bore { bore: 40.0, outer: 40.0 });
+    let at_the_nose = refused(|s| s.joints.push(joint(100.0, 0.1, 0.0)));
+    assert_eq!(at_the_nose, NoSpindle::Joint { at: 100.0, length: 100.0 });
     assert_eq!(refused(|s| s.sections.clear()), NoSpindle::Empty);
     assert_eq!(refused(|s| s.modes = 0), NoSpindle::Modeless);
 }
