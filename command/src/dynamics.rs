@@ -21,6 +21,7 @@ use program::preflight::JudgeError;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use studies::dynamics::layer::Layer;
 use studies::dynamics::linear::Linear;
 use studies::dynamics::milling::{Milling, frame};
 use studies::dynamics::model::Model;
@@ -116,7 +117,7 @@ pub struct Arguments {
 enum Shake {
     /// Random force, [force] of the study
     Noise,
-    /// Force of a milling cutter, [cutting] and [milling] of the study
+    /// Force of a milling cutter, [cutting] and [milling] of the study; with [stock], on its layers
     Milling,
 }
 
@@ -160,11 +161,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     subject.write(&answer, moved.as_ref().map(|(record, _)| record), linear.as_ref())?;
     drop(bar);
     let verdict = moved.as_ref().map_or(Verdict::Fits, |(_, verdict)| *verdict);
-    let reported = linear.map(|((covariance, leg_rms_n, spread), _)| LinearAnswer {
-        rms_um: roots(&covariance),
-        ellipse: EllipseAnswer::of(&covariance),
-        leg_rms_n,
-        spread,
+    let reported = linear.map(|(found, _)| LinearAnswer {
+        rms_um: roots(&found.tip),
+        ellipse: EllipseAnswer::of(&found.tip),
+        axis_rms_urad: found.axis_urad,
+        leg_rms_n: found.legs,
+        spread: found.spread,
     });
     answer.motion = moved.map(|(record, _)| of_record(&record, reported));
     output::answer(&answer)?;
@@ -188,8 +190,17 @@ fn check(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Covariance of the tip, standard deviations of the legs' forces, and those of variances of a record.
-type OfNoise = (Matrix3<f64>, Vec<f64>, [f64; 3]);
+/// Linear theory of a random force.
+struct OfNoise {
+    /// Covariance of the tip.
+    tip: Matrix3<f64>,
+    /// Standard deviations of the spindle axis: its inclination, urad.
+    axis_urad: [f64; 3],
+    /// Standard deviations of the legs' forces.
+    legs: Vec<f64>,
+    /// Standard deviations of variances of a record.
+    spread: [f64; 3],
+}
 
 impl Subject<'_> {
     fn answer(&self) -> Option<Answer> {
@@ -255,6 +266,7 @@ impl Subject<'_> {
                 let spectrum = force.band.into();
                 Ok(Force::Noise(Noise::new(force.sigma_n.into(), &spectrum, step, force.seed)))
             }
+            Some(Shake::Milling) if self.study.stock.is_some() => self.layer(step),
             Some(Shake::Milling) => {
                 let (milling, _) = self.milling()?;
                 let feed = self.study.milling.and_then(|run| run.feed);
@@ -269,6 +281,21 @@ impl Subject<'_> {
                 Ok(Force::Milling(milling, frame))
             }
         }
+    }
+
+    /// Returns the force on the layers of the stock.
+    fn layer(&self, step: f64) -> Result<Force, Failure> {
+        if self.arguments.program.is_none() {
+            return Err(refused(format!(
+                "{}: [stock] is cut along a program; add --program, or remove [stock] for a cut at a pose",
+                self.arguments.study.display()
+            )));
+        }
+        let cutter = self.study.cutting.ok_or_else(|| self.lacks("cutting", "teeth"))?;
+        let run = self.study.milling.ok_or_else(|| self.lacks("milling", "speed_rpm"))?;
+        let stock = self.study.stock.ok_or_else(|| self.lacks("stock", "low_mm"))?;
+        let layer = Layer::new(&cutter, &run, &stock, step).at(&self.arguments.study)?;
+        Ok(Force::Layer(Box::new(layer)))
     }
 
     /// Simulates the requested motion in time.
@@ -354,7 +381,15 @@ impl Subject<'_> {
         let covariance = linear.covariance()?;
         let seconds = record.tip.len() as f64 * record.step;
         let spread = [0, 1, 2].map(|axis| linear.spread(&covariance, axis, seconds).unwrap_or(0.0));
-        Some((linear.of_tip(&covariance), linear.of_legs(&covariance), spread))
+        // A unit vector along the axis moves by the rotation times it: Ω × a.
+        let across = self.pose.rotation().column(2).into_owned().cross_matrix();
+        let axis = across * linear.of_turns(&covariance) * across.transpose();
+        Some(OfNoise {
+            tip: linear.of_tip(&covariance),
+            axis_urad: [0, 1, 2].map(|k| axis[(k, k)].sqrt() * 1e6),
+            legs: linear.of_legs(&covariance),
+            spread,
+        })
     }
 
     fn write(
@@ -382,7 +417,7 @@ impl Subject<'_> {
                 plots.extend(of_map(self.config.length_unit(), map)?);
             }
             if let Some(record) = record {
-                plots.push(of_trace(record, linear.map(|((covariance, ..), _)| covariance))?);
+                plots.push(of_trace(record, linear.map(|(found, _)| &found.tip))?);
                 plots.push(of_deviation(record)?);
             }
             if let Some(Spectra { hz, found, linear }) = &spectra {
@@ -398,7 +433,7 @@ impl Subject<'_> {
         if let (Some(file), Some(maps)) = (&self.arguments.map, &maps) {
             let header = ["x", "y", "z", "lowest_hz", "largest_swing_um_per_n"];
             let rows = maps.iter().flat_map(Map::rows);
-            let rows = rows.map(|[x, y, z, hz, swing]| [x, y, z, hz, swing * UM]);
+            let rows = rows.map(|([x, y, z], [hz, swing])| [x, y, z, hz, swing * UM]);
             write_whole(file, &csv(&header, rows))?;
         }
         if let (Some(file), Some(record)) = (&self.arguments.trace, record) {
@@ -416,7 +451,7 @@ impl Subject<'_> {
         }
     }
 
-    fn maps(&self) -> Result<Vec<Map>, Failure> {
+    fn maps(&self) -> Result<Vec<Map<2>>, Failure> {
         let [_, _, _, a, b, c] = self.pose.to_degrees();
         let workspace = Workspace::new(self.config, self.tool, vec![[a, b, c]], self.study)?;
         let range = axis_box::range(self.config);
@@ -430,7 +465,7 @@ impl Subject<'_> {
                 Structure::at(self.config, &self.model, pose, &self.tool).ok()?.softest()
             })
         };
-        let maps: Vec<Map> = planes.iter().enumerate().map(map).collect();
+        let maps: Vec<Map<2>> = planes.iter().enumerate().map(map).collect();
         match maps.iter().all(Map::is_empty) {
             true => Err(refused(format!(
                 "{}: no point of the maps is within the machine's limits; choose another pose with --pose, or \

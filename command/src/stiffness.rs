@@ -104,7 +104,9 @@ fn draw(
         let reached = |place: &Vector3<f64>| workspace.check(place).is_ok();
         let at = |pose: &Pose| Stiffness::at(config, pose, tool, springs).ok().flatten();
         Map::over(pose, [across, up], [&range.low, &range.high], arguments.grid.into(), |pose| {
-            at(pose).filter(|_| reached(&pose.position)).map(|found| found.least())
+            let found = at(pose).filter(|_| reached(&pose.position))?;
+            let ([push, turn], [x, y, z, a, b, c]) = (found.least(), found.along());
+            Some([push, turn, x, y, z, a, b, c])
         })
     };
     let bar = Bar::new("mapping");
@@ -113,7 +115,7 @@ fn draw(
         bar.set(done as f64 / planes.len() as f64);
         map(*plane)
     };
-    let maps: Vec<Map> = planes.iter().enumerate().map(mapped).collect();
+    let maps: Vec<Map<8>> = planes.iter().enumerate().map(mapped).collect();
     drop(bar);
     if maps.iter().all(Map::is_empty) {
         return Err(refused(format!(
@@ -123,9 +125,14 @@ fn draw(
         )));
     }
     if let Some(file) = &arguments.csv {
-        let header = ["x", "y", "z", "translation_n_per_um", "rotation_n_m_per_rad"];
-        let rows = maps.iter().flat_map(Map::rows);
-        let rows = rows.map(|[x, y, z, push, turn]| [x, y, z, push * 1e-3, turn * 1e-3]);
+        let least = ["translation_n_per_um", "rotation_n_m_per_rad"].map(String::from);
+        let along = ["x", "y", "z"].map(|axis| format!("along_{axis}_n_per_um"));
+        let about = ["x", "y", "z"].map(|axis| format!("about_{axis}_n_m_per_rad"));
+        let header = ["x", "y", "z"].map(String::from).into_iter();
+        let header: Vec<String> = header.chain(least).chain(along).chain(about).collect();
+        let rows = maps.iter().flat_map(Map::rows).map(|(place, values)| {
+            place.into_iter().chain(values.map(|value| value * 1e-3)).collect::<Vec<_>>()
+        });
         write_whole(file, &csv(&header, rows))?;
     }
     let Some(folder) = &arguments.plots else { return Ok(()) };
@@ -194,6 +201,12 @@ fn report(
             writeln!(out, "{value:>16}  {:8.4} {:8.4} {:8.4}", axis[0], axis[1], axis[2])?;
         }
     }
+    let along = found.along().map(|value| value * 1e-3);
+    let row = |values: &[f64], decimals: usize| -> String {
+        values.iter().map(|value| format!("{:>13}", shown(*value, decimals))).collect()
+    };
+    writeln!(out, "\nstiffness along X Y Z in N/um, about X Y Z in N m/rad")?;
+    writeln!(out, "   {}\n   {}", row(&along[..3], 3), row(&along[3..], 1))?;
     writeln!(out, "\nsize of the platform: smallest stiffness in N/um, in N m/rad")?;
     for (factor, [translation, rotation]) in sizes {
         let [translation, rotation] = [shown(translation * 1e-3, 3), shown(rotation * 1e-3, 1)];
@@ -220,6 +233,8 @@ fn report(
         "matrix": found.matrix.as_ref().map(rows),
         "translation_n_per_um": ellipsoid(found.translation()),
         "rotation_n_m_per_rad": ellipsoid(found.rotation()),
+        "along_n_per_um": &along[..3],
+        "about_n_m_per_rad": &along[3..],
         "platform_sizes": sizes.iter().map(size).collect::<Vec<_>>(),
     }))
 }

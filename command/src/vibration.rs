@@ -66,6 +66,8 @@ pub struct EllipseAnswer {
 pub struct LinearAnswer {
     pub rms_um: [f64; 3],
     pub ellipse: EllipseAnswer,
+    /// RMS displacement of the end of a unit vector along the spindle axis, along X Y Z: its inclination.
+    pub axis_rms_urad: [f64; 3],
     /// RMS force of every leg, about its static load.
     pub leg_rms_n: Vec<f64>,
     /// Relative standard deviation of the variances of a record of this length.
@@ -128,6 +130,7 @@ pub fn report(answer: &Answer, pose: &Pose) -> Result<(), Failure> {
         writeln!(out, "\nby the linear theory")?;
         writeln!(out, "{:>24}{}", "standard deviation", row(&linear.rms_um))?;
         report_ellipse(&mut out, &linear.ellipse)?;
+        writeln!(out, "{:>24}{}", "spindle axis, urad", row(&linear.axis_rms_urad))?;
         writeln!(out, "{:>24}{}", "legs, N", row(&linear.leg_rms_n))?;
         let percent = linear.spread.map(|spread| 50.0 * spread);
         writeln!(out, "A record of this length shows it to{} %.", row(&percent))?;

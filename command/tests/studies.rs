@@ -44,10 +44,12 @@ fn stiffness_prints_matrix_and_axes_and_draws_its_maps() {
     let answer = bench.answer(words, "");
     // The rods' parallelograms constrain A B C.
     assert_output(&answer, 0, &["Guides constrain some coordinates", "N/um", "rigid"]);
-    // Three maps of each kind, sizes of the platform, and one ellipsoid: nothing rotates.
-    assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 8);
+    // Three maps of each kind, and along each of three axes, sizes of the platform, and one ellipsoid: nothing rotates.
+    assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 17);
+    assert_output(&answer, 0, &["stiffness along X Y Z in N/um"]);
     let map = fs::read_to_string(bench.0.path().join("map.csv")).unwrap();
     assert!(map.starts_with("x,y,z,translation_n_per_um") && map.lines().count() > 100);
+    assert!(map.lines().next().unwrap().ends_with(",about_z_n_m_per_rad"));
 }
 
 #[test]

@@ -49,7 +49,7 @@ fn amount(value: &Complex<f64>) -> f64 {
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_map(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
+pub fn of_map(length: &str, map: &Map<2>) -> Result<[Plot; 2], DrawError> {
     let letters = map.plane.map(|k| Letter::ALL[k].name());
     let plane: String = letters.iter().collect();
     let of =

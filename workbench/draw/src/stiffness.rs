@@ -8,16 +8,32 @@ use crate::sheet::Frame;
 use kinematics::Letter;
 use studies::study::map::Map;
 
-/// Draws maps of the smallest stiffness of translation and of rotation in one plane.
+/// Caption and name in the file of each map.
+const MAPS: [(&str, &str); 8] = [
+    ("Smallest stiffness of translation", "translation"),
+    ("Smallest stiffness of rotation", "rotation"),
+    ("Stiffness along X", "x"),
+    ("Stiffness along Y", "y"),
+    ("Stiffness along Z", "z"),
+    ("Stiffness about X", "about-x"),
+    ("Stiffness about Y", "about-y"),
+    ("Stiffness about Z", "about-z"),
+];
+
+/// Draws maps of the smallest stiffness of translation and of rotation in one plane, and of the stiffness along and
+/// about each axis, unless that is rigid everywhere.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_stiffness(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
+pub fn of_stiffness(length: &str, map: &Map<8>) -> Result<Vec<Plot>, DrawError> {
     let letters = map.plane.map(|k| Letter::ALL[k].name());
     let plane: String = letters.iter().collect();
-    let of = |k: usize, what: &str, unit: &str, scale: f64| -> Result<Plot, DrawError> {
-        let values: Vec<f64> = map.values.iter().map(|least| least[k] * scale).collect();
-        let caption = format!("Smallest stiffness of {what} in the plane {plane}, in {unit}");
+    let of = |k: usize| -> Result<Plot, DrawError> {
+        let (name, what) = MAPS[k];
+        let is_push = matches!(k, 0 | 2..=4);
+        let (unit, scale) = if is_push { ("N/µm", 1e-3) } else { ("kN m/rad", 1e-6) };
+        let values: Vec<f64> = map.values.iter().map(|own| own[k] * scale).collect();
+        let caption = format!("{name} in the plane {plane}, in {unit}");
         let frame = Frame {
             title: &caption,
             x: &format!("{} in {}", letters[0], length),
@@ -28,7 +44,8 @@ pub fn of_stiffness(length: &str, map: &Map) -> Result<[Plot; 2], DrawError> {
         let file = format!("stiffness-{what}-{}.svg", plane.to_lowercase());
         Ok(Plot { file, caption: caption.clone(), svg })
     };
-    Ok([of(0, "translation", "N/µm", 1e-3)?, of(1, "rotation", "kN m/rad", 1e-6)?])
+    let yields = |k: &usize| *k < 2 || map.values.iter().any(|own| own[*k].is_finite());
+    (0..MAPS.len()).filter(yields).map(of).collect()
 }
 
 /// Draws the smallest stiffness as a function of the size of the platform.

@@ -3,6 +3,7 @@
 //! independent values.
 
 use crate::dynamics::{GENERAL, STRUTS, SYMMETRIC, TOOL, close, hexapod, model, with_tool};
+use crate::stiffness::between_anchors;
 use kinematics::{Matrix3, Pose, Vector3};
 use machine::proof::axis_box;
 use machine::read::mechanism::Mechanism;
@@ -17,6 +18,7 @@ use std::sync::LazyLock;
 use studies::dynamics::capacity::Capacity;
 use studies::dynamics::chart::Chart;
 use studies::dynamics::drives::Drives;
+use studies::dynamics::layer::{Layer, Stock};
 use studies::dynamics::linear::{Ellipse, Linear};
 use studies::dynamics::loads::{Held, Moving, Wrench, loads};
 use studies::dynamics::milling::Milling;
@@ -24,9 +26,10 @@ use studies::dynamics::model::Model;
 use studies::dynamics::noise::{Noise, Spectrum};
 use studies::dynamics::record::Record;
 use studies::dynamics::rotation::{Acceleration, Motion};
-use studies::dynamics::run::{Force, Times, standing};
+use studies::dynamics::run::{Ended, Follower, Force, Times, standing};
 use studies::dynamics::simulation::Simulation;
 use studies::dynamics::structure::Structure;
+use studies::dynamics::strut::StrutMass;
 use studies::study::file::Study;
 use studies::study::springs::Spring;
 use test_support::shipped::{MACHINES, cases, config};
@@ -296,6 +299,76 @@ fn energy_falls_by_the_work_of_the_dampers_whoever_takes_the_torque_of_the_threa
             let [start, end] = left_alone(&legs, 0.1, 2e-5);
             // Fourth order: (ω h)⁴ at 250 Hz, and rounding of lengths times the weight.
             assert!((start - end).abs() < 1e-7 * size, "{screw} {damping}: {start} {end}");
+            // Struts that rotate: the forces of their rotation do the work that changes their energy.
+            let [start, end] =
+                left_alone(&format!("{legs}axial_mass_kg = 3\nacross_mass_kg = 4\n"), 0.1, 2e-5);
+            assert!((start - end).abs() < 1e-7 * size, "{screw} {damping}: {start} {end}");
+        }
+    }
+}
+
+/// Returns the kinetic energy of a strut as point masses: those of its housing at fixed distances from the base joint,
+/// and others at fixed distances behind the platform joint.
+fn of_points(
+    housing: &[[f64; 2]],
+    moved: &[[f64; 2]],
+    span: &Vector3<f64>,
+    rate: &Vector3<f64>,
+) -> f64 {
+    let length = span.norm();
+    let along = span / length;
+    let longer = along.dot(rate);
+    let turning = (rate - along * longer) / length;
+    let fixed = housing.iter().map(|[mass, at]| mass * (turning * *at).norm_squared());
+    let others = moved
+        .iter()
+        .map(|[mass, behind]| mass * (along * longer + turning * (length - behind)).norm_squared());
+    fixed.chain(others).sum::<f64>() / 2.0
+}
+
+#[test]
+fn a_strut_of_point_masses_asks_the_forces_of_lagrange() {
+    // A housing and a spindle with its nut at the platform joint; and a mass 200 mm behind it without a housing.
+    let rod: Vec<[f64; 2]> = (0..50).map(|k| [2e-5, 8.0 * f64::from(k)]).collect();
+    for (housing, moved) in [(&rod[..], &[[0.002, 0.0]][..]), (&[][..], &[[0.003, 200.0]][..])] {
+        let span = Vector3::new(300.0, -200.0, 700.0);
+        let rate = Vector3::new(400.0, 900.0, -300.0);
+        let change = Vector3::new(-700.0, 200.0, 500.0);
+        let length = span.norm();
+        let axial: f64 = moved.iter().map(|[mass, _]| mass).sum();
+        let turned: f64 = housing.iter().map(|[mass, at]| mass * at * at).sum::<f64>()
+            + moved.iter().map(|[mass, at]| mass * (length - *at) * (length - *at)).sum::<f64>();
+        let strut = StrutMass::new(axial, turned / (length * length), length);
+        // Later, when it is longer and has turned.
+        for seconds in [0.0, 0.2, -0.3] {
+            let state = |time: f64| {
+                let place = span + rate * time + change * (time * time / 2.0);
+                (place, rate + change * time)
+            };
+            let energy =
+                |span: &Vector3<f64>, rate: &Vector3<f64>| of_points(housing, moved, span, rate);
+            let slope = |of: &dyn Fn(&Vector3<f64>) -> f64, step: f64| {
+                Vector3::from_fn(|k, _| {
+                    let mut by = Vector3::zeros();
+                    by[k] = step;
+                    (of(&by) - of(&-by)) / (2.0 * step)
+                })
+            };
+            let momentum = |time: f64| {
+                let (span, rate) = state(time);
+                slope(&|by| energy(&span, &(rate + by)), 1.0)
+            };
+            let (span, rate) = state(seconds);
+            let step = 1e-5;
+            let force = (momentum(seconds + step) - momentum(seconds - step)) / (2.0 * step)
+                - slope(&|by| energy(&(span + by), &rate), 1e-2);
+            let found = strut.matrix(&span) * change + strut.rotation(&span, &rate);
+            // Differences: rounding of 1e-16 over steps of 1e-5 of the values, and truncation of their squares.
+            assert!((found - force).norm() < 1e-6 * force.norm(), "{found} {force}");
+            // The rotation matters, unless the strut happens not to change its length.
+            assert!(seconds != 0.0 || strut.rotation(&span, &rate).norm() > 0.01 * force.norm());
+            let own = strut.energy(&span, &rate);
+            close(&[own], &[energy(&span, &rate)], 1e-12);
         }
     }
 }
@@ -620,6 +693,211 @@ fn a_milling_force_has_the_closed_mean_and_harmonics() {
         let off = (mean(&helical) - mean(&cutter)).norm();
         assert!(off < 0.01 * mean(&cutter).norm(), "{off}");
     }
+}
+
+/// Returns the cutter of the golden values, with edge forces or without, in a block from X0 Y-10 to X20 Y10, 1 mm deep
+/// at Z0.
+fn layer(teeth: u16, edge: bool, helix: f64, step: f64) -> Layer {
+    let [_, diameter, _, feed] = GOLDEN.milling;
+    let ([kt, kr, ka], [kte, kre, kae]) = (GOLDEN.milling_cutting, GOLDEN.milling_edge);
+    let mut text = format!(
+        "[cutting]\nteeth = {teeth}\nentry_deg = 0\nexit_deg = 180\nkt_n_per_mm2 = {kt}\nkr_n_per_mm2 = {kr}\n\
+         ka_n_per_mm2 = {ka}\n[milling]\nspeed_rpm = 7500\nfeed_mm = {feed}\ndiameter_mm = {diameter}\n\
+         helix_deg = {helix}\nseconds = 1\n[stock]\nlow_mm = [0, -10]\nhigh_mm = [20, 10]\ntop_mm = 1\ncell_mm = 0.05\n"
+    );
+    if edge {
+        let keys =
+            format!("kte_n_per_mm = {kte}\nkre_n_per_mm = {kre}\nkae_n_per_mm = {kae}\n[stock]");
+        text = text.replace("[stock]", &keys);
+    }
+    let study = Study::parse(&text).unwrap();
+    let (cutting, milling) = (study.cutting.unwrap(), study.milling.unwrap());
+    Layer::new(&cutting, &milling, &study.stock.unwrap(), step).unwrap()
+}
+
+/// Seconds per step: 200 in a tooth period of two teeth.
+const LAYER_STEP: f64 = 2e-5;
+
+/// Moves a cutter along a line at 10 mm/s; returns the mean force over the last `turns` turns.
+fn cut(layer: &mut Layer, from: [f64; 3], to: [f64; 3], turns: usize) -> Vector3<f64> {
+    let (from, to) = (Vector3::from(from), Vector3::from(to));
+    let steps = ((to - from).norm() / 10.0 / LAYER_STEP).round() as usize;
+    let last = turns * 400;
+    let mut mean = Vector3::zeros();
+    for k in 0..steps {
+        let tip = from + (to - from) * (k as f64 / steps as f64);
+        let force = layer.force(k as f64 * LAYER_STEP, &tip);
+        if k >= steps - last {
+            mean += force / last as f64;
+        }
+    }
+    mean
+}
+
+#[test]
+fn a_layer_has_the_mean_force_of_the_arc_that_it_fills() {
+    // 10 mm/s at 7500/min and two teeth are 0.04 mm per tooth.
+    let near = |found: Vector3<f64>, expected: [f64; 3], share: f64| {
+        let expected = Vector3::from(expected);
+        assert!((found - expected).norm() < share * expected.norm(), "{found} {expected}");
+    };
+    for helix in [0.0, 30.0] {
+        let mut slot = layer(2, true, helix, LAYER_STEP);
+        assert_eq!(cut(&mut slot, [-5.0, 0.0, 0.0], [-3.0, 0.0, 0.0], 5), Vector3::zeros());
+        // A tooth enters and leaves at one of 200 steps, or within 0.75 of a cell of 0.05 mm beyond 2.5 mm.
+        near(
+            cut(&mut slot, [-3.0, 0.0, 0.0], [6.0, 0.0, 0.0], 20),
+            GOLDEN.milling_slot_mean_n,
+            0.01,
+        );
+    }
+    // Back along a lane beside the slot, a radius away: the wall is on the side where a tooth leaves. The force is that of
+    // half immersion, down milling, turned by half a turn.
+    let mut slot = layer(2, true, 0.0, LAYER_STEP);
+    cut(&mut slot, [-3.0, 0.0, 0.0], [23.0, 0.0, 0.0], 1);
+    let back = cut(&mut slot, [23.0, 2.5, 0.0], [10.0, 2.5, 0.0], 20);
+    let [x, y, z] = GOLDEN.milling_half_down_mean_n;
+    let back = Vector3::new(-back.x, -back.y, back.z);
+    // The wall of the slot is a cell too near or too far: 0.05/2.5 of the arc.
+    near(back, [x, y, z], 0.05);
+    // The same lane again finds no layer, and a level below a layer of twice the depth.
+    assert_eq!(cut(&mut slot, [23.0, 2.5, 0.0], [12.0, 2.5, 0.0], 20), Vector3::zeros());
+    let mut deep = layer(2, true, 0.0, LAYER_STEP);
+    let twice = cut(&mut deep, [-3.0, 0.0, -1.0], [6.0, 0.0, -1.0], 20);
+    near(twice / 2.0, GOLDEN.milling_slot_mean_n, 0.01);
+}
+
+#[test]
+fn the_work_of_a_tooth_is_its_coefficient_times_the_volume_it_removes() {
+    // One tooth without edge forces: its tangential force times its path is the energy per volume, K_t. Diagonally over a
+    // corner of the block, where the arc changes all the time.
+    let mut own = layer(1, false, 0.0, LAYER_STEP);
+    let before = own.stock.volume(0.0);
+    let (from, to) = (Vector3::new(-4.0, -13.0, 0.3), Vector3::new(14.0, -2.0, 0.3));
+    let steps = ((to - from).norm() / 10.0 / LAYER_STEP) as usize;
+    let mut work = 0.0;
+    for k in 0..steps {
+        let time = k as f64 * LAYER_STEP;
+        let force = own.force(time, &(from + (to - from) * (k as f64 / steps as f64)));
+        let (sin, cos) = (TAU * 125.0 * time).sin_cos();
+        // The tooth moves along (cos, -sin); the force on the tool opposes it.
+        work -= (force.x * cos - force.y * sin) * TAU * 125.0 * 2.5 * LAYER_STEP;
+    }
+    let removed = before - own.stock.volume(0.0);
+    // The block is 20 x 20 x 1 mm, of which 0.7 mm are cut.
+    assert!(removed > 30.0, "{removed}");
+    // The wall is up to a cell off, of 0.05 mm in a cut 2.5 to 5 mm wide; a path of 12 um per step.
+    close(&[work / GOLDEN.milling_cutting[0]], &[removed], 0.02);
+}
+
+#[test]
+fn a_machine_that_moves_through_a_layer_yields_by_its_force() {
+    let config = config("hexapod");
+    let legs = STRUTS.replace("0.8", "4");
+    let model = model(&config, &format!("{SYMMETRIC}geometric_stiffness = true\n"), &legs);
+    let pose = with_tool(HOME, &TOOL);
+    let structure = Structure::at(&config, &model, &pose, &TOOL).unwrap();
+    let tip = Vector3::from_column_slice(&HOME[..3]) - TOOL;
+    let at = |x: f64| {
+        let mut place = pose;
+        place.position.x += x;
+        place
+    };
+    let mut own = layer(2, true, 0.0, config.period / 50.0);
+    own.stock = Stock::from(&studies::study::forcing::Stock {
+        low_mm: [tip.x - 1.0, tip.y - 5.0],
+        high_mm: [tip.x + 10.0, tip.y + 5.0],
+        top_mm: tip.z + 1.0,
+        cell_mm: 0.05,
+    });
+    let mut follower =
+        Follower::new(&config, &model, Force::Layer(Box::new(own.clone())), config.period / 50.0);
+    assert_eq!(follower.steps(), 50);
+    let cycles = (0.6 / config.period) as usize;
+    for k in 0..cycles {
+        // From 4 mm before the block, 2 mm into it.
+        follower.see(&at(-4.0 + 10.0 * config.period * k as f64), &TOOL).unwrap();
+    }
+    let record = follower.finish().unwrap();
+    // The last 40 tooth periods of 4 ms. A record has one moment per servo cycle, of which 4 make a period: enough for the
+    // mean, in which harmonics of the fourth order and more (5 %) appear as well.
+    let last = &record.tip[record.tip.len() - 162..record.tip.len() - 2];
+    let mean = last.iter().sum::<Vector3<f64>>() / last.len() as f64;
+    let still = structure.receptance(0.0).unwrap().map(|h| h.re);
+    let expected = still * Vector3::from(GOLDEN.milling_slot_mean_n);
+    assert!((mean - expected).norm() < 0.1 * expected.norm(), "{mean} {expected}");
+    // Inclined by two degrees.
+    let mut inclined = Follower::new(&config, &model, Force::Layer(Box::new(own)), config.period);
+    let mut place = pose;
+    place.angles.x += 2.0_f64.to_radians();
+    let ended = (0..4).find_map(|_| inclined.see(&place, &TOOL).err());
+    assert!(
+        matches!(ended, Some(Ended::Inclined(angle)) if (angle - 2.0).abs() < 0.01),
+        "{ended:?}"
+    );
+}
+
+#[test]
+fn a_stock_that_is_none_is_refused() {
+    let text = "[stock]\nlow_mm = [0, -10]\nhigh_mm = [20, 10]\ntop_mm = 1\ncell_mm = 0.05\n";
+    assert!(Study::parse(text).is_ok());
+    for (from, to, words) in [
+        ("high_mm = [20, 10]", "high_mm = [20, -10]", "low_mm = -10, high_mm = -10: expected"),
+        ("cell_mm = 0.05", "cell_mm = 0.001", "400000000 cells: expected at most 25000000"),
+        ("cell_mm = 0.05", "cell_mm = 0", "0: expected more than 0"),
+        ("top_mm = 1", "top_mm = inf", "finite height"),
+    ] {
+        let message = Study::parse(&text.replace(from, to)).unwrap_err().to_string();
+        assert!(message.contains(words), "{message}");
+    }
+    let study = Study::parse(&format!(
+        "{}[cutting]\nteeth = 2\nentry_deg = 0\nexit_deg = 180\nkt_n_per_mm2 = 1\nkr_n_per_mm2 = 0\n[milling]\n\
+         speed_rpm = 1\nfeed_mm = 1\ndiameter_mm = 5\nseconds = 1\n",
+        text.replace("0.05", "0.3")
+    ))
+    .unwrap();
+    let (cutting, milling) = (study.cutting.unwrap(), study.milling.unwrap());
+    let message =
+        Layer::new(&cutting, &milling, &study.stock.unwrap(), 1e-4).unwrap_err().to_string();
+    assert!(
+        message.contains("cell_mm = 0.3: expected at most") && message.contains("0.25 mm"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_slow_force_along_one_axis_moves_the_tip_in_a_narrow_band() {
+    // Figure 9 and conclusion 6 of paper 004, with the shipped study.
+    let text =
+        std::fs::read_to_string(test_support::shipped::root().join("configs/hexapod/band.toml"));
+    let study = Study::parse(&text.unwrap()).unwrap();
+    let config = config("hexapod");
+    let model = Model::of(&config, &study).unwrap();
+    let pose = Pose::from_degrees(POSE_4);
+    let tool = Vector3::zeros();
+    let structure = Structure::at(&config, &model, &pose, &tool).unwrap();
+    let force = study.force.unwrap();
+    assert_eq!([force.sigma_n[0], force.sigma_n[2]], [0.0; 2]);
+    let stiffness = [1e4; 6];
+    let linear =
+        Linear::of(&structure, &stiffness, &force.sigma_n.into(), &force.band.into()).unwrap();
+    let covariance = linear.covariance().unwrap();
+    // A slow force displaces the tip by C f, and turns it.
+    let matrix = between_anchors(&config, &pose);
+    let mut load = nalgebra::Vector6::zeros();
+    load[1] = force.sigma_n[1];
+    let moved = matrix.lu().solve(&load).unwrap();
+    let (place, turn) = (moved.fixed_rows::<3>(0), moved.fixed_rows::<3>(3));
+    // The thread's torque contributes up to 0.4 %, and resonances at 45 times the frequency of the force 0.2 %.
+    let near = |found: Matrix3<f64>, expected: Matrix3<f64>| {
+        assert!((found - expected).norm() < 0.012 * expected.norm(), "{found} {expected}");
+    };
+    near(linear.of_tip(&covariance), place * place.transpose());
+    near(linear.of_turns(&covariance), turn * turn.transpose());
+    let ellipse = Ellipse::of(&linear.of_tip(&covariance));
+    // Two standard deviations are 4 um; across, the band is a hundredth of that.
+    close(&[2.0 * ellipse.axes[0]], &[4e-3], 0.01);
+    assert!(ellipse.axes[1] < 0.01 * ellipse.axes[0], "{ellipse:?}");
 }
 
 #[test]

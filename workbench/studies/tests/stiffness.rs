@@ -278,6 +278,40 @@ fn a_symmetric_machine_has_symmetric_maps() {
     close(one[1], other[1]);
 }
 
+/// Returns the stiffness of struts as springs of `STRUT` between the anchors of the INI file, about a tip without tool
+/// length: K = Σ k [u; ρ × u][u; ρ × u]ᵀ.
+pub fn between_anchors(config: &Mechanism, pose: &Pose) -> Matrix6<f64> {
+    let mut matrix = Matrix6::zeros();
+    for leg in config.geometry.legs() {
+        let arm = pose.rotation() * Vector3::from(leg.platform);
+        let along = (pose.position + arm - Vector3::from(leg.base)).normalize();
+        let moment = arm.cross(&along);
+        let row = nalgebra::Vector6::from_iterator(along.iter().chain(&moment).copied());
+        matrix += row * row.transpose() * STRUT;
+    }
+    matrix
+}
+
+#[test]
+fn stiffness_along_an_axis_is_the_load_over_the_displacement_that_it_causes() {
+    let config = config("hexapod");
+    let pose = Pose::from_degrees([-80.0, 60.0, 350.0, 10.0, -20.0, 0.0]);
+    let found = self_locking(&config, &pose, &NO_TOOL).along();
+    let matrix = between_anchors(&config, &pose);
+    for (k, stiffness) in found.into_iter().enumerate() {
+        let mut load = nalgebra::Vector6::zeros();
+        load[k] = 1.0;
+        let displacement = matrix.lu().solve(&load).unwrap();
+        // Rounding: the condition number of stiffnesses of lengths and angles is about 1e6.
+        assert!((stiffness * displacement[k] - 1.0).abs() < 1e-9, "{k}: {stiffness}");
+    }
+    // Guides hold the angles of a linear delta.
+    let delta = test_support::shipped::config("linear-delta");
+    let rigid = at(&delta, &delta.home_pose(), &delta.spindle).along();
+    assert!(rigid[..3].iter().all(|value| value.is_finite()), "{rigid:?}");
+    assert!(rigid[3..].iter().all(|value| value.is_infinite()), "{rigid:?}");
+}
+
 #[test]
 fn a_larger_platform_resists_turns_more() {
     // A result of paper 004.

@@ -24,6 +24,8 @@ pub struct Linear {
     q: DMatrix<f64>,
     /// Displacement of the tip, mm per state.
     tip: DMatrix<f64>,
+    /// Rotation of the platform and its spindle about the machine's axes, rad per state.
+    turns: DMatrix<f64>,
     /// Change of force of every leg, N per state.
     legs: DMatrix<f64>,
     /// Number of states of the structure; the others are those of the force, whose covariance is 1.
@@ -91,10 +93,11 @@ impl Linear {
             wide.view_mut((0, 0), (matrix.nrows(), count)).copy_from(&(matrix * &per_state));
             wide
         };
+        let turns = wide(&(structure.tip.rows(3, 3) * &shapes.vectors));
         let stretched = &structure.elongation * &shapes.vectors;
         let stiff = DMatrix::from_diagonal(&DVector::from_column_slice(legs));
         let legs = wide(&(-stiff * stretched));
-        Some(Self { a, q, tip: wide(&tip), legs, structural: 2 * count })
+        Some(Self { a, q, tip: wide(&tip), turns, legs, structural: 2 * count })
     }
 
     /// Adds the forces of dampers in the legs, N s/mm, to those of their springs.
@@ -150,6 +153,11 @@ impl Linear {
     /// Computes the covariance of the tip from that of the states, mm².
     pub fn of_tip(&self, covariance: &DMatrix<f64>) -> Matrix3<f64> {
         (&self.tip * covariance * self.tip.transpose()).fixed_view::<3, 3>(0, 0).into()
+    }
+
+    /// Computes the covariance of the rotation of the spindle from that of the states, rad², about machine axes.
+    pub fn of_turns(&self, covariance: &DMatrix<f64>) -> Matrix3<f64> {
+        (&self.turns * covariance * self.turns.transpose()).fixed_view::<3, 3>(0, 0).into()
     }
 
     /// Computes the standard deviation of the force of every leg, N.

@@ -7,14 +7,15 @@
 //! [`model`] reads masses, springs and dampers from a study; [`chart`] are the coordinates of the
 //! platform at a pose; [`structure`] has the matrices, [`shapes`] their modes, [`response`]
 //! poles and receptance. [`noise`] and
-//! [`milling`] are forces; [`linear`] is the linear theory of noise, [`simulation`] the response in time to
+//! [`milling`] are forces, that of a [`layer`] depends on the motion; [`linear`] is the linear theory of noise, [`simulation`] the response in time to
 //! any force and to the [`drives`] of a program, on [`rotation`]s; a [`run`] combines
 //! these, and a [`record`] contains the results.
-//! [`loads`] are the forces of the drives, and [`capacity`] their limits.
+//! Legs with mass are [`strut`]s. [`loads`] are the forces of the drives, and [`capacity`] their limits.
 
 pub mod capacity;
 pub mod chart;
 pub mod drives;
+pub mod layer;
 pub mod linear;
 pub mod loads;
 pub mod milling;
@@ -28,3 +29,4 @@ pub mod run;
 pub mod shapes;
 pub mod simulation;
 pub mod structure;
+pub mod strut;

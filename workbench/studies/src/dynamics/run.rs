@@ -2,6 +2,7 @@
 //! Complete simulations: at a pose under a force, or along a program.
 
 use crate::dynamics::drives::Drives;
+use crate::dynamics::layer::Layer;
 use crate::dynamics::milling::Milling;
 use crate::dynamics::model::Model;
 use crate::dynamics::noise::Noise;
@@ -33,15 +34,22 @@ pub enum Force {
     Noise(Noise),
     /// Force of a cutter, in a frame of feed, across and tool axis.
     Milling(Milling, Matrix3<f64>),
+    /// Force of a cutter on the layer in front of its teeth.
+    Layer(Box<Layer>),
 }
 
+/// Smallest cosine of the angle between tool and Z for a map of heights: one degree.
+const UPRIGHT: f64 = 0.999_847;
+
 impl Force {
-    fn now(&self, time: f64) -> Vector3<f64> {
+    /// Returns the force at a time, with the tip in the work at a place.
+    fn now(&mut self, time: f64, tip: &Vector3<f64>) -> Vector3<f64> {
         match self {
             Self::None => Vector3::zeros(),
             Self::Steady(force) => *force,
             Self::Noise(noise) => noise.force(),
             Self::Milling(milling, frame) => milling.at(time, frame),
+            Self::Layer(layer) => layer.force(time, tip),
         }
     }
 
@@ -71,6 +79,11 @@ pub enum Ended {
     },
     #[error("{0:.4} s: the motion diverges; reduce the cut or add damping")]
     Unbound(f64),
+    #[error(
+        "the tool is inclined by {0:.2} degrees, but [stock] is a map of heights for a vertical tool; remove [stock], \
+         or use a program without A and B"
+    )]
+    Inclined(f64),
 }
 
 /// Times of a simulation, seconds.
@@ -106,7 +119,11 @@ struct Going<'a> {
 impl Going<'_> {
     /// Performs one step, with the drives as a function of the share of the step.
     fn step(&mut self, step: f64, drives: impl Fn(f64) -> [Drives; 2]) -> Result<(), Ended> {
-        let force = self.force.now(self.time);
+        let upright = self.motion.rotation[(2, 2)];
+        if matches!(self.force, Force::Layer(_)) && upright < UPRIGHT {
+            return Err(Ended::Inclined(upright.clamp(-1.0, 1.0).acos().to_degrees()));
+        }
+        let force = self.force.now(self.time, &self.simulation.tip(&self.motion));
         let simulation = &mut self.simulation;
         self.motion = self.motion.after(step, |motion, share| {
             let [drives, moving] = &drives(share);

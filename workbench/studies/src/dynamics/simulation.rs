@@ -9,15 +9,15 @@
 //! about the center of mass r (paper 004, equations 11 to 14; about another pole a term ρ × m a is
 //! missing there). f⁰ supports the weight at the start. With the torque of a thread, l is the joint value
 //! and n with its moment the row of the joint. Guides constrain their coordinates by the principle of
-//! virtual work. Masses of the legs act at the legs' positions, without the forces due to their
-//! rotation; drives have no mass here. A damping ratio is converted to dampers between the legs that produce
-//! it at the start.
+//! virtual work. Legs with mass rotate ([`StrutMass`]); accelerations of their base joints are neglected, and drives
+//! have no mass here. A damping ratio is converted to dampers between the legs that produce it at the start.
 
 use crate::dynamics::chart::Chart;
 use crate::dynamics::drives::Drives;
 use crate::dynamics::model::Model;
 use crate::dynamics::rotation::{Acceleration, Motion};
 use crate::dynamics::structure::{LegAt, Structure, has_lead, legs, tip};
+use crate::dynamics::strut::StrutMass;
 use crate::study::file::Screw;
 use kinematics::{At, Fault, Matrix3, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
@@ -45,8 +45,7 @@ struct Strut {
     arm: Vector3<f64>,
     stiffness: f64,
     bearing: f64,
-    axial: f64,
-    across: f64,
+    mass: StrutMass,
     has_lead: bool,
 }
 
@@ -54,7 +53,9 @@ struct Strut {
 struct Pull {
     /// Force and moment about the center of mass per unit of its force.
     row: Vector6<f64>,
-    along: Vector3<f64>,
+    /// From the base anchor to the platform anchor, and its rate.
+    span: Vector3<f64>,
+    speed: Vector3<f64>,
     arm: Vector3<f64>,
     longer: f64,
     rate: f64,
@@ -79,14 +80,13 @@ impl<'a> Simulation<'a> {
             arm: leg.anchor - model.body.centre,
             stiffness: model.legs[i].spring.along(leg.gain),
             bearing: structure.bearing[i],
-            axial: model.legs[i].axial,
-            across: model.legs[i].across,
+            mass: StrutMass::new(model.legs[i].axial, model.legs[i].across, leg.length),
             has_lead: has_lead(config, i),
         };
         let springs: Vec<Strut> = legs.iter().enumerate().map(leg).collect();
         let Some(dampers) = dampers(&structure, &model) else { return Ok(None) };
         let is_turning = model.screw == Screw::Backdrivable && springs.iter().any(|s| s.has_lead);
-        let has_legs_with_mass = springs.iter().any(|s| s.axial + s.across > 0.0);
+        let has_legs_with_mass = springs.iter().any(|s| s.mass.is_there());
         let forces = structure.bearing;
         let tool = *tool;
         let held = structure.stiffness.cholesky().is_some();
@@ -167,6 +167,16 @@ impl<'a> Simulation<'a> {
             let spring = &self.springs[i];
             self.forces[i] = spring.bearing - spring.stiffness * pull.longer - damped;
             wrench += pull.row * self.forces[i];
+            if spring.mass.is_there() {
+                // The platform joint accelerates by the platform's rotation as well.
+                let towards = omega.cross(&omega.cross(&pull.arm));
+                let force = spring.mass.matrix(&pull.span) * towards
+                    + spring.mass.rotation(&pull.span, &pull.speed);
+                let mut part = wrench.fixed_rows_mut::<3>(0);
+                part -= force;
+                let mut part = wrench.fixed_rows_mut::<3>(3);
+                part -= pull.arm.cross(&force);
+            }
         }
         let change = self.accelerated(motion, &omega, &inertia, &wrench, &pulls);
         let turning = Vector3::new(change[3], change[4], change[5]);
@@ -201,7 +211,7 @@ impl<'a> Simulation<'a> {
             row.fixed_rows_mut::<3>(0).copy_from(&along);
             row.fixed_rows_mut::<3>(3).copy_from(&arm.cross(&along));
             let (longer, rate) = (length - drive.length, along.dot(&speed) - moved.length);
-            pulls.push(Pull { row, along, arm, longer, rate });
+            pulls.push(Pull { row, span, speed, arm, longer, rate });
         }
         if self.is_turning {
             self.turn_nuts(motion, omega, &mut pulls, moving)?;
@@ -261,8 +271,7 @@ impl<'a> Simulation<'a> {
         mass.fixed_view_mut::<3, 3>(3, 3).copy_from(inertia);
         if self.has_legs_with_mass {
             for (pull, spring) in pulls.iter().zip(&self.springs) {
-                let along = pull.along * pull.along.transpose();
-                let own = along * spring.axial + (Matrix3::identity() - along) * spring.across;
+                let own = spring.mass.matrix(&pull.span);
                 let mut moved = SMatrix::<f64, 3, 6>::zeros();
                 moved.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
                 moved.fixed_view_mut::<3, 3>(0, 3).copy_from(&-pull.arm.cross_matrix());
@@ -320,6 +329,7 @@ impl<'a> Simulation<'a> {
         energy -= body.mass * gravity.dot(&motion.place);
         for (pull, spring) in pulls.iter().zip(&self.springs) {
             energy += spring.stiffness * pull.longer.powi(2) / 2.0 - spring.bearing * pull.longer;
+            energy += spring.mass.energy(&pull.span, &pull.speed);
         }
         Ok(energy)
     }

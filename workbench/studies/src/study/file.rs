@@ -5,7 +5,7 @@
 //! value without its unit is an unknown key.
 
 use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
-use crate::study::forcing::{Force, Milling};
+use crate::study::forcing::{Force, Milling, Stock};
 use crate::study::masses::Platform;
 use crate::study::measured::{BadResponse, Measured};
 use crate::study::number::{Positive, Ratio};
@@ -28,6 +28,8 @@ pub struct Study {
     pub cutting: Option<Cutting>,
     /// Its speed, feed and edge forces.
     pub milling: Option<Milling>,
+    /// The block that it cuts along a program.
+    pub stock: Option<Stock>,
     pub legs: Legs,
     /// The joints of the table under the workpiece.
     pub table: Table,

@@ -75,6 +75,74 @@ impl TryFrom<ForceKeys> for Force {
     }
 }
 
+/// Largest number of cells of a stock: 200 MB.
+const MOST_CELLS: f64 = 25e6;
+
+/// Why a stock is invalid.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoStock {
+    #[error(
+        "low_mm = {low}, high_mm = {high}: expected a lower corner in front of the higher one, in X and Y"
+    )]
+    Empty { low: f64, high: f64 },
+    #[error("{0:.0} cells: expected at most {MOST_CELLS:.0}; use a larger cell_mm")]
+    Fine(f64),
+    #[error("top_mm: expected a finite height")]
+    Top,
+}
+
+/// `[stock]` as written in the file.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StockKeys {
+    low_mm: [f64; 2],
+    high_mm: [f64; 2],
+    top_mm: f64,
+    cell_mm: Positive,
+}
+
+/// `[stock]`: a block whose layers the cutter removes, in machine coordinates of the tool tip.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(try_from = "StockKeys")]
+pub struct Stock {
+    /// Corners in X and Y.
+    pub low_mm: [f64; 2],
+    pub high_mm: [f64; 2],
+    /// Height of the top face.
+    pub top_mm: f64,
+    /// Width of the cells of the map of heights.
+    pub cell_mm: f64,
+}
+
+impl Stock {
+    /// Returns the number of cells along X and Y.
+    pub fn cells(&self) -> [usize; 2] {
+        [0, 1].map(|k| ((self.high_mm[k] - self.low_mm[k]) / self.cell_mm).ceil() as usize)
+    }
+}
+
+impl TryFrom<StockKeys> for Stock {
+    type Error = NoStock;
+
+    fn try_from(keys: StockKeys) -> Result<Self, NoStock> {
+        let StockKeys { low_mm, high_mm, top_mm, cell_mm: Positive(cell_mm) } = keys;
+        for (low, high) in low_mm.into_iter().zip(high_mm) {
+            if !(low < high && (high - low).is_finite()) {
+                return Err(NoStock::Empty { low, high });
+            }
+        }
+        if !top_mm.is_finite() {
+            return Err(NoStock::Top);
+        }
+        let cells: f64 =
+            [0, 1].map(|k| ((high_mm[k] - low_mm[k]) / cell_mm).ceil()).iter().product();
+        match cells <= MOST_CELLS {
+            true => Ok(Self { low_mm, high_mm, top_mm, cell_mm }),
+            false => Err(NoStock::Fine(cells)),
+        }
+    }
+}
+
 /// A helix angle out of range.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("{0}: expected at least 0 and less than 90 degrees")]

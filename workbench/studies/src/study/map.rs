@@ -3,9 +3,9 @@
 
 use kinematics::Pose;
 
-/// Two values on a grid in a plane of two coordinates.
+/// `N` values on a grid in a plane of two coordinates.
 #[derive(Clone, Debug)]
-pub struct Map {
+pub struct Map<const N: usize> {
     /// Indices of the horizontal and the vertical coordinate.
     pub plane: [usize; 2],
     /// Values of the coordinates along the two sides.
@@ -13,17 +13,17 @@ pub struct Map {
     /// A point of the plane.
     pub place: [f64; 3],
     /// The values, row by row upwards; NaN where there is none.
-    pub values: Vec<[f64; 2]>,
+    pub values: Vec<[f64; N]>,
 }
 
-impl Map {
+impl<const N: usize> Map<N> {
     /// Evaluates `at` at `count` by `count` positions between the corners, at one orientation.
     pub fn over(
         pose: &Pose,
         plane: [usize; 2],
         [low, high]: [&[f64; 6]; 2],
         count: usize,
-        at: impl Fn(&Pose) -> Option<[f64; 2]>,
+        at: impl Fn(&Pose) -> Option<[f64; N]>,
     ) -> Self {
         let side = |k: usize| -> Vec<f64> {
             let share = |n: usize| n as f64 / (count - 1) as f64;
@@ -35,7 +35,7 @@ impl Map {
         let values = values.map(|(up, x)| {
             let mut pose = *pose;
             (pose.position[plane[0]], pose.position[plane[1]]) = (*x, *up);
-            at(&pose).unwrap_or([f64::NAN; 2])
+            at(&pose).unwrap_or([f64::NAN; N])
         });
         let values = values.collect();
         Self { plane, place: pose.position.into(), values, sides }
@@ -43,19 +43,18 @@ impl Map {
 
     /// Returns whether there are no values at all.
     pub fn is_empty(&self) -> bool {
-        self.values.iter().all(|[value, _]| value.is_nan())
+        self.values.iter().all(|values| values[0].is_nan())
     }
 
-    /// Returns the positions that have values, with these: X, Y, Z, and both.
-    pub fn rows(&self) -> impl Iterator<Item = [f64; 5]> + '_ {
+    /// Returns the positions that have values, with these: X, Y, Z, then the values.
+    pub fn rows(&self) -> impl Iterator<Item = ([f64; 3], [f64; N])> + '_ {
         let count = self.sides[0].len();
         let reached = self.values.iter().enumerate().filter(|(_, values)| !values[0].is_nan());
-        reached.map(move |(n, [first, second])| {
+        reached.map(move |(n, values)| {
             let mut place = self.place;
             place[self.plane[0]] = self.sides[0][n % count];
             place[self.plane[1]] = self.sides[1][n / count];
-            let [x, y, z] = place;
-            [x, y, z, *first, *second]
+            (place, *values)
         })
     }
 }

@@ -156,4 +156,16 @@ impl Stiffness {
     pub fn least(&self) -> [f64; 2] {
         [self.translation().stiffness[0], self.rotation().stiffness[0]]
     }
+
+    /// Returns force per displacement along X, Y and Z (N/mm), and moment per rotation about them (N·mm/rad): each
+    /// under that load alone; infinite if rigid.
+    pub fn along(&self) -> [f64; 6] {
+        let most =
+            |first: usize| (first..first + 3).map(|k| self.compliance[(k, k)]).fold(0.0, f64::max);
+        let most = [most(0), most(3)];
+        std::array::from_fn(|k| match self.compliance[(k, k)] {
+            value if value > RIGID * most[k / 3] => 1.0 / value,
+            _ => f64::INFINITY,
+        })
+    }
 }
