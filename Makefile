@@ -16,7 +16,7 @@ SCREEN_PACKAGES := xvfb libgl1-mesa-dri x11-utils imagemagick \
     python3-pyqt5 python3-pyqt5.qsci python3-pyqt5.qtsvg python3-pyqt5.qtopengl pyqt5-dev-tools
 # The documentation as a site, and lints.
 SITE_PACKAGES := mandoc python3-venv shellcheck
-PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ libboost-dev tcl python3 python3-numpy python3-pytest iproute2 procps valgrind
+PACKAGES := linuxcnc-uspace linuxcnc-uspace-dev ca-certificates gcc g++ tcl python3 python3-numpy python3-pytest iproute2 procps valgrind
 
 # The first Rust that builds this. Debian 12 has its own of 2022 and, for its browsers, a current
 # one, whose packages are called -web and whose commands have the usual names.
@@ -45,10 +45,10 @@ VIEWERS := viewer/pkmkins-vismach viewer/pkmkins-panel viewer/pkm-live
 VIEWER_SHARE := /usr/share/pkmkins
 VIEWER_MODULES := $(wildcard viewer/*.py)
 
-# LinuxCNC in virtual time, for pkm: compiled against the headers of the LinuxCNC that is installed, whose
-# version is in the name. A package has one for each LinuxCNC that it serves, and what compiles another.
-VIRTUAL = target/virtual/libpkmkins-virtual-$(shell linuxcnc_var LINUXCNCVERSION).so
-VIRTUAL_SOURCES := $(wildcard workbench/linuxcnc/virtual/*.cc workbench/linuxcnc/virtual/*.h) workbench/linuxcnc/virtual/build.sh
+# LinuxCNC in virtual time, for pkm: one library for all supported versions of LinuxCNC.
+VIRTUAL := target/virtual/libpkmkins-virtual.so
+VIRTUAL_SOURCES := $(wildcard workbench/linuxcnc/virtual/*.cc workbench/linuxcnc/virtual/*.h workbench/linuxcnc/virtual/*.inc) \
+    workbench/linuxcnc/virtual/build.sh
 
 # The files of the configurations that pkm makes, which git does not have: panels, and programs of files in `paths`.
 GENERATED := $(foreach end,xml tcl,$(patsubst %.ini,%-panel.$(end),$(wildcard configs/*/*.ini))) \
@@ -59,12 +59,11 @@ CONFIGS := $(sort $(GENERATED) $(wildcard $(foreach kind,ini tbl toml,configs/*/
     configs/*/paths/*.toml configs/*/calibration/*))
 PLACES = $(SO)=$(MODULES)/pkmkins.so \
     $(PINS)=$(VIEWER_BIN)/pkmkins-pins \
-    $(foreach f,$(VIRTUAL),$(f)=$(MODULES)/$(notdir $(f))) \
+    $(VIRTUAL)=$(MODULES)/$(notdir $(VIRTUAL)) \
     $(foreach f,$(HAL_FILES),$(f)=$(HALLIB)/$(notdir $(f))) \
     $(foreach f,$(SUBROUTINES),$(f)=$(NGC_LIB)/$(notdir $(f))) \
     $(foreach f,$(VIEWERS),$(f)=$(VIEWER_BIN)/$(notdir $(f))) \
     $(foreach f,$(VIEWER_MODULES),$(f)=$(VIEWER_SHARE)/$(notdir $(f))) \
-    $(foreach f,$(VIRTUAL_SOURCES),$(f)=$(VIEWER_SHARE)/virtual/$(notdir $(f))) \
     $(foreach f,$(CONFIGS),$(f)=$(EXAMPLES)/$(f:configs/%=%)) \
     $(foreach f,$(wildcard configs/*/README.md),$(f)=$(EXAMPLES)/$(f:configs/%.md=%)) \
     $(foreach f,$(VIEWERS),$(f).1=$(MANUALS)/man1/$(notdir $(f)).1) \
@@ -296,12 +295,11 @@ install: virtual
 	@$(call MAY_CHANGE,installing)
 	@echo "pkmkins: installing into $(DESTDIR)$(MODULES), $(DESTDIR)$(HALLIB), $(DESTDIR)$(NGC_LIB) and beside them"
 	@$(AS_ROOT); for pair in $(PLACES); do \
-	    case "$$pair" in *libpkmkins-virtual*) [ -f "$${pair%%=*}" ] || continue;; esac; \
 	    place="$(DESTDIR)$${pair#*=}"; mode=644; \
-	    case "$$place" in */bin/*|*.sh) mode=755;; esac; \
+	    case "$$place" in */bin/*) mode=755;; esac; \
 	    $$root install -D -m $$mode "$${pair%%=*}" "$$place.new" && $$root mv "$$place.new" "$$place" || exit 1; done
 
-# Of the library for virtual time, those for all versions of LinuxCNC. The picker cannot read an empty folder of
+# Of the library for virtual time, also those of earlier versions, for one LinuxCNC each. The picker cannot read an empty folder of
 # examples.
 uninstall:
 	@$(call MAY_CHANGE,uninstalling)
@@ -346,8 +344,7 @@ uninstall-pkm:
 	    "$(PKM_SHARE)"/man/man1/pkm-*.1 $(foreach f,$(COMPLETIONS) $(DOCS:%=doc/pkm/%),"$(PKM_SHARE)/$(f)") && \
 	{ [ ! -d "$(PKM_SHARE)/doc/pkm" ] || $$root find "$(PKM_SHARE)/doc/pkm" -depth -type d -empty -delete; }
 
-# Debian's packages, in target/debian. VIRTUAL names the libraries for virtual time that go into pkmkins, where it
-# is to serve more versions of LinuxCNC than the one installed. ARCH=arm64 compiles for that processor.
+# Debian's packages, in target/debian. ARCH=arm64 compiles for that processor.
 HERE := $(shell dpkg --print-architecture 2>/dev/null)
 ARCH := $(HERE)
 CROSS := $(filter-out $(HERE),$(ARCH))
@@ -359,7 +356,7 @@ deb: PKM := target/deb/pkm
 deb: PINS := target/deb/pkmkins-pins
 deb: setup module virtual setup-site $(ABOUT) $(if $(filter arm64,$(CROSS)),virtual-arm64)
 	@$(call INSTALLED,dpkg-dev debhelper lintian)
-	tools/progress.sh "making the packages" packaging/build.sh $(ARCH) $(if $(CROSS),$(VIRTUAL:target/virtual/%=target/virtual/$(CROSS)/%),$(VIRTUAL))
+	tools/progress.sh "making the packages" packaging/build.sh $(ARCH)
 
 virtual-arm64: setup
 	@$(call INSTALLED,$(ARM64_PACKAGES))

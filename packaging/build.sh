@@ -3,7 +3,7 @@
 # Makes the packages pkmkins and pkm of what is built, into target/debian, with the tools of debhelper; `make deb` builds
 # and calls this. For arm64 it also compiles.
 #
-#     packaging/build.sh ARCHITECTURE [LIBRARY...]     of this computer, or arm64; libraries for virtual time
+#     packaging/build.sh ARCHITECTURE     of this computer, or arm64
 #
 # They contain the files of `make install` and `make install-pkm`, in the same places, and the site of the documentation.
 # Two builds of one commit give the same files.
@@ -11,7 +11,6 @@ set -eu
 cd "$(dirname "$0")/.."
 . packaging/publisher.sh
 arch=$1
-shift
 stage=$PWD/target/packages
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml)
 series=$(linuxcnc_var LINUXCNCVERSION | cut -d . -f 1,2)
@@ -28,10 +27,11 @@ eval "$(dpkg-architecture --host-arch "$arch" --print-set)"
 
 case $arch in
 "$(dpkg --print-architecture)")
-    built=target/deb module=target/module/release/libpkmkins.so
+    built=target/deb module=target/module/release/libpkmkins.so virtual=target/virtual
     ;;
 arm64)
     built=target/arm64/aarch64-unknown-linux-gnu/deb module=target/arm64/aarch64-unknown-linux-gnu/release/libpkmkins.so
+    virtual=target/virtual/arm64
     # Its compiler must not serve what follows.
     (
         . tools/arm64.sh
@@ -72,7 +72,8 @@ rm -f target/debian/*_"$arch".deb
 # cargo-about reads the licenses in the crates of the lock file, and needs all of them.
 cargo fetch --locked
 lay_out() { make --no-print-directory -s -o setup -o module -o virtual -o generated -o pkm-built "$@"; }
-lay_out install SO="$module" PINS="$built/pkmkins-pins" DESTDIR="$stage/debian/pkmkins" ${1:+VIRTUAL="$*"}
+lay_out install SO="$module" PINS="$built/pkmkins-pins" DESTDIR="$stage/debian/pkmkins" \
+    VIRTUAL="$virtual/libpkmkins-virtual.so"
 lay_out install-pkm PKM=target/deb/pkm BUILT="$built/pkm" DESTDIR="$stage/debian/pkm" PREFIX=/usr
 docs/site/build.sh target/deb/pkm target/tools/python/bin/python
 documents=$stage/debian/pkm/usr/share/doc/pkm

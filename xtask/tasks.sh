@@ -11,7 +11,7 @@ mkdir -p build
 virtually() {
     make virtual
     PKM=$PWD/target/host/pkm PYTHONDONTWRITEBYTECODE=1 \
-        PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so "$@"
+        PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual.so "$@"
 }
 
 # environment FOLDER: creates a Python environment with the libraries that the package needs.
@@ -118,6 +118,8 @@ fuzz() {
 soak() { make install && cargo build "${host[@]}" --bin judge && tests/live/soak.py --out build/soak "$@"; }
 ## truth [OPTION...]: compares preflight with LinuxCNC in virtual time, and with --live both with the real one
 truth() { make install && tests/live/truth.py "$@"; }
+## versions [FOLDER]: runs tests with every LinuxCNC of versions.toml; FOLDER/2.10 is one that tests/versions/build.sh built
+versions() { make setup && tests/versions/run.sh "$@"; }
 ## guard [--programs N]: runs random programs with the guard on, in virtual time
 guard() { virtually tests/virtual/guarded.py "$@"; }
 ## mutants AREA [PART]: finds changes that tests miss; AREA: core, module, workbench, tcl, page, python; 0/10: every tenth

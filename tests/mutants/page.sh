@@ -9,7 +9,7 @@ cd "$(dirname "$0")/../.."
 make setup-page virtual
 PAGE_PART=${1:-0/1}
 PKM=$PWD/target/host/pkm
-PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so
+PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual.so
 here=$PWD/tests/mutants/page out=$PWD/build/mutants/page
 PAGE_PROGRESS=$out/progress.txt
 export PAGE_PART PAGE_PROGRESS PKM PKM_VIRTUAL_LIBRARY

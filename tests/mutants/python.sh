@@ -18,7 +18,7 @@ cp -r configs docs python subroutines viewer "$work"
 cp -r tests/live tests/viewer "$work/tests"
 cp target/host/lib_core.so "$work/python/pkmkins/_core.abi3.so"
 PKM=$PWD/target/host/pkm
-PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so
+PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual.so
 PYTHONPATH=$work/python PYTHONDONTWRITEBYTECODE=1
 export PKM PKM_VIRTUAL_LIBRARY PYTHONPATH PYTHONDONTWRITEBYTECODE
 "$environment/bin/python" tests/mutants/python/mutants.py "$work" "${1:-0/1}"

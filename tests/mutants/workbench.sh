@@ -16,7 +16,7 @@ out=build/mutants/workbench
 
 if [ -z "${PKM_VIRTUAL_LIBRARY-}" ]; then
     make virtual >&2
-    PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual-$(linuxcnc_var LINUXCNCVERSION).so
+    PKM_VIRTUAL_LIBRARY=$PWD/target/virtual/libpkmkins-virtual.so
 fi
 host=$(rustc -vV | sed -n 's/^host: //p' | tr 'a-z-' 'A-Z_')
 export PKM_VIRTUAL_LIBRARY "CARGO_TARGET_${host}_RUNNER=$PWD/tests/mutants/first_failure.sh"

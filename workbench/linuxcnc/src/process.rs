@@ -24,10 +24,10 @@ use std::sync::atomic::AtomicBool;
 use std::thread::sleep;
 use std::time::Duration;
 
-/// Folder of the library compiled for a LinuxCNC that pkmkins was not built with.
-const COMPILED: &str = "/var/lib/pkmkins";
-/// Name of the library that replaces HAL, RTAPI and the clock, before and after the LinuxCNC version it was built for.
-const LIBRARY: (&str, &str) = ("libpkmkins-virtual-", ".so");
+/// The library that replaces HAL, RTAPI and the clock, in the folder of LinuxCNC's modules.
+const LIBRARY: &str = "libpkmkins-virtual.so";
+/// Supported versions of LinuxCNC, by their first two numbers.
+pub const SUPPORTED: [&str; 2] = ["2.9", "2.10"];
 const MILLTASK: &str = "/usr/bin/milltask";
 const TCL: &str = "/usr/bin/tclsh";
 /// Reads the INI file for pkmkins.tcl; if it is not installed yet, it is beside the library.
@@ -157,8 +157,8 @@ pub fn run_with_moves(
     if config.is_half() {
         return Err(NotJudged::HalfOfPair);
     }
-    let installed = installed()?;
-    let library = library(&installed)?;
+    check_version(&linuxcnc("LINUXCNCVERSION")?)?;
+    let library = library();
     for file in [Path::new(MILLTASK), &library] {
         fs::metadata(file).map_err(|error| NotJudged::Missing { file: file.into(), error })?;
     }
@@ -171,7 +171,7 @@ pub fn run_with_moves(
     let hal = hal.map(|file| file.map(Into::into)).collect::<Result<Vec<_>, _>>()?;
     let run = Run::start(config, &scratch, &library, &program, &hal, options)?;
     let (mut see, mut is_begun) = (see, false);
-    let outcome = run.watched(config, &installed, options, |event| {
+    let outcome = run.watched(config, options, |event| {
         is_begun = true;
         see(event)
     });
@@ -223,38 +223,14 @@ fn at_startup_code(config: &MachineConfig, error: NotJudged) -> NotJudged {
     NotJudged::StartupCode(config.ini.refuse(entry, &expected))
 }
 
-/// Returns the library for the installed LinuxCNC, or the one that the environment names: one that is not
-/// installed yet, with the module and HAL files beside it if there are any.
-fn library(installed: &str) -> Result<PathBuf, NotJudged> {
-    if let Some(named) = env::var_os("PKM_VIRTUAL_LIBRARY").map(PathBuf::from) {
+/// Returns the installed library, or the one that the environment names: one that is not installed yet, with the module
+/// and HAL files beside it if there are any.
+fn library() -> PathBuf {
+    match env::var_os("PKM_VIRTUAL_LIBRARY").map(PathBuf::from) {
         // The run has its own working directory.
-        return Ok(path::absolute(&named).unwrap_or(named));
+        Some(named) => path::absolute(&named).unwrap_or(named),
+        None => Path::new(MODULES).join(LIBRARY),
     }
-    let folders = [MODULES, COMPILED].map(Path::new);
-    let name = format!("{}{installed}{}", LIBRARY.0, LIBRARY.1);
-    let missing = folders[0].join(&name);
-    if let Some(library) =
-        folders.iter().map(|folder| folder.join(&name)).find(|file| file.exists())
-    {
-        return Ok(library);
-    }
-    let built: Vec<String> = folders.into_iter().flat_map(versions).collect();
-    match built.is_empty() {
-        true => Ok(missing),
-        false => {
-            Err(NotJudged::OtherVersion { built: built.join(", "), installed: installed.into() })
-        }
-    }
-}
-
-/// Returns the LinuxCNC versions for which a folder has libraries.
-fn versions(folder: &Path) -> Vec<String> {
-    let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
-    let version =
-        |name: &str| name.strip_prefix(LIBRARY.0)?.strip_suffix(LIBRARY.1).map(String::from);
-    let mut found: Vec<String> = names.filter_map(|name| version(name.to_str()?)).collect();
-    found.sort();
-    found
 }
 
 /// The two processes of a run, which end with it: milltask, and the HAL files' interpreter.
@@ -357,7 +333,6 @@ impl<'a> Run<'a> {
     fn watched(
         mut self,
         config: &MachineConfig,
-        installed: &str,
         options: &Options,
         mut see: impl FnMut(Event<'_>) -> ControlFlow<()>,
     ) -> Result<Outcome, NotJudged> {
@@ -376,7 +351,8 @@ impl<'a> Run<'a> {
         let mut moves = 0;
         while let Some(record) = records.read().map_err(|error| watch.quiet(error))? {
             match record {
-                Record::Head { version, linuxcnc } => check_version(version, &linuxcnc, installed)?,
+                Record::Head(VERSION) => {}
+                Record::Head(_) => return Err(NotJudged::OtherRecords),
                 Record::Move(commanded) => {
                     moves += 1;
                     if moves > options.most_moves {
@@ -495,10 +471,6 @@ fn end(child: &mut Child) {
     let _ = child.wait();
 }
 
-fn installed() -> Result<String, NotJudged> {
-    linuxcnc("LINUXCNCVERSION")
-}
-
 /// Returns one of LinuxCNC's build variables.
 fn linuxcnc(name: &str) -> Result<String, NotJudged> {
     let output = Command::new(VERSIONS).arg(name).stdin(Stdio::null()).output();
@@ -506,13 +478,15 @@ fn linuxcnc(name: &str) -> Result<String, NotJudged> {
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_string())
 }
 
-fn check_version(version: u32, built: &str, installed: &str) -> Result<(), NotJudged> {
-    if version != VERSION {
-        return Err(NotJudged::OtherRecords);
-    }
-    match installed == built {
+/// Refuses a LinuxCNC that is not supported: its first two numbers decide.
+fn check_version(installed: &str) -> Result<(), NotJudged> {
+    let is_one = |series: &str| {
+        let rest = installed.strip_prefix(series);
+        rest.is_some_and(|rest| !rest.starts_with(|next: char| next.is_ascii_digit()))
+    };
+    match SUPPORTED.into_iter().any(is_one) {
         true => Ok(()),
-        false => Err(NotJudged::OtherVersion { built: built.into(), installed: installed.into() }),
+        false => Err(NotJudged::OtherVersion(installed.into())),
     }
 }
 
@@ -592,14 +566,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn libraries_are_known_by_the_linuxcnc_in_their_names() {
-        let folder = tempfile::tempdir().unwrap();
-        for name in
-            ["libpkmkins-virtual-2.9.4.so", "libpkmkins-virtual-2.9.0~pre1+git.so", "pkmkins.so"]
-        {
-            fs::write(folder.path().join(name), "").unwrap();
+    fn the_first_two_numbers_of_a_version_decide() {
+        for supported in ["2.9.0~pre1+git20230208.f1270d6ed7", "2.9.4", "2.10.0~pre1", "2.10"] {
+            assert!(check_version(supported).is_ok(), "{supported}");
         }
-        assert_eq!(versions(folder.path()), ["2.9.0~pre1+git", "2.9.4"]);
-        assert_eq!(versions(&folder.path().join("missing")), [""; 0]);
+        for other in ["2.8.4", "2.11.0", "2.90.1", "3.2.9", ""] {
+            let refused = check_version(other).unwrap_err().to_string();
+            let expected = format!(
+                "LinuxCNC {other} is installed, which virtual time does not support: install version 2.9 or 2.10"
+            );
+            assert_eq!(refused, expected);
+        }
+    }
+
+    #[test]
+    fn the_supported_versions_are_those_of_the_table() {
+        let table = include_str!("../versions.toml").lines();
+        let versions: Vec<_> =
+            table.filter_map(|line| line.strip_prefix("version = \"")?.strip_suffix('"')).collect();
+        assert_eq!(versions, SUPPORTED);
     }
 }

@@ -6,9 +6,6 @@ use machine::read::ini::IniError;
 use std::io;
 use std::path::PathBuf;
 
-/// Compiles the library that replaces HAL, RTAPI and the clock, for the installed LinuxCNC.
-const COMPILES: &str = "/usr/share/pkmkins/virtual/build.sh";
-
 /// Why a program's motion is unknown.
 #[derive(Debug, thiserror::Error)]
 pub enum NotJudged {
@@ -18,14 +15,10 @@ pub enum NotJudged {
     )]
     Missing { file: PathBuf, error: io::Error },
     #[error(
-        "virtual time was built for LinuxCNC {built}, but {installed} is installed: run `sudo \
-         {COMPILES}` to build it for this one"
+        "LinuxCNC {0} is installed, which virtual time does not support: install version {versions}",
+        versions = crate::process::SUPPORTED.join(" or ")
     )]
-    OtherVersion {
-        /// LinuxCNC version that it was built for.
-        built: String,
-        installed: String,
-    },
+    OtherVersion(String),
     #[error(
         "the installed library for virtual time belongs to another version of pkmkins: install both together"
     )]

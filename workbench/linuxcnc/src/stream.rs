@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::io::{self, Read};
 
 /// Supported version of the records.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 
 const HEAD: u32 = 1;
 const ROW: u32 = 2;
@@ -36,12 +36,8 @@ pub enum Cause {
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Record<'a> {
-    /// The first record.
-    Head {
-        version: u32,
-        /// LinuxCNC version that the library was built for.
-        linuxcnc: String,
-    },
+    /// The first record: the version of the records.
+    Head(u32),
     /// A servo cycle.
     Row(&'a Row),
     /// A message for the operator; its time is still in cycles.
@@ -116,7 +112,7 @@ impl<R: Read> Records<R> {
         self.from.read_exact(&mut self.bytes)?;
         let mut fields = Fields(&self.bytes);
         let record = match kind {
-            HEAD => head_of(&fields.text()),
+            HEAD => fields.number().map(Record::Head),
             ROW => fields.row(&self.columns, &mut self.row).map(|()| {
                 // Between moves LinuxCNC has no move number, or an earlier one.
                 while self.first < self.row.number && self.files.len() > 1 {
@@ -150,14 +146,6 @@ impl<R: Read> Records<R> {
 
 fn malformed() -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, "a record is malformed")
-}
-
-fn head_of(text: &str) -> Option<Record<'static>> {
-    let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
-    Some(Record::Head {
-        version: value("version")?.parse().ok()?,
-        linuxcnc: value("linuxcnc")?.into(),
-    })
 }
 
 /// The fields of a record, in order.
@@ -291,7 +279,7 @@ mod tests {
     fn records_come_back_as_they_were_written() {
         let values: Vec<u8> = (1..=22).flat_map(|n| f64::from(n).to_ne_bytes()).collect();
         let bytes = [
-            record(HEAD, &[b"version=5\nlinuxcnc=2.9\n"]),
+            record(HEAD, &[&6_u32.to_ne_bytes()]),
             record(
                 ROW,
                 &[
@@ -306,8 +294,7 @@ mod tests {
         ]
         .concat();
         let mut records = Records::new(bytes.as_slice(), plain(2));
-        let head = Record::Head { version: 5, linuxcnc: "2.9".into() };
-        assert_eq!(records.read().unwrap(), Some(head));
+        assert_eq!(records.read().unwrap(), Some(Record::Head(6)));
         let Some(Record::Row(row)) = records.read().unwrap() else { panic!("no row") };
         assert_eq!(
             (row.cycle, row.line, row.feed, row.pose[5], row.tool[2]),

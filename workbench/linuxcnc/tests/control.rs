@@ -83,3 +83,14 @@ fn an_endless_loop_without_motion_is_not_judged() {
     let refusal = run_text("hexapod", text, &impatient).unwrap_err();
     assert!(refusal.to_string().contains("a loop without an end"), "{refusal}");
 }
+
+// Later than 2.9, nets to `iocontrol` wait until milltask creates its pins.
+#[test]
+fn a_net_to_a_pin_that_never_appears_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let hal = folder.path().join("more.hal");
+    fs::write(&hal, "net lost iocontrol.0.no-such-pin\n").unwrap();
+    let options = Options { hal: vec![hal], ..Options::default() };
+    let refused = run_text("hexapod", "M2\n", &options).unwrap_err().to_string();
+    assert!(refused.contains("there is no pin iocontrol.0.no-such-pin"), "{refused}");
+}

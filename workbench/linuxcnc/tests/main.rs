@@ -2,4 +2,5 @@
 //! All integration tests of the crate in one program, which is linked once.
 
 mod control;
+mod layout;
 mod rows;

@@ -1,55 +1,143 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // LinuxCNC's `io`, which is a separate process in 2.9: estop, coolant and the tool changer. It answers
-// milltask through the buffers toolCmd and toolSts, and uses pins that the HAL files connect.
+// milltask through the buffers toolCmd and toolSts, and uses pins that the HAL files connect. In later versions
+// milltask does this itself.
 
 #include "virtual.h"
 
-#include <rcs.hh>
-#include <emc.hh>
-#include <emc_nml.hh>
-#include <emccfg.h>
-#include <emctool.h>
+#include <dlfcn.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 
-// LinuxCNC's tool table; its header is not installed.
-CANON_TOOL_TABLE tooldata_entry_init();
-int tooldata_get(CANON_TOOL_TABLE *entry, int index);
-int tooldata_put(CANON_TOOL_TABLE entry, int index);
-int tooldata_find_index_for_tool(int tool);
-int tooldata_last_index_get();
-void tooldata_init(bool is_random);
-void tooldata_reset();
-int tooldata_load(const char *file, char **comments);
-int tooldata_save(const char *file, char **comments);
-int tool_mmap_creator(const EMC_TOOL_STAT *status, int is_random);
-
 namespace {
+// Messages of all versions 2.9, and the numbers that they use.
+enum Status { DONE = 1, EXECUTES = 2, FAILED = 3 };
+enum Type {
+    TOOL_INIT = 1101,
+    TOOL_ABORT = 1103,
+    TOOL_PREPARE = 1104,
+    TOOL_LOAD = 1105,
+    TOOL_UNLOAD = 1106,
+    TOOL_LOAD_TABLE = 1107,
+    TOOL_SET_OFFSET = 1108,
+    TOOL_SET_NUMBER = 1109,
+    TOOL_STATUS = 1199,
+    ESTOP_ON = 1206,
+    ESTOP_OFF = 1207,
+    AUX_STATUS = 1299,
+    MIST_ON = 1404,
+    MIST_OFF = 1405,
+    FLOOD_ON = 1406,
+    FLOOD_OFF = 1407,
+    COOLANT_STATUS = 1499,
+    LUBE_ON = 1504,
+    LUBE_OFF = 1505,
+    LUBE_STATUS = 1599,
+    IO_STATUS = 1699,
+};
+struct Message {
+    int type;
+    long size;
+};
+struct Command : Message {
+    int serial_number;
+};
+struct Prepare : Command {
+    int tool;
+};
+struct SetOffset : Command {
+    int pocket, toolno;
+    double offset[9], diameter, frontangle, backangle;
+    int orientation;
+};
+struct Answer : Message {
+    int command_type, echo_serial_number, status, state, line, source_line;
+    char source_file[64];
+};
+struct Tool {
+    int toolno = -1, pocketno = -1;
+    double offset[9] = {}, diameter = 0.0, frontangle = 0.0, backangle = 0.0;
+    int orientation = 0;
+};
+struct ToolStatus : Answer {
+    int pocketPrepped, toolInSpindle, toolFromPocket;
+    Tool current;
+};
+struct CoolantStatus : Answer {
+    int mist, flood;
+};
+struct AuxStatus : Answer {
+    int estop;
+};
+struct LubeStatus : Answer {
+    int on, level;
+};
+struct IoStatus : Answer {
+    unsigned heartbeat;
+    double cycle_time;
+    int debug, reason, fault;
+    ToolStatus tool;
+    CoolantStatus coolant;
+    AuxStatus aux;
+    LubeStatus lube;
+};
+// The sizes that milltask's messages have.
+static_assert(sizeof(Prepare) == 24 && sizeof(SetOffset) == 136 && sizeof(IoStatus) == 704 && sizeof(Tool) == 112);
+
+// A function of LinuxCNC's; headers declare only some of them.
+template <typename Call> Call needed(const char *name) {
+    const auto call = reinterpret_cast<Call>(dlsym(RTLD_DEFAULT, name));
+    if (!call) {
+        give_up("this LinuxCNC has no function %s", name);
+    }
+    return call;
+}
+#define LINUXCNC(RESULT, NAME, SYMBOL, ...)                               \
+    template <typename... Values> RESULT NAME(Values... values) {         \
+        static const auto call = needed<RESULT (*)(__VA_ARGS__)>(SYMBOL); \
+        return call(values...);                                           \
+    }
+LINUXCNC(int, tooldata_get, "_Z12tooldata_getP16CANON_TOOL_TABLEi", Tool *, int)
+LINUXCNC(int, tooldata_put, "_Z12tooldata_put16CANON_TOOL_TABLEi", Tool, int)
+LINUXCNC(int, tooldata_find, "_Z28tooldata_find_index_for_tooli", int)
+LINUXCNC(int, tooldata_last, "_Z23tooldata_last_index_getv")
+LINUXCNC(void, tooldata_init, "_Z13tooldata_initb", bool)
+LINUXCNC(void, tooldata_reset, "_Z14tooldata_resetv")
+LINUXCNC(int, tooldata_load, "_Z13tooldata_loadPKcPPc", const char *, char **)
+LINUXCNC(int, tooldata_save, "_Z13tooldata_savePKcPPc", const char *, char **)
+LINUXCNC(int, tool_mmap_creator, "_Z17tool_mmap_creatorPK13EMC_TOOL_STATi", const void *, int)
+LINUXCNC(int, nml_read, "_ZN3NML4readEv", void *)
+LINUXCNC(void *, nml_address, "_ZN3NML11get_addressEv", void *)
+LINUXCNC(int, nml_write, "_ZN3NML5writeEP6NMLmsgPi", void *, Message *, int *)
+
 // Nanoseconds between two reads of the pins by `io`: [EMCIO]CYCLE_TIME, read as `io` reads it.
+constexpr double CYCLE_TIME = 0.1;
 long long cycle() {
-    double seconds = DEFAULT_EMC_IO_CYCLE_TIME;
+    double seconds = CYCLE_TIME;
     std::sscanf(environment::value("PKMKINS_VIRTUAL_CHANGER_CYCLE"), "%lf", &seconds);
     return std::llround(1e9 * seconds);
 }
 
 struct Pins {
-    hal_bit_t *enable_out, *request_enable, *enable_in, *flood, *mist, *lube, *lube_level;
-    hal_bit_t *prepare, *prepared, *change, *changed;
-    hal_s32_t *number, *prep_number, *prep_index, *prep_pocket, *from_pocket;
+    bool *enable_out, *request_enable, *enable_in, *flood, *mist, *lube, *lube_level;
+    bool *prepare, *prepared, *change, *changed;
+    int *number, *prep_number, *prep_index, *prep_pocket, *from_pocket;
 } io;
 
-RCS_CMD_CHANNEL *commands;
-RCS_STAT_CHANNEL *answers;
-EMC_IO_STAT *status;
+// Whether this process has a changer; its channels.
+bool is_separate = false;
+void *commands, *answers;
+IoStatus *status;
 long long due = 0;
 bool is_random = false;
 
 const char *table() { return environment::value("PKMKINS_VIRTUAL_TOOLS"); }
 
 void put_into_spindle(int index) {
-    CANON_TOOL_TABLE tool = tooldata_entry_init(), spindle = tool;
+    Tool tool, spindle;
     tooldata_get(&tool, index);
     tooldata_get(&spindle, 0);
     if (is_random) {
@@ -58,7 +146,7 @@ void put_into_spindle(int index) {
         tooldata_put(spindle, index);
         tool.pocketno = 0;
     } else if (index == 0) {
-        tool = tooldata_entry_init();
+        tool = {};
         tool.toolno = tool.pocketno = 0;
     }
     tooldata_put(tool, 0);
@@ -67,8 +155,8 @@ void put_into_spindle(int index) {
 void reload() {
     tooldata_reset();
     tooldata_load(table(), nullptr);
-    for (int index = 1; !is_random && index <= tooldata_last_index_get(); index++) {
-        CANON_TOOL_TABLE tool = tooldata_entry_init();
+    for (int index = 1; !is_random && index <= tooldata_last(); index++) {
+        Tool tool;
         tooldata_get(&tool, index);
         if (tool.toolno == status->tool.toolInSpindle) {
             put_into_spindle(index);
@@ -78,9 +166,9 @@ void reload() {
 }
 
 void prepare(int number) {
-    const int index = tooldata_find_index_for_tool(number);
+    const int index = tooldata_find(number);
     status->tool.pocketPrepped = index;
-    CANON_TOOL_TABLE tool = tooldata_entry_init();
+    Tool tool;
     if (index < 0) {
         return;
     }
@@ -90,13 +178,13 @@ void prepare(int number) {
     *io.prep_pocket = index == 0 ? 0 : tool.pocketno;
     if (!(is_random && index == 0)) {
         *io.prepare = true;
-        status->status = RCS_STATUS::RCS_EXEC;
+        status->status = EXECUTES;
     }
 }
 
 void change() {
     const int index = status->tool.pocketPrepped;
-    CANON_TOOL_TABLE tool = tooldata_entry_init();
+    Tool tool;
     if (index < 0 || (is_random && index == 0)) {
         return;
     }
@@ -105,27 +193,27 @@ void change() {
         return;
     }
     *io.change = true;
-    status->status = RCS_STATUS::RCS_EXEC;
+    status->status = EXECUTES;
 }
 
-void set_offset(const EMC_TOOL_SET_OFFSET &wanted) {
-    CANON_TOOL_TABLE tool = tooldata_entry_init();
+void set_offset(const SetOffset &wanted) {
+    Tool tool;
     tooldata_get(&tool, wanted.pocket);
     tool.toolno = wanted.toolno;
-    tool.offset = wanted.offset;
+    std::copy_n(wanted.offset, 9, tool.offset);
     tool.diameter = wanted.diameter;
     tool.frontangle = wanted.frontangle;
     tool.backangle = wanted.backangle;
     tool.orientation = wanted.orientation;
     tooldata_put(tool, wanted.pocket);
     if (tooldata_save(table(), nullptr) != 0) {
-        status->status = RCS_STATUS::RCS_ERROR;
+        status->status = FAILED;
     }
 }
 
 void set_number(int index) {
     put_into_spindle(index);
-    CANON_TOOL_TABLE tool = tooldata_entry_init();
+    Tool tool;
     tooldata_get(&tool, 0);
     status->tool.toolInSpindle = tool.toolno;
     *io.number = tool.toolno;
@@ -141,84 +229,106 @@ void enable(bool on) {
     *io.request_enable = on;
 }
 
-void turn(hal_bit_t *pin, int &reported, bool on) {
+void turn(bool *pin, int &reported, bool on) {
     *pin = on;
     reported = on;
 }
 
-void obey(RCS_CMD_MSG *command) {
-    status->status = RCS_STATUS::RCS_DONE;
+template <typename T> const T &as(const Command *command) {
+    if (command->size != sizeof(T)) {
+        give_up("this LinuxCNC has a command of %ld bytes to the tool changer, where %zu are known", command->size, sizeof(T));
+    }
+    return *static_cast<const T *>(command);
+}
+
+void obey(const Command *command) {
+    status->status = DONE;
     switch (command->type) {
-    case EMC_TOOL_INIT_TYPE:
-    case EMC_TOOL_LOAD_TOOL_TABLE_TYPE: reload(); break;
-    case EMC_TOOL_ABORT_TYPE: stop_changing(); break;
-    case EMC_TOOL_PREPARE_TYPE: prepare(static_cast<EMC_TOOL_PREPARE *>(command)->tool); break;
-    case EMC_TOOL_LOAD_TYPE: change(); break;
-    case EMC_TOOL_UNLOAD_TYPE: status->tool.toolInSpindle = 0; break;
-    case EMC_TOOL_SET_OFFSET_TYPE: set_offset(*static_cast<EMC_TOOL_SET_OFFSET *>(command)); break;
-    case EMC_TOOL_SET_NUMBER_TYPE: set_number(static_cast<EMC_TOOL_SET_NUMBER *>(command)->tool); break;
-    case EMC_COOLANT_MIST_ON_TYPE: turn(io.mist, status->coolant.mist, true); break;
-    case EMC_COOLANT_MIST_OFF_TYPE: turn(io.mist, status->coolant.mist, false); break;
-    case EMC_COOLANT_FLOOD_ON_TYPE: turn(io.flood, status->coolant.flood, true); break;
-    case EMC_COOLANT_FLOOD_OFF_TYPE: turn(io.flood, status->coolant.flood, false); break;
-    case EMC_AUX_ESTOP_ON_TYPE: enable(false); break;
-    case EMC_AUX_ESTOP_OFF_TYPE: enable(true); break;
-    case EMC_LUBE_ON_TYPE: turn(io.lube, status->lube.on, true); break;
-    case EMC_LUBE_OFF_TYPE: turn(io.lube, status->lube.on, false); break;
+    case TOOL_INIT:
+    case TOOL_LOAD_TABLE: reload(); break;
+    case TOOL_ABORT: stop_changing(); break;
+    case TOOL_PREPARE: prepare(as<Prepare>(command).tool); break;
+    case TOOL_LOAD: change(); break;
+    case TOOL_UNLOAD: status->tool.toolInSpindle = 0; break;
+    case TOOL_SET_OFFSET: set_offset(as<SetOffset>(command)); break;
+    case TOOL_SET_NUMBER: set_number(as<Prepare>(command).tool); break;
+    case MIST_ON: turn(io.mist, status->coolant.mist, true); break;
+    case MIST_OFF: turn(io.mist, status->coolant.mist, false); break;
+    case FLOOD_ON: turn(io.flood, status->coolant.flood, true); break;
+    case FLOOD_OFF: turn(io.flood, status->coolant.flood, false); break;
+    case ESTOP_ON: enable(false); break;
+    case ESTOP_OFF: enable(true); break;
+    case LUBE_ON: turn(io.lube, status->lube.on, true); break;
+    case LUBE_OFF: turn(io.lube, status->lube.on, false); break;
     default: break;
     }
 }
 
 // Returns whether the pins have changed the answer.
 bool looks_at_pins() {
-    const EMC_AUX_STAT before = status->aux;
+    const AuxStatus before = status->aux;
     status->aux.estop = !*io.enable_in;
     bool news = status->aux.estop != before.estop;
     if (*io.prepare && *io.prepared) {
         *io.prepare = false;
-        status->status = RCS_STATUS::RCS_DONE;
+        status->status = DONE;
         news = true;
     }
     if (*io.change && *io.changed) {
         put_into_spindle(status->tool.pocketPrepped);
-        CANON_TOOL_TABLE tool = tooldata_entry_init();
+        Tool tool;
         tooldata_get(&tool, 0);
         status->tool.toolFromPocket = *io.from_pocket = *io.prep_pocket;
         status->tool.toolInSpindle = *io.number = tool.toolno;
         status->tool.pocketPrepped = -1;
         *io.prep_number = *io.prep_index = *io.prep_pocket = 0;
         *io.change = false;
-        status->status = RCS_STATUS::RCS_DONE;
+        status->status = DONE;
         news = true;
     }
     return news;
 }
 
-void answer(NMLTYPE type, int serial) {
+void answer(int type, int serial) {
     status->command_type = type;
     status->echo_serial_number = serial;
     status->heartbeat++;
-    answers->write(status);
+    nml_write(answers, status, nullptr);
 }
 
-// On the heap: milltask constructs EMC_TOOL_STAT.
+template <typename T> void set_head(T &message, Type type) {
+    message.type = type;
+    message.size = sizeof message;
+}
+
 void begin() {
-    status = new EMC_IO_STAT;
-    status->status = RCS_STATUS::RCS_DONE;
+    status = new IoStatus{};
+    set_head(*status, IO_STATUS);
+    set_head(status->tool, TOOL_STATUS);
+    set_head(status->coolant, COOLANT_STATUS);
+    set_head(status->aux, AUX_STATUS);
+    set_head(status->lube, LUBE_STATUS);
+    status->status = DONE;
     status->aux.estop = 1;
     status->tool.pocketPrepped = -1;
     status->lube.level = 1;
-    CANON_TOOL_TABLE spindle = tooldata_entry_init();
+    Tool spindle;
     if (is_random && tooldata_get(&spindle, 0) == 0) {
         status->tool.toolInSpindle = spindle.toolno;
     }
-    answer(EMC_IO_STAT_TYPE, 0);
+    answer(IO_STATUS, 0);
 }
 
-template <typename Channel> Channel *opened(const char *name) {
+// Opens a channel, an RCS_STAT_CHANNEL, which is far smaller than its room. They all read and write alike.
+void *opened(const char *name) {
+    constexpr size_t ROOM = 1 << 14;
+    static const auto construct = needed<void (*)(void *, void *, const char *, const char *, const char *, int)>(
+        "_ZN16RCS_STAT_CHANNELC1EPFiiPvP3CMSEPKcS6_S6_i");
+    static const auto is_valid = needed<int (*)(void *)>("_ZN3NML5validEv");
     const std::string file = std::string(environment::folder()) + "/buffers.nml";
-    auto *channel = new Channel(emcFormat, name, "pkmkins", file.c_str());
-    if (!channel->valid()) {
+    void *channel = std::calloc(1, ROOM);
+    construct(channel, dlsym(RTLD_DEFAULT, "_Z9emcFormatiPvP3CMS"), name, "pkmkins", file.c_str(), 0);
+    if (!is_valid(channel)) {
         give_up("the buffer %s cannot be opened", name);
     }
     return channel;
@@ -228,13 +338,11 @@ template <typename T> void bit(T **pin, const char *name, hal_type_t type, int d
     *pin = nullptr;
     pins::add(std::string("iocontrol.0.") + name, type, direction, (void **)pin);
 }
-}
 
-namespace changer {
 void export_pins() {
-    const auto out = [](hal_bit_t **pin, const char *name) { bit(pin, name, HAL_BIT, HAL_OUT); };
-    const auto in = [](hal_bit_t **pin, const char *name) { bit(pin, name, HAL_BIT, HAL_IN); };
-    const auto number = [](hal_s32_t **pin, const char *name) { bit(pin, name, HAL_S32, HAL_OUT); };
+    const auto out = [](bool **pin, const char *name) { bit(pin, name, HAL_BIT, HAL_OUT); };
+    const auto in = [](bool **pin, const char *name) { bit(pin, name, HAL_BIT, HAL_IN); };
+    const auto number = [](int **pin, const char *name) { bit(pin, name, HAL_S32, HAL_OUT); };
     out(&io.enable_out, "user-enable-out");
     out(&io.request_enable, "user-request-enable");
     in(&io.enable_in, "emc-enable-in");
@@ -253,21 +361,13 @@ void export_pins() {
     number(&io.from_pocket, "tool-from-pocket");
 }
 
-void open_buffers() {
-    for (const char *name : {"emcCommand", "emcStatus", "emcError"}) {
-        opened<RCS_STAT_CHANNEL>(name);
-    }
-    commands = opened<RCS_CMD_CHANNEL>("toolCmd");
-    answers = opened<RCS_STAT_CHANNEL>("toolSts");
-}
-
 void open_tool_data() {
     is_random = environment::value("PKMKINS_VIRTUAL_RANDOM_TOOLS")[0] == '1';
     tooldata_init(is_random);
     tool_mmap_creator(nullptr, is_random);
     tooldata_reset();
     if (!is_random) {
-        CANON_TOOL_TABLE spindle = tooldata_entry_init();
+        Tool spindle;
         spindle.pocketno = 0;
         spindle.toolno = -1;
         tooldata_put(spindle, 0);
@@ -276,9 +376,26 @@ void open_tool_data() {
         give_up("%s: LinuxCNC cannot read this tool table", table());
     }
 }
+}
+
+namespace changer {
+void start() {
+    for (const char *name : {"emcCommand", "emcStatus", "emcError"}) {
+        opened(name);
+    }
+    is_separate = !dlsym(RTLD_DEFAULT, "_ZN4Task18iocontrol_hal_initEv");
+    if (!is_separate) {
+        pins::expect("iocontrol.");
+        return;
+    }
+    export_pins();
+    commands = opened("toolCmd");
+    answers = opened("toolSts");
+    open_tool_data();
+}
 
 void step() {
-    if (clock_::now() < due) {
+    if (!is_separate || clock_::now() < due) {
         return;
     }
     static const long long wait = cycle();
@@ -287,12 +404,12 @@ void step() {
         begin();
     }
     if (looks_at_pins()) {
-        answer(EMC_IO_STAT_TYPE, status->echo_serial_number);
+        answer(IO_STATUS, status->echo_serial_number);
     }
-    if (commands->read() == -1) {
+    if (nml_read(commands) == -1) {
         return;
     }
-    auto *command = static_cast<RCS_CMD_MSG *>(commands->get_address());
+    auto *command = static_cast<Command *>(nml_address(commands));
     if (!command || command->type == 0 || command->serial_number == status->echo_serial_number) {
         return;
     }

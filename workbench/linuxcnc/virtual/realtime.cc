@@ -12,11 +12,18 @@
 #include <map>
 
 namespace {
-std::map<int, void *> &shared() {
-    static std::map<int, void *> memory;
+struct Memory {
+    void *at;
+    size_t size;
+};
+
+std::map<int, Memory> &shared() {
+    static std::map<int, Memory> memory;
     return memory;
 }
 
+using msg_level_t = int;
+using rtapi_msg_handler_t = void (*)(msg_level_t, const char *, va_list);
 rtapi_msg_handler_t handler = nullptr;
 int level = RTAPI_MSG_ERR;
 
@@ -29,7 +36,13 @@ void print(msg_level_t of, const char *format, va_list arguments) {
 }
 
 namespace memory {
-void *only() { return shared().size() == 1 ? shared().begin()->second : nullptr; }
+void *only(size_t &size) {
+    if (shared().size() != 1) {
+        return nullptr;
+    }
+    size = shared().begin()->second.size;
+    return shared().begin()->second.at;
+}
 }
 
 REPLACES int rtapi_init(const char *) {
@@ -38,18 +51,18 @@ REPLACES int rtapi_init(const char *) {
 }
 REPLACES int rtapi_exit(int) { return 0; }
 REPLACES int rtapi_shmem_new(int key, int, unsigned long size) {
-    void *&memory = shared()[key];
-    if (!memory) {
-        memory = std::calloc(1, size);
+    Memory &memory = shared()[key];
+    if (!memory.at) {
+        memory = {std::calloc(1, size), size};
     }
-    return memory ? key : -ENOMEM;
+    return memory.at ? key : -ENOMEM;
 }
 REPLACES int rtapi_shmem_getptr(int handle, void **memory) {
     const auto found = shared().find(handle);
     if (found == shared().end()) {
         return -EINVAL;
     }
-    *memory = found->second;
+    *memory = found->second.at;
     return 0;
 }
 REPLACES int rtapi_shmem_delete(int, int) { return 0; }

@@ -2,7 +2,7 @@
 // The events of a run, as a stream of records for the process that started it:
 //
 //     u32 kind, u32 bytes that follow, then
-//     1 head      text, lines of KEY=VALUE; once, first
+//     1 head      u32 version of these records; once, first
 //     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 feed inhibited), u32 number
 //                 of the move, f64 feed, pose[9], tool[6] (that of a second mechanism last),
 //                 then for every joint command, following error and its limit
@@ -30,7 +30,7 @@
 #include <vector>
 
 namespace {
-constexpr int VERSION = 5;
+constexpr int VERSION = 6;
 constexpr size_t BLOCK = 1 << 16;
 // Number of coordinates of a pose, and of values of the tool offsets of two mechanisms.
 constexpr int LETTERS = 9, TOOLS = 6;
@@ -111,9 +111,8 @@ void follow_line() {
 namespace record {
 void open(int descriptor) {
     out = descriptor;
-    const std::string text = "version=" + std::to_string(VERSION) + "\nlinuxcnc=" BUILT_FOR "\n";
-    put_head(HEAD, text.size());
-    block.insert(block.end(), text.begin(), text.end());
+    put_head(HEAD, sizeof(uint32_t));
+    put(static_cast<uint32_t>(VERSION));
     flush();
 }
 

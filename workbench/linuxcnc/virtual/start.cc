@@ -6,13 +6,9 @@
 #include "virtual.h"
 
 #include <dlfcn.h>
-#include <emc.hh>
-#include <emc_nml.hh>
 #include <errno.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
-#include <nml.hh>
-#include <nmlmsg.hh>
 #include <sched.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -25,6 +21,8 @@
 #include <cstdlib>
 #include <cstring>
 #include <deque>
+// Standard input must be ready when the library starts.
+#include <iostream>
 
 namespace environment {
 const char *value(const char *name) {
@@ -62,6 +60,10 @@ void start_driver() {
 namespace driver {
 void step() {
     if (!run_python) {
+        // milltask has created its pins.
+        if (const std::string missing = pins::missing(); !missing.empty()) {
+            give_up("%s", missing.c_str());
+        }
         start_driver();
     }
     if (++waited >= LOOK || !errors.empty()) {
@@ -71,26 +73,61 @@ void step() {
 }
 }
 
-// NML::write(NMLmsg &): a message to the operator is recorded with its cycle, and an error wakes the driver.
-extern "C" __attribute__((visibility("default"))) int write_message(void *, NMLmsg *, int *) __asm__(
-    "_ZN3NML5writeEP6NMLmsgPi");
-extern "C" int write_message(void *channel, NMLmsg *message, int *serial) {
-    static const auto write =
-        reinterpret_cast<int (*)(void *, NMLmsg *, int *)>(dlsym(RTLD_NEXT, "_ZN3NML5writeEP6NMLmsgPi"));
-    const char *text = nullptr;
-    if (message->type == EMC_OPERATOR_ERROR_TYPE) {
-        text = static_cast<EMC_OPERATOR_ERROR *>(message)->error;
-        errors.push_back(text);
-    } else if (message->type == EMC_OPERATOR_TEXT_TYPE) {
-        text = static_cast<EMC_OPERATOR_TEXT *>(message)->text;
-    } else if (message->type == EMC_OPERATOR_DISPLAY_TYPE) {
-        text = static_cast<EMC_OPERATOR_DISPLAY *>(message)->display;
+// ---- messages to the operator
+
+namespace {
+// Types of messages: errors, texts, displays.
+constexpr int ERROR = 11, DISPLAY = 13;
+const char PROBE[] = "pkmkins measures where a message has its text";
+// Bytes before the text: 2.9 has a number there. They are measured with the first message.
+size_t before_text = 0;
+constexpr size_t MOST_BEFORE = 64;
+bool is_probing = false;
+
+void measure_message() {
+    const Silence silence;
+    is_probing = true;
+    using Old = int (*)(int, const char *, ...);
+    using New = int (*)(const char *, ...);
+    if (const auto old_report = reinterpret_cast<Old>(dlsym(RTLD_DEFAULT, "_Z16emcOperatorErroriPKcz"))) {
+        old_report(0, "%s", PROBE);
+    } else if (const auto report = reinterpret_cast<New>(dlsym(RTLD_DEFAULT, "_Z16emcOperatorErrorPKcz"))) {
+        report("%s", PROBE);
     }
-    if (!text) {
+    is_probing = false;
+    if (!before_text) {
+        give_up("this LinuxCNC has messages of an unknown layout");
+    }
+}
+}
+
+// NML::write(NMLmsg *): a message to the operator is recorded with its cycle, and an error wakes the driver.
+extern "C" __attribute__((visibility("default"))) int write_message(void *, const char *, int *) __asm__(
+    "_ZN3NML5writeEP6NMLmsgPi");
+extern "C" int write_message(void *channel, const char *message, int *serial) {
+    static const auto write =
+        reinterpret_cast<int (*)(void *, const char *, int *)>(dlsym(RTLD_NEXT, "_ZN3NML5writeEP6NMLmsgPi"));
+    // A message begins with its type.
+    int type = 0;
+    std::memcpy(&type, message, sizeof type);
+    if (type < ERROR || type > DISPLAY) {
         return write(channel, message, serial);
     }
+    if (is_probing) {
+        for (size_t n = 0; n < MOST_BEFORE; n++) {
+            before_text = std::memcmp(message + n, PROBE, sizeof PROBE) == 0 ? n : before_text;
+        }
+        return 0;
+    }
+    if (!before_text) {
+        measure_message();
+    }
+    const char *text = message + before_text;
+    if (type == ERROR) {
+        errors.push_back(text);
+    }
     // Nothing reads the channel, which would be full after some messages.
-    record::message(message->type - EMC_OPERATOR_ERROR_TYPE, text);
+    record::message(static_cast<unsigned>(type - ERROR), text);
     return 0;
 }
 
@@ -166,6 +203,11 @@ static FILE *opened(const char *symbol, const char *file, const char *mode) {
     return open(reads ? file : own(file).c_str(), mode);
 }
 REPLACES FILE *fopen(const char *file, const char *mode) { return opened("fopen", file, mode); }
+// milltask of 2.10 starts with a folder for its crashes; the kernel allows no other one.
+REPLACES int mkdir(const char *folder, mode_t mode) {
+    static const auto make = reinterpret_cast<int (*)(const char *, mode_t)>(dlsym(RTLD_NEXT, "mkdir"));
+    return std::strcmp(folder, "/tmp/linuxcnc") == 0 ? 0 : make(folder, mode);
+}
 REPLACES FILE *fopen64(const char *file, const char *mode) { return opened("fopen64", file, mode); }
 
 namespace {
@@ -179,13 +221,12 @@ struct Start {
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         stay_alone();
         record::open(std::atoi(environment::value("PKMKINS_VIRTUAL_STREAM")));
-        changer::export_pins();
-        changer::open_buffers();
-        changer::open_tool_data();
+        slots::check();
+        changer::start();
         wiring::follow();
-        record::find_pins();
         moves::find();
         moves::open_limits();
+        record::find_pins();
     }
 } start;
 }

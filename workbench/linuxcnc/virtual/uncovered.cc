@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // A substitute for every function of LinuxCNC's HAL library that is not implemented here: a call to it ends
-// the run. The build generates the list from that library; functions defined here take precedence.
+// the run. Functions defined here take precedence.
 
 #include <cstdio>
 #include <cstdlib>

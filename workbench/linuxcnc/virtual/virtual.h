@@ -2,10 +2,17 @@
 // The functions that the files of the library share.
 #pragma once
 
-#include <hal.h>
-#include <rtapi.h>
+#include <fcntl.h>
+#include <stddef.h>
+#include <unistd.h>
 
 #include <string>
+#include <vector>
+
+// What HAL and RTAPI of all supported versions have in common.
+enum hal_type_t { HAL_BIT = 1, HAL_FLOAT = 2, HAL_S32 = 3, HAL_U32 = 4, HAL_S64 = 6, HAL_U64 = 7 };
+enum { HAL_IN = 16, HAL_OUT = 32, HAL_IO = 48, HAL_RO = 64, HAL_RW = 192 };
+constexpr int RTAPI_MSG_ERR = 1, RTAPI_MSG_ALL = 5;
 
 // Replaces a function of LinuxCNC's.
 #define REPLACES extern "C" __attribute__((visibility("default")))
@@ -18,6 +25,8 @@ long long now();
 // Returns the servo cycles since the start.
 long cycles();
 void set_period(unsigned long nanoseconds);
+// Lets LinuxCNC's waiting loops end at once: time passes with every look at the clock, without a cycle.
+void rush(bool on);
 // Lets virtual time pass; calls the servo thread whenever a cycle is due.
 void advance(double seconds);
 }
@@ -36,16 +45,24 @@ std::string set_signal(const std::string &name, const std::string &text);
 std::string names_like(const std::string &pattern);
 // Connects a pin to a signal, which is created if there is none.
 std::string net(const std::string &signal, const std::string &pin);
+// Lets a net wait for a pin of milltask's that does not exist yet.
+void expect(const std::string &prefix);
+// Returns the first net that still waits for its pin, as an error, or empty.
+std::string missing();
 // Disconnects a pin from its signal.
 std::string unlink(const std::string &pin);
 template <typename T> T *find(const std::string &name) { return static_cast<T *>(find_any(name)); }
-// Adds a pin, with its direction, or a parameter, with that of parameters.
-int add(const std::string &name, hal_type_t type, int direction, void **where, bool is_parameter = false);
+// Adds a pin, with its direction, or a parameter, with that of parameters; has_room: whether its value has the room of
+// the largest type.
+int add(const std::string &name, hal_type_t type, int direction, void **where, bool is_parameter = false,
+        bool has_room = true);
 }
 
 namespace thread {
 // Adds a function to the servo thread; returns the error, or empty.
 std::string add(const std::string &function);
+// Calls a function once.
+void call(const std::string &function);
 void run(long period);
 }
 
@@ -55,17 +72,51 @@ void follow();
 }
 
 namespace changer {
-void export_pins();
-// Opens the buffers of all processes, in memory that the first caller allocates.
-void open_buffers();
-// Opens the tool data that milltask expects to find when it starts.
-void open_tool_data();
+// Opens the buffers of all processes, and starts 2.9's changer; later versions have it in milltask.
+void start();
 void step();
 }
 
 namespace memory {
-// Returns the memory that milltask and motion share; null if there is none, or more than one.
-void *only();
+// Returns the memory that milltask and motion share, with its size; null if there is none, or more than one.
+void *only(size_t &size);
+}
+
+namespace slots {
+// Puts another function into the slots through which a library calls one; returns whether it has any.
+bool replace(const char *library, const char *symbol, void *replacement);
+// Ends the run if a loaded file uses a function of HAL or RTAPI that has no substitute here.
+void check();
+}
+
+namespace layout {
+// The tag of a move: its values are floats in 2.9, later doubles. Places in bytes.
+struct Tag {
+    bool is_old;
+    size_t line, flags, size;
+};
+constexpr size_t MOST_OF_TAG = 512;
+struct Spindle {
+    double speed, factor, offset;
+    bool turns;
+};
+// Places of the fields of a command in the shared memory, and the codes of commands.
+struct Layout {
+    char *memory;
+    size_t code, id, kind, turn, end, feed, fastest, scale, center, normal, tag, condition, tolerance, pitch, waits, spindle,
+        low, high;
+    int line, circle, probe, tap, set_condition, set_sync, joint_limits, axis_limits;
+    // Number of commands that were written for the measurement.
+    int commands;
+    Tag of_tag;
+    // The whole number that a move's tag has instead of its line.
+    const int *number;
+    std::vector<size_t> spindles;
+
+    template <typename T> T &field(size_t place) const { return *reinterpret_cast<T *>(memory + place); }
+    Spindle spindle_of(size_t n) const;
+};
+Layout measure();
 }
 
 namespace moves {
@@ -130,3 +181,22 @@ const char *value(const char *name);
 }
 
 [[noreturn]] void give_up(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+// Suppresses what LinuxCNC prints meanwhile.
+struct Silence {
+    int kept[2] = {dup(STDOUT_FILENO), dup(STDERR_FILENO)};
+    Silence() {
+        const int nothing = open("/dev/null", O_WRONLY);
+        dup2(nothing, STDOUT_FILENO);
+        dup2(nothing, STDERR_FILENO);
+        close(nothing);
+    }
+    ~Silence() {
+        for (int n = 0; n < 2; n++) {
+            dup2(kept[n], n + STDOUT_FILENO);
+            close(kept[n]);
+        }
+    }
+    Silence(const Silence &) = delete;
+    Silence &operator=(const Silence &) = delete;
+};

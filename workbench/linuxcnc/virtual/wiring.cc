@@ -64,6 +64,7 @@ void load(const std::string &file, const std::vector<std::string> &parameters) {
     if (!module) {
         give_up("%s", dlerror());
     }
+    slots::check();
     for (const std::string &word : parameters) {
         const size_t equals = word.find('=');
         if (equals == std::string::npos) {

@@ -79,6 +79,8 @@ pub struct Version {
     /// The Debian releases that ship it.
     #[serde(default)]
     pub debian: Vec<String>,
+    /// The commit of LinuxCNC that is tested, where no Debian release ships the version.
+    pub commit: Option<String>,
     /// Supported HALs; empty: the module has no pins.
     #[serde(default)]
     pub hal: Vec<Hal>,

@@ -26,6 +26,29 @@ fn installed() -> String {
     String::from_utf8(output.stdout).expect("a version")
 }
 
+/// Names of functions that virtual time does not implement, each with a substitute that ends the run.
+const UNCOVERED: &str = include_str!("../../../../workbench/linuxcnc/virtual/uncovered.inc");
+const LIBRARY: &str = "/usr/lib/liblinuxcnchal.so.0";
+
+#[test]
+fn virtual_time_has_a_substitute_for_every_function_of_the_installed_hal() {
+    let data = std::fs::read(LIBRARY).expect("LinuxCNC is installed");
+    let file = object::File::parse(&*data).expect("a library");
+    let is_call = |name: &&str| ["hal_", "halpr_", "rtapi_"].iter().any(|p| name.starts_with(p));
+    let symbols = file
+        .dynamic_symbols()
+        .filter(|symbol| symbol.is_definition() && symbol.kind() == object::SymbolKind::Text);
+    let names: Vec<String> =
+        symbols.filter_map(|symbol| symbol.name().ok().filter(is_call).map(String::from)).collect();
+    assert!(!names.is_empty());
+    for name in names {
+        assert!(
+            UNCOVERED.contains(&format!("UNCOVERED({name})")),
+            "{name} is not in uncovered.inc"
+        );
+    }
+}
+
 #[test]
 fn the_installed_linuxcnc_exports_what_the_contract_lists_for_its_version() {
     let contract = Contract::parse(CONTRACT).expect("a contract");
