@@ -2,4 +2,6 @@
 //! All integration tests of the crate in one binary, which is linked once.
 
 mod curve;
+mod motion;
 mod page;
+mod workspace;

@@ -104,6 +104,8 @@ fn a_file_of_2_7_gets_joints_limits_homing_scales_and_tools() {
         "KINEMATICS = pkmkins legs=slider:3 coordinates=XYZ boxes=1\n",
         "MIN_LIMIT = 0\nMAX_LIMIT = 345\nMAX_VELOCITY = 250\nMAX_ACCELERATION = 3000\n",
         "HOME_SEARCH_VEL = 25\nHOME_LATCH_VEL = -3\n",
+        // 30 mm before the switch at 340, seen along the search.
+        "SIM_START = 310\n",
         "SCALE = 80\nSTEPGEN_MAXACCEL = 3600\n",
         "MAX_LINEAR_VELOCITY = 60\n",
         "SERVO_PERIOD = 1000000\n",
@@ -382,4 +384,14 @@ fn a_hal_file_that_sources_itself_ends() {
 fn a_machine_that_cannot_be_is_refused() {
     let error = Old::new("delta-27").with("", "ROD = 242.3", "ROD = 42.3").refused();
     assert!(error.contains("the machine cannot be at any of"), "{error}");
+}
+
+#[test]
+fn a_simulated_drive_that_searches_downwards_starts_above_its_switch() {
+    let old = Old::new("delta-27").with("", "HOME_SEARCH_VEL = 25", "HOME_SEARCH_VEL = -25").with(
+        "",
+        "HOME_OFFSET = 340",
+        "HOME_OFFSET = 10",
+    );
+    assert!(text(&old.migrated()).contains("SIM_START = 40\n"));
 }

@@ -59,3 +59,23 @@ fn a_joint_stands_in_its_range_with_its_margin_and_a_cone_ends_where_the_file_sa
     assert!(pair.contains("pkmkins.second.conditioning conditioning-second"), "{pair}");
     assert!(pair.contains("{x y z b c u v w}"), "{pair}");
 }
+
+/// The travel of each letter has a label with its unit.
+#[test]
+fn lengths_and_angles_have_their_units() {
+    for machine in MACHINES {
+        let config = whole(machine);
+        let Panel { widgets, wiring } = Panel::new(&config, machine);
+        let letters = wiring.split_once(".ini {").unwrap().1.split_once('}').unwrap().0;
+        let travel = widgets.split_once("Travel left from here").unwrap().1;
+        let travel = travel.split_once("</labelframe>").unwrap().0;
+        for letter in letters.split(' ') {
+            let label = format!("text=\"{}\" ", letter.to_uppercase());
+            let own = travel.split_once(&label).unwrap().1;
+            let own = own.split("<tablerow/>").next().unwrap();
+            let is_angle = "abc".contains(letter);
+            let unit = if is_angle { "degrees" } else { config.length_unit() };
+            assert!(own.contains(&format!("text=\"{unit}\"")), "{machine} {letter}: {own}");
+        }
+    }
+}
