@@ -236,7 +236,8 @@ void turn(bool *pin, int &reported, bool on) {
 
 template <typename T> const T &as(const Command *command) {
     if (command->size != sizeof(T)) {
-        give_up("this LinuxCNC has a command of %ld bytes to the tool changer, where %zu are known", command->size, sizeof(T));
+        give_up("this LinuxCNC has a command of %ld bytes to the tool changer, where %zu are known", command->size,
+                sizeof(T));
     }
     return *static_cast<const T *>(command);
 }

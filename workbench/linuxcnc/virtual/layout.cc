@@ -31,8 +31,8 @@ struct Vector {
 };
 
 [[noreturn]] void refuse(const char *what) {
-    give_up("this LinuxCNC passes commands to motion in an unknown way (%s): see pkm help guide/install for the supported "
-            "versions",
+    give_up("this LinuxCNC passes commands to motion in an unknown way (%s): see pkm help guide/install for the "
+            "supported versions",
             what);
 }
 
@@ -116,7 +116,8 @@ class Bench {
             for (size_t n = 0; n < commands_.size() && is_code; n++) {
                 is_code = value_at<int>(n, at + sizeof(int)) == static_cast<int>(n) + 1;
                 for (size_t other = 0; other < n && is_code; other++) {
-                    is_code = (value_at<int>(n, at) == value_at<int>(other, at)) == (functions_[n] == functions_[other]);
+                    is_code =
+                        (value_at<int>(n, at) == value_at<int>(other, at)) == (functions_[n] == functions_[other]);
                 }
             }
             if (is_code) {
@@ -190,7 +191,8 @@ class Bench {
 
 // milltask's functions, as 2.9 and later versions declare them.
 void line(const Pose &end, int kind, double feed, double fastest, int turn) {
-    if (const auto call = found<int (*)(Pose, int, double, double, double, int)>("_Z17emcTrajLinearMove7EmcPoseidddi")) {
+    if (const auto call =
+            found<int (*)(Pose, int, double, double, double, int)>("_Z17emcTrajLinearMove7EmcPoseidddi")) {
         call(end, kind, feed, fastest, 0.0, turn);
         return;
     }
@@ -375,8 +377,9 @@ Layout measure() {
     for (const Tag &shaped : TAGS) {
         if (shape == std::make_pair(shaped.flags, shaped.size) && shaped.is_old == !layout.number) {
             layout.of_tag = shaped;
-            layout.number = shaped.is_old ? reinterpret_cast<int *>(memory + layout.spindles[0] + TAG_OF_STATUS + shaped.line)
-                                       : layout.number;
+            if (shaped.is_old) {
+                layout.number = reinterpret_cast<int *>(memory + layout.spindles[0] + TAG_OF_STATUS + shaped.line);
+            }
             return layout;
         }
     }

@@ -146,11 +146,13 @@ void cycle() {
         return;
     }
     follow_line();
+    // It may end the run, before a record is begun.
+    const int number = moves::number();
     put_head(ROW, sizeof(uint64_t) + 3 * sizeof(uint32_t) + sizeof(double) * (1 + LETTERS + TOOLS + 3 * joints.size()));
     put(cycle_of_program());
     put(static_cast<int32_t>(*line_pin));
     put(static_cast<uint32_t>(*on_pin | *busy_pin << 1 | *held_pin << 2));
-    put(static_cast<uint32_t>(moves::number()));
+    put(static_cast<uint32_t>(number));
     put(*feed_pin);
     for (const double *pin : pose_pins) {
         put(*pin);
