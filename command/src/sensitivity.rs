@@ -16,7 +16,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use studies::study::file::{Lacking, Study};
 use studies::study::sensitivity::{
-    Kind, LENGTH_MM, Point, Sensitivity, along, csv, monte_carlo, near, ratios,
+    Kind, LENGTH_MM, Point, Sensitivity, along, axis_sigma, csv, monte_carlo, near, ratios,
 };
 
 /// Joint errors if the study has none.
@@ -267,6 +267,16 @@ fn report(
     writeln!(out, "{}", row("covariance", found.sigma(sigma)))?;
     writeln!(out, "{}", row(&format!("{} samples", drawn.count), drawn.sigma))?;
     writeln!(out, "{}", row("largest", found.worst(sigma)))?;
+    let axis = axis_sigma(found, pose, sigma);
+    writeln!(
+        out,
+        "  spindle axis     {:.6} and {:.6} degrees in two directions; off by {:.6}, {} samples {:.6} (root mean square)",
+        axis[0],
+        axis[1],
+        axis[0].hypot(axis[1]),
+        drawn.count,
+        drawn.axis
+    )?;
     writeln!(
         out,
         "\nsingular poses on {} rays to {} times the axis limits",
@@ -306,6 +316,8 @@ fn report(
         "draws": drawn.count,
         "sigma_by_draws": drawn.sigma,
         "all_together": found.worst(sigma),
+        "axis_sigma_deg": axis,
+        "axis_rms_by_draws_deg": drawn.axis,
         "rays": near.rays,
         "singular_poses": singular,
         "least_conditioning": near.least,

@@ -8,7 +8,7 @@ use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use studies::study::file::{Law, Study};
-use studies::study::sensitivity::{Kind, Sensitivity, monte_carlo, near, ratios};
+use studies::study::sensitivity::{Kind, Sensitivity, axis_sigma, monte_carlo, near, ratios};
 use test_support::shipped::{MACHINES, config};
 
 const NO_TOOL: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
@@ -52,6 +52,47 @@ fn draws_through_forward_kinematics_spread_as_the_covariance_says() {
             assert!(off < 0.02, "{machine} {k}: {} {expected}", drawn.sigma[k]);
         }
     }
+}
+
+#[test]
+fn the_spindle_axis_spreads_as_the_forward_kinematics_turn_it() {
+    let config = config("lab-hexapod");
+    let sigma = [0.01, 0.02, 0.005, 0.01, 0.015, 0.01];
+    // A level platform with equal errors: the axis turns by A and B alone, which are independent by symmetry.
+    let home = config.home_pose();
+    let level = axis_sigma(&at(&config, &home), &home, &[0.01; 6]);
+    assert!((level[0] - SIGMA[4]).abs() < 1e-9 && (level[1] - SIGMA[3]).abs() < 1e-9, "{level:?}");
+    let pose = Pose::from_degrees([20.0, -30.0, 650.0, 12.0, -9.0, 5.0]);
+    let [most, least] = axis_sigma(&at(&config, &pose), &pose, &sigma);
+    // The sum of both variances is that of the axes that the core's forward kinematics find for each joint alone.
+    let joints = config.machine.inverse(&pose, &config.spindle).unwrap();
+    let axis = |i: usize, by: f64| {
+        let mut off = joints;
+        off[i] += by;
+        let found = config.machine.forward(&off, &pose, &config.spindle, &Solver::default());
+        found.unwrap().pose.rotation().column(2).into_owned()
+    };
+    let step = 1e-3;
+    let moved = |i: usize| ((axis(i, step) - axis(i, -step)) / (2.0 * step)).to_owned() * sigma[i];
+    let moved: Vec<Vector3<f64>> = (0..6).map(moved).collect();
+    let sum: f64 = moved.iter().map(|axis| axis.norm_squared()).sum();
+    // Forward kinematics end within 1e-12 of a step of 1e-3; the third derivative adds 1e-6.
+    let found = most.hypot(least).to_radians();
+    assert!((found / sum.sqrt() - 1.0).abs() < 1e-5, "{found} {}", sum.sqrt());
+    // No direction spreads more than the largest, and one reaches it.
+    let spread = |degrees: u32| {
+        let (s, c) = f64::from(degrees).to_radians().sin_cos();
+        let along = pose.rotation() * Vector3::new(c, s, 0.0);
+        moved.iter().map(|axis| axis.dot(&along).powi(2)).sum::<f64>().sqrt().to_degrees()
+    };
+    let largest = (0..180).map(spread).fold(0.0, f64::max);
+    let smallest = (0..180).map(spread).fold(f64::INFINITY, f64::min);
+    // Half a degree beside the axes of an ellipse changes its radius by less than 1e-4.
+    assert!((largest / most - 1.0).abs() < 1e-4, "{largest} {most}");
+    assert!((smallest / least - 1.0).abs() < 2e-4, "{smallest} {least}");
+    let drawn = monte_carlo(&config, &pose, &config.spindle, &sigma, 20_000).unwrap();
+    // One standard deviation of the estimate is below 1/sqrt(2 n) = 0.5 %; the tolerance is four.
+    assert!((drawn.axis / most.hypot(least) - 1.0).abs() < 0.02, "{}", drawn.axis);
 }
 
 #[test]

@@ -17,7 +17,7 @@ use machine::proof::axis_box::AxisBox;
 use machine::read::columns::coordinates;
 use machine::read::mechanism::Mechanism;
 use machine::rows::{self, Rows};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix2, SMatrix, SVector};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
@@ -109,6 +109,21 @@ impl Sensitivity {
     }
 }
 
+/// Returns the standard deviations of the direction of the spindle axis, which is Z of the platform: angles in degrees in
+/// two perpendicular directions, the largest first, for independent errors of the joints.
+pub fn axis_sigma(found: &Sensitivity, pose: &Pose, sigma: &[f64]) -> [f64; 2] {
+    let (rotation, turns) = (pose.rotation(), rows::rate_map(pose));
+    let mut covariance = Matrix2::zeros();
+    for (j, sigma) in sigma.iter().enumerate() {
+        let angles = Vector3::from_fn(|k, _| found.gain[(3 + k, j)]);
+        let moved = rotation.tr_mul(&(turns * angles)).cross(&Vector3::z()).xy() * *sigma;
+        covariance += moved * moved.transpose();
+    }
+    let values = covariance.symmetric_eigenvalues();
+    // Rounding may make the smaller one negative.
+    [values.max(), values.min().max(0.0)].map(f64::sqrt)
+}
+
 fn scaled(jacobian: &Rows, length: f64) -> Rows {
     let mut scaled = *jacobian;
     for k in 3..6 {
@@ -129,6 +144,8 @@ pub struct Drawn {
     pub count: usize,
     /// Standard deviation of each coordinate: X Y Z in machine units, A B C in degrees.
     pub sigma: [f64; 6],
+    /// Root mean square of the angle by which the spindle axis is off, degrees.
+    pub axis: f64,
 }
 
 /// Draws independent normal errors of the joints, and solves forward kinematics for each draw;
@@ -147,14 +164,16 @@ pub fn monte_carlo(
     // With more legs than coordinates, joints with errors contradict each other by design.
     let solver = kinematics::Solver { residual_limit: config.machine.size(), ..config.solver };
     let mut rng = Pcg64::seed_from_u64(0);
-    let (mut sum, mut square) = ([0.0; 6], [0.0; 6]);
-    let asked = pose.to_degrees();
+    let (mut sum, mut square, mut axis) = ([0.0; 6], [0.0; 6], 0.0);
+    let (asked, straight) = (pose.to_degrees(), pose.rotation().column(2).into_owned());
     for _ in 0..count {
         let mut off = joints;
         for (joint, sigma) in off.iter_mut().zip(sigma) {
             *joint += sigma * rng.sample::<f64, _>(StandardNormal);
         }
-        let found = config.machine.forward(&off, pose, tool, &solver)?.pose.to_degrees();
+        let found = config.machine.forward(&off, pose, tool, &solver)?.pose;
+        axis += found.rotation().column(2).cross(&straight).norm_squared();
+        let found = found.to_degrees();
         for k in 0..6 {
             sum[k] += found[k] - asked[k];
             square[k] += (found[k] - asked[k]).powi(2);
@@ -162,7 +181,7 @@ pub fn monte_carlo(
     }
     let n = count as f64;
     let sigma = std::array::from_fn(|k| ((square[k] - sum[k] * sum[k] / n) / (n - 1.0)).sqrt());
-    Ok(Drawn { count, sigma })
+    Ok(Drawn { count, sigma, axis: (axis / n).sqrt().to_degrees() })
 }
 
 /// Kind of a singular pose.
