@@ -113,7 +113,7 @@ pub struct Arguments {
 struct OwnFile(PathBuf);
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_unchained("the log")?;
+    let config = arguments.machine.read_for_measuring()?;
     let wishes = wishes(arguments, &config)?;
     if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
         return Err(OwnFile(config.file.clone()).into());

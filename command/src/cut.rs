@@ -14,6 +14,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use studies::cut::judge::Cut;
 use studies::cut::report::{Drive, LineReport, Most, Report};
+use studies::cut::stance;
 use studies::cut::words::place;
 use studies::study::file::Study;
 
@@ -30,7 +31,7 @@ use studies::study::file::Study;
 /// program, time and inertia are not judged.
 ///
 ///     [cutting]
-///     depth_mm = 0.5               # and the keys of `pkm stability pose`
+///     depth_mm = 0.5               # and the keys of `pkm stability pose`; [turning] for a lathe tool
 ///     [legs]
 ///     max_force_n = 2000           # rating of each drive; `pkm help studies/cut` lists all keys
 ///
@@ -56,7 +57,8 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let Arguments { job, deepest, control, .. } = arguments;
-    let config = job.machine.read_unchained("the cut")?;
+    let config = job.machine.read()?;
+    stance::check(&config)?;
     let study = Study::read(&job.study)?;
     let cut = Cut::new(&config, &study).at(&job.study)?;
     let moves = job.moves(&config)?;

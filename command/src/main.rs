@@ -57,6 +57,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::Failure;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use kinematics::{Chain, Link, POSE_LETTERS};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -355,17 +356,29 @@ impl MachineFile {
         Ok((meant, whole.mechanisms.get(1 - number)))
     }
 
-    /// Reads a machine whose axes carry nothing, for a subcommand that supports no other.
-    fn read_unchained(&self, what: &str) -> Result<Mechanism, Failure> {
-        let config = self.read()?;
-        match config.chain.is_empty() {
-            true => Ok(config),
-            false => Err(failure::refused(format!(
-                "{}: not judged: axes carry the work, the tool or the legs, or the work is on the platform; \
-                 {what} is only computed in the machine's own coordinates",
-                self.machine.display()
-            ))),
+    /// Reads a machine for measurements. Axes that carry something must stay at 0, where the machine is the same without
+    /// them.
+    fn read_for_measuring(&self) -> Result<Mechanism, Failure> {
+        let mut config = self.read()?;
+        if config.chain.is_empty() {
+            return Ok(config);
         }
+        let file = self.machine.display();
+        if config.chain.holder().is_some() {
+            return Err(failure::refused(format!(
+                "{file}: not judged: the work is on the platform; measurements are only evaluated for tools on the platform"
+            )));
+        }
+        let letter = |link: &Link| POSE_LETTERS[link.place];
+        let letters: Vec<String> =
+            config.chain.links().iter().map(|link| letter(link).to_string()).collect();
+        output::remark(&format!(
+            "{file}: axes {} carry work, tool or legs: keep them at 0 in all measurements",
+            letters.join(" ")
+        ));
+        config.chain = Chain::none(config.extra_axes);
+        (config.axes, config.home) = (config.programmed.clone(), config.start);
+        Ok(config)
     }
 }
 

@@ -21,8 +21,8 @@ const LEVEL: f64 = 1e-9;
 /// Write programs along curves, and report the joint motion
 ///
 /// Reads a curve from a TOML file: a pair of one-parametric families, x = f(t) and y = g(t) or
-/// alpha(x, y, t) = 0 and beta(x, y, t) = 0, with laws for height, tilt and speed; or a free-form
-/// curve from control points, or from a DXF or SVG drawing. If the machine can follow the path,
+/// alpha(x, y, t) = 0 and beta(x, y, t) = 0; an equation F(x, y) = 0; or control points, a DXF or
+/// SVG drawing; with laws for height, tilt and speed. If the machine can follow the path,
 /// the program goes to standard output or to --output; its distance from the curve is proved to
 /// be below chord_mm. Turning points of t are reported; a singular point is refused with its
 /// position.
@@ -30,7 +30,7 @@ const LEVEL: f64 = 1e-9;
 ///     [parameters]
 ///     h = 16
 ///     [curve]
-///     x_mm = "h*(t - sin(t))"      # or alpha, beta and start_mm
+///     x_mm = "h*(t - sin(t))"      # or alpha, beta and start_mm, or f and start_mm
 ///     y_mm = 0
 ///     t = [0, "2*pi"]
 ///     [laws]                       # of t, s (arc length, mm), u (fraction of it), x, y, z
@@ -77,9 +77,9 @@ pub struct Arguments {
     /// Write the program here instead of to standard output
     #[arg(short, long, value_name = "PROGRAM.ngc", value_hint = clap::ValueHint::FilePath)]
     output: Option<PathBuf>,
-    /// Write a table with a row for the end of every move: t, arc length, pose, tangent, joints,
-    /// their rates at the programmed speed, and the platform's center; work coordinates in mm and
-    /// degrees, joints and center in machine units
+    /// Write a table with a row for the end of every move, and for points along a long line: t, arc
+    /// length, pose, tangent, joints, their rates at the programmed speed, and the platform's center;
+    /// work coordinates in mm and degrees, joints and center in machine units
     #[arg(long, value_name = "FILE.csv", value_hint = clap::ValueHint::FilePath)]
     csv: Option<PathBuf>,
     /// Draw the families with the curve, the split and the joints as SVG files into this folder
@@ -89,7 +89,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_unchained("the path")?;
+    let config = arguments.machine.read()?;
     let file = PathFile::read(&arguments.path)?;
     let place = arguments.path.display();
     match (&file.curve, file.operation.is_empty(), &file.carriages) {

@@ -107,6 +107,7 @@ fn sample(config: &Mechanism, visit: &Visit) -> Sample {
         forward: visit.pose,
         corrections: visit.corrections,
         tool: visit.tool,
+        on_work: visit.on_work,
         iterations: 0.0,
         residual: 0.0,
     }

@@ -205,7 +205,7 @@ fn bad_input_is_refused_with_its_key_and_nothing_is_written() {
         (
             STUDY.split("[cutting]").next().unwrap().into(),
             PROGRAM,
-            "the study has no teeth in [cutting]",
+            "the study has neither [cutting] (a milling cutter) nor [turning]",
         ),
     ];
     for (study, program, word) in cases {
@@ -240,4 +240,57 @@ fn the_shipped_study_gives_the_figures_that_its_page_shows() {
     {
         assert!(page.contains(line.trim_end()), "{line}");
     }
+}
+
+/// The study of a lathe tool instead of a cutter: 1500 N/mm² on 0.1 mm of depth.
+fn turning() -> String {
+    let (machine, _) = STUDY.split_once("[cutting]").unwrap();
+    format!(
+        "{machine}[turning]\nkf_n_per_mm2 = 1500\nthicker = [0, 0, -1]\nforce = [0.3, -1, 0.4]\ndepth_mm = 0.1\n"
+    )
+}
+
+#[test]
+fn turning_has_the_force_of_depth_and_feed_per_revolution_and_shakes_nothing() {
+    let bench = bench(&turning(), PROGRAM);
+    let answer = bench.answer(&format!("{WORDS} --format json --report page.html"), "");
+    let found = json(&answer);
+    assert_eq!((&found["is_turning"], &found["vibration_um"]), (&true.into(), &Value::Null));
+    let line = |n: u64| found["lines"].as_array().unwrap().iter().find(|l| l["line"] == n).unwrap();
+    for (number, feed) in [(4, 600.0), (5, 2400.0)] {
+        let expected = feed / 6000.0;
+        let [chip, force] = ["chip_mm", "force_n"].map(|key| float(&line(number)[key]));
+        // LinuxCNC reaches the feed to rounding: its poses of 50 mm over steps of 10 um.
+        assert!((chip / expected - 1.0).abs() < 1e-8, "{number} {chip}");
+        assert!((force / (1500.0 * 0.1 * expected) - 1.0).abs() < 1e-8, "{number} {force}");
+    }
+    let words =
+        "stability program linear-delta.ini part.ngc --study study.toml --deepest 2 --format json";
+    let expected = json(&bench.answer(words, ""));
+    assert_eq!(found["stability"]["stable_to_mm"], expected["worst"]["stable_to_mm"]);
+    assert_eq!(found["stability"]["margin"], expected["margin"]);
+    let page = fs::read_to_string(bench.0.path().join("page.html")).unwrap();
+    assert!(!page.contains(">vibration<"), "the plots have a line without points");
+    let text = bench.answer(WORDS, "");
+    assert!(
+        text.contains("with the study's depth.") && !text.contains("under the teeth"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_study_of_turning_without_a_depth_or_with_a_cutter_is_refused() {
+    let without = turning().replace("depth_mm = 0.1\n", "");
+    let answer = bench(&without, PROGRAM).answer(WORDS, "");
+    assert!(
+        answer.ends_with("exit 2\n") && answer.contains("no depth_mm in [turning]"),
+        "{answer}"
+    );
+    let (_, cutter) = STUDY.split_once("[cutting]").unwrap();
+    let both = format!("{}[cutting]{cutter}", turning());
+    let answer = bench(&both, PROGRAM).answer(WORDS, "");
+    assert!(
+        answer.ends_with("exit 2\n") && answer.contains("both [cutting] and [turning]"),
+        "{answer}"
+    );
 }

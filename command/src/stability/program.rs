@@ -13,7 +13,7 @@ use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
-use studies::cut::program;
+use studies::cut::{program, stance};
 use studies::stability::WORTH;
 use studies::stability::path::{Best, Depth, Path, Stop};
 use studies::study::file::Study;
@@ -101,16 +101,19 @@ const SPEEDS: usize = 61;
 const DEEPEST: f64 = 20.0;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.job.machine.read_unchained("the stability")?;
+    let config = arguments.job.machine.read()?;
+    stance::check(&config)?;
     let study = Study::read(&arguments.job.study)?;
     let setup = setup(&config, &study, &arguments.job.study)?;
     let range = arguments.speeds.range()?;
     let (stops, feed_moves) = stops(arguments, &config)?;
     let cut = study.cutting.and_then(|cutting| cutting.depth_mm);
+    let cut = cut.or(study.turning.and_then(|turning| turning.depth_mm).map(|depth| depth.0));
     let deepest = arguments.speeds.deepest.unwrap_or(cut.map_or(DEEPEST, |cut| DEEPEST * cut));
     let place = |stop: usize| {
-        let Stop { line, pose, .. } = &stops[stop];
-        format!("{}: line {line}: {}", arguments.job.program.display(), in_words(pose))
+        let Stop { line, programmed, .. } = &stops[stop];
+        let pose = in_words(&Pose::from_degrees(*programmed));
+        format!("{}: line {line}: {pose}", arguments.job.program.display())
     };
     let path = Path::new(&setup, &stops, deepest)
         .map_err(|(stop, error)| Failure::at(place(stop), error))?;
@@ -188,7 +191,7 @@ fn answer(
         deepest_mm,
         worst: Worst {
             line: stop.line,
-            pose: stop.pose.to_degrees(),
+            pose: stop.programmed,
             rpm: stop.rpm,
             stable_to_mm: depth.stable_to,
             zero_order_over_all_speeds_mm: depth.floor.is_finite().then_some(depth.floor),
@@ -221,7 +224,7 @@ fn write(
         ];
         let row = |(stop, depth): (&Stop, &Depth)| {
             let mut cells = vec![f64::from(stop.line)];
-            cells.extend(stop.pose.to_degrees());
+            cells.extend(stop.programmed);
             cells.extend([stop.rpm, depth.stable_to, depth.floor]);
             cells
         };

@@ -267,6 +267,7 @@ pub fn of_carriages(config: &Mechanism, places: &[CarriagePose]) -> Result<Vec<P
         forward: place.pose,
         corrections: [0.0; MAX_LEGS],
         tool: [0.0; 3],
+        on_work: None,
         iterations: 0.0,
         residual: place.residual,
     };

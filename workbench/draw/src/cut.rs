@@ -177,22 +177,24 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             .collect();
         Line { name: name.into(), points: highest(&points) }
     };
-    let positions = |of: &dyn Fn(&Position) -> f64| -> Vec<(f64, f64)> {
-        course.positions.iter().map(|position| (position.at, of(position))).collect()
+    let positions = |of: &dyn Fn(&Position) -> Option<f64>| -> Vec<(f64, f64)> {
+        let point = |position: &Position| Some((position.at, of(position)?));
+        course.positions.iter().filter_map(point).collect()
     };
-    let at_positions = |name: &str, of: &dyn Fn(&Position) -> f64| Line {
+    let at_positions = |name: &str, of: &dyn Fn(&Position) -> Option<f64>| Line {
         name: name.into(),
         points: highest(&positions(of)),
     };
     let shares = vec![
         moments("drive", &|stretch| stretch.drive_share),
-        at_positions("depth of cut", &|position| report.depth_mm / position.stable_to_mm),
+        at_positions("depth of cut", &|position| Some(report.depth_mm / position.stable_to_mm)),
     ];
     let inertia = report.seconds.map(|_| moments("inertia", &|stretch| Some(stretch.inertia_um)));
     let yields = [moments("deflection", &|stretch| Some(stretch.deflection_um))]
         .into_iter()
         .chain(inertia)
-        .chain([at_positions("vibration", &|position| position.vibration_um)]);
+        .chain([at_positions("vibration", &|position| position.vibration_um)])
+        .filter(|line| !line.points.is_empty());
     let all = [
         figure(
             "Load as a share of the rating",
@@ -220,7 +222,7 @@ fn figures(report: &Report) -> Result<Vec<Figure>, DrawError> {
             f64::INFINITY,
             vec![Line {
                 name: "stable up to".into(),
-                points: lowest(&positions(&|position| position.stable_to_mm)),
+                points: lowest(&positions(&|position| Some(position.stable_to_mm))),
             }],
         )?,
     ];

@@ -42,14 +42,15 @@ pub fn all(config: &Mechanism, samples: &[Sample]) -> Result<Vec<Plot>, DrawErro
             svg: corrections(config, &world, unit)?,
         });
     }
+    let point = if config.chain.is_empty() { "control point" } else { "tip on the work" };
     plots.push(Plot {
         file: "tool-path.svg".into(),
-        caption: "Path of the control point in the planes it moves in".into(),
+        caption: format!("Path of the {point} in the planes it moves in"),
         svg: tool_path(&world, unit)?,
     });
     plots.push(Plot {
         file: "tool-path-3d.svg".into(),
-        caption: "Path of the control point in space, with the tool axis at some places".into(),
+        caption: format!("Path of the {point} in space, with the tool axis at some places"),
         svg: isometric(&world, unit)?,
     });
     Ok(plots)

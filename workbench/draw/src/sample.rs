@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Input data of the plots of a motion.
 
-use kinematics::{Joints, MAX_EXTRA, PerLeg, Vector3};
+use kinematics::{Joints, MAX_EXTRA, PerLeg, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use program::timeline::AllJoints;
 
@@ -28,6 +28,8 @@ pub struct Sample {
     pub corrections: PerLeg,
     /// Tool vector, spindle offset included.
     pub tool: [f64; 3],
+    /// The tip on the work, and the direction from it to the holder, if axes carry something.
+    pub on_work: Option<[[f64; 3]; 2]>,
     /// Iterations of the last forward call.
     pub iterations: f64,
     /// Largest leg residual of the last forward call.
@@ -45,5 +47,17 @@ impl Sample {
 
     pub fn tool(&self) -> Vector3<f64> {
         Vector3::from(self.tool)
+    }
+
+    /// Returns the point whose path is drawn: the control point, or the tip on the work if axes carry something.
+    pub fn place(&self) -> Vector3<f64> {
+        let [x, y, z, ..] = self.pose;
+        self.on_work.map_or(Vector3::new(x, y, z), |[tip, _]| tip.into())
+    }
+
+    /// Returns the direction of the tool at that point, tip to holder.
+    pub fn axis(&self) -> Vector3<f64> {
+        let own = || Pose::from_degrees(self.pose).rotation().column(2).into_owned();
+        self.on_work.map_or_else(own, |[_, axis]| axis.into())
     }
 }

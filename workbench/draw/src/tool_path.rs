@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The path of the control point, in planes and in space.
+//! The path of the control point, or of the tip on the work, in planes and in space.
 
 use crate::key::{Key, Sign, keyed};
 use crate::lines::without_stairs;
@@ -26,7 +26,7 @@ pub(super) fn tool_path(world: &[&Sample], unit: &str) -> Result<String, DrawErr
     let grid = [(1, 1), (1, 1), (1, 2), (2, 2)][views.len()];
     drawn(|root| {
         for (area, View { title, across, up }) in root.split_evenly(grid).iter().zip(views) {
-            let point = |s: &&Sample| (s.pose[across.index()], s.pose[up.index()]);
+            let point = |s: &&Sample| (s.place()[across.index()], s.place()[up.index()]);
             let points: Vec<(f64, f64)> = world.iter().map(point).collect();
             let frame = Frame {
                 title,
@@ -60,7 +60,7 @@ const VIEWS: [View; 3] = [
 /// it is not a point.
 fn views(world: &[&Sample]) -> Vec<View> {
     let extent = |letter: Letter| {
-        let (low, high) = span(world.iter().map(|s| s.pose[letter.index()]));
+        let (low, high) = span(world.iter().map(|s| s.place()[letter.index()]));
         high - low
     };
     let most = Letter::ALL.into_iter().take(3).map(extent).fold(0.0, f64::max);
@@ -74,8 +74,7 @@ fn views(world: &[&Sample]) -> Vec<View> {
 }
 
 pub(super) fn isometric(world: &[&Sample], unit: &str) -> Result<String, DrawError> {
-    let place = |s: &&Sample| Vector3::new(s.pose[0], s.pose[1], s.pose[2]);
-    let all: Vec<Vector3<f64>> = world.iter().map(place).collect();
+    let all: Vec<Vector3<f64>> = world.iter().map(|sample| sample.place()).collect();
     let flat: Vec<(f64, f64)> = all.iter().map(project).collect();
     let path: Vec<Vector3<f64>> = places_apart(&flat, 1.0).into_iter().map(|k| all[k]).collect();
     let extent = |k: usize| {
@@ -86,8 +85,9 @@ pub(super) fn isometric(world: &[&Sample], unit: &str) -> Result<String, DrawErr
     let step = world.len().div_ceil(NEEDLES).max(1);
     let needles: Vec<_> = world.iter().step_by(step).map(|s| needle(s, length)).collect();
     let (bold, thin) = (BLUE.stroke_width(2), VERMILLION.stroke_width(1));
-    let keys =
-        [Key::new(Sign::Line(bold), "control point"), Key::new(Sign::Line(thin), "tool axis")];
+    let on_work = world.iter().any(|sample| sample.on_work.is_some());
+    let point = if on_work { "tip on the work" } else { "control point" };
+    let keys = [Key::new(Sign::Line(bold), point), Key::new(Sign::Line(thin), "tool axis")];
     let ends: Vec<Vector3<f64>> = all.iter().chain(needles.as_flattened()).copied().collect();
     keyed(&keys, |area| {
         let title = "Tool path, with the tool axis at some places";
@@ -98,10 +98,9 @@ pub(super) fn isometric(world: &[&Sample], unit: &str) -> Result<String, DrawErr
     })
 }
 
-/// Returns the ends of a line from the control point along the tool axis, tip to holder.
+/// Returns the ends of a line from the tip along the tool axis to the holder.
 fn needle(sample: &Sample, length: f64) -> [Vector3<f64>; 2] {
-    let pose = kinematics::Pose::from_degrees(sample.pose);
-    [pose.position, pose.position + pose.rotation().column(2) * length]
+    [sample.place(), sample.place() + sample.axis() * length]
 }
 
 #[cfg(test)]
@@ -127,6 +126,7 @@ mod tests {
                 forward: pose,
                 corrections: [0.0; MAX_LEGS],
                 tool: [0.0; 3],
+                on_work: None,
                 iterations: 1.0,
                 residual: 0.0,
             }

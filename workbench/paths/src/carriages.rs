@@ -11,6 +11,7 @@ use machine::proof::jet::Taylor;
 use machine::read::columns::{coordinates, joint_names};
 use machine::read::mechanism::Mechanism;
 use machine::read::tools;
+use program::motion::extra_home;
 use std::ops::ControlFlow;
 
 /// Why the laws of the joints give no path.
@@ -48,7 +49,7 @@ pub struct CarriagePose {
     /// Time, s.
     pub t: f64,
     pub joints: Joints,
-    /// x y z in machine units, a b c in degrees.
+    /// The commanded pose: x y z in machine units, a b c in degrees.
     pub pose: [f64; 6],
     /// Residual of the forward kinematics; above 0 if redundant joints contradict each other.
     pub residual: f64,
@@ -74,18 +75,35 @@ pub fn taken(config: &Mechanism, file: &PathFile) -> Result<Vec<CarriagePose>, C
             "t_s: more than {MOST_PLACES} servo cycles; use a shorter range"
         )));
     }
+    let own = config.chain.machine_tool(&tool);
     let mut seed = config.home_pose();
     let mut all = vec![];
     for n in 0..=count as usize {
         let t = first + (last - first) * n as f64 / count;
         let joints = joints(config, &laws, t)?;
-        let found = config.machine.forward(&joints, &seed, &tool, &config.solver);
+        let found = config.machine.forward(&joints, &seed, &own, &config.solver);
         let found = found.map_err(|fault| CarriageError::Fault { t, fault })?;
         seed = found.pose;
-        check(config, t, &seed, &tool)?;
-        all.push(CarriagePose { t, joints, pose: seed.to_degrees(), residual: found.residual });
+        check(config, t, &seed, &own)?;
+        let pose = programmed(config, &seed.to_degrees(), &tool);
+        let pose = pose.map_err(|fault| CarriageError::Fault { t, fault })?;
+        all.push(CarriagePose { t, joints, pose, residual: found.residual });
     }
     Ok(all)
+}
+
+/// Converts the machine's own pose to a commanded one, with the extra axes at home.
+fn programmed(
+    config: &Mechanism,
+    machine: &[f64; 6],
+    tool: &Vector3<f64>,
+) -> Result<[f64; 6], Fault> {
+    if config.chain.is_empty() {
+        return Ok(*machine);
+    }
+    let mut world = config.world(machine, &extra_home(config));
+    config.chain.to_world(machine, &mut world, tool)?;
+    Ok(std::array::from_fn(|k| if config.chain.is_extra(k) { 0.0 } else { world[k] }))
 }
 
 /// Largest number of poses: an hour of servo cycles.

@@ -4,7 +4,7 @@
 use crate::file::{Feed, ProgramKeys};
 use crate::piece::{Arc, DECIMALS};
 use crate::planes::PLANES;
-use kinematics::Letter;
+use kinematics::{Fault, Letter, POSE_LETTERS, Vector3};
 use machine::files::as_comment;
 use machine::read::mechanism::Mechanism;
 use machine::read::tools;
@@ -102,6 +102,9 @@ impl<'a> Writer<'a> {
         let zero = [0, 1, 2].map(|k| format!("{}{}", name(k), number(keys.zero_mm[k], DECIMALS)));
         writer.line(&format!("G10 L2 {} {}{level} R0", SYSTEM[0], zero.join(" ")));
         writer.line(SYSTEM[1]);
+        if !config.chain.links().is_empty() {
+            writer.carriers_home();
+        }
         if let Some(tool) = keys.tool {
             writer.take(tool)?;
         }
@@ -109,6 +112,17 @@ impl<'a> Writer<'a> {
             writer.spin_at(speed.0);
         }
         Ok(writer)
+    }
+
+    /// Moves the axes that carry something to their home, where the path is computed.
+    fn carriers_home(&mut self) {
+        let home = self.config.extra_home();
+        let places: Vec<usize> = self.config.extra_axes.places().collect();
+        for link in self.config.chain.links() {
+            let value = places.iter().position(|place| *place == link.place).map(|n| home[n]);
+            let word = number(value.unwrap_or(0.0), DECIMALS);
+            self.line(&format!("G53 G0 {}{word}", POSE_LETTERS[link.place]));
+        }
     }
 
     /// Changes the tool.
@@ -381,6 +395,18 @@ fn name(k: usize) -> char {
 fn round(value: f64) -> f64 {
     let scale = 10_f64.powi(DECIMALS as i32);
     (value * scale).round() / scale + 0.0
+}
+
+/// Converts a pose of the motion controller to the machine's own pose, with the extra axes at home.
+///
+/// # Errors
+/// As [`Mechanism::carried`].
+pub(super) fn carried(
+    config: &Mechanism,
+    pose: &[f64; 6],
+    tool: &Vector3<f64>,
+) -> Result<[f64; 6], Fault> {
+    config.carried(pose, &extra_home(config), tool)
 }
 
 /// Converts a pose in work coordinates to that of the motion controller: machine units, with the tool offset.

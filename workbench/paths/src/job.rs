@@ -3,7 +3,7 @@
 //! table 2: joints over the length of the path; figure 8: their changes by operation).
 
 use crate::file::PathFile;
-use crate::gcode::{SetupError, Writer};
+use crate::gcode::{SetupError, Writer, carried};
 use crate::operation::{Operation, OperationError};
 use crate::pen::Step;
 use crate::piece::Arc;
@@ -173,8 +173,10 @@ fn places(
     let mut from = if first > 0 { moves[first - 1].end } else { config.start };
     for step in &moves[first..range.end] {
         let tool = config.spindle + Vector3::from(step.tool);
+        let own = config.chain.machine_tool(&tool);
         let joints = |pose: [f64; 6]| -> Result<_, Fault> {
-            Ok((pose, config.machine.inverse(&Pose::from_degrees(pose), &tool)?))
+            let machine = Pose::from_degrees(carried(config, &pose, &tool)?);
+            Ok((pose, config.machine.inverse(&machine, &own)?))
         };
         if all.is_empty() {
             all.push(joints(from)?);

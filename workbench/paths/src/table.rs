@@ -2,13 +2,14 @@
 //! The required motion of the joints: positions and rates, and its split between table and platform.
 
 use crate::file::ProgramKeys;
-use crate::gcode::in_machine;
+use crate::gcode::{carried, in_machine};
 use crate::motion::Node;
 use crate::route_error::RouteError;
 use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
 use machine::files;
 use machine::read::columns::{coordinates, joint_names};
 use machine::read::mechanism::Mechanism;
+use program::motion::extra_home;
 
 /// A point of the path, and the machine's state there.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,12 +43,15 @@ fn row(
     tool: [f64; 3],
 ) -> Result<Row, RouteError> {
     let fault = |fault| RouteError::Fault { t: node.t, fault };
-    let pose = Pose::from_degrees(in_machine(config, keys, &tool, &node.pose));
-    let tool = config.spindle + Vector3::from(tool);
+    let programmed = in_machine(config, keys, &tool, &node.pose);
+    let offset = config.spindle + Vector3::from(tool);
+    let pose = Pose::from_degrees(carried(config, &programmed, &offset).map_err(fault)?);
+    let tool = config.chain.machine_tool(&offset);
     let at = config.machine.at(&pose, &tool).map_err(fault)?;
     let units = config.units_per_mm;
     let scaled = |rate: &[f64; 6]| -> [f64; 6] {
-        std::array::from_fn(|k| if k < 3 { rate[k] * units } else { rate[k] })
+        let rate = std::array::from_fn(|k| if k < 3 { rate[k] * units } else { rate[k] });
+        of_machine(config, &programmed, &offset, rate)
     };
     let rates =
         node.rate.as_ref().map(|rate| at.rates(&scaled(rate))).transpose().map_err(fault)?;
@@ -58,6 +62,22 @@ fn row(
     // The position of the level platform: the pose minus the tool's offset, plus the rotated lever.
     let centre = (pose.position - tool + lever).into();
     Ok(Row { node: node.clone(), joints: *at.joints(), rates, centre })
+}
+
+/// Returns the rates of the machine's own pose for those of a programmed one, with the extra axes at home.
+fn of_machine(
+    config: &Mechanism,
+    programmed: &[f64; 6],
+    tool: &Vector3<f64>,
+    rate: [f64; 6],
+) -> [f64; 6] {
+    if config.chain.is_empty() {
+        return rate;
+    }
+    let rates = config.chain.rates(&config.world(programmed, &extra_home(config)), tool);
+    let moves = |letter: &usize| !config.chain.is_extra(*letter);
+    let of = |k: usize| (0..6).filter(moves).map(|letter| rates[(k, letter)] * rate[letter]).sum();
+    std::array::from_fn(of)
 }
 
 fn check_speeds(config: &Mechanism, t: f64, rates: &Joints) -> Result<(), RouteError> {

@@ -6,6 +6,8 @@ use linuxcnc::row::{Ending, Row};
 use machine::read::mechanism::Mechanism;
 use program::motion;
 use program::preflight::preflight;
+use program::replay::replay_seen;
+use std::collections::BTreeMap;
 use std::fs;
 use test_support::control::run;
 use test_support::shipped::{config, folder};
@@ -297,4 +299,46 @@ fn the_guard_slows_the_table_down_where_the_struts_that_follow_it_would_be_too_f
     // Without the guard a strut would have to be that much faster, and its drive lags.
     let (_, free, _) = fastest("M52 P0");
     assert!(free > 1.1 * MOST, "{free}");
+}
+
+/// Returns the largest difference of the tips on the work and of the tool directions of a replay from `expected`, which
+/// gets LinuxCNC's pose and the tool vector.
+fn drawn_off(
+    machine: &str,
+    program: &str,
+    expected: impl Fn(&[f64; 9], &Vector3<f64>) -> [Vector3<f64>; 2],
+) -> f64 {
+    let config = config(machine);
+    let file = folder(machine).join("programs").join(program);
+    let moves = motion::moves(&config.clone().into(), &file, None).unwrap();
+    let tools: BTreeMap<u32, [f64; 3]> = moves.iter().map(|step| (step.line, step.tool)).collect();
+    let (mut most, mut count) = (0.0_f64, 0);
+    replay_seen(&config, &moves, 0.05, |visit| {
+        let tool = config.spindle + Vector3::from(tools[&visit.line]);
+        let [tip, axis] = visit.on_work.unwrap().map(Vector3::from);
+        let [own_tip, own_axis] = expected(&visit.world, &tool);
+        most = most.max((tip - own_tip).norm()).max((axis - own_axis).norm());
+        count += 1;
+    })
+    .unwrap();
+    assert!(count > 100, "{count}");
+    most
+}
+
+#[test]
+fn a_replay_has_the_tip_on_the_work_and_the_direction_of_the_tool_there() {
+    let off = drawn_off(TURRETS, "any-angle.ngc", |[x, y, z, a, b, ..], tool| {
+        [
+            Vector3::new(*x, *y, *z) - tool,
+            about_y(a + b) * tool.try_normalize(0.0).unwrap_or(Vector3::z()),
+        ]
+    });
+    // Rounding of positions of a meter.
+    assert!(off < 1e-9, "{off}");
+    let off = drawn_off(TABLE, "turning-circle.ngc", |[x, y, z, a, b, c, ..], tool| {
+        let leaning = Pose::from_degrees([0.0, 0.0, 0.0, *a, *b, 0.0]).rotation();
+        let own = tool.try_normalize(0.0).unwrap_or(Vector3::z());
+        [Vector3::new(*x, *y, *z) - tool, about_z(-c) * leaning * own]
+    });
+    assert!(off < 1e-9, "{off}");
 }

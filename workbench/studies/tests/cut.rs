@@ -2,13 +2,14 @@
 //! `pkm cut`: forces of the drives, deflection and chip against independent computations, the pass, which must not
 //! miss a peak, and the command as users run it.
 
-use kinematics::{Joints, MAX_JOINTS, Pose, Vector3};
+use kinematics::{Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 use linuxcnc::row::{Beside, Extra, Flags, Row};
 use machine::read::mechanism::Mechanism;
 use std::collections::BTreeMap;
-use studies::cut::moment::{Moment, Subject, cutter_frame};
+use studies::cut::moment::{Moment, Subject};
 use studies::cut::pass::Pass;
 use studies::cut::program::Line;
+use studies::cut::stance::{self, Stance};
 use studies::cut::teeth::Teeth;
 use studies::dynamics::capacity::Capacity;
 use studies::dynamics::model::Model;
@@ -38,7 +39,17 @@ fn subject<'a>(config: &'a Mechanism, text: &str) -> Subject<'a> {
 /// Returns a moment of a cut at rest.
 fn cut(pose: [f64; 6]) -> Moment {
     let feed = Vector3::new(3.0, 2.0, 0.5);
-    Moment { line: 1, at: 0.0, poses: [pose; 3], tool: TOOL, speed: 10.0, feed, rpm: Some(6000.0) }
+    Moment {
+        line: 1,
+        at: 0.0,
+        programmed: pose,
+        poses: [pose; 3],
+        tool: TOOL,
+        rotation: Pose::from_degrees(pose).rotation(),
+        speed: 10.0,
+        feed,
+        rpm: Some(6000.0),
+    }
 }
 
 #[track_caller]
@@ -75,7 +86,7 @@ fn a_drive_bears_what_virtual_work_asks_of_it_at_every_angle_of_the_cutter() {
     let pose = Pose::from_degrees(place);
     let gain =
         Sensitivity::at(&config, &pose, &TOOL, config.machine.radius()).unwrap().unwrap().gain;
-    let frame = cutter_frame(&moment.feed, &pose);
+    let frame = subject.teeth.frame(&moment.feed, &pose.rotation());
     // 10 mm/s, two teeth, 100 revolutions per second.
     let chip = 0.05;
     close(judged.chip.unwrap(), chip, 1.0);
@@ -109,7 +120,8 @@ fn the_tool_yields_by_the_compliance_of_the_stiffness_study() {
         let springs = Springs::of(&config, &Study::parse(&text).unwrap()).unwrap();
         let pose = Pose::from_degrees(place);
         let found = Stiffness::at(&config, &pose, &config.spindle, &springs).unwrap().unwrap();
-        let force = cutter_frame(&moment.feed, &pose) * subject.teeth.mean(judged.chip.unwrap());
+        let force = subject.teeth.frame(&moment.feed, &pose.rotation())
+            * subject.teeth.mean(judged.chip.unwrap());
         let compliance = found.compliance.fixed_view::<3, 3>(0, 0).into_owned();
         let expected = compliance * force;
         assert!(expected.norm() > 1e-6, "{machine} {expected}");
@@ -201,4 +213,131 @@ fn a_peak_of_one_cycle_is_not_lost_in_one_pass() {
     // Every cycle counts as time, but only one in ten is evaluated.
     assert_eq!((jerky.lines[&7].cycles, jerky.cutting), (1998, 1998));
     assert_eq!(jerky.judged, 200);
+}
+
+const TURNING: &str = "[platform]\nmass_kg = 60\ncentre_mm = [0, 0, 0]\n\
+    inertia_kg_m2 = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n\
+    [legs]\nstiffness_n_per_um = 60\ndamping_ratio = 0.03\nmax_force_n = 9000\n\
+    [turning]\nkf_n_per_mm2 = 2000\nthicker = [0, 0, -1]\nforce = [0.3, -1, 0.4]\ndepth_mm = 2\n";
+
+/// Returns a lathe that turns at 600 1/min with a feed of 0.2 mm per revolution, and its moment.
+fn turning(config: &Mechanism) -> (Subject<'_>, Moment) {
+    let study = Study::parse(TURNING).unwrap();
+    let turning = study.turning.unwrap();
+    let subject = Subject {
+        config,
+        model: Model::of(config, &study).unwrap(),
+        drives: Capacity::of(config, &study).unwrap(),
+        teeth: Teeth::of_edge(&turning, turning.depth_mm.unwrap().0),
+    };
+    let place = [20.0, 440.0, 950.0, 0.0, 6.0, 0.0];
+    let tool = config.spindle + Vector3::new(230.0, 0.0, 10.0);
+    let (speed, rpm) = (2.0, Some(600.0));
+    (subject, Moment { tool, speed, rpm, feed: -Vector3::z(), ..cut(place) })
+}
+
+/// Returns the force of the edge: 2000 N/mm² on 2 mm by 0.2 mm, in machine axes.
+fn edge_force() -> Vector3<f64> {
+    Vector3::new(0.3, -1.0, 0.4).normalize() * (2000.0 * 2.0 * 0.2)
+}
+
+#[test]
+fn carriages_bear_the_force_of_a_lathe_tool_by_the_work_of_each_coordinate() {
+    let config = config("four-rod-lathe");
+    let (subject, moment) = turning(&config);
+    let weight = subject.judge(&Moment { rpm: None, ..moment }).unwrap();
+    let judged = subject.judge(&moment).unwrap();
+    close(judged.chip.unwrap(), 0.2, 1.0);
+    close(judged.force, 800.0, 800.0);
+    let force: Vec<f64> =
+        judged.drives.iter().zip(&weight.drives).map(|(all, own)| all[0] - own[0]).collect();
+    // The force of one edge does not vary within a turn.
+    assert!(judged.drives.iter().all(|[low, high]| low == high));
+    let joints = |k: usize, by: f64| {
+        let mut pose = moment.poses[1];
+        pose[k] += by;
+        config.machine.inverse(&Pose::from_degrees(pose), &moment.tool).unwrap()
+    };
+    for (k, along) in [(0, 0), (1, 1), (2, 2), (4, 3)] {
+        // A small motion of one coordinate: f dq + F dx = 0. A turn about the tip moves no force.
+        let (ahead, behind) = (joints(k, 1e-3), joints(k, -1e-3));
+        let rates = (0..4).map(|i| (ahead[i] - behind[i]) / 2e-3);
+        let work: f64 = rates.zip(&force).map(|(rate, force)| rate * force).sum();
+        let of_edge = if along < 3 { edge_force()[along] } else { 0.0 };
+        // Central differences: rounding of a meter, 1e-13 mm, over 2e-3 mm, and a third derivative of 1e-5 per mm².
+        assert!((work + of_edge).abs() < 1e-6 * 800.0, "{k}: {work} {of_edge}");
+    }
+}
+
+#[test]
+fn the_rods_store_the_work_of_a_lathe_tool() {
+    let config = config("four-rod-lathe");
+    let (subject, moment) = turning(&config);
+    let weight = subject.judge(&Moment { rpm: None, ..moment }).unwrap();
+    let judged = subject.judge(&moment).unwrap();
+    let at = config.machine.at(&Pose::from_degrees(moment.poses[1]), &moment.tool).unwrap();
+    // A carriage on a rail along Z bears the rod's force times the cosine between them.
+    let stored = |(i, segment): (usize, &kinematics::Segment)| {
+        let drive = judged.drives[i][0] - weight.drives[i][0];
+        (drive / segment.span().normalize().z).powi(2) / 60e3
+    };
+    let stored: f64 = at.segments().iter().take(4).enumerate().map(stored).sum();
+    close(edge_force().dot(&judged.deflection), stored, stored);
+    assert!(stored > 1.0, "{stored}");
+}
+
+#[test]
+fn where_an_axis_carries_the_tool_the_legs_bear_it_as_one_fixed_to_the_platform() {
+    let config = config("lathe-two-turrets");
+    let tool = config.spindle + Vector3::new(190.0, -100.0, 0.0);
+    let (a, b) = (-35.0, 8.0);
+    let extra = config.extra_axes.places().map(|place| if place == 3 { a } else { 20.0 });
+    let mut values = [0.0; kinematics::MAX_EXTRA];
+    values.iter_mut().zip(extra).for_each(|(value, given)| *value = given);
+    let pose = [200.0, 450.0, 1010.0, 0.0, b, 0.0];
+    let world = config.world(&pose, &values);
+    let found = Stance::at(&config, &pose, &world, &tool).unwrap();
+    // The tool as the turret has turned it about its axis at X -60 of the platform.
+    let (s, c) = f64::to_radians(a).sin_cos();
+    let turn = Matrix3::new(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c);
+    let pivot = Vector3::new(-60.0, 0.0, 0.0);
+    let turned = -(pivot + turn * (-tool - pivot));
+    assert!((found.tool - turned).norm() < 1e-9, "{} {turned}", found.tool);
+    // The tip stays where the program puts it, and the carriages where the chain puts them.
+    let own = Pose::from_degrees(found.pose);
+    let tip = own.position - found.tool;
+    assert!((tip - (Vector3::new(pose[0], pose[1], pose[2]) - tool)).norm() < 1e-9);
+    let machine = Pose::from_degrees(config.carried(&pose, &values, &tool).unwrap());
+    let expected = config.machine.inverse(&machine, &Vector3::zeros()).unwrap();
+    let joints = config.machine.inverse(&own, &found.tool).unwrap();
+    // Rounding of some additions of a meter.
+    assert!((0..4).all(|i| (joints[i] - expected[i]).abs() < 1e-9), "{joints:?} {expected:?}");
+    let (sin, cos) = f64::to_radians(a + b).sin_cos();
+    let rotation = Matrix3::new(cos, 0.0, sin, 0.0, 1.0, 0.0, -sin, 0.0, cos);
+    assert!((found.rotation - rotation).norm() < 1e-12 && found.work == Matrix3::identity());
+    // Another pose of the platform with the same tool has its own carriages.
+    let shifted = [pose[0] + 3.0, pose[1], pose[2] - 2.0, 0.0, b - 1.0, 0.0];
+    values[config.extra_axes.places().position(|place| place == 3).unwrap()] = a + 2.0;
+    let world = config.world(&shifted, &values);
+    let other = Stance::at(&config, &shifted, &world, &tool).unwrap().with_tool_of(&found);
+    let machine = Pose::from_degrees(config.carried(&shifted, &values, &tool).unwrap());
+    let expected = config.machine.inverse(&machine, &Vector3::zeros()).unwrap();
+    let joints = config.machine.inverse(&Pose::from_degrees(other.pose), &found.tool).unwrap();
+    assert!((0..4).all(|i| (joints[i] - expected[i]).abs() < 1e-9), "{joints:?} {expected:?}");
+}
+
+#[test]
+fn where_an_axis_carries_the_work_the_feed_turns_with_it() {
+    let config = config("hexapod-rotary-table");
+    let pose = config.start;
+    let mut values = [0.0; kinematics::MAX_EXTRA];
+    values[0] = 90.0;
+    let found = Stance::at(&config, &pose, &config.world(&pose, &values), &config.spindle).unwrap();
+    assert!((found.work * Vector3::x() - Vector3::y()).norm() < 1e-12, "{}", found.work);
+    assert!(stance::check(&config).is_ok());
+    let refused = stance::check(&self::config("lathe-work-on-platform")).unwrap_err().to_string();
+    assert!(
+        refused.contains("not judged") && refused.contains("lathe-work-on-platform"),
+        "{refused}"
+    );
 }

@@ -49,8 +49,8 @@ pub struct Position {
     pub line: u32,
     /// Depth up to which every cut is stable, mm.
     pub stable_to_mm: f64,
-    /// Amplitude of the tool's vibration under the teeth, um.
-    pub vibration_um: f64,
+    /// Amplitude of the tool's vibration under the teeth, um; none in turning.
+    pub vibration_um: Option<f64>,
 }
 
 impl Stretch {

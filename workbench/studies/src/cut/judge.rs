@@ -13,6 +13,7 @@ use crate::dynamics::model::Model;
 use crate::stability::path::{self, Stop};
 use crate::stability::pose::{NoSetup, Setup};
 use crate::study::file::{Lacking, Study};
+use kinematics::Pose;
 use linuxcnc::process::{self, Event, Options};
 use linuxcnc::row::Ending;
 use machine::files::AtPlace;
@@ -45,14 +46,22 @@ impl<'a> Cut<'a> {
     /// # Errors
     /// A value missing in the study, or see [`NoSetup`].
     pub fn new(config: &'a Mechanism, study: &Study) -> Result<Self, NoSetup> {
-        let lacks = |key| Lacking::Key { section: "cutting", key };
-        let cutter = study.cutting.as_ref().ok_or_else(|| lacks("teeth"))?;
-        let depth = cutter.depth_mm.ok_or_else(|| lacks("depth_mm"))?;
+        let setup = Setup::new(config, study)?;
+        let lacks = |section| Lacking::Key { section, key: "depth_mm" };
+        let (depth, teeth) = match (&study.cutting, &study.turning) {
+            (_, Some(turning)) => {
+                let depth = turning.depth_mm.ok_or_else(|| lacks("turning"))?.0;
+                (depth, Teeth::of_edge(turning, depth))
+            }
+            (Some(cutter), None) => {
+                let depth = cutter.depth_mm.ok_or_else(|| lacks("cutting"))?;
+                (depth, Teeth::of(cutter, study.milling.as_ref(), depth))
+            }
+            (None, None) => return Err(NoSetup::Process),
+        };
         let model = Model::of(config, study)?;
         let drives = Capacity::of(config, study)?;
-        let teeth = Teeth::of(cutter, study.milling.as_ref(), depth);
-        let subject = Subject { config, model, drives, teeth };
-        Ok(Self { subject, setup: Setup::new(config, study)?, depth })
+        Ok(Self { subject: Subject { config, model, drives, teeth }, setup, depth })
     }
 
     /// Assesses a program, with its stability at `most_places` positions, up to the depth `deepest` in mm. `show` receives
@@ -73,8 +82,9 @@ impl<'a> Cut<'a> {
         let no_cut = |error| AtPlace::new(program.display(), error);
         let lines = lines(moves).map_err(no_cut)?;
         let (stops, feed_moves) = stops(subject.config, moves, most_places).map_err(no_cut)?;
-        let at = |Stop { line, pose, .. }: &Stop| {
-            format!("{}: line {line}: {}", program.display(), in_words(pose))
+        let at = |Stop { line, programmed, .. }: &Stop| {
+            let pose = in_words(&Pose::from_degrees(*programmed));
+            format!("{}: line {line}: {pose}", program.display())
         };
         let deepest = deepest.unwrap_or(DEEPEST * depth);
         let path = path::Path::new(setup, &stops, deepest);

@@ -3,7 +3,7 @@
 //!
 //! [`program`] determines which lines cut, with which feed and spindle speed; [`teeth`] is the force of the
 //! cutter over one tooth pitch. A [`pass`] processes LinuxCNC's servo cycles and chooses the [`moment`]s
-//! to assess; expensive quantities are computed at [`place`]s along the program. The [`course`] follows them over time.
+//! to assess, with tool and work in their [`stance`]; expensive quantities are computed at [`place`]s along the program. The [`course`] follows them over time.
 //! A [`report`] contains all results, and [`judge`] leads from a program's moves to its report.
 
 pub mod course;
@@ -13,5 +13,6 @@ pub mod pass;
 pub mod place;
 pub mod program;
 pub mod report;
+pub mod stance;
 pub mod teeth;
 pub mod words;

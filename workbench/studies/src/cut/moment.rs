@@ -9,7 +9,6 @@
 use crate::cut::teeth::Teeth;
 use crate::dynamics::capacity::Capacity;
 use crate::dynamics::loads::{Held, Loads, Moving, Wrench};
-use crate::dynamics::milling::frame;
 use crate::dynamics::model::Model;
 use kinematics::{Fault, Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
 use machine::read::joints::JointKind;
@@ -33,10 +32,14 @@ pub struct Moment {
     pub line: u32,
     /// Seconds from the start, or machine units along the feed moves.
     pub at: f64,
-    /// Poses, machine units and degrees.
+    /// The commanded pose, machine units and degrees.
+    pub programmed: [f64; 6],
+    /// The machine's own poses, machine units and degrees.
     pub poses: [[f64; 6]; 3],
-    /// Tool vector of the machine, machine units.
+    /// Tool vector on the platform, machine units.
     pub tool: Vector3<f64>,
+    /// Orientation of the tool in base.
+    pub rotation: Matrix3<f64>,
     /// Speed along the path, mm/s.
     pub speed: f64,
     /// Direction of the feed in machine axes, any length.
@@ -51,7 +54,7 @@ pub struct Judged {
     pub line: u32,
     /// As in [`Moment`].
     pub at: f64,
-    /// The pose, machine units and degrees.
+    /// The commanded pose, machine units and degrees.
     pub pose: [f64; 6],
     /// Feed per tooth, mm; `None` if nothing is cut.
     pub chip: Option<f64>,
@@ -104,14 +107,6 @@ impl Moment {
     }
 }
 
-/// Returns feed, across and tool axis as columns; the force of a plunge counts as that of a feed along the
-/// platform's X.
-pub fn cutter_frame(feed: &Vector3<f64>, pose: &Pose) -> Matrix3<f64> {
-    let rotation = pose.rotation();
-    let axis = rotation.column(2).into_owned();
-    feed.try_normalize(0.0).and_then(|feed| frame(&feed, &axis)).unwrap_or(rotation)
-}
-
 impl Subject<'_> {
     /// Assesses a moment.
     ///
@@ -134,7 +129,7 @@ impl Subject<'_> {
         let table = self.model.table.iter().map(|axis| axis.stiffness);
         let springs: Vec<f64> = held.springs().chain(table).collect();
         let chip = moment.rpm.map(|rpm| self.teeth.chip(moment.speed, rpm));
-        let frame = cutter_frame(&moment.feed, &moving.pose);
+        let frame = self.teeth.frame(&moment.feed, &moment.rotation);
         let mean = chip.map_or_else(Vector3::zeros, |chip| frame * self.teeth.mean(chip));
         let borne: Vec<Vec<f64>> = units.iter().map(|unit| self.borne(unit)).collect();
         let of_mean: Vec<f64> =
@@ -149,7 +144,7 @@ impl Subject<'_> {
         Ok(Judged {
             line: moment.line,
             at: moment.at,
-            pose: moment.poses[1],
+            pose: moment.programmed,
             chip,
             force: chip.map_or(0.0, |chip| self.teeth.peak(chip)),
             drives: self.ranges(&all, &units, chip, &frame),

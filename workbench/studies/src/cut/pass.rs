@@ -6,8 +6,9 @@
 
 use crate::cut::course::{Stretch, Stretches};
 use crate::cut::moment::{Judged, Moment, NoMoment, Subject};
-use crate::cut::program::{Line, cuts, length};
-use kinematics::Vector3;
+use crate::cut::program::{Line, cuts, length, stance};
+use crate::cut::stance::Stance;
+use kinematics::{Fault, Vector3};
 use linuxcnc::row::Row;
 use machine::read::mechanism::Mechanism;
 use program::motion::Move;
@@ -105,7 +106,7 @@ impl<'a> Pass<'a> {
 
     fn take(&mut self, rows: [&Row; 3]) -> Result<(), (u32, NoMoment)> {
         let config = self.subject.config;
-        let moment = self.moment(rows);
+        let moment = self.moment(rows).map_err(|fault| (rows[1].line, fault.into()))?;
         let acceleration = acceleration(config, &moment.poses);
         let line = self.found.lines.entry(moment.line).or_default();
         line.cycles += 1;
@@ -130,23 +131,37 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
-    fn moment(&self, rows: [&Row; 3]) -> Moment {
+    fn moment(&self, rows: [&Row; 3]) -> Result<Moment, Fault> {
         let config = self.subject.config;
         let [from, row, to] = rows;
+        let stance =
+            |row: &Row| Stance::at(config, &row.pose, &row.extra.world, &Vector3::from(row.tool));
+        let now = stance(row)?;
+        // The motion of the platform alone has inertia: the tool is the same in all three.
+        let poses = match config.chain.is_bare() {
+            true => [
+                stance(from)?.with_tool_of(&now).pose,
+                now.pose,
+                stance(to)?.with_tool_of(&now).pose,
+            ],
+            false => [stance(from)?.pose, now.pose, stance(to)?.pose],
+        };
         let feed = Vector3::from_fn(|k, _| to.pose[k] - from.pose[k]);
         let rate = feed.norm() / (2.0 * config.period);
         let moves = from.pose != to.pose;
         let line = self.program.get(&row.line);
         let cuts = line.filter(|line| moves && rate <= line.feed * FASTER);
-        Moment {
+        Ok(Moment {
             line: row.line,
             at: row.cycle as f64 * config.period,
-            poses: rows.map(|row| row.pose),
-            tool: row.tool.into(),
+            programmed: row.pose,
+            poses,
+            tool: now.tool,
+            rotation: now.rotation,
             speed: rate.min(line.map_or(rate, |line| line.feed)) / config.units_per_mm,
-            feed,
+            feed: now.work * feed,
             rpm: cuts.map(|line| line.rpm),
-        }
+        })
     }
 
     fn close(&mut self) -> Result<(), (u32, NoMoment)> {
@@ -188,14 +203,19 @@ impl<'a> Pass<'a> {
             let feed = Vector3::from_fn(|k, _| step.end[k] - from.end[k]);
             // A move of rotary axes alone has no linear feed, and feed per revolution is unknown here.
             let is_known = feed.norm() > 0.0 && step.feed.is_finite();
-            for (at, end) in [(start, from.end), (gone, step.end)] {
+            // A move starts with its own tool offset.
+            let start_of = Move { end: from.end, extra_end: from.extra_end, ..*step };
+            for (at, step) in [(start, &start_of), (gone, step)] {
+                let stance = stance(config, step).map_err(|fault| (step.line, fault.into()))?;
                 self.batch.push(Moment {
                     line: step.line,
                     at,
-                    poses: [end; 3],
-                    tool: config.spindle + Vector3::from(step.tool),
+                    programmed: step.end,
+                    poses: [stance.pose; 3],
+                    tool: stance.tool,
+                    rotation: stance.rotation,
                     speed: if is_known { step.feed / config.units_per_mm } else { 0.0 },
-                    feed,
+                    feed: stance.work * feed,
                     rpm: Some(line.rpm),
                 });
             }

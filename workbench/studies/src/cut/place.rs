@@ -2,7 +2,7 @@
 //! Positions along a program at which expensive quantities are computed: vibration under the teeth,
 //! resolution, stability.
 
-use crate::cut::moment::{NoMoment, Subject, cutter_frame};
+use crate::cut::moment::{NoMoment, Subject};
 use crate::cut::teeth::{HARMONICS, Teeth};
 use crate::dynamics::structure::Structure;
 use crate::stability::path::Stop;
@@ -15,8 +15,8 @@ use std::f64::consts::TAU;
 /// Results for a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Assessment {
-    /// Amplitude of the tool's vibration under the teeth, mm.
-    pub vibration: f64,
+    /// Amplitude of the tool's vibration under the teeth, mm; `None` in turning, whose force is constant.
+    pub vibration: Option<f64>,
     /// Largest error in X, Y, Z if every drive is off by half a step, mm; `None` if the
     /// INI file defines no steps.
     pub resolution: Option<[f64; 3]>,
@@ -47,8 +47,13 @@ impl Subject<'_> {
         chip: f64,
         half_steps: Option<&[f64]>,
     ) -> Result<Assessment, NoMoment> {
+        let resolution = half_steps.map(|steps| self.resolution(stop, steps)).transpose()?;
+        if self.teeth.is_turning() {
+            return Ok(Assessment { vibration: None, resolution });
+        }
         let structure = Structure::at(self.config, &self.model, &stop.pose, &stop.tool)?;
-        let frame = cutter_frame(&stop.feed, &stop.pose).map(|value| Complex::new(value, 0.0));
+        let frame = self.teeth.frame(&stop.feed, &stop.rotation);
+        let frame = frame.map(|value| Complex::new(value, 0.0));
         let tooth = TAU * f64::from(self.teeth.count) * stop.rpm / 60.0;
         let mut swings: Vec<Vector3<Complex<f64>>> = vec![];
         for harmonic in 1..=HARMONICS {
@@ -56,8 +61,7 @@ impl Subject<'_> {
             let receptance = receptance.ok_or(NoMoment::Singular)?;
             swings.push(receptance * (frame * self.teeth.harmonic(chip, harmonic)));
         }
-        let resolution = half_steps.map(|steps| self.resolution(stop, steps)).transpose()?;
-        Ok(Assessment { vibration: Teeth::swing(&swings), resolution })
+        Ok(Assessment { vibration: Some(Teeth::swing(&swings)), resolution })
     }
 
     fn resolution(&self, stop: &Stop, steps: &[f64]) -> Result<[f64; 3], NoMoment> {

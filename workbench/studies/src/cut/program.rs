@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Determines which lines of a program cut, and where to assess stability.
 
+use crate::cut::stance::Stance;
 use crate::stability::path::Stop;
-use kinematics::{Pose, Vector3};
+use kinematics::{Fault, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, MoveKind, Spindle};
 use std::collections::BTreeMap;
@@ -32,6 +33,8 @@ pub enum NoCut {
     Unknown(u32),
     #[error("line {0}: it cuts at several spindle speeds; set one with --rpm")]
     Several(u32),
+    #[error("line {0}: {1}")]
+    Fault(u32, Fault),
 }
 
 /// Returns the feed moves of a program: the start of each, and the move.
@@ -111,19 +114,30 @@ pub fn stops(config: &Mechanism, moves: &[Move], most: usize) -> Result<(Vec<Sto
     let stop = |k: usize| -> Result<Stop, NoCut> {
         let (number, [from, step]) = all[k * all.len() / count];
         let feed = Vector3::from_fn(|i, _| step.end[i] - from.end[i]);
+        let stance = stance(config, step).map_err(|fault| NoCut::Fault(step.line, fault))?;
         Ok(Stop {
             step: number,
             line: step.line,
-            pose: Pose::from_degrees(step.end),
-            tool: config.spindle + Vector3::from(step.tool),
+            programmed: step.end,
+            pose: Pose::from_degrees(stance.pose),
+            tool: stance.tool,
+            rotation: stance.rotation,
             // A move of rotary axes alone has no linear feed: use the worst feed, as in a plunge.
-            feed: if feed.norm() > 0.0 { feed } else { axis(&step.end) },
+            feed: match feed.norm() > 0.0 {
+                true => stance.work * feed,
+                false => stance.rotation.column(2).into_owned(),
+            },
             rpm: rpm(step)?,
         })
     };
     Ok(((0..count).map(stop).collect::<Result<_, _>>()?, all.len()))
 }
 
-fn axis(end: &[f64; 6]) -> Vector3<f64> {
-    Pose::from_degrees(*end).rotation().column(2).into_owned()
+/// Returns the stance at the end of a move.
+///
+/// # Errors
+/// As [`Stance::at`].
+pub fn stance(config: &Mechanism, step: &Move) -> Result<Stance, Fault> {
+    let tool = config.spindle + Vector3::from(step.tool);
+    Stance::at(config, &step.end, &config.world(&step.end, &step.extra_end), &tool)
 }

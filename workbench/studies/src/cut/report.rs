@@ -34,11 +34,13 @@ pub struct Report {
     pub not_judged: Option<String>,
     /// LinuxCNC's message if it stopped the program.
     pub stopped: Option<String>,
+    /// Whether the work rotates, so that the force is constant and shakes nothing.
+    pub is_turning: bool,
     /// Depth of cut of the study, mm.
     pub depth_mm: f64,
     /// Number of assessed moments.
     pub moments: u64,
-    /// Feed per tooth, mm.
+    /// Feed per tooth, or per revolution in turning, mm.
     pub chip_mm: Option<Most>,
     /// Force on the tool, N.
     pub force_n: Option<Most>,
@@ -46,7 +48,7 @@ pub struct Report {
     pub deflection_um: Option<Most>,
     /// Displacement of the tool by inertia, um.
     pub inertia_um: Option<Most>,
-    /// Amplitude of the tool's vibration under the teeth, um.
+    /// Amplitude of the tool's vibration under the teeth, um; none in turning.
     pub vibration_um: Option<Most>,
     /// Largest error in X, Y, Z if every drive is off by half a step; none without steps.
     pub resolution_um: Option<[f64; 3]>,
@@ -214,6 +216,7 @@ pub fn report(
         cutting_seconds: period.map(|period| found.cutting as f64 * period),
         not_judged: if let Run::NotJudged(why) = run { Some(why.clone()) } else { None },
         stopped: if let Run::Stopped(_, why) = run { Some(why.clone()) } else { None },
+        is_turning: subject.teeth.is_turning(),
         depth_mm,
         moments: found.judged,
         chip_mm: most(chip, 1.0),
@@ -245,7 +248,7 @@ fn course(found: Found, looked: &Looked, seconds: Option<f64>) -> Course {
         at,
         line: stop.line,
         stable_to_mm: limit.stable_to,
-        vibration_um: place.vibration * UM,
+        vibration_um: place.vibration.map(|vibration| vibration * UM),
     };
     Course {
         over: if seconds.is_some() { Abscissa::Seconds } else { Abscissa::Length },
@@ -276,7 +279,8 @@ fn of_line(
     let least =
         places().min_by(|((_, a, _), _), ((_, b, _), _)| a.stable_to.total_cmp(&b.stable_to));
     let stable_to = least.map(|((_, depth, _), _)| depth.stable_to);
-    let vibration = places().map(|((_, _, place), _)| place.vibration * UM).reduce(f64::max);
+    let vibration = places().filter_map(|((_, _, place), _)| place.vibration);
+    let vibration = vibration.map(|vibration| vibration * UM).reduce(f64::max);
     let drive = own.and_then(|own| own.drive);
     let drive_share = drive.map(|(_, share)| share);
     let of_depth = stable_to.map(|limit| depth / limit);
@@ -334,7 +338,7 @@ fn stability(looked: &Looked, depth: f64, is_timed: bool) -> Stability {
         deepest_mm: looked.deepest,
         line: stop.line,
         at_s: at.filter(|_| is_timed),
-        pose: stop.pose.to_degrees(),
+        pose: stop.programmed,
         rpm: stop.rpm,
         stable_to_mm: limit.stable_to,
         margin: limit.stable_to / depth,
@@ -343,12 +347,13 @@ fn stability(looked: &Looked, depth: f64, is_timed: bool) -> Stability {
 
 fn vibration(looked: &Looked, is_timed: bool) -> Option<Most> {
     let places = looked.places.iter().zip(&looked.at);
-    let most = places.max_by(|(a, _), (b, _)| a.2.vibration.total_cmp(&b.2.vibration));
-    most.map(|((stop, _, place), at)| Most {
-        value: place.vibration * UM,
+    let places = places.filter_map(|((stop, _, place), at)| Some((stop, place.vibration?, at)));
+    let most = places.max_by(|(_, a, _), (_, b, _)| a.total_cmp(b));
+    most.map(|(stop, vibration, at)| Most {
+        value: vibration * UM,
         line: stop.line,
         at_s: at.filter(|_| is_timed),
-        pose: stop.pose.to_degrees(),
+        pose: stop.programmed,
     })
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! The force of a milling cutter over one tooth pitch.
+//! The force of a milling cutter over one tooth pitch, or of the edge of a lathe tool.
 
-use crate::dynamics::milling::Milling;
-use crate::study::cutting::Cutting;
+use crate::dynamics::milling::{Milling, frame};
+use crate::study::cutting::{Cutting, Turning};
 use crate::study::forcing;
-use kinematics::Vector3;
+use kinematics::{Matrix3, Vector3};
 use nalgebra::Complex;
 use std::f64::consts::TAU;
 
@@ -14,7 +14,8 @@ const ANGLES: usize = 200;
 /// Harmonics of the tooth frequency: those with at least ten angles per period.
 pub const HARMONICS: usize = ANGLES / 10;
 
-/// Forces on the tool at even angles of a pitch, in the frame of [`crate::dynamics::milling::frame`].
+/// Forces on the tool at even angles of a pitch: those of a milling cutter in the frame of
+/// [`crate::dynamics::milling::frame`], the constant one of a lathe tool in machine axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Teeth {
     pub count: u16,
@@ -22,6 +23,7 @@ pub struct Teeth {
     per_chip: Vec<Vector3<f64>>,
     /// Force of the edges alone, N.
     edge: Vec<Vector3<f64>>,
+    is_turning: bool,
 }
 
 impl Teeth {
@@ -47,10 +49,33 @@ impl Teeth {
             count: cutter.teeth,
             per_chip: forces(Milling { feed: 1.0, edge: [0.0; 3], ..milling }),
             edge: forces(Milling { feed: 0.0, ..milling }),
+            is_turning: false,
         }
     }
 
-    /// Computes the feed per tooth in mm from the speed along the path in mm/s and the spindle speed in 1/min.
+    /// Computes the force of a lathe tool at a depth of cut in mm: per area of the chip, which is the depth times the feed
+    /// per revolution.
+    pub fn of_edge(turning: &Turning, depth: f64) -> Self {
+        let per_chip = vec![turning.force.0 * (turning.kf_n_per_mm2.0 * depth)];
+        Self { count: 1, per_chip, edge: vec![Vector3::zeros()], is_turning: true }
+    }
+
+    /// Returns whether the work rotates: the force is constant and shakes nothing.
+    pub fn is_turning(&self) -> bool {
+        self.is_turning
+    }
+
+    /// Returns the axes of the forces as columns, for a tool with this orientation in base: feed, across and tool axis; those
+    /// of the machine in turning. The force of a plunge counts as that of a feed along the tool's X.
+    pub fn frame(&self, feed: &Vector3<f64>, rotation: &Matrix3<f64>) -> Matrix3<f64> {
+        if self.is_turning {
+            return Matrix3::identity();
+        }
+        let axis = rotation.column(2).into_owned();
+        feed.try_normalize(0.0).and_then(|feed| frame(&feed, &axis)).unwrap_or(*rotation)
+    }
+
+    /// Computes the feed per tooth, or per revolution in turning, in mm from the speed along the path in mm/s and the spindle speed in 1/min.
     pub fn chip(&self, speed: f64, rpm: f64) -> f64 {
         speed * 60.0 / (f64::from(self.count) * rpm)
     }
@@ -61,7 +86,7 @@ impl Teeth {
     }
 
     pub fn mean(&self, chip: f64) -> Vector3<f64> {
-        self.forces(chip).sum::<Vector3<f64>>() / ANGLES as f64
+        self.forces(chip).sum::<Vector3<f64>>() / self.per_chip.len() as f64
     }
 
     /// Returns the magnitude of the largest force.

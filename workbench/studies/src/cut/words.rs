@@ -41,9 +41,11 @@ impl Report {
 
     /// Returns what was not assessed.
     pub fn notes(&self) -> Vec<String> {
+        let of_cut = if self.is_turning { "depth" } else { "immersion and depth" };
         let mut notes = vec![
-            "The position of the stock: every feed move counts as a cut with the study's immersion and depth."
-                .to_string(),
+            format!(
+                "The position of the stock: every feed move counts as a cut with the study's {of_cut}."
+            ),
             WORTH.replace('\n', " "),
         ];
         let Stability { places, feed_moves, .. } = self.stability;

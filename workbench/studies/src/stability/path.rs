@@ -6,7 +6,7 @@ use crate::stability::floquet::{Period, TooSlow, fast_enough};
 use crate::stability::lobes::Lobes;
 use crate::stability::pose::{NoModes, Setup};
 use crate::stability::process::Row;
-use kinematics::{Pose, Vector3};
+use kinematics::{Matrix3, Pose, Vector3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -16,9 +16,14 @@ pub struct Stop {
     /// Index of the move that ends here.
     pub step: usize,
     pub line: u32,
+    /// The commanded pose, machine units and degrees.
+    pub programmed: [f64; 6],
+    /// The machine's own pose.
     pub pose: Pose,
-    /// Tool vector, spindle offset included.
+    /// Tool vector on the platform, spindle offset included.
     pub tool: Vector3<f64>,
+    /// Orientation of the tool in base.
+    pub rotation: Matrix3<f64>,
     /// Feed in machine axes, any length.
     pub feed: Vector3<f64>,
     /// Spindle speed, 1/min.
@@ -62,14 +67,16 @@ impl<'a> Path<'a> {
     /// # Errors
     /// Returns the index of a stop that the machine cannot reach, or where its modes are undefined.
     pub fn new(setup: &'a Setup<'a>, stops: &[Stop], most: f64) -> Result<Self, (usize, NoModes)> {
-        let rows = |stop: &Stop| match setup.rows(&stop.pose, &stop.tool, &stop.feed) {
-            Err(NoModes::Feed(_)) => {
-                let across = stop.pose.rotation().column(0).into_owned();
-                let rows = setup.rows(&stop.pose, &stop.tool, &across)?;
-                Ok(setup.at_worst_feed(&rows))
-            }
-            other => other,
-        };
+        let rows =
+            |stop: &Stop| match setup.rows_with(&stop.pose, &stop.tool, &stop.feed, &stop.rotation)
+            {
+                Err(NoModes::Feed(_)) => {
+                    let across = stop.rotation.column(0).into_owned();
+                    let rows = setup.rows_with(&stop.pose, &stop.tool, &across, &stop.rotation)?;
+                    Ok(setup.at_worst_feed(&rows))
+                }
+                other => other,
+            };
         let stop = |(place, stop): (usize, &Stop)| match rows(stop) {
             Ok(rows) => Ok((*stop, rows)),
             Err(error) => Err((place, error)),

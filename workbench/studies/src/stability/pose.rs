@@ -10,7 +10,7 @@ use crate::stability::process::{AlongAxis, Process, Row, milling_rows, turned, t
 use crate::stability::spindle::{NoSpindle, Nose};
 use crate::study::cutting::Turning;
 use crate::study::file::{Lacking, Study};
-use kinematics::{Fault, Pose, Vector3};
+use kinematics::{Fault, Matrix3, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use std::f64::consts::PI;
 
@@ -83,10 +83,19 @@ impl<'a> Setup<'a> {
     /// # Errors
     /// See [`NoModes`].
     pub fn modes(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Vec<Mode>, NoModes> {
+        self.modes_with(pose, tool, &pose.rotation())
+    }
+
+    fn modes_with(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        rotation: &Matrix3<f64>,
+    ) -> Result<Vec<Mode>, NoModes> {
         let structure = Structure::at(self.config, &self.model, pose, tool)?;
         let mut modes = structure.modes().ok_or(NoModes::Free)?;
         let nose = self.nose.as_ref();
-        modes.extend(nose.map_or(vec![], |nose| nose.modes_across(&pose.rotation())));
+        modes.extend(nose.map_or(vec![], |nose| nose.modes_across(rotation)));
         match modes.iter().find(|mode| !(mode.zeta > 0.0)) {
             Some(mode) => Err(NoModes::Undamped(mode.omega / (2.0 * PI))),
             None => Ok(modes),
@@ -103,11 +112,25 @@ impl<'a> Setup<'a> {
         tool: &Vector3<f64>,
         feed: &Vector3<f64>,
     ) -> Result<Vec<Row>, NoModes> {
-        let modes = self.modes(pose, tool)?;
+        self.rows_with(pose, tool, feed, &pose.rotation())
+    }
+
+    /// Returns the rows of a tool with its own orientation in base, because an axis carries it.
+    ///
+    /// # Errors
+    /// See [`NoModes`].
+    pub fn rows_with(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        feed: &Vector3<f64>,
+        rotation: &Matrix3<f64>,
+    ) -> Result<Vec<Row>, NoModes> {
+        let modes = self.modes_with(pose, tool, rotation)?;
         if let Some(turning) = &self.turning {
             return Ok(turning_rows(&modes, turning));
         }
-        let axis = pose.rotation().column(2).into_owned();
+        let axis = rotation.column(2).into_owned();
         Ok(milling_rows(&modes, &frame(feed, &axis).ok_or(AlongAxis)?))
     }
 

@@ -124,6 +124,8 @@ pub struct Turning {
     pub thicker: Direction,
     /// Direction of the cutting force on the tool.
     pub force: Direction,
+    /// Depth of cut of a program, mm.
+    pub depth_mm: Option<Positive>,
 }
 
 /// One of `[[links]]`: a mass on a spring and a damper.

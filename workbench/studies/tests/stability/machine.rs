@@ -174,8 +174,10 @@ fn along_a_path_the_least_depth_is_found_and_the_best_speed_keeps_the_most() {
         Stop {
             step: line as usize,
             line,
+            programmed: pose.to_degrees(),
             pose,
             tool: TOOL,
+            rotation: pose.rotation(),
             feed: pose.rotation().column(0).into_owned(),
             rpm,
         }
