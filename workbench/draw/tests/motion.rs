@@ -3,7 +3,7 @@
 
 use draw::motion::all;
 use draw::sample::Sample;
-use kinematics::MAX_JOINTS;
+use kinematics::{MAX_EXTRA, MAX_JOINTS};
 use test_support::shipped::config;
 
 /// A path begins at 0 seconds with its first cycle in world mode, regardless of the time that homing takes.
@@ -20,10 +20,12 @@ fn the_time_before_world_mode_is_not_in_the_pictures() {
             pose,
             joints: *at.unwrap().joints(),
             motors: [0.0; MAX_JOINTS],
+            extra: [0.0; MAX_EXTRA],
             passed: 0.0,
             forward: pose,
             corrections: Default::default(),
             tool: config.spindle.into(),
+            on_work: None,
             iterations: 1.0,
             residual: 0.0,
         }

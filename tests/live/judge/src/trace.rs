@@ -147,6 +147,7 @@ impl Columns<'_> {
             forward: placed(&mut values, 0..6),
             corrections: placed(&mut values, self.struts()),
             tool: placed(&mut values, 0..3),
+            on_work: None,
             iterations: next(&mut values),
             residual: next(&mut values),
         };

@@ -74,6 +74,7 @@ fn at(config: &Mechanism, k: usize, pose: [f64; 6]) -> Sample {
         forward: pose,
         corrections: config.machine.at(&asked, &tool).unwrap().corrections(),
         tool: tool.into(),
+        on_work: None,
         iterations: 2.0,
         residual: 1e-12,
     }
