@@ -236,7 +236,7 @@ pub fn of_responses(
     let caption = "Each link alone, without cutting: hodograph";
     plots.push(hodograph("links-hodograph.svg", caption, unit, links, 0.0)?);
     let caption = "Open loop K G/(1 + iωT): hodograph, unstable if it encloses -1";
-    plots.push(hodograph("open-loop-hodograph.svg", caption, "", open, -1.0)?);
+    plots.push(hodograph("open-loop-hodograph.svg", caption, ", no unit", open, -1.0)?);
     Ok(plots)
 }
 

@@ -302,13 +302,21 @@ impl Lag {
     /// Returns the turns about 0 of `1 + K G/(1 + iωT)` over negative and positive frequencies.
     fn turns(&self, stiffness: Complex<f64>) -> usize {
         let mut grid = self.grid(GRID);
-        grid.extend(self.crossings().iter().map(|found| found.omega));
+        // A real K next to a crossing passes 0 nearer than the samples are to each other.
+        if stiffness.im == 0.0 {
+            grid.extend(self.crossings().iter().map(|found| found.omega));
+        }
         grid.sort_by(f64::total_cmp);
         let open = |omega: &f64| self.receptance(*omega) / self.delay(*omega);
         let half: Vec<Complex<f64>> = grid.iter().map(open).collect();
         let negative = half.iter().rev().map(|open| open.conjugate());
-        let all: Vec<Complex<f64>> =
-            negative.chain(half.iter().copied()).map(|open| 1.0 + open * stiffness).collect();
+        // Beyond the highest frequency the open loop shrinks to 0.
+        let rest = [Complex::new(0.0, 0.0)];
+        let all: Vec<Complex<f64>> = negative
+            .chain(half.iter().copied())
+            .chain(rest)
+            .map(|open| 1.0 + open * stiffness)
+            .collect();
         let next = all.iter().cycle().skip(1);
         let angle: f64 = all.iter().zip(next).map(|(a, b)| (b / a).argument()).sum();
         (angle / TAU).round().abs() as usize

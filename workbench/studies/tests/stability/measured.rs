@@ -105,6 +105,10 @@ fn a_range_that_decides_nothing_confirms_nothing() {
     let short = file("hz,re_mm_per_n,im_mm_per_n", &LINKS, 1.0, even(20.0, 600.0));
     let limit = of(MEASURED, short.parse().unwrap()).unwrap().lag.limit();
     assert!(!limit.is_certified && limit.crossing.is_none(), "{limit:?}");
+    // Up to 1500 Hz everything is decided.
+    let long = file("hz,re_mm_per_n,im_mm_per_n", &LINKS, 1.0, even(20.0, 1500.0));
+    let limit = of(MEASURED, long.parse().unwrap()).unwrap().lag.limit();
+    assert!(limit.is_certified && limit.crossing.is_some(), "{limit:?}");
     let mut apart = Study::parse(&format!("[lag]\ntime_constant_ms = 0.1\n{MEASURED}{MEASURED}"));
     let apart = apart.as_mut().unwrap();
     let far = file("rad_per_s,re_m_per_n,im_m_per_n", &LINKS, 1e-3, even(2e4, 2.1e4));
