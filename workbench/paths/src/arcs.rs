@@ -69,7 +69,7 @@ fn arc(
         let is_steady = speed_change(curve, part, range)? <= 1.0;
         if allowed > 0.0 && is_steady && near.holds(curve, part, range, allowed, HALVINGS)? {
             let arc = Some(near.arc());
-            return Ok(Some(Piece { part, range, arc, deviation: wanted.chord }));
+            return Ok(Some(Piece { part, range, from: None, arc, deviation: wanted.chord }));
         }
     }
     Ok(None)

@@ -46,6 +46,8 @@ pub struct CurveKeys {
     pub alpha: Option<Formula>,
     /// β(x, y, t), which is 0 on the curve.
     pub beta: Option<Formula>,
+    /// F(x, y), which is 0 on the curve.
+    pub f: Option<Formula>,
     /// x and y at the start, which select the branch.
     pub start_mm: Option<[f64; 2]>,
     /// First and last t.

@@ -39,6 +39,12 @@ impl Laws {
         self.z.iter().chain(tilt).any(|law| law.uses(1) || law.uses(2))
     }
 
+    /// Returns whether neither the tilt nor the speed changes along the curve.
+    pub(super) fn is_fixed(&self) -> bool {
+        let (Tilt::Angles(tilt) | Tilt::Normal(tilt)) = &self.tilt;
+        !tilt.iter().chain(&self.speed).any(Expression::is_variable)
+    }
+
     /// Returns the pose at a point of the curve: mm and degrees.
     pub(super) fn pose(
         &self,

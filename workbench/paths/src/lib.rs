@@ -32,6 +32,7 @@ mod planes;
 pub mod route;
 pub mod route_error;
 pub mod spline;
+mod straight;
 pub mod svg;
 pub mod table;
 pub mod trace;

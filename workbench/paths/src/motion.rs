@@ -36,8 +36,8 @@ pub struct Pace {
 /// See [`CurveError`].
 pub fn nodes(curve: &Curve, pieces: &[Piece], pace: &Pace) -> Result<Vec<[Node; 2]>, CurveError> {
     let pair = |piece: &Piece| {
-        let node = |at| node(curve, piece.part, at, pace);
-        Ok([node(piece.range[0])?, node(piece.range[1])?])
+        let (part, at) = piece.from.unwrap_or((piece.part, piece.range[0]));
+        Ok([node(curve, part, at, pace)?, node(curve, piece.part, piece.range[1], pace)?])
     };
     pieces.iter().map(pair).collect()
 }

@@ -52,6 +52,8 @@ pub struct Piece {
     pub part: usize,
     /// First and last parameter.
     pub range: [f64; 2],
+    /// Part and parameter of the start, if the line begins in an earlier part.
+    pub from: Option<(usize, f64)>,
     /// The arc; `None` for a line.
     pub arc: Option<Arc>,
     /// Proved bound of the distance from the curve, mm.

@@ -99,7 +99,13 @@ fn longest(
     }
     let (to, need) = best.ok_or_else(|| unbounded(curve, part, from))?;
     *length = to - from;
-    Ok(Piece { part, range: [from, to], arc: None, deviation: need.deviation + ROUNDING })
+    Ok(Piece {
+        part,
+        range: [from, to],
+        from: None,
+        arc: None,
+        deviation: need.deviation + ROUNDING,
+    })
 }
 
 fn unbounded(curve: &Curve, part: usize, at: f64) -> CurveError {
@@ -108,6 +114,16 @@ fn unbounded(curve: &Curve, part: usize, at: f64) -> CurveError {
         "at t = {t}: the second derivative of the curve is unbounded, so no chord can be proved; end or \
          start the range of t before it"
     ))
+}
+
+/// Returns the proved deviation of a line over a range; `None` if the range cannot be enclosed.
+pub(super) fn deviation(
+    curve: &Curve,
+    part: usize,
+    range: [f64; 2],
+    wanted: &Wanted,
+) -> Result<Option<f64>, CurveError> {
+    Ok(need(curve, part, range, wanted)?.map(|need| need.deviation))
 }
 
 /// Returns the share of the tolerances for a line over a range; `None` if the range cannot be enclosed.

@@ -7,6 +7,7 @@ use crate::motion::{Node, Pace, length, nodes, rise, seconds};
 use crate::piece::{Piece, Wanted};
 use crate::pieces::pieces;
 use crate::route_error::RouteError;
+use crate::straight::joined;
 use crate::table::{Row, rows};
 use crate::whole::{Curve, CurveError};
 use machine::read::mechanism::Mechanism;
@@ -24,7 +25,8 @@ pub struct Route {
     pub curve: Curve,
     pub pieces: Vec<Piece>,
     pub program: String,
-    /// Positions and joints, one row for the end of every piece and for every start.
+    /// Positions and joints, one row for every start, for the end of every piece, and for points along a line that joins
+    /// several.
     pub rows: Vec<Row>,
     /// Length of the tip's path along the curve, mm.
     pub length: f64,
@@ -41,18 +43,22 @@ pub fn route(config: &Mechanism, file: &PathFile) -> Result<Route, RouteError> {
     let missing = || CurveError::Keys("[tolerance] chord_mm: missing".into());
     let tolerance = file.tolerance.ok_or_else(missing)?;
     let wanted = Wanted::new(&tolerance, file.program.moves)?;
-    let pieces = pieces(&curve, &wanted)?;
+    let proved = pieces(&curve, &wanted)?;
     let pace = Pace { turn: file.laws.turn_deg_per_s.map(|turn| turn.0) };
-    let ends = nodes(&curve, &pieces, &pace)?;
+    let ends = nodes(&curve, &proved, &pace)?;
     let rises: f64 =
-        pieces.iter().map(|piece| rise(&curve, piece)).sum::<Result<f64, CurveError>>()?;
+        proved.iter().map(|piece| rise(&curve, piece)).sum::<Result<f64, CurveError>>()?;
+    // Joints and speeds are checked at points as near to each other as the proofs require, also along a long line.
+    let points = nodes_once(&ends);
+    let pieces = joined(&curve, &proved, &ends, &wanted)?;
+    let ends = nodes(&curve, &pieces, &pace)?;
     let blend = file.program.blend_mm.unwrap_or(tolerance.chord_mm).0;
     let title = file.program.title.clone().unwrap_or("Path along a curve".into());
     let origin = format!("within {} mm of the curve, made by pkm path", tolerance.chord_mm.0);
     let mut writer = Writer::begin(config, &file.program, &[title, origin], blend)?;
     let seconds = write(&mut writer, &curve, &pieces, &ends, &pace)?;
     let tool = writer.tool;
-    let rows = rows(config, &file.program, &nodes_once(&ends), tool)?;
+    let rows = rows(config, &file.program, &points, tool)?;
     let (program, moves, places) = writer.end();
     check(config, &moves, &places)?;
     Ok(Route { length: curve.length + rises, curve, pieces, program, rows, seconds })

@@ -25,6 +25,8 @@ const LITTLE_TURN: f64 = 0.996_194_698_091_745_5;
 const FEW: usize = 4;
 /// Steps after which a curve counts as endless.
 const STEPS: usize = 200_000;
+/// Distance, as a multiple of the size of the start point, beyond which a curve counts as endless.
+const FARTHEST: f64 = 1e6;
 const BISECTIONS: usize = 200;
 
 /// A maximum or minimum of t along the curve.
@@ -40,8 +42,8 @@ pub struct Turning {
 pub struct Wanted {
     /// x and y near the start, mm.
     pub start: [f64; 2],
-    /// t at the start and at the end.
-    pub t: [f64; 2],
+    /// t at the start and at the end; `None` if the start determines t, and the order of the families the direction.
+    pub t: Option<[f64; 2]>,
     /// Smallest and largest t along the curve.
     pub bounds: [f64; 2],
     /// Whether a turning point of t ends the curve.
@@ -67,7 +69,7 @@ pub enum TraceError {
     NoBranch { at: [f64; 2], t: f64 },
     #[error("singular point near x {:.6} y {:.6} t {t:.6}: the curves of both families touch, or branches cross; end the range of t before it, or choose another start", .at[0], .at[1])]
     Singular { at: [f64; 2], t: f64 },
-    #[error("the curve does not end within {STEPS} steps; it is at x {:.6} y {:.6} t {t:.6}: set the range of t, or length_mm", .at[0], .at[1])]
+    #[error("the curve does not end; it is at x {:.6} y {:.6} t {t:.6}: set the range of t, t_bounds or length_mm", .at[0], .at[1])]
     Endless { at: [f64; 2], t: f64 },
 }
 
@@ -86,7 +88,7 @@ struct Walk<'a> {
 pub fn trace(families: &Arc<Families>, wanted: &Wanted, most: f64) -> Result<Trace, TraceError> {
     let trace = Trace { parts: vec![], turnings: vec![], is_closed: false };
     let [x, y] = wanted.start;
-    let guess = Vector3::new(x, y, wanted.t[0] / families.t_unit);
+    let guess = Vector3::new(x, y, wanted.t.map_or(x, |t| t[0]) / families.t_unit);
     let size = 1.0 + guess.xy().amax();
     let mut walk = Walk { families, wanted, size, trace };
     let (start, tangent) = walk.begin(guess)?;
@@ -111,7 +113,7 @@ impl Walk<'_> {
 
     /// Returns the point of the curve at the start's t, and the tangent along which t goes towards its end.
     fn begin(&self, guess: Vector3<f64>) -> Result<(Vector3<f64>, Vector3<f64>), TraceError> {
-        let [t, end] = self.wanted.t;
+        let Some([t, end]) = self.wanted.t else { return self.begin_nearby(guess) };
         let no_branch = TraceError::NoBranch { at: self.wanted.start, t };
         let trouble = self.trouble(&guess);
         let found = self.families.in_plane(guess, &Vector3::z(), guess.z).map_err(&trouble)?;
@@ -124,6 +126,20 @@ impl Walk<'_> {
         let tangent = self.tangent(&start)?;
         let forward = tangent.z * (end - t) >= 0.0;
         Ok((start, if forward { tangent } else { -tangent }))
+    }
+
+    /// Returns the point of the curve in the plane across its direction at the guess, and the tangent there.
+    fn begin_nearby(
+        &self,
+        guess: Vector3<f64>,
+    ) -> Result<(Vector3<f64>, Vector3<f64>), TraceError> {
+        let across = self.tangent(&guess)?;
+        let found = self.families.in_plane(guess, &across, across.dot(&guess));
+        let (start, _) = found.map_err(self.trouble(&guess))?.ok_or_else(|| {
+            let (at, t) = self.place(&guess);
+            TraceError::NoBranch { at, t }
+        })?;
+        Ok((start, self.tangent(&start)?))
     }
 
     fn is_on(&self, point: &Vector3<f64>) -> Result<bool, Trouble> {
@@ -173,6 +189,9 @@ impl Walk<'_> {
             length += (next - point).xy().norm();
             if length >= most {
                 return Ok(());
+            }
+            if next.xy().amax() > FARTHEST * self.size {
+                break;
             }
             if direction.dot(&turned) > LITTLE_TURN {
                 step *= 1.5;

@@ -161,22 +161,39 @@ impl Reader<'_> {
                         differ";
             return Err(CurveError::Keys(text.into()));
         }
+        let start = || keys.start_mm.ok_or_else(|| missing("start_mm"));
+        let stops_at_turning = keys.follow == Follow::T;
+        let given = keys.t_bounds.as_ref().map(|[low, high]| {
+            let number = |of| self.number("[curve] t_bounds", of);
+            Ok::<_, CurveError>([number(low)?, number(high)?])
+        });
+        let given = given.transpose()?;
+        if let Some(f) = &keys.f {
+            if keys.t.is_some() {
+                let text = "[curve] t: along F(x, y) = 0 t is x and starts at start_mm; use t_bounds or length_mm for \
+                            the end";
+                return Err(CurveError::Keys(text.into()));
+            }
+            // Lines across X meet the curve; they touch it only where it is singular in x, y and t as well.
+            let lines = Formula("x - t".into());
+            let both = [
+                self.read("[curve] f", f, &["x", "y"])?,
+                self.read("[curve] f", &lines, &["x", "y", "t"])?,
+            ];
+            let bounds = given.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            let families = Families { both, t_unit: 1.0 };
+            let wanted = Wanted { start: start()?, t: None, bounds, stops_at_turning };
+            return Ok((Arc::new(families), wanted));
+        }
         let names = ["x", "y", "t"];
         let alpha = keys.alpha.as_ref().ok_or_else(|| missing("alpha"))?;
         let beta = keys.beta.as_ref().ok_or_else(|| missing("beta"))?;
         let both =
             [self.read("[curve] alpha", alpha, &names)?, self.read("[curve] beta", beta, &names)?];
         let t = self.range(keys)?;
-        let bounds = match &keys.t_bounds {
-            Some([low, high]) => {
-                [self.number("[curve] t_bounds", low)?, self.number("[curve] t_bounds", high)?]
-            }
-            None => [t[0].min(t[1]), t[0].max(t[1])],
-        };
-        let start = keys.start_mm.ok_or_else(|| missing("start_mm"))?;
-        let stops_at_turning = keys.follow == Follow::T;
+        let bounds = given.unwrap_or([t[0].min(t[1]), t[0].max(t[1])]);
         let families = Families { both, t_unit: (t[1] - t[0]).abs() };
-        Ok((Arc::new(families), Wanted { start, t, bounds, stops_at_turning }))
+        Ok((Arc::new(families), Wanted { start: start()?, t: Some(t), bounds, stops_at_turning }))
     }
 }
 
@@ -192,24 +209,26 @@ impl Curve {
         let (mut turnings, mut is_closed) = (vec![], false);
         let is_free = [&keys.points, &keys.svg, &keys.dxf].iter().any(|file| file.is_some());
         let mut is_plane = true;
+        let (is_of_families, is_level) =
+            (keys.alpha.is_some() || keys.beta.is_some(), keys.f.is_some());
         let parts = match (&keys.x_mm, &keys.y_mm, is_free) {
-            (Some(x), Some(y), false) if keys.alpha.is_none() && keys.beta.is_none() => {
+            (Some(x), Some(y), false) if !is_of_families && !is_level => {
                 vec![reader.explicit(keys, x, y)?]
             }
-            (None, None, false) if keys.alpha.is_some() || keys.beta.is_some() => {
+            (None, None, false) if is_of_families != is_level => {
                 let (families, wanted) = reader.families(keys)?;
                 let most = keys.length_mm.map_or(f64::INFINITY, |most| most.0);
                 let found = trace(&families, &wanted, most)?;
                 (turnings, is_closed) = (found.turnings, found.is_closed);
                 found.parts
             }
-            (None, None, true) if keys.alpha.is_none() && keys.beta.is_none() => {
+            (None, None, true) if !is_of_families && !is_level => {
                 let found = free(keys, &file.folder)?;
                 is_plane = found.is_plane;
                 found.parts
             }
             _ => {
-                let text = "[curve]: expected x_mm and y_mm, or alpha and beta, or one of points, svg and dxf";
+                let text = "[curve]: expected x_mm and y_mm, or alpha and beta, or f, or one of points, svg and dxf";
                 return Err(CurveError::Keys(text.into()));
             }
         };

@@ -252,6 +252,18 @@ fn what_is_no_curve_is_refused_with_the_key_or_the_place() {
         ("[curve]\nx_mm = 't'\ny_mm = 0\nt = [2, 1]\n".into(), "the smaller number first"),
         ("[curve]\nx_mm = 't'\nt = [2, 1]\n".into(), "expected x_mm and y_mm, or alpha and beta"),
         ("[curve]\nalpha = 'y'\nt = [0, 1]\n".into(), "beta: missing"),
+        ("[curve]\nf = 'y'\n".into(), "start_mm: missing"),
+        (
+            "[curve]\nf = 'y - t'\nstart_mm = [0, 0]\n".into(),
+            "unknown name t; known names are x, y",
+        ),
+        ("[curve]\nf = 'y'\nt = [0, 1]\nstart_mm = [0, 0]\n".into(), "use t_bounds or length_mm"),
+        (
+            "[curve]\nf = 'y'\nalpha = 'x'\nbeta = 'y'\nt = [0, 1]\nstart_mm = [0, 0]\n".into(),
+            "or alpha and beta, or f, or one of",
+        ),
+        ("[curve]\nf = 'x^2 + y^2 - 1'\nstart_mm = [0, 0]\n".into(), "singular point"),
+        ("[curve]\nf = 'x^2 + y^2 + 1'\nstart_mm = [1, 0]\n".into(), "no real branch"),
         (
             "[curve]\nalpha = 'x^2 + y^2 + 1'\nbeta = 'x - t'\nstart_mm = [0, 0]\nt = [0, 1]\n"
                 .into(),
@@ -675,6 +687,148 @@ fn arcs_that_linuxcnc_reads_stay_within_the_tolerance_and_are_fewer_than_lines()
         assert_eq!(at + 2, ends.len(), "{}: the moves go on behind the curve", known.name);
         assert!(most <= chord + INTERPRETER, "{}: {most}", known.name);
     }
+}
+
+/// A straight line of two families, with the point at a value of t.
+struct Straight {
+    alpha: &'static str,
+    beta: &'static str,
+    start: [f64; 2],
+    t: [f64; 2],
+    at: fn(f64) -> [f64; 2],
+}
+
+const STRAIGHT: [Straight; 4] = [
+    Straight {
+        alpha: "x - 3*t",
+        beta: "x + y - 40",
+        start: [0.0, 40.0],
+        t: [0.0, 20.0],
+        at: |t| [3.0 * t, 40.0 - 3.0 * t],
+    },
+    // Circles and a line through their center.
+    Straight {
+        alpha: "x^2 + y^2 - t^2",
+        beta: "y - 0.75*x",
+        start: [8.0, 6.0],
+        t: [10.0, 60.0],
+        at: |t| [0.8 * t, 0.6 * t],
+    },
+    // A pencil, along which t is no linear function of the length.
+    Straight {
+        alpha: "y - t*x",
+        beta: "x + y - 40",
+        start: [40.0, 0.0],
+        t: [0.0, 3.0],
+        at: |t| [40.0 / (1.0 + t), 40.0 * t / (1.0 + t)],
+    },
+    // Two hyperbolas: enclosures of products are far wider than the line bends.
+    Straight {
+        alpha: "x*y - t^2",
+        beta: "x^3*y - x*y^3",
+        start: [10.0, 10.0],
+        t: [10.0, 60.0],
+        at: |t| [t, t],
+    },
+];
+
+#[test]
+fn a_straight_line_of_two_families_is_a_few_moves_within_the_tolerance() {
+    let config = config("pyramid");
+    for Straight { alpha, beta, start, t, at } in &STRAIGHT {
+        let text = format!(
+            "[curve]\nalpha = '{alpha}'\nbeta = '{beta}'\nstart_mm = {start:?}\nt = {t:?}\n"
+        );
+        let (found, ends) = read_back(&config, &asked(&text, 0.002, "lines"));
+        // Three: LinuxCNC reads the start as well. Without joining, the steps of the continuation alone make 18.
+        assert!(ends.len() <= 3, "{alpha}: {} moves", ends.len() - 1);
+        let is_on_a_move = |point: &[f64; 6]| {
+            ends.windows(2)
+                .map(|pair| to_move(point, &pair[0], &pair[1]))
+                .fold(f64::INFINITY, f64::min)
+        };
+        for n in 0..=1000 {
+            let [x, y] = at(t[0] + (t[1] - t[0]) * f64::from(n) / 1000.0);
+            assert!(is_on_a_move(&flat(x, y, 0.0)) <= 0.002, "{alpha}: {x} {y}");
+        }
+        // Joints and speeds are still checked as often as the proofs require.
+        assert!(found.rows.len() > 10, "{alpha}: {}", found.rows.len());
+    }
+}
+
+#[test]
+fn a_curve_that_is_straight_and_then_bends_leaves_no_move_by_more_than_the_tolerance() {
+    let config = config("pyramid");
+    // y = 30 (x/60)^12: flat up to x = 25, steep at its end.
+    let text =
+        "[curve]\nalpha = 'y - 30*(x/60)^12'\nbeta = 'x - t'\nstart_mm = [0, 0]\nt = [0, 60]\n";
+    for chord in [0.001, 0.02] {
+        let (found, ends) = read_back(&config, &asked(text, chord, "lines"));
+        let mut most = 0.0_f64;
+        for n in 0..=6000 {
+            let x = f64::from(n) / 100.0;
+            let point = flat(x, 30.0 * (x / 60.0).powi(12), 0.0);
+            let distance = ends.windows(2).map(|pair| to_move(&point, &pair[0], &pair[1]));
+            most = most.max(distance.fold(f64::INFINITY, f64::min));
+        }
+        let proved = found.pieces.iter().map(|piece| piece.deviation).fold(0.0, f64::max);
+        assert!(most <= proved && proved <= chord, "{most} {proved} {chord}");
+        assert!(found.pieces[0].from.is_some(), "the flat stretch is not joined");
+        let [part, at] =
+            found.pieces.last().map(|piece| [piece.part as f64, piece.range[1]]).unwrap();
+        let end = found.curve.at(part as usize, at).unwrap().pose;
+        assert!((end[0].value.middle() - 60.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn joined_lines_do_not_hide_a_law_of_tilt_or_speed() {
+    let config = config("pyramid");
+    let straight =
+        "[curve]\nalpha = 'x - 3*t'\nbeta = 'x + y - 40'\nstart_mm = [0, 40]\nt = [0, 20]\n";
+    let plain = read_back(&config, &asked(straight, 0.002, "lines")).1.len();
+    let tilted = format!("{straight}[laws]\na_deg = '5*sin(t/20)'\n");
+    assert!(read_back(&config, &asked(&tilted, 0.002, "lines")).1.len() > 5 * plain);
+}
+
+#[test]
+fn a_curve_given_by_f_is_followed_with_smaller_values_on_its_left() {
+    let ellipse = |f: &str| format!("[curve]\nf = '{f}'\nstart_mm = [58, 3]\n");
+    for (f, side) in [("x^2/60^2 + y^2/35^2 - 1", 1.0), ("1 - x^2/60^2 - y^2/35^2", -1.0)] {
+        let found = curve(&ellipse(f)).unwrap();
+        assert!(found.is_closed);
+        // 4 a E(1 - b²/a²).
+        close(found.length, 303.641157809);
+        let place = |s: f64| {
+            let (part, at) = found.at_length(s).unwrap();
+            found.at(part, at).unwrap().pose.map(|x| x.value.middle())
+        };
+        let (from, to) = (place(0.0), place(1.0));
+        assert!(side * (from[0] * to[1] - from[1] * to[0]) > 0.0, "{f}");
+        // The start is near the given point, and on the curve.
+        assert!(distance(&from, &flat(58.0, 3.0, 0.0)) < 3.0, "{from:?}");
+        for k in 0..100 {
+            let [x, y, ..] = place(f64::from(k) * 3.0);
+            assert!(((x / 60.0).powi(2) + (y / 35.0).powi(2) - 1.0).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn an_open_curve_given_by_f_ends_at_its_bound_or_length() {
+    // The branch x > 0 of a hyperbola, upwards: F grows to the right.
+    let hyperbola = "[parameters]\nc = 400\n[curve]\nf = 'x^2 - y^2 - c'\nstart_mm = [21, 5]\n";
+    let end = |found: &Curve| {
+        let part = found.parts.len() - 1;
+        found.at(part, found.parts[part].range[1]).unwrap().pose.map(|x| x.value.middle())
+    };
+    let found = curve(&format!("{hyperbola}t_bounds = [0, 40]\n")).unwrap();
+    close(end(&found)[0], 40.0);
+    close(end(&found)[1].abs(), 1200_f64.sqrt());
+    let found = curve(&format!("{hyperbola}length_mm = 30\n")).unwrap();
+    close(found.length, 30.0);
+    let refused = refusal(hyperbola);
+    assert!(refused.contains("does not end") && refused.contains("length_mm"), "{refused}");
 }
 
 #[test]
