@@ -142,8 +142,8 @@ class Machine:
     ) -> None: ...
     @staticmethod
     def from_ini(path: str | PathLike[str]) -> Machine:
-        """Reads an INI file. Raises MachineError with every error and its location, NotImplementedError for machines
-        whose axes carry something, and for two mechanisms: only `pkm` supports them."""
+        """Reads an INI file. Raises MachineError with every error and its location, and NotImplementedError for two
+        mechanisms, which only `pkm` supports."""
     @staticmethod
     def from_text(text: str, name: str = "machine.ini") -> Machine:
         """Reads the file's text; `name` appears in messages."""
@@ -161,7 +161,7 @@ class Machine:
         """Returns the letters that joints move; the others must be 0, and are refused otherwise."""
     @property
     def home(self) -> NDArray[np.float64]:
-        """Returns (6,): [TRAJ]HOME."""
+        """Returns (6,): the machine's own pose at [TRAJ]HOME."""
     @property
     def unit(self) -> str:
         """Returns the unit of length, mm or inch."""
@@ -176,6 +176,9 @@ class Machine:
         """Returns the same value as the module's pin `geometry-hash`."""
     def inverse(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
         """Returns joint values (n, joints): lengths in the machine's unit, arms in degrees. Does not check limits."""
+    def own_poses(self, positions: Rows, *, tool: Sequence[float] | None = None) -> Answer:
+        """Returns the machine's own poses (n, 6) at positions X Y Z A B C U V W of LinuxCNC (n, 9). They differ if axes
+        carry work, tool or legs; all other methods take own poses."""
     def forward(
         self,
         joints: Rows,

@@ -3,7 +3,7 @@
 
 use crate::arrays::Rows;
 use crate::batch::{Answer, Found, each, in_order};
-use kinematics::{At, Fault, Limits, Margin, Pose, Vector3};
+use kinematics::{At, Fault, Limits, Margin, Pose, Vector3, World};
 use machine::limits;
 use machine::read::mechanism::Mechanism;
 use numpy::{IntoPyArray, PyArray1};
@@ -31,6 +31,21 @@ pub fn inverse(
         Ok(())
     };
     each(py, poses, joints, || (), ask).answer(py, poses, &[joints])
+}
+
+/// Converts positions of LinuxCNC, X Y Z A B C U V W, to the machine's own poses.
+pub fn own_poses(
+    py: Python<'_>,
+    config: &Mechanism,
+    positions: &Rows,
+    tool: &Vector3<f64>,
+) -> PyResult<Answer> {
+    let ask = |_: &mut (), _, row: &[f64], answer: &mut [f64]| {
+        let world: World = *row.first_chunk().expect("the shape was looked at");
+        answer.copy_from_slice(&config.chain.to_machine(&world, tool)?);
+        Ok(())
+    };
+    each(py, positions, POSE, || (), ask).answer(py, positions, &[POSE])
 }
 
 /// The seeds of forward.

@@ -8,7 +8,7 @@ use crate::refusal::machine_error;
 use crate::sections::Parts;
 use crate::studies::{self, Look, Sensitivity, Stiffness, Workspace};
 use ::studies::study::workspace::tilts;
-use kinematics::{Letter, Vector3};
+use kinematics::{Letter, POSE_LETTERS, Vector3};
 use machine::read::ini::Ini;
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
@@ -35,20 +35,23 @@ pub struct Machine {
 impl Machine {
     fn of(machine: MachineConfig) -> PyResult<Self> {
         let config = machine.first();
-        let text = match (config.chain.is_empty(), config.second_letters) {
-            (true, None) => return Ok(Self { config: config.clone() }),
-            (false, _) => "axes of the machine carry work, tool or legs (CHAIN_L)",
-            (_, Some(_)) => "the machine has two mechanisms (second=)",
-        };
-        Err(PyNotImplementedError::new_err(format!(
-            "{}: {text}: not supported in Python; use the command pkm",
-            config.file.display()
-        )))
+        match config.second_letters {
+            None => Ok(Self { config: config.clone() }),
+            Some(_) => Err(PyNotImplementedError::new_err(format!(
+                "{}: the machine has two mechanisms (second=): not supported in Python; use the command pkm",
+                config.file.display()
+            ))),
+        }
     }
 
     /// Returns the tool vector, spindle offset included, as in `pkm joints --tool`.
-    fn tool(&self, given: Option<Vec<f64>>) -> PyResult<Vector3<f64>> {
+    fn offset(&self, given: Option<Vec<f64>>) -> PyResult<Vector3<f64>> {
         Ok(self.config.spindle + Vector3::from(triple("tool", given)?))
+    }
+
+    /// Returns the tool vector of the machine's own poses: 0 if an axis carries the tool or the platform carries the work.
+    fn tool(&self, given: Option<Vec<f64>>) -> PyResult<Vector3<f64>> {
+        Ok(self.config.chain.machine_tool(&self.offset(given)?))
     }
 }
 
@@ -158,6 +161,17 @@ impl Machine {
         tool: Option<Vec<f64>>,
     ) -> PyResult<Answer> {
         many::inverse(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    }
+
+    #[pyo3(signature = (positions, *, tool=None))]
+    fn own_poses(
+        &self,
+        py: Python<'_>,
+        positions: &Bound<'_, PyAny>,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Answer> {
+        let positions = Rows::of("positions", positions, POSE_LETTERS.len())?;
+        many::own_poses(py, &self.config, &positions, &self.offset(tool)?)
     }
 
     #[pyo3(signature = (joints, *, seed=None, follow=false, tool=None))]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pkmkins
 import pytest
-from conftest import OTHERS, ROOT, ini, needs_linuxcnc
+from conftest import CARRIED, PAIRS, ROOT, ini, needs_linuxcnc
 from pkmkins import Machine, MachineError, machine_of
 from pkmkins.command import asked, pkm
 
@@ -58,9 +58,44 @@ def test_legs_that_make_no_machine_are_refused_by_name(legs, error, text):
 def test_a_missing_file_and_machines_that_are_not_covered_are_named():
     with pytest.raises(MachineError, match="no-such.ini"):
         Machine.from_ini("no-such.ini")
-    for name in OTHERS:
+    for name in PAIRS:
         with pytest.raises(NotImplementedError, match=name):
             Machine.from_ini(ini(name))
+
+
+def turned(degrees, axis):
+    """Returns the rotation about Z (2) or Y (1)."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]] if axis == 2 else [[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def test_own_poses_follow_the_axis_that_carries_the_work():
+    machine = Machine.from_ini(ini("hexapod-rotary-table"))
+    for c in [0.0, 30.0, -200.0]:
+        position = np.array([40.0, -20, 250, 3, -4, c, 0, 0, 0])
+        own = machine.own_poses(position, tool=(0, 0, 60)).values
+        expected = turned(c, 2) @ position[:3]
+        np.testing.assert_allclose(own, [*expected, 3, -4, 0], atol=1e-9)
+        assert machine.inverse(own, tool=(0, 0, 60)).ok
+
+
+def test_own_poses_follow_the_axis_that_carries_the_tool():
+    machine = Machine.from_ini(ini("lathe-two-turrets"))
+    tool, pivot = np.array([190.0, -100, 0]), np.array([-60.0, 0, 0])
+    for a in [0.0, -35.0, 90.0]:
+        position = np.array([200.0, 450, 1010, a, 8, 20, 0, 0, 0])
+        own = machine.own_poses(position, tool=tool).values
+        tip = pivot + turned(a, 1) @ (-tool - pivot)
+        expected = position[:3] - tool - turned(8, 1) @ tip
+        np.testing.assert_allclose(own, [*expected, 0, 8, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(CARRIED))
+def test_forward_returns_the_own_pose_of_a_machine_whose_axes_carry_something(name):
+    machine = Machine.from_ini(ini(name))
+    joints = machine.inverse(machine.home, tool=(5, 6, 7))
+    assert joints.ok
+    np.testing.assert_allclose(machine.forward(joints.values, tool=(5, 6, 7)).values, machine.home, atol=1e-6)
 
 
 def test_dimensions_make_the_machine_that_pkm_new_makes(tmp_path):
