@@ -165,8 +165,9 @@ header() { cargo run "${host[@]}" --bin header -- .; }
 publisher() {
     . packaging/publisher.sh
     mail=${maintainer##*<}
-    git grep -lE '\[(published packages|maintainer)\]\(' -- '*.md' |
-        xargs sed -i -E "s#(\[published packages\]\()[^)]*#\1$address#; s#(\[maintainer\]\()[^)]*#\1mailto:${mail%>}#"
+    local packages='\[(published packages|опубліковані пакунки)\]\(' person='\[(maintainer|супровідник)\]\('
+    git grep -lE "$packages|$person" -- '*.md' |
+        xargs sed -i -E "s#($packages)[^)]*#\1$address#; s#($person)[^)]*#\1mailto:${mail%>}#"
 }
 ## names: writes docs/reference/names.txt, the promised names; refuses if a released one is missing
 names() { make setup module && PKMKINS_WRITE_NAMES=1 cargo test "${host[@]}" -p abi-tests --test abi released::; }
@@ -184,6 +185,11 @@ wheel() {
 }
 ## python-figures: measures the package for Python; figures in build/design-figures.md
 python-figures() { test-wheel; virtually build/wheel/env/bin/python python/benchmarks/figures.py; }
+## papers: runs every row of docs/studies/papers.md, and prints the printed value, ours and the difference
+papers() {
+    make setup
+    virtually cargo test "${host[@]}" -p pkm --test command -- --nocapture papers::every_command
+}
 ## paper-figures: runs the design studies of the papers; tables in build/design-papers.md
 paper-figures() { wheel-env; build/wheel/env/bin/python python/benchmarks/papers.py; }
 ## python-tools: writes tools/*.txt: the newest versions of the tools in tools/*.in, with hashes

@@ -226,3 +226,63 @@ fn an_installed_pkm_shows_the_pages_beside_it_and_reports_where_they_are_missing
     let places = format!("{}\n{}\n", page.display(), html.display());
     assert_eq!(String::from_utf8_lossy(&shown.stderr), places);
 }
+
+/// A heading of a page with what a translation keeps below it.
+#[derive(Debug, PartialEq)]
+struct Section {
+    level: usize,
+    /// Lines of code blocks.
+    blocks: Vec<String>,
+    /// Texts in code style, sorted: a translated sentence may have another order.
+    code: Vec<String>,
+    /// Number of cells in each row of its tables.
+    tables: Vec<usize>,
+    /// Number of items in its lists.
+    items: usize,
+}
+
+/// Returns the sections of a page.
+fn sections(page: &str) -> Vec<Section> {
+    let mut all: Vec<Section> = vec![];
+    let mut is_fenced = false;
+    for line in page.lines() {
+        is_fenced ^= line.starts_with("```");
+        let is_code = is_fenced || line.starts_with("    ") || line.starts_with("```");
+        let level = line.chars().take_while(|c| *c == '#').count();
+        if !is_code && level > 0 {
+            let (blocks, code, tables) = (vec![], vec![], vec![]);
+            all.push(Section { level, blocks, code, tables, items: 0 });
+        }
+        let Some(section) = all.last_mut() else { continue };
+        if is_code {
+            section.blocks.push(line.into());
+            continue;
+        }
+        section.code.extend(line.split('`').skip(1).step_by(2).map(String::from));
+        if line.starts_with('|') {
+            section.tables.push(line.matches('|').count());
+        }
+        section.items += usize::from(line.starts_with("- "));
+    }
+    all.iter_mut().for_each(|section| section.code.sort());
+    all
+}
+
+#[test]
+fn translations_have_the_headings_code_and_tables_of_the_original() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for (original, translation, own_items) in [
+        // The translation of the README also lists the one of the papers.
+        ("README.md", "docs/uk/README.md", 1),
+        ("docs/studies/papers.md", "docs/uk/papers.md", 0),
+    ] {
+        let [english, ukrainian] = [original, translation]
+            .map(|page| sections(&fs::read_to_string(root.join(page)).unwrap()));
+        assert_eq!(english.len(), ukrainian.len(), "{translation}: headings");
+        let count = english.len();
+        for (k, (mut english, ukrainian)) in english.into_iter().zip(ukrainian).enumerate() {
+            english.items += if k + 1 == count { own_items } else { 0 };
+            assert_eq!(ukrainian, english, "{translation}: heading {} from the top", k + 1);
+        }
+    }
+}

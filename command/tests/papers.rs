@@ -20,34 +20,68 @@ fn code(cell: &str) -> impl Iterator<Item = &str> {
     cell.split('`').skip(1).step_by(2)
 }
 
-/// Returns the commands of the page's tables, each with the texts that its output contains.
-fn commands() -> BTreeMap<String, Vec<String>> {
+/// A row of the page that names a command.
+struct Row {
+    paper: String,
+    place: String,
+    printed: String,
+    /// Words of the command, without `pkm`.
+    words: String,
+    /// Texts that its output contains.
+    outputs: Vec<String>,
+    difference: String,
+}
+
+/// Returns the rows of the page's tables that name a command.
+fn rows() -> Vec<Row> {
     let page = fs::read_to_string(folder("../docs/studies/papers.md")).unwrap();
-    let mut all = BTreeMap::<String, Vec<String>>::new();
-    for line in page.lines().filter(|line| line.starts_with("| ")) {
-        let cells: Vec<&str> = line.split('|').collect();
-        let [_, _, _, command, output, _, _] = cells[..] else { continue };
+    let (mut paper, mut rows) = (String::new(), vec![]);
+    for line in page.lines() {
+        if let Some(title) = line.strip_prefix("## ") {
+            paper = title.into();
+        }
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let ["", place, printed, command, output, difference, ""] = cells[..] else { continue };
         let Some(words) = code(command).find_map(|words| words.strip_prefix("pkm ")) else {
             continue;
         };
-        let outputs = all.entry(words.into()).or_default();
-        let before = outputs.len();
-        outputs.extend(code(output).map(String::from));
-        assert!(outputs.len() > before, "no output: {line}");
+        let outputs: Vec<String> = code(output).map(String::from).collect();
+        assert!(!outputs.is_empty(), "no output: {line}");
+        let [place, printed, difference] = [place, printed, difference].map(String::from);
+        rows.push(Row {
+            paper: paper.clone(),
+            place,
+            printed,
+            words: words.into(),
+            outputs,
+            difference,
+        });
     }
-    all
+    rows
 }
 
+/// Runs every row; `cargo xtask papers` shows what it prints.
 #[test]
 fn every_command_of_the_page_answers_as_the_page_shows() {
-    let commands = commands();
-    assert!(commands.len() >= 17, "{} commands: the rows are not found", commands.len());
-    for (words, outputs) in commands {
-        let found = answer(&words).split_whitespace().collect::<Vec<_>>().join(" ");
+    let rows = rows();
+    assert!(rows.len() >= 17, "{} commands: the rows are not found", rows.len());
+    let mut answers = BTreeMap::new();
+    let mut wrong = vec![];
+    for Row { paper, place, printed, words, outputs, difference } in &rows {
+        let found = answers
+            .entry(words)
+            .or_insert_with(|| answer(words).split_whitespace().collect::<Vec<_>>().join(" "));
+        println!("{paper}, {place}\n  printed     {printed}");
         for output in outputs {
-            assert!(found.contains(&output), "pkm {words}: {output}: {found}");
+            let is_there = found.contains(output);
+            println!("  ours        {output}{}", if is_there { "" } else { ": NOT in the output" });
+            if !is_there {
+                wrong.push(format!("pkm {words}: {output}: {found}"));
+            }
         }
+        println!("  difference  {difference}");
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// Ratios of columns in the rows of paper 001's table, which all rows share: X over Y, then Z, A, B, C over X. The paper
@@ -56,8 +90,8 @@ const RATIOS: [f64; 5] = [1.7948, -6.581, -1.300, -0.7575, -0.5163];
 
 #[test]
 fn ratios_of_paper_001_come_out_at_its_time() {
-    let commands = commands();
-    let words = commands.keys().find(|words| words.contains("--ratios 2.8")).unwrap();
+    let rows = rows();
+    let words = &rows.iter().find(|row| row.words.contains("--ratios 2.8")).unwrap().words;
     let found = answer(&format!("{words} --draws 10 --rays 10"));
     assert!(found.contains("ratios of rates at 2.8 s"), "{found}");
     assert!(found.contains("in joint units per mm for X Y Z, per degree for A B C"), "{found}");
