@@ -95,7 +95,7 @@ export function key({ limit, kind, first, second }) {
 /** Returns all results of a mechanism at a place, with the margins of its extra axes; throws a Refusal if the pose is refused. */
 export function answer({ kinematics, scene, limits }, { pose, tool, extra }) {
   const drawn = kinematics.at(pose, tool);
-  const slides = scene.extra_axes.filter(({ isLimited }) => isLimited).map(({ letter, min, max }) => {
+  const slides = scene.extra_axes.map(({ letter, min, max }) => {
     const [name] = Object.entries(limits).find(([, { part, limit }]) => part === `axis ${letter}` && limit === "joint range");
     const [limit, kind, first, second] = name.split(" ").map(Number);
     const value = extra[letter];

@@ -156,7 +156,7 @@ export class Mechanism {
     for (const margin of margins) {
       const legs = margin.kind === PART.legs ? [margin.first, margin.second] : [margin.first];
       const isOfLeg = margin.kind === PART.joint || margin.kind === PART.leg || (margin.kind === PART.legs && margin.share < 0);
-      for (const i of isOfLeg ? legs : []) if (i < shares.length) shares[i] = Math.min(shares[i], margin.share);
+      for (const i of isOfLeg ? legs : []) shares[i] = Math.min(shares[i], margin.share);
     }
     return shares;
   }

@@ -196,10 +196,10 @@ class Page {
 function sizeOf({ scene }) {
   const guides = scene.legs.map((leg, i) => (leg.kind === "slider" ? [(scene.joints[i].max - scene.joints[i].min) * 0.7, 0, 0] : [0, 0, 0]));
   const lengths = scene.legs.flatMap((leg) => [leg.base, leg.platform, ...(leg.rod ? [[leg.rod, 0, 0]] : [])]);
-  return Math.max(...[...lengths, ...guides].map((v) => Math.hypot(...v)).filter(Number.isFinite));
+  return Math.max(...[...lengths, ...guides].map((v) => Math.hypot(...v)));
 }
 
-/** Replaces missing limits, which are null in JSON, by finite ones for sliders: some machine sizes, or a turn. */
+/** Replaces missing limits of axes, which are null in JSON, by finite ones for sliders: two machine sizes, or a turn. */
 function bounded(scene) {
   const size = sizeOf({ scene });
   const axes = scene.axes.map(({ letter, min, max }) => {
@@ -208,16 +208,7 @@ function bounded(scene) {
     const [hasMin, hasMax] = [min !== null, max !== null];
     return { letter, hasMin, hasMax, min: hasMin ? min : scene.home.pose[k] - far, max: hasMax ? max : scene.home.pose[k] + far };
   });
-  const joints = scene.joints.map((joint, i) => {
-    const [home, far] = [scene.home.joints[i], joint.unit === "degrees" ? 360 : size];
-    return { ...joint, min: joint.min ?? home - far, max: joint.max ?? home + far };
-  });
-  const extraAxes = scene.extra_axes.map((axis) => {
-    const far = "ABC".includes(axis.letter) ? 360 : 2 * size;
-    const isLimited = axis.min !== null && axis.max !== null;
-    return { ...axis, isLimited, min: axis.min ?? axis.home - far, max: axis.max ?? axis.home + far };
-  });
-  return { ...scene, axes, joints, extra_axes: extraAxes };
+  return { ...scene, axes };
 }
 
 /** Returns positions of what is drawn: ends of legs, the tip, and frames as matrices in column order. */
