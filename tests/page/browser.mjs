@@ -109,7 +109,7 @@ const OBSERVER = () => {
 export const rested = (page) => page.evaluate(() => window.seen.rested());
 
 /** Milliseconds to wait for an element of the page: in a run of mutants, a slow computer must not look like a failure. */
-const mostWait = () => (given.code ? 60_000 : 15_000);
+const mostWait = () => (given.code ? 180_000 : 15_000);
 
 /** Opens a tab without network, which collects errors and warnings of its pages. */
 export async function tab(browser, options = { offline: true }) {
@@ -150,6 +150,9 @@ export async function open(page, html, address = `file://${html}`) {
   await Promise.race([page.waitForFunction(() => window.pkm ?? document.querySelector("#page > .error")), failed]);
   check(await page.evaluate(() => window.pkm !== undefined), `${html}: ${await page.locator("#page").textContent()}`);
 }
+
+/** Returns the check box of a label. */
+export const box = (page, words) => page.locator("label.box", { hasText: words }).locator("input");
 
 /** Makes and opens the page of a machine, with or without a program; returns its mechanisms. */
 export async function opened(page, name, machine, ...words) {

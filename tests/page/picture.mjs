@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 // Compares the page's picture with the answers of pkm: cones, colors, tool, workspace, cuts, views, and dragging.
 import { readFileSync, writeFileSync } from "node:fs";
-import { answer, asText, check, complaints, file, ini, near, opened, ownTool, rested, table } from "./browser.mjs";
+import { answer, asText, box, check, complaints, file, ini, near, opened, ownTool, rested, table } from "./browser.mjs";
 import { carrying } from "./machines.mjs";
 
 /** Rounding of positions in the picture: 32-bit numbers of lengths of 1e3. */
@@ -15,8 +15,6 @@ const degrees = (a, b) => (Math.acos(Math.min(Math.max(dot(unit(a), unit(b)), -1
 
 /** Returns the base and platform end of a leg from a row of `pkm rods`. */
 const ends = (row, n) => ["base", "platform"].map((which) => ["x", "y", "z"].map((axis) => row[`${which}_${n}_${axis}`]));
-
-const box = (page, words) => page.locator("label.box", { hasText: words }).locator("input");
 
 /** Returns the cones in the picture: tip, direction and half angle. */
 const cones = (page) => asText(page, () => {
@@ -212,7 +210,7 @@ const RIGHT = { X: [1, 0, 0], Y: [0, 1, 0], Z: [0, 0, 1] };
 
 /** Checks that views look along the axes, and that a cut hides the parts on the viewer's side. */
 async function viewsTest(page) {
-  for (const [machine, standing] of [["hexapod", true], ["four-rod-lathe", false]]) {
+  for (const [machine, standing] of [["hexapod", true], ["four-rod-lathe", false], ["hexapod-rotary-table", true]]) {
     await opened(page, `${machine}-views`, ini(machine));
     const looks = {};
     for (const name of ["front", "side", "top", "3D"]) {
@@ -260,7 +258,42 @@ async function viewsTest(page) {
     }
     await page.locator("select[aria-label=cut]").selectOption("cut: nothing");
     check((await page.evaluate(() => window.seen.renderer.clippingPlanes.length)) === 0, `${machine}: the cut stays`);
+    await crossTest(page, machine);
   }
+  await page.setViewportSize({ width: 900, height: 700 });
+  await rested(page);
+  const { aspect, canvas, stage } = await asText(page, () => {
+    const size = (words) => [document.querySelector(words).clientWidth, document.querySelector(words).clientHeight];
+    return { aspect: window.seen.camera.aspect, canvas: size("canvas.picture"), stage: size(".stage") };
+  });
+  near(canvas, stage, 0, "size of the picture after another size of the window");
+  near(aspect, stage[0] / stage[1], 0.01, "shape of the picture");
+  await page.setViewportSize({ width: 1280, height: 800 });
+}
+
+/** Checks that lines along X, Y and Z begin at the origin of the work, each with its letter behind its end. */
+async function crossTest(page, machine) {
+  const found = await asText(page, () => {
+    let cross;
+    window.seen.scene.traverse((object) => {
+      const count = (type) => object.children.filter((part) => part.type === type).length;
+      if (count("LineSegments") === 3 && count("Sprite") === 3) cross = object;
+    });
+    const parts = (type) => cross.children.filter((part) => part.type === type);
+    return {
+      lines: parts("LineSegments").map(({ geometry }) => Array.from(geometry.attributes.position.array)), colors: parts("LineSegments").map(({ material }) => material.color.getHexString()),
+      letters: parts("Sprite").map(({ position }) => position.toArray()),
+    };
+  });
+  const size = found.lines[0][3];
+  check(size > 0, `${machine}: X is ${size} long`);
+  [RIGHT.X, RIGHT.Y, RIGHT.Z].forEach((way, k) => {
+    near(found.lines[k], [0, 0, 0, ...scaled(way, size)], 0, `${machine}: line along ${"XYZ"[k]}`);
+    const along = dot(found.letters[k], way);
+    check(along > size && along < 1.5 * size, `${machine}: letter of ${"XYZ"[k]} at ${along} of ${size}`);
+    near(found.letters[k], scaled(way, along), 0, `${machine}: letter of ${"XYZ"[k]}`);
+  });
+  check(String(found.colors) === "d55e00,009e73,0072b2", `${machine}: colors ${found.colors}`);
 }
 
 /** Returns the ends of all bars of a color. */
@@ -435,6 +468,10 @@ async function dragTest(page) {
   }
   const { pose } = await asText(page, () => window.pkm.state());
   for (const k of [0, 2, 3, 4]) near(pose[k], after.pose[k], 0, `${"XYZABC"[k]} while others are typed`);
+  const field = page.locator("input[aria-label='Z as a number']");
+  await field.fill("");
+  await field.press("Enter");
+  near((await asText(page, () => window.pkm.state())).pose, pose, 0, "the pose after an empty field");
   await page.locator("select[aria-label=drag]").selectOption("drag: nothing");
   const [x, y] = place.to;
   await page.mouse.move(x, y);
@@ -442,7 +479,41 @@ async function dragTest(page) {
   await page.mouse.move(x + 40, y, { steps: 3 });
   await page.mouse.up();
   near((await asText(page, () => window.pkm.state())).pose, pose, 0, "dragged with nothing to drag");
+  await turnTest(page);
   check(own.scene.coordinates === "XYZABC" && complaints(page).length === 0, complaints(page).join("; "));
+}
+
+/** Checks that the handle turns the tool about Z, and about the axes alone that the machine has. */
+async function turnTest(page) {
+  await page.evaluate(() => window.pkm.take([0, 0, 240, 2, 3, 4]));
+  await page.locator("select[aria-label=drag]").selectOption("drag: turn");
+  await page.waitForTimeout(100);
+  const before = await asText(page, () => window.pkm.state());
+  const { from, to, away } = await asText(page, () => {
+    const { camera, scene } = window.seen;
+    const canvas = document.querySelector("canvas.picture").getBoundingClientRect();
+    let proxy;
+    scene.traverse((object) => object.type === "Object3D" && object.rotation.order === "ZYX" && object.children.length === 0 && (proxy = object));
+    const at = proxy.getWorldPosition(proxy.position.clone());
+    const away = at.distanceTo(camera.position);
+    const radius = (away * Math.min((1.9 * Math.tan((Math.PI * camera.fov) / 360)) / camera.zoom, 7) * 0.7) / 8;
+    // From the front, the circle about Z is a line along X.
+    const onPage = (x) => {
+      const { x: right, y: up } = at.clone().add(at.clone().set(x, -Math.sqrt(radius * radius - 0.25 * radius * radius), 0)).project(camera);
+      return [canvas.left + ((right + 1) / 2) * canvas.width, canvas.top + ((1 - up) / 2) * canvas.height];
+    };
+    return { from: onPage(0.5 * radius), to: onPage(0.5 * radius + 15), away };
+  });
+  await page.mouse.move(...from);
+  await page.waitForTimeout(50);
+  await page.mouse.down();
+  await page.mouse.move((from[0] + to[0]) / 2, to[1], { steps: 3 });
+  await page.mouse.move(...to, { steps: 3 });
+  await page.mouse.up();
+  const { pose } = await asText(page, () => window.pkm.state());
+  // Three.js turns by 20 radians per distance of the camera.
+  near(pose[5] - before.pose[5], (15 / away) * 20 * (180 / Math.PI), 5, "C turned by the handle");
+  pose.forEach((value, k) => k < 5 && near(value, before.pose[k], 1e-9, `${"XYZABC"[k]} turned about Z`));
 }
 
 export const TESTS = [

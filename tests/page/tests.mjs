@@ -4,7 +4,7 @@ import { spawnSync } from "node:child_process";
 import { readFileSync, readdirSync, statSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { join } from "node:path";
-import { FOLDER, HOME, MACHINES, ROUNDED, SAME, asText, check, compare, complaints, file, given, ini, open, opened, pkm, tab, view } from "./browser.mjs";
+import { FOLDER, HOME, MACHINES, ROUNDED, SAME, asText, box, check, compare, complaints, file, given, ini, near, open, opened, pkm, rested, tab, view } from "./browser.mjs";
 import { carrying, ownMachines } from "./machines.mjs";
 import { TESTS as PANEL } from "./panel.mjs";
 import { TESTS as PICTURE } from "./picture.mjs";
@@ -91,9 +91,11 @@ async function machineTest(page, { machine, program }) {
 /** Checks that a pose beyond a limit and a refused pose have a reason. */
 async function reasons(page) {
   await opened(page, "reasons", ini("hexapod"));
+  check(await page.locator(".reason[role=status]").isHidden(), "a reason is shown at home");
   await page.evaluate(() => window.pkm.take([5000, 0, 250, 0, 0, 0]));
   const reason = await page.locator(".reason").textContent();
   check(/axis X is at 5000.000 mm, above its limit of 150.000/.test(reason), `beyond a limit without a reason: ${reason}`);
+  check(await page.locator(".reason").isVisible(), "the reason is hidden");
   await page.evaluate(() => window.pkm.take([NaN, 0, 250, 0, 0, 0]));
   const refused = await page.locator(".reason").textContent();
   check(refused.includes("[code -"), `refused without a reason: ${refused}`);
@@ -199,6 +201,19 @@ async function workPath(page) {
   await isDrawn(page, "turn");
 }
 
+/** Returns the smallest and largest coordinates of the shape from a file, in the world. */
+const corners = (page) => asText(page, () => {
+  const found = [];
+  window.seen.scene.updateMatrixWorld(true);
+  window.seen.scene.traverse((object) => {
+    // Only shapes from files are drawn without an index of their points, and with normals; the platform is convex.
+    if (!object.isMesh || object.geometry.index || object.geometry.parameters || object.material.side !== 2) return;
+    const { position } = object.geometry.attributes;
+    for (let n = 0; n < position.count; n++) found.push(object.localToWorld(object.position.clone().fromBufferAttribute(position, n)).toArray());
+  });
+  return [Math.min, Math.max].flatMap((end) => [0, 1, 2].map((k) => end(...found.map((point) => point[k]))));
+});
+
 /** Checks that the machine is drawn despite errors in the shapes of its parts, and that the page shows the errors. */
 async function shapes(page) {
   const triangles = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 300 0 0\nvertex 0 300 0\nendloop\nendfacet\nendsolid\n";
@@ -211,7 +226,50 @@ async function shapes(page) {
   await open(page, file("shapes.html"));
   const reply = (await page.locator("header .error").allTextContents()).join("; ");
   check(reply.includes("missing.obj") && reply.includes("broken.stl") && !reply.includes("good.stl"), `shown: ${reply}`);
+  near(await corners(page), [-100, -100, 0, 200, 200, 0], 1e-3, "ends of the table's shape");
   await isDrawn(page, "shapes");
+}
+
+/** Checks that shapes are drawn in machine units, at their places, with the part that they belong to. */
+async function placedShapes(page) {
+  writeFileSync(file("part.obj"), "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 3\nf 1 2 3 4\n");
+  // One inch is 25.4 mm; turned by 90 degrees about Z, X becomes Y, and Y becomes -X.
+  const size = [-50.8, 0, 0, 0, 25.4, 76.2];
+  const { home } = JSON.parse(pkm(["scene", ini("hexapod")]).stdout);
+  for (const [part, at] of [["BASE", [5, 6, 7]], ["TABLE", [5, 6, 7]], ["PLATFORM", [5, 6, 7].map((value, k) => value + home.pose[k])]]) {
+    writeFileSync(file(`${part}.ini`), readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", `[PKM]\n${part}_MODEL = part.obj inch 5 6 7 0 0 90\n`));
+    await opened(page, `placed-${part}`, file(`${part}.ini`));
+    near(await corners(page), size.map((value, k) => value + at[k % 3]), 1e-3, `ends of the shape of ${part}`);
+    check(complaints(page).length === 0, complaints(page).join("; "));
+  }
+}
+
+/** Checks that the text of a long program follows the time, and that scrolling shows other lines at their heights. */
+async function rows(page) {
+  const lines = Array.from({ length: 300 }, (_, i) => `G1 X${i % 2} Y${(i / 100).toFixed(2)}`);
+  writeFileSync(file("rows.ngc"), ["G21 G90 G1 F3000", ...lines, "M2"].join("\n"));
+  await opened(page, "rows", ini("tripod"), file("rows.ngc"));
+  const shown = () => page.evaluate(() => {
+    const { top, bottom, height } = document.querySelector(".rows").getBoundingClientRect();
+    return Array.from(document.querySelectorAll(".space > div"), (row) => {
+      const own = row.getBoundingClientRect();
+      return { text: row.textContent, isNow: row.className.trim() === "now", from: own.top - top, isSeen: own.top >= top - 1 && own.bottom <= bottom + 1, height };
+    });
+  });
+  for (const share of [0, 0.5, 0.505, 1, 0.3]) {
+    await page.evaluate((share) => window.pkm.go(share * window.pkm.end()), share);
+    await page.waitForTimeout(50);
+    const [{ line }, all] = [await page.evaluate(() => window.pkm.state()), await shown()];
+    const now = all.filter(({ isNow }) => isNow);
+    check(now.length === (line > 0 ? 1 : 0) && now.every(({ text, isSeen }) => isSeen && text.startsWith(String(line))), `line ${line} is not in view: ${JSON.stringify(now)}`);
+  }
+  await page.evaluate(() => (document.querySelector(".rows").scrollTop = 200 * 18));
+  await page.waitForTimeout(50);
+  const all = await shown();
+  const top = all.find(({ from }) => Math.abs(from) < 1);
+  check(top?.text.startsWith("201"), `${JSON.stringify(top)} after scrolling by 200 lines`);
+  check(all.length < 60 && all.at(-1).from >= all.at(-1).height - 18, `${all.length} rows are elements, the last one at ${all.at(-1).from}`);
+  check((await page.evaluate(() => document.querySelector(".space").offsetHeight)) === 302 * 18, "height of all rows");
 }
 
 /** Checks the page of a program that LinuxCNC does not run to its end: machine, lines, findings and the reason are shown. */
@@ -230,13 +288,19 @@ async function unjudged(page) {
   check(complaints(page).length === 0, complaints(page).join("; "));
 }
 
-/** Checks that an axis without limits can be set. */
+/** Checks that axes without limits can be set, within two machine sizes or a turn of home. */
 async function unlimited(page) {
-  const text = Object.values(ownMachines())[0].replace(/(\[AXIS_X\]\n)MIN_LIMIT = .*\nMAX_LIMIT = .*\n/, "$1");
+  const text = Object.values(ownMachines())[0].replace(/(\[AXIS_[XA]\]\n)MIN_LIMIT = .*\nMAX_LIMIT = .*\n/g, "$1").replace(/(\[AXIS_Y\]\n)MIN_LIMIT = .*\n/, "$1");
   writeFileSync(file("unlimited.ini"), text);
-  const made = view(file("unlimited.html"), file("unlimited.ini"));
-  check(made.status === 0, made.stderr);
-  await open(page, file("unlimited.html"));
+  const [{ scene }] = await opened(page, "unlimited", file("unlimited.ini"));
+  const range = (letter) => {
+    const { min, max } = scene.axes.find((axis) => axis.letter === letter);
+    return [min, max];
+  };
+  // The farthest foot is 320 mm from the origin.
+  near([...range("X"), ...range("Y"), ...range("A")], [-640, 640, -640, 50, -360, 360], 1e-9, "ranges");
+  const listed = await page.locator(".limits span").allTextContents();
+  check(listed.includes("axis B") && !listed.includes("axis X") && !listed.includes("axis A"), `${listed} are the nearest limits`);
   await page.evaluate(() => window.pkm.take([30, 0, -300, 0, 0, 0]));
   const { refusal, joints } = await page.evaluate(() => window.pkm.state());
   check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `refused: ${refusal}`);
@@ -288,10 +352,15 @@ async function live(offline) {
   await open(page, file("live.html"), stream.address);
   const { geometry_hash: hash, home } = await page.evaluate(() => window.pkm.mechanisms()[0].scene);
   const running = { state: "running", pose: home.pose, joints: null, extra: { c: 30 }, tool: null, geometry_hash: hash, line: 7, fault: null };
-  const says = async (state, words) => {
+  const shows = (words, isBad) => page.waitForFunction(([words, isBad]) => {
+    const state = document.querySelector(".state");
+    return state.textContent === words && state.classList.contains("bad") === isBad;
+  }, [words, isBad]);
+  const says = (state, words, isBad = false) => {
     stream.send(state);
-    await page.waitForFunction((words) => document.querySelector(".state").textContent.includes(words), words, { timeout: 5000 });
+    return shows(words, isBad);
   };
+  check(!(await box(page, "workspace at these angles").isChecked()), "the workspace of a running machine is computed");
   await stream.watched();
   const pose = [10, -20, home.pose[2] + 5, 2, -1, 0];
   await says({ ...running, pose }, "running, line 7");
@@ -300,12 +369,19 @@ async function live(offline) {
   const { work } = shown.ground;
   check(Math.abs(Math.atan2(work[1], work[0]) - Math.PI / 6) < 1e-12, `the table stands at ${work}`);
   compare(machine, 0, { scene: { sees_tool: true }, tool: shown.tool }, [shown], SAME);
-  await says({ ...running, fault: "leg 2: too far; go back [code -34]" }, "leg 2: too far");
-  await says({ ...running, geometry_hash: hash ^ 1 }, "another geometry: 0x");
-  await says({ ...running, pose: null }, "pins are missing");
-  await says({ state: "not running", pose: null }, "LinuxCNC is not running");
+  await says({ ...running, tool: [1, 2, 30], extra: { c: 40 }, line: 8 }, "running, line 8");
+  // Values of missing pins stay.
+  await says({ ...running, extra: { c: null }, line: 0 }, "running");
+  const { tool, extra } = await page.evaluate(() => window.pkm.state());
+  near([...tool, extra.C], [1, 2, 30, 40], 0, "values of missing pins");
+  await says({ ...running, fault: "leg 2: too far; go back [code -34]" }, "leg 2: too far; go back [code -34]", true);
+  const other = (hash ^ 1) >>> 0;
+  await says({ ...running, geometry_hash: other }, `the module has another geometry: 0x${other.toString(16).padStart(8, "0")}`, true);
+  await says({ ...running, geometry_hash: null }, "running, line 7, geometry not compared");
+  await says({ ...running, pose: null }, "running, but its pose is unknown: pins are missing", true);
+  await says({ state: "not running", pose: null }, "LinuxCNC is not running", true);
   stream.cut();
-  await page.waitForFunction(() => document.querySelector(".state").textContent.includes("no connection"), undefined, { timeout: 10000 });
+  await shows("no connection to pkm-live", true);
   await stream.watched();
   await says(running, "running, line 7");
   await isDrawn(page, "live");
@@ -353,8 +429,10 @@ export const TESTS = [
   ["parts that axes carry are drawn at their positions", carriers],
   ["the path is drawn on the work that an axis turns", workPath],
   ["an unreadable shape is reported, and the machine is drawn", shapes],
+  ["shapes are drawn at the places of their parts", placedShapes],
+  ["the text of a long program follows the time", rows],
   ["a program that LinuxCNC does not run to its end is shown as far as it ran", unjudged],
-  ["an axis without limits can be set", unlimited],
+  ["axes without limits can be set", unlimited],
   ["a damaged page reports that it cannot be shown", damaged],
   ["the live page shows the events of pkm-live, and reconnects", live],
   ["the page of 5,000 lines is below 2 MB", long],
