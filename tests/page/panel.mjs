@@ -72,6 +72,7 @@ async function compareLimits(page, reply, limits, count) {
     if (!row) continue;
     compared += 1;
     check(share < 0 === (row.share === "beyond") && share < 0 === (row.is === "limit broken"), `${reply}: ${words} has ${share} and is ${row.share}`);
+    // Shades are rounded to whole numbers.
     near(row.color.match(/\d+/g).map(Number), colorOf(share), 1, `${reply}: color of ${words} with ${share}`);
     const [, value, low, high] = /^[a-z ]+: (\S+) (?:mm|inch|degrees), allowed (\S*) … (\S*)$/.exec(row.title) ?? [];
     [value, low, high].forEach((text, k) => (Number.isFinite(numbers[k]) ? near(Number(text), numbers[k], half(3), `${reply}: ${row.title}`) : check(text === "", `${reply}: ${row.title}`)));

@@ -267,6 +267,7 @@ async function viewsTest(page) {
     return { aspect: window.seen.camera.aspect, canvas: size("canvas.picture"), stage: size(".stage") };
   });
   near(canvas, stage, 0, "size of the picture after another size of the window");
+  // Widths are rounded to pixels.
   near(aspect, stage[0] / stage[1], 0.01, "shape of the picture");
   await page.setViewportSize({ width: 1280, height: 800 });
 }
@@ -511,7 +512,7 @@ async function turnTest(page) {
   await page.mouse.move(...to, { steps: 3 });
   await page.mouse.up();
   const { pose } = await asText(page, () => window.pkm.state());
-  // Three.js turns by 20 radians per distance of the camera.
+  // Three.js turns by 20 radians per distance of the camera. The mouse moves by whole pixels, each about a degree.
   near(pose[5] - before.pose[5], (15 / away) * 20 * (180 / Math.PI), 5, "C turned by the handle");
   pose.forEach((value, k) => k < 5 && near(value, before.pose[k], 1e-9, `${"XYZABC"[k]} turned about Z`));
 }

@@ -226,6 +226,7 @@ async function shapes(page) {
   await open(page, file("shapes.html"));
   const reply = (await page.locator("header .error").allTextContents()).join("; ");
   check(reply.includes("missing.obj") && reply.includes("broken.stl") && !reply.includes("good.stl"), `shown: ${reply}`);
+  // The picture has 32-bit numbers of lengths of 1e3.
   near(await corners(page), [-100, -100, 0, 200, 200, 0], 1e-3, "ends of the table's shape");
   await isDrawn(page, "shapes");
 }
