@@ -21,6 +21,11 @@ fn text_of(text: &str) -> String {
     printed(&file, "1.2.3").unwrap_or_else(|error| of_machine(&error))
 }
 
+fn pin_lines(text: &str) -> Vec<String> {
+    let text = text_of(text);
+    text.lines().filter(|line| line.starts_with("pin ")).map(String::from).collect()
+}
+
 fn has(text: &str, line: &str) -> bool {
     text.lines().any(|own| own == line)
 }
@@ -332,12 +337,20 @@ fn every_strut_gets_its_lead_where_one_has_its_own() {
 fn a_machine_that_starts_in_the_identity_has_the_same_pins() {
     let hexapod = fs::read_to_string(shipped("hexapod")).unwrap();
     let first = hexapod.replace("KINEMATICS = pkmkins", "KINEMATICS = pkmkins sparm=identityfirst");
-    let pins = |text: &str| -> Vec<String> {
-        let text = text_of(text);
-        text.lines().filter(|line| line.starts_with("pin ")).map(String::from).collect()
-    };
-    assert_eq!(pins(&first), pins(&hexapod));
-    assert!(!pins(&first).is_empty());
+    assert_eq!(pin_lines(&first), pin_lines(&hexapod));
+    assert!(!pin_lines(&first).is_empty());
+}
+
+#[test]
+fn load_parameters_in_sparm_are_those_of_the_machine() {
+    let hexapod = fs::read_to_string(shipped("hexapod")).unwrap();
+    let (given, inside) = ("pkmkins legs=strut:6 boxes=1", "pkmkins sparm=boxes=1/legs=strut:6");
+    assert!(hexapod.contains(given));
+    assert_eq!(pin_lines(&hexapod.replace(given, inside)), pin_lines(&hexapod));
+    let both = format!("{given} sparm=boxes=1");
+    assert_eq!(pin_lines(&hexapod.replace(given, &both)), pin_lines(&hexapod));
+    let error = text_of(&hexapod.replace(given, &format!("{given} sparm=boxes=2")));
+    assert!(error.contains("given twice with different values"), "{error}");
 }
 
 #[test]
