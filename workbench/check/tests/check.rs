@@ -3,6 +3,7 @@
 
 use check::findings::Report;
 use check::report::check;
+use check::world;
 use machine::read::diagnostic::Severity;
 use machine::read::machine::MachineConfig;
 use std::path::Path;
@@ -145,5 +146,55 @@ fn every_coordinate_of_a_tool_change_is_judged_from_the_parameters_of_g30() {
         let found = ["first moves to the pose of G30", "tool change moves there"]
             .map(|way| errors.iter().filter(|error| error.contains(way)).count());
         assert_eq!(found, expected, "{errors:?}");
+    }
+}
+
+/// Returns the report on a machine with a tool change position.
+fn at_tool_change(machine: &str, position: &str) -> Report {
+    let copy = test_support::shipped::copied(machine);
+    let file = copy.path().join(format!("{machine}.ini"));
+    let keys = format!("[EMCIO]\nTOOL_CHANGE_POSITION = {position}\n");
+    let text = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, text.replacen("[EMCIO]\n", &keys, 1)).unwrap();
+    let config = MachineConfig::read(&file).unwrap();
+    check(&config, config.first(), |_| ()).unwrap()
+}
+
+/// LinuxCNC reads 3, 6 or 9 numbers. The last one of each count is beyond its limit.
+#[test]
+fn the_last_number_of_a_tool_change_position_is_judged_in_each_of_its_lengths() {
+    let config = test_support::shipped::whole("lathe-mirrored");
+    let home = world::home(&config);
+    for (count, last) in [(3, 'Z'), (6, 'C'), (9, 'W')] {
+        let (_, place, axis) =
+            world::coordinates(&config).into_iter().find(|(letter, ..)| *letter == last).unwrap();
+        assert_eq!(place + 1, count);
+        let mut words = home[..count].to_vec();
+        words[place] = axis.max + 1.0;
+        let words: Vec<String> = words.iter().map(f64::to_string).collect();
+        let report = at_tool_change("lathe-mirrored", &words.join(" "));
+        let errors = reported(&report, Severity::Error);
+        let expected = format!("every tool change moves there, where {last} ");
+        assert!(errors.iter().any(|text| text.contains(&expected)), "{last}: {errors:?}");
+        let warnings = reported(&report, Severity::Warning);
+        assert!(!warnings.iter().any(|text| text.contains("of these values")), "{warnings:?}");
+    }
+}
+
+/// Checks the numbers in facts about a mechanism whose legs begin with number 6.
+#[test]
+fn facts_name_the_legs_of_a_second_mechanism_by_their_numbers() {
+    let whole = test_support::shipped::whole("hexapod");
+    let mut second = whole.first().clone();
+    second.place.first_leg = 6;
+    second.place.is_second = true;
+    let report = check(&whole, &second, |_| ()).unwrap();
+    let facts = facts(&report);
+    for expected in [
+        "order of legs: 6 7 8 9 10 11, ",
+        "per turn: strut 6 (10), 7 (10), 8 (10), 9 (10), 10 (10), 11 (10);",
+        "nearest legs: the center lines of legs 7 and 8 are 103.528 mm",
+    ] {
+        assert!(facts.contains(expected), "{expected} is not in {facts}");
     }
 }

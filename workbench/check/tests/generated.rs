@@ -3,13 +3,38 @@
 
 use check::between;
 use check::report::check;
+use kinematics::Vector3;
 use machine::read::diagnostic::Severity;
 use machine::read::machine::MachineConfig;
+use machine::read::mechanism::Mechanism;
 use rand::Rng;
-use test_support::generated::generated;
+use test_support::generated::{Generated, generated};
 
 /// Share of a limit's range that may be rounding.
 const ROUNDED: f64 = 1e-9;
+
+/// Returns the fact about the size of a mechanism: a box around its joints at home, in its unit and in meters.
+fn size(drawn: &Generated, mechanism: &Mechanism) -> String {
+    let at = mechanism.machine.at(&mechanism.home_pose(), &mechanism.spindle).unwrap();
+    let ends = at.segments()[..mechanism.legs()].iter().flat_map(|leg| [leg.base, leg.platform]);
+    let bases = mechanism.geometry.legs().iter().map(|leg| leg.base.into());
+    let (low, high) = ends.chain(bases).fold(
+        (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)),
+        |(low, high), point| (low.inf(&point), high.sup(&point)),
+    );
+    let text = |per_unit: f64| {
+        let [x, y, z] = <[f64; 3]>::from((high - low) * per_unit);
+        format!("{x:.3} x {y:.3} x {z:.3}")
+    };
+    let (unit, own) = match drawn.unit {
+        1.0 => ("mm", String::new()),
+        _ => ("inch", format!("{} inch, ", text(1.0))),
+    };
+    let meters = text(1e-3 / drawn.unit);
+    format!(
+        "lengths in {unit}; at home the joints of all legs span {own}{meters} m: if that is wrong, correct LINEAR_UNITS"
+    )
+}
 
 #[test]
 fn machines_fit_and_every_pose_that_is_proved_keeps_ranges_and_tilt() {
@@ -29,6 +54,7 @@ fn machines_fit_and_every_pose_that_is_proved_keeps_ranges_and_tilt() {
             let reported = format!("{} {n}: {reported:?}", drawn.name);
             assert!(report.fits(), "{reported}");
             assert!(fact("geometry hash").starts_with(&format!("{:#010x}", mechanism.hash)));
+            assert_eq!(fact("size"), size(&drawn, mechanism), "{reported}");
             for joint in mechanism.joints.iter() {
                 let value = fact(&joint.name);
                 assert!(value.contains(&format!("MIN_LIMIT {}", joint.min)), "{reported}: {value}");

@@ -89,3 +89,53 @@ fn joints_that_know_their_place_move_nothing() {
     let (_folder, config) = changed("hexapod", known);
     assert!(Homing::new(&config).unwrap().unwrap().moves());
 }
+
+/// Returns the findings of a report about a key, each with its section.
+fn found(config: &Mechanism, key: &str) -> Vec<(String, String)> {
+    let report = check(&config.clone().into(), config, |_| ()).unwrap();
+    let found = report.findings.into_iter().filter(|finding| finding.problem.key == key);
+    found.map(|finding| (finding.problem.section.clone(), finding.problem.message())).collect()
+}
+
+/// A negative number makes the joints of its sequence end together, and selects the same sequence: carriages that
+/// search a switch far away would tilt the rods too much one after the other.
+#[test]
+fn joints_of_one_sequence_home_together_whatever_their_signs() {
+    let mixed = |text: String| {
+        let mut sign = 1;
+        let text = text.replace("HOME_OFFSET = 370", "HOME_OFFSET = 150");
+        let lines = text.lines().map(|line| match line.starts_with("HOME_SEQUENCE") {
+            true => {
+                sign = -sign;
+                format!("HOME_SEQUENCE = {sign}\n")
+            }
+            false => format!("{line}\n"),
+        });
+        lines.collect()
+    };
+    let (_folder, config) = changed("linear-delta", mixed);
+    assert_eq!(found(&config, "HOME_SEQUENCE"), []);
+}
+
+/// Moves the switch of each joint in turn behind either end of its range.
+#[test]
+fn a_switch_beyond_either_end_of_any_joint_is_reported_with_its_distance() {
+    let shipped = test_support::shipped::config("linear-delta");
+    for (i, joint) in shipped.joints.iter().enumerate() {
+        for switch in [joint.min - 5.0, joint.max + 5.0] {
+            let moved = |text: String| {
+                let head = format!("[JOINT_{i}]\n");
+                let (before, own) = text.split_once(&head).unwrap();
+                let (section, rest) = own.split_once("\n[").unwrap();
+                let kept = section.lines().filter(|line| !line.starts_with("HOME_OFFSET"));
+                let kept: Vec<&str> = kept.collect();
+                format!("{before}{head}HOME_OFFSET = {switch}\n{}\n[{rest}", kept.join("\n"))
+            };
+            let (_folder, config) = changed("linear-delta", moved);
+            let found = found(&config, "HOME_OFFSET");
+            let [(section, text)] = &found[..] else { panic!("{switch}: {found:?}") };
+            assert_eq!(*section, format!("JOINT_{i}"));
+            assert!(text.contains("the switch is 5.000 mm outside"), "{text}");
+        }
+    }
+}

@@ -2,13 +2,14 @@
 //! `pkm cut`: forces of the drives, deflection and chip against independent computations, the pass, which must not
 //! miss a peak, and the command as users run it.
 
-use kinematics::{Joints, MAX_JOINTS, Matrix3, Pose, Vector3};
+use kinematics::{Joints, MAX_EXTRA, MAX_JOINTS, Matrix3, Pose, Vector3};
 use linuxcnc::row::{Beside, Extra, Flags, Row};
 use machine::read::mechanism::Mechanism;
+use program::motion::{Move, MoveKind, Spindle};
 use std::collections::BTreeMap;
 use studies::cut::moment::{Moment, Subject};
 use studies::cut::pass::Pass;
-use studies::cut::program::Line;
+use studies::cut::program::{Line, NoCut, lines};
 use studies::cut::stance::{self, Stance};
 use studies::cut::teeth::Teeth;
 use studies::dynamics::capacity::Capacity;
@@ -340,4 +341,28 @@ fn where_an_axis_carries_the_work_the_feed_turns_with_it() {
         refused.contains("not judged") && refused.contains("lathe-work-on-platform"),
         "{refused}"
     );
+}
+
+/// The feed per tooth divides by the spindle speed.
+#[test]
+fn a_spindle_that_turns_at_no_speed_cuts_nothing() {
+    let step = |x: f64, spindle: Spindle| Move {
+        kind: MoveKind::Feed,
+        line: 3,
+        end: [x, 0.0, 0.0, 0.0, 0.0, 0.0],
+        feed: 10.0,
+        angular_feed: f64::INFINITY,
+        tool: [0.0; 3],
+        file: 0,
+        extra: false,
+        lasts: None,
+        second: None,
+        extra_end: [0.0; MAX_EXTRA],
+        spindle,
+    };
+    let found = |spindle: Spindle| lines(&[step(0.0, spindle), step(9.0, spindle)]);
+    assert_eq!(found(Spindle::Turning(0.0)), Err(NoCut::NoSpeed(3)));
+    assert_eq!(found(Spindle::Standing(0.0)), Err(NoCut::NoSpeed(3)));
+    assert_eq!(found(Spindle::Standing(900.0)), Err(NoCut::Standing(3)));
+    assert_eq!(found(Spindle::Turning(900.0)).unwrap()[&3], Line { feed: 10.0, rpm: 900.0 });
 }

@@ -14,6 +14,7 @@ use rand_pcg::Pcg64;
 use serde::Deserialize;
 use std::convert::Infallible;
 use std::f64::consts::{PI, TAU};
+use std::path::Path;
 use std::sync::LazyLock;
 use studies::dynamics::capacity::Capacity;
 use studies::dynamics::chart::Chart;
@@ -32,7 +33,8 @@ use studies::dynamics::structure::Structure;
 use studies::dynamics::strut::StrutMass;
 use studies::study::file::Study;
 use studies::study::springs::Spring;
-use test_support::shipped::{MACHINES, cases, config};
+use test_support::generated;
+use test_support::shipped::{MACHINES, cases, config, machine_of};
 
 #[derive(Deserialize)]
 struct File {
@@ -1095,4 +1097,28 @@ fn a_motor_feels_the_force_of_its_drive_through_the_lead() {
     let table = "[table]\nmotor_torque_n_m = 2\nscrew_lead_mm = 5\n";
     let axes = of(&config("pyramid"), table);
     close(&[axes[4].share(1000.0).unwrap()], &[5000.0 / TAU / 2000.0], 1e-12);
+}
+
+/// Leads are in machine units, and all forces of a study in N and mm.
+#[test]
+fn a_motor_feels_the_lead_in_mm_on_machines_in_inches_too() {
+    let mut inches = 0;
+    for seed in generated::ALL {
+        let drawn = generated::generated(seed);
+        let legs = drawn.mechanisms[0].geometry.legs().iter();
+        let leads = legs.map(|leg| leg.kind.screw().lead / drawn.unit);
+        let leads: Vec<f64> = leads.collect();
+        if leads.contains(&0.0) {
+            continue;
+        }
+        let config = machine_of(Path::new("drawn.ini"), &drawn.text);
+        let study = Study::parse("[legs]\nmotor_torque_n_m = 4\n").unwrap();
+        let drives = Capacity::of(config.first(), &study).unwrap();
+        for (drive, lead) in drives.iter().zip(leads) {
+            let torque = drive.motor.unwrap().torque_of(1000.0);
+            close(&[torque], &[1000.0 * lead.abs() / TAU], 1e-12);
+        }
+        inches += usize::from(drawn.unit != 1.0);
+    }
+    assert!(inches > 0);
 }
