@@ -395,3 +395,16 @@ fn a_simulated_drive_that_searches_downwards_starts_above_its_switch() {
     );
     assert!(text(&old.migrated()).contains("SIM_START = 40\n"));
 }
+
+#[test]
+fn the_axes_of_joints_are_undetermined_on_struts_with_a_lead_only() {
+    let undetermined = |old: &Old| {
+        let notes = old.migrated().notes.undetermined;
+        notes.iter().filter(|note| note.contains("base-n")).count()
+    };
+    assert_eq!(undetermined(&Old::new("hexapod-27")), 0);
+    assert_eq!(undetermined(&Old::new("hexapod-screws")), 0);
+    let without =
+        Old::new("hexapod-screws").with("geometry.hal", "setp genhexkins.base-n.0.x 0.2508\n", "");
+    assert_eq!(undetermined(&without), 1);
+}
