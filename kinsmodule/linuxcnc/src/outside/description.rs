@@ -6,6 +6,7 @@ use super::table::Table;
 use crate::hal::Message;
 use crate::pins::{MachinePins, Maker, Place, Target};
 use core::cell::UnsafeCell;
+use core::ffi::c_int;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU8, Ordering};
 use kinematics::{Load, Text, text};
@@ -54,12 +55,45 @@ pub fn table() -> &'static Table {
     &SHELF.table
 }
 
+/// Why a configuration is not described.
+pub enum Refusal {
+    SecondMechanism,
+    /// With the number of parameters of the machine.
+    TooManyParameters(c_int),
+    AnotherMachine,
+    AnotherCaller,
+}
+
+impl Refusal {
+    /// Returns the message.
+    pub fn text(&self) -> Message {
+        match self {
+            Self::SecondMechanism => text![
+                "a block has one pose and one tool, but second= has a second mechanism with its own"
+            ],
+            Self::TooManyParameters(wanted) => text![
+                "the machine has ",
+                *wanted,
+                " parameters, but a block has ",
+                KINS_MAX_PARAMS,
+                " (KINS_MAX_PARAMS)"
+            ],
+            Self::AnotherMachine => {
+                text![
+                    "this copy of the module describes another machine: close it, then open it again"
+                ]
+            }
+            Self::AnotherCaller => {
+                text!["another caller could not describe a machine: describe it again"]
+            }
+        }
+    }
+}
+
 /// Returns the description of a configuration, made if it is the first one of this copy of the module.
-pub fn describe(load: &Load) -> Result<&'static Description, Message> {
+pub fn describe(load: &Load) -> Result<&'static Description, Refusal> {
     if load.second().is_some() {
-        return Err(text![
-            "a block has one pose and one tool, but second= has a second mechanism with its own"
-        ]);
+        return Err(Refusal::SecondMechanism);
     }
     let first =
         SHELF.state.compare_exchange(FREE, BEING_MADE, Ordering::Acquire, Ordering::Acquire);
@@ -73,15 +107,13 @@ pub fn describe(load: &Load) -> Result<&'static Description, Message> {
     }
     match described() {
         Some(description) if description.load == *load => Ok(description),
-        Some(_) => Err(text![
-            "this copy of the module describes another machine: close it, then open it again"
-        ]),
-        None => Err(text!["another caller could not describe a machine: describe it again"]),
+        Some(_) => Err(Refusal::AnotherMachine),
+        None => Err(Refusal::AnotherCaller),
     }
 }
 
 /// Makes the description; a refusal leaves none.
-fn make(load: &Load) -> Result<(), Message> {
+fn make(load: &Load) -> Result<(), Refusal> {
     // SAFETY: all-zero bytes are null pins, and false.
     let mut pins = unsafe { MaybeUninit::<MachinePins>::zeroed().assume_init() };
     let make = Maker { target: Target::Table(&SHELF.table), place: Place::FIRST };
@@ -89,13 +121,7 @@ fn make(load: &Load) -> Result<(), Message> {
     if !pins.describe(&SHELF.table, &make, load) {
         let (_, wanted) = SHELF.table.parameters();
         SHELF.state.store(FREE, Ordering::Release);
-        return Err(text![
-            "the machine has ",
-            wanted,
-            " parameters, but a block has ",
-            KINS_MAX_PARAMS,
-            " (KINS_MAX_PARAMS)"
-        ]);
+        return Err(Refusal::TooManyParameters(wanted));
     }
     let mut letters = Text::EMPTY;
     for letter in load.layout.coordinates().as_slice() {

@@ -195,7 +195,7 @@ pub unsafe extern "C" fn kinsDescribe(
         places.find(|(known, _)| **known == name).into_iter().for_each(|(_, to)| *to = text);
     }
     let described = match Load::of(texts) {
-        Ok(load) => describe(&load),
+        Ok(load) => describe(&load).map_err(|refusal| refusal.text()),
         Err(error) => Err(text![error.text()]),
     };
     let description = match described {
