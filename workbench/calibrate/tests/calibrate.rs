@@ -7,7 +7,8 @@ use calibrate::model::{Frame, Model, Quantity, Tolerance};
 use calibrate::observe::{rank, unseen};
 use calibrate::plan::{next_best, tip_deviation};
 use calibrate::reading::{Changed, Instrument, Measured, Reading};
-use kinematics::{Machine, Pose, Solver, Vector3};
+use calibrate::rewrite::calibrated;
+use kinematics::{Letter, Machine, Pose, Solver, Vector3};
 use machine::read::mechanism::Mechanism;
 use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
@@ -485,4 +486,34 @@ fn too_few_readings_and_too_many_outliers_are_refused() {
     }
     let many = fit(&model, &readings, Some(NOISE));
     assert!(matches!(many, Err(Misfit::TooManyOutliers(7, 60))), "{many:?}");
+}
+
+/// Compares the joints of a calibrated file, read back, with those of the changed model: anchors, offsets, rods and leads.
+#[test]
+fn a_calibrated_file_has_every_change_of_the_model() {
+    let tolerance = Tolerance { lead: 0.01, ..Tolerance::of_lengths(TOLERANCE) };
+    for name in ["hexapod", "linear-delta", "rotary-delta"] {
+        let config = shipped::config(name);
+        let model = Model::new(config.geometry, config.offsets, &tolerance).unwrap();
+        let changes = built(&model, &mut Dice::new(5));
+        let text = calibrated(&config, &model, &changes).unwrap();
+        let written = shipped::machine_of(&config.file, &text);
+        let mut pose = config.home;
+        let moved = Letter::ALL.into_iter().filter(|l| !config.machine.layout().is_held(*l));
+        moved.for_each(|letter| pose[letter.index()] += if letter.is_angle() { 4.0 } else { 10.0 });
+        let joints = |machine: &Machine| {
+            machine.inverse(&Pose::from_degrees(pose), &config.spindle).unwrap()
+        };
+        let (own, wanted) =
+            (joints(&written.first().machine), joints(&model.machine(&changes).unwrap()));
+        for (i, joint) in config.joints.iter().enumerate() {
+            // A joint depends on some ten lengths, each rounded to 1e-6 mm.
+            assert!(
+                (own[i] - wanted[i]).abs() < 2e-5,
+                "{name}: {} {}",
+                joint.name,
+                own[i] - wanted[i]
+            );
+        }
+    }
 }
