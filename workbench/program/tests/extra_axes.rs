@@ -4,12 +4,13 @@
 use kinematics::{Limit, Pose};
 use linuxcnc::process::Options;
 use linuxcnc::row::{Ending, Row};
+use program::loads::Loads;
 use program::motion;
 use program::preflight::judge;
 use program::replay::replay;
 use program::report::{Preflight, Rule};
 use program::verdict;
-use test_support::control::{run, run_text};
+use test_support::control::{run, run_text, standing};
 use test_support::shipped::{config, folder, whole};
 
 const LATHE: &str = "lathe-counter-spindle";
@@ -181,4 +182,27 @@ fn letters_that_are_no_axis_of_the_machine_are_refused() {
     assert_eq!(refused.ending, Ending::Stopped);
     let reported = refused.messages.first().expect("a reason").text.to_lowercase();
     assert!(reported.contains('u'), "{reported}");
+}
+
+/// LinuxCNC compares the following error of every joint with its limit, those of extra axes too.
+#[test]
+fn the_following_error_of_an_extra_axis_is_judged() {
+    let config = whole(LATHE);
+    let legs = config.guarded_joints();
+    for n in 0..config.first().extra.len() {
+        let mut loads = Loads::new(&config);
+        for cycle in 0..20 {
+            let mut row = Row { cycle, ..standing(config.first()) };
+            row.extra.allowed.fill(0.5);
+            row.extra.errors[n] = if cycle == 7 { -0.75 } else { 0.25 };
+            loads.see(&row);
+        }
+        let following = loads.finish().following;
+        for (joint, peak) in following.peaks.iter().enumerate() {
+            let is_it = joint == legs + n;
+            let expected = if is_it { [0.75, 0.5] } else { [0.0, f64::INFINITY] };
+            assert_eq!([peak.value, peak.limit], expected, "{}", peak.joint);
+            assert_eq!(following.beyond[joint].is_some(), is_it, "{}", peak.joint);
+        }
+    }
 }

@@ -6,6 +6,7 @@ use machine::read::mechanism::Mechanism;
 use program::motion::{Move, MoveKind, Spindle, moves};
 use program::preflight::judge;
 use program::replay::duration;
+use program::work_offset::Offset;
 use std::path::Path;
 use std::sync::Arc;
 use test_support::control::bounded;
@@ -401,4 +402,27 @@ fn the_spindle_follows_loops_and_subroutines_as_they_run() {
         (4.0, Standing(3000.0)),
     ];
     assert_eq!(spindles(text), expected);
+}
+
+/// Moves with an active work offset O that is neither zero nor level, changed to R(turn) O + shift.
+#[test]
+fn the_block_of_an_offset_turns_and_shifts_the_active_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let (program, file) = (folder.path().join("p.ngc"), folder.path().join("p.var"));
+    std::fs::write(&program, "G21 G0 X7 Y2 Z10\nM2\n").unwrap();
+    std::fs::write(&file, "5220\t1\n5221\t30\n5222\t-20\n5223\t210\n5230\t10\n").unwrap();
+    let mut config = config(folder.path());
+    let facts = Arc::make_mut(&mut config.facts);
+    (facts.program.tool_table, facts.program.parameter_file) = (None, Some(file));
+    let turned = |degrees: f64, [x, y]: [f64; 2]| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        [x * cos - y * sin, x * sin + y * cos]
+    };
+    for turn in [0.0, 25.0, -115.0] {
+        let offset = Offset { shift: [3.0, -4.0, 5.0], turn };
+        let steps = moves(&config.clone().into(), &program, Some(&offset.block())).unwrap();
+        let (origin, at) = (turned(turn, [30.0, -20.0]), turned(turn + 10.0, [7.0, 2.0]));
+        let [x, y] = [origin[0] + at[0] + 3.0, origin[1] + at[1] - 4.0];
+        assert_end(steps.last().unwrap(), [x, y, 225.0, 0.0, 0.0, 0.0]);
+    }
 }

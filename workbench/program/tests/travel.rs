@@ -126,3 +126,30 @@ fn a_table_that_turns_without_end_is_followed_for_a_turn() {
     let table = found.iter().find(|way| way.letter == 'C').unwrap();
     assert_eq!((table.minus.left, table.plus.left), (Some(36000.0), Some(36000.0)));
 }
+
+/// An extra axis ends at the nearer limit of its joint and its axis, and the stop names that one.
+#[test]
+fn the_nearer_limit_of_joint_and_axis_ends_an_extra_axis() {
+    for (in_joint, sign) in [(true, -1.0), (true, 1.0), (false, -1.0), (false, 1.0)] {
+        let mut config = whole("lathe-counter-spindle");
+        let stand = Stand::home(&config);
+        let extra = &mut config.mechanisms[0].extra[1];
+        let end = extra.joint.home + sign * 12.0;
+        let (min, max) = match in_joint {
+            true => (&mut extra.joint.min, &mut extra.joint.max),
+            false => (&mut extra.axis.min, &mut extra.axis.max),
+        };
+        *(if sign < 0.0 { min } else { max }) = end;
+        let name =
+            if in_joint { extra.joint.name.clone() } else { format!("axis {}:", extra.letter) };
+        let found = travel(&config, &stand).unwrap();
+        let way = found.iter().find(|way| way.letter == 'W').unwrap();
+        let side = if sign < 0.0 { &way.minus } else { &way.plus };
+        let stop = side.stop.as_deref().unwrap();
+        assert!(
+            (side.left.unwrap() - 12.0).abs() < 1e-9 && stop.starts_with(&name),
+            "{name} {side:?}"
+        );
+        assert_eq!(stop.contains("joint range"), in_joint, "{stop}");
+    }
+}
