@@ -474,3 +474,33 @@ fn an_operation_that_is_none_or_leaves_the_machine_is_refused_with_its_number() 
         assert!(message.contains(expected), "{operation}: {message}");
     }
 }
+
+/// Two tools of different lengths drill one hole, and change where the next move keeps Y and Z of the workpiece.
+#[test]
+fn tips_of_all_tools_of_a_job_reach_the_same_place() {
+    let [x, y, z] = [-330.0, 450.0, 1000.0];
+    let drill = |tool: u32| {
+        format!(
+            "[[operation]]\nkind = 'tool'\ntool = {tool}\npark_mm = [60, 0, 0]\n[[operation]]\nkind = 'drill'\n\
+             points = 'across'\nat_mm = [22, 0, 0]\ndepth_mm = 6\nclear_mm = 3\nfeed_mm_per_min = 900\n"
+        )
+    };
+    let text = format!(
+        "[tolerance]\nchord_mm = 0.01\n[program]\nzero_mm = [{x:?}, {y:?}, {z:?}]\n{}{}",
+        drill(4),
+        drill(5)
+    );
+    let config = config("four-rod-lathe");
+    let program = job(&config, &PathFile::parse(&text).unwrap()).unwrap().program;
+    let steps = read(&config, &program);
+    let cuts = steps.iter().filter(|step| step.kind == MoveKind::Feed);
+    let tips: Vec<[f64; 3]> =
+        cuts.map(|step| std::array::from_fn(|k| step.end[k] - step.tool[k])).collect();
+    let [first, second] = tips[..] else { panic!("{tips:?}\n{program}") };
+    let wanted = [x + 16.0, y, z];
+    for tip in [first, second] {
+        for k in 0..3 {
+            assert!((tip[k] - wanted[k]).abs() < WORD, "{tips:?}\n{program}");
+        }
+    }
+}

@@ -7,6 +7,7 @@ use linuxcnc::row::{Beside, Extra, Flags, Row};
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, MoveKind, Spindle};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use studies::cut::moment::{Moment, Subject};
 use studies::cut::pass::Pass;
 use studies::cut::program::{Line, NoCut, lines};
@@ -341,6 +342,28 @@ fn where_an_axis_carries_the_work_the_feed_turns_with_it() {
         refused.contains("not judged") && refused.contains("lathe-work-on-platform"),
         "{refused}"
     );
+}
+
+/// Of a window with an acceleration along X and a later one about A, the one nearer to its own limit is assessed.
+#[test]
+fn lengths_and_angles_of_a_window_are_compared_by_their_own_limits() {
+    let lines = BTreeMap::from([(7, Line { feed: 1000.0, rpm: 6000.0 })]);
+    for (limits, is_later) in [([1.0, 100.0], false), ([100.0, 1.0], true)] {
+        let mut config = config("hexapod");
+        Arc::make_mut(&mut config.facts).max_acceleration = limits;
+        let subject = subject(&config, STUDY);
+        let mut pass = Pass::new(&subject, &lines);
+        for k in 0..9 {
+            let mut row = row(k, 0.01 * k as f64 + if k < 3 { 0.0 } else { 1e-3 });
+            row.pose[2] = 300.0;
+            row.pose[3] = if k < 7 { 0.0 } else { 2e-3 };
+            pass.see(&row).unwrap();
+        }
+        let found = pass.finish().unwrap();
+        assert_eq!(found.judged, 1);
+        let judged = &found.peaks[3].as_ref().unwrap().judged;
+        assert_eq!(judged.pose[0] > 0.04, is_later, "{limits:?}");
+    }
 }
 
 /// The feed per tooth divides by the spindle speed.
