@@ -50,9 +50,9 @@ export function travel(kinematics, { scene, limits }, { pose, tool, extra }) {
     }
     return { letter: axis.letter, sign, left: kept, unit: unitOf(scene, axis.letter), end };
   }));
-  const others = scene.extra_axes.flatMap(({ letter, min, max, isLimited }) => [-1, 1].map((sign) => ({
+  const others = scene.extra_axes.flatMap(({ letter, min, max }) => [-1, 1].map((sign) => ({
     letter, sign, left: Math.max(sign > 0 ? max - extra[letter] : extra[letter] - min, 0), unit: unitOf(scene, letter),
-    end: isLimited ? "axis range" : "no limit so far",
+    end: "axis range",
   })));
   return [...own, ...others];
 }
