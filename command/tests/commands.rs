@@ -708,6 +708,10 @@ fn extra_axes_are_drawn_if_they_move() {
     let lathe = include_str!("../../configs/lathe-counter-spindle/lathe-counter-spindle.ini");
     let bench = Bench::new()
         .with("lathe.ini", lathe)
+        .with(
+            "lathe-counter-spindle.tbl",
+            include_str!("../../configs/lathe-counter-spindle/lathe-counter-spindle.tbl"),
+        )
         .with("turn.ngc", "G21 G90\nG1 C90 F600\nM2\n")
         .with("slide.ngc", "G21 G90\nG1 C90 W700 F600\nM2\n");
     for (program, moved) in [("turn", vec!["rotary"]), ("slide", vec!["linear", "rotary"])] {
