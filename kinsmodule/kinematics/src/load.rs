@@ -60,15 +60,21 @@ impl Load {
         let [.., sparm] = texts;
         let mut own = None;
         for item in given(sparm).into_iter().flat_map(|text| text.split(|c| *c == b'/')) {
+            if item.is_empty() {
+                continue;
+            }
             let mut parts = item.splitn(2, |c| *c == b'=');
             let (Some(name), Some(value)) = (parts.next(), parts.next()) else {
-                own = Some(item);
+                // Of two words one would be lost.
+                if own.replace(item).is_some() {
+                    return Err(LoadError::SparmUnknown);
+                }
                 continue;
             };
             let mut places = LOAD_PARAMETERS.iter().zip(&mut texts);
             let place = places.find(|(known, _)| known.as_bytes() == name && **known != SPARM);
             let (_, place) = place.ok_or(LoadError::SparmUnknown)?;
-            if place.is_some_and(|outside| outside != value) {
+            if given(*place).is_some_and(|outside| outside != value) {
                 return Err(LoadError::SparmTwice);
             }
             *place = Some(value);
@@ -362,6 +368,24 @@ mod tests {
         for text in [&b"9"[..], b"-1", b"one", b"1.5"] {
             assert_eq!(hexapod.with_boxes(Some(text)), Err(LoadError::BoxesWrong));
         }
+    }
+
+    #[test]
+    fn no_word_of_sparm_is_lost() {
+        let of = |coordinates: &'static str, sparm: &'static str| {
+            let mut texts = [None; LOAD_PARAMETERS.len()];
+            texts[1] = Some(coordinates.as_bytes());
+            texts[LOAD_PARAMETERS.len() - 1] = Some(sparm.as_bytes());
+            Load::of(texts)
+        };
+        for sparm in ["identityfirst/", "/identityfirst", "identityfirst/legs=strut:6/"] {
+            assert!(of("", sparm).unwrap().is_identity_first(), "{sparm}");
+        }
+        for sparm in ["junk/identityfirst", "legs/identityfirst", "identityfirst/identityfirst"] {
+            assert_eq!(of("", sparm), Err(LoadError::SparmUnknown), "{sparm}");
+        }
+        assert!(of("", "coordinates=XYZABC").is_ok());
+        assert_eq!(of("XYZ", "coordinates=XYZABC"), Err(LoadError::SparmTwice));
     }
 
     #[test]
