@@ -6,7 +6,7 @@
 use crate::component::control;
 use crate::control::{Control, MOST_JOINTS};
 use crate::module::Kind;
-use crate::orient::Request;
+use crate::orient::{FOUND, Request};
 use core::ffi::{c_int, c_long, c_uint, c_ulong, c_void};
 use kinematics::{Cause, Fault, Matrix3, Vector3, World};
 
@@ -287,7 +287,8 @@ pub unsafe extern "C" fn kinematicsToolFrameInverse(
     let (free_directions, tool_spin) = unsafe { (free_directions.as_mut(), tool_spin.as_mut()) };
     match tool_spin {
         Some(to) => *to = spin,
-        None if spin != 0.0 => return 0,
+        // An exact answer can have a spin of some rounding.
+        None if spin.abs() > FOUND => return 0,
         None => {}
     }
     free_directions.into_iter().for_each(|to| *to = free as c_int);

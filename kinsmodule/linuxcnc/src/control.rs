@@ -204,6 +204,10 @@ impl Control {
         if moved.any(|(_, (to, from))| !((to - from).abs() <= HELD * from.abs().max(1.0))) {
             return Ok(None);
         }
+        // Every leg bears every motion of the platform.
+        if (0..load.layout.joints()).any(is_held) {
+            return Ok(Some((0, orientation.spin)));
+        }
         // An extra axis that turns tool or workpiece could move instead.
         let chain = self.first.chain();
         let turning = load.extra.places().enumerate().filter(|(n, place)| {

@@ -10,7 +10,7 @@ use kinematics::{Carries, Chain, Layout, Letter, Matrix3, Pose, Vector3, World};
 const SAME: f64 = 1e-6;
 
 /// Largest error of a direction that counts as found, radians, and the one at which no step improves it.
-const FOUND: f64 = 1e-9;
+pub const FOUND: f64 = 1e-9;
 const EXACT: f64 = 1e-14;
 
 /// Keeps steps short in directions that do not count: a share of 1e-8 of each step is left for the next one.
@@ -81,8 +81,16 @@ pub fn oriented(
     let x = request.x.map(|x| pair(Vector3::x(), x));
     let active =
         [Letter::A, Letter::B, Letter::C].map(|letter| layout.coordinates().contains(letter));
-    let places_x = active.iter().all(|is_active| *is_active);
-    let (angles, rank) = turned(pose.angles, active, axis, x.filter(|_| places_x))?;
+    // Where the joints can place X they do; only without all three angles it may remain away.
+    let exact = x.and_then(|x| turned(pose.angles, active, axis, Some(x)));
+    let spins = x.is_some() && exact.is_none();
+    if spins && active.iter().all(|is_active| *is_active) {
+        return None;
+    }
+    let (angles, rank) = match exact {
+        Some(found) => found,
+        None => turned(pose.angles, active, axis, None)?,
+    };
     let count = active.iter().filter(|is_active| **is_active).count();
     let mut world = *world;
     let degrees = Pose { angles, ..*pose }.to_degrees();
@@ -90,7 +98,7 @@ pub fn oriented(
         let to = world.get_mut(letter.index()).filter(|_| is_active);
         to.into_iter().zip(degrees.get(letter.index())).for_each(|(to, value)| *to = *value);
     }
-    let spin = match x.filter(|_| !places_x) {
+    let spin = match x.filter(|_| spins) {
         None => 0.0,
         Some([of_platform, of_base]) => {
             let at = Pose { angles, ..*pose }.rotation() * of_platform;

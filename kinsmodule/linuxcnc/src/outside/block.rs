@@ -43,15 +43,23 @@ impl<'a> Parts<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// Makes the machine of a block, or returns why it is refused: as when the module freezes a geometry, and with
-    /// [`Cause::NoGeometry`] if it is not the machine in force.
+    /// Refuses a block with [`Cause::NoGeometry`] if it is not that of the machine in force.
+    pub fn check(description: &Description, block: &KinsParams) -> Result<(), Fault> {
+        let (load, pins, values) = (&description.load, &description.pins, Values(&block.geometry));
+        let (own, chain) = (pins.given(load, &values), pins.chain(load, &values));
+        let hash = own.hash(load, chain.hash(&load.extra, own.geometry.hash()));
+        if values.get(&pins.kinematics_hash) == hash {
+            Ok(())
+        } else {
+            Err(Cause::NoGeometry.into())
+        }
+    }
+
+    /// Makes the machine of a block that [`Self::check`] accepts, or returns why it is refused: as when the module freezes
+    /// a geometry.
     pub fn of(description: &'a Description, given: &KinsParams) -> Result<Self, Fault> {
         let (load, pins, values) = (&description.load, &description.pins, Values(&given.geometry));
         let (own, chain) = (pins.given(load, &values), pins.chain(load, &values));
-        let hash = own.hash(load, chain.hash(&load.extra, own.geometry.hash()));
-        if values.get(&pins.kinematics_hash) != hash {
-            return Err(Cause::NoGeometry.into());
-        }
         ChainGeometry::check_holder(chain.holder)?;
         let machine = own.checked()?;
         // Without a reference pose the module fixes the folds of the nut corrections at the first pose.

@@ -254,7 +254,7 @@ fn code(result: Result<(), Fault>) -> c_int {
     result.map_or_else(|fault| fault.cause.code(), |()| 0)
 }
 
-/// Returns the description and the block, if the module was described and the block has its layout.
+/// Returns the description and the block, if the module was described and the block is that of the machine in force.
 ///
 /// # Safety
 /// `block` must be null or a block that does not change during the call.
@@ -268,6 +268,7 @@ unsafe fn given<'a>(
     if usize::try_from(block.size) != Ok(size_of::<KinsParams>()) {
         return Err(Cause::NoGeometry.into());
     }
+    Block::check(description, block)?;
     Ok((description, block))
 }
 

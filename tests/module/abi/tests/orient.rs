@@ -136,6 +136,13 @@ fn what_is_no_request_or_cannot_be_reached_has_no_solution() {
         assert_eq!(module.tool_frame_inverse(axis, x, &joints, 0), Err(-1), "{axis:?} {x:?}");
     }
     assert_eq!(module.tool_frame_inverse(z, None, &[f64::NAN; 16], 0), Err(-1));
+    // The tool could turn about its axis, but not with a leg that must not move.
+    let [_, _, axis] = tool_in_work(&module, &joints);
+    for (held, free) in [(0, 1), (1, 0), (0x3f, 0)] {
+        let (found, left, _) = module.tool_frame_inverse(axis, None, &joints, held).unwrap();
+        assert_eq!(left, free, "{held:#x}");
+        assert!(close(tool_in_work(&module, &found)[2], axis));
+    }
     // Upside down, and with a leg that must not move.
     assert_eq!(module.tool_frame_inverse([0.0, 0.0, -1.0], None, &joints, 0), Err(0));
     assert_eq!(module.tool_frame_inverse([0.3, 0.0, 1.0], None, &joints, 1 << 2), Err(0));

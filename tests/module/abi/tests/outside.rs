@@ -275,6 +275,8 @@ fn a_block_that_is_not_the_machine_in_force_is_refused() {
         assert!(outside.forward(0, &[500.0; 16], &pose).is_err(), "{pin}");
         assert!(outside.jacobian(0, &[0.0; 16], &pose).is_err(), "{pin}");
         assert!(outside.frames(0, &[500.0; 16]).is_err(), "{pin}");
+        assert_eq!(outside.inverse(1, &pose), REFUSED, "{pin}");
+        assert!(outside.forward(1, &[500.0; 16], &pose).is_err(), "{pin}");
         module.set(pin, value);
     }
     // The center does not fit in a hexapod's table, and is in the hash.
