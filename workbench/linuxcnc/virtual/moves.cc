@@ -33,8 +33,9 @@ struct Tag {
 layout::Layout at;
 // Number of the last command.
 int last = 0;
-// LinuxCNC's kinds of motion, its condition to stop between moves, and the largest text of its messages.
-constexpr int TRAVERSE = 1, TOOL_CHANGE = 4, STOP = 1;
+// LinuxCNC's kinds of motion, its condition not to stop between moves (below it: G61 and G61.1), and the largest text of
+// its messages.
+constexpr int TRAVERSE = 1, TOOL_CHANGE = 4, BLEND = 2;
 constexpr size_t LINE_LENGTH = 255;
 
 // Blocks that the interpreter has read since the last cycle, and the number after which it reports its line: inside a
@@ -295,7 +296,7 @@ bool replaced(const char *symbol, void *replacement) { return slots::replace("li
 
 void go_by() {
     if (code() == at.set_condition) {
-        stops = at.field<int>(at.condition) == STOP;
+        stops = at.field<int>(at.condition) < BLEND;
         tolerance = number_at(at.tolerance);
     } else if (code() == at.set_sync) {
         pitch = number_at(at.pitch);
