@@ -299,11 +299,12 @@ install: virtual
 	    case "$$place" in */bin/*) mode=755;; esac; \
 	    $$root install -D -m $$mode "$${pair%%=*}" "$$place.new" && $$root mv "$$place.new" "$$place" || exit 1; done
 
-# Of the library for virtual time, also those of earlier versions, for one LinuxCNC each. The picker cannot read an empty folder of
+# Of the library for virtual time, also those of earlier versions, for one LinuxCNC each, and what compiled them. The picker cannot read an empty folder of
 # examples.
 uninstall:
 	@$(call MAY_CHANGE,uninstalling)
 	@$(AS_ROOT); \
+	$$root rm -rf "$(DESTDIR)$(VIEWER_SHARE)/virtual"; \
 	$$root rm -f "$(DESTDIR)$(MODULES)"/libpkmkins-virtual*.so \
 	    $(foreach pair,$(PLACES),"$(DESTDIR)$(lastword $(subst =, ,$(pair)))") && \
 	for folder in $(OUR_FOLDERS:%="$(DESTDIR)%"); do \

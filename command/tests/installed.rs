@@ -108,6 +108,8 @@ fn install_puts_everything_in_its_place_and_uninstall_takes_exactly_that_away() 
     assert_eq!(mode("usr/bin/pkmkins-pins"), 0o755);
     // From an earlier version.
     fs::write(root.join("usr/lib/linuxcnc/modules/libpkmkins-virtual-2.8.so"), "").unwrap();
+    fs::create_dir_all(root.join("usr/share/pkmkins/virtual")).unwrap();
+    fs::write(root.join("usr/share/pkmkins/virtual/build.sh"), "").unwrap();
     make("uninstall", place.path(), &root);
     found.clear();
     files(&root, &root, &mut found);

@@ -38,6 +38,6 @@ while read -r series hal; do
         ;;
     esac
     echo "versions: LinuxCNC $series"
-    "${with[@]}" "$0" --tests "$series" "$hal" || failed="$failed $series"
+    "${with[@]}" "$0" --tests "$series" "$hal" < /dev/null || failed="$failed $series"
 done < <(awk '$1 == "version" { series = $3 } $1 == "hal" { print series, $NF }' workbench/linuxcnc/versions.toml | tr -d '"[],')
 [ -z "$failed" ] || { echo "versions: failed with LinuxCNC$failed" >&2; exit 1; }
