@@ -23,6 +23,11 @@ pub enum NoSetup {
     Process,
     #[error("the study has both [cutting] and [turning]; remove one of them")]
     Both,
+    #[error(
+        "[[measured]] has no effect here: a measured response has no modes to add to the machine's; remove it, or use \
+         pkm stability lag"
+    )]
+    Measured,
     #[error(transparent)]
     Spindle(#[from] NoSpindle),
 }
@@ -61,6 +66,9 @@ impl<'a> Setup<'a> {
     /// # Errors
     /// See [`NoSetup`].
     pub fn new(config: &'a Mechanism, study: &Study) -> Result<Self, NoSetup> {
+        if !study.measured.is_empty() {
+            return Err(NoSetup::Measured);
+        }
         let process = match (&study.cutting, &study.turning) {
             (Some(cutting), None) => Process::from(cutting),
             (None, Some(turning)) => Process::from(turning),

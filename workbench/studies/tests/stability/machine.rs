@@ -140,6 +140,13 @@ fn the_worst_feed_is_the_least_of_all_directions() {
 }
 
 #[test]
+fn a_measured_response_is_refused_beside_modes() {
+    let measured = "[[measured]]\nname = \"tool\"\nfile = \"frf.csv\"\n";
+    let study = Study::parse(&[PLATFORM, LEGS, CUTTING, measured].concat()).unwrap();
+    assert!(matches!(Setup::new(&config("hexapod"), &study), Err(NoSetup::Measured)));
+}
+
+#[test]
 fn a_spindle_adds_its_receptance_to_that_of_the_tip() {
     let config = config("hexapod");
     let spindle = example("spindle.toml");
