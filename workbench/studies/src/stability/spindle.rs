@@ -41,6 +41,10 @@ pub enum NoSpindle {
         "[[spindle.joints]] at_mm = {at}: expected less than the length of the shaft, {length} mm"
     )]
     Joint { at: f64, length: f64 },
+    #[error(
+        "[[spindle.joints]] at_mm = {0} is rigid: give compliance_um_per_n or angular_rad_per_n_m above 0, or remove it"
+    )]
+    Rigid(f64),
     #[error("[spindle] has no [[spindle.sections]]: add one or more")]
     Empty,
     #[error("[spindle] modes = 0: expected at least 1")]
@@ -152,6 +156,9 @@ impl Spindle {
         for joint in &self.joints {
             if !(joint.at_mm.0 < length) {
                 return Err(NoSpindle::Joint { at: joint.at_mm.0, length });
+            }
+            if joint.compliance_um_per_n.0 == 0.0 && joint.angular_rad_per_n_m.0 == 0.0 {
+                return Err(NoSpindle::Rigid(joint.at_mm.0));
             }
         }
         let [first, second] = self.bearings.map(|bearing| bearing.at_mm.0);

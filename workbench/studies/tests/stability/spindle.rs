@@ -244,6 +244,7 @@ fn a_spindle_that_is_none_is_refused() {
     assert_eq!(refused(|s| s.bearings[1].at_mm.0 = 0.0), NoSpindle::Together(0.0));
     let bore = refused(|s| s.sections[0].bore_mm.0 = 40.0);
     assert_eq!(bore, NoSpindle::Bore { bore: 40.0, outer: 40.0 });
+    assert_eq!(refused(|s| s.joints.push(joint(50.0, 0.0, 0.0))), NoSpindle::Rigid(50.0));
     let at_the_nose = refused(|s| s.joints.push(joint(100.0, 0.1, 0.0)));
     assert_eq!(at_the_nose, NoSpindle::Joint { at: 100.0, length: 100.0 });
     assert_eq!(refused(|s| s.sections.clear()), NoSpindle::Empty);
