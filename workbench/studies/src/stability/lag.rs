@@ -93,6 +93,12 @@ pub struct Limit {
 /// Relative distance from a crossing at which roots are counted.
 const BESIDE: f64 = 1e-6;
 
+/// Share of the highest measured frequency with which the open loop at that frequency is compared.
+const NEAR_END: f64 = 0.95;
+
+/// Open loop that may rise at the highest measured frequency, as between two small resonances.
+const SMALL: f64 = 0.1;
+
 /// Steps of Newton's method that polish a root of the polynomial.
 const POLISH: usize = 60;
 
@@ -118,7 +124,7 @@ impl Lag {
     /// Returns the lowest frequency of a resonance, rad/s.
     pub fn slowest(&self) -> f64 {
         let terms = self.terms.iter().map(Term::omega);
-        terms.chain(self.measured.iter().map(Receptance::peak)).fold(f64::INFINITY, f64::min)
+        terms.chain(self.measured.iter().map(Receptance::slowest)).fold(f64::INFINITY, f64::min)
     }
 
     /// Returns whether the measured responses have no common range of frequencies.
@@ -127,8 +133,14 @@ impl Lag {
         !(low < high)
     }
 
+    /// Returns the first term whose natural frequency is outside the measured range, where nothing is examined.
+    pub fn outside(&self) -> Option<usize> {
+        let [low, high] = self.range();
+        self.terms.iter().position(|term| !(low..=high).contains(&term.omega()))
+    }
+
     /// Returns the range of frequencies of all measured responses, rad/s.
-    fn range(&self) -> [f64; 2] {
+    pub fn range(&self) -> [f64; 2] {
         let common = |[low, high]: [f64; 2], [from, to]: [f64; 2]| [low.max(from), high.min(to)];
         self.measured.iter().map(Receptance::range).fold([0.0, f64::INFINITY], common)
     }
@@ -269,12 +281,8 @@ impl Lag {
     /// just above a crossing and just below the next, 0 at K = 0, and equal above the last and far beyond it.
     fn agrees(&self, positive: &[Crossing]) -> bool {
         if !self.measured.is_empty() {
-            // Beyond the measured frequencies the open loop must stay away from -1.
             let Some(limit) = positive.first() else { return false };
-            let ends = self
-                .range()
-                .map(|omega| self.receptance(omega) * limit.stiffness / self.delay(omega));
-            if ends.iter().any(|open| open.re < 0.0 && open.modulus() > 1.0) {
+            if !self.is_closed(limit.stiffness) {
                 return false;
             }
         }
@@ -287,6 +295,20 @@ impl Lag {
         }
         let beyond = positive.last().map_or(self.at_rest().abs(), |last| last.stiffness) * 1e3;
         agrees && at(beyond) == count
+    }
+
+    /// Returns whether the open loop stays away from -1 beyond the measured frequencies. Below them, all parts are
+    /// nearly static. Above them, a resonance turns the open loop by half a turn, so only its modulus counts; one that
+    /// rises approaches a resonance, unless it is [`SMALL`].
+    pub fn is_closed(&self, stiffness: f64) -> bool {
+        let open = |omega: f64| self.receptance(omega) * stiffness / self.delay(omega);
+        if self.measured.is_empty() {
+            return true;
+        }
+        let [low, high] = self.range();
+        let size = open(high).modulus();
+        let shrinks = size < 1.0 && size < open(NEAR_END * high).modulus();
+        (size < SMALL || shrinks) && (open(low).re > 0.0 || open(low).modulus() < 1.0)
     }
 
     /// Counts the roots with a positive real part at a cutting stiffness, by eigenvalues; with measured responses

@@ -31,6 +31,11 @@ pub enum NoLoop {
     Slow { lag: f64, period: f64 },
     #[error("the frequencies of the files of [[measured]] do not overlap: measure a common range")]
     Apart,
+    #[error(
+        "{name} vibrates at {hz:.1} Hz, outside the measured {low:.1} to {high:.1} Hz, where nothing is examined: \
+         measure a range that contains it, or remove it"
+    )]
+    Outside { name: String, hz: f64, low: f64, high: f64 },
     #[error(transparent)]
     Spindle(#[from] NoSpindle),
 }
@@ -67,7 +72,7 @@ impl LinkJoint {
     /// Returns displacement of the tool per force, mm/N.
     fn compliance(&self) -> f64 {
         // rad/(N m) is 1e-3 rad/(N mm).
-        1e-3 * (self.compliance_um_per_n.0 + self.angular_rad_per_n_m.0 * self.arm_mm.0.powi(2))
+        1e-3 * (self.compliance_um_per_n + self.angular_rad_per_n_m * self.arm_mm.powi(2))
     }
 }
 
@@ -105,9 +110,9 @@ impl Adjustment {
             (Some(length), Some(formula)) => {
                 let first = terms.first_mut().ok_or(NoLoop::Link)?;
                 *first = first.with_stiffness(formula.stiffness(length));
-                let turns = |joint: &&LinkJoint| joint.angular_rad_per_n_m.0 > 0.0;
+                let turns = |joint: &&LinkJoint| joint.angular_rad_per_n_m > 0.0;
                 if let Some(joint) = study.links[0].joints.iter().find(turns) {
-                    return Err(NoLoop::Arm(joint.arm_mm.0));
+                    return Err(NoLoop::Arm(joint.arm_mm));
                 }
             }
             (Some(length), None) => {
@@ -135,6 +140,11 @@ impl Adjustment {
         }
         if lag.is_apart() {
             return Err(NoLoop::Apart);
+        }
+        if let Some(k) = lag.outside().filter(|_| !lag.measured.is_empty()) {
+            let [low, high] = lag.range().map(|omega| omega / TAU);
+            let hz = lag.terms[k].omega() / TAU;
+            return Err(NoLoop::Outside { name: names.swap_remove(k), hz, low, high });
         }
         let period = TAU / lag.slowest();
         if lag.lag > period {

@@ -144,19 +144,57 @@ pub struct Link {
     pub joints: Vec<LinkJoint>,
 }
 
+/// Why a joint has no effect.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoJoint {
+    #[error(
+        "angular_rad_per_n_m = {0} without arm_mm moves nothing: add arm_mm, the distance of the force from the joint"
+    )]
+    Arm(f64),
+    #[error(
+        "the joint is rigid: give compliance_um_per_n or angular_rad_per_n_m above 0, or remove the joint"
+    )]
+    Rigid,
+}
+
+/// `[[links.joints]]` as written in the file.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LinkJointKeys {
+    #[serde(default)]
+    compliance_um_per_n: NotNegative,
+    #[serde(default)]
+    angular_rad_per_n_m: NotNegative,
+    #[serde(default)]
+    arm_mm: NotNegative,
+}
+
 /// One of `[[links.joints]]`: a spring in series with that of its link.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "LinkJointKeys")]
 pub struct LinkJoint {
     /// Displacement per force.
-    #[serde(default)]
-    pub compliance_um_per_n: NotNegative,
+    pub compliance_um_per_n: f64,
     /// Angle per moment.
-    #[serde(default)]
-    pub angular_rad_per_n_m: NotNegative,
-    /// Distance of the force from the joint, by which the angle moves the tool.
-    #[serde(default)]
-    pub arm_mm: NotNegative,
+    pub angular_rad_per_n_m: f64,
+    /// Distance of the force from the joint, by which the angle moves the tool; above 0 if the angle is.
+    pub arm_mm: f64,
+}
+
+impl TryFrom<LinkJointKeys> for LinkJoint {
+    type Error = NoJoint;
+
+    fn try_from(keys: LinkJointKeys) -> Result<Self, NoJoint> {
+        let [compliance_um_per_n, angular_rad_per_n_m, arm_mm] =
+            [keys.compliance_um_per_n.0, keys.angular_rad_per_n_m.0, keys.arm_mm.0];
+        if angular_rad_per_n_m > 0.0 && arm_mm == 0.0 {
+            return Err(NoJoint::Arm(angular_rad_per_n_m));
+        }
+        if compliance_um_per_n == 0.0 && angular_rad_per_n_m == 0.0 {
+            return Err(NoJoint::Rigid);
+        }
+        Ok(Self { compliance_um_per_n, angular_rad_per_n_m, arm_mm })
+    }
 }
 
 /// `[lag]`: a cutting force that follows the chip's thickness with a first-order lag.

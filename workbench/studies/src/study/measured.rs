@@ -45,6 +45,8 @@ pub enum BadResponse {
     Row(u64, String),
     #[error("line {line}: {at} after {before}: expected rising frequencies above 0; sort the rows")]
     Falling { line: u64, at: f64, before: f64 },
+    #[error("line {0}: remove the row of 0 Hz; frequencies are above 0")]
+    Rest(u64),
     #[error("{0} rows below the header: expected at least 2")]
     Short(usize),
     #[error(
@@ -52,7 +54,24 @@ pub enum BadResponse {
          opposite sign of the phase, negate the imaginary part"
     )]
     Leading,
+    #[error(
+        "the displacement opposes the force at the lowest frequency, {0:.1} Hz: is the direction of the sensor reversed, \
+         or is it an acceleration? Give displacement per force, from below the first resonance and above the noise"
+    )]
+    Opposed(f64),
+    #[error(
+        "the response turns by {turn:.0} degrees from {from:.1} to {to:.1} Hz, so a resonance may lie between both rows: \
+         measure at more frequencies, with turns of at most {TURN} degrees"
+    )]
+    Coarse { turn: f64, from: f64, to: f64 },
 }
+
+/// Largest turn between neighboring samples, degrees: a straight line then leaves a circle by 1 - cos(22.5°), 8% of
+/// its radius.
+const TURN: f64 = 45.0;
+
+/// Share of the largest response below which turns are not judged: antiresonances and noise turn fast.
+const MATTERS: f64 = 0.1;
 
 /// Units of frequency and displacement per force, with their size in rad/s and mm/N.
 const FREQUENCIES: [(&str, f64); 2] = [("hz", TAU), ("rad_per_s", 1.0)];
@@ -83,6 +102,9 @@ impl FromStr for Receptance {
                     .ok_or_else(|| BadResponse::Row(line, format!("\"{word}\" is not a number")))?;
             }
             let before = samples.last().map_or(0.0, |(omega, _)| omega / scale);
+            if cells[0] == 0.0 {
+                return Err(BadResponse::Rest(line));
+            }
             if !(cells[0] > before) {
                 return Err(BadResponse::Falling { line, at: cells[0], before });
             }
@@ -96,10 +118,14 @@ impl FromStr for Receptance {
             (pair[0].1.im + pair[1].1.im) * (pair[1].0 / pair[0].0).ln()
         };
         let integral: f64 = samples.windows(2).map(area).sum();
+        if samples[0].1.re < 0.0 {
+            return Err(BadResponse::Opposed(samples[0].0 / TAU));
+        }
         if samples[0].1.re > 0.0 && integral > 0.0 {
             return Err(BadResponse::Leading);
         }
-        Ok(Self { samples })
+        let own = Self { samples };
+        own.coarse().map_or(Ok(own), Err)
     }
 }
 
@@ -128,9 +154,30 @@ impl Receptance {
         [self.samples[0].0, self.samples[self.samples.len() - 1].0]
     }
 
-    /// Returns the frequency of the largest displacement, rad/s.
-    pub fn peak(&self) -> f64 {
-        let largest = self.samples.iter().max_by(|a, b| a.1.modulus().total_cmp(&b.1.modulus()));
-        largest.map_or(0.0, |(omega, _)| *omega)
+    /// Returns the first turn of a large response that is too wide for a straight line.
+    fn coarse(&self) -> Option<BadResponse> {
+        let largest = |samples: &[(f64, Complex<f64>)]| {
+            samples.iter().map(|(_, value)| value.modulus()).fold(0.0, f64::max)
+        };
+        let least = MATTERS * largest(&self.samples);
+        let wide = |pair: &[(f64, Complex<f64>)]| {
+            let turn = (pair[1].1 * pair[0].1.conjugate()).argument().abs().to_degrees();
+            let [from, to] = [pair[0].0 / TAU, pair[1].0 / TAU];
+            (turn > TURN && largest(pair) > least).then_some(BadResponse::Coarse { turn, from, to })
+        };
+        self.samples.windows(2).find_map(wide)
+    }
+
+    /// Returns the frequency of the slowest resonance, rad/s: the lowest peak of the imaginary part that noise does
+    /// not have.
+    pub fn slowest(&self) -> f64 {
+        let size = |at: usize| self.samples[at].1.im.abs();
+        let count = self.samples.len();
+        let least = MATTERS * (0..count).map(size).fold(0.0, f64::max);
+        let mut at = (0..count).find(|k| size(*k) >= least).unwrap_or(0);
+        while at + 1 < count && size(at + 1) > size(at) {
+            at += 1;
+        }
+        self.samples[at].0
     }
 }

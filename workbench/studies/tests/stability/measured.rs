@@ -111,7 +111,7 @@ fn a_range_that_decides_nothing_confirms_nothing() {
     assert!(limit.is_certified && limit.crossing.is_some(), "{limit:?}");
     let mut apart = Study::parse(&format!("[lag]\ntime_constant_ms = 0.1\n{MEASURED}{MEASURED}"));
     let apart = apart.as_mut().unwrap();
-    let far = file("rad_per_s,re_m_per_n,im_m_per_n", &LINKS, 1e-3, even(2e4, 2.1e4));
+    let far = file("hz,re_m_per_n,im_m_per_n", &LINKS, 1e-3, even(1.0, 19.0));
     apart.measured[0].response = measured(&LINKS);
     apart.measured[1].response = far.parse().unwrap();
     assert_eq!(Adjustment::of(apart, None), Err(NoLoop::Apart));
@@ -150,7 +150,7 @@ fn a_file_that_is_no_response_is_refused_with_its_line() {
     assert!(rows("1,2,x\n2,3,4\n").contains("line 2: \"x\" is not a number"));
     assert!(rows("1,2,nan\n2,3,4\n").contains("line 2: \"nan\" is not a number"));
     assert!(rows("1,2,3\n2,3\n").contains("line 3"));
-    assert!(rows("0,2,-3\n2,3,-4\n").contains("line 2: 0 after 0: expected rising"));
+    assert!(rows("0,2,-3\n2,3,-4\n").contains("line 2: remove the row of 0 Hz"));
     assert!(rows("3,2,-3\n2,3,-4\n").contains("line 3: 2 after 3: expected rising"));
     assert!(rows("3,2,-3\n").contains("1 rows below"));
     let header = "hz,re_um_per_n,im_um_per_n";
@@ -159,6 +159,101 @@ fn a_file_that_is_no_response_is_refused_with_its_line() {
     let negated = |(rest, im): &(&str, &str)| format!("{rest},{}\n", im.trim_start_matches('-'));
     let leading: String = other.iter().map(negated).collect();
     assert_eq!(leading.parse::<Receptance>(), Err(BadResponse::Leading));
+    // A reversed sensor, and two turns of a quarter: one of a large response, one of a small one.
+    let found = rows("5,-2,0.1\n6,-3,0.2\n");
+    assert!(found.contains("lowest frequency, 5.0 Hz: is the direction of the sensor reversed"));
+    let found = rows("5,9,-0.1\n6,0.1,-9\n7,0,-1\n");
+    assert!(found.contains("turns by 89 degrees from 5.0 to 6.0 Hz"), "{found}");
+    let small = "5,20,-0.1\n6,1,-0.1\n7,0.1,-1\n";
+    assert!(format!("{header}\n{small}").parse::<Receptance>().is_ok());
+}
+
+/// Returns mass, damping and stiffness of a link: kg, N s/m, N/m.
+fn link(hz: f64, ratio: f64, stiffness: f64) -> [f64; 3] {
+    let omega = TAU * hz;
+    let mass = stiffness / (omega * omega);
+    [mass, 2.0 * ratio * mass * omega, stiffness]
+}
+
+#[test]
+fn a_file_coarser_than_its_resonances_is_refused() {
+    // 50 samples up to 5000 Hz: straight lines had a limit of 25850 N/mm instead of 3590.
+    let hz = (0..50).map(|k| 5.0 + 4995.0 / 49.0 * f64::from(k));
+    let text = file("hz,re_um_per_n,im_um_per_n", &LINKS, 1e3, hz);
+    let found = text.parse::<Receptance>();
+    // The spindle vibrates at 658.8 Hz.
+    assert!(
+        matches!(found, Err(BadResponse::Coarse { from, to, .. }) if from < 658.8 && 658.8 < to),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn a_mass_outside_the_measured_range_is_refused() {
+    let response = || {
+        let text = file("hz,re_um_per_n,im_um_per_n", &LINKS, 1e3, even(400.0, 900.0));
+        text.parse::<Receptance>().unwrap()
+    };
+    let link = |mass: f64| {
+        let rest = "damping_n_s_per_mm = 0.4244\nstiffness_n_per_um = 10\n";
+        format!("[[links]]\nname = \"soft\"\nmass_kg = {mass}\n{rest}{MEASURED}")
+    };
+    // 10 N/um with 11.26, 1 and 0.2 kg: 150, 503 and 1125 Hz.
+    for (mass, hz) in [(11.26, "150.0"), (0.2, "1125.4")] {
+        let message = of(&link(mass), response()).unwrap_err().to_string();
+        let words = format!("soft vibrates at {hz} Hz, outside the measured 400.0 to 900.0 Hz");
+        assert!(message.contains(&words), "{message}");
+    }
+    assert!(of(&link(1.0), response()).is_ok());
+}
+
+#[test]
+fn an_open_loop_that_rises_at_the_upper_end_confirms_nothing() {
+    // The range ends below the resonance at 660 Hz, where the limit is.
+    let links = [link(200.0, 0.05, 30e6), link(660.0, 0.02, 38.9e6)];
+    let limit = |high: f64| {
+        let text = file("hz,re_um_per_n,im_um_per_n", &links, 1e3, even(5.0, high));
+        let lag = of(MEASURED, text.parse().unwrap()).unwrap().lag.with_lag(0.9e-3);
+        (lag.limit(), lag)
+    };
+    let (found, lag) = limit(640.0);
+    let stiffness = found.crossing.unwrap().stiffness;
+    assert!(!found.is_certified, "{found:?}");
+    let (whole, _) = limit(3000.0);
+    assert!(whole.is_certified && whole.crossing.unwrap().stiffness < stiffness, "{whole:?}");
+    // With a modulus above 1 and a positive real part at the end.
+    let (omega, large) = (lag.range()[1], 2.0 * stiffness);
+    let open = lag.with_lag(1e-4).receptance(omega) * large / lag.with_lag(1e-4).delay(omega);
+    assert!(
+        open.re > 0.0 && open.modulus() > 1.0 && !lag.with_lag(1e-4).is_closed(large),
+        "{open}"
+    );
+}
+
+#[test]
+fn the_slowest_resonance_bounds_the_lag() {
+    // The resonance at 2000 Hz is twice as large, that at 200 Hz is slower.
+    let links = [link(200.0, 0.03, 60e6), link(2000.0, 0.03, 30e6)];
+    let text = file("hz,re_um_per_n,im_um_per_n", &links, 1e3, even(5.0, 5000.0));
+    let lag = of(MEASURED, text.parse().unwrap()).unwrap().lag;
+    // The imaginary part is largest within ζ² of the natural frequency, and within a sample.
+    close(lag.slowest() / TAU, 200.0, 0.03 * 0.03 + STEP / 200.0);
+}
+
+#[test]
+fn a_joint_without_effect_is_refused() {
+    let with = |joint: &str| {
+        let link = "name = \"a\"\nmass_kg = 1\ndamping_n_s_per_mm = 1\nstiffness_n_per_um = 9\n";
+        let text = format!("[[links]]\n{link}[[links.joints]]\n{joint}\n");
+        Study::parse(&text).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert!(with("angular_rad_per_n_m = 1e-5\narm_mm = 70").is_ok());
+    assert!(with("compliance_um_per_n = 1e-3").is_ok());
+    let found = with("angular_rad_per_n_m = 1e-5").unwrap_err();
+    assert!(found.contains("angular_rad_per_n_m = 0.00001 without arm_mm"), "{found}");
+    for joint in ["", "arm_mm = 70"] {
+        assert!(with(joint).unwrap_err().contains("the joint is rigid"), "{joint}");
+    }
 }
 
 #[test]
