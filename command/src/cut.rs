@@ -62,6 +62,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let study = Study::read(&job.study)?;
     let cut = Cut::new(&config, &study).at(&job.study)?;
     let moves = job.moves(&config)?;
+    if let (Some(rpm), Some(step)) = (job.rpm, moves.iter().find(|step| step.is_per_turn)) {
+        return Err(refused(format!(
+            "--rpm {rpm}: {}: line {}: the feed is one per turn, so another speed also changes the motion; change the \
+             S word instead, under G97",
+            job.program.display(),
+            step.line
+        )));
+    }
     let mut progress = Progress::new(&config, &job.program)?;
     let (options, places) = (control.options(), job.places as usize);
     let answer =

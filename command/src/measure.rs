@@ -177,6 +177,7 @@ fn moved(config: &Mechanism, step: &Step, tool: [f64; 3], feed: f64) -> Move {
         lasts: None,
         extra_end: extra_home(config),
         spindle: Spindle::Unknown,
+        is_per_turn: false,
     }
 }
 

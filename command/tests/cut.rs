@@ -56,6 +56,25 @@ fn the_worst_line_is_the_planted_one_and_its_chip_is_feed_over_teeth_and_turns()
 }
 
 #[test]
+fn a_feed_per_turn_cuts_as_long_as_the_same_feed_per_minute() {
+    let per_turn =
+        PROGRAM.replace("G0 X-20", "G95 G0 X-20").replace("F600", "F0.1").replace("F2400", "F0.4");
+    let found =
+        |program: &str| json(&bench(STUDY, program).answer(&format!("{WORDS} --format json"), ""));
+    let (minute, turn) = (found(PROGRAM), found(&per_turn));
+    for key in ["cutting_seconds", "seconds"] {
+        let [minute, turn] = [&minute, &turn].map(|answer| float(&answer[key]));
+        // LinuxCNC's feed per turn is 0.2 % faster.
+        assert!((turn / minute - 1.0).abs() < 0.01, "{key} {minute} {turn}");
+    }
+    // 2400 mm/min of two teeth at 6000 1/min.
+    assert!((float(&turn["chip_mm"]["value"]) / 0.2 - 1.0).abs() < 1e-8, "{}", turn["chip_mm"]);
+    let answer = bench(STUDY, &per_turn).answer(&format!("{WORDS} --rpm 12000"), "");
+    assert!(answer.ends_with("exit 2\n"), "{answer}");
+    assert!(answer.contains("--rpm 12000: part.ngc: line 4: the feed is one per turn"), "{answer}");
+}
+
+#[test]
 fn every_pass_of_a_loop_is_reported_at_its_time() {
     // Three passes there and back, each faster than the one before.
     let program = "G21 G90 G64\nS6000 M3\nG0 X-20 Y0 Z50\n#1 = 0\no1 repeat [3]\n#1 = [#1 + 600]\n\

@@ -172,6 +172,8 @@ pub struct Commanded {
     pub feed: f64,
     /// Whether the feed follows the spindle.
     pub follows_spindle: bool,
+    /// Whether it is a feed move with a feed per turn of the spindle: G95, G33.
+    pub is_per_turn: bool,
     /// Full turns of the program's arc that LinuxCNC has lost in making this straight move of it; otherwise 0.
     pub lost_turns: u32,
     /// Allowed deviation from the path at its end, machine units; 0 for an exact stop, infinite if the

@@ -222,6 +222,7 @@ impl Fields<'_> {
         to.kind = *kinds.get(self.number()? as usize)?;
         let flags = self.number()?;
         to.follows_spindle = flags & 2 != 0;
+        to.is_per_turn = flags & 16 != 0;
         let turns = self.take().map(i32::from_ne_bytes)?;
         to.lost_turns = self.number()?;
         to.feed = self.value()?;

@@ -353,6 +353,7 @@ void show_move() {
     move.speed = move.spindle_turns ? std::fabs(spindle.speed) : word;
     const bool has_speed = is_speed && move.speed > 0.0 && !move.is_surface_speed;
     move.follows_spindle = (pitch != 0.0 && !has_speed) || move.kind == record::Move::Kind::tap;
+    move.is_per_turn = pitch != 0.0 && move.kind == record::Move::Kind::feed;
     move.feed = pitch != 0.0 && has_speed ? std::fabs(pitch) * move.speed / 60.0 : number_at(at.feed);
     const double x = number_at(at.end);
     if (pitch != 0.0 && !is_speed && synched >= 0 && static_cast<size_t>(synched) < at.spindles.size()) {

@@ -196,7 +196,7 @@ void move(const Move &move) {
     put(static_cast<uint32_t>(move.file));
     put(static_cast<uint32_t>(move.kind));
     put(static_cast<uint32_t>(move.is_arc | move.follows_spindle << 1 | move.spindle_turns << 2 |
-                              move.is_surface_speed << 3));
+                              move.is_surface_speed << 3 | move.is_per_turn << 4));
     put(static_cast<int32_t>(move.turns));
     put(static_cast<uint32_t>(move.lost_turns));
     put(values);

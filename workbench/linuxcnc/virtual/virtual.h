@@ -145,7 +145,7 @@ struct Move {
     enum class Kind : unsigned { rapid = 0, feed = 1, probe = 2, tap = 3 };
     int line, file;
     Kind kind;
-    bool is_arc, follows_spindle, spindle_turns, is_surface_speed;
+    bool is_arc, follows_spindle, spindle_turns, is_surface_speed, is_per_turn;
     int turns;
     // Full turns of an arc that was reduced to this straight move.
     int lost_turns;

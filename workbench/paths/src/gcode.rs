@@ -243,6 +243,7 @@ impl<'a> Writer<'a> {
             lasts: None,
             extra_end: extra_home(self.config),
             spindle: Spindle::Unknown,
+            is_per_turn: false,
         });
     }
 

@@ -68,6 +68,8 @@ pub struct Move {
     pub extra_end: [f64; MAX_EXTRA],
     /// The spindle during the move.
     pub spindle: Spindle,
+    /// Whether its feed is one per turn of the spindle: G95, G33.
+    pub is_per_turn: bool,
 }
 
 /// The part of a move of the second of two mechanisms.
@@ -283,6 +285,7 @@ impl<'a> Translator<'a> {
             lasts: None,
             extra_end,
             spindle: commanded.spindle,
+            is_per_turn: commanded.is_per_turn,
         }
     }
 }

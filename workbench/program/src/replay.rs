@@ -605,6 +605,7 @@ mod tests {
             lasts: None,
             extra_end: [0.0; MAX_EXTRA],
             spindle: Spindle::Unknown,
+            is_per_turn: false,
         }
     }
 

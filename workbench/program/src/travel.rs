@@ -114,6 +114,7 @@ impl Stand {
             second: each.next(),
             extra_end,
             spindle: Spindle::Unknown,
+            is_per_turn: false,
         }
     }
 }

@@ -43,6 +43,7 @@ pub fn rapid(line: u32, end: [f64; 6]) -> Move {
         lasts: None,
         extra_end: [0.0; MAX_EXTRA],
         spindle: Spindle::Unknown,
+        is_per_turn: false,
     }
 }
 

@@ -130,6 +130,7 @@ fn the_path_of_moves_goes_by_its_length() {
         lasts: None,
         extra_end: [0.0; MAX_EXTRA],
         spindle: Spindle::Unknown,
+        is_per_turn: false,
     };
     let mut ends = [config.home; 3];
     ends[0][0] += 30.0;

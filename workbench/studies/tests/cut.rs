@@ -3,7 +3,7 @@
 //! miss a peak, and the command as users run it.
 
 use kinematics::{Joints, MAX_EXTRA, MAX_JOINTS, Matrix3, Pose, Vector3};
-use linuxcnc::row::{Beside, Extra, Flags, Row};
+use linuxcnc::row::{Beside, Commanded, Extra, Flags, Row};
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, MoveKind, Spindle};
 use std::collections::BTreeMap;
@@ -217,6 +217,22 @@ fn a_peak_of_one_cycle_is_not_lost_in_one_pass() {
     assert_eq!(jerky.judged, 200);
 }
 
+/// LinuxCNC's feed per turn is 0.2 % above F times S.
+#[test]
+fn a_feed_per_turn_cuts_although_it_is_faster_than_programmed() {
+    let config = config("linear-delta");
+    let subject = subject(&config, STUDY);
+    let lines = BTreeMap::from([(7, Line { feed: 10.0, rpm: 6000.0 })]);
+    for (is_per_turn, cutting) in [(true, 98), (false, 0)] {
+        let mut pass = Pass::new(&subject, &lines);
+        pass.command(&Commanded { line: 7, is_per_turn, ..Commanded::default() });
+        for k in 0..100 {
+            pass.see(&row(k, 10.02 * config.period * k as f64)).unwrap();
+        }
+        assert_eq!(pass.finish().unwrap().cutting, cutting);
+    }
+}
+
 const TURNING: &str = "[platform]\nmass_kg = 60\ncentre_mm = [0, 0, 0]\n\
     inertia_kg_m2 = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n\
     [legs]\nstiffness_n_per_um = 60\ndamping_ratio = 0.03\nmax_force_n = 9000\n\
@@ -382,6 +398,7 @@ fn a_spindle_that_turns_at_no_speed_cuts_nothing() {
         second: None,
         extra_end: [0.0; MAX_EXTRA],
         spindle,
+        is_per_turn: false,
     };
     let found = |spindle: Spindle| lines(&[step(0.0, spindle), step(9.0, spindle)]);
     assert_eq!(found(Spindle::Turning(0.0)), Err(NoCut::NoSpeed(3)));

@@ -156,6 +156,7 @@ impl<'a> Cut<'a> {
                     error = pass.see(row).err();
                 }
                 Event::Move(commanded) => {
+                    pass.command(commanded);
                     let mut count = 0;
                     translator.see(commanded, |_| count += 1);
                     clock.command(count);

@@ -9,7 +9,7 @@ use crate::cut::moment::{Judged, Moment, NoMoment, Subject};
 use crate::cut::program::{Line, cuts, length, stance};
 use crate::cut::stance::Stance;
 use kinematics::{Fault, Vector3};
-use linuxcnc::row::Row;
+use linuxcnc::row::{Commanded, Row};
 use machine::read::mechanism::Mechanism;
 use program::motion::Move;
 use rayon::prelude::*;
@@ -25,7 +25,8 @@ pub const WINDOW: u64 = 10;
 const BATCH: usize = 1024;
 
 /// A row faster than the programmed feed by this factor belongs to a rapid move: LinuxCNC keeps
-/// the feed to rounding.
+/// a feed per minute to rounding. One per turn follows the measured speed of the spindle, not S exactly: such a
+/// move cuts throughout.
 const FASTER: f64 = 1.001;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,6 +78,8 @@ pub struct Pass<'a> {
     /// Moment of the window, its acceleration, and cycles of the window.
     window: Option<(Moment, f64, u64)>,
     batch: Vec<Moment>,
+    /// For each command, whether the spindle sets its feed.
+    per_turn: Vec<bool>,
     found: Found,
 }
 
@@ -84,7 +87,20 @@ impl<'a> Pass<'a> {
     /// Creates a pass before the first row.
     pub fn new(subject: &'a Subject<'a>, program: &'a BTreeMap<u32, Line>) -> Self {
         let found = Found { drives: vec![None; subject.drives.len()], ..Found::default() };
-        Self { subject, program, before: vec![], window: None, batch: vec![], found }
+        Self {
+            subject,
+            program,
+            before: vec![],
+            window: None,
+            batch: vec![],
+            per_turn: vec![],
+            found,
+        }
+    }
+
+    /// Processes the command of the next move.
+    pub fn command(&mut self, commanded: &Commanded) {
+        self.per_turn.push(commanded.is_per_turn);
     }
 
     /// Processes the row of a servo cycle.
@@ -150,7 +166,8 @@ impl<'a> Pass<'a> {
         let rate = feed.norm() / (2.0 * config.period);
         let moves = from.pose != to.pose;
         let line = self.program.get(&row.line);
-        let cuts = line.filter(|line| moves && rate <= line.feed * FASTER);
+        let is_per_turn = self.per_turn.get(row.number) == Some(&true);
+        let cuts = line.filter(|line| moves && (is_per_turn || rate <= line.feed * FASTER));
         Ok(Moment {
             line: row.line,
             at: row.cycle as f64 * config.period,
