@@ -11,12 +11,13 @@ use super::vibration::{
 use super::{Bar, MachineFile, Verdict, in_words, output};
 use draw::dynamics::{of_deviation, of_map, of_response, of_spectrum, of_trace};
 use draw::plot::Plot;
-use kinematics::{Matrix3, Pose, Vector3};
-use linuxcnc::process;
-use linuxcnc::row::Ending;
+use kinematics::{Carries, Matrix3, Pose, Vector3};
+use linuxcnc::process::{Event, run_with_moves};
+use linuxcnc::row::{CommandedKind, Ending};
 use machine::files::{Locate, csv, open, write_whole};
 use machine::proof::axis_box;
 use machine::read::mechanism::Mechanism;
+use program::motion::{self, MoveKind, Spindle};
 use program::preflight::JudgeError;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -33,6 +34,7 @@ use studies::dynamics::structure::{Structure, legs};
 use studies::study::file::{Lacking, Study};
 use studies::study::forcing::Force as Random;
 use studies::study::map::Map;
+use studies::study::number::Positive;
 use studies::study::workspace::Workspace;
 
 /// Top of a response's frequency range, relative to the highest natural frequency.
@@ -135,7 +137,11 @@ struct Subject<'a> {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     check(arguments)?;
     let config = arguments.machine.read()?;
-    let study = Study::read(&arguments.study)?;
+    let mut study = Study::read(&arguments.study)?;
+    let is_cut = study.stock.is_some() && arguments.shake == Some(Shake::Milling);
+    if let (true, Some(run), Some(program)) = (is_cut, &mut study.milling, &arguments.program) {
+        run.speed_rpm = Positive(turning(&config, program)?);
+    }
     let model = Model::of(&config, &study).at(&arguments.study)?;
     let (pose, tool) = arguments.at.read(&config)?;
     let structure = Structure::at(&config, &model, &pose, &tool)
@@ -188,6 +194,36 @@ fn check(arguments: &Arguments) -> Result<(), Failure> {
         }
         _ => Ok(()),
     }
+}
+
+/// Returns the spindle speed of all feed moves of a program, 1/min.
+fn turning(config: &Mechanism, program: &Path) -> Result<f64, Failure> {
+    open(program)?;
+    let (moves, _) = motion::read(&config.clone().into(), program, None)?;
+    let mut turning = None;
+    for step in moves.iter().filter(|step| step.kind == MoveKind::Feed) {
+        let place = format!("{}: line {}", program.display(), step.line);
+        match (step.spindle, turning) {
+            (Spindle::Turning(rpm), None) if rpm > 0.0 => turning = Some(rpm),
+            (Spindle::Turning(rpm), Some(other)) if rpm == other => {}
+            (Spindle::Turning(rpm), Some(other)) => {
+                return Err(refused(format!(
+                    "{place}: the tool cuts at {rpm} 1/min, before at {other}; [stock] needs one speed"
+                )));
+            }
+            (Spindle::Standing(_) | Spindle::Turning(_), _) => {
+                return Err(refused(format!(
+                    "{place}: the tool cuts with the spindle stopped; add S and M3 or M4"
+                )));
+            }
+            (Spindle::Surface | Spindle::Unknown, _) => {
+                return Err(refused(format!(
+                    "{place}: the spindle speed is unknown; set one with G97 and S"
+                )));
+            }
+        }
+    }
+    turning.ok_or_else(|| refused(format!("{}: the program has no feed moves", program.display())))
 }
 
 /// Linear theory of a random force.
@@ -291,6 +327,12 @@ impl Subject<'_> {
                 self.arguments.study.display()
             )));
         }
+        if self.config.chain.of(Carries::Work).next().is_some() {
+            return Err(refused(format!(
+                "{}: [stock] does not turn with an axis that carries the work; remove [stock]",
+                self.arguments.study.display()
+            )));
+        }
         let cutter = self.study.cutting.ok_or_else(|| self.lacks("cutting", "teeth"))?;
         let run = self.study.milling.ok_or_else(|| self.lacks("milling", "speed_rpm"))?;
         let stock = self.study.stock.ok_or_else(|| self.lacks("stock", "low_mm"))?;
@@ -331,11 +373,27 @@ impl Subject<'_> {
         let mut ended = None;
         let mut progress = Progress::new(self.config, program)?;
         let options = self.arguments.control.options();
-        let outcome = process::run(&self.config.clone().into(), program, &options, |row| {
+        // The start, or a rapid move through the block, is no cut.
+        let (mut feeds, mut cut) = (vec![], 0.0);
+        let outcome = run_with_moves(&self.config.clone().into(), program, &options, |event| {
+            let row = match event {
+                Event::Row(row) => row,
+                Event::Move(commanded) => {
+                    feeds.push(commanded.kind == CommandedKind::Feed);
+                    return ControlFlow::Continue(());
+                }
+                Event::File(_) => return ControlFlow::Continue(()),
+            };
             progress.see(row);
             let (pose, tool) = row.machine(self.config);
+            let before = follower.removed().unwrap_or_default();
             match follower.see(&Pose::from_degrees(pose), &tool) {
-                Ok(()) => ControlFlow::Continue(()),
+                Ok(()) => {
+                    if row.line > 0 && feeds.get(row.number) == Some(&true) {
+                        cut += follower.removed().unwrap_or_default() - before;
+                    }
+                    ControlFlow::Continue(())
+                }
                 Err(error) => {
                     ended = Some(Failure::at(
                         format!("{}: line {}", program.display(), row.line),
@@ -353,6 +411,13 @@ impl Subject<'_> {
         let record = follower.finish()?;
         if record.tip.is_empty() {
             return Err(JudgeError::MovesNothing(program.into()).into());
+        }
+        if record.removed.is_some() && !(cut > 0.0) && outcome.ending == Ending::Finished {
+            return Err(refused(format!(
+                "{}: not judged: the tool does not touch the block in a feed move; compare the program with [stock] of {}",
+                program.display(),
+                self.arguments.study.display()
+            )));
         }
         let verdict = match outcome.ending {
             Ending::Finished => Verdict::Fits,

@@ -51,6 +51,8 @@ pub struct MotionAnswer {
     pub ellipse: EllipseAnswer,
     /// Largest absolute force of every leg.
     pub leg_peaks_n: Vec<f64>,
+    /// Volume that a cutter has removed from `[stock]`.
+    pub removed_mm3: Option<f64>,
     /// Results of the linear theory under a random force.
     pub linear: Option<LinearAnswer>,
 }
@@ -96,6 +98,7 @@ pub fn of_record(record: &Record, linear: Option<LinearAnswer>) -> MotionAnswer 
         peak_um: (record.peaks() * UM).into(),
         ellipse: EllipseAnswer::of(&covariance),
         leg_peaks_n: record.forces.clone(),
+        removed_mm3: record.removed,
         linear,
     }
 }
@@ -126,6 +129,9 @@ pub fn report(answer: &Answer, pose: &Pose) -> Result<(), Failure> {
     }
     report_ellipse(&mut out, &motion.ellipse)?;
     writeln!(out, "{:>24}{}", "largest forces, N", row(&motion.leg_peaks_n))?;
+    if let Some(removed) = motion.removed_mm3 {
+        writeln!(out, "{:>24}{removed:>10.1}", "removed, mm3")?;
+    }
     if let Some(linear) = &motion.linear {
         writeln!(out, "\nby the linear theory")?;
         writeln!(out, "{:>24}{}", "standard deviation", row(&linear.rms_um))?;

@@ -64,6 +64,48 @@ fn a_cutter_shakes_the_machine_too() {
 }
 
 #[test]
+fn a_stock_is_cut_at_the_speed_of_the_program_or_nothing_is_judged() {
+    let program = "G21 G90 G64\nS18000 M3\nG0 X-8 Y0 Z60\nG0 Z50\nG1 X8 F1200\nM5\nM2\n";
+    let stock = "[stock]\nlow_mm = [-4, -10]\nhigh_mm = [4, 10]\ntop_mm = 51\ncell_mm = 0.2\n";
+    let study = format!("{STUDY}{stock}");
+    let run = |program: &str, machine: &str, study: &str| {
+        let bench = Bench::new().with("study.toml", study);
+        let bench = bench.with("part.ngc", program);
+        bench.answer(
+            &format!("dynamics {machine} --study study.toml --shake milling --program part.ngc"),
+            "",
+        )
+    };
+    let delta = |program: &str| run(program, "linear-delta.ini", &study);
+    let cut = delta(program);
+    assert_output(&cut, 0, &["removed, mm3"]);
+    let line = cut.lines().find(|line| line.contains("removed, mm3")).unwrap();
+    let removed: f64 = line.split_whitespace().last().unwrap().parse().unwrap();
+    // A slot of 8 by 6 by 1 mm, with a cell of 0.2 mm at each side.
+    assert!((removed / 48.0 - 1.0).abs() < 0.1, "{removed}");
+    // Twice as fast, a tooth cuts half as much.
+    assert_ne!(cut, delta(&program.replace("S18000", "S36000")));
+    for (from, to, word) in [
+        ("M3", "", "line 5: the tool cuts with the spindle stopped; add S and M3"),
+        ("M5", "S8000\nG1 X9\nM5", "line 7: the tool cuts at 8000 1/min, before at 18000"),
+        (
+            "G0 Z50",
+            "G0 Z55",
+            "part.ngc: not judged: the tool does not touch the block in a feed move",
+        ),
+        ("G1 X8 F1200", "", "part.ngc: the program has no feed moves"),
+    ] {
+        assert_output(&delta(&program.replacen(from, to, 1)), 2, &[word]);
+    }
+    let table = folder("hexapod-rotary-table").join("hexapod-rotary-table.ini");
+    let program = program.replace("Z60", "Z260").replace("Z50", "Z250");
+    let inertia = "inertia_kg_m2 = [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]\ncentre_mm";
+    let study = study.replace("centre_mm", inertia);
+    let refused = run(&program, &table.display().to_string(), &study);
+    assert_output(&refused, 2, &["[stock] does not turn with an axis that carries the work"]);
+}
+
+#[test]
 fn the_shipped_study_gives_the_frequencies_that_its_page_shows() {
     let bench = Bench::new();
     let hexapod = folder("hexapod");

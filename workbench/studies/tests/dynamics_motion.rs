@@ -603,7 +603,7 @@ fn a_record_shows_the_spectrum_of_what_it_recorded() {
         let time = f64::from(k) * step;
         Vector3::new(3.0 * (TAU * 40.0 * time).sin(), (TAU * 90.0 * time).cos(), 0.0)
     };
-    let record = Record { step, tip: (0..4000).map(tone).collect(), forces: vec![] };
+    let record = Record { step, tip: (0..4000).map(tone).collect(), ..Record::default() };
     let near = |hz: f64| (0..200).map(|k| hz - 10.0 + 0.1 * f64::from(k)).collect::<Vec<_>>();
     let power = |hz: f64, axis: usize| -> f64 {
         record.spectrum(&near(hz)).iter().map(|density| density[axis] * 0.1).sum()
@@ -786,6 +786,7 @@ fn the_work_of_a_tooth_is_its_coefficient_times_the_volume_it_removes() {
         work -= (force.x * cos - force.y * sin) * TAU * 125.0 * 2.5 * LAYER_STEP;
     }
     let removed = before - own.stock.volume(0.0);
+    close(&[own.stock.removed()], &[removed], 1e-9);
     // The block is 20 x 20 x 1 mm, of which 0.7 mm are cut.
     assert!(removed > 30.0, "{removed}");
     // The wall is up to a cell off, of 0.05 mm in a cut 2.5 to 5 mm wide; a path of 12 um per step.

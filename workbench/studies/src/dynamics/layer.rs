@@ -43,13 +43,15 @@ pub struct Stock {
     cell: f64,
     count: [usize; 2],
     heights: Vec<f64>,
+    /// Sum of the heights that have been removed.
+    lowered: f64,
 }
 
 impl From<&forcing::Stock> for Stock {
     fn from(stock: &forcing::Stock) -> Self {
         let count = stock.cells();
         let heights = vec![stock.top_mm; count[0] * count[1]];
-        Self { low: stock.low_mm, cell: stock.cell_mm, count, heights }
+        Self { low: stock.low_mm, cell: stock.cell_mm, count, heights, lowered: 0.0 }
     }
 }
 
@@ -70,6 +72,11 @@ impl Stock {
         sum * self.cell * self.cell
     }
 
+    /// Returns the volume that has been removed, mm³.
+    pub fn removed(&self) -> f64 {
+        self.lowered * self.cell * self.cell
+    }
+
     /// Lowers the cells whose centers are under a cutter.
     fn cut(&mut self, tip: &Vector3<f64>, radius: f64) {
         let ends = |k: usize, reach: f64| {
@@ -86,6 +93,7 @@ impl Stock {
             let cells = ends(0, (radius * radius - off * off).max(0.0).sqrt());
             let start = row * self.count[0];
             for height in &mut self.heights[start + cells.start..start + cells.end] {
+                self.lowered += (*height - tip.z).max(0.0);
                 *height = height.min(tip.z);
             }
         }

@@ -13,6 +13,8 @@ pub struct Record {
     pub tip: Vec<Vector3<f64>>,
     /// Largest force magnitude of every leg, N.
     pub forces: Vec<f64>,
+    /// Volume that a cutter has removed from a stock, mm³; `None` without a stock.
+    pub removed: Option<f64>,
 }
 
 /// Smallest number of overlapping segments of a record over which a spectrum is averaged.

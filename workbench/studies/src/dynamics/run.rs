@@ -208,6 +208,14 @@ impl<'a> Follower<'a> {
         self.steps
     }
 
+    /// Returns the volume that a cutter has removed from a stock, mm³; `None` without a stock.
+    pub fn removed(&self) -> Option<f64> {
+        match &self.going {
+            Some(Going { force: Force::Layer(layer), .. }) => Some(layer.stock.removed()),
+            _ => None,
+        }
+    }
+
     /// Processes the commanded pose of a servo cycle, machine units, and the tool vector there.
     ///
     /// # Errors
@@ -266,6 +274,7 @@ impl<'a> Follower<'a> {
                 self.cycle()?;
             }
         }
+        self.record.removed = self.removed();
         Ok(self.record)
     }
 }
