@@ -137,9 +137,16 @@ fn a_measured_response_is_answered_drawn_and_written() {
     let bench = bench.with("frf.csv", &short);
     assert_output(
         &bench.answer(lag, ""),
-        0,
-        &["none at the measured", "NOT confirmed: measure a wider"],
+        2,
+        &[
+            "none at the measured",
+            "NOT confirmed: measure a wider",
+            "unstable roots         not judged",
+        ],
     );
+    let beyond = bench.answer(&format!("{lag} --stiffness 100000 --format json"), "");
+    assert_output(&beyond, 2, &[]);
+    assert!(beyond.replace(' ', "").contains("\"fits\":null"), "{beyond}");
 }
 
 #[test]

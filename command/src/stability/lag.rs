@@ -58,7 +58,8 @@ const OVERHANGS: usize = 200;
 ///     cantilever_um_per_n = 1.27e-4    # times (l/at)^3
 ///     cantilever_at_mm = 70
 ///
-/// Exit status: 0, 1 if cutting at --stiffness is unstable, 2 if input or output failed.
+/// Exit status: 0, 1 if cutting at --stiffness is unstable, 2 if the limit is not confirmed, or if
+/// input or output failed.
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
@@ -92,6 +93,9 @@ struct Answer {
     worst_lag: Option<Worst>,
     chip: Option<Cut>,
     at: At,
+    /// Whether the limit is confirmed, and the measured range decides that a stable cutting stiffness is stable.
+    #[serde(skip)]
+    is_judged: bool,
 }
 
 /// A crossing.
@@ -154,14 +158,25 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     doubts.iter().try_for_each(|doubt| writeln!(out, "warning: {doubt}"))?;
     writeln!(out, "{WORTH}")?;
     out.flush()?;
-    let is_stable = answers.iter().all(|answer| answer.at.unstable == 0);
-    Ok(if is_stable { Verdict::Fits } else { Verdict::Misfit })
+    Ok(verdict(&answers))
+}
+
+/// Returns whether cutting is stable at every adjustment; one that is not judged leaves the question open.
+fn verdict(answers: &[Answer]) -> Verdict {
+    if answers.iter().any(|answer| answer.is_judged && answer.at.unstable > 0) {
+        Verdict::Misfit
+    } else if answers.iter().all(|answer| answer.is_judged) {
+        Verdict::Fits
+    } else {
+        Verdict::Unjudged
+    }
 }
 
 fn answer(adjustment: &Adjustment, study: &Study, stiffness: Option<f64>) -> Answer {
     let lag = &adjustment.lag;
     let limit = lag.limit();
     let at = stiffness.unwrap_or_else(|| half(lag));
+    let margins = margins(lag, at);
     let chip = limit.crossing.zip(study.chip).map(|(found, chip): (Crossing, Chip)| Cut {
         limit_width_mm: chip.width(found.stiffness),
         limit_depth_mm: chip.depth(found.stiffness),
@@ -177,7 +192,8 @@ fn answer(adjustment: &Adjustment, study: &Study, stiffness: Option<f64>) -> Ans
             limit_n_per_mm: found.stiffness,
         }),
         chip,
-        at: margins(lag, at),
+        is_judged: limit.is_certified && (margins.unstable > 0 || lag.is_closed(at)),
+        at: margins,
     }
 }
 
@@ -266,7 +282,8 @@ fn report(
     }
     let at = &answer.at;
     row("at cutting stiffness", format!("{:.3} N/mm", at.stiffness_n_per_mm))?;
-    row("  unstable roots", at.unstable.to_string())?;
+    let roots = if answer.is_judged { at.unstable.to_string() } else { "not judged".into() };
+    row("  unstable roots", roots)?;
     let or_none = |value: Option<String>| value.unwrap_or("none".into());
     row("  gain margin", or_none(at.gain_margin.map(|value| format!("{value:.4}"))))?;
     let phase = at.phase_margin_deg.map(|value| format!("{value:.2} degrees"));
@@ -277,7 +294,7 @@ fn report(
     row("  bandwidth", format!("{:.3} rad/s", at.bandwidth_rad_per_s))?;
     let settling = match at.settling_s {
         Some(time) => format!("{time:.4} s"),
-        None if at.unstable > 0 => "never".into(),
+        None if answer.is_judged && at.unstable > 0 => "never".into(),
         None => "unknown from a measured response".into(),
     };
     row("  settling time", settling)?;
