@@ -72,6 +72,11 @@ impl Pose {
         }
     }
 
+    /// Computes E with ω = E · (Ȧ, Ḃ, Ċ), ω in base axes, radians.
+    pub fn rate_map(&self) -> Matrix3<f64> {
+        self.trigonometry().rate_map()
+    }
+
     #[inline(always)]
     pub(crate) fn trigonometry(&self) -> Trigonometry {
         let (sines, cosines) = sincos(f64x2::new([self.angles.x, self.angles.y]));

@@ -122,7 +122,7 @@ fn turned(
     let (mut angles, mut found) = (start, None);
     for _ in 0..MOST_STEPS {
         let pose = Pose { position: Vector3::zeros(), angles };
-        let (rotation, mut rates) = (pose.rotation(), rate_map(&angles));
+        let (rotation, mut rates) = (pose.rotation(), pose.rate_map());
         let [of_platform, of_base] = axis;
         let mut away = towards(&(rotation * of_platform), &of_base)?;
         let free = match x {
@@ -158,15 +158,6 @@ fn towards(from: &Vector3<f64>, to: &Vector3<f64>) -> Option<Vector3<f64>> {
         return (cosine > 0.0 || sine > SAME).then(|| across * (libm::atan2(sine, cosine) / sine));
     }
     (cosine > 0.0).then(Vector3::zeros)
-}
-
-/// Returns the axes in base about which A, B and C rotate.
-fn rate_map(angles: &Vector3<f64>) -> Matrix3<f64> {
-    let turned = |b: f64, c: f64| {
-        Pose { position: Vector3::zeros(), angles: Vector3::new(0.0, b, c) }.rotation()
-    };
-    let (a, b) = (turned(angles.y, angles.z), turned(0.0, angles.z));
-    Matrix3::from_columns(&[a.column(0).into_owned(), b.column(1).into_owned(), Vector3::z()])
 }
 
 /// Returns the rank of columns of length 1 or less.
