@@ -299,7 +299,7 @@ impl Lag {
 
     /// Returns whether the open loop stays away from -1 beyond the measured frequencies. Below them, all parts are
     /// nearly static. Above them, a resonance turns the open loop by half a turn, so only its modulus counts; one that
-    /// rises approaches a resonance, unless it is [`SMALL`].
+    /// rises approaches a resonance, unless it is below a tenth.
     pub fn is_closed(&self, stiffness: f64) -> bool {
         let open = |omega: f64| self.receptance(omega) * stiffness / self.delay(omega);
         if self.measured.is_empty() {
