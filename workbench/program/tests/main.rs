@@ -12,6 +12,7 @@ mod preflight;
 mod random_program;
 mod reading;
 mod replay;
+mod servo_cycles;
 mod starts;
 mod timeline;
 mod travel;
