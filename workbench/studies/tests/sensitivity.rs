@@ -2,12 +2,12 @@
 //! The effect of joint errors on the pose, against independent values, finite differences of the core's
 //! forward kinematics, and random draws.
 
-use kinematics::{LEAST_DRIVE, Letter, Pose, Solver, Vector3};
+use kinematics::{LEAST_DRIVE, LegKind, Letter, Pose, Solver, Vector3};
 use machine::proof::axis_box;
 use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use studies::study::file::{Law, Study};
+use studies::study::file::{Lacking, Law, Study};
 use studies::study::sensitivity::{Kind, Sensitivity, axis_sigma, monte_carlo, near, ratios};
 use test_support::shipped::{MACHINES, config};
 
@@ -275,4 +275,44 @@ fn coordinates_that_no_joint_moves_have_no_errors() {
             assert_eq!(row.iter().all(|x| x.abs() < 1e-12), is_held, "{machine} {letter:?}");
         }
     }
+}
+
+/// Legs and table axes have own values, which are distances at the end of an arm.
+#[test]
+fn errors_of_joints_are_those_of_the_legs_and_then_of_the_table() {
+    let key = "joint_sigma_um";
+    let section = |name: &str, values: &[f64]| format!("[{name}]\n{key} = {values:?}\n");
+    let mut tables = 0;
+    for machine in MACHINES {
+        let config = config(machine);
+        let micrometers: Vec<f64> = (0..config.joints.len()).map(|i| 5.0 + i as f64).collect();
+        let (legs, table) = micrometers.split_at(config.legs());
+        let sigma = |text: &str| Study::parse(text).unwrap().joint_sigma(&config);
+        assert_eq!(sigma(&section("table", table)), Ok(None), "{machine}");
+        let length = |expected, found| Err(Lacking::Length { key, expected, found });
+        assert_eq!(sigma(&section("legs", &legs[1..])), length(legs.len(), legs.len() - 1));
+        let mut text = section("legs", legs);
+        if !table.is_empty() {
+            tables += 1;
+            assert_eq!(sigma(&text), Err(Lacking::Key { section: "table", key }), "{machine}");
+            let long = text.clone() + &section("table", &[1.0; 3]);
+            assert_eq!(sigma(&long), length(table.len(), 3), "{machine}");
+            text += &section("table", table);
+        }
+        let found = sigma(&text).unwrap().unwrap();
+        let kinds = config.geometry.legs().iter().map(|leg| Some(&leg.kind));
+        let kinds = kinds.chain(table.iter().map(|_| None));
+        let travels = kinds.zip(&found).map(|(kind, value)| match kind {
+            Some(LegKind::Crank(crank)) => value.to_radians() * Vector3::from(crank.arm).norm(),
+            _ => *value,
+        });
+        let travels: Vec<f64> = travels.collect();
+        assert_eq!(travels.len(), micrometers.len(), "{machine}");
+        for (travel, expected) in travels.iter().zip(&micrometers) {
+            // Some roundings of a double.
+            let expected = expected * 1e-3 * config.units_per_mm;
+            assert!((travel / expected - 1.0).abs() < 1e-14, "{machine}: {travel} {expected}");
+        }
+    }
+    assert!(tables > 0);
 }
