@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Proofs that a cell of poses is inside the workspace: no pose of it may be outside.
 
-use kinematics::Limit;
+use kinematics::{Letter, Limit, Margin};
+use machine::limits;
 use machine::proof::axis_box::{AxisBox, at_tilt, ends, grown, range, reached};
 use machine::proof::cell::{Cell, Verdict};
 use machine::proof::reach::{Reach, Stop};
+use machine::proof::spans::Span;
 use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -93,6 +95,64 @@ fn a_cell_may_come_near_a_limit() {
     }
 }
 
+/// Bounds of a path contain the values at all its poses, and are narrow on a short path.
+#[test]
+fn bounds_of_a_path_contain_its_values_and_become_narrow() {
+    let mut rng = Pcg64::seed_from_u64(13);
+    for machine in MACHINES {
+        for _ in 0..20 {
+            let config = narrowed(&mut rng, machine);
+            let (reach, whole) = (Reach::new(&config).unwrap(), range(&config));
+            let away = whole.at(std::array::from_fn(|_| rng.random()));
+            let middle: [f64; 6] =
+                std::array::from_fn(|k| config.home[k] + 0.3 * (away[k] - config.home[k]));
+            for share in [1e-7, 1e-2, 0.3] {
+                let steps: [[f64; 6]; 2] = [(); 2].map(|()| {
+                    let half = |k: usize| share / 2.0 * (whole.high[k] - whole.low[k]);
+                    std::array::from_fn(|k| half(k) * rng.random_range(-1.0..1.0))
+                });
+                let bounds = reach.bounds_within(&middle, &steps).unwrap();
+                let is_known = bounds.joints.iter().all(|joint| joint.range().1.is_finite());
+                assert!(is_known || share > 1e-6, "{machine}");
+                for _ in 0..30 {
+                    let parts: [f64; 2] = [(); 2].map(|()| rng.random_range(-1.0..1.0));
+                    let pose = std::array::from_fn(|k| {
+                        middle[k] + parts[0] * steps[0][k] + parts[1] * steps[1][k]
+                    });
+                    let Ok(at) = reach.at(&pose) else {
+                        assert!(!is_known, "{machine}: {pose:?}");
+                        continue;
+                    };
+                    for (joint, value) in bounds.joints.iter().zip(at.joints()) {
+                        let (low, high) = joint.range();
+                        assert!(low <= *value && *value <= high, "{machine}: {joint:?} {value}");
+                    }
+                    limits::each(&at, &limits::beyond_axes(&config), |margin| {
+                        let Margin { limit, part, value, .. } = margin;
+                        let is_same = |span: &&Span| match limit {
+                            // Any legs may be the nearest ones.
+                            Limit::Clearance => span.margin.limit == limit,
+                            _ => (span.margin.limit, span.margin.part) == (limit, part),
+                        };
+                        let ends = bounds.spans.iter().filter(is_same).map(|span| span.ends);
+                        let Some([low, high]) =
+                            ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+                        else {
+                            // Axes are programmed; a dead point is one of the joint's second derivative.
+                            let is_elsewhere = matches!(limit, Limit::Axis | Limit::DeadPoint);
+                            return assert!(is_elsewhere, "{machine}: no bound: {margin:?}");
+                        };
+                        assert!(low <= value && value <= high, "{machine}: {low} {margin:?}");
+                        // The conditioning changes by less than a hundredth in a ten-millionth of the range.
+                        let is_wide = limit == Limit::Conditioning && low < 0.99 * value;
+                        assert!(share > 1e-6 || !is_wide, "{machine}: {low} {margin:?}");
+                    });
+                }
+            }
+        }
+    }
+}
+
 /// The boxes reported for smaller tilts are legal.
 #[test]
 fn boxes_of_a_tilt_can_be_taken() {
@@ -111,6 +171,52 @@ fn boxes_of_a_tilt_can_be_taken() {
         (0..3).map(|k| found.high[k] - found.low[k]).sum::<f64>()
     });
     assert!(widths[0] >= widths[1] && widths[1] >= widths[2], "{widths:?}");
+}
+
+/// In a range that is not proved as a whole, X, Y and Z grow from home or from the box of a larger tilt; angles do not.
+#[test]
+fn boxes_of_a_tilt_grow_in_lengths_alone() {
+    let mut rng = Pcg64::seed_from_u64(8);
+    for machine in ["hexaglide", "four-rod-lathe"] {
+        let config = config(machine);
+        let (axes, reach) = (range(&config), Reach::new(&config).unwrap());
+        let within = reached(&config, &reach, &axes);
+        let most = within.high[3].max(within.high[4]);
+        let mut steeper: Option<AxisBox> = None;
+        for tilt in [2.0 * most, 0.5 * most, 0.1 * most] {
+            let found = at_tilt(&config, &within, tilt, steeper.as_ref()).unwrap();
+            for (k, letter) in Letter::ALL.into_iter().enumerate() {
+                let (home, ends) = (config.home[k], [found.low[k], found.high[k]]);
+                match k {
+                    3 | 4 => assert_eq!(
+                        ends,
+                        [within.low[k].max(-tilt), within.high[k].min(tilt)],
+                        "{machine}: {tilt} {letter:?}"
+                    ),
+                    0..3 if !config.machine.layout().is_held(letter) => {
+                        let is_within = within.low[k] <= ends[0] && ends[1] <= within.high[k];
+                        let is_grown = ends[0] < ends[1] && ends[0] <= home && home <= ends[1];
+                        assert!(is_within && is_grown, "{machine}: {tilt} {letter:?} {ends:?}");
+                    }
+                    _ => assert_eq!(ends, [home; 2], "{machine}: {tilt} {letter:?}"),
+                }
+            }
+            assert!((0..3).any(|k| found.low[k] > within.low[k]), "{machine}: the whole range");
+            for _ in 0..1_000 {
+                let pose = pose(&mut rng, &found);
+                assert_eq!(reach.check(&pose), Ok(()), "{machine}: {tilt} {pose:?}");
+            }
+            if let Some(steeper) = steeper {
+                let contains =
+                    |k| found.low[k] <= steeper.low[k] && steeper.high[k] <= found.high[k];
+                assert!((0..3).all(contains), "{machine}: {tilt} {found:?} {steeper:?}");
+                let is_same =
+                    found.with_ends(&steeper, [false, false, false, true, true, true]) == steeper;
+                assert!(!is_same, "{machine}: {tilt} reaches no farther");
+            }
+            steeper = Some(found);
+        }
+    }
 }
 
 /// Within its axis limits, which hold at the full tilt, every box of a hexaglide would be equal.
