@@ -6,6 +6,7 @@ use machine::read::mechanism::Mechanism;
 use paths::carriages::taken;
 use paths::file::{PathFile, ProgramKeys};
 use paths::motion::{Pace, node};
+use paths::piece::{Arc, Piece};
 use paths::route::{Route, route};
 use paths::table::rows;
 use paths::whole::{Curve, CurveError};
@@ -689,6 +690,82 @@ fn arcs_that_linuxcnc_reads_stay_within_the_tolerance_and_are_fewer_than_lines()
     }
 }
 
+/// First axis, second axis and the axis across of G17, G18 and G19.
+const PLANES: [[usize; 3]; 3] = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
+
+/// Part of the tolerance for the words of an arc, which have six decimals: its end, and start, end and center.
+const OF_WORDS: f64 = 4e-6;
+
+/// Returns the deviation of a curve from an arc that replaces a part of it, and how far the arc turns, radians.
+fn off_arc(found: &Route, piece: &Piece, arc: &Arc) -> [f64; 2] {
+    let [first, second, across] = PLANES[arc.plane];
+    let point = |n: usize| {
+        let share = n as f64 / 64.0;
+        let at = piece.range[0] + share * (piece.range[1] - piece.range[0]);
+        let pose = found.curve.at(piece.part, at).unwrap().pose;
+        let place = [first, second, across].map(|k| pose[k].value.middle());
+        [place[0] - arc.centre[0], place[1] - arc.centre[1], place[2]]
+    };
+    let points: Vec<[f64; 3]> = (0..=64).map(point).collect();
+    let side = if arc.is_left { 1.0 } else { -1.0 };
+    let mut angles = vec![0.0];
+    for pair in points.windows(2) {
+        let [[x, y, _], [u, v, _]] = [pair[0], pair[1]];
+        let step = side * (x * v - y * u).atan2(x * u + y * v);
+        assert!(step > 0.0, "the curve goes back along {piece:?}");
+        angles.push(angles[angles.len() - 1] + step);
+    }
+    let turn = angles[64];
+    let radius = points[0][0].hypot(points[0][1]);
+    let rise = points[64][2] - points[0][2];
+    close(arc.length, (turn * radius).hypot(rise));
+    let off = points.iter().zip(&angles).map(|([x, y, z], angle)| {
+        (x.hypot(*y) - radius).hypot(z - points[0][2] - rise * angle / turn)
+    });
+    [off.fold(0.0, f64::max), turn]
+}
+
+/// An arc ends where one of 1.5 times its length would leave the tolerance or turn too far. The deviation grows with the
+/// third power of the length, so that most arcs use a fifth of the tolerance.
+#[test]
+fn arcs_stay_within_the_tolerance_everywhere_and_are_as_long_as_possible() {
+    let config = config("pyramid");
+    for known in KNOWN.iter().filter(|known| known.name != "spherical loxodrome") {
+        for chord in [1e-5, 0.005, 0.1] {
+            let text = asked(known.text, chord, "arcs");
+            let found = route(&config, &PathFile::parse(&text).unwrap()).unwrap();
+            let (mut arcs, mut short) = (0, 0);
+            for piece in &found.pieces {
+                let Some(arc) = &piece.arc else { continue };
+                let [off, turn] = off_arc(&found, piece, arc);
+                assert!(off <= chord - OF_WORDS, "{}: {off} of {chord}: {piece:?}", known.name);
+                assert!(turn <= 1.5 * PI, "{}: {turn}: {piece:?}", known.name);
+                arcs += 1;
+                short += usize::from(off < 0.2 * (chord - OF_WORDS) && turn < PI);
+            }
+            // The last arc, and those before a cusp.
+            assert!(short <= 1 + arcs / 50, "{} {chord}: {short} of {arcs}", known.name);
+        }
+    }
+}
+
+/// An arc of a huge radius, or of a tolerance that its own words use up, is written as lines.
+#[test]
+fn arcs_that_cannot_be_written_exactly_are_lines() {
+    let config = config("pyramid");
+    let circle = |radius: f64, end: f64, chord: f64| {
+        let text = format!(
+            "[curve]\nx_mm = '{radius:?}*cos(t) - {radius:?}'\ny_mm = '{radius:?}*sin(t)'\nt = [0, {end:?}]\n"
+        );
+        let found = route(&config, &PathFile::parse(&asked(&text, chord, "arcs")).unwrap());
+        found.unwrap().pieces.iter().filter(|piece| piece.arc.is_some()).count()
+    };
+    assert_eq!(circle(9_000.0, 0.005, 0.005), 1);
+    assert_eq!(circle(11_000.0, 0.005, 0.005), 0);
+    assert!(circle(50.0, 0.1, 4.5e-6) > 0);
+    assert_eq!(circle(50.0, 0.1, 3.5e-6), 0);
+}
+
 /// A straight line of two families, with the point at a value of t.
 struct Straight {
     alpha: &'static str,
@@ -847,9 +924,12 @@ fn a_circle_needs_as_many_chords_as_its_closed_form_says() {
 fn feeds_follow_the_law_of_the_speed_and_the_time_is_its_integral() {
     let config = config("pyramid");
     // dt/ds = 1/(10 + 10 u): 314.159 mm take ln 2 / 10 s per mm.
-    let text = asked(KNOWN[0].text, 0.01, "lines").replace("= 20", "= '10 + 10*u'");
-    for mode in ["per-minute", "inverse-time"] {
-        let text = format!("{text}feed = '{mode}'\n");
+    let text = |moves| asked(KNOWN[0].text, 0.01, moves).replace("= 20", "= '10 + 10*u'");
+    for (moves, mode) in ["lines", "arcs"]
+        .into_iter()
+        .flat_map(|moves| ["per-minute", "inverse-time"].map(|mode| (moves, mode)))
+    {
+        let text = format!("{}feed = '{mode}'\n", text(moves));
         let found = route(&config, &PathFile::parse(&text).unwrap()).unwrap();
         let expected = 100.0 * PI * 2_f64.ln() / 10.0;
         assert!((found.seconds / expected - 1.0).abs() < 1e-4, "{} {expected}", found.seconds);

@@ -503,4 +503,17 @@ fn tips_of_all_tools_of_a_job_reach_the_same_place() {
             assert!((tip[k] - wanted[k]).abs() < WORD, "{tips:?}\n{program}");
         }
     }
+    // The second change happens at its park position, the first one where the machine stands.
+    let changes: Vec<u32> = (1..)
+        .zip(program.lines())
+        .filter(|(_, line)| line.ends_with("M6"))
+        .map(|(n, _)| n)
+        .collect();
+    let [none, parked] = changes[..] else { panic!("{program}") };
+    assert!(steps.iter().all(|step| step.line > none), "{program}");
+    let before = steps.iter().rfind(|step| step.line < parked).unwrap();
+    let park = [x + 60.0, y, z];
+    for k in 0..3 {
+        assert!((before.end[k] - before.tool[k] - park[k]).abs() < WORD, "{before:?}\n{program}");
+    }
 }
