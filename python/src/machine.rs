@@ -3,7 +3,7 @@
 
 use crate::arrays::{Rows, triple};
 use crate::batch::Answer;
-use crate::kinematics::{self as many, Margins, POSE, Seeds, pose};
+use crate::kinematics::{Batch, Margins, POSE, Seeds, pose};
 use crate::refusal::machine_error;
 use crate::sections::Parts;
 use crate::studies::{self, Look, Sensitivity, Stiffness, Workspace};
@@ -52,6 +52,16 @@ impl Machine {
     /// Returns the tool vector of the machine's own poses: 0 if an axis carries the tool or the platform carries the work.
     fn tool(&self, given: Option<Vec<f64>>) -> PyResult<Vector3<f64>> {
         Ok(self.config.chain.machine_tool(&self.offset(given)?))
+    }
+
+    /// Reads the poses and the tool of a call.
+    fn batch<'py>(
+        &self,
+        poses: &Bound<'py, PyAny>,
+        tool: Option<Vec<f64>>,
+    ) -> PyResult<Batch<'_, 'py>> {
+        let rows = Rows::of("poses", poses, POSE)?;
+        Ok(Batch { py: poses.py(), config: &self.config, rows, tool: self.tool(tool)? })
     }
 }
 
@@ -154,30 +164,20 @@ impl Machine {
     }
 
     #[pyo3(signature = (poses, *, tool=None))]
-    fn inverse(
-        &self,
-        py: Python<'_>,
-        poses: &Bound<'_, PyAny>,
-        tool: Option<Vec<f64>>,
-    ) -> PyResult<Answer> {
-        many::inverse(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    fn inverse(&self, poses: &Bound<'_, PyAny>, tool: Option<Vec<f64>>) -> PyResult<Answer> {
+        self.batch(poses, tool)?.inverse()
     }
 
     #[pyo3(signature = (positions, *, tool=None))]
-    fn own_poses(
-        &self,
-        py: Python<'_>,
-        positions: &Bound<'_, PyAny>,
-        tool: Option<Vec<f64>>,
-    ) -> PyResult<Answer> {
-        let positions = Rows::of("positions", positions, POSE_LETTERS.len())?;
-        many::own_poses(py, &self.config, &positions, &self.offset(tool)?)
+    fn own_poses(&self, positions: &Bound<'_, PyAny>, tool: Option<Vec<f64>>) -> PyResult<Answer> {
+        let rows = Rows::of("positions", positions, POSE_LETTERS.len())?;
+        let (py, tool) = (positions.py(), self.offset(tool)?);
+        Batch { py, config: &self.config, rows, tool }.own_poses()
     }
 
     #[pyo3(signature = (joints, *, seed=None, follow=false, tool=None))]
     fn forward(
         &self,
-        py: Python<'_>,
         joints: &Bound<'_, PyAny>,
         seed: Option<&Bound<'_, PyAny>>,
         follow: bool,
@@ -197,67 +197,44 @@ impl Machine {
                 if follow { Seeds::Followed(seed) } else { Seeds::One(seed) }
             }
         };
-        let joints = Rows::of("joints", joints, self.config.joints.len())?;
-        many::forward(py, &self.config, &joints, &seeds, &self.tool(tool)?)
+        let (py, rows) = (joints.py(), Rows::of("joints", joints, self.config.joints.len())?);
+        Batch { py, config: &self.config, rows, tool: self.tool(tool)? }.forward(&seeds)
     }
 
     #[pyo3(signature = (poses, *, tool=None))]
-    fn jacobian(
-        &self,
-        py: Python<'_>,
-        poses: &Bound<'_, PyAny>,
-        tool: Option<Vec<f64>>,
-    ) -> PyResult<Answer> {
-        many::jacobian(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    fn jacobian(&self, poses: &Bound<'_, PyAny>, tool: Option<Vec<f64>>) -> PyResult<Answer> {
+        self.batch(poses, tool)?.jacobian()
     }
 
     #[pyo3(signature = (poses, *, tool=None))]
-    fn conditioning(
-        &self,
-        py: Python<'_>,
-        poses: &Bound<'_, PyAny>,
-        tool: Option<Vec<f64>>,
-    ) -> PyResult<Answer> {
-        many::conditioning(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    fn conditioning(&self, poses: &Bound<'_, PyAny>, tool: Option<Vec<f64>>) -> PyResult<Answer> {
+        self.batch(poses, tool)?.conditioning()
     }
 
     #[pyo3(signature = (poses, *, tool=None))]
-    fn space(
-        &self,
-        py: Python<'_>,
-        poses: &Bound<'_, PyAny>,
-        tool: Option<Vec<f64>>,
-    ) -> PyResult<Answer> {
-        many::space(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    fn space(&self, poses: &Bound<'_, PyAny>, tool: Option<Vec<f64>>) -> PyResult<Answer> {
+        self.batch(poses, tool)?.space()
     }
 
     #[pyo3(signature = (poses, *, tool=None))]
-    fn margins(
-        &self,
-        py: Python<'_>,
-        poses: &Bound<'_, PyAny>,
-        tool: Option<Vec<f64>>,
-    ) -> PyResult<Margins> {
-        many::margins(py, &self.config, &Rows::of("poses", poses, POSE)?, &self.tool(tool)?)
+    fn margins(&self, poses: &Bound<'_, PyAny>, tool: Option<Vec<f64>>) -> PyResult<Margins> {
+        self.batch(poses, tool)?.margins()
     }
 
     #[pyo3(signature = (poses, study, *, tool=None))]
     fn stiffness(
         &self,
-        py: Python<'_>,
         poses: &Bound<'_, PyAny>,
         study: &str,
         tool: Option<Vec<f64>>,
     ) -> PyResult<Stiffness> {
         let study = studies::study(Some(study))?;
-        let poses = Rows::of("poses", poses, POSE)?;
-        studies::stiffness(py, &self.config, &poses, &self.tool(tool)?, &study)
+        studies::stiffness(&self.batch(poses, tool)?, &study)
     }
 
     #[pyo3(signature = (poses, *, length=None, tool=None))]
     fn sensitivity(
         &self,
-        py: Python<'_>,
         poses: &Bound<'_, PyAny>,
         length: Option<f64>,
         tool: Option<Vec<f64>>,
@@ -266,8 +243,7 @@ impl Machine {
         if !(length > 0.0 && length.is_finite()) {
             return Err(PyValueError::new_err(format!("length: {length}; expected more than 0")));
         }
-        let poses = Rows::of("poses", poses, POSE)?;
-        studies::sensitivity(py, &self.config, &poses, &self.tool(tool)?, length)
+        studies::sensitivity(&self.batch(poses, tool)?, length)
     }
 
     #[pyo3(signature = (*, orientations=None, tilt=None, start=None, study=None, bands=60, grid=0, tool=None))]

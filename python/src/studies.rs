@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Studies of a machine as in `pkm`: workspace, stiffness, sensitivity.
 
-use crate::arrays::Rows;
-use crate::batch::{Answer, each};
-use crate::kinematics::{POSE, pose};
+use crate::batch::Answer;
+use crate::kinematics::{Batch, POSE, pose};
 use crate::refusal::machine_error;
 use kinematics::{Cause, Fault, Vector3};
 use machine::read::mechanism::Mechanism;
@@ -41,15 +40,11 @@ pub struct Stiffness {
     pub rotation: Py<Answer>,
 }
 
-pub fn stiffness(
-    py: Python<'_>,
-    config: &Mechanism,
-    poses: &Rows,
-    tool: &Vector3<f64>,
-    study: &Study,
-) -> PyResult<Stiffness> {
+pub fn stiffness(batch: &Batch, study: &Study) -> PyResult<Stiffness> {
+    let Batch { py, config, rows, tool } = batch;
+    let py = *py;
     let springs = Springs::of(config, study).map_err(machine_error)?;
-    let ask = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
+    let ask = |row: &[f64], answer: &mut [f64]| {
         let at = stiffness::Stiffness::at(config, &pose(row), tool, &springs)?.ok_or(SINGULAR)?;
         let (compliance, principal) = answer.split_at_mut(MATRIX);
         let (translation, rotation) = principal.split_at_mut(AXES);
@@ -59,7 +54,7 @@ pub fn stiffness(
         Ok(())
     };
     let (turns, all) = (MATRIX + AXES, MATRIX + 2 * AXES);
-    let found = each(py, poses, all, || (), ask).answer(py, poses, &[all])?;
+    let found = batch.each(all, ask).answer(py, rows, &[all])?;
     Ok(Stiffness {
         compliance: Py::new(py, found.numbers(py, [0, MATRIX], &[POSE, POSE])?)?,
         translation: Py::new(py, found.numbers(py, [MATRIX, turns], &[AXES])?)?,
@@ -76,16 +71,12 @@ pub struct Sensitivity {
     pub singular_values: Py<Answer>,
 }
 
-pub fn sensitivity(
-    py: Python<'_>,
-    config: &Mechanism,
-    poses: &Rows,
-    tool: &Vector3<f64>,
-    length: f64,
-) -> PyResult<Sensitivity> {
+pub fn sensitivity(batch: &Batch, length: f64) -> PyResult<Sensitivity> {
+    let Batch { py, config, rows, tool } = batch;
+    let py = *py;
     let joints = config.joints.len();
     let (gains, all) = (POSE * joints, POSE * joints + 2);
-    let ask = |(): &mut (), _, row: &[f64], answer: &mut [f64]| {
+    let ask = |row: &[f64], answer: &mut [f64]| {
         let at = sensitivity::Sensitivity::at(config, &pose(row), tool, length)?.ok_or(SINGULAR)?;
         let (gain, values) = answer.split_at_mut(gains);
         for (to, row) in gain.chunks_exact_mut(joints).zip(at.gain.row_iter()) {
@@ -94,7 +85,7 @@ pub fn sensitivity(
         values.copy_from_slice(&at.singular_values);
         Ok(())
     };
-    let found = each(py, poses, all, || (), ask).answer(py, poses, &[all])?;
+    let found = batch.each(all, ask).answer(py, rows, &[all])?;
     Ok(Sensitivity {
         gain: Py::new(py, found.numbers(py, [0, gains], &[POSE, joints])?)?,
         singular_values: Py::new(py, found.numbers(py, [gains, all], &[2])?)?,
