@@ -166,8 +166,11 @@ class Machine:
     def unit(self) -> str:
         """Returns the unit of length, mm or inch."""
     @property
+    def scale(self) -> float:
+        """Returns the largest length of the geometry, to which relative tolerances refer."""
+    @property
     def size(self) -> float:
-        """Returns the largest length of the geometry, to which relative tolerances refer; `space` is what it occupies."""
+        """Deprecated: returns `scale`. The size of a machine in a design study is the longest side of its `space`."""
     @property
     def radius(self) -> float:
         """Returns the RMS distance of the platform anchors from their center: converts angles to lengths."""

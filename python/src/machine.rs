@@ -16,7 +16,7 @@ use new::kinds::KINDS;
 use new::make::sketched;
 use new::values::Values;
 use numpy::{IntoPyArray, PyArray1};
-use pyo3::exceptions::{PyNotImplementedError, PyValueError};
+use pyo3::exceptions::{PyDeprecationWarning, PyNotImplementedError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
@@ -149,8 +149,16 @@ impl Machine {
     }
 
     #[getter]
-    fn size(&self) -> f64 {
+    fn scale(&self) -> f64 {
         self.config.machine.size()
+    }
+
+    #[getter]
+    fn size(&self, py: Python<'_>) -> PyResult<f64> {
+        let text =
+            c"Machine.size is deprecated: use scale; what the machine occupies is space(poses)";
+        PyErr::warn(py, &py.get_type::<PyDeprecationWarning>(), text, 1)?;
+        Ok(self.scale())
     }
 
     #[getter]

@@ -31,7 +31,7 @@ def ini(name):
 def poses(machine, count, seed=1):
     """Returns random poses about home, some of them out of reach."""
     rng = np.random.default_rng(seed)
-    spread = np.array([machine.size / 4] * 3 + [20.0] * 3)
+    spread = np.array([machine.scale / 4] * 3 + [20.0] * 3)
     moved = np.array([letter in machine.coordinates for letter in "XYZABC"])
     return machine.home + rng.uniform(-1, 1, (count, 6)) * np.where(moved, spread, 0.0)
 

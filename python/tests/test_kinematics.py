@@ -48,7 +48,7 @@ def test_forward_of_inverse_is_the_pose(machine):
     # The module's guarantee: 1e-10 of the machine's size, angles times the platform's radius.
     apart = np.abs(back.values - given)
     apart[:, 3:] *= np.radians(machine.radius)
-    assert apart.max() < 1e-10 * machine.size
+    assert apart.max() < 1e-10 * machine.scale
 
 
 def test_a_seed_for_every_row_is_the_one_it_starts_from(hexapod):
@@ -66,7 +66,7 @@ def test_jacobian_is_the_derivative_of_inverse(machine):
     given = machine.home + 0.01 * (poses(machine, 50) - machine.home)
     found = machine.jacobian(given)
     assert found.ok.all()
-    step = 1e-5 * machine.size
+    step = 1e-5 * machine.scale
     for k, letter in enumerate("XYZABC"):
         if letter not in machine.coordinates:
             continue

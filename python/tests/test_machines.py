@@ -241,6 +241,11 @@ def test_other_threads_run_during_preflight():
     assert counted[0] > 20
 
 
+def test_the_old_name_of_the_scale_names_the_new_ones(hexapod):
+    with pytest.warns(DeprecationWarning, match="use scale.*space"):
+        assert hexapod.size == hexapod.scale
+
+
 def test_the_space_of_a_machine_has_its_feet_platform_and_rails():
     tripod = Machine.from_ini(ini("tripod"))
     feet = np.array([(0, 0, 0), (10, 0, 0), (5, 7.071, 0)])
