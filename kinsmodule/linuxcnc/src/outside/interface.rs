@@ -10,7 +10,7 @@ use crate::abi::{
 use crate::control::MOST_JOINTS;
 use crate::hal::Message;
 use core::ffi::{CStr, c_char, c_int, c_void};
-use core::ptr::null;
+use core::ptr::{NonNull, null};
 use kinematics::{Cause, Fault, LOAD_PARAMETERS, Load, Matrix3, Pose, Vector3, World, text};
 
 /// KINS_MAX_PARAMS.
@@ -261,10 +261,9 @@ fn code(result: Result<(), Fault>) -> c_int {
 unsafe fn given<'a>(
     block: *const KinsParams,
 ) -> Result<(&'static Description, &'a KinsParams), Fault> {
+    let description = described().ok_or(Cause::NullPointer)?;
     // SAFETY: the caller guarantees the block.
-    let (Some(description), Some(block)) = (described(), unsafe { block.as_ref() }) else {
-        return Err(Cause::NullPointer.into());
-    };
+    let block = unsafe { not_null(block)?.as_ref() };
     if usize::try_from(block.size) != Ok(size_of::<KinsParams>()) {
         return Err(Cause::NoGeometry.into());
     }
@@ -272,16 +271,19 @@ unsafe fn given<'a>(
     Ok((description, block))
 }
 
-/// Returns the joints; `None` for a null pointer.
+/// Refuses a null pointer.
+fn not_null<T>(pointer: *const T) -> Result<NonNull<T>, Fault> {
+    NonNull::new(pointer.cast_mut()).ok_or(Cause::NullPointer.into())
+}
+
+/// Returns the joints.
 ///
 /// # Safety
 /// `joint` must be null or point to as many values as the machine has joints.
 unsafe fn joints<'a>(joint: *const f64, load: &Load) -> Result<&'a [f64], Fault> {
-    if joint.is_null() {
-        return Err(Cause::NullPointer.into());
-    }
+    let joints = NonNull::slice_from_raw_parts(not_null(joint)?, load.joints());
     // SAFETY: the caller guarantees the values.
-    Ok(unsafe { core::slice::from_raw_parts(joint, load.joints()) })
+    Ok(unsafe { joints.as_ref() })
 }
 
 /// As [`joints`], to be written.
@@ -289,11 +291,9 @@ unsafe fn joints<'a>(joint: *const f64, load: &Load) -> Result<&'a [f64], Fault>
 /// # Safety
 /// As [`joints`]; nothing else uses them during the call.
 unsafe fn joints_mut<'a>(joint: *mut f64, load: &Load) -> Result<&'a mut [f64], Fault> {
-    if joint.is_null() {
-        return Err(Cause::NullPointer.into());
-    }
+    let mut joints = NonNull::slice_from_raw_parts(not_null(joint)?, load.joints());
     // SAFETY: the caller guarantees the values.
-    Ok(unsafe { core::slice::from_raw_parts_mut(joint, load.joints()) })
+    Ok(unsafe { joints.as_mut() })
 }
 
 /// Computes the pose of the joints, from the seed in `pos`, which it replaces. Returns 0, or a negative code and leaves
@@ -314,10 +314,9 @@ unsafe extern "C" fn machine_forward(
         // SAFETY: as above.
         let joints = unsafe { joints(joint, &description.load) }?;
         // SAFETY: as above.
-        let (pos, scratch) = unsafe { (pos.cast::<World>().as_mut(), scratch.as_mut()) };
-        let (Some(pos), Some(scratch)) = (pos, scratch) else {
-            return Err(Cause::NullPointer.into());
-        };
+        let pos = unsafe { not_null(pos)?.cast::<World>().as_mut() };
+        // SAFETY: as above.
+        let scratch = unsafe { not_null(scratch)?.as_mut() };
         let result =
             Block::of(description, block).and_then(|machine| machine.forward(joints, pos, scratch));
         scratch.failed = c_int::from(result.is_err());
@@ -342,7 +341,7 @@ unsafe extern "C" fn machine_inverse(
         // SAFETY: as above.
         let joints = unsafe { joints_mut(joint, &description.load) }?;
         // SAFETY: as above.
-        let pos = unsafe { pos.cast::<World>().as_ref() }.ok_or(Cause::NullPointer)?;
+        let pos = unsafe { not_null(pos)?.cast::<World>().as_ref() };
         Block::of(description, block)?.inverse(pos, joints)
     }))
 }
@@ -409,9 +408,9 @@ unsafe extern "C" fn machine_jacobian(
     // SAFETY: the caller guarantees the pointers.
     code(unsafe { given(block) }.and_then(|(description, block)| {
         // SAFETY: as above.
-        let (pos, jac) =
-            unsafe { (pos.cast::<World>().as_ref(), jac.cast::<[World; MOST_JOINTS]>().as_mut()) };
-        let (Some(pos), Some(jac)) = (pos, jac) else { return Err(Cause::NullPointer.into()) };
+        let pos = unsafe { not_null(pos)?.cast::<World>().as_ref() };
+        // SAFETY: as above.
+        let jac = unsafe { not_null(jac)?.cast::<[World; MOST_JOINTS]>().as_mut() };
         Block::of(description, block)?.jacobian(pos, jac)
     }))
 }
@@ -434,7 +433,7 @@ unsafe extern "C" fn letters_forward(
         // SAFETY: as above.
         let joints = unsafe { joints(joint, load) }?;
         // SAFETY: as above.
-        let pos = unsafe { pos.cast::<World>().as_mut() }.ok_or(Cause::NullPointer)?;
+        let pos = unsafe { not_null(pos)?.cast::<World>().as_mut() };
         identity_forward(load, joints, pos)
     }))
 }
@@ -457,7 +456,7 @@ unsafe extern "C" fn letters_inverse(
         // SAFETY: as above.
         let joints = unsafe { joints_mut(joint, &description.load) }?;
         // SAFETY: as above.
-        let pos = unsafe { pos.cast::<World>().as_ref() }.ok_or(Cause::NullPointer)?;
+        let pos = unsafe { not_null(pos)?.cast::<World>().as_ref() };
         // The size of the machine decides what counts as 0; the module uses 1 before it has one.
         let size = Block::of(description, block).map_or(1.0, |machine| machine.size());
         identity_inverse(&description.load, size, pos, joints)
@@ -492,8 +491,8 @@ unsafe extern "C" fn letters_jacobian(
     // SAFETY: the caller guarantees the pointers.
     code(unsafe { given(block) }.and_then(|(Description { load, .. }, _)| {
         // SAFETY: as above.
-        let jac = unsafe { jac.cast::<[World; MOST_JOINTS]>().as_mut() };
-        identity_jacobian(load, jac.ok_or(Cause::NullPointer)?);
+        let jac = unsafe { not_null(jac)?.cast::<[World; MOST_JOINTS]>().as_mut() };
+        identity_jacobian(load, jac);
         Ok(())
     }))
 }
@@ -504,7 +503,6 @@ unsafe extern "C" fn letters_jacobian(
 /// `rot` must be null or valid.
 unsafe fn write_frame(rot: *mut PmRotationMatrix, frame: &Matrix3<f64>) -> Result<(), Fault> {
     // SAFETY: the caller guarantees the matrix.
-    let rot = unsafe { rot.as_mut() }.ok_or(Cause::NullPointer)?;
-    *rot = columns(frame);
+    *unsafe { not_null(rot)?.as_mut() } = columns(frame);
     Ok(())
 }
