@@ -749,16 +749,21 @@ fn arcs_stay_within_the_tolerance_everywhere_and_are_as_long_as_possible() {
     }
 }
 
-/// An arc of a huge radius, or of a tolerance that its own words use up, is written as lines.
+/// An arc of a huge radius, of a tolerance that its own words use up, or along which the tool tilts, is written as lines.
 #[test]
 fn arcs_that_cannot_be_written_exactly_are_lines() {
     let config = config("pyramid");
+    let arcs = |text: &str, chord: f64| {
+        let found = route(&config, &PathFile::parse(&asked(text, chord, "arcs")).unwrap());
+        found.unwrap().pieces.iter().filter(|piece| piece.arc.is_some()).count()
+    };
+    let tilting = format!("{}[laws]\na_deg = '5*sin(t)'\n", KNOWN[0].text);
+    assert_eq!(arcs(&tilting, 0.005), 0);
     let circle = |radius: f64, end: f64, chord: f64| {
         let text = format!(
             "[curve]\nx_mm = '{radius:?}*cos(t) - {radius:?}'\ny_mm = '{radius:?}*sin(t)'\nt = [0, {end:?}]\n"
         );
-        let found = route(&config, &PathFile::parse(&asked(&text, chord, "arcs")).unwrap());
-        found.unwrap().pieces.iter().filter(|piece| piece.arc.is_some()).count()
+        arcs(&text, chord)
     };
     assert_eq!(circle(9_000.0, 0.005, 0.005), 1);
     assert_eq!(circle(11_000.0, 0.005, 0.005), 0);
