@@ -69,8 +69,6 @@ pub struct PathBounds {
     pub joints: Vec<Course>,
     /// All configured limits of the pose alone except its axes.
     pub spans: Vec<Span>,
-    /// Whether the joints' Jacobian is proved to be regular everywhere.
-    pub holds: bool,
 }
 
 /// An unproved cell.
@@ -158,7 +156,6 @@ impl Reach<'_> {
             ControlFlow::<()>::Continue(())
         });
         let regularity = seconds.as_ref().map(|seconds| self.regularity(&middle, &spread, seconds));
-        let holds = regularity.as_ref().is_some_and(|regularity| regularity.is_regular);
         let value = middle.at.smallest_singular_value();
         let least = match regularity {
             Some(regularity) if regularity.is_regular && regularity.share > 0.0 => {
@@ -172,7 +169,7 @@ impl Reach<'_> {
         let ends = [least, f64::INFINITY];
         spans.push(Span::of(Limit::Conditioning, Part::Whole, value, ends, range));
         let joint = |i| self.joint_course(i, &middle, &spread, seconds.as_deref());
-        Ok(PathBounds { joints: (0..self.config.joints.len()).map(joint).collect(), spans, holds })
+        Ok(PathBounds { joints: (0..self.config.joints.len()).map(joint).collect(), spans })
     }
 }
 
