@@ -33,7 +33,7 @@ pub fn limit(end: &End) -> Option<&'static str> {
 fn ends(config: &Mechanism, ends: &[End]) -> String {
     let mut named: Vec<(&str, Vec<String>)> = vec![];
     for end in ends {
-        let name = limit(end).unwrap_or("effort of the proof");
+        let name = limit(end).unwrap_or("the proof alone");
         match named.iter_mut().find(|(known, _)| *known == name) {
             Some((_, faces)) => faces.push(face(config, end)),
             None => named.push((name, vec![face(config, end)])),
