@@ -42,6 +42,8 @@ pub struct Writer<'a> {
     /// Offset of the tool, machine units.
     pub tool: [f64; 3],
     has_tool: bool,
+    /// Speed of the spindle, 1/min; 0 if it stands.
+    speed: f64,
     text: String,
     lines: u32,
     /// Position of the machine, in work coordinates; `None` before the first move.
@@ -85,6 +87,7 @@ impl<'a> Writer<'a> {
             keys,
             tool: [0.0; 3],
             has_tool: false,
+            speed: 0.0,
             text: String::new(),
             lines: 0,
             at: [None; 6],
@@ -146,9 +149,17 @@ impl<'a> Writer<'a> {
 
     /// Starts the spindle, or stops it at speed 0.
     pub fn spin_at(&mut self, speed: f64) {
+        self.speed = speed;
         match speed == 0.0 {
             true => self.line("M5"),
             false => self.line(&format!("S{} M3", number(speed, FEED_DECIMALS))),
+        }
+    }
+
+    /// Starts the spindle again after a tool change, which stops it.
+    pub fn spin_on(&mut self) {
+        if self.speed != 0.0 {
+            self.spin_at(self.speed);
         }
     }
 

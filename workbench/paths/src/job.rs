@@ -135,8 +135,10 @@ fn write(writer: &mut Writer, step: &Step) -> Result<(), SetupError> {
                 // All coordinates are named, because the next operation may name only some of them.
                 writer.rapid(&park, &[0, 1, 2, 3, 4, 5]);
             }
-            if let Some(speed) = change.spindle_rpm {
-                writer.spin_at(speed);
+            match change.spindle_rpm {
+                Some(speed) => writer.spin_at(speed),
+                None if change.tool.is_some() => writer.spin_on(),
+                None => {}
             }
         }
     }
