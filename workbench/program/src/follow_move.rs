@@ -141,6 +141,8 @@ pub(super) struct Pilot<'a> {
     /// Programmed coordinates, and the values of the extra axes.
     pub(super) at: [f64; 6],
     pub(super) extra: [f64; MAX_EXTRA],
+    /// Tool offset with which the spindle has turned last; `None` before its first turn.
+    pub(super) spun: Option<[f64; 3]>,
     checks: Vec<Check>,
     /// Least margins so far, which determine the necessary length of pieces.
     least: [f64; Limit::ALL.len()],
@@ -160,6 +162,7 @@ impl<'a> Pilot<'a> {
             tool: config.spindle,
             at: config.start,
             extra,
+            spun: None,
             checks: vec![],
             least: [f64::INFINITY; Limit::ALL.len()],
             margins: [None; Limit::ALL.len()],
@@ -180,6 +183,7 @@ impl<'a> Pilot<'a> {
                 time: Time::NotJudged(String::new()),
                 tilted_tool_changes: vec![],
                 rapids_to_zero: vec![],
+                feeds_without_spindle: vec![],
                 off_path: vec![],
                 is_still: true,
                 poses: Poses::default(),

@@ -2,7 +2,7 @@
 //! Checks the moves of one mechanism in order, with its tool changes.
 
 use crate::follow_move::{Course, Found, Leg, Pilot, length, padded};
-use crate::motion::{Move, MoveKind, ROUNDING};
+use crate::motion::{Move, MoveKind, ROUNDING, Spindle};
 use crate::report::{LeastMargin, Preflight};
 use kinematics::{Fault, Letter, Limit, Matrix3, Part, Pose, Vector3, World};
 use machine::limits;
@@ -115,6 +115,9 @@ impl Pilot<'_> {
         if self.falls_to_zero(step) {
             self.result.rapids_to_zero.push((step.file, step.line));
         }
+        if self.feeds_without_spindle(step) {
+            self.result.feeds_without_spindle.push((step.file, step.line));
+        }
         self.check_axes(&leg, step);
         self.follow(&leg);
         self.widen_axes(step);
@@ -137,6 +140,23 @@ impl Pilot<'_> {
             && self.config.home[z] > slack
             && step.end[z].abs() <= slack
             && self.at[z] > slack
+    }
+
+    /// Returns whether this is the first feed move with a new tool while the spindle stands: M6 has stopped it. Programs
+    /// that never turn the spindle, and moves without a tool, cut nothing.
+    fn feeds_without_spindle(&mut self, step: &Move) -> bool {
+        let (is_turning, is_standing) = match step.spindle {
+            Spindle::Turning(_) | Spindle::Surface => (true, false),
+            Spindle::Standing(_) => (false, true),
+            Spindle::Unknown => (false, false),
+        };
+        let is_new = self.spun.is_some_and(|tool| tool != step.tool) && step.tool != [0.0; 3];
+        let is_found =
+            is_standing && is_new && step.kind == MoveKind::Feed && step.end[..3] != self.at[..3];
+        if is_turning || is_found {
+            self.spun = Some(step.tool);
+        }
+        is_found
     }
 
     /// Checks the limits of axes and extra axes, which hold on a straight line that ends within them.

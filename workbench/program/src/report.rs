@@ -361,6 +361,9 @@ pub struct Preflight {
     pub tilted_tool_changes: Vec<(usize, u32)>,
     /// Files and lines of rapids that go down to the machine's own Z0, below home.
     pub rapids_to_zero: Vec<(usize, u32)>,
+    /// Files and lines of the first feed move with each new tool while the spindle stands, in a program that has turned it.
+    #[serde(skip)]
+    pub feeds_without_spindle: Vec<(usize, u32)>,
     /// Deviations of LinuxCNC's path beyond the program's tolerance: limits are judged on the actual path.
     #[serde(skip)]
     pub off_path: Vec<Break>,

@@ -76,15 +76,13 @@ impl Preflight {
         self.margins.extend(second.margins);
         self.breaks
             .extend(second.breaks.into_iter().map(|message| Break { of_second: true, ..message }));
-        for rapid in second.rapids_to_zero {
-            if !self.rapids_to_zero.contains(&rapid) {
-                self.rapids_to_zero.push(rapid);
-            }
-        }
-        for change in second.tilted_tool_changes {
-            if !self.tilted_tool_changes.contains(&change) {
-                self.tilted_tool_changes.push(change);
-            }
+        for (known, new) in [
+            (&mut self.rapids_to_zero, second.rapids_to_zero),
+            (&mut self.tilted_tool_changes, second.tilted_tool_changes),
+            (&mut self.feeds_without_spindle, second.feeds_without_spindle),
+        ] {
+            known
+                .extend(new.into_iter().filter(|place| !known.contains(place)).collect::<Vec<_>>());
         }
         self
     }

@@ -108,6 +108,7 @@ pub fn judge<'a>(
     warnings.extend(found.tilted_tool_changes.iter().map(|change| tilted(*change)));
     let home = config.first().home[Letter::Z.index()];
     warnings.extend(found.rapids_to_zero.iter().map(|rapid| to_zero(*rapid, home)));
+    warnings.extend(found.feeds_without_spindle.iter().map(|feed| without_spindle(*feed)));
     warnings.extend(found.off_path.iter().map(|off| Caution {
         line: Some(off.line),
         file: off.file,
@@ -141,6 +142,11 @@ pub fn judge<'a>(
 fn tilted((file, line): (usize, u32)) -> Caution {
     let text =
         "the tool offset changes at a tilt: the program waits while pkmkins moves the joints";
+    Caution { line: Some(line), file, text: text.into() }
+}
+
+fn without_spindle((file, line): (usize, u32)) -> Caution {
+    let text = "a feed with a new tool while the spindle stands: M6 stops it. If the tool cuts, add S and M3 or M4 after M6";
     Caution { line: Some(line), file, text: text.into() }
 }
 

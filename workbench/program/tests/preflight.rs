@@ -61,6 +61,8 @@ fn every_shipped_program_fits_its_machine() {
             let found = preflight(&config.mechanisms, &moves).unwrap();
             assert!(found.fits(), "{}: {:?}", program.display(), found.breaks);
             assert_eq!(found.runnable, 1.0, "{}", program.display());
+            let lines = &found.feeds_without_spindle;
+            assert!(lines.is_empty(), "{}: {lines:?}", program.display());
         }
     }
 }
@@ -357,6 +359,35 @@ fn a_rapid_down_to_the_machines_own_zero_is_reported() {
     let pentapod = config("pentapod");
     let moves = [rapid(1, at(20.0)), rapid(2, at(0.0))];
     assert_eq!(follow(&pentapod, &moves).rapids_to_zero, []);
+}
+
+#[test]
+fn a_feed_with_a_new_tool_and_a_standing_spindle_is_reported_once() {
+    let hexapod = config("hexapod");
+    let step = |line: u32, kind, spindle, length| {
+        let end = [0.0, 0.0, 220.0 - f64::from(line), 0.0, 0.0, 0.0];
+        Move { kind, spindle, tool: [0.0, 0.0, length], ..rapid(line, end) }
+    };
+    let (turning, standing) = (Spindle::Turning(6000.0), Spindle::Standing(6000.0));
+    let turned =
+        Move { end: [0.0, 0.0, 214.0, 0.0, 0.0, 5.0], ..step(7, MoveKind::Feed, standing, 65.0) };
+    let moves = [
+        // A program that does not turn the spindle may do without one.
+        step(1, MoveKind::Feed, Spindle::Standing(0.0), 40.0),
+        step(2, MoveKind::Feed, turning, 40.0),
+        // With the same tool after M5, and without a tool.
+        step(3, MoveKind::Feed, standing, 40.0),
+        step(4, MoveKind::Feed, standing, 0.0),
+        step(5, MoveKind::Rapid, standing, 65.0),
+        step(6, MoveKind::Probe, standing, 65.0),
+        turned,
+        step(8, MoveKind::Feed, standing, 65.0),
+        step(9, MoveKind::Feed, standing, 65.0),
+        step(10, MoveKind::Feed, turning, 40.0),
+        step(11, MoveKind::Feed, Spindle::Unknown, 65.0),
+        step(12, MoveKind::Feed, standing, 65.0),
+    ];
+    assert_eq!(follow(&hexapod, &moves).feeds_without_spindle, [(0, 8), (0, 12)]);
 }
 
 #[test]
