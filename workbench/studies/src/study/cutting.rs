@@ -2,50 +2,8 @@
 //! The tables of a study that describe cutting: the tool, the chip, masses on springs, a spindle.
 
 use crate::study::masses::Direction;
-use crate::study::number::Positive;
+use crate::study::number::{Half, NotNegative, Positive};
 use serde::Deserialize;
-
-/// The error of a number that is negative or not finite.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected 0 or more")]
-pub struct Negative(f64);
-
-/// A finite number, 0 or more.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
-#[serde(try_from = "f64")]
-pub struct NotNegative(pub f64);
-
-impl TryFrom<f64> for NotNegative {
-    type Error = Negative;
-
-    fn try_from(value: f64) -> Result<Self, Negative> {
-        match value >= 0.0 && value.is_finite() {
-            true => Ok(Self(value)),
-            false => Err(Negative(value)),
-        }
-    }
-}
-
-/// The error of an angle outside 0 to 180 degrees.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected an angle of 0 to 180 degrees")]
-pub struct NoAngle(f64);
-
-/// An angle from 0 to 180 degrees.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(try_from = "f64")]
-pub struct Half(pub f64);
-
-impl TryFrom<f64> for Half {
-    type Error = NoAngle;
-
-    fn try_from(value: f64) -> Result<Self, NoAngle> {
-        match (0.0..=180.0).contains(&value) {
-            true => Ok(Self(value)),
-            false => Err(NoAngle(value)),
-        }
-    }
-}
 
 /// Why a cutter is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

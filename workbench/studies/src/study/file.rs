@@ -8,7 +8,7 @@ use crate::study::cutting::{Chip, Cutting, LagKeys, Link, Overhang, Turning};
 use crate::study::forcing::{Force, Milling, Stock};
 use crate::study::masses::Platform;
 use crate::study::measured::{BadResponse, Measured};
-use crate::study::number::{Positive, Ratio};
+use crate::study::number::{Positive, Ratio, Share};
 use crate::study::spindle::Spindle;
 use machine::files::{AtFile, Locate, read_text};
 use machine::read::mechanism::Mechanism;
@@ -189,23 +189,6 @@ pub enum Lacking {
     Both { section: &'static str, keys: [&'static str; 2] },
     #[error("{key}: expected one number, or {expected} of them; found {found}")]
     Length { key: &'static str, expected: usize, found: usize },
-}
-
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected more than 0 and at most 1")]
-pub struct NoShare(f64);
-
-/// A share of a whole, above 0.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(try_from = "f64")]
-pub struct Share(pub f64);
-
-impl TryFrom<f64> for Share {
-    type Error = NoShare;
-
-    fn try_from(value: f64) -> Result<Self, NoShare> {
-        if value > 0.0 && value <= 1.0 { Ok(Self(value)) } else { Err(NoShare(value)) }
-    }
 }
 
 /// One positive number for all items, or one for each.

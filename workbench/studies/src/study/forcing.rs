@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The tables of a study that describe exciting forces.
 
-use crate::study::cutting::NotNegative;
 use crate::study::masses::Direction;
-use crate::study::number::Positive;
+use crate::study::number::{Helix, NotNegative, Positive};
 use serde::Deserialize;
 
 /// Why a random force is invalid.
@@ -140,24 +139,6 @@ impl TryFrom<StockKeys> for Stock {
             true => Ok(Self { low_mm, high_mm, top_mm, cell_mm }),
             false => Err(NoStock::Fine(cells)),
         }
-    }
-}
-
-/// A helix angle out of range.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("{0}: expected at least 0 and less than 90 degrees")]
-pub struct NoHelix(f64);
-
-/// The angle of a helix to the tool axis: 0 to less than 90 degrees.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(try_from = "f64")]
-pub struct Helix(pub f64);
-
-impl TryFrom<f64> for Helix {
-    type Error = NoHelix;
-
-    fn try_from(value: f64) -> Result<Self, NoHelix> {
-        if (0.0..90.0).contains(&value) { Ok(Self(value)) } else { Err(NoHelix(value)) }
     }
 }
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! `[spindle]` of a study: a shaft on two elastic supports, with elastic joints to arbor and tool.
 
-use crate::study::cutting::NotNegative;
-use crate::study::number::Positive;
+use crate::study::number::{NotNegative, Positive};
 use serde::Deserialize;
 
 /// A shaft of cylinders on two bearings; lengths from its rear end to the nose or tool tip.

@@ -3,9 +3,8 @@
 
 use std::f64::consts::{PI, TAU};
 use studies::stability::spindle::{NoSpindle, Nose};
-use studies::study::cutting::NotNegative;
 use studies::study::file::Study;
-use studies::study::number::Positive;
+use studies::study::number::{NotNegative, Positive};
 use studies::study::spindle::{ShaftJoint, Spindle};
 use test_support::stability::close;
 
