@@ -5,7 +5,7 @@ use super::failure::{Failure, refused};
 use super::{Bar, MachineFile, Verdict, output, write_out};
 use draw::curve::{of_carriages, of_job, of_route};
 use draw::plot::{DrawError, Plot};
-use machine::files::write_whole;
+use machine::files::{check_writable, write_whole};
 use machine::read::mechanism::Mechanism;
 use paths::carriages;
 use paths::file::PathFile;
@@ -136,6 +136,7 @@ fn backwards(
     let bar = Bar::spinner("finding the path");
     let places = carriages::taken(config, file)
         .map_err(|error| Failure::at(arguments.path.display(), error))?;
+    arguments.csv.as_deref().map_or(Ok(()), check_writable)?;
     if let Some(folder) = &arguments.plots {
         Plot::write_all(&of_carriages(config, &places)?, folder)?;
     }
@@ -181,6 +182,8 @@ fn write(
     plots: impl FnOnce() -> Result<Vec<Plot>, DrawError>,
     bar: Bar,
 ) -> Result<(), Failure> {
+    let files = [&arguments.csv, &arguments.output];
+    files.into_iter().flatten().try_for_each(|file| check_writable(file))?;
     if let Some(folder) = &arguments.plots {
         Plot::write_all(&plots()?, folder)?;
     }

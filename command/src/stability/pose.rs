@@ -8,7 +8,7 @@ use super::{Speeds, setup};
 use draw::plot::Plot;
 use draw::stability::{of_lobes, of_stable_map, of_tip};
 use kinematics::Vector3;
-use machine::files::{csv, write_whole};
+use machine::files::{check_writable, csv, write_whole};
 use nalgebra::ComplexField;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -179,6 +179,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let map = StableMap::new(&rows, &setup.process, range, deepest, first, |share| bar.set(share));
     bar.next("limits by zero order and at single speeds".into());
     let zero_order = |rpm: f64| lobes.limit(rpm).map(|limit| limit.depth);
+    arguments.csv.as_deref().map_or(Ok(()), check_writable)?;
     if let Some(folder) = &arguments.plots {
         Plot::write_all(&plots(&setup, &rows, &map, &lobes, range)?, folder)?;
     }

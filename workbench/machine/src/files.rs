@@ -273,6 +273,14 @@ pub struct Whole {
     place: PathBuf,
 }
 
+/// Checks that a file can be written, before a command writes its other files.
+///
+/// # Errors
+/// As [`Whole::new`].
+pub fn check_writable(file: &Path) -> Result<(), AtFile<io::Error>> {
+    Whole::new(file).map(drop)
+}
+
 impl Whole {
     /// Creates the temporary file.
     ///
