@@ -129,7 +129,27 @@ fn a_measured_response_is_answered_drawn_and_written() {
     assert_eq!(fs::read_dir(bench.0.path().join("drawn")).unwrap().count(), 9);
     let table = fs::read_to_string(bench.0.path().join("out.csv")).unwrap();
     assert!(table.lines().next().unwrap().ends_with("tool_abs_mm_per_n,tool_phase_deg"));
-    assert_output(&bench.answer(lag, ""), 0, &["unknown from a measured response"]);
+    assert_output(
+        &bench.answer(lag, ""),
+        0,
+        &[
+            "unknown from a measured response",
+            "from 20.0 to 2019.5 Hz; resonances beyond are not covered",
+        ],
+    );
+    assert_eq!(own["examined_hz"], serde_json::json!([20.0, 2019.5]));
+    // A file in mm/N whose header says um/N, and one that begins above a quarter of the slowest resonance.
+    let small = response().replace("um_per_n", "m_per_n");
+    let bench = bench.with("frf.csv", &small);
+    assert_output(&bench.answer(lag, ""), 0, &["warning: [[measured]] tool: frf.csv gives up to"]);
+    let text = response();
+    let late: String = text.lines().skip(401).map(|line| format!("{line}\n")).collect();
+    let bench = bench.with("frf.csv", &format!("{}\n{late}", text.lines().next().unwrap()));
+    let narrow = json(&bench.answer(&format!("{lag} --format json"), ""));
+    let narrow = &narrow["adjustments"][0]["at"];
+    assert!(narrow["oscillation_index"].is_null() && narrow["bandwidth_rad_per_s"].is_null());
+    assert_output(&bench.answer(lag, ""), 0, &["unknown: the measured range is too narrow"]);
+    let bench = bench.with("frf.csv", &text);
     let beyond = bench.answer(&format!("{lag} --stiffness 4000"), "");
     assert_output(&beyond, 1, &["unstable roots         2", "settling time          never"]);
     // Up to 420 Hz nothing is decided.
@@ -147,6 +167,20 @@ fn a_measured_response_is_answered_drawn_and_written() {
     let beyond = bench.answer(&format!("{lag} --stiffness 100000 --format json"), "");
     assert_output(&beyond, 2, &[]);
     assert!(beyond.replace(' ', "").contains("\"fits\":null"), "{beyond}");
+}
+
+#[test]
+fn a_table_that_cannot_be_written_leaves_no_pictures() {
+    let bench = Bench::new().with("links.toml", &two_links()).with("study.toml", DELTA);
+    let files = bench.files();
+    for command in [
+        "stability lag --study links.toml",
+        "stability pose linear-delta.ini --study study.toml --columns 5",
+    ] {
+        let answer = bench.answer(&format!("{command} --plots drawn --csv absent/out.csv"), "");
+        assert_output(&answer, 2, &["absent/out.csv: No such file"]);
+        assert_eq!(bench.files(), files, "{command}");
+    }
 }
 
 #[test]

@@ -5,8 +5,8 @@ use super::super::Verdict;
 use super::super::failure::Failure;
 use super::super::output;
 use draw::plot::Plot;
-use draw::stability::{of_overhangs, of_partitions, of_responses};
-use machine::files::{Locate, csv, write_whole};
+use draw::stability::{Cutting, of_overhangs, of_partitions, of_responses};
+use machine::files::{Locate, check_writable, csv, write_whole};
 use nalgebra::{Complex, ComplexField};
 use serde::Serialize;
 use serde_json::json;
@@ -14,11 +14,13 @@ use std::f64::consts::TAU;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use studies::stability::WORTH;
-use studies::stability::lag::{Crossing, Lag};
-use studies::stability::response::{Response, unwrapped};
+use studies::stability::count::Counter;
+use studies::stability::lag::Crossing;
+use studies::stability::response::{Margins, Response, unwrapped};
 use studies::stability::system::Adjustment;
 use studies::study::cutting::{Chip, Link};
 use studies::study::file::Study;
+use studies::study::measured::Measured;
 
 /// Number of overhangs of the curve.
 const OVERHANGS: usize = 200;
@@ -87,6 +89,8 @@ struct Answer {
     /// Null if every cutting stiffness is stable.
     limit: Option<Shown>,
     is_confirmed_by_counts: bool,
+    /// The measured range, beyond which nothing is examined; null without measured responses.
+    examined_hz: Option<[f64; 2]>,
     crossings: Vec<Shown>,
     /// Null for a measured response, which has no value at rest.
     real_root_passes_0_at_n_per_mm: Option<f64>,
@@ -129,9 +133,9 @@ struct At {
     gain_margin: Option<f64>,
     phase_margin_deg: Option<f64>,
     distance_from_minus_1: f64,
-    oscillation_index: f64,
+    oscillation_index: Option<f64>,
     peak_rad_per_s: f64,
-    bandwidth_rad_per_s: f64,
+    bandwidth_rad_per_s: Option<f64>,
     settling_s: Option<f64>,
 }
 
@@ -143,7 +147,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     let own = overhangs.into_iter().map(|overhang| Adjustment::of(&study, overhang));
     let own: Vec<Adjustment> = own.collect::<Result<_, _>>().at(&arguments.study)?;
-    let doubts: Vec<String> = study.links.iter().filter_map(Link::doubt).collect();
+    let of_links = study.links.iter().filter_map(Link::doubt);
+    let doubts: Vec<String> =
+        of_links.chain(study.measured.iter().filter_map(Measured::doubt)).collect();
     let answers: Vec<Answer> =
         own.iter().map(|adjustment| answer(adjustment, &study, arguments.stiffness)).collect();
     write(arguments, &study, &own, &answers)?;
@@ -153,7 +159,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let mut out = output::people();
     writeln!(out, "{}", arguments.study.display())?;
     for (adjustment, answer) in own.iter().zip(&answers) {
-        report(&mut out, &adjustment.name(), answer, !study.measured.is_empty())?;
+        report(&mut out, &adjustment.name(), answer)?;
     }
     doubts.iter().try_for_each(|doubt| writeln!(out, "warning: {doubt}"))?;
     writeln!(out, "{WORTH}")?;
@@ -174,18 +180,22 @@ fn verdict(answers: &[Answer]) -> Verdict {
 
 fn answer(adjustment: &Adjustment, study: &Study, stiffness: Option<f64>) -> Answer {
     let lag = &adjustment.lag;
-    let limit = lag.limit();
-    let at = stiffness.unwrap_or_else(|| half(lag));
-    let margins = margins(lag, at);
+    let counter = lag.counter();
+    let limit = counter.limit();
+    // Half the limit; without a limit, the stiffness of the whole.
+    let half = || limit.crossing.map_or(lag.at_rest().abs(), |found| found.stiffness / 2.0);
+    let at = stiffness.unwrap_or_else(half);
+    let margins = margins(&counter, lag.margins(at, limit.crossing), at);
     let chip = limit.crossing.zip(study.chip).map(|(found, chip): (Crossing, Chip)| Cut {
         limit_width_mm: chip.width(found.stiffness),
         limit_depth_mm: chip.depth(found.stiffness),
     });
     Answer {
         overhang_mm: adjustment.overhang,
-        limit: limit.crossing.map(|found| shown(lag, &found)),
+        limit: limit.crossing.map(|found| shown(&counter, &found)),
         is_confirmed_by_counts: limit.is_certified,
-        crossings: lag.crossings().iter().map(|found| shown(lag, found)).collect(),
+        examined_hz: (!lag.measured.is_empty()).then(|| lag.range().map(|omega| omega / TAU)),
+        crossings: counter.crossings().iter().map(|found| shown(&counter, found)).collect(),
         real_root_passes_0_at_n_per_mm: lag.measured.is_empty().then(|| lag.at_rest()),
         worst_lag: lag.worst_lag().map(|(time, found)| Worst {
             time_constant_ms: 1e3 * time,
@@ -197,29 +207,19 @@ fn answer(adjustment: &Adjustment, study: &Study, stiffness: Option<f64>) -> Ans
     }
 }
 
-/// Returns half the limit; without a limit, the stiffness of the whole.
-fn half(lag: &Lag) -> f64 {
-    lag.limit().crossing.map_or(lag.at_rest().abs(), |found| found.stiffness / 2.0)
-}
-
-/// Relative distance from a crossing at which roots are counted.
-const BESIDE: f64 = 1e-6;
-
-fn shown(lag: &Lag, found: &Crossing) -> Shown {
-    let count = |share: f64| lag.unstable(Complex::new(found.stiffness * share, 0.0));
+fn shown(counter: &Counter, found: &Crossing) -> Shown {
     Shown {
         stiffness_n_per_mm: found.stiffness,
         omega_rad_per_s: found.omega,
         hz: found.omega / TAU,
-        unstable_below_and_above: [count(1.0 - BESIDE), count(1.0 + BESIDE)],
+        unstable_below_and_above: counter.beside(found),
     }
 }
 
-fn margins(lag: &Lag, stiffness: f64) -> At {
-    let found = lag.margins(stiffness);
+fn margins(counter: &Counter, found: Margins, stiffness: f64) -> At {
     At {
         stiffness_n_per_mm: stiffness,
-        unstable: lag.unstable(Complex::new(stiffness, 0.0)),
+        unstable: counter.unstable(Complex::new(stiffness, 0.0)),
         gain_margin: found.gain.is_finite().then_some(found.gain),
         phase_margin_deg: found.phase.map(f64::to_degrees),
         distance_from_minus_1: found.distance,
@@ -230,12 +230,10 @@ fn margins(lag: &Lag, stiffness: f64) -> At {
     }
 }
 
-fn report(
-    out: &mut impl Write,
-    name: &str,
-    answer: &Answer,
-    is_measured: bool,
-) -> Result<(), Failure> {
+/// Number of crossings in the table for people: noise in a measured response adds hundreds.
+const MOST_ROWS: usize = 20;
+
+fn report(out: &mut impl Write, name: &str, answer: &Answer) -> Result<(), Failure> {
     writeln!(out, "{name}")?;
     let mut row = |name: &str, text: String| writeln!(out, "  {name:<24} {text}");
     match &answer.limit {
@@ -246,20 +244,27 @@ fn report(
                 limit.stiffness_n_per_mm, limit.omega_rad_per_s, limit.hz
             ),
         )?,
-        None if is_measured => {
+        None if answer.examined_hz.is_some() => {
             row("limit cutting stiffness", "none at the measured frequencies".into())?;
         }
         None => row("limit cutting stiffness", "none: every cutting stiffness is stable".into())?,
     }
-    let counts = match answer.is_confirmed_by_counts {
-        true => "confirmed by counts of unstable roots",
-        false if is_measured => {
-            "NOT confirmed: measure a wider range of frequencies, at which the open loop stays away from -1"
+    let counts = match (answer.is_confirmed_by_counts, answer.examined_hz) {
+        (true, Some([low, high])) => format!(
+            "confirmed by counts of unstable roots from {low:.1} to {high:.1} Hz; resonances beyond are not covered"
+        ),
+        (true, None) => "confirmed by counts of unstable roots".into(),
+        (false, Some(_)) => {
+            "NOT confirmed: measure a wider range of frequencies, at which the open loop stays away from -1".into()
         }
-        false => "NOT confirmed: counts of unstable roots disagree",
+        (false, None) => "NOT confirmed: counts of unstable roots disagree".into(),
     };
-    row("", counts.into())?;
-    for found in &answer.crossings {
+    row("", counts)?;
+    let mut nearest: Vec<&Shown> = answer.crossings.iter().collect();
+    nearest.sort_by(|a, b| a.stiffness_n_per_mm.abs().total_cmp(&b.stiffness_n_per_mm.abs()));
+    let rest = nearest.split_off(nearest.len().min(MOST_ROWS)).len();
+    nearest.sort_by(|a, b| a.stiffness_n_per_mm.total_cmp(&b.stiffness_n_per_mm));
+    for found in nearest {
         let [below, above] = found.unstable_below_and_above;
         row(
             "crossing",
@@ -268,6 +273,9 @@ fn report(
                 found.stiffness_n_per_mm, found.omega_rad_per_s
             ),
         )?;
+    }
+    if rest > 0 {
+        row("", format!("{rest} more crossings at larger stiffnesses; --format json lists them"))?;
     }
     if let Some(stiffness) = answer.real_root_passes_0_at_n_per_mm {
         row("real root passes 0 at", format!("{stiffness:.3} N/mm"))?;
@@ -290,8 +298,11 @@ fn report(
     row("  phase margin", or_none(phase))?;
     row("  distance from -1", format!("{:.4}", at.distance_from_minus_1))?;
     let peak = at.peak_rad_per_s;
-    row("  oscillation index", format!("{:.4}, peak at {peak:.3} rad/s", at.oscillation_index))?;
-    row("  bandwidth", format!("{:.3} rad/s", at.bandwidth_rad_per_s))?;
+    let unknown = || "unknown: the measured range is too narrow".to_string();
+    let index = at.oscillation_index.map(|index| format!("{index:.4}, peak at {peak:.3} rad/s"));
+    row("  oscillation index", index.unwrap_or_else(unknown))?;
+    let bandwidth = at.bandwidth_rad_per_s.map(|bandwidth| format!("{bandwidth:.3} rad/s"));
+    row("  bandwidth", bandwidth.unwrap_or_else(unknown))?;
     let settling = match at.settling_s {
         Some(time) => format!("{time:.4} s"),
         None if answer.is_judged && at.unstable > 0 => "never".into(),
@@ -315,14 +326,16 @@ fn write(
     if arguments.plots.is_none() && arguments.csv.is_none() {
         return Ok(());
     }
-    let responses: Vec<(String, Vec<Response>)> = own
-        .iter()
-        .zip(answers)
-        .map(|(adjustment, answer)| {
-            let all = adjustment.lag.responses(answer.at.stiffness_n_per_mm);
-            (adjustment.name(), all)
-        })
-        .collect();
+    arguments.csv.as_deref().map_or(Ok(()), check_writable)?;
+    let cut = |(adjustment, answer): (&Adjustment, &Answer)| {
+        let stiffness = answer.at.stiffness_n_per_mm;
+        Cutting {
+            name: adjustment.name(),
+            stiffness,
+            responses: adjustment.lag.responses(stiffness),
+        }
+    };
+    let responses: Vec<Cutting> = own.iter().zip(answers).map(cut).collect();
     if let Some(folder) = &arguments.plots {
         let mut plots = vec![];
         for adjustment in own {
@@ -351,11 +364,7 @@ fn by_overhang(study: &Study, own: &[Adjustment]) -> Vec<(f64, f64)> {
     (OVERHANGS / 40..=OVERHANGS).filter_map(limit).filter(|_| most > 0.0).collect()
 }
 
-fn write_csv(
-    file: &Path,
-    own: &[Adjustment],
-    responses: &[(String, Vec<Response>)],
-) -> Result<(), Failure> {
+fn write_csv(file: &Path, own: &[Adjustment], responses: &[Cutting]) -> Result<(), Failure> {
     let mut header: Vec<String> = ["adjustment", "omega_rad_per_s"].map(String::from).into();
     let mut named = |name: &str| {
         let parts = ["re_mm_per_n", "im_mm_per_n", "abs_mm_per_n", "phase_deg"];
@@ -365,7 +374,7 @@ fn write_csv(
     named("free");
     own[0].names.iter().for_each(|name| named(name));
     let mut rows = vec![];
-    for (name, all) in responses {
+    for Cutting { name, responses: all, .. } in responses {
         let count = own[0].names.len();
         let column = |of: &dyn Fn(&Response) -> Complex<f64>| -> Vec<[f64; 4]> {
             let values: Vec<Complex<f64>> = all.iter().map(of).collect();

@@ -12,7 +12,8 @@ use nalgebra::{Complex, ComplexField};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
 use studies::stability::bands::{Band, Loss};
-use studies::stability::lag::Lag;
+use studies::stability::count::Counter;
+use studies::stability::lag::{Crossing, Lag};
 use studies::stability::lobes::LobePoint;
 use studies::stability::map::{Column, StableMap};
 use studies::stability::response::{Response, unwrapped};
@@ -27,11 +28,6 @@ const POINTS: usize = 20_000;
 /// Halvings of a step of frequency: down to rounding.
 const HALVINGS: usize = 48;
 
-/// Returns the reference stiffness of a picture: the limit, or that at rest if there is no limit.
-fn reference(lag: &Lag) -> f64 {
-    lag.limit().crossing.map_or(lag.at_rest().abs(), |limit| limit.stiffness)
-}
-
 /// Draws the D-partition by the cutting stiffness, and those by lag and, unless responses are measured, by the first
 /// link's stiffness.
 ///
@@ -39,23 +35,42 @@ fn reference(lag: &Lag) -> f64 {
 /// As [`DrawError`].
 pub fn of_partitions(adjustment: &Adjustment, stem: &str) -> Result<Vec<Plot>, DrawError> {
     let lag = &adjustment.lag;
-    let mut plots = vec![by_stiffness(lag, &adjustment.name(), stem)?];
+    let known = Known::of(lag);
+    let mut plots = vec![by_stiffness(lag, &known, &adjustment.name(), stem)?];
     if lag.lag > 0.0 {
-        plots.push(by_lag(lag, &adjustment.name(), stem)?);
+        plots.push(by_lag(lag, &known, &adjustment.name(), stem)?);
         if lag.measured.is_empty() {
-            plots.push(by_first_link(lag, adjustment, stem)?);
+            plots.push(by_first_link(lag, &known, adjustment, stem)?);
         }
     }
     Ok(plots)
 }
 
-fn by_stiffness(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
-    let most = BEYOND * reference(lag);
-    let upper = lag.curve(reference(lag));
+/// Results that all partitions of a loop need.
+struct Known<'a> {
+    counter: Counter<'a>,
+    limit: Option<Crossing>,
+    /// The limit, or the stiffness at rest if there is no limit.
+    reference: f64,
+}
+
+impl<'a> Known<'a> {
+    fn of(lag: &'a Lag) -> Self {
+        let counter = lag.counter();
+        let limit = counter.limit().crossing;
+        let reference = limit.map_or(lag.at_rest().abs(), |limit| limit.stiffness);
+        Self { counter, limit, reference }
+    }
+}
+
+fn by_stiffness(lag: &Lag, known: &Known, name: &str, stem: &str) -> Result<Plot, DrawError> {
+    let most = BEYOND * known.reference;
+    let upper = lag.curve(known.reference);
     let mut curve: Vec<[f64; 2]> =
         upper.iter().rev().map(|point| [point.at[0], -point.at[1]]).collect();
     curve.extend(places(&upper));
-    let crossings = lag.crossings().into_iter().filter(|found| found.stiffness.abs() < most);
+    let crossings = known.counter.crossings().iter();
+    let crossings = crossings.filter(|found| found.stiffness.abs() < most);
     let marks = crossings.map(|found| {
         let text = format!("K {:.0} N/mm at {:.2} rad/s", found.stiffness, found.omega);
         ([found.stiffness, 0.0], text)
@@ -69,7 +84,8 @@ fn by_stiffness(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
     };
     let window = [[-most, most], [-0.8 * most, 0.8 * most]];
     let partition = Partition { frame, window, curves: vec![curve], marks: marks.collect() };
-    let svg = partitioned(&partition, |[re, im]| lag.unstable(Complex::new(re, im)))?;
+    let count = |[re, im]: [f64; 2]| known.counter.unstable(Complex::new(re, im));
+    let svg = partitioned(&partition, count)?;
     Ok(Plot { file: format!("{stem}-partition.svg"), caption: caption.clone(), svg })
 }
 
@@ -82,9 +98,10 @@ fn omegas(lag: &Lag) -> Vec<f64> {
     (1..=POINTS).map(|k| highest * (k as f64 / POINTS as f64).powi(2)).collect()
 }
 
-fn by_lag(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
-    let most = BEYOND * lag.worst_lag().map_or(reference(lag), |(_, found)| found.stiffness);
-    let longest = 3.0 * lag.worst_lag().map_or(lag.lag, |(time, _)| time).max(lag.lag);
+fn by_lag(lag: &Lag, known: &Known, name: &str, stem: &str) -> Result<Plot, DrawError> {
+    let worst = lag.worst_lag();
+    let most = BEYOND * worst.map_or(known.reference, |(_, found)| found.stiffness);
+    let longest = 3.0 * worst.map_or(lag.lag, |(time, _)| time).max(lag.lag);
     let window = [[0.0, 1e3 * longest], [0.0, most]];
     let is_near = |place: &&[f64; 2]| place[0] >= 0.0 && place[1] > 0.0;
     let all: Vec<[f64; 2]> = omegas(lag)
@@ -93,7 +110,7 @@ fn by_lag(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
         .map(|[time, stiffness]| [1e3 * time, stiffness])
         .collect();
     let curves = all.split(|place| !is_near(&place)).filter(|curve| curve.len() > 1);
-    let own = lag.limit().crossing.filter(|limit| limit.stiffness < most);
+    let own = known.limit.filter(|limit| limit.stiffness < most);
     let marks = own.map(|limit| ([1e3 * lag.lag, limit.stiffness], name.to_string()));
     let caption = format!("Unstable roots by lag and cutting stiffness, {name}");
     let frame = Frame {
@@ -109,16 +126,21 @@ fn by_lag(lag: &Lag, name: &str, stem: &str) -> Result<Plot, DrawError> {
         marks: marks.into_iter().collect(),
     };
     let count = |[time, stiffness]: [f64; 2]| {
-        lag.with_lag(1e-3 * time).unstable(Complex::new(stiffness, 0.0))
+        known.counter.unstable_with(1e-3 * time, Complex::new(stiffness, 0.0))
     };
     let svg = partitioned(&partition, count)?;
     Ok(Plot { file: format!("{stem}-partition-lag.svg"), caption: caption.clone(), svg })
 }
 
-fn by_first_link(lag: &Lag, adjustment: &Adjustment, stem: &str) -> Result<Plot, DrawError> {
+fn by_first_link(
+    lag: &Lag,
+    known: &Known,
+    adjustment: &Adjustment,
+    stem: &str,
+) -> Result<Plot, DrawError> {
     let first = lag.terms[0];
     let own = first.square / first.gain;
-    let most = BEYOND * reference(lag);
+    let most = BEYOND * known.reference;
     let window = [[0.0, 3.0 * own], [0.0, most]];
     let pairs = by_omega(lag);
     let mut curves = vec![];
@@ -131,8 +153,7 @@ fn by_first_link(lag: &Lag, adjustment: &Adjustment, stem: &str) -> Result<Plot,
         let parts = places.split(|place| place.is_none()).filter(|part| part.len() > 1);
         curves.extend(parts.map(|part| part.iter().flatten().copied().collect()));
     }
-    let limit = lag.limit().crossing;
-    let marks = limit.map(|limit| ([own, limit.stiffness], adjustment.name()));
+    let marks = known.limit.map(|limit| ([own, limit.stiffness], adjustment.name()));
     let caption = format!(
         "Unstable roots by the stiffness of {} and K, {}",
         adjustment.names[0],
@@ -178,33 +199,46 @@ fn by_omega(lag: &Lag) -> Vec<Vec<[f64; 2]>> {
     found
 }
 
+/// The responses of an adjustment while it cuts.
+pub struct Cutting {
+    /// Name of the adjustment.
+    pub name: String,
+    /// Cutting stiffness, N/mm.
+    pub stiffness: f64,
+    pub responses: Vec<Response>,
+}
+
+impl Cutting {
+    fn name(&self) -> String {
+        format!("{}, K {:.0} N/mm", self.name, self.stiffness)
+    }
+}
+
 /// Draws real and imaginary part, amplitude, phase and hodograph of the tool's response relative to the work, and the
-/// hodographs of each link and of the open loop, for one or several adjustments at one cutting stiffness. `links` are
-/// the names of the links.
+/// hodographs of each link and of the open loop, for one or several adjustments. `links` are the names of the links.
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_responses(
-    responses: &[(String, Vec<Response>)],
-    links: &[String],
-) -> Result<Vec<Plot>, DrawError> {
+pub fn of_responses(cuts: &[Cutting], links: &[String]) -> Result<Vec<Plot>, DrawError> {
     // um/N; frequencies up to the last amplitude above 2 % of the largest.
-    let most = responses.iter().flat_map(|(_, all)| all.iter().map(|r| r.cutting.modulus()));
+    let all = cuts.iter().flat_map(|cut| &cut.responses);
+    let most = all.map(|r| r.cutting.modulus());
     let most = most.fold(0.0, f64::max);
     let seen = |all: &[Response]| -> f64 {
         let high = all.iter().filter(|r| r.cutting.modulus() > 0.02 * most);
         high.map(|r| r.omega).fold(0.0, f64::max)
     };
-    let end = responses.iter().map(|(_, all)| seen(all)).fold(0.0, f64::max);
+    let end = cuts.iter().map(|cut| seen(&cut.responses)).fold(0.0, f64::max);
     let mut plots = vec![];
     for (k, name) in PARTS.iter().enumerate() {
-        let of = |(name, all): &(String, Vec<Response>)| {
-            let all: Vec<Response> = all.iter().filter(|r| r.omega <= end).cloned().collect();
+        let of = |cut: &Cutting| {
+            let all = cut.responses.iter().filter(|r| r.omega <= end);
+            let all: Vec<Response> = all.cloned().collect();
             let omegas = all.iter().map(|response| response.omega);
-            Line { name: name.clone(), points: omegas.zip(part(k, &all)).collect() }
+            Line { name: cut.name(), points: omegas.zip(part(k, &all)).collect() }
         };
-        let lines: Vec<Line> = responses.iter().map(of).collect();
-        let caption = format!("Response of the tool relative to the work: {name}");
+        let lines: Vec<Line> = cuts.iter().map(of).collect();
+        let caption = format!("Response of the tool relative to the work, cutting: {name}");
         let unit = if k == 3 { "degrees" } else { "µm/N" };
         let y = format!("{name} in {unit}");
         let frame = Frame { title: &caption, x: "frequency in rad/s", y: &y, limits: vec![] };
@@ -214,24 +248,25 @@ pub fn of_responses(
     }
     let um = |value: Complex<f64>| (1e3 * value.re, 1e3 * value.im);
     let of_all = |place: &dyn Fn(&Response) -> (f64, f64)| -> Vec<Line> {
-        let line = |(name, all): &(String, Vec<Response>)| Line {
-            name: name.clone(),
-            points: all.iter().map(place).collect(),
+        let line = |cut: &Cutting| Line {
+            name: cut.name(),
+            points: cut.responses.iter().map(place).collect(),
         };
-        responses.iter().map(line).collect()
+        cuts.iter().map(line).collect()
     };
     let of_link = |(k, name): (usize, &String)| {
         let lines = of_all(&|response| um(response.terms[k]));
-        let named = |line: Line| match responses.len() {
+        let named = |(cut, line): (&Cutting, Line)| match cuts.len() {
             1 => Line { name: name.clone(), ..line },
-            _ => Line { name: format!("{name}, {}", line.name), ..line },
+            _ => Line { name: format!("{name}, {}", cut.name), ..line },
         };
-        lines.into_iter().map(named).collect::<Vec<_>>()
+        cuts.iter().zip(lines).map(named).collect::<Vec<_>>()
     };
     let links = links.iter().enumerate().flat_map(of_link).collect();
     let whole = of_all(&|response| um(response.cutting));
     let open = of_all(&|response| (response.open.re, response.open.im));
-    let (response, unit) = ("Response of the tool relative to the work: hodograph", " in µm/N");
+    let (response, unit) =
+        ("Response of the tool relative to the work, cutting: hodograph", " in µm/N");
     plots.push(hodograph("response-hodograph.svg", response, unit, whole, 0.0)?);
     let caption = "Each link alone, without cutting: hodograph";
     plots.push(hodograph("links-hodograph.svg", caption, unit, links, 0.0)?);

@@ -13,7 +13,6 @@ use crate::dynamics::mode::Mode;
 use crate::stability::root;
 use crate::study::measured::Receptance;
 use nalgebra::{Complex, ComplexField, DMatrix, Vector3};
-use std::f64::consts::TAU;
 
 /// A pair of frequency (rad/s) and cutting stiffness (N/mm) on the limit of stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,9 +89,6 @@ pub struct Limit {
     pub is_certified: bool,
 }
 
-/// Relative distance from a crossing at which roots are counted.
-const BESIDE: f64 = 1e-6;
-
 /// Share of the highest measured frequency with which the open loop at that frequency is compared.
 const NEAR_END: f64 = 0.95;
 
@@ -107,7 +103,7 @@ const POLISH: usize = 60;
 const REAL: f64 = 1e-4;
 
 /// Evenly spaced sample frequencies.
-const GRID: usize = 4000;
+pub(super) const GRID: usize = 4000;
 
 impl Lag {
     /// Returns the receptance G at an angular frequency, mm/N.
@@ -269,34 +265,6 @@ impl Lag {
         ((value / slope).abs() < 1e-9 * square).then_some(square)
     }
 
-    /// Returns the limit cutting stiffness: K = 0 is stable, so it is the smallest positive crossing.
-    pub fn limit(&self) -> Limit {
-        let positive: Vec<Crossing> =
-            self.crossings().into_iter().filter(|found| found.stiffness > 0.0).collect();
-        let is_certified = self.agrees(&positive);
-        Limit { crossing: positive.first().copied(), is_certified }
-    }
-
-    /// Returns whether the numbers of unstable roots agree with these being all positive crossings: equal
-    /// just above a crossing and just below the next, 0 at K = 0, and equal above the last and far beyond it.
-    fn agrees(&self, positive: &[Crossing]) -> bool {
-        if !self.measured.is_empty() {
-            let Some(limit) = positive.first() else { return false };
-            if !self.is_closed(limit.stiffness) {
-                return false;
-            }
-        }
-        let at = |stiffness: f64| self.unstable(Complex::new(stiffness, 0.0));
-        let mut count = 0;
-        let mut agrees = at(0.0) == count;
-        for Crossing { stiffness, .. } in positive {
-            agrees &= at(stiffness * (1.0 - BESIDE)) == count;
-            count = at(stiffness * (1.0 + BESIDE));
-        }
-        let beyond = positive.last().map_or(self.at_rest().abs(), |last| last.stiffness) * 1e3;
-        agrees && at(beyond) == count
-    }
-
     /// Returns whether the open loop stays away from -1 beyond the measured frequencies. Below them, all parts are
     /// nearly static. Above them, a resonance turns the open loop by half a turn, so only its modulus counts; one that
     /// rises approaches a resonance, unless it is below a tenth.
@@ -309,39 +277,6 @@ impl Lag {
         let size = open(high).modulus();
         let shrinks = size < 1.0 && size < open(NEAR_END * high).modulus();
         (size < SMALL || shrinks) && (open(low).re > 0.0 || open(low).modulus() < 1.0)
-    }
-
-    /// Counts the roots with a positive real part at a cutting stiffness, by eigenvalues; with measured responses
-    /// by Nyquist's criterion, as all of them are stable without cutting.
-    pub fn unstable(&self, stiffness: Complex<f64>) -> usize {
-        if !self.measured.is_empty() {
-            return self.turns(stiffness);
-        }
-        // NaN counts as unstable.
-        self.roots(stiffness).iter().filter(|root| !(root.re <= 0.0)).count()
-    }
-
-    /// Returns the turns about 0 of `1 + K G/(1 + iωT)` over negative and positive frequencies.
-    fn turns(&self, stiffness: Complex<f64>) -> usize {
-        let mut grid = self.grid(GRID);
-        // A real K next to a crossing passes 0 nearer than the samples are to each other.
-        if stiffness.im == 0.0 {
-            grid.extend(self.crossings().iter().map(|found| found.omega));
-        }
-        grid.sort_by(f64::total_cmp);
-        let open = |omega: &f64| self.receptance(*omega) / self.delay(*omega);
-        let half: Vec<Complex<f64>> = grid.iter().map(open).collect();
-        let negative = half.iter().rev().map(|open| open.conjugate());
-        // Beyond the highest frequency the open loop shrinks to 0.
-        let rest = [Complex::new(0.0, 0.0)];
-        let all: Vec<Complex<f64>> = negative
-            .chain(half.iter().copied())
-            .chain(rest)
-            .map(|open| 1.0 + open * stiffness)
-            .collect();
-        let next = all.iter().cycle().skip(1);
-        let angle: f64 = all.iter().zip(next).map(|(a, b)| (b / a).argument()).sum();
-        (angle / TAU).round().abs() as usize
     }
 
     /// Returns all roots of the characteristic equation, 1/s: eigenvalues of the closed loop whose state is
@@ -471,19 +406,5 @@ mod tests {
             assert!((root - Complex::new(re, im)).modulus() < 1e-13, "{root}");
         }
         assert!(roots(&[1.0]).is_empty() && roots(&[]).is_empty());
-    }
-
-    #[test]
-    fn a_crossing_that_is_left_out_is_noticed() {
-        // The links of tests/cases/two-links.toml with a lag of 30 ms: three crossings.
-        let terms = vec![Term::link(2.27, 13.96, 38_900.0), Term::link(8.65, 38.51, 93_000.0)];
-        let lag = Lag { terms, lag: 0.03, ..Lag::default() };
-        let all = lag.crossings();
-        assert!(all.len() == 3 && lag.agrees(&all));
-        for left in 0..3 {
-            let mut some = all.clone();
-            some.remove(left);
-            assert!(!lag.agrees(&some), "{left}");
-        }
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Stability in the cut.
 //!
-//! `lag`, `partition`, `two` and `response` treat masses on springs under a lagging force
+//! `lag`, `count`, `partition`, `two` and `response` treat masses on springs under a lagging force
 //! (paper 002); `process` and the modules that use it treat cutting of the surface that the previous tooth left.
 
 /// Closing statement of every result: its quality.
@@ -11,6 +11,7 @@ pub const WORTH: &str = "Damping and cutting coefficients come from the study: l
 
 pub mod bands;
 pub mod chip;
+pub mod count;
 pub mod floquet;
 mod grid;
 pub mod lag;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Frequency responses of the loop, and its stability margins.
 
-use crate::stability::lag::Lag;
+use crate::stability::lag::{Crossing, Lag};
 use nalgebra::{Complex, ComplexField};
 use std::f64::consts::PI;
 
@@ -30,12 +30,14 @@ pub struct Margins {
     pub phase: Option<f64>,
     /// Least distance of the open loop from -1.
     pub distance: f64,
-    /// Index of oscillation: the largest amplitude of the closed loop over the amplitude at rest.
-    pub index: f64,
+    /// Index of oscillation: the largest amplitude of the closed loop over the amplitude at rest; `None` if the
+    /// measured frequencies begin too high to be at rest, or end below the largest amplitude.
+    pub index: Option<f64>,
     /// Angular frequency of the largest amplitude, rad/s.
     pub peak: f64,
-    /// Angular frequency above which the amplitude stays below 1/√2 of the amplitude at rest, rad/s.
-    pub bandwidth: f64,
+    /// Angular frequency above which the amplitude stays below 1/√2 of the amplitude at rest, rad/s; `None` if the measured
+    /// frequencies do not contain it.
+    pub bandwidth: Option<f64>,
     /// Decay rate of the slowest root, 1/s; negative if it grows; `None` for measured responses.
     pub decay: Option<f64>,
 }
@@ -49,6 +51,10 @@ impl Margins {
         self.decay.filter(|decay| *decay > 0.0).map(|decay| SETTLED / decay)
     }
 }
+
+/// Share of the slowest resonance up to which the lowest measured frequency counts as rest: an undamped oscillator is
+/// there 1/(1 - 0.25²) = 1.07 times as compliant as at rest.
+const AT_REST: f64 = 0.25;
 
 /// Sample frequencies of a response.
 const COUNT: usize = 8000;
@@ -86,9 +92,9 @@ impl Lag {
             .collect()
     }
 
-    /// Returns the margins at a cutting stiffness above 0.
-    pub fn margins(&self, stiffness: f64) -> Margins {
-        let limit = self.limit().crossing.map_or(f64::INFINITY, |limit| limit.stiffness);
+    /// Returns the margins at a cutting stiffness above 0, with this limit.
+    pub fn margins(&self, stiffness: f64, limit: Option<Crossing>) -> Margins {
+        let limit = limit.map_or(f64::INFINITY, |limit| limit.stiffness);
         let grid = self.grid(COUNT);
         let amount = |omega: f64| self.response(stiffness, omega).cutting.modulus();
         let rest = amount(0.0);
@@ -105,14 +111,18 @@ impl Lag {
         let phases = passes(1.0, &|omega| open(omega).modulus()).into_iter().map(to_turn);
         let roots = || self.roots(Complex::new(stiffness, 0.0)).into_iter().map(|root| root.re);
         let decay = || -roots().fold(f64::NEG_INFINITY, f64::max);
-        let last = passes(rest / 2.0_f64.sqrt(), &amount).last().copied();
+        let cut = rest / 2.0_f64.sqrt();
+        let last = passes(cut, &amount).last().copied();
+        let [low, high] = self.range();
+        let is_at_rest = low <= AT_REST * self.slowest();
+        let is_below = high.is_infinite() || amount(high) < cut;
         Margins {
             gain: limit / stiffness,
             phase: phases.min_by(f64::total_cmp),
             distance: distances.fold(f64::INFINITY, f64::min),
-            index: amount(peak).max(rest) / rest,
+            index: (is_at_rest && peak < high).then(|| amount(peak).max(rest) / rest),
             peak,
-            bandwidth: last.unwrap_or(f64::INFINITY),
+            bandwidth: last.filter(|_| is_at_rest && is_below),
             decay: self.measured.is_empty().then(decay),
         }
     }

@@ -26,6 +26,29 @@ pub struct Measured {
     pub response: Receptance,
 }
 
+/// Largest displacement per force of a tool at its resonance, um/N: tools of machines have 0.01 to 5. A unit that is wrong by a
+/// thousand leaves this range.
+const PLAUSIBLE: [f64; 2] = [1e-3, 30.0];
+
+impl Measured {
+    /// Returns the question whether the file has another unit; `None` for a plausible response.
+    pub fn doubt(&self) -> Option<String> {
+        let sizes = self.response.samples.iter().map(|(_, value)| value.modulus());
+        // um per mm.
+        let largest = 1e3 * sizes.fold(0.0, f64::max);
+        let [low, high] = PLAUSIBLE;
+        let word = if largest < low { "only" } else { "up to" };
+        (!(low..=high).contains(&largest)).then(|| {
+            format!(
+                "[[measured]] {}: {} gives {word} {largest:.3e} um/N, but tools of machines yield {low} to {high} um/N; \
+                 is the unit of its columns right?",
+                self.name,
+                self.file.display()
+            )
+        })
+    }
+}
+
 /// A receptance at measured frequencies, with straight lines between them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receptance {

@@ -3,6 +3,8 @@
 
 use super::example;
 use nalgebra::{Complex, ComplexField};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 use studies::stability::lag::Lag;
 use studies::stability::system::{Adjustment, NoLoop};
@@ -73,12 +75,15 @@ fn a_measured_response_has_the_limit_of_the_masses_that_it_comes_from() {
     let mixed = of(&format!("{table}{MEASURED}"), measured(&LINKS[..1])).unwrap();
     assert_eq!(mixed.names, ["table", "tool"]);
     close(mixed.lag.limit().crossing.unwrap().stiffness, limit.stiffness, LINES);
-    let [at, other] = [&own.lag, &masses].map(|lag| lag.margins(limit.stiffness / 2.0));
+    let [at, other] =
+        [&own.lag, &masses].map(|lag| lag.margins(limit.stiffness / 2.0, lag.limit().crossing));
     close(at.gain, other.gain, LINES);
     // A sample next to the extremum: a quarter of the distance of the samples over ζω, squared.
     close(at.distance, other.distance, 2.0 * LINES);
     // Relative to the lowest measured frequency, 20 Hz, instead of rest: (20/522)² of G.
-    close(at.index, other.index, 3e-3);
+    close(at.index.unwrap(), other.index.unwrap(), 3e-3);
+    // Relative to the same.
+    close(at.bandwidth.unwrap(), other.bandwidth.unwrap(), 3e-3);
     assert!(at.decay.is_none() && at.settling().is_none());
 }
 
@@ -238,6 +243,88 @@ fn the_slowest_resonance_bounds_the_lag() {
     let lag = of(MEASURED, text.parse().unwrap()).unwrap().lag;
     // The imaginary part is largest within ζ² of the natural frequency, and within a sample.
     close(lag.slowest() / TAU, 200.0, 0.03 * 0.03 + STEP / 200.0);
+}
+
+#[test]
+fn a_narrow_range_has_neither_index_nor_bandwidth() {
+    // The first link vibrates at 658.8 Hz, the second one at 521.9 Hz.
+    let margins = |low: f64, high: f64| {
+        let text = file("hz,re_um_per_n,im_um_per_n", &LINKS, 1e3, even(low, high));
+        of(MEASURED, text.parse().unwrap()).unwrap().lag.margins(100.0, None)
+    };
+    let known = |[low, high]: [f64; 2]| {
+        let found = margins(low, high);
+        [found.index.is_some(), found.bandwidth.is_some()]
+    };
+    assert_eq!(known([20.0, 3000.0]), [true, true]);
+    // 200 Hz is not at rest.
+    assert_eq!(known([200.0, 3000.0]), [false, false]);
+    // Above the resonances, but not down to 1/√2 of rest; and below them.
+    assert_eq!(known([20.0, 700.0]), [true, false]);
+    assert_eq!(known([20.0, 400.0]), [false, false]);
+}
+
+/// Returns the response of the links with noise of a tenth of its value at rest.
+fn noisy(count: usize) -> Receptance {
+    let text =
+        file("hz,re_um_per_n,im_um_per_n", &LINKS, 1e3, even(20.0, 20.0 + STEP * count as f64));
+    let mut own: Receptance = text.parse().unwrap();
+    let mut rng = Pcg64::seed_from_u64(59);
+    let noise = 0.1 * own.samples[0].1.re;
+    for (_, value) in &mut own.samples {
+        *value += Complex::new(rng.random_range(-noise..noise), rng.random_range(-noise..noise));
+    }
+    own
+}
+
+#[test]
+fn crossings_of_noise_are_computed_once() {
+    let own = of(MEASURED, noisy(5000)).unwrap().lag;
+    let counter = own.counter();
+    // One alone without noise; this seed gives 41.
+    assert!(counter.crossings().len() > 30, "{}", counter.crossings().len());
+    // Sums of arguments, an independent count, at a few of them.
+    for found in counter.crossings().iter().step_by(5) {
+        for (share, count) in [1.0 - 1e-6, 1.0 + 1e-6].into_iter().zip(counter.beside(found)) {
+            assert_eq!(count, by_argument(&own, found.stiffness * share), "{found:?}");
+        }
+    }
+}
+
+/// Counts turns by the sum of the arguments between neighboring samples and crossings.
+fn by_argument(lag: &Lag, stiffness: f64) -> usize {
+    let mut omegas: Vec<f64> = lag.measured[0].samples.iter().map(|(omega, _)| *omega).collect();
+    omegas.extend(lag.crossings().iter().map(|found| found.omega));
+    omegas.sort_by(f64::total_cmp);
+    let at = |omega: &f64| 1.0 + lag.receptance(*omega) * stiffness / lag.delay(*omega);
+    let half: Vec<Complex<f64>> = omegas.iter().map(at).collect();
+    let one = [Complex::new(1.0, 0.0)];
+    let all: Vec<Complex<f64>> =
+        half.iter().rev().map(Complex::conj).chain(half.iter().copied()).chain(one).collect();
+    let next = all.iter().cycle().skip(1);
+    let angle: f64 = all.iter().zip(next).map(|(a, b)| (b / a).argument()).sum();
+    (angle / TAU).round().abs() as usize
+}
+
+#[test]
+fn a_unit_that_is_wrong_by_a_thousand_prompts_the_question() {
+    let doubt = |header: &str| {
+        let mut study =
+            Study::parse(&format!("[lag]\ntime_constant_ms = 0.1\n{MEASURED}")).unwrap();
+        // The cells are in um/N, whatever the header says.
+        let text = file(header, &LINKS, 1e3, even(20.0, 3000.0));
+        study.measured[0].response = text.parse().unwrap();
+        study.measured[0].doubt()
+    };
+    assert_eq!(doubt("hz,re_um_per_n,im_um_per_n"), None);
+    for header in ["hz,re_mm_per_n,im_mm_per_n", "hz,re_m_per_n,im_m_per_n"] {
+        let found = doubt(header).unwrap();
+        assert!(found.contains("tool: frf.csv gives up to") && found.contains("unit"), "{found}");
+    }
+    let mut study = Study::parse(&format!("[lag]\ntime_constant_ms = 0.1\n{MEASURED}")).unwrap();
+    let text = file("hz,re_um_per_n,im_um_per_n", &LINKS, 1.0, even(20.0, 3000.0));
+    study.measured[0].response = text.parse().unwrap();
+    assert!(study.measured[0].doubt().unwrap().contains("gives only"));
 }
 
 #[test]
