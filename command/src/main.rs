@@ -402,10 +402,7 @@ fn print_text(text: &str) -> Result<(), Failure> {
 fn moves(config: &Mechanism, program: &Path) -> Result<Vec<Move>, Failure> {
     // Reported before LinuxCNC starts, in the system's words.
     open(program)?;
-    let whole = match config.second_letters {
-        Some(_) => MachineConfig::from_ini(&config.ini)?,
-        None => config.clone().into(),
-    };
+    let whole = MachineConfig::whole_of(config)?;
     let bar = Bar::spinner(READING);
     let (moves, files) = mechanism_moves::moves_of(config, &whole, program)?;
     drop(bar);

@@ -4,11 +4,13 @@
 use super::super::failure::{Failure, refused};
 use super::super::{Bar, MachineFile, READING, Verdict, in_words, output, report_deleted};
 use super::{Speeds, setup};
-use ::program::motion::{self, Move, MoveKind, Spindle};
+use ::program::mechanism_moves::moves_of;
+use ::program::motion::{Move, MoveKind, Spindle};
 use draw::plot::Plot;
 use draw::stability::of_path;
 use kinematics::Pose;
 use machine::files::{Locate, csv, open, write_whole};
+use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use serde::Serialize;
 use std::io::Write;
@@ -153,11 +155,15 @@ impl Job {
     pub fn moves(&self, config: &Mechanism) -> Result<Vec<Move>, Failure> {
         // Reported before LinuxCNC starts, in the system's words.
         open(&self.program)?;
+        let whole = MachineConfig::whole_of(config)?;
         let bar = Bar::spinner(READING);
-        let (mut moves, files) = motion::read(&config.clone().into(), &self.program, None)?;
+        let (mut moves, files) = moves_of(config, &whole, &self.program)?;
         drop(bar);
         report_deleted(&self.program, &files)?;
-        if let Some(step) = moves.iter().find(|step| step.kind == MoveKind::Feed && step.extra) {
+        // A second mechanism moves its own tool.
+        let is_other = config.second_letters.is_some() && config.extra_axes.is_empty();
+        let moves_extra = |step: &&Move| step.kind == MoveKind::Feed && step.extra && !is_other;
+        if let Some(step) = moves.iter().find(moves_extra) {
             let (file, line) = (self.program.display(), step.line);
             return Err(refused(format!(
                 "{file}: line {line}: an extra axis moves in the cut: the motion of the tool in the work is not \

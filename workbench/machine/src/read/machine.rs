@@ -75,6 +75,17 @@ impl MachineConfig {
         Self::leniently(ini, None)
     }
 
+    /// Returns the machine that a mechanism belongs to: LinuxCNC runs both of two.
+    ///
+    /// # Errors
+    /// As [`MachineConfig::from_ini`].
+    pub fn whole_of(mechanism: &Mechanism) -> Result<Self, MachineError> {
+        match mechanism.second_letters {
+            Some(_) => Self::from_ini(&mechanism.ini),
+            None => Ok(mechanism.clone().into()),
+        }
+    }
+
     /// Reads a machine, even if [`MachineConfig::from_ini`] refuses it for this reason.
     ///
     /// # Errors

@@ -15,9 +15,10 @@ use crate::stability::pose::{NoSetup, Setup};
 use crate::study::file::{Lacking, Study};
 use kinematics::Pose;
 use linuxcnc::process::{self, Event, Options};
-use linuxcnc::row::Ending;
+use linuxcnc::row::{Beside, Ending, Row};
 use machine::files::AtPlace;
 use machine::read::columns::in_words;
+use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, Translator};
 use program::verdict::Step;
@@ -146,14 +147,18 @@ impl<'a> Cut<'a> {
         };
         let mut pass = Pass::new(&self.subject, lines);
         let mut error = None;
-        let (whole, mut clock) = (config.clone().into(), Clock::default());
+        let whole = MachineConfig::whole_of(config)
+            .map_err(|error| AtPlace::new(config.file.display(), error))?;
+        let mut clock = Clock::default();
         let mut translator = Translator::new(&whole);
         let outcome = process::run_with_moves(&whole, program, options, |event| {
             match event {
                 Event::Row(row) => {
                     show(Step::Row(row));
-                    clock.see(row, row.cycle as f64 * config.period);
-                    error = pass.see(row).err();
+                    let Beside { pose, tool } = row.of(config);
+                    let own = Row { pose, tool, ..*row };
+                    clock.see(&own, row.cycle as f64 * config.period);
+                    error = pass.see(&own).err();
                 }
                 Event::Move(commanded) => {
                     pass.command(commanded);
