@@ -26,7 +26,8 @@ use studies::study::file::Study;
 /// under the teeth; the depth at which chatter starts; and the worst lines.
 ///
 /// Every feed move counts as a cut with the study's immersion and depth, because the position of
-/// the stock is not known. Results have the time, because a loop runs a line several times; the
+/// the stock is not known. With [stock] and the diameter in [milling], a rapid through the material
+/// that the feed moves have left there is reported with its line. Results have the time, because a loop runs a line several times; the
 /// plots of --report are over time. A plunge counts as a feed across the tool. If LinuxCNC cannot run the
 /// program, time and inertia are not judged.
 ///
@@ -122,6 +123,9 @@ fn report(out: &mut impl Write, answer: &Report) -> Result<(), Failure> {
     report_stability(out, answer)?;
     report_lines(out, answer)?;
     writeln!(out, "\n{}", answer.why())?;
+    for warning in &answer.warnings {
+        writeln!(out, "warning: {warning}")?;
+    }
     writeln!(out, "\nnot known:")?;
     for note in answer.notes() {
         writeln!(out, "  {note}")?;

@@ -298,6 +298,61 @@ fn turning_has_the_force_of_depth_and_feed_per_revolution_and_shakes_nothing() {
 }
 
 #[test]
+fn feeds_against_a_thicker_chip_are_named_and_refused_if_there_are_no_others() {
+    let along = |thicker: &str| turning().replace("[0, 0, -1]", thicker);
+    let mixed = bench(&along("[1, 0, 0]"), PROGRAM).answer(WORDS, "");
+    assert!(
+        mixed.contains("warning: line 5: the feed is against [turning] thicker, 1 such moves"),
+        "{mixed}"
+    );
+    let program = PROGRAM.replace("G1 X-20 F2400\nG1 X20 F600\n", "");
+    let bench = bench(&along("[-1, 0, 0]"), &program);
+    for command in [WORDS, "stability program linear-delta.ini part.ngc --study study.toml"] {
+        let answer = bench.answer(command, "");
+        assert!(answer.ends_with("exit 2\n"), "{answer}");
+        assert!(
+            answer.contains("part.ngc: line 4: the feed is against [turning] thicker, as in every")
+        );
+    }
+}
+
+#[test]
+fn each_of_two_mechanisms_is_judged_at_the_speed_of_the_blocks_that_move_both() {
+    // The second one moves twice as far: the feed is that of X Y Z.
+    let program = "G21 G90 G94 G64\nS2000 M3\nG1 Z980 W2640 F1200\nM5\nM2\n";
+    let machine = folder("lathe-mirrored").join("lathe-mirrored.ini");
+    for (mechanism, feed, thicker) in [(1, 1200.0, "[0, 0, -1]"), (2, 2400.0, "[0, 0, 1]")] {
+        let bench = bench(&turning().replace("[0, 0, -1]", thicker), program);
+        let words = format!(
+            "cut {} part.ngc --study study.toml --mechanism {mechanism} --format json",
+            machine.display()
+        );
+        let answer = bench.answer(&words, "");
+        let found = json(&answer);
+        assert!(found["not_judged"].is_null(), "{answer}");
+        // LinuxCNC reaches the feed to rounding: its poses of some meters over steps of 20 um.
+        let chip = float(&found["chip_mm"]["value"]);
+        assert!((chip / (feed / 2000.0) - 1.0).abs() < 1e-6, "{mechanism} {chip}");
+    }
+}
+
+#[test]
+fn a_rapid_through_the_stock_is_reported_with_its_line() {
+    let tables = "[milling]\nspeed_rpm = 6000\nfeed_mm = 0.05\ndiameter_mm = 10\nseconds = 1\n\
+                  [stock]\nlow_mm = [-10, -10]\nhigh_mm = [30, 10]\ntop_mm = 51\ncell_mm = 0.5\n";
+    let program = PROGRAM.replace("M5", "G0 Y8\nM5");
+    let bench = bench(&format!("{STUDY}{tables}"), &program);
+    let words = "warning: line 7: a rapid move goes through the material of [stock]";
+    let answer = bench.answer(&format!("{WORDS} --report page.html"), "");
+    assert!(answer.contains(words) && answer.matches("warning:").count() == 1, "{answer}");
+    let page = fs::read_to_string(bench.0.path().join("page.html")).unwrap();
+    assert!(page.contains("line 7: a rapid move goes through the material"));
+    let found = json(&bench.answer(&format!("{WORDS} --format json"), ""));
+    assert_eq!(found["warnings"].as_array().unwrap().len(), 1);
+    assert_eq!(found["rapids_not_judged"], Value::Null);
+}
+
+#[test]
 fn a_study_of_turning_without_a_depth_or_with_a_cutter_is_refused() {
     let without = turning().replace("depth_mm = 0.1\n", "");
     let answer = bench(&without, PROGRAM).answer(WORDS, "");

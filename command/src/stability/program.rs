@@ -84,6 +84,7 @@ struct Answer {
     margin: Option<f64>,
     best_rpm: Option<f64>,
     best_stable_to_mm: Option<f64>,
+    warnings: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -108,7 +109,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let study = Study::read(&arguments.job.study)?;
     let setup = setup(&config, &study, &arguments.job.study)?;
     let range = arguments.speeds.range()?;
-    let (stops, feed_moves) = stops(arguments, &config)?;
+    let moves = arguments.job.moves(&config)?;
+    let program = &arguments.job.program;
+    let (stops, feed_moves) =
+        program::stops(&config, &moves, arguments.job.places as usize).at(program)?;
+    let against = study.turning.as_ref();
+    let against = against.map(|own| program::against_thicker(&config, &moves, own)).transpose();
+    let warning = against.at(program)?.flatten().map(program::thinner);
     let cut = study.cutting.and_then(|cutting| cutting.depth_mm);
     let cut = cut.or(study.turning.and_then(|turning| turning.depth_mm).map(|depth| depth.0));
     let deepest = arguments.speeds.deepest.unwrap_or(cut.map_or(DEEPEST, |cut| DEEPEST * cut));
@@ -129,7 +136,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     drop(bar);
     write(arguments, &stops, &depths, deepest)?;
     let files = [config.file.clone(), arguments.job.program.clone()];
-    let answer = answer(files, &stops, &depths, feed_moves, deepest, cut, best);
+    let answer = Answer {
+        warnings: warning.into_iter().collect(),
+        ..answer(files, &stops, &depths, feed_moves, deepest, cut, best)
+    };
     output::answer(&answer)?;
     let mut out = output::people();
     writeln!(out, "{} on {}", answer.program.display(), answer.machine.display())?;
@@ -140,13 +150,6 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         Some(_) if answer.places < answer.feed_moves => Verdict::Unjudged,
         _ => Verdict::Fits,
     })
-}
-
-/// Returns the requested number of ends of feed moves, and the total number of moves.
-fn stops(arguments: &Arguments, config: &Mechanism) -> Result<(Vec<Stop>, usize), Failure> {
-    let job = &arguments.job;
-    let moves = job.moves(config)?;
-    Ok(program::stops(config, &moves, job.places as usize).at(&job.program)?)
 }
 
 impl Job {
@@ -206,6 +209,7 @@ fn answer(
         margin: depth_mm.map(|cut| depth.stable_to / cut),
         best_rpm: best.map(|best| best.rpm),
         best_stable_to_mm: best.map(|best| best.stable_to),
+        warnings: vec![],
     }
 }
 
@@ -275,6 +279,9 @@ fn report(out: &mut impl Write, answer: &Answer) -> Result<(), Failure> {
             "  best speed    {rpm:.1} 1/min for the whole: stable to {}{depth:.4} mm",
             at_least(depth)
         )?;
+    }
+    for warning in &answer.warnings {
+        writeln!(out, "warning: {warning}")?;
     }
     writeln!(out, "{WORTH}")?;
     Ok(())

@@ -28,6 +28,10 @@ pub fn of_cut(report: &Report, [program, machine]: [&str; 2]) -> Result<String, 
         (peaks(report))
         (drives(&report.drives))
         (worst(&report.worst_lines))
+        @if !report.warnings.is_empty() {
+            h2 { "Warnings" }
+            ul { @for warning in &report.warnings { li { (warning) } } }
+        }
         h2 { "Not known" }
         ul { @for note in report.notes() { li { (note) } } }
         @for figure in &figures { (drawing(figure)) }

@@ -10,7 +10,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use studies::cut::moment::{Moment, Subject};
 use studies::cut::pass::Pass;
-use studies::cut::program::{Line, NoCut, lines};
+use studies::cut::program::{Line, NoCut, against_thicker, lines};
+use studies::cut::rapids::through_stock;
 use studies::cut::stance::{self, Stance};
 use studies::cut::teeth::Teeth;
 use studies::dynamics::capacity::Capacity;
@@ -231,6 +232,77 @@ fn a_feed_per_turn_cuts_although_it_is_faster_than_programmed() {
         }
         assert_eq!(pass.finish().unwrap().cutting, cutting);
     }
+}
+
+/// Returns a move to a tip without a tool.
+fn to(kind: MoveKind, line: u32, end: [f64; 6]) -> Move {
+    Move {
+        kind,
+        line,
+        end,
+        feed: 10.0,
+        angular_feed: 0.0,
+        tool: [0.0; 3],
+        file: 0,
+        extra: false,
+        second: None,
+        lasts: None,
+        extra_end: [0.0; MAX_EXTRA],
+        spindle: Spindle::Turning(6000.0),
+        is_per_turn: false,
+    }
+}
+
+#[test]
+fn a_rapid_through_the_material_that_is_left_is_found() {
+    let config = config("hexapod");
+    let at = |kind, line, [x, y, z]: [f64; 3]| to(kind, line, [x, y, z, 0.0, 0.0, 0.0]);
+    let (rapid, feed) = (MoveKind::Rapid, MoveKind::Feed);
+    let mut moves = vec![
+        at(rapid, 0, [0.0, 0.0, 310.0]),
+        // Above, and beside the stock.
+        at(rapid, 1, [-10.0, 10.0, 310.0]),
+        at(rapid, 2, [-10.0, 10.0, 295.0]),
+        // A slot, back in it, and across into its wall.
+        at(feed, 3, [50.0, 10.0, 295.0]),
+        at(rapid, 4, [-10.0, 10.0, 295.0]),
+        at(rapid, 5, [20.0, 10.0, 296.0]),
+        at(rapid, 6, [20.0, 14.0, 296.0]),
+        at(rapid, 7, [20.0, 14.0, 310.0]),
+        // Down into the uncut corner.
+        at(rapid, 8, [38.0, 18.0, 310.0]),
+        at(rapid, 9, [38.0, 18.0, 299.9]),
+    ];
+    let milling = "[milling]\nspeed_rpm = 6000\nfeed_mm = 0.1\ndiameter_mm = 10\nseconds = 1\n";
+    let stock = "[stock]\nlow_mm = [0, 0]\nhigh_mm = [40, 20]\ntop_mm = 300\ncell_mm = 0.5\n";
+    let study = |text: &str| Study::parse(&format!("{STUDY}{text}")).unwrap();
+    let found = |text: &str, moves: &[Move]| through_stock(&config, &study(text), moves);
+    let both = format!("{milling}{stock}");
+    assert_eq!(found(&both, &moves), Ok(vec![6, 9]));
+    assert!(found(stock, &moves).unwrap_err().contains("diameter_mm in [milling]"));
+    assert!(found(milling, &moves).unwrap_err().contains("no [stock]"));
+    let coarse = both.replace("cell_mm = 0.5", "cell_mm = 0.6");
+    assert!(found(&coarse, &moves).unwrap_err().contains("a twentieth of the cutter's diameter"));
+    moves.push(to(feed, 10, [38.0, 18.0, 299.0, 5.0, 0.0, 0.0]));
+    assert!(found(&both, &moves).unwrap_err().contains("line 10: the tool is inclined by 5.00"));
+}
+
+#[test]
+fn a_chip_that_gets_thicker_against_every_feed_is_refused() {
+    let config = config("four-rod-lathe");
+    let study = |thicker: &str| {
+        Study::parse(&TURNING.replace("[0, 0, -1]", thicker)).unwrap().turning.unwrap()
+    };
+    let at = |line, x: f64, z: f64| to(MoveKind::Feed, line, [x, 440.0, z, 0.0, 0.0, 0.0]);
+    let moves = [at(1, 20.0, 950.0), at(2, 20.0, 900.0), at(3, 30.0, 900.0), at(4, 30.0, 920.0)];
+    let found =
+        |thicker: &str, count: usize| against_thicker(&config, &moves[..count], &study(thicker));
+    // Towards the headstock and across, then also away from it.
+    assert_eq!(found("[0, 0, -1]", 3), Ok(None));
+    assert_eq!(found("[0, 0, -1]", 4), Ok(Some((1, 4))));
+    assert_eq!(found("[0, 0, 1]", 3), Err(NoCut::Thinner(2)));
+    assert_eq!(found("[0, 0, 1]", 4), Ok(Some((1, 2))));
+    assert_eq!(found("[0, 1, 0]", 4), Ok(None));
 }
 
 const TURNING: &str = "[platform]\nmass_kg = 60\ncentre_mm = [0, 0, 0]\n\

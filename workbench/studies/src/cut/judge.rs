@@ -5,7 +5,8 @@ use crate::cut::course::Clock;
 use crate::cut::moment::{NoMoment, Subject};
 use crate::cut::pass::{self, Found, Pass};
 use crate::cut::place::half_steps;
-use crate::cut::program::{Line, length, lengths, lines, stops};
+use crate::cut::program::{Line, against_thicker, length, lengths, lines, stops, thinner};
+use crate::cut::rapids::through_stock;
 use crate::cut::report::{Looked, Report, Run, report};
 use crate::cut::teeth::Teeth;
 use crate::dynamics::capacity::Capacity;
@@ -39,6 +40,7 @@ pub struct Cut<'a> {
     setup: Setup<'a>,
     /// Depth of cut, mm.
     depth: f64,
+    study: &'a Study,
 }
 
 impl<'a> Cut<'a> {
@@ -46,7 +48,7 @@ impl<'a> Cut<'a> {
     ///
     /// # Errors
     /// A value missing in the study, or see [`NoSetup`].
-    pub fn new(config: &'a Mechanism, study: &Study) -> Result<Self, NoSetup> {
+    pub fn new(config: &'a Mechanism, study: &'a Study) -> Result<Self, NoSetup> {
         let setup = Setup::new(config, study)?;
         let lacks = |section| Lacking::Key { section, key: "depth_mm" };
         let (depth, teeth) = match (&study.cutting, &study.turning) {
@@ -62,7 +64,7 @@ impl<'a> Cut<'a> {
         };
         let model = Model::of(config, study)?;
         let drives = Capacity::of(config, study)?;
-        Ok(Self { subject: Subject { config, model, drives, teeth }, setup, depth })
+        Ok(Self { subject: Subject { config, model, drives, teeth }, setup, depth, study })
     }
 
     /// Assesses a program, with its stability at `most_places` positions, up to the depth `deepest` in mm. `show` receives
@@ -79,9 +81,14 @@ impl<'a> Cut<'a> {
         deepest: Option<f64>,
         mut show: impl FnMut(Step) + Send,
     ) -> Result<Report, AtPlace> {
-        let Self { subject, setup, depth } = self;
+        let Self { subject, setup, depth, study } = self;
         let no_cut = |error| AtPlace::new(program.display(), error);
         let lines = lines(moves).map_err(no_cut)?;
+        let against = match &study.turning {
+            Some(turning) => against_thicker(subject.config, moves, turning).map_err(no_cut)?,
+            None => None,
+        };
+        let rapids = through_stock(subject.config, study, moves);
         let (stops, feed_moves) = stops(subject.config, moves, most_places).map_err(no_cut)?;
         let at = |Stop { line, programmed, .. }: &Stop| {
             let pose = in_words(&Pose::from_degrees(*programmed));
@@ -127,7 +134,15 @@ impl<'a> Cut<'a> {
             let place = subject.look(stop, chip, steps.as_deref());
             places.push((*stop, limit, place.map_err(|error| AtPlace::new(at(stop), error))?));
         }
-        let looked = Looked { places, at: ends, feed_moves, deepest };
+        let into = rapids.iter().flatten().map(|line| {
+            format!(
+                "line {line}: a rapid move goes through the material of [stock] that is left there"
+            )
+        });
+        let warnings = against.map(thinner).into_iter().chain(into).collect();
+        let not_examined = rapids.err();
+        let looked =
+            Looked { places, at: ends, feed_moves, deepest, warnings, rapids: not_examined };
         Ok(report(subject, program.into(), *depth, &lines, found, &looked, &ran))
     }
 

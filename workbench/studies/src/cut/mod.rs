@@ -12,6 +12,7 @@ pub mod moment;
 pub mod pass;
 pub mod place;
 pub mod program;
+pub mod rapids;
 pub mod report;
 pub mod stance;
 pub mod teeth;

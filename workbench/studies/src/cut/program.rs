@@ -3,6 +3,7 @@
 
 use crate::cut::stance::Stance;
 use crate::stability::path::Stop;
+use crate::study::cutting::Turning;
 use kinematics::{Fault, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, MoveKind, Spindle};
@@ -35,6 +36,50 @@ pub enum NoCut {
     Several(u32),
     #[error("line {0}: {1}")]
     Fault(u32, Fault),
+    /// Every cut that is not across it.
+    #[error(
+        "line {0}: the feed is against [turning] thicker, as in every cut of the program, but a tool that moves with the \
+         feed makes the chip thicker; reverse the sign of thicker"
+    )]
+    Thinner(u32),
+}
+
+/// Cosine of the angle to [`Turning::thicker`] up to which a feed is across it: a tenth of a degree.
+const ACROSS: f64 = 1.7e-3;
+
+/// Returns the number of feed moves against the direction of a thicker chip, and the line of the first one.
+///
+/// # Errors
+/// [`NoCut::Thinner`] if there is no feed move along it, or see [`stance`].
+pub fn against_thicker(
+    config: &Mechanism,
+    moves: &[Move],
+    turning: &Turning,
+) -> Result<Option<(usize, u32)>, NoCut> {
+    let (mut along, mut against) = (0, 0);
+    let mut first = None;
+    for [from, step] in cuts(moves) {
+        let feed = Vector3::from_fn(|k, _| step.end[k] - from.end[k]);
+        let stance = stance(config, step).map_err(|fault| NoCut::Fault(step.line, fault))?;
+        let cosine = (stance.work * feed).dot(&turning.thicker.0) / feed.norm();
+        along += usize::from(cosine > ACROSS);
+        if cosine < -ACROSS {
+            against += 1;
+            first = first.or(Some(step.line));
+        }
+    }
+    match first {
+        Some(line) if along == 0 => Err(NoCut::Thinner(line)),
+        first => Ok(first.map(|line| (against, line))),
+    }
+}
+
+/// Returns a warning about feed moves that [`against_thicker`] found.
+pub fn thinner((count, line): (usize, u32)) -> String {
+    format!(
+        "line {line}: the feed is against [turning] thicker, {count} such moves in all; their limit depth is that of a \
+         chip that the feed makes thicker. Judge cuts in this direction with another study"
+    )
 }
 
 /// Returns the feed moves of a program: the start of each, and the move.

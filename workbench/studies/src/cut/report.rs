@@ -60,6 +60,10 @@ pub struct Report {
     pub worst_lines: Vec<LineReport>,
     pub lines: Vec<LineReport>,
     pub course: Course,
+    /// Lines whose results need attention, in sentences.
+    pub warnings: Vec<String>,
+    /// Why rapid moves through the stock are not examined; none if they are.
+    pub rapids_not_judged: Option<String>,
 }
 
 /// A largest value, and its location.
@@ -158,6 +162,9 @@ pub struct Looked {
     pub feed_moves: usize,
     /// Largest depth assessed, mm.
     pub deepest: f64,
+    /// As in [`Report`].
+    pub warnings: Vec<String>,
+    pub rapids: Option<String>,
 }
 
 /// How the run of a program ended.
@@ -230,6 +237,8 @@ pub fn report(
         worst_lines: worst(&lines),
         lines,
         course: course(found, looked, seconds),
+        warnings: looked.warnings.clone(),
+        rapids_not_judged: looked.rapids.clone(),
     }
 }
 

@@ -66,6 +66,9 @@ impl Report {
         if self.resolution_um.is_none() {
             notes.push("The step size of the drives: not every [JOINT_N] has a SCALE.".into());
         }
+        if let Some(why) = &self.rapids_not_judged {
+            notes.push(format!("Rapid moves through the stock: {why}."));
+        }
         if let Some(why) = &self.not_judged {
             notes.push(format!("Time and inertia: {why}."));
         }

@@ -12,6 +12,7 @@ use crate::study::forcing;
 use kinematics::Vector3;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// Distance of the place beyond a tooth at which its layer is read, in cells: all cells nearer than half a diagonal may
 /// be cut already.
@@ -19,6 +20,9 @@ const BEYOND: f64 = 0.75;
 
 /// Movement across after which the stock is cut again, in cells, and down, mm.
 const MOVED: [f64; 2] = [0.25, 1e-4];
+
+/// Smallest cosine of the angle between tool and Z for a map of heights: one degree.
+pub const UPRIGHT: f64 = 0.999_847;
 
 /// Slices of a helix over the height of the stock.
 const SLICES: usize = 100;
@@ -34,6 +38,19 @@ const FEW: f64 = 10.0;
 pub struct Coarse {
     cell: f64,
     most: f64,
+}
+
+impl Coarse {
+    /// Rejects a stock whose cells are too coarse for a cutter with this radius in mm.
+    ///
+    /// # Errors
+    /// See [`Coarse`].
+    pub fn check(stock: &forcing::Stock, radius: f64) -> Result<(), Self> {
+        match stock.cell_mm * FEW <= radius {
+            true => Ok(()),
+            false => Err(Self { cell: stock.cell_mm, most: radius / FEW }),
+        }
+    }
 }
 
 /// Heights of the material over X and Y, mm.
@@ -77,26 +94,51 @@ impl Stock {
         self.lowered * self.cell * self.cell
     }
 
-    /// Lowers the cells whose centers are under a cutter.
-    fn cut(&mut self, tip: &Vector3<f64>, radius: f64) {
-        let ends = |k: usize, reach: f64| {
-            let of =
-                |at: f64| ((at - self.low[k]) / self.cell - 0.5).clamp(-1.0, self.count[k] as f64);
-            // The centers between both ends.
-            let first = of(tip[k] - reach).ceil().max(0.0) as usize;
-            let last =
-                (of(tip[k] + reach).floor() + 1.0).min(self.count[k] as f64).max(0.0) as usize;
-            first..last.max(first)
-        };
-        for row in ends(1, radius) {
+    /// Returns the cells along X (0) or Y (1) whose centers are near a tip.
+    fn near(&self, tip: &Vector3<f64>, k: usize, reach: f64) -> Range<usize> {
+        let of = |at: f64| ((at - self.low[k]) / self.cell - 0.5).clamp(-1.0, self.count[k] as f64);
+        // The centers between both ends.
+        let first = of(tip[k] - reach).ceil().max(0.0) as usize;
+        let last = (of(tip[k] + reach).floor() + 1.0).min(self.count[k] as f64).max(0.0) as usize;
+        first..last.max(first)
+    }
+
+    /// Returns the ranges of cells whose centers are under a cutter, row by row.
+    fn under(&self, tip: &Vector3<f64>, radius: f64) -> impl Iterator<Item = Range<usize>> + use<> {
+        let rows = self.near(tip, 1, radius);
+        let of_row = |row: usize| {
             let off = self.low[1] + (row as f64 + 0.5) * self.cell - tip.y;
-            let cells = ends(0, (radius * radius - off * off).max(0.0).sqrt());
+            let cells = self.near(tip, 0, (radius * radius - off * off).max(0.0).sqrt());
             let start = row * self.count[0];
-            for height in &mut self.heights[start + cells.start..start + cells.end] {
+            start + cells.start..start + cells.end
+        };
+        rows.map(of_row).collect::<Vec<_>>().into_iter()
+    }
+
+    /// Lowers the cells under a cutter.
+    pub fn cut(&mut self, tip: &Vector3<f64>, radius: f64) {
+        for cells in self.under(tip, radius) {
+            for height in &mut self.heights[cells] {
                 self.lowered += (*height - tip.z).max(0.0);
                 *height = height.min(tip.z);
             }
         }
+    }
+
+    /// Returns how far the material under a cutter is above its tip, mm; negative if it is below.
+    pub fn depth_under(&self, tip: &Vector3<f64>, radius: f64) -> f64 {
+        let heights = self.under(tip, radius).flat_map(|cells| &self.heights[cells]);
+        heights.copied().fold(f64::NEG_INFINITY, f64::max) - tip.z
+    }
+
+    /// Returns the places of a tip along a straight move, at most a cell apart.
+    pub fn along(
+        &self,
+        [from, to]: &[Vector3<f64>; 2],
+    ) -> impl Iterator<Item = Vector3<f64>> + use<> {
+        let (from, way) = (*from, to - from);
+        let count = (way.norm() / self.cell).ceil().max(1.0);
+        (0..=count as usize).map(move |k| from + way * (k as f64 / count))
     }
 }
 
@@ -126,9 +168,7 @@ impl Layer {
         step: f64,
     ) -> Result<Self, Coarse> {
         let radius = run.diameter_mm.0 / 2.0;
-        if !(stock.cell_mm * FEW <= radius) {
-            return Err(Coarse { cell: stock.cell_mm, most: radius / FEW });
-        }
+        Coarse::check(stock, radius)?;
         // At a depth of 1 mm the lag is that per mm.
         let milling = Milling::of(cutter, run, 1.0);
         let steps = 1.0 / (milling.tooth_frequency() * step);

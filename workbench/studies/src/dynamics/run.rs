@@ -2,7 +2,7 @@
 //! Complete simulations: at a pose under a force, or along a program.
 
 use crate::dynamics::drives::Drives;
-use crate::dynamics::layer::Layer;
+use crate::dynamics::layer::{Layer, UPRIGHT};
 use crate::dynamics::milling::Milling;
 use crate::dynamics::model::Model;
 use crate::dynamics::noise::Noise;
@@ -37,9 +37,6 @@ pub enum Force {
     /// Force of a cutter on the layer in front of its teeth.
     Layer(Box<Layer>),
 }
-
-/// Smallest cosine of the angle between tool and Z for a map of heights: one degree.
-const UPRIGHT: f64 = 0.999_847;
 
 impl Force {
     /// Returns the force at a time, with the tip in the work at a place.
