@@ -12,6 +12,7 @@ use paths::file::PathFile;
 use paths::job::{self, Job, job};
 use paths::route::{Route, route};
 use paths::table::csv;
+use paths::whole::MovedStart;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -172,6 +173,7 @@ fn route_value(found: &Route) -> Value {
         "seconds": found.seconds,
         "turnings": found.curve.turnings.iter().map(|turning| json!({ "t": turning.t, "at": turning.at })).collect::<Vec<_>>(),
         "is_closed": found.curve.is_closed,
+        "start_moved_by_mm": found.curve.moved_start.map_or(0.0, |moved| moved.distance),
     })
 }
 
@@ -225,6 +227,11 @@ fn report(found: &Route) {
     if found.length - found.curve.length > LEVEL * found.length {
         let flat = found.curve.length;
         output::remark(&format!("s, the arc length in x and y, ends at {flat:.6} mm"));
+    }
+    if let Some(MovedStart { at: [x, y], distance }) = found.curve.moved_start {
+        output::remark(&format!(
+            "the curve starts at x {x:.6} y {y:.6}, {distance:.6} mm from start_mm, which is not on it"
+        ));
     }
     for turning in &found.curve.turnings {
         let [x, y] = turning.at;

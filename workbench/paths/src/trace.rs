@@ -58,6 +58,8 @@ pub struct Trace {
     pub turnings: Vec<Turning>,
     /// Whether it returns to its start.
     pub is_closed: bool,
+    /// x and y of the start, mm.
+    pub start: [f64; 2],
 }
 
 /// Why a curve cannot be followed.
@@ -86,12 +88,13 @@ struct Walk<'a> {
 /// # Errors
 /// See [`TraceError`].
 pub fn trace(families: &Arc<Families>, wanted: &Wanted, most: f64) -> Result<Trace, TraceError> {
-    let trace = Trace { parts: vec![], turnings: vec![], is_closed: false };
+    let trace = Trace { parts: vec![], turnings: vec![], is_closed: false, start: wanted.start };
     let [x, y] = wanted.start;
     let guess = Vector3::new(x, y, wanted.t.map_or(x, |t| t[0]) / families.t_unit);
     let size = 1.0 + guess.xy().amax();
     let mut walk = Walk { families, wanted, size, trace };
     let (start, tangent) = walk.begin(guess)?;
+    walk.trace.start = [start.x, start.y];
     walk.follow(start, tangent, most)?;
     Ok(walk.trace)
 }

@@ -52,8 +52,32 @@ pub struct Curve {
     pub turnings: Vec<Turning>,
     /// Whether it ends at its start.
     pub is_closed: bool,
+    /// Whether it is given by F(x, y) = 0.
+    pub is_level: bool,
+    /// The start, if it is not at `start_mm`.
+    pub moved_start: Option<MovedStart>,
     uses_length: bool,
 }
+
+/// The point of the curve at which a path starts in place of `start_mm`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovedStart {
+    /// x and y, mm.
+    pub at: [f64; 2],
+    /// Distance from `start_mm`, mm.
+    pub distance: f64,
+}
+
+impl MovedStart {
+    /// Returns the start of a curve if it differs from the given one by more than the rounding of a number in a file.
+    fn between(given: [f64; 2], at: [f64; 2]) -> Option<Self> {
+        let distance = (at[0] - given[0]).hypot(at[1] - given[1]);
+        (distance >= SAME_START).then_some(Self { at, distance })
+    }
+}
+
+/// Distance in mm that six decimals of `start_mm` do not express.
+const SAME_START: f64 = 5e-7;
 
 /// Parses the expressions of a file.
 struct Reader<'a>(&'a PathFile);
@@ -206,7 +230,7 @@ impl Curve {
         let keys = file.curve.as_ref().ok_or_else(|| CurveError::Keys("no [curve]".into()))?;
         check_keys(keys)?;
         let reader = Reader(file);
-        let (mut turnings, mut is_closed) = (vec![], false);
+        let (mut turnings, mut is_closed, mut moved_start) = (vec![], false, None);
         let is_free = [&keys.points, &keys.svg, &keys.dxf].iter().any(|file| file.is_some());
         let mut is_plane = true;
         let (is_of_families, is_level) =
@@ -219,6 +243,7 @@ impl Curve {
                 let (families, wanted) = reader.families(keys)?;
                 let most = keys.length_mm.map_or(f64::INFINITY, |most| most.0);
                 let found = trace(&families, &wanted, most)?;
+                moved_start = MovedStart::between(wanted.start, found.start);
                 (turnings, is_closed) = (found.turnings, found.is_closed);
                 found.parts
             }
@@ -241,6 +266,8 @@ impl Curve {
             length: 0.0,
             turnings,
             is_closed,
+            is_level,
+            moved_start,
         };
         curve.measure()?;
         if let Some(most) = keys.length_mm {

@@ -889,11 +889,20 @@ fn a_curve_given_by_f_is_followed_with_smaller_values_on_its_left() {
         assert!(side * (from[0] * to[1] - from[1] * to[0]) > 0.0, "{f}");
         // The start is near the given point, and on the curve.
         assert!(distance(&from, &flat(58.0, 3.0, 0.0)) < 3.0, "{from:?}");
+        let moved = found.moved_start.unwrap();
+        close(moved.distance, (from[0] - 58.0).hypot(from[1] - 3.0));
+        assert!(moved.distance > 0.1 && (moved.at[0] - from[0]).abs() < 1e-12);
         for k in 0..100 {
             let [x, y, ..] = place(f64::from(k) * 3.0);
             assert!(((x / 60.0).powi(2) + (y / 35.0).powi(2) - 1.0).abs() < 1e-12);
         }
     }
+}
+
+#[test]
+fn a_start_on_the_curve_is_kept() {
+    let found = curve("[curve]\nf = 'x^2/60^2 + y^2/35^2 - 1'\nstart_mm = [0, 35]\n").unwrap();
+    assert_eq!(found.moved_start, None);
 }
 
 #[test]
