@@ -160,7 +160,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let progress = |share| bar.set(share);
         let effort = Effort { bands: arguments.bands.into(), step, grid: 0, progress: &progress };
         let pictured = pool.install(|| Body::seen(&workspace, body.middle(), &effort));
-        let plots = of_workspace(meant, pictured.as_ref().unwrap_or(body), slices)?;
+        let plots = of_workspace(meant, pictured.as_ref().unwrap_or(body), slices, arguments.tilt)?;
         Plot::write_all(&plots, folder)?;
     }
     let mut out = output::people();

@@ -8,8 +8,8 @@ use crate::lines::{Line, first_up, lines};
 use crate::motion;
 use crate::plot::{DrawError, Plot};
 use crate::sample::Sample;
-use crate::sheet::{Frame, padded, path_axes, span, tick};
-use crate::space::Space;
+use crate::sheet::{Frame, padded, path_axes, span};
+use crate::space::{Space, Up};
 use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::style::{BLUE, GRAY, VERMILLION, limit_style};
 use kinematics::{Letter, MAX_EXTRA, MAX_LEGS, Vector3};
@@ -117,7 +117,26 @@ fn curves(part: &Part, sides: &[Vec<f64>; 2], t: f64) -> Option<[Vec<Piece>; 2]>
     }
 }
 
-const NAMES: [&str; 2] = ["family alpha", "family beta"];
+/// Returns the names of both families, as the file of the path gives them.
+fn names(route: &Route) -> [&'static str; 2] {
+    let is_explicit =
+        matches!(route.curve.parts.first(), Some(Part { form: Form::Explicit(_), .. }));
+    match (is_explicit, route.curve.is_level) {
+        (true, _) => ["lines x = x(t)", "lines y = y(t)"],
+        (_, true) => ["curve F = 0", "lines x = t"],
+        _ => ["family alpha", "family beta"],
+    }
+}
+
+/// Returns the name of the arc length: that of a plane curve does not count its height.
+fn arc_length(route: &Route) -> &'static str {
+    let is_flat = |part: &Part| matches!(part.form, Form::Explicit(_) | Form::Implicit(..));
+    match route.curve.parts.iter().all(is_flat) {
+        true => "arc length in X and Y, in mm",
+        false => "arc length in mm",
+    }
+}
+
 const FAMILIES: [RGBColor; 2] = [BLUE, VERMILLION];
 
 fn net(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
@@ -126,9 +145,10 @@ fn net(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     let ends = levels.iter().flat_map(|level| level.families.iter().flatten().flatten());
     let all: Vec<(f64, f64)> = path.iter().chain(ends).copied().collect();
     let frame = Frame { title: "Net of both families", x: "X in mm", y: "Y in mm", limits: vec![] };
+    let [alpha, beta] = names(route);
     let keys = [
-        Key::new(Sign::Line(FAMILIES[0].stroke_width(1)), NAMES[0]),
-        Key::new(Sign::Line(FAMILIES[1].stroke_width(1)), NAMES[1]),
+        Key::new(Sign::Line(FAMILIES[0].stroke_width(1)), alpha),
+        Key::new(Sign::Line(FAMILIES[1].stroke_width(1)), beta),
         Key::new(Sign::Line(limit_style()), "curve"),
         Key::new(Sign::Dot, "points at even t"),
     ];
@@ -172,16 +192,18 @@ fn surfaces(route: &Route, levels: &[Level]) -> Result<Plot, DrawError> {
     let ends = surfaces.iter().flatten().flatten();
     let all: Vec<Vector3<f64>> = raised.iter().chain(&shadow).chain(ends).copied().collect();
     let thin = GRAY.stroke_width(1);
+    let [alpha, beta] = names(route);
     let keys = [
-        Key::new(Sign::Line(FAMILIES[0].stroke_width(1)), NAMES[0]),
-        Key::new(Sign::Line(FAMILIES[1].stroke_width(1)), NAMES[1]),
+        Key::new(Sign::Line(FAMILIES[0].stroke_width(1)), alpha),
+        Key::new(Sign::Line(FAMILIES[1].stroke_width(1)), beta),
         Key::new(Sign::Line(limit_style()), "curve over X, Y and t"),
         Key::new(Sign::Line(thin), "its projection"),
     ];
     let svg = keyed(&keys, |area| {
-        let title =
-            format!("Surfaces of both families; up: t from {} to {}", tick(&low), tick(&high));
-        let view = Space::around(&title, "mm", &all).up("t, scaled").draw(area, vec![])?;
+        let name = if route.curve.is_level { "t in mm" } else { "t, no unit" };
+        let up = Up { name, from: low, scale };
+        let title = "Surfaces of both families over X, Y and t";
+        let view = Space::around(title, "mm", &all).up(up).draw(area, vec![])?;
         for (surface, color) in surfaces.iter().zip(FAMILIES) {
             let style = color.stroke_width(1);
             surface.iter().try_for_each(|ends| area.draw(&view.path(ends, style)))?;
@@ -201,7 +223,7 @@ fn split(config: &Mechanism, route: &Route) -> Result<[Plot; 2], DrawError> {
     };
     let unit = config.length_unit();
     let plot = |file: &str, caption: &str, y: &str, lines: Vec<Line>| -> Result<Plot, DrawError> {
-        let svg = drawn_apart(caption, "arc length in mm", y, lines)?;
+        let svg = drawn_apart(caption, arc_length(route), y, lines)?;
         Ok(Plot { file: file.into(), caption: caption.into(), svg })
     };
     let table = config.machine.layout().table();
@@ -213,7 +235,7 @@ fn split(config: &Mechanism, route: &Route) -> Result<[Plot; 2], DrawError> {
     let tilts =
         [("A", 3), ("B", 4)].map(|(name, k)| line(name, &move |row: &Row| row.node.pose[k]));
     Ok([
-        plot("split.svg", "Centre of the platform", &format!("position in {unit}"), centre.into())?,
+        plot("split.svg", "Center of the platform", &format!("position in {unit}"), centre.into())?,
         plot("split-tilts.svg", "Tilts of the platform", "angle in degrees", tilts.into())?,
     ])
 }
@@ -224,7 +246,7 @@ fn joints(config: &Mechanism, route: &Route) -> Result<Vec<Plot>, DrawError> {
         let (name, unit) = (group.kind.plural(), group.unit);
         let stem = name.replace(' ', "-");
         let mut add = |file: String, caption: String, y: String, strips: Vec<Strip>| {
-            let sheet = Strips::new(&caption, "arc length in mm", &y, &strips);
+            let sheet = Strips::new(&caption, arc_length(route), &y, &strips);
             let svg = drawn_strips(&sheet, &strips)?;
             plots.push(Plot { file, caption, svg });
             Ok::<(), DrawError>(())

@@ -19,6 +19,7 @@ pub(super) fn sliced(
     config: &Mechanism,
     slice: &Slice,
     kinds: &Kinds,
+    reachable: &str,
 ) -> Result<String, DrawError> {
     let outline = slice.outline();
     let sheet = Sheet { slice, kinds };
@@ -31,7 +32,7 @@ pub(super) fn sliced(
     }
     keys.push(Key::new(Sign::Cross, "rays begin"));
     let unit = config.length_unit();
-    let title = format!("Slice {}: reachable positions, by limit", slice.plane.name);
+    let title = format!("Slice {}: {reachable}, by limit", slice.plane.name);
     let frame =
         Frame { title: &title, x: &sheet.name(0, unit), y: &sheet.name(1, unit), limits: vec![] };
     let around: Vec<(f64, f64)> =

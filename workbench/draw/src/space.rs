@@ -99,11 +99,21 @@ fn normal(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     sum.try_normalize(0.0)
 }
 
+/// A quantity on the vertical axis in place of Z, at another scale.
+#[derive(Clone, Copy)]
+pub(super) struct Up<'a> {
+    pub(super) name: &'a str,
+    /// Its value at Z = 0.
+    pub(super) from: f64,
+    /// Z per unit of it.
+    pub(super) scale: f64,
+}
+
 /// A box of space shown in a picture.
 pub(super) struct Space<'a> {
     title: &'a str,
     unit: &'a str,
-    up: Option<&'a str>,
+    up: Option<Up<'a>>,
     low: Vector3<f64>,
     high: Vector3<f64>,
 }
@@ -123,9 +133,9 @@ impl<'a> Space<'a> {
         Self { title, unit, up: None, low, high }
     }
 
-    /// Sets another name than Z for the vertical axis.
-    pub(super) fn up(self, name: &'a str) -> Self {
-        Self { up: Some(name), ..self }
+    /// Sets another quantity than Z for the vertical axis.
+    pub(super) fn up(self, up: Up<'a>) -> Self {
+        Self { up: Some(up), ..self }
     }
 
     fn corner(&self, x: usize, y: usize, z: usize) -> Vector3<f64> {
@@ -180,17 +190,21 @@ impl<'a> Space<'a> {
         let path = |ends: [Vector3<f64>; 2], style: ShapeStyle| {
             area.draw(&PathElement::new(ends.map(|place| view.pixel(&place)), style))
         };
-        // One step for all axes, so the grid is square.
+        // One step for all lengths, so the grid is square.
         let sides = self.high - self.low;
         let step = round_steps([0.0, sides.max()], STEPS).get(1).copied().unwrap_or(1.0);
         for axis in 0..3 {
-            let first = (self.low[axis] / step).ceil() as i64;
-            let values = (first..).map(|k| k as f64 * step).take_while(|v| *v <= self.high[axis]);
-            for value in values {
-                let [floor, wall] = self.grid(axis, value);
+            let other = self.up.filter(|_| axis == 2);
+            let (from, scale) = other.map_or((0.0, 1.0), |up| (up.from, up.scale));
+            let [low, high] = [self.low, self.high].map(|end| from + end[axis] / scale);
+            let own = other.and_then(|_| round_steps([0.0, high - low], STEPS).get(1).copied());
+            let step = own.unwrap_or(step);
+            let first = (low / step).ceil() as i64;
+            for value in (first..).map(|k| k as f64 * step).take_while(|value| *value <= high) {
+                let [floor, wall] = self.grid(axis, (value - from) * scale);
                 path(floor, thin)?;
                 path(wall, thin)?;
-                self.draw_tick(area, view, axis, value)?;
+                self.draw_tick(area, view, axis, ((value - from) * scale, value))?;
             }
             self.draw_name(area, view, axis)?;
         }
@@ -226,16 +240,16 @@ impl<'a> Space<'a> {
         }
     }
 
-    /// Draws a value next to its front edge.
+    /// Draws a value next to its front edge, at its coordinate.
     fn draw_tick(
         &self,
         area: &Area,
         view: &View,
         axis: usize,
-        value: f64,
+        (coordinate, value): (f64, f64),
     ) -> Result<(), DrawError> {
         let mut place = self.corner(usize::from(axis == 1), 0, 0);
-        place[axis] = value;
+        place[axis] = coordinate;
         let (x, y) = view.pixel(&place);
         let (at, across) = match axis {
             0 => ((x - 5, y + 8), HPos::Right),
@@ -243,7 +257,7 @@ impl<'a> Space<'a> {
             _ => ((x - 6, y), HPos::Right),
         };
         // The corner that X and Z share shows only the value of Z.
-        let is_corner = axis == 0 && (value - self.low.x) * view.scale < 20.0;
+        let is_corner = axis == 0 && (coordinate - self.low.x) * view.scale < 20.0;
         if !is_corner {
             area.draw(&Text::new(tick(&value), at, letters_at(SMALL, across, VPos::Center)))?;
         }
@@ -261,7 +275,7 @@ impl<'a> Space<'a> {
             _ => ((x + 12, view.pixel(&self.corner(0, 0, 1)).1 - 16), HPos::Right),
         };
         let name = match self.up.filter(|_| axis == 2) {
-            Some(name) => name.to_string(),
+            Some(up) => up.name.to_string(),
             None => format!("{} in {}", ["X", "Y", "Z"][axis], self.unit),
         };
         let style = letters_at(NAME, across, VPos::Center);

@@ -2,6 +2,7 @@
 //! The body of a workspace with the machine and the axis limits, colored by the violated limit.
 
 use crate::key::{Key, Sign, keyed_on};
+use crate::lines::first_up;
 use crate::machine::{Drawn, LEG, at_pose, axis_box};
 use crate::plot::{DrawError, Plot};
 use crate::slice::{Kinds, sliced};
@@ -30,7 +31,12 @@ pub fn of_workspace(
     config: &Mechanism,
     body: &Body,
     slices: &[Slice],
+    tilt: Option<f64>,
 ) -> Result<Vec<Plot>, DrawError> {
+    let reachable = match tilt {
+        Some(tilt) => format!("reachable with a tilt of {tilt} degrees in every direction"),
+        None => "reachable positions".into(),
+    };
     let outlines: Vec<Border> =
         slices.iter().flat_map(|slice| slice.outline()).map(|(_, border)| border).collect();
     let kinds = Kinds::of(body.rays().map(|(_, ray)| &ray.limit).chain(&outlines));
@@ -40,7 +46,7 @@ pub fn of_workspace(
         plots.push(Plot {
             file: "workspace.svg".into(),
             caption: "The workspace around the start of the rays, with the machine at home".into(),
-            svg: solid(config, body, &kinds)?,
+            svg: solid(config, body, &kinds, &reachable)?,
         });
     }
     for slice in slices {
@@ -48,13 +54,18 @@ pub fn of_workspace(
         plots.push(Plot {
             file: format!("slice-{name}.svg"),
             caption: format!("Slice {} of the workspace, by what limits it", slice.plane.name),
-            svg: sliced(config, slice, &kinds)?,
+            svg: sliced(config, slice, &kinds, &reachable)?,
         });
     }
     Ok(plots)
 }
 
-fn solid(config: &Mechanism, body: &Body, kinds: &Kinds) -> Result<String, DrawError> {
+fn solid(
+    config: &Mechanism,
+    body: &Body,
+    kinds: &Kinds,
+    reachable: &str,
+) -> Result<String, DrawError> {
     let mut parts = sides(body, kinds);
     let Drawn { parts: machine, mut places } = at_pose(config, &config.home_pose());
     parts.extend(machine);
@@ -69,8 +80,8 @@ fn solid(config: &Mechanism, body: &Body, kinds: &Kinds) -> Result<String, DrawE
     }
     let unit = config.length_unit();
     keyed_on(SIZE, &keys, |area| {
-        let title = "Reachable positions, by limit";
-        Space::around(title, unit, &places).draw(area, parts).map(drop)
+        let title = format!("{}, by limit", first_up(reachable));
+        Space::around(&title, unit, &places).draw(area, parts).map(drop)
     })
 }
 

@@ -20,8 +20,11 @@ fn a_slice_has_its_area() {
     let home = config.home_pose().position;
     let body = Body::seen(&workspace, home, &effort).unwrap();
     let slice = Slice::seen(&workspace, Plane::parse("xz").unwrap(), home, RAYS, &effort);
-    let plots = of_workspace(&config, &body, &[slice]).unwrap();
+    let plots = of_workspace(&config, &body, &[slice], Some(0.0)).unwrap();
     let slice = &plots.last().unwrap().svg;
+    assert!(
+        slice.contains("Slice XZ: reachable with a tilt of 0 degrees in every direction, by limit")
+    );
     let areas = slice.split("<polygon ").skip(1).filter(|tag| tag.contains("opacity=\"0.14\""));
     let corners = areas.map(|tag| {
         let points = tag.split_once("points=\"").unwrap().1.split_once('"').unwrap().0;
