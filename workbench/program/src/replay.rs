@@ -402,18 +402,9 @@ impl<'a> Player<'a> {
         let time = (self.result.poses - 1) as f64 * self.period;
         let (corrections, tool) = (at.corrections(), tool.into());
         let world = self.config.world(&programmed, &extra);
-        let on_work = (!self.config.chain.is_empty()).then(|| self.on_work(&asked, &world));
+        let on_work = self.config.on_work(&asked, &world, &self.tool);
         (self.see)(&Visit { time, line, pose, world, joints, corrections, tool, on_work });
         Ok(joints)
-    }
-
-    /// Returns the tip on the work and the direction to the holder there: along the tool vector, or along Z of a spindle
-    /// without a tool.
-    fn on_work(&self, pose: &Pose, world: &World) -> [[f64; 3]; 2] {
-        let tip = Vector3::new(world[0], world[1], world[2]) - self.tool;
-        let [tool, work] = self.config.chain.frames(pose, world);
-        let own = self.tool.try_normalize(0.0).unwrap_or(Vector3::z());
-        [tip.into(), work.tr_mul(&(tool * own)).into()]
     }
 
     fn note_solution(&mut self, asked: &Pose, solution: &Solution, line: u32) {

@@ -4,7 +4,7 @@
 
 use draw::sample::Sample;
 use judge::trace::{RunResult, judge, read_trace};
-use kinematics::{Pose, Vector3};
+use kinematics::{MAX_EXTRA, Pose, Vector3};
 use machine::read::joints::{ExtraAxis, JointKind};
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
@@ -270,6 +270,40 @@ fn a_trace_reads_back_to_the_same_bits_and_bad_columns_are_refused() {
         std::fs::write(&file, text.replace(&last, "m99")).unwrap();
         let error = read_trace(&config, &file).unwrap_err();
         assert!(error.contains("expected the columns t_s,phase,x"), "{error}");
+    }
+}
+
+#[test]
+fn a_trace_of_a_rotary_table_has_the_tip_on_the_work() {
+    let config = config_of("hexapod-rotary-table");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("trace.csv");
+    let tool = config.spindle + Vector3::from(TOOL);
+    let turned = |k: usize| 0.1 * k as f64;
+    let row = |k: usize| {
+        let mut extra = [0.0; MAX_EXTRA];
+        extra[0] = turned(k);
+        let [x, y, z, ..] = config.home;
+        let programmed = [x + 0.1 * k as f64, y + 3.0, z, 0.0, 0.0, 0.0];
+        let own = config.carried(&programmed, &extra, &tool).unwrap();
+        let joints = config.machine.inverse(&Pose::from_degrees(own), &tool).unwrap();
+        let base = at(&config, k, config.home);
+        Sample { pose: programmed, joints, motors: joints, extra, forward: own, ..base }
+    };
+    let written: Vec<Sample> = (0..300).map(row).collect();
+    std::fs::write(&file, csv(&config, &written)).unwrap();
+    let read = read_trace(&config, &file).unwrap();
+    let along = tool.normalize();
+    for (k, (sample, given)) in read.iter().zip(&written).enumerate() {
+        let [tip, axis] = sample.on_work.expect("the table carries the work").map(Vector3::from);
+        let [x, y, z, ..] = given.pose;
+        // Coordinates of some hundred millimeters: rounding.
+        assert!((tip - (Vector3::new(x, y, z) - tool)).norm() < 1e-12 * 1e3, "{k} {tip}");
+        assert!((sample.place() - tip).norm() == 0.0 && (axis.z - along.z).abs() < 1e-12);
+        // On the work, a level tool turns against the table.
+        let angle = axis.xy().angle(&along.xy()).to_degrees();
+        // acos loses half of the digits at 0.
+        assert!((angle - turned(k)).abs() < 1e-5, "{k} {angle}");
     }
 }
 

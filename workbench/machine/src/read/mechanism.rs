@@ -256,6 +256,24 @@ impl Mechanism {
         self.chain.to_machine(&self.world(pose, extra), tool)
     }
 
+    /// Returns the tip on the work and the direction from it to the holder there, for the machine's own pose, LinuxCNC's pose
+    /// and the tool vector, spindle offset included: along the tool vector, or along Z of a spindle without a tool. `None` if
+    /// no axis carries anything.
+    pub fn on_work(
+        &self,
+        pose: &Pose,
+        world: &World,
+        tool: &Vector3<f64>,
+    ) -> Option<[[f64; 3]; 2]> {
+        if self.chain.is_empty() {
+            return None;
+        }
+        let tip = Vector3::new(world[0], world[1], world[2]) - tool;
+        let [holder, work] = self.chain.frames(pose, world);
+        let own = tool.try_normalize(0.0).unwrap_or(Vector3::z());
+        Some([tip.into(), work.tr_mul(&(holder * own)).into()])
+    }
+
     /// Returns the machine's pose at `[TRAJ]HOME`.
     pub fn home_pose(&self) -> Pose {
         Pose::from_degrees(self.home)
