@@ -53,7 +53,12 @@ fn a_field_at_an_unknown_place_is_refused_with_its_name() {
         ("pos", "pos"),
         ("minLimit", "limits of axes"),
         ("tag", "the tag of a move"),
-        ("spindle", "the status of a spindle"),
+        ("css_factor", "css_factor"),
+        ("xoffset", "the status of a spindle"),
+        ("state", "the state of a spindle"),
+        // Motion sets the speed to zero.
+        ("limit", "the status of a spindle"),
+        ("orient_state", "the orientation of a spindle"),
         ("code", "the code of a command"),
         ("number", "the code of a command"),
     ] {

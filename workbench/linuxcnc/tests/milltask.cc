@@ -41,7 +41,7 @@ struct StateTag : state_tag_t {
 };
 
 namespace {
-enum Code { LINE = 30, CIRCLE, PROBE, TAP, CONDITION, SYNC, JOINT, AXIS, START };
+enum Code { LINE = 30, CIRCLE, PROBE, TAP, CONDITION, SYNC, JOINT, AXIS, START, ORIENT, SPINDLE };
 struct Command {
     int code, number;
     EmcPose pos;
@@ -60,6 +60,7 @@ struct Command {
 struct Spindle {
     double speed, scale, net_scale, css_factor, xoffset;
     int state, direction, brake, locked, orient_fault, orient_state;
+    double min_neg_speed;
 };
 struct Shared {
     long mutex;
@@ -99,13 +100,29 @@ int write(Code code) {
 
 void handle(void *, long) {
     const Command &from = shared->command;
-    if (from.code != START || from.spindle >= 2) {
+    if (from.spindle >= 2) {
         return;
     }
     Spindle &spindle = shared->spindles[from.spindle];
-    spindle.css_factor = from.ini_maxvel;
-    (is("spindle") ? spindle.net_scale : spindle.xoffset) = from.acc;
-    spindle.state = 1;
+    switch (from.code) {
+    case SPINDLE: spindle.min_neg_speed = is("limit") ? 0.0 : from.low; break;
+    case START:
+        spindle.speed = from.vel < spindle.min_neg_speed ? spindle.min_neg_speed : from.vel;
+        spindle.css_factor = from.ini_maxvel;
+        spindle.xoffset = is("xoffset") ? 0.0 : from.acc;
+        spindle.scale = is("css_factor") ? from.ini_maxvel : 1.0;
+        spindle.state = is("state") ? 2 : 1;
+        spindle.direction = -1;
+        spindle.orient_state = 0;
+        break;
+    case ORIENT:
+        spindle.speed = 0.0;
+        spindle.direction = 0;
+        spindle.orient_state = 2;
+        spindle.locked = is("orient_state") ? 2 : 0;
+        break;
+    default: break;
+    }
 }
 }
 
@@ -114,8 +131,6 @@ int usrmotInit(const char *) {
     call<int (*)(int, void **)>("rtapi_shmem_getptr")(100, reinterpret_cast<void **>(&shared));
     call<int (*)(const char *, void (*)(void *, long), void *, int, int, int)>("hal_export_funct")(
         "motion-command-handler", handle, nullptr, 1, 0, 1);
-    static void *line;
-    call<int (*)(int, int, void **, int, const char *, ...)>("hal_pin_new_si32")(1, 32, &line, 0, "motion.interp.line-number");
     return 0;
 }
 int emcTrajSetMotionId(int id) {
@@ -191,6 +206,15 @@ int emcSpindleOn(int spindle, double speed, double factor, double offset, int) {
     command.ini_maxvel = factor;
     command.acc = offset;
     return write(START);
+}
+int emcSpindleOrient(int spindle, double, int) {
+    command.spindle = spindle;
+    return write(ORIENT);
+}
+int emcSpindleSetParams(int spindle, double, double, double, double min_neg, double, double, int, double) {
+    command.spindle = spindle;
+    command.low = min_neg;
+    return write(SPINDLE);
 }
 
 int main() {}

@@ -13,13 +13,15 @@
 
 namespace {
 constexpr size_t MOST = 8192;
-// Bytes of a status of a spindle before its factor for constant surface speed: it begins with speed and two scales.
-constexpr int SPEED = -24, OFFSET = 8, STATE = 16, ORIENT = 36;
-// Bytes from there to the tag of the present move, in the status of all of 2.9; later versions have a pin for it.
-constexpr size_t TAG_OF_STATUS = 3144;
+// Bytes behind a spindle's factor for constant surface speed that may contain its states.
+constexpr size_t NEAR = 64;
+// A limit of the spindle's speed that no measured value exceeds.
+constexpr double FASTEST = 1e9;
+// States of a spindle: it is on; it is turning to the angle of M19.
+constexpr int ON = 1, IN_PROGRESS = 2;
 
 // The tag of 2.9 and that of 2.10: its values, then whole numbers, of which the first is the line, then flags.
-constexpr layout::Tag TAGS[] = {{true, 20, 56, 64}, {false, 88, 120, 384}};
+constexpr layout::Tag TAGS[] = {{true, 20, 56, layout::OLD_SIZE}, {false, 88, 120, layout::NEW_SIZE}};
 
 // EmcPose and PM_CARTESIAN. 2.9 passes EmcPose by value; a class that has its own copy constructor is always passed by
 // reference.
@@ -149,41 +151,54 @@ class Bench {
     }
     int commands() const { return static_cast<int>(commands_.size()); }
 
-    // Returns the place of the spindle whose start was commanded with this factor and offset, in the status; 0 if
-    // motion has no such spindle.
-    size_t spindle(double factor, double offset, size_t of_command) const {
+    // Lets motion execute the last command.
+    void execute() {
+        unexecuted_.assign(memory_, memory_ + size_);
+        thread::call("motion-command-handler");
+    }
+    // Returns the place to which motion has copied a value of the last command; 0 if it has not.
+    size_t copied(double of_command, const char *what) const {
+        const size_t from = place(of_command, what);
         size_t place = 0, count = 0;
         for (size_t at = 0; at + sizeof(double) <= size_; at += sizeof(double)) {
-            if (at != of_command && value<double>(at) == factor) {
+            if (at != from && value<double>(memory_, at) == of_command) {
                 place = at;
                 count++;
             }
         }
-        if (count == 0) {
-            return 0;
+        if (count > 1) {
+            refuse(what);
         }
-        if (count != 1 || value<double>(place + OFFSET) != offset || value<int>(place + STATE) != 1 ||
-            value<int>(place + ORIENT) != 0) {
-            refuse("the status of a spindle");
+        return place;
+    }
+    // Returns the place of the state behind another place that the last command has changed from 0 to this one.
+    size_t entered(int state, size_t behind, const char *what) const {
+        size_t place = 0, count = 0;
+        for (size_t at = behind; at < behind + NEAR && at + sizeof(int) <= size_; at += sizeof(int)) {
+            if (value<int>(unexecuted_.data(), at) == 0 && value<int>(memory_, at) == state) {
+                place = at;
+                count++;
+            }
+        }
+        if (count != 1) {
+            refuse(what);
         }
         return place;
     }
 
   private:
-    template <typename T> T value(size_t at) const {
+    template <typename T> static T value(const char *memory, size_t at) {
         T value;
-        std::memcpy(&value, memory_ + at, sizeof value);
+        std::memcpy(&value, memory + at, sizeof value);
         return value;
     }
     template <typename T> T value_at(size_t command, size_t at) const {
-        T value;
-        std::memcpy(&value, commands_[command].data() + at, sizeof value);
-        return value;
+        return value<T>(commands_[command].data(), at);
     }
 
     char *memory_;
     size_t size_, length_;
-    std::vector<char> before_;
+    std::vector<char> before_, unexecuted_;
     std::vector<std::vector<char>> commands_;
     std::vector<int> functions_;
     int values_ = 0;
@@ -248,7 +263,10 @@ Layout measure() {
                             needed<Limit>("_Z26emcAxisSetMinPositionLimitid"),
                             needed<Limit>("_Z26emcAxisSetMaxPositionLimitid")};
     const auto start = needed<int (*)(int, double, double, double, int)>("_Z12emcSpindleOnidddi");
-    enum { LINE, CIRCLE, PROBE, TAP, CONDITION, SYNC, JOINT, AXIS, START };
+    const auto orient = needed<int (*)(int, double, int)>("_Z16emcSpindleOrientidi");
+    const auto set_spindle =
+        needed<int (*)(int, double, double, double, double, double, double, int, double)>("_Z19emcSpindleSetParamsiddddddid");
+    enum { LINE, CIRCLE, PROBE, TAP, CONDITION, SYNC, JOINT, AXIS, START, ORIENT, SPINDLE };
 
     Layout layout;
     // milltask reports that nothing answers.
@@ -345,18 +363,43 @@ Layout measure() {
     bench.sees(LINE);
 
     for (int n = 0;; n++) {
-        const double factor = bench.number(), offset = bench.number();
-        start(n, bench.number(), factor, offset, 0);
+        const double speed = -bench.number(), factor = bench.number(), offset = bench.number();
+        start(n, speed, factor, offset, 0);
         bench.sees(START);
-        thread::call("motion-command-handler");
-        const size_t place = bench.spindle(factor, offset, layout.fastest);
-        if (!place) {
+        bench.execute();
+        SpindlePlaces places = {};
+        places.factor = bench.copied(factor, "css_factor");
+        if (!places.factor) {
             break;
         }
-        layout.spindles.push_back(place);
+        places.offset = bench.copied(offset, "xoffset");
+        // The direction becomes -1.
+        places.state = bench.entered(ON, places.factor, "the state of a spindle");
+        // Before milltask starts, the limits of the speed are zero.
+        set_spindle(n, 0.0, 0.0, 0.0, -FASTEST, 0.0, 0.0, 0, 0.0);
+        bench.sees(SPINDLE);
+        bench.execute();
+        start(n, speed, factor, offset, 0);
+        bench.sees(START);
+        bench.execute();
+        places.speed = bench.copied(speed, "the speed of a spindle");
+        orient(n, 0.0, 0);
+        bench.sees(ORIENT);
+        bench.execute();
+        places.orient = bench.entered(IN_PROGRESS, places.factor, "the orientation of a spindle");
+        if (!places.offset || !places.speed) {
+            refuse("the status of a spindle");
+        }
+        // Motion ends the orientation also in its pins.
+        start(n, 0.0, 0.0, 0.0, 0);
+        bench.sees(START);
+        bench.execute();
+        layout.spindles.push_back(places);
     }
     start(0, 0.0, 0.0, 0.0, 0);
     bench.sees(START);
+    set_spindle(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0.0);
+    bench.sees(SPINDLE);
 
     layout.code = bench.code();
     layout.line = bench.code_of(LINE, layout.code);
@@ -373,13 +416,9 @@ Layout measure() {
     if (layout.spindles.empty()) {
         refuse("the status of a spindle");
     }
-    layout.number = pins::find<int>("motion.interp.line-number");
     for (const Tag &shaped : TAGS) {
-        if (shape == std::make_pair(shaped.flags, shaped.size) && shaped.is_old == !layout.number) {
+        if (shape == std::make_pair(shaped.flags, shaped.size)) {
             layout.of_tag = shaped;
-            if (shaped.is_old) {
-                layout.number = reinterpret_cast<int *>(memory + layout.spindles[0] + TAG_OF_STATUS + shaped.line);
-            }
             return layout;
         }
     }
@@ -387,16 +426,9 @@ Layout measure() {
 }
 
 Spindle Layout::spindle_of(size_t n) const {
-    const char *at = memory + spindles[n];
-    Spindle spindle;
-    std::memcpy(&spindle.speed, at + SPEED, sizeof spindle.speed);
-    std::memcpy(&spindle.factor, at, sizeof spindle.factor);
-    std::memcpy(&spindle.offset, at + OFFSET, sizeof spindle.offset);
-    int state = 0, orient = 0;
-    std::memcpy(&state, at + STATE, sizeof state);
-    std::memcpy(&orient, at + ORIENT, sizeof orient);
-    // M19 stops the spindle without ending M3.
-    spindle.turns = state != 0 && orient == 0;
-    return spindle;
+    const SpindlePlaces &at = spindles[n];
+    // M19 stops the spindle, and in 2.9.0 without ending M3.
+    const bool turns = field<int>(at.state) != 0 && field<int>(at.orient) == 0;
+    return {field<double>(at.speed), field<double>(at.factor), field<double>(at.offset), turns};
 }
 }

@@ -179,6 +179,26 @@ void tag_new(const Tag &given) {
     tag_file(tag);
 }
 
+// The move of the present tag of the trajectory planner, which motion reads in every cycle: the number that look()
+// wrote in place of its line.
+int number_of_tag = 0;
+// A tag without what milltask has behind it.
+template <size_t SIZE> struct BareTag {
+    alignas(long) char bytes[SIZE];
+};
+// Replaces tpGetExecTag.
+template <size_t SIZE> BareTag<SIZE> (*present_tag)(void *) = nullptr;
+template <size_t SIZE> BareTag<SIZE> see_tag(void *planner) {
+    const BareTag<SIZE> tag = present_tag<SIZE>(planner);
+    number_of_tag = value_of<int>(tag.bytes + at.of_tag.line);
+    return tag;
+}
+template <size_t SIZE> bool sees_tags() {
+    constexpr const char *NAME = "tpGetExecTag";
+    present_tag<SIZE> = reinterpret_cast<BareTag<SIZE> (*)(void *)>(dlsym(RTLD_DEFAULT, NAME));
+    return present_tag<SIZE> && slots::replace("motmod", NAME, reinterpret_cast<void *>(see_tag<SIZE>));
+}
+
 // Tags a move that was delayed; others have their tag.
 void tag_move(int line) {
     if (!holds_back()) {
@@ -377,7 +397,7 @@ void show_move() {
 void look() {
     go_by();
     if (code() == at.line || code() == at.circle || code() == at.probe || code() == at.tap) {
-        // The status of the move contains this field again, and nothing else reads it.
+        // The trajectory planner keeps it with the move, and nothing else reads it.
         at.field<int>(at.tag + at.of_tag.line) = record::is_on() ? ++count : 0;
         if (record::is_on()) {
             show_move();
@@ -424,7 +444,8 @@ void find() {
                           replaced(STRAIGHT_TRAVERSE_NAME, reinterpret_cast<void *>(see_straight<&straight_traverse>)) &&
                           ((change_slot && replaced(CHANGE_SLOT_NAME, reinterpret_cast<void *>(see_change_of_slot))) ||
                            (change_tool && replaced(CHANGE_TOOL_NAME, reinterpret_cast<void *>(see_change))));
-    const bool has_update = at.of_tag.is_old ? update_old != nullptr : update_new != nullptr;
+    const bool has_update = at.of_tag.is_old ? update_old && sees_tags<layout::OLD_SIZE>()
+                                             : update_new && sees_tags<layout::NEW_SIZE>();
     if (!has_update || !interpreter || !sequence_number || !file_name || !error_text || !arc_feed || !straight_feed ||
         !straight_traverse || !queue || !rigid_tap || !straight_probe || !is_found) {
         give_up("this LinuxCNC hands its commands to motion in another way");
@@ -486,9 +507,9 @@ void open_limits() {
 }
 
 int number() {
-    if (*at.number < 0 || *at.number > count) {
+    if (number_of_tag < 0 || number_of_tag > count) {
         give_up("this LinuxCNC has a status of another layout");
     }
-    return *at.number;
+    return number_of_tag;
 }
 }

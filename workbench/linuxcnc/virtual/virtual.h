@@ -95,10 +95,14 @@ struct Tag {
     bool is_old;
     size_t line, flags, size;
 };
-constexpr size_t MOST_OF_TAG = 512;
+constexpr size_t OLD_SIZE = 64, NEW_SIZE = 384, MOST_OF_TAG = 512;
 struct Spindle {
     double speed, factor, offset;
     bool turns;
+};
+// Places of the fields of a spindle's status in the shared memory.
+struct SpindlePlaces {
+    size_t speed, factor, offset, state, orient;
 };
 // Places of the fields of a command in the shared memory, and the codes of commands.
 struct Layout {
@@ -109,9 +113,7 @@ struct Layout {
     // Number of commands that were written for the measurement.
     int commands;
     Tag of_tag;
-    // The whole number that a move's tag has instead of its line.
-    const int *number;
-    std::vector<size_t> spindles;
+    std::vector<SpindlePlaces> spindles;
 
     template <typename T> T &field(size_t place) const { return *reinterpret_cast<T *>(memory + place); }
     Spindle spindle_of(size_t n) const;
