@@ -32,6 +32,13 @@ HALLIB := /usr/share/linuxcnc/hallib
 # Its folders that end in _lib are linked into a user's nc_files by LinuxCNC's configuration picker.
 NGC_LIB := /usr/share/linuxcnc/ncfiles/pkmkins_lib
 SO := target/module/release/libpkmkins.so
+# The LinuxCNC of the module and its package, if it is not the installed one: LINUXCNC=2.10.
+LINUXCNC :=
+ifneq ($(LINUXCNC),)
+export LINUXCNC
+export PKMKINS_HAL := $(shell sed -n '/^version = "$(LINUXCNC)"$$/,/^hal = /s/^hal = .*"\([a-z]*\)"]$$/\1/p' workbench/linuxcnc/versions.toml)
+$(if $(PKMKINS_HAL),,$(error LINUXCNC=$(LINUXCNC): workbench/linuxcnc/versions.toml has no such version))
+endif
 # What reads the INI file for hal/pkmkins.tcl, which looks for it there.
 PINS := target/host/pkmkins-pins
 HAL_FILES := $(wildcard hal/pkmkins*.tcl)
@@ -107,13 +114,14 @@ help:
 	@echo "make check      checks formatting, lints, documentation and generated files"
 	@echo "make site       builds the documentation as a website in build/site, and checks its links"
 	@echo "make bench      measures times and failures beside LinuxCNC's modules; tables in build/benchmarks.md"
-	@echo "make deb        builds the Debian packages in target/debian; ARCH=arm64 for a Raspberry Pi"
+	@echo "make deb        builds the Debian packages in target/debian; ARCH=arm64 for a Raspberry Pi,"
+	@echo "                LINUXCNC=2.10 for a LinuxCNC that is not installed"
 	@echo "make test-deb   installs, uses and purges them in an empty Debian; SUITE=bookworm, ARCH=arm64 under qemu"
 	@echo "make release    tests, and builds the packages of the tagged version in build/release"
 	@echo "make clean      removes target/ and build/"
 	@echo "make generated, make module, make virtual"
-	@echo "                build a part: panels and programs in configs; the module (PKMKINS_HAL=references for"
-	@echo "                LinuxCNC 2.10); the library for virtual time. They install nothing."
+	@echo "                build a part: panels and programs in configs; the module (LINUXCNC=2.10 for one"
+	@echo "                that is not installed); the library for virtual time. They install nothing."
 	@echo "cargo xtask help  lists everything else: single tests, generated files, measurements"
 
 # Rejects an unknown name, such as a former target that is now a task.
@@ -345,7 +353,7 @@ uninstall-pkm:
 	    "$(PKM_SHARE)"/man/man1/pkm-*.1 $(foreach f,$(COMPLETIONS) $(DOCS:%=doc/pkm/%),"$(PKM_SHARE)/$(f)") && \
 	{ [ ! -d "$(PKM_SHARE)/doc/pkm" ] || $$root find "$(PKM_SHARE)/doc/pkm" -depth -type d -empty -delete; }
 
-# Debian's packages, in target/debian. ARCH=arm64 compiles for that processor.
+# Debian's packages, in target/debian. ARCH=arm64 compiles for that processor, LINUXCNC=2.10 for that LinuxCNC.
 HERE := $(shell dpkg --print-architecture 2>/dev/null)
 ARCH := $(HERE)
 CROSS := $(filter-out $(HERE),$(ARCH))

@@ -3,8 +3,10 @@
 # Makes the packages pkmkins and pkm of what is built, into target/debian, with the tools of debhelper; `make deb` builds
 # and calls this. For arm64 it also compiles.
 #
-#     packaging/build.sh ARCHITECTURE     of this computer, or arm64
+#     [LINUXCNC=2.10] packaging/build.sh ARCHITECTURE     of this computer, or arm64
 #
+# LINUXCNC is the version that the module was built for, if it is not the installed one. Packages for another LinuxCNC
+# stay in target/debian.
 # They contain the files of `make install` and `make install-pkm`, in the same places, and the site of the documentation.
 # Two builds of one commit give the same files.
 set -eu
@@ -13,7 +15,7 @@ cd "$(dirname "$0")/.."
 arch=$1
 stage=$PWD/target/packages
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml)
-series=$(linuxcnc_var LINUXCNCVERSION | cut -d . -f 1,2)
+series=${LINUXCNC:-$(linuxcnc_var LINUXCNCVERSION | cut -d . -f 1,2)}
 # The version shows the LinuxCNC that the module was built for.
 full=$version-1+linuxcnc$series
 # Debian 12 has 2.9 without an epoch; later versions and those of linuxcnc.org have the epoch 1.
@@ -68,7 +70,7 @@ END
 
 rm -rf "$stage"
 mkdir -p "$stage/debian" target/debian
-rm -f target/debian/*_"$arch".deb
+rm -f target/debian/pkm[_-]*_"$arch".deb target/debian/pkmkins[_-]*+linuxcnc"$series"_"$arch".deb
 # cargo-about reads the licenses in the crates of the lock file, and needs all of them.
 cargo fetch --locked
 lay_out() { make --no-print-directory -s -o setup -o module -o virtual -o generated -o pkm-built "$@"; }
@@ -112,7 +114,8 @@ changes=$PWD/CHANGELOG.md out=$PWD/target/debian
     dh_md5sums
     dh_builddeb --destdir="$out"
 )
-for file in target/debian/pkm_*_"$arch".deb target/debian/pkmkins_*_"$arch".deb; do
+set -- target/debian/pkm_*_"$arch".deb target/debian/pkmkins_*+linuxcnc"$series"_"$arch".deb
+for file; do
     echo "pkmkins: $file, $(($(stat -c %s "$file") / 1024)) KiB, $(dpkg-deb --field "$file" Installed-Size) KiB installed"
 done
-lintian --allow-root --fail-on error,warning target/debian/pkm_*_"$arch".deb target/debian/pkmkins_*_"$arch".deb
+lintian --allow-root --fail-on error,warning "$@"

@@ -5,8 +5,8 @@
 #
 #     packaging/release.sh
 #
-# One package serves every Debian that is named in SUITES: its programs are built in the oldest, and it has the
-# library for virtual time of each. They are made, installed and used in Debians that debootstrap makes; needs root
+# There is a package for each LinuxCNC of versions.toml; one serves every Debian with the same LinuxCNC, as its programs
+# are built in the oldest of SUITES. They are made, installed and used in Debians that debootstrap makes; needs root
 # and 30 GB. Built are the packages for this computer's processor and for arm64. Nothing is signed: who publishes signs
 # SHA256SUMS.
 set -eu
@@ -52,7 +52,8 @@ rm -rf "$out"
 mkdir -p "$out"
 # The oldest Debian's C library decides where the packages run.
 oldest=${SUITES%% *}
-tests/bare/run.sh "$oldest" "make deb && make deb ARCH=arm64"
+tests/bare/run.sh "$oldest" "$(sed -n 's/^version = "\(.*\)"$/make deb LINUXCNC=\1 \&\& make deb ARCH=arm64 LINUXCNC=\1 || exit 1/p' \
+    workbench/linuxcnc/versions.toml)"
 cp "build/bare/$oldest/srv/pkmkins/target/debian/"* "$out"
 for suite in $SUITES; do tests/deb/run.sh "$suite" "$out"; done
 git archive --format=tar.gz --prefix="pkmkins-$version/" --output="$out/pkmkins-$version.tar.gz" HEAD

@@ -18,13 +18,17 @@ folder=${2:-target/debian}
 here=$(dpkg --print-architecture)
 arch=${3:-$here}
 root=$PWD/build/deb/$suite
-ls "$folder"/pkm_*_"$arch".deb "$folder"/pkmkins_*_"$arch".deb >/dev/null ||
+# The package for the LinuxCNC that this Debian ships.
+series=$(awk -v suite="\"$suite\"" '$1 == "version" { series = $3 } $1 == "debian" && index($0, suite) { print series }' \
+    workbench/linuxcnc/versions.toml | tr -d '"')
+set -- "$folder"/pkm_*_"$arch".deb "$folder"/pkmkins_*+linuxcnc"$series"_"$arch".deb
+ls "$@" >/dev/null ||
     { echo "deb: no packages: make deb ARCH=$arch" >&2; exit 2; }
 
 [ "$arch" = "$here" ] || emulated
 debian "$suite" "$root"
 mkdir -p "$root/srv/deb" "$root/srv/pkmkins"
-cp "$folder"/pkm_*_"$arch".deb "$folder"/pkmkins_*_"$arch".deb "$root/srv/deb"
+cp "$@" "$root/srv/deb"
 # What the live tests take along.
 cp -a --parents configs tests/live tests/viewer tests/cases/ini tests/deb viewer docs/site/links.py "$root/srv/pkmkins"
 # What `make install` puts there, by itself: the packages have to find it.
