@@ -16,6 +16,7 @@ tests() {
     # What is installed, not what an earlier build left.
     unset PKM_VIRTUAL_LIBRARY
     cargo test --profile host --locked --quiet -p linuxcnc
+    for ini in configs/*/*.ini; do target/host/pkm --quiet check "$ini"; done
     tests/live/pins_test.py
     tests/live/truth.py --live short --out "build/versions/$1"
 }
