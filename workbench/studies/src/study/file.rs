@@ -204,7 +204,7 @@ impl Each {
     ///
     /// # Errors
     /// A list of another length is an error.
-    pub(crate) fn of(&self, key: &'static str, count: usize) -> Result<Vec<f64>, Lacking> {
+    pub fn of(&self, key: &'static str, count: usize) -> Result<Vec<f64>, Lacking> {
         match self {
             Self::Same(value) => Ok(vec![*value; count]),
             Self::Own(values) if values.len() == count => Ok(values.clone()),

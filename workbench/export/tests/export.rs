@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Models of all shipped machines: their loops are closed at any pose, by joints in series alone.
+
+use export::assemble::model;
+use export::folder::{Format, write};
+use export::model::{LoopKind, Model, Motion, Role};
+use export::state::States;
+use kinematics::{Matrix3, POSE_LETTERS, Vector3, World};
+use machine::read::ini::Ini;
+use machine::read::machine::MachineConfig;
+use nalgebra::{Rotation3, Unit};
+use std::fs;
+use std::path::Path;
+use studies::study::file::Study;
+use test_support::generated::{ALL, generated};
+use test_support::shipped::{MACHINES, ini, whole};
+
+/// Rounding of lengths of up to 3 m in a chain of ten joints.
+const ROUNDING: f64 = 1e-13;
+
+/// Motion of a body since home.
+#[derive(Clone, Copy)]
+struct Moved(Matrix3<f64>, Vector3<f64>);
+
+impl Moved {
+    fn point(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.0 * point + self.1
+    }
+}
+
+/// Returns the motion of each body by its joints and those of its parents.
+fn moved(model: &Model, values: &[f64]) -> Vec<Moved> {
+    let mut values = values.iter();
+    let mut all: Vec<Moved> = vec![];
+    for body in &model.bodies {
+        let still = Moved(Matrix3::identity(), Vector3::zeros());
+        let mut now = body.parent.map_or(still, |parent| all[parent]);
+        for joint in &body.joints {
+            let by = values.next().expect("a value for each joint") - joint.home;
+            now = match joint.motion {
+                Motion::Slide => Moved(now.0, now.1 + now.0 * joint.axis * by),
+                Motion::Hinge => {
+                    let axis = Unit::new_unchecked(joint.axis);
+                    let turn = now.0 * Rotation3::from_axis_angle(&axis, by).matrix();
+                    Moved(turn, now.point(&joint.point) - turn * joint.point)
+                }
+            };
+        }
+        all.push(now);
+    }
+    assert!(values.next().is_none());
+    all
+}
+
+/// Returns the largest distance, in meters or radians, between both sides of a loop.
+fn gap(model: &Model, values: &[f64]) -> f64 {
+    let moved = moved(model, values);
+    let gaps = model.loops.iter().map(|one| {
+        let [a, b] = one.bodies.map(|body| moved[body]);
+        let apart = (a.point(&one.point) - b.point(&one.point)).norm();
+        match one.kind {
+            LoopKind::Ball => apart,
+            LoopKind::Rigid => apart.max((a.0 - b.0).norm()),
+        }
+    });
+    gaps.fold(0.0, f64::max)
+}
+
+/// Returns a pose of a shipped machine beside home.
+fn beside(config: &MachineConfig, n: usize) -> World {
+    let mut world = config.world_home;
+    for (letter, _) in config.words(&world) {
+        let place = POSE_LETTERS.iter().position(|known| *known == letter).expect("a letter");
+        // Small enough for every machine: 1 % of its size, or 2 degrees.
+        let step = if (3..6).contains(&place) { 2.0 } else { 0.01 * config.first().machine.size() };
+        world[place] += step * (1.7 * place as f64 + 2.3 * n as f64).sin();
+    }
+    world
+}
+
+/// Checks the loops of a machine at home and at these poses.
+fn check(config: &MachineConfig, worlds: &[World]) {
+    let file = config.file.display();
+    let model = model(config, None).expect("a model");
+    let states = States::new(config, &model).expect("home");
+    let home: Vec<f64> = model.joints().map(|(_, joint)| joint.home).collect();
+    assert!(gap(&model, &home) < ROUNDING, "{file}");
+    let legs: usize = config.mechanisms.iter().map(|one| one.legs()).sum();
+    assert_eq!(model.loops.len(), legs, "{file}");
+    let driven = model.joints().filter(|(_, joint)| matches!(joint.role, Role::Driven(_))).count();
+    let carrying = config.first().chain.links().len();
+    assert_eq!(driven, config.guarded_joints() + carrying, "{file}");
+    for world in worlds {
+        let values = states.values(world, &Vector3::zeros()).expect("a pose in reach");
+        let off = gap(&model, &values);
+        assert!(off < ROUNDING, "{file}: {off:e}");
+        let moved = values.iter().zip(&home).any(|(value, home)| (value - home).abs() > 1e-4);
+        assert!(moved, "{file}");
+    }
+}
+
+#[test]
+fn every_loop_of_the_shipped_machines_is_closed_at_every_pose() {
+    for machine in MACHINES {
+        let config = whole(machine);
+        let worlds: Vec<World> = (0..5).map(|n| beside(&config, n)).collect();
+        check(&config, &worlds);
+    }
+}
+
+#[test]
+fn every_loop_of_random_machines_is_closed_at_every_pose() {
+    for seed in ALL {
+        let mut drawn = generated(seed);
+        let folder = tempfile::tempdir().expect("a folder");
+        let config = MachineConfig::read(&drawn.write(folder.path())).expect("a machine");
+        let mut worlds: Vec<World> = (0..20).map(|_| drawn.world(0.9)).collect();
+        worlds.retain(|world| drawn.joints(world, &drawn.tools(0)).is_some());
+        assert!(worlds.len() > 5, "{}", drawn.name);
+        check(&config, &worlds);
+    }
+}
+
+#[test]
+fn a_loop_opens_where_a_drive_moves_alone() {
+    let config = MachineConfig::read(&hexapod()).expect("the hexapod");
+    let model = model(&config, None).expect("a model");
+    let mut values: Vec<f64> = model.joints().map(|(_, joint)| joint.home).collect();
+    let place = model.joints().position(|(_, joint)| joint.name == "joint_3").expect("a joint");
+    values[place] += 1e-6;
+    assert!((gap(&model, &values) - 1e-6).abs() < ROUNDING);
+}
+
+fn hexapod() -> std::path::PathBuf {
+    ini("hexapod")
+}
+
+/// Returns the hexapod with lines added to its section [PKM].
+fn with(lines: &str, folder: &Path, name: &str) -> MachineConfig {
+    let text =
+        fs::read_to_string(hexapod()).expect("text").replace("[PKM]\n", &format!("[PKM]\n{lines}"));
+    let file = folder.join(name);
+    fs::write(&file, text).expect("written");
+    MachineConfig::from_ini(&Ini::read(&file).expect("an INI file")).expect("a machine")
+}
+
+#[test]
+fn masses_are_those_of_the_study() {
+    let config = MachineConfig::read(&hexapod()).expect("the hexapod");
+    let study = Study::read(&hexapod().with_file_name("dynamics.toml")).expect("a study");
+    let model = model(&config, Some(&study)).expect("a model");
+    let platform = model.bodies.iter().find(|body| body.name == "platform").expect("a platform");
+    let mass = platform.mass.expect("a mass");
+    assert_eq!(mass.mass, 25.0);
+    // Two roundings of lengths below 1 m.
+    assert!((mass.centre - platform.origin - Vector3::new(0.006, -0.004, 0.12)).norm() < 1e-15);
+    assert_eq!(mass.inertia[(0, 1)], 0.02);
+    let most = model.joints().find_map(|(_, joint)| match &joint.role {
+        Role::Driven(drive) => drive.max_force,
+        _ => None,
+    });
+    assert_eq!(most, Some(2000.0));
+}
+
+#[test]
+fn a_folder_with_another_model_stays_as_it_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let into = folder.path().join("model");
+    let [first, second] = ["one.ini", "two.ini"].map(|name| with("", folder.path(), name));
+    let write_one = |config: &MachineConfig, format| {
+        write(&model(config, None).expect("a model"), config, format, &into)
+    };
+    for format in [Format::Mjcf, Format::Urdf, Format::Sdf, Format::Mjcf] {
+        write_one(&first, format).expect("its own folder");
+    }
+    let before = fs::read(into.join("one.xml")).expect("a model");
+    let refused = write_one(&second, Format::Mjcf).expect_err("another model").to_string();
+    // Whichever file the system lists first.
+    assert!(
+        refused.ends_with(", which is not a file of this model; give another folder"),
+        "{refused}"
+    );
+    assert_eq!(fs::read(into.join("one.xml")).expect("a model"), before);
+    assert!(!into.join("two.xml").exists());
+}
+
+#[test]
+fn shapes_are_copied_and_a_missing_one_writes_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config =
+        with("PLATFORM_MODEL = part.stl mm\nBASE_MODEL = text.stl mm\n", folder.path(), "m.ini");
+    let into = folder.path().join("model");
+    let model = model(&config, None).expect("a model");
+    let missing = write(&model, &config, Format::Mjcf, &into).expect_err("no file").to_string();
+    assert!(missing.contains("text.stl") && missing.contains("remove it"), "{missing}");
+    assert!(!into.exists());
+    // A binary file without triangles, and a file in text form.
+    fs::write(folder.path().join("part.stl"), [0; 84]).expect("written");
+    fs::write(folder.path().join("text.stl"), "solid a\nendsolid a\n").expect("written");
+    let written = write(&model, &config, Format::Mjcf, &into).expect("written");
+    assert!(written.files.contains(&into.join("meshes/platform.stl")));
+    assert_eq!(written.left_out.len(), 1);
+    assert!(!into.join("meshes/base.stl").exists());
+    let readme = fs::read_to_string(into.join("README.md")).expect("a README");
+    assert!(readme.contains("text.stl: an STL file in text form"), "{readme}");
+    write(&model, &config, Format::Urdf, &into).expect("written");
+    assert!(into.join("meshes/base.stl").exists());
+}
+
+#[test]
+fn names_become_identifiers() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (file, name) in [
+        ("my machine (2).ini", "my_machine__2_"),
+        ("6-axis.ini", "machine_6-axis"),
+        ("scene.ini", "machine_scene"),
+        ("станок.ini", "machine_______"),
+    ] {
+        let config = with("", folder.path(), file);
+        assert_eq!(model(&config, None).expect("a model").name, name);
+    }
+}
