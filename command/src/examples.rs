@@ -121,6 +121,10 @@ const PAGES: &[Page] = &[
                 "the same, with all other coordinates at home",
             ),
             (
+                "pkm joints hexapod.ini --passive --pose X10 A5",
+                "compute the values of all joints of the exported model",
+            ),
+            (
                 "pkm joints hexapod.ini --rows poses.csv > joints.csv",
                 "compute the joint values of many poses",
             ),
@@ -174,7 +178,21 @@ const PAGES: &[Page] = &[
     page(
         "scene",
         &[("pkm scene hexapod.ini -o scene.json", "write the machine for a viewer")],
-        &["view", "reference/view"],
+        &["view", "export", "reference/view"],
+    ),
+    page(
+        "export",
+        &[
+            (
+                "pkm export hexapod.ini --mjcf model",
+                "write a model for MuJoCo into the folder model",
+            ),
+            (
+                "pkm export hexapod.ini --urdf ros --sdf gazebo --study dynamics.toml",
+                "write models for ROS and Gazebo, with the masses of a study",
+            ),
+        ],
+        &["joints", "run", "guide/simulators"],
     ),
     page(
         "frames",

@@ -46,27 +46,32 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let study = arguments.study.as_deref().map(Study::read).transpose()?;
     let model = export::assemble::model(&config, study.as_ref())
         .map_err(|error| Failure::at(config.file.display(), error))?;
-    let mut files = vec![];
+    let (mut files, mut left_out) = (vec![], model.left_out.clone());
     for (format, folder) in [
         (Format::Mjcf, &arguments.mjcf),
         (Format::Sdf, &arguments.sdf),
         (Format::Urdf, &arguments.urdf),
     ] {
         if let Some(folder) = folder {
-            files.extend(write(&model, &config, format, folder)?);
+            let written = write(&model, &config, format, folder)?;
+            left_out.extend(written.left_out);
+            files.extend(written.files);
         }
     }
+    // Formats in one folder share a README.
+    files.sort();
+    files.dedup();
     let mut out = output::people();
     files.iter().try_for_each(|file| writeln!(out, "{}", file.display()))?;
     writeln!(out, "masses: {}", model.masses)?;
-    for left in &model.left_out {
+    for left in &left_out {
         writeln!(out, "left out: {left}")?;
     }
     output::answer(&json!({
         "machine": config.file,
         "files": files,
         "masses": model.masses,
-        "left_out": model.left_out,
+        "left_out": left_out,
     }))?;
     Ok(Verdict::Fits)
 }

@@ -6,7 +6,8 @@ use super::input::RowFile;
 use super::poses::{PoseWords, Tool};
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
-use kinematics::Pose;
+use export::state::{States, letters};
+use kinematics::{POSE_LETTERS, Pose};
 use machine::read::columns::{coordinates, joint_names};
 
 /// Compute joint values from poses (inverse kinematics)
@@ -14,6 +15,10 @@ use machine::read::columns::{coordinates, joint_names};
 /// Reads one pose (--pose), or CSV with columns x y z a b c from a file or standard input, and
 /// writes the joint values, one row per pose. Units: machine units and degrees. Joint limits and
 /// cones are not checked.
+///
+/// --passive writes every joint of the model that `pkm export` makes, in meters and radians: also
+/// the universal joints, threads and rings of the legs, and the coordinates of the platforms. Its
+/// poses are LinuxCNC's, with columns u v w if the machine moves these letters.
 ///
 /// Exit status: 0, or 1 if a pose has no joint values: its cells stay empty, and the reason goes
 /// to standard error.
@@ -27,9 +32,46 @@ pub struct Arguments {
     rows: RowFile,
     #[command(flatten)]
     tool: Tool,
+    /// Write all joints of the exported model, in meters and radians
+    #[arg(long)]
+    passive: bool,
+}
+
+/// Writes all joints of the exported model.
+fn passive(arguments: &Arguments) -> Result<Verdict, Failure> {
+    let config = arguments.machine.read_named()?;
+    let failed = |error| Failure::at(config.file.display(), error);
+    let model = export::assemble::model(&config, None).map_err(failed)?;
+    let states = States::new(&config, &model)?;
+    let names: Vec<String> = model.joints().map(|(_, joint)| joint.name.clone()).collect();
+    let letters: Vec<usize> = (0..6).chain(letters(&config)).collect();
+    let columns: Vec<String> =
+        letters.iter().map(|place| POSE_LETTERS[*place].to_ascii_lowercase().to_string()).collect();
+    let tool = arguments.tool.offset();
+    let reply = |row: &[f64]| -> Answer {
+        let mut world = config.world_home;
+        letters.iter().zip(row).for_each(|(place, value)| world[*place] = *value);
+        states.values(&world, &tool)
+    };
+    let question = match arguments.pose.is_given() {
+        true => {
+            arguments.pose.without_rows(&arguments.rows)?;
+            let mut world = config.world_home;
+            let known: String = letters.iter().map(|place| POSE_LETTERS[*place]).collect();
+            for (place, value) in arguments.pose.words(&known, Some)? {
+                world[place] = value;
+            }
+            Question::Row(letters.iter().map(|place| world[*place]).collect())
+        }
+        false => Question::Rows(&arguments.rows, "--pose X Y Z A B C"),
+    };
+    answer(&config.file, &question, &columns, &names, reply)
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
+    if arguments.passive {
+        return passive(arguments);
+    }
     let config = arguments.machine.read()?;
     let tool = arguments.tool.vector(&config);
     let reply = |row: &[f64]| -> Answer {

@@ -11,6 +11,7 @@ mod completions;
 mod cut;
 mod dynamics;
 mod examples;
+mod export;
 mod failure;
 mod filter;
 mod frames;
@@ -265,6 +266,7 @@ commands! {
         Joints => joints,
         Pose => pose,
         Scene => scene,
+        Export => export,
         Man => man,
         Completions => completions,
     }

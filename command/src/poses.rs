@@ -42,8 +42,13 @@ pub struct Tool {
 impl Tool {
     /// Returns the tool vector, spindle offset included.
     pub fn vector(&self, config: &Mechanism) -> Vector3<f64> {
+        config.spindle + self.offset()
+    }
+
+    /// Returns the tool offset.
+    pub fn offset(&self) -> Vector3<f64> {
         let given = self.tool.as_deref().unwrap_or(&[0.0; 3]);
-        config.spindle + Vector3::from_fn(|k, _| given[k])
+        Vector3::from_fn(|k, _| given[k])
     }
 }
 

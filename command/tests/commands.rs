@@ -861,6 +861,7 @@ Files and shell:
   joints       Compute joint values from poses (inverse kinematics)
   pose         Compute poses from joint values (forward kinematics)
   scene        Write the machine as one JSON object, for viewers
+  export       Write the machine as a model for simulators
   man          Write the manual pages of pkm
   completions  Print shell completions of pkm
 
@@ -1294,6 +1295,7 @@ fn every_subcommand_has_a_manual_page_and_completions() {
         "preflight",
         "filter",
         "scene",
+        "export",
         "panel",
         "travel",
         "joints",

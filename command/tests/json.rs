@@ -61,6 +61,7 @@ const CASES: &[Case] = &[
     ("path", "linear-delta.ini holes.toml", "", 0),
     ("path", "linear-delta.ini laws.toml", "", 0),
     ("scene", "linear-delta.ini", "", 0),
+    ("export", "linear-delta.ini --mjcf model", "", 0),
     ("view", "linear-delta.ini line.ngc", "", 0),
     ("panel", "linear-delta.ini --output-dir panel", "", 0),
     ("travel", "linear-delta.ini --pose X10", "", 0),

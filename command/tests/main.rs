@@ -12,6 +12,7 @@ mod cut;
 mod documentation;
 mod dynamics_command;
 mod exits;
+mod export;
 mod filter;
 mod fixes;
 mod frames;
