@@ -6,7 +6,7 @@
 .DELETE_ON_ERROR:
 .PHONY: help demo test check install uninstall install-pkm uninstall-pkm deb test-deb site bench release clean \
     virtual-arm64 test-machines test-programs test-virtual test-aside ini-cases \
-    rust setup setup-more setup-page setup-screen setup-site generated module virtual pkm-built
+    rust setup setup-more setup-page setup-screen setup-simulators setup-site generated module virtual pkm-built
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo || echo no-sudo)
@@ -155,7 +155,7 @@ test: rust
 setup-more: setup
 	@$(MAKE) --no-print-directory setup-page
 	@$(MAKE) --no-print-directory setup-screen
-	@$(BEHIND) $(MAKE) --no-print-directory setup-site
+	@$(BEHIND) $(MAKE) --no-print-directory setup-site setup-simulators
 
 # Real clocks and patience with what is on a screen: before everything else. Each of them shares out its work among
 # several machines.
@@ -184,12 +184,14 @@ test-virtual: setup
 # Waits until cargo has built the tests; the component that plays the true machine comes with those of Python.
 test-aside: setup
 	$(BEHIND) $(MAKE) --no-print-directory xtask-test-python
+	$(BEHIND) $(MAKE) --no-print-directory xtask-simulators
 	$(BEHIND) tests/live/calibration_demo.py --virtual --pkm target/host/pkm --out build/calibration-virtual
 	$(BEHIND) tests/live/probing_test.py --only hexaglide --pkm target/host/pkm --out build/probing
 	$(BEHIND) $(MAKE) --no-print-directory xtask-prove xtask-counts check
 
 # The documentation as a site, its links followed.
 PYTHON_TOOLS := target/tools/python
+SIMULATORS := target/tools/simulators
 site: setup-site generated
 	docs/site/build.sh target/host/pkm $(PYTHON_TOOLS)/bin/python
 
@@ -254,6 +256,14 @@ $(PYTHON_TOOLS)/.installed: tools/python.txt
 	@$(call INSTALLED,$(SITE_PACKAGES))
 	python3 -m venv --clear $(PYTHON_TOOLS)
 	tools/progress.sh "installing into $(PYTHON_TOOLS)" $(PYTHON_TOOLS)/bin/pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r tools/python.txt
+	@touch $@
+
+# MuJoCo and Pinocchio, which judge the models of `pkm export`.
+setup-simulators: $(SIMULATORS)/.installed
+$(SIMULATORS)/.installed: tools/simulators.txt
+	@$(call INSTALLED,$(SITE_PACKAGES))
+	python3 -m venv --clear $(SIMULATORS)
+	tools/progress.sh "installing into $(SIMULATORS)" $(SIMULATORS)/bin/pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r tools/simulators.txt
 	@touch $@
 
 setup-screen: setup

@@ -57,15 +57,29 @@ test-arm64() {
 }
 ## test-page [--only TEXT]: tests the page of pkm view in a headless browser; pictures in build/page
 test-page() { make setup-page generated && tests/page/page_test.mjs target/host/pkm --out build/page "$@"; }
-## test-python: tests the package for Python as cargo builds it, with the system's Python
-test-python() {
+# python-package: builds pkm, and the package for Python in build/python.
+python-package() {
     make setup
     cargo build "${host[@]}" --bin pkm --lib
     rm -rf build/python
     mkdir build/python
     cp -r python/pkmkins build/python
     cp target/host/lib_core.so build/python/pkmkins/_core.abi3.so
+}
+## test-python: tests the package for Python as cargo builds it, with the system's Python
+test-python() {
+    python-package
     PYTHONPATH=build/python virtually /usr/bin/python3 -m pytest -q -p no:cacheprovider python/tests
+}
+## simulators [OPTION...]: compares exported models with MuJoCo and Pinocchio; table in build/simulators/oracle.md
+simulators() {
+    make setup-simulators
+    python-package
+    rm -rf build/simulators
+    cargo run "${host[@]}" -p test-support --example machines -- build/simulators/random
+    PYTHONPATH=build/python PYTHONDONTWRITEBYTECODE=1 target/tools/simulators/bin/python \
+        tests/simulators/oracle.py target/host/pkm --random build/simulators/random --out build/simulators "$@"
+    tests/simulators/sdf.sh target/host/pkm build/simulators
 }
 ## test-wheel: tests the wheel in a fresh environment, with the search, Dask and the notebooks
 test-wheel() { wheel-env; virtually build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests; }
