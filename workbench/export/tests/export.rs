@@ -5,12 +5,14 @@ use export::assemble::model;
 use export::folder::{Format, write};
 use export::model::{LoopKind, Model, Motion, Role};
 use export::state::States;
-use kinematics::{Matrix3, POSE_LETTERS, Vector3, World};
+use kinematics::{Matrix3, POSE_LETTERS, Pose, Vector3, World};
 use machine::read::ini::Ini;
 use machine::read::machine::MachineConfig;
-use nalgebra::{Rotation3, Unit};
+use nalgebra::{DMatrix, DVector, Rotation3, Unit};
 use std::fs;
 use std::path::Path;
+use studies::dynamics::loads::{Moving, Wrench, loads};
+use studies::dynamics::model::Model as Dynamics;
 use studies::study::file::Study;
 use test_support::generated::{ALL, generated};
 use test_support::shipped::{MACHINES, ini, whole};
@@ -160,6 +162,64 @@ fn masses_are_those_of_the_study() {
         _ => None,
     });
     assert_eq!(most, Some(2000.0));
+}
+
+/// Values of the drives, positions of the center of mass of the platform and of the tool tip, in SI units.
+struct Position {
+    drives: DVector<f64>,
+    mass: Vector3<f64>,
+    tip: Vector3<f64>,
+}
+
+#[test]
+fn drives_carry_weight_and_a_force_on_the_tool_as_pkm_dynamics_says() {
+    let config = MachineConfig::read(&hexapod()).expect("the hexapod");
+    let study = Study::read(&hexapod().with_file_name("dynamics.toml")).expect("a study");
+    let model = model(&config, Some(&study)).expect("a model");
+    let states = States::new(&config, &model).expect("home");
+    let platform = model.bodies.iter().position(|body| body.name == "platform").expect("a body");
+    let mass = model.bodies[platform].mass.expect("a mass");
+    let tool = model.sites.iter().find(|site| site.name == "tool").expect("a site");
+    let at = |world: &World| {
+        let values = states.values(world, &Vector3::zeros()).expect("a pose in reach");
+        let moved = moved(&model, &values);
+        let driven = model.joints().zip(&values);
+        let driven = driven.filter(|((_, joint), _)| matches!(joint.role, Role::Driven(_)));
+        Position {
+            drives: DVector::from_iterator(6, driven.map(|(_, value)| *value)),
+            mass: moved[platform].point(&mass.centre),
+            tip: moved[tool.body].point(&tool.place),
+        }
+    };
+    // N; the legs of this study have no mass.
+    let force = Vector3::new(120.0, -80.0, 300.0);
+    let weight = Vector3::new(0.0, 0.0, -9.80665 * mass.mass);
+    let dynamics = Dynamics::of(config.first(), &study).expect("a whole study");
+    for n in 0..5 {
+        let world = beside(&config, n);
+        // Virtual work: the drives, the weight and the force do none in any motion of the platform.
+        let (mut speeds, mut work) = (DMatrix::zeros(6, 6), DVector::zeros(6));
+        // Central differences: an error of STEP², and rounding divided by STEP.
+        const STEP: f64 = 1e-3;
+        for k in 0..6 {
+            let [before, after] = [-STEP, STEP].map(|step| {
+                let mut world = world;
+                world[k] += step;
+                at(&world)
+            });
+            speeds.set_row(k, &(after.drives - before.drives).transpose());
+            work[k] =
+                weight.dot(&(after.mass - before.mass)) + force.dot(&(after.tip - before.tip));
+        }
+        let expected = speeds.lu().solve(&-work).expect("no singular pose");
+        let pose = Pose::from_degrees(std::array::from_fn(|k| world[k]));
+        let moving = Moving::still(pose, config.first().spindle);
+        let wrench = Wrench { force, moment: Vector3::zeros() };
+        let found = loads(config.first(), &dynamics, &moving, &wrench).expect("in reach");
+        let found = DVector::from_vec(found.expect("no singular pose").drives);
+        // 1e-6: the differences above.
+        assert!((&found - &expected).norm() < 1e-6 * expected.norm(), "{found} {expected}");
+    }
 }
 
 #[test]
