@@ -147,6 +147,11 @@ pub fn model(config: &MachineConfig, study: Option<&Study>) -> Result<Model, Imp
         },
         meters,
     };
+    if to.model.name != stem {
+        let name = &to.model.name;
+        let text = format!("the file's name {stem:?}, which is no identifier: the model is {name}");
+        to.model.left_out.push(text);
+    }
     let turning = first.chain.of(Carries::Legs).find(|link| link.is_rotary());
     if let Some(link) = turning.filter(|_| !first.machine.layout().table().is_empty()) {
         return Err(Impossible::TurnedTable(letter(link)));

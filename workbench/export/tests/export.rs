@@ -277,6 +277,8 @@ fn names_become_identifiers() {
         ("станок.ini", "machine_______"),
     ] {
         let config = with("", folder.path(), file);
-        assert_eq!(model(&config, None).expect("a model").name, name);
+        let model = model(&config, None).expect("a model");
+        assert_eq!(model.name, name);
+        assert!(model.left_out.iter().any(|left| left.ends_with(&format!("the model is {name}"))));
     }
 }
