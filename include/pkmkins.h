@@ -39,6 +39,8 @@ enum pkmkins_cause {
   PKMKINS_AXIS_AT_ANCHOR = -28,
   // the strut is twisted by nearly half a turn (degrees shown), where its nut correction jumps by one lead.
   PKMKINS_TORSION_TOO_LARGE = -27,
+  // on the way from the reference pose the constraints cease to determine the dependent coordinates (share of the way shown).
+  PKMKINS_CONSTRAINT_SINGULAR = -29,
   // the joint value is NaN or infinite.
   PKMKINS_JOINT_NOT_FINITE = -20,
   // the joint value makes the strut length zero or negative.
@@ -77,6 +79,8 @@ enum pkmkins_cause {
   PKMKINS_SINGULAR_PASSED = -41,
   // the pose of the joints is not connected with the commanded pose (distance shown).
   PKMKINS_NOT_AS_COMMANDED = -42,
+  // beyond a constraint singularity: the commanded coordinates of these joints belong to another pose (distance shown).
+  PKMKINS_CONSTRAINT_PASSED = -43,
   // the geometry of the leg contains NaN or infinity.
   PKMKINS_GEOMETRY_NOT_FINITE = -50,
   // both legs connect the same two points.
@@ -111,8 +115,28 @@ enum pkmkins_cause {
   PKMKINS_CENTRE_TOO_FAR = -65,
   // the radius of the ring must be 0 or more.
   PKMKINS_RING_NEGATIVE = -67,
-  // the reference pose has a nonzero coordinate that no joint moves.
+  // the reference pose has a nonzero coordinate that no joint moves or that follows from others.
   PKMKINS_HOME_HELD = -66,
+  // a direction of the constraint is zero.
+  PKMKINS_CONSTRAINT_AXIS_ZERO = -120,
+  // the constraint contains NaN or infinity.
+  PKMKINS_CONSTRAINT_NOT_FINITE = -121,
+  // a point of the constraint is beyond a million times the machine's size.
+  PKMKINS_CONSTRAINT_TOO_FAR = -122,
+  // the constraint repeats others, and freedoms of the platform remain (number shown).
+  PKMKINS_CONSTRAINT_REDUNDANT = -123,
+  // the constraint repeats others at the reference pose, but contradicts them there or near it (value shown).
+  PKMKINS_CONSTRAINT_CONTRADICTS = -124,
+  // it, or more than it, is left free by constraints and legs (number of freedoms shown).
+  PKMKINS_CONSTRAINTS_FREE = -125,
+  // with this constraint there are more equations than coordinates (number of constraints needed shown).
+  PKMKINS_CONSTRAINTS_TOO_MANY = -126,
+  // the constraints fix it at the reference pose, and leave a dependent coordinate free.
+  PKMKINS_CONSTRAINTS_FIX = -127,
+  // the reference pose, with 0 in the dependent coordinates, is too far from one that meets the constraints (largest value shown).
+  PKMKINS_HOME_OFF_CONSTRAINTS = -118,
+  // constraints need a reference pose.
+  PKMKINS_CONSTRAINTS_NEED_HOME = -119,
   // the axis carries an unknown part.
   PKMKINS_CHAIN_UNKNOWN = -110,
   // the axis direction is zero.
@@ -125,6 +149,8 @@ enum pkmkins_cause {
   PKMKINS_HOLDER_NOT_FINITE = -114,
   // the fixed tool holder is beyond a million times the machine's size.
   PKMKINS_HOLDER_TOO_FAR = -115,
+  // axes that carry something, and work on the platform, are not supported with constraints.
+  PKMKINS_CHAIN_CONSTRAINED = -116,
   // there is no valid geometry.
   PKMKINS_NO_GEOMETRY = -70,
   // a new geometry was applied while the machine is on; the old one stays.
@@ -161,6 +187,8 @@ enum pkmkins_cause {
   PKMKINS_PLATFORM_PYRAMID_AHEAD = -98,
   // the two mechanisms come too close to each other (distance shown).
   PKMKINS_MECHANISMS_NEAR = -99,
+  // the pose has another value than 0 there.
+  PKMKINS_DEPENDENT_GIVEN = -88,
   // the pose has a nonzero X, but no joint moves X.
   PKMKINS_HELD_X = -80,
   // the pose has a nonzero Y, but no joint moves Y.

@@ -158,7 +158,7 @@ error: [KINS]KINEMATICS = trivkins
  --> mill.ini:2:14
   |
 2 | KINEMATICS = trivkins
-  |              ^^^^^^^^ expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]
+  |              ^^^^^^^^ expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [constraints=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]
 exit 2
 
 "#]]

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The keys of the INI file as a section of the manual page and as a page of tables.
 
-use keys::{Key, Need, ROW, Range, chain, joint, leg, machine, second, workspace_box};
+use keys::{Key, Need, ROW, Range, chain, constraint, joint, leg, machine, second, workspace_box};
 use kinematics::leg::Kind;
 use std::fmt::Write as _;
 
@@ -10,6 +10,12 @@ const SECTIONS: &[(&str, &str, &[&Key], Option<&str>)] = &[
     ("[PKM]", "the machine", machine::ALL, None),
     ("[SECOND]", "values of a second mechanism", second::ALL, None),
     ("[LEG_0], [LEG_1], ...", "one for each leg", leg::ALL, None),
+    (
+        "[CONSTRAINT_0], [CONSTRAINT_1], ...",
+        "as many as constraints= gives: what passive joints impose on the platform",
+        constraint::ALL,
+        None,
+    ),
     (
         "[CHAIN_A], ... [CHAIN_C], [CHAIN_U], ... [CHAIN_W]",
         "part that an extra axis carries; without this section the axis carries nothing",

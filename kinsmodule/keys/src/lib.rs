@@ -8,7 +8,7 @@
 use Need::{Cardan, Needed, Optional, With};
 use Range::{Above, Any, From, Hash, Model, Sign, Whole, Word};
 use kinematics::leg::Kind;
-use kinematics::{Carries, MAX_ITERATIONS};
+use kinematics::{Carries, ConstraintGeometry, MAX_ITERATIONS};
 
 /// Name of the key with row L of a box's matrix, without the letter; one number per leg.
 pub const ROW: &str = "ROW_";
@@ -32,7 +32,7 @@ pub struct Key {
     pub parts: &'static [&'static str],
     /// Whether it is required.
     pub need: Need,
-    /// The pin without `pkmkins.`, with N for the leg or joint, K for the box and L for the axis; each number
+    /// The pin without `pkmkins.`, with N for the leg, constraint or joint, K for the box and L for the axis; each number
     /// has its own pin. Empty: no pin.
     pub pin: &'static str,
     /// Range of each of its numbers.
@@ -241,6 +241,22 @@ table! {
             ..key("The same in the platform frame, about and across the axis PLATFORM_N.") };
     }
 
+    /// `[CONSTRAINT_N]`: constraint N of the platform.
+    constraint {
+        KIND = Key { need: Needed, pin: "constraint.N.kind", range: Word(ConstraintGeometry::KINDS),
+            ..key("Equation that passive joints impose on the platform: a platform point stays in a plane of the base (PRS and RPS legs), a plane of the platform contains a base point (UPR and SPR legs, a passive leg fixed to the platform), or a platform direction stays perpendicular to a base direction (universal joint).") };
+        PLATFORM = Key { parts: XYZ, need: Needed, pin: "constraint.N.platform", unit: LENGTH,
+            ..key("(point-in-plane, plane-through-point) The point of the platform, or a point of its plane, in the platform frame.") };
+        BASE = Key { parts: XYZ, need: Needed, pin: "constraint.N.base", unit: LENGTH,
+            ..key("(point-in-plane, plane-through-point) A point of the plane of the base, or the base point.") };
+        NORMAL = Key { parts: XYZ, need: Needed, pin: "constraint.N.normal",
+            ..key("(point-in-plane, plane-through-point) Normal of the plane, any length, in the frame of the part that has the plane.") };
+        PLATFORM_AXIS = Key { parts: XYZ, need: Needed, pin: "constraint.N.platform-axis",
+            ..key("(square) Direction in the platform frame, any length.") };
+        BASE_AXIS = Key { parts: XYZ, need: Needed, pin: "constraint.N.base-axis",
+            ..key("(square) Direction in the base frame, any length.") };
+    }
+
     /// `[CHAIN_L]`: what the extra axis L carries.
     chain {
         CARRIES = Key { need: Needed, pin: "chain.L.carries", range: Word(CARRIED),
@@ -307,6 +323,14 @@ pub fn of_axis(letter: char) -> impl Iterator<Item = &'static Key> {
     chain::ALL.iter().copied().filter(move |key| turns || key.name != chain::POINT.name)
 }
 
+/// Returns the keys of a constraint of this kind.
+pub fn of_constraint(kind: &str) -> impl Iterator<Item = &'static Key> {
+    let is_square = ConstraintGeometry::KINDS.last().is_some_and(|square| *square == kind);
+    let is_axis = |key: &Key| *key == constraint::PLATFORM_AXIS || *key == constraint::BASE_AXIS;
+    let own = move |key: &&Key| **key == constraint::KIND || is_axis(key) == is_square;
+    constraint::ALL.iter().copied().filter(own)
+}
+
 /// Returns the keys of a leg of this kind.
 pub fn of_leg(kind: Kind) -> impl Iterator<Item = &'static Key> {
     leg::ALL.iter().copied().filter(move |key| key.kinds.contains(&kind))
@@ -317,14 +341,16 @@ mod tests {
     use super::*;
 
     fn all() -> impl Iterator<Item = &'static Key> {
-        let all = [machine::ALL, second::ALL, leg::ALL, chain::ALL, joint::ALL, workspace_box::ALL];
-        all.into_iter().flatten().copied()
+        let legs = [leg::ALL, constraint::ALL, chain::ALL];
+        let all =
+            [machine::ALL, second::ALL, joint::ALL, workspace_box::ALL].into_iter().chain(legs);
+        all.flatten().copied()
     }
 
     #[test]
     fn keys_are_the_names_of_pins_in_capitals() {
         for key in all().filter(|key| !key.pin.is_empty()) {
-            let stems = ["box.K.", "second.", "chain.L."];
+            let stems = ["box.K.", "second.", "chain.L.", "constraint.N."];
             let stem = stems.iter().find_map(|name| key.pin.strip_prefix(name));
             let stem = stem.unwrap_or(key.pin);
             let stem = stem.strip_suffix(".N").unwrap_or(stem);

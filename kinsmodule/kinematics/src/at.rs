@@ -86,6 +86,12 @@ impl<'a> At<'a> {
         &self.pose
     }
 
+    /// Returns the pose of the control point in base, with the coordinates that constraints determine; the pose itself
+    /// without constraints.
+    pub fn full_pose(&self) -> Pose {
+        each!(self, legs => legs.full_pose()).unwrap_or(self.pose)
+    }
+
     /// Returns the numbers and letters of the machine.
     pub fn layout(&self) -> &Layout {
         each!(self, legs => &legs.machine.layout)
@@ -122,7 +128,8 @@ impl<'a> At<'a> {
     /// a strut plus the exact gradient of the nut correction, so that q̇ = J (v; ω), linear
     /// part first. Frames: v and ω in base axes; reference point = control point (tool
     /// tip). Units: columns 0–2 joint units per machine unit, 3–5 joint units per radian.
-    /// Held coordinates are included: the columns are the derivatives of the equations.
+    /// Held coordinates are included: the columns are the derivatives of the equations. So are motions that constraints
+    /// prevent; then the rows of a table that compensates a dependent coordinate are those for a constant pose.
     ///
     /// # Errors
     /// [`crate::Cause::DeadPoint`] if a joint value is so large that its leg's length is lost in rounding.
@@ -143,7 +150,8 @@ impl<'a> At<'a> {
         each!(self, legs => legs.pose_jacobian())
     }
 
-    /// Computes the constraint rows `[uᵢᵀ (ρᵢ × uᵢ)ᵀ/r]`, one for each leg, without nut corrections:
+    /// Computes the constraint rows `[uᵢᵀ (ρᵢ × uᵢ)ᵀ/r]`, one for each leg, then one for each independent constraint of
+    /// the platform, without nut corrections:
     /// speeds of the platform anchors along their legs per motion (v, r ω) of the platform about
     /// the solver's reference point, r = [`crate::Machine::radius`]. Columns of coordinates that the
     /// legs do not move are 0; for one or two active angles the columns refer to those angles.
@@ -174,6 +182,14 @@ impl<'a> At<'a> {
     /// As [`At::inverse_jacobian`].
     pub fn rates(&self, rate: &[f64; 6]) -> Result<Joints, Fault> {
         each!(self, legs => legs.rates(rate))
+    }
+
+    /// Computes joint rates while the tool vector changes at `change` per second and the pose stays, machine units.
+    ///
+    /// # Errors
+    /// As [`At::inverse_jacobian`]; [`crate::Cause::ConstraintSingular`].
+    pub fn tool_rates(&self, change: &Vector3<f64>) -> Result<Joints, Fault> {
+        each!(self, legs => legs.tool_rates(change))
     }
 
     /// Computes the smallest singular value of the [constraint rows](At::constraint_rows) over the active

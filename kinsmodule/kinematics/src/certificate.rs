@@ -45,6 +45,9 @@
 //! |D²f| ≤ k = max(s₁², (r/ϱ_min) Y²)/l_min + s₂
 //! ```
 //!
+//! **Constraints** (module `coupling`) have no length: |D²f| has a bound of its own, their value is linear in the shift
+//! of the platform, and only the row of a plane through a point changes with it.
+//!
 //! If base anchors also move, a row changes by (s₁ + (r/ϱ_min) Y) δ/l_min, and a residual at a
 //! fixed pose deviates by max(1, r/ϱ_min) δ²/l_min.
 
@@ -97,7 +100,14 @@ pub(crate) fn lipschitz_constant<const N: usize>(
 ) -> Result<f64, Fault> {
     let mut sum = f64x2::ZERO;
     for i in (0..N).step_by(2) {
-        let k = curvature(machine, placed, torsion, i, rho, motion)? * pair(&machine.present, i);
+        let mut k = curvature(machine, placed, torsion, i, rho, motion)?;
+        if let Some(couplings) = &machine.couplings {
+            let shift = motion.map_or(0.0, |motion| motion.shift.norm());
+            let [one, other] = k.to_array();
+            let of = |lane, leg| couplings.curvature(placed, lane, rho, shift).unwrap_or(leg);
+            k = f64x2::new([of(i, one), of(i + 1, other)]);
+        }
+        let k = k * pair(&machine.present, i);
         sum += k * k;
     }
     Ok(inverse.inverse_norm() * sqrt(sum.reduce_add()))
@@ -240,6 +250,9 @@ pub(crate) fn row_change<const N: usize>(
         }
         let change = speed * travel / shortest;
         sum += change * change;
+    }
+    if let Some(couplings) = &machine.couplings {
+        sum += couplings.row_change(motion.shift.norm());
     }
     inverse.inverse_norm() * sqrt(sum)
 }

@@ -23,17 +23,25 @@ pub enum MachinePart {
     TableAxis(u8, Letter),
     /// The joint of an extra axis, and its letter.
     ExtraAxis(u8, u8),
+    /// A constraint, counted from 0.
+    Constraint(u8),
+    /// A coordinate.
+    Coordinate(Letter),
+    /// A coordinate that constraints determine from the commanded ones, whose bits are set, bit 0 for X.
+    Dependent(Letter, u8),
 }
 
 impl MachinePart {
-    /// Returns the number of the leg (the first of two) or of the joint.
-    pub const fn number(self) -> u8 {
+    /// Returns the number of the leg (the first of two), the joint or the constraint; `None` for a coordinate.
+    pub const fn number(self) -> Option<u8> {
         match self {
             Self::Leg(n)
             | Self::Legs([n, _])
             | Self::Joint(n)
             | Self::TableAxis(n, _)
-            | Self::ExtraAxis(n, _) => n,
+            | Self::ExtraAxis(n, _)
+            | Self::Constraint(n) => Some(n),
+            Self::Coordinate(_) | Self::Dependent(..) => None,
         }
     }
 
@@ -44,6 +52,7 @@ impl MachinePart {
             Self::Joint(n) => Self::Joint(n.wrapping_add(joints)),
             Self::TableAxis(n, letter) => Self::TableAxis(n.wrapping_add(joints), letter),
             Self::ExtraAxis(n, letter) => Self::ExtraAxis(n.wrapping_add(joints), letter),
+            Self::Constraint(_) | Self::Coordinate(_) | Self::Dependent(..) => self,
         }
     }
 
@@ -63,6 +72,23 @@ impl MachinePart {
                 text.push("joint ");
                 text.push(joint);
             }
+            Self::Constraint(n) => {
+                text.push("constraint ");
+                text.push(n);
+            }
+            Self::Coordinate(letter) => {
+                text.push("coordinate ");
+                push_letter(text, letter.index());
+            }
+            Self::Dependent(letter, commanded) => {
+                text.push("on this machine ");
+                push_letter(text, letter.index());
+                text.push(" follows from");
+                for k in (0..6).filter(|k| commanded >> k & 1 == 1) {
+                    text.push(" ");
+                    push_letter(text, k);
+                }
+            }
         }
         if let Self::TableAxis(_, letter) = self {
             text.push(" (table ");
@@ -74,6 +100,13 @@ impl MachinePart {
             text.push(&[letter][..]);
             text.push(")");
         }
+    }
+}
+
+/// Appends letter `k` of X … C, from a table: the compiler turns a match in a loop into a trap.
+fn push_letter<const LENGTH: usize>(text: &mut Text<LENGTH>, k: usize) {
+    if let Some(name) = b"XYZABC".get(k..k + 1) {
+        text.push(name);
     }
 }
 
@@ -108,9 +141,9 @@ impl Fault {
         Self { cause, part: Some(MachinePart::Legs([one as u8, other as u8])), value }
     }
 
-    /// Returns the number of the named leg or joint, as the pins show it: the first of two legs.
+    /// Returns the number of the named leg, joint or constraint, as the pins show it: the first of two legs.
     pub fn number(&self) -> Option<u8> {
-        self.part.map(MachinePart::number)
+        self.part.and_then(MachinePart::number)
     }
 
     /// Renumbers the part for a mechanism whose legs and joints are counted from these numbers on.
@@ -222,6 +255,8 @@ causes! {
         "keep the tool axis away from this base joint, or check BASE and EFFECTOR";
     TorsionTooLarge = -27, "the strut is twisted by nearly half a turn (degrees shown), where its nut correction jumps by one lead",
         "rotate back, or change the program to avoid this pose";
+    ConstraintSingular = -29, "on the way from the reference pose the constraints cease to determine the dependent coordinates (share of the way shown)",
+        "stay nearer to the reference pose, or check the tool offset";
     // The arguments of forward.
     JointNotFinite = -20, "the joint value is NaN or infinite",
         "check the feedback of this joint";
@@ -262,6 +297,8 @@ causes! {
         "command it back; or jog to the reference pose in joint mode, unhome and home again";
     NotAsCommanded = -42, "the pose of the joints is not connected with the commanded pose (distance shown)",
         "command it back; or jog to the reference pose in joint mode, unhome and home again";
+    ConstraintPassed = -43, "beyond a constraint singularity: the commanded coordinates of these joints belong to another pose (distance shown)",
+        "jog the joints back in joint mode";
     // The geometry to be frozen.
     GeometryNotFinite = -50, "the geometry of the leg contains NaN or infinity",
         "correct the values of this leg";
@@ -297,8 +334,29 @@ causes! {
         "correct CENTRE";
     RingNegative = -67, "the radius of the ring must be 0 or more",
         "set EFFECTOR to radius and height, with radius >= 0";
-    HomeHeld = -66, "the reference pose has a nonzero coordinate that no joint moves",
-        "set the coordinates of HOME that no joint moves to 0";
+    HomeHeld = -66, "the reference pose has a nonzero coordinate that no joint moves or that follows from others",
+        "set the coordinates of HOME that cannot be commanded to 0";
+    // The constraints of the platform.
+    ConstraintAxisZero = -120, "a direction of the constraint is zero",
+        "set NORMAL, or PLATFORM_AXIS and BASE_AXIS, to directions";
+    ConstraintNotFinite = -121, "the constraint contains NaN or infinity",
+        "correct the values of this constraint";
+    ConstraintTooFar = -122, "a point of the constraint is beyond a million times the machine's size",
+        "correct BASE and PLATFORM of this constraint";
+    ConstraintRedundant = -123, "the constraint repeats others, and freedoms of the platform remain (number shown)",
+        "replace it by one that prevents another motion";
+    ConstraintContradicts = -124, "the constraint repeats others at the reference pose, but contradicts them there or near it (value shown)",
+        "correct its vectors, or remove it";
+    ConstraintsFree = -125, "it, or more than it, is left free by constraints and legs (number of freedoms shown)",
+        "add a constraint for each freedom";
+    ConstraintsTooMany = -126, "with this constraint there are more equations than coordinates (number of constraints needed shown)",
+        "remove constraints that are independent of the others, or legs";
+    ConstraintsFix = -127, "the constraints fix it at the reference pose, and leave a dependent coordinate free",
+        "choose other coordinates=, or a reference pose that is not singular";
+    HomeOffConstraints = -118, "the reference pose, with 0 in the dependent coordinates, is too far from one that meets the constraints (largest value shown)",
+        "check the vectors of the constraints, and [TRAJ]HOME";
+    ConstraintsNeedHome = -119, "constraints need a reference pose",
+        "set all six home pins";
     // The axes that carry workpiece, tool or legs.
     ChainUnknown = -110, "the axis carries an unknown part",
         "set CARRIES to WORK, TOOL or LEGS (its pin to 1, 2 or 3; 0 for none)";
@@ -312,6 +370,8 @@ causes! {
         "correct WORK_ON_PLATFORM, or remove it";
     HolderTooFar = -115, "the fixed tool holder is beyond a million times the machine's size",
         "correct WORK_ON_PLATFORM";
+    ChainConstrained = -116, "axes that carry something, and work on the platform, are not supported with constraints",
+        "remove [CHAIN_L] and WORK_ON_PLATFORM";
     // The module around the kinematics.
     NoGeometry = -70, "there is no valid geometry",
         "correct the geometry, then set pkmkins.apply to 1 with the machine off";
@@ -350,7 +410,9 @@ causes! {
         "stop, and change the program to avoid this pose";
     MechanismsNear = -99, "the two mechanisms come too close to each other (distance shown)",
         "if the feed is stopped: abort, and move one of them away";
-    // Coordinates that no joint moves.
+    // Coordinates that no joint moves, and those that follow from others.
+    DependentGiven = -88, "the pose has another value than 0 there",
+        "remove its letter from the program, and set its work offset to 0";
     HeldX = -80, "the pose has a nonzero X, but no joint moves X",
         "remove X from the program, and set its work offset to 0";
     HeldY = -81, "the pose has a nonzero Y, but no joint moves Y",

@@ -2,11 +2,12 @@
 //! Freezes a geometry as given into a checked machine: every check is here and runs once.
 
 use crate::certificate::{CERTAIN_AT_ALL, lipschitz_constant};
+use crate::coupling::Couplings;
 use crate::fault::{Cause, Fault};
 use crate::geometry::{FARTHEST, Geometry};
 use crate::lanes::Lanes3;
 use crate::layout::{MAX_LEGS, PerLeg};
-use crate::leg::{Leg, LegKind};
+use crate::leg::{Leg, LegKind, StrutGeometry};
 use crate::letters::Letter;
 use crate::mechanism::{Chart, Mechanism};
 use crate::nut::Nut;
@@ -40,8 +41,9 @@ impl Frozen<'_> {
         let centroid = self.centroid();
         let size = self.size()?;
         self.refuse_coincident(size)?;
+        let constrained = layout.constraints() > 0;
         let active = core::array::from_fn(|k| {
-            layout.coordinates().as_slice().iter().any(|letter| letter.index() == k)
+            constrained || layout.coordinates().as_slice().iter().any(|letter| letter.index() == k)
         });
         let angles = active[3..].iter().filter(|a| **a).count();
         let chart = match angles {
@@ -52,6 +54,8 @@ impl Frozen<'_> {
         let radius = self.radius(&centroid, size, chart)?;
         let whole = active[..3].iter().all(|a| *a);
         let reference = if whole { centroid } else { Vector3::from(self.geometry.centre) };
+        let couplings = Couplings::new(self.geometry, (&reference, radius, size))?;
+        let equations = layout.legs() + couplings.as_ref().map_or(0, Couplings::count);
         let mut mechanism = Mechanism {
             layout,
             chart,
@@ -71,12 +75,21 @@ impl Frozen<'_> {
             per_radius: 1.0 / radius,
             s1: [0.0; N],
             s2: [0.0; N],
-            present: core::array::from_fn(|i| f64::from(u8::from(i < layout.legs()))),
+            present: core::array::from_fn(|i| f64::from(u8::from(i < equations))),
+            couplings,
         };
         for i in 0..N {
+            let checked = leg(i).kind.checked();
             mechanism.legs[i] =
-                leg(i).kind.checked().map_err(|(cause, value)| Fault::of_leg(cause, i, value))?;
+                checked.map_err(|(cause, value)| Fault::of_leg(cause, self.lane(i), value))?;
             mechanism.moving |= !leg(i).kind.stands();
+        }
+        if let Some(couplings) = &mechanism.couplings {
+            couplings.write_anchors(&mut mechanism.base, &mut mechanism.arms);
+            for i in layout.legs()..equations.min(N) {
+                (mechanism.legs[i], mechanism.ring[i], mechanism.offset[i]) =
+                    (Leg::Strut, 0.0, 0.0);
+            }
         }
         mechanism.slides = mechanism.ring.iter().any(|radius| *radius > 0.0);
         mechanism.moving |= mechanism.slides;
@@ -164,6 +177,10 @@ impl Frozen<'_> {
                 spread = spread.max(arm(i).cross(&arm(j)).norm());
             }
         }
+        // Constraints may prevent it, which is judged at the reference pose.
+        if self.geometry.layout().constraints() > 0 {
+            return Ok(if is_point { size } else { radius });
+        }
         if is_point || (chart == Chart::Group && spread <= SAME_POINT * size * size) {
             return Err(Fault::with_value(Cause::PlatformDegenerate, spread));
         }
@@ -193,7 +210,12 @@ impl Frozen<'_> {
 
     /// Builds the screws if any leg has a lead.
     fn nut<const N: usize>(&self) -> Result<Option<Nut<N>>, Fault> {
-        let struts: [_; N] = core::array::from_fn(|i| self.geometry.lane(i).kind.screw());
+        let legs = self.geometry.layout().legs();
+        let constrained = self.geometry.layout().constraints() > 0;
+        let struts: [_; N] = core::array::from_fn(|i| match constrained && i >= legs {
+            true => StrutGeometry::default(),
+            false => self.geometry.lane(i).kind.screw(),
+        });
         if struts.iter().all(|s| s.lead == 0.0) {
             return Ok(None);
         }
@@ -226,6 +248,12 @@ impl<const N: usize> Mechanism<N> {
             self.s1[i] = sqrt(1.0 + turn * arm * arm);
             self.s2[i] = bend * arm / self.radius;
         }
+        // The lengths of their lanes have no zero to be kept away from.
+        if self.couplings.is_some() {
+            for i in self.count()..self.equations() {
+                (self.s1[i], self.s2[i]) = (0.0, 0.0);
+            }
+        }
     }
 
     /// Checks the reference pose and fixes the fold of the nut correction there.
@@ -242,9 +270,8 @@ impl<const N: usize> Mechanism<N> {
         let pose = self
             .held(&pose, true)
             .map_err(|fault| Fault::with_value(Cause::HomeHeld, fault.value))?;
-        let rotation = pose.rotation();
-        let point = self.point(&pose.position, &rotation, &Vector3::zeros());
-        let place = Place { centre: self.of_legs(point), rotation, angles: pose.angles };
+        let place = self.placement(&pose, &pose.trigonometry(), &Vector3::zeros())?.place;
+        let rotation = place.rotation;
         let placed = self.placed(&self.base, &place);
         for i in 0..self.count() {
             if self.legs[i] == Leg::Strut && self.refuse_short(i, placed.length[i]).is_err() {
@@ -264,7 +291,7 @@ impl<const N: usize> Mechanism<N> {
         let pose = self.held(pose, false)?;
         pose.check()?;
         self.check_tool(tool)?;
-        let place = self.placement(&pose, &pose.trigonometry(), tool).place;
+        let place = self.placement(&pose, &pose.trigonometry(), tool)?.place;
         let mut placed = Placed::ZERO;
         self.corrected(&place, &mut placed, |_| ())?;
         let Some(nut) = &mut self.nut else { return Ok(None) };
@@ -273,7 +300,7 @@ impl<const N: usize> Mechanism<N> {
 
     /// Returns the legs at a pose without tool, from moving base anchor to platform anchor.
     pub fn spans_at(&self, pose: &Pose) -> Result<[Vector3<f64>; MAX_LEGS], Fault> {
-        let place = self.placement(pose, &pose.trigonometry(), &Vector3::zeros()).place;
+        let place = self.placement(pose, &pose.trigonometry(), &Vector3::zeros())?.place;
         let anchors = self.moved_anchors(&self.joints_at(&place)?)?;
         let placed = self.placed(&anchors, &place);
         let mut spans = [Vector3::zeros(); MAX_LEGS];
@@ -310,7 +337,6 @@ impl<const N: usize> Mechanism<N> {
 mod tests {
     use super::*;
     use crate::geometry::LegGeometry;
-    use crate::leg::StrutGeometry;
     use crate::letters::Letters;
 
     /// Platform anchors of struts from far below, at distances 2, 2, 4 and 4 from their center.

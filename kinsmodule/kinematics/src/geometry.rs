@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The geometry as the integrator wrote it, before any check, and its hash.
 
+use crate::constraint::{ConstraintGeometry, MAX_CONSTRAINTS};
 use crate::layout::{Layout, MAX_LEGS};
 use crate::leg::{LegKind, StrutGeometry};
 use crate::letters::Letters;
@@ -68,6 +69,7 @@ pub struct Geometry {
     /// Numbers of legs and coordinates, and their letters.
     layout: Layout,
     legs: [LegGeometry; MAX_LEGS],
+    constraints: [ConstraintGeometry; MAX_CONSTRAINTS],
     /// Point of the platform whose held X, Y, Z are 0, and whose X, Y, Z a table
     /// replaces; platform frame, machine units.
     pub centre: [f64; 3],
@@ -98,7 +100,23 @@ impl Geometry {
         for (i, place) in legs.iter_mut().enumerate().take(layout.legs()) {
             *place = leg(i);
         }
-        Self { layout, legs, centre: [0.0; 3], home: None }
+        let constraints = [ConstraintGeometry::NONE; MAX_CONSTRAINTS];
+        Self { layout, legs, constraints, centre: [0.0; 3], home: None }
+    }
+
+    /// Sets the constraints of the platform, one by one; their number is that of the layout.
+    #[must_use]
+    pub fn with_constraints(mut self, constraint: impl Fn(usize) -> ConstraintGeometry) -> Self {
+        let constraints = self.constraints.iter_mut().enumerate();
+        for (i, place) in constraints.take(self.layout.constraints()) {
+            *place = constraint(i);
+        }
+        self
+    }
+
+    /// Returns the constraints of the platform.
+    pub fn constraints(&self) -> &[ConstraintGeometry] {
+        self.constraints.get(..self.layout.constraints()).unwrap_or(&self.constraints)
     }
 
     /// Returns numbers and letters.
@@ -121,8 +139,8 @@ impl Geometry {
     /// Order: per leg its base anchor and platform anchor after its kind (strut 1,
     /// slider 2, crank 3, ring 4), then for a strut base axis, platform axis (zeros without a
     /// lead) and lead; for a slider guide, rod and side; for a crank axis, rod, side and
-    /// arm; for a ring its radius. After the legs the center, the reference pose if there is one, and the
-    /// letters of coordinates and table (X = 0 … C = 5). Joint offsets, tool and solver
+    /// arm; for a ring its radius. After the legs the center, the reference pose if there is one, the constraints with
+    /// their kinds, points and directions, and the letters of coordinates and table (X = 0 … C = 5). Joint offsets, tool and solver
     /// settings are not included.
     pub fn hash(&self) -> u32 {
         let mut hash = Fnv1a::new();
@@ -138,6 +156,11 @@ impl Geometry {
         hash.add(&self.centre);
         if let Some(home) = &self.home {
             hash.add(home);
+        }
+        for constraint in self.constraints() {
+            let (points, directions) = constraint.vectors();
+            hash.add(&[f64::from(constraint.kind())]);
+            points.iter().chain(&directions).for_each(|vector| hash.add(vector));
         }
         for letters in [self.layout.coordinates(), self.layout.table()] {
             for letter in letters.as_slice() {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Inverse kinematics: pose to joints.
 
+use crate::coupling::Couplings;
 use crate::fault::{Cause, Fault};
 use crate::geometry::HUGE;
 use crate::lanes::{Lanes3, between, both, dot, pair, put};
@@ -15,7 +16,8 @@ use nalgebra::Vector3;
 /// Platform pose from which the legs are computed.
 pub(crate) struct Placement {
     pub place: Place,
-    /// Reference point in base, as moved by legs and table together.
+    /// Reference point in base, as moved by legs and table together; with constraints, its difference from the one that
+    /// the legs move.
     pub point: Vector3<f64>,
 }
 
@@ -31,7 +33,7 @@ impl<const N: usize> Mechanism<N> {
         pose.check()?;
         self.check_tool(tool)?;
         let pose = if self.holds { self.held(pose, true)? } else { *pose };
-        let placement = self.placement(&pose, &pose.trigonometry(), tool);
+        let placement = self.placement(&pose, &pose.trigonometry(), tool)?;
         let struts = if self.moving { None } else { self.lengths(&placement.place) };
         let legs = match struts {
             Some(struts) => self.joints_of_lengths(&struts),
@@ -110,13 +112,58 @@ impl<const N: usize> Mechanism<N> {
         pose: &Pose,
         trig: &Trigonometry,
         tool: &Vector3<f64>,
-    ) -> Placement {
+    ) -> Result<Placement, Fault> {
+        if let Some(couplings) = &self.couplings {
+            return Self::settled(couplings, pose, tool);
+        }
         let rotation = trig.rotation();
         let point = self.point(&pose.position, &rotation, tool);
-        Placement {
+        Ok(Placement {
             place: Place { centre: self.of_legs(point), rotation, angles: pose.angles },
             point,
-        }
+        })
+    }
+
+    /// Computes the platform's pose from commanded coordinates; the table compensates the difference.
+    #[inline(never)]
+    fn settled(
+        couplings: &Couplings,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+    ) -> Result<Placement, Fault> {
+        let settled = couplings.settle(pose, tool)?;
+        Ok(Placement { place: settled.place, point: settled.table })
+    }
+
+    /// Computes how far the platform moves for a change of the tool vector.
+    pub(crate) fn tool_travel(
+        &self,
+        pose: &Pose,
+        from: &Vector3<f64>,
+        to: &Vector3<f64>,
+    ) -> Result<f64, Fault> {
+        let place = |tool| {
+            let full = self.full_pose(pose, tool)?;
+            let rotation = full.rotation();
+            Ok::<_, Fault>((self.point(&full.position, &rotation, tool), rotation))
+        };
+        let (one, other) = (place(from)?, place(to)?);
+        Ok((other.0 - one.0).norm() + self.radius * (other.1 - one.1).norm())
+    }
+
+    /// Computes the pose of the control point in base.
+    pub(crate) fn full_pose(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Pose, Fault> {
+        pose.check()?;
+        self.check_tool(tool)?;
+        let pose = if self.holds { self.held(pose, true)? } else { *pose };
+        let place = self.placement(&pose, &pose.trigonometry(), tool)?.place;
+        Ok(match &self.couplings {
+            Some(couplings) => couplings.pose(&place, tool),
+            None => Pose {
+                position: place.centre + tool - place.rotation * (tool + self.reference),
+                angles: pose.angles,
+            },
+        })
     }
 
     /// Computes the legs from their base anchors at joint value 0 and the nut corrections there, and passes on
@@ -267,7 +314,8 @@ mod tests {
                 angles: Vector3::from_fn(|_, _| value(most)),
             };
             let result = machine.inverse(&pose, &tool);
-            let placement = machine.placement(&pose, &pose.trigonometry(), &tool);
+            let placement =
+                machine.placement(&pose, &pose.trigonometry(), &tool).expect("no constraints");
             let expected = machine.joints_at(&placement.place);
             assert_eq!(result.err(), expected.err());
             sound += usize::from(result.is_ok());

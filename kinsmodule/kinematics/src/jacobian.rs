@@ -35,13 +35,16 @@ impl<const N: usize> LegsAt<'_, N> {
         }
         for (i, letter) in machine.layout.table().as_slice().iter().enumerate() {
             let mut force = Vector3::zeros();
-            force[letter.index().min(2)] = 1.0;
+            force[letter.index().min(2)] = if machine.couplings.is_some() { -1.0 } else { 1.0 };
             set(machine.count() + i, &Gradient { force, moment: Vector3::zeros() });
         }
         Ok(jacobian)
     }
 
     pub fn pose_jacobian(&self) -> Result<Jacobian, Fault> {
+        if self.machine.couplings.is_some() {
+            return self.commanded_jacobian();
+        }
         let mut jacobian = self.inverse_jacobian()?;
         // If A or C is held, the coordinates remain independent.
         if self.machine.chart == Chart::Group && !(self.trig.cb.abs() >= MIN_COS_B) {
@@ -53,6 +56,22 @@ impl<const N: usize> LegsAt<'_, N> {
         Ok(jacobian)
     }
 
+    /// Computes the rates of the joints per commanded coordinate, which the dependent ones follow.
+    fn commanded_jacobian(&self) -> Result<Jacobian, Fault> {
+        let mut jacobian = Jacobian::zeros();
+        for k in 0..6 {
+            let mut unit = [0.0; 6];
+            unit[k] = 1.0;
+            let rates = self.rates(&unit)?;
+            for (joint, rate) in rates.iter().enumerate() {
+                if let Some(place) = jacobian.get_mut((joint, k)) {
+                    *place = *rate;
+                }
+            }
+        }
+        Ok(jacobian)
+    }
+
     pub fn assembly(&self) -> Result<i32, Fault> {
         let (machine, legs) = (self.machine, self.gradients()?);
         if machine.layout.is_redundant() {
@@ -61,6 +80,9 @@ impl<const N: usize> LegsAt<'_, N> {
         let force = Lanes3::from_fn(|i| legs[i].force);
         let moment = Lanes3::from_fn(|i| legs[i].moment);
         let mut columns = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
+        if let Some(couplings) = &machine.couplings {
+            couplings.write_rows(&self.placement.place, &mut columns);
+        }
         machine.to_chart(&mut columns, &self.placement.place);
         Ok(machine.sign_of(&columns))
     }
@@ -76,7 +98,7 @@ impl<const N: usize> Mechanism<N> {
                 *to = *value;
             }
         }
-        sign_of_determinant(square, self.count().min(MAX_LEGS))
+        sign_of_determinant(square, self.equations().min(MAX_LEGS))
     }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Numbers and letters of a machine: its joints, and the pose coordinates that they move.
 
+use crate::constraint::MAX_CONSTRAINTS;
 use crate::fault::{Cause, Fault, MachinePart};
 use crate::letters::{Letter, Letters};
 use crate::load_error::LoadError;
@@ -20,12 +21,14 @@ pub type PerLeg = [f64; MAX_LEGS];
 /// Numbers and letters of a machine, checked for consistency.
 ///
 /// Joints are the legs in order, then the table axes. Coordinates that neither the
-/// platform nor the table moves are held at 0.
+/// platform nor the table moves are held at 0, unless constraints make them follow from the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     legs: usize,
     coordinates: Letters,
     table: Letters,
+    /// Number of constraints, including redundant ones.
+    constraints: usize,
 }
 
 impl Layout {
@@ -51,7 +54,35 @@ impl Layout {
         if table.as_slice().iter().any(|letter| coordinates.contains(*letter)) {
             return Err(LoadError::LetterTwice);
         }
-        Ok(Self { legs, coordinates, table })
+        Ok(Self { legs, coordinates, table, constraints: 0 })
+    }
+
+    /// Adds constraints of the platform: then its six coordinates move, those that `coordinates` names as commanded, the
+    /// others as these and the constraints determine.
+    ///
+    /// # Errors
+    /// More constraints than [`MAX_CONSTRAINTS`]; more legs than coordinates; fewer than six legs and constraints.
+    pub fn with_constraints(self, constraints: usize) -> Result<Self, LoadError> {
+        if constraints > MAX_CONSTRAINTS {
+            return Err(LoadError::ConstraintsWrong);
+        }
+        if constraints > 0 && self.is_redundant() {
+            return Err(LoadError::ConstraintsLegs);
+        }
+        if constraints > 0 && self.legs + constraints < 6 {
+            return Err(LoadError::ConstraintsFew);
+        }
+        Ok(Self { constraints, ..self })
+    }
+
+    /// Returns the number of constraints of the platform, including redundant ones.
+    pub fn constraints(&self) -> usize {
+        self.constraints
+    }
+
+    /// Returns whether constraints determine the platform's coordinate from those that are commanded.
+    pub fn is_dependent(&self, letter: Letter) -> bool {
+        self.constraints > 0 && !self.coordinates.contains(letter)
     }
 
     /// Returns the number of legs.
@@ -75,7 +106,8 @@ impl Layout {
         &self.table
     }
 
-    /// Returns whether no joint moves the coordinate, so that its value is always 0.
+    /// Returns whether the coordinate is always 0 in LinuxCNC's poses: no joint moves it, or it is
+    /// [dependent](Self::is_dependent) and no table compensates it.
     pub fn is_held(&self, letter: Letter) -> bool {
         !self.coordinates.contains(letter) && !self.table.contains(letter)
     }

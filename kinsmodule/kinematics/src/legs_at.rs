@@ -12,7 +12,7 @@ use crate::pose::{Pose, Trigonometry};
 use crate::segment::Segment;
 use crate::singular::{is_surely_above, smallest_singular_value};
 use crate::target::Target;
-use crate::trig::RADIANS;
+use crate::trig::{DEGREES, RADIANS};
 use core::cell::Cell;
 use nalgebra::Vector3;
 
@@ -81,7 +81,12 @@ impl<const N: usize> LegsAt<'_, N> {
         let pose = &if machine.holds { machine.held(pose, true)? } else { *pose };
         self.tool = *tool;
         self.trig = pose.trigonometry();
-        self.placement = machine.placement(pose, &self.trig, tool);
+        self.placement = machine.placement(pose, &self.trig, tool)?;
+        if let Some(couplings) = &machine.couplings {
+            let place = &mut self.placement.place;
+            *place = couplings.with_angles(*place);
+            self.trig = Pose { position: place.centre, angles: place.angles }.trigonometry();
+        }
         let place = &self.placement.place;
         let torsion = &mut self.torsion;
         self.corrections = machine.corrected(place, &mut self.placed, |found| *torsion = *found)?;
@@ -98,6 +103,13 @@ impl<const N: usize> LegsAt<'_, N> {
     /// Returns the joint values of legs and table.
     pub fn all_joints(&self) -> Result<Joints, Fault> {
         self.machine.all_joints(&self.target.joints, &self.placement.point)
+    }
+
+    /// Returns the pose of the control point in base, with the coordinates that depend on others; `None` without
+    /// constraints.
+    pub fn full_pose(&self) -> Option<Pose> {
+        let couplings = self.machine.couplings.as_ref()?;
+        Some(couplings.pose(&self.placement.place, &self.tool))
     }
 
     pub fn corrections(&self) -> PerLeg {
@@ -162,6 +174,13 @@ impl<const N: usize> LegsAt<'_, N> {
     pub fn speed_ratios(&self) -> Result<Joints, Fault> {
         let (machine, legs) = (self.machine, self.gradients()?);
         let mut ratios = [0.0; MAX_JOINTS];
+        if machine.couplings.is_some() {
+            let jacobian = self.pose_jacobian()?;
+            for (ratio, row) in ratios.iter_mut().zip(jacobian.row_iter()) {
+                *ratio = row.fixed_columns::<3>(0).norm();
+            }
+            return Ok(ratios);
+        }
         for ratio in ratios.iter_mut().take(machine.layout.joints()) {
             *ratio = 1.0;
         }
@@ -174,7 +193,8 @@ impl<const N: usize> LegsAt<'_, N> {
     /// Computes joint rates while the pose changes at `rate` per second, angles in degrees.
     pub fn rates(&self, rate: &[f64; 6]) -> Result<Joints, Fault> {
         let machine = self.machine;
-        let [vx, vy, vz, a, b, c] = *rate;
+        let own = self.full_rates(rate)?;
+        let [vx, vy, vz, a, b, c] = own.unwrap_or(*rate);
         let angles = Vector3::new(a, b, c) * RADIANS;
         let omega = self.trig.rate_map() * angles;
         let speed = Vector3::new(vx, vy, vz) + omega.cross(&self.lever());
@@ -184,10 +204,51 @@ impl<const N: usize> LegsAt<'_, N> {
             *rate = leg;
         }
         let table = rates.iter_mut().skip(machine.count()).zip(machine.layout.table().as_slice());
-        for (rate, letter) in table {
-            *rate = speed[letter.index().min(2)];
+        for (joint, letter) in table {
+            let k = letter.index().min(2);
+            *joint = match &own {
+                None => speed[k],
+                Some(own) => rate[k] - own[k],
+            };
         }
         Ok(rates)
+    }
+
+    /// Computes joint rates while the tool vector changes at `change` and LinuxCNC's pose stays.
+    pub fn tool_rates(&self, change: &Vector3<f64>) -> Result<Joints, Fault> {
+        let machine = self.machine;
+        let (place, lever) = (&self.placement.place, self.lever());
+        let drift = place.rotation * change - change;
+        let own = match &machine.couplings {
+            None => [0.0; 6],
+            Some(couplings) => couplings
+                .rates(place, (&lever, &drift), &[0.0; 6])
+                .ok_or(Fault::from(Cause::ConstraintSingular))?,
+        };
+        let [vx, vy, vz, a, b, c] = own;
+        let omega = self.trig.rate_map() * Vector3::new(a, b, c);
+        let speed = Vector3::new(vx, vy, vz) + drift + omega.cross(&lever);
+        let legs = self.leg_rates(&machine.of_legs(speed), &omega)?;
+        let mut rates = [0.0; MAX_JOINTS];
+        for (rate, leg) in rates.iter_mut().zip(legs).take(machine.count()) {
+            *rate = leg;
+        }
+        let table = rates.iter_mut().skip(machine.count()).zip(machine.layout.table().as_slice());
+        for (rate, letter) in table {
+            let k = letter.index().min(2);
+            *rate = if machine.couplings.is_some() { -own[k] } else { drift[k] };
+        }
+        Ok(rates)
+    }
+
+    /// Computes the rates of all coordinates of the control point in base, angles in degrees; `None` without constraints.
+    pub fn full_rates(&self, rate: &[f64; 6]) -> Result<Option<[f64; 6]>, Fault> {
+        let Some(couplings) = &self.machine.couplings else { return Ok(None) };
+        let radians = core::array::from_fn(|k| if k < 3 { rate[k] } else { rate[k] * RADIANS });
+        let lever = (&self.lever(), &Vector3::zeros());
+        let rates = couplings.rates(&self.placement.place, lever, &radians);
+        let rates = rates.ok_or(Fault::from(Cause::ConstraintSingular))?;
+        Ok(Some(core::array::from_fn(|k| if k < 3 { rates[k] } else { rates[k] * DEGREES })))
     }
 
     /// Computes the rates of the legs' joints while the reference point moves at `v` and the platform rotates at

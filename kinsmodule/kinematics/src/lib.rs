@@ -21,7 +21,9 @@ mod between;
 mod boxes;
 mod certificate;
 mod chain;
+mod constraint;
 mod corner;
+mod coupling;
 mod extra;
 mod fault;
 mod forward;
@@ -63,6 +65,7 @@ pub use boxes::{
 };
 pub use certificate::{CERTAIN_AT_ALL, CERTIFIED};
 pub use chain::{Carries, Chain, ChainGeometry, Link, LinkGeometry, MAX_LINKS, World, WorldRates};
+pub use constraint::{ConstraintGeometry, MAX_CONSTRAINTS};
 pub use corner::{Corner, Straight};
 pub use extra::{ExtraAxes, MAX_EXTRA, POSE_LETTERS};
 pub use fault::{CAUSES, Cause, Fault, MachinePart};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The module's load parameters: `legs=KIND:COUNT[,KIND:COUNT] coordinates=LETTERS table=LETTERS
-//! axes=LETTERS boxes=COUNT`, and those of a second mechanism: `second=KIND:COUNT[,KIND:COUNT]
+//! axes=LETTERS boxes=COUNT constraints=COUNT`, and those of a second mechanism: `second=KIND:COUNT[,KIND:COUNT]
 //! second_coordinates=LETTERS second_angles=LETTERS second_boxes=COUNT`. `sparm` has `identityfirst` and any of the
 //! others, separated by slashes: a caller outside real time passes `coordinates` and `sparm` alone.
 
@@ -35,7 +35,7 @@ struct Beside {
 }
 
 /// Names of the load parameters.
-pub const LOAD_PARAMETERS: [&str; 10] = [
+pub const LOAD_PARAMETERS: [&str; 11] = [
     "legs",
     "coordinates",
     "table",
@@ -45,6 +45,7 @@ pub const LOAD_PARAMETERS: [&str; 10] = [
     "second_coordinates",
     "second_angles",
     "second_boxes",
+    "constraints",
     SPARM,
 ];
 
@@ -80,12 +81,13 @@ impl Load {
             *place = Some(value);
         }
         let [legs, coordinates, table, axes, boxes, second @ ..] = texts;
-        let [second, second_coordinates, second_angles, second_boxes, _] = second;
+        let [second, second_coordinates, second_angles, second_boxes, constraints, _] = second;
         Self::parse(legs, coordinates, table)?
             .with_second(second, second_coordinates, second_angles)?
             .with_axes(axes)?
             .with_boxes(boxes)?
             .with_second_boxes(second_boxes)?
+            .with_constraints(constraints)?
             .with_sparm(own)
     }
 
@@ -184,6 +186,20 @@ impl Load {
     /// [`LoadError::BoxesWrong`].
     pub fn with_boxes(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
         Ok(Self { boxes: boxes_of(text)?, ..self })
+    }
+
+    /// Sets the number of constraints of the platform; `None` or empty = none.
+    ///
+    /// # Errors
+    /// [`LoadError::ConstraintsWrong`]; as [`Layout::with_constraints`]; [`LoadError::ConstraintsAlone`].
+    pub fn with_constraints(self, text: Option<&[u8]>) -> Result<Self, LoadError> {
+        let Some(text) = given(text) else { return Ok(self) };
+        let layout =
+            self.layout.with_constraints(number(text).ok_or(LoadError::ConstraintsWrong)?)?;
+        if layout.constraints() > 0 && (self.second.is_some() || self.boxes > 0) {
+            return Err(LoadError::ConstraintsAlone);
+        }
+        Ok(Self { layout, ..self })
     }
 
     /// Applies the item of `sparm` that is no other parameter: `identityfirst` makes the identity kinematics
@@ -297,6 +313,7 @@ fn number(text: &[u8]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::letters::Letter;
 
     fn legs(text: &str) -> Result<Load, LoadError> {
         Load::parse(Some(text.as_bytes()), None, None)
@@ -443,6 +460,35 @@ mod tests {
     }
 
     #[test]
+    fn constraints_complete_as_many_legs_as_coordinates_to_six() {
+        let tricept = line("legs=strut:3 coordinates=XYZ constraints=3").unwrap();
+        assert_eq!(tricept.layout.constraints(), 3);
+        assert!(Letter::ALL[3..].iter().all(|letter| tricept.layout.is_dependent(*letter)));
+        assert!(!tricept.layout.is_dependent(Letter::X));
+        let head = line("legs=slider:3 coordinates=ZAB table=XY constraints=3").unwrap();
+        assert!(head.layout.is_dependent(Letter::X) && !head.layout.is_held(Letter::X));
+        assert!(head.layout.is_dependent(Letter::C) && head.layout.is_held(Letter::C));
+        assert!(!line("legs=strut:3 coordinates=XYZ").unwrap().layout.is_dependent(Letter::A));
+        for (text, error) in [
+            ("legs=strut:3 coordinates=XYZ constraints=2", LoadError::ConstraintsFew),
+            ("legs=strut:3 coordinates=XYZ constraints=7", LoadError::ConstraintsWrong),
+            ("legs=strut:3 coordinates=XYZ constraints=-3", LoadError::ConstraintsWrong),
+            ("legs=strut:4 coordinates=XYZ constraints=3", LoadError::ConstraintsLegs),
+            ("legs=strut:3 coordinates=XYZ constraints=3 boxes=1", LoadError::ConstraintsAlone),
+            (
+                "legs=strut:3 coordinates=XYZ constraints=3 second=strut:3 second_coordinates=XYZ",
+                LoadError::ConstraintsAlone,
+            ),
+        ] {
+            assert_eq!(line(text), Err(error), "{text}");
+        }
+        assert_eq!(
+            line("legs=strut:3 coordinates=XYZ constraints=0"),
+            line("legs=strut:3 coordinates=XYZ")
+        );
+    }
+
+    #[test]
     fn the_hash_changes_with_every_value_that_the_geometrys_does_not_have() {
         let (none, hexapod) = ([0.0; MAX_LEGS], line("boxes=1").unwrap());
         let first = hexapod.hash(7, &none, 0.0);
@@ -479,6 +525,10 @@ mod tests {
             (LoadError::SecondAngles, "second_angles="),
             (LoadError::SecondTaken, "second_angles="),
             (LoadError::SecondAlone, "second="),
+            (LoadError::ConstraintsWrong, "constraints="),
+            (LoadError::ConstraintsLegs, "constraints="),
+            (LoadError::ConstraintsFew, "constraints="),
+            (LoadError::ConstraintsAlone, "constraints="),
             (LoadError::SparmUnknown, "identityfirst"),
             (LoadError::SparmTwice, "sparm="),
             (LoadError::IdentityImpossible, "sparm=identityfirst"),

@@ -35,6 +35,14 @@ pub enum LoadError {
     SecondTaken,
     /// A parameter of the second mechanism without `second`.
     SecondAlone,
+    /// `constraints` is not a number from 0 to [`crate::MAX_CONSTRAINTS`].
+    ConstraintsWrong,
+    /// Constraints with more legs than coordinates.
+    ConstraintsLegs,
+    /// Fewer than six legs and constraints.
+    ConstraintsFew,
+    /// Constraints with a second mechanism or with workspace boxes.
+    ConstraintsAlone,
     /// `sparm` contains something other than `identityfirst` and load parameters.
     SparmUnknown,
     /// A load parameter with another value in `sparm`.
@@ -85,6 +93,17 @@ impl LoadError {
             }
             Self::SecondAlone => {
                 "a second_...= parameter needs second=KIND:COUNT, the legs of the second mechanism"
+            }
+            Self::ConstraintsWrong => "constraints= must be a number from 0 to 6",
+            Self::ConstraintsLegs => {
+                "constraints= needs as many coordinates as legs, as in legs=strut:3 coordinates=XYZ \
+                 constraints=3"
+            }
+            Self::ConstraintsFew => {
+                "legs= and constraints= must be at least six together: with fewer the platform is free"
+            }
+            Self::ConstraintsAlone => {
+                "constraints= is not supported with second= or boxes=: remove one of them"
             }
             Self::SparmUnknown => {
                 "sparm= must be identityfirst and load parameters, separated by slashes, such as \

@@ -7,6 +7,7 @@ use crate::forward::{Method, Solution, Solver};
 use crate::freeze::Frozen;
 use crate::geometry::Geometry;
 use crate::layout::{Joints, Layout, MAX_JOINTS, PerLeg};
+use crate::letters::Letter;
 use crate::mechanism::Mechanism;
 use crate::nut::Nut;
 use crate::pose::Pose;
@@ -57,6 +58,8 @@ impl Machine {
     pub fn freeze(geometry: &Geometry, offset: &PerLeg) -> Result<Self, Fault> {
         let frozen = Frozen { geometry, offset };
         let lanes = match geometry.layout().legs() {
+            // With constraints, there are six equations.
+            0..=6 if geometry.layout().constraints() > 0 => Lanes::Six(frozen.mechanism()?),
             0..=4 => {
                 let mechanism = frozen.mechanism()?;
                 let spheres = Spheres::of(&mechanism);
@@ -171,6 +174,49 @@ impl Machine {
     #[inline(always)]
     pub fn joints_of_three(&self, pose: &Pose, tool: &Vector3<f64>) -> Option<[f64; 3]> {
         self.spheres()?.joints(&pose.position, &pose.angles, tool)
+    }
+
+    /// Computes the pose of the control point in base for one of LinuxCNC's poses: with the coordinates that constraints
+    /// determine, and without a table's motion. Without constraints and table it is the same pose.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn full_pose(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Pose, Fault> {
+        each!(self, m => m.full_pose(pose, tool))
+    }
+
+    /// Computes how far the platform moves if the tool vector changes and one of LinuxCNC's poses stays: the shift of the
+    /// reference point, and its rotation times the radius.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn tool_travel(
+        &self,
+        pose: &Pose,
+        from: &Vector3<f64>,
+        to: &Vector3<f64>,
+    ) -> Result<f64, Fault> {
+        each!(self, m => m.tool_travel(pose, from, to))
+    }
+
+    /// Computes how much one of LinuxCNC's poses decreases if the tool vector changes by `change` and the joints stay:
+    /// (R − 1) Δo, 0 in coordinates that are always 0.
+    ///
+    /// # Errors
+    /// As [`Machine::inverse`].
+    pub fn tool_shift(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        change: &Vector3<f64>,
+    ) -> Result<Vector3<f64>, Fault> {
+        let mut shift = self.full_pose(pose, tool)?.rotation() * change - change;
+        for letter in [Letter::X, Letter::Y, Letter::Z] {
+            if self.layout().is_held(letter) {
+                shift[letter.index().min(2)] = 0.0;
+            }
+        }
+        Ok(shift)
     }
 
     /// Checks a tool vector.

@@ -6,7 +6,8 @@
 //! first one, so that they are safe to compute with; their contribution is
 //! discarded (rows and residuals of 0).
 
-use crate::fault::{Cause, Fault};
+use crate::coupling::Couplings;
+use crate::fault::{Cause, Fault, MachinePart};
 use crate::geometry::FARTHEST;
 use crate::lanes::{Lanes3, are_above, both, cross, pair, put, scaled, sum, times, wide};
 use crate::layout::Layout;
@@ -73,8 +74,10 @@ pub(crate) struct Mechanism<const N: usize> {
     /// Per leg |arm|/radius², (1 + √2)/2 times that with two active angles: bound of the platform
     /// anchor's second derivative.
     pub s2: [f64; N],
-    /// 1 for a lane that is a leg, 0 for one that repeats the first.
+    /// 1 for a lane that is a leg or a constraint, 0 for one that repeats the first.
     pub present: [f64; N],
+    /// Constraints, in the lanes after those of the legs.
+    pub couplings: Option<Couplings>,
 }
 
 impl<const N: usize> Mechanism<N> {
@@ -82,6 +85,13 @@ impl<const N: usize> Mechanism<N> {
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.layout.legs().min(N)
+    }
+
+    /// Returns the number of equations: legs and constraints.
+    #[inline(always)]
+    pub fn equations(&self) -> usize {
+        let constraints = self.couplings.as_ref().map_or(0, Couplings::count);
+        (self.layout.legs() + constraints).min(N)
     }
 
     /// Returns the rings if any platform anchor slides.
@@ -104,7 +114,9 @@ impl<const N: usize> Mechanism<N> {
             }
             let k = letter.index();
             if strict {
-                letter.check_held(given[k], self.size)?;
+                letter
+                    .check_held(given[k], self.size)
+                    .map_err(|fault| self.named(fault, letter))?;
             }
             if letter.is_angle() {
                 held.angles[k - 3] = 0.0;
@@ -113,6 +125,17 @@ impl<const N: usize> Mechanism<N> {
             }
         }
         Ok(held)
+    }
+
+    /// Replaces the refusal of a held coordinate if it depends on others.
+    fn named(&self, fault: Fault, letter: Letter) -> Fault {
+        if !self.layout.is_dependent(letter) {
+            return fault;
+        }
+        let letters = self.layout.coordinates().as_slice();
+        let commanded = letters.iter().fold(0, |bits, letter| bits | 1 << letter.index());
+        let part = Some(MachinePart::Dependent(letter, commanded));
+        Fault { cause: Cause::DependentGiven, part, value: fault.value }
     }
 
     /// Refuses an unusable tool vector.
@@ -168,6 +191,9 @@ impl<const N: usize> Mechanism<N> {
         }
         if let Some(rings) = self.rings() {
             rings.turn(&place.rotation, placed);
+        }
+        if let Some(couplings) = &self.couplings {
+            couplings.write_lengths(place, &mut placed.length);
         }
     }
 
@@ -249,12 +275,15 @@ impl<const N: usize> Mechanism<N> {
         place: &Place,
     ) -> [[f64; N]; 6] {
         let mut columns = self.rows(placed, torsion);
+        if let Some(couplings) = &self.couplings {
+            couplings.write_rows(place, &mut columns);
+        }
         self.to_chart(&mut columns, place);
         columns
     }
 
     /// Converts columns of the twist to columns of the chart: active coordinates only, angular ones
-    /// per unit of radius·angle; the lanes beyond the last leg are 0.
+    /// per unit of radius·angle; the lanes beyond the last equation are 0.
     #[inline(always)]
     pub fn to_chart(&self, columns: &mut [[f64; N]; 6], place: &Place) {
         if self.chart == Chart::Angles {
@@ -266,14 +295,15 @@ impl<const N: usize> Mechanism<N> {
                 put(column, i, pair(column, i) * inverse);
             }
         }
-        if self.active == [true; 6] && self.count() == N {
+        let equations = self.equations();
+        if self.active == [true; 6] && equations == N {
             return;
         }
         for (column, active) in columns.iter_mut().zip(self.active) {
             if !active {
                 *column = [0.0; N];
             }
-            for value in column.iter_mut().skip(self.count()) {
+            for value in column.iter_mut().skip(equations) {
                 *value = 0.0;
             }
         }

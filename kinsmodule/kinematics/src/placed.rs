@@ -7,7 +7,7 @@ use wide::f64x2;
 
 /// Pose of the platform: its reference point and orientation, in base. The order of
 /// the fields is that of pairs, see `lanes`.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub(crate) struct Place {
     pub rotation: Matrix3<f64>,

@@ -8,6 +8,7 @@ mod boxes;
 mod certified;
 mod chain;
 mod common;
+mod constraints;
 mod dead_points;
 mod forward;
 mod held;

@@ -84,6 +84,7 @@ string_parameters! {
     second_coordinates: c"coordinates that its legs move, in its own X Y Z A B C; its X Y Z become U V W";
     second_angles: c"letters of A B C for its angles, in the order of second_coordinates";
     second_boxes: c"number of its workspace boxes, as in boxes";
+    constraints: c"number of constraints of the platform by passive joints, which determine the coordinates that are not in coordinates";
     sparm: c"identityfirst (identity kinematics are type 0, active at startup), and parameters as NAME=VALUE, separated by /";
 }
 

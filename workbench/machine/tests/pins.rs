@@ -382,3 +382,43 @@ fn a_line_that_is_not_utf_8_is_refused_where_linuxcnc_would_read_other_character
     let error = of_machine(&printed(&file, "").unwrap_err());
     assert!(error.contains("not UTF-8"), "{error}");
 }
+
+#[test]
+fn constraints_are_printed_by_kind_and_vector() {
+    for (name, lines) in [
+        (
+            "tricept",
+            [
+                "pin constraint.0.kind 2",
+                "pin constraint.1.normal.x 1",
+                "pin constraint.2.kind 3",
+                "pin constraint.2.platform-axis.y 1",
+                "pin constraint.2.base-axis.x 1",
+            ],
+        ),
+        (
+            "z3-head",
+            [
+                "pin constraint.0.kind 1",
+                "pin constraint.0.platform.y 200",
+                "pin constraint.0.normal.x -1",
+                "pin constraint.2.base.z 0",
+                "pin home.z -700",
+            ],
+        ),
+    ] {
+        let file = root().join(format!("tests/cases/constraints/{name}.ini"));
+        let text = printed(&file, "1.2.3").unwrap_or_else(|error| of_machine(&error));
+        for line in lines {
+            assert!(has(&text, line), "{line}: {text}");
+        }
+    }
+}
+
+#[test]
+fn a_machine_with_constraints_is_not_judged_by_tools_that_do_not_know_them() {
+    let file = root().join("tests/cases/constraints/tricept.ini");
+    let ini = machine::read::ini::Ini::read(&file).unwrap();
+    let refused = machine::read::machine::MachineConfig::from_ini(&ini).unwrap_err();
+    assert!(refused.to_string().contains("not judged"), "{refused}");
+}

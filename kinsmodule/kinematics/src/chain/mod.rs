@@ -125,6 +125,9 @@ impl Chain {
     ) -> Result<Self, Fault> {
         ChainGeometry::check_holder(given.holder)?;
         let mut chain = Self::none(*axes);
+        if layout.constraints() > 0 && given.holder.is_some() {
+            return Err(Cause::ChainConstrained.into());
+        }
         for (n, place) in axes.places().enumerate() {
             let refused = |cause, value| {
                 let letter = POSE_LETTERS.get(place).map_or(0, |letter| *letter as u8);
@@ -134,6 +137,9 @@ impl Chain {
             let Some(given) = given.link(place).filter(|given| given.carries != 0) else {
                 continue;
             };
+            if layout.constraints() > 0 {
+                return refused(Cause::ChainConstrained, 0.0);
+            }
             let Some(carries) =
                 usize::try_from(given.carries - 1).ok().and_then(|i| Carries::ALL.get(i))
             else {

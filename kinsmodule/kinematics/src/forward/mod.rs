@@ -14,6 +14,7 @@ mod track;
 
 pub use solver::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 
+use crate::coupling::Couplings;
 use crate::fault::{Cause, Fault};
 use crate::layout::Joints;
 use crate::leg::LEAST_DRIVE;
@@ -31,6 +32,10 @@ use solver::Effort;
 /// Position error at which iteration stops, as a share of the size.
 const POSE_TOLERANCE: f64 = 1e-12;
 
+/// Distance of two solutions for the same commanded coordinates that count as one, as a share of the size: far above
+/// rounding, also near a constraint singularity.
+const SAME_POSE: f64 = 1e-7;
+
 impl<const N: usize> Mechanism<N> {
     pub fn forward(
         &self,
@@ -40,7 +45,7 @@ impl<const N: usize> Mechanism<N> {
         solver: &Solver,
     ) -> Result<Solution, Fault> {
         solver.check()?;
-        let seed = &if self.holds { self.held(seed, false)? } else { *seed };
+        let mut seed = if self.holds { self.held(seed, false)? } else { *seed };
         seed.check().map_err(|fault| match fault.cause {
             Cause::PoseNotFinite => Cause::SeedMissing.into(),
             _ => fault,
@@ -49,9 +54,15 @@ impl<const N: usize> Mechanism<N> {
         self.refuse_table_not_finite(joints)?;
         let mut target = Target::of(self.lanes_of(joints));
         self.aim(&mut target)?;
-        let trig = seed.trigonometry();
-        let rotation = trig.rotation();
-        let centre = self.of_legs(self.point(&seed.position, &rotation, tool));
+        let mut trig = seed.trigonometry();
+        let mut rotation = trig.rotation();
+        let mut centre = self.of_legs(self.point(&seed.position, &rotation, tool));
+        if let Some(couplings) = &self.couplings {
+            let place = couplings.with_angles(couplings.settle(&seed, tool)?.place);
+            (rotation, centre) = (place.rotation, place.centre);
+            seed = couplings.pose(&place, tool);
+            trig = seed.trigonometry();
+        }
         // A closure: copying the struct would stall on store forwarding.
         let start = || Place { centre, rotation, angles: seed.angles };
         let redundant = self.layout.is_redundant();
@@ -84,7 +95,12 @@ impl<const N: usize> Mechanism<N> {
             Some(nut) => nut.corrections(&end.at.torsion),
             None => [0.0; N],
         };
-        let pose = self.pose_at(&end.place, joints, tool, seed, &trig);
+        let pose = match &self.couplings {
+            None => self.pose_at(&end.place, joints, tool, &seed, &trig),
+            Some(couplings) => {
+                self.commanded(couplings, &end.place, joints, tool, (&seed, &trig))?
+            }
+        };
         // A pose that inverse would refuse must not become the next seed.
         pose.check()?;
         Ok(Solution {
@@ -152,6 +168,43 @@ impl<const N: usize> Mechanism<N> {
             }
         }
         pose
+    }
+
+    /// Computes the commanded coordinates of the platform's pose, and checks that they lead back to it: a joint path may
+    /// pass a constraint singularity, beyond which they belong to another pose.
+    #[inline(never)]
+    fn commanded(
+        &self,
+        couplings: &Couplings,
+        place: &Place,
+        joints: &Joints,
+        tool: &Vector3<f64>,
+        (seed, trig): (&Pose, &Trigonometry),
+    ) -> Result<Pose, Fault> {
+        let r = &place.rotation;
+        let mut pose = Pose {
+            position: place.centre + tool - r * (tool + self.reference),
+            angles: angles_near(r, seed, trig),
+        };
+        for letter in Letter::ALL.into_iter().filter(|letter| self.layout.is_dependent(*letter)) {
+            match letter.index() {
+                k @ 0..3 => pose.position[k] = 0.0,
+                k => pose.angles[k.min(5) - 3] = 0.0,
+            }
+        }
+        for (i, letter) in self.layout.table().as_slice().iter().enumerate() {
+            let value = joints.get(self.count() + i).copied().unwrap_or(f64::NAN);
+            let k = letter.index().min(2);
+            // The table compensates the platform's own motion, whose dependent part is computed from the pose.
+            pose.position[k] = value + (place.centre + tool - r * (tool + self.reference))[k];
+        }
+        let back = couplings.settle(&pose, tool)?.place;
+        let turned = (back.rotation - r).norm() * self.radius;
+        let off = (back.centre - place.centre).norm() + turned;
+        if !(off <= SAME_POSE * self.size) {
+            return Err(Fault::with_value(Cause::ConstraintPassed, off));
+        }
+        Ok(pose)
     }
 
     #[inline(always)]

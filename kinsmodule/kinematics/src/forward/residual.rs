@@ -59,6 +59,9 @@ impl<const N: usize> Mechanism<N> {
             for lane in lanes.iter_mut().skip(self.count()) {
                 *lane = joints[0];
             }
+            for lane in lanes.iter_mut().take(self.equations()).skip(self.count()) {
+                *lane = self.size;
+            }
         }
         lanes
     }
@@ -83,6 +86,9 @@ impl<const N: usize> Mechanism<N> {
             motion.travel[i] = (chord(i) - shift).norm() + second.anchor / 2.0;
             motion.second[i] = second.anchor + second.length;
             motion.turn[i] = second.turn;
+        }
+        for travel in motion.travel.iter_mut().take(self.equations()).skip(self.count()) {
+            *travel = 0.0;
         }
         Some(motion)
     }
@@ -204,6 +210,9 @@ impl<const N: usize> Mechanism<N> {
         if let Some(rings) = self.rings() {
             rings.turn(&self.moved_by(&about.place, x, &way).rotation, &mut at.placed);
         }
+        if let Some(couplings) = &self.couplings {
+            couplings.write_lengths(&self.moved_by(&about.place, x, &way), &mut at.placed.length);
+        }
         if let Some(nut) = &self.nut {
             nut.torsion_from(
                 &about.at.torsion,
@@ -233,6 +242,9 @@ impl<const N: usize> Mechanism<N> {
         if let Some(rings) = self.rings() {
             rings.bend(&about.place, &about.at.placed, [v, omega], &mut second);
         }
+        if let Some(couplings) = &self.couplings {
+            couplings.write_accelerations(&about.place, [v, omega], &mut second);
+        }
         second
     }
 
@@ -252,13 +264,13 @@ impl<const N: usize> Mechanism<N> {
         let step = newton_step(&about.inverse, &at.residual);
         let [v, _] = parts(&step);
         let mut left = at.placed.length_rates(&v, &self.angular(x, way, &step));
+        if let Some(couplings) = &self.couplings {
+            let place = self.moved_by(&about.place, x, way);
+            couplings.write_rates(&place, [&v, &self.angular(x, way, &step)], &mut left);
+        }
         // J s = −F: without a nut, J is not needed.
         let was = match self.nut {
-            Some(_) => about
-                .at
-                .placed
-                .length_rates(&v, &self.angular_at_middle(&about.place, &step))
-                .map(|v| -v),
+            Some(_) => self.rates_at_middle(about, &step).map(|v| -v),
             None => at.residual,
         };
         for i in (0..N).step_by(2) {
@@ -266,6 +278,17 @@ impl<const N: usize> Mechanism<N> {
             put(&mut left, i, sum);
         }
         along(&step, -1.0, &about.inverse.solve(&left))
+    }
+
+    /// Computes the rates of the lengths at the center of the chart.
+    fn rates_at_middle(&self, about: &Stance<N>, step: &[f64; 6]) -> [f64; N] {
+        let [v, _] = parts(step);
+        let omega = self.angular_at_middle(&about.place, step);
+        let mut rates = about.at.placed.length_rates(&v, &omega);
+        if let Some(couplings) = &self.couplings {
+            couplings.write_rates(&about.place, [&v, &omega], &mut rates);
+        }
+        rates
     }
 
     /// Computes the residuals of lengths and torsions; refuses legs for which they are undefined.

@@ -3,7 +3,9 @@
 
 use super::{Case, Sample, uniform, within};
 use kinematics::leg::{CrankGeometry, RingGeometry, SliderGeometry, StrutGeometry};
-use kinematics::{Geometry, LegGeometry, LegKind, Letters, Pose, Vector3};
+use kinematics::{
+    ConstraintGeometry, Geometry, Layout, LegGeometry, LegKind, Letters, Pose, Vector3,
+};
 use rand::Rng;
 use rand_pcg::Pcg64;
 
@@ -392,6 +394,86 @@ pub fn wrist() -> Case {
     });
     let sample = within([0.0, 0.0, 0.0, -25.0, -25.0, -25.0], [0.0, 0.0, 0.0, 25.0, 25.0, 25.0]);
     Case::new("wrist", geometry(&legs, "ABC", "", Some([0.0; 6])), sample, 0.5)
+}
+
+/// Creates a machine with constraints of the platform.
+pub fn constrained(
+    legs: &[LegGeometry],
+    (coordinates, table): (&str, &str),
+    constraints: &[ConstraintGeometry],
+    home: [f64; 6],
+) -> Geometry {
+    let layout = Layout::new(legs.len(), letters(coordinates), letters(table))
+        .and_then(|layout| layout.with_constraints(constraints.len()))
+        .expect("layout");
+    let mut geometry =
+        Geometry::of_layout(layout, |i| legs[i]).with_constraints(|i| constraints[i]);
+    geometry.home = Some(home);
+    geometry
+}
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+
+pub fn point_in_plane(platform: [f64; 3], base: [f64; 3], normal: [f64; 3]) -> ConstraintGeometry {
+    ConstraintGeometry::PointInPlane { platform, base, normal }
+}
+
+pub fn plane_through_point(
+    platform: [f64; 3],
+    normal: [f64; 3],
+    base: [f64; 3],
+) -> ConstraintGeometry {
+    ConstraintGeometry::PlaneThroughPoint { platform, normal, base }
+}
+
+pub fn square(platform_axis: [f64; 3], base_axis: [f64; 3]) -> ConstraintGeometry {
+    ConstraintGeometry::Square { platform_axis, base_axis }
+}
+
+/// Returns three struts about a passive leg that is fixed to the platform and slides through a universal joint.
+pub fn tricept() -> Geometry {
+    let legs: [_; 3] =
+        [90.0, 210.0, 330.0].map(|t| strut(on_circle(400.0, t, 0.0), on_circle(150.0, t, 40.0)));
+    let origin = [0.0; 3];
+    let constraints = [
+        plane_through_point(origin, Y, origin),
+        plane_through_point(origin, X, origin),
+        square(Y, X),
+    ];
+    constrained(&legs, ("XYZ", ""), &constraints, [0.0, 0.0, -900.0, 0.0, 0.0, 0.0])
+}
+
+/// Returns three rods on vertical guides, each kept in a plane by a revolute joint, with or without a table X Y.
+pub fn z3_head(table: &str) -> Geometry {
+    let angles = [90.0, 210.0, 330.0];
+    let legs: [_; 3] = angles.map(|t| {
+        slider(on_circle(320.0, t, 0.0), on_circle(200.0, t, 0.0), [0.0, 0.0, -1.0], 500.0, -1)
+    });
+    let constraints: [_; 3] = angles
+        .map(|t| point_in_plane(on_circle(200.0, t, 0.0), [0.0; 3], on_circle(1.0, t + 90.0, 0.0)));
+    constrained(&legs, ("ZAB", table), &constraints, [0.0, 0.0, -700.0, 0.0, 0.0, 0.0])
+}
+
+/// Returns two struts in a common plane that turns about X, and one with a revolute joint at the base; the plane of the
+/// two is over-determined if it is also kept square.
+pub fn exechon(is_square: bool) -> Geometry {
+    let anchors = [
+        ([-350.0, 0.0, 0.0], [-150.0, 0.0, 0.0]),
+        ([350.0, 0.0, 0.0], [150.0, 0.0, 0.0]),
+        ([0.0, 450.0, 0.0], [0.0, 160.0, 0.0]),
+    ];
+    let legs: [_; 3] = anchors.map(|(base, platform)| strut(base, platform));
+    let [first, second, third] = anchors;
+    let constraints = [
+        plane_through_point(first.1, Y, first.0),
+        plane_through_point(second.1, Y, second.0),
+        square(Y, X),
+        plane_through_point(third.1, X, third.0),
+    ];
+    let own = [constraints[0], constraints[1], constraints[3]];
+    let constraints: &[_] = if is_square { &constraints } else { &own };
+    constrained(&legs, ("XYZ", ""), constraints, [0.0, 0.0, -900.0, 0.0, 0.0, 0.0])
 }
 
 /// Returns every machine with a declared workspace.

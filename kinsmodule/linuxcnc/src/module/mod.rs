@@ -234,6 +234,9 @@ impl Module {
         let pose = machine.forward(&joints, &seed, &tool, &self.pins.solver())?.pose;
         let mut world = [0.0; 9];
         extra::write_extra(&self.load, axes, &mut world);
+        if self.layout().constraints() > 0 {
+            return Ok([machine.full_pose(&pose, &tool)?.rotation(), Matrix3::identity()]);
+        }
         Ok(self.carrying.chain.frames(&pose, &world))
     }
 
@@ -248,6 +251,10 @@ impl Module {
         let machine = &self.frozen()?.machine;
         if self.kind == Kind::Identity {
             return Err(Cause::KinematicsTypeUnknown.into());
+        }
+        // The orientation follows from the other coordinates.
+        if self.layout().constraints() > 0 {
+            return Ok(None);
         }
         let (chain, tool) = (&self.carrying.chain, self.tool_in_effect()?);
         let (own_tool, solver) = (chain.machine_tool(&tool), self.pins.solver());

@@ -28,7 +28,6 @@
 use super::{Kind, Module, is_zero};
 use crate::control::{AllJoints, MOST_JOINTS};
 use crate::hal::nanoseconds;
-use crate::tool::shift;
 use kinematics::{Cause, Fault, Joints, Pose, Solution, Vector3, World};
 
 /// Number of kinds of forward calls that LinuxCNC makes (feedback, command), distinguished by the address of
@@ -120,10 +119,10 @@ impl Seeds {
     }
 
     /// Moves the poses with the tool: the joints stay.
-    pub(super) fn change_tool(&mut self, change: &Vector3<f64>) {
+    pub(super) fn change_tool(&mut self, shift: impl Fn(&Pose) -> Vector3<f64>) {
         let callers = self.callers.iter_mut().flatten().map(|c| &mut c.pose);
         for pose in self.last.iter_mut().chain(callers) {
-            pose.position -= shift(pose, change);
+            pose.position -= shift(pose);
         }
     }
 }

@@ -81,7 +81,10 @@ impl Module {
         if self.is_monitored {
             return self.tool.refusal(&request).map_or(Ok(tool), Err);
         }
-        let jump = self.shift_of(&pose, &tool, &(request - tool)).norm();
+        let jump = match frozen.machine.layout().constraints() {
+            0 => self.shift_of(&pose, &tool, &(request - tool)).norm(),
+            _ => frozen.machine.tool_travel(&pose, &tool, &request).unwrap_or(f64::INFINITY),
+        };
         if jump <= NOTICEABLE * frozen.machine.size() {
             return Ok(request);
         }
@@ -159,7 +162,13 @@ impl Module {
         }
         let before = self.tool.of_machine();
         self.tool.take(tool);
-        self.seeds.change_tool(&(self.tool.of_machine() - before));
+        let change = self.tool.of_machine() - before;
+        let constrained = self.frozen.as_ref().map(|frozen| &frozen.machine);
+        let constrained = constrained.filter(|machine| machine.layout().constraints() > 0);
+        self.seeds.change_tool(|pose| match constrained {
+            None => shift(pose, &change),
+            Some(machine) => machine.tool_shift(pose, &before, &change).unwrap_or_default(),
+        });
     }
 
     /// Sets the tool offset that forward must use.

@@ -158,6 +158,10 @@ impl<'a> Block<'a> {
         let pose = self.pose_from(&own, &start)?;
         let mut world = [0.0; 9];
         write_extra(self.load, extra, &mut world);
+        if self.load.layout.constraints() > 0 {
+            let full = self.machine.full_pose(&pose, &self.chain.machine_tool(&self.tool))?;
+            return Ok([full.rotation(), Matrix3::identity()]);
+        }
         Ok(self.chain.frames(&pose, &world))
     }
 

@@ -4,17 +4,21 @@
 
 use super::Given;
 use super::chain::ChainPins;
+use super::constraint::ConstraintPins;
 use super::leg::LegPins;
 use super::maker::{Maker, Pose6, Source, Vector};
 use crate::hal::{Direction, HalError, Pin};
 use crate::outside::Table;
 use Direction::In;
 use kinematics::leg::Kind;
-use kinematics::{ChainGeometry, Geometry, Load, MAX_LEGS, Method, PerLeg, Solver, text};
+use kinematics::{
+    ChainGeometry, Geometry, Load, MAX_CONSTRAINTS, MAX_LEGS, Method, PerLeg, Solver, text,
+};
 
 #[repr(C)]
 pub struct MachinePins {
     legs: [LegPins; MAX_LEGS],
+    constraints: [ConstraintPins; MAX_CONSTRAINTS],
     screw_lead: Pin<f64>,
     home: Pose6,
     centre: Vector,
@@ -56,7 +60,9 @@ impl MachinePins {
 
     pub(super) fn create_legs(&mut self, make: &Maker, load: &Load) -> Result<(), HalError> {
         let legs = self.legs.iter_mut().zip(load.kinds()).enumerate();
-        legs.into_iter().try_for_each(|(n, (leg, kind))| leg.create(make, n, *kind))
+        legs.into_iter().try_for_each(|(n, (leg, kind))| leg.create(make, n, *kind))?;
+        let constraints = self.constraints.iter_mut().enumerate();
+        constraints.take(load.layout.constraints()).try_for_each(|(n, pins)| pins.create(make, n))
     }
 
     /// Creates the reference pose, and the offsets of spindle and tool, that of the tool last.
@@ -112,6 +118,10 @@ impl MachinePins {
         let mut geometry = Geometry::of_layout(load.layout, |i| {
             self.legs[i.min(MAX_LEGS - 1)].given(kind(i), common_lead, from)
         });
+        if load.layout.constraints() > 0 {
+            geometry = geometry
+                .with_constraints(|i| self.constraints[i.min(MAX_CONSTRAINTS - 1)].given(from));
+        }
         geometry.centre = from.row(&self.centre);
         // All NaN is the default and means that no reference pose was given.
         let home = from.row(&self.home);

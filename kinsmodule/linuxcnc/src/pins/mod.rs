@@ -5,6 +5,7 @@
 //! file for genhexkins works after the name is replaced.
 
 mod chain;
+mod constraint;
 mod correction;
 mod guard;
 mod jog;
@@ -20,10 +21,11 @@ pub use maker::{Live, Maker, Place, Source, Target};
 
 use crate::hal::{Component, Direction, HalError, Pin};
 use crate::tool::JointLimits;
+use constraint::DependentPins;
 pub use correction::CorrectionPins;
 use kinematics::{
     ChainGeometry, Fault, Geometry, Joints, Layout, Load, MAX_BOXES, MAX_JOINTS, Machine, PerLeg,
-    Solver, Vector3, WorkspaceBox, text,
+    Pose, Solver, Vector3, WorkspaceBox, text,
 };
 use maker::{Pose6, Vector};
 use workspace_box::BoxPins;
@@ -69,6 +71,7 @@ pub struct Pins {
     pub residual: Pin<f64>,
     pub assembly: Pin<i32>,
     pose: Pose6,
+    dependent: DependentPins,
     skgui: Pose6,
     is_type: [Pin<bool>; 3],
     pub geometry_ok: Pin<bool>,
@@ -163,6 +166,7 @@ impl Pins {
             self.machine.create_chain(&make, load)?;
         }
         self.create_outputs(&make)?;
+        self.dependent.create(&make, load)?;
         if !place.is_second {
             self.create_common(&make)?;
             self.jog.create(&make, load)?;
@@ -340,6 +344,11 @@ impl Pins {
             out.set(value);
             gui.set(value);
         }
+    }
+
+    /// Shows the coordinates that constraints determine, of the pose of the control point in base.
+    pub fn show_dependent(&self, load: &Load, pose: &Pose) {
+        self.dependent.show(load, pose);
     }
 
     pub fn show_corrections(&self, load: &Load, corrections: &PerLeg) {

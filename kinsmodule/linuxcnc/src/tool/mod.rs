@@ -3,7 +3,8 @@
 //!
 //! With the platform tilted by R, an offset that changes by Δo shifts the platform by
 //! (R − I) Δo along a straight line, without rotating it, while the control point stays; if an axis
-//! carries workpiece or tool, by another linear function of Δo.
+//! carries workpiece or tool, by another linear function of Δo. With constraints the platform also rotates, as these
+//! require.
 //! A change waits until the machine is at rest. Its path along this line is then surveyed, some
 //! poses per cycle, and followed at a constant speed.
 //!
@@ -100,6 +101,11 @@ impl Cycle<'_> {
     /// Returns whether the commanded pose, previously `from`, has changed.
     fn is_elsewhere(&self, from: &Pose, pose: &Pose) -> bool {
         self.has_moved.unwrap_or(pose != from)
+    }
+
+    /// Returns whether constraints make the platform rotate with the offset.
+    fn turns(&self) -> bool {
+        self.machine.layout().constraints() > 0
     }
 
     /// Returns the refusal if a joint has no limits of velocity and acceleration.
@@ -227,7 +233,7 @@ impl Tool {
 
     /// Returns the first step toward a request, if there is one: wait until the machine is at rest.
     fn started(&mut self, cycle: &Cycle<'_>, pose: &Pose) -> Result<Change, Fault> {
-        if self.is_settled(cycle) {
+        if self.is_settled(cycle, pose) {
             return Ok(Change::None);
         }
         match cycle.unlimited() {
@@ -237,15 +243,19 @@ impl Tool {
     }
 
     /// Returns whether nothing remains to be done; a request that moves nothing takes effect.
-    fn is_settled(&mut self, cycle: &Cycle<'_>) -> bool {
+    fn is_settled(&mut self, cycle: &Cycle<'_>, pose: &Pose) -> bool {
         let request = cycle.request;
         // An invalid offset makes inverse fail, which is enough.
         if request == self.offset || cycle.machine.check_tool(&request).is_err() {
             return true;
         }
         let share = if cycle.unlimited().is_some() { NOTICEABLE } else { IMPERCEPTIBLE };
-        let shift = cycle.shift * (request - self.offset);
-        let moves_nothing = shift.norm() <= share * cycle.machine.size();
+        let machine = cycle.machine;
+        let shift = match cycle.turns() {
+            false => (cycle.shift * (request - self.offset)).norm(),
+            true => machine.tool_travel(pose, &self.offset, &request).unwrap_or(f64::INFINITY),
+        };
+        let moves_nothing = shift <= share * machine.size();
         if moves_nothing {
             self.set(request);
         }
@@ -258,7 +268,7 @@ impl Tool {
         cycle: &Cycle<'_>,
         pose: &Pose,
     ) -> Result<Change, Fault> {
-        if self.is_settled(cycle) {
+        if self.is_settled(cycle, pose) {
             return Ok(Change::None);
         }
         let waiting = waiting.continued(cycle, pose)?;
@@ -267,7 +277,8 @@ impl Tool {
         }
         let (from, to) = (self.offset, cycle.request);
         let travel = cycle.shift * (to - from);
-        let path = Path { pose: *pose, tool: self.of_machine, travel, from, to };
+        let (tool, turns) = (self.of_machine, cycle.turns());
+        let path = Path { pose: *pose, tool, travel, from, to, turns };
         Ok(Change::Surveying(Survey::new(path)))
     }
 

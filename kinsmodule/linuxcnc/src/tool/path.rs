@@ -13,6 +13,9 @@ pub(super) struct Path {
     pub(super) travel: Vector3<f64>,
     pub(super) from: Vector3<f64>,
     pub(super) to: Vector3<f64>,
+    /// Whether the machine has constraints: the platform then also rotates, and its pose stays while its tool vector
+    /// changes.
+    pub(super) turns: bool,
 }
 
 impl Path {
@@ -23,7 +26,15 @@ impl Path {
 
     /// Returns the machine's pose there, for the tool vector at the beginning.
     pub(super) fn pose_at(&self, share: f64) -> Pose {
+        if self.turns {
+            return self.pose;
+        }
         Pose { position: self.pose.position + self.travel * share, ..self.pose }
+    }
+
+    /// Returns the tool vector of the machine's pose there.
+    pub(super) fn tool_at(&self, share: f64) -> Vector3<f64> {
+        if self.turns { self.at(share) } else { self.tool }
     }
 
     /// Refuses a pose that has changed although the feed is inhibited.

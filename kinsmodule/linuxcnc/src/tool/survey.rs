@@ -91,15 +91,28 @@ impl Survey {
 
     /// Adds the rates at the next pose, if the machine can reach it.
     fn visit(&mut self, cycle: &Cycle<'_>) -> Result<(), Fault> {
-        let Path { tool, travel, .. } = &self.path;
+        let Path { travel, from, to, turns, .. } = &self.path;
         let part = 1.0 / f64::from(PARTS);
         let share = f64::from(self.next) * part;
-        let pose = self.path.pose_at(share);
-        refuse_unreachable(&pose, &self.path.pose_at(share - part), tool, cycle)?;
+        let (pose, tool) = (self.path.pose_at(share), &self.path.tool_at(share));
+        let mut before = self.path.pose_at(share - part);
+        if *turns {
+            // The platform as it was, with the present tool.
+            let last = self.path.tool_at(share - part);
+            let shift = cycle.machine.tool_shift(&pose, &last, &(tool - last)).map_err(blocked)?;
+            before.position -= shift;
+        }
+        refuse_unreachable(&pose, &before, tool, cycle)?;
         let at = cycle.machine.at(&pose, tool).map_err(blocked)?;
-        let jacobian = at.inverse_jacobian().map_err(blocked)?;
+        let rates = match turns {
+            true => at.tool_rates(&(to - from)).map_err(blocked)?,
+            false => {
+                let jacobian = at.inverse_jacobian().map_err(blocked)?;
+                core::array::from_fn(|i| rate_along(&jacobian, i, travel))
+            }
+        };
         for (i, joint) in self.rates.iter_mut().enumerate() {
-            let rate = rate_along(&jacobian, i, travel);
+            let rate = rates.get(i).copied().unwrap_or(f64::NAN);
             if !rate.is_finite() {
                 let layout = cycle.machine.layout();
                 return Err(Fault::of_joint(Cause::ToolOutOfReach, layout, i, rate));

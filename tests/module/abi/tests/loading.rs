@@ -39,6 +39,8 @@ const REFUSED: &[(&str, &str, &str)] = &[
     ("second_coordinates", "XYZ", "second_coordinates=XYZ"),
     ("second_angles", "C", "second_angles=C"),
     ("second_boxes", "1", "second_boxes=1"),
+    ("constraints", "7", "constraints=7"),
+    ("constraints", "one", "constraints=one"),
     ("sparm", "identity", "sparm=identity:"),
 ];
 

@@ -4,6 +4,7 @@
 mod c_header;
 mod chain;
 mod connected;
+mod constraints;
 mod contradiction;
 mod correction;
 mod exact_arrays;

@@ -245,6 +245,30 @@ fn every_leg_has_the_pins_of_its_kind_and_every_joint_its_limits() {
     }
 }
 
+#[test]
+fn a_machine_with_constraints_has_pins_for_them_and_for_its_dependent_coordinates() {
+    for (legs, coordinates, table, kinds, dependent) in
+        [("strut:3", "XYZ", "", [STRUT; 3], "abc"), ("slider:3", "ZAB", "XY", [SLIDER; 3], "xyc")]
+    {
+        let joints = 3 + table.len();
+        let mut pins = expected(&kinds, joints, &format!("{coordinates}{table}"));
+        for n in 0..3 {
+            pins.insert(format!("pkmkins.constraint.{n}.kind"), (S32, In));
+            for vector in ["base", "platform", "normal", "platform-axis", "base-axis"] {
+                for axis in ["x", "y", "z"] {
+                    pins.insert(format!("pkmkins.constraint.{n}.{vector}.{axis}"), (Float, In));
+                }
+            }
+        }
+        for letter in dependent.chars() {
+            pins.insert(format!("pkmkins.dependent.{letter}"), (Float, Out));
+        }
+        let parameters =
+            [("legs", legs), ("coordinates", coordinates), ("table", table), ("constraints", "3")];
+        assert_exactly(&pins, &Module::pkmkins(&parameters), legs);
+    }
+}
+
 const ALL_KINDS: [OfKind; 8] = [STRUT, SLIDER, SLIDER, SLIDER, SLIDER, SLIDER, CRANK, RING];
 
 /// Returns a pin's name as in the manual: no prefix, N for numbers, without a coordinate's letter.
@@ -269,8 +293,10 @@ fn the_manual_names_every_pin() {
     };
     let all =
         [("legs", "strut:3,slider:2,crank:2,ring:1"), ("coordinates", "ABC"), ("table", "XYZ")];
-    let pins = Module::pkmkins(&all).pins().into_iter().map(|pin| pin.name);
-    let lacking: Vec<String> = pins.filter(|pin| !is_named(&in_manual(pin))).collect();
+    let constrained = [("legs", "strut:3"), ("coordinates", "XYZ"), ("constraints", "3")];
+    let pins = Module::pkmkins(&all).pins().into_iter().chain(Module::pkmkins(&constrained).pins());
+    let lacking: Vec<String> =
+        pins.map(|pin| pin.name).filter(|pin| !is_named(&in_manual(pin))).collect();
     assert!(lacking.is_empty(), "not in docs/reference/pkmkins.9: {lacking:?}");
 }
 

@@ -5,7 +5,7 @@
 //! properties. `cargo xtask names` writes it. A line whose version is in CHANGELOG.md is released.
 
 use abi_tests::module::Module;
-use keys::{Key, chain, joint, leg, machine, second, workspace_box};
+use keys::{Key, chain, constraint, joint, leg, machine, second, workspace_box};
 use kinematics::CAUSES;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -34,6 +34,8 @@ const MACHINES: &[&[(&str, &str)]] = &[
         ("boxes", "1"),
         ("second_boxes", "1"),
     ],
+    &[("legs", "strut:3"), ("coordinates", "XYZ"), ("constraints", "3")],
+    &[("legs", "slider:3"), ("coordinates", "ZAB"), ("table", "XY"), ("constraints", "3")],
 ];
 
 fn text(file: &str) -> String {
@@ -65,10 +67,11 @@ fn parameters() -> Vec<String> {
 }
 
 fn keys() -> impl Iterator<Item = String> {
-    let sections: [(&str, &[&Key]); 6] = [
+    let sections: [(&str, &[&Key]); 7] = [
         ("PKM", machine::ALL),
         ("SECOND", second::ALL),
         ("LEG_N", leg::ALL),
+        ("CONSTRAINT_N", constraint::ALL),
         ("CHAIN_L", chain::ALL),
         ("JOINT_N", joint::ALL),
         ("BOX_K", workspace_box::ALL),

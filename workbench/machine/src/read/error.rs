@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Errors of an INI file that describes no machine, all at once.
 
+use crate::read::constraints::constraint_section;
 use crate::read::ini::{Ini, IniError};
 use crate::read::place::{Place, leg_section};
 use kinematics::{Fault, MachinePart};
@@ -28,6 +29,9 @@ impl MachineError {
             Some(MachinePart::ExtraAxis(_, letter)) => {
                 let section = chain_section(letter.into());
                 Some(ini.refuse_section(&section, &fault.to_string()))
+            }
+            Some(MachinePart::Constraint(n)) => {
+                Some(ini.refuse_section(&constraint_section(n.into()), &fault.to_string()))
             }
             // A fault of all legs together.
             _ => ini.first("KINS", "KINEMATICS").map(|entry| ini.refuse(entry, &fault.to_string())),

@@ -751,8 +751,9 @@ fn without_escapes(text: &str) -> String {
 
 /// Returns whether a section has this key, so that it is not a misspelling.
 fn is_known(section: &str, key: &str) -> bool {
-    let own = [keys::machine::ALL, keys::leg::ALL, keys::chain::ALL, keys::workspace_box::ALL];
-    own.into_iter().flatten().any(|known| known.name == key) || near::is_of_linuxcnc(section, key)
+    let legs = [keys::leg::ALL, keys::constraint::ALL, keys::chain::ALL];
+    let own = [keys::machine::ALL, keys::workspace_box::ALL].into_iter().chain(legs);
+    own.flatten().any(|known| known.name == key) || near::is_of_linuxcnc(section, key)
 }
 
 /// Returns whether only HAL files read the section: they join sections of the same name.

@@ -3,6 +3,7 @@
 //!
 //! A machine refused here does not start in LinuxCNC: hal/pkmkins.tcl runs `pkmkins-pins`, which uses this reader.
 
+use crate::read::constraints::check_constraint_sections;
 use crate::read::error::{Errors, MachineError};
 use crate::read::facts::FileFacts;
 use crate::read::ini::{Ini, IniError};
@@ -20,6 +21,10 @@ use std::sync::Arc;
 const IDENTITY_FIRST: &str = "pkm needs LinuxCNC to start in the machine's kinematics, but sparm=identityfirst starts it in identity \
      kinematics: use a copy of the file without identityfirst, the machine is the same";
 
+/// Why a file with constraints is not judged.
+const CONSTRAINED: &str =
+    "not judged: this tool does not support constraints= yet (pkm help reference/layouts)";
+
 /// Parameters that may have an empty value.
 const MAY_BE_EMPTY: [&str; 4] = ["table", "axes", "second_angles", "sparm"];
 
@@ -35,8 +40,12 @@ pub struct MachineConfig {
 pub enum Lenient {
     /// One with refused boxes, for example those of another geometry: [`Mechanism::refused_boxes`] has the reason.
     Boxes,
-    /// One that LinuxCNC starts in the identity: its geometry is the same.
+    /// One that LinuxCNC starts in the identity, with or without constraints: its geometry is the same.
     Identity,
+    /// One with constraints of the platform, for computations that know its dependent coordinates.
+    Constraints,
+    /// One with refused boxes or constraints, for a report about the machine.
+    Report,
 }
 
 /// A request for the second mechanism of a machine with only one.
@@ -95,11 +104,17 @@ impl MachineConfig {
         if load.is_identity_first() && lenient != Some(Lenient::Identity) {
             return Err(ini.refuse(ini.require("KINS", "KINEMATICS", "")?, IDENTITY_FIRST).into());
         }
+        let knows_constraints =
+            matches!(lenient, Some(Lenient::Constraints | Lenient::Report | Lenient::Identity));
+        if load.layout.constraints() > 0 && !knows_constraints {
+            return Err(ini.refuse(ini.require("KINS", "KINEMATICS", "")?, CONSTRAINED).into());
+        }
         let mechanisms = Place::all(&load);
         let legs = mechanisms.iter().map(|(_, load)| load.layout.legs()).sum();
         let mut errors = Errors::default();
         errors.of(check_joints(ini, &load));
         errors.of(check_leg_sections(ini, legs));
+        errors.of(check_constraint_sections(ini, load.layout.constraints()));
         errors.of(check_coordinates(ini, &load));
         errors.of(check_second_sections(ini, &load));
         // If these are wrong, later errors only repeat them.
@@ -111,7 +126,9 @@ impl MachineConfig {
         });
         let mechanisms = errors.value(read)?.into_iter().collect::<Result<Vec<_>, _>>()?;
         match mechanisms.iter().find_map(|mechanism| mechanism.refused_boxes.clone()) {
-            Some(refused) if lenient != Some(Lenient::Boxes) => Err(refused),
+            Some(refused) if !matches!(lenient, Some(Lenient::Boxes | Lenient::Report)) => {
+                Err(refused)
+            }
             _ => Ok(Self { mechanisms }),
         }
     }
@@ -160,7 +177,7 @@ impl MachineConfig {
 
 /// Reads the load parameters in `[KINS]KINEMATICS`.
 pub(super) fn load(ini: &Ini) -> Result<Load, IniError> {
-    let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]";
+    let expected = "expected pkmkins [legs=KIND:COUNT[,KIND:COUNT]] [coordinates=LETTERS] [table=LETTERS] [axes=LETTERS] [boxes=COUNT] [constraints=COUNT] [second=KIND:COUNT[,KIND:COUNT] second_coordinates=LETTERS [second_angles=LETTERS] [second_boxes=COUNT]]";
     older::refuse(ini)?;
     let entry = ini.require("KINS", "KINEMATICS", expected)?;
     let mut words = entry.value.split_ascii_whitespace();

@@ -3,6 +3,7 @@
 
 use crate::read::boxes::{self, BoxSection};
 use crate::read::chain;
+use crate::read::constraints::constraint;
 use crate::read::direction::{self, ToolDirection};
 use crate::read::error::{Errors, MachineError};
 use crate::read::facts::FileFacts;
@@ -120,6 +121,8 @@ impl Mechanism {
         let of_legs = errors.each(legs, |n, errors| {
             leg_geometry(ini, &place.leg_section(n), load.kinds()[n], errors)
         });
+        let constraints =
+            errors.each(load.layout.constraints(), |n, errors| constraint(ini, n, errors));
         let offsets = errors
             .each(legs, |n, errors| errors.of(ini.value(&place.leg_section(n), &of_leg::OFFSET)));
         let angles = errors.each(legs, |n, errors| leg_angles(ini, &place.leg_section(n), errors));
@@ -154,9 +157,9 @@ impl Mechanism {
             held.for_each(|letter| start[letter.index()] = 0.0);
         }
         let home = ChainGeometry::machine_home(carried.holder, start);
-        let (coordinates, table) = (*load.layout.coordinates(), *load.layout.table());
-        let mut geometry = Geometry::new(&of_legs?, coordinates, table)
-            .expect("the layout of the load parameters is consistent");
+        let (of_legs, constraints) = (of_legs?, constraints?);
+        let mut geometry =
+            Geometry::of_layout(load.layout, |n| of_legs[n]).with_constraints(|n| constraints[n]);
         (geometry.centre, geometry.home) = (centre?.unwrap_or_default(), Some(home));
         let spindle = Vector3::new(0.0, 0.0, spindle?.unwrap_or(0.0));
         let (programmed, extra) = (programmed?, extra?);

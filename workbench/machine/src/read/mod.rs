@@ -4,6 +4,7 @@
 pub mod boxes;
 mod chain;
 pub mod columns;
+mod constraints;
 pub mod diagnostic;
 pub mod direction;
 pub mod edit;

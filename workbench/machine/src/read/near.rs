@@ -20,7 +20,8 @@ const SECTIONS: [&str; 14] = [
 ];
 
 /// Stems of section names that end in a number or letter.
-const STEMS: [&str; 7] = ["LEG_", "JOINT_", "AXIS_", "CHAIN_", "BOX_", "SECOND_BOX_", "SPINDLE_"];
+const STEMS: [&str; 8] =
+    ["LEG_", "CONSTRAINT_", "JOINT_", "AXIS_", "CHAIN_", "BOX_", "SECOND_BOX_", "SPINDLE_"];
 
 /// Keys of a joint that LinuxCNC 2.9 reads.
 const JOINT: &[&str] = &[

@@ -4,12 +4,13 @@
 //! The table of keys names the pin of each key. This module adds the values that do not come from a single key: the
 //! lead of a strut, the reference pose, the planner's limits.
 
+use crate::read::constraints::constraint_section;
 use crate::read::error::{MachineError, chain_section};
 use crate::read::ini::{Ini, decimal};
 use crate::read::machine::{Lenient, MachineConfig, load, moved_letters};
 use crate::read::mechanism::Mechanism;
 use crate::read::place::leg_section;
-use keys::{Key, Range, chain, joint, leg, machine, second, workspace_box};
+use keys::{Key, Range, chain, constraint, joint, leg, machine, second, workspace_box};
 use kinematics::{LegKind, Letter, Load, POSE_LETTERS, Second};
 use std::ffi::OsStr;
 use std::fmt::Write;
@@ -17,13 +18,14 @@ use std::path::Path;
 
 /// Sections and keys that determine the machine, as patterns of Tcl. `hal/pkmkins.tcl` refuses a file if LinuxCNC has
 /// read a different value.
-const COMPARED: [(&str, &str); 11] = [
+const COMPARED: [(&str, &str); 12] = [
     ("KINS", "*"),
     ("TRAJ", "*"),
     ("DISPLAY", "MAX_FEED_OVERRIDE"),
     ("PKM", "*"),
     ("SECOND", "*"),
     ("LEG_*", "*"),
+    ("CONSTRAINT_*", "*"),
     ("CHAIN_*", "*"),
     ("JOINT_*", "*"),
     ("AXIS_*", "*"),
@@ -92,6 +94,9 @@ impl Pins<'_> {
         for letter in load.extra.letters() {
             let number = letter.to_ascii_lowercase().to_string();
             self.section(&chain_section(letter), chain::ALL, &number);
+        }
+        for n in 0..load.layout.constraints() {
+            self.section(&constraint_section(n), constraint::ALL, &n.to_string());
         }
         for mechanism in &config.mechanisms {
             self.mechanism(mechanism);
