@@ -10,7 +10,8 @@ use machine::files::write_over;
 use machine::proof::axis_box::End;
 use machine::read::diagnostic::rendered;
 use machine::read::edit::difference;
-use machine::read::machine::MachineConfig;
+use machine::read::ini::Ini;
+use machine::read::machine::{Lenient, MachineConfig};
 use new::panel::stale;
 use program::machine_check::checked;
 use serde_json::{Value, json};
@@ -65,7 +66,14 @@ pub struct Arguments {
 const AROUND: usize = 3;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.named(arguments.machine.read_without_boxes()?)?;
+    let machine = &arguments.machine;
+    let config = MachineConfig::leniently(&Ini::read(&machine.machine)?, Some(Lenient::Report))?;
+    let config = machine.named(config)?;
+    if arguments.fix && config.first().machine.layout().constraints() > 0 {
+        return Err(refused(
+            "--fix: not judged with constraints= in [KINS]KINEMATICS; remove --fix",
+        ));
+    }
     if arguments.fix {
         return propose(arguments, &config);
     }

@@ -7,14 +7,16 @@ use super::poses::{PoseWords, Tool};
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
 use export::state::{States, letters};
-use kinematics::{POSE_LETTERS, Pose};
+use kinematics::{Letter, POSE_LETTERS, Pose};
 use machine::read::columns::{coordinates, joint_names};
+use machine::read::mechanism::Mechanism;
 
 /// Compute joint values from poses (inverse kinematics)
 ///
 /// Reads one pose (--pose), or CSV with columns x y z a b c from a file or standard input, and
 /// writes the joint values, one row per pose. Units: machine units and degrees. Joint limits and
-/// cones are not checked.
+/// cones are not checked. On a machine with constraints of the platform, a column for each
+/// coordinate that follows from the others is appended: its value in the base frame.
 ///
 /// --passive writes every joint of the model that `pkm export` makes, in meters and radians: also
 /// the universal joints, threads and rings of the legs, and the coordinates of the platforms. Its
@@ -72,13 +74,21 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     if arguments.passive {
         return passive(arguments);
     }
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_constrained()?;
     let tool = arguments.tool.vector(&config);
+    let dependent = dependent(&config);
     let reply = |row: &[f64]| -> Answer {
         let pose = Pose::from_degrees(std::array::from_fn(|k| row[k]));
         let joints = config.machine.inverse(&pose, &tool)?;
-        Ok(joints[..config.joints.len()].to_vec())
+        let mut values = joints[..config.joints.len()].to_vec();
+        if !dependent.is_empty() {
+            let full = config.machine.full_pose(&pose, &tool)?.to_degrees();
+            values.extend(dependent.iter().map(|letter| full[letter.index()]));
+        }
+        Ok(values)
     };
+    let mut names = joint_names(config.joints.len());
+    names.extend(dependent.iter().map(|letter| coordinates()[letter.index()].clone()));
     let question = match arguments.pose.is_given() {
         true => {
             arguments.pose.without_rows(&arguments.rows)?;
@@ -86,5 +96,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         }
         false => Question::Rows(&arguments.rows, "--pose X Y Z A B C"),
     };
-    answer(&config.file, &question, &coordinates(), &joint_names(config.joints.len()), reply)
+    answer(&config.file, &question, &coordinates(), &names, reply)
+}
+
+/// Returns the coordinates that constraints determine from the commanded ones.
+pub fn dependent(config: &Mechanism) -> Vec<Letter> {
+    let layout = config.machine.layout();
+    Letter::ALL.into_iter().filter(|letter| layout.is_dependent(*letter)).collect()
 }

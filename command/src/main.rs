@@ -312,6 +312,12 @@ impl MachineFile {
         self.meant(self.read_whole()?)
     }
 
+    /// Reads the selected mechanism, also of a machine with constraints of the platform.
+    fn read_constrained(&self) -> Result<Mechanism, Failure> {
+        let ini = Ini::read(&self.machine)?;
+        self.meant(MachineConfig::leniently(&ini, Some(Lenient::Constraints))?)
+    }
+
     /// Returns the selected mechanism.
     fn meant(&self, config: MachineConfig) -> Result<Mechanism, Failure> {
         if self.mechanism.is_none() && config.mechanisms.len() > 1 {

@@ -3,10 +3,11 @@
 
 use super::failure::{Failure, refused};
 use super::input::RowFile;
+use super::joints::dependent;
 use super::poses::Tool;
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
-use kinematics::Pose;
+use kinematics::{Letter, Pose};
 use machine::read::columns::{coordinates, joint_names};
 
 /// Compute poses from joint values (forward kinematics)
@@ -15,7 +16,8 @@ use machine::read::columns::{coordinates, joint_names};
 /// file or standard input, and writes the poses X Y Z A B C. Units: machine units and degrees.
 /// Several poses may have the same joint values; pkm returns the one that the machine reaches if
 /// its joints move straight from the seed: for the first row home, then the previous row. If that
-/// is not certain, there is no result.
+/// is not certain, there is no result. Coordinates that constraints of the platform determine are
+/// included; pkm joints wants 0 for them.
 ///
 /// Exit status: 0, or 1 if joint values have no pose: its cells stay empty, and the reason goes
 /// to standard error.
@@ -36,8 +38,11 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_constrained()?;
     let tool = arguments.tool.vector(&config);
+    // Those that a table compensates are commanded.
+    let is_held = |letter: &Letter| config.machine.layout().is_held(*letter);
+    let dependent: Vec<_> = dependent(&config).into_iter().filter(is_held).collect();
     let given = arguments.seed.as_deref();
     let mut seed = given
         .map_or(config.home_pose(), |seed| Pose::from_degrees(std::array::from_fn(|k| seed[k])));
@@ -45,7 +50,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let joints = std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
         let solution = config.machine.forward(&joints, &seed, &tool, &config.solver)?;
         seed = solution.pose;
-        Ok(solution.pose.to_degrees().to_vec())
+        let mut pose = solution.pose.to_degrees();
+        if !dependent.is_empty() {
+            let full = config.machine.full_pose(&solution.pose, &tool)?.to_degrees();
+            dependent.iter().map(|letter| letter.index()).for_each(|k| pose[k] = full[k]);
+        }
+        Ok(pose.to_vec())
     };
     let (names, given) = (joint_names(config.joints.len()), &arguments.joints);
     let question = match given.len() {

@@ -65,6 +65,8 @@ pub struct Structure {
     /// Coordinates that joints or guides of the platform must constrain, table letters included:
     /// a table moves the workpiece.
     pub held: Vec<Letter>,
+    /// Number of constraints by passive joints, redundant ones included.
+    pub constraints: usize,
 }
 
 impl Structure {
@@ -83,6 +85,7 @@ impl Structure {
             active_rank: rank(&rows, &active),
             active,
             held,
+            constraints: config.machine.layout().constraints(),
         })
     }
 
@@ -135,6 +138,12 @@ impl Structure {
         };
         let held = match self.held.as_slice() {
             [] => String::new(),
+            held if self.constraints > 0 => format!(
+                "; with {} constraints, {} follow from {}",
+                self.constraints,
+                letters(held),
+                letters(&self.active)
+            ),
             held => format!("; joints or guides constrain {}", letters(held)),
         };
         text + &redundant + &held
