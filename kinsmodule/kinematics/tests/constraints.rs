@@ -295,7 +295,7 @@ mod nalgebra_reference {
     }
 }
 
-/// The machines, with the half ranges of their commanded coordinates about home: well within reach, and beyond it.
+/// Returns the machines, with the half ranges of their commanded coordinates about home: well within reach, and beyond.
 fn machines() -> [(&'static str, Geometry, [f64; 6], [f64; 6]); 4] {
     let (xyz, far) = ([350.0, 350.0, 150.0, 0.0, 0.0, 0.0], [1500.0, 1500.0, 900.0, 0.0, 0.0, 0.0]);
     let (zab, steep) = ([0.0, 0.0, 80.0, 35.0, 35.0, 0.0], [0.0, 0.0, 300.0, 100.0, 100.0, 0.0]);
