@@ -118,11 +118,12 @@ impl Seeds {
         *self = Self { callers: [None; CALLERS], last: Some(pose) };
     }
 
-    /// Moves the poses with the tool: the joints stay.
-    pub(super) fn change_tool(&mut self, shift: impl Fn(&Pose) -> Vector3<f64>) {
-        let callers = self.callers.iter_mut().flatten().map(|c| &mut c.pose);
-        for pose in self.last.iter_mut().chain(callers) {
-            pose.position -= shift(pose);
+    /// Moves the poses with the tool: the joints stay. Forgets a pose whose shift is unknown.
+    pub(super) fn change_tool(&mut self, shift: impl Fn(&Pose) -> Option<Vector3<f64>>) {
+        let moved = |pose: Pose| Some(Pose { position: pose.position - shift(&pose)?, ..pose });
+        self.last = self.last.and_then(moved);
+        for caller in &mut self.callers {
+            *caller = caller.take().and_then(|c| Some(Caller { pose: moved(c.pose)?, ..c }));
         }
     }
 }

@@ -166,8 +166,8 @@ impl Module {
         let constrained = self.frozen.as_ref().map(|frozen| &frozen.machine);
         let constrained = constrained.filter(|machine| machine.layout().constraints() > 0);
         self.seeds.change_tool(|pose| match constrained {
-            None => shift(pose, &change),
-            Some(machine) => machine.tool_shift(pose, &before, &change).unwrap_or_default(),
+            None => Some(shift(pose, &change)),
+            Some(machine) => machine.tool_shift(pose, &before, &change).ok(),
         });
     }
 
