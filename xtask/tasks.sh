@@ -76,7 +76,7 @@ simulators() {
     make setup-simulators
     python-package
     rm -rf build/simulators
-    cargo run "${host[@]}" -p test-support --example machines -- build/simulators/random
+    cargo run "${host[@]}" --example machines -- build/simulators/random
     PYTHONPATH=build/python PYTHONDONTWRITEBYTECODE=1 target/tools/simulators/bin/python \
         tests/simulators/oracle.py target/host/pkm --random build/simulators/random --out build/simulators "$@"
     tests/simulators/sdf.sh target/host/pkm build/simulators
