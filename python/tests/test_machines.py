@@ -178,7 +178,7 @@ def test_options_of_preflight_that_are_wrong_are_named(words, text):
 @pytest.mark.parametrize(("name", "program"), [("tripod", ROSETTE), ("hexapod", "far.ngc")])
 def test_preflight_answers_as_the_command_does(name, program, tmp_path):
     far = tmp_path / "far.ngc"
-    far.write_text("G21 G90 M52 P1\nG1 F600 X5000\n/ G1 X0\nM2\n")
+    far.write_text("G21 G90 M52 P1\nG1 F6000 X5000\n/ G1 X0\nM2\n")
     program, trace = tmp_path / program, tmp_path / "trace.csv"
     words = ["--trace", trace, "--most-time", "3600"]
     assert pkmkins.preflight(ini(name), program, *words) == asked("preflight", ini(name), program, *words)
