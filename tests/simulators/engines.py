@@ -12,21 +12,25 @@ import pinocchio
 MOST_STEPS = 25
 
 
-def newton(start, free, residual, jacobian, move):
-    """Returns the configuration with closed loops that Newton's method finds; `free` are the columns that may move.
-    Where legs contradict each other, the one of least squares."""
-    at = start
-    for _ in range(MOST_STEPS):
-        off = residual(at)
-        step = np.linalg.lstsq(jacobian(at)[:, free], -off, rcond=1e-12)[0]
-        at = move(at, step)
-        # Rounding of lengths near 1 m and angles near 1 rad.
-        if np.abs(step).max(initial=0) < 1e-14:
-            break
-    return at
+class Engine:
+    """A model with `driven` joints, and residuals of its loops with their derivatives."""
+
+    def assembled(self, row):
+        """Returns the row with the loops closed by the joints that no drive moves: by Newton's method, where legs
+        contradict each other by that of Gauss and Newton."""
+        free = ~self.driven
+        at = row.copy()
+        for _ in range(MOST_STEPS):
+            off = self.residual(at)
+            step = np.linalg.lstsq(self.jacobian(at)[:, free], -off, rcond=1e-12)[0]
+            at[free] += step
+            # Rounding of lengths near 1 m and angles near 1 rad.
+            if np.abs(step).max(initial=0) < 1e-14:
+                break
+        return at
 
 
-class MuJoCo:
+class MuJoCo(Engine):
     def __init__(self, file):
         warnings = []
         mujoco.set_mju_user_warning(warnings.append)
@@ -65,16 +69,6 @@ class MuJoCo:
         self.place(row)
         return self.equality(self.data.efc_J.reshape(-1, self.model.nv)).copy()
 
-    def assembled(self, row):
-        """Returns the row with the loops closed by the joints that no drive moves."""
-        free = np.flatnonzero(~self.driven)
-
-        def move(at, step):
-            at = at.copy()
-            at[free] += step
-            return at
-        return newton(row, free, self.residual, self.jacobian, move)
-
     def site(self, name):
         n = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, name)
         return self.data.site_xpos[n].copy(), self.data.site_xmat[n].reshape(3, 3).copy()
@@ -97,7 +91,7 @@ class MuJoCo:
         return self.data.qpos.copy()
 
 
-class Pinocchio:
+class Pinocchio(Engine):
     def __init__(self, file):
         self.model = pinocchio.buildModelFromUrdf(str(file))
         self.data = self.model.createData()
@@ -153,12 +147,3 @@ class Pinocchio:
         for n, (slide, turn, ratio) in enumerate(self.screws):
             threads[n, slide], threads[n, turn] = 1, -ratio
         return np.concatenate([*rows, threads])
-
-    def assembled(self, row):
-        free = np.flatnonzero(~self.driven)
-
-        def move(at, step):
-            at = at.copy()
-            at[free] += step
-            return at
-        return newton(row, free, self.residual, self.jacobian, move)

@@ -31,10 +31,11 @@ class Machine:
         self.kinds = sorted({leg["kind"] for leg in scene["legs"]})
         self.legs = scene["legs"]
         self.size = max(np.abs(leg["base"] + leg["platform"]).max() for leg in self.legs) * self.meters
-        self.own = None if self.has_two else pkmkins.Machine.from_ini(self.ini)
+        self.unit = "inch" if self.meters == 0.0254 else "mm"
+        self.mechanisms = self.halves() if self.has_two else [Mechanism(pkmkins.Machine.from_ini(self.ini), self)]
 
-    def run(self, *words, **options):
-        return subprocess.run([self.pkm, *map(str, words)], capture_output=True, text=True, check=True, **options)
+    def run(self, *words, check=True):
+        return subprocess.run([self.pkm, *map(str, words)], capture_output=True, text=True, check=check)
 
     def value(self, section, key):
         """Returns the words of the first such key."""
@@ -78,12 +79,43 @@ class Machine:
         values = np.array([[float(cell) for cell in rows[n]] for n in good]).reshape(len(good), len(header))
         return poses[good], dict(zip(header, values.T, strict=True))
 
+    def halves(self):
+        """Returns both mechanisms, each as a machine of its legs."""
+        words = dict(word.split("=") for word in self.value("KINS", "KINEMATICS")[1:])
+        angles = [letter for letter in words["second_coordinates"] if letter in "ABC"]
+        second = dict(zip("XYZ", "UVW", strict=True)) | dict(zip(angles, words["second_angles"], strict=True))
+        found, legs, joints = [], 0, 0
+        for number, letters in (1, {}), (2, second):
+            scene = json.loads(self.run("scene", self.ini, "--mechanism", number).stdout)
+            own = [self.keys(f"LEG_{legs + n}") | {"kind": leg["kind"]} for n, leg in enumerate(scene["legs"])]
+            home = self.home()[[LETTERS.index(letters.get(letter, letter)) for letter in "XYZ"]].tolist()
+            machine = pkmkins.Machine(own, scene["coordinates"], table=scene["table"], home=home, unit=self.unit,
+                                      pkm={"spindle_offset": scene["spindle_offset"]})
+            found.append(Mechanism(machine, self, joints, "second_" if letters else "", letters))
+            legs, joints = legs + len(own), joints + len(machine.joints)
+        return found
+
+    def keys(self, section):
+        """Returns the keys of a leg, with their numbers."""
+        part = re.search(rf"^\[{section}\]$(.*?)(?=^\[|\Z)", self.text, re.M | re.S)[1]
+        lines = re.findall(r"^(\w+)\s*=\s*(.*)$", part, re.M)
+        return {key.lower(): [float(word) for word in words.split()] for key, words in lines}
+
+
+class Mechanism:
+    """One mechanism of a machine, with a Jacobian in the package for Python."""
+
+    def __init__(self, own, machine, first_joint=0, prefix="", letters=None):
+        self.own, self.machine, self.prefix = own, machine, prefix
+        self.joints = [f"joint_{first_joint + n}" for n in range(len(own.joints))]
+        self.places = [LETTERS.index((letters or {}).get(letter, letter)) for letter in "XYZABC"]
+
     def own_poses(self, poses):
-        """Returns the machine's own poses at poses of LinuxCNC."""
-        if self.is_carried:
+        """Returns the mechanism's own poses at poses of LinuxCNC."""
+        if self.machine.is_carried:
             return self.own.own_poses(poses).values
         # Other letters are extra axes, which pass through.
-        return np.where([letter in self.own.coordinates for letter in "XYZABC"], poses[:, :6], 0)
+        return np.where([letter in self.own.coordinates for letter in "XYZABC"], poses[:, self.places], 0)
 
 
 def shipped():
