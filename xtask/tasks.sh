@@ -77,9 +77,17 @@ simulators() {
     python-package
     rm -rf build/simulators
     cargo run "${host[@]}" --example machines -- build/simulators/random
-    PYTHONPATH=build/python PYTHONDONTWRITEBYTECODE=1 target/tools/simulators/bin/python \
+    PYTHONPATH=build/python virtually target/tools/simulators/bin/python \
         tests/simulators/oracle.py target/host/pkm --random build/simulators/random --out build/simulators "$@"
+    target/tools/simulators/bin/python tests/simulators/menagerie.py target/host/pkm configs/hexapod/hexapod.ini \
+        build/simulators/menagerie --study configs/hexapod/dynamics.toml --no-picture
     tests/simulators/sdf.sh target/host/pkm build/simulators
+}
+## menagerie MACHINE.ini FOLDER [OPTION...]: writes and checks a model for the MuJoCo Menagerie, with a picture
+menagerie() {
+    make setup-simulators
+    cargo build "${host[@]}" --bin pkm
+    MUJOCO_GL=${MUJOCO_GL:-egl} target/tools/simulators/bin/python tests/simulators/menagerie.py target/host/pkm "$@"
 }
 ## test-wheel: tests the wheel in a fresh environment, with the search, Dask and the notebooks
 test-wheel() { wheel-env; virtually build/wheel/env/bin/python -m pytest -q -p no:cacheprovider python/tests; }
