@@ -14,7 +14,7 @@ use draw::plot::Plot;
 use kinematics::{Carries, Matrix3, Pose, Vector3};
 use linuxcnc::process::{Event, run_with_moves};
 use linuxcnc::row::{CommandedKind, Ending};
-use machine::files::{Locate, csv, open, write_whole};
+use machine::files::{Locate, csv, open};
 use machine::proof::axis_box;
 use machine::read::mechanism::Mechanism;
 use program::motion::{self, MoveKind, Spindle};
@@ -364,7 +364,7 @@ impl Subject<'_> {
         if self.config.chain.is_bare() {
             return Err(refused(
                 "not judged: an axis carries the tool, or the work is on the platform, so the point where the force \
-                 acts is unknown along a program",
+                 acts is unknown along a program; use --pose or --shake without --program",
             ));
         }
         let cycles = (self.config.period / times.step).ceil();
@@ -479,7 +479,7 @@ impl Subject<'_> {
         if self.arguments.plots.is_some() {
             plots.push(of_response(&response)?);
             for map in maps.iter().flatten() {
-                plots.extend(of_map(self.config.length_unit(), map)?);
+                plots.extend(of_map(self.config, map)?);
             }
             if let Some(record) = record {
                 plots.push(of_trace(record, linear.map(|(found, _)| &found.tip))?);
@@ -489,17 +489,19 @@ impl Subject<'_> {
                 plots.push(of_spectrum(hz, found, linear)?);
             }
         }
+        let mut files = vec![];
         if let (Some(file), Some(spectra)) = (&self.arguments.spectrum, &spectra) {
-            spectra.write(file)?;
+            files.push((file.clone(), spectra.csv()));
         }
         if let Some(file) = &self.arguments.response {
-            write_whole(file, &csv(&response_header(), response.iter().map(response_row)))?;
+            let rows = response.iter().map(response_row);
+            files.push((file.clone(), csv(&response_header(), rows)));
         }
         if let (Some(file), Some(maps)) = (&self.arguments.map, &maps) {
             let header = ["x", "y", "z", "lowest_hz", "largest_swing_um_per_n"];
             let rows = maps.iter().flat_map(Map::rows);
             let rows = rows.map(|([x, y, z], [hz, swing])| [x, y, z, hz, swing * UM]);
-            write_whole(file, &csv(&header, rows))?;
+            files.push((file.clone(), csv(&header, rows)));
         }
         if let (Some(file), Some(record)) = (&self.arguments.trace, record) {
             let header = ["time", "x_um", "y_um", "z_um"];
@@ -508,12 +510,9 @@ impl Subject<'_> {
                 .iter()
                 .enumerate()
                 .map(|(n, tip)| [n as f64 * record.step, tip.x * UM, tip.y * UM, tip.z * UM]);
-            write_whole(file, &csv(&header, rows))?;
+            files.push((file.clone(), csv(&header, rows)));
         }
-        match &self.arguments.plots {
-            Some(folder) => Ok(Plot::write_all(&plots, folder)?),
-            None => Ok(()),
-        }
+        Ok(Plot::write_with(&plots, self.arguments.plots.as_deref(), files)?)
     }
 
     fn maps(&self) -> Result<Vec<Map<2>>, Failure> {

@@ -8,7 +8,7 @@ use draw::ellipsoid::of_ellipsoids;
 use draw::plot::Plot;
 use draw::stiffness::{of_platform_sizes, of_stiffness};
 use kinematics::{Pose, Vector3};
-use machine::files::{Locate, csv, write_whole};
+use machine::files::{Locate, csv};
 use machine::proof::axis_box;
 use machine::read::mechanism::Mechanism;
 use serde_json::json;
@@ -124,6 +124,7 @@ fn draw(
             config.file.display()
         )));
     }
+    let mut files = vec![];
     if let Some(file) = &arguments.csv {
         let least = ["translation_n_per_um", "rotation_n_m_per_rad"].map(String::from);
         let along = ["x", "y", "z"].map(|axis| format!("along_{axis}_n_per_um"));
@@ -133,16 +134,17 @@ fn draw(
         let rows = maps.iter().flat_map(Map::rows).map(|(place, values)| {
             place.into_iter().chain(values.map(|value| value * 1e-3)).collect::<Vec<_>>()
         });
-        write_whole(file, &csv(&header, rows))?;
+        files.push((file.clone(), csv(&header, rows)));
     }
-    let Some(folder) = &arguments.plots else { return Ok(()) };
     let mut plots = vec![];
-    for map in &maps {
-        plots.extend(of_stiffness(config.length_unit(), map)?);
+    if arguments.plots.is_some() {
+        for map in &maps {
+            plots.extend(of_stiffness(config, map)?);
+        }
+        plots.push(of_platform_sizes(&sizes(config, pose, tool, springs))?);
+        plots.extend(of_ellipsoids(found)?);
     }
-    plots.push(of_platform_sizes(&sizes(config, pose, tool, springs))?);
-    plots.extend(of_ellipsoids(found)?);
-    Ok(Plot::write_all(&plots, folder)?)
+    Ok(Plot::write_with(&plots, arguments.plots.as_deref(), files)?)
 }
 
 /// Returns factor, and the smallest stiffness of translation and rotation, if the scaled machine is valid.

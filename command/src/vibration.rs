@@ -4,11 +4,11 @@
 use super::failure::Failure;
 use super::in_words;
 use kinematics::{Matrix3, Pose, Vector3};
-use machine::files::{csv, write_whole};
+use machine::files::csv;
 use nalgebra::Complex;
 use serde::Serialize;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use studies::dynamics::linear::Ellipse;
 use studies::dynamics::record::Record;
 use studies::dynamics::structure::Structure;
@@ -181,8 +181,8 @@ impl Spectra {
         Self { found: record.spectrum(&hz), hz, linear }
     }
 
-    /// Writes a CSV file.
-    pub fn write(&self, file: &Path) -> Result<(), Failure> {
+    /// Returns the text of a CSV file.
+    pub fn csv(&self) -> String {
         let named = |of: &str| ["x", "y", "z"].map(|axis| format!("{axis}{of}_um2_per_hz"));
         let mut header = vec!["hz".to_string()];
         header.extend(named(""));
@@ -194,7 +194,7 @@ impl Spectra {
             let densities = densities.flat_map(|density| density.iter().map(|part| part * UM * UM));
             std::iter::once(*hz).chain(densities).collect::<Vec<_>>()
         });
-        Ok(write_whole(file, &csv(&header, rows))?)
+        csv(&header, rows)
     }
 }
 

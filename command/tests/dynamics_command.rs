@@ -194,6 +194,11 @@ fn bad_arguments_are_refused_and_nothing_is_written() {
         ("study.toml --program none.ngc --trace t.csv", "none.ngc: No such file"),
         ("none.toml", "none.toml: No such file"),
         ("study.toml --response none/h.csv", "none/h.csv: No such file"),
+        (
+            "study.toml --shake noise --spectrum s.csv --plots drawn --trace none/t.csv",
+            "none/t.csv: No such file",
+        ),
+        ("study.toml --shake noise --spectrum s.csv --trace s.csv", "two outputs have this name"),
     ] {
         assert_output(
             &bench.answer(&format!("dynamics linear-delta.ini --study {words}"), ""),

@@ -5,9 +5,12 @@ use crate::plot::DrawError;
 use crate::sheet::{
     Area, Chart, Frame, SIZE, drawn_on, path_axes, round_steps, span, tick, width_for,
 };
-use crate::style::{GRAY, GREEN, SMALL, letters_at, shade, width_of};
+use crate::style::{GRAY, GREEN, SMALL, TITLE, letters_at, shade, width_of};
+use kinematics::Letter;
+use machine::read::mechanism::Mechanism;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
+use studies::study::map;
 
 const LEVELS: usize = 8;
 
@@ -31,6 +34,8 @@ pub(super) fn contoured(
     let map = Map { sides, values, range: span(values.iter().copied().filter(|v| v.is_finite())) };
     let corners = [0, 1].map(|end| map.corner(end));
     let width = width_for([corners[1].0 - corners[0].0, corners[1].1 - corners[0].1]);
+    // The title is as wide as a narrow map or wider.
+    let width = width.max(width_of(frame.title, TITLE));
     drawn_on((width + SCALE, SIZE.1), |root| {
         let (plot, scale) = root.split_horizontally(width);
         let mut chart = path_axes(&plot, frame, &corners)?;
@@ -43,6 +48,19 @@ pub(super) fn contoured(
         map.draw_scale(&scale, unit, &levels)?;
         map.draw_unlimited(&scale, unlimited)
     })
+}
+
+/// Returns the plane of a map in words, with the values of the other coordinates that the machine moves.
+pub(super) fn plane_of<const N: usize>(config: &Mechanism, map: &map::Map<N>) -> String {
+    let plane: String = map.plane.map(|k| Letter::ALL[k].name()).into_iter().collect();
+    let layout = config.machine.layout();
+    let others = (Letter::ALL.into_iter())
+        .filter(|letter| !layout.is_held(*letter) && !map.plane.contains(&letter.index()))
+        .map(|letter| format!(" {}{}", letter.name(), tick(&map.pose[letter.index()])));
+    match others.collect::<String>() {
+        others if others.is_empty() => format!("plane {plane}"),
+        others => format!("plane {plane} at{others}"),
+    }
 }
 
 struct Map<'a> {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Vibration of a machine: responses, maps, the trace of the tool tip and its spectrum.
 
-use crate::contour::contoured;
+use crate::contour::{contoured, plane_of};
 use crate::key::{Key, Sign, keyed};
 use crate::lines::{Line, without_stairs};
 use crate::plot::{DrawError, Plot};
@@ -10,6 +10,7 @@ use crate::strips::{Strip, Strips, drawn_apart, drawn_strips};
 use crate::style::{PALE, line_style};
 use crate::thin::thin;
 use kinematics::{Letter, Matrix3, Vector3};
+use machine::read::mechanism::Mechanism;
 use nalgebra::Complex;
 use plotters::prelude::*;
 use std::f64::consts::TAU;
@@ -49,13 +50,13 @@ fn amount(value: &Complex<f64>) -> f64 {
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_map(length: &str, map: &Map<2>) -> Result<[Plot; 2], DrawError> {
+pub fn of_map(config: &Mechanism, map: &Map<2>) -> Result<[Plot; 2], DrawError> {
     let letters = map.plane.map(|k| Letter::ALL[k].name());
-    let plane: String = letters.iter().collect();
+    let (plane, length) = (plane_of(config, map), config.length_unit());
     let of =
         |k: usize, what: &str, file: &str, unit: &str, scale: f64| -> Result<Plot, DrawError> {
             let values: Vec<f64> = map.values.iter().map(|values| values[k] * scale).collect();
-            let caption = format!("{what} in the plane {plane}, in {unit}");
+            let caption = format!("{what} in {unit}, {plane}");
             let frame = Frame {
                 title: &caption,
                 x: &format!("{} in {length}", letters[0]),
@@ -63,7 +64,7 @@ pub fn of_map(length: &str, map: &Map<2>) -> Result<[Plot; 2], DrawError> {
                 limits: vec![],
             };
             let svg = contoured(&frame, unit, &map.sides, &values, &["unlimited"])?;
-            let file = format!("{file}-{}.svg", plane.to_lowercase());
+            let file = format!("{file}-{}.svg", letters.iter().collect::<String>().to_lowercase());
             Ok(Plot { file, caption: caption.clone(), svg })
         };
     let swing = "Largest displacement of the tip per force at a natural frequency";

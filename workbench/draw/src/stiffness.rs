@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! The smallest stiffness over a plane, and as a function of the size of the platform.
 
-use crate::contour::contoured;
+use crate::contour::{contoured, plane_of};
 use crate::lines::{Line, drawn_lines};
 use crate::plot::{DrawError, Plot};
 use crate::sheet::Frame;
 use kinematics::Letter;
+use machine::read::mechanism::Mechanism;
 use studies::study::map::Map;
 
 /// Caption and name in the file of each map.
@@ -25,15 +26,15 @@ const MAPS: [(&str, &str); 8] = [
 ///
 /// # Errors
 /// As [`DrawError`].
-pub fn of_stiffness(length: &str, map: &Map<8>) -> Result<Vec<Plot>, DrawError> {
+pub fn of_stiffness(config: &Mechanism, map: &Map<8>) -> Result<Vec<Plot>, DrawError> {
     let letters = map.plane.map(|k| Letter::ALL[k].name());
-    let plane: String = letters.iter().collect();
+    let (plane, length) = (plane_of(config, map), config.length_unit());
     let of = |k: usize| -> Result<Plot, DrawError> {
         let (name, what) = MAPS[k];
         let is_push = matches!(k, 0 | 2..=4);
         let (unit, scale) = if is_push { ("N/µm", 1e-3) } else { ("kN m/rad", 1e-6) };
         let values: Vec<f64> = map.values.iter().map(|own| own[k] * scale).collect();
-        let caption = format!("{name} in the plane {plane}, in {unit}");
+        let caption = format!("{name} in {unit}, {plane}");
         let frame = Frame {
             title: &caption,
             x: &format!("{} in {}", letters[0], length),
@@ -41,7 +42,8 @@ pub fn of_stiffness(length: &str, map: &Map<8>) -> Result<Vec<Plot>, DrawError> 
             limits: vec![],
         };
         let svg = contoured(&frame, unit, &map.sides, &values, &["unlimited"])?;
-        let file = format!("stiffness-{what}-{}.svg", plane.to_lowercase());
+        let file =
+            format!("stiffness-{what}-{}.svg", letters.iter().collect::<String>().to_lowercase());
         Ok(Plot { file, caption: caption.clone(), svg })
     };
     let yields = |k: &usize| *k < 2 || map.values.iter().any(|own| own[*k].is_finite());

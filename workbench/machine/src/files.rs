@@ -362,6 +362,28 @@ pub fn write_whole(file: &Path, text: &str) -> Result<(), AtFile<io::Error>> {
     filled(Whole::new(file)?, file, text)
 }
 
+/// Writes all of these files, or none of them if one cannot be written.
+///
+/// # Errors
+/// A file cannot be written, the command has read it, or two texts have the same file.
+pub fn write_all(files: &[(PathBuf, String)]) -> Result<(), AtFile<io::Error>> {
+    let mut begun: Vec<Whole> = vec![];
+    for (file, text) in files {
+        let mut whole = Whole::new(file)?;
+        if begun.iter().any(|other| other.place == whole.place) {
+            let text = "two outputs have this name; choose another name for one of them";
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, text)).at(file);
+        }
+        whole
+            .write_all(text.as_bytes())
+            .and_then(|()| whole.flush())
+            .map_err(without_path)
+            .at(file)?;
+        begun.push(whole);
+    }
+    begun.into_iter().try_for_each(Whole::finish)
+}
+
 /// Writes a file that was read, to replace its text.
 ///
 /// # Errors
@@ -388,6 +410,23 @@ mod tests {
             assert_eq!(fs::read_to_string(&file).unwrap(), text);
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn files_are_written_together_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| (folder.path().join(name), name.to_string());
+        for (second, expected) in
+            [("no/b.csv", "no/b.csv: No such file"), ("./a.csv", "two outputs")]
+        {
+            let error = write_all(&[file("a.csv"), file(second)]).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "{second}");
+        }
+        write_all(&[file("a.csv"), file("b.csv")]).unwrap();
+        for name in ["a.csv", "b.csv"] {
+            assert_eq!(fs::read_to_string(folder.path().join(name)).unwrap(), name);
+        }
     }
 
     #[test]

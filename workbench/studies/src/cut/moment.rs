@@ -75,7 +75,9 @@ pub enum NoMoment {
     Fault(#[from] Fault),
     #[error("singular pose: the legs do not constrain the platform; choose another pose")]
     Singular,
-    #[error("at B = 90 degrees A and C rotate about the same axis, so forces are undefined")]
+    #[error(
+        "at B = 90 degrees A and C rotate about the same axis, so forces are undefined; choose a pose with another B"
+    )]
     Angles,
 }
 

@@ -24,8 +24,8 @@ pub struct Stance {
 /// Why forces on a machine are not computed.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error(
-    "{0}: not judged: an axis carries the legs, or the work is on the platform; forces are computed for machines that \
-     carry the tool on their legs, in a resting base"
+    "{0}: not judged: an axis carries the legs, or the work is on the platform; forces are computed only for a tool on the \
+     platform and a fixed base"
 )]
 pub struct NotJudged(pub String);
 

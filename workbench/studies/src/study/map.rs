@@ -10,8 +10,8 @@ pub struct Map<const N: usize> {
     pub plane: [usize; 2],
     /// Values of the coordinates along the two sides.
     pub sides: [Vec<f64>; 2],
-    /// A point of the plane.
-    pub place: [f64; 3],
+    /// A pose of the plane: x y z in machine units, a b c in degrees.
+    pub pose: [f64; 6],
     /// The values, row by row upwards; NaN where there is none.
     pub values: Vec<[f64; N]>,
 }
@@ -38,7 +38,7 @@ impl<const N: usize> Map<N> {
             at(&pose).unwrap_or([f64::NAN; N])
         });
         let values = values.collect();
-        Self { plane, place: pose.position.into(), values, sides }
+        Self { plane, pose: pose.to_degrees(), values, sides }
     }
 
     /// Returns whether there are no values at all.
@@ -51,7 +51,8 @@ impl<const N: usize> Map<N> {
         let count = self.sides[0].len();
         let reached = self.values.iter().enumerate().filter(|(_, values)| !values[0].is_nan());
         reached.map(move |(n, values)| {
-            let mut place = self.place;
+            let [x, y, z, ..] = self.pose;
+            let mut place = [x, y, z];
             place[self.plane[0]] = self.sides[0][n % count];
             place[self.plane[1]] = self.sides[1][n / count];
             (place, *values)

@@ -360,7 +360,9 @@ pub struct Point {
 pub enum End {
     #[error("at {0:.3} s: {1}")]
     Reach(f64, Fault),
-    #[error("at {0:.3} s: a singular pose")]
+    #[error(
+        "at {0:.3} s: singular pose: the legs do not constrain the platform; change the law of motion"
+    )]
     Singular(f64),
 }
 
