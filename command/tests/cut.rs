@@ -320,20 +320,51 @@ fn feeds_against_a_thicker_chip_are_named_and_refused_if_there_are_no_others() {
 fn each_of_two_mechanisms_is_judged_at_the_speed_of_the_blocks_that_move_both() {
     // The second one moves twice as far: the feed is that of X Y Z.
     let program = "G21 G90 G94 G64\nS2000 M3\nG1 Z980 W2640 F1200\nM5\nM2\n";
-    let machine = folder("lathe-mirrored").join("lathe-mirrored.ini");
+    let file = folder("lathe-mirrored").join("lathe-mirrored.ini");
+    let [machine, table] =
+        ["ini", "tbl"].map(|ending| fs::read_to_string(file.with_extension(ending)).unwrap());
+    let with_axis = with_spindle_angle(&machine);
     for (mechanism, feed, thicker) in [(1, 1200.0, "[0, 0, -1]"), (2, 2400.0, "[0, 0, 1]")] {
-        let bench = bench(&turning().replace("[0, 0, -1]", thicker), program);
-        let words = format!(
-            "cut {} part.ngc --study study.toml --mechanism {mechanism} --format json",
-            machine.display()
-        );
+        for machine in [&machine, &with_axis] {
+            let made = bench(&turning().replace("[0, 0, -1]", thicker), program);
+            let bench = made.with("lathe.ini", machine).with("lathe-mirrored.tbl", &table);
+            let words = format!(
+                "cut lathe.ini part.ngc --study study.toml --mechanism {mechanism} --format json"
+            );
+            let answer = bench.answer(&words, "");
+            let found = json(&answer);
+            assert!(found["not_judged"].is_null(), "{answer}");
+            // LinuxCNC reaches the feed to rounding: its poses of some meters over steps of 20 um.
+            let chip = float(&found["chip_mm"]["value"]);
+            assert!((chip / (feed / 2000.0) - 1.0).abs() < 1e-6, "{mechanism} {chip}");
+        }
+        let turned = program.replace("F1200", "A90 F1200");
+        let made = bench(&turning(), &turned).with("lathe.ini", &with_axis);
+        let bench = made.with("lathe-mirrored.tbl", &table);
+        let words = format!("cut lathe.ini part.ngc --study study.toml --mechanism {mechanism}");
         let answer = bench.answer(&words, "");
-        let found = json(&answer);
-        assert!(found["not_judged"].is_null(), "{answer}");
-        // LinuxCNC reaches the feed to rounding: its poses of some meters over steps of 20 um.
-        let chip = float(&found["chip_mm"]["value"]);
-        assert!((chip / (feed / 2000.0) - 1.0).abs() < 1e-6, "{mechanism} {chip}");
+        assert!(answer.contains("part.ngc: line 3: an extra axis moves in the cut"), "{answer}");
+        assert!(answer.ends_with("exit 2\n"), "{answer}");
     }
+}
+
+/// Returns the machine with two mechanisms and the extra axis A.
+fn with_spindle_angle(machine: &str) -> String {
+    let axis = "TYPE = ANGULAR\nMIN_LIMIT = -999\nMAX_LIMIT = 999\nMAX_VELOCITY = 90\nMAX_ACCELERATION = 900\n";
+    let mut text = machine.to_string();
+    for (from, to) in [
+        (" second=slider", " axes=A second=slider"),
+        ("JOINTS = 8\n", "JOINTS = 9\n"),
+        ("COORDINATES = XYZBCUVW\n", "COORDINATES = XYZABCUVW\n"),
+        (
+            "[AXIS_X]\n",
+            &format!("[JOINT_8]\n{axis}HOME = 0\nHOME_SEQUENCE = 0\n[AXIS_A]\n{axis}[AXIS_X]\n"),
+        ),
+    ] {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
+    text
 }
 
 #[test]

@@ -163,14 +163,12 @@ impl Job {
         let (mut moves, files) = moves_of(config, &whole, &self.program)?;
         drop(bar);
         report_deleted(&self.program, &files)?;
-        // A second mechanism moves its own tool.
-        let is_other = config.second_letters.is_some() && config.extra_axes.is_empty();
-        let moves_extra = |step: &&Move| step.kind == MoveKind::Feed && step.extra && !is_other;
+        let moves_extra = |step: &&Move| step.kind == MoveKind::Feed && step.extra;
         if let Some(step) = moves.iter().find(moves_extra) {
             let (file, line) = (self.program.display(), step.line);
             return Err(refused(format!(
-                "{file}: line {line}: an extra axis moves in the cut: the motion of the tool in the work is not \
-                 known there"
+                "{file}: line {line}: an extra axis moves in the cut, so the motion of the tool in the work is \
+                 unknown; move that axis alone, between the cuts"
             )));
         }
         if let Some(rpm) = self.rpm {

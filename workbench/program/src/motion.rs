@@ -58,7 +58,7 @@ pub struct Move {
     pub tool: [f64; 3],
     /// Number of the file of its line, 0 for the program.
     pub file: usize,
-    /// Whether an extra axis rotates in it, or moves together with the tool; also one of another mechanism.
+    /// Whether an extra axis rotates in it, or moves together with a tool.
     pub extra: bool,
     /// The same move of the second mechanism, in its own coordinates, if the machine has two.
     pub second: Option<Beside>,
@@ -192,8 +192,8 @@ pub struct Translator<'a> {
     config: &'a MachineConfig,
     /// The coordinates of each mechanism that a letter of the program sets.
     set: Vec<[bool; 6]>,
-    /// Letters that move neither tool nor workpiece of the first mechanism.
-    others: [bool; 9],
+    /// Letters of the extra axes.
+    extra: [bool; 9],
     /// End of the last command, in LinuxCNC's letters.
     at: World,
     line: u32,
@@ -202,17 +202,18 @@ pub struct Translator<'a> {
 impl<'a> Translator<'a> {
     /// Creates the state before the first command.
     pub fn new(config: &'a MachineConfig) -> Self {
-        let (letters, others) = (axes(config), others(config.first()));
+        let letters = axes(config);
+        let extra: String = config.first().extra_axes.letters().collect();
         let is_set = |mechanism: &Mechanism, letter| match config.second_letters {
             // A constant coordinate of one of two mechanisms may be a letter of the other.
             Some(_) => !mechanism.machine.layout().is_held(letter),
-            None => letters.contains(letter.name()) && !others.contains(letter.name()),
+            None => letters.contains(letter.name()) && !extra.contains(letter.name()),
         };
         let set = config.mechanisms.iter().map(|one| Letter::ALL.map(|letter| is_set(one, letter)));
         Self {
             config,
             set: set.collect(),
-            others: POSE_LETTERS.map(|letter| others.contains(letter)),
+            extra: POSE_LETTERS.map(|letter| extra.contains(letter)),
             at: [0.0; 9],
             line: 0,
         }
@@ -247,11 +248,11 @@ impl<'a> Translator<'a> {
         self.at = commanded.end;
     }
 
-    /// Returns whether an extra axis rotates in a move, or moves together with the tool.
+    /// Returns whether an extra axis rotates in a move, or moves together with a tool.
     fn moves_extra(&self, from: &World, end: &World) -> bool {
         let moved: [bool; 9] = std::array::from_fn(|k| from[k] != end[k]);
-        let own = (0..9).any(|k| moved[k] && !self.others[k]);
-        (0..9).any(|k| moved[k] && self.others[k] && (own || (3..6).contains(&k)))
+        let own = (0..9).any(|k| moved[k] && !self.extra[k]);
+        (0..9).any(|k| moved[k] && self.extra[k] && (own || (3..6).contains(&k)))
     }
 
     fn straight(&self, commanded: &Commanded, end: &World) -> Move {
@@ -381,18 +382,6 @@ impl Circle {
         let step = (8.0 * error / radius.max(error)).sqrt().min(TAU / LEAST_CHORDS);
         (self.angle / step).ceil().max(1.0) as u32
     }
-}
-
-/// Returns the letters that move no leg of the mechanism: of extra axes, and of another mechanism.
-fn others(config: &Mechanism) -> String {
-    let own = config.place.places;
-    let is_own = |k: &usize| {
-        let letter = own.iter().position(|place| place == k).map(|n| Letter::ALL[n]);
-        letter.is_some_and(|letter| !config.machine.layout().is_held(letter))
-    };
-    let all = (0..POSE_LETTERS.len()).filter(|k| !is_own(k)).map(|k| POSE_LETTERS[k]);
-    let extra: String = config.extra_axes.letters().collect();
-    all.filter(|letter| config.second_letters.is_some() || extra.contains(*letter)).collect()
 }
 
 /// Returns the letters of the machine's axes.
