@@ -4,7 +4,7 @@
 use crate::commands::Bench;
 use std::collections::BTreeMap;
 use std::fs;
-use test_support::shipped::folder;
+use test_support::shipped::{folder, ini};
 
 /// Returns the output of a command in the root of the source tree, whose files it writes into a folder of its own.
 fn answer(words: &str) -> String {
@@ -47,6 +47,7 @@ fn rows() -> Vec<Row> {
         };
         let outputs: Vec<String> = code(output).map(String::from).collect();
         assert!(!outputs.is_empty(), "no output: {line}");
+        assert!(![place, printed, difference].contains(&""), "an empty cell: {line}");
         let [place, printed, difference] = [place, printed, difference].map(String::from);
         rows.push(Row {
             paper: paper.clone(),
@@ -112,5 +113,43 @@ fn ratios_of_paper_001_come_out_at_its_time() {
             // up add 3e-4.
             assert!((ratio / printed - 1.0).abs() < 1.5e-3, "{row:?}: {ratio} {printed}");
         }
+    }
+}
+
+/// Returns a section of an INI file, with its header.
+fn section<'a>(text: &'a str, name: &str) -> &'a str {
+    let from = text.find(&format!("\n[{name}]\n")).expect("the section") + 1;
+    let end = text[from..].find("\n[").map_or(text.len(), |end| from + end + 1);
+    &text[from..end]
+}
+
+/// The page names this machine: no shipped configuration has both.
+#[test]
+fn the_first_layout_of_paper_003_is_two_turrets_with_the_counter_spindle() {
+    let text = |name: &str| fs::read_to_string(ini(name)).expect("a configuration");
+    let (turrets, other) = (text("lathe-two-turrets"), text("lathe-counter-spindle"));
+    let joint = section(&other, "JOINT_5").replace("[JOINT_5]", "[JOINT_6]");
+    let mut both = turrets.clone();
+    for (from, to) in [
+        ("coordinates=XYZB axes=CA ", "coordinates=XYZB axes=CAW "),
+        ("JOINTS = 6\n", "JOINTS = 7\n"),
+        ("COORDINATES = XYZABC\n", "COORDINATES = XYZABCW\n"),
+        ("HOME = 0 450 1000 0 0 0\n", "HOME = 0 450 1000 0 0 0 0 0 800\n"),
+        ("[AXIS_X]\n", &format!("{joint}[AXIS_X]\n")),
+    ] {
+        assert!(both.contains(from), "{from}");
+        both = both.replacen(from, to, 1);
+    }
+    both += &format!("\n{}", section(&other, "AXIS_W"));
+    // The turrets turn, and the counter-spindle comes and goes.
+    let program = "G21 G90 G94 M52 P1\nG0 A-90 W400\nG0 W800 A0\nM2\n";
+    let table =
+        fs::read_to_string(ini("lathe-two-turrets").with_extension("tbl")).expect("a table");
+    let bench = Bench::new().with("both.ini", &both).with("part.ngc", program);
+    let bench = bench.with("lathe-two-turrets.tbl", &table);
+    let answer = bench.answer("preflight both.ini part.ngc", "");
+    assert!(answer.ends_with("The program fits the machine.\nexit 0\n"), "{answer}");
+    for words in ["axis A             -90.000 to 0.000", "axis W             400.000 to 800.000"] {
+        assert!(answer.contains(words), "{answer}");
     }
 }
