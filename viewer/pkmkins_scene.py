@@ -91,7 +91,7 @@ def frame(place):
 class Place:
     """The positions of all parts at one pose."""
 
-    def __init__(self, lower, upper, platform, base, work, tool):
+    def __init__(self, lower, upper, platform, base, work, tool, passive):
         # Ends of the legs, and the platform, in base, which an axis may carry.
         self.lower, self.upper, self.platform = lower, upper, platform
         self.columns, self.nose = platform.columns, platform.origin
@@ -100,6 +100,8 @@ class Place:
         # Points of the tool, from its holder to its tip, on the ground.
         self.tool = tool
         self.tip = tool[-1]
+        # Ends of the parts of constraints, in base.
+        self.passive = passive
 
 
 class Scene:
@@ -109,7 +111,8 @@ class Scene:
         version = fields.get("version") if isinstance(fields, dict) else None
         if version != VERSION:
             raise SceneError(f"expected a scene of version {VERSION}; found {version}: run pkm scene again")
-        self.__dict__.update(fields)
+        # A file from before constraints has none.
+        self.__dict__.update({"dependent": "", "passive": [], **fields})
 
     @classmethod
     def read(cls, file):
@@ -154,19 +157,24 @@ class Scene:
             all_ = all_.carrying(own)
         return all_, points
 
-    def place(self, joints, pose, tool, values=None):
+    def place(self, joints, pose, tool, values=None, dependent=()):
         """Returns the positions at consistent joint values and pose; `tool` points from the tip to the
-        control point, including the spindle's offset; `values` are those of axes that carry something."""
+        control point, including the spindle's offset; `values` are those of axes that carry something, and
+        `dependent` those of the dependent coordinates."""
         values = values or {}
-        columns = rotation(*pose[3:6])
+        full = {**dict(zip("XYZABC", pose)), **dict(zip(self.dependent, dependent))}
+        full = [full[letter] for letter in "XYZABC"]
+        columns = rotation(*full[3:6])
         own = tool if self.sees_tool else (0.0, 0.0, 0.0)
-        reference = add(subtract(pose[:3], own), turned(columns, add(own, self.centre)))
-        letters = list(zip("XYZ", reference))
-        point = tuple(value if letter in self.coordinates else 0.0 for letter, value in letters)
-        table = tuple(-value if letter in self.table else 0.0 for letter, value in letters)
+        reference = add(subtract(full[:3], own), turned(columns, add(own, self.centre)))
+        moved = "XYZ" if self.dependent else self.coordinates
+        by_table = subtract(pose[:3], full[:3]) if self.dependent else reference
+        point = tuple(value if letter in moved else 0.0 for letter, value in zip("XYZ", reference))
+        table = tuple(-value if letter in self.table else 0.0 for letter, value in zip("XYZ", by_table))
         lower = [self.lower(leg, joint) for leg, joint in zip(self.legs, joints)]
         upper = [self.upper(leg, end, point, columns) for leg, end in zip(self.legs, lower)]
         platform = Frame(columns, subtract(point, turned(columns, self.centre)))
+        passive = [[self.end(end, lower, platform) for end in part["ends"]] for part in self.passive]
         (base, _), (work, _), (held, pivots) = (self.carried(what, values) for what in ("legs", "work", "tool"))
         # From the holder through the rotary axes to the tip, at the holder's position.
         held = [*pivots, held.out(scaled(tool, -1))]
@@ -177,13 +185,20 @@ class Scene:
         else:
             work = base.carrying(platform).carrying(work)
             held = [add(self.holder, point) for point in [(0.0, 0.0, 0.0), *held]]
-        return Place(lower, upper, platform, base, work, held)
+        return Place(lower, upper, platform, base, work, held, passive)
+
+    def end(self, end, lower, platform):
+        """Returns the position of an end of a part of a constraint."""
+        origins = {"base": (0.0, 0.0, 0.0), "platform": platform.origin}
+        origin = lower[end["leg"]] if end["origin"] == "leg" else origins[end["origin"]]
+        return add(add(origin, end["base"]), turned(platform.columns, end["platform"]))
 
 
 def extent(scene):
     """Returns half the extent of the first view of the machine, and its center."""
-    place = scene.place(scene.home["joints"], scene.home["pose"], (0, 0, scene.spindle_offset))
-    points = [end for leg in zip(place.lower, place.upper) for end in leg] + place.tool + [place.work.origin]
+    dependent = scene.home.get("dependent", ())
+    place = scene.place(scene.home["joints"], scene.home["pose"], (0, 0, scene.spindle_offset), None, dependent)
+    points = [end for ends in [*zip(place.lower, place.upper), *place.passive] for end in ends] + place.tool + [place.work.origin]
     for leg, joint in zip(scene.legs, scene.joints):
         if leg["kind"] == "slider":
             points += [scene.lower(leg, joint[end]) for end in ("min", "max") if joint[end] is not None]

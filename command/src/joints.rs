@@ -7,9 +7,8 @@ use super::poses::{PoseWords, Tool};
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
 use export::state::{States, letters};
-use kinematics::{Letter, POSE_LETTERS, Pose};
+use kinematics::{POSE_LETTERS, Pose};
 use machine::read::columns::{coordinates, joint_names};
-use machine::read::mechanism::Mechanism;
 
 /// Compute joint values from poses (inverse kinematics)
 ///
@@ -76,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     }
     let config = arguments.machine.read_constrained()?;
     let tool = arguments.tool.vector(&config);
-    let dependent = dependent(&config);
+    let dependent = config.dependent();
     let reply = |row: &[f64]| -> Answer {
         let pose = Pose::from_degrees(std::array::from_fn(|k| row[k]));
         let joints = config.machine.inverse(&pose, &tool)?;
@@ -97,10 +96,4 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         false => Question::Rows(&arguments.rows, "--pose X Y Z A B C"),
     };
     answer(&config.file, &question, &coordinates(), &names, reply)
-}
-
-/// Returns the coordinates that constraints determine from the commanded ones.
-pub fn dependent(config: &Mechanism) -> Vec<Letter> {
-    let layout = config.machine.layout();
-    Letter::ALL.into_iter().filter(|letter| layout.is_dependent(*letter)).collect()
 }

@@ -25,7 +25,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_constrained()?;
     let scene = Scene::new(&config);
     write_out(&scene.json(), arguments.output.as_deref())?;
     output::answer(&json!({ "machine": config.file, "scene": scene, "file": arguments.output }))?;

@@ -27,7 +27,7 @@ import pkmkins_pins  # noqa: E402
 from pkmkins_mesh import MeshError, read as read_mesh  # noqa: E402
 from pkmkins_panel import reason, words  # noqa: E402
 from pkmkins_refusal import count_legs, sentence  # noqa: E402
-from pkmkins_scene import Frame, Scene, SceneError, about, extent, frame, whole  # noqa: E402
+from pkmkins_scene import Frame, Scene, SceneError, about, extent, frame, rotation, whole  # noqa: E402
 
 PKM = os.environ.get("PKM", str(REPOSITORY / "target/host/pkm"))
 
@@ -356,12 +356,32 @@ def test_values_come_from_the_pins_of_their_mechanism(vismach, name, mechanism):
     values = vismach.Values(own, hal.get_value)
     pose = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
     carrying = {letter: 100.0 + joint for letter, joint in chain.items()}
-    assert values.now() == ([100.0 + n for n in joints], pose, [50.0, 51.0, 52.0], carrying, "")
+    assert values.now() == ([100.0 + n for n in joints], pose, [50.0, 51.0, 52.0], carrying, [], "")
     assert (mechanism == 2) == own.pins.startswith("pkmkins.second.")
     hal.values[f"{own.pins}geometry-hash"] ^= 1
     assert values.now()[-1].startswith("ANOTHER MACHINE: loaded 0x")
     del hal.values[f"{own.pins}tool-offset-eff-z"]
-    assert values.now() == (own.home["joints"], own.home["pose"], [0.0, 0.0, own.spindle_offset], {}, f"not connected: Can't get {own.pins}tool-offset-eff-z")
+    assert values.now() == (own.home["joints"], own.home["pose"], [0.0, 0.0, own.spindle_offset], {}, [], f"not connected: Can't get {own.pins}tool-offset-eff-z")
+
+
+@pytest.mark.parametrize(("name", "shapes"), [("tricept", {"tube", "axis"}), ("exechon", {"axis"}), ("z3-head", {"axis"})])
+def test_dependent_coordinates_come_from_their_pins(vismach, name, shapes):
+    file = REPOSITORY / f"tests/cases/ini/constraints/{name}.ini"
+    own, hal = Scene(json.loads(subprocess.run([PKM, "scene", file], capture_output=True, check=True).stdout)), Hal()
+    assert {part["shape"] for part in own.passive} == shapes
+    hal.values = {f"joint.{joint['number']}.pos-fb": value for joint, value in zip(own.joints, own.home["joints"])}
+    hal.values |= {f"pkmkins.{letter.lower()}": value for letter, value in zip("XYZABC", own.home["pose"])}
+    hal.values |= {f"pkmkins.tool-offset-eff-{letter}": 0.0 for letter in "xyz"}
+    hal.values["pkmkins.geometry-hash"] = own.geometry_hash - (2**32 if own.geometry_hash >= 2**31 else 0)
+    values = vismach.Values(own, hal.get_value)
+    assert values.now()[-1].startswith("not connected: Can't get pkmkins.dependent.")
+    hal.values |= {f"pkmkins.dependent.{letter.lower()}": 10.0 + n for n, letter in enumerate(own.dependent)}
+    joints, pose, tool, carrying, dependent, text = values.now()
+    assert (dependent, text) == ([10.0, 11.0, 12.0], "")
+    place = own.place(joints, pose, tool, carrying, dependent)
+    full = dict(zip("XYZABC", pose)) | dict(zip(own.dependent, dependent))
+    assert place.columns == rotation(*(full[letter] for letter in "ABC"))
+    assert place.nose == pytest.approx([full[letter] for letter in "XYZ"])
 
 
 def test_all_joints_of_both_mechanisms_count_for_homing(vismach):

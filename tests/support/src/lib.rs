@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Helpers that the tests of several crates share.
 
+pub mod constrained;
 pub mod control;
 pub mod edits;
 pub mod generated;

@@ -4,6 +4,7 @@
 //! A viewer needs no kinematics: the lower ends of legs follow from the joint values, and the upper ends from the
 //! pose, by two formulas given there.
 
+use crate::passive::{Passive, parts};
 use crate::read::direction::ToolDirection;
 use crate::read::mechanism::Mechanism;
 use crate::read::models::Model;
@@ -37,6 +38,8 @@ pub struct Scene {
     pub coordinates: String,
     /// Letters of the table axes, in joint order.
     pub table: String,
+    /// Letters of the coordinates that constraints determine from the commanded ones.
+    pub dependent: String,
     /// Letters of the extra axes, in joint order.
     pub extra: String,
     /// Reference point of the platform for legs and table, in its frame.
@@ -48,6 +51,8 @@ pub struct Scene {
     /// A pose with its joint values.
     pub home: Home,
     pub legs: Vec<Leg>,
+    /// The parts that constraints of the platform are drawn as.
+    pub passive: Vec<Passive>,
     /// Legs and table axes.
     pub joints: Vec<Joint>,
     /// Limits of the moving coordinates among X Y Z A B C.
@@ -121,6 +126,8 @@ pub struct Home {
     pub pose: [f64; 6],
     /// Joint values of legs and table.
     pub joints: Vec<f64>,
+    /// Values of the dependent coordinates, in the order of their letters.
+    pub dependent: Vec<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -207,6 +214,9 @@ impl Scene {
             Axis { letter: letter.name(), min: axis.min, max: axis.max }
         };
         let stem = config.file.file_stem().unwrap_or_default();
+        let dependent = config.dependent();
+        let full = config.machine.full_pose(&config.home_pose(), &config.spindle);
+        let full = full.map_or(config.home, |pose| pose.to_degrees());
         Self {
             version: VERSION,
             machine: stem.to_string_lossy().into_owned(),
@@ -218,6 +228,7 @@ impl Scene {
             sees_tool: !config.chain.is_bare(),
             coordinates: letters(layout.coordinates().as_slice()),
             table: letters(layout.table().as_slice()),
+            dependent: letters(&dependent),
             extra: config.extra_axes.letters().collect(),
             centre: config.geometry.centre,
             spindle_offset: config.spindle.z,
@@ -225,8 +236,10 @@ impl Scene {
             home: Home {
                 pose: config.home,
                 joints: config.joints.iter().map(|joint| joint.home).collect(),
+                dependent: dependent.iter().map(|letter| full[letter.index()]).collect(),
             },
             legs: (0..config.legs()).map(|i| Leg::new(config, i)).collect(),
+            passive: parts(config),
             joints: (0..config.joints.len()).map(|i| Joint::new(config, i)).collect(),
             axes: moved.map(axis).collect(),
             clearance: config.clearance,

@@ -24,5 +24,7 @@ pub fn space(config: &Mechanism, at: &At) -> [Vector3<f64>; 2] {
         };
         [leg.base, leg.platform].into_iter().chain(fixed)
     });
-    legs.fold([at.pose().position; 2], |[low, high], point| [low.inf(&point), high.sup(&point)])
+    legs.fold([at.full_pose().position; 2], |[low, high], point| {
+        [low.inf(&point), high.sup(&point)]
+    })
 }

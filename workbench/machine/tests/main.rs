@@ -9,4 +9,5 @@ mod golden;
 mod ini_cases;
 mod inivar;
 mod lathe_loops;
+mod passive;
 mod pins;

@@ -282,6 +282,12 @@ impl Mechanism {
         Pose::from_degrees(self.home)
     }
 
+    /// Returns the coordinates that constraints determine from the commanded ones.
+    pub fn dependent(&self) -> Vec<Letter> {
+        let layout = self.machine.layout();
+        Letter::ALL.into_iter().filter(|letter| layout.is_dependent(*letter)).collect()
+    }
+
     /// Returns the number of legs; the other joints belong to the table.
     pub fn legs(&self) -> usize {
         self.machine.layout().legs()
