@@ -6,6 +6,8 @@ use super::{MachineFile, Verdict, output, write_out};
 use check::screws;
 use draw::frames::of_machine;
 use machine::read::error::MachineError;
+use machine::read::ini::Ini;
+use machine::read::machine::{Lenient, MachineConfig};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -31,7 +33,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let machine = &arguments.machine;
     // A file with boxes of another geometry is accepted.
-    let config = machine.meant(machine.read_without_boxes()?)?;
+    let ini = Ini::read(&machine.machine)?;
+    let config = machine.meant(MachineConfig::leniently(&ini, Some(Lenient::Report))?)?;
     let home = config.machine.at(&config.home_pose(), &config.spindle);
     let home =
         home.map_err(|fault| MachineError::of_geometry(&config.ini, &config.place, fault))?;

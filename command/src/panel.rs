@@ -4,7 +4,8 @@
 use super::failure::{Failure, refused};
 use super::{Verdict, output, print_text};
 use machine::files::{Locate, write_whole};
-use machine::read::machine::MachineConfig;
+use machine::read::ini::Ini;
+use machine::read::machine::{Lenient, MachineConfig};
 use new::panel::Panel;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -29,7 +30,8 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = MachineConfig::read(&arguments.machine)?;
+    let ini = Ini::read(&arguments.machine)?;
+    let config = MachineConfig::leniently(&ini, Some(Lenient::Constraints))?;
     let name = config.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     if let Some(odd) = name.chars().find(|c| !(c.is_alphanumeric() || "-_.+".contains(*c))) {
         return Err(refused(format!(

@@ -3,11 +3,12 @@
 
 use crate::arrows::{SIGN, WIDTH, along_sight, arrow};
 use crate::key::{Key, Sign};
-use crate::machine::{GUIDE, LEG, rail_or_arm};
+use crate::machine::{GUIDE, JOINT_AXIS, LEG, PASSIVE, passive, rail_or_arm};
 use crate::plot::DrawError;
 use crate::sheet::{AROUND, Area, Chart, Frame, drawn_on, path_axes, span};
 use crate::style::{BLUE, GREEN, NAME, PURPLE, TITLE, VERMILLION, letters_at, width_of};
 use kinematics::{At, Carries, Letter, POSE_LETTERS, Segment, Vector3};
+use machine::passive::{PassiveShape, parts};
 use machine::read::direction::ToolDirection;
 use machine::read::legs::drive_rate;
 use machine::read::mechanism::Mechanism;
@@ -180,7 +181,8 @@ impl Drawing {
             drawing.lines.push(([*from, *to], LEG.stroke_width(3)));
             drawing.guide(config, leg, from);
         }
-        let origin = platform_origin(config);
+        drawing.lines.extend(passive(config, at));
+        let origin = platform_origin(config, at);
         let size = drawing.size(&[&lower[..], &upper[..], &[origin, Vector3::zeros()]].concat());
         for (leg, (from, to)) in lower.iter().zip(&upper).enumerate() {
             drawing.joint_arrow(config, leg, [from, to], JOINT * size);
@@ -363,11 +365,12 @@ fn outline(joints: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
 }
 
 /// Returns the origin of the platform's frame at home, which is level: docs/reference/view.md has the formula.
-fn platform_origin(config: &Mechanism) -> Vector3<f64> {
+fn platform_origin(config: &Mechanism, home: &At) -> Vector3<f64> {
     let centre = Vector3::from(config.geometry.centre);
-    let moved = config.machine.layout().coordinates().as_slice();
-    let pose = config.home_pose().position + centre;
-    Vector3::from_fn(|k, _| if moved.contains(&Letter::ALL[k]) { pose[k] } else { 0.0 }) - centre
+    let layout = config.machine.layout();
+    let is_moved = |letter| layout.constraints() > 0 || layout.coordinates().contains(letter);
+    let pose = home.full_pose().position + centre;
+    Vector3::from_fn(|k, _| if is_moved(Letter::ALL[k]) { pose[k] } else { 0.0 }) - centre
 }
 
 /// Returns the direction of tools; `None` if the file does not give it, or no tool is on the platform.
@@ -389,6 +392,13 @@ fn keys(config: &Mechanism, hands: &[Option<char>]) -> Vec<Key> {
     ];
     if !is_fixed(config) {
         keys.insert(1, Key::new(Sign::Line(GUIDE.stroke_width(5)), "rail of a carriage, or arm"));
+    }
+    let shapes: Vec<_> = parts(config).iter().map(|part| part.shape).collect();
+    if shapes.contains(&PassiveShape::Axis) {
+        keys.insert(1, Key::new(Sign::Line(JOINT_AXIS.stroke_width(3)), "axis of a passive joint"));
+    }
+    if shapes.iter().any(|shape| *shape != PassiveShape::Axis) {
+        keys.insert(1, Key::new(Sign::Line(PASSIVE.stroke_width(6)), "passive leg"));
     }
     match tool_direction(config) {
         Some(_) => keys.push(Key::new(Sign::Arrow(PURPLE), "direction of tools")),

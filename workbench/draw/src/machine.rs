@@ -3,7 +3,8 @@
 
 use crate::space::{Part, ball, course, line, plate};
 use crate::style::PALE;
-use kinematics::{LegGeometry, Pose, Vector3};
+use kinematics::{At, LegGeometry, Pose, Vector3};
+use machine::passive::{Passive, PassiveShape, parts as passive_parts};
 use machine::read::mechanism::Mechanism;
 use machine::space::rail;
 use plotters::prelude::*;
@@ -11,6 +12,10 @@ use plotters::prelude::*;
 pub(super) const LEG: RGBColor = RGBColor(85, 85, 105);
 
 pub(super) const GUIDE: RGBColor = RGBColor(150, 150, 165);
+
+/// Passive legs, and axes of passive joints.
+pub(super) const PASSIVE: RGBColor = RGBColor(181, 143, 90);
+pub(super) const JOINT_AXIS: RGBColor = RGBColor(48, 54, 61);
 
 /// The parts of a machine at a pose.
 pub(super) struct Drawn {
@@ -40,17 +45,33 @@ pub(super) fn at_pose(config: &Mechanism, pose: &Pose) -> Drawn {
             places.extend([from, to]);
         }
     }
+    for ([from, to], style) in passive(config, &at) {
+        parts.extend(line(from, to, style));
+        places.extend([from, to]);
+    }
     let around = ring(&upper);
     parts.extend(lower.iter().map(|at| ball(*at, LEG, 5)));
     parts.extend(upper.iter().map(|at| ball(*at, LEG, 3)));
     let middle = upper.iter().sum::<Vector3<f64>>() / upper.len() as f64;
-    parts.extend(line(middle, pose.position, LEG.stroke_width(3)));
+    let tip = at.full_pose().position;
+    parts.extend(line(middle, tip, LEG.stroke_width(3)));
     if around.len() > 2 {
         parts.push(plate(around.clone(), PALE, 0.9));
         parts.extend(course(&[&around[..], &[around[0]]].concat(), LEG.stroke_width(1)));
     }
-    places.push(pose.position);
+    places.push(tip);
     Drawn { parts, places }
+}
+
+/// Returns the parts of constraints as lines, for the machine without a tool.
+pub(super) fn passive(config: &Mechanism, at: &At) -> Vec<([Vector3<f64>; 2], ShapeStyle)> {
+    let style = |part: &Passive| match part.shape {
+        PassiveShape::Axis => JOINT_AXIS.stroke_width(3),
+        PassiveShape::Rod => PASSIVE.stroke_width(4),
+        PassiveShape::Tube => PASSIVE.stroke_width(7),
+    };
+    let parts = passive_parts(config);
+    parts.iter().map(|part| (part.positions(at, &config.spindle), style(part))).collect()
 }
 
 /// Returns the ends of the rail that carries the lower end of a leg, or those of its arm.

@@ -65,6 +65,7 @@ impl Panel {
         sheet.open("pyvcp", "");
         sheet.pages(config);
         sheet.travel(config);
+        sheet.dependent(config);
         sheet.guard(config);
         sheet.kinematics(config);
         sheet.refusals();
@@ -256,6 +257,29 @@ impl Sheet {
         self.open("hbox", "");
         self.lamp("travel-known", "pkmkins-panel.known", "known", WELL);
         self.close("hbox");
+        self.close("labelframe");
+    }
+
+    /// Adds the coordinates that constraints determine.
+    fn dependent(&mut self, config: &MachineConfig) {
+        let letters = config.first().dependent();
+        if letters.is_empty() {
+            return;
+        }
+        self.open("labelframe", " text=\"Platform: coordinates that follow\"");
+        self.table("");
+        for letter in letters {
+            let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };
+            let name = letter.name().to_ascii_lowercase();
+            self.row();
+            self.label(&letter.name().to_string());
+            let attributes =
+                format!("format=\"{}\" width=\"10\" anchor=\"e\"", digits(config, unit));
+            let pin = format!("pkmkins.dependent.{name}");
+            self.shown("number", &format!("dependent-{name}"), &pin, &attributes);
+            self.label(unit);
+        }
+        self.close("table");
         self.close("labelframe");
     }
 
