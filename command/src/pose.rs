@@ -3,12 +3,12 @@
 
 use super::failure::{Failure, refused};
 use super::input::RowFile;
-use super::joints::dependent;
 use super::poses::Tool;
 use super::rows::{Answer, Question, answer};
 use super::{MachineFile, Verdict};
-use kinematics::{Letter, Pose};
+use kinematics::Pose;
 use machine::read::columns::{coordinates, joint_names};
+use machine::rows::with_dependent;
 
 /// Compute poses from joint values (forward kinematics)
 ///
@@ -40,9 +40,6 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let config = arguments.machine.read_constrained()?;
     let tool = arguments.tool.vector(&config);
-    // Those that a table compensates are commanded.
-    let is_held = |letter: &Letter| config.machine.layout().is_held(*letter);
-    let dependent: Vec<_> = dependent(&config).into_iter().filter(is_held).collect();
     let given = arguments.seed.as_deref();
     let mut seed = given
         .map_or(config.home_pose(), |seed| Pose::from_degrees(std::array::from_fn(|k| seed[k])));
@@ -50,12 +47,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let joints = std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
         let solution = config.machine.forward(&joints, &seed, &tool, &config.solver)?;
         seed = solution.pose;
-        let mut pose = solution.pose.to_degrees();
-        if !dependent.is_empty() {
-            let full = config.machine.full_pose(&solution.pose, &tool)?.to_degrees();
-            dependent.iter().map(|letter| letter.index()).for_each(|k| pose[k] = full[k]);
-        }
-        Ok(pose.to_vec())
+        let pose = match config.dependent().is_empty() {
+            true => solution.pose,
+            false => with_dependent(&config.machine, &solution.pose, &tool)?,
+        };
+        Ok(pose.to_degrees().to_vec())
     };
     let (names, given) = (joint_names(config.joints.len()), &arguments.joints);
     let question = match given.len() {

@@ -32,7 +32,8 @@ const LAW_POSES: usize = 500;
 /// coordinate for random joint errors, by covariance and by sampling the forward kinematics, with
 /// the largest error if every joint is off by one standard deviation; and the nearest singular
 /// poses along random rays from the middle of the axis limits outwards (parallel: the legs do not
-/// constrain the platform; serial: a rod is perpendicular to the motion of its lower end). Along
+/// constrain the platform; serial: a rod is perpendicular to the motion of its lower end;
+/// constraint: the constraints cease to determine the dependent coordinates). Along
 /// a program or a motion law: joint values, their rates and the standard deviations, as CSV and
 /// plots.
 ///
@@ -88,7 +89,11 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = match &arguments.along {
+        // Programs on a machine with constraints are not judged.
+        Some(_) => arguments.machine.read()?,
+        None => arguments.machine.read_constrained()?,
+    };
     let study = arguments.study.read()?;
     let (pose, tool) = arguments.at.read(&config)?;
     check(arguments)?;
@@ -267,7 +272,7 @@ fn report(
     writeln!(out, "{}", row("covariance", found.sigma(sigma)))?;
     writeln!(out, "{}", row(&format!("{} samples", drawn.count), drawn.sigma))?;
     writeln!(out, "{}", row("largest", found.worst(sigma)))?;
-    let axis = axis_sigma(found, pose, sigma);
+    let axis = axis_sigma(found, sigma);
     writeln!(
         out,
         "  spindle axis     {:.6} and {:.6} degrees in two directions; off by {:.6}, {} samples {:.6} (root mean square)",
@@ -283,10 +288,14 @@ fn report(
         near.rays, arguments.factor
     )?;
     let mut singular = vec![];
-    for kind in [Kind::Parallel, Kind::Serial] {
+    let is_bound = config.machine.layout().constraints() > 0;
+    let kinds =
+        [Kind::Parallel, Kind::Serial].into_iter().chain(is_bound.then_some(Kind::Constraint));
+    for kind in kinds {
         let name = match kind {
             Kind::Parallel => "parallel",
             Kind::Serial => "serial",
+            Kind::Constraint => "constraint",
         };
         let nearest = near.nearest.iter().find(|found| found.kind == kind);
         singular.extend(

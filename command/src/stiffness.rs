@@ -32,7 +32,8 @@ const SIZES: [f64; 7] = [0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0];
 /// and maps of both over the axis limits, in three planes through the pose (in its own plane on a
 /// planar machine); unreachable areas stay empty.
 ///
-/// N/um, N m/rad, mm, degrees; machine axes. Coordinates constrained by guides count as rigid.
+/// N/um, N m/rad, mm, degrees; machine axes. Coordinates constrained by guides count as rigid, and
+/// so do passive joints and passive legs behind [CONSTRAINT_N]: they carry load without yielding.
 ///
 /// With the motors held, an axial force turns the screw of its strut against both cardan joints.
 /// `screw = "self-locking"` assigns that torque to friction in the thread.
@@ -67,7 +68,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_constrained()?;
     let study = Study::read(&arguments.study)?;
     let springs = Springs::of(&config, &study).at(&arguments.study)?;
     let (pose, tool) = arguments.at.read(&config)?;

@@ -9,7 +9,8 @@ use draw::workspace::of_workspace;
 use kinematics::Vector3;
 use machine::digits::plain;
 use machine::files::write_whole;
-use machine::read::machine::MachineConfig;
+use machine::read::ini::Ini;
+use machine::read::machine::{Lenient, MachineConfig};
 use machine::read::mechanism::Mechanism;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -119,7 +120,8 @@ impl Beside {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let whole = arguments.machine.read_whole()?;
+    let ini = Ini::read(&arguments.machine.machine)?;
+    let whole = MachineConfig::leniently(&ini, Some(Lenient::Constraints))?;
     let study = arguments.study.read()?;
     // 0: as many as there are processors.
     let threads = arguments.threads.map_or(0, NonZero::get);

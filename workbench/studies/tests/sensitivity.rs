@@ -60,10 +60,10 @@ fn the_spindle_axis_spreads_as_the_forward_kinematics_turn_it() {
     let sigma = [0.01, 0.02, 0.005, 0.01, 0.015, 0.01];
     // A level platform with equal errors: the axis turns by A and B alone, which are independent by symmetry.
     let home = config.home_pose();
-    let level = axis_sigma(&at(&config, &home), &home, &[0.01; 6]);
+    let level = axis_sigma(&at(&config, &home), &[0.01; 6]);
     assert!((level[0] - SIGMA[4]).abs() < 1e-9 && (level[1] - SIGMA[3]).abs() < 1e-9, "{level:?}");
     let pose = Pose::from_degrees([20.0, -30.0, 650.0, 12.0, -9.0, 5.0]);
-    let [most, least] = axis_sigma(&at(&config, &pose), &pose, &sigma);
+    let [most, least] = axis_sigma(&at(&config, &pose), &sigma);
     // The sum of both variances is that of the axes that the core's forward kinematics find for each joint alone.
     let joints = config.machine.inverse(&pose, &config.spindle).unwrap();
     let axis = |i: usize, by: f64| {

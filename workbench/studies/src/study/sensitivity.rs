@@ -4,20 +4,21 @@
 //! Let J be the Jacobian of the joints with respect to the pose, and g the change of a leg's length per joint
 //! unit. Forward kinematics minimize the errors of the legs' lengths, so small joint errors dq
 //! move the pose by `dX = (g J)⁺ g dq`, which is J⁻¹ dq if there are as many legs as coordinates.
-//! A pose is singular if J loses rank (the legs do not constrain the platform, *parallel*) or if
+//! On a machine with constraints of the platform, J is the Jacobian over the commanded coordinates, which the dependent ones
+//! follow. A pose is singular if J loses rank (the legs do not constrain the platform, *parallel*) or if
 //! a rod is perpendicular to the motion of its lower end (*serial*).
 //!
 //! Paper 001 uses the ratios of rates along one path, l̇ⱼ/ẋᵢ, as partial derivatives. They are the
 //! outer product of two vectors, of rank 1 for every machine and pose, and become infinite where
 //! a coordinate of the path reverses; see [`ratios`].
 
-use kinematics::{At, Fault, Joints, MAX_JOINTS, Pose, Vector3};
+use kinematics::{At, Cause, Fault, Joints, MAX_JOINTS, Pose, Vector3};
 use machine::files;
 use machine::proof::axis_box::AxisBox;
 use machine::read::columns::coordinates;
 use machine::read::mechanism::Mechanism;
 use machine::rows::{self, Rows};
-use nalgebra::{Matrix2, SMatrix, SVector};
+use nalgebra::{Matrix2, Matrix6, SMatrix, SVector};
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
@@ -39,8 +40,10 @@ const SINGULAR: f64 = 1e-8;
 /// Errors of a pose, and its conditioning.
 #[derive(Clone, Debug)]
 pub struct Sensitivity {
-    /// Pose changes per joint error.
+    /// Pose changes per joint error, those of dependent coordinates included.
     pub gain: Gain,
+    /// The pose with its dependent coordinates.
+    pub pose: Pose,
     /// Largest and smallest singular value of J with angles times the length, and its determinant
     /// (its magnitude; the product of the singular values if there are more legs than coordinates).
     pub singular_values: [f64; 2],
@@ -78,9 +81,18 @@ impl Sensitivity {
         for k in 3..6 {
             gain.row_mut(k).scale_mut(1_f64.to_degrees() / length);
         }
+        if config.machine.layout().constraints() > 0 {
+            gain = in_degrees(rows::follow_on_work(
+                &config.geometry,
+                config.machine.radius(),
+                &at,
+                tool,
+            )) * gain;
+        }
         let values = rows::singular_values(&scaled, moved);
         Ok(Some(Self {
             gain,
+            pose: rows::with_dependent(&config.machine, pose, tool)?,
             singular_values: [values[0], values[moved - 1]],
             determinant: values.iter().product(),
         }))
@@ -111,8 +123,8 @@ impl Sensitivity {
 
 /// Returns the standard deviations of the direction of the spindle axis, which is Z of the platform: angles in degrees in
 /// two perpendicular directions, the largest first, for independent errors of the joints.
-pub fn axis_sigma(found: &Sensitivity, pose: &Pose, sigma: &[f64]) -> [f64; 2] {
-    let (rotation, turns) = (pose.rotation(), rows::rate_map(pose));
+pub fn axis_sigma(found: &Sensitivity, sigma: &[f64]) -> [f64; 2] {
+    let (rotation, turns) = (found.pose.rotation(), rows::rate_map(&found.pose));
     let mut covariance = Matrix2::zeros();
     for (j, sigma) in sigma.iter().enumerate() {
         let angles = Vector3::from_fn(|k, _| found.gain[(3 + k, j)]);
@@ -122,6 +134,12 @@ pub fn axis_sigma(found: &Sensitivity, pose: &Pose, sigma: &[f64]) -> [f64; 2] {
     let values = covariance.symmetric_eigenvalues();
     // Rounding may make the smaller one negative.
     [values.max(), values.min().max(0.0)].map(f64::sqrt)
+}
+
+/// Converts rates per machine unit and radian to rates per machine unit and degree.
+fn in_degrees(rates: Matrix6<f64>) -> Matrix6<f64> {
+    let unit = |k: usize| if k < 3 { 1.0 } else { 1_f64.to_degrees() };
+    Matrix6::from_fn(|i, k| rates[(i, k)] * unit(i) / unit(k))
 }
 
 fn scaled(jacobian: &Rows, length: f64) -> Rows {
@@ -165,13 +183,15 @@ pub fn monte_carlo(
     let solver = kinematics::Solver { residual_limit: config.machine.size(), ..config.solver };
     let mut rng = Pcg64::seed_from_u64(0);
     let (mut sum, mut square, mut axis) = ([0.0; 6], [0.0; 6], 0.0);
-    let (asked, straight) = (pose.to_degrees(), pose.rotation().column(2).into_owned());
+    let whole = rows::with_dependent(&config.machine, pose, tool)?;
+    let (asked, straight) = (whole.to_degrees(), whole.rotation().column(2).into_owned());
     for _ in 0..count {
         let mut off = joints;
         for (joint, sigma) in off.iter_mut().zip(sigma) {
             *joint += sigma * rng.sample::<f64, _>(StandardNormal);
         }
         let found = config.machine.forward(&off, pose, tool, &solver)?.pose;
+        let found = rows::with_dependent(&config.machine, &found, tool)?;
         axis += found.rotation().column(2).cross(&straight).norm_squared();
         let found = found.to_degrees();
         for k in 0..6 {
@@ -192,6 +212,8 @@ pub enum Kind {
     /// A rod is so nearly perpendicular to the motion of its lower end that the core refuses any pose
     /// beyond.
     Serial,
+    /// The constraints cease to determine the dependent coordinates.
+    Constraint,
 }
 
 /// A singular pose near a region.
@@ -234,14 +256,17 @@ pub fn near(
 }
 
 impl Near {
-    fn look_along(&mut self, ray: &Ray, hold: impl Fn(f64) -> Option<f64>, factor: f64) {
+    fn look_along(&mut self, ray: &Ray, hold: impl Fn(f64) -> Result<f64, Kind>, factor: f64) {
         let step = factor / RAY_STEPS as f64;
         let mut values: Vec<f64> = vec![];
         for k in 0..=RAY_STEPS {
             let reach = step * k as f64;
-            let Some(value) = hold(reach) else {
-                self.note(Kind::Serial, ray, last(&hold, reach - step, reach));
-                break;
+            let value = match hold(reach) {
+                Ok(value) => value,
+                Err(kind) => {
+                    self.note(kind, ray, last(&hold, reach - step, reach));
+                    break;
+                }
             };
             if reach <= 1.0 {
                 self.least = self.least.min(value);
@@ -270,19 +295,19 @@ impl Near {
 }
 
 /// Returns the last reach that has a value, between one with and one without.
-fn last(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> f64 {
+fn last(hold: &impl Fn(f64) -> Result<f64, Kind>, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..HALVINGS {
         let middle = (low + high) / 2.0;
         match hold(middle) {
-            Some(_) => low = middle,
-            None => high = middle,
+            Ok(_) => low = middle,
+            Err(_) => high = middle,
         }
     }
     low
 }
 
 /// Returns position and value of a minimum, by golden-section search.
-fn lowest(hold: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> (f64, f64) {
+fn lowest(hold: &impl Fn(f64) -> Result<f64, Kind>, mut low: f64, mut high: f64) -> (f64, f64) {
     let value = |reach| hold(reach).unwrap_or(f64::INFINITY);
     let share = (5.0_f64.sqrt() - 1.0) / 2.0;
     for _ in 0..HALVINGS {
@@ -320,13 +345,16 @@ impl Ray {
         std::array::from_fn(|k| self.middle[k] + reach * self.to_border[k])
     }
 
-    /// Returns the conditioning; `None` if there are no joint values.
-    fn hold(&self, config: &Mechanism, tool: &Vector3<f64>, reach: f64) -> Option<f64> {
+    /// Returns the conditioning; an error if there are no joint values.
+    fn hold(&self, config: &Mechanism, tool: &Vector3<f64>, reach: f64) -> Result<f64, Kind> {
         config
             .machine
             .at(&Pose::from_degrees(self.at(reach)), tool)
             .map(|at| at.smallest_singular_value())
-            .ok()
+            .map_err(|fault| match fault.cause {
+                Cause::ConstraintSingular => Kind::Constraint,
+                _ => Kind::Serial,
+            })
     }
 }
 

@@ -8,11 +8,14 @@
 //! friction locks the thread ([`Screw::SelfLocking`]), they are those of the lengths alone.
 //!
 //! Coordinates fixed by guides or joints of the platform count as rigid: they do not contribute to the
-//! compliance, and K is not computed.
+//! compliance, and K is not computed. So do the passive joints and passive legs behind constraints: they carry load
+//! without yielding, and the dependent coordinates follow the yielding of the legs.
 
 use crate::study::file::Screw;
 use crate::study::springs::Springs;
-use kinematics::{Fault, Geometry, LegGeometry, MAX_JOINTS, Machine, Matrix3, Pose, Vector3};
+use kinematics::{
+    ConstraintGeometry, Fault, Geometry, LegGeometry, MAX_JOINTS, Machine, Matrix3, Pose, Vector3,
+};
 use machine::read::mechanism::Mechanism;
 use machine::rows::{self, Rows, joint_rows, length_rows};
 use nalgebra::{Matrix6, SMatrix, SVector};
@@ -55,10 +58,19 @@ impl Stiffness {
         let gains = rows::gains_in_mm(config, &at);
         let n_per_mm: Vec<f64> =
             springs.all.iter().zip(gains).map(|(spring, gain)| spring.along(gain)).collect();
-        Ok(Self::of_rows(config, pose, &rows, &n_per_mm))
+        let whole = (
+            rows::with_dependent(&config.machine, pose, tool)?,
+            rows::follow_on_work(&config.geometry, config.machine.radius(), &at, tool),
+        );
+        Ok(Self::of_rows(config, &whole, &rows, &n_per_mm))
     }
 
-    fn of_rows(config: &Mechanism, pose: &Pose, rows: &Rows, n_per_mm: &[f64]) -> Option<Self> {
+    fn of_rows(
+        config: &Mechanism,
+        (pose, follow): &(Pose, Matrix6<f64>),
+        rows: &Rows,
+        n_per_mm: &[f64],
+    ) -> Option<Self> {
         let moved = rows::moved(config).len();
         // Angles times a length of the machine: rows of one unit, for the rank test.
         let radius = config.machine.radius();
@@ -78,7 +90,9 @@ impl Stiffness {
         let unit = Matrix6::from_diagonal(&SVector::<f64, 6>::from_fn(|k, _| {
             if k < 3 { 1.0 } else { per_mm / radius }
         }));
-        let to_tip = to_twist * unit;
+        let length = |k: usize| if k < 3 { per_mm } else { 1.0 };
+        let follow = Matrix6::from_fn(|i, k| follow[(i, k)] * length(k) / length(i));
+        let to_tip = to_twist * follow * unit;
         let compliance = to_tip * of_pose * to_tip.transpose();
         let matrix = (moved == 6).then(|| compliance.try_inverse()).flatten();
         Some(Self { compliance, matrix })
@@ -135,7 +149,8 @@ impl Ellipsoid {
     }
 }
 
-/// Returns the machine with its platform anchors `factor` times as far from the axis of the control point.
+/// Returns the machine with its platform anchors, and the platform's points of constraints, `factor` times as far from the
+/// axis of the control point.
 ///
 /// # Errors
 /// The core refuses the scaled machine.
@@ -145,7 +160,16 @@ pub fn with_platform(config: &Mechanism, factor: f64) -> Result<Mechanism, Fault
         (platform[0], platform[1]) = (platform[0] * factor, platform[1] * factor);
     }
     let layout = config.machine.layout();
-    let mut geometry = Geometry::of_layout(*layout, |i| legs[i]);
+    let mut constraints = config.geometry.constraints().to_vec();
+    for constraint in &mut constraints {
+        if let ConstraintGeometry::PointInPlane { platform, .. }
+        | ConstraintGeometry::PlaneThroughPoint { platform, .. } = constraint
+        {
+            (platform[0], platform[1]) = (platform[0] * factor, platform[1] * factor);
+        }
+    }
+    let geometry = Geometry::of_layout(*layout, |i| legs[i]);
+    let mut geometry = geometry.with_constraints(|i| constraints[i]);
     (geometry.centre, geometry.home) = (config.geometry.centre, config.geometry.home);
     let machine = Machine::freeze(&geometry, &config.offsets)?;
     Ok(Mechanism { machine, geometry, ..config.clone() })

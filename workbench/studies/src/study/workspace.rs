@@ -193,6 +193,15 @@ impl<'a> Workspace<'a> {
         limits.conditioning = study.limits.conditioning.map_or(limits.conditioning, |c| c.0);
         let base = pyramid(config, &study.limits, End::Base, &mut limits.base_pyramid)?;
         let platform = pyramid(config, &study.limits, End::Platform, &mut limits.platform_pyramid)?;
+        // Another fault depends on the position, and bounds the workspace.
+        let home = config.home;
+        for [a, b, c] in &orientations {
+            let pose = Pose::from_degrees([home[0], home[1], home[2], *a, *b, *c]);
+            match config.machine.inverse(&pose, &tool) {
+                Err(fault) if fault.cause == Cause::DependentGiven => return Err(fault.into()),
+                _ => (),
+            }
+        }
         let radians = |[a, b, c]: [f64; 3]| Pose::from_degrees([0.0, 0.0, 0.0, a, b, c]).angles;
         Ok(Self {
             config,
