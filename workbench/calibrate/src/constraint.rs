@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-2.0-or-later
+//! Parameters of the constraints of the platform.
+//!
+//! A constraint is one equation, and its file has more numbers than the equation depends on. Parameters are those that
+//! matter: the shift of a plane along its normal, tilts of directions, and points. A point that is an anchor of a leg is
+//! the same joint, and follows the parameters of the leg; planes through the same point share it.
+
+use super::model::Quantity;
+use kinematics::{ConstraintGeometry, Geometry, Vector3};
+
+/// Points of the file that are nearer than this share of the size are one point.
+const SAME: f64 = 1e-6;
+
+/// Part of a constraint that a parameter changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConstraintPart {
+    /// A coordinate of the point of base of this constraint and all others with the same point.
+    Base(usize),
+    /// A coordinate of the platform's point.
+    Platform(usize),
+    /// Shift of the plane along its normal.
+    Shift,
+    /// Tilt of the normal, or of the platform's axis, about one of two perpendicular directions: a length at the radius of
+    /// the platform.
+    Normal(usize),
+    /// Tilt of the axis of base.
+    BaseAxis(usize),
+}
+
+/// Returns whether two points are the same joint.
+fn is_same(one: &[f64; 3], other: &[f64; 3], size: f64) -> bool {
+    (Vector3::from(*one) - Vector3::from(*other)).norm() <= SAME * size
+}
+
+/// Returns the leg whose platform anchor is a point.
+fn platform_leg(geometry: &Geometry, point: &[f64; 3], size: f64) -> Option<usize> {
+    geometry.legs().iter().position(|leg| is_same(&leg.platform, point, size))
+}
+
+/// Returns the leg whose fixed base anchor is a point.
+fn base_leg(geometry: &Geometry, point: &[f64; 3], size: f64) -> Option<usize> {
+    let mut legs = geometry.legs().iter();
+    legs.position(|leg| leg.kind.stands() && is_same(&leg.base, point, size))
+}
+
+/// Returns the first constraint with the same point of base.
+fn first_through(geometry: &Geometry, point: &[f64; 3], size: f64) -> Option<usize> {
+    geometry.constraints().iter().position(|constraint| match constraint {
+        ConstraintGeometry::PlaneThroughPoint { base, .. } => is_same(base, point, size),
+        _ => false,
+    })
+}
+
+/// Returns the parameters of the constraints of a geometry.
+pub(crate) fn parameters(geometry: &Geometry, size: f64) -> Vec<Quantity> {
+    let mut all = vec![];
+    for (i, constraint) in geometry.constraints().iter().enumerate() {
+        let mut parts = vec![];
+        match constraint {
+            ConstraintGeometry::PointInPlane { platform, .. } => {
+                if platform_leg(geometry, platform, size).is_none() {
+                    parts.extend((0..3).map(ConstraintPart::Platform));
+                }
+                parts.push(ConstraintPart::Shift);
+                parts.extend((0..2).map(ConstraintPart::Normal));
+            }
+            ConstraintGeometry::PlaneThroughPoint { platform, base, .. } => {
+                let is_first = first_through(geometry, base, size) == Some(i);
+                if is_first && base_leg(geometry, base, size).is_none() {
+                    parts.extend((0..3).map(ConstraintPart::Base));
+                }
+                if platform_leg(geometry, platform, size).is_none() {
+                    parts.push(ConstraintPart::Shift);
+                }
+                parts.extend((0..2).map(ConstraintPart::Normal));
+            }
+            ConstraintGeometry::Square { .. } => {
+                parts.extend((0..2).map(ConstraintPart::Normal));
+                parts.extend((0..2).map(ConstraintPart::BaseAxis));
+            }
+        }
+        all.extend(parts.into_iter().map(|part| Quantity::Constraint(i, part)));
+    }
+    all
+}
+
+/// Returns constraint `i` of a drawn geometry with changes of its parameters; `legs` is the geometry with changed legs.
+pub(crate) fn changed(
+    drawn: &Geometry,
+    legs: &Geometry,
+    i: usize,
+    (size, radius): (f64, f64),
+    changes: &[(Quantity, f64)],
+) -> ConstraintGeometry {
+    let of = |n: usize, part: ConstraintPart| -> f64 {
+        let own = changes.iter().filter(|(quantity, _)| *quantity == Quantity::Constraint(n, part));
+        own.map(|(_, change)| change).sum()
+    };
+    let vector =
+        |n: usize, part: fn(usize) -> ConstraintPart| Vector3::from_fn(|axis, _| of(n, part(axis)));
+    let tilted = |given: &[f64; 3], part: fn(usize) -> ConstraintPart| {
+        let by = [0, 1].map(|k| of(i, part(k)) / radius);
+        if by == [0.0; 2] { *given } else { tilted(given, by) }
+    };
+    let mut constraint = drawn.constraints()[i];
+    match &mut constraint {
+        ConstraintGeometry::PointInPlane { platform, base, normal } => {
+            match platform_leg(drawn, platform, size) {
+                Some(leg) => *platform = legs.legs()[leg].platform,
+                None => add(platform, &vector(i, ConstraintPart::Platform)),
+            }
+            add(base, &(unit(normal) * of(i, ConstraintPart::Shift)));
+            *normal = tilted(normal, ConstraintPart::Normal);
+        }
+        ConstraintGeometry::PlaneThroughPoint { platform, normal, base } => {
+            match platform_leg(drawn, platform, size) {
+                Some(leg) => *platform = legs.legs()[leg].platform,
+                None => add(platform, &(unit(normal) * of(i, ConstraintPart::Shift))),
+            }
+            match (base_leg(drawn, base, size), first_through(drawn, base, size)) {
+                (Some(leg), _) => *base = legs.legs()[leg].base,
+                (None, first) => add(base, &vector(first.unwrap_or(i), ConstraintPart::Base)),
+            }
+            *normal = tilted(normal, ConstraintPart::Normal);
+        }
+        ConstraintGeometry::Square { platform_axis, base_axis } => {
+            *platform_axis = tilted(platform_axis, ConstraintPart::Normal);
+            *base_axis = tilted(base_axis, ConstraintPart::BaseAxis);
+        }
+    }
+    constraint
+}
+
+fn add(point: &mut [f64; 3], shift: &Vector3<f64>) {
+    point.iter_mut().zip(shift.iter()).for_each(|(value, change)| *value += change);
+}
+
+fn unit(direction: &[f64; 3]) -> Vector3<f64> {
+    Vector3::from(*direction).normalize()
+}
+
+/// Returns a unit vector tilted along two directions perpendicular to a given one.
+fn tilted(given: &[f64; 3], by: [f64; 2]) -> [f64; 3] {
+    let own = unit(given);
+    let least = own.iamin();
+    let across = own.cross(&super::model::unit(least)).normalize();
+    (own + across * by[0] + own.cross(&across) * by[1]).normalize().into()
+}
