@@ -160,6 +160,10 @@ class Machine:
     def coordinates(self) -> str:
         """Returns the letters that joints move; the others must be 0, and are refused otherwise."""
     @property
+    def dependent(self) -> str:
+        """Returns the letters whose values follow from the others by constraints of the platform; in poses they are 0,
+        unless a table compensates them."""
+    @property
     def home(self) -> NDArray[np.float64]:
         """Returns (6,): the machine's own pose at [TRAJ]HOME."""
     @property
@@ -179,6 +183,9 @@ class Machine:
         """Returns the same value as the module's pin `geometry-hash`."""
     def inverse(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
         """Returns joint values (n, joints): lengths in the machine's unit, arms in degrees. Does not check limits."""
+    def full_poses(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
+        """Returns the poses of the control point in the base frame (n, 6), with the dependent coordinates and without the
+        motion of a table; the same poses without constraints."""
     def own_poses(self, positions: Rows, *, tool: Sequence[float] | None = None) -> Answer:
         """Returns the machine's own poses (n, 6) at positions X Y Z A B C U V W of LinuxCNC (n, 9). They differ if axes
         carry work, tool or legs; all other methods take own poses."""
@@ -192,9 +199,11 @@ class Machine:
     ) -> Answer:
         """Returns poses (n, 6) of joint values (n, joints), each the one that the machine reaches if its joints move
         straight from the seed; if that is not certain there is no answer. `seed`: one pose for all rows (default: home),
-        or (n, 6), one per row. With `follow` each row starts from the last pose found, on one core."""
+        or (n, 6), one per row. With `follow` each row starts from the last pose found, on one core. Dependent
+        coordinates are 0; `full_poses` adds them."""
     def jacobian(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
-        """Returns (n, joints, 6): derivatives of joint values by X Y Z (machine unit) and A B C (degree)."""
+        """Returns (n, joints, 6): derivatives of joint values by X Y Z (machine unit) and A B C (degree); dependent
+        coordinates follow the others, and their own columns are 0."""
     def conditioning(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:
         """Returns (n,): smallest singular value of the legs' constraint rows, 0 at a singular pose."""
     def space(self, poses: Rows, *, tool: Sequence[float] | None = None) -> Answer:

@@ -49,6 +49,15 @@ impl Batch<'_, '_> {
         self.each(joints, ask).answer(self.py, &self.rows, &[joints])
     }
 
+    /// Computes the poses of the control point in base, with the coordinates that constraints determine.
+    pub fn full_poses(&self) -> PyResult<Answer> {
+        let ask = |at: &At, answer: &mut [f64]| {
+            answer.copy_from_slice(&at.full_pose().to_degrees());
+            Ok(())
+        };
+        self.at_each(POSE, ask).answer(self.py, &self.rows, &[POSE])
+    }
+
     /// Converts positions of LinuxCNC, X Y Z A B C U V W, to the machine's own poses.
     pub fn own_poses(&self) -> PyResult<Answer> {
         let Self { config, tool, .. } = self;

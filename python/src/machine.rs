@@ -10,7 +10,7 @@ use crate::studies::{self, Look, Sensitivity, Stiffness, Workspace};
 use ::studies::study::workspace::tilts;
 use kinematics::{Letter, POSE_LETTERS, Vector3};
 use machine::read::ini::Ini;
-use machine::read::machine::MachineConfig;
+use machine::read::machine::{Lenient, MachineConfig};
 use machine::read::mechanism::Mechanism;
 use new::kinds::KINDS;
 use new::make::sketched;
@@ -42,6 +42,10 @@ impl Machine {
                 config.file.display()
             ))),
         }
+    }
+
+    fn of_ini(ini: &Ini) -> PyResult<Self> {
+        Self::of(MachineConfig::leniently(ini, Some(Lenient::Constraints)).map_err(machine_error)?)
     }
 
     /// Returns the tool vector, spindle offset included, as in `pkm joints --tool`.
@@ -85,14 +89,13 @@ impl Machine {
 
     #[staticmethod]
     fn from_ini(path: PathBuf) -> PyResult<Self> {
-        Self::of(MachineConfig::read(&path).map_err(machine_error)?)
+        Self::of_ini(&Ini::read(&path).map_err(machine_error)?)
     }
 
     #[staticmethod]
     #[pyo3(signature = (text, name="machine.ini"))]
     fn from_text(text: &str, name: &str) -> PyResult<Self> {
-        let ini = Ini::parse(Path::new(name), text).map_err(machine_error)?;
-        Self::of(MachineConfig::from_ini(&ini).map_err(machine_error)?)
+        Self::of_ini(&Ini::parse(Path::new(name), text).map_err(machine_error)?)
     }
 
     /// Creates a machine of a kind of `pkm new` from its values as words, keyed as the command's options.
@@ -139,6 +142,11 @@ impl Machine {
     }
 
     #[getter]
+    fn dependent(&self) -> String {
+        self.config.dependent().iter().map(|letter| letter.name()).collect()
+    }
+
+    #[getter]
     fn home<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.config.home.to_vec().into_pyarray(py)
     }
@@ -174,6 +182,11 @@ impl Machine {
     #[pyo3(signature = (poses, *, tool=None))]
     fn inverse(&self, poses: &Bound<'_, PyAny>, tool: Option<Vec<f64>>) -> PyResult<Answer> {
         self.batch(poses, tool)?.inverse()
+    }
+
+    #[pyo3(signature = (poses, *, tool=None))]
+    fn full_poses(&self, poses: &Bound<'_, PyAny>, tool: Option<Vec<f64>>) -> PyResult<Answer> {
+        self.batch(poses, tool)?.full_poses()
     }
 
     #[pyo3(signature = (positions, *, tool=None))]
