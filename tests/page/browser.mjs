@@ -41,12 +41,12 @@ export function near(found, expected, tolerance, text) {
   check(a.length === b.length && apart <= tolerance, `${text}: ${a}, expected ${b}`);
 }
 
-/** Answers of `pkm` by arguments and input, which a run of mutants repeats often. */
+/** Answers of `pkm` by arguments and input, which tests repeat. */
 const answers = new Map();
 
 export function pkm(args, input = "") {
   const asked = JSON.stringify([args, input]);
-  if (given.code && answers.has(asked)) return answers.get(asked);
+  if (answers.has(asked)) return answers.get(asked);
   const done = spawnSync(given.pkm, args, { input, encoding: "utf8", maxBuffer: 1 << 28 });
   if (done.error) throw done.error;
   answers.set(asked, done);
@@ -83,12 +83,12 @@ export async function browser() {
   });
 }
 
-/** Records the last scene, renderer and camera, which Three.js reports to developer tools. It also shortens waits, and skips
- * drawing, which takes longest, if a run of mutants needs no picture. */
+/** Records the last scene, renderer and camera, which Three.js reports to developer tools, and counts pictures. It also shortens
+ * waits, and skips drawing, which takes longest, unless a test looks at the picture itself. */
 const OBSERVER = () => {
   const later = window.setTimeout;
   window.setTimeout = (act, delay, ...rest) => later(act, Math.min(delay, 40), ...rest);
-  window.seen = { rested: () => new Promise((rested) => later(rested, 60)) };
+  window.seen = { rested: () => new Promise((rested) => later(rested, 60)), pictures: 0, isDrawn: location.hash !== "" };
   window.__THREE_DEVTOOLS__ = new EventTarget();
   window.__THREE_DEVTOOLS__.addEventListener("observe", ({ detail }) => {
     if (detail.isScene) window.seen.scene = detail;
@@ -97,7 +97,8 @@ const OBSERVER = () => {
       window.seen.renderer = detail;
       detail.render = (scene, camera) => {
         window.seen.camera = camera;
-        if (!window.__stryker__ || location.hash) return render.call(detail, scene, camera);
+        window.seen.pictures += 1;
+        if (window.seen.isDrawn) return render.call(detail, scene, camera);
         scene.updateMatrixWorld();
         camera.updateMatrixWorld();
       };

@@ -35,6 +35,49 @@ const cones = (page) => asText(page, () => {
   return found;
 });
 
+const NEAR = "e69f00";
+const BEYOND = "d55e00";
+const ROD = "c3ccd6";
+
+/** Smallest distance of legs, mm: little below that at home. */
+const CLEARANCE = 102;
+
+/** Returns the distance of two legs, from 400 parts of the first. */
+function distance(a, { lower, upper }) {
+  const along = less(upper, lower);
+  return Math.min(...Array.from({ length: 401 }, (_, n) => {
+    const from = less(a.lower.map((value, k) => value + (n / 400) * (a.upper[k] - value)), lower);
+    const share = Math.min(Math.max(dot(from, along) / dot(along, along), 0), 1);
+    return Math.hypot(...less(from, scaled(along, share)));
+  }));
+}
+
+/** Checks that legs beyond a cone or closer to each other than allowed are red, and that those near a cone are orange. */
+async function coloredByLegs(page, machine, { scene, tool }) {
+  const seen = new Set();
+  // Tilted and turned, one pair of legs is closer to each other; tilted to the other side, one leg is beyond its cone.
+  const poses = [[0, 0], [20, 20], [-20, 20]].map(([a, c]) => scene.home.pose.map((value, k) => value + [0, 0, 0, a, 0, c][k]));
+  const { rows } = table("rods", machine, 0, poses, ownTool({ scene, tool }, tool));
+  for (const [place, row] of rows.entries()) {
+    const pose = poses[place];
+    await page.evaluate((pose) => window.pkm.take(pose), pose);
+    const { code, legs, joints } = await asText(page, () => window.pkm.state());
+    check(code === 0, `${machine}: refused at ${pose}`);
+    const colors = {};
+    for (const color of [ROD, NEAR, BEYOND]) colors[color] = await bars(page, color);
+    scene.legs.forEach(({ base_cone: base, platform_cone: platform }, n) => {
+      const { min, max } = scene.joints[n];
+      const close = legs.some((leg, k) => k !== n && distance(legs[n], leg) < CLEARANCE);
+      const share = Math.min((base - row[`base_cone_${n}`]) / base, (platform - row[`platform_cone_${n}`]) / platform, Math.min(joints[n] - min, max - joints[n]) / (max - min));
+      const wanted = share < 0 || close ? BEYOND : share < 0.1 ? NEAR : ROD;
+      const found = Object.keys(colors).filter((color) => colors[color].some(([from, to]) => Math.hypot(...less(from, legs[n].lower)) < SINGLE * 5 && Math.hypot(...less(to, legs[n].upper)) < SINGLE * 5));
+      check(String(found) === wanted, `${machine}: leg ${n} with ${share} left at ${pose} is ${found}, expected ${wanted}`);
+      seen.add(share >= 0 && close ? "close" : wanted);
+    });
+  }
+  check(seen.size === 4, `${machine}: colors only for ${[...seen]}`);
+}
+
 /** Checks that each cone is at its joint, about the leg at home, with the angle of the INI file, and that the platform's cones
  * move with it. */
 async function conesTest(page) {
@@ -42,7 +85,7 @@ async function conesTest(page) {
   for (const machine of ["hexapod", "lab-hexapod", "tripod", "rotary-delta", "lathe-mirrored"]) {
     // No shipped machine has cones at its platform.
     const own = file(`${machine}-cones.ini`);
-    writeFileSync(own, readFileSync(ini(machine), "utf8").replaceAll(/^BASE_CONE = .*$/gm, "$&\nPLATFORM_CONE = 35"));
+    writeFileSync(own, readFileSync(ini(machine), "utf8").replaceAll(/^BASE_CONE = .*$/gm, `$&\nPLATFORM_CONE = ${machine === "hexapod" ? 33 : 35}`).replace(/ROD_CLEARANCE = .*/, `ROD_CLEARANCE = ${CLEARANCE}`));
     const mechanisms = await opened(page, `${machine}-cones`, own);
     check((await cones(page)).every(({ isShown }) => !isShown), `${machine}: cones are shown before they are asked for`);
     await box(page, "cones of the joints").check();
@@ -70,14 +113,13 @@ async function conesTest(page) {
     const after = (await cones(page)).map(({ tip }) => tip);
     const gone = before.map((tip, n) => Math.hypot(...less(after[n], tip))).filter((way) => way > SINGLE).length;
     check(gone === mechanisms[0].scene.legs.filter(({ platform_cone: angle }) => angle).length, `${machine}: ${gone} cones go with the platform`);
+    if (machine === "hexapod") await coloredByLegs(page, own, mechanisms[0]);
     await box(page, "cones of the joints").uncheck();
     check((await cones(page)).every(({ isShown }) => !isShown), `${machine}: cones stay`);
   }
   return `${count} cones`;
 }
 
-const NEAR = "e69f00";
-const BEYOND = "d55e00";
 
 /** Checks that a leg is orange within a tenth of its range from a limit and red beyond it, and that the text beside the picture
  * names the violated limit. */
@@ -107,7 +149,7 @@ async function colors(page) {
         check(rod, `${machine}: no rod of leg ${k} at ${pose}`);
         // Dead points count too: struts have none, and near home the rods of a delta on rails are far from theirs.
         if (own.scene.legs[k].kind !== "strut" && shares[k] > 0.1) return;
-        const wanted = shares[k] < 0 ? BEYOND : shares[k] < 0.1 ? NEAR : "c3ccd6";
+        const wanted = shares[k] < 0 ? BEYOND : shares[k] < 0.1 ? NEAR : ROD;
         check(rod.color === wanted, `${machine}: rod of leg ${k} with ${shares[k]} is ${rod.color}`);
         seen.add(wanted);
       });
@@ -160,17 +202,18 @@ function meeting({ points, faces }, from, way) {
  * without axis limits. */
 async function workspaceTest(page) {
   let ways = 0;
-  for (const [machine, turn] of [["hexapod", [0, 0, 0]], ["hexapod", [18, -14, 9]], ["tripod", [0, 0, 0]], ["linear-delta", [0, 0, 0]]]) {
+  for (const [machine, turn, length] of [["hexapod", [0, 0, 0], 80], ["hexapod", [18, -14, 9], 0], ["tripod", [0, 0, 0], 0], ["linear-delta", [0, 0, 0], 0]]) {
     const [own] = await opened(page, `${machine}-space`, ini(machine));
-    const wide = file(`${machine}-wide.ini`);
+    const wide = file(`${machine}-free.ini`);
     const letter = (text, name) => text.replace(new RegExp(`(\\[AXIS_${name}\\][^[]*?MIN_LIMIT = )\\S+`), "$1-99999").replace(new RegExp(`(\\[AXIS_${name}\\][^[]*?MAX_LIMIT = )\\S+`), "$199999");
     writeFileSync(wide, [..."XYZ"].reduce(letter, readFileSync(ini(machine), "utf8")).replace(/^\[BOX_\d+\][^[]*/gm, "").replace(" boxes=1", ""));
     const pose = own.scene.home.pose.map((value, k) => value + (k < 3 ? 0 : turn[k - 3]));
-    await page.evaluate((pose) => window.pkm.take(pose), pose);
+    const tool = [0, 0, length];
+    await page.evaluate(([pose, tool]) => window.pkm.take(pose, tool), [pose, tool]);
     await rested(page);
     const { body, lines } = await space(page);
     check(body.normals * 3 === body.points.length, `${machine}: normals`);
-    const { travel } = answer("travel", wide, "--pose", ...pose, "--tool", 0, 0, 0);
+    const { travel } = answer("travel", wide, "--pose", ...pose, "--tool", ...tool);
     const all = triples(body.points);
     const cell = Math.max(...[0, 1, 2].map((k) => Math.max(...all.map((p) => p[k])) - Math.min(...all.map((p) => p[k])))) / 24;
     for (const [k, name] of [..."XYZ"].entries()) {
@@ -189,7 +232,7 @@ async function workspaceTest(page) {
       return sum + (p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2]) + p[2] * (q[0] * r[1] - q[1] * r[0])) / 6;
     }, 0);
     check(Math.abs(volume) > 0, `${machine}: volume ${volume}`);
-    const inside = answer("workspace", wide, "--bands", 12, "--grid", 20).volume_by_boundary;
+    const inside = answer("workspace", wide, "--bands", 12, "--grid", 20, "--tool", ...tool).volume_by_boundary;
     if (turn.every((angle) => angle === 0)) near(Math.abs(volume), inside, 0.12 * inside, `${machine}: volume of the workspace`);
     const range = own.scene.axes.slice(0, 3).map(({ min, max }) => [min, max]);
     const edges = triples(lines).reduce((pairs, point, n) => (n % 2 ? [...pairs.slice(0, -1), [pairs.at(-1), point]] : [...pairs, point]), []);
@@ -235,6 +278,12 @@ async function viewsTest(page) {
       check(all.every(([x, y]) => Math.abs(x) <= 1.01 && Math.abs(y) <= 1.01), `${machine}: from ${name} something is out of sight`);
       check(all.some(([x, y]) => Math.max(Math.abs(x), Math.abs(y)) > 0.5), `${machine}: from ${name} all is small`);
     }
+    const top = await asText(page, () => {
+      window.pkm.look("top");
+      const { camera } = window.seen;
+      return camera.getWorldDirection(camera.position.clone()).toArray();
+    });
+    near(top, looks.top.way, 1e-9, `${machine}: another program looks from the top`);
     for (const letter of "XYZ") {
       await page.locator("select[aria-label=cut]").selectOption(`cut: ${letter}`);
       const planes = await asText(page, () => {
@@ -312,7 +361,8 @@ const bars = (page, color) => asText(page, (color) => {
  * axis, and each arm joins its shaft and rod. */
 async function baseTest(page) {
   const at = (a, b) => Math.hypot(...less(a, b)) < 1e-2;
-  for (const machine of ["hexapod", "tripod", "rotary-delta", "linear-delta"]) {
+  // The middle of the pentapod's anchors is not the origin.
+  for (const machine of ["pentapod", "tripod", "rotary-delta", "linear-delta"]) {
     const [{ scene }] = await opened(page, `${machine}-base`, ini(machine));
     const size = Math.max(...scene.legs.flatMap(({ base, rod = 0 }) => [Math.hypot(...base), rod]));
     const state = await asText(page, () => window.pkm.state());
@@ -340,7 +390,7 @@ async function baseTest(page) {
         check(base.some(([from, to]) => degrees(less(to, from), leg.axis) < 0.01 && at(scaled([0, 1, 2].map((k) => from[k] + to[k]), 0.5), leg.base)), `${machine}: no shaft of leg ${n}`);
       }
     });
-    const [rods, barrels] = [await bars(page, "c3ccd6"), await bars(page, "56789a")];
+    const [rods, barrels] = [await bars(page, ROD), await bars(page, "56789a")];
     scene.legs.forEach(({ kind, offset }, n) => {
       const [lower, upper] = [state.ground.lower[n], state.ground.upper[n]];
       check(rods.some(([from, to]) => at(from, lower) && at(to, upper)), `${machine}: no rod of leg ${n}`);

@@ -2,7 +2,7 @@
 // Compares a program on the page with the answers of pkm: marks, time, curves, path, traces, frames.
 import { copyFileSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { HOME, answer, asText, box, check, file, given, ini, near, opened, ownTool, rested, table } from "./browser.mjs";
+import { HOME, answer, asText, box, check, file, given, ini, near, opened, ownTool, rested, table, view } from "./browser.mjs";
 
 // Limits that LinuxCNC does not have, so that it runs the programs to their ends: narrow cones of one leg of each mechanism,
 // and a tilt limit of the hexapod.
@@ -40,6 +40,8 @@ async function layout(page, machine, mechanisms) {
   }));
   const hashes = mechanisms.map(({ scene }) => `0x${scene.geometry_hash.toString(16).padStart(8, "0")}`);
   check(String(header) === String([machine, machine, `${machine}-reply.ngc`, `geometry ${hashes.join(", ")}`]), `${machine}: header ${header}`);
+  const boxes = await page.locator("label.box").allTextContents();
+  check(boxes.length === 5, `${machine}: ${boxes}`);
   check(unnamed === 0 && hasReason, `${machine}: ${unnamed} controls have no name`);
   check(!(await box(page, "workspace at these angles").isChecked()) && (await page.evaluate(() => window.pkm.workspace())).length === 0, `${machine}: the workspace is computed`);
   return classes;
@@ -159,11 +161,68 @@ async function play(page) {
   await button.click();
   await page.waitForTimeout(100);
   check((await time()) < end / 2, "at the end it does not begin again");
+  // A click is lost if its row is replaced meanwhile.
+  const isSame = await page.evaluate(() => {
+    const [row, { time, line }] = [document.querySelector(".space > div"), window.pkm.state()];
+    for (let n = 1; n < 4; n++) window.pkm.go(time + 1e-4 * n);
+    return line === window.pkm.state().line && row === document.querySelector(".space > div");
+  });
+  check(isSame, "the elements of rows are replaced while the line stays");
+  for (const [name, act] of [["home", () => page.getByRole("button", { name: "home", exact: true }).click()], ["a slider", () => page.locator("input[type=range][aria-label=X]").fill("5.5")], ["the slider of the time", () => page.locator("input[aria-label=time]").fill("1")]]) {
+    if ((await button.textContent()) === "play") await button.click();
+    await act();
+    const { time, pose } = await state(page);
+    await page.waitForTimeout(50);
+    check((await button.textContent()) === "play" && (await state(page)).time === time, `${name} does not stop the program`);
+    if (name === "a slider") near(pose[0], 5.5, 0, "X set by its slider");
+    if (name === "the slider of the time") near(time, 1, 0, "time set by its slider");
+  }
   await page.locator(".space > div").nth(3).click();
   const now = await state(page);
   check(now.line === 4 && (await button.textContent()) === "play" && Number(await page.locator("input[aria-label=time]").inputValue()) === now.time, `line 4 leads to line ${now.line}`);
   check(now.pose.every((value, k) => Math.abs(value - [6, 2, 3, 0, 0, 0][k]) < 0.02), `line 4 begins at ${now.pose}`);
   return `${end.toFixed(1)} s of program`;
+}
+
+/** Checks findings in a called file and on lines that LinuxCNC does not reach, in a program with ends of lines of Windows. */
+async function calls(page) {
+  const folder = file("calls");
+  mkdirSync(folder, { recursive: true });
+  copyFileSync(ini("hexapod").replace(/ini$/, "tbl"), join(folder, "hexapod.tbl"));
+  writeFileSync(join(folder, "hexapod.ini"), readFileSync(ini("hexapod"), "utf8").replace("[RS274NGC]\n", `[RS274NGC]\nSUBROUTINE_PATH = ${folder}\n`));
+  const lines = ["G21 G90 M52 P1", "G1 X10 F1000", "o<called> call", "G1 X500", "G1 X0 Y500", "M2"];
+  writeFileSync(file("calls.ngc"), lines.join("\r\n"));
+  writeFileSync(join(folder, "called.ngc"), "o<called> sub\nG1 X12 F1000\nG1 A24 B24\nG1 A0 B0\no<called> endsub\nM2\n");
+  await opened(page, "calls", join(folder, "hexapod.ini"), file("calls.ngc"));
+  const { breaks, files } = answer("preflight", join(folder, "hexapod.ini"), file("calls.ngc"));
+  check(breaks.some(({ file }) => file === 1) && breaks.filter(({ file, seconds }) => file === 0 && seconds === null).length > 1, `findings: ${JSON.stringify(breaks)}`);
+  const seen = await asText(page, () => {
+    const lines = (words) => Array.from(document.querySelectorAll(words), (b) => Number(b.textContent));
+    const found = { marks: window.pkm.marks().map(({ text }) => text), flags: Array.from(document.querySelectorAll(".mark"), ({ title }) => title), broken: lines(".space .broken b"), text: Array.from(document.querySelectorAll(".space > div"), (row) => row.textContent) };
+    window.pkm.go(0.5 * window.pkm.end());
+    found.start = window.pkm.state();
+    found.led = Array.from(document.querySelectorAll(".finding"), (finding) => {
+      finding.click();
+      const { time, line } = window.pkm.state();
+      return { text: finding.textContent, time, line, now: lines(".space .now b") };
+    });
+    return found;
+  });
+  const words = breaks.map(({ file, line, limit, text }) => `${file ? `${files[file].split("/").pop()}, ` : ""}line ${line}: ${limit}: ${text}`);
+  check(String(seen.led.map(({ text }) => text)) === String(words), `${JSON.stringify(seen.led)} where ${words} is expected`);
+  check(String(seen.marks) === String(words), `marks: ${seen.marks}`);
+  check(String(seen.flags) === String(words.filter((_, k) => breaks[k].seconds !== null)), `flags: ${seen.flags}`);
+  check(String(seen.broken) === String([...new Set(breaks.filter(({ file }) => file === 0).map(({ line }) => line))].sort((a, b) => a - b)), `lines ${seen.broken} are marked`);
+  check(String(seen.text) === String(lines.map((text, k) => `${k + 1}${text}`)), `lines: ${seen.text}`);
+  let { time, line } = seen.start;
+  breaks.forEach((one, k) => {
+    const led = seen.led[k];
+    // A finding in the program leads to its line even if the machine has not reached it; one in a called file does not.
+    if (one.seconds !== null) [time, line] = [one.seconds, led.line];
+    if (one.file === 0) line = one.line;
+    near([led.time, led.line], [time, line], 1e-9, `finding ${k}`);
+    check(String(led.now) === (line ? String(line) : ""), `finding ${k}: line ${led.now} is marked as the current one`);
+  });
 }
 
 /** Returns the largest joint motion per unit of tool motion over all directions, from differences of `pkm joints`. */
@@ -221,6 +280,17 @@ async function plot(page, machine, end) {
     const { left, top, width, height } = document.querySelector(".u-over").getBoundingClientRect();
     return { left, top, width, height };
   });
+  const fits = async () => {
+    await rested(page);
+    const { own, room, over } = await page.evaluate(() => {
+      const size = (words) => { const { width, height } = document.querySelector(words).getBoundingClientRect(); return [width, height]; };
+      return { own: size(".uplot"), room: size(".plot"), over: size(".u-over") };
+    });
+    near(own[0], room[0], 1, `${machine}: width of the plot`);
+    // The height of the legend's text depends on the font.
+    check(own[1] <= room[1] + 4 && over[1] > 0.3 * room[1], `${machine}: the plot is ${own} with ${over} for curves, its place ${room}`);
+  };
+  await fits();
   const { left, top, width, height } = await area();
   const column = () => page.evaluate(() => {
     const [over, canvas] = [document.querySelector(".u-over").getBoundingClientRect(), document.querySelector(".u-wrap canvas")];
@@ -267,6 +337,9 @@ async function plot(page, machine, end) {
   check(String(values) === String(curves.map((curve) => curve.values[nearest].toPrecision(5))), `${machine}: ${values} in the legend at ${at} s`);
   const legend = await page.locator(".u-legend .u-label").allTextContents();
   check(legend[0] === "s" && legend.length > 1, `${machine}: ${legend}`);
+  await page.setViewportSize({ width: 1400, height: 900 });
+  await fits();
+  await page.setViewportSize({ width: 1280, height: 800 });
 }
 
 /** Returns points of lines in the picture: the path with its colors, a trace, and the swept volume. */
@@ -364,9 +437,9 @@ async function frames(page) {
       fillText.call(this, text, ...rest);
     };
   });
-  const asked = async (words) => {
+  const asked = async (words, html = file("tripod-reply.html")) => {
     await page.goto("about:blank");
-    await page.goto(`file://${file("tripod-reply.html")}#frames=${words}`);
+    await page.goto(`file://${html}#frames=${words}`);
     await page.waitForSelector("#frames", { state: "attached" });
     return page.evaluate(async () => {
       const images = document.getElementById("frames").textContent.split("\n");
@@ -395,11 +468,17 @@ async function frames(page) {
   check(third.images.length === 1 && third.images[0] === all.images[2], "the third frame is another one alone");
   const side = await asked("2,1,4,320,180,side");
   check(side.images[0] !== third.images[0], "from the side it looks as from above");
+  const first = await asked("0,1,1,320,180,top");
+  check(first.images[0] === all.images[0], "a picture of a program is not its first frame");
+  view(file("alone.html"), ini("tripod"));
+  const alone = await asked("0,1,1,320,180,top", file("alone.html"));
+  check(alone.images.length === 1 && String(alone.written.map(([text]) => text)) === "tripod", `written on the picture of a machine alone: ${JSON.stringify(alone.written)}`);
 }
 
 export const TESTS = [
   ["findings of preflight are marks at their times", marks],
   ["a program ends at its last pose, with its tool", ends],
+  ["findings in called files and on lines that are not reached have no time", calls],
   ["a program is played, and stops", play],
   ["curves equal the answers of pkm joints, and the plot shows the time", curves],
   ["the path, traces and the swept volume follow the machine", traces],

@@ -37,6 +37,11 @@ async function dragged(page, scene, tool, which) {
 /** Checks by a screenshot that the legs are drawn. */
 async function isDrawn(page, name) {
   if (given.code) return page.evaluate(() => window.pkm.seen());
+  await page.evaluate(() => {
+    window.seen.isDrawn = true;
+    window.pkm.seen();
+    window.seen.isDrawn = false;
+  });
   const shot = await page.screenshot();
   if (given.out) writeFileSync(join(given.out, `${name}.png`), shot);
   const seen = await page.evaluate(async (base64) => {
@@ -88,17 +93,38 @@ async function machineTest(page, { machine, program }) {
   return `${scenes.length * (POSES + 60)} poses as pkm joints${placed ? `, ${placed} as the model beside AXIS` : ""}`;
 }
 
-/** Checks that a pose beyond a limit and a refused pose have a reason. */
+/** Checks that a pose beyond a limit and a refused pose have a reason, and no travel; of both mechanisms. */
 async function reasons(page) {
   await opened(page, "reasons", ini("hexapod"));
+  const reason = page.locator(".reason");
+  const take = async (...place) => {
+    const before = await page.evaluate(() => window.seen.pictures);
+    await page.evaluate((place) => window.pkm.take(...place), place);
+    await page.waitForFunction((before) => window.seen.pictures > before, before);
+    await rested(page);
+    return reason.textContent();
+  };
+  const travel = () => page.locator("table.travel tr").evaluateAll((rows) => rows.map((row) => Array.from(row.children, (cell) => cell.textContent)));
   check(await page.locator(".reason[role=status]").isHidden(), "a reason is shown at home");
-  await page.evaluate(() => window.pkm.take([5000, 0, 250, 0, 0, 0]));
-  const reason = await page.locator(".reason").textContent();
-  check(/axis X is at 5000.000 mm, above its limit of 150.000/.test(reason), `beyond a limit without a reason: ${reason}`);
-  check(await page.locator(".reason").isVisible(), "the reason is hidden");
-  await page.evaluate(() => window.pkm.take([NaN, 0, 250, 0, 0, 0]));
-  const refused = await page.locator(".reason").textContent();
+  const beyond = await take([5000, 0, 250, 0, 0, 0]);
+  check(/axis X is at 5000.000 mm, above its limit of 150.000/.test(beyond), `beyond a limit without a reason: ${beyond}`);
+  check(await reason.isVisible(), "the reason is hidden");
+  const rows = await travel();
+  check(rows.length === 12 && rows.every(([, left]) => left === "0.00"), `travel beyond a limit: ${JSON.stringify(rows)}`);
+  check(rows.slice(2).every(([, , , end]) => end === "axis X: axis range"), `ends beyond the limit of X: ${JSON.stringify(rows)}`);
+  const refused = await take([NaN, 0, 250, 0, 0, 0]);
   check(refused.includes("[code -"), `refused without a reason: ${refused}`);
+  check((await travel()).length === 0, "a refused pose has travel");
+  await take([10, 0, 250, 0, 0, 0]);
+  check(await reason.isHidden() && (await travel()).length === 12, "a reason stays at a pose within all limits");
+  const mechanisms = await opened(page, "reasons-pair", ini("lathe-mirrored"));
+  const work = () => page.evaluate(() => String(window.pkm.state().ground.work));
+  const [{ pose }, before] = [mechanisms[1].scene.home, await work()];
+  const second = await take(pose.with(2, pose[2] + 9999), null, 1);
+  check(second.includes("above its limit of") || second.includes("[code -"), `the second mechanism beyond its limits: "${second}"`);
+  check(second.includes("axis W") || second.includes("[code -"), `the second mechanism: ${second}`);
+  check((await work()) === before, "the second mechanism moves the work of the first");
+  check(complaints(page).length === 0, complaints(page).join("; "));
 }
 
 async function unread(page) {
@@ -108,6 +134,12 @@ async function unread(page) {
   await open(page, file("unread.html"));
   const reply = await page.locator("header .error").textContent();
   check(reply.includes("unread.ngc"), `not reply: ${reply}`);
+  const shown = await page.evaluate(() => {
+    const pressed = new KeyboardEvent("keydown", { key: " " });
+    document.querySelector("canvas.picture").dispatchEvent(pressed);
+    return [document.querySelectorAll(".bar, .curves").length, document.querySelectorAll("label.box").length, document.querySelectorAll(".space > div").length];
+  });
+  near(shown, [0, 3, 0], 0, "players and curves, options of display, and rows without a program");
   await isDrawn(page, "unread");
 }
 
@@ -162,8 +194,48 @@ async function carry(page, name, machine, { scene }) {
   await isDrawn(page, `${name}-carried`);
   const { extra, pose } = await page.evaluate(() => window.pkm.state());
   for (const { letter } of scene.chain) check(extra[letter] > 0, `${name}: ${letter} is at ${extra[letter]}`);
+  await checkTables(page, name, scene, extra);
   check(pose.every((value, k) => value === scene.home.pose[k]), `${name}: the mechanism has moved to ${pose}`);
   return states.length;
+}
+
+/** Checks that a disc about each rotary axis that carries work turns with the axis, unless the platform carries the work, and
+ * that the workspace is drawn in the frame of the base, which axes may carry. */
+async function checkTables(page, name, { chain, holder }, extra) {
+  const { discs, space, base } = await asText(page, () => {
+    const found = { discs: [], base: window.pkm.state().ground.base };
+    window.seen.scene.updateMatrixWorld(true);
+    window.seen.scene.traverse((object) => {
+      if (object.material?.opacity === 0.38) found.space = object.matrixWorld.toArray();
+      if (object.geometry?.parameters?.radialSegments !== 48) return;
+      const at = (x, y) => object.localToWorld(object.position.clone().set(x, y, 0)).toArray();
+      const { radiusTop: radius, height } = object.geometry.parameters;
+      found.discs.push({ at: at(0, 0), up: at(0, height / 2), side: at(radius, 0), radius, height, notch: object.parent.children[1].getWorldPosition(object.position.clone()).toArray() });
+    });
+    return found;
+  });
+  // Pages with a program do not show it at first.
+  if (await box(page, "workspace at these angles").isChecked()) near(space, base, SAME, `${name}: frame of the workspace`);
+  const rotary = chain.filter((link) => link.carries === "work" && link.is_rotary);
+  check(discs.length === (holder ? 0 : rotary.length), `${name}: ${discs.length} discs for ${rotary.length} tables`);
+  const unit = (from, to) => from.map((value, k) => (to[k] - value) / Math.hypot(...from.map((value, k) => to[k] - value)));
+  discs.forEach((disc, n) => {
+    const side = unit(disc.at, disc.side);
+    near(unit(disc.at, disc.notch), side, ROUNDED, `${name}: direction of notch ${n}`);
+    const share = Math.hypot(...disc.notch.map((value, k) => value - disc.at[k])) / disc.radius;
+    check(share > 0.5 && share < 1, `${name}: notch ${n} is at ${share} of the radius`);
+    if (n > 0) return;
+    // No axis carries the first table's point.
+    const { axis, point, letter } = rotary[n];
+    near(disc.at, point.map((value, k) => value - disc.height * axis[k]), ROUNDED, `${name}: disc of ${letter}`);
+    near(unit(disc.at, disc.up), axis, ROUNDED, `${name}: axis of the disc of ${letter}`);
+    // At 0 the disc is turned from Y to the axis by the shortest way; Rodrigues' formula gives the direction of its X.
+    const [x, y, z] = axis;
+    const start = [1 - (x * x) / (1 + y), -x, (-x * z) / (1 + y)];
+    const across = [y * start[2] - z * start[1], z * start[0] - x * start[2], x * start[1] - y * start[0]];
+    const angle = (extra[letter] * Math.PI) / 180;
+    near(side, start.map((value, k) => Math.cos(angle) * value + Math.sin(angle) * across[k]), ROUNDED, `${name}: turn of the disc of ${letter}`);
+  });
 }
 
 async function carriers(page) {
@@ -201,7 +273,7 @@ async function workPath(page) {
   await isDrawn(page, "turn");
 }
 
-/** Returns the smallest and largest coordinates of the shape from a file, in the world. */
+/** Returns the smallest and largest coordinates of each shape from a file, in the world. */
 const corners = (page) => asText(page, () => {
   const found = [];
   window.seen.scene.updateMatrixWorld(true);
@@ -209,9 +281,10 @@ const corners = (page) => asText(page, () => {
     // Only shapes from files are drawn without an index of their points, and with normals; the platform is convex.
     if (!object.isMesh || object.geometry.index || object.geometry.parameters || object.material.side !== 2) return;
     const { position } = object.geometry.attributes;
-    for (let n = 0; n < position.count; n++) found.push(object.localToWorld(object.position.clone().fromBufferAttribute(position, n)).toArray());
+    const points = Array.from({ length: position.count }, (_, n) => object.localToWorld(object.position.clone().fromBufferAttribute(position, n)).toArray());
+    found.push([Math.min, Math.max].flatMap((end) => [0, 1, 2].map((k) => end(...points.map((point) => point[k])))));
   });
-  return [Math.min, Math.max].flatMap((end) => [0, 1, 2].map((k) => end(...found.map((point) => point[k]))));
+  return found;
 });
 
 /** Checks that the machine is drawn despite errors in the shapes of its parts, and that the page shows the errors. */
@@ -219,30 +292,41 @@ async function shapes(page) {
   const triangles = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 300 0 0\nvertex 0 300 0\nendloop\nendfacet\nendsolid\n";
   writeFileSync(file("good.stl"), triangles);
   writeFileSync(file("broken.stl"), "not a shape");
-  const text = readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", "[PKM]\nTABLE_MODEL = good.stl mm -100 -100 0\nPLATFORM_MODEL = broken.stl mm\nBASE_MODEL = missing.obj inch\n");
+  // A binary file with one triangle: 80 bytes, the count, and NaN as each of 12 numbers.
+  writeFileSync(file("nowhere.stl"), Buffer.concat([Buffer.alloc(80), Buffer.from([1, 0, 0, 0]), Buffer.from(new Float32Array(12).fill(NaN).buffer), Buffer.alloc(2)]));
+  const text = readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", "[PKM]\nTABLE_MODEL = good.stl mm -100 -100 0\nPLATFORM_MODEL = broken.stl mm\nSPINDLE_MODEL = nowhere.stl mm\nBASE_MODEL = missing.obj inch\n");
   writeFileSync(file("shapes.ini"), text);
   const made = view(file("shapes.html"), file("shapes.ini"));
   check(made.status === 0 && made.stderr.includes("missing.obj"), `status ${made.status}: ${made.stderr}`);
   await open(page, file("shapes.html"));
   const reply = (await page.locator("header .error").allTextContents()).join("; ");
-  check(reply.includes("missing.obj") && reply.includes("broken.stl") && !reply.includes("good.stl"), `shown: ${reply}`);
+  check(reply.includes("missing.obj") && reply.includes("broken.stl") && reply.includes("nowhere.stl") && !reply.includes("good.stl"), `shown: ${reply}`);
   // The picture has 32-bit numbers of lengths of 1e3.
-  near(await corners(page), [-100, -100, 0, 200, 200, 0], 1e-3, "ends of the table's shape");
+  near((await corners(page)).flat(), [-100, -100, 0, 200, 200, 0], 1e-3, "ends of the table's shape");
   await isDrawn(page, "shapes");
 }
 
-/** Checks that shapes are drawn in machine units, at their places, with the part that they belong to. */
+/** Checks that shapes are drawn in machine units, at their places, and move with the part that they belong to. */
 async function placedShapes(page) {
   writeFileSync(file("part.obj"), "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 3\nf 1 2 3 4\n");
   // One inch is 25.4 mm; turned by 90 degrees about Z, X becomes Y, and Y becomes -X.
   const size = [-50.8, 0, 0, 0, 25.4, 76.2];
-  const { home } = JSON.parse(pkm(["scene", ini("hexapod")]).stdout);
-  for (const [part, at] of [["BASE", [5, 6, 7]], ["TABLE", [5, 6, 7]], ["PLATFORM", [5, 6, 7].map((value, k) => value + home.pose[k])]]) {
-    writeFileSync(file(`${part}.ini`), readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", `[PKM]\n${part}_MODEL = part.obj inch 5 6 7 0 0 90\n`));
-    await opened(page, `placed-${part}`, file(`${part}.ini`));
-    near(await corners(page), size.map((value, k) => value + at[k % 3]), 1e-3, `ends of the shape of ${part}`);
-    check(complaints(page).length === 0, complaints(page).join("; "));
+  const parts = [["BASE", 5, false], ["TABLE", 105, false], ["PLATFORM", 205, true], ["SPINDLE", 305, true]];
+  const keys = parts.map(([part, x]) => `${part}_MODEL = part.obj inch ${x} 6 7 0 0 90\n`).join("");
+  writeFileSync(file("placed.ini"), readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", `[PKM]\n${keys}`));
+  const [{ scene: { home } }] = await opened(page, "placed", file("placed.ini"));
+  for (const by of [0, 10]) {
+    const pose = home.pose.map((value, k) => value + (k < 3 ? by : 0));
+    await page.evaluate((pose) => window.pkm.take(pose), pose);
+    const found = await corners(page);
+    check(found.length === parts.length, `${found.length} shapes`);
+    for (const [part, x, isMoved] of parts) {
+      const expected = size.map((value, k) => value + [x, 6, 7][k % 3] + (isMoved ? pose[k % 3] : 0));
+      // The picture has 32-bit numbers of lengths of 1e3.
+      check(found.some((ends) => ends.every((value, k) => Math.abs(value - expected[k]) < 1e-3)), `the shape of ${part} is not at ${expected}: ${JSON.stringify(found)}`);
+    }
   }
+  check(complaints(page).length === 0, complaints(page).join("; "));
 }
 
 /** Checks that the text of a long program follows the time, and that scrolling shows other lines at their heights. */
@@ -305,6 +389,17 @@ async function unlimited(page) {
   await page.evaluate(() => window.pkm.take([30, 0, -300, 0, 0, 0]));
   const { refusal, joints } = await page.evaluate(() => window.pkm.state());
   check(refusal === undefined && joints.every((value) => Number.isFinite(value)), `refused: ${refusal}`);
+  // The handle has the letters of the machine: X Y Z A B.
+  for (const [name, isOn, shown] of [["nothing", false], ["move", true, [true, true, true]], ["turn", true, [true, true, false]], ["nothing", false]]) {
+    await page.locator("select[aria-label=drag]").selectOption(`drag: ${name}`);
+    const found = await page.evaluate(() => {
+      let root;
+      window.seen.scene.traverse((object) => object.isTransformControlsRoot && (root = object));
+      const { enabled, showX, showY, showZ } = root.controls;
+      return { is: [root.visible, enabled], shown: [showX, showY, showZ] };
+    });
+    check(found.is.every((is) => is === isOn) && (!shown || String(found.shown) === String(shown)), `drag: ${name}: ${JSON.stringify(found)}`);
+  }
   await isDrawn(page, "unlimited");
   check(complaints(page).length === 0, complaints(page).join("; "));
 }
@@ -386,6 +481,13 @@ async function live(offline) {
   await stream.watched();
   await says(running, "running, line 7");
   await isDrawn(page, "live");
+  await opened(page, "live-pair", ini("lathe-mirrored"), "--live");
+  const rods = await page.evaluate(() => {
+    let count = 0;
+    window.seen.scene.traverseVisible((object) => object.geometry?.parameters?.height === 1 && object.material.color.getHexString() === "c3ccd6" && (count += 1));
+    return [count, window.pkm.mechanisms().map(({ scene }) => scene.legs.length)];
+  });
+  check(rods[0] === rods[1][0] && rods[1].length === 2, `${rods[0]} rods are shown; events describe the first of the mechanisms of ${rods[1]} legs`);
   await given.left(page);
   await page.context().close();
   stream.close();
