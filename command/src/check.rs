@@ -69,11 +69,6 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let machine = &arguments.machine;
     let config = MachineConfig::leniently(&Ini::read(&machine.machine)?, Some(Lenient::Report))?;
     let config = machine.named(config)?;
-    if arguments.fix && config.first().machine.layout().constraints() > 0 {
-        return Err(refused(
-            "--fix: not judged with constraints= in [KINS]KINEMATICS; remove --fix",
-        ));
-    }
     if arguments.fix {
         return propose(arguments, &config);
     }

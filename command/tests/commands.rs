@@ -102,7 +102,7 @@ linear-delta.ini
   carriage 0     152.914 to 364.051 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  axis limits    the machine reaches 100.0 % of the poses in them; use pkm preflight to check that a program stays in those
+  axis limits    the machine reaches 100.0 % of the poses sampled in them; use pkm preflight to check that a program stays in those
   start          switched on, homed, X Y Z moved, T1 changed, in virtual time
 
 Proved: without a tool the machine reaches every pose within its axis limits:
@@ -474,7 +474,7 @@ linear-delta.ini
   carriage 0     152.914 to 364.051 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  axis limits    the machine reaches 100.0 % of the poses in them; use pkm preflight to check that a program stays in those
+  axis limits    the machine reaches 100.0 % of the poses sampled in them; use pkm preflight to check that a program stays in those
   start          not tested: correct the errors first
 
 warning: [JOINT_0]HOME_SEQUENCE is missing
@@ -551,7 +551,7 @@ linear-delta.ini
   carriage 0     152.914 to 364.051 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 1     132.168 to 365.304 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
   carriage 2     130.995 to 365.641 mm in sampled poses of the axis limits; MIN_LIMIT 0, MAX_LIMIT 375
-  axis limits    the machine reaches 100.0 % of the poses in them; use pkm preflight to check that a program stays in those
+  axis limits    the machine reaches 100.0 % of the poses sampled in them; use pkm preflight to check that a program stays in those
   start          not tested: correct the errors first
 
 warning: [JOINT_0]HOME_SEARCH_VEL = 20

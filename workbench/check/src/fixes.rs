@@ -68,12 +68,12 @@ pub fn fixed(config: &MachineConfig, mut progress: impl FnMut(&str)) -> Result<F
     Ok(Fixed { text: with_ends(old, found.text), ..found })
 }
 
-/// Returns the machine of a text, even with refused boxes.
+/// Returns the machine of a text, even with refused boxes, or with constraints.
 ///
 /// # Errors
 /// The text describes no machine.
 pub fn machine(file: &Path, text: &str) -> Result<MachineConfig, MachineError> {
-    MachineConfig::leniently(&Ini::parse(file, text)?, Some(Lenient::Boxes))
+    MachineConfig::leniently(&Ini::parse(file, text)?, Some(Lenient::Report))
 }
 
 /// Returns HOME of the joints, with all digits of the kinematics, and of axes that have one.

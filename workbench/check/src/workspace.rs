@@ -60,14 +60,6 @@ pub(super) fn check(
     worst_conditioning(report, ini, config, &seen);
     axis_limits(report, ini, config, &seen);
     nearest::seen(report, ini, config, &seen);
-    if config.machine.layout().constraints() > 0 {
-        let text = "not judged: between the poses sampled here nothing is proved, because the proofs do not support \
-                    constraints= yet; watch the guard's pin limit-soon";
-        report.fact("proved limits", "not judged");
-        let entry = ini.first("KINS", "KINEMATICS");
-        entry.into_iter().for_each(|e| report.finding(Severity::Warning, ini.refuse(e, text)));
-        return;
-    }
     let (tilts, tilted) = tilts(config, &reach, &within);
     report.tilts = tilts;
     match axis_box::find(config, &within, tilted.as_ref(), progress) {
@@ -87,8 +79,8 @@ fn axis_limits(report: &mut Report, ini: &Ini, config: &Mechanism, seen: &Seen) 
     report.taken = Some(share);
     let percent = 100.0 * share;
     let text = format!(
-        "the machine reaches {percent:.1} % of the poses in them; use pkm preflight to check that a program stays \
-         in those"
+        "the machine reaches {percent:.1} % of the poses sampled in them; use pkm preflight to check that a program \
+         stays in those"
     );
     report.fact("axis limits", text);
     if share >= MOST {

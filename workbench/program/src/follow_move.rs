@@ -12,7 +12,9 @@
 use crate::motion::{Move, extra_home};
 use crate::report::{Break, Preflight, Range, Time};
 use crate::work_offset::Poses;
-use kinematics::{Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World};
+use kinematics::{
+    Cause, Fault, Letter, Limit, MAX_EXTRA, MAX_JOINTS, Margin, Part, Vector3, World,
+};
 use machine::limits;
 use machine::proof::carried::Enclosure;
 use machine::proof::cell::PathBounds;
@@ -195,6 +197,11 @@ impl<'a> Pilot<'a> {
         let size = self.config.machine.size();
         let shortest = (SHORTEST * size / self.extent(leg)).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
         let mut firsts = Firsts::default();
+        let path = |middle: f64, half: f64| self.enclosed(leg, middle, half);
+        if let Err((share, fault)) = self.reach.refuse_unconnected(path) {
+            let (limit, part, ends) = (Limit::Reach, Part::Whole, [0.0, f64::INFINITY]);
+            firsts.note(Found { limit, share, part, ends, fault: Some(fault) });
+        }
         let mut open = vec![(0.0, 1.0)];
         while let Some((from, to)) = open.pop() {
             if !self.is_done(leg, from, to, shortest, &mut firsts) {
@@ -232,14 +239,25 @@ impl<'a> Pilot<'a> {
 
     /// Bounds the machine's motion over a piece.
     fn bounds(&self, leg: &Leg, middle: f64, half: f64) -> Result<PathBounds, Fault> {
+        let (middle, steps) = self.enclosed(leg, middle, half)?;
+        self.reach.bounds_within(&middle, &steps)
+    }
+
+    /// Encloses the machine's poses over a piece: a center plus a sum of steps.
+    fn enclosed(
+        &self,
+        leg: &Leg,
+        middle: f64,
+        half: f64,
+    ) -> Result<([f64; 6], Vec<[f64; 6]>), Fault> {
         match &leg.course {
             Course::Straight { from, delta } => {
                 let pose = std::array::from_fn(|k| from[k] + middle * delta[k]);
-                self.reach.path_bounds(&pose, &delta.map(|d| d * half))
+                Ok((pose, vec![delta.map(|d| d * half)]))
             }
             Course::Carried { .. } => {
                 let Enclosure { middle, steps } = self.enclosure(leg, middle, half)?;
-                self.reach.bounds_within(&middle, &steps)
+                Ok((middle, steps.to_vec()))
             }
         }
     }
@@ -344,7 +362,11 @@ impl<'a> Pilot<'a> {
         }));
         let unknown = bounds.joints.iter().position(|course| !course.second_derivative.is_finite());
         let (limit, ends) = (Limit::Reach, [0.0, f64::INFINITY]);
-        let (part, proved) = unknown.map_or((Part::Whole, 1.0), |i| (Part::Joint(i), -1.0));
+        let (part, proved) = match unknown {
+            _ if !bounds.is_determined => (Part::Whole, -1.0),
+            Some(i) => (Part::Joint(i), -1.0),
+            None => (Part::Whole, 1.0),
+        };
         self.checks.push(Check { limit, part, ends, seen: 1.0, proved, range: 1.0 });
     }
 
@@ -454,6 +476,10 @@ impl<'a> Pilot<'a> {
         let margin = Margin { limit, part: found.part, value: f64::NAN, range: found.ends };
         let bound = limits::bound(config, &margin);
         match limit {
+            // The only reason that is not of a joint.
+            Limit::Reach if found.part == Part::Whole => {
+                Fault::from(Cause::ConstraintSingular).to_string()
+            }
             Limit::Reach => format!("{part} comes too close to a dead point"),
             Limit::Conditioning if worst < 0.0 => format!(
                 "the move is near a singularity: conditioning {:.4} (0: singular); pkmkins stops the \

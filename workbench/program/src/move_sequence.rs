@@ -72,13 +72,22 @@ impl Pilot<'_> {
         }
         let change = tool - self.tool;
         let pose = self.config.carried(&self.at, &self.extra, &self.tool)?;
-        let shift = self.shift(&pose) * change;
+        let layout = self.config.machine.layout();
+        // Constraints turn the platform on the way.
+        let is_constrained = layout.constraints() > 0;
+        let shift = match is_constrained {
+            true => {
+                let pose = Pose::from_degrees(pose);
+                self.config.machine.tool_shift(&pose, &self.tool, &change)?
+            }
+            false => self.shift(&pose) * change,
+        };
         if shift.norm() > ROUNDING * self.config.machine.size() {
             self.result.tilted_tool_changes.push((step.file, step.line));
-            // Checked as a motion of the old tool. If a table makes part of it, only its end is checked, with the next
-            // move.
-            let active = |letter| self.config.machine.layout().coordinates().contains(letter);
-            if [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
+            // Checked as a motion of the old tool. If a table makes part of it, or the platform turns, only its end is
+            // checked, with the next move, and LinuxCNC's servo cycles.
+            let active = |letter| layout.coordinates().contains(letter);
+            if !is_constrained && [Letter::X, Letter::Y, Letter::Z].into_iter().all(active) {
                 let delta = [shift.x, shift.y, shift.z, 0.0, 0.0, 0.0];
                 let from = self.config.world(&self.at, &self.extra);
                 let (line, file) = (step.line, step.file);

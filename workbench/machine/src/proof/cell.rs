@@ -69,6 +69,8 @@ pub struct PathBounds {
     pub joints: Vec<Course>,
     /// All configured limits of the pose alone except its axes.
     pub spans: Vec<Span>,
+    /// Whether the coordinates that constraints determine are proved to follow; true without constraints.
+    pub is_determined: bool,
 }
 
 /// An unproved cell.
@@ -105,9 +107,10 @@ impl Reach<'_> {
 
     /// Returns whether every pose of a cell is proved to be inside.
     fn holds(&self, cell: &Cell, middle: &Middle) -> Result<(), Unproved> {
-        let spread = self.spread((0..6).map(|k| along_one(k, cell.half[k])));
-        let along = || greatest(&self.extents(&spread));
+        let steps: [[f64; 6]; 6] = std::array::from_fn(|k| along_one(k, cell.half[k]));
+        let along = || greatest(&self.extents(&self.spread(steps)));
         let unproved = || Unproved { along: along(), but_conditioning: false };
+        let spread = self.spread_within(middle, &steps).ok_or_else(unproved)?;
         let seconds: Option<Vec<_>> =
             (0..self.config.legs()).map(|i| self.second_derivatives(i, middle, &spread)).collect();
         let seconds = seconds.ok_or_else(unproved)?;
@@ -123,8 +126,11 @@ impl Reach<'_> {
         let is_kept = regularity.is_regular
             && (regularity.share / regularity.inverse >= least
                 || regularity.share * middle.at.smallest_singular_value() >= least);
-        let along = greatest(&regularity.shares);
-        is_kept.then_some(()).ok_or(Unproved { along, but_conditioning: true })
+        // Only those along coordinates can be halved.
+        let along = greatest(&regularity.shares[..6]);
+        is_kept.then_some(()).ok_or(Unproved { along, but_conditioning: true })?;
+        let is_connected = self.is_connected(middle, [&cell.middle, &cell.half], &spread);
+        is_connected.then_some(()).ok_or_else(unproved)
     }
 
     /// Bounds joints and limits on the straight path from `middle - step` to `middle + step`.
@@ -147,9 +153,12 @@ impl Reach<'_> {
     ) -> Result<PathBounds, Fault> {
         let mut at = self.nowhere();
         let middle = self.middle(&mut at, middle)?;
-        let spread = self.spread(steps.iter().copied());
-        let seconds: Option<Vec<_>> =
-            (0..self.config.legs()).map(|i| self.second_derivatives(i, &middle, &spread)).collect();
+        let enclosed = self.spread_within(&middle, steps);
+        let is_determined = enclosed.is_some();
+        let spread = enclosed.unwrap_or_else(|| self.spread(steps.iter().copied()));
+        let seconds = (0..self.config.legs())
+            .map(|i| is_determined.then(|| self.second_derivatives(i, &middle, &spread)).flatten());
+        let seconds: Option<Vec<_>> = seconds.collect();
         let mut spans = vec![];
         let _ = self.spans(&middle, &spread, seconds.as_deref(), f64::INFINITY, |span| {
             spans.push(span);
@@ -169,7 +178,8 @@ impl Reach<'_> {
         let ends = [least, f64::INFINITY];
         spans.push(Span::of(Limit::Conditioning, Part::Whole, value, ends, range));
         let joint = |i| self.joint_course(i, &middle, &spread, seconds.as_deref());
-        Ok(PathBounds { joints: (0..self.config.joints.len()).map(joint).collect(), spans })
+        let joints = (0..self.config.joints.len()).map(joint).collect();
+        Ok(PathBounds { joints, spans, is_determined })
     }
 }
 

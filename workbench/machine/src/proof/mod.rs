@@ -9,6 +9,7 @@ pub mod carried;
 pub mod cell;
 pub mod choose;
 pub mod conditioning;
+mod dependent;
 pub mod interval;
 pub mod jet;
 pub mod one_to_one;

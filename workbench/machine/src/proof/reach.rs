@@ -2,6 +2,7 @@
 //! A machine with one tool: its limits at a pose, and how its legs change from there.
 
 use crate::limits::beyond_axes;
+use crate::proof::dependent::{Dependent, Place};
 use crate::read::legs::{drive_rate, platform_anchor};
 use crate::read::mechanism::Mechanism;
 use kinematics::{
@@ -15,6 +16,9 @@ pub(super) const RADIANS: f64 = PI / 180.0;
 /// Rounding of values computed at the center, as a share of the size: far above f64's 1e-16
 /// times the numbers of operations, far below the accuracy of any setup.
 pub(super) const ROUNDING: f64 = 1e-9;
+
+/// Weight of a table axis that compensates the platform's motion: its joint is exact in a cell of any size.
+const TABLE_SHARE: f64 = 0.05;
 
 /// The reason why a pose is not legal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,6 +49,8 @@ pub struct Reach<'a> {
     pub(super) about: Vector3<f64>,
     /// Whether any strut has a lead.
     pub(super) is_geared: bool,
+    /// Constraints of the platform: bounds are then over all its coordinates.
+    pub(super) dependent: Option<Dependent>,
 }
 
 /// Displacements within a cell: its poses are the center plus a sum of `steps`, each
@@ -53,6 +59,8 @@ pub(super) struct Spread {
     pub(super) steps: Vec<[f64; 6]>,
     pub(super) shift: f64,
     pub(super) turn: f64,
+    /// Changes of the commanded coordinates by every step, if constraints determine others.
+    pub(super) commanded: Option<Vec<[f64; 6]>>,
 }
 
 impl Spread {
@@ -78,6 +86,8 @@ pub(super) struct Middle<'a> {
     pub(super) rotation: Matrix3<f64>,
     /// Rotation axes of A, B and C, in base.
     pub(super) axes: [Vector3<f64>; 3],
+    /// The platform, if constraints determine coordinates.
+    pub(super) place: Option<Place>,
     pub(super) legs: Vec<LegMiddle>,
 }
 
@@ -111,7 +121,9 @@ impl<'a> Reach<'a> {
     /// The pose at home is not legal.
     pub fn with_tool(config: &'a Mechanism, tool: Vector3<f64>) -> Result<Self, Fault> {
         let tool = config.chain.machine_tool(&tool);
-        let active = Letter::ALL.map(|l| config.machine.layout().coordinates().contains(l));
+        let dependent = Dependent::of(config, tool)?;
+        let is_active = |letter| config.machine.layout().coordinates().contains(letter);
+        let active = Letter::ALL.map(|letter| dependent.is_some() || is_active(letter));
         let home = config.machine.at(&config.home_pose(), &config.spindle)?;
         let centre = Vector3::from(config.geometry.centre);
         let arms = |leg: &LegGeometry| {
@@ -136,6 +148,7 @@ impl<'a> Reach<'a> {
                 _ => centre,
             },
             is_geared: legs.iter().any(|leg| leg.kind.screw().lead != 0.0),
+            dependent,
         })
     }
 
@@ -190,15 +203,21 @@ impl<'a> Reach<'a> {
     ) -> Result<Middle<'b>, Fault> {
         self.move_to(at, pose)?;
         let at: &'b At<'b> = at;
-        let ((sb, cb), (sc, cc)) = (at.pose().angles.y.sin_cos(), at.pose().angles.z.sin_cos());
+        let platform = Place::new(&at.full_pose());
+        let mut gradient = match self.dependent {
+            None => at.pose_jacobian()?,
+            Some(_) => at.inverse_jacobian()?,
+        };
+        if self.dependent.is_some() {
+            let per_degree = Matrix3::from_columns(&platform.axes) * RADIANS;
+            let angular = gradient.fixed_columns::<3>(3) * per_degree;
+            gradient.fixed_columns_mut::<3>(3).copy_from(&angular);
+        }
         let mut middle = Middle {
-            gradient: at.pose_jacobian()?,
+            gradient,
             rotation: at.rotation(),
-            axes: [
-                Vector3::new(cc * cb, sc * cb, -sb),
-                Vector3::new(-sc, cc, 0.0),
-                Vector3::new(0.0, 0.0, 1.0),
-            ],
+            axes: platform.axes,
+            place: self.dependent.is_some().then_some(platform),
             at,
             legs: vec![],
         };
@@ -289,12 +308,30 @@ impl<'a> Reach<'a> {
         let half = |k: usize| steps.iter().map(|step| step[k].abs()).sum::<f64>();
         let squares = (0..3).filter(|k| self.active[*k]).map(|k| half(k) * half(k));
         let shift = squares.sum::<f64>().sqrt();
-        Spread { shift, turn: (3..6).map(half).sum(), steps }
+        Spread { shift, turn: (3..6).map(half).sum(), steps, commanded: None }
+    }
+
+    /// Returns the displacements of steps of commanded coordinates, with those that constraints determine; `None` if these
+    /// are not enclosed.
+    pub(super) fn spread_within(&self, middle: &Middle, steps: &[[f64; 6]]) -> Option<Spread> {
+        let (Some(dependent), Some(place)) = (&self.dependent, &middle.place) else {
+            return Some(self.spread(steps.iter().copied()));
+        };
+        let enclosed = dependent.enclose(place, steps)?;
+        let mut commanded = steps.to_vec();
+        commanded.resize(enclosed.steps.len(), [0.0; 6]);
+        Some(Spread { commanded: Some(commanded), ..self.spread(enclosed.steps) })
     }
 
     /// Estimates the displacement of the legs' ends by every step, for comparisons.
     pub(super) fn extents(&self, spread: &Spread) -> Vec<f64> {
-        let unit = |k: usize| if k < 3 { 1.0 } else { self.config.machine.size() / 2.0 };
+        let table = self.config.machine.layout().table();
+        let unit = |k: usize| match k {
+            // Such a table axis moves no leg.
+            0..3 if self.dependent.is_some() && table.contains(Letter::ALL[k]) => TABLE_SHARE,
+            0..3 => 1.0,
+            _ => self.config.machine.size() / 2.0,
+        };
         let extent = |step: &[f64; 6]| (0..6).map(|k| step[k].abs() * unit(k)).sum();
         spread.steps.iter().map(extent).collect()
     }

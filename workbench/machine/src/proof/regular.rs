@@ -68,10 +68,29 @@ impl Reach<'_> {
         let unknown = |shares| Regularity { share: 0.0, is_regular: false, inverse: 1.0, shares };
         let rows = constraint_rows(middle.at);
         let Some((inverse, square)) = self.pseudo_inverse(&rows) else { return unknown(extents) };
-        let rest = inverse.abs() * self.row_rest(spread, seconds);
+        let legs = self.config.legs();
+        let constrained = self.dependent.as_ref().zip(middle.place.as_ref());
+        let couplings = constrained.map(|(all, place)| all.rows(place, &self.about, &spread.steps));
+        let couplings = match couplings.map(|all| all.scaled(|i| rows.row(legs + i).transpose())) {
+            Some(None) => return unknown(extents),
+            known => known.flatten(),
+        };
+        let mut rest = self.row_rest(spread, seconds);
+        for (i, [linear, angular]) in couplings.iter().flat_map(|all| &all.rest).enumerate() {
+            for k in 0..6 {
+                rest[(legs + i, k)] = if k < 3 { *linear } else { *angular };
+            }
+        }
+        let rest = inverse.abs() * rest;
         let levers: Vec<_> = (0..middle.legs.len()).map(|i| self.lever(i, middle)).collect();
-        let change = |step| self.change_along(step, middle, &levers, &inverse);
-        let changes: Vec<Square> = spread.steps.iter().map(change).collect();
+        let change = |(n, step): (usize, &[f64; 6])| {
+            let mut change = self.change_along(step, middle, &levers, &inverse);
+            for (i, changes) in couplings.iter().flat_map(|all| &all.changes).enumerate() {
+                change.ger(1.0, &inverse.column(legs + i), &changes[n], 1.0);
+            }
+            change.abs()
+        };
+        let changes: Vec<Square> = spread.steps.iter().enumerate().map(change).collect();
         let bound = changes.iter().fold(rest, |sum, change| sum + change);
         let whole: f64 = extents.iter().sum();
         let beside = rest.norm() / whole;
@@ -139,8 +158,7 @@ impl Reach<'_> {
         self.lever_from(&self.about, i, middle)
     }
 
-    /// Returns the absolute values of the pseudo-inverse times the change of the constraint rows along a step, machine
-    /// units and radians.
+    /// Returns the pseudo-inverse times the change of the legs' rows along a step, machine units and radians.
     fn change_along(
         &self,
         step: &[f64; 6],
@@ -158,7 +176,7 @@ impl Reach<'_> {
             let slope = self.row_slope(step, (leg, lever), middle, &turn);
             change.ger(1.0, &inverse.column(i), &slope, 1.0);
         }
-        change.abs()
+        change
     }
 
     /// Returns the change of a leg's constraint row along a step.

@@ -219,7 +219,22 @@ impl Reach<'_> {
 
     /// Returns whether joint `i` equals a coordinate of the pose plus a constant: a table axis without rotation.
     fn is_coordinate(&self, i: usize, spread: &Spread) -> bool {
-        i >= self.config.legs() && spread.turn == 0.0
+        i >= self.config.legs() && spread.turn == 0.0 && spread.commanded.is_none()
+    }
+
+    /// Bounds the joint of a table axis that compensates the platform's own motion: the commanded coordinate less that of
+    /// the platform.
+    fn compensating_course(&self, i: usize, middle: &Middle, spread: &Spread) -> Option<Course> {
+        let commanded = spread.commanded.as_ref()?;
+        let table = self.config.machine.layout().table().as_slice();
+        let k = table.get(i.checked_sub(self.config.legs())?)?.index();
+        let change = |(own, step): (&[f64; 6], &[f64; 6])| (step[k] - own[k]).abs();
+        Some(Course {
+            middle: middle.at.joints()[i],
+            slope: spread.steps.iter().zip(commanded).map(change).sum(),
+            second_derivative: 0.0,
+            rounding: ROUNDING * self.config.machine.size(),
+        })
     }
 
     /// Bounds joint `i` over a cell; a leg's needs second derivatives.
@@ -230,6 +245,9 @@ impl Reach<'_> {
         spread: &Spread,
         seconds: Option<&[SecondDerivatives]>,
     ) -> Course {
+        if let Some(course) = self.compensating_course(i, middle, spread) {
+            return course;
+        }
         // A table axis moves by P − R (o + centre).
         let arm = self.tool + Vector3::from(self.config.geometry.centre);
         let second_derivative = match seconds {
