@@ -313,6 +313,60 @@ fn arms_that_move_six_coordinates_or_a_plane_are_made_and_run() {
 }
 
 #[test]
+fn machines_whose_passive_joints_couple_coordinates_are_made_and_run() {
+    let bench = Bench::new();
+    for (name, kind, more) in [
+        ("tricept", "tricept", ""),
+        ("exechon", "exechon", ""),
+        ("z3-over-a-table", "z3-head", " --table -450 450"),
+        ("z3-head", "z3-head", ""),
+        ("a3-head", "a3-head", " --table -450 450"),
+    ] {
+        let config = assert_made(&bench, name, &format!("{}{more}", example(kind)));
+        let layout = config.machine.layout();
+        let commanded = 6 - layout.constraints().min(3);
+        assert_eq!(layout.coordinates().as_slice().len(), commanded, "{name}");
+        assert_eq!(layout.table().as_slice().len(), 2 * usize::from(!more.is_empty()), "{name}");
+    }
+}
+
+/// Trial machines are written by themselves, from drawings.
+#[test]
+fn machines_with_constraints_are_those_of_their_drawings() {
+    let bench = Bench::new();
+    for (name, words) in [
+        ("tricept", "tricept --base-radius 400 --platform-radius 150 --strut 650 1300 --nose 40"),
+        (
+            "exechon",
+            "exechon --base-width 700 --platform-width 300 --base-depth 450 --platform-depth 160 --strut 600 1400",
+        ),
+        (
+            "z3-head",
+            "z3-head --base-radius 320 --platform-radius 200 --rod 500 --carriage 20 480 --table -450 450",
+        ),
+    ] {
+        let made = bench.answer(&format!("new {words} --out {name}"), "");
+        assert!(made.ends_with("exit 0\n"), "{made}");
+        let made = test_support::shipped::first_of(&file(&bench, &format!("{name}/{name}.ini")));
+        let trial = format!("tests/cases/ini/constraints/{name}.ini");
+        let trial = test_support::shipped::first_of(&test_support::shipped::root().join(trial));
+        let pose = match name {
+            "z3-head" => [60.0, -35.0, -700.0, -6.0, 8.0, 0.0],
+            _ => [60.0, -35.0, -880.0, 0.0, 0.0, 0.0],
+        };
+        let pose = Pose::from_degrees(pose);
+        let [made, trial] = [made, trial].map(|config| {
+            let joints = config.machine.inverse(&pose, &config.spindle).unwrap();
+            joints[..config.joints.len()].to_vec()
+        });
+        for (made, trial) in made.iter().zip(&trial) {
+            // Anchors have nine digits after the point.
+            assert!((made - trial).abs() < 1e-7, "{name}: {made} {trial}");
+        }
+    }
+}
+
+#[test]
 fn every_kind_is_made_in_inches_and_with_the_tool_on_either_side() {
     let bench = Bench::new();
     for kind in KINDS.iter().filter(|kind| kind.legs != 0) {
@@ -333,8 +387,9 @@ fn every_kind_is_made_in_inches_and_with_the_tool_on_either_side() {
             let name = format!("{}-{tool}", kind.name);
             let made = bench.answer(
                 &format!(
-                    "new {}{words} --unit inch --boxes no --tool {tool} --out {name}",
-                    kind.name
+                    "new {}{words} --unit inch{} --tool {tool} --out {name}",
+                    kind.name,
+                    if kind.boxes.is_empty() { "" } else { " --boxes no" }
                 ),
                 "",
             );
@@ -499,7 +554,7 @@ fn nonsense_is_refused_with_what_was_expected() {
         reported,
         str![[r#"
 $ new
-pkm: no kind of machine given: run pkm new KIND with one of hexapod, tripod, struts, pentapod, linear-delta, rotary-delta, rotary-hexapod, five-bar, triaglide, hexaglide, linapod, pyramid, pyramid-cross, four-rod-lathe, six-rod-lathe
+pkm: no kind of machine given: run pkm new KIND with one of hexapod, tripod, struts, pentapod, linear-delta, rotary-delta, rotary-hexapod, five-bar, triaglide, hexaglide, linapod, pyramid, pyramid-cross, four-rod-lathe, six-rod-lathe, tricept, exechon, z3-head, a3-head
 exit 2
 $ new linear-delta --rod 270
 pkm: linear-delta: values are missing; add them (examples in mm), or run without options on a terminal to be asked:

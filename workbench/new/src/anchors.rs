@@ -111,6 +111,51 @@ pub fn tripod(values: &Values) -> Vec<Leg> {
     (0..3).map(leg).collect()
 }
 
+/// Returns three struts around a passive leg.
+pub fn tricept(values: &Values) -> Vec<Leg> {
+    a3_head(values)
+}
+
+/// Returns two struts with a common plane, and a third one.
+pub fn exechon(values: &Values) -> Vec<Leg> {
+    let [base, platform] = ["base-width", "platform-width"].map(|name| 0.5 * values.number(name));
+    let depths = ["base-depth", "platform-depth"].map(|name| values.number(name));
+    let strut = |base, platform| {
+        Leg::base(at(base, values.number("height")))
+            .with(&key::PLATFORM, &at(platform, nose(values)))
+    };
+    vec![
+        strut([-base, 0.0], [-platform, 0.0]),
+        strut([base, 0.0], [platform, 0.0]),
+        strut([0.0, depths[0]], [0.0, depths[1]]),
+    ]
+}
+
+/// Returns three rods from carriages that run towards the work.
+pub fn z3_head(values: &Values) -> Vec<Leg> {
+    let leg = |i| {
+        let of = |name: &str| on_circle(values.number(name), of_three(i));
+        Leg::slider(
+            at(of("base-radius"), values.number("height")),
+            [0.0, 0.0, 0.0 - side(values)],
+            at(of("platform-radius"), nose(values)),
+            values.number("rod"),
+            -1.0,
+        )
+    };
+    (0..3).map(leg).collect()
+}
+
+/// Returns three struts.
+pub fn a3_head(values: &Values) -> Vec<Leg> {
+    let leg = |i| {
+        let of = |name: &str| on_circle(values.number(name), of_three(i));
+        Leg::base(at(of("base-radius"), values.number("height")))
+            .with(&key::PLATFORM, &at(of("platform-radius"), nose(values)))
+    };
+    (0..3).map(leg).collect()
+}
+
 /// Returns five struts from a wall to rings.
 pub fn pentapod(values: &Values) -> Vec<Leg> {
     let of = |name: &str| values.number(name);

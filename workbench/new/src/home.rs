@@ -6,7 +6,7 @@ use crate::kinds::PlatformSide;
 use crate::values::Refusal;
 use machine::read::error::MachineError;
 use machine::read::ini::Ini;
-use machine::read::machine::MachineConfig;
+use machine::read::machine::{Lenient, MachineConfig};
 
 use keys::leg as key;
 use kinematics::{Pose, Vector3, leg};
@@ -68,7 +68,7 @@ fn fault(error: &MachineError) -> String {
 pub(crate) fn standing(plan: &Plan, home: [f64; 3]) -> Result<MachineConfig, MachineError> {
     let plan = Plan { home, ..plan.clone() };
     let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())?;
-    MachineConfig::from_ini(&ini)
+    MachineConfig::leniently(&ini, Some(Lenient::Constraints))
 }
 
 /// Judges the machine at a home position.

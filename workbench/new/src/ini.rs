@@ -3,8 +3,9 @@
 
 use crate::anchors::{self, Leg};
 use crate::carried::{Carried, CarriedJoint};
+use crate::constraints::Constraint;
 use crate::kinds::{Homing, MachineKind};
-use crate::parameters::JOINT_ANGLE;
+use crate::parameters::{JOINT_ANGLE, TABLE};
 use crate::values::{Values, rounded};
 use keys::{leg as of_leg, machine as of_machine};
 use kinematics::Letter;
@@ -71,10 +72,21 @@ impl Plan<'_> {
         self.values.list(name).unwrap_or_default()
     }
 
+    /// Returns the letters that the table moves; a head may have none.
+    pub fn table(&self) -> &'static str {
+        let travel = self.values.list::<2>(TABLE.name);
+        if travel.is_some() { self.kind.table } else { "" }
+    }
+
+    /// Returns the constraints of the platform.
+    pub fn constraints(&self) -> Vec<Constraint> {
+        (self.kind.constraints)(self.values, &self.legs)
+    }
+
     /// Returns the letters that anything moves, in LinuxCNC's order.
     pub fn letters(&self) -> Vec<Letter> {
         let is_moved = |letter: &Letter| {
-            [self.coordinates.as_str(), self.kind.table].concat().contains(letter.name())
+            [self.coordinates.as_str(), self.table()].concat().contains(letter.name())
         };
         Letter::ALL.into_iter().filter(is_moved).collect()
     }
@@ -90,7 +102,7 @@ impl Plan<'_> {
     }
 
     pub fn all_joints(&self) -> usize {
-        self.legs.len() + self.kind.table.len() + self.extra().len()
+        self.legs.len() + self.table().len() + self.extra().len()
     }
 
     /// Returns the largest speed and acceleration along X Y Z and of angles, per second.
@@ -223,13 +235,17 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
         };
         let [start, start_turn] = self.start();
         let kind = self.kind.leg.name();
-        let table = match self.kind.table {
+        let table = match self.table() {
             "" => String::new(),
             table => format!(" table={table}"),
         };
         let boxes = match self.boxes.1 {
             0 => String::new(),
             count => format!(" boxes={count}"),
+        };
+        let constraints = match self.constraints().len() {
+            0 => String::new(),
+            count => format!(" constraints={count}"),
         };
         let [[feed, accel], [turn, turn_accel]] = self.motion();
         let angular = match self.turns() {
@@ -244,7 +260,7 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
             "
 # The kind and number of the legs, and the letters that they move.
 [KINS]
-KINEMATICS = pkmkins legs={kind}:{} coordinates={}{table}{extra}{boxes}
+KINEMATICS = pkmkins legs={kind}:{} coordinates={}{table}{extra}{boxes}{constraints}
 JOINTS = {}
 
 # HOME is the pose of the machine with all joints at their HOME. Speeds and accelerations of the
@@ -282,7 +298,7 @@ MAX_LINEAR_ACCELERATION = {accel}
                 of_machine::TOOL_DIRECTION.name
             );
         }
-        if !self.kind.table.is_empty() {
+        if !self.table().is_empty() && self.constraints().is_empty() {
             let centre = [0.0, 0.0, self.values.number("nose")];
             text += "# The platform point that stays at 0 in letters that no joint moves.\n";
             text += &line(of_machine::CENTRE.name, &centre);
@@ -308,7 +324,19 @@ MAX_LINEAR_ACCELERATION = {accel}
         if !self.cardans.is_empty() {
             text += "# The sign of LEAD is for a left-hand screw. BASE_N and PLATFORM_N are the base-fixed and platform-fixed axes of\n# the cardan joints: here level and across the strut at home. Enter those of your joints.\n";
         }
-        text + &(0..self.legs.len()).map(|n| self.leg(n)).collect::<Vec<_>>().join("\n")
+        let legs: Vec<String> = (0..self.legs.len()).map(|n| self.leg(n)).collect();
+        text + &legs.join("\n") + &self.constraint_sections()
+    }
+
+    fn constraint_sections(&self) -> String {
+        let sections = self.constraints().into_iter().enumerate().map(|(n, constraint)| {
+            let Constraint { about, kind, numbers } = constraint;
+            let about = if about.is_empty() { String::new() } else { comment(about) };
+            let numbers: String =
+                numbers.iter().map(|(key, numbers)| line(key.name, numbers)).collect();
+            format!("\n{about}[CONSTRAINT_{n}]\nKIND = {kind}\n{numbers}")
+        });
+        sections.collect()
     }
 
     /// Returns whether the platform is above the base, or on the other side of the rails of a lathe.

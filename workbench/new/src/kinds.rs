@@ -2,6 +2,7 @@
 //! The kinds of machines that can be created, and their values.
 
 use crate::anchors::{self, Leg};
+use crate::constraints::{self, Constraint};
 use crate::parameters::*;
 use crate::values::Values;
 use kinematics::leg;
@@ -40,18 +41,20 @@ pub struct MachineKind {
     pub legs: usize,
     /// Letters that the legs move; empty: as given.
     pub coordinates: &'static str,
-    /// Letters that the table moves.
+    /// Letters that the table moves, if the machine has one.
     pub table: &'static str,
     pub own: &'static [Parameter],
     /// Direction of the tool.
     pub tool: Parameter,
     pub anchors: fn(&Values) -> Vec<Leg>,
+    /// Constraints of the platform by passive joints.
+    pub constraints: fn(&Values, &[Leg]) -> Vec<Constraint>,
     /// The axis X Y Z along which home is searched, 0 to 2.
     pub axis: usize,
     pub side: PlatformSide,
     /// How its drives find their position.
     pub homing: Homing,
-    /// Whether boxes for the start without a seed are proved by default.
+    /// Whether boxes for the start without a seed are proved by default; empty: beside constraints, never.
     pub boxes: &'static str,
 }
 
@@ -70,6 +73,7 @@ const PYRAMID: &[Parameter] = &[
 const IN_THE_MIDDLE: &str = "World origin: the center of the base seen from above, Z up. Pose: the spindle nose, which is the tip of a tool of zero length.";
 const PYRAMID_FRAME: &str = "World origin: the center between the feet of the guides seen from above, Z up; the height of the feet is their Z. Pose: the spindle nose; table motion is relative to the work. A column or slide must constrain the letters that the legs do not move, at the platform point CENTRE.";
 const RAILS_FRAME: &str = "World origin: the middle of the carriage travel and of the rails, Z up, rails along X. Pose: the spindle nose. A joint value is the position of a carriage on its rail.";
+const HEAD_FRAME: &str = "World origin: the center of the base seen from above, Z up. Pose: the spindle nose. Z A B are commanded; X, Y and C of the platform follow from them. With --table, a table or gantry moves X and Y and compensates the platform's own motion, so that the tip stays in place while the head tilts; without one, programs have no X and Y, and the tip moves sideways as the head tilts.";
 const LATHE_FRAME: &str = "World origin: between the rails at carriage position 0, Z along the rails and the spindle, X across them. Pose: the center of the platform joints; the tool table has the positions of tips from there. The kinematics do not need the X and Y of the spindle: touch off the work offset (G54).";
 
 pub const KINDS: &[MachineKind] = &[
@@ -94,6 +98,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL,
         anchors: anchors::hexapod,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -110,6 +115,7 @@ pub const KINDS: &[MachineKind] = &[
         own: &[BASE_RADIUS, STRUT, HEIGHT, NOSE],
         tool: TOOL_UP,
         anchors: anchors::tripod,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -126,6 +132,7 @@ pub const KINDS: &[MachineKind] = &[
         own: &[STRUT, COORDINATES, LEAD, HANDS],
         tool: TOOL,
         anchors: anchors::none,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -171,6 +178,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL,
         anchors: anchors::pentapod,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::AboutOrigin,
         homing: Homing::Absolute,
@@ -194,6 +202,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL,
         anchors: anchors::linear_delta,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::AtEnd,
@@ -218,6 +227,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL,
         anchors: anchors::rotary_delta,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -253,6 +263,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL,
         anchors: anchors::rotary_hexapod,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -287,6 +298,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL_BESIDE,
         anchors: anchors::five_bar,
+        constraints: constraints::none,
         axis: 1,
         side: PlatformSide::More,
         homing: Homing::Absolute,
@@ -311,6 +323,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL,
         anchors: anchors::triaglide,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::BeyondHome,
@@ -353,6 +366,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL,
         anchors: anchors::hexaglide,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -378,6 +392,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: TOOL,
         anchors: anchors::linapod,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -394,6 +409,7 @@ pub const KINDS: &[MachineKind] = &[
         own: PYRAMID,
         tool: TOOL,
         anchors: anchors::pyramid,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -410,6 +426,7 @@ pub const KINDS: &[MachineKind] = &[
         own: PYRAMID,
         tool: TOOL,
         anchors: anchors::pyramid,
+        constraints: constraints::none,
         axis: 2,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
@@ -432,6 +449,7 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: LATHE_SIDE,
         anchors: anchors::four_rod_lathe,
+        constraints: constraints::none,
         axis: 1,
         side: PlatformSide::WithTool,
         homing: Homing::BeyondHome,
@@ -472,10 +490,138 @@ pub const KINDS: &[MachineKind] = &[
         ],
         tool: LATHE_SIDE,
         anchors: anchors::six_rod_lathe,
+        constraints: constraints::none,
         axis: 1,
         side: PlatformSide::WithTool,
         homing: Homing::Absolute,
         boxes: "yes",
+    },
+    MachineKind {
+        name: "tricept",
+        text: "three telescopic struts around a passive leg, X Y Z",
+        frame: "World origin: the center of the base seen from above, Z up. Pose: the spindle nose. A B C of the platform follow from X Y Z, because a passive leg fixed to it slides through a universal joint in the base. This joint's base-fixed axis is X, its platform-fixed axis Y.",
+        leg: leg::Kind::Strut,
+        legs: 3,
+        coordinates: "XYZ",
+        table: "",
+        own: &[
+            BASE_RADIUS,
+            Parameter { default: "150", ..PLATFORM_RADIUS },
+            optional(
+                "joint-rise",
+                Measure::Place,
+                "0",
+                "Z of the passive leg's universal joint above the base joints of the struts",
+            ),
+            Parameter { default: "650 1300", ..STRUT },
+            HEIGHT,
+            NOSE,
+        ],
+        tool: TOOL,
+        anchors: anchors::tricept,
+        constraints: constraints::tricept,
+        axis: 2,
+        side: PlatformSide::WithTool,
+        homing: Homing::Absolute,
+        boxes: "",
+    },
+    MachineKind {
+        name: "exechon",
+        text: "two struts in a plane that turns, one strut with a hinge at the platform, X Y Z",
+        frame: "World origin: midway between the base joints of the two struts with a common plane, seen from above; X through both, the third strut at larger Y, Z up. Pose: the spindle nose. A B C of the platform follow from X Y Z: hinges keep the first two struts in a plane of the platform that turns about X, and the third strut in the plane X = 0 of the platform.",
+        leg: leg::Kind::Strut,
+        legs: 3,
+        coordinates: "XYZ",
+        table: "",
+        own: &[
+            anchor(
+                "base-width",
+                Measure::Length,
+                "700",
+                "Distance between the base joints of the two struts with a common plane",
+            ),
+            anchor(
+                "platform-width",
+                Measure::Length,
+                "300",
+                "Distance between their joints at the platform",
+            ),
+            anchor(
+                "base-depth",
+                Measure::Length,
+                "450",
+                "Distance of the third strut's base joint from the line through the other two",
+            ),
+            anchor(
+                "platform-depth",
+                Measure::Length,
+                "160",
+                "Distance of the third strut's joint at the platform from the line through the other two",
+            ),
+            Parameter { default: "600 1400", ..STRUT },
+            HEIGHT,
+            NOSE,
+        ],
+        tool: TOOL,
+        anchors: anchors::exechon,
+        constraints: constraints::exechon,
+        axis: 2,
+        side: PlatformSide::WithTool,
+        homing: Homing::Absolute,
+        boxes: "",
+    },
+    MachineKind {
+        name: "z3-head",
+        text: "head on three carriages whose rods have a hinge at the carriage (3-PRS), Z A B",
+        frame: HEAD_FRAME,
+        leg: leg::Kind::Slider,
+        legs: 3,
+        coordinates: "ZAB",
+        table: "XY",
+        own: &[
+            Parameter { default: "320", ..BASE_RADIUS },
+            Parameter { default: "200", ..PLATFORM_RADIUS },
+            Parameter { default: "500", ..ROD },
+            Parameter {
+                default: "20 480",
+                text: "Travel of a carriage on its rail, from its zero in the base towards the work",
+                ..CARRIAGE
+            },
+            HEAD_TABLE,
+            HEIGHT,
+            NOSE,
+        ],
+        tool: TOOL,
+        anchors: anchors::z3_head,
+        constraints: constraints::head,
+        axis: 2,
+        side: PlatformSide::WithTool,
+        homing: Homing::Absolute,
+        boxes: "",
+    },
+    MachineKind {
+        name: "a3-head",
+        text: "head on three telescopic struts with a hinge in the base (3-RPS), Z A B",
+        frame: HEAD_FRAME,
+        leg: leg::Kind::Strut,
+        legs: 3,
+        coordinates: "ZAB",
+        table: "XY",
+        own: &[
+            Parameter { default: "320", ..BASE_RADIUS },
+            Parameter { default: "200", ..PLATFORM_RADIUS },
+            STRUT,
+            HEAD_TABLE,
+            HEIGHT,
+            NOSE,
+        ],
+        tool: TOOL,
+        anchors: anchors::a3_head,
+        constraints: constraints::head,
+        axis: 2,
+        side: PlatformSide::WithTool,
+        homing: Homing::Absolute,
+        boxes: "",
     },
 ];
 
@@ -507,7 +653,9 @@ impl MachineKind {
             all.extend([TURN, TILT]);
         }
         all.push(LIMITS);
-        all.push(Parameter { default: self.boxes, ..BOXES });
+        if !self.boxes.is_empty() {
+            all.push(Parameter { default: self.boxes, ..BOXES });
+        }
         all
     }
 }

@@ -17,8 +17,9 @@ use machine::proof::axis_box::AxisBox;
 use machine::proof::boxes;
 use machine::read::boxes::text as box_text;
 use machine::read::diagnostic::{Severity, rendered};
+use machine::read::error::MachineError;
 use machine::read::ini::Ini;
-use machine::read::machine::MachineConfig;
+use machine::read::machine::{Lenient, MachineConfig};
 use machine::read::mechanism::Mechanism;
 use std::fmt::Display;
 use std::io;
@@ -158,7 +159,8 @@ pub fn sketched(kind: &'static MachineKind, values: &Values) -> Result<MachineCo
     plan.cardans = cardans(config.first());
     let ini = Ini::parse(Path::new(&format!("{}.ini", plan.name)), &plan.text())
         .map_err(|error| Refusal::Misfit(error.to_string()))?;
-    MachineConfig::from_ini(&ini).map_err(|error| Refusal::Misfit(error.to_string()))
+    MachineConfig::leniently(&ini, Some(Lenient::Constraints))
+        .map_err(|error| Refusal::Misfit(error.to_string()))
 }
 
 /// Longest name of a machine: lines of its INI file and of its first program contain it, of which LinuxCNC reads 255
@@ -284,7 +286,8 @@ fn cardans(config: &Mechanism) -> Vec<[f64; 3]> {
 fn written(folder: &Path, plan: &Plan) -> Result<MachineConfig, Refusal> {
     let file = folder.join(format!("{}.ini", plan.name));
     write_over(&file, &plan.text())?;
-    MachineConfig::read(&file).map_err(|error| Refusal::Misfit(error.to_string()))
+    let read = || MachineConfig::leniently(&Ini::read(&file)?, Some(Lenient::Constraints));
+    read().map_err(|error: MachineError| Refusal::Misfit(error.to_string()))
 }
 
 fn joints(config: &Mechanism) -> Result<Vec<f64>, Refusal> {
@@ -307,6 +310,10 @@ fn with_boxes(
         );
         (format!("\n{text}"), 0)
     };
+    if plan.kind.boxes.is_empty() {
+        return "no boxes for the start without a seed: with constraints= they are not supported"
+            .into();
+    }
     if plan.values.word("boxes") != "yes" {
         plan.boxes = without(&"--boxes yes was not given");
         return "no boxes for the start without a seed: use --boxes yes, or run pkm boxes later"

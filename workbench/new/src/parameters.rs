@@ -266,6 +266,13 @@ pub(super) const TABLE: Parameter = needed(
     "-210 210",
     "Travel of the table under the work along its axes",
 );
+/// A table or gantry that a head may do without.
+pub(super) const HEAD_TABLE: Parameter = Parameter {
+    need: Need::Optional,
+    default: "",
+    text: "Travel of a table or gantry along X and Y that compensates the head's own motion; none if not given",
+    ..TABLE
+};
 pub(super) const FOOT_RADIUS: Parameter = anchor(
     "foot-radius",
     Measure::Length,

@@ -91,11 +91,14 @@ pub fn readme(plan: &Plan) -> String {
         None => format!("Made by `pkm new {}`.", plan.kind.name),
     };
     let frame = if plan.carried.is_some() { "" } else { plan.kind.frame };
+    let boxes = match plan.kind.boxes {
+        "" => "",
+        _ => ", and `pkm boxes` to prove\n`[BOX_K]` sections again",
+    };
     format!(
         "# {name}: {}\n\n{source} {frame} {tools}\n\n{}\n\
          On real hardware replace `LIB:pkmkins_sim.tcl` by your HAL file; keep `LIB:pkmkins.tcl` after it.\n\
-         After changes of dimensions: run `pkm check` for the new HOME and axis limits, and `pkm boxes` to prove\n\
-         `[BOX_K]` sections again. After changes of limits: run `pkm panel` to write the panel again.\n",
+         After changes of dimensions: run `pkm check` for the new HOME and axis limits{boxes}. After changes of limits: run `pkm panel` to write the panel again.\n",
         plan.kind.text,
         next_steps("    ", Path::new(""), name),
     )
