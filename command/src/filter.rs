@@ -6,7 +6,8 @@ use super::run::Progress;
 use super::{Verdict, output};
 use linuxcnc::process::Options;
 use machine::files::read;
-use machine::read::machine::MachineConfig;
+use machine::read::ini::Ini;
+use machine::read::machine::{Lenient, MachineConfig};
 use program::report::Time;
 use program::verdict::judge;
 use serde_json::json;
@@ -56,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let _ = arguments.path_is_enough;
     let program = &arguments.program;
     let text = read(program)?;
-    let config = MachineConfig::read(&machine)?;
+    let config = MachineConfig::leniently(&Ini::read(&machine)?, Some(Lenient::Constraints))?;
     let mut progress = Progress::of_filter(&config, program)?;
     // A user who opens a program does not wait for the search for another work offset.
     let judged =

@@ -344,6 +344,12 @@ impl MachineFile {
         self.named(self.read_whole()?)
     }
 
+    /// Reads all mechanisms, or the selected one, also of a machine with constraints of the platform.
+    fn read_named_constrained(&self) -> Result<MachineConfig, Failure> {
+        let ini = Ini::read(&self.machine)?;
+        self.named(MachineConfig::leniently(&ini, Some(Lenient::Constraints))?)
+    }
+
     /// Returns all mechanisms, or the selected one.
     fn named(&self, config: MachineConfig) -> Result<MachineConfig, Failure> {
         match self.mechanism {

@@ -63,7 +63,7 @@ pub struct Judging {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_named()?;
+    let config = arguments.machine.read_named_constrained()?;
     if config.mechanisms.len() > 1 && arguments.report.is_some() {
         let text = "--report shows one mechanism: add --mechanism 1 or --mechanism 2";
         return Err(refused(text));

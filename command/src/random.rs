@@ -35,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         let text = format!("--seconds {seconds}: expected more than 0 and at most {LONGEST}");
         return Err(refused(text));
     }
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_constrained()?;
     let bar = Bar::spinner("choosing moves");
     let found = random_program(&config, arguments.seed, seconds);
     drop(bar);

@@ -43,7 +43,7 @@ pub struct Arguments {
 const SHORTEST_PERIOD: f64 = 1e-6;
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_constrained()?;
     let period = arguments.period.unwrap_or(config.period);
     if !(period >= SHORTEST_PERIOD && period.is_finite()) {
         let text = format!("--period {period}: expected at least {SHORTEST_PERIOD} seconds");

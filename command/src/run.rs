@@ -88,7 +88,7 @@ struct Answer<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_named()?;
+    let config = arguments.machine.read_named_constrained()?;
     open(&arguments.program)?;
     let mut trace = arguments.trace.as_deref().map(|file| Trace::new(&config, file)).transpose()?;
     let mut progress = Progress::new(&config, &arguments.program)?;

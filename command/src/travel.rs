@@ -55,7 +55,7 @@ enum Answer {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_named()?;
+    let config = arguments.machine.read_named_constrained()?;
     if arguments.serve {
         return Failure::unless_unread(serve(&config)).map(|()| Verdict::Fits);
     }
