@@ -127,7 +127,8 @@ certify() {
 ## boxes: proves the boxes of the shipped machines for the start without a seed
 boxes() {
     make generated
-    for ini in configs/*/*.ini; do echo "$ini"; target/host/pkm boxes "$ini"; done
+    # There are none beside constraints.
+    for ini in $(grep -L 'constraints=' configs/*/*.ini); do echo "$ini"; target/host/pkm boxes "$ini"; done
 }
 ## fuzz [MINUTES]: runs the three fuzz targets, ten minutes each
 fuzz() {

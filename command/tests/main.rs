@@ -7,6 +7,7 @@ mod chain;
 mod command_line;
 mod commands;
 mod confinement;
+mod constrained;
 mod control;
 mod cut;
 mod documentation;

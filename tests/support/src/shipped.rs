@@ -3,7 +3,7 @@
 
 use machine::proof::axis_box::AxisBox;
 use machine::read::ini::Ini;
-use machine::read::machine::MachineConfig;
+use machine::read::machine::{Lenient, MachineConfig};
 use machine::read::mechanism::Mechanism;
 use rand::Rng;
 use rand_pcg::Pcg64;
@@ -31,6 +31,9 @@ pub const MACHINES: [&str; 18] = [
     "triaglide",
     "tripod",
 ];
+
+/// Those with constraints of the platform.
+pub const CONSTRAINED: [&str; 3] = ["exechon", "tricept", "z3-head"];
 
 /// Returns those whose own pose is that of programs: no axis carries workpiece, tool or legs.
 pub fn unchained() -> Vec<&'static str> {
@@ -95,7 +98,12 @@ pub fn ini(machine: &str) -> PathBuf {
 
 /// Returns a machine with all its mechanisms.
 pub fn whole(machine: &str) -> MachineConfig {
-    MachineConfig::read(&ini(machine)).unwrap()
+    read(&ini(machine))
+}
+
+/// Returns the machine of a file, constraints included.
+fn read(file: &Path) -> MachineConfig {
+    MachineConfig::leniently(&Ini::read(file).unwrap(), Some(Lenient::Constraints)).unwrap()
 }
 
 /// Returns the first mechanism of a machine.
@@ -105,7 +113,7 @@ pub fn config(machine: &str) -> Mechanism {
 
 /// Returns the first mechanism of a file.
 pub fn first_of(file: &Path) -> Mechanism {
-    MachineConfig::read(file).unwrap().mechanism(1).unwrap()
+    read(file).mechanism(1).unwrap()
 }
 
 /// Returns the machine of a text.

@@ -10,7 +10,7 @@ use machine::proof::spans::Span;
 use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use test_support::shipped::{MACHINES, config, drawn as pose};
+use test_support::shipped::{CONSTRAINED, MACHINES, config, drawn as pose};
 
 /// Returns the machine with joint limits and cones that some of its poses violate.
 fn narrowed(rng: &mut Pcg64, machine: &str) -> Mechanism {
@@ -39,7 +39,7 @@ fn narrowed(rng: &mut Pcg64, machine: &str) -> Mechanism {
 #[test]
 fn no_pose_of_a_cell_that_is_proved_is_outside() {
     let mut rng = Pcg64::seed_from_u64(3);
-    for machine in MACHINES {
+    for machine in MACHINES.into_iter().chain(CONSTRAINED) {
         let (mut proved, mut open) = (0, 0);
         for _ in 0..60 {
             let config = narrowed(&mut rng, machine);
@@ -99,7 +99,7 @@ fn a_cell_may_come_near_a_limit() {
 #[test]
 fn bounds_of_a_path_contain_its_values_and_become_narrow() {
     let mut rng = Pcg64::seed_from_u64(13);
-    for machine in MACHINES {
+    for machine in MACHINES.into_iter().chain(CONSTRAINED) {
         for _ in 0..20 {
             let config = narrowed(&mut rng, machine);
             let (reach, whole) = (Reach::new(&config).unwrap(), range(&config));
@@ -272,4 +272,29 @@ fn a_limit_of_the_tilt_cuts_the_corners_of_boxes() {
     let Err(Stop::Limit(margin)) = reach.check(&corner) else { panic!("{corner:?}") };
     assert_eq!(margin.limit, Limit::Tilt);
     assert!((margin.value - tilt(25.0, 25.0)).abs() < 1e-9, "{margin:?}");
+}
+
+/// A path through the joint of a tricept's passive leg meets a constraint singularity there; others are proved.
+#[test]
+fn a_path_through_a_constraint_singularity_is_refused_there() {
+    let config = config("tricept");
+    let reach = Reach::new(&config).unwrap();
+    let straight = |from: [f64; 6], to: [f64; 6]| {
+        reach.refuse_unconnected(|middle, half| {
+            let way: [f64; 6] = std::array::from_fn(|k| to[k] - from[k]);
+            let at = std::array::from_fn(|k| from[k] + middle * way[k]);
+            Ok((at, vec![way.map(|value| half * value)]))
+        })
+    };
+    let pose = |x: f64, y: f64, z: f64| [x, y, z, 0.0, 0.0, 0.0];
+    for (from, to) in [
+        (pose(-250.0, 250.0, -800.0), pose(250.0, -250.0, -1050.0)),
+        (pose(0.0, 0.0, -900.0), pose(400.0, 0.0, -300.0)),
+        (pose(-1.0, 2.0, -900.0), pose(-1.0, 2.0, -900.0)),
+    ] {
+        assert_eq!(straight(from, to), Ok(()), "{from:?} {to:?}");
+    }
+    let (share, fault) = straight(pose(0.0, 0.0, -300.0), pose(0.0, 0.0, 300.0)).unwrap_err();
+    assert!((0.5..0.75).contains(&share), "{share} {fault}");
+    assert_eq!(fault.cause, kinematics::Cause::ConstraintSingular);
 }

@@ -10,13 +10,13 @@ use machine::read::tools::Tool;
 use program::motion::Move;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
-use test_support::shipped::{MACHINES, cases, config, drawn as pose, whole};
+use test_support::shipped::{CONSTRAINED, MACHINES, cases, config, drawn as pose, whole};
 
 #[test]
 fn shipped_machines_fit_and_every_pose_of_the_suggested_box_can_be_taken() {
     /// Poses sampled in each box.
     const POSES: usize = 20_000;
-    for machine in MACHINES {
+    for machine in MACHINES.into_iter().chain(CONSTRAINED) {
         let (whole, config) = (whole(machine), config(machine));
         for second in whole.mechanisms.iter().skip(1) {
             let report = check(&whole, second, |_| ()).unwrap();

@@ -3,6 +3,7 @@
 
 mod axis_limits;
 mod chain;
+mod constrained;
 mod correction;
 mod extra_axes;
 mod generated;
