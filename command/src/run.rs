@@ -8,6 +8,8 @@ use linuxcnc::row::{Ending, Message, MessageKind, Outcome, Row};
 use linuxcnc::trace::Trace;
 use machine::files::open;
 use machine::read::facts::FileFacts;
+use machine::read::machine::MachineConfig;
+use program::preflight::explained;
 use program::progress::Done;
 use program::verdict::Step;
 use serde::Serialize;
@@ -106,21 +108,22 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
         outcome: &outcome,
         trace: arguments.trace.as_deref(),
     })?;
-    report(&arguments.program, &outcome)?;
+    report(&config, &arguments.program, &outcome)?;
     Ok(match outcome.ending {
         Ending::Finished => Verdict::Fits,
         Ending::Stopped => Verdict::Misfit,
     })
 }
 
-fn report(program: &Path, outcome: &Outcome) -> Result<(), Failure> {
+fn report(config: &MachineConfig, program: &Path, outcome: &Outcome) -> Result<(), Failure> {
     let mut out = output::people();
     for message in &outcome.messages {
         let word = match message.kind {
             MessageKind::Error => "error: ",
             MessageKind::Text | MessageKind::Display => "",
         };
-        let Message { line, read, seconds, text, .. } = message;
+        let Message { line, read, seconds, .. } = message;
+        let text = explained(config, &message.text);
         let place = match line {
             0 => format!("reading line {read}, before the first move"),
             _ => format!("line {line}, {seconds:.3} s"),

@@ -21,12 +21,12 @@ fn shipped_programs_fit() {
 fn letters_of_coordinates_that_follow_are_named_with_those_that_they_follow_from() {
     let bench = Bench::new();
     for (machine, block, expected) in [
-        ("tricept", "G1 X20 A5 F600", "on this machine A follows from X Y Z: "),
-        ("exechon", "G1 B-2 F60", "on this machine B follows from X Y Z: "),
-        ("z3-head", "G1 A5 C1 F60", "on this machine C follows from Z A B: "),
+        ("tricept", "G1 X20 A5 F600", "on this machine A follows from X Y Z; "),
+        ("exechon", "G1 B-2 F60", "on this machine B follows from X Y Z; "),
+        ("z3-head", "G1 A5 C1 F60", "on this machine C follows from Z A B; "),
     ] {
         let words = format!("preflight {} -", ini(machine).display());
-        let reported = bench.answer(&words, &format!("G21 G90\n{block}\nM2\n"));
+        let reported = bench.answer(&words, &format!("G21 G91\nG1 Z-1 F60\n{block}\nM2\n"));
         assert!(reported.contains(expected), "{machine}: {reported}");
         assert!(reported.ends_with("exit 1\n"), "{machine}: {reported}");
     }

@@ -13,7 +13,7 @@ use crate::motion::{Move, ROUNDING, Translator};
 use crate::report::{Break, LeastMargin, Peak, Place, Preflight, Rule, Time, Timing};
 use crate::servo_cycles::Cycles;
 use crate::two_mechanisms::Flights;
-use kinematics::{Fault, Limit, Part};
+use kinematics::{Fault, Letter, Limit, Part};
 use linuxcnc::process::{Event, Options, run_with_moves};
 use linuxcnc::refusal::NotJudged;
 use linuxcnc::row::{Ending, Outcome, Row};
@@ -358,6 +358,23 @@ fn sentence(config: &Mechanism, limit: Rule, joint: usize, peak: &Peak) -> (Stri
     (part, text)
 }
 
+/// Adds the reason to LinuxCNC's refusal of a letter: the interpreter knows only those of `[TRAJ]COORDINATES`.
+pub fn explained(config: &MachineConfig, text: &str) -> String {
+    let of_letter = |letter: Letter| {
+        let refused = format!("Bad character '{}' used", letter.name().to_ascii_lowercase());
+        text.contains(&refused)
+    };
+    let layout = config.first().machine.layout();
+    let mut dependent = Letter::ALL.into_iter().filter(|letter| {
+        layout.is_dependent(*letter) && layout.is_held(*letter) && of_letter(*letter)
+    });
+    let Some(letter) = dependent.next() else { return text.into() };
+    let commanded: Vec<String> =
+        layout.coordinates().as_slice().iter().map(|letter| letter.name().to_string()).collect();
+    let (name, commanded) = (letter.name(), commanded.join(" "));
+    format!("{text}: on this machine {name} follows from {commanded}; remove it from the program")
+}
+
 /// Returns LinuxCNC's message if it stops the program.
 fn stop(config: &MachineConfig, outcome: &Outcome, last: &Place) -> Option<Break> {
     if outcome.ending == Ending::Finished {
@@ -368,7 +385,7 @@ fn stop(config: &MachineConfig, outcome: &Outcome, last: &Place) -> Option<Break
     let (line, file, seconds) = first.map_or((last.line, last.file, last.seconds), |answer| {
         (answer.place(), answer.file, answer.seconds)
     });
-    let texts: Vec<&str> = errors.map(|answer| answer.text.as_str()).collect();
+    let texts: Vec<String> = errors.map(|answer| explained(config, &answer.text)).collect();
     let text = match texts.is_empty() {
         true => "LinuxCNC stops here, without a message".into(),
         false => format!("LinuxCNC stops here: {}", texts.join("; ")),
