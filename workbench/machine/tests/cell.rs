@@ -295,6 +295,7 @@ fn a_path_through_a_constraint_singularity_is_refused_there() {
         assert_eq!(straight(from, to), Ok(()), "{from:?} {to:?}");
     }
     let (share, fault) = straight(pose(0.0, 0.0, -300.0), pose(0.0, 0.0, 300.0)).unwrap_err();
-    assert!((0.5..0.75).contains(&share), "{share} {fault}");
+    // The core refuses it slightly before, too.
+    assert!((share - 0.5).abs() < 0.01, "{share} {fault}");
     assert_eq!(fault.cause, kinematics::Cause::ConstraintSingular);
 }

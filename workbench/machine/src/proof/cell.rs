@@ -177,7 +177,18 @@ impl Reach<'_> {
         let range = [self.limits.conditioning, f64::INFINITY];
         let ends = [least, f64::INFINITY];
         spans.push(Span::of(Limit::Conditioning, Part::Whole, value, ends, range));
-        let joint = |i| self.joint_course(i, &middle, &spread, seconds.as_deref());
+        let joint = |i| {
+            let course = self.joint_course(i, &middle, &spread, seconds.as_deref());
+            let second_derivative = match is_determined {
+                true => course.second_derivative,
+                false => f64::INFINITY,
+            };
+            Course { second_derivative, ..course }
+        };
+        if !is_determined {
+            // The steps are only those of the commanded coordinates.
+            spans.iter_mut().for_each(|span| span.ends = [f64::NEG_INFINITY, f64::INFINITY]);
+        }
         let joints = (0..self.config.joints.len()).map(joint).collect();
         Ok(PathBounds { joints, spans, is_determined })
     }
