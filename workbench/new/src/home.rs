@@ -137,6 +137,10 @@ fn middle(plan: &Plan) -> [f64; 3] {
         base[k] -= leg.numbers::<3>(&key::PLATFORM)[k];
         middle += base / count;
     }
+    if !plan.constraints().is_empty() {
+        // The platform is level on the machine's axis.
+        (0..3).filter(|other| *other != k).for_each(|other| middle[other] = 0.0);
+    }
     middle.into()
 }
 
