@@ -106,6 +106,8 @@ def warnings(scene):
     low, high = model.actuator_ctrlrange.T
     free = ~model.actuator_ctrllimited.astype(bool)
     low[free], high[free] = -1, 1
+    # Without this, MuJoCo also writes them into a file of the current folder.
+    mujoco.set_mju_user_warning(lambda text: None)
     n = 0
     while data.time < SECONDS and not data.warning.number.any():
         share = [mujoco.mju_Halton(n, k + 2) for k in range(model.nu)]

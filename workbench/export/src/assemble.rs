@@ -21,8 +21,8 @@ pub enum Impossible {
     #[error(transparent)]
     Lacking(#[from] Lacking),
     #[error(
-        "axis {0} turns the legs, and a table moves the work against them: no chain of rigid bodies does the same; \
-         remove either one"
+        "axis {0} turns the legs while a table moves the work: not exported, because no chain of rigid bodies moves like \
+         this; to export the rest, remove CARRIES from [AXIS_{0}], or table= from [KINS]KINEMATICS"
     )]
     TurnedTable(char),
 }
@@ -407,7 +407,8 @@ fn identifier(name: &str) -> String {
         .map(|c| if c.is_ascii_alphanumeric() || "-_".contains(c) { c } else { '_' })
         .collect();
     match clean.chars().next() {
-        Some(c) if c.is_ascii_alphabetic() && clean != SCENE => clean,
+        // MJCF has a class "main" already.
+        Some(c) if c.is_ascii_alphabetic() && ![SCENE, "main"].contains(&clean.as_str()) => clean,
         _ => format!("machine_{clean}"),
     }
 }

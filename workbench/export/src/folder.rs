@@ -2,7 +2,7 @@
 //! The folder of a model.
 
 use crate::model::{Mesh, Model};
-use crate::{mjcf, readme, sdf, urdf};
+use crate::{mjcf, readme, sdf, stl, urdf};
 use machine::files::{self, AtFile, Locate, write_whole};
 use machine::read::machine::MachineConfig;
 use std::fs;
@@ -65,16 +65,19 @@ pub fn write(
     let mut model = model.clone();
     let mut shapes: Vec<(Mesh, String, Vec<u8>)> = vec![];
     for mesh in std::mem::take(&mut model.meshes) {
-        let bytes = files::read(&mesh.file)
+        let mut bytes = files::read(&mesh.file)
             .map_err(|error| FolderError::Mesh { part: mesh.part, error })?;
         let ending = mesh.file.extension().unwrap_or_default().to_ascii_lowercase();
         let ending = ending.to_string_lossy();
-        if format == Format::Mjcf && ending == "stl" && !is_binary(&bytes) {
-            let file = mesh.file.display();
-            model.left_out.push(format!(
-                "{file}: an STL file in text form, which MuJoCo does not read; convert it"
-            ));
-            continue;
+        if format == Format::Mjcf && ending == "stl" && !stl::is_binary(&bytes) {
+            let Some(binary) = stl::binary(&bytes) else {
+                let file = mesh.file.display();
+                model.left_out.push(format!(
+                    "{file}: neither a binary STL file nor triangles in text form; save it again as STL"
+                ));
+                continue;
+            };
+            bytes = binary;
         }
         shapes.push((mesh.clone(), format!("{}.{ending}", mesh.part), bytes));
     }
@@ -138,10 +141,4 @@ fn refuse_other(model: &Model, folder: &Path) -> Result<(), FolderError> {
         }
     }
     Ok(())
-}
-
-/// Returns whether an STL file is binary: its length follows from its number of triangles.
-fn is_binary(bytes: &[u8]) -> bool {
-    let count = bytes.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
-    count.is_some_and(|count| bytes.len() as u64 == 84 + 50 * u64::from(count))
 }

@@ -7,7 +7,7 @@
 //!
 //! `assemble` builds the one [`model::Model`] of a machine at home, `legs` the bodies and joints of each kind of leg,
 //! `mass` their masses; `state` computes the value of every joint at a pose. `mjcf`, `sdf` and `urdf` write the model
-//! through `xml`, `readme` describes it, and `folder` writes the files.
+//! through `xml`, `readme` describes it, `stl` converts shapes, and `folder` writes the files.
 
 pub mod assemble;
 pub mod folder;
@@ -19,6 +19,7 @@ mod readme;
 mod sdf;
 mod split;
 pub mod state;
+mod stl;
 mod universal;
 mod urdf;
 mod xml;

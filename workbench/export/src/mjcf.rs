@@ -28,12 +28,16 @@ pub fn file(model: &Model, meshes: &[(&Mesh, String)], comment: &str) -> String 
         .with("integrator", "implicitfast")
         .with("gravity", "0 0 -9.80665");
     let geom = Element::new("geom")
+        .with("type", "cylinder")
         .with("contype", "0")
         .with("conaffinity", "0")
         .with("group", "1")
         .with("rgba", "0.6 0.63 0.68 1");
     let equality = Element::new("equality").with("solref", SOLREF).with("solimp", SOLIMP);
-    let default = Element::new("default").child(geom).child(equality);
+    let position = Element::new("position").with("dampratio", "1");
+    // A class of its own: the default values of a file that includes this one remain as they are.
+    let class = Element::new("default").with("class", &model.name);
+    let default = Element::new("default").child(class.child(geom).child(equality).child(position));
     let asset = meshes.iter().map(|(mesh, file)| {
         let scale = numbers(&[mesh.scale; 3]);
         Element::new("mesh").with("name", mesh.part).with("file", file).with("scale", scale)
@@ -126,21 +130,21 @@ pub fn scene(model: &Model, comment: &str) -> String {
 /// Adds shapes, sites and children of a body.
 fn contents(model: &Model, number: usize, meshes: &[(&Mesh, String)], to: &mut Element) {
     let body = &model.bodies[number];
+    let is_world = body.parent.is_none();
+    let shape = || match is_world {
+        true => Element::new("geom").with("class", &model.name),
+        false => Element::new("geom"),
+    };
     for rod in &body.rods {
         let ends = [rod.ends[0] - body.origin, rod.ends[1] - body.origin];
         let fromto = numbers(&[ends[0].as_slice(), ends[1].as_slice()].concat());
-        to.push(
-            Element::new("geom")
-                .with("type", "cylinder")
-                .with("fromto", fromto)
-                .with("size", numbers(&[rod.radius])),
-        );
+        to.push(shape().with("fromto", fromto).with("size", numbers(&[rod.radius])));
     }
     for (mesh, _) in meshes.iter().filter(|(mesh, _)| mesh.body == number) {
         let rotation = Rotation3::from_matrix_unchecked(mesh.rotation);
         let q = UnitQuaternion::from_rotation_matrix(&rotation);
         to.push(
-            Element::new("geom")
+            shape()
                 .with("type", "mesh")
                 .with("mesh", mesh.part)
                 .with("pos", vector(&(mesh.place - body.origin)))
@@ -160,6 +164,9 @@ fn contents(model: &Model, number: usize, meshes: &[(&Mesh, String)], to: &mut E
     {
         let mut element =
             Element::new("body").with("name", &child.name).with("pos", vector(&model.offset(n)));
+        if is_world {
+            element = element.with("childclass", &model.name);
+        }
         if let Some(mass) = child.mass {
             element.push(inertial(child, &mass));
         }
@@ -216,6 +223,7 @@ fn equalities(model: &Model) -> impl Iterator<Item = Element> {
         };
         Element::new(kind)
             .with("name", &one.name)
+            .with("class", &model.name)
             .with("body1", &first.name)
             .with("body2", &second.name)
             .with("anchor", vector(&place))
@@ -223,6 +231,7 @@ fn equalities(model: &Model) -> impl Iterator<Item = Element> {
     let screws = model.screws.iter().map(|screw| {
         Element::new("joint")
             .with("name", &screw.name)
+            .with("class", &model.name)
             .with("joint1", &screw.slide)
             .with("joint2", &screw.turn)
             .with("polycoef", numbers(&[0.0, screw.per_radian, 0.0, 0.0, 0.0]))
@@ -237,9 +246,9 @@ fn actuators(model: &Model) -> impl Iterator<Item = Element> {
         let gain = model.share(n, joint) * (TAU * SERVO).powi(2);
         let mut element = Element::new("position")
             .with("name", &joint.name)
+            .with("class", &model.name)
             .with("joint", &joint.name)
-            .with("kp", numbers(&[gain]))
-            .with("dampratio", "1");
+            .with("kp", numbers(&[gain]));
         if let Some(range) = joint.range {
             element = element.with("ctrlrange", numbers(&range));
         }

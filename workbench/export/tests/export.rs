@@ -254,7 +254,7 @@ fn shapes_are_copied_and_a_missing_one_writes_nothing() {
     let missing = write(&model, &config, Format::Mjcf, &into).expect_err("no file").to_string();
     assert!(missing.contains("text.stl") && missing.contains("remove it"), "{missing}");
     assert!(!into.exists());
-    // A binary file without triangles, and a file in text form.
+    // A binary file without triangles, and a file in text form without any.
     fs::write(folder.path().join("part.stl"), [0; 84]).expect("written");
     fs::write(folder.path().join("text.stl"), "solid a\nendsolid a\n").expect("written");
     let written = write(&model, &config, Format::Mjcf, &into).expect("written");
@@ -262,9 +262,15 @@ fn shapes_are_copied_and_a_missing_one_writes_nothing() {
     assert_eq!(written.left_out.len(), 1);
     assert!(!into.join("meshes/base.stl").exists());
     let readme = fs::read_to_string(into.join("README.md")).expect("a README");
-    assert!(readme.contains("text.stl: an STL file in text form"), "{readme}");
+    assert!(readme.contains("text.stl: neither a binary STL file nor triangles"), "{readme}");
     write(&model, &config, Format::Urdf, &into).expect("written");
     assert!(into.join("meshes/base.stl").exists());
+    let text = "solid a\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n\
+                endfacet\nendsolid a\n";
+    fs::write(folder.path().join("text.stl"), text).expect("written");
+    let written = write(&model, &config, Format::Mjcf, &into).expect("written");
+    assert_eq!(written.left_out, [""; 0]);
+    assert_eq!(fs::read(into.join("meshes/base.stl")).expect("a shape").len(), 84 + 50);
 }
 
 #[test]
