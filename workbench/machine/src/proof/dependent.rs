@@ -314,48 +314,47 @@ impl Dependent {
         for equation in &self.equations {
             let of = |vector: [f64; 3]| Vector3::from(vector);
             let unit = |vector: [f64; 3]| place.rotation * of(vector).normalize();
-            let (row, change, rest): (_, Box<dyn Fn(&Vector3<f64>, &Vector3<f64>) -> _>, _) =
-                match equation.given {
-                    ConstraintGeometry::PointInPlane { platform, normal, .. } => {
-                        let (arm, normal) =
-                            (place.rotation * (of(platform) - about), of(normal).normalize());
-                        (
-                            [normal, arm.cross(&normal)],
-                            Box::new(move |_: &Vector3<f64>, turn: &Vector3<f64>| {
-                                [Vector3::zeros(), turn.cross(&arm).cross(&normal)]
-                            }),
-                            [0.0, arm.norm() * motion.turn * motion.turn],
-                        )
-                    }
-                    ConstraintGeometry::PlaneThroughPoint { normal, base, .. } => {
-                        let (normal, to) = (unit(normal), of(base) - center);
-                        let far = to.norm() + speed;
-                        let bent = lever.norm() * motion.turn * motion.turn;
-                        (
-                            [-normal, normal.cross(&to)],
-                            Box::new(move |v: &Vector3<f64>, turn: &Vector3<f64>| {
-                                let turned = turn.cross(&normal);
-                                let moved = v + turn.cross(&lever);
-                                [-turned, turned.cross(&to) - normal.cross(&moved)]
-                            }),
-                            [
-                                motion.turn * motion.turn,
-                                far * motion.turn * motion.turn + 2.0 * motion.turn * speed + bent,
-                            ],
-                        )
-                    }
-                    ConstraintGeometry::Square { platform_axis, base_axis } => {
-                        let (axis, base) = (unit(platform_axis), of(base_axis).normalize());
-                        let (axis, radius) = (axis * self.radius, self.radius);
-                        (
-                            [Vector3::zeros(), axis.cross(&base)],
-                            Box::new(move |_: &Vector3<f64>, turn: &Vector3<f64>| {
-                                [Vector3::zeros(), turn.cross(&axis).cross(&base)]
-                            }),
-                            [0.0, radius * motion.turn * motion.turn],
-                        )
-                    }
-                };
+            let (row, change, rest): (_, Change, _) = match equation.given {
+                ConstraintGeometry::PointInPlane { platform, normal, .. } => {
+                    let (arm, normal) =
+                        (place.rotation * (of(platform) - about), of(normal).normalize());
+                    (
+                        [normal, arm.cross(&normal)],
+                        Box::new(move |_: &Vector3<f64>, turn: &Vector3<f64>| {
+                            [Vector3::zeros(), turn.cross(&arm).cross(&normal)]
+                        }),
+                        [0.0, arm.norm() * motion.turn * motion.turn],
+                    )
+                }
+                ConstraintGeometry::PlaneThroughPoint { normal, base, .. } => {
+                    let (normal, to) = (unit(normal), of(base) - center);
+                    let far = to.norm() + speed;
+                    let bent = lever.norm() * motion.turn * motion.turn;
+                    (
+                        [-normal, normal.cross(&to)],
+                        Box::new(move |v: &Vector3<f64>, turn: &Vector3<f64>| {
+                            let turned = turn.cross(&normal);
+                            let moved = v + turn.cross(&lever);
+                            [-turned, turned.cross(&to) - normal.cross(&moved)]
+                        }),
+                        [
+                            motion.turn * motion.turn,
+                            far * motion.turn * motion.turn + 2.0 * motion.turn * speed + bent,
+                        ],
+                    )
+                }
+                ConstraintGeometry::Square { platform_axis, base_axis } => {
+                    let (axis, base) = (unit(platform_axis), of(base_axis).normalize());
+                    let (axis, radius) = (axis * self.radius, self.radius);
+                    (
+                        [Vector3::zeros(), axis.cross(&base)],
+                        Box::new(move |_: &Vector3<f64>, turn: &Vector3<f64>| {
+                            [Vector3::zeros(), turn.cross(&axis).cross(&base)]
+                        }),
+                        [0.0, radius * motion.turn * motion.turn],
+                    )
+                }
+            };
             let joined = |[force, moment]: [Vector3<f64>; 2]| {
                 let part = |k: usize| if k < 3 { force[k] } else { moment[k - 3] * per_radius };
                 Vector6::from_fn(|k, _| part(k))
@@ -374,6 +373,9 @@ impl Dependent {
 
 /// Largest difference of a row from the core's, as a share of it: both are exact but for rounding.
 const SAME: f64 = 1e-9;
+
+/// Change of a row, force and moment, while the control point moves and the platform turns.
+type Change = Box<dyn Fn(&Vector3<f64>, &Vector3<f64>) -> [Vector3<f64>; 2]>;
 
 /// Rows of the constraints at the center of a cell.
 pub(super) struct Rows {
