@@ -101,7 +101,7 @@ pub(crate) fn lipschitz_constant<const N: usize>(
     let mut sum = f64x2::ZERO;
     for i in (0..N).step_by(2) {
         let mut k = curvature(machine, placed, torsion, i, rho, motion)?;
-        if let Some(couplings) = &machine.couplings {
+        if let Some(couplings) = machine.couplings() {
             let shift = motion.map_or(0.0, |motion| motion.shift.norm());
             let [one, other] = k.to_array();
             let of = |lane, leg| couplings.curvature(placed, lane, rho, shift).unwrap_or(leg);
@@ -251,7 +251,7 @@ pub(crate) fn row_change<const N: usize>(
         let change = speed * travel / shortest;
         sum += change * change;
     }
-    if let Some(couplings) = &machine.couplings {
+    if let Some(couplings) = machine.couplings() {
         sum += couplings.row_change(motion.shift.norm());
     }
     inverse.inverse_norm() * sqrt(sum)

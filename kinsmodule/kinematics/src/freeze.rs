@@ -249,7 +249,7 @@ impl<const N: usize> Mechanism<N> {
             self.s2[i] = bend * arm / self.radius;
         }
         // The lengths of their lanes have no zero to be kept away from.
-        if self.couplings.is_some() {
+        if self.couplings().is_some() {
             for i in self.count()..self.equations() {
                 (self.s1[i], self.s2[i]) = (0.0, 0.0);
             }

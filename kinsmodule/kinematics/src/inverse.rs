@@ -113,7 +113,7 @@ impl<const N: usize> Mechanism<N> {
         trig: &Trigonometry,
         tool: &Vector3<f64>,
     ) -> Result<Placement, Fault> {
-        if let Some(couplings) = &self.couplings {
+        if let Some(couplings) = self.couplings() {
             return Self::settled(couplings, pose, tool);
         }
         let rotation = trig.rotation();
@@ -157,7 +157,7 @@ impl<const N: usize> Mechanism<N> {
         self.check_tool(tool)?;
         let pose = if self.holds { self.held(pose, true)? } else { *pose };
         let place = self.placement(&pose, &pose.trigonometry(), tool)?.place;
-        Ok(match &self.couplings {
+        Ok(match self.couplings() {
             Some(couplings) => couplings.pose(&place, tool),
             None => Pose {
                 position: place.centre + tool - place.rotation * (tool + self.reference),

@@ -35,14 +35,14 @@ impl<const N: usize> LegsAt<'_, N> {
         }
         for (i, letter) in machine.layout.table().as_slice().iter().enumerate() {
             let mut force = Vector3::zeros();
-            force[letter.index().min(2)] = if machine.couplings.is_some() { -1.0 } else { 1.0 };
+            force[letter.index().min(2)] = if machine.couplings().is_some() { -1.0 } else { 1.0 };
             set(machine.count() + i, &Gradient { force, moment: Vector3::zeros() });
         }
         Ok(jacobian)
     }
 
     pub fn pose_jacobian(&self) -> Result<Jacobian, Fault> {
-        if self.machine.couplings.is_some() {
+        if self.machine.couplings().is_some() {
             return self.commanded_jacobian();
         }
         let mut jacobian = self.inverse_jacobian()?;
@@ -80,7 +80,7 @@ impl<const N: usize> LegsAt<'_, N> {
         let force = Lanes3::from_fn(|i| legs[i].force);
         let moment = Lanes3::from_fn(|i| legs[i].moment);
         let mut columns = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
-        if let Some(couplings) = &machine.couplings {
+        if let Some(couplings) = machine.couplings() {
             couplings.write_rows(&self.placement.place, &mut columns);
         }
         machine.to_chart(&mut columns, &self.placement.place);

@@ -87,10 +87,16 @@ impl<const N: usize> Mechanism<N> {
         self.layout.legs().min(N)
     }
 
+    /// Returns the constraints. With them there are six equations: the compiler knows that other machines have none.
+    #[inline(always)]
+    pub fn couplings(&self) -> Option<&Couplings> {
+        if N == 6 { self.couplings.as_ref() } else { None }
+    }
+
     /// Returns the number of equations: legs and constraints.
     #[inline(always)]
     pub fn equations(&self) -> usize {
-        let constraints = self.couplings.as_ref().map_or(0, Couplings::count);
+        let constraints = self.couplings().map_or(0, Couplings::count);
         (self.layout.legs() + constraints).min(N)
     }
 
@@ -192,7 +198,7 @@ impl<const N: usize> Mechanism<N> {
         if let Some(rings) = self.rings() {
             rings.turn(&place.rotation, placed);
         }
-        if let Some(couplings) = &self.couplings {
+        if let Some(couplings) = self.couplings() {
             couplings.write_lengths(place, &mut placed.length);
         }
     }
@@ -275,7 +281,7 @@ impl<const N: usize> Mechanism<N> {
         place: &Place,
     ) -> [[f64; N]; 6] {
         let mut columns = self.rows(placed, torsion);
-        if let Some(couplings) = &self.couplings {
+        if let Some(couplings) = self.couplings() {
             couplings.write_rows(place, &mut columns);
         }
         self.to_chart(&mut columns, place);

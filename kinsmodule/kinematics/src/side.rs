@@ -88,7 +88,7 @@ impl<const N: usize> Mechanism<N> {
         let sign = if self.layout.is_redundant() { 0 } else { self.sign_of(&columns) };
         let reach = match PseudoInverse::new(&columns, &self.active) {
             // The platform also moves in coordinates that the pose does not have.
-            _ if self.couplings.is_some() => 0.0,
+            _ if self.couplings().is_some() => 0.0,
             Some(inverse) => self.largest_ball(|rho| {
                 let fixed = lipschitz_constant(self, placed, torsion, &inverse, rho, None).ok()?;
                 Some(fixed + self.of_joints(placed, joints, &inverse, rho)?)

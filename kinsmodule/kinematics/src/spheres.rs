@@ -186,7 +186,7 @@ impl Spheres {
     #[inline(always)]
     pub fn of(machine: &Mechanism<4>) -> Option<Self> {
         let moves = machine.active == [true, true, true, false, false, false];
-        let is_plain = machine.nut.is_none() && !machine.slides && machine.couplings.is_none();
+        let is_plain = machine.nut.is_none() && !machine.slides && machine.couplings().is_none();
         if !(machine.count() == 3 && moves && is_plain) {
             return None;
         }

@@ -14,7 +14,7 @@ mod track;
 
 pub use solver::{Certificate, MAX_ITERATIONS, MAX_SUB_STEPS, Method, Solution, Solver};
 
-use crate::coupling::Couplings;
+use crate::coupling::{Couplings, Settled};
 use crate::fault::{Cause, Fault};
 use crate::layout::Joints;
 use crate::leg::LEAST_DRIVE;
@@ -57,11 +57,15 @@ impl<const N: usize> Mechanism<N> {
         let mut trig = seed.trigonometry();
         let mut rotation = trig.rotation();
         let mut centre = self.of_legs(self.point(&seed.position, &rotation, tool));
-        if let Some(couplings) = &self.couplings {
-            let place = couplings.with_angles(couplings.settle(&seed, tool)?.place);
-            (rotation, centre) = (place.rotation, place.centre);
-            seed = couplings.pose(&place, tool);
-            trig = seed.trigonometry();
+        let mut settled = None;
+        if let Some(couplings) = self.couplings() {
+            let found = couplings.settle(&seed, tool)?;
+            (rotation, centre) = (found.place.rotation, found.place.centre);
+            if couplings.has_angles() {
+                seed.angles = found.place.angles;
+                trig = seed.trigonometry();
+            }
+            settled = Some((couplings, found));
         }
         // A closure: copying the struct would stall on store forwarding.
         let start = || Place { centre, rotation, angles: seed.angles };
@@ -95,10 +99,10 @@ impl<const N: usize> Mechanism<N> {
             Some(nut) => nut.corrections(&end.at.torsion),
             None => [0.0; N],
         };
-        let pose = match &self.couplings {
+        let pose = match &settled {
             None => self.pose_at(&end.place, joints, tool, &seed, &trig),
-            Some(couplings) => {
-                self.commanded(couplings, &end.place, joints, tool, (&seed, &trig))?
+            Some((couplings, from)) => {
+                self.commanded((couplings, from), &end.place, joints, tool, (&seed, &trig))?
             }
         };
         // A pose that inverse would refuse must not become the next seed.
@@ -171,21 +175,22 @@ impl<const N: usize> Mechanism<N> {
     }
 
     /// Computes the commanded coordinates of the platform's pose, and checks that they lead back to it: a joint path may
-    /// pass a constraint singularity, beyond which they belong to another pose.
+    /// pass a constraint singularity, beyond which they belong to another pose. Near the seed the proof of its dependent
+    /// coordinates covers this pose, too.
     #[inline(never)]
     fn commanded(
         &self,
-        couplings: &Couplings,
+        (couplings, from): (&Couplings, &Settled),
         place: &Place,
         joints: &Joints,
         tool: &Vector3<f64>,
         (seed, trig): (&Pose, &Trigonometry),
     ) -> Result<Pose, Fault> {
         let r = &place.rotation;
-        let mut pose = Pose {
-            position: place.centre + tool - r * (tool + self.reference),
-            angles: angles_near(r, seed, trig),
-        };
+        let angles = if couplings.has_angles() { angles_near(r, seed, trig) } else { seed.angles };
+        let own = place.centre + tool - r * (tool + self.reference);
+        let mut pose = Pose { position: own, angles };
+        let is_beside = couplings.is_beside(from, &Place { angles, ..*place }, tool);
         for letter in Letter::ALL.into_iter().filter(|letter| self.layout.is_dependent(*letter)) {
             match letter.index() {
                 k @ 0..3 => pose.position[k] = 0.0,
@@ -196,7 +201,10 @@ impl<const N: usize> Mechanism<N> {
             let value = joints.get(self.count() + i).copied().unwrap_or(f64::NAN);
             let k = letter.index().min(2);
             // The table compensates the platform's own motion, whose dependent part is computed from the pose.
-            pose.position[k] = value + (place.centre + tool - r * (tool + self.reference))[k];
+            pose.position[k] = value + own[k];
+        }
+        if is_beside {
+            return Ok(pose);
         }
         let back = couplings.settle(&pose, tool)?.place;
         let turned = (back.rotation - r).norm() * self.radius;

@@ -210,7 +210,7 @@ impl<const N: usize> Mechanism<N> {
         if let Some(rings) = self.rings() {
             rings.turn(&self.moved_by(&about.place, x, &way).rotation, &mut at.placed);
         }
-        if let Some(couplings) = &self.couplings {
+        if let Some(couplings) = self.couplings() {
             couplings.write_lengths(&self.moved_by(&about.place, x, &way), &mut at.placed.length);
         }
         if let Some(nut) = &self.nut {
@@ -242,7 +242,7 @@ impl<const N: usize> Mechanism<N> {
         if let Some(rings) = self.rings() {
             rings.bend(&about.place, &about.at.placed, [v, omega], &mut second);
         }
-        if let Some(couplings) = &self.couplings {
+        if let Some(couplings) = self.couplings() {
             couplings.write_accelerations(&about.place, [v, omega], &mut second);
         }
         second
@@ -264,7 +264,7 @@ impl<const N: usize> Mechanism<N> {
         let step = newton_step(&about.inverse, &at.residual);
         let [v, _] = parts(&step);
         let mut left = at.placed.length_rates(&v, &self.angular(x, way, &step));
-        if let Some(couplings) = &self.couplings {
+        if let Some(couplings) = self.couplings() {
             let place = self.moved_by(&about.place, x, way);
             couplings.write_rates(&place, [&v, &self.angular(x, way, &step)], &mut left);
         }
@@ -285,7 +285,7 @@ impl<const N: usize> Mechanism<N> {
         let [v, _] = parts(step);
         let omega = self.angular_at_middle(&about.place, step);
         let mut rates = about.at.placed.length_rates(&v, &omega);
-        if let Some(couplings) = &self.couplings {
+        if let Some(couplings) = self.couplings() {
             couplings.write_rates(&about.place, [&v, &omega], &mut rates);
         }
         rates

@@ -7,14 +7,14 @@
 //!
 //! **Dependent coordinates.** For given commanded coordinates x the constraints F(x, y) = 0 determine the dependent
 //! ones, y. The machine is assembled at home; the correct y is the end of the unique continuous path of solutions from
-//! home along the straight line in x, with the tool mounted. It is followed in balls: with M the inverse of F_y at the
-//! center (x₀, y₀) of a ball of radius ρ, and η a bound of |M F(x, y₀)| along the part of the line from x₀, a bound
-//! λ ≤ 1/2 of ‖1 − M F_y‖ over ball and part and ρ = 2η make y ↦ y − M F(x, y) a contraction of the ball into itself
-//! for every x of the part. It then contains one solution for each of them, which depends continuously on x. The center
-//! of the next ball is so near to its own solution that this is in both. No state is kept between calls: the answer
-//! depends on the pose and the tool alone.
+//! home along the straight line in x, with the tool mounted. The file `settle` solves it and proves that it is this end.
+//! No state is kept between calls: the answer depends on the pose and the tool alone.
 //!
-//! **Bounds** in the norm ‖(translation, r · angle)‖, r the platform radius: see [`Couplings::bend`].
+//! **Norm** of a displacement of the platform: ‖(translation, r · angle)‖, r the platform radius.
+
+mod settle;
+
+pub(crate) use settle::Settled;
 
 use crate::constraint::ConstraintGeometry;
 use crate::fault::{Cause, Fault, MachinePart};
@@ -24,7 +24,7 @@ use crate::layout::Layout;
 use crate::leg::direction;
 use crate::letters::Letter;
 use crate::placed::{Place, Placed};
-use crate::pose::{Pose, angles_near, cayley_change};
+use crate::pose::{Pose, angles_near};
 use crate::pseudo_inverse::PseudoInverse;
 use core::f64::consts::SQRT_2;
 use libm::{hypot, sqrt};
@@ -33,29 +33,12 @@ use nalgebra::{Matrix3, Vector3};
 /// Largest number of independent constraints: at least one leg moves the platform.
 const MOST: usize = 5;
 
-/// Largest ‖1 − M F_y‖ in a ball.
-const CONTRACTION: f64 = 0.5;
-
-/// ‖1 − M F_y‖ for which the next part of the line is chosen: the bound grows from one ball to the next.
-const AIM: f64 = 0.45;
-
-/// Largest number of balls that are tried.
-const MOST_TRIALS: u32 = 96;
-
-/// Shortest part of the line, as a share of it.
-const SHORTEST: f64 = 1e-4;
-
-/// A solution is too near to a constraint singularity if its ball is smaller than twice this share of the size.
+/// A solution is too near to a constraint singularity if its derivatives may become singular within this share of the
+/// size.
 const LEAST_BALL: f64 = 1e-6;
-
-/// Largest number of corrections at the end of the line.
-const MOST_CORRECTIONS: u32 = 12;
 
 /// Error of the dependent coordinates at which corrections stop, as a share of the size.
 const TOLERANCE: f64 = 1e-14;
-
-/// Rounding of a step, as a share of the size: every ball has room for it.
-const ROUNDING: f64 = 1e-12;
 
 /// A constraint whose gradient is farther from those of the others than this share of its length is independent at the
 /// pose [TRAJ]HOME, whose dependent coordinates are still 0; at the home of the machine.
@@ -94,6 +77,8 @@ struct Coupling {
     offset: f64,
     /// Factor that makes the equation a length, and its gradient comparable with those of legs.
     scale: f64,
+    /// Length of the part of n along commanded coordinates.
+    commanded: f64,
 }
 
 /// Value and gradient of a constraint.
@@ -114,6 +99,8 @@ pub(crate) struct Couplings {
     first: usize,
     /// Per coordinate X … C, whether they determine it.
     dependent: [bool; 6],
+    /// Index of each dependent coordinate, as many as constraints.
+    unknown: [usize; MOST],
     /// Whether A, B and C are dependent: then rotation vectors about the present orientation are the chart, otherwise the
     /// angles themselves.
     turns_freely: bool,
@@ -125,59 +112,12 @@ pub(crate) struct Couplings {
     size: f64,
 }
 
-/// Bounds of the derivatives of R by the angles, for unit rates of the dependent (y) and the commanded (x) ones.
+/// Bounds of the derivatives of R by the dependent angles (y, yy) and by the commanded ones (x), for unit rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Turning {
     y: f64,
     x: f64,
     yy: f64,
-    xy: f64,
-    xx: f64,
-}
-
-/// Bounds of the second derivatives of a constraint: of its gradient by y per change of y, per commanded rotation and
-/// per commanded translation; of its value along a commanded motion, for the square of the rotation and for the product
-/// of both.
-struct Bend {
-    yy: f64,
-    xr: f64,
-    xt: f64,
-    rr: f64,
-    rt: f64,
-}
-
-/// The platform while the dependent coordinates are sought.
-#[derive(Clone, Copy)]
-struct Spot {
-    rotation: Matrix3<f64>,
-    angles: Vector3<f64>,
-    /// Position of the reference point; only the dependent coordinates are used.
-    free: Vector3<f64>,
-}
-
-/// Commanded coordinates: position of the control point less the tool, and the vector from there to the reference point
-/// in the platform frame.
-struct Commanded {
-    position: Vector3<f64>,
-    lever: Vector3<f64>,
-}
-
-/// A spot with the inverse of the derivatives there.
-struct Center {
-    spot: Spot,
-    values: [f64; 6],
-    inverse: PseudoInverse<6>,
-    /// Length of Newton's step from there.
-    off: f64,
-}
-
-/// The platform for commanded coordinates.
-pub(crate) struct Settled {
-    /// Its angles are current only if some of A, B and C are commanded.
-    pub place: Place,
-    /// Difference of the commanded position and the platform's: what a table compensates; otherwise 0 in commanded
-    /// coordinates and without meaning in others.
-    pub table: Vector3<f64>,
 }
 
 impl Coupling {
@@ -188,6 +128,7 @@ impl Coupling {
         normal: Vector3::new(0.0, 0.0, 0.0),
         offset: 0.0,
         scale: 0.0,
+        commanded: 0.0,
     };
 
     /// Checks constraint `i` as given.
@@ -280,17 +221,14 @@ impl Coupling {
 }
 
 impl Turning {
-    /// Returns the bounds for the dependent angles: ∂R by a unit rate of angles rotates at most at √2, at 1 about one
-    /// axis or two perpendicular ones, such as those of A and B or of B and C; each of the derivatives by two angles is
-    /// at most 1.
-    fn of([a, b, c]: [bool; 3]) -> Self {
-        let two = (1.0 + SQRT_2) / 2.0;
-        match [a, b, c].iter().filter(|dependent| **dependent).count() {
-            3 => Self { y: 1.0, x: 0.0, yy: 1.0, xy: 0.0, xx: 0.0 },
-            2 => Self { y: SQRT_2, x: 1.0, yy: 2.0, xy: SQRT_2, xx: 1.0 },
-            1 if b => Self { y: 1.0, x: SQRT_2, yy: 1.0, xy: SQRT_2, xx: 2.0 },
-            1 => Self { y: 1.0, x: 1.0, yy: 1.0, xy: 1.0, xx: two },
-            _ => Self { y: 0.0, x: SQRT_2, yy: 0.0, xy: SQRT_2, xx: 3.0 },
+    /// Returns the bounds: k angles at a unit rate rotate at most at √k, and the second derivatives sum up to at most k;
+    /// rotation vectors, the chart if all angles are dependent, have bounds of 1.
+    fn of(angles: [bool; 3]) -> Self {
+        let root = |count: usize| [0.0, 1.0, SQRT_2, 1.75][count.min(3)];
+        let dependent = angles.iter().filter(|dependent| **dependent).count();
+        match dependent {
+            3 => Self { y: 1.0, x: 0.0, yy: 1.0 },
+            _ => Self { y: root(dependent), x: root(3 - dependent), yy: dependent as f64 },
         }
     }
 }
@@ -327,17 +265,28 @@ impl Couplings {
         let rotation = home.rotation();
         let start =
             Place { rotation, centre: home.position + rotation * reference, angles: home.angles };
-        for coupling in given.iter_mut().filter(|coupling| coupling.kind == Kind::Through) {
-            // The length of its gradient is then 1.
-            coupling.scale = 1.0 / hypot(1.0, (coupling.base - start.centre).norm() / radius);
-        }
         let dependent = Letter::ALL.map(|letter| layout.is_dependent(letter));
+        for coupling in given.iter_mut() {
+            match coupling.kind {
+                // The length of its gradient is then 1.
+                Kind::Through => {
+                    let distance = (coupling.base - start.centre).norm();
+                    coupling.scale = 1.0 / hypot(1.0, distance / radius);
+                }
+                Kind::InPlane => {
+                    let parts = (0..3).filter(|k| !dependent[*k]).map(|k| coupling.normal[k]);
+                    coupling.commanded = sqrt(parts.map(|part| part * part).sum());
+                }
+                Kind::Square => {}
+            }
+        }
         let [.., a, b, c] = dependent;
         let mut couplings = Self {
             all: [Coupling::NONE; MOST],
             count: 0,
             first: layout.legs(),
             dependent,
+            unknown: [0; MOST],
             turns_freely: a && b && c,
             turning: Turning::of([a, b, c]),
             home: start,
@@ -345,6 +294,8 @@ impl Couplings {
             radius,
             size,
         };
+        let dependents = (0..6).filter(|k| dependent[*k]);
+        couplings.unknown.iter_mut().zip(dependents).for_each(|(place, k)| *place = k);
         let mut dropped = [false; crate::constraint::MAX_CONSTRAINTS];
         for share in INDEPENDENT {
             couplings.choose(given, &mut dropped, share, layout)?;
@@ -363,6 +314,19 @@ impl Couplings {
     fn off(&self, place: &Place) -> f64 {
         let values = self.used().iter().map(|c| c.row(&place.rotation, &place.centre).value.abs());
         values.fold(0.0, f64::max)
+    }
+
+    /// Returns whether X, Y or Z is dependent.
+    #[inline(always)]
+    fn moves_freely(&self) -> bool {
+        let [x, y, z, ..] = self.dependent;
+        x || y || z
+    }
+
+    /// Returns whether any of A, B and C is commanded, so that a platform's angles are current.
+    #[inline(always)]
+    pub fn has_angles(&self) -> bool {
+        !self.turns_freely
     }
 
     fn used(&self) -> &[Coupling] {
@@ -624,242 +588,6 @@ impl Couplings {
         through.map(|coupling| coupling.scale * shift / self.radius).map(|x| x * x).sum()
     }
 
-    /// Computes the platform for commanded coordinates.
-    ///
-    /// # Errors
-    /// [`Cause::ConstraintSingular`].
-    pub fn settle(&self, pose: &Pose, tool: &Vector3<f64>) -> Result<Settled, Fault> {
-        let lever = tool + self.reference;
-        // Home with this tool.
-        let from = self.home.centre - self.home.rotation * lever;
-        let mut way = pose.position - tool - from;
-        let mut turn = pose.angles - self.home.angles;
-        for k in 0..3 {
-            if self.dependent[k] {
-                way[k] = 0.0;
-            }
-            if self.dependent[k + 3] {
-                turn[k] = 0.0;
-            }
-        }
-        let travel = [way.norm(), self.radius * turn.norm()];
-        let at = |share: f64| Commanded { position: from + way * share, lever };
-        let Place { rotation, angles, centre } = self.home;
-        let start = Spot { rotation, angles, free: centre };
-        let mut here = self.center(start, &at(0.0)).ok_or(Cause::ConstraintSingular)?;
-        let (mut done, mut share) = (0.0, 1.0);
-        for _ in 0..MOST_TRIALS {
-            let rest = 1.0 - done;
-            let arrives = share >= rest;
-            let part = if arrives { rest } else { share };
-            let to = if arrives { 1.0 } else { done + share };
-            let commanded = at(to);
-            let mut spot = self.turned(&here.spot, &turn, to);
-            let values = self.values(&spot, &commanded);
-            let step = here.inverse.solve(&values).map(|x| -x);
-            let length = sqrt(inner(&step, &step));
-            let ball = self.ball(&here, &at(done), length, travel.map(|travel| travel * part));
-            if ball.change <= CONTRACTION {
-                self.go(&mut spot, &step);
-                if let Some(next) = self.center(spot, &commanded)
-                    && length + 2.0 * next.off <= ball.radius
-                {
-                    if arrives {
-                        let place = self.converge(next, &commanded)?;
-                        let table = pose.position - tool + place.rotation * lever - place.centre;
-                        return Ok(Settled { place, table });
-                    }
-                    (here, done) = (next, to);
-                    share = part * (AIM / ball.change).clamp(0.5, 4.0);
-                    continue;
-                }
-                share = part / 2.0;
-            } else {
-                share = part * (AIM / ball.change).clamp(0.1, 0.7);
-            }
-            if !(share >= SHORTEST) {
-                break;
-            }
-        }
-        Err(Fault::with_value(Cause::ConstraintSingular, done))
-    }
-
-    /// Turns the commanded angles to a share of their way.
-    fn turned(&self, spot: &Spot, turn: &Vector3<f64>, share: f64) -> Spot {
-        if self.turns_freely || *turn == Vector3::zeros() {
-            return *spot;
-        }
-        let mut angles = spot.angles;
-        for k in (0..3).filter(|k| !self.dependent[k + 3]) {
-            angles[k] = self.home.angles[k] + turn[k] * share;
-        }
-        let rotation = Pose { position: Vector3::zeros(), angles }.rotation();
-        Spot { rotation, angles, free: spot.free }
-    }
-
-    /// Computes the position of the reference point.
-    fn point(&self, spot: &Spot, commanded: &Commanded) -> Vector3<f64> {
-        let mut point = commanded.position + spot.rotation * commanded.lever;
-        for k in (0..3).filter(|k| self.dependent[*k]) {
-            point[k] = spot.free[k];
-        }
-        point
-    }
-
-    fn values(&self, spot: &Spot, commanded: &Commanded) -> [f64; 6] {
-        let point = self.point(spot, commanded);
-        let mut values = [0.0; 6];
-        for (value, coupling) in values.iter_mut().zip(self.used()) {
-            *value = coupling.row(&spot.rotation, &point).value;
-        }
-        values
-    }
-
-    /// Computes values and derivatives by the dependent coordinates; `None` at a constraint singularity.
-    fn center(&self, spot: Spot, commanded: &Commanded) -> Option<Center> {
-        let point = self.point(&spot, commanded);
-        let lever = spot.rotation * commanded.lever;
-        let mut columns = [[0.0; 6]; 6];
-        let mut values = [0.0; 6];
-        let map = match self.turns_freely {
-            true => Matrix3::identity(),
-            false => Pose { position: point, angles: spot.angles }.rate_map(),
-        } / self.radius;
-        for (i, coupling) in self.used().iter().enumerate().take(MOST) {
-            let Row { value, force, moment } = coupling.row(&spot.rotation, &point);
-            // A rotation moves the reference point as commanded, and not in the dependent coordinates.
-            let mut moved = force;
-            for k in (0..3).filter(|k| self.dependent[*k]) {
-                moved[k] = 0.0;
-            }
-            let turned = map.tr_mul(&(moment + lever.cross(&moved)));
-            values[i] = value;
-            for k in 0..3 {
-                columns[k][i] = if self.dependent[k] { force[k] } else { 0.0 };
-                columns[k + 3][i] = if self.dependent[k + 3] { turned[k] } else { 0.0 };
-            }
-        }
-        let inverse = PseudoInverse::new(&columns, &self.dependent)?;
-        let step = inverse.solve(&values);
-        Some(Center { spot, values, inverse, off: sqrt(inner(&step, &step)) })
-    }
-
-    /// Moves by a step in the dependent coordinates, angles times the radius.
-    fn go(&self, spot: &mut Spot, step: &[f64; 6]) {
-        let [x, y, z, a, b, c] = *step;
-        let turn = Vector3::new(a, b, c) / self.radius;
-        spot.free += Vector3::new(x, y, z);
-        match self.turns_freely {
-            true => spot.rotation += cayley_change(&turn) * spot.rotation,
-            false => {
-                spot.angles += turn;
-                spot.rotation = Pose { position: spot.free, angles: spot.angles }.rotation();
-            }
-        }
-    }
-
-    /// Computes radius and ‖1 − M F_y‖ of the ball about `here` for a part of the line with this travel, at whose end
-    /// Newton's step is `length`.
-    fn ball(&self, here: &Center, commanded: &Commanded, length: f64, travel: [f64; 2]) -> Ball {
-        let [moved, turned] = travel;
-        let norm = here.inverse.inverse_norm();
-        let mut deviation = 0.0;
-        let reach = length.max(here.off).max(ROUNDING * self.size);
-        for coupling in self.used() {
-            let Bend { rr, rt, .. } = self.bend(coupling, here, commanded, reach, travel);
-            let off = (rr * turned * turned + rt * turned * moved) / 8.0;
-            deviation += off * off;
-        }
-        let radius = 2.0 * (reach + norm * sqrt(deviation));
-        let mut change = 0.0;
-        for coupling in self.used() {
-            let Bend { yy, xr, xt, .. } = self.bend(coupling, here, commanded, radius, travel);
-            let off = yy * radius + xr * turned + xt * moved;
-            change += off * off;
-        }
-        Ball { radius, change: norm * sqrt(change) }
-    }
-
-    /// Bounds the second derivatives of a constraint for commanded motions by up to `travel` and dependent ones by up
-    /// to `rho`.
-    ///
-    /// A point in a plane depends on R alone but for linear terms. So does a plane through a point if X, Y and Z are
-    /// commanded, with c seen from the control point as its arm; otherwise P also moves with R.
-    fn bend(
-        &self,
-        coupling: &Coupling,
-        here: &Center,
-        commanded: &Commanded,
-        rho: f64,
-        [moved, turned]: [f64; 2],
-    ) -> Bend {
-        let Turning { y, x, yy, xy, xx } = self.turning;
-        let per = 1.0 / self.radius;
-        let of_arm = |arm: f64| {
-            let arm = arm * per * per;
-            Bend { yy: yy * arm, xr: xy * arm, xt: 0.0, rr: xx * arm, rt: 0.0 }
-        };
-        let [free_x, free_y, free_z, ..] = self.dependent;
-        let (is_free, lever) = (free_x || free_y || free_z, commanded.lever.norm());
-        match coupling.kind {
-            Kind::Square => of_arm(coupling.scale),
-            Kind::InPlane if !is_free => of_arm((commanded.lever + coupling.arm).norm()),
-            Kind::InPlane => {
-                let mut normal = coupling.normal;
-                for k in (0..3).filter(|k| self.dependent[*k]) {
-                    normal[k] = 0.0;
-                }
-                of_arm(normal.norm() * lever + coupling.arm.norm())
-            }
-            Kind::Through if !is_free => {
-                let distance = (coupling.base - commanded.position).norm() + moved;
-                let bend = of_arm(coupling.scale * distance);
-                let cross = coupling.scale * per;
-                Bend { xt: y * cross, rt: 2.0 * x * cross, ..bend }
-            }
-            Kind::Through => {
-                let speed = 1.0 + SQRT_2 * lever * per;
-                let point = self.point(&here.spot, commanded);
-                let distance = (coupling.base - point).norm() + speed * (rho + moved + turned);
-                let all = coupling.scale
-                    * (3.0 * (distance + lever) * per * per + 2.0 * SQRT_2 * speed * per);
-                Bend { yy: all, xr: all, xt: all, rr: all, rt: 2.0 * all }
-            }
-        }
-    }
-
-    /// Corrects the last center until rounding remains; refuses a solution near a constraint singularity.
-    fn converge(&self, mut at: Center, commanded: &Commanded) -> Result<Place, Fault> {
-        let singular = Fault::with_value(Cause::ConstraintSingular, 1.0);
-        let (most, mut moved) = (2.0 * at.off + TOLERANCE * self.size, 0.0);
-        let mut before = f64::INFINITY;
-        for _ in 0..MOST_CORRECTIONS {
-            let step = at.inverse.solve(&at.values).map(|x| -x);
-            let length = sqrt(inner(&step, &step));
-            let ratio = if before < f64::INFINITY { length / before } else { 1.0 };
-            self.go(&mut at.spot, &step);
-            moved += length;
-            if length * ratio.min(1.0) <= TOLERANCE * self.size
-                || length <= 16.0 * f64::EPSILON * self.size
-            {
-                let surely = self.ball(&at, commanded, self.size * LEAST_BALL, [0.0; 2]);
-                if !(moved <= most && surely.change < 1.0) {
-                    return Err(singular);
-                }
-                let Spot { rotation, angles, .. } = at.spot;
-                return Ok(Place { rotation, centre: self.point(&at.spot, commanded), angles });
-            }
-            if ratio > 0.1 && before < f64::INFINITY {
-                at = self.center(at.spot, commanded).ok_or(singular)?;
-                before = f64::INFINITY;
-                continue;
-            }
-            at.values = self.values(&at.spot, commanded);
-            before = length;
-        }
-        Err(singular)
-    }
-
     /// Updates the angles of a platform.
     pub fn with_angles(&self, place: Place) -> Place {
         if !self.turns_freely {
@@ -914,11 +642,4 @@ impl Couplings {
 fn too_many(i: usize, layout: &Layout) -> Fault {
     let part = Some(MachinePart::Constraint(i as u8));
     Fault { cause: Cause::ConstraintsTooMany, part, value: (6 - layout.legs().min(6)) as f64 }
-}
-
-/// A ball in which the dependent coordinates are unique.
-struct Ball {
-    radius: f64,
-    /// Bound of ‖1 − M F_y‖.
-    change: f64,
 }
