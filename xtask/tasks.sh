@@ -120,7 +120,7 @@ counts() { make setup module && cargo run "${host[@]}" --bin counts -- "$@" | te
 certify() {
     make setup module
     {
-        cargo test "${host[@]}" -p kinematics --test core certified:: -- --nocapture --test-threads=1
+        cargo test "${host[@]}" -p kinematics --test core -- certified:: branches:: --nocapture --test-threads=1
         cargo run --release --locked --quiet -p abi-tests --bin certify
     } | tee build/certify.md
 }

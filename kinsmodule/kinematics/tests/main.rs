@@ -5,6 +5,7 @@
 mod ahead;
 mod bad_input;
 mod boxes;
+mod branches;
 mod certified;
 mod chain;
 mod common;
