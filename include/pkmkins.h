@@ -149,7 +149,7 @@ enum pkmkins_cause {
   PKMKINS_HOLDER_NOT_FINITE = -114,
   // the fixed tool holder is beyond a million times the machine's size.
   PKMKINS_HOLDER_TOO_FAR = -115,
-  // axes that carry something, and work on the platform, are not supported with constraints.
+  // beside constraints, axes carry something only if X, Y and Z are commanded or a table moves them, and no work is on the platform.
   PKMKINS_CHAIN_CONSTRAINED = -116,
   // there is no valid geometry.
   PKMKINS_NO_GEOMETRY = -70,

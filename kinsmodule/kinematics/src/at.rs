@@ -192,6 +192,19 @@ impl<'a> At<'a> {
         each!(self, legs => legs.tool_rates(change))
     }
 
+    /// Computes the angular velocity of the platform while the pose changes at `rate` per second, angles in degrees, and
+    /// the tool vector at `change`.
+    ///
+    /// # Errors
+    /// [`crate::Cause::ConstraintSingular`].
+    pub(crate) fn turning(
+        &self,
+        rate: &[f64; 6],
+        change: &Vector3<f64>,
+    ) -> Result<Vector3<f64>, Fault> {
+        each!(self, legs => legs.turning(rate, change))
+    }
+
     /// Computes the smallest singular value of the [constraint rows](At::constraint_rows) over the active
     /// coordinates: the least speed of the platform anchors along their legs for a unit motion
     /// (v, r ω). Dimensionless; 0 at a singular pose.

@@ -82,7 +82,7 @@ impl<const N: usize> LegsAt<'_, N> {
         self.tool = *tool;
         self.trig = pose.trigonometry();
         self.placement = machine.placement(pose, &self.trig, tool)?;
-        if let Some(couplings) = &machine.couplings {
+        if let Some(couplings) = machine.couplings() {
             let place = &mut self.placement.place;
             *place = couplings.with_angles(*place);
             self.trig = Pose { position: place.centre, angles: place.angles }.trigonometry();
@@ -108,7 +108,7 @@ impl<const N: usize> LegsAt<'_, N> {
     /// Returns the pose of the control point in base, with the coordinates that depend on others; `None` without
     /// constraints.
     pub fn full_pose(&self) -> Option<Pose> {
-        let couplings = self.machine.couplings.as_ref()?;
+        let couplings = self.machine.couplings()?;
         Some(couplings.pose(&self.placement.place, &self.tool))
     }
 
@@ -174,7 +174,7 @@ impl<const N: usize> LegsAt<'_, N> {
     pub fn speed_ratios(&self) -> Result<Joints, Fault> {
         let (machine, legs) = (self.machine, self.gradients()?);
         let mut ratios = [0.0; MAX_JOINTS];
-        if machine.couplings.is_some() {
+        if machine.couplings().is_some() {
             let jacobian = self.pose_jacobian()?;
             for (ratio, row) in ratios.iter_mut().zip(jacobian.row_iter()) {
                 *ratio = row.fixed_columns::<3>(0).norm();
@@ -219,7 +219,7 @@ impl<const N: usize> LegsAt<'_, N> {
         let machine = self.machine;
         let (place, lever) = (&self.placement.place, self.lever());
         let drift = place.rotation * change - change;
-        let own = match &machine.couplings {
+        let own = match machine.couplings() {
             None => [0.0; 6],
             Some(couplings) => couplings
                 .rates(place, (&lever, &drift), &[0.0; 6])
@@ -236,19 +236,34 @@ impl<const N: usize> LegsAt<'_, N> {
         let table = rates.iter_mut().skip(machine.count()).zip(machine.layout.table().as_slice());
         for (rate, letter) in table {
             let k = letter.index().min(2);
-            *rate = if machine.couplings.is_some() { -own[k] } else { drift[k] };
+            *rate = if machine.couplings().is_some() { -own[k] } else { drift[k] };
         }
         Ok(rates)
     }
 
     /// Computes the rates of all coordinates of the control point in base, angles in degrees; `None` without constraints.
     pub fn full_rates(&self, rate: &[f64; 6]) -> Result<Option<[f64; 6]>, Fault> {
-        let Some(couplings) = &self.machine.couplings else { return Ok(None) };
+        let Some(couplings) = self.machine.couplings() else { return Ok(None) };
         let radians = core::array::from_fn(|k| if k < 3 { rate[k] } else { rate[k] * RADIANS });
         let lever = (&self.lever(), &Vector3::zeros());
         let rates = couplings.rates(&self.placement.place, lever, &radians);
         let rates = rates.ok_or(Fault::from(Cause::ConstraintSingular))?;
         Ok(Some(core::array::from_fn(|k| if k < 3 { rates[k] } else { rates[k] * DEGREES })))
+    }
+
+    /// Computes the angular velocity of the platform while the pose changes at `rate` per second, angles in degrees, and
+    /// the tool vector at `change`.
+    pub fn turning(&self, rate: &[f64; 6], change: &Vector3<f64>) -> Result<Vector3<f64>, Fault> {
+        let mut rates = core::array::from_fn(|k| if k < 3 { rate[k] } else { rate[k] * RADIANS });
+        if let Some(couplings) = self.machine.couplings() {
+            let place = &self.placement.place;
+            let drift = place.rotation * change - change;
+            rates = couplings
+                .rates(place, (&self.lever(), &drift), &rates)
+                .ok_or(Fault::from(Cause::ConstraintSingular))?;
+        }
+        let [.., a, b, c] = rates;
+        Ok(self.trig.rate_map() * Vector3::new(a, b, c))
     }
 
     /// Computes the rates of the legs' joints while the reference point moves at `v` and the platform rotates at

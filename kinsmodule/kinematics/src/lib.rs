@@ -19,6 +19,7 @@ mod ahead;
 mod at;
 mod between;
 mod boxes;
+mod carried;
 mod certificate;
 mod chain;
 mod constraint;

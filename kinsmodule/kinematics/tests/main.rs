@@ -6,6 +6,7 @@ mod ahead;
 mod bad_input;
 mod boxes;
 mod branches;
+mod carried;
 mod certified;
 mod chain;
 mod common;

@@ -83,7 +83,7 @@ impl Link {
 
 /// A point and its velocity.
 #[derive(Clone, Copy)]
-pub(super) struct Moving {
-    pub(super) at: Vector3<f64>,
-    pub(super) rate: Vector3<f64>,
+pub(crate) struct Moving {
+    pub(crate) at: Vector3<f64>,
+    pub(crate) rate: Vector3<f64>,
 }

@@ -20,6 +20,8 @@
 //! P = (G₁ G₂ …)⁻¹ (c₀ − o') − R w     the work on the platform, tools in base with their holder at c₀
 //! ```
 //!
+//! With constraints, R may depend on P. Then the pose whose tool vector is o' gives R first, see the module `carried`.
+//!
 //! At e = 0 every G is the identity, and a machine without such axes needs no conversion:
 //! its control point is at t = P + o − R o. The machine receives that pair (control point, o) also
 //! if no axis carries the tool and the tools are on the platform; otherwise it receives (P, 0).
@@ -36,9 +38,10 @@ use crate::geometry::FARTHEST;
 use crate::lanes::are_within;
 use crate::layout::Layout;
 use crate::leg::direction;
+use crate::letters::Letter;
 use crate::pose::Pose;
 use crate::trig::{MAX_ANGLE_DEG, RADIANS};
-use link::Moving;
+pub(crate) use link::Moving;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// A pose of LinuxCNC: X Y Z A B C U V W, machine units and degrees.
@@ -60,7 +63,7 @@ const fn is_rotary(place: usize) -> bool {
 
 /// The quantity that changes at a rate of 1.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Varied {
+pub(crate) enum Varied {
     Nothing,
     /// A letter of LinuxCNC's pose, in radians if rotary.
     Letter(usize),
@@ -103,12 +106,21 @@ pub struct Chain {
     holder: Option<Vector3<f64>>,
     /// Whether the machine's own tool vector is 0.
     is_bare: bool,
+    /// Whether axes carry the tool on a platform whose orientation depends on its position.
+    follows: bool,
 }
 
 impl Chain {
     /// Creates a chain of extra axes that carry nothing.
     pub const fn none(axes: ExtraAxes) -> Self {
-        Self { axes, links: [Link::NONE; MAX_LINKS], count: 0, holder: None, is_bare: false }
+        Self {
+            axes,
+            links: [Link::NONE; MAX_LINKS],
+            count: 0,
+            holder: None,
+            is_bare: false,
+            follows: false,
+        }
     }
 
     /// Checks what the extra axes of a machine with this layout and size carry, and freezes the chain.
@@ -116,7 +128,9 @@ impl Chain {
     /// # Errors
     /// [`Cause::ChainUnknown`], [`Cause::ChainAxisZero`], [`Cause::ChainNotFinite`],
     /// [`Cause::ChainTooFar`] with the axis named; as [`ChainGeometry::check_holder`], and
-    /// [`Cause::HolderTooFar`].
+    /// [`Cause::HolderTooFar`]; [`Cause::ChainConstrained`] for work on a platform with constraints, and for axes that
+    /// carry something where constraints determine X, Y or Z and no table compensates it: the frames of work and legs
+    /// need the position of the tip.
     pub fn freeze(
         given: &ChainGeometry,
         axes: &ExtraAxes,
@@ -137,7 +151,8 @@ impl Chain {
             let Some(given) = given.link(place).filter(|given| given.carries != 0) else {
                 continue;
             };
-            if layout.constraints() > 0 {
+            let is_open = [Letter::X, Letter::Y, Letter::Z].into_iter().any(|l| layout.is_held(l));
+            if layout.constraints() > 0 && is_open {
                 return refused(Cause::ChainConstrained, 0.0);
             }
             let Some(carries) =
@@ -163,6 +178,7 @@ impl Chain {
         }
         chain.holder = checked_holder(given.holder, size)?;
         chain.is_bare = chain.holder.is_some() || chain.of(Carries::Tool).next().is_some();
+        chain.follows = layout.constraints() > 0 && chain.is_bare;
         Ok(chain)
     }
 
@@ -196,15 +212,25 @@ impl Chain {
         if self.is_bare { Vector3::zeros() } else { *tool }
     }
 
+    /// Returns whether the machine's pose also depends on the orientation that its constraints determine: then
+    /// [`crate::Machine::pose_of_world`] and its counterparts convert poses.
+    pub fn follows(&self) -> bool {
+        self.follows
+    }
+
     /// Converts LinuxCNC's pose `world` with tool vector `tool` to the machine's pose, angles in degrees.
     ///
     /// # Errors
-    /// [`Cause::PoseNotFinite`], [`Cause::AngleTooLarge`].
+    /// [`Cause::PoseNotFinite`], [`Cause::AngleTooLarge`]; [`Cause::ChainConstrained`] if the chain
+    /// [follows](Self::follows) the machine's orientation.
     #[inline(always)]
     pub fn to_machine(&self, world: &World, tool: &Vector3<f64>) -> Result<[f64; 6], Fault> {
         let own = self.checked(world)?;
         if self.is_empty() {
             return Ok(own);
+        }
+        if self.follows {
+            return Err(Cause::ChainConstrained.into());
         }
         let pose = self.angles(world);
         let place = self.placed(world, tool, &pose, Varied::Nothing).at;
@@ -227,8 +253,23 @@ impl Chain {
         if self.is_empty() {
             return Ok(());
         }
-        self.checked(world)?;
+        if self.follows {
+            return Err(Cause::ChainConstrained.into());
+        }
         let rotation = Pose::from_degrees(*machine).rotation();
+        self.write_world(machine, &rotation, world, tool)
+    }
+
+    /// Writes LinuxCNC's pose for the position of the machine's pose and this orientation of the platform.
+    pub(crate) fn write_world(
+        &self,
+        machine: &[f64; 6],
+        rotation: &Matrix3<f64>,
+        world: &mut World,
+        tool: &Vector3<f64>,
+    ) -> Result<(), Fault> {
+        self.write(machine, world);
+        self.checked(world)?;
         let position = Vector3::new(machine[0], machine[1], machine[2]);
         let mut tip = match &self.holder {
             None => {
@@ -350,6 +391,23 @@ impl Chain {
         }
     }
 
+    /// Returns the tip's part of a pose of LinuxCNC for a machine with tool vector o', and their rates: the position w + o'
+    /// of the pose, o', and the angles.
+    ///
+    /// # Errors
+    /// As [`Self::to_machine`].
+    pub(crate) fn commanded(
+        &self,
+        world: &World,
+        tool: &Vector3<f64>,
+        varied: Varied,
+    ) -> Result<([Moving; 2], [f64; 6]), Fault> {
+        let own = self.checked(world)?;
+        let (tip, carried) = self.tip_and_tool(world, tool, &own, varied);
+        let at = Moving { at: tip.at + carried.at, rate: tip.rate + carried.rate };
+        Ok(([at, carried], own))
+    }
+
     /// Computes the tool vector as moved by the axes that carry it.
     fn carried_tool(&self, world: &World, tool: &Vector3<f64>, varied: Varied) -> Moving {
         let tip = Moving { at: -tool, rate: -varied.of_tool() };
@@ -358,15 +416,35 @@ impl Chain {
         Moving { at: -tip.at, rate: -tip.rate }
     }
 
-    /// Computes the position of the machine's pose.
-    fn placed(&self, world: &World, tool: &Vector3<f64>, pose: &Angles, varied: Varied) -> Moving {
-        let [x, y, z, ..] = pose.degrees;
+    /// Computes the tip as moved by the axes that carry the work.
+    #[inline(always)]
+    fn tip(&self, world: &World, tool: &Vector3<f64>, own: &[f64; 6], varied: Varied) -> Moving {
+        let [x, y, z, ..] = *own;
         let at = Vector3::new(x, y, z) - tool;
         let rate = varied.of_tip();
         let work = self.of(Carries::Work).rev();
-        let tip = work.fold(Moving { at, rate }, |tip, link| {
+        work.fold(Moving { at, rate }, |tip, link| {
             link.moved(tip, world, varied.letter(link.place))
+        })
+    }
+
+    /// Computes the tip as seen from the base of the legs, and the tool vector as moved by the axes that carry it.
+    fn tip_and_tool(
+        &self,
+        world: &World,
+        tool: &Vector3<f64>,
+        own: &[f64; 6],
+        varied: Varied,
+    ) -> (Moving, Moving) {
+        let tip = self.of(Carries::Legs).fold(self.tip(world, tool, own, varied), |tip, link| {
+            link.seen(tip, world, varied.letter(link.place))
         });
+        (tip, self.carried_tool(world, tool, varied))
+    }
+
+    /// Computes the position of the machine's pose.
+    fn placed(&self, world: &World, tool: &Vector3<f64>, pose: &Angles, varied: Varied) -> Moving {
+        let tip = self.tip(world, tool, &pose.degrees, varied);
         let seen_from_legs = |tip| {
             let legs = self.of(Carries::Legs);
             legs.fold(tip, |tip, link| link.seen(tip, world, varied.letter(link.place)))

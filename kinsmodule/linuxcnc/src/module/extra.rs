@@ -43,10 +43,41 @@ impl Carrying {
         }
     }
 
-    /// Converts LinuxCNC's pose to the machine's, with a tool offset.
+    /// Converts LinuxCNC's pose to the machine's, with a tool offset; `machine` is the frozen one, if any.
     #[inline(always)]
-    pub(super) fn pose_of(&self, world: &World, tool: &Vector3<f64>) -> Result<Pose, Fault> {
-        self.chain.to_machine(world, tool).map(Pose::from_degrees)
+    pub(super) fn pose_of(
+        &self,
+        machine: Option<&Machine>,
+        world: &World,
+        tool: &Vector3<f64>,
+    ) -> Result<Pose, Fault> {
+        let pose = match machine {
+            Some(machine) => machine.pose_of_world(&self.chain, world, tool),
+            None => self.chain.to_machine(world, tool),
+        };
+        pose.map(Pose::from_degrees)
+    }
+
+    /// Computes how far the platform moves if the tool offset changes and the commanded pose stays, for a machine with
+    /// constraints whose axes carry something; `None` for any other.
+    pub(super) fn travel(
+        &self,
+        machine: &Machine,
+        from: &Vector3<f64>,
+        to: &Vector3<f64>,
+    ) -> Option<f64> {
+        if self.chain.is_empty() || machine.layout().constraints() == 0 {
+            return None;
+        }
+        let place = |tool: &Vector3<f64>| {
+            let pose = self.pose_of(Some(machine), &self.commanded, tool)?;
+            let own = self.chain.machine_tool(tool);
+            let full = machine.full_pose(&pose, &own)?;
+            let rotation = full.rotation();
+            Ok::<_, Fault>((full.position - own + rotation * own, rotation))
+        };
+        let (Ok(one), Ok(other)) = (place(from), place(to)) else { return Some(f64::INFINITY) };
+        Some((one.0 - other.0).norm() + machine.radius() * (one.1 - other.1).norm())
     }
 
     /// Keeps a commanded pose.
@@ -116,9 +147,9 @@ pub fn pose_rows(
     tool: &Vector3<f64>,
 ) -> Result<[World; MAX_JOINTS], Fault> {
     let mut rows = [World::default(); MAX_JOINTS];
-    let pose = Pose::from_degrees(chain.to_machine(world, tool)?);
+    let pose = Pose::from_degrees(machine.pose_of_world(chain, world, tool)?);
     let at = machine.at(&pose, &chain.machine_tool(tool))?;
-    let (jacobian, rates) = (at.pose_jacobian()?, chain.rates(world, tool));
+    let (jacobian, rates) = (at.pose_jacobian()?, machine.world_rates(chain, world, tool)?);
     for (to, row) in rows.iter_mut().zip(jacobian.row_iter()) {
         for (to, column) in to.iter_mut().zip(rates.column_iter()) {
             *to = row.iter().zip(column.iter()).map(|(value, rate)| value * rate).sum();

@@ -95,7 +95,8 @@ impl Module {
             let seed = *world;
             write_extra(&self.load, extra, world);
             let (chain, tool) = (&self.carrying.chain, &self.tool.offset());
-            chain.to_world(&pose, world, tool).inspect_err(|_| {
+            let machine = &self.frozen()?.machine;
+            machine.write_world(chain, &pose, world, tool).inspect_err(|_| {
                 *world = seed;
                 self.note_refusal(address);
             })
@@ -121,7 +122,7 @@ impl Module {
 
     /// Converts LinuxCNC's seed to the machine's pose, with a tool offset; NaN if that is impossible.
     pub(super) fn seed_in(&self, world: &World, tool: &Vector3<f64>) -> Pose {
-        self.carrying.pose_of(world, tool).unwrap_or(NO_POSE)
+        self.pose_of(world, tool).unwrap_or(NO_POSE)
     }
 
     /// Refuses the pose found if it is not connected with the commanded one, and continues to refuse it

@@ -169,12 +169,18 @@ impl Module {
         }
     }
 
+    /// Converts LinuxCNC's pose to the machine's, with a tool offset.
+    #[inline(always)]
+    fn pose_of(&self, world: &World, tool: &Vector3<f64>) -> Result<Pose, Fault> {
+        self.carrying.pose_of(self.frozen.as_ref().map(|frozen| &frozen.machine), world, tool)
+    }
+
     fn machine_inverse(&mut self, world: &World) -> Result<Joints, Fault> {
         let timed = self.is_monitored && self.calls.awaits_command();
         let begin = nanoseconds_if(timed);
         let prepared = self.prepared(|| !is_zero(world));
         let tool = self.tool_in_effect();
-        let pose = self.carrying.pose_of(world, &tool.unwrap_or(self.tool.offset()));
+        let pose = self.pose_of(world, &tool.unwrap_or(self.tool.offset()));
         let result = match (prepared, tool, pose) {
             (Ok(()), ..) if self.pose_is_unknown => Err(Cause::PoseUnknown.into()),
             (Ok(()), Ok(tool), Ok(pose)) => self.joints_at(&pose, &tool),
@@ -234,10 +240,11 @@ impl Module {
         let pose = machine.forward(&joints, &seed, &tool, &self.pins.solver())?.pose;
         let mut world = [0.0; 9];
         extra::write_extra(&self.load, axes, &mut world);
-        if self.layout().constraints() > 0 {
-            return Ok([machine.full_pose(&pose, &tool)?.rotation(), Matrix3::identity()]);
-        }
-        Ok(self.carrying.chain.frames(&pose, &world))
+        let platform = match self.layout().constraints() {
+            0 => pose,
+            _ => machine.full_pose(&pose, &tool)?,
+        };
+        Ok(self.carrying.chain.frames(&platform, &world))
     }
 
     /// Returns the joints of legs and table at which the tool has a requested orientation, with the directions that are free

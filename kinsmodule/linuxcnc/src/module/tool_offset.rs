@@ -83,7 +83,9 @@ impl Module {
         }
         let jump = match frozen.machine.layout().constraints() {
             0 => self.shift_of(&pose, &tool, &(request - tool)).norm(),
-            _ => frozen.machine.tool_travel(&pose, &tool, &request).unwrap_or(f64::INFINITY),
+            _ => self.carrying.travel(&frozen.machine, &tool, &request).unwrap_or_else(|| {
+                frozen.machine.tool_travel(&pose, &tool, &request).unwrap_or(f64::INFINITY)
+            }),
         };
         if jump <= NOTICEABLE * frozen.machine.size() {
             return Ok(request);
@@ -135,6 +137,7 @@ impl Module {
         }
         let (limits, solver) = (self.pins.limits(&self.load), self.pins.solver());
         let has_moved = (!carrying.chain.is_empty()).then_some(carrying.has_moved);
+        let travel = carrying.travel(machine, &self.tool.offset(), &request);
         let shift = &carrying.shift;
         self.tool.advance(&Cycle {
             machine,
@@ -144,6 +147,7 @@ impl Module {
             commanded,
             has_moved,
             shift,
+            travel,
             seconds,
         })
     }

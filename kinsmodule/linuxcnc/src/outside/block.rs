@@ -76,7 +76,7 @@ impl<'a> Block<'a> {
 
     /// Returns LinuxCNC's pose as the machine's.
     fn pose_of(&self, world: &World) -> Result<Pose, Fault> {
-        self.chain.to_machine(world, &self.tool).map(Pose::from_degrees)
+        self.machine.pose_of_world(&self.chain, world, &self.tool).map(Pose::from_degrees)
     }
 
     /// Writes the joints of a pose; a refusal leaves them unchanged.
@@ -119,7 +119,7 @@ impl<'a> Block<'a> {
         let pose = result?;
         let mut found = *world;
         write_extra(self.load, extra, &mut found);
-        self.chain.to_world(&pose.to_degrees(), &mut found, &self.tool)?;
+        self.machine.write_world(&self.chain, &pose.to_degrees(), &mut found, &self.tool)?;
         *world = found;
         scratch.keep_pose(&pose);
         Ok(())
@@ -139,8 +139,9 @@ impl<'a> Block<'a> {
     /// Returns whether LinuxCNC's pose is this pose of the machine, rounded to degrees.
     fn is_at(&self, pose: &Pose, world: &World) -> bool {
         let mut rounded = *world;
-        self.chain.to_world(&pose.to_degrees(), &mut rounded, &self.tool).is_ok()
-            && rounded == *world
+        let written =
+            self.machine.write_world(&self.chain, &pose.to_degrees(), &mut rounded, &self.tool);
+        written.is_ok() && rounded == *world
     }
 
     /// Writes the derivatives of all joints by LinuxCNC's letters.
@@ -158,11 +159,11 @@ impl<'a> Block<'a> {
         let pose = self.pose_from(&own, &start)?;
         let mut world = [0.0; 9];
         write_extra(self.load, extra, &mut world);
-        if self.load.layout.constraints() > 0 {
-            let full = self.machine.full_pose(&pose, &self.chain.machine_tool(&self.tool))?;
-            return Ok([full.rotation(), Matrix3::identity()]);
-        }
-        Ok(self.chain.frames(&pose, &world))
+        let platform = match self.load.layout.constraints() {
+            0 => pose,
+            _ => self.machine.full_pose(&pose, &self.chain.machine_tool(&self.tool))?,
+        };
+        Ok(self.chain.frames(&platform, &world))
     }
 
     /// Returns whether a joint rotates the workpiece.

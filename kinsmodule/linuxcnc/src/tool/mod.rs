@@ -94,6 +94,9 @@ pub struct Cycle<'a> {
     pub has_moved: Option<bool>,
     /// The shift of the platform per change of the offset at that pose.
     pub shift: &'a Matrix3<f64>,
+    /// Distance by which the platform would move at once, if axes carry something beside constraints: the path of such a
+    /// change is not known.
+    pub travel: Option<f64>,
     pub seconds: f64,
 }
 
@@ -236,6 +239,9 @@ impl Tool {
         if self.is_settled(cycle, pose) {
             return Ok(Change::None);
         }
+        if let Some(travel) = cycle.travel {
+            return Err(Fault::with_value(Cause::ToolChangedTilted, travel));
+        }
         match cycle.unlimited() {
             Some(fault) => Err(fault),
             None => Ok(Change::Waiting(Waiting { pose: *pose, cycles: 0, seconds: 0.0 })),
@@ -251,9 +257,12 @@ impl Tool {
         }
         let share = if cycle.unlimited().is_some() { NOTICEABLE } else { IMPERCEPTIBLE };
         let machine = cycle.machine;
-        let shift = match cycle.turns() {
-            false => (cycle.shift * (request - self.offset)).norm(),
-            true => machine.tool_travel(pose, &self.offset, &request).unwrap_or(f64::INFINITY),
+        let shift = match (cycle.travel, cycle.turns()) {
+            (Some(travel), _) => travel,
+            (None, false) => (cycle.shift * (request - self.offset)).norm(),
+            (None, true) => {
+                machine.tool_travel(pose, &self.offset, &request).unwrap_or(f64::INFINITY)
+            }
         };
         let moves_nothing = shift <= share * machine.size();
         if moves_nothing {

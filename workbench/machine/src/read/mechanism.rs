@@ -246,7 +246,7 @@ impl Mechanism {
     /// Converts one of LinuxCNC's poses to the machine's own pose, with this tool vector, spindle offset included.
     ///
     /// # Errors
-    /// As [`Chain::to_machine`].
+    /// As [`Machine::pose_of_world`].
     pub fn carried(
         &self,
         pose: &[f64; 6],
@@ -256,7 +256,7 @@ impl Mechanism {
         if self.chain.is_empty() {
             return Ok(*pose);
         }
-        self.chain.to_machine(&self.world(pose, extra), tool)
+        self.machine.pose_of_world(&self.chain, &self.world(pose, extra), tool)
     }
 
     /// Returns the tip on the work and the direction from it to the holder there, for the machine's own pose, LinuxCNC's pose
