@@ -101,6 +101,8 @@ struct Between<'a> {
     advance: f64,
     /// Least distance beyond the clearance, with its parts and line.
     least: Option<(f64, [Body; 2], (u32, usize))>,
+    /// Least distance at the center of a piece, less the clearance: an upper bound of the least one.
+    nearest: f64,
     broken: Option<Break>,
     fault: Option<Fault>,
 }
@@ -134,6 +136,7 @@ impl<'a> Between<'a> {
             number: 0,
             advance: 0.0,
             least: None,
+            nearest: f64::INFINITY,
             broken: None,
             fault: None,
         }))
@@ -217,8 +220,8 @@ impl<'a> Between<'a> {
             if proved < 0.0 && is_short && proved.is_finite() {
                 note(from, &mut first);
             }
-            let known = self.least.map_or(seen, |(least, ..)| least.min(seen));
-            let is_coarse = proved < known - ACCURACY * found.distance;
+            self.nearest = self.nearest.min(seen);
+            let is_coarse = proved < self.nearest - ACCURACY * (self.nearest + self.clearance);
             if !is_short && (proved < 0.0 || is_coarse) {
                 open.extend([(middle, to), (from, middle)]);
             } else if proved.is_finite() && self.least.is_none_or(|(least, ..)| proved < least) {
