@@ -1052,18 +1052,18 @@ good.ngc on linear-delta.ini
   moves              3, 228.5 mm long
   time               3.9 s
   axis range         10.0000 mm to spare: axis X, line 3
-  joint range        49.6351 mm to spare: carriage 2, line 3
-  base cone          16.3126 degrees to spare: the base joint of leg 2, line 4
+  joint range        49.6265 mm to spare: carriage 2, line 3
+  base cone          16.3241 degrees to spare: the base joint of leg 2, line 4
   clearance of legs  7.1577 mm to spare: the distance between legs 0 and 2, line 3
-  conditioning       0.5167 to spare: the conditioning, line 4
+  conditioning       0.5077 to spare: the conditioning, line 4
   joint speed        149.2800 mm/s to spare: the speed of carriage 2, line 3
   joint acceleration 3023.0556 mm/s² to spare: the acceleration of carriage 2, line 3
   axis X             -70.000 to 70.000 of -80 to 80 mm
   axis Y             0.000 to 45.000 of -80 to 80 mm
   axis Z             60.000 to 90.000 of 0 to 100 mm
-  carriage 0         305.344 to 325.364 of 0 to 375 mm
-  carriage 1         223.761 to 325.364 of 0 to 375 mm
-  carriage 2         223.761 to 325.364 of 0 to 375 mm
+  carriage 0         305.344 to 325.367 of 0 to 375 mm
+  carriage 1         223.761 to 325.367 of 0 to 375 mm
+  carriage 2         223.761 to 325.368 of 0 to 375 mm
   feed               joint speeds allow 1.990 times the programmed feed, in line 3
 
 The program fits the machine.
@@ -1113,17 +1113,17 @@ middle.ngc on linear-delta.ini
   time               2.0 s, then LinuxCNC stops it
   axis range         5.0000 mm to spare: axis X, line 2
   joint range        3.2650 mm beyond: carriage 0, line 4
-  base cone          8.0193 degrees to spare: the base joint of leg 2, line 4
-  clearance of legs  7.1577 mm to spare: the distance between legs 0 and 2, line 2
-  conditioning       0.5094 to spare: the conditioning, line 4
+  base cone          8.0476 degrees to spare: the base joint of leg 2, line 4
+  clearance of legs  7.1577 mm to spare: the distance between legs 0 and 1, line 2
+  conditioning       0.5035 to spare: the conditioning, line 4
   joint speed        119.1044 mm/s to spare: the speed of carriage 2, line 2 (up to the stop)
   joint acceleration 2251.9712 mm/s² to spare: the acceleration of carriage 2, line 2 (up to the stop)
   axis X             -75.000 to 75.000 of -80 to 80 mm
   axis Y             0.000 to 75.000 of -80 to 80 mm
   axis Z             70.000 to 90.000 of 0 to 100 mm
-  carriage 0         322.356 to 333.307 of 0 to 330 mm
-  carriage 1         202.126 to 325.364 of 0 to 375 mm
-  carriage 2         202.126 to 325.364 of 0 to 375 mm
+  carriage 0         322.356 to 333.432 of 0 to 330 mm
+  carriage 1         202.126 to 325.365 of 0 to 375 mm
+  carriage 2         202.126 to 325.365 of 0 to 375 mm
   feed               joint speeds allow 1.658 times the programmed feed, in line 2 (up to the stop)
   runs               54.9 % of the path before the first limit
 
@@ -1155,8 +1155,8 @@ far.ngc on linear-delta.ini
   axis range         120.0000 mm beyond: axis Y, line 1 (up to line 1)
   joint range        12.4602 mm beyond: carriage 0, line 1 (up to line 1)
   base cone          15.2543 degrees beyond: the base joint of leg 1, line 1 (up to line 1)
-  clearance of legs  6.1423 mm to spare: the distance between legs 0 and 1, line 1 (up to line 1)
-  conditioning       0.5307 to spare: the conditioning, line 1 (up to line 1)
+  clearance of legs  6.1432 mm to spare: the distance between legs 0 and 1, line 1 (up to line 1)
+  conditioning       0.5327 to spare: the conditioning, line 1 (up to line 1)
   joint speed        300.0000 mm/s to spare: the speed of carriage 0, before the program (up to the stop)
   joint acceleration 5000.0000 mm/s² to spare: the acceleration of carriage 0, before the program (up to the stop)
   axis X             0.000 to 0.000 of -80 to 80 mm (up to line 1)

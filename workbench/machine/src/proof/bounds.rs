@@ -2,13 +2,15 @@
 //! Deviation of a leg over a cell from a linear motion: bounds of second derivatives, see
 //! [`crate::proof::cell`] for V and A.
 //!
-//! Rods: with u the unit vector along the rod (length L), c(q) its moving end, g = |u · ∂c/∂q|
+//! Rods: with u the unit vector along the rod (length L), s = L u = p − c(q), c(q) its moving end, g = |u · ∂c/∂q|
 //!
 //! ```text
-//! |q'| ≤ V/g = Q,  |s'| ≤ V + |∂c| Q = S,  |q''| ≤ (S²/L + A + |∂²c| Q²)/g,
+//! |q'| ≤ V/g = Q,  |s'| ≤ V/d = S,  |q''| ≤ (S²/L + A + |u · ∂²c| Q²)/g,  |s''| ≤ (S²/L + A + |∂²c| Q²)/d,
 //! ```
 //!
-//! from the derivatives of |p − c(q)|² = L². Nut correction: the bound of the core's
+//! from the derivatives of s · s = L², with d = g/|∂c|: s' is p' projected along ∂c onto the plane normal to u, and the norm
+//! of this oblique projection is 1/d. The end of a crank turns about its axis, so ∂²c is normal to ∂c, and
+//! |u · ∂²c| ≤ |∂²c| √(1 − d²). Nut correction: the bound of the core's
 //! certificate, with V/l for n' and Ω for 1/r.
 
 use crate::proof::reach::{LegMiddle, Middle, RADIANS, Reach, Ring, Spread};
@@ -188,7 +190,7 @@ impl Reach<'_> {
 }
 
 /// Bounds a rod whose lower end moves with speed `pace` and acceleration `curve` per unit of its joint,
-/// of which at least the share `drive` is along the rod.
+/// of which at least the share `drive` is along the rod; its acceleration is normal to its speed.
 fn rod_bend(
     drive: f64,
     pace: f64,
@@ -201,15 +203,17 @@ fn rod_bend(
     (drive >= LEAST_DRIVE).then_some(())?;
     let gain = drive * pace;
     let rate = travel / gain;
-    let first = travel + pace * rate;
-    let joint = (first * first / rod + second + curve * rate * rate) / gain;
-    let bent = second + curve * rate * rate + pace * joint;
-    let direction = [first / rod, second_of_direction(first, bent, rod)];
+    let first = travel / drive;
+    let (inward, swing) = (first * first / rod, curve * rate * rate);
+    let across = (1.0 - drive * drive).max(0.0).sqrt();
+    let joint = (inward + second + swing * across) / gain;
+    // The length is constant, so the direction is the vector along the rod, scaled.
+    let direction = [first / rod, (inward + second + swing) / (drive * rod)];
     Some(SecondDerivatives {
         joint: joint / unit,
         direction,
         length: rod,
-        ends: [bent - second, second],
+        ends: [swing + pace * joint, second],
         farthest: travel.max(pace * rate),
         slide: [0.0; 2],
     })
