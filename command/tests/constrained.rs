@@ -69,3 +69,29 @@ fn travel_and_replay_know_the_coordinates_that_follow() {
         assert!(reported.ends_with("exit 0\n"), "{machine}: {}", &reported[reported.len() - 300..]);
     }
 }
+
+/// The proofs do not know that a wrist moves the coordinates that follow: nothing may be promised.
+#[test]
+fn with_a_wrist_only_home_is_judged() {
+    let text = std::fs::read_to_string(ini("tricept")).unwrap();
+    let text = text
+        .replacen("coordinates=XYZ constraints=3", "coordinates=XYZ axes=A constraints=3", 1)
+        .replacen("JOINTS = 3", "JOINTS = 4", 1)
+        .replacen("COORDINATES = XYZ", "COORDINATES = XYZA", 1)
+        + "\n[CHAIN_A]\nCARRIES = TOOL\nAXIS = 1 0 0\nPOINT = 0 0 -80\n"
+        + "\n[AXIS_A]\nTYPE = ANGULAR\nMIN_LIMIT = -60\nMAX_LIMIT = 60\nMAX_VELOCITY = 60\nMAX_ACCELERATION = 150\n"
+        + "\n[JOINT_3]\nTYPE = ANGULAR\nHOME = 0\nMIN_LIMIT = -60\nMAX_LIMIT = 60\nMAX_VELOCITY = 60\n\
+           MAX_ACCELERATION = 150\nFERROR = 2\nMIN_FERROR = 0.5\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n";
+    let bench = Bench::new().with("wrist.ini", &text).with("tricept.tbl", "T1 P1 Z0 D1\n");
+    let checked = bench.answer("check wrist.ini", "");
+    assert!(checked.contains("not judged: poses other than home"), "{checked}");
+    for words in
+        ["preflight wrist.ini -", "travel wrist.ini", "workspace wrist.ini", "scene wrist.ini"]
+    {
+        let reported = bench.answer(words, "G21 G90\nG1 A5 F60\nM2\n");
+        assert!(
+            reported.contains("not judged: this tool does not support axes that carry"),
+            "{words}: {reported}"
+        );
+    }
+}
