@@ -9,6 +9,7 @@ export const COLORS = {
   barrel: 0x56789a,
   rod: 0xc3ccd6,
   arm: 0x8a6d9e,
+  passive: 0xb58f5a,
   joint: 0x30363d,
   platform: 0x0072b2,
   spindle: 0x4a5561,

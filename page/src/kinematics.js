@@ -26,8 +26,8 @@ export class Kinematics {
     this.joints = exports.most_joints();
     this.legs = exports.most_legs();
     this.marginLength = exports.margin_length();
-    // The count follows joints and ratios, ends of legs, the rotation, three points, and the conditioning.
-    this.countPlace = 2 * this.joints + 6 * this.legs + 9 + 9 + 1;
+    // The count follows joints and ratios, ends of legs, the rotation, three points, the full pose, and the conditioning.
+    this.countPlace = 2 * this.joints + 6 * this.legs + 9 + 9 + 6 + 1;
   }
 
   /** Returns the block for input and output of the kinematics. It stays valid because their memory never grows. */
@@ -78,12 +78,13 @@ export class Kinematics {
     const legs = Array.from({ length: this.legs }, () => ({ lower: next(3), upper: next(3) }));
     const rotation = [next(3), next(3), next(3)];
     const [nose, tip, table] = [next(3), next(3), next(3)];
+    const full = next(6);
     const [conditioning, count] = next(2);
     const margins = Array.from({ length: count }, () => {
       const [limit, kind, first, second, value, low, high, share] = next(this.marginLength);
       return { limit, kind, first, second, value, low, high, share };
     });
-    return { joints, ratios, legs, rotation, nose, tip, table, conditioning, margins };
+    return { joints, ratios, legs, rotation, nose, tip, table, full, conditioning, margins };
   }
 }
 

@@ -27,6 +27,7 @@ export class Mechanism {
     this.group.add(this.onBase);
     this.platform.matrixAutoUpdate = false;
     this.legs = scene.legs.map((leg, i) => this.leg(leg, i));
+    this.passive = scene.passive.map((part) => this.passivePart(part));
     this.buildBase();
     this.buildPlatform();
     this.tables = turning(scene, "work").map((link) => this.table(link));
@@ -55,6 +56,26 @@ export class Mechanism {
     parts.label = label(String(this.scene.joints[i].number), this.size / 22);
     this.labels.add(parts.label);
     return parts;
+  }
+
+  /** Creates a part of a constraint: the axis of a passive joint, or a passive leg. */
+  passivePart({ shape, ends }) {
+    const { thick } = this;
+    const [radius, color] = { axis: [0.8, COLORS.joint], rod: [0.9, COLORS.passive], tube: [2.6, COLORS.passive] }[shape];
+    const part = { ends, bar: bar(thick * radius, material(color)) };
+    this.onBase.add(part.bar);
+    return part;
+  }
+
+  /** Places the parts of constraints: docs/reference/view.md. */
+  placePassive(drawn) {
+    const turn = new THREE.Matrix4().extractRotation(this.platform.matrix);
+    const origins = { base: () => [0, 0, 0], platform: () => drawn.nose, leg: (leg) => drawn.legs[leg].lower };
+    for (const part of this.passive) {
+      [part.from, part.to] = part.ends.map(({ origin, leg, base, platform }) =>
+        vector(platform).applyMatrix4(turn).add(vector(base)).add(vector(origins[origin](leg))));
+      stretch(part.bar, part.from, part.to);
+    }
   }
 
   buildBase() {
@@ -145,6 +166,7 @@ export class Mechanism {
     if (isHeld(this.scene)) this.placeHolder(at);
     else this.placeTool(at);
     this.tables.forEach((table, i) => table.matrix.copy(at.tables[i]));
+    this.placePassive(drawn);
     this.at = at;
     const shares = this.shares(drawn.margins);
     this.legs.forEach((parts, i) => this.placeLeg(parts, drawn.legs[i], shares[i]));

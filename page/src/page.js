@@ -121,6 +121,7 @@ class Page {
       drawing.labels.visible = true;
       const ends = drawing.legs.flatMap(({ lower, upper }) => [lower, upper]);
       ends.forEach((end) => box.expandByPoint(end.getWorldPosition(new THREE.Vector3())));
+      drawing.passive.forEach(({ bar }) => box.expandByObject(bar));
       drawing.at.tool.forEach((point) => box.expandByPoint(point));
       drawing.tables.filter(({ parent }) => parent).forEach((table) => box.expandByObject(table));
     }
@@ -212,10 +213,11 @@ function bounded(scene) {
 }
 
 /** Returns positions of what is drawn: ends of legs, the tip, and frames as matrices in column order. */
-function onGround({ stage }, { legs, onBase, group, at }) {
+function onGround({ stage }, { legs, passive, onBase, group, at }) {
   group.updateMatrixWorld(true);
   const place = (object) => object.getWorldPosition(new THREE.Vector3()).toArray();
   return {
+    passive: passive.map(({ from, to }) => [from, to].map((end) => end.clone().applyMatrix4(onBase.matrixWorld).toArray())),
     lower: legs.map(({ lower }) => place(lower)), upper: legs.map(({ upper }) => place(upper)),
     tip: at.tool.at(-1).toArray(), base: onBase.matrixWorld.toArray(), work: stage.work.matrix.toArray(),
   };
@@ -229,10 +231,10 @@ function interfaceOf(page) {
     look: (name) => page.look(name),
     state: (which = 0) => {
       const { place, drawn, scene, drawing } = page.mechanisms[which];
-      const { joints, legs, tip, nose, conditioning } = drawn;
+      const { joints, legs, tip, nose, full, conditioning } = drawn;
       const count = scene.joints.length;
       return {
-        ...place, tip, nose, conditioning, joints: joints.slice(0, count), legs: legs.slice(0, scene.legs.length),
+        ...place, tip, nose, full, conditioning, joints: joints.slice(0, count), legs: legs.slice(0, scene.legs.length),
         refusal: page.refusals[which]?.message, code: page.refusals[which]?.code ?? 0,
         time: page.player?.time, line: page.player?.line, live: page.live,
         platform: drawing.platform.matrix.toArray(), ground: onGround(page, drawing),

@@ -110,10 +110,10 @@ export class Panel {
   /** Keeps the handle at the tool tip, or at the platform's origin if poses are those of the platform; relative to the base. */
   follow() {
     if (this.isDragged) return;
-    const { place, drawn, drawing } = this.page.current;
+    const { drawn, drawing } = this.page.current;
     drawing.onBase.add(this.handle.proxy);
     this.handle.proxy.position.set(...drawn.tip);
-    this.handle.proxy.rotation.set(...place.pose.slice(3).map((angle) => (angle * Math.PI) / 180), "ZYX");
+    this.handle.proxy.rotation.set(...drawn.full.slice(3).map((angle) => (angle * Math.PI) / 180), "ZYX");
   }
 
   views() {
@@ -175,9 +175,12 @@ export class Panel {
     }
     this.showLimits(drawn.margins, limits);
     const own = scene.joints.map(({ name, unit }, i) => ({ name, unit, value: drawn.joints[i] }));
+    const unitOf = (letter) => ("ABC".includes(letter) ? "degrees" : scene.length_unit);
     const extra = scene.extra_axes.map(({ letter }) => (
-      { name: `axis ${letter}`, unit: "ABC".includes(letter) ? "degrees" : scene.length_unit, value: place.extra[letter] }));
-    this.joints.replaceChildren(...[...own, ...extra].map(({ name, unit, value }) => element("tr", {},
+      { name: `axis ${letter}`, unit: unitOf(letter), value: place.extra[letter] }));
+    const dependent = [...scene.dependent].map((letter) => (
+      { name: `dependent ${letter}`, unit: unitOf(letter), value: drawn.full["XYZABC".indexOf(letter)] }));
+    this.joints.replaceChildren(...[...own, ...extra, ...dependent].map(({ name, unit, value }) => element("tr", {},
       element("td", {}, name), element("td", {}, shown(value, 4)), element("td", {}, unit))));
     if (this.handle) this.follow();
     this.page.stage.space.matrix.copy(this.page.current.drawing.at.base);

@@ -6,6 +6,7 @@ import { createServer } from "node:http";
 import { join } from "node:path";
 import { FOLDER, HOME, MACHINES, ROUNDED, SAME, asText, box, check, compare, complaints, file, given, ini, near, open, opened, pkm, rested, tab, view } from "./browser.mjs";
 import { carrying, ownMachines } from "./machines.mjs";
+import { TESTS as CONSTRAINTS } from "./constraints.mjs";
 import { TESTS as PANEL } from "./panel.mjs";
 import { TESTS as PICTURE } from "./picture.mjs";
 import { TESTS as PROGRAM } from "./program.mjs";
@@ -525,6 +526,7 @@ async function video() {
 export const TESTS = [
   ...MACHINES.map((one) => [`the page of ${one.machine} moves like pkm joints`, (page) => machineTest(page, one)]),
   ...PANEL,
+  ...CONSTRAINTS,
   ...PROGRAM,
   ...PICTURE,
   ["a pose beyond a limit and a refused pose have a reason", reasons],

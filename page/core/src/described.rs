@@ -3,7 +3,8 @@
 
 use kinematics::leg::{CrankGeometry, RingGeometry, SliderGeometry, StrutGeometry};
 use kinematics::{
-    Geometry, LegGeometry, LegKind, Letter, Letters, Limits, MAX_LEGS, Machine, PerLeg,
+    ConstraintGeometry, Geometry, Layout, LegGeometry, LegKind, Letter, Letters, Limits,
+    MAX_CONSTRAINTS, MAX_LEGS, Machine, PerLeg,
 };
 
 /// The data to freeze a machine and to judge its poses.
@@ -54,6 +55,13 @@ impl Described {
                 LegKind::Ring(ring) => all(&[RING, ring.radius]),
             }
         }
+        all(&[self.geometry.constraints().len() as f64]);
+        for constraint in self.geometry.constraints() {
+            all(&[f64::from(constraint.kind())]);
+            for vector in vectors(constraint) {
+                all(&vector);
+            }
+        }
         all(&self.geometry.centre);
         all(&[f64::from(u8::from(self.geometry.home.is_some()))]);
         all(&self.geometry.home.unwrap_or_default());
@@ -88,7 +96,17 @@ impl Described {
         let given = legs.map(|leg| leg.or(legs[0]));
         let mut all = [given[0]?; MAX_LEGS];
         all.iter_mut().zip(given.iter().flatten()).for_each(|(to, leg)| *to = *leg);
-        let mut geometry = Geometry::new(&all[..count], coordinates, table).ok()?;
+        let count_constraints = from.count(MAX_CONSTRAINTS)?;
+        let mut constraints = [None; MAX_CONSTRAINTS];
+        for constraint in constraints.iter_mut().take(count_constraints) {
+            *constraint = Some(from.constraint()?);
+        }
+        let layout = Layout::new(count, coordinates, table).ok()?;
+        let layout = layout.with_constraints(count_constraints).ok()?;
+        let mut geometry = Geometry::of_layout(layout, |i| all[i]);
+        if let Some(first) = constraints[0] {
+            geometry = geometry.with_constraints(|i| constraints[i].unwrap_or(first));
+        }
         geometry.centre = from.next()?;
         let has_home = from.one()? == 1.0;
         let home = from.next()?;
@@ -100,6 +118,19 @@ impl Described {
     /// Freezes the machine; `None` if it is refused.
     pub fn freeze(&self) -> Option<Machine> {
         Machine::freeze(&self.geometry, &self.offsets).ok()
+    }
+}
+
+/// Returns the vectors of a constraint: platform, base, and the normal, 0 for directions that stay square.
+fn vectors(constraint: &ConstraintGeometry) -> [[f64; 3]; 3] {
+    match *constraint {
+        ConstraintGeometry::PointInPlane { platform, base, normal }
+        | ConstraintGeometry::PlaneThroughPoint { platform, base, normal } => {
+            [platform, base, normal]
+        }
+        ConstraintGeometry::Square { platform_axis, base_axis } => {
+            [platform_axis, base_axis, [0.0; 3]]
+        }
     }
 }
 
@@ -152,6 +183,27 @@ impl Numbers<'_> {
             return None;
         };
         Some(LegGeometry { base, platform, kind })
+    }
+
+    fn constraint(&mut self) -> Option<ConstraintGeometry> {
+        let kind = self.one()?;
+        let mut next = || self.next();
+        let given = match kind {
+            1.0 => {
+                let (platform, base, normal) = (next()?, next()?, next()?);
+                ConstraintGeometry::PointInPlane { platform, base, normal }
+            }
+            2.0 => {
+                let (platform, base, normal) = (next()?, next()?, next()?);
+                ConstraintGeometry::PlaneThroughPoint { platform, normal, base }
+            }
+            3.0 => {
+                let (platform_axis, base_axis, _) = (next()?, next()?, next()?);
+                ConstraintGeometry::Square { platform_axis, base_axis }
+            }
+            _ => return None,
+        };
+        Some(given)
     }
 
     fn pairs<const N: usize>(&mut self) -> Option<[[f64; 2]; N]> {

@@ -15,7 +15,7 @@ pub const MOST_MARGINS: usize = 6 + MAX_JOINTS + 7 * MAX_LEGS + 3;
 pub const MARGIN: usize = 8;
 
 /// Numbers of a [`Drawn`].
-pub const NUMBERS: usize = 2 * MAX_JOINTS + 6 * MAX_LEGS + 9 + 9 + 2 + MARGIN * MOST_MARGINS;
+pub const NUMBERS: usize = 2 * MAX_JOINTS + 6 * MAX_LEGS + 9 + 9 + 6 + 2 + MARGIN * MOST_MARGINS;
 
 /// A machine at a pose.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +34,8 @@ pub struct Drawn {
     pub tip: Vector3<f64>,
     /// Displacement of the workpiece by the table.
     pub table: Vector3<f64>,
+    /// The pose of the control point in base, with the coordinates that constraints determine.
+    pub full: [f64; 6],
     /// Smallest singular value of the legs' constraint rows.
     pub conditioning: f64,
     margins: [Option<Margin>; MOST_MARGINS],
@@ -55,13 +57,17 @@ impl Drawn {
         let pose = Pose::from_degrees(pose);
         let at = machine.at(&pose, &tool)?;
         let rotation = at.rotation();
-        let reference = pose.position - tool + rotation * (tool + centre);
+        let full = at.full_pose();
+        let reference = full.position - tool + rotation * (tool + centre);
         let layout = machine.layout();
-        let by_letter = |is_taken: &dyn Fn(Letter) -> bool| {
-            Vector3::from_fn(|k, _| if is_taken(Letter::ALL[k]) { reference[k] } else { 0.0 })
+        let by_letter = |of: &Vector3<f64>, is_taken: &dyn Fn(Letter) -> bool| {
+            Vector3::from_fn(|k, _| if is_taken(Letter::ALL[k]) { of[k] } else { 0.0 })
         };
-        let point = by_letter(&|letter| layout.coordinates().contains(letter));
-        let nose = point - rotation * centre;
+        let is_bound = layout.constraints() > 0;
+        let moves = |letter| is_bound || layout.coordinates().contains(letter);
+        let nose = by_letter(&reference, &moves) - rotation * centre;
+        // With constraints the legs move the platform in all letters, and the table adds the rest.
+        let by_table = if is_bound { pose.position - full.position } else { reference };
         Ok(Self {
             // Identical bit by bit to the module's commands.
             joints: machine.inverse(&pose, &tool)?,
@@ -70,7 +76,8 @@ impl Drawn {
             rotation,
             nose,
             tip: nose - rotation * tool,
-            table: -by_letter(&|letter| layout.table().contains(letter)),
+            table: -by_letter(&by_table, &|letter| layout.table().contains(letter)),
+            full: full.to_degrees(),
             conditioning: at.smallest_singular_value(),
             margins: margins(&at, limits),
         })
@@ -82,7 +89,7 @@ impl Drawn {
     }
 
     /// Writes it as numbers: joints, ratios, base and platform end of each leg, the rotation by columns, origin of the
-    /// platform's frame, tip, table, conditioning, number of margins, and [`MARGIN`] numbers for each.
+    /// platform's frame, tip, table, full pose, conditioning, number of margins, and [`MARGIN`] numbers for each.
     pub fn write(&self, mut put: impl FnMut(f64)) {
         let mut all = |values: &[f64]| values.iter().for_each(|value| put(*value));
         all(&self.joints);
@@ -95,6 +102,7 @@ impl Drawn {
         for point in [&self.nose, &self.tip, &self.table] {
             all(point.as_slice());
         }
+        all(&self.full);
         all(&[self.conditioning, self.margins().count() as f64]);
         for margin in self.margins() {
             let ([kind, first, second], [low, high]) = (numbers(margin.part), margin.range);

@@ -10,6 +10,7 @@ use page_core::{Described, Drawn};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use studies::study::rods::View;
+use test_support::constrained::{CONSTRAINED, constrained};
 use test_support::shipped::{MACHINES, config, whole};
 
 /// Rounding errors of lengths of 1e3.
@@ -30,7 +31,8 @@ fn numbers(described: &Described) -> Vec<f64> {
 }
 
 fn mechanisms() -> impl Iterator<Item = Mechanism> {
-    MACHINES.into_iter().flat_map(|machine| whole(machine).mechanisms)
+    let shipped = MACHINES.into_iter().flat_map(|machine| whole(machine).mechanisms);
+    shipped.chain(CONSTRAINED.into_iter().map(constrained))
 }
 
 #[test]
@@ -79,6 +81,8 @@ fn what_is_drawn_is_what_the_machine_and_the_rods_say() {
                 assert_eq!([end.base, end.platform], [rod.ends.base, rod.ends.platform]);
             }
             // A table carries the workpiece below a fixed platform; otherwise the tip is at its programmed position.
+            let full = config.machine.full_pose(&pose, &tool).unwrap();
+            assert_eq!(drawn.full, full.to_degrees());
             let tip = drawn.tip - drawn.table - (pose.position - tool);
             assert!(tip.norm() < LENGTH * config.machine.size().max(1.0), "{tip}");
             let ranges = drawn.margins().filter(|margin| margin.part != kinematics::Part::Whole);
