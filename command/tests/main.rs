@@ -8,6 +8,7 @@ mod command_line;
 mod commands;
 mod confinement;
 mod constrained;
+mod constrained_views;
 mod control;
 mod cut;
 mod documentation;

@@ -12,7 +12,7 @@ use kinematics::{At, ConstraintGeometry, Vector3};
 use serde::Serialize;
 
 /// Half length of an axis, as a share of the machine's size.
-const AXIS: f64 = 0.06;
+const AXIS: f64 = 0.1;
 
 /// Length of a tube, as a multiple of its length between platform and joint at home.
 const TUBE: f64 = 1.3;
