@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 tool=target/tools/bin/cargo-mutants part=${1:-30}
 shift $(($# > 0))
-[ $# -gt 0 ] || set -- machine linuxcnc check program new calibrate studies paths view draw
+[ $# -gt 0 ] || set -- machine linuxcnc check program new calibrate studies paths view draw export
 [ -x $tool ] || cargo install --quiet --locked --root target/tools cargo-mutants@27.1.0
 out=build/mutants/workbench
 
