@@ -118,7 +118,8 @@ impl<'a> Subject<'a> {
         let start = machine.full_pose(seed, tool).expect("forward has solved it");
         let (p, a) = (start.position, start.angles);
         let expected = self.reference.follow(&[p.x, p.y, p.z, a.x, a.y, a.z], joints, parts)?;
-        let full = machine.full_pose(found, tool).expect("forward has checked it");
+        // Next to a constraint singularity the proof of the seed may reach farther than that of the pose.
+        let full = machine.full_pose(found, tool).ok()?;
         let is_same = self.is_same(&full, &expected);
         if !is_same {
             println!("{}: {seed:?} {joints:?}: {full:?} {expected:?}", self.name);

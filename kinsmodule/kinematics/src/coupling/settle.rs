@@ -48,6 +48,9 @@ const MOST_CORRECTIONS: u32 = 12;
 /// Ratio of a correction to the one before that needs new derivatives.
 const STALE: f64 = 0.02;
 
+/// Largest distance of the end of a segment from its solution, as a share of the radius.
+const STRAY: f64 = 1e-3;
+
 /// Rounding of a value, as a share of the size.
 const ROUNDING: f64 = 1e-13;
 
@@ -379,6 +382,12 @@ impl<'a, const M: usize> Task<'a, M> {
             moved += length;
             let ratio = if before < f64::INFINITY { length / before } else { 1.0 };
             if length * ratio.min(1.0) <= TOLERANCE * size || length <= 16.0 * f64::EPSILON * size {
+                // The path of a segment ends at the center: far from the solution, its values would make the proof fail.
+                if moved > STRAY * self.of.radius {
+                    center = self.center(&spot, share);
+                    inverse = inverted(&center.rows)?;
+                    moved = 0.0;
+                }
                 return Some(End { center, inverse, spot, moved });
             }
             if ratio > STALE && before < f64::INFINITY {
