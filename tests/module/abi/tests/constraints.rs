@@ -51,16 +51,19 @@ fn constrain(module: &Module, n: usize, kind: f64, vectors: &[(&str, Vector)]) {
 
 /// Returns a machine of the golden rows with its geometry on pins, not yet applied.
 fn machine(name: &str, table: &'static str) -> Module {
+    machine_with(name, table, &[])
+}
+
+/// Returns the same with more load parameters.
+fn machine_with(name: &str, table: &'static str, more: &[(&str, &str)]) -> Module {
     let (legs, coordinates) = match name {
         "z3-head" => ("slider:3", "ZAB"),
         _ => ("strut:3", "XYZ"),
     };
-    let module = Module::pkmkins(&[
-        ("legs", legs),
-        ("coordinates", coordinates),
-        ("table", table),
-        ("constraints", "3"),
-    ]);
+    let mut all = more.to_vec();
+    all.extend([("legs", legs), ("coordinates", coordinates), ("table", table)]);
+    all.push(("constraints", "3"));
+    let module = Module::pkmkins(&all);
     let around = [90.0, 210.0, 330.0];
     match name {
         "tricept" => {
@@ -261,5 +264,38 @@ fn the_monitor_changes_a_tool_at_a_tilt_within_the_limits_of_the_joints() {
         for (one, other) in all.last().unwrap().iter().zip(expected) {
             assert!((one - other).abs() <= 1e-9, "{name}: {one} {other}");
         }
+    }
+}
+
+/// Returns the tricept with a two-axis wrist on its platform.
+fn with_wrist() -> Module {
+    let module = machine_with("tricept", "", &[("axes", "AB")]);
+    for (letter, axis, point) in [("a", X, [0.0, 0.0, -80.0]), ("b", Y, [0.0, 0.0, -120.0])] {
+        module.set(&format!("chain.{letter}.carries"), 2.0);
+        set(&module, &format!("chain.{letter}.axis"), &axis);
+        set(&module, &format!("chain.{letter}.point"), &point);
+    }
+    module.apply();
+    assert!(module.is_on("geometry-ok"), "{:?}", module.messages());
+    module
+}
+
+#[test]
+fn a_wrist_on_a_platform_with_constraints_finds_its_pose_back() {
+    let module = with_wrist();
+    module.set("tool-offset", 100.0);
+    let mut seed = world(&home("tricept"));
+    for n in 0..200 {
+        let t = f64::from(n) * 0.05;
+        let pose = world(&[80.0, -60.0, -1000.0, 30.0 * t.sin(), 25.0 * (0.7 * t).sin(), 0.0]);
+        let joints = module.inverse(&pose).unwrap();
+        // The wrist's letters are its joints.
+        assert_eq!([joints[3], joints[4]], [pose[3], pose[4]]);
+        let back = module.forward(&joints, &seed).unwrap();
+        for k in 0..6 {
+            // 1e-10 of the size, and as many degrees.
+            assert!((back[k] - pose[k]).abs() <= 1e-7, "{back:?} {pose:?}");
+        }
+        seed = back;
     }
 }
