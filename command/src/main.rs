@@ -370,19 +370,10 @@ impl MachineFile {
         Ok((meant, whole.mechanisms.get(1 - number)))
     }
 
-    /// Prepares a machine for measurements. Axes that carry something must stay at 0, where the machine is the same without
+    /// Reads a machine for measurements. Axes that carry something must stay at 0, where the machine is the same without
     /// them.
-    fn for_measuring(&self, mut config: Mechanism) -> Result<Mechanism, Failure> {
-        let layout = config.machine.layout();
-        if layout.legs() + layout.constraints() > 6 && layout.constraints() > 0 {
-            return Err(failure::refused(format!(
-                "{}: not judged: {} legs and {} constraints are more than 6 equations, and a calibrated geometry would \
-                 contradict itself; use a copy of the file without the redundant constraint",
-                self.machine.display(),
-                layout.legs(),
-                layout.constraints()
-            )));
-        }
+    fn read_for_measuring(&self) -> Result<Mechanism, Failure> {
+        let mut config = self.read()?;
         if config.chain.is_empty() {
             return Ok(config);
         }

@@ -23,7 +23,6 @@
 //! [`scale`] the scale of the drives.
 
 pub mod at_tool;
-pub mod constraint;
 pub mod fit;
 pub mod gauge;
 mod heading;
