@@ -321,7 +321,8 @@ class Writer:
             now = dict(begin)
         words = {
             "side": self.side(size), "feed": self.feed(), "surface": draw.randint(3, 60), "taper": draw.randrange(4),
-            "rough": draw.choice(("G71", "G71.1", "G71.2", "G72", "G72.1", "G72.2")), "profile": label,
+            # Without G72.2: LinuxCNC's interpreter computes some of its cuts without end.
+            "rough": draw.choice(("G71", "G71.1", "G71.2", "G72", "G72.1", "G72.1")), "profile": label,
             # In G91 LinuxCNC's turning cycles use X and Z as if they were absolute.
             "start": "" if self.incremental else "x0 z0",
             "back": f"G90 G0 {' '.join(f'{l}{begin[l]:.6f}' for l in 'XYZ')}{'; G91' if self.incremental else ''}"}

@@ -87,13 +87,19 @@ class Machine:
         found, legs, joints = [], 0, 0
         for number, letters in (1, {}), (2, second):
             scene = json.loads(self.run("scene", self.ini, "--mechanism", number).stdout)
-            own = [self.keys(f"LEG_{legs + n}") | {"kind": leg["kind"]} for n, leg in enumerate(scene["legs"])]
-            home = self.home()[[LETTERS.index(letters.get(letter, letter)) for letter in "XYZ"]].tolist()
+            own = [self.keys(f"LEG_{legs + n}") | {"kind": leg["kind"], "limits": self.limits(joints + n)}
+                   for n, leg in enumerate(scene["legs"])]
+            moved = scene["coordinates"] + scene["table"]
+            home = [self.home()[LETTERS.index(letters.get(letter, letter))] * (letter in moved) for letter in "XYZ"]
             machine = pkmkins.Machine(own, scene["coordinates"], table=scene["table"], home=home, unit=self.unit,
                                       pkm={"spindle_offset": scene["spindle_offset"]})
-            found.append(Mechanism(machine, self, joints, "second_" if letters else "", letters))
+            found.append(Mechanism(machine, self, joints, "second_" if letters else "", letters, scene["spindle_offset"]))
             legs, joints = legs + len(own), joints + len(machine.joints)
         return found
+
+    def limits(self, joint):
+        """Returns the smallest and the largest value of a joint."""
+        return [float(self.value(f"JOINT_{joint}", key)[0]) for key in ("MIN_LIMIT", "MAX_LIMIT")]
 
     def keys(self, section):
         """Returns the keys of a leg, with their numbers."""
@@ -105,8 +111,9 @@ class Machine:
 class Mechanism:
     """One mechanism of a machine, with a Jacobian in the package for Python."""
 
-    def __init__(self, own, machine, first_joint=0, prefix="", letters=None):
+    def __init__(self, own, machine, first_joint=0, prefix="", letters=None, spindle=None):
         self.own, self.machine, self.prefix = own, machine, prefix
+        self.spindle = machine.spindle if spindle is None else spindle
         self.joints = [f"joint_{first_joint + n}" for n in range(len(own.joints))]
         self.places = [LETTERS.index((letters or {}).get(letter, letter)) for letter in "XYZABC"]
 

@@ -91,7 +91,7 @@ class Motions:
         self.constraint = np.vstack([loops, np.eye(len(row))[still]])
         platform = mujoco.mj_name2id(engine.model, mujoco.mjtObj.mjOBJ_BODY, f"{mechanism.prefix}platform")
         # The control point on the platform, o from its origin.
-        o = np.array([0, 0, 0 if machine.is_bare else machine.spindle * machine.meters])
+        o = np.array([0, 0, 0 if machine.is_bare else mechanism.spindle * machine.meters])
         spot = engine.data.xpos[platform] - engine.data.xmat[platform].reshape(3, 3) @ o
         self.slide, self.turn = np.zeros((3, len(row))), np.zeros((3, len(row)))
         mujoco.mj_jac(engine.model, engine.data, self.slide, self.turn, spot, platform)

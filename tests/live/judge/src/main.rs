@@ -5,7 +5,8 @@
 //! figures are within their bounds; 1: at least one is not; 2: the run cannot be judged.
 
 use judge::{page, trace};
-use machine::read::machine::MachineConfig;
+use machine::read::ini::Ini;
+use machine::read::machine::{Lenient, MachineConfig};
 use std::error::Error;
 use std::io::Write;
 use std::path::PathBuf;
@@ -32,7 +33,7 @@ fn unjudged(error: &str) -> ExitCode {
 
 /// Returns whether every figure is within its bound.
 fn run([ini, trace_file, result_file, folder]: &[PathBuf; 4]) -> Result<bool, Box<dyn Error>> {
-    let machine = MachineConfig::read(ini)?;
+    let machine = MachineConfig::leniently(&Ini::read(ini)?, Some(Lenient::Constraints))?;
     let config = machine.first();
     let result = trace::read_result(result_file)?;
     let samples = trace::read_trace(config, trace_file).map_err(|error| match &result.error {
