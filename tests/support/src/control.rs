@@ -29,7 +29,7 @@ pub fn run(machine: &str, program: &Path) -> (Outcome, Vec<Row>) {
     (outcome.unwrap(), rows)
 }
 
-/// Returns options that interrupt a run after [`MOST`], so that the test of an endless program fails.
+/// Returns options that interrupt a run after `MOST`, so that the test of an endless program fails.
 pub fn bounded(options: Options) -> Options {
     let stop = options.stop.clone();
     thread::spawn(move || {
@@ -39,7 +39,7 @@ pub fn bounded(options: Options) -> Options {
     options
 }
 
-/// Waits for the end of a process. Panics after [`MOST`], and ends the process.
+/// Waits for the end of a process. Panics after `MOST`, and ends the process.
 pub fn ended(child: &mut Child) -> ExitStatus {
     let begin = Instant::now();
     loop {
