@@ -92,28 +92,34 @@ class Machine:
             moved = scene["coordinates"] + scene["table"]
             home = [self.home()[LETTERS.index(letters.get(letter, letter))] * (letter in moved) for letter in "XYZ"]
             machine = pkmkins.Machine(own, scene["coordinates"], table=scene["table"], home=home, unit=self.unit,
-                                      pkm={"spindle_offset": scene["spindle_offset"]})
-            found.append(Mechanism(machine, self, joints, "second_" if letters else "", letters, scene["spindle_offset"]))
+                                      pkm=self.frame("SECOND" if letters else "PKM"))
+            found.append(Mechanism(machine, self, joints, "second_" if letters else "", letters, scene))
             legs, joints = legs + len(own), joints + len(machine.joints)
         return found
+
+    def frame(self, section):
+        """Returns the keys of a mechanism that move its platform's frame."""
+        keys = self.keys(section)
+        return {key: keys[key][0] if len(keys[key]) == 1 else keys[key] for key in ("spindle_offset", "centre") if key in keys}
 
     def limits(self, joint):
         """Returns the smallest and the largest value of a joint."""
         return [float(self.value(f"JOINT_{joint}", key)[0]) for key in ("MIN_LIMIT", "MAX_LIMIT")]
 
     def keys(self, section):
-        """Returns the keys of a leg, with their numbers."""
-        part = re.search(rf"^\[{section}\]$(.*?)(?=^\[|\Z)", self.text, re.M | re.S)[1]
-        lines = re.findall(r"^(\w+)\s*=\s*(.*)$", part, re.M)
-        return {key.lower(): [float(word) for word in words.split()] for key, words in lines}
+        """Returns the keys of a section that are numbers; none without the section."""
+        part = re.search(rf"^\[{section}\]$(.*?)(?=^\[|\Z)", self.text, re.M | re.S)
+        lines = re.findall(r"^(\w+)\s*=\s*(.*)$", part[1] if part else "", re.M)
+        return {key.lower(): [float(word) for word in words.split()] for key, words in lines if re.match(r"[-+.\d]", words)}
 
 
 class Mechanism:
     """One mechanism of a machine, with a Jacobian in the package for Python."""
 
-    def __init__(self, own, machine, first_joint=0, prefix="", letters=None, spindle=None):
+    def __init__(self, own, machine, first_joint=0, prefix="", letters=None, scene=None):
         self.own, self.machine, self.prefix = own, machine, prefix
-        self.spindle = machine.spindle if spindle is None else spindle
+        self.spindle = scene["spindle_offset"] if scene else machine.spindle
+        self.is_bare = not scene["sees_tool"] if scene else machine.is_bare
         self.joints = [f"joint_{first_joint + n}" for n in range(len(own.joints))]
         self.places = [LETTERS.index((letters or {}).get(letter, letter)) for letter in "XYZABC"]
 

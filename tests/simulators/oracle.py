@@ -91,7 +91,7 @@ class Motions:
         self.constraint = np.vstack([loops, np.eye(len(row))[still]])
         platform = mujoco.mj_name2id(engine.model, mujoco.mjtObj.mjOBJ_BODY, f"{mechanism.prefix}platform")
         # The control point on the platform, o from its origin.
-        o = np.array([0, 0, 0 if machine.is_bare else mechanism.spindle * machine.meters])
+        o = np.array([0, 0, 0 if mechanism.is_bare else mechanism.spindle * machine.meters])
         spot = engine.data.xpos[platform] - engine.data.xmat[platform].reshape(3, 3) @ o
         self.slide, self.turn = np.zeros((3, len(row))), np.zeros((3, len(row)))
         mujoco.mj_jac(engine.model, engine.data, self.slide, self.turn, spot, platform)
@@ -134,12 +134,14 @@ def linear(mechanism, engine, poses, states, random):
         rates = np.array([[np.cos(c) * np.cos(b), -np.sin(c), 0], [np.sin(c) * np.cos(b), np.cos(c), 0],
                           [-np.sin(b), 0, 1]])
         # Rates of X Y Z A B C for each motion.
-        coordinates = np.vstack([motions.slide @ free, np.linalg.solve(rates, motions.turn @ free)])[active]
-        speeds = free[motions.numbers] @ np.linalg.inv(coordinates)
+        coordinates = np.vstack([motions.slide @ free, np.linalg.solve(rates, motions.turn @ free)])
+        per_active = np.linalg.inv(coordinates[active])
+        speeds = free[motions.numbers] @ per_active
         # Not `max`, which ignores NaN.
         worst[0] = np.maximum(worst[0], np.abs(speeds - expected).max() / np.abs(expected).max())
         force, moment = random.normal(size=3), 0.3 * random.normal(size=3)
-        given = np.concatenate([force, rates.T @ moment])[active]
+        # Of a platform that only turns about its center, the control point moves too.
+        given = (coordinates @ per_active).T @ np.concatenate([force, rates.T @ moment])
         off = expected.T @ motions.forces(force, moment) + given
         worst[1] = np.maximum(worst[1], np.abs(off).max() / np.abs(given).max())
     return worst
