@@ -149,7 +149,7 @@ enum pkmkins_cause {
   PKMKINS_HOLDER_NOT_FINITE = -114,
   // the fixed tool holder is beyond a million times the machine's size.
   PKMKINS_HOLDER_TOO_FAR = -115,
-  // beside constraints, axes carry something only if X, Y and Z are commanded or a table moves them, and no work is on the platform.
+  // beside constraints, axes carry something only if X Y Z are commanded or on a table; the platform carries no work.
   PKMKINS_CHAIN_CONSTRAINED = -116,
   // there is no valid geometry.
   PKMKINS_NO_GEOMETRY = -70,

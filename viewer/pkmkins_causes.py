@@ -72,7 +72,7 @@ CAUSES = {
     -113: ("the point on the axis is beyond a million times the machine's size", "correct POINT of its [CHAIN_L]"),
     -114: ("the position of the fixed tool holder is incomplete, NaN or infinite", "correct WORK_ON_PLATFORM, or remove it"),
     -115: ("the fixed tool holder is beyond a million times the machine's size", "correct WORK_ON_PLATFORM"),
-    -116: ("beside constraints, axes carry something only if X, Y and Z are commanded or a table moves them, and no work is on the platform", "name X, Y and Z in coordinates= or table=, or remove [CHAIN_L] and WORK_ON_PLATFORM"),
+    -116: ("beside constraints, axes carry something only if X Y Z are commanded or on a table; the platform carries no work", "name X Y Z in coordinates= or table=, or remove [CHAIN_L] or WORK_ON_PLATFORM"),
     -70: ("there is no valid geometry", "correct the geometry, then set pkmkins.apply to 1 with the machine off"),
     -71: ("a new geometry was applied while the machine is on; the old one stays", "switch the machine off, then set pkmkins.apply to 0 and to 1"),
     -72: ("unknown kinematics type (0 = machine, 1 = identity)", "switch to type 0 or 1"),

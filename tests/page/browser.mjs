@@ -110,7 +110,7 @@ const OBSERVER = () => {
 export const rested = (page) => page.evaluate(() => window.seen.rested());
 
 /** Milliseconds to wait for an element of the page: in a run of mutants, a slow computer must not look like a failure. */
-const mostWait = () => (given.code ? 180_000 : 15_000);
+const mostWait = () => (given.code ? 180_000 : 60_000);
 
 /** Opens a tab without network, which collects errors and warnings of its pages. */
 export async function tab(browser, options = { offline: true }) {

@@ -370,8 +370,8 @@ causes! {
         "correct WORK_ON_PLATFORM, or remove it";
     HolderTooFar = -115, "the fixed tool holder is beyond a million times the machine's size",
         "correct WORK_ON_PLATFORM";
-    ChainConstrained = -116, "beside constraints, axes carry something only if X, Y and Z are commanded or a table moves them, and no work is on the platform",
-        "name X, Y and Z in coordinates= or table=, or remove [CHAIN_L] and WORK_ON_PLATFORM";
+    ChainConstrained = -116, "beside constraints, axes carry something only if X Y Z are commanded or on a table; the platform carries no work",
+        "name X Y Z in coordinates= or table=, or remove [CHAIN_L] or WORK_ON_PLATFORM";
     // The module around the kinematics.
     NoGeometry = -70, "there is no valid geometry",
         "correct the geometry, then set pkmkins.apply to 1 with the machine off";

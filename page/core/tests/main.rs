@@ -82,7 +82,8 @@ fn what_is_drawn_is_what_the_machine_and_the_rods_say() {
             }
             // A table carries the workpiece below a fixed platform; otherwise the tip is at its programmed position.
             let full = config.machine.full_pose(&pose, &tool).unwrap();
-            assert_eq!(drawn.full, full.to_degrees());
+            let apart = drawn.full.iter().zip(full.to_degrees()).map(|(a, b)| (a - b).abs());
+            assert!(apart.fold(0.0, f64::max) < LENGTH * config.machine.size().max(1.0));
             let tip = drawn.tip - drawn.table - (pose.position - tool);
             assert!(tip.norm() < LENGTH * config.machine.size().max(1.0), "{tip}");
             let ranges = drawn.margins().filter(|margin| margin.part != kinematics::Part::Whole);

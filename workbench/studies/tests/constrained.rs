@@ -5,7 +5,7 @@ use kinematics::{Cause, ConstraintGeometry, Letter, Limit, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use machine::rows::{self, follow, joint_rows, length_rows};
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector6};
-use rand::SeedableRng;
+use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use studies::study::file::Study;
 use studies::study::sensitivity::{Sensitivity, monte_carlo};
@@ -100,8 +100,9 @@ fn joint_errors_move_every_coordinate_as_forward_does() {
         let found = Sensitivity::at(&config, &home, &config.spindle, 100.0).unwrap().unwrap();
         let drawn = monte_carlo(&config, &home, &config.spindle, &sigma, 2000).unwrap();
         for (one, other) in found.sigma(&sigma).iter().zip(drawn.sigma) {
-            // The standard error of a deviation from 2000 draws is 1.6 %.
-            assert!((one - other).abs() <= 0.08 * one + 1e-9, "{machine}: {one} {other}");
+            // The standard error of a deviation from 2000 draws is 1.6 %. To second order, 0.01 mm squared over some
+            // 400 mm moves a coordinate that they do not move to first order.
+            assert!((one - other).abs() <= 0.08 * one + 1e-6, "{machine}: {one} {other}");
         }
     }
 }
@@ -192,7 +193,7 @@ fn the_workspace_is_bounded_by_the_joints_of_the_whole_pose() {
         let (mut inside, mut outside) = (0, 0);
         for _ in 0..300 {
             let mut pose = commanded(&config, &mut rng);
-            pose.position *= 1.2;
+            pose.position *= rng.random_range(1.0..2.0);
             pose.angles = Vector3::zeros();
             let joints = config.machine.inverse(&pose, &config.spindle);
             let keeps = joints.is_ok_and(|joints| {
