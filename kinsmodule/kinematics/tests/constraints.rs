@@ -266,7 +266,7 @@ pub(crate) mod nalgebra_reference {
             Some(pose)
         }
 
-        /// Like [`Self::complete`], in less time: three unknowns, with derivatives by one-sided differences once a part.
+        /// Solves as [`Self::complete`] does, in less time: three unknowns, with derivatives by one-sided differences once a part.
         pub fn complete_quickly(
             &self,
             home: &[f64; 6],
