@@ -26,7 +26,8 @@ CONF
 # unpacked PACKAGE FOLDER: Debian's package for arm64, once.
 unpacked() {
     [ ! -e "$arm/$1.done" ] || return 0
-    [ -d "$arm/apt" ] || arm64 apt-get update -q
+    # Every time: an update that failed leaves its folder behind.
+    arm64 apt-get update -q
     mkdir -p "$arm/packages"
     (cd "$arm/packages" && arm64 apt-get download -q "$1")
     dpkg -x "$arm/packages/$1"_*_arm64.deb "$2"
