@@ -188,6 +188,11 @@ getting_started() {
         /srv/pkmkins/tests/live/live_test.py --only getting_started --out /srv/started
 }
 
+# Every configuration runs as in virtual time in every servo cycle, after `getting_started` has placed pkm.
+live_as_virtual() {
+    /srv/pkmkins/tests/live/truth.py --live short --alone --out /srv/truth
+}
+
 manuals() {
     MANWIDTH=100 man pkmkins | grep -q 'kinematics of parallel machines' && MANWIDTH=100 man pkm-preflight | grep -q preflight &&
         pkm check /usr/share/linuxcnc/aux_examples/pkmkins/hexapod/hexapod.ini
@@ -243,6 +248,7 @@ step "LinuxCNC's picker copies the hexapod" picked
 natively "the commands of getting started" getting_started
 natively "the copy is started, homed, and runs its program" ran
 natively "preflight judges its time" virtual_time
+natively "every configuration runs as in virtual time" live_as_virtual
 remade "$pkmkins" Version 99 /srv/newer.deb > "$log"
 natively "while LinuxCNC runs" while_linuxcnc_runs
 step "an edited configuration at upgrade and downgrade" edited_is_kept
