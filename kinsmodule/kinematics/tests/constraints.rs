@@ -110,11 +110,17 @@ pub(crate) mod nalgebra_reference {
         SVector::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0))
     }
 
-    /// Returns the smallest singular value of `count` columns.
+    /// Returns the products of the columns; a column after the first `count` becomes one that no other meets.
+    fn products(derivatives: &Derivatives, count: usize) -> SMatrix<f64, 6, 6> {
+        let mut products = derivatives.tr_mul(derivatives);
+        let trace = products.trace();
+        (count..6).for_each(|j| products[(j, j)] = trace);
+        products
+    }
+
+    /// Returns the smallest singular value of the first `count` columns.
     fn least(derivatives: &Derivatives, count: usize) -> f64 {
-        let mut values: Vec<f64> = derivatives.singular_values().iter().copied().collect();
-        values.sort_by(|a, b| b.total_cmp(a));
-        values[count - 1]
+        products(derivatives, count).symmetric_eigenvalues().min().max(0.0).sqrt()
     }
 
     pub struct Reference {
@@ -214,8 +220,10 @@ pub(crate) mod nalgebra_reference {
         ) -> Option<()> {
             for _ in 0..30 {
                 let values = vector(&of(pose));
-                let step =
-                    self.derivatives(of, pose, by).svd(true, true).solve(&values, 1e-12).ok()?;
+                let derivatives = self.derivatives(of, pose, by);
+                let step = products(&derivatives, by.len())
+                    .cholesky()?
+                    .solve(&derivatives.tr_mul(&values));
                 for (j, k) in by.iter().enumerate() {
                     pose[*k] -= step[j] * if *k < 3 { 1.0 } else { 1.0 / self.radius };
                 }
