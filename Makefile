@@ -5,7 +5,7 @@
 
 .DELETE_ON_ERROR:
 .PHONY: help demo test check install uninstall install-pkm uninstall-pkm deb test-deb site bench release clean \
-    virtual-arm64 test-machines test-programs test-virtual test-aside ini-cases \
+    virtual-arm64 test-machines test-programs test-virtual test-aside ini-cases tests-built \
     rust setup setup-more setup-page setup-screen setup-simulators setup-site generated module virtual pkm-built
 
 # Root is needed for apt, for LinuxCNC's folders, and for nothing else.
@@ -147,8 +147,8 @@ BESIDE = $(MAKE) --no-print-directory --output-sync=line --keep-going --jobs
 # real clock.
 test: rust
 	@echo "pkmkins: several tests run at once; what one says is shown when it is over"
-	$(BESIDE)=3 PACKAGES="$(PACKAGES) $(SCREEN_PACKAGES) $(SITE_PACKAGES) $(PAGE_PACKAGES)" \
-	    BINS="$(BINS) judge header" setup-more ini-cases generated
+	$(BESIDE)=4 PACKAGES="$(PACKAGES) $(SCREEN_PACKAGES) $(SITE_PACKAGES) $(PAGE_PACKAGES)" \
+	    BINS="$(BINS) judge header" setup-more ini-cases generated tests-built
 	$(BESIDE)=4 test-machines test-programs test-virtual test-aside
 
 # By one run of apt, in `setup`, which comes first; the rest finds nothing to install.
@@ -169,6 +169,10 @@ test-machines: setup setup-page
 
 # Never before a machine that is live, which a priority alone does not make sure of.
 BEHIND := chrt --idle 0
+
+# After what the first live tests wait for.
+tests-built: install generated
+	$(BEHIND) $(CARGO) test --profile host $(LOCKED) --no-run --quiet
 
 test-programs: setup setup-page
 	$(BEHIND) $(CARGO) test --profile host $(LOCKED) --no-fail-fast
