@@ -30,7 +30,7 @@ debian "$suite" "$root"
 mkdir -p "$root/srv/deb" "$root/srv/pkmkins"
 cp "$@" "$root/srv/deb"
 # What the live tests take along.
-cp -a --parents configs tests/live tests/viewer tests/cases/ini tests/deb viewer docs/site/links.py "$root/srv/pkmkins"
+cp -a --parents configs tests/live tests/viewer tests/cases/ini tests/cases/reading tests/deb viewer docs/site/links.py "$root/srv/pkmkins"
 # What `make install` puts there, by itself: the packages have to find it.
 make --no-print-directory -s -o setup -o module -o virtual install DESTDIR="$root/srv/by-hand"
 inside "$root" env EMULATED="$([ "$arch" = "$here" ] || echo yes)" sh /srv/pkmkins/tests/deb/inside.sh
