@@ -132,6 +132,13 @@ impl<'a> Subject<'a> {
         let Ok(found) = self.machine.forward(joints, seed, &self.tool, &Solver::default()) else {
             return count.refuse();
         };
+        if let Ok(full) = self.machine.full_pose(&found.pose, &self.tool) {
+            assert!(
+                found.full.distance(&full, self.machine.radius()) <= SAME * self.machine.size(),
+                "{}: {found:?} {full:?}",
+                self.name
+            );
+        }
         let apart = found.pose.distance(pose, self.machine.radius());
         match apart <= SAME * self.machine.size() {
             true => count.add(Some(true)),

@@ -99,16 +99,21 @@ impl<const N: usize> Mechanism<N> {
             Some(nut) => nut.corrections(&end.at.torsion),
             None => [0.0; N],
         };
-        let pose = match &settled {
-            None => self.pose_at(&end.place, joints, tool, &seed, &trig),
+        let (pose, full) = match &settled {
+            None => {
+                let pose = self.pose_at(&end.place, joints, tool, &seed, &trig);
+                (pose, pose)
+            }
             Some((couplings, from)) => {
-                self.commanded((couplings, from), &end.place, joints, tool, (&seed, &trig))?
+                let found = (*couplings, from);
+                self.commanded(found, &end.place, joints, tool, (&seed, &trig))?
             }
         };
         // A pose that inverse would refuse must not become the next seed.
         pose.check()?;
         Ok(Solution {
             pose,
+            full,
             iterations: effort.spent,
             sub_steps: effort.sub_steps,
             residual,
@@ -174,9 +179,9 @@ impl<const N: usize> Mechanism<N> {
         pose
     }
 
-    /// Computes the commanded coordinates of the platform's pose, and checks that they lead back to it: a joint path may
-    /// pass a constraint singularity, beyond which they belong to another pose. Near the seed the proof of its dependent
-    /// coordinates covers this pose, too.
+    /// Computes the pose with its commanded coordinates alone, and with all, and checks that the former lead back to the
+    /// platform's: a joint path may pass a constraint singularity, beyond which they belong to another pose. Near the seed
+    /// the proof of its dependent coordinates covers this pose, too.
     #[inline(never)]
     fn commanded(
         &self,
@@ -185,12 +190,14 @@ impl<const N: usize> Mechanism<N> {
         joints: &Joints,
         tool: &Vector3<f64>,
         (seed, trig): (&Pose, &Trigonometry),
-    ) -> Result<Pose, Fault> {
+    ) -> Result<(Pose, Pose), Fault> {
         let r = &place.rotation;
         let angles = if couplings.has_angles() { angles_near(r, seed, trig) } else { seed.angles };
         let own = place.centre + tool - r * (tool + self.reference);
         let mut pose = Pose { position: own, angles };
-        let is_beside = couplings.is_beside(from, &Place { angles, ..*place }, tool);
+        let turned = Place { angles, ..*place };
+        let full = couplings.pose(&turned, tool);
+        let is_beside = couplings.is_beside(from, &turned, tool);
         for letter in Letter::ALL.into_iter().filter(|letter| self.layout.is_dependent(*letter)) {
             match letter.index() {
                 k @ 0..3 => pose.position[k] = 0.0,
@@ -204,15 +211,15 @@ impl<const N: usize> Mechanism<N> {
             pose.position[k] = value + own[k];
         }
         if is_beside {
-            return Ok(pose);
+            return Ok((pose, full));
         }
         let back = couplings.settle(&pose, tool)?.place;
-        let turned = (back.rotation - r).norm() * self.radius;
-        let off = (back.centre - place.centre).norm() + turned;
+        let turned_off = (back.rotation - r).norm() * self.radius;
+        let off = (back.centre - place.centre).norm() + turned_off;
         if !(off <= SAME_POSE * self.size) {
             return Err(Fault::with_value(Cause::ConstraintPassed, off));
         }
-        Ok(pose)
+        Ok((pose, full))
     }
 
     #[inline(always)]

@@ -57,6 +57,8 @@ pub enum Certificate {
 pub struct Solution {
     /// The pose, with the angles nearest to those of the seed.
     pub pose: Pose,
+    /// The same with the coordinates that constraints determine, as [`crate::Machine::full_pose`] returns it.
+    pub full: Pose,
     /// Linear solves used.
     pub iterations: u32,
     /// Sub-steps of the joint path; 1 = one ball at the seed was enough.
@@ -113,8 +115,10 @@ impl Solution {
     /// Creates the solution for the intersection of three spheres.
     #[inline(always)]
     pub(crate) fn of_spheres(Meeting { point, residual }: Meeting) -> Self {
+        let pose = Pose { position: point, angles: Vector3::zeros() };
         Self {
-            pose: Pose { position: point, angles: Vector3::zeros() },
+            pose,
+            full: pose,
             iterations: 1,
             sub_steps: 1,
             residual,

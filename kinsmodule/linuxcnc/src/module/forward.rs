@@ -159,11 +159,8 @@ impl Module {
         pins.max_iterations.set(pins.max_iterations.get().max(solution.iterations));
         pins.residual.set(solution.residual);
         pins.show_pose(pose);
-        if self.load.layout.constraints() > 0
-            && let Some(Frozen { machine, .. }) = &self.frozen
-            && let Ok(full) = machine.full_pose(&solution.pose, &self.tool.of_machine())
-        {
-            pins.show_dependent(&self.load, &full);
+        if self.load.layout.constraints() > 0 {
+            pins.show_dependent(&self.load, &solution.full);
         }
         pins.show_tool(&self.tool.offset());
         pins.show_corrections(&self.load, &solution.corrections);

@@ -237,13 +237,9 @@ impl Module {
         let seed = self.seeds.last().or(self.reference()).ok_or(Cause::SeedMissing)?;
         let tool = self.carrying.chain.machine_tool(&self.tool_in_effect()?);
         let joints = self.correction.taken_from(joints);
-        let pose = machine.forward(&joints, &seed, &tool, &self.pins.solver())?.pose;
+        let platform = machine.forward(&joints, &seed, &tool, &self.pins.solver())?.full;
         let mut world = [0.0; 9];
         extra::write_extra(&self.load, axes, &mut world);
-        let platform = match self.layout().constraints() {
-            0 => pose,
-            _ => machine.full_pose(&pose, &tool)?,
-        };
         Ok(self.carrying.chain.frames(&platform, &world))
     }
 
