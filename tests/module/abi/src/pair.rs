@@ -73,7 +73,7 @@ impl Two {
     }
 
     pub fn parameters(&self) -> Vec<(&'static str, String)> {
-        let [legs, coordinates, _] = self.second.machine.parameters();
+        let [legs, coordinates, ..] = self.second.machine.parameters();
         let mut all = self.first.machine.parameters().to_vec();
         all.push(("second", legs.1));
         all.push(("second_coordinates", coordinates.1));

@@ -4,6 +4,7 @@
 use crate::geometry::{Vector, cross, dot, minus, norm, plus, rotation, scaled, turned, unit};
 use crate::machines::Hexapod;
 use crate::module::{Module, Pose};
+use kinematics::ConstraintGeometry;
 
 /// The letters of a pose, in its order.
 pub const LETTERS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
@@ -118,6 +119,8 @@ pub struct Parallel {
     pub table: &'static str,
     /// Reference point of the platform for constant and table letters.
     pub centre: Vector,
+    /// Constraints of the platform; [`Self::scaled`] does not know them.
+    pub constraints: Vec<ConstraintGeometry>,
     pub home: Option<Pose>,
     pub tool: Vector,
     pub spindle_offset: f64,
@@ -131,6 +134,7 @@ impl Parallel {
             coordinates,
             table: "",
             centre: [0.0; 3],
+            constraints: vec![],
             home: Some(home),
             tool: [0.0; 3],
             spindle_offset: 0.0,
@@ -206,13 +210,14 @@ impl Parallel {
     }
 
     /// Returns the load parameters of this machine.
-    pub fn parameters(&self) -> [(&'static str, String); 3] {
+    pub fn parameters(&self) -> [(&'static str, String); 4] {
         let legs: Vec<String> =
             self.legs.iter().map(|leg| format!("{}:1", leg.kind.name())).collect();
         [
             ("legs", legs.join(",")),
             ("coordinates", self.coordinates.to_string()),
             ("table", self.table.to_string()),
+            ("constraints", self.constraints.len().to_string()),
         ]
     }
 
@@ -260,6 +265,9 @@ impl Parallel {
     /// Sets every pin of the geometry.
     pub fn wire(&self, module: &Module) {
         self.wire_legs(module);
+        for (n, constraint) in self.constraints.iter().enumerate() {
+            wire_constraint(module, n, constraint);
+        }
         for (letter, value) in LETTERS.into_iter().zip(self.centre) {
             module.set(&format!("centre.{letter}"), value);
         }
@@ -339,6 +347,24 @@ pub fn wire_leg(module: &Module, n: usize, leg: &Leg) {
     }
 }
 
+fn wire_constraint(module: &Module, n: usize, constraint: &ConstraintGeometry) {
+    module.set(&format!("constraint.{n}.kind"), f64::from(constraint.kind()));
+    let vectors = match *constraint {
+        ConstraintGeometry::PointInPlane { platform, base, normal }
+        | ConstraintGeometry::PlaneThroughPoint { platform, normal, base } => {
+            vec![("platform", platform), ("base", base), ("normal", normal)]
+        }
+        ConstraintGeometry::Square { platform_axis, base_axis } => {
+            vec![("platform-axis", platform_axis), ("base-axis", base_axis)]
+        }
+    };
+    for (name, vector) in vectors {
+        for (letter, value) in LETTERS.into_iter().zip(vector) {
+            module.set(&format!("constraint.{n}.{name}.{letter}"), value);
+        }
+    }
+}
+
 fn wire_rod(module: &Module, n: usize, rod: f64, side: i32) {
     module.set(&format!("rod.{n}"), rod);
     module.set(&format!("side.{n}"), f64::from(side));
@@ -367,6 +393,7 @@ impl From<Hexapod> for Parallel {
             coordinates: "XYZABC",
             table: "",
             centre: [0.0; 3],
+            constraints: vec![],
             home: hexapod.home,
             tool: [0.0, 0.0, hexapod.tool_offset],
             spindle_offset: hexapod.spindle_offset,

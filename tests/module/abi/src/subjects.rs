@@ -9,6 +9,7 @@ use crate::machines::{Hexapod, lab_hexapod, lab_pose, paper_004, paper_004_pose}
 use crate::module::Pose;
 use crate::parallel::{Kind, Leg, Parallel};
 use crate::random::Random;
+use kinematics::ConstraintGeometry;
 
 /// A machine with the poses of its workspace.
 pub struct Subject {
@@ -178,6 +179,52 @@ pub fn rotary_delta(platform: f64, thigh: f64, shin: f64, foot: f64) -> Parallel
 
 fn rotary_delta_pose(random: &mut Random) -> Pose {
     in_box(random, [0.0, 0.0, -14.0, 0.0, 0.0, 0.0], [4.0, 4.0, 4.0, 0.0, 0.0, 0.0])
+}
+
+/// Returns machines with constraints of the platform.
+pub fn constrained() -> Vec<Subject> {
+    let (x, y, o) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]);
+    let through =
+        |platform, normal, base| ConstraintGeometry::PlaneThroughPoint { platform, normal, base };
+    let strut = |base, platform| Leg { base, platform, kind: Kind::PLAIN_STRUT };
+    let level = |z| pose([0.0, 0.0, z, 0.0, 0.0, 0.0]);
+    let around = spokes([90.0, 210.0, 330.0]);
+    let tripod = around.map(|d| strut(along(d, 400.0), plus(along(d, 150.0), [0.0, 0.0, 40.0])));
+    let square = ConstraintGeometry::Square { platform_axis: y, base_axis: x };
+    let tricept = Parallel {
+        constraints: vec![through(o, y, o), through(o, x, o), square],
+        ..Parallel::new(tripod.to_vec(), "XYZ", level(-900.0))
+    };
+    let down = [0.0, 0.0, -1.0];
+    let carriages = around.map(|d| slider(along(d, 320.0), along(d, 200.0), down, 500.0, -1));
+    let planes = around.map(|d| {
+        let normal = cross(UP, d);
+        ConstraintGeometry::PointInPlane { platform: along(d, 200.0), base: o, normal }
+    });
+    let head = Parallel {
+        table: "XY",
+        constraints: planes.to_vec(),
+        ..Parallel::new(carriages.to_vec(), "ZAB", level(-700.0))
+    };
+    let pair = [([-350.0, 0.0, 0.0], [-150.0, 0.0, 0.0]), ([350.0, 0.0, 0.0], [150.0, 0.0, 0.0])];
+    let third = ([0.0, 450.0, 0.0], [0.0, 160.0, 0.0]);
+    let of_pair = pair.map(|(base, platform)| through(platform, y, base));
+    let legs = pair.into_iter().chain([third]).map(|(base, platform)| strut(base, platform));
+    let exechon = Parallel {
+        constraints: of_pair.into_iter().chain([square, through(third.1, x, third.0)]).collect(),
+        ..Parallel::new(legs.collect(), "XYZ", level(-900.0))
+    };
+    vec![
+        Subject::new("tricept", tricept, |random| {
+            in_box(random, [0.0, 0.0, -900.0, 0.0, 0.0, 0.0], [350.0, 350.0, 150.0, 0.0, 0.0, 0.0])
+        }),
+        Subject::new("z3-head", head, |random| {
+            in_box(random, [0.0, 0.0, -700.0, 0.0, 0.0, 0.0], [200.0, 200.0, 60.0, 30.0, 30.0, 0.0])
+        }),
+        Subject::new("exechon", exechon, |random| {
+            in_box(random, [0.0, 0.0, -900.0, 0.0, 0.0, 0.0], [250.0, 250.0, 150.0, 0.0, 0.0, 0.0])
+        }),
+    ]
 }
 
 /// Returns three struts to one point, with the base joints of LinuxCNC's tripodkins.

@@ -131,6 +131,7 @@ fn others() -> Vec<Subject> {
     };
     subjects::subjects()
         .into_iter()
+        .chain(subjects::constrained())
         .filter(|subject| subject.machine.tool == [0.0; 3] && !subject.name.contains("hexapod"))
         .map(of)
         .collect()
@@ -165,7 +166,10 @@ fn genhexkins_pose(random: &mut Random) -> Pose {
 fn case(subject: &Subject, module: &Module, random: &mut Random) -> Case {
     let pose = (subject.sample)(random);
     let joints = module.inverse(&pose).expect("a pose of the workspace");
-    let near = one_servo_step_from(&pose, subject.machine.size(), random);
+    let mut near = one_servo_step_from(&pose, subject.machine.size(), random);
+    for k in (0..6).filter(|k| !subject.machine.moves(*k)) {
+        near[k] = pose[k];
+    }
     // Near the edge of the workspace there may be none.
     let (near, near_joints) = module.inverse(&near).map_or((pose, joints), |own| (near, own));
     Case { pose, joints, near, near_joints }
@@ -479,7 +483,7 @@ fn main() {
     );
     println!("| machine | forward | inverse | monitor | together |");
     println!("|---|--:|--:|--:|--:|");
-    subjects::subjects().iter().for_each(cycles);
+    subjects::subjects().iter().chain(&subjects::constrained()).for_each(cycles);
     println!("\nFrom home, all modules with their default settings:\n");
     println!("| machine | module | poses | failed | wrong | iterations |");
     println!("|---|---|--:|--:|--:|--:|");
