@@ -14,8 +14,9 @@ use studies::study::file::Study;
 /// Writes rigid bodies, joints with their limits, and the loops that the legs close: MJCF for
 /// MuJoCo, SDF for Gazebo, URDF for ROS and Pinocchio. URDF has no loops; a second file lists
 /// them. A strut with a screw becomes a thread between two universal joints, so that the change
-/// of length by nut rotation comes from the mechanism. Without --study, masses are those of solid
-/// steel bars. Every folder gets a README with parameters, idealizations and what was left out.
+/// of length by nut rotation comes from the mechanism. Each constraint of the platform becomes a
+/// light passive body. Without --study, masses are those of solid steel bars. Every folder gets a
+/// README with parameters, idealizations and what was left out.
 ///
 /// The model opens assembled at [TRAJ]HOME; `pkm joints --passive` computes its joint values at
 /// other poses. `pkm help guide/simulators` has examples.
@@ -42,7 +43,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_named()?;
+    let config = arguments.machine.read_named_constrained()?;
     let study = arguments.study.as_deref().map(Study::read).transpose()?;
     let model = export::assemble::model(&config, study.as_ref())
         .map_err(|error| Failure::at(config.file.display(), error))?;

@@ -18,8 +18,8 @@ use machine::read::columns::{coordinates, joint_names};
 /// coordinate that follows from the others is appended: its value in the base frame.
 ///
 /// --passive writes every joint of the model that `pkm export` makes, in meters and radians: also
-/// the universal joints, threads and rings of the legs, and the coordinates of the platforms. Its
-/// poses are LinuxCNC's, with columns u v w if the machine moves these letters.
+/// the universal joints, threads and rings of the legs, the joints of constraints, and the
+/// coordinates of the platforms. Its poses are LinuxCNC's, with columns u v w if the machine moves these letters.
 ///
 /// Exit status: 0, or 1 if a pose has no joint values: its cells stay empty, and the reason goes
 /// to standard error.
@@ -40,7 +40,7 @@ pub struct Arguments {
 
 /// Writes all joints of the exported model.
 fn passive(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_named()?;
+    let config = arguments.machine.read_named_constrained()?;
     let failed = |error| Failure::at(config.file.display(), error);
     let model = export::assemble::model(&config, None).map_err(failed)?;
     let states = States::new(&config, &model)?;

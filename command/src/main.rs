@@ -339,11 +339,6 @@ impl MachineFile {
         Ok(MachineConfig::leniently(&Ini::read(&self.machine)?, Some(Lenient::Boxes))?)
     }
 
-    /// Reads all mechanisms, or the selected one.
-    fn read_named(&self) -> Result<MachineConfig, Failure> {
-        self.named(self.read_whole()?)
-    }
-
     /// Reads all mechanisms, or the selected one, also of a machine with constraints of the platform.
     fn read_named_constrained(&self) -> Result<MachineConfig, Failure> {
         let ini = Ini::read(&self.machine)?;

@@ -30,6 +30,7 @@ class Machine:
         self.has_spare = len(scene["legs"]) > len(scene["coordinates"])
         self.kinds = sorted({leg["kind"] for leg in scene["legs"]})
         self.legs = scene["legs"]
+        self.constraints = re.findall(r"^KIND\s*=\s*(\S+)$", self.text, re.M)
         self.size = max(np.abs(leg["base"] + leg["platform"]).max() for leg in self.legs) * self.meters
         self.unit = "inch" if self.meters == 0.0254 else "mm"
         self.mechanisms = self.halves() if self.has_two else [Mechanism(pkmkins.Machine.from_ini(self.ini), self)]
@@ -132,9 +133,8 @@ class Mechanism:
 
 
 def shipped():
-    """Returns the INI files of the machines that `pkm export` supports: those without constraints."""
-    inis = REPOSITORY.glob("configs/*/*.ini")
-    return sorted(ini for ini in inis if " constraints=" not in ini.read_text(encoding="utf-8"))
+    """Returns the INI files of all shipped machines."""
+    return sorted(REPOSITORY.glob("configs/*/*.ini"))
 
 
 # -------------------------------------------------------------------- planted errors
@@ -163,7 +163,7 @@ def swapped(text):
 
 
 def planted(machine):
-    """Returns the texts of machines with an error in a leg of each kind, by the error's name."""
+    """Returns the texts of machines with an error in a leg and in a constraint of each kind, by the error's name."""
     text = re.sub(r"\b(second_)?boxes=\d+", "", machine.text)
     text = re.sub(r"^\[(SECOND_)?BOX_\d+\]$.*?(?=^\[|\Z)", "", text, flags=re.M | re.S)
     millimeter = 1e-3 / machine.meters
@@ -186,6 +186,13 @@ def planted(machine):
             bare = re.sub(rf"(^\[{section}\]\n(?:(?!\[).*\n)*?)LEAD\s*=.*\n", r"\1", text, flags=re.M)
             for name, factor in ("lead", 1.1), ("hand", -1):
                 found[f"screw: {name}"] = bare.replace(f"[{section}]\n", f"[{section}]\nLEAD = {lead * factor}\n", 1)
+    for n, kind in reversed(list(enumerate(machine.constraints))):
+        section = f"CONSTRAINT_{n}"
+        if kind != "square":
+            for key in "PLATFORM", "BASE":
+                found[f"{kind}: {key}"] = edited(text, section, key, lambda v: (np.array(v) + shift).tolist())
+        for key in ("PLATFORM_AXIS", "BASE_AXIS") if kind == "square" else ("NORMAL",):
+            found[f"{kind}: {key}"] = edited(text, section, key, tilted)
     if len(machine.legs) > 1 and len({json.dumps(leg, sort_keys=True) for leg in machine.legs[:2]}) == 2:
         found["swapped"] = swapped(text)
     return found

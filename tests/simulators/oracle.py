@@ -119,6 +119,8 @@ def linear(mechanism, engine, poses, states, random):
     """Returns the worst difference of joint speeds from our Jacobian, and of drive forces from virtual work, as shares."""
     worst = np.zeros(2)
     own = mechanism.own_poses(poses)
+    # With the angles that constraints determine.
+    full = mechanism.own.full_poses(own).values
     jacobians = mechanism.own.jacobian(own).values
     letters = mechanism.own.coordinates
     active = ["XYZABC".index(letter) for letter in letters]
@@ -130,7 +132,7 @@ def linear(mechanism, engine, poses, states, random):
         expected = (jacobians[n] * unit[:, None] / per)[:, active]
         motions = Motions(mechanism, engine, engine.row(states, n))
         free = motions.free()
-        a, b, c = np.radians(own[n, 3:])
+        a, b, c = np.radians(full[n, 3:])
         rates = np.array([[np.cos(c) * np.cos(b), -np.sin(c), 0], [np.sin(c) * np.cos(b), np.cos(c), 0],
                           [-np.sin(b), 0, 1]])
         # Rates of X Y Z A B C for each motion.

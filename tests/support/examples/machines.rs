@@ -2,13 +2,20 @@
 //! Writes the random machines into a folder: `cargo run -p test-support --example machines -- FOLDER`.
 
 use std::path::Path;
+use test_support::drawn_constraints;
 use test_support::generated::{ALL, generated};
 
 fn main() {
     let folder = std::env::args_os().nth(1).expect("a folder");
-    for seed in ALL {
-        let own = Path::new(&folder).join(seed.to_string());
+    let own = |name: String| {
+        let own = Path::new(&folder).join(name);
         std::fs::create_dir_all(&own).expect("a folder");
-        generated(seed).write(&own);
+        own
+    };
+    for seed in ALL {
+        generated(seed).write(&own(seed.to_string()));
+    }
+    for seed in drawn_constraints::ALL {
+        drawn_constraints::write(seed, &own(format!("constrained-{seed}")));
     }
 }

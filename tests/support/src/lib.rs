@@ -3,6 +3,7 @@
 
 pub mod constrained;
 pub mod control;
+pub mod drawn_constraints;
 pub mod edits;
 pub mod generated;
 pub mod shipped;

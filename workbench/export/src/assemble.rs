@@ -2,11 +2,11 @@
 //! The model of a machine at home.
 
 use crate::folder::SCENE;
-use crate::legs::Leg;
 use crate::mass::{Masses, ball, bar, sum};
 use crate::model::{Body, Drive, Joint, Loop, Mass, Mesh, Model, Motion, Rod, Role, Site};
-use crate::state::{Home, name_of};
-use kinematics::{Carries, Fault, Letter, Link, POSE_LETTERS, Pose, Vector3};
+use crate::state::{MechanismAtHome, PlatformPlace, moves_platform, name_of};
+use crate::universal::turn;
+use kinematics::{Carries, Fault, Letter, Link, Matrix3, POSE_LETTERS, Pose, Vector3};
 use machine::read::joints::JointKind;
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
@@ -235,10 +235,10 @@ fn mechanism(
     let prefix = if config.place.is_second { "second_" } else { "" };
     let tool = config.chain.machine_tool(&config.spindle);
     let home = config.machine.at(&config.home_pose(), &tool)?;
-    let Home { origin, place } = Home::of(config, &home, &tool);
+    let parts = MechanismAtHome::new(config, &home, meters);
     let layout = config.machine.layout();
-    let origin = origin * meters;
-    let centre = origin + Vector3::from(config.geometry.centre) * meters;
+    let (origin, rotation) = (parts.at.origin * meters, parts.at.rotation);
+    let centre = origin + rotation * Vector3::from(config.geometry.centre) * meters;
 
     // The work side: table axes, then what carries the work or, beside a work on the platform, the tool.
     let mut fixed = 0;
@@ -246,7 +246,7 @@ fn mechanism(
     for (k, letter) in layout.table().as_slice().iter().enumerate() {
         let i = config.legs() + k;
         let axis = -Vector3::ith(letter.index(), 1.0);
-        shift += axis * (place[letter.index()] * meters);
+        shift += axis * (home.joints()[i] * meters);
         let moved = masses.table.as_ref().map(|masses| masses[k]);
         let max_force = masses.most.get(i).copied().flatten();
         let mut joint =
@@ -268,12 +268,16 @@ fn mechanism(
         );
     }
 
-    let plate = platform_shapes(config, &origin, meters, to.model.size, &tool);
+    let plate = platform_shapes(config, &parts.at, meters, to.model.size, &tool);
     let simple = sum(&plate.iter().map(bar).collect::<Vec<_>>());
     let mass = match masses.platform {
-        Some(own) if own.inertia.norm() > 0.0 => Mass { centre: origin + own.centre, ..own },
+        Some(own) if own.inertia.norm() > 0.0 => Mass {
+            centre: origin + rotation * own.centre,
+            inertia: rotation * own.inertia * rotation.transpose(),
+            ..own
+        },
         Some(own) => Mass {
-            centre: origin + own.centre,
+            centre: origin + rotation * own.centre,
             mass: own.mass,
             inertia: simple.inertia * (own.mass / simple.mass),
         },
@@ -283,13 +287,15 @@ fn mechanism(
         format!("{prefix}platform"),
         base,
         origin,
-        coordinates(config, prefix, centre, &place, meters),
+        coordinates(config, prefix, centre, &parts.at, meters),
         mass,
         plate,
     );
-    for i in 0..config.legs() {
-        let leg = Leg::new(config, i, &home, meters);
+    for (i, leg) in parts.legs.iter().enumerate() {
         leg.build(to, config, i, &masses, [base, platform]);
+    }
+    for constraint in &parts.constraints {
+        constraint.build(to, [base, platform]);
     }
 
     let radius = 0.5 * PLATE * to.model.size;
@@ -304,7 +310,7 @@ fn mechanism(
     to.model.bodies[base].rods.extend(frame);
 
     // Tool and work.
-    let o = config.spindle * meters;
+    let o = rotation * config.spindle * meters;
     let (tool_side, tool_zero, work_side, work_zero) = match config.chain.holder() {
         Some(holder) => (fixed, holder * meters + shift, platform, origin),
         None => (platform, origin, fixed, shift),
@@ -320,10 +326,10 @@ fn mechanism(
         to.model.sites.push(Site { name: "work".into(), body: work_body, place: work_zero });
     }
     for model in &config.models {
-        let (body, zero) = match model.part {
-            "base" => (base, Vector3::zeros()),
-            "table" => (work_body, shift),
-            _ => (platform, origin),
+        let (body, zero, turned) = match model.part {
+            "base" => (base, Vector3::zeros(), Matrix3::identity()),
+            "table" => (work_body, shift, Matrix3::identity()),
+            _ => (platform, origin, rotation),
         };
         let pose = Pose::from_degrees(model.place);
         to.model.meshes.push(Mesh {
@@ -331,19 +337,19 @@ fn mechanism(
             part: model.part,
             file: model.file.clone(),
             scale: model.scale * meters,
-            place: zero + pose.position * meters,
-            rotation: pose.rotation(),
+            place: zero + turned * pose.position * meters,
+            rotation: turned * pose.rotation(),
         });
     }
     Ok(())
 }
 
-/// Returns the joints of the platform: the coordinates that the legs move, X Y Z then C B A, R = Rz Ry Rx.
+/// Returns the joints of the platform: its coordinates that change, X Y Z then C B A, R = Rz Ry Rx.
 fn coordinates(
     config: &Mechanism,
     prefix: &str,
     centre: Vector3<f64>,
-    place: &Vector3<f64>,
+    home: &PlatformPlace,
     meters: f64,
 ) -> Vec<Joint> {
     let order = [
@@ -354,16 +360,22 @@ fn coordinates(
         Letter::ALL[4],
         Letter::ALL[3],
     ];
-    let active =
-        order.into_iter().filter(|letter| config.machine.layout().coordinates().contains(*letter));
+    let active = order.into_iter().filter(|letter| moves_platform(config, *letter));
+    // C and B turn the axes of the angles after them.
+    let turned = |letter: Letter| {
+        let outer = order[3..].iter().take_while(|outer| **outer != letter);
+        outer.filter(|_| letter.is_angle()).fold(Matrix3::identity(), |turned, outer| {
+            turned * turn(&Vector3::ith(outer.index() - 3, 1.0), home.angles[outer.index() - 3])
+        })
+    };
     let joint = |letter: Letter| {
-        let is_angle = letter.is_angle();
+        let (k, is_angle) = (letter.index(), letter.is_angle());
         Joint {
             name: format!("{prefix}platform_{}", letter.name().to_ascii_lowercase()),
             motion: if is_angle { Motion::Hinge } else { Motion::Slide },
-            axis: Vector3::ith(letter.index() % 3, 1.0),
+            axis: turned(letter) * Vector3::ith(k % 3, 1.0),
             point: centre,
-            home: if is_angle { 0.0 } else { place[letter.index()] * meters },
+            home: if is_angle { home.angles[k - 3] } else { home.place[k] * meters },
             range: None,
             role: Role::Coordinate,
         }
@@ -374,24 +386,21 @@ fn coordinates(
 /// Returns bars from the middle of the platform to the legs and to the tool.
 fn platform_shapes(
     config: &Mechanism,
-    origin: &Vector3<f64>,
+    home: &PlatformPlace,
     meters: f64,
     size: f64,
     tool: &Vector3<f64>,
 ) -> Vec<Rod> {
     let radius = PLATE * size;
-    let anchors: Vec<_> = config
-        .geometry
-        .legs()
-        .iter()
-        .map(|leg| Vector3::from(leg.platform) * meters + origin)
-        .collect();
+    let place = |point: Vector3<f64>| (home.origin + home.rotation * point) * meters;
+    let legs = config.geometry.legs().iter();
+    let anchors: Vec<_> = legs.map(|leg| place(leg.platform.into())).collect();
     let middle = anchors.iter().sum::<Vector3<f64>>() / anchors.len() as f64;
-    let tip = origin - tool * meters;
+    let tip = place(-tool);
     let ends = anchors.into_iter().chain([tip]);
     let rods = ends.map(|end| Rod { ends: [middle, end], radius: 0.6 * radius });
     let hub = Rod {
-        ends: [-0.5, 0.5].map(|side| middle + Vector3::z() * (side * radius)),
+        ends: [-0.5, 0.5].map(|side| middle + home.rotation * Vector3::z() * (side * radius)),
         radius: 1.5 * radius,
     };
     // An anchor in the middle needs no bar.

@@ -20,7 +20,7 @@ use kinematics::{At, LegKind, Matrix3, Vector3};
 use machine::read::mechanism::Mechanism;
 
 /// Radius of rods, as a share of the machine's size: a drawing, and a mass without a study.
-const RADIUS: f64 = 0.018;
+pub(crate) const RADIUS: f64 = 0.018;
 
 /// Shares of a strut's length at home that its cylinder and its rod have.
 const CYLINDER: f64 = 0.55;
@@ -47,9 +47,10 @@ enum Kind {
         platform: Universal,
         per_radian: f64,
     },
-    /// Center of the ring, direction from there to the strut.
+    /// Center of the ring, its axis, direction from there to the strut.
     Ring {
         centre: Vector3<f64>,
+        up: Vector3<f64>,
         outward: Vector3<f64>,
     },
     Slider {
@@ -72,7 +73,8 @@ impl Leg {
         let along = segment.span().normalize();
         let kind = match given.kind {
             LegKind::Strut(strut) => {
-                let [first, last] = [strut.base_axis, strut.platform_axis].map(Vector3::from);
+                let first = Vector3::from(strut.base_axis);
+                let last = at.rotation() * Vector3::from(strut.platform_axis);
                 let (base, platform) =
                     (Universal::new(&first, &along), Universal::new(&last, &along));
                 // Axes entered in opposite directions belong to a right-hand thread.
@@ -86,10 +88,12 @@ impl Leg {
                 }
             }
             LegKind::Ring(_) => {
-                let outward = -Vector3::new(along.x, along.y, 0.0);
+                let up = at.rotation() * Vector3::z();
+                let outward = (up * up.dot(&along) - along).try_normalize(0.0);
                 Kind::Ring {
                     centre: at_platform(config, at, &given.platform) * meters,
-                    outward: outward.try_normalize(0.0).unwrap_or_else(Vector3::x),
+                    up,
+                    outward: outward.unwrap_or_else(|| at.rotation() * Vector3::x()),
                 }
             }
             LegKind::Slider(slider) => {
@@ -152,12 +156,12 @@ impl Leg {
                 values.push((self.name("platform_1"), -upper[0]));
                 values
             }
-            Kind::Ring { outward, .. } => {
-                // From the platform to the base, in the platform's frame.
+            Kind::Ring { up, outward, .. } => {
+                // From the platform to the base, as the platform sees it.
                 let inward = -rotation.tr_mul(&along);
-                let across = Vector3::new(inward.x, inward.y, 0.0);
-                let ring = outward.cross(&across).z.atan2(outward.dot(&across));
-                let lean = |v: &Vector3<f64>| v.z.atan2(v.x.hypot(v.y));
+                let across = |v: &Vector3<f64>| v - up * up.dot(v);
+                let ring = outward.cross(&inward).dot(up).atan2(outward.dot(&inward));
+                let lean = |v: &Vector3<f64>| up.dot(v).atan2(across(v).norm());
                 // Positive about the direction of the circle: from outward, down.
                 let hinge = lean(&-self.along) - lean(&inward);
                 vec![(self.name("ring"), ring), (self.name("hinge"), hinge)]
@@ -230,9 +234,8 @@ impl Leg {
                 let end = to.body(self.name("end"), upper, self.platform, joints, mass, vec![]);
                 self.close(to, LoopKind::Rigid, [end, platform], self.platform);
             }
-            Kind::Ring { centre, outward } => {
-                let up = Vector3::z();
-                let hinge = self.joint("ring", Motion::Hinge, up, *centre);
+            Kind::Ring { centre, up, outward } => {
+                let hinge = self.joint("ring", Motion::Hinge, *up, *centre);
                 let arm = rod([*centre, self.platform], 0.6);
                 let mass = ball(self.platform, radius);
                 let ring =

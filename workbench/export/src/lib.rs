@@ -5,11 +5,12 @@
 //! - Output: a folder with an MJCF, SDF or URDF file, its shapes and a README; joint values of the model at a pose.
 //! - Uses: `machine` and `studies`.
 //!
-//! `assemble` builds the one [`model::Model`] of a machine at home, `legs` the bodies and joints of each kind of leg,
-//! `mass` their masses; `state` computes the value of every joint at a pose. `mjcf`, `sdf` and `urdf` write the model
+//! `assemble` builds the one [`model::Model`] of a machine at home, `legs` and `constraints` the bodies and joints of each
+//! kind, `mass` their masses; `state` computes the value of every joint at a pose. `mjcf`, `sdf` and `urdf` write the model
 //! through `xml`, `readme` describes it, `stl` converts shapes, and `folder` writes the files.
 
 pub mod assemble;
+mod constraints;
 pub mod folder;
 mod legs;
 mod mass;

@@ -11,6 +11,10 @@ const TEXT: &str = "\
 - Bodies are rigid, joints have no play, no friction and no damping. Nothing collides.
 - Coordinates that no leg moves are held by an ideal guide: the parallelograms of a delta, for example. The joints
   `platform_*` are the other coordinates; they carry no load, and their values are those of LinuxCNC without a tool.
+  Those of coordinates that constraints determine are values in the base frame.
+- Each `[CONSTRAINT_N]` has a light body of its own with the five freedoms that the equation leaves: two slides in the
+  plane, closed by a ball joint at the point; or, for perpendicular directions, three slides and a hinge about each
+  direction. In the machine, one passive part, such as a Tricept's central tube, may replace several of them.
 - A universal joint without axes in the INI file has its first axis normal to the rod.
 - A strut with a screw has a thread between its universal joints: the drive moves the nut, and what the universal joints
   turn the rod changes its length. The correction of pkmkins is not part of the model.

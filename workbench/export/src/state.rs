@@ -2,31 +2,41 @@
 //! Values of a model's joints at a pose.
 
 use crate::assemble::is_angle;
+use crate::constraints::Constraint;
 use crate::legs::Leg;
 use crate::model::{Model, Role};
-use kinematics::{At, Fault, Letter, MAX_EXTRA, Pose, Vector3, World};
+use kinematics::{At, Fault, Letter, MAX_EXTRA, Matrix3, Pose, Vector3, World};
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use std::collections::HashMap;
 
-/// Position of a platform.
-pub struct Home {
+/// Position and orientation of a platform.
+pub struct PlatformPlace {
     /// Its origin, in the frame of the legs.
     pub origin: Vector3<f64>,
     /// Coordinates of its reference point, of which a table replaces some.
     pub place: Vector3<f64>,
+    /// A B C, radians.
+    pub angles: Vector3<f64>,
+    pub rotation: Matrix3<f64>,
 }
 
-impl Home {
-    /// Computes the position of a mechanism's platform; `tool` is that of `at`.
+impl PlatformPlace {
+    /// Computes the place of a mechanism's platform; `tool` is that of `at`.
     pub fn of(config: &Mechanism, at: &At, tool: &Vector3<f64>) -> Self {
         let centre = Vector3::from(config.geometry.centre);
-        let place = at.pose().position - tool + at.rotation() * (tool + centre);
-        let layout = config.machine.layout();
-        let moved = |k: usize| layout.coordinates().contains(Letter::ALL[k]);
-        let held = Vector3::from_fn(|k, _| if moved(k) { place[k] } else { 0.0 });
-        Self { origin: held - at.rotation() * centre, place }
+        let (full, rotation) = (at.full_pose(), at.rotation());
+        let place = full.position - tool + rotation * (tool + centre);
+        let moves = |k: usize| moves_platform(config, Letter::ALL[k]);
+        let held = Vector3::from_fn(|k, _| if moves(k) { place[k] } else { 0.0 });
+        Self { origin: held - rotation * centre, place, angles: full.angles, rotation }
     }
+}
+
+/// Returns whether legs move a coordinate of the platform, or constraints determine it.
+pub(crate) fn moves_platform(config: &Mechanism, letter: Letter) -> bool {
+    let layout = config.machine.layout();
+    layout.constraints() > 0 || layout.coordinates().contains(letter)
 }
 
 /// Returns the name of joint `i` of a mechanism, or of an extra axis: LinuxCNC's number.
@@ -54,12 +64,33 @@ pub fn letters(config: &MachineConfig) -> impl Iterator<Item = usize> {
     (6..9).filter(move |place| others.contains(place))
 }
 
+/// A mechanism at home.
+pub struct MechanismAtHome {
+    pub at: PlatformPlace,
+    pub legs: Vec<Leg>,
+    pub constraints: Vec<Constraint>,
+}
+
+impl MechanismAtHome {
+    /// Creates a mechanism's parts at its home; `meters` is the length of a machine unit.
+    pub fn new(config: &Mechanism, home: &At, meters: f64) -> Self {
+        let tool = config.chain.machine_tool(&config.spindle);
+        let at = PlatformPlace::of(config, home, &tool);
+        let legs = (0..config.legs()).map(|i| Leg::new(config, i, home, meters)).collect();
+        let constraints = config.geometry.constraints().iter().enumerate();
+        let constraints = constraints
+            .map(|(i, constraint)| Constraint::new(constraint, i, &at, meters))
+            .collect();
+        Self { at, legs, constraints }
+    }
+}
+
 /// The machine of a model, ready for many poses.
 pub struct States<'a> {
     config: &'a MachineConfig,
     /// Letters of extra axes and of a second mechanism.
     others: Vec<usize>,
-    legs: Vec<Vec<Leg>>,
+    mechanisms: Vec<MechanismAtHome>,
     /// Places of the joints among the values.
     places: HashMap<String, usize>,
     meters: f64,
@@ -72,15 +103,15 @@ impl<'a> States<'a> {
     /// The core refuses the pose at home.
     pub fn new(config: &'a MachineConfig, model: &Model) -> Result<Self, Fault> {
         let meters = 1e-3 / config.units_per_mm;
-        let legs = config.mechanisms.iter().map(|one| {
+        let mechanisms = config.mechanisms.iter().map(|one| {
             let tool = one.chain.machine_tool(&one.spindle);
             let home = one.machine.at(&one.home_pose(), &tool)?;
-            Ok((0..one.legs()).map(|i| Leg::new(one, i, &home, meters)).collect())
+            Ok(MechanismAtHome::new(one, &home, meters))
         });
-        let legs = legs.collect::<Result<_, Fault>>()?;
+        let mechanisms = mechanisms.collect::<Result<_, Fault>>()?;
         let names = model.joints().map(|(_, joint)| joint.name.clone());
         let places = names.enumerate().map(|(n, name)| (name, n)).collect();
-        Ok(Self { config, others: others(config), legs, places, meters })
+        Ok(Self { config, others: others(config), mechanisms, places, meters })
     }
 
     /// Computes the values of all joints at one of LinuxCNC's poses, in the model's order. `offset` is the
@@ -95,7 +126,7 @@ impl<'a> States<'a> {
                 values[*place] = value;
             }
         };
-        for (config, legs) in self.config.mechanisms.iter().zip(&self.legs) {
+        for (config, home) in self.config.mechanisms.iter().zip(&self.mechanisms) {
             let own = config.place.places.map(|place| world[place]);
             let layout = config.machine.layout();
             let others = &self.others;
@@ -115,10 +146,10 @@ impl<'a> States<'a> {
             let tool = config.chain.machine_tool(&tool);
             let at = config.machine.at(&pose, &tool)?;
             let prefix = if config.place.is_second { "second_" } else { "" };
-            let place = Home::of(config, &at, &tool).place;
+            let now = PlatformPlace::of(config, &at, &tool);
             for letter in Letter::ALL {
                 let k = letter.index();
-                let value = if k < 3 { place[k] * self.meters } else { at.pose().angles[k - 3] };
+                let value = if k < 3 { now.place[k] * self.meters } else { now.angles[k - 3] };
                 put(&format!("{prefix}platform_{}", letter.name().to_ascii_lowercase()), value);
             }
             let unit =
@@ -130,13 +161,17 @@ impl<'a> States<'a> {
                 let i = config.joints.len() + n;
                 put(&name_of(config, i), world[place] * unit(i));
             }
-            for (i, leg) in legs.iter().enumerate() {
+            let rotation = now.rotation * home.at.rotation.transpose();
+            for (i, leg) in home.legs.iter().enumerate() {
                 let segment = at.segments()[i];
                 let offset = config.offsets[i] * unit(i);
                 let ends = [segment.base, segment.platform];
-                for (name, value) in
-                    leg.values(ends, &at.rotation(), at.joints()[i] * unit(i), offset)
-                {
+                for (name, value) in leg.values(ends, &rotation, at.joints()[i] * unit(i), offset) {
+                    put(&name, value);
+                }
+            }
+            for constraint in &home.constraints {
+                for (name, value) in constraint.values(&(now.origin * self.meters), &rotation) {
                     put(&name, value);
                 }
             }
@@ -148,7 +183,7 @@ impl<'a> States<'a> {
 /// Returns the position of a platform's origin in the frame of the legs.
 pub(crate) fn platform_origin(config: &Mechanism, at: &At) -> Vector3<f64> {
     let tool = config.chain.machine_tool(&config.spindle);
-    Home::of(config, at, &tool).origin
+    PlatformPlace::of(config, at, &tool).origin
 }
 
 /// Returns the names of a model's joints that no drive moves.

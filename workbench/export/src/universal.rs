@@ -60,7 +60,7 @@ pub fn angle_about(axis: &Vector3<f64>, rotation: &Matrix3<f64>) -> f64 {
 }
 
 /// Returns a unit vector normal to another: in the plane of the two axes from which it is farthest.
-fn normal(rod: &Vector3<f64>) -> Vector3<f64> {
+pub fn normal(rod: &Vector3<f64>) -> Vector3<f64> {
     rod.cross(&Vector3::ith(rod.iamin(), 1.0)).normalize()
 }
 

@@ -7,15 +7,16 @@ use export::model::{LoopKind, Model, Motion, Role};
 use export::state::States;
 use kinematics::{Matrix3, POSE_LETTERS, Pose, Vector3, World};
 use machine::read::ini::Ini;
-use machine::read::machine::MachineConfig;
+use machine::read::machine::{Lenient, MachineConfig};
 use nalgebra::{DMatrix, DVector, Rotation3, Unit};
 use std::fs;
 use std::path::Path;
 use studies::dynamics::loads::{Moving, Wrench, loads};
 use studies::dynamics::model::Model as Dynamics;
 use studies::study::file::Study;
+use test_support::drawn_constraints;
 use test_support::generated::{ALL, generated};
-use test_support::shipped::{MACHINES, ini, whole};
+use test_support::shipped::{CONSTRAINED, MACHINES, ini, whole};
 
 /// Rounding of lengths of up to 3 m in a chain of ten joints.
 const ROUNDING: f64 = 1e-13;
@@ -88,7 +89,8 @@ fn check(config: &MachineConfig, worlds: &[World]) {
     let home: Vec<f64> = model.joints().map(|(_, joint)| joint.home).collect();
     assert!(gap(&model, &home) < ROUNDING, "{file}");
     let legs: usize = config.mechanisms.iter().map(|one| one.legs()).sum();
-    assert_eq!(model.loops.len(), legs, "{file}");
+    let constraints = config.first().geometry.constraints().len();
+    assert_eq!(model.loops.len(), legs + constraints, "{file}");
     let driven = model.joints().filter(|(_, joint)| matches!(joint.role, Role::Driven(_))).count();
     let carrying = config.first().chain.links().len();
     assert_eq!(driven, config.guarded_joints() + carrying, "{file}");
@@ -103,7 +105,7 @@ fn check(config: &MachineConfig, worlds: &[World]) {
 
 #[test]
 fn every_loop_of_the_shipped_machines_is_closed_at_every_pose() {
-    for machine in MACHINES {
+    for machine in MACHINES.into_iter().chain(CONSTRAINED) {
         let config = whole(machine);
         let worlds: Vec<World> = (0..5).map(|n| beside(&config, n)).collect();
         check(&config, &worlds);
@@ -121,6 +123,26 @@ fn every_loop_of_random_machines_is_closed_at_every_pose() {
         assert!(worlds.len() > 5, "{}", drawn.name);
         check(&config, &worlds);
     }
+}
+
+#[test]
+fn every_loop_of_random_machines_with_constraints_is_closed_at_every_pose() {
+    for seed in drawn_constraints::ALL {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = drawn_constraints::write(seed, folder.path());
+        let config = constrained(&file);
+        let at_home =
+            config.first().machine.full_pose(&config.first().home_pose(), &Vector3::zeros());
+        let turned = at_home.expect("home").rotation() - Matrix3::identity();
+        assert!(turned.norm() > 0.01, "{seed}: level");
+        let worlds: Vec<World> = (0..20).map(|n| beside(&config, n)).collect();
+        check(&config, &worlds);
+    }
+}
+
+fn constrained(file: &Path) -> MachineConfig {
+    let ini = Ini::read(file).expect("an INI file");
+    MachineConfig::leniently(&ini, Some(Lenient::Constraints)).expect("a machine")
 }
 
 #[test]
