@@ -58,7 +58,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let Arguments { job, deepest, control, .. } = arguments;
-    let config = job.machine.read()?;
+    let config = job.machine.read_constrained()?;
     stance::check(&config)?;
     let study = Study::read(&job.study)?;
     let cut = Cut::new(&config, &study).at(&job.study)?;

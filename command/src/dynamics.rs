@@ -132,11 +132,13 @@ struct Subject<'a> {
     pose: Pose,
     tool: Vector3<f64>,
     structure: Structure,
+    /// Orientation of the platform in base.
+    rotation: Matrix3<f64>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     check(arguments)?;
-    let config = arguments.machine.read()?;
+    let config = arguments.machine.read_constrained()?;
     let mut study = Study::read(&arguments.study)?;
     let is_cut = study.stock.is_some() && arguments.shake == Some(Shake::Milling);
     if let (true, Some(run), Some(program)) = (is_cut, &mut study.milling, &arguments.program) {
@@ -146,8 +148,17 @@ pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
     let (pose, tool) = arguments.at.read(&config)?;
     let structure = Structure::at(&config, &model, &pose, &tool)
         .map_err(|fault| Failure::at(in_words(&pose), fault))?;
-    let subject =
-        Subject { arguments, config: &config, study: &study, model, pose, tool, structure };
+    let rotation = config.machine.full_pose(&pose, &tool)?.rotation();
+    let subject = Subject {
+        arguments,
+        config: &config,
+        study: &study,
+        model,
+        pose,
+        tool,
+        structure,
+        rotation,
+    };
     let bar = Bar::spinner("vibration modes");
     let Some(mut answer) = subject.answer() else {
         drop(bar);
@@ -307,7 +318,7 @@ impl Subject<'_> {
                 let (milling, _) = self.milling()?;
                 let feed = self.study.milling.and_then(|run| run.feed);
                 let feed = feed.map_or(Vector3::x(), |feed| feed.0);
-                let frame = frame(&feed, &self.pose.rotation().column(2).into_owned());
+                let frame = frame(&feed, &self.rotation.column(2).into_owned());
                 let frame = frame.ok_or_else(|| {
                     refused(format!(
                         "{}: feed of [milling] points along the tool axis; choose one perpendicular to it",
@@ -447,7 +458,7 @@ impl Subject<'_> {
         let seconds = record.tip.len() as f64 * record.step;
         let spread = [0, 1, 2].map(|axis| linear.spread(&covariance, axis, seconds).unwrap_or(0.0));
         // A unit vector along the axis moves by the rotation times it: Ω × a.
-        let across = self.pose.rotation().column(2).into_owned().cross_matrix();
+        let across = self.rotation.column(2).into_owned().cross_matrix();
         let axis = across * linear.of_turns(&covariance) * across.transpose();
         Some(OfNoise {
             tip: linear.of_tip(&covariance),

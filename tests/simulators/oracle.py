@@ -165,12 +165,15 @@ def cut(machine, engine, folder, random):
     direction /= np.linalg.norm(direction)
     # So light and so soft that neither weight nor inertia shows, and that no mode is too fast for the edge.
     springs = "stiffness_n_per_um = 1e-5\ndamping_ratio = 0.1\n"
+    has_table = any(name.startswith("table") for name in mechanism.own.joints)
+    table = f"[table]\nmass_kg = 1e-3\n{springs}" if has_table else ""
     study.write_text(f"""[platform]
 mass_kg = 1e-3
 centre_mm = [0, 0, 0]
 inertia_kg_m2 = [[1e-3, 0, 0], [0, 1e-3, 0], [0, 0, 1e-3]]
 [legs]
 {springs}
+{table}
 [turning]
 depth_mm = 1
 kf_n_per_mm2 = 1e9
@@ -291,10 +294,12 @@ def main():
             folder = Path(scratch) / f"{file.stem}-folder"
             folder.mkdir()
             machine = machines.Machine(arguments.pkm, file)
-            # A run of LinuxCNC takes a second: once for every kind of leg. Springs share the load of spare legs.
+            # A run of LinuxCNC takes a second: once for every kind of leg and constraint. Springs share the load of spare
+            # legs.
             is_plain = not (machine.is_carried or machine.has_two or machine.has_spare)
-            with_cut = file in shipped and is_plain and not cut_by.issuperset(machine.kinds)
-            cut_by |= set(machine.kinds) if with_cut else set()
+            kinds = {*machine.kinds, *machine.constraints}
+            with_cut = file in shipped and is_plain and not cut_by.issuperset(kinds)
+            cut_by |= kinds if with_cut else set()
             count, row, wrong = judge(machine, folder, arguments, random, with_cut)
             if not lines:
                 lines = ["| machine | legs | poses | " + " | ".join(row) + " |", "| --- " * (len(row) + 3) + "|"]

@@ -4,6 +4,7 @@
 use kinematics::{Matrix3, Pose, Vector3};
 use machine::read::ini::Ini;
 use machine::read::machine::{Lenient, MachineConfig};
+use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use std::fmt::Write as _;
@@ -63,6 +64,14 @@ pub fn drawn(seed: u64) -> (String, String) {
         }
     }
     panic!("no machine {seed}");
+}
+
+/// Returns a machine.
+pub fn config(seed: u64) -> Mechanism {
+    let (name, text) = drawn(seed);
+    let ini = Ini::parse(&PathBuf::from(name).with_extension("ini"), &text).unwrap();
+    let config = MachineConfig::leniently(&ini, Some(Lenient::Constraints)).unwrap();
+    config.mechanism(1).unwrap()
 }
 
 /// Writes the INI file into a folder.

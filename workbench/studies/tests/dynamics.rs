@@ -22,7 +22,7 @@ use studies::dynamics::structure::{LegAt, Structure, body_mass, geometric};
 use studies::study::file::Study;
 use studies::study::springs::Springs;
 use studies::study::stiffness::Stiffness;
-use test_support::shipped::{MACHINES, config};
+use test_support::shipped::{CONSTRAINED, MACHINES, config};
 
 /// Tolerance of closed forms and values of 13 digits: rounding of an eigenvalue, 1e-13 of the largest, which is
 /// thirty times the smallest.
@@ -252,7 +252,7 @@ fn the_receptance_of_the_tip_is_that_of_the_figures_and_symmetric() {
 
 #[test]
 fn a_slow_force_finds_the_compliance_of_the_stiffness_study_on_every_machine() {
-    for machine in MACHINES {
+    for machine in MACHINES.into_iter().chain(CONSTRAINED) {
         let config = config(machine);
         let table = "[table]\nstiffness_n_per_um = 50\nmass_kg = 80\ndamping_ratio = 0.02\n";
         let legs = "[legs]\nstiffness_n_per_um = 10\ndamping_ratio = 0.02\n";

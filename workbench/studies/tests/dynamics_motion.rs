@@ -33,8 +33,9 @@ use studies::dynamics::structure::Structure;
 use studies::dynamics::strut::StrutMass;
 use studies::study::file::Study;
 use studies::study::springs::Spring;
+use test_support::drawn_constraints;
 use test_support::generated;
-use test_support::shipped::{MACHINES, cases, config, machine_of};
+use test_support::shipped::{CONSTRAINED, MACHINES, cases, config, machine_of};
 
 #[derive(Deserialize)]
 struct File {
@@ -174,6 +175,18 @@ fn halving_the_step_divides_the_error_of_a_top_by_sixteen() {
 /// Returns a machine with all properties that a simulation supports.
 fn shaken(machine: &str, geometric: bool, screw: &str) -> (Mechanism, Model) {
     let config = config(machine);
+    let model = heavy(&config, geometric, screw);
+    (config, model)
+}
+
+/// Returns all machines with constraints of the platform: the shipped ones, and random ones of which some have leads.
+fn constrained() -> Vec<Mechanism> {
+    let drawn = drawn_constraints::ALL.map(drawn_constraints::config);
+    CONSTRAINED.into_iter().map(config).chain(drawn).collect()
+}
+
+/// Returns a model in which every part has mass.
+fn heavy(config: &Mechanism, geometric: bool, screw: &str) -> Model {
     let legs = format!(
         "[legs]\nstiffness_n_per_um = 10\ndamping_n_s_per_mm = 0.8\nscrew = \"{screw}\"\n\
          axial_mass_kg = 1.5\nacross_mass_kg = 2.0\n"
@@ -181,8 +194,7 @@ fn shaken(machine: &str, geometric: bool, screw: &str) -> (Mechanism, Model) {
     let table = "[table]\nstiffness_n_per_um = 50\nmass_kg = 80\ndamping_ratio = 0.02\n";
     let platform = format!("[platform]\n{GENERAL}geometric_stiffness = {geometric}\n");
     let study = Study::parse(&format!("{platform}{legs}{table}")).unwrap();
-    let model = Model::of(&config, &study).unwrap();
-    (config, model)
+    Model::of(config, &study).unwrap()
 }
 
 /// Returns accelerations in the coordinates of a chart, without the terms that are due to speeds.
@@ -222,15 +234,38 @@ fn the_matrices_are_the_differences_of_the_simulation() {
         } else if machine == "pyramid" {
             pose[3..5].copy_from_slice(&[3.0, -4.0]);
         }
-        let (pose, tool) = (Pose::from_degrees(pose), config.spindle);
-        let structure = Structure::at(&config, &model, &pose, &tool).unwrap();
-        let at = config.machine.at(&pose, &tool).unwrap();
-        let chart = Chart::of(&config, &at);
+        compare(&config, &model, &Pose::from_degrees(pose), &config.spindle, screw);
+    }
+}
+
+#[test]
+fn with_constraints_the_matrices_are_the_differences_of_the_simulation() {
+    for config in constrained() {
+        for screw in ["backdrivable", "self-locking"] {
+            let (pose, tool) = inside(&config);
+            compare(&config, &heavy(&config, true, screw), &pose, &tool, screw);
+        }
+    }
+}
+
+/// Returns a pose between the limits of a machine's axes, and a tool vector across and along its axis.
+fn inside(config: &Mechanism) -> (Pose, Vector3<f64>) {
+    let pose = axis_box::range(config).at([0.65, 0.4, 0.55, 0.6, 0.35, 0.45]);
+    (Pose::from_degrees(pose), config.spindle + Vector3::new(12.0, -7.0, 80.0))
+}
+
+/// Compares the matrices at a pose with differences of a simulation's accelerations.
+fn compare(config: &Mechanism, model: &Model, pose: &Pose, tool: &Vector3<f64>, screw: &str) {
+    {
+        let machine = config.file.display();
+        let structure = Structure::at(config, model, pose, tool).unwrap();
+        let at = config.machine.at(pose, tool).unwrap();
+        let chart = Chart::of(config, &at, tool);
         let count = chart.count();
         let block = |matrix: &DMatrix<f64>| matrix.view((0, 0), (count, count)).into_owned();
         let mass = block(&structure.mass).cholesky().unwrap();
-        let mut simulation = Simulation::new(&config, &model, &pose, &tool).unwrap().unwrap();
-        let drives = simulation.drives(&pose, &tool).unwrap();
+        let mut simulation = Simulation::new(config, model, pose, tool).unwrap().unwrap();
+        let drives = simulation.drives(pose, tool).unwrap();
         let body = model.body.centre;
         let tip = -tool / config.units_per_mm;
         for (matrix, is_speed) in [(&structure.stiffness, false), (&structure.damping, true)] {
@@ -239,12 +274,12 @@ fn the_matrices_are_the_differences_of_the_simulation() {
                 let step = if chart.is_angle(k) { 1e-5 } else { 1e-2 };
                 let mut side = |by: f64| {
                     let (place, speed) = if is_speed { (0.0, 1e2 * by) } else { (by, 0.0) };
-                    let moved = chart.moved(&pose, k, place, &tip, config.units_per_mm);
-                    let moved_at = simulation.drives(&moved, &tool).unwrap();
-                    let mut motion = simulation.resting(&moved, &moved_at);
+                    let moved = chart.moved(pose, k, place, &tip, config.units_per_mm);
+                    let moved_at = simulation.drives(&moved, tool).unwrap();
+                    let mut motion = simulation.resting(&moved, &moved_at).unwrap();
                     motion.velocity = chart.displacement(&body).column(k) * speed;
                     motion.spin = motion.rotation.tr_mul(&(chart.turns().column(k) * speed));
-                    let here = Chart::of(&config, &config.machine.at(&moved, &tool).unwrap());
+                    let here = Chart::of(config, &config.machine.at(&moved, tool).unwrap(), tool);
                     accelerations(&mut simulation, &here, &motion, &drives, &body)
                 };
                 let width = if is_speed { 2e2 * step } else { 2.0 * step };
@@ -266,27 +301,110 @@ fn left_alone(legs: &str, seconds: f64, step: f64) -> [f64; 2] {
     let pose = with_tool(POSE_4, &TOOL);
     let mut simulation = Simulation::new(&config, &model, &pose, &TOOL).unwrap().unwrap();
     let drives = simulation.drives(&pose, &TOOL).unwrap();
-    let mut motion = simulation.resting(&pose, &drives);
+    let mut motion = simulation.resting(&pose, &drives).unwrap();
     // An amplitude of some millimeters, far beyond the linear range.
     motion.velocity = Vector3::new(300.0, -500.0, 400.0);
     motion.spin = Vector3::new(1.0, -2.0, 3.0);
-    let start = simulation.energy(&motion, &drives).unwrap();
+    energies(&mut simulation, &drives, motion, seconds, step)
+}
+
+/// Simulates a motion with the drives at rest; returns its initial energy, and the final one plus the losses.
+fn energies(
+    simulation: &mut Simulation,
+    drives: &Drives,
+    mut motion: Motion,
+    seconds: f64,
+    step: f64,
+) -> [f64; 2] {
+    let start = simulation.energy(&motion, drives).unwrap();
     let still = Drives::default();
     let mut lost = 0.0;
     for _ in 0..(seconds / step / 2.0) as usize {
         // Simpson's rule over two steps.
-        let mut part = simulation.loss(&motion, &drives).unwrap();
+        let mut part = simulation.loss(&motion, drives).unwrap();
         for weight in [4.0, 1.0] {
             motion = motion
                 .after(step, |motion, _| {
-                    simulation.rates(motion, [&drives, &still], &Vector3::zeros())
+                    simulation.rates(motion, [drives, &still], &Vector3::zeros())
                 })
                 .unwrap();
-            part += weight * simulation.loss(&motion, &drives).unwrap();
+            part += weight * simulation.loss(&motion, drives).unwrap();
         }
         lost += part * step / 3.0;
     }
-    [start, simulation.energy(&motion, &drives).unwrap() + lost]
+    [start, simulation.energy(&motion, drives).unwrap() + lost]
+}
+
+/// Returns a motion of a machine along its constraints: the commanded coordinates change at 300 mm/s and 1 rad/s.
+fn along_constraints(
+    simulation: &Simulation,
+    model: &Model,
+    chart: &Chart,
+    (pose, drives): (&Pose, &Drives),
+) -> Motion {
+    let signs = [1.0, -0.8, 0.6, -0.9, 0.7, 0.5];
+    let rates = DVector::from_fn(chart.count(), |k, _| {
+        signs[k] * if chart.is_angle(k) { 1.0 } else { 300.0 }
+    });
+    let mut motion = simulation.resting(pose, drives).unwrap();
+    motion.velocity = chart.displacement(&model.body.centre) * &rates;
+    motion.spin = motion.rotation.tr_mul(&(chart.turns() * rates));
+    motion
+}
+
+#[test]
+fn reactions_of_constraints_do_no_work() {
+    for config in constrained() {
+        let (pose, tool) = inside(&config);
+        for screw in ["backdrivable", "self-locking"] {
+            let mut model = heavy(&config, false, screw);
+            // Energies do not count the table, which does not move here.
+            model.table.iter_mut().for_each(|axis| axis.damping = 0.0);
+            let mut simulation = Simulation::new(&config, &model, &pose, &tool).unwrap().unwrap();
+            let drives = simulation.drives(&pose, &tool).unwrap();
+            let chart = Chart::of(&config, &config.machine.at(&pose, &tool).unwrap(), &tool);
+            let motion = along_constraints(&simulation, &model, &chart, (&pose, &drives));
+            let size = model.body.mass * motion.velocity.norm_squared() / 2.0;
+            let [start, end] = energies(&mut simulation, &drives, motion, 0.1, 2e-5);
+            // As for machines without constraints, below.
+            assert!((start - end).abs() < 1e-7 * size, "{}: {start} {end}", config.file.display());
+        }
+    }
+}
+
+#[test]
+fn drives_of_a_moving_platform_with_constraints_bear_its_inertia() {
+    for config in constrained() {
+        let (pose, tool) = inside(&config);
+        let (mut model, force) =
+            (heavy(&config, false, "backdrivable"), Vector3::new(40.0, -70.0, 90.0));
+        // The simulation also has the forces by which legs with mass rotate.
+        model.legs.iter_mut().for_each(|leg| (leg.axial, leg.across) = (0.0, 0.0));
+        let mut simulation = Simulation::new(&config, &model, &pose, &tool).unwrap().unwrap();
+        let drives = simulation.drives(&pose, &tool).unwrap();
+        let chart = Chart::of(&config, &config.machine.at(&pose, &tool).unwrap(), &tool);
+        let motion = along_constraints(&simulation, &model, &chart, (&pose, &drives));
+        let found = simulation.rates(&motion, [&drives, &Drives::default()], &force).unwrap();
+        // The same motion as rates of X Y Z A B C of the tip, also of those that follow.
+        let omega = motion.rotation * motion.spin;
+        let turning = motion.rotation * found.spin;
+        let lever = motion.rotation * (-tool - model.body.centre);
+        let velocity = motion.velocity + omega.cross(&lever);
+        let linear = found.place + turning.cross(&lever) + omega.cross(&omega.cross(&lever));
+        let full = config.machine.full_pose(&pose, &tool).unwrap();
+        let map = rate_map(&full).try_inverse().unwrap();
+        let whole = chart.whole();
+        let angular = map * (turning - whole.turning(&whole.rates(&velocity, &omega)));
+        let six = |a: Vector3<f64>, b: Vector3<f64>| [a.x, a.y, a.z, b.x, b.y, b.z];
+        let moving = Moving {
+            rate: six(velocity, map * omega),
+            acceleration: six(linear, angular),
+            ..Moving::still(pose, tool)
+        };
+        let wrench = Wrench { force, ..Wrench::default() };
+        let loads = loads(&config, &model, &moving, &wrench).unwrap().unwrap();
+        close(&loads.legs, &simulation.forces, 1e-9);
+    }
 }
 
 #[test]
@@ -387,7 +505,7 @@ fn half_the_step_that_is_taken_changes_little_of_a_motion() {
     let end = |step: f64, steps: usize| {
         let mut simulation = Simulation::new(&config, &model, &pose, &TOOL).unwrap().unwrap();
         let drives = simulation.drives(&pose, &TOOL).unwrap();
-        let mut motion = simulation.resting(&pose, &drives);
+        let mut motion = simulation.resting(&pose, &drives).unwrap();
         motion.velocity = Vector3::new(20.0, -30.0, 10.0);
         motion.spin = Vector3::new(0.1, 0.2, -0.1);
         let still = Drives::default();
@@ -926,8 +1044,9 @@ fn a_cut_shakes_the_tip_by_its_harmonics_times_the_receptance() {
 #[test]
 fn drives_bear_what_virtual_work_asks_of_them_on_every_machine() {
     let mut rng = Pcg64::seed_from_u64(3);
-    for machine in MACHINES {
-        let (config, model) = shaken(machine, false, "backdrivable");
+    for config in MACHINES.into_iter().map(config).chain(constrained()) {
+        let machine = config.file.display();
+        let model = heavy(&config, false, "backdrivable");
         let range = axis_box::range(&config);
         let tool = config.spindle;
         let wrench = Wrench {
@@ -942,7 +1061,7 @@ fn drives_bear_what_virtual_work_asks_of_them_on_every_machine() {
             else {
                 continue;
             };
-            let chart = Chart::of(&config, &at);
+            let chart = Chart::of(&config, &at, &tool);
             let tip = -tool / config.units_per_mm;
             for k in 0..chart.count() {
                 let step = if chart.is_angle(k) { 1e-6 } else { 1e-3 };
@@ -986,7 +1105,7 @@ fn four_rods_that_hold_three_coordinates_share_their_load_with_the_least_energy(
         let springs: Vec<f64> = held.springs().collect();
         // The motion of the carriages without the platform: the complement of the joint rates of all coordinates.
         let at = config.machine.at(&pose, &config.spindle).unwrap();
-        let chart = Chart::of(&config, &at);
+        let chart = Chart::of(&config, &at, &config.spindle);
         let tip = -config.spindle;
         let rates = DMatrix::from_fn(4, chart.count(), |i, k| {
             let step = if chart.is_angle(k) { 1e-6 } else { 1e-3 };
@@ -1043,7 +1162,7 @@ fn drives_of_a_moving_platform_bear_its_inertia() {
     let pose = with_tool(POSE_4, &TOOL);
     let mut simulation = Simulation::new(&config, &model, &pose, &TOOL).unwrap().unwrap();
     let drives = simulation.drives(&pose, &TOOL).unwrap();
-    let mut motion = simulation.resting(&pose, &drives);
+    let mut motion = simulation.resting(&pose, &drives).unwrap();
     motion.place += Vector3::new(0.05, -0.03, 0.04);
     motion.velocity = Vector3::new(100.0, -150.0, 60.0);
     motion.spin = Vector3::new(0.5, -1.0, 0.8);
@@ -1056,7 +1175,7 @@ fn drives_of_a_moving_platform_bear_its_inertia() {
     let velocity = motion.velocity + omega.cross(&lever);
     let linear = found.place + turning.cross(&lever) + omega.cross(&omega.cross(&lever));
     let moved = Pose { position: simulation.tip(&motion) + TOOL, angles: pose.angles };
-    let chart = Chart::of(&config, &config.machine.at(&moved, &TOOL).unwrap());
+    let chart = Chart::of(&config, &config.machine.at(&moved, &TOOL).unwrap(), &TOOL);
     let map = rate_map(&moved).try_inverse().unwrap();
     let angles = map * omega;
     let rates = chart.rates(&velocity, &omega);

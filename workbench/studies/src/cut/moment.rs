@@ -83,7 +83,10 @@ pub enum NoMoment {
 
 impl Moment {
     /// Computes the machine's motion from differences of the poses and their joint values.
-    fn moving(&self, config: &Mechanism) -> Result<Moving, Fault> {
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::inverse`].
+    pub fn moving(&self, config: &Mechanism) -> Result<Moving, Fault> {
         let period = config.period;
         let poses = self.poses.map(Pose::from_degrees);
         let of = |pose: &Pose| -> [f64; 6] {
@@ -97,6 +100,12 @@ impl Moment {
         for (values, pose) in values.iter_mut().zip(&poses) {
             *values = config.machine.inverse(pose, &self.tool)?;
         }
+        // With the coordinates that constraints determine.
+        let full = |pose: &Pose| match config.machine.layout().constraints() {
+            0 => Ok(*pose),
+            _ => config.machine.full_pose(pose, &self.tool),
+        };
+        let [a, b, c] = [of(&full(&poses[0])?), of(&full(&poses[1])?), of(&full(&poses[2])?)];
         let [before, now, after]: [Joints; 3] = values;
         let bend = |a: f64, b: f64, c: f64| (a - 2.0 * b + c) / (period * period);
         Ok(Moving {

@@ -4,7 +4,7 @@
 use crate::cut::program::stance;
 use crate::dynamics::layer::{Coarse, Stock, UPRIGHT};
 use crate::study::file::Study;
-use kinematics::Vector3;
+use kinematics::{Letter, Vector3};
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, MoveKind};
 
@@ -24,6 +24,13 @@ pub fn through_stock(
     let run = study.milling.as_ref().ok_or("the study has no diameter_mm in [milling]")?;
     if !config.chain.is_empty() {
         return Err("an axis carries the tool or the work, with which [stock] does not move".into());
+    }
+    let tilts = |letter: &Letter| [Letter::A, Letter::B].contains(letter);
+    if config.dependent().iter().any(tilts) {
+        return Err(
+            "the tool tilts as it moves, but [stock] is a map of heights for a vertical tool"
+                .into(),
+        );
     }
     let radius = run.diameter_mm.0 / 2.0;
     Coarse::check(stock, radius).map_err(|error| error.to_string())?;

@@ -46,7 +46,7 @@ impl Stance {
     /// with the spindle offset.
     ///
     /// # Errors
-    /// As [`kinematics::Chain::to_machine`].
+    /// As [`kinematics::Chain::to_machine`], and with constraints of the platform as [`kinematics::Machine::full_pose`].
     pub fn at(
         config: &Mechanism,
         pose: &[f64; 6],
@@ -55,7 +55,13 @@ impl Stance {
     ) -> Result<Self, Fault> {
         let chain = &config.chain;
         if chain.is_empty() {
-            let (rotation, work) = (Pose::from_degrees(*pose).rotation(), Matrix3::identity());
+            let own = Pose::from_degrees(*pose);
+            let (rotation, work) = (own.rotation(), Matrix3::identity());
+            // Constraints may determine the orientation.
+            let rotation = match config.machine.layout().constraints() {
+                0 => rotation,
+                _ => config.machine.full_pose(&own, tool)?.rotation(),
+            };
             return Ok(Self { pose: *pose, tool: *tool, rotation, work });
         }
         let pose = chain.to_machine(world, tool)?;

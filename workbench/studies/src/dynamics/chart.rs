@@ -5,17 +5,23 @@
 //! The center is the point whose held X, Y, Z are constant; if none is held, it is any point. With
 //! p = o + R(A, B, C) (s − c) for a point s of the platform, c the center and o its position, guides are
 //! satisfied exactly, and derivatives of any order are those of R.
+//!
+//! With constraints of the platform, the center is the tool tip, all six of its coordinates change, and the coordinates
+//! of the chart are those that are commanded: the others follow, with the rates N per rate of these.
 
-use kinematics::{At, Letter, Matrix3, Pose, Vector3};
+use crate::dynamics::structure::{STEP, tip};
+use kinematics::{At, Fault, Letter, Matrix3, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
-use machine::rows::{Rows, rate_map};
-use nalgebra::{DMatrix, DVector, Matrix3xX};
+use machine::rows::{Rows, follow, rate_map};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX};
 
 /// The coordinates, and how points of the platform depend on them; mm and radians.
 #[derive(Clone, Debug)]
 pub struct Chart {
     /// Coordinates by their numbers: X Y Z, then A B C.
     coordinates: Vec<usize>,
+    /// How all six follow, if constraints couple them.
+    coupled: Option<Coupled>,
     /// The center in the platform frame.
     centre: Vector3<f64>,
     /// A B C.
@@ -24,18 +30,84 @@ pub struct Chart {
     rates: Matrix3<f64>,
 }
 
+/// How all coordinates follow those of a chart.
+#[derive(Clone, Debug)]
+struct Coupled {
+    /// N.
+    rates: Matrix6xX<f64>,
+    /// Derivative of N by each coordinate of the chart; empty if nobody asked for it.
+    bends: Vec<Matrix6xX<f64>>,
+}
+
 impl Chart {
-    /// Creates the chart of a machine at a pose.
-    pub fn of(config: &Mechanism, at: &At) -> Self {
-        let letters = config.machine.layout().coordinates();
-        let is_moved = |k: &usize| letters.contains(Letter::ALL[*k]);
-        let centre = Vector3::from(config.geometry.centre) / config.units_per_mm;
-        Self::new((0..6).filter(is_moved).collect(), centre, at.pose())
+    /// Creates the chart of a machine at a pose; `tool` is that of `at`.
+    pub fn of(config: &Mechanism, at: &At, tool: &Vector3<f64>) -> Self {
+        let layout = config.machine.layout();
+        let is_moved = |k: &usize| layout.coordinates().contains(Letter::ALL[*k]);
+        let coordinates: Vec<usize> = (0..6).filter(is_moved).collect();
+        if layout.constraints() == 0 {
+            let centre = Vector3::from(config.geometry.centre) / config.units_per_mm;
+            return Self::new(coordinates, centre, at.pose());
+        }
+        let follow = follow(&config.geometry, config.machine.radius(), at, tool);
+        let length = |k: usize| if k < 3 { config.units_per_mm } else { 1.0 };
+        let rates = Matrix6xX::from_fn(coordinates.len(), |i, k| {
+            follow[(i, coordinates[k])] * length(coordinates[k]) / length(i)
+        });
+        let coupled = Some(Coupled { rates, bends: vec![] });
+        Self { coupled, ..Self::new(coordinates, tip(config, tool), &at.full_pose()) }
+    }
+
+    /// Adds what [`Self::curvature`] needs if constraints couple coordinates, by central differences.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::at`].
+    pub fn with_bends(
+        mut self,
+        config: &Mechanism,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+    ) -> Result<Self, Fault> {
+        if self.coupled.is_none() {
+            return Ok(self);
+        }
+        let radius = config.machine.radius() / config.units_per_mm;
+        let mut bends = vec![];
+        for k in 0..self.count() {
+            let step = STEP * if self.is_angle(k) { 1.0 } else { radius };
+            let side = |by: f64| -> Result<Matrix6xX<f64>, Fault> {
+                let pose = self.moved(pose, k, by, &self.centre, config.units_per_mm);
+                let chart = Self::of(config, &config.machine.at(&pose, tool)?, tool);
+                Ok(chart.coupled.map_or(Matrix6xX::zeros(self.count()), |coupled| coupled.rates))
+            };
+            bends.push((side(step)? - side(-step)?) / (2.0 * step));
+        }
+        if let Some(coupled) = &mut self.coupled {
+            coupled.bends = bends;
+        }
+        Ok(self)
+    }
+
+    /// Returns the chart of all coordinates that change, also of those that follow from others.
+    pub fn whole(&self) -> Self {
+        let coordinates = match self.coupled {
+            Some(_) => (0..6).collect(),
+            None => self.coordinates.clone(),
+        };
+        Self { coordinates, coupled: None, ..self.clone() }
+    }
+
+    /// Converts forces by all coordinates that change to those by the coordinates of the chart, as virtual work does.
+    pub fn reduced(&self, forces: DVector<f64>) -> DVector<f64> {
+        match &self.coupled {
+            Some(coupled) => coupled.rates.tr_mul(&forces),
+            None => forces,
+        }
     }
 
     /// Creates a chart from coordinate numbers, a center in the platform frame, and a pose.
     pub fn new(coordinates: Vec<usize>, centre: Vector3<f64>, pose: &Pose) -> Self {
-        Self { coordinates, centre, angles: pose.angles, rates: rate_map(pose) }
+        Self { coordinates, coupled: None, centre, angles: pose.angles, rates: rate_map(pose) }
     }
 
     /// Returns the number of coordinates.
@@ -59,8 +131,16 @@ impl Chart {
         c * b * a
     }
 
+    /// Returns the angular velocity per rate of A B C.
+    pub fn rate_map(&self) -> &Matrix3<f64> {
+        &self.rates
+    }
+
     /// Computes the displacement of a point of the platform per coordinate.
     pub fn displacement(&self, point: &Vector3<f64>) -> Matrix3xX<f64> {
+        if let Some(coupled) = &self.coupled {
+            return self.whole().displacement(point) * &coupled.rates;
+        }
         let arm = point - self.centre;
         let column = |k: &usize| match *k {
             k if k < 3 => Vector3::ith(k, 1.0),
@@ -71,6 +151,18 @@ impl Chart {
 
     /// Computes the second derivative of the position of a point of the platform by coordinates `i` and `k`.
     pub fn curvature(&self, point: &Vector3<f64>, i: usize, k: usize) -> Vector3<f64> {
+        if let Some(coupled) = &self.coupled {
+            let (whole, rates) = (self.whole(), &coupled.rates);
+            let mut sum = Vector3::zeros();
+            for a in 3..6 {
+                for b in 3..6 {
+                    sum += whole.curvature(point, a, b) * (rates[(a, i)] * rates[(b, k)]);
+                }
+            }
+            // Half from either order of the two derivatives.
+            let follow = coupled.bends[k].column(i) + coupled.bends[i].column(k);
+            return sum + whole.displacement(point) * follow / 2.0;
+        }
         match [self.coordinates[i], self.coordinates[k]] {
             [i, k] if i >= 3 && k >= 3 => {
                 self.rotation(orders(&[i - 3, k - 3])) * (point - self.centre)
@@ -81,6 +173,9 @@ impl Chart {
 
     /// Computes the angular velocity in the machine frame per rate of each coordinate.
     pub fn turns(&self) -> Matrix3xX<f64> {
+        if let Some(coupled) = &self.coupled {
+            return self.whole().turns() * &coupled.rates;
+        }
         let column = |k: &usize| match *k {
             k if k < 3 => Vector3::zeros(),
             k => self.rates.column(k - 3).into_owned(),
@@ -125,7 +220,9 @@ impl Chart {
     /// Converts rows over X Y Z A B C of the tool tip (machine units and radians, see [`machine::rows`]) to
     /// rows over these coordinates, per mm and radian; `tip` in the platform frame, mm.
     pub fn rows(&self, rows: &Rows, tip: &Vector3<f64>, units_per_mm: f64) -> DMatrix<f64> {
-        let tip = self.displacement(tip);
+        // The rows of a machine with constraints have followed already.
+        let chart = Self { coupled: None, ..self.clone() };
+        let tip = chart.displacement(tip);
         DMatrix::from_fn(rows.nrows(), self.count(), |i, k| {
             let moved = (0..3).map(|axis| rows[(i, axis)] * tip[(axis, k)]).sum::<f64>();
             match self.coordinates[k] {

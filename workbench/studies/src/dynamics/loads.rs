@@ -2,7 +2,8 @@
 //! Forces and torques of the drives by virtual work: wrench at the tool tip, weight and inertia.
 //!
 //! Gᵀ f = Pcᵀ m (a - g) + Ωᵀ (I α + ω × I ω) + Σ Pᵀ μ P η'' - Sᵀ W with the rows G of the legs; if legs
-//! exceed coordinates, f are the forces of unpreloaded springs. The load of a drive is f times the change of
+//! exceed coordinates, f are the forces of unpreloaded springs. With constraints of the platform, P, Ω, G and S are those
+//! of motions that they allow, in which their reactions do no work, and a, α and ω those of all coordinates. The load of a drive is f times the change of
 //! its leg's length per joint unit, plus the force for its own mass; the lead converts it to motor torque.
 
 use crate::dynamics::chart::Chart;
@@ -26,7 +27,8 @@ pub struct Moving {
     pub pose: Pose,
     /// Tool vector of the machine, machine units.
     pub tool: Vector3<f64>,
-    /// Rates of X Y Z A B C, machine units and radians per second.
+    /// Rates of X Y Z A B C, machine units and radians per second; with constraints of the platform, those of
+    /// [`kinematics::Machine::full_pose`].
     pub rate: [f64; 6],
     /// Derivatives of the rates.
     pub acceleration: [f64; 6],
@@ -70,6 +72,8 @@ pub struct Held<'a> {
     config: &'a Mechanism,
     model: &'a Model,
     chart: Chart,
+    /// The chart of all coordinates that change.
+    whole: Chart,
     legs: Vec<LegAt>,
     /// The tool tip in the platform frame, mm.
     tip: Vector3<f64>,
@@ -92,22 +96,22 @@ impl<'a> Held<'a> {
         tool: &Vector3<f64>,
     ) -> Result<Option<Self>, Fault> {
         let at = config.machine.at(pose, tool)?;
-        let chart = Chart::of(config, &at);
+        let chart = Chart::of(config, &at, tool);
         let legs = legs(config, &at, tool, model.screw)?;
-        let count = chart.count();
-        let mut carried = DMatrix::zeros(count, count);
+        let (count, whole) = (chart.count(), chart.whole());
+        let mut carried = DMatrix::zeros(whole.count(), whole.count());
         for (leg, own) in legs.iter().zip(&model.legs) {
-            carried += leg_mass(&chart, leg, own);
+            carried += leg_mass(&whole, leg, own);
         }
         let Some(factors) = stiffness(&legs, model, count).cholesky() else { return Ok(None) };
         let (tip, rotation) = (tip(config, tool), at.rotation());
-        Ok(Some(Self { config, model, chart, legs, tip, rotation, carried, factors }))
+        Ok(Some(Self { config, model, chart, whole, legs, tip, rotation, carried, factors }))
     }
 
     /// Computes the forces of the drives for a motion through this pose with this tool.
     pub fn loads(&self, moving: &Moving, wrench: &Wrench) -> Loads {
-        let (chart, body) = (&self.chart, &self.model.body);
-        let motion = PlatformMotion::of(self.config, chart, &self.tip, moving);
+        let (chart, body) = (&self.whole, &self.model.body);
+        let motion = self.motion(moving);
         let moved = chart.displacement(&body.centre);
         let turns = chart.turns();
         let speed = &turns * &motion.rate;
@@ -120,7 +124,7 @@ impl<'a> Held<'a> {
         asked += &self.carried * &motion.acceleration;
         asked -= chart.displacement(&self.tip).tr_mul(&wrench.force);
         asked -= turns.tr_mul(&wrench.moment);
-        let yielded = self.factors.solve(&asked);
+        let yielded = self.factors.solve(&self.chart.reduced(asked));
         let along: Vec<f64> = self
             .legs
             .iter()
@@ -143,21 +147,21 @@ struct PlatformMotion {
     acceleration: DVector<f64>,
 }
 
-impl PlatformMotion {
+impl Held<'_> {
     /// Converts the motion of the tool tip: the machine's center is at the tip minus R times their distance.
-    fn of(config: &Mechanism, chart: &Chart, tip: &Vector3<f64>, moving: &Moving) -> Self {
-        let per_mm = config.units_per_mm;
+    fn motion(&self, moving: &Moving) -> PlatformMotion {
+        let (chart, per_mm) = (&self.whole, self.config.units_per_mm);
         let [x, y, z, a, b, c] = moving.rate;
-        let omega = machine::rows::rate_map(&moving.pose) * Vector3::new(a, b, c);
-        let lever = moving.pose.rotation() * (chart.centre() - tip);
+        let omega = chart.rate_map() * Vector3::new(a, b, c);
+        let lever = self.rotation * (chart.centre() - self.tip);
         let rate = chart.rates(&(Vector3::new(x, y, z) / per_mm + omega.cross(&lever)), &omega);
         let [x, y, z, a, b, c] = moving.acceleration;
-        let angular = machine::rows::rate_map(&moving.pose) * Vector3::new(a, b, c);
+        let angular = chart.rate_map() * Vector3::new(a, b, c);
         let turning = angular + chart.turning(&rate);
         let linear = Vector3::new(x, y, z) / per_mm
             + turning.cross(&lever)
             + omega.cross(&omega.cross(&lever));
-        Self { acceleration: chart.rates(&linear, &angular), rate }
+        PlatformMotion { acceleration: chart.rates(&linear, &angular), rate }
     }
 }
 

@@ -10,7 +10,7 @@
 //! [`milling`] are forces, that of a [`layer`] depends on the motion; [`linear`] is the linear theory of noise, [`simulation`] the response in time to
 //! any force and to the [`drives`] of a program, on [`rotation`]s; a [`run`] combines
 //! these, and a [`record`] contains the results.
-//! Legs with mass are [`strut`]s. [`loads`] are the forces of the drives, and [`capacity`] their limits.
+//! Legs with mass are [`strut`]s; constraints of the platform have [`reactions`]. [`loads`] are the forces of the drives, and [`capacity`] their limits.
 
 pub mod capacity;
 pub mod chart;
@@ -22,6 +22,7 @@ pub mod milling;
 pub mod mode;
 pub mod model;
 pub mod noise;
+pub mod reactions;
 pub mod record;
 pub mod response;
 pub mod rotation;

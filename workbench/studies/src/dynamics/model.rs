@@ -78,7 +78,9 @@ impl Model {
         let section = "platform";
         let lacks = |key| Lacking::Key { section, key };
         let platform = study.platform.as_ref().ok_or_else(|| lacks("mass_kg"))?;
-        let turns = Letter::ALL[3..].iter().any(|a| !config.machine.layout().is_held(*a));
+        let layout = config.machine.layout();
+        let turns =
+            layout.constraints() > 0 || Letter::ALL[3..].iter().any(|a| !layout.is_held(*a));
         let inertia = match platform.inertia_kg_m2 {
             Some(inertia) => inertia.0 * T_MM2_PER_KG_M2,
             None if turns => return Err(lacks("inertia_kg_m2")),

@@ -156,7 +156,7 @@ pub fn standing(
     }
     let mut simulation = Simulation::new(config, model, pose, tool)?.ok_or(Ended::Singular)?;
     let drives = simulation.drives(pose, tool)?;
-    let motion = simulation.resting(pose, &drives);
+    let motion = simulation.resting(pose, &drives)?;
     let mut going = Going { simulation, motion, force, time: 0.0 };
     let still = Drives::default();
     let count = |time: f64| (time / times.step).ceil() as usize;
@@ -234,7 +234,7 @@ impl<'a> Follower<'a> {
         let simulation = Simulation::new(self.config, &self.model, pose, tool)?;
         let mut simulation = simulation.ok_or(Ended::Singular)?;
         let drives = simulation.drives(pose, tool)?;
-        let motion = simulation.resting(pose, &drives);
+        let motion = simulation.resting(pose, &drives)?;
         let force = self.force.take().unwrap_or(Force::None);
         self.going = Some(Going { simulation, motion, force, time: 0.0 });
         Ok(())

@@ -9,19 +9,23 @@
 //! about the center of mass r (paper 004, equations 11 to 14; about another pole a term ρ × m a is
 //! missing there). f⁰ supports the weight at the start. With the torque of a thread, l is the joint value
 //! and n with its moment the row of the joint. Guides constrain their coordinates by the principle of
-//! virtual work. Legs with mass rotate ([`StrutMass`]); accelerations of their base joints are neglected, and drives
+//! virtual work; constraints of the platform have reactions ([`Reactions`]). Legs with mass rotate ([`StrutMass`]); accelerations of their base joints are neglected, and drives
 //! have no mass here. A damping ratio is converted to dampers between the legs that produce it at the start.
 
 use crate::dynamics::chart::Chart;
 use crate::dynamics::drives::Drives;
 use crate::dynamics::model::Model;
+use crate::dynamics::reactions::Reactions;
 use crate::dynamics::rotation::{Acceleration, Motion};
 use crate::dynamics::structure::{LegAt, Structure, has_lead, legs, tip};
 use crate::dynamics::strut::StrutMass;
 use crate::study::file::Screw;
-use kinematics::{At, Fault, Matrix3, Pose, Vector3};
+use kinematics::{At, Fault, Letter, Matrix3, Pose, Vector3};
 use machine::read::mechanism::Mechanism;
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector6};
+
+/// Rate at which errors of constraints decay, as a share of the fastest mode's: slow for the step of the integration.
+const RETURN: f64 = 0.1;
 
 /// A machine simulated in time.
 pub struct Simulation<'a> {
@@ -33,6 +37,8 @@ pub struct Simulation<'a> {
     /// Force of a leg per rate of another one's length, N s/mm.
     dampers: DMatrix<f64>,
     has_legs_with_mass: bool,
+    /// The constraints of the platform, if there are any.
+    reactions: Option<Reactions>,
     /// Whether a thread's torque reaches the platform.
     is_turning: bool,
     /// Force of every leg in the last step.
@@ -87,6 +93,9 @@ impl<'a> Simulation<'a> {
         let Some(dampers) = dampers(&structure, &model) else { return Ok(None) };
         let is_turning = model.screw == Screw::Backdrivable && springs.iter().any(|s| s.has_lead);
         let has_legs_with_mass = springs.iter().any(|s| s.mass.is_there());
+        let fastest = structure.shapes().and_then(|shapes| shapes.omegas.last().copied());
+        let rate = RETURN * fastest.unwrap_or_default();
+        let reactions = Reactions::new(config, &model.body.centre, rate);
         let forces = structure.bearing;
         let tool = *tool;
         let held = structure.stiffness.cholesky().is_some();
@@ -98,6 +107,7 @@ impl<'a> Simulation<'a> {
             springs,
             dampers,
             has_legs_with_mass,
+            reactions,
             is_turning,
             forces,
         };
@@ -117,18 +127,25 @@ impl<'a> Simulation<'a> {
         Drives::at(self.config, &mut self.at, pose, tool, self.is_turning)
     }
 
-    pub fn resting(&self, pose: &Pose, drives: &Drives) -> Motion {
-        let rotation = pose.rotation();
+    /// Returns the motion at rest at a pose, with the state of the drives there.
+    ///
+    /// # Errors
+    /// As [`kinematics::Machine::full_pose`].
+    pub fn resting(&self, pose: &Pose, drives: &Drives) -> Result<Motion, Fault> {
+        let rotation = match self.reactions {
+            Some(_) => self.config.machine.full_pose(pose, &self.tool)?.rotation(),
+            None => pose.rotation(),
+        };
         let of_tip = self.model.body.centre - tip(self.config, &self.tool);
         let place = drives.tip - drives.table + rotation * of_tip;
-        Motion {
+        Ok(Motion {
             place,
             velocity: Vector3::zeros(),
             rotation,
             spin: Vector3::zeros(),
             table: drives.table,
             table_velocity: Vector3::zeros(),
-        }
+        })
     }
 
     /// Computes the position of the tool tip in the work, mm.
@@ -255,7 +272,17 @@ impl<'a> Simulation<'a> {
             r[(1, 0)].atan2(r[(0, 0)]),
         );
         let tip = self.tip(motion) * self.config.units_per_mm;
-        Pose { position: tip + self.tool, angles }
+        let mut pose = Pose { position: tip + self.tool, angles };
+        // In LinuxCNC's pose, coordinates that follow are 0.
+        let layout = self.config.machine.layout();
+        let follows = |letter: &Letter| layout.is_dependent(*letter) && layout.is_held(*letter);
+        for letter in Letter::ALL.into_iter().filter(follows) {
+            match letter.index() {
+                k @ 0..3 => pose.position[k] = 0.0,
+                k => pose.angles[k - 3] = 0.0,
+            }
+        }
+        pose
     }
 
     /// Computes linear and angular acceleration, machine axes.
@@ -277,6 +304,9 @@ impl<'a> Simulation<'a> {
                 moved.fixed_view_mut::<3, 3>(0, 3).copy_from(&-pull.arm.cross_matrix());
                 mass += moved.transpose() * own * moved;
             }
+        }
+        if let Some(reactions) = &self.reactions {
+            return reactions.accelerated(motion, omega, &mass, wrench);
         }
         if self.config.machine.layout().coordinates().len() == 6 {
             let factors = mass.cholesky().expect("mass and inertia of a body are positive");

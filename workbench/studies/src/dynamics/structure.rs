@@ -10,7 +10,7 @@
 //! ```
 //!
 //! f are the forces by which the legs support the weight, positive if a leg pushes: those of least
-//! energy if legs exceed coordinates, f = -k r K⁻¹ Pcᵀ m g. Kg is exact for legs with rigid
+//! energy if legs exceed coordinates, f = -k r K⁻¹ Pcᵀ m g. Constraints of the platform are rigid. Kg is exact for legs with rigid
 //! joints; the elasticity of a drive adds a term of the order (f/k)².
 
 use crate::dynamics::chart::Chart;
@@ -26,7 +26,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, RowDVector};
 
 /// Step of the differences of rows, radians or share of the radius: the truncation error is its square,
 /// the rounding error that of rows divided by it.
-const STEP: f64 = 1e-5;
+pub(crate) const STEP: f64 = 1e-5;
 
 /// A machine at a pose as a vibrating system; N, mm, s, t, radians.
 #[derive(Clone, Debug)]
@@ -74,7 +74,7 @@ pub fn legs(
     tool: &Vector3<f64>,
     screw: Screw,
 ) -> Result<Vec<LegAt>, Fault> {
-    let chart = Chart::of(config, at);
+    let chart = Chart::of(config, at, tool);
     let per_mm = config.units_per_mm;
     let rows = match screw {
         Screw::Backdrivable => joint_rows(config, at)?,
@@ -113,10 +113,11 @@ impl Structure {
         tool: &Vector3<f64>,
     ) -> Result<Self, Fault> {
         let at = config.machine.at(pose, tool)?;
-        let chart = Chart::of(config, &at);
+        let mut chart = Chart::of(config, &at, tool);
         let legs = legs(config, &at, tool, model.screw)?;
         let mut platform = Platform::new(&chart, model, &at.rotation(), &legs);
         if model.is_geometric {
+            chart = chart.with_bends(config, pose, tool)?;
             let bends = match model.screw {
                 Screw::Backdrivable => nut_curvatures(config, &at, tool)?,
                 Screw::SelfLocking => vec![],
@@ -287,7 +288,7 @@ fn nut_curvatures(
     at: &At,
     tool: &Vector3<f64>,
 ) -> Result<Vec<DMatrix<f64>>, Fault> {
-    let chart = Chart::of(config, at);
+    let chart = Chart::of(config, at, tool);
     let (tip, per_mm) = (tip(config, tool), config.units_per_mm);
     let radius = config.machine.radius() / per_mm;
     let count = chart.count();
@@ -302,7 +303,7 @@ fn nut_curvatures(
             let pose = chart.moved(at.pose(), k, by, &tip, per_mm);
             let at = config.machine.at(&pose, tool)?;
             let rows = joint_rows(config, &at)? - length_rows(config, &at, tool);
-            Ok(Chart::of(config, &at).rows(&rows, &tip, per_mm))
+            Ok(Chart::of(config, &at, tool).rows(&rows, &tip, per_mm))
         };
         let change: DMatrix<f64> = (side(step)? - side(-step)?) / (2.0 * step);
         for (i, bend) in bends.iter_mut().enumerate().filter(|(i, _)| turns(*i)) {
