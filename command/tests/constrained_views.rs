@@ -3,12 +3,19 @@
 
 use serde_json::Value;
 use std::process::Command;
+use test_support::CUT as STUDY;
 use test_support::constrained::{CONSTRAINED, constrained_ini};
+use test_support::shipped::ini;
 
 /// Runs pkm on a machine; returns exit code, standard output and standard error.
 fn pkm(subcommand: &str, machine: &str, words: &[&str]) -> (i32, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pkm"));
-    let out = command.arg(subcommand).arg(constrained_ini(machine)).args(words).output().unwrap();
+    // LinuxCNC needs the tool table, which only the shipped machines have.
+    let ini = match words.iter().any(|word| word.ends_with("/part.ngc")) {
+        true => ini(machine),
+        false => constrained_ini(machine),
+    };
+    let out = command.arg(subcommand).arg(ini).args(words).output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (out.status.code().unwrap(), text(&out.stdout), text(&out.stderr))
 }
@@ -72,6 +79,37 @@ fn studies_include_the_dependent_coordinates() {
     let file = study.path().to_str().unwrap();
     let text = fitting("stiffness", "tricept", &["--study", file]);
     assert!(text.contains("N/um"), "{text}");
+}
+
+#[test]
+fn models_vibration_and_cuts_include_the_constraints() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        std::fs::write(&file, text).unwrap();
+        file.to_str().unwrap().to_owned()
+    };
+    let table =
+        "[table]\nmass_kg = 80\nstiffness_n_per_um = 50\ndamping_ratio = 0.05\nmax_force_n = 500\n";
+    let study = file("study.toml", &format!("{table}{STUDY}"));
+    let program = file("part.ngc", "G21 G90 G94\nM3 S6000\nG1 X5 Y3 F600\nG1 X0 Y0\nM2\n");
+    for machine in CONSTRAINED {
+        let model = folder.path().join(machine);
+        let written = fitting("export", machine, &["--mjcf", model.to_str().unwrap()]);
+        assert!(written.contains("README.md"), "{written}");
+        let readme = std::fs::read_to_string(model.join("README.md")).unwrap();
+        assert!(readme.contains("`constraint_0_body`"), "{readme}");
+        let states = fitting("joints", machine, &["--passive", "--pose", "X1"]);
+        assert!(states.contains("constraint_1_2 = "), "{states}");
+        let modes = json("dynamics", machine, &["--study", &study]);
+        // As many as legs and table axes: constraints do not yield.
+        let axes = if machine == "z3-head" { 5 } else { 3 };
+        assert_eq!(modes["modes"].as_array().unwrap().len(), axes, "{machine}");
+        let cut = json("cut", machine, &[&program, "--study", &study]);
+        assert_eq!(cut["drives"].as_array().unwrap().len(), axes, "{machine}");
+        let followed = json("dynamics", machine, &["--study", &study, "--program", &program]);
+        assert!(followed["motion"].is_object(), "{machine}");
+    }
 }
 
 #[test]

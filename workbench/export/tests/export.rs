@@ -275,7 +275,11 @@ fn compare_forces(config: &MachineConfig, study: &Study) {
             let (mut world, time) = (world, side * config.period);
             for letter in &letters {
                 let k = letter.index();
-                let speed = if n == 0 { 0.0 } else { if k < 3 { 80.0 } else { 8.0 } };
+                let speed = match k {
+                    _ if n == 0 => 0.0,
+                    0..3 => 80.0,
+                    _ => 8.0,
+                };
                 let [rate, change] = [1.3, 2.1].map(|by| speed * (by * (k + 3 * n) as f64).sin());
                 world[k] += rate * time + 10.0 * change * time * time / 2.0;
             }

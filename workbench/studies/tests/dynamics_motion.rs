@@ -256,39 +256,37 @@ fn inside(config: &Mechanism) -> (Pose, Vector3<f64>) {
 
 /// Compares the matrices at a pose with differences of a simulation's accelerations.
 fn compare(config: &Mechanism, model: &Model, pose: &Pose, tool: &Vector3<f64>, screw: &str) {
-    {
-        let machine = config.file.display();
-        let structure = Structure::at(config, model, pose, tool).unwrap();
-        let at = config.machine.at(pose, tool).unwrap();
-        let chart = Chart::of(config, &at, tool);
-        let count = chart.count();
-        let block = |matrix: &DMatrix<f64>| matrix.view((0, 0), (count, count)).into_owned();
-        let mass = block(&structure.mass).cholesky().unwrap();
-        let mut simulation = Simulation::new(config, model, pose, tool).unwrap().unwrap();
-        let drives = simulation.drives(pose, tool).unwrap();
-        let body = model.body.centre;
-        let tip = -tool / config.units_per_mm;
-        for (matrix, is_speed) in [(&structure.stiffness, false), (&structure.damping, true)] {
-            let expected = -mass.solve(&block(matrix));
-            for k in 0..count {
-                let step = if chart.is_angle(k) { 1e-5 } else { 1e-2 };
-                let mut side = |by: f64| {
-                    let (place, speed) = if is_speed { (0.0, 1e2 * by) } else { (by, 0.0) };
-                    let moved = chart.moved(pose, k, place, &tip, config.units_per_mm);
-                    let moved_at = simulation.drives(&moved, tool).unwrap();
-                    let mut motion = simulation.resting(&moved, &moved_at).unwrap();
-                    motion.velocity = chart.displacement(&body).column(k) * speed;
-                    motion.spin = motion.rotation.tr_mul(&(chart.turns().column(k) * speed));
-                    let here = Chart::of(config, &config.machine.at(&moved, tool).unwrap(), tool);
-                    accelerations(&mut simulation, &here, &motion, &drives, &body)
-                };
-                let width = if is_speed { 2e2 * step } else { 2.0 * step };
-                let found = (side(step) - side(-step)) / width;
-                let off = (&found - expected.column(k)).amax();
-                // Third derivatives times the squared step, and rounding of lengths divided by the step.
-                let size = expected.column(k).amax();
-                assert!(off < 1e-6 * size, "{machine} {screw} {k} {is_speed} {off} {size}");
-            }
+    let machine = config.file.display();
+    let structure = Structure::at(config, model, pose, tool).unwrap();
+    let at = config.machine.at(pose, tool).unwrap();
+    let chart = Chart::of(config, &at, tool);
+    let count = chart.count();
+    let block = |matrix: &DMatrix<f64>| matrix.view((0, 0), (count, count)).into_owned();
+    let mass = block(&structure.mass).cholesky().unwrap();
+    let mut simulation = Simulation::new(config, model, pose, tool).unwrap().unwrap();
+    let drives = simulation.drives(pose, tool).unwrap();
+    let body = model.body.centre;
+    let tip = -tool / config.units_per_mm;
+    for (matrix, is_speed) in [(&structure.stiffness, false), (&structure.damping, true)] {
+        let expected = -mass.solve(&block(matrix));
+        for k in 0..count {
+            let step = if chart.is_angle(k) { 1e-5 } else { 1e-2 };
+            let mut side = |by: f64| {
+                let (place, speed) = if is_speed { (0.0, 1e2 * by) } else { (by, 0.0) };
+                let moved = chart.moved(pose, k, place, &tip, config.units_per_mm);
+                let moved_at = simulation.drives(&moved, tool).unwrap();
+                let mut motion = simulation.resting(&moved, &moved_at).unwrap();
+                motion.velocity = chart.displacement(&body).column(k) * speed;
+                motion.spin = motion.rotation.tr_mul(&(chart.turns().column(k) * speed));
+                let here = Chart::of(config, &config.machine.at(&moved, tool).unwrap(), tool);
+                accelerations(&mut simulation, &here, &motion, &drives, &body)
+            };
+            let width = if is_speed { 2e2 * step } else { 2.0 * step };
+            let found = (side(step) - side(-step)) / width;
+            let off = (&found - expected.column(k)).amax();
+            // Third derivatives times the squared step, and rounding of lengths divided by the step.
+            let size = expected.column(k).amax();
+            assert!(off < 1e-6 * size, "{machine} {screw} {k} {is_speed} {off} {size}");
         }
     }
 }
