@@ -287,7 +287,7 @@ fn compare_forces(config: &MachineConfig, study: &Study) {
         });
         let [before, now, after] = path.map(|world| at(&world));
         let square = config.period * config.period;
-        let linear = (&after.mass - &now.mass * 2.0 + &before.mass) / square;
+        let linear = (after.mass - now.mass * 2.0 + before.mass) / square;
         let joints = (&after.drives - &now.drives * 2.0 + &before.drives) / square;
         // Angular momentum in the middle of each half.
         let momentum = |from: &Position, to: &Position| {
