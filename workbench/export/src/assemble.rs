@@ -7,6 +7,7 @@ use crate::model::{Body, Drive, Joint, Loop, Mass, Mesh, Model, Motion, Rod, Rol
 use crate::state::{MechanismAtHome, PlatformPlace, moves_platform, name_of};
 use crate::universal::turn;
 use kinematics::{Carries, Fault, Letter, Link, Matrix3, POSE_LETTERS, Pose, Vector3};
+use machine::passive::{self, PassiveShape};
 use machine::read::joints::JointKind;
 use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
@@ -383,7 +384,7 @@ fn coordinates(
     active.map(joint).collect()
 }
 
-/// Returns bars from the middle of the platform to the legs and to the tool.
+/// Returns bars from the middle of the platform to the legs and to the tool, and the tubes that are fixed to it.
 fn platform_shapes(
     config: &Mechanism,
     home: &PlatformPlace,
@@ -403,8 +404,14 @@ fn platform_shapes(
         ends: [-0.5, 0.5].map(|side| middle + home.rotation * Vector3::z() * (side * radius)),
         radius: 1.5 * radius,
     };
+    let tubes = passive::parts(config).into_iter();
+    let tubes = tubes.filter(|part| part.shape == PassiveShape::Tube).map(|tube| {
+        let ends = tube.ends.map(|end| place(end.platform.into()));
+        Rod { ends, radius: 0.6 * radius }
+    });
     // An anchor in the middle needs no bar.
     std::iter::once(hub)
+        .chain(tubes)
         .chain(rods.filter(|rod| (rod.ends[1] - rod.ends[0]).norm() > 0.01 * size))
         .collect()
 }
