@@ -20,13 +20,14 @@ enum Kind {
     Square,
 }
 
-const PLANS: [Plan; 6] = [
+const PLANS: [Plan; 7] = [
     ("strut", "XYZ", "", &[Kind::Through, Kind::Through, Kind::Square]),
     ("slider", "ZAB", "XY", &[Kind::InPlane, Kind::InPlane, Kind::InPlane]),
     ("slider", "XYZ", "", &[Kind::InPlane, Kind::Through, Kind::Square]),
     ("screw", "XYZC", "", &[Kind::Square, Kind::Through]),
     ("strut", "ZAB", "XY", &[Kind::InPlane, Kind::Through, Kind::InPlane]),
     ("screw", "XZB", "Y", &[Kind::InPlane, Kind::Square, Kind::Through]),
+    ("ring", "XYZ", "", &[Kind::InPlane, Kind::Through, Kind::Square]),
 ];
 
 /// Machines that cover every plan.
@@ -122,7 +123,11 @@ impl Draft {
                 Vector3::new(angle.cos(), angle.sin(), 0.0) * radius + near(rng, 40.0)
             });
             let _ = writeln!(sections, "[LEG_{i}]\nBASE = {}", words(&base));
-            let _ = writeln!(sections, "PLATFORM = {}", words(&platform));
+            let _ = match legs {
+                // A ring is centered on the tool axis.
+                "ring" => writeln!(sections, "EFFECTOR = 60 {}", platform.z + 80.0 * i as f64),
+                _ => writeln!(sections, "PLATFORM = {}", words(&platform)),
+            };
             let across = Vector3::new(-around.sin(), around.cos(), 0.0) + near(rng, 0.2);
             let _ = match legs {
                 "screw" => writeln!(
@@ -136,6 +141,7 @@ impl Draft {
                     let guide = -Vector3::z() + near(rng, 0.2);
                     writeln!(sections, "GUIDE = {}\nROD = 500\nSIDE = -1", words(&guide))
                 }
+                "ring" => Ok(()),
                 _ => writeln!(sections, "LEAD = 0"),
             };
         }
@@ -195,7 +201,7 @@ impl Draft {
     fn text(&self, name: &str, joints: &[f64]) -> String {
         let (legs, commanded, table, kinds) = self.plan;
         let count = 6 - kinds.len() + table.len();
-        let kind = if legs == "slider" { "slider" } else { "strut" };
+        let kind = if legs == "screw" { "strut" } else { legs };
         let letters: String = self.letters().map(|(_, letter)| letter).collect();
         let mut text = format!(
             "# Drawn at random, for tests.\n[EMC]\nVERSION = 1.1\nMACHINE = {name}\n[DISPLAY]\nDISPLAY = axis\n\

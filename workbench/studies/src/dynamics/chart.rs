@@ -35,7 +35,7 @@ pub struct Chart {
 struct Coupled {
     /// N.
     rates: Matrix6xX<f64>,
-    /// Derivative of N by each coordinate of the chart; empty if nobody asked for it.
+    /// Derivative of N by each coordinate of the chart; empty without [`Chart::with_bends`].
     bends: Vec<Matrix6xX<f64>>,
 }
 
