@@ -117,9 +117,15 @@ impl<'a> Subject<'a> {
         let (machine, tool) = (self.machine, &self.tool);
         let start = machine.full_pose(seed, tool).expect("forward has solved it");
         let (p, a) = (start.position, start.angles);
-        let expected = self.reference.follow(&[p.x, p.y, p.z, a.x, a.y, a.z], joints, parts)?;
+        let from = [p.x, p.y, p.z, a.x, a.y, a.z];
         // Next to a constraint singularity the proof of the seed may reach farther than that of the pose.
         let full = machine.full_pose(found, tool).ok()?;
+        let quick = self.reference.follow(&from, joints, parts)?;
+        if self.is_same(&full, &quick) {
+            return Some(true);
+        }
+        // In few parts it may itself change to another pose.
+        let expected = self.reference.follow(&from, joints, PARTS[2])?;
         let is_same = self.is_same(&full, &expected);
         if !is_same {
             println!("{}: {seed:?} {joints:?}: {full:?} {expected:?}", self.name);
