@@ -355,6 +355,7 @@ impl<'a> Run<'a> {
                 Record::Head(_) => return Err(NotJudged::OtherRecords),
                 Record::Move(commanded) => {
                     moves += 1;
+                    watch.commanded = (commanded.line, commanded.file);
                     if moves > options.most_moves {
                         return Err(NotJudged::TooManyMoves(options.most_moves, commanded.line));
                     }
@@ -374,7 +375,7 @@ impl<'a> Run<'a> {
                         return Ok(watch.outcome(ending, row.cycle));
                     }
                 }
-                Record::Message(cycle, message) => watch.message(cycle, message),
+                Record::Message(cycle, file, message) => watch.message(cycle, file, message),
                 Record::End(cycle, _, Cause::Finished, _) => {
                     return Ok(watch.outcome(Ending::Finished, cycle));
                 }
@@ -500,6 +501,8 @@ struct Watch<'a> {
     moved: u64,
     line: u32,
     file: usize,
+    /// Line and file of the last command to motion.
+    commanded: (u32, usize),
 }
 
 impl<'a> Watch<'a> {
@@ -512,6 +515,7 @@ impl<'a> Watch<'a> {
             moved: 0,
             line: 0,
             file: 0,
+            commanded: (0, 0),
         }
     }
 
@@ -551,9 +555,13 @@ impl<'a> Watch<'a> {
         }
     }
 
-    fn message(&mut self, cycle: u64, message: Message) {
-        let seconds = self.seconds(cycle);
-        self.messages.push(Message { seconds, file: self.file, ..message });
+    /// Adds a message: the interpreter's is in the file that it reads, one of motion about a refused command in the file of
+    /// that command, and any other one in the file of the present move.
+    fn message(&mut self, cycle: u64, read: Option<usize>, message: Message) {
+        let (line, commanded) = self.commanded;
+        let refused = (message.named_line() == Some(line)).then_some(commanded);
+        let file = read.or(refused).unwrap_or(self.file);
+        self.messages.push(Message { seconds: self.seconds(cycle), file, ..message });
     }
 
     fn outcome(self, ending: Ending, cycles: u64) -> Outcome {

@@ -216,9 +216,13 @@ pub struct Message {
 impl Message {
     /// Returns the line of the message: the one that it names, otherwise the move's, otherwise the one being read.
     pub fn place(&self) -> u32 {
+        self.named_line().unwrap_or(if self.line > 0 { self.line } else { self.read })
+    }
+
+    /// Returns the line that the text names.
+    pub(crate) fn named_line(&self) -> Option<u32> {
         let behind = self.text.split_once(" on line ").map_or("", |(_, rest)| rest);
-        let digits = behind.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
-        digits.parse().unwrap_or(if self.line > 0 { self.line } else { self.read })
+        behind.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default().parse().ok()
     }
 
     /// Returns whether it reports an error.

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::io::{self, Read};
 
 /// Supported version of the records.
-pub const VERSION: u32 = 6;
+pub const VERSION: u32 = 7;
 
 const HEAD: u32 = 1;
 const ROW: u32 = 2;
@@ -40,8 +40,8 @@ pub enum Record<'a> {
     Head(u32),
     /// A servo cycle.
     Row(&'a Row),
-    /// A message for the operator; its time is still in cycles.
-    Message(u64, Message),
+    /// A message for the operator, and the file of its line if it is the interpreter's; its time is still in cycles.
+    Message(u64, Option<usize>, Message),
     /// A move that the task commands, before it begins.
     Move(&'a Commanded),
     /// A file with lines of moves; files count from 0, the program.
@@ -136,7 +136,11 @@ impl<R: Read> Records<R> {
                 Some(Record::File(fields.text()))
             }
             READING => fields.line().map(Record::Reading),
-            MESSAGE => fields.message(),
+            // As for moves.
+            MESSAGE => fields
+                .message()
+                .filter(|(_, file, _)| file.is_none_or(|file| file < self.known.max(1)))
+                .map(|(cycle, file, message)| Record::Message(cycle, file, message)),
             END => fields.end(),
             _ => None,
         };
@@ -244,15 +248,18 @@ impl Fields<'_> {
         Some(())
     }
 
-    fn message(&mut self) -> Option<Record<'static>> {
+    fn message(&mut self) -> Option<(u64, Option<usize>, Message)> {
         let (cycle, line, kind) = (self.cycle()?, self.line()?, self.number()?);
-        let read = self.line()?;
-        let line = if kind & OF_INTERPRETER == 0 { line } else { read };
+        let (read, read_file) = (self.line()?, self.number()? as usize);
+        let is_of_interpreter = kind & OF_INTERPRETER != 0;
+        let line = if is_of_interpreter { read } else { line };
         let kind = kind & !OF_INTERPRETER;
         let kind =
             *[MessageKind::Error, MessageKind::Text, MessageKind::Display].get(kind as usize)?;
         let text = self.text().trim_end().into();
-        Some(Record::Message(cycle, Message { kind, text, line, file: 0, read, seconds: 0.0 }))
+        let file = is_of_interpreter.then_some(read_file);
+        let message = Message { kind, text, line, file: 0, read, seconds: 0.0 };
+        Some((cycle, file, message))
     }
 
     fn end(&mut self) -> Option<Record<'static>> {

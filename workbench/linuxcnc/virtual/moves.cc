@@ -454,13 +454,14 @@ void find() {
 
 Read reading(const char *text) {
     if (!interpreter || !*interpreter) {
-        return {0, false};
+        return {0, 0, false};
     }
     // The interpreter keeps the text of its last error. The task passes on as much of it as fits in a message.
     char error[LINE_LENGTH] = "";
     error_text(*interpreter, INTERP_ERROR, error, sizeof error);
     const bool is_own = *text && std::strncmp(text, error, std::strlen(text)) == 0;
-    return {line_that_is_read(), is_own};
+    const bool has_file = is_own && record::is_on() && !files.empty();
+    return {line_that_is_read(), has_file ? file_that_is_read() : 0, is_own};
 }
 
 void start() {

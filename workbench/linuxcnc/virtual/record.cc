@@ -6,7 +6,8 @@
 //     2 row       a servo cycle: u64 cycle, i32 line, u32 flags (1 on, 2 tool busy, 4 feed inhibited), u32 number
 //                 of the move, f64 feed, pose[9], tool[6] (that of a second mechanism last),
 //                 then for every joint command, following error and its limit
-//     3 message   u64 cycle, i32 line, u32 kind (from 256 up from the interpreter), i32 line being read, text
+//     3 message   u64 cycle, i32 line, u32 kind (from 256 up from the interpreter), i32 line being read, u32 its file
+//                 (0 if not from the interpreter), text
 //     4 end       u64 cycle, i32 line, u32 cause (record::End), text; last
 //     5 move      as commanded, before it begins: i32 line, u32 file, u32 kind (record::Move::Kind),
 //                 u32 flags (1 arc, 2 follows the spindle, 4 the spindle turns, 8 at a constant surface speed),
@@ -30,7 +31,7 @@
 #include <vector>
 
 namespace {
-constexpr int VERSION = 6;
+constexpr int VERSION = 7;
 constexpr size_t BLOCK = 1 << 16;
 // Number of coordinates of a pose, and of values of the tool offsets of two mechanisms.
 constexpr int LETTERS = 9, TOOLS = 6;
@@ -210,9 +211,10 @@ void move(const Move &move) {
 }
 
 void message(unsigned kind, const std::string &text) {
-    const auto [line, is_of_interpreter] = moves::reading(text.c_str());
+    const auto [line, file, is_of_interpreter] = moves::reading(text.c_str());
     kind |= is_of_interpreter ? OF_INTERPRETER : 0;
-    put_text(MESSAGE, kind, std::string(reinterpret_cast<const char *>(&line), sizeof line) + text);
+    const int32_t place[] = {line, file};
+    put_text(MESSAGE, kind, std::string(reinterpret_cast<const char *>(place), sizeof place) + text);
 }
 
 void end(End cause, const std::string &text) {

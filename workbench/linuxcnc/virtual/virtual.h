@@ -132,6 +132,8 @@ void start();
 void cycle();
 struct Read {
     int line;
+    // Of a message of the interpreter.
+    int file;
     // Whether the message is the interpreter's: it stopped in this line.
     bool is_of_interpreter;
 };

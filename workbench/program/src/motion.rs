@@ -163,7 +163,7 @@ pub fn read(
         Ending::Stopped if all.last().is_some_and(|last| !is_reached(config, last)) => {
             Ok((all, files))
         }
-        Ending::Stopped => Err(stopped(program, &outcome)),
+        Ending::Stopped => Err(stopped(program, &files, &outcome)),
     }
 }
 
@@ -177,11 +177,15 @@ fn is_reached(config: &MachineConfig, step: &Move) -> bool {
     })
 }
 
-fn stopped(program: &Path, outcome: &Outcome) -> ProgramError {
+fn stopped(program: &Path, files: &[PathBuf], outcome: &Outcome) -> ProgramError {
     let errors: Vec<_> = outcome.messages.iter().filter(|message| message.is_error()).collect();
     let texts: Vec<&str> = errors.iter().map(|message| message.text.as_str()).collect();
     ProgramError::Stopped {
-        program: program.into(),
+        program: errors
+            .first()
+            .and_then(|message| files.get(message.file))
+            .map_or(program, |file| file)
+            .into(),
         line: errors.first().map_or(0, |message| message.place()).max(1),
         text: if texts.is_empty() { "without a message".into() } else { texts.join("; ") },
     }

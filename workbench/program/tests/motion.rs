@@ -2,12 +2,14 @@
 //! The moves that LinuxCNC commands to motion: units, offsets, arcs, tools, files, the spindle and errors.
 
 use linuxcnc::process::Options;
+use machine::read::machine::MachineConfig;
 use machine::read::mechanism::Mechanism;
 use program::motion::{Move, MoveKind, Spindle, moves};
 use program::preflight::judge;
 use program::replay::duration;
+use program::report::Rule;
 use program::work_offset::Offset;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use test_support::control::bounded;
 use test_support::shipped;
@@ -266,8 +268,14 @@ fn loops_without_an_end_end() {
     assert!(text.contains("without a move"), "{text}");
 }
 
-/// Returns X, line and file of the moves of a program that calls `away`, in a file of its own.
-fn places_in_two_files(main: &str, away: &str) -> Vec<(f64, u32, usize)> {
+/// A program that calls `away`, in a file of its own, and the machine that finds it; both files are in the folder.
+struct TwoFiles {
+    _folder: tempfile::TempDir,
+    config: MachineConfig,
+    files: [PathBuf; 2],
+}
+
+fn two_files(main: &str, away: &str) -> TwoFiles {
     let folder = tempfile::tempdir().unwrap();
     let text =
         std::fs::read_to_string(test_support::shipped::folder("hexapod").join("hexapod.ini"))
@@ -283,9 +291,15 @@ fn places_in_two_files(main: &str, away: &str) -> Vec<(f64, u32, usize)> {
     std::fs::write(&program, format!("{main}\nM2\n")).unwrap();
     let file = folder.path().join("away.ngc");
     std::fs::write(&file, format!("o<away> sub\n{away}\no<away> endsub\nM2\n")).unwrap();
-    let steps = moves(&config.clone().into(), &program, None).unwrap();
-    let judged = judge(&config.clone().into(), &program, &Options::default(), &mut |_| ());
-    assert_eq!(judged.unwrap().files, [program, file]);
+    TwoFiles { _folder: folder, config: config.into(), files: [program, file] }
+}
+
+/// Returns X, line and file of the moves of a program that calls `away`, in a file of its own.
+fn places_in_two_files(main: &str, away: &str) -> Vec<(f64, u32, usize)> {
+    let TwoFiles { config, files, .. } = &two_files(main, away);
+    let steps = moves(config, &files[0], None).unwrap();
+    let judged = judge(config, &files[0], &Options::default(), &mut |_| ());
+    assert_eq!(judged.unwrap().files, *files);
     steps[1..].iter().map(|step: &Move| (step.end[0].round(), step.line, step.file)).collect()
 }
 
@@ -306,6 +320,24 @@ fn lines_of_subroutines_belong_to_their_files() {
         (4.0, 5, 0),
     ];
     assert_eq!(places, expected);
+}
+
+#[test]
+fn stops_belong_to_the_file_of_their_line() {
+    let stop = |main: &str, away: &str| {
+        let TwoFiles { config, files, .. } = &two_files(main, away);
+        let judged = judge(config, &files[0], &Options::default(), &mut |_| ()).unwrap();
+        let stops = judged.found.breaks.into_iter().filter(|found| found.limit == Rule::Control);
+        stops.map(|found| (found.line, found.file)).collect::<Vec<_>>()
+    };
+    let fine = "G0 X2\nG1 F600 X0";
+    // The motion refuses a move, or the interpreter a block, while the file of the subroutine is executed.
+    assert_eq!(stop("G21 G90\no<away> call\nG1 X500 F600", fine), [(3, 0)]);
+    assert_eq!(stop("G21 G90\no<away> call\nG1 X#<_none> F600", fine), [(3, 0)]);
+    assert_eq!(stop("G21 G90\no<away> call", "G0 X2\nG1 X500 F600"), [(3, 1)]);
+    // The interpreter has left the subroutine when it reports the error: the line is that of the call.
+    let bad = "G0 X2\nX3\nG1 X#<_none> F600";
+    assert_eq!(stop("G21 G90\nG0 X5\no<away> call", bad), [(3, 0)]);
 }
 
 #[test]
