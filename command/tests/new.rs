@@ -3,7 +3,7 @@
 //! virtual time, and impossible machines are refused with no files remaining.
 
 use crate::commands::Bench;
-use kinematics::Pose;
+use kinematics::{Letter, Pose, Vector3};
 use machine::proof::reach::Reach;
 use machine::read::mechanism::Mechanism;
 use new::kinds::KINDS;
@@ -16,6 +16,7 @@ use rand_pcg::Pcg64;
 use snapbox::{assert_data_eq, str};
 use std::fs;
 use std::path::{Path, PathBuf};
+use test_support::constrained::golden;
 
 const FIVE_STRUTS: &str = "\
 # Five struts that leave the turn about the tool free.
@@ -332,7 +333,8 @@ fn machines_whose_passive_joints_couple_coordinates_are_made_and_run() {
 
 /// Trial machines are written by themselves, from drawings.
 #[test]
-fn machines_with_constraints_are_those_of_their_drawings() {
+fn machines_with_constraints_have_the_joints_of_separately_computed_poses() {
+    let golden = golden();
     let bench = Bench::new();
     for (name, words) in [
         ("tricept", "tricept --base-radius 400 --platform-radius 150 --strut 650 1300 --nose 40"),
@@ -348,20 +350,24 @@ fn machines_with_constraints_are_those_of_their_drawings() {
         let made = bench.answer(&format!("new {words} --out {name}"), "");
         assert!(made.ends_with("exit 0\n"), "{made}");
         let made = test_support::shipped::first_of(&file(&bench, &format!("{name}/{name}.ini")));
-        let trial = format!("tests/cases/ini/constraints/{name}.ini");
-        let trial = test_support::shipped::first_of(&test_support::shipped::root().join(trial));
-        let pose = match name {
-            "z3-head" => [60.0, -35.0, -700.0, -6.0, 8.0, 0.0],
-            _ => [60.0, -35.0, -880.0, 0.0, 0.0, 0.0],
-        };
-        let pose = Pose::from_degrees(pose);
-        let [made, trial] = [made, trial].map(|config| {
-            let joints = config.machine.inverse(&pose, &config.spindle).unwrap();
-            joints[..config.joints.len()].to_vec()
-        });
-        for (made, trial) in made.iter().zip(&trial) {
-            // Anchors have nine digits after the point.
-            assert!((made - trial).abs() < 1e-7, "{name}: {made} {trial}");
+        let layout = *made.machine.layout();
+        let rows: Vec<_> = golden.iter().filter(|row| row.machine == name).collect();
+        assert!(rows.len() > 3, "{name}: {}", rows.len());
+        for row in rows {
+            let tool = -Vector3::from(row.tip);
+            let mut pose = Pose::from_degrees(row.pose);
+            pose.position += tool;
+            for letter in Letter::ALL.into_iter().filter(|letter| layout.is_dependent(*letter)) {
+                match letter.index() {
+                    k @ 0..3 => pose.position[k] = 0.0,
+                    k => pose.angles[k - 3] = 0.0,
+                }
+            }
+            let joints = made.machine.inverse(&pose, &tool).unwrap();
+            for (made, expected) in joints.iter().zip(&row.joints) {
+                // Anchors have nine digits after the point.
+                assert!((made - expected).abs() < 1e-7, "{name}: {made} {expected}");
+            }
         }
     }
 }

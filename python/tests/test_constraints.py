@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from pkmkins import Machine
 
-CASES = Path(__file__).resolve().parents[2] / "tests/cases"
-GOLDEN = tomllib.loads((CASES / "golden/constraints.toml").read_text())["row"]
+REPOSITORY = Path(__file__).resolve().parents[2]
+GOLDEN = tomllib.loads((REPOSITORY / "tests/cases/golden/constraints.toml").read_text())["row"]
 NAMES = ["tricept", "exechon", "z3-head"]
 
 
 def machine(name):
-    return Machine.from_ini(CASES / f"ini/constraints/{name}.ini")
+    return Machine.from_ini(REPOSITORY / f"configs/{name}/{name}.ini")
 
 
 @pytest.mark.parametrize("row", GOLDEN, ids=lambda row: row["machine"])

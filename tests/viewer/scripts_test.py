@@ -366,7 +366,7 @@ def test_values_come_from_the_pins_of_their_mechanism(vismach, name, mechanism):
 
 @pytest.mark.parametrize(("name", "shapes"), [("tricept", {"tube", "axis"}), ("exechon", {"axis"}), ("z3-head", {"axis"})])
 def test_dependent_coordinates_come_from_their_pins(vismach, name, shapes):
-    file = REPOSITORY / f"tests/cases/ini/constraints/{name}.ini"
+    file = REPOSITORY / f"configs/{name}/{name}.ini"
     own, hal = Scene(json.loads(subprocess.run([PKM, "scene", file], capture_output=True, check=True).stdout)), Hal()
     assert {part["shape"] for part in own.passive} == shapes
     hal.values = {f"joint.{joint['number']}.pos-fb": value for joint, value in zip(own.joints, own.home["joints"])}

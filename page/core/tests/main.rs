@@ -10,8 +10,7 @@ use page_core::{Described, Drawn};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use studies::study::rods::View;
-use test_support::constrained::{CONSTRAINED, constrained};
-use test_support::shipped::{MACHINES, config, whole};
+use test_support::shipped::{CONSTRAINED, MACHINES, config, whole};
 
 /// Rounding errors of lengths of 1e3.
 const LENGTH: f64 = 1e-9;
@@ -32,7 +31,7 @@ fn numbers(described: &Described) -> Vec<f64> {
 
 fn mechanisms() -> impl Iterator<Item = Mechanism> {
     let shipped = MACHINES.into_iter().flat_map(|machine| whole(machine).mechanisms);
-    shipped.chain(CONSTRAINED.into_iter().map(constrained))
+    shipped.chain(CONSTRAINED.into_iter().map(config))
 }
 
 #[test]

@@ -1,27 +1,32 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! Machines with constraints of the platform.
+//! Samples of machines with constraints of the platform.
 
 use crate::shipped::root;
 use kinematics::{Pose, Vector3};
-use machine::read::ini::Ini;
-use machine::read::machine::{Lenient, MachineConfig};
 use machine::read::mechanism::Mechanism;
 use rand::Rng;
 use rand_pcg::Pcg64;
-use std::path::PathBuf;
+use serde::Deserialize;
 
-pub const CONSTRAINED: [&str; 3] = ["tricept", "exechon", "z3-head"];
-
-/// Returns the INI file of a machine.
-pub fn constrained_ini(machine: &str) -> PathBuf {
-    root().join(format!("tests/cases/ini/constraints/{machine}.ini"))
+/// A pose of the platform and its joints, computed by a separate program.
+#[derive(Deserialize)]
+pub struct Golden {
+    pub machine: String,
+    /// Vector from the platform's origin to the control point, in the platform frame.
+    pub tip: [f64; 3],
+    /// Pose of the control point in base, degrees.
+    pub pose: [f64; 6],
+    pub joints: Vec<f64>,
 }
 
-/// Reads a machine.
-pub fn constrained(machine: &str) -> Mechanism {
-    let ini = Ini::read(&constrained_ini(machine)).unwrap();
-    let config = MachineConfig::leniently(&ini, Some(Lenient::Constraints)).unwrap();
-    config.mechanism(1).unwrap()
+/// Returns the separately computed poses.
+pub fn golden() -> Vec<Golden> {
+    #[derive(Deserialize)]
+    struct File {
+        row: Vec<Golden>,
+    }
+    let file = root().join("tests/cases/golden/constraints.toml");
+    toml::from_str::<File>(&std::fs::read_to_string(file).unwrap()).unwrap().row
 }
 
 /// Samples one of LinuxCNC's poses within the limits of the axes.

@@ -19,6 +19,10 @@ fn all_machines_are_tested() {
     let mut known: Vec<_> = MACHINES.into_iter().chain(CONSTRAINED).collect();
     known.sort_unstable();
     assert_eq!(found, known);
+    for name in known {
+        let layout = *whole(name).first().machine.layout();
+        assert_eq!(layout.constraints() > 0, CONSTRAINED.contains(&name), "{name}");
+    }
 }
 
 #[test]

@@ -7,8 +7,8 @@ use machine::scene::Scene;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use serde_json::Value;
-use test_support::constrained::{CONSTRAINED, commanded, constrained, tool};
-use test_support::shipped::{MACHINES, config};
+use test_support::constrained::{commanded, tool};
+use test_support::shipped::{CONSTRAINED, MACHINES, config};
 
 /// Some roundings of lengths of 1e3, and of directions over an axis of 50.
 const LENGTH: f64 = 1e-9;
@@ -21,7 +21,7 @@ fn shapes(parts: &[Passive]) -> Vec<(usize, PassiveShape)> {
 #[test]
 fn every_constraint_has_the_parts_of_the_machine_that_it_describes() {
     use PassiveShape::{Axis, Tube};
-    let of = |machine: &str| shapes(&parts(&constrained(machine)));
+    let of = |machine: &str| shapes(&parts(&config(machine)));
     // The tube is in both planes; the universal joint about it has two axes.
     assert_eq!(of("tricept"), [(0, Tube), (2, Axis), (2, Axis)]);
     // A revolute joint of each leg, and the universal joints of the two legs in the common plane.
@@ -41,7 +41,7 @@ fn direction([from, to]: [Vector3<f64>; 2]) -> Vector3<f64> {
 fn passive_joints_fit_their_legs_at_every_pose() {
     let mut rng = Pcg64::seed_from_u64(60);
     for machine in CONSTRAINED {
-        let config = constrained(machine);
+        let config = config(machine);
         let parts = parts(&config);
         for _ in 0..100 {
             let (pose, tool) = (commanded(&config, &mut rng), tool(&config, &mut rng));
@@ -93,7 +93,7 @@ fn vector(of: &Value) -> Vector3<f64> {
 fn the_platform_of_a_scene_follows_from_the_dependent_coordinates() {
     let mut rng = Pcg64::seed_from_u64(61);
     for machine in CONSTRAINED {
-        let config = constrained(machine);
+        let config = config(machine);
         let scene: Value = serde_json::from_str(&Scene::new(&config).json()).unwrap();
         let dependent = scene["dependent"].as_str().unwrap();
         let mut reached = 0;

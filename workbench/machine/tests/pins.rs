@@ -407,7 +407,7 @@ fn constraints_are_printed_by_kind_and_vector() {
             ],
         ),
     ] {
-        let file = root().join(format!("tests/cases/ini/constraints/{name}.ini"));
+        let file = root().join(format!("configs/{name}/{name}.ini"));
         let text = printed(&file, "1.2.3").unwrap_or_else(|error| of_machine(&error));
         for line in lines {
             assert!(has(&text, line), "{line}: {text}");
@@ -417,7 +417,7 @@ fn constraints_are_printed_by_kind_and_vector() {
 
 #[test]
 fn a_machine_with_constraints_is_not_judged_by_tools_that_do_not_know_them() {
-    let file = root().join("tests/cases/ini/constraints/tricept.ini");
+    let file = root().join("configs/tricept/tricept.ini");
     let ini = machine::read::ini::Ini::read(&file).unwrap();
     let refused = machine::read::machine::MachineConfig::from_ini(&ini).unwrap_err();
     assert!(refused.to_string().contains("not judged"), "{refused}");

@@ -12,7 +12,8 @@ use studies::study::sensitivity::{Sensitivity, monte_carlo};
 use studies::study::springs::Springs;
 use studies::study::stiffness::{Stiffness, with_platform};
 use studies::study::workspace::{NoWorkspace, Workspace};
-use test_support::constrained::{CONSTRAINED, commanded, constrained, tool};
+use test_support::constrained::{commanded, tool};
+use test_support::shipped::{CONSTRAINED, config};
 
 /// Step of central differences, mm and degrees: truncation and rounding are both below 1e-7 per mm.
 const STEP: f64 = 1e-3;
@@ -34,7 +35,7 @@ fn degrees(k: usize) -> f64 {
 fn dependent_coordinates_and_joints_follow_as_differences_of_the_inverse() {
     let mut rng = Pcg64::seed_from_u64(60);
     for machine in CONSTRAINED {
-        let config = constrained(machine);
+        let config = config(machine);
         for _ in 0..30 {
             let (pose, tool) = (commanded(&config, &mut rng), tool(&config, &mut rng));
             let Ok(at) = config.machine.at(&pose, &tool) else { continue };
@@ -71,7 +72,7 @@ fn dependent_coordinates_and_joints_follow_as_differences_of_the_inverse() {
 fn joint_errors_move_every_coordinate_as_forward_does() {
     let mut rng = Pcg64::seed_from_u64(61);
     for machine in CONSTRAINED {
-        let config = constrained(machine);
+        let config = config(machine);
         let mut compared = 0;
         while compared < 10 {
             let (pose, tool) = (commanded(&config, &mut rng), tool(&config, &mut rng));
@@ -141,7 +142,7 @@ fn the_tip_yields_as_equilibrium_of_struts_and_constraint_reactions_says() {
     let mut rng = Pcg64::seed_from_u64(62);
     let study = Study::parse("[legs]\nstiffness_n_per_um = [10, 20, 40]\n").unwrap();
     for machine in ["tricept", "exechon"] {
-        let config = constrained(machine);
+        let config = config(machine);
         let springs = Springs::of(&config, &study).unwrap();
         let mut compared = 0;
         while compared < 10 {
@@ -187,7 +188,7 @@ fn the_tip_yields_as_equilibrium_of_struts_and_constraint_reactions_says() {
 fn the_workspace_is_bounded_by_the_joints_of_the_whole_pose() {
     let mut rng = Pcg64::seed_from_u64(63);
     for machine in CONSTRAINED {
-        let config = constrained(machine);
+        let config = config(machine);
         let workspace =
             Workspace::new(&config, config.spindle, vec![[0.0; 3]], &Study::default()).unwrap();
         let (mut inside, mut outside) = (0, 0);
@@ -218,7 +219,7 @@ fn the_workspace_is_bounded_by_the_joints_of_the_whole_pose() {
 
 #[test]
 fn a_workspace_with_dependent_angles_is_refused() {
-    let config = constrained("tricept");
+    let config = config("tricept");
     let study = Study::default();
     let found = Workspace::new(&config, config.spindle, vec![[0.0, 10.0, 0.0]], &study);
     let Err(NoWorkspace::Home(fault)) = found else { panic!("B follows") };
