@@ -4,6 +4,7 @@
 use super::failure::{Failure, refused};
 use super::{Bar as Progress, MachineFile, Verdict, output};
 use calibrate::at_tool::{CONFIDENCE, Ellipsoid};
+use calibrate::constraint::ConstraintPart;
 use calibrate::model::{Parameter, Quantity, Tolerance};
 use calibrate::rewrite;
 use calibrate::scale::DriveScale;
@@ -46,6 +47,9 @@ const FAR: f64 = 4.0;
 /// unit) and "# plate X Y Z A B C", the approximate position of the plate. Each line is assigned
 /// to the nearest wall or face, within a quarter of the ball's diameter. If consecutive lines at
 /// one orientation are within a tenth of it, the last one counts (a slow touch after a fast one).
+///
+/// Constraints of the platform are calibrated as well: shifts and tilts of their planes and axes, the
+/// latter as lengths at the radius of the platform, and the points that are no anchors of legs.
 ///
 /// Reports what the measurements determine and what they do not, and why; every changed value
 /// with the half width of its 95 % interval; the 95 % region of the tip; and the fit of
@@ -113,7 +117,13 @@ pub struct Arguments {
 struct OwnFile(PathBuf);
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_for_measuring()?;
+    let config = arguments.machine.for_measuring(arguments.machine.read_constrained()?)?;
+    let constraints = config.machine.layout().constraints();
+    if arguments.boxes && constraints > 0 {
+        return Err(refused(
+            "--boxes: not judged with constraints= in [KINS]KINEMATICS; remove --boxes",
+        ));
+    }
     let wishes = wishes(arguments, &config)?;
     if arguments.write.as_ref().is_some_and(|new| same_file(new, &config.file)) {
         return Err(OwnFile(config.file.clone()).into());
@@ -335,6 +345,7 @@ fn name(quantity: Quantity) -> String {
         Quantity::Base(leg, k) => format!("LEG_{leg} BASE {}", axis(k)),
         Quantity::Platform(leg, k) => format!("LEG_{leg} PLATFORM {}", axis(k)),
         Quantity::Length(leg) => format!("LEG_{leg} length"),
+        Quantity::Constraint(n, part) => format!("CONSTRAINT_{n} {}", part_name(part)),
         Quantity::Lead => "lead".into(),
         Quantity::Scale => "scale of the drives".into(),
         Quantity::Trigger => "probe late by".into(),
@@ -343,9 +354,21 @@ fn name(quantity: Quantity) -> String {
     }
 }
 
+fn part_name(part: ConstraintPart) -> String {
+    let axis = |k: usize| AXES[k % 3];
+    match part {
+        ConstraintPart::Base(k) => format!("BASE {}", axis(k)),
+        ConstraintPart::Platform(k) => format!("PLATFORM {}", axis(k)),
+        ConstraintPart::Shift => "shift".into(),
+        ConstraintPart::Normal(k) => format!("tilt {}", k + 1),
+        ConstraintPart::BaseAxis(k) => format!("base tilt {}", k + 1),
+    }
+}
+
 fn values(study: &Study) -> String {
     let reach = Normal::standard().inverse_cdf(0.5 + CONFIDENCE / 2.0);
-    let mut text = "\n  value                    change       +-   of the drawing's\n".to_string();
+    let mut text =
+        "\n  value                      change       +-   of the drawing's\n".to_string();
     let is_frame = |quantity| matches!(quantity, Quantity::Frame(..));
     let parameters = study.model.parameters.iter().enumerate();
     for (k, parameter) in parameters.filter(|(_, p)| !is_frame(p.quantity)) {
@@ -353,7 +376,7 @@ fn values(study: &Study) -> String {
         let share = study.found.deviation(k) / parameter.deviation;
         let _ = writeln!(
             text,
-            "  {:<22} {:>10.5} {half:>9.5}   {:>3.0} %",
+            "  {:<24} {:>10.5} {half:>9.5}   {:>3.0} %",
             name(parameter.quantity),
             study.found.changes[k],
             100.0 * share

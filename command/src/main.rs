@@ -50,6 +50,7 @@ use ::machine::read::columns::in_words;
 use ::machine::read::ini::{Ini, decimal};
 use ::machine::read::machine::{Lenient, MachineConfig, OneMechanism};
 use ::machine::read::mechanism::Mechanism;
+use ::machine::rows::redundant_constraint;
 use ::program::mechanism_moves;
 use ::program::motion::Move;
 use ::program::preflight::{JudgeError, has_deletable};
@@ -365,10 +366,16 @@ impl MachineFile {
         Ok((meant, whole.mechanisms.get(1 - number)))
     }
 
-    /// Reads a machine for measurements. Axes that carry something must stay at 0, where the machine is the same without
+    /// Prepares a machine for measurements. Axes that carry something must stay at 0, where the machine is the same without
     /// them.
-    fn read_for_measuring(&self) -> Result<Mechanism, Failure> {
-        let mut config = self.read()?;
+    fn for_measuring(&self, mut config: Mechanism) -> Result<Mechanism, Failure> {
+        if let Some(n) = redundant_constraint(&config)? {
+            return Err(failure::refused(format!(
+                "{}: not judged: CONSTRAINT_{n} follows from the others, and would contradict them after a calibration; \
+                 calibrate a copy without it (number the following ones anew, and reduce constraints=)",
+                self.machine.display(),
+            )));
+        }
         if config.chain.is_empty() {
             return Ok(config);
         }

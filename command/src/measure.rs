@@ -53,7 +53,7 @@ pub struct Arguments {
 struct IsThere(PathBuf);
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = arguments.machine.read_for_measuring()?;
+    let config = arguments.machine.for_measuring(arguments.machine.read_constrained()?)?;
     let tolerance = arguments.tolerance.unwrap_or(config.units_per_mm);
     if !(tolerance > 0.0 && tolerance.is_finite()) {
         return Err(refused(format!("--tolerance {tolerance}: expected more than 0")));

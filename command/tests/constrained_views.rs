@@ -114,11 +114,14 @@ fn what_is_not_judged_is_refused() {
     for (subcommand, words) in [
         ("view", vec![file, "--html", "/dev/null"]),
         ("sensitivity", vec!["--along", file]),
-        ("measure", vec!["/dev/null"]),
-        ("calibrate", vec!["/dev/null"]),
     ] {
         let (code, _, error) = pkm(subcommand, "tricept", &words);
         assert_eq!(code, 2, "{subcommand}: {error}");
         assert!(error.contains("not judged"), "{subcommand}: {error}");
+    }
+    for subcommand in ["measure", "calibrate"] {
+        let (code, _, error) = pkm(subcommand, "exechon", &["/dev/null"]);
+        assert_eq!(code, 2, "{subcommand}: {error}");
+        assert!(error.contains("CONSTRAINT_2 follows from the others"), "{subcommand}: {error}");
     }
 }

@@ -160,7 +160,8 @@ impl Gauge {
         };
         // A dial with its point pressed in is equivalent to a shorter tool on the same platform.
         let tool = self.tool - pressed;
-        let position = pose.position - self.tool + pose.rotation() * pressed + tool;
+        let rotation = config.machine.full_pose(&pose, &self.tool)?.rotation();
+        let position = pose.position - self.tool + rotation * pressed + tool;
         Ok(Reading {
             name: String::new(),
             group: 0,
@@ -190,7 +191,8 @@ impl Gauge {
             Kind::Bar => away.norm(),
             Kind::Feeler => away.z - self.radius,
             Kind::Dial => {
-                let axis = pose.rotation() * self.axis(object)?;
+                let full = config.machine.full_pose(&pose, &self.tool).ok()?;
+                let axis = full.rotation() * self.axis(object)?;
                 (self.radius - away.z) / axis.dot(&normal(object))
             }
         };
@@ -199,9 +201,19 @@ impl Gauge {
 
     /// Returns the derivative of the estimator's residual with respect to a reading, machine units per unit of the
     /// reading.
-    pub(crate) fn slope(&self, config: &Mechanism, object: &Object, pose: &Pose) -> f64 {
+    /// NaN if the pose, with the tool vector `tool`, cannot be reached.
+    pub(crate) fn slope(
+        &self,
+        config: &Mechanism,
+        object: &Object,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+    ) -> f64 {
         let rate = match self.axis(object) {
-            Some(axis) if self.kind == Kind::Dial => (pose.rotation() * axis).dot(&normal(object)),
+            Some(axis) if self.kind == Kind::Dial => {
+                let full = config.machine.full_pose(pose, tool);
+                full.map_or(f64::NAN, |full| (full.rotation() * axis).dot(&normal(object)))
+            }
             _ => -1.0,
         };
         self.length(config, rate)

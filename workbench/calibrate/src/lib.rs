@@ -23,6 +23,7 @@
 //! [`scale`] the scale of the drives.
 
 pub mod at_tool;
+pub mod constraint;
 pub mod fit;
 pub mod gauge;
 mod heading;

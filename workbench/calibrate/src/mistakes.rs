@@ -261,7 +261,7 @@ fn numbers<'a>(
         for run in 0..row.shown.len() {
             let taken = &readings[table.first + count];
             let object = &table.sheet.objects[row.stop.object];
-            let slope = table.sheet.gauge.slope(config, object, &taken.pose)
+            let slope = table.sheet.gauge.slope(config, object, &taken.pose, &taken.tool)
                 * taken.instrument.weight
                 / noise;
             let (reading, place) = (table.first + count, rows_before + count);

@@ -2,6 +2,7 @@
 //! The parameters of a machine and of its measuring frames, the drawing's
 //! values with their tolerances, and the machine that results from a set of changes.
 
+use super::constraint::{self, ConstraintPart};
 use kinematics::leg::StrutGeometry;
 use kinematics::{
     Fault, Geometry, Joints, LegGeometry, LegKind, MAX_LEGS, Machine, PerLeg, Vector3,
@@ -17,6 +18,8 @@ pub enum Quantity {
     Platform(usize, usize),
     /// A length of the leg: OFFSET of a strut, ROD of the others.
     Length(usize),
+    /// A part of a constraint of the platform.
+    Constraint(usize, ConstraintPart),
     /// The screw lead of all struts.
     Lead,
     /// Travel of all joints from home, per commanded travel, minus 1.
@@ -106,8 +109,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// Creates a model with seven parameters per leg (five for a leg on a ring), those of `tolerance` that are not 0,
-    /// and no frames.
+    /// Creates a model with seven parameters per leg (five for a leg on a ring), those of constraints, those of `tolerance`
+    /// that are not 0, and no frames.
     ///
     /// # Errors
     /// The drawing is not a valid machine.
@@ -123,6 +126,9 @@ impl Model {
             let moved = if of_ring { 2..3 } else { 0..3 };
             moved.for_each(|axis| add(Quantity::Platform(leg, axis), tolerance.anchor));
             add(Quantity::Length(leg), tolerance.length);
+        }
+        for quantity in constraint::parameters(&geometry, size) {
+            add(quantity, tolerance.anchor);
         }
         let leads = geometry.legs().iter().map(|leg| leg.kind.screw().lead.abs());
         let lead = leads.fold(0.0, f64::max);
@@ -203,6 +209,8 @@ impl Model {
                 Quantity::Lead => legs.iter_mut().flatten().for_each(|leg| turn_more(leg, *change)),
                 // The derivatives at scale 1 are all that is used.
                 Quantity::Scale => {}
+                // After the legs, which they may share joints with.
+                Quantity::Constraint(..) => {}
                 Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..) => {}
             }
         }
@@ -210,6 +218,12 @@ impl Model {
         let mut geometry = Geometry::of_layout(layout, |i| *of(&mut legs[i].clone()));
         geometry.centre = self.geometry.centre;
         geometry.home = self.geometry.home;
+        let given = self.parameters.iter().map(|parameter| parameter.quantity);
+        let given: Vec<_> = given.zip(changes.iter().copied()).collect();
+        let legs = geometry;
+        let sizes = (self.size, self.radius);
+        geometry = geometry
+            .with_constraints(|i| constraint::changed(&self.geometry, &legs, i, sizes, &given));
         (geometry, offsets)
     }
 

@@ -7,6 +7,7 @@
 //! distances 33, because they do not depend on a common motion of base and frame. At constant orientation base and
 //! platform anchors of a leg are observable only as their difference: 24 at most.
 
+use super::constraint::{self, Motion};
 use super::model::{Frame, Model, Quantity, unit};
 use super::reading::{Measured, Reading};
 use kinematics::Vector3;
@@ -111,9 +112,14 @@ fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
         let text = "rotation of the platform frame about the tip: only the tip position was measured, \
                     not the orientation";
         let tip = readings.first().map_or(Vector3::zeros(), |reading| -reading.tool);
+        let motion = Motion { turn: axis, shift: -axis.cross(&tip) };
         let change = filled(model, |quantity| match quantity {
             Quantity::Platform(leg, k) => {
                 axis.cross(&(Vector3::from(model.geometry.legs()[leg].platform) - tip))[k]
+            }
+            Quantity::Constraint(n, part) => {
+                let own = &model.geometry.constraints()[n];
+                constraint::with_platform(own, part, &motion, model.radius())
             }
             _ => 0.0,
         });
@@ -121,15 +127,22 @@ fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     }
     let text = "joint position of base and measuring frame: the frame is estimated from the same \
                 readings";
+    let with_base = |n: usize, part, motion: &Motion| {
+        constraint::with_base(&model.geometry.constraints()[n], part, motion, model.radius())
+    };
     for axis in axes() {
+        let motion = Motion { turn: Vector3::zeros(), shift: axis };
         let change = filled(model, |quantity| match quantity {
             Quantity::Base(_, k) | Quantity::Frame(_, k @ 0..3) => axis[k],
+            Quantity::Constraint(n, part) => with_base(n, part, &motion),
             _ => 0.0,
         });
         all.push(Unseen { text, change });
     }
     for axis in axes() {
+        let motion = Motion { turn: axis, shift: Vector3::zeros() };
         let change = filled(model, |quantity| match quantity {
+            Quantity::Constraint(n, part) => with_base(n, part, &motion),
             Quantity::Base(leg, k) => {
                 axis.cross(&Vector3::from(model.geometry.legs()[leg].base))[k]
             }
@@ -141,14 +154,49 @@ fn candidates(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     }
     all.extend(at_one_orientation(model, readings));
     all.extend(of_distances(model, readings));
+    all.extend(about_common_lines(model));
+    all.extend(across_planes(model));
     all
+}
+
+/// Returns the shifts of base anchors across the planes in which constraints keep their legs.
+fn across_planes(model: &Model) -> Vec<Unseen> {
+    let text = "shifts of a leg's base across the plane in which a constraint keeps the leg: its length hardly \
+                depends on them";
+    let legs = constraint::legs_in_planes(&model.geometry, model.size());
+    let shift = |(own, normal): (usize, Vector3<f64>)| {
+        let change = filled(model, |quantity| match quantity {
+            Quantity::Base(leg, k) if leg == own => normal[k],
+            _ => 0.0,
+        });
+        Unseen { text, change }
+    };
+    legs.into_iter().map(shift).collect()
+}
+
+/// Returns the turns of planes of the platform about the line in which they meet.
+fn about_common_lines(model: &Model) -> Vec<Unseen> {
+    let text = "turns of two planes of the platform about the line in which they meet: the point of base stays on it";
+    constraint::about_common_lines(&model.geometry, model.size())
+        .into_iter()
+        .map(|(own, motion)| {
+            let change = filled(model, |quantity| match quantity {
+                Quantity::Constraint(n, part) if n == own => {
+                    let own = &model.geometry.constraints()[n];
+                    constraint::with_platform(own, part, &motion, model.radius())
+                }
+                _ => 0.0,
+            });
+            Unseen { text, change }
+        })
+        .collect()
 }
 
 /// Returns the rotations of frames of ball bars: only the center's position matters, not the frame's orientation.
 fn of_distances(model: &Model, readings: &[Reading]) -> Vec<Unseen> {
     let only_distances = |frame: usize| {
-        let own = readings.iter().filter(|reading| reading.frame == frame);
-        own.into_iter().all(|reading| matches!(reading.measured, Measured::Distance(_)))
+        let mut own = readings.iter().filter(|reading| reading.frame == frame).peekable();
+        own.peek().is_some() && own.all(|reading| matches!(reading.measured, Measured::Distance(_)))
     };
     let text = "orientation of the frame of a ball bar";
     let frames = (0..model.frames.len()).filter(|frame| only_distances(*frame));

@@ -238,8 +238,8 @@ impl<'a> Maker<'a> {
         }
         match found.is_empty() {
             true => Err(BadProbing(
-                "the holes, or the path to them, are outside the limits of the machine: check the \
-                 position of the plate and the length of the probe"
+                "the holes, or the path to them, are outside the limits of the machine, or the probe would lean by \
+                 more than tilt there: check the position of the plate, the length of the probe and tilt"
                     .into(),
             )),
             false => Ok(found),
@@ -263,8 +263,18 @@ impl<'a> Maker<'a> {
         let [a, b, c] = *angles;
         places.iter().all(|[x, y, z]| {
             let pose = log::shown(self.config, [*x, *y, *z, a, b, c], &self.tool);
-            at_tool::programmable(self.config, &pose, &self.tool).is_ok()
+            at_tool::programmable(self.config, &pose, &self.tool).is_ok() && self.is_upright(&pose)
         })
+    }
+
+    /// Returns whether the probe leans by at most the largest tilt, if its orientation follows from its position.
+    fn is_upright(&self, pose: &Pose) -> bool {
+        let layout = self.config.machine.layout();
+        if ![Letter::A, Letter::B].into_iter().any(|letter| layout.is_dependent(letter)) {
+            return true;
+        }
+        let full = self.config.machine.full_pose(pose, &self.tool);
+        full.is_ok_and(|full| full.rotation()[(2, 2)] >= self.tilt.to_radians().cos())
     }
 
     fn program(&self, tilts: &[[f64; 3]], log: &str) -> String {

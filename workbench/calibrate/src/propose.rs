@@ -251,7 +251,8 @@ impl Maker<'_> {
                 let along = self.movable(&normal(own));
                 let pose = log::shown(self.config, *at, &gauge.tool);
                 // For a dial the tip moves in the opposite direction.
-                let rate = gauge.slope(self.config, own, &pose) / gauge.length(self.config, 1.0);
+                let slope = gauge.slope(self.config, own, &pose, &gauge.tool);
+                let rate = slope / gauge.length(self.config, 1.0);
                 along * ((shown - length) * rate / along.dot(&normal(own)))
             }
         };

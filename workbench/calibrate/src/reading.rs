@@ -4,6 +4,7 @@
 
 use super::model::{Frame, Model, Quantity, unit};
 use kinematics::{Fault, Joints, Letter, Machine, Pose, Solver, Vector3};
+use machine::rows::{follow_on_work, rate_map, with_dependent};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion};
 
 /// The quantity that a reading measured.
@@ -94,10 +95,11 @@ const STEP: f64 = 1e-7;
 
 impl Beside {
     /// Creates the neighbors of the machine with these changes: legs are independent, so the same parameter of all
-    /// legs needs one pair.
+    /// legs needs one pair. With constraints, which share joints with legs, every parameter needs its own.
     fn new(model: &Model, changes: &[f64]) -> Result<Self, Fault> {
         let step = STEP * model.size();
         let mut kinds: Vec<(usize, usize)> = vec![];
+        let is_bound = model.geometry.layout().constraints() > 0;
         let mut entries = vec![];
         for (k, parameter) in model.parameters.iter().enumerate() {
             let (kind, leg) = match parameter.quantity {
@@ -105,15 +107,17 @@ impl Beside {
                 Quantity::Platform(leg, axis) => (3 + axis, Some(leg)),
                 Quantity::Length(leg) => (6, Some(leg)),
                 Quantity::Lead => (7, None),
+                Quantity::Constraint(..) => (0, None),
                 Quantity::Scale | Quantity::Trigger | Quantity::Zero(_) | Quantity::Frame(..) => {
                     continue;
                 }
             };
-            let pair = kinds.iter().position(|(other, _)| *other == kind).unwrap_or_else(|| {
+            let known = kinds.iter().position(|(other, _)| *other == kind);
+            let pair = known.filter(|_| !is_bound).unwrap_or_else(|| {
                 kinds.push((kind, entries.len()));
                 kinds.len() - 1
             });
-            entries.push((k, leg, pair));
+            entries.push((k, leg.filter(|_| !is_bound), pair));
         }
         let moved = |pair: usize, step: f64| {
             let mut changes = changes.to_vec();
@@ -216,7 +220,42 @@ impl<'a> Changed<'a> {
         let solved = normal.lu().solve(&(weighted.transpose() * by));
         let solved =
             solved.unwrap_or_else(|| DMatrix::zeros(letters.len(), self.model.parameters.len()));
-        Ok(Posed { tip: pose.position - tool, rates: twist(&pose, &letters, &-solved), pose })
+        let tip = pose.position - tool;
+        if layout.constraints() > 0 {
+            return self.with_dependent(&pose, tool, &letters, &-solved);
+        }
+        Ok(Posed { tip, rates: twist(&pose, &letters, &-solved), pose })
+    }
+
+    /// Returns the pose with its dependent coordinates, and their derivatives: they follow the commanded ones, whose rates
+    /// are given, and depend on the constraints.
+    fn with_dependent(
+        &self,
+        pose: &Pose,
+        tool: &Vector3<f64>,
+        letters: &[Letter],
+        commanded: &DMatrix<f64>,
+    ) -> Result<Posed, Fault> {
+        let at = self.machine.at(pose, tool)?;
+        let (geometry, _) = self.model.changed(self.changes);
+        let follow = follow_on_work(&geometry, self.machine.radius(), &at, tool);
+        let mut own = DMatrix::zeros(6, commanded.ncols());
+        for (row, letter) in letters.iter().enumerate() {
+            let k = letter.index();
+            let unit = if k < 3 { 1.0 } else { 1_f64.to_radians() };
+            own.set_row(k, &(commanded.row(row) * unit));
+        }
+        let whole = with_dependent(&self.machine, pose, tool)?;
+        let mut rates = to_twist(&whole) * follow * own;
+        let beside = &self.beside;
+        for (k, _, pair) in &beside.entries {
+            let (more, less) = &beside.pairs[*pair];
+            let [more, less] = [more, less].map(|machine| with_dependent(machine, pose, tool));
+            let change = twist_between(&less?, &more?) / (2.0 * beside.step);
+            let mut column = rates.column_mut(*k);
+            column += change;
+        }
+        Ok(Posed { tip: whole.position - tool, rates, pose: whole })
     }
 
     /// Weights rows as the forward kinematics weight contradicting legs, by their lengths: a
@@ -382,6 +421,23 @@ fn by_zero(zero: &Zero, by_tip: &DMatrix<f64>, posed: &Posed) -> DVector<f64> {
         Some(axis) => by_tip.columns(0, 3) * (posed.pose.rotation() * axis),
         None => DVector::from_element(by_tip.nrows(), -1.0),
     }
+}
+
+/// Converts rates of X Y Z and of A B C in radians to rates of the position and of the rotation about base axes.
+fn to_twist(pose: &Pose) -> DMatrix<f64> {
+    let map = rate_map(pose);
+    DMatrix::from_fn(6, 6, |i, k| match (i < 3, k < 3) {
+        (true, true) => f64::from(u8::from(i == k)),
+        (false, false) => map[(i - 3, k - 3)],
+        _ => 0.0,
+    })
+}
+
+/// Returns the shift and the small rotation about base axes from one pose to another.
+fn twist_between(from: &Pose, to: &Pose) -> DVector<f64> {
+    let shift = to.position - from.position;
+    let turn = to_twist(from).view((3, 3), (3, 3)) * (to.angles - from.angles);
+    DVector::from_iterator(6, shift.iter().chain(turn.iter()).copied())
 }
 
 /// Converts rates of the letters to rates of the position and of the rotation about base axes.

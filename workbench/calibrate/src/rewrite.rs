@@ -2,8 +2,8 @@
 //! The INI file with another geometry: all other lines, comments and layout are kept.
 
 use super::model::{Model, Quantity};
-use keys::leg;
-use kinematics::{Fault, Geometry, LegKind, PerLeg};
+use keys::{constraint, leg};
+use kinematics::{ConstraintGeometry, Fault, Geometry, LegKind, PerLeg};
 use machine::files::{AtFile, Locate};
 use machine::proof::boxes::found;
 use machine::proof::one_to_one::Doubt;
@@ -11,7 +11,7 @@ use machine::read::boxes;
 use machine::read::edit::{self, Edit, Elsewhere, enter};
 use machine::read::error::MachineError;
 use machine::read::ini::Ini;
-use machine::read::machine::MachineConfig;
+use machine::read::machine::{Lenient, MachineConfig};
 use machine::read::mechanism::Mechanism;
 use std::path::Path;
 
@@ -44,6 +44,7 @@ pub fn calibrated(
     let (geometry, offsets) = model.changed(changes);
     let mut lines: Vec<String> = without_boxes(config.ini.editable().map_err(MachineError::from)?);
     let mut edits = of_legs(model, &geometry, &offsets);
+    edits.extend(of_constraints(model, &geometry));
     edits.extend(of_home(config, model, changes)?);
     for edit in &edits {
         enter(&mut lines, edit).at(&config.file)?;
@@ -58,7 +59,8 @@ pub fn calibrated(
 /// # Errors
 /// The text does not describe a machine.
 pub(crate) fn read_back(file: &Path, text: &str) -> Result<Mechanism, MachineError> {
-    Ok(MachineConfig::from_ini(&Ini::parse(file, text)?)?.first().clone())
+    let ini = Ini::parse(file, text)?;
+    Ok(MachineConfig::leniently(&ini, Some(Lenient::Constraints))?.first().clone())
 }
 
 /// Adds boxes that are proved for the machine of a text.
@@ -126,6 +128,36 @@ fn of_legs(model: &Model, geometry: &Geometry, offsets: &PerLeg) -> Vec<Edit> {
         let lead = new.kind.screw().lead;
         if lead != old.kind.screw().lead {
             edit(leg::LEAD.name, decimal(lead));
+        }
+    }
+    edits
+}
+
+/// Decimals of unit vectors: below the last decimal of a length over a machine's size.
+const DIRECTION_DECIMALS: usize = 12;
+
+/// Returns the vectors of the constraints that differ from those of the file.
+fn of_constraints(model: &Model, geometry: &Geometry) -> Vec<Edit> {
+    let direction = |v: &[f64; 3]| v.map(|x| format!("{:.DIRECTION_DECIMALS$}", x + 0.0)).join(" ");
+    let words = |given: &ConstraintGeometry| match given {
+        ConstraintGeometry::PointInPlane { platform, base, normal }
+        | ConstraintGeometry::PlaneThroughPoint { platform, normal, base } => vec![
+            (constraint::PLATFORM.name, list(platform)),
+            (constraint::BASE.name, list(base)),
+            (constraint::NORMAL.name, direction(normal)),
+        ],
+        ConstraintGeometry::Square { platform_axis, base_axis } => vec![
+            (constraint::PLATFORM_AXIS.name, direction(platform_axis)),
+            (constraint::BASE_AXIS.name, direction(base_axis)),
+        ],
+    };
+    let mut edits = vec![];
+    let both = model.geometry.constraints().iter().zip(geometry.constraints());
+    for (n, (old, new)) in both.enumerate() {
+        for ((key, value), (_, old)) in words(new).into_iter().zip(words(old)) {
+            if value != old {
+                edits.push(Edit { section: format!("CONSTRAINT_{n}"), key, value });
+            }
         }
     }
     edits

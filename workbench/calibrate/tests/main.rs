@@ -2,6 +2,7 @@
 //! All integration tests of the crate in one binary, which is linked once.
 
 mod calibrate;
+mod constrained;
 mod scale;
 mod shop;
 mod two_runs;

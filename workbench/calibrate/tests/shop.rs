@@ -11,6 +11,7 @@ use calibrate::sheet;
 use calibrate::study::{self, Given, SlipError, Wishes};
 use kinematics::{Joints, Machine, Pose, Solver, Vector3};
 use machine::read::mechanism::Mechanism;
+use machine::rows::with_dependent;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -62,10 +63,14 @@ pub(crate) struct Shop {
 
 impl Shop {
     pub(crate) fn new(machine: &str, gauge: &str, tolerance: f64) -> Self {
+        Self::of(shipped::config(machine), gauge, tolerance)
+    }
+
+    /// Opens a shop with a machine.
+    pub(crate) fn of(config: Mechanism, gauge: &str, tolerance: f64) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("gauge.toml");
         fs::write(&file, gauge).unwrap();
-        let config = shipped::config(machine);
         let setup = Setup::read(&config, &file).unwrap();
         let proposal = propose(&config, &setup, &Tolerance::of_lengths(tolerance), |_| {}).unwrap();
         let truth = config.machine.clone();
@@ -100,6 +105,13 @@ impl Shop {
             let frame = Frame { origin: origin + shift, rotation: turn * rotation };
             self.objects[k] = Object { frame, ..object };
         }
+        self.find_objects();
+    }
+
+    /// Builds the machine exactly as drawn.
+    pub(crate) fn build_as_drawn(&mut self, seed: u64) {
+        self.build(seed);
+        self.truth = self.config.machine.clone();
         self.find_objects();
     }
 
@@ -152,7 +164,8 @@ impl Shop {
     /// Returns the true pose when the control commands a pose.
     pub(crate) fn reached(&self, pose: &Pose, tool: &Vector3<f64>) -> Pose {
         let joints = self.driven(&self.config.machine.inverse(pose, tool).unwrap());
-        self.truth.forward(&joints, pose, tool, &Solver::default()).unwrap().pose
+        let found = self.truth.forward(&joints, pose, tool, &Solver::default()).unwrap().pose;
+        with_dependent(&self.truth, &found, tool).unwrap()
     }
 
     /// Returns the joints that the drives reach: all are homed at the joints of the pose at home.

@@ -4,19 +4,19 @@
 use crate::shop::{Shop, dial};
 use test_support::shipped::cases;
 
-const READING: usize = 9;
-const AGAIN: usize = 10;
+pub(crate) const READING: usize = 9;
+pub(crate) const AGAIN: usize = 10;
 
 /// The readings of a table, and the lines around them.
 #[derive(Clone)]
-struct Table(Vec<Vec<String>>);
+pub(crate) struct Table(Vec<Vec<String>>);
 
 impl Table {
-    fn new(text: &str) -> Self {
+    pub(crate) fn new(text: &str) -> Self {
         Self(text.lines().map(|line| line.split(',').map(Into::into).collect()).collect())
     }
 
-    fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         self.0.iter().map(|cells| cells.join(",") + "\n").collect()
     }
 
@@ -26,7 +26,7 @@ impl Table {
     }
 
     /// Returns the line of a row, both from 1.
-    fn line(&self, row: usize) -> usize {
+    pub(crate) fn line(&self, row: usize) -> usize {
         self.first() + row
     }
 
@@ -35,7 +35,7 @@ impl Table {
     }
 
     /// Changes readings of some rows.
-    fn with(
+    pub(crate) fn with(
         &self,
         rows: impl IntoIterator<Item = usize>,
         column: usize,
@@ -58,12 +58,12 @@ impl Table {
         table
     }
 
-    fn exchanged(&self, a: usize, b: usize, column: usize) -> Self {
+    pub(crate) fn exchanged(&self, a: usize, b: usize, column: usize) -> Self {
         self.from(&[a, b], &[b, a], column)
     }
 
     /// Enters the readings of some rows a row too low, the last one on top.
-    fn lower(&self, first: usize, last: usize, column: usize) -> Self {
+    pub(crate) fn lower(&self, first: usize, last: usize, column: usize) -> Self {
         let rows: Vec<usize> = (first..=last).collect();
         let mut others = rows.clone();
         others.rotate_right(1);
@@ -71,7 +71,7 @@ impl Table {
     }
 
     /// Returns the two rows with the most different readings, in their order.
-    fn extremes(&self, rows: usize) -> (usize, usize) {
+    pub(crate) fn extremes(&self, rows: usize) -> (usize, usize) {
         let mut order: Vec<usize> = (1..=rows).collect();
         order.sort_by(|a, b| self.value(*a, READING).total_cmp(&self.value(*b, READING)));
         let (a, b) = (order[0], order[rows - 1]);

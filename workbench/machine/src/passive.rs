@@ -18,8 +18,8 @@ const AXIS: f64 = 0.1;
 const TUBE: f64 = 1.3;
 
 /// Points of the file that are nearer than this share of the size are one point, directions within this angle in radians
-/// one direction.
-const SAME: f64 = 1e-6;
+/// one direction: a calibrated machine has the parts of its drawing, from which it differs by less.
+const SAME: f64 = 1e-2;
 
 /// A straight part.
 #[derive(Clone, Debug, PartialEq, Serialize)]

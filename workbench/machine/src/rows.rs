@@ -180,6 +180,23 @@ fn constraint_rows(geometry: &Geometry, radius: f64, at: &At, tool: &Vector3<f64
     rows
 }
 
+/// Returns the first constraint of the platform that depends on those before it at home.
+///
+/// # Errors
+/// As [`Machine::inverse`].
+pub fn redundant_constraint(config: &Mechanism) -> Result<Option<usize>, Fault> {
+    let (machine, tool) = (&config.machine, &config.spindle);
+    let at = machine.at(&config.home_pose(), tool)?;
+    let mut rows = constraint_rows(&config.geometry, machine.radius(), &at, tool);
+    // Angles times a length of the machine, for the rank test.
+    rows.columns_mut(3, 3).unscale_mut(machine.radius());
+    let mut known = 0..config.geometry.constraints().len();
+    Ok(known.find(|last| {
+        let values = rows.rows(0, last + 1).into_owned().singular_values();
+        values.min() <= RANK_TOLERANCE.sqrt() * values.max()
+    }))
+}
+
 /// Returns the extension of a leg, or the motion of a table axis, per joint unit.
 pub fn gains(config: &Mechanism, at: &At) -> Vec<f64> {
     let legs = config.geometry.legs().iter().zip(at.segments());
