@@ -89,11 +89,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    let config = match &arguments.along {
-        // Programs on a machine with constraints are not judged.
-        Some(_) => arguments.machine.read()?,
-        None => arguments.machine.read_constrained()?,
-    };
+    let config = arguments.machine.read_constrained()?;
     let study = arguments.study.read()?;
     let (pose, tool) = arguments.at.read(&config)?;
     check(arguments)?;

@@ -5,8 +5,7 @@ use super::failure::{Failure, refused, report_error};
 use super::preflight::{Judging, judged};
 use super::{Bar, MachineFile, Verdict, output, print_text};
 use machine::files::{Folder, Locate, Whole, read, write_whole};
-use machine::read::ini::Ini;
-use machine::read::machine::{Lenient, MachineConfig};
+use machine::read::machine::MachineConfig;
 use program::report::Time;
 use program::timeline::Course;
 use serde_json::json;
@@ -98,10 +97,7 @@ fn pixels(text: &str) -> Result<usize, String> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict, Failure> {
-    // Programs on a machine with constraints are not judged.
-    let lenient = arguments.program.is_none().then_some(Lenient::Constraints);
-    let ini = Ini::read(&arguments.machine.machine)?;
-    let config = arguments.machine.named(MachineConfig::leniently(&ini, lenient)?)?;
+    let config = arguments.machine.read_named_constrained()?;
     let (data, verdict) = match &arguments.program {
         None => (Data::new(&config, arguments.live), Verdict::Fits),
         Some(program) => of_program(&config, &arguments.judging, program)?,

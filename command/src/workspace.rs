@@ -6,7 +6,7 @@ use super::poses::Tool;
 use super::{Bar, MachineFile, StudyFile, Verdict, output};
 use draw::plot::Plot;
 use draw::workspace::of_workspace;
-use kinematics::Vector3;
+use kinematics::{Letter, Vector3};
 use machine::digits::plain;
 use machine::files::write_whole;
 use machine::read::ini::Ini;
@@ -319,11 +319,28 @@ fn words(position: &Vector3<f64>) -> String {
 
 fn orientations(arguments: &Arguments, config: &Mechanism) -> Result<Vec<[f64; 3]>, Failure> {
     match arguments.tilt {
-        Some(tilt) if (0.0..90.0).contains(&tilt) => Ok(tilts(config, tilt, DIRECTIONS)),
+        Some(tilt) if (0.0..90.0).contains(&tilt) => {
+            let all = tilts(config, tilt, DIRECTIONS);
+            if tilt > 0.0 && all.len() == 1 {
+                return Err(refused(format!("--tilt {tilt}: {}; remove --tilt", untilted(config))));
+            }
+            Ok(all)
+        }
         Some(tilt) => Err(refused(format!("--tilt {tilt}: expected 0 or more, and less than 90"))),
         None if arguments.orientation.is_empty() => Ok(vec![[0.0; 3]]),
         None => Ok(arguments.orientation.chunks(3).map(|abc| [abc[0], abc[1], abc[2]]).collect()),
     }
+}
+
+/// Explains why programs cannot tilt the platform.
+fn untilted(config: &Mechanism) -> String {
+    let layout = config.machine.layout();
+    if !layout.is_dependent(Letter::A) || !layout.is_dependent(Letter::B) {
+        return "the joints move neither A nor B".into();
+    }
+    let commanded: Vec<String> =
+        layout.coordinates().as_slice().iter().map(|letter| letter.name().to_string()).collect();
+    format!("on this machine A and B follow from {}", commanded.join(" "))
 }
 
 fn planes(arguments: &Arguments, workspace: &Workspace) -> Result<Vec<Plane>, Failure> {

@@ -107,21 +107,49 @@ fn models_vibration_and_cuts_include_the_constraints() {
 }
 
 #[test]
-fn what_is_not_judged_is_refused() {
-    let program = tempfile::Builder::new().suffix(".ngc").tempfile().unwrap();
-    std::fs::write(program.path(), "G21 G90\nG1 X10 F1000\nM2\n").unwrap();
-    let file = program.path().to_str().unwrap();
-    for (subcommand, words) in [
-        ("view", vec![file, "--html", "/dev/null"]),
-        ("sensitivity", vec!["--along", file]),
-    ] {
-        let (code, _, error) = pkm(subcommand, "tricept", &words);
-        assert_eq!(code, 2, "{subcommand}: {error}");
-        assert!(error.contains("not judged"), "{subcommand}: {error}");
+fn programs_are_shown_and_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let named = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (program, page, table) = (named("p.ngc"), named("p.html"), named("p.csv"));
+    std::fs::write(&program, "G21 G90 G61\nG1 X60 Y-40 F3000\nM2\n").unwrap();
+    fitting("view", "tricept", &[&program, "--html", &page]);
+    let quick = ["--draws", "10", "--rays", "2"];
+    fitting(
+        "sensitivity",
+        "tricept",
+        &[&quick[..], &["--along", &program, "--csv", &table]].concat(),
+    );
+    let table = std::fs::read_to_string(table).unwrap();
+    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = rows.next().unwrap();
+    let place = |name: &str| names.iter().position(|own| *own == name).unwrap();
+    let number = |row: &[&str], name: &str| row[place(name)].parse::<f64>().unwrap();
+    let rows: Vec<_> = rows.collect();
+    let mut fastest: f64 = 0.0;
+    for pair in rows.windows(2) {
+        for joint in 0..3 {
+            let [before, after] = [0, 1].map(|k| number(&pair[k], &format!("joint_{joint}")));
+            let rate = number(&pair[1], &format!("rate_{joint}"));
+            fastest = fastest.max(rate.abs());
+            // The mean rate of a cycle of 1 ms differs by half the change of the rate: 400 mm/s² along the path, and the
+            // bend of 50 mm/s over struts of 800 mm.
+            let mean = (after - before) / 1e-3;
+            assert!((mean - rate).abs() < 0.3, "{rate} {mean}");
+        }
     }
-    for subcommand in ["measure", "calibrate"] {
-        let (code, _, error) = pkm(subcommand, "exechon", &["/dev/null"]);
+    assert!(fastest > 10.0, "{fastest}");
+}
+
+#[test]
+fn what_is_not_judged_is_refused() {
+    for (machine, subcommand, words, expected) in [
+        ("exechon", "measure", vec!["/dev/null"], "CONSTRAINT_2 follows from the others"),
+        ("exechon", "calibrate", vec!["/dev/null"], "CONSTRAINT_2 follows from the others"),
+        ("tricept", "workspace", vec!["--tilt", "20"], "on this machine A and B follow from X Y Z"),
+        ("linear-delta", "workspace", vec!["--tilt", "20"], "the joints move neither A nor B"),
+    ] {
+        let (code, _, error) = pkm(subcommand, machine, &words);
         assert_eq!(code, 2, "{subcommand}: {error}");
-        assert!(error.contains("CONSTRAINT_2 follows from the others"), "{subcommand}: {error}");
+        assert!(error.contains(expected), "{subcommand}: {error}");
     }
 }

@@ -52,10 +52,8 @@ made=$(sed -e ':line' -e '/\\$/{N;s/\\\n *//;b line' -e '}' docs/guide/getting-s
 for folder in configs/*/; do
     machine=$(basename "$folder")
     set -- "$folder"programs/*.ngc
-    # With a program, `pkm view` does not support constraints yet.
-    ! grep -q ' constraints=' "$folder$machine.ini" || set --
     echo "pkm view $machine"
-    "$pkm" view "$folder$machine.ini" ${1:+"$1"} --picture "docs/pictures/machine-$machine.png" --size 640 400
+    "$pkm" view "$folder$machine.ini" "$1" --picture "docs/pictures/machine-$machine.png" --size 640 400
 done
 sed -n 's/^    pkm \(new .*\)$/\1/p' docs/reference/machines.md | while read -r made; do
     kind=${made#new }

@@ -5,7 +5,7 @@ import { CURVES } from "./colors.js";
 
 const SAMPLES = 1500;
 
-/** Computes the curves that pkm does not send: joint motion per tool motion, and conditioning. */
+/** Computes the curves that pkm does not send: joint motion per tool motion, conditioning, and dependent coordinates. */
 function computed(program, mechanism) {
   const { kinematics, scene } = mechanism;
   const count = Math.min(SAMPLES, program.times.length * 4);
@@ -22,9 +22,18 @@ function computed(program, mechanism) {
     name: scene.joints[i].name, unit: `per ${scene.length_unit} of the tool`, range: [null, null],
     values: answers.map((answer) => answer?.ratios[i] ?? null),
   });
+  const full = (letter, unit) => ({
+    name: letter, unit, range: [null, null], values: answers.map((answer) => answer?.full["XYZABC".indexOf(letter)] ?? null),
+  });
+  // One plot has one unit.
+  const dependent = [["XYZ", scene.length_unit], ["ABC", "degrees"]].flatMap(([own, unit]) => {
+    const letters = [...scene.dependent].filter((letter) => own.includes(letter));
+    return letters.length ? [[`dependent ${letters.join(" ")}`, letters.map((letter) => full(letter, unit))]] : [];
+  });
   return {
     times,
     groups: {
+      ...Object.fromEntries(dependent),
       "joint motion for tool motion": scene.joints.map((_, i) => joint(i)),
       conditioning: [{ name: "conditioning", unit: "", range: [scene.conditioning_limit, null], values: answers.map((answer) => answer?.conditioning ?? null) }],
     },
@@ -60,13 +69,15 @@ export class Curves {
       value: (_, value) => (value === null ? "–" : value.toPrecision(5)),
     }));
     const axis = { stroke: "#16202a", grid: { stroke: "#dde2e7" }, font: "12px sans-serif" };
+    // uPlot ignores a new size while it calls these.
+    const fit = (plot) => queueMicrotask(() => this.fit(plot));
     const options = {
-      width: this.element.clientWidth, height: this.element.clientHeight - 28,
+      width: this.element.clientWidth, height: this.element.clientHeight,
       scales: { x: { time: false } },
       axes: [{ ...axis, label: "time, s", labelSize: 18, size: 36 }, { ...axis, label: unit || "no dimension", size: 64, labelSize: 18 }],
       series: [{ label: "s" }, ...series],
       cursor: { drag: { x: true, y: false } },
-      hooks: { draw: [(plot) => this.mark(plot, limits)] },
+      hooks: { draw: [(plot) => this.mark(plot, limits)], ready: [fit], setSize: [fit] },
     };
     this.plot = new uPlot(options, [times, ...curves.map(({ values }) => values)], this.element);
     this.plot.over.addEventListener("click", () => {
@@ -105,7 +116,14 @@ export class Curves {
     this.plot?.redraw(false);
   }
 
+  /** Makes room below the plot for its key, which has more lines in a narrow picture. */
+  fit(plot) {
+    if (plot !== this.plot) return;
+    const height = this.element.clientHeight - plot.root.querySelector(".u-legend").offsetHeight;
+    if (height !== plot.height) plot.setSize({ width: this.element.clientWidth, height });
+  }
+
   resize() {
-    this.plot?.setSize({ width: this.element.clientWidth, height: this.element.clientHeight - 28 });
+    this.plot?.setSize({ width: this.element.clientWidth, height: this.plot.height });
   }
 }

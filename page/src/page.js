@@ -29,8 +29,10 @@ class Page {
     for (const mechanism of mechanisms) this.build(mechanism);
     this.box = this.everything();
     const letters = mechanisms.map(({ scene }) => scene.coordinates).join("");
+    // Long passive legs make no lathe.
+    const mayLie = mechanisms.every(({ scene }) => scene.passive.length === 0);
     this.problems = [...data.problems];
-    this.stage = new Stage(this.canvas, this.size, this.box, letters, record !== undefined);
+    this.stage = new Stage(this.canvas, this.size, this.box, mayLie && letters, record !== undefined);
     for (const { drawing } of mechanisms) this.stage.scene.add(drawing.group);
     mechanisms[0].shapes.forEach((given) => this.addShape(given));
     this.box = this.everything();

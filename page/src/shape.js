@@ -7,9 +7,18 @@ import { COLORS } from "./colors.js";
 import { material } from "./parts.js";
 import { bytes } from "./unpack.js";
 
+/** Reads an STL file. Of a text file the loader leaves out vertices whose coordinates are not numbers. */
+function stl(data) {
+  const geometry = new STLLoader().parse(data.buffer);
+  const isBinary = data.length === 84 + 50 * new DataView(data.buffer).getUint32(80, true);
+  const vertices = isBinary ? [] : (new TextDecoder().decode(data).match(/^\s*vertex\s/gm) ?? []);
+  if (vertices.length > geometry.attributes.position.count) throw new Error("a vertex has a coordinate that is not a number");
+  return geometry;
+}
+
 function read({ name, bytes: text }, look) {
   const data = bytes(text);
-  if (!name.toLowerCase().endsWith(".obj")) return new THREE.Mesh(new STLLoader().parse(data.buffer), look);
+  if (!name.toLowerCase().endsWith(".obj")) return new THREE.Mesh(stl(data), look);
   const group = new OBJLoader().parse(new TextDecoder().decode(data));
   group.traverse((part) => {
     if (part.isMesh) part.material = look;

@@ -30,7 +30,7 @@ function unit(text) {
 
 function frame(box, letters) {
   const { x, y, z } = box.getSize(new THREE.Vector3());
-  if (z < LONG * Math.max(x, y)) return STANDING;
+  if (letters === false || z < LONG * Math.max(x, y)) return STANDING;
   return LYING[letters.includes("Y") ? "Y" : "X"];
 }
 
@@ -43,7 +43,8 @@ function corners({ min, max }) {
 }
 
 export class Stage {
-  /** Creates the picture of machines of a size within a box; `letters` are those that the machines move. */
+  /** Creates the picture of machines of a size within a box; `letters` are those that the machines move, or false if
+   * Z is up in any case. */
   constructor(canvas, size, box, letters, keepsPixels) {
     this.size = size;
     this.frame = frame(box, letters);

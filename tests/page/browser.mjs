@@ -15,8 +15,8 @@ export const FOLDER = mkdtempSync(join(tmpdir(), "pkmkins-page-test-"));
 export const file = (name) => join(FOLDER, name);
 export const ini = (machine) => join(HOME, "configs", machine, `${machine}.ini`);
 
-/** The shipped machines, each with its first program, which the page does not support beside constraints. */
-export const MACHINES = readdirSync(join(HOME, "configs")).filter((machine) => !readFileSync(ini(machine), "utf8").includes(" constraints=")).map((machine) => {
+/** The shipped machines, each with its first program. */
+export const MACHINES = readdirSync(join(HOME, "configs")).map((machine) => {
   const programs = join(HOME, "configs", machine, "programs");
   return { machine, program: join(programs, readdirSync(programs).filter((name) => name.endsWith(".ngc")).sort()[0]) };
 });
@@ -68,7 +68,9 @@ export function table(command, machine, mechanism, poses, tool) {
   check(lines.length === poses.length, `${machine}: ${lines.length} answers for ${poses.length} poses: ${done.stderr}`);
   const number = (text) => (text === "" ? undefined : Number(text));
   const answers = lines.map((line) => Object.fromEntries(names.map((name, k) => [name, number(line[k])])));
-  return { rows: answers, values: lines.map((line) => line.map(number)), reply: done.stderr };
+  // Behind the joints are coordinates that follow from others.
+  const columns = names.map((name, k) => (command !== "joints" || name.startsWith("joint_") ? k : -1)).filter((k) => k >= 0);
+  return { rows: answers, values: lines.map((line) => columns.map((k) => number(line[k]))), reply: done.stderr };
 }
 
 /** Returns the tool vector for pkm: without the spindle's offset, or 0 if poses are those of the platform. */

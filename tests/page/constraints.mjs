@@ -3,7 +3,7 @@
 import { spawnSync } from "node:child_process";
 import { writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { HOME, ROUNDED, asText, check, complaints, file, given, near, opened, pkm, rested, table } from "./browser.mjs";
+import { HOME, MACHINES as SHIPPED, ROUNDED, asText, check, complaints, file, given, ini, near, opened, ownTool, pkm, rested, table } from "./browser.mjs";
 
 const MACHINES = ["tricept", "exechon", "z3-head"];
 const POSES = 60;
@@ -38,7 +38,7 @@ function compareGround(name, sceneFile, all, dependent) {
 }
 
 async function constrained(page, name) {
-  const machine = join(HOME, `tests/cases/ini/constraints/${name}.ini`);
+  const machine = ini(name);
   const [{ scene }] = await opened(page, name, machine);
   const all = (await states(page, scene)).filter(({ code }) => code === 0);
   check(all.length > POSES / 2, `${name}: ${all.length} of ${POSES} poses are reached`);
@@ -64,4 +64,39 @@ async function constrained(page, name) {
   return `${all.length} poses equal to pkm joints and the model beside AXIS`;
 }
 
-export const TESTS = MACHINES.map((name) => [`constraints of the ${name}`, (page) => constrained(page, name)]);
+/** Checks the curves of dependent coordinates over a program, and that their key is shown in a narrow window. */
+async function dependentCurves(page, name) {
+  const { program } = SHIPPED.find(({ machine }) => machine === name);
+  const [own] = await opened(page, name, ini(name), program);
+  const groups = (await asText(page, () => window.pkm.curves())).filter((group) => group.name.startsWith("dependent "));
+  const letters = groups.flatMap(({ curves }) => curves.map((curve) => curve.name));
+  check(letters.join("") === own.scene.dependent, `${name}: curves of ${letters}`);
+  for (const { times, curves } of groups) {
+    const places = [0.2, 0.5, 0.8].map((share) => Math.floor(share * times.length));
+    const there = await asText(page, (moments) => moments.map((time) => (window.pkm.go(time), window.pkm.state())), places.map((place) => times[place]));
+    places.forEach((place, k) => {
+      const { rows: [row] } = table("joints", ini(name), 0, [there[k].pose], ownTool(own, there[k].tool));
+      // The table is as exact as its digits: angles in degrees, lengths of 1e3.
+      for (const curve of curves) near([curve.values[place]], [row[curve.name.toLowerCase()]], 1e-9, `${name}: ${curve.name} at ${times[place]} s`);
+    });
+  }
+  const size = page.viewportSize();
+  await page.setViewportSize({ width: 390, height: 844 });
+  for (const { name: group } of [...groups, { name: "joints" }]) {
+    await page.locator("select[aria-label=curves]").selectOption(group);
+    await rested(page);
+    const [key, room, over] = await page.evaluate(() => [".u-legend", ".plot", ".u-over"].map((words) => {
+      const { bottom, height } = document.querySelector(words).getBoundingClientRect();
+      return words === ".u-over" ? height : bottom;
+    }));
+    check(key <= room + 1 && over > 50, `${name}: the key of ${group} ends at ${key}, its place at ${room}; the curves are ${over} high`);
+  }
+  await page.setViewportSize(size);
+  check(complaints(page).length === 0, complaints(page).join("; "));
+  return `${letters.length} curves`;
+}
+
+export const TESTS = MACHINES.flatMap((name) => [
+  [`constraints of the ${name}`, (page) => constrained(page, name)],
+  [`curves of dependent coordinates of the ${name}`, (page) => dependentCurves(page, name)],
+]);

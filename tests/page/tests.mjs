@@ -295,6 +295,9 @@ async function shapes(page) {
   writeFileSync(file("broken.stl"), "not a shape");
   // A binary file with one triangle: 80 bytes, the count, and NaN as each of 12 numbers.
   writeFileSync(file("nowhere.stl"), Buffer.concat([Buffer.alloc(80), Buffer.from([1, 0, 0, 0]), Buffer.from(new Float32Array(12).fill(NaN).buffer), Buffer.alloc(2)]));
+  // One of two triangles is not a number.
+  const bad = triangles.replace("solid\n", "").replace("vertex 300 0 0", "vertex nan nan nan");
+  writeFileSync(file("partly.stl"), triangles.replace("endsolid\n", bad));
   const text = readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", "[PKM]\nTABLE_MODEL = good.stl mm -100 -100 0\nPLATFORM_MODEL = broken.stl mm\nSPINDLE_MODEL = nowhere.stl mm\nBASE_MODEL = missing.obj inch\n");
   writeFileSync(file("shapes.ini"), text);
   const made = view(file("shapes.html"), file("shapes.ini"));
@@ -305,6 +308,12 @@ async function shapes(page) {
   // The picture has 32-bit numbers of lengths of 1e3.
   near((await corners(page)).flat(), [-100, -100, 0, 200, 200, 0], 1e-3, "ends of the table's shape");
   await isDrawn(page, "shapes");
+  writeFileSync(file("partly.ini"), readFileSync(ini("hexapod"), "utf8").replace("[PKM]\n", "[PKM]\nTABLE_MODEL = partly.stl mm\n"));
+  const madePartly = view(file("partly.html"), file("partly.ini"));
+  check(madePartly.status === 0, madePartly.stderr);
+  await open(page, file("partly.html"));
+  const partly = (await page.locator("header .error").allTextContents()).join("; ");
+  check(partly.includes("partly.stl") && partly.includes("not a number"), `shown: ${partly}`);
 }
 
 /** Checks that shapes are drawn in machine units, at their places, and move with the part that they belong to. */

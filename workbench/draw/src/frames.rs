@@ -127,7 +127,9 @@ pub fn of_machine(
         "{}: frames and signs, at home",
         config.file.file_stem().unwrap_or_default().to_string_lossy()
     );
-    sheet(&title, &views(z > LYING * x.max(y)), config.length_unit(), &drawing, &keys)
+    // Long passive legs make no lathe.
+    let lies = config.geometry.constraints().is_empty() && z > LYING * x.max(y);
+    sheet(&title, &views(lies), config.length_unit(), &drawing, &keys)
 }
 
 /// Draws both views with the key below them.
