@@ -67,7 +67,7 @@ async function constrained(page, name) {
 /** Checks the curves of dependent coordinates over a program, and that their key is shown in a narrow window. */
 async function dependentCurves(page, name) {
   const { program } = SHIPPED.find(({ machine }) => machine === name);
-  const [own] = await opened(page, name, ini(name), program);
+  const [own] = await opened(page, `${name}-curves`, ini(name), program);
   const groups = (await asText(page, () => window.pkm.curves())).filter((group) => group.name.startsWith("dependent "));
   const letters = groups.flatMap(({ curves }) => curves.map((curve) => curve.name));
   check(letters.join("") === own.scene.dependent, `${name}: curves of ${letters}`);
