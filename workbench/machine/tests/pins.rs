@@ -401,7 +401,7 @@ fn constraints_are_printed_by_kind_and_vector() {
             [
                 "pin constraint.0.kind 1",
                 "pin constraint.0.platform.y 200",
-                "pin constraint.0.normal.x -1",
+                "pin constraint.0.normal.x -320",
                 "pin constraint.2.base.z 0",
                 "pin home.z -700",
             ],
