@@ -54,7 +54,7 @@ pub(crate) struct Shop {
     pub(crate) proposal: Proposal,
     tolerance: f64,
     random: Pcg64,
-    truth: Machine,
+    pub(crate) truth: Machine,
     /// Travel of the drives per commanded travel.
     pub(crate) drives: f64,
     zeros: Vec<f64>,
@@ -108,17 +108,10 @@ impl Shop {
         self.find_objects();
     }
 
-    /// Builds the machine exactly as drawn.
-    pub(crate) fn build_as_drawn(&mut self, seed: u64) {
-        self.build(seed);
-        self.truth = self.config.machine.clone();
-        self.find_objects();
-    }
-
     /// Moves the planes to the positions at which the gauge shows about the expected value at the first pose of each,
     /// as an
     /// operator would find them.
-    fn find_objects(&mut self) {
+    pub(crate) fn find_objects(&mut self) {
         let gauge = self.setup.gauge.clone();
         for object in 0..self.objects.len() {
             let stop = self.proposal.stops.iter().find(|stop| stop.object == object);
