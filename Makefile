@@ -184,6 +184,7 @@ test-virtual: setup
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
 	PKM=target/host/pkm $(BEHIND) /usr/bin/python3 -m pytest -q -p no:cacheprovider tests/viewer/scripts_test.py
 	$(BEHIND) tests/virtual/guarded.py --programs 50
+	$(BEHIND) tests/virtual/limits.py
 
 # Waits until cargo has built the tests; the component that plays the true machine comes with those of Python.
 test-aside: setup

@@ -29,6 +29,7 @@ fn golden() -> Vec<Row> {
 
 const X: Vector = [1.0, 0.0, 0.0];
 const Y: Vector = [0.0, 1.0, 0.0];
+const Z: Vector = [0.0, 0.0, 1.0];
 
 fn on_circle(radius: f64, degrees: f64, z: f64) -> Vector {
     let (sin, cos) = degrees.to_radians().sin_cos();
@@ -297,5 +298,59 @@ fn a_wrist_on_a_platform_with_constraints_finds_its_pose_back() {
             assert!((back[k] - pose[k]).abs() <= 1e-7, "{back:?} {pose:?}");
         }
         seed = back;
+    }
+}
+
+/// Beside constraints, a change of the tool offset would turn the platform under the axes: the module does not move the
+/// joints there. Without a tilt nothing moves.
+#[test]
+fn a_tool_change_that_moves_a_platform_below_an_axis_is_refused_until_it_is_withdrawn() {
+    let table = || {
+        let module = machine_with("tricept", "", &[("axes", "C")]);
+        module.set("chain.c.carries", 1.0);
+        set(&module, "chain.c.axis", &Z);
+        set(&module, "chain.c.point", &[30.0, -20.0, -1000.0]);
+        module.apply();
+        assert!(module.is_on("geometry-ok"), "{:?}", module.messages());
+        module
+    };
+    let level = world(&home("tricept"));
+    for (module, tilted) in [
+        (with_wrist(), world(&[0.0, 0.0, -950.0, 20.0, 0.0, 0.0])),
+        (with_wrist(), world(&[50.0, 0.0, -950.0, 0.0, 0.0, 0.0])),
+        (table(), world(&[50.0, 0.0, -950.0, 0.0, 0.0, 90.0])),
+    ] {
+        module.set("machine-on", 1.0);
+        // A servo cycle at a pose: as LinuxCNC, forward of the last joints, then inverse.
+        let last = std::cell::RefCell::new(None::<Joints>);
+        let cycle = |pose: &Pose| {
+            if let Some(joints) = &*last.borrow() {
+                // Refused together with inverse.
+                let _ = module.follow(joints, pose);
+            }
+            let joints = module.inverse(pose);
+            module.monitor();
+            if let Ok(joints) = &joints {
+                *last.borrow_mut() = Some(*joints);
+            }
+            joints
+        };
+        for (pose, is_refused) in [(level, false), (tilted, true)] {
+            module.set("tool-offset", 0.0);
+            (0..10).for_each(|_| _ = cycle(&level).expect("without a tool"));
+            (0..10).for_each(|_| _ = cycle(&pose).expect("without a tool"));
+            let before = cycle(&pose).expect("without a tool");
+            module.set("tool-offset", 60.0);
+            (0..10).for_each(|_| _ = cycle(&pose));
+            let found = cycle(&pose);
+            let expected = is_refused.then(|| Cause::ToolChangedTilted.code());
+            assert_eq!(found.err(), expected, "{pose:?}");
+            assert_eq!(module.get("tool-offset-eff-z"), if is_refused { 0.0 } else { 60.0 });
+            if is_refused {
+                module.set("tool-offset", 0.0);
+                let _ = cycle(&pose);
+                assert_eq!(cycle(&pose), Ok(before));
+            }
+        }
     }
 }
