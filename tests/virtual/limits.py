@@ -82,7 +82,7 @@ class Machine:
             if (found := self.value(f"CONSTRAINT_{n}", key))}) for n in range(count)]
         self.follows = [k for k, letter in enumerate("XYZABC") if letter not in self.moved]
         level = self.home.copy()
-        level[[k for k in self.follows]] = 0.0
+        level[self.follows] = 0.0
         self.level = self.full(level[None])[0]
         self.used = self.independent()
 
@@ -187,6 +187,20 @@ class Machine:
             yield "base-cone", str(n), edit("BASE_CONE"), angles(direction, start)
             seen = np.einsum("nji,nj->ni", rotation, direction)
             yield "platform-cone", str(n), edit("PLATFORM_CONE"), angles(seen, level.T @ start)
+            if "GUIDE" in self.legs[n]:
+                continue
+            # A cardan joint whose first axis is level and across the strut at home.
+            level_axis = np.cross([0, 0, 1], start)
+            level_axis /= np.linalg.norm(level_axis)
+            for kind, key, axis, home, now in (
+                    ("base-pyramid", "BASE", level_axis, start, direction),
+                    ("platform-pyramid", "PLATFORM", level.T @ level_axis, level.T @ start, seen)):
+                given = (f"LEG_{n}", f"{key}_N", " ".join(f"{x:.17g}" for x in axis))
+                about = np.arctan2(np.cross(home, now) @ axis, now @ home - (now @ axis) * (axis @ home))
+                for text, found in (("{} 180", about), ("180 {}", np.arcsin(now @ axis))):
+                    def edits(value, n=n, key=key, given=given, text=text):
+                        return [given, (f"LEG_{n}", f"{key}_PYRAMID", text.format(value))]
+                    yield kind, str(n), edits, np.abs(np.degrees(found))
         # A table makes the part of the motion that the platform does not make.
         beside = run.poses - full
         for n, letter in enumerate(self.table, 3):
@@ -255,7 +269,7 @@ def written(folder, machine, edits, program):
     # The drives may lag behind: otherwise a following error stops the program.
     far = [(f"JOINT_{n}", key, 1e4) for n in range(int(machine.value("KINS", "JOINTS"))) for key in ("FERROR", "MIN_FERROR")]
     ini.write_text(ini_edit.edited(machine.text, [
-        {"section": section, "key": key, "lines": [f"{key} = {value!r}"]} for section, key, value in [*far, *edits]]))
+        {"section": section, "key": key, "lines": [f"{key} = {value}"]} for section, key, value in [*far, *edits]]))
     (folder / f"{machine.name}.tbl").write_text("T1 P1 Z0 D1\n")
     file.write_text(program)
     return ini, file
@@ -320,18 +334,19 @@ def cases(machine):
     """Returns the cases: name, edits, program, and the expected limit with its line, if any."""
     program = program_of(machine)
     run = ran(machine, [], program)
-    kept, found = [], {}
+    kept, found = {}, {}
     for kind, part, edits, values in machine.series(run):
         span = values.max() - values.min()
         # What does not move has no limit to violate.
         if span < 1e-6:
             continue
         # The guard slows the machine from twice the conditioning limit.
-        kept += edits(values.max() / 2.1 if kind == "hold" else values.max() + BESIDE * span)
+        limit = values.max() / 2.1 if kind == "hold" else values.max() + BESIDE * span
+        kept |= {(section, key): (section, key, value) for section, key, value in edits(limit)}
         rise, line, limit = first_beyond(values, run.lines)
         if rise / span > found.get(kind, (0.0,))[0]:
             found[kind] = (rise / span, part, edits(limit), line)
-    yield "all kept", kept, program, None
+    yield "all kept", list(kept.values()), program, None
     for kind, (_, part, edits, line) in found.items():
         yield kind, edits, program, (kind, part, line)
     lines = program.splitlines()
