@@ -63,7 +63,7 @@ impl Batch<'_, '_> {
         let Self { config, tool, .. } = self;
         let ask = |row: &[f64], answer: &mut [f64]| {
             let world: World = *row.first_chunk().expect("the shape was looked at");
-            answer.copy_from_slice(&config.chain.to_machine(&world, tool)?);
+            answer.copy_from_slice(&config.machine.pose_of_world(&config.chain, &world, tool)?);
             Ok(())
         };
         self.each(POSE, ask).answer(self.py, &self.rows, &[POSE])

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
 //! Poses sampled within the axis limits, and their evaluation.
 
-use kinematics::{Limit, Limits, Margin, Nearest};
+use kinematics::{Fault, Limit, Limits, Margin, Nearest};
 use machine::limits;
 use machine::proof::axis_box::AxisBox;
 use machine::proof::conditioning;
@@ -38,11 +38,15 @@ impl Seen {
         let of_legs = Limits { conditioning: 0.0, ..limits::beyond_axes(config) };
         let (mut drawn, mut at) = (vec![], reach.nowhere());
         for _ in 0..DRAWN {
-            let pose = drawn_pose(config, within, &mut rng);
-            if let Err(fault) = reach.move_to(&mut at, &pose) {
-                *seen.refused.entry(Margin::of_fault(&fault).limit).or_default() += 1;
-                continue;
-            }
+            let drawn_pose = drawn_pose(config, within, &mut rng);
+            let moved = drawn_pose.and_then(|pose| reach.move_to(&mut at, &pose).map(|()| pose));
+            let pose = match moved {
+                Ok(pose) => pose,
+                Err(fault) => {
+                    *seen.refused.entry(Margin::of_fault(&fault).limit).or_default() += 1;
+                    continue;
+                }
+            };
             for (range, value) in seen.joints.iter_mut().zip(at.joints()) {
                 *range = (range.0.min(*value), range.1.max(*value));
             }
@@ -88,9 +92,9 @@ impl Seen {
 }
 
 /// Returns a random pose of the machine within the limits of the axes, and of those that carry something.
-fn drawn_pose(config: &Mechanism, within: &AxisBox, rng: &mut Pcg64) -> [f64; 6] {
+fn drawn_pose(config: &Mechanism, within: &AxisBox, rng: &mut Pcg64) -> Result<[f64; 6], Fault> {
     if config.chain.is_empty() {
-        return within.at(std::array::from_fn(|_| rng.random()));
+        return Ok(within.at(std::array::from_fn(|_| rng.random())));
     }
     let mut between = |low: f64, high: f64| low + rng.random::<f64>() * (high - low);
     let pose = std::array::from_fn(|k| {
@@ -105,13 +109,14 @@ fn drawn_pose(config: &Mechanism, within: &AxisBox, rng: &mut Pcg64) -> [f64; 6]
             between(axis.joint.min.max(axis.axis.min), axis.joint.max.min(axis.axis.max))
         })
     });
-    config.carried(&pose, &extra, &config.spindle).unwrap_or(config.home)
+    config.carried(&pose, &extra, &config.spindle)
 }
 
 /// Samples the share of legal poses in a box.
 pub(super) fn taken(config: &Mechanism, reach: &Reach, within: &AxisBox) -> f64 {
     let mut rng = Pcg64::seed_from_u64(2);
-    let inside =
-        (0..DRAWN).filter(|_| reach.check(&drawn_pose(config, within, &mut rng)).is_ok()).count();
+    let mut is_legal =
+        || drawn_pose(config, within, &mut rng).is_ok_and(|p| reach.check(&p).is_ok());
+    let inside = (0..DRAWN).filter(|_| is_legal()).count();
     inside as f64 / DRAWN as f64
 }

@@ -35,14 +35,6 @@ pub(super) fn check(
     let within = axis_box::range(config);
     nearest::at_home(report, config);
     unlimited(report, ini, config);
-    if config.machine.layout().constraints() > 0 && !config.chain.is_empty() {
-        let text = "not judged: poses other than home, because the proofs do not support axes that carry something \
-                    beside constraints= yet; watch the guard's pin limit-soon";
-        report.fact("proved limits", "not judged");
-        let entry = ini.first("KINS", "KINEMATICS");
-        entry.into_iter().for_each(|e| report.finding(Severity::Warning, ini.refuse(e, text)));
-        return;
-    }
     let reach = match Reach::new(config) {
         Ok(reach) => reach,
         Err(fault) => return home_outside(report, ini, config, Stop::Fault(fault)),

@@ -96,7 +96,7 @@ impl Row {
         if config.chain.is_empty() {
             return (pose, tool);
         }
-        let pose = config.chain.to_machine(&self.extra.world, &tool);
+        let pose = config.machine.pose_of_world(&config.chain, &self.extra.world, &tool);
         (pose.unwrap_or([f64::NAN; 6]), config.chain.machine_tool(&tool))
     }
 }

@@ -111,7 +111,7 @@ fn bounds_of_a_path_contain_its_values_and_become_narrow() {
                     let half = |k: usize| share / 2.0 * (whole.high[k] - whole.low[k]);
                     std::array::from_fn(|k| half(k) * rng.random_range(-1.0..1.0))
                 });
-                let bounds = reach.bounds_within(&middle, &steps).unwrap();
+                let bounds = reach.bounds_within(&middle, Some(&steps)).unwrap();
                 let is_known = bounds.joints.iter().all(|joint| joint.range().1.is_finite());
                 assert!(is_known || share > 1e-6, "{machine}");
                 for _ in 0..30 {
@@ -287,7 +287,7 @@ fn a_path_through_a_constraint_singularity_is_refused_there() {
         reach.refuse_unconnected(|middle, half| {
             let way: [f64; 6] = std::array::from_fn(|k| to[k] - from[k]);
             let at = std::array::from_fn(|k| from[k] + middle * way[k]);
-            Ok((at, vec![way.map(|value| half * value)]))
+            Ok(Some((at, vec![way.map(|value| half * value)])))
         })
     };
     let pose = |x: f64, y: f64, z: f64| [x, y, z, 0.0, 0.0, 0.0];

@@ -11,3 +11,4 @@ mod inivar;
 mod lathe_loops;
 mod passive;
 mod pins;
+mod wrist;

@@ -197,8 +197,7 @@ impl<'a> Pilot<'a> {
         let size = self.config.machine.size();
         let shortest = (SHORTEST * size / self.extent(leg)).clamp(0.5_f64.powi(MOST_HALVINGS), 1.0);
         let mut firsts = Firsts::default();
-        let path = |middle: f64, half: f64| self.enclosed(leg, middle, half);
-        if let Err((share, fault)) = self.reach.refuse_unconnected(path) {
+        if let Err((share, fault)) = self.refuse_unconnected(leg) {
             let (limit, part, ends) = (Limit::Reach, Part::Whole, [0.0, f64::INFINITY]);
             firsts.note(Found { limit, share, part, ends, fault: Some(fault) });
         }
@@ -221,6 +220,20 @@ impl<'a> Pilot<'a> {
         }
     }
 
+    /// Proves that the platform is connected with home along the whole move.
+    fn refuse_unconnected(&self, leg: &Leg) -> Result<(), (f64, Fault)> {
+        self.reach.refuse_unconnected(|middle, half| {
+            let (middle, steps) = self.enclosed(leg, middle, half)?;
+            Ok(steps.map(|steps| (middle, steps)))
+        })?;
+        match &leg.course {
+            Course::Straight { .. } => Ok(()),
+            Course::Carried { from, delta } => {
+                self.reach.refuse_unconnected_tip(from, delta, &self.tool)
+            }
+        }
+    }
+
     /// Returns the weight of a move in the program's length.
     pub(super) fn advance(&self, leg: &Leg) -> f64 {
         advance(&leg.delta, arm(self.config))
@@ -232,7 +245,9 @@ impl<'a> Pilot<'a> {
         match &leg.course {
             Course::Straight { delta, .. } => advance(&padded(delta), arm),
             Course::Carried { .. } => {
-                self.enclosure(leg, 0.5, 0.5).map_or(f64::INFINITY, |whole| whole.extent(arm))
+                self.enclosure(leg, 0.5, 0.5).map_or(f64::INFINITY, |whole| {
+                    whole.extent(arm).unwrap_or_else(|| self.advance(leg))
+                })
             }
         }
     }
@@ -240,24 +255,24 @@ impl<'a> Pilot<'a> {
     /// Bounds the machine's motion over a piece.
     fn bounds(&self, leg: &Leg, middle: f64, half: f64) -> Result<PathBounds, Fault> {
         let (middle, steps) = self.enclosed(leg, middle, half)?;
-        self.reach.bounds_within(&middle, &steps)
+        self.reach.bounds_within(&middle, steps.as_deref())
     }
 
-    /// Encloses the machine's poses over a piece: a center plus a sum of steps.
+    /// Encloses the machine's poses over a piece: a center plus a sum of steps; `None` if the piece is too long.
     fn enclosed(
         &self,
         leg: &Leg,
         middle: f64,
         half: f64,
-    ) -> Result<([f64; 6], Vec<[f64; 6]>), Fault> {
+    ) -> Result<([f64; 6], Option<Vec<[f64; 6]>>), Fault> {
         match &leg.course {
             Course::Straight { from, delta } => {
                 let pose = std::array::from_fn(|k| from[k] + middle * delta[k]);
-                Ok((pose, vec![delta.map(|d| d * half)]))
+                Ok((pose, Some(vec![delta.map(|d| d * half)])))
             }
             Course::Carried { .. } => {
                 let Enclosure { middle, steps } = self.enclosure(leg, middle, half)?;
-                Ok((middle, steps.to_vec()))
+                Ok((middle, steps.map(|steps| steps.to_vec())))
             }
         }
     }
@@ -269,7 +284,7 @@ impl<'a> Pilot<'a> {
             Course::Straight { .. } => (leg.from, [0.0; 9]),
         };
         let world = std::array::from_fn(|k| from[k] + middle * delta[k]);
-        Enclosure::of(&self.config.chain, &world, &delta.map(|d| d * half), &self.tool)
+        self.reach.enclosure(&world, &delta.map(|d| d * half), &self.tool)
     }
 
     /// Returns whether a piece needs no halving; adds violations to `firsts`.

@@ -76,10 +76,7 @@ impl Pilot<'_> {
         // Constraints turn the platform on the way.
         let is_constrained = layout.constraints() > 0;
         let shift = match is_constrained {
-            true => {
-                let pose = Pose::from_degrees(pose);
-                self.config.machine.tool_shift(&pose, &self.tool, &change)?
-            }
+            true => self.constrained_shift(&tool)?,
             false => self.shift(&pose) * change,
         };
         if shift.norm() > ROUNDING * self.config.machine.size() {
@@ -108,6 +105,18 @@ impl Pilot<'_> {
             true => Pose::from_degrees(*pose).rotation() - Matrix3::identity(),
             false => chain.tool_shift(&self.config.world(&self.at, &self.extra), &self.tool),
         }
+    }
+
+    /// Returns the displacement of a platform with constraints for another tool vector at the present position.
+    fn constrained_shift(&self, tool: &Vector3<f64>) -> Result<Vector3<f64>, Fault> {
+        let config = self.config;
+        let [before, after] = [&self.tool, tool].map(|tool| -> Result<_, Fault> {
+            let pose = Pose::from_degrees(config.carried(&self.at, &self.extra, tool)?);
+            let own = config.chain.machine_tool(tool);
+            let full = config.machine.full_pose(&pose, &own)?;
+            Ok(full.position - own + full.rotation() * own)
+        });
+        Ok(after? - before?)
     }
 
     fn go(&mut self, number: usize, step: &Move) {

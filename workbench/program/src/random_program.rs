@@ -183,7 +183,7 @@ impl Walk<'_> {
         let (chain, tool) = (&self.config.chain, self.config.spindle + offset);
         let pose = match chain.is_empty() {
             true => std::array::from_fn(|k| world[k]),
-            false => chain.to_machine(world, &tool).ok()?,
+            false => self.config.machine.pose_of_world(chain, world, &tool).ok()?,
         };
         Some((Pose::from_degrees(pose), chain.machine_tool(&tool)))
     }

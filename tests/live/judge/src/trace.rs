@@ -189,7 +189,8 @@ impl Columns<'_> {
         }
         let mut world = [0.0; 9];
         world[..6].copy_from_slice(given);
-        sample.pose = chain.to_machine(&world, &tool).map_err(|fault| fault.to_string())?;
+        let pose = self.config.machine.pose_of_world(chain, &world, &tool);
+        sample.pose = pose.map_err(|fault| fault.to_string())?;
         sample.on_work = self.config.on_work(&Pose::from_degrees(sample.pose), &world, &tool);
         sample.tool = chain.machine_tool(&tool).into();
         Ok(())

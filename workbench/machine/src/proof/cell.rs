@@ -138,23 +138,24 @@ impl Reach<'_> {
     /// # Errors
     /// The central pose has no joint values.
     pub fn path_bounds(&self, middle: &[f64; 6], step: &[f64; 6]) -> Result<PathBounds, Fault> {
-        self.bounds_within(middle, &[*step])
+        self.bounds_within(middle, Some(&[*step]))
     }
 
     /// Bounds joints and limits on any path through poses that are the center plus a sum of steps, each multiplied
-    /// by a number from -1 to 1.
+    /// by a number from -1 to 1; `None` if only the center is known.
     ///
     /// # Errors
     /// The central pose has no joint values.
     pub fn bounds_within(
         &self,
         middle: &[f64; 6],
-        steps: &[[f64; 6]],
+        steps: Option<&[[f64; 6]]>,
     ) -> Result<PathBounds, Fault> {
         let mut at = self.nowhere();
         let middle = self.middle(&mut at, middle)?;
-        let enclosed = self.spread_within(&middle, steps);
+        let enclosed = steps.and_then(|steps| self.spread_within(&middle, steps));
         let is_determined = enclosed.is_some();
+        let steps = steps.unwrap_or_default();
         let spread = enclosed.unwrap_or_else(|| self.spread(steps.iter().copied()));
         let seconds = (0..self.config.legs())
             .map(|i| is_determined.then(|| self.second_derivatives(i, &middle, &spread)).flatten());

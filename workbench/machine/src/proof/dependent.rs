@@ -18,6 +18,10 @@
 //! **Bounds** of the second derivative of an equation for two motions (v, ω) of the control point and the platform, ω the
 //! sum of the rates of A, B and C: an arm a fixed in the platform contributes |a| ω₁ ω₂, a plane through a point at a
 //! distance d from the control point d ω₁ ω₂ + ω₁ v₂ + v₁ ω₂.
+//!
+//! **Another commanded point**: axes that carry the tool command the position w of a tip, at P − R o from the control point
+//! P, where o moves with the axes. Then P is unknown too, and E has its coordinates. For each of X, Y and Z that the legs
+//! move, P − R o − w = 0 joins the constraints, with a second derivative of at most |o| ω² + 2 ω |o'| + |o''| + |w''|.
 
 use crate::proof::reach::{Middle, RADIANS, Reach, Spread};
 use crate::read::mechanism::Mechanism;
@@ -30,6 +34,9 @@ const ROUNDING: f64 = 1e-12;
 /// Trials of a box E, and the factor by which each is larger than the bound that it must contain.
 const TRIALS: usize = 12;
 const GROWTH: f64 = 1.1;
+
+/// Share of the whole box by which its entries are larger if the position of the platform follows.
+const ROOM: f64 = 0.05;
 
 /// Largest ‖1 − M F_y‖: less than 1, whatever rounding does.
 const CONTRACTION: f64 = 0.95;
@@ -70,11 +77,57 @@ pub(super) struct Enclosed {
     pub(super) steps: Vec<[f64; 6]>,
 }
 
+/// Motion of the commanded coordinates over a cell: its center plus a sum of steps, each multiplied by a number from −1
+/// to 1.
+pub(super) struct Commanded {
+    /// Machine units and degrees.
+    pub(super) steps: Vec<[f64; 6]>,
+    /// Bounds of their second derivatives on straight paths from the center, machine units and radians.
+    pub(super) bend: [f64; 6],
+    /// The point of the platform whose position is commanded; `None` for the control point.
+    pub(super) arm: Option<Arm>,
+}
+
+/// Vector from a commanded point to the control point, in the frame of the platform.
+pub(super) struct Arm {
+    pub(super) at: Vector3<f64>,
+    /// Its change by every step.
+    pub(super) rates: Vec<Vector3<f64>>,
+    /// Bound of its second derivative on straight paths from the center.
+    pub(super) bend: f64,
+    /// Position of the commanded point at the center.
+    pub(super) point: Vector3<f64>,
+}
+
+impl Commanded {
+    /// Returns the motion of a cell in the platform's own coordinates.
+    fn platform(steps: &[[f64; 6]]) -> Self {
+        Self { steps: steps.to_vec(), bend: [0.0; 6], arm: None }
+    }
+}
+
+impl Arm {
+    /// Bounds its rate.
+    pub(super) fn rate(&self) -> f64 {
+        self.rates.iter().map(|rate| rate.norm()).sum::<f64>() + self.bend
+    }
+
+    /// Bounds its length.
+    pub(super) fn length(&self) -> f64 {
+        self.at.norm() + self.rate()
+    }
+
+    /// Bounds the second derivative of its end for two rotations of the platform, of which it changes with the second.
+    pub(super) fn bend_by(&self, one: f64, other: f64) -> f64 {
+        (self.length() * other + self.rate()) * one
+    }
+}
+
 /// The constraints of a machine with a tool.
 pub(super) struct Dependent {
     equations: Vec<Equation>,
     /// Coordinates that they determine.
-    dependent: [bool; 6],
+    pub(super) dependent: [bool; 6],
     tool: Vector3<f64>,
     size: f64,
     radius: f64,
@@ -242,6 +295,11 @@ impl Dependent {
     /// Encloses the poses of a cell: its center plus a sum of steps in commanded coordinates, machine units and degrees.
     /// `None` if the cell is too large, or near a constraint singularity.
     pub(super) fn enclose(&self, place: &Place, steps: &[[f64; 6]]) -> Option<Enclosed> {
+        self.enclose_commanded(place, &Commanded::platform(steps))
+    }
+
+    /// Encloses the poses of a cell whose commanded coordinates may be those of a moving point of the platform.
+    pub(super) fn enclose_commanded(&self, place: &Place, by: &Commanded) -> Option<Enclosed> {
         let (t, tool) = (place.point(), &self.tool);
         // The equations, and below them the commanded coordinates themselves.
         let mut rows = Matrix6::zeros();
@@ -256,47 +314,83 @@ impl Dependent {
             values[i] = equation.value(&place.rotation, &t, tool).abs() + rounding;
         }
         let commanded: Vec<usize> = (0..6).filter(|k| !self.dependent[*k]).collect();
+        let arm = by.arm.as_ref();
+        let to_base = arm.map(|arm| place.rotation * arm.at);
         for (n, k) in commanded.iter().enumerate() {
-            rows[(self.count() + n, *k)] = 1.0;
+            let row = self.count() + n;
+            rows[(row, *k)] = 1.0;
+            if let (Some(arm), Some(to_base), 0..3) = (arm, to_base, *k) {
+                for (m, axis) in place.axes.iter().enumerate() {
+                    rows[(row, m + 3)] = -axis.cross(&to_base)[*k];
+                }
+                values[row] = (t[*k] - to_base[*k] - arm.point[*k]).abs() + ROUNDING * self.size;
+            }
         }
         let inverse = rows.try_inverse()?;
-        let tangent = |step: &[f64; 6]| -> [f64; 6] {
+        let tangent = |(n, step): (usize, &[f64; 6])| -> [f64; 6] {
             let step = with_unit(step, RADIANS);
+            let turned = arm.map_or(Vector3::zeros(), |arm| place.rotation * arm.rates[n]);
             let mut right = Vector6::zeros();
             for (n, k) in commanded.iter().enumerate() {
-                right[self.count() + n] = step[*k];
+                right[self.count() + n] = step[*k] + if *k < 3 { turned[*k] } else { 0.0 };
             }
             (inverse * right).into()
         };
-        let tangents: Vec<[f64; 6]> = steps.iter().map(tangent).collect();
+        let tangents: Vec<[f64; 6]> = by.steps.iter().enumerate().map(tangent).collect();
+        // With an arm, the position of the platform follows, too.
+        let follows = |k: usize| self.dependent[k] || (k < 3 && arm.is_some());
+        let used = if arm.is_some() { 6 } else { self.count() };
         let product = |bounds: &Vector6<f64>| -> [f64; 6] {
-            std::array::from_fn(|k| match self.dependent[k] {
-                true => (0..self.count()).map(|i| inverse[(k, i)].abs() * bounds[i]).sum(),
+            std::array::from_fn(|k| match follows(k) {
+                true => (0..used).map(|i| inverse[(k, i)].abs() * bounds[i]).sum(),
                 false => 0.0,
             })
         };
         let mut within = [0.0; 6];
         for _ in 0..TRIALS {
             let motion = Motion::of(tangents.iter().chain([&within]));
-            let bend = |[one, other]: [Motion; 2]| {
-                let bend = |i: usize| self.equations[i].bend(&t, tool, motion.shift, [one, other]);
-                Vector6::from_fn(|i, _| if i < self.count() { bend(i) } else { 0.0 })
+            let bend = |one: Motion| {
+                let bend = |i: usize| match i.checked_sub(self.count()) {
+                    None => self.equations[i].bend(&t, tool, motion.shift, [one, motion]),
+                    Some(n) if commanded[n] < 3 => {
+                        arm.map_or(0.0, |arm| arm.bend_by(one.turn, motion.turn))
+                    }
+                    Some(_) => 0.0,
+                };
+                Vector6::from_fn(|i, _| if i < used { bend(i) } else { 0.0 })
             };
-            let needed = product(&(bend([motion; 2]) / 2.0 + values));
+            let mut bent = bend(motion);
+            for (n, k) in commanded.iter().enumerate() {
+                bent[self.count() + n] += match (arm, k) {
+                    (Some(arm), 0..3) => by.bend[*k] + arm.bend + arm.rate() * motion.turn,
+                    _ => by.bend[*k],
+                };
+            }
+            let needed = product(&(bent / 2.0 + values));
             if !needed.iter().all(|value| value.is_finite()) {
                 return None;
             }
             if (0..6).all(|k| needed[k] <= within[k]) {
-                let change = product(&bend([Motion::of([&within]), motion]));
+                let change = product(&bend(Motion::of([&within])));
                 (0..6).all(|k| change[k] <= CONTRACTION * within[k]).then_some(())?;
                 let box_ = (0..6)
-                    .filter(|k| self.dependent[*k])
+                    .filter(|k| follows(*k))
                     .map(|k| std::array::from_fn(|m| if m == k { within[k] } else { 0.0 }));
                 let steps = tangents.iter().copied().chain(box_);
                 let steps = steps.map(|step| with_unit(&step, 1.0 / RADIANS)).collect();
                 return Some(Enclosed { steps });
             }
             within = needed.map(|value| GROWTH * value);
+            if arm.is_some() {
+                // An entry that is of second order in the others would not contract.
+                let most = Motion::of([&needed]);
+                let size = self.size;
+                let room = [most.shift + size * most.turn, most.shift / size + most.turn]
+                    .map(|m| m * ROOM);
+                for k in (0..6).filter(|k| follows(*k)) {
+                    within[k] += room[usize::from(k >= 3)];
+                }
+            }
         }
         None
     }
@@ -403,7 +497,7 @@ impl Rows {
 
 impl Reach<'_> {
     /// Returns the platform at one of LinuxCNC's poses.
-    fn place(&self, pose: &[f64; 6]) -> Result<Place, Fault> {
+    pub(super) fn place(&self, pose: &[f64; 6]) -> Result<Place, Fault> {
         let pose = Pose::from_degrees(*pose);
         Ok(Place::new(&self.config.machine.full_pose(&pose, &self.tool)?))
     }
@@ -446,44 +540,70 @@ impl Reach<'_> {
 
     /// Proves that the lines from home to all poses of a path are regular: then the dependent coordinates change
     /// continuously along it, and are those that the core computes. `path` encloses the part of the path about a share of
-    /// it, as far as a half width: a center plus a sum of steps, machine units and degrees.
+    /// it, as far as a half width: a center plus a sum of steps, machine units and degrees; `None` if the part is too
+    /// large.
     ///
     /// # Errors
     /// The share of the path at which that is not proved, and why.
     pub fn refuse_unconnected(
         &self,
-        path: impl Fn(f64, f64) -> Result<([f64; 6], Vec<[f64; 6]>), Fault>,
+        path: impl Fn(f64, f64) -> Result<Option<([f64; 6], Vec<[f64; 6]>)>, Fault>,
     ) -> Result<(), (f64, Fault)> {
         let Some(dependent) = &self.dependent else { return Ok(()) };
         let start = dependent.start;
+        self.refuse_singular(|[[t, ht], [s, hs]]| {
+            let Some((middle, own)) = path(s, hs)? else { return Ok(None) };
+            let way: [f64; 6] = std::array::from_fn(|k| middle[k] - start[k]);
+            let place = self.place(&std::array::from_fn(|k| start[k] + t * way[k]))?;
+            let scaled = |step: &[f64; 6], by: f64| step.map(|value| by * value);
+            let steps: Vec<[f64; 6]> = std::iter::once(scaled(&way, ht))
+                .chain(own.iter().map(|step| scaled(step, t + ht)))
+                .collect();
+            Ok(Some((place, Commanded::platform(&steps))))
+        })
+    }
+
+    /// Proves that the solutions over a rectangle, shares of lines from home and of a path, are regular. `piece` returns a
+    /// part of the rectangle, about two shares with their half widths: the platform at its center, and its commanded
+    /// coordinates, the first step along the lines; `None` if the part is too large.
+    ///
+    /// # Errors
+    /// The share of the path at which that is not proved, and why.
+    pub(super) fn refuse_singular(
+        &self,
+        piece: impl Fn([[f64; 2]; 2]) -> Result<Option<(Place, Commanded)>, Fault>,
+    ) -> Result<(), (f64, Fault)> {
+        let Some(dependent) = &self.dependent else { return Ok(()) };
         // In shares of the lines and of the path.
         let mut open = vec![[[0.0, 1.0]; 2]];
         while let Some([line, part]) = open.pop() {
             let [(t, ht), (s, hs)] =
                 [line, part].map(|[low, high]| ((low + high) / 2.0, (high - low) / 2.0));
-            let failed = |fault| (s, fault);
-            let (middle, own) = path(s, hs).map_err(failed)?;
-            let way: [f64; 6] = std::array::from_fn(|k| middle[k] - start[k]);
-            let place = self.place(&std::array::from_fn(|k| start[k] + t * way[k]));
-            let place = place.map_err(failed)?;
-            let scaled = |step: &[f64; 6], by: f64| step.map(|value| by * value);
-            let steps: Vec<[f64; 6]> = std::iter::once(scaled(&way, ht))
-                .chain(own.iter().map(|step| scaled(step, t + ht)))
-                .collect();
-            if dependent.enclose(&place, &steps).is_some() {
-                continue;
-            }
-            let extent = |steps: &[[f64; 6]]| {
-                let steps: Vec<_> = steps.iter().map(|step| with_unit(step, RADIANS)).collect();
-                let motion = Motion::of(&steps);
-                motion.shift + dependent.radius * motion.turn
+            let singular = || (s, Fault::from(Cause::ConstraintSingular));
+            let found = piece([[t, ht], [s, hs]]).map_err(|fault| (s, fault))?;
+            let is_longer = match &found {
+                None if hs <= SHORTEST => return Err(singular()),
+                None => false,
+                Some((place, by)) => {
+                    if dependent.enclose_commanded(place, by).is_some() {
+                        continue;
+                    }
+                    let extent = |steps: &[[f64; 6]]| {
+                        let steps: Vec<_> =
+                            steps.iter().map(|step| with_unit(step, RADIANS)).collect();
+                        let motion = Motion::of(&steps);
+                        motion.shift + dependent.radius * motion.turn
+                    };
+                    let moved = by.arm.as_ref().map_or(0.0, Arm::rate);
+                    let (along, across) = (extent(&by.steps[..1]), extent(&by.steps[1..]) + moved);
+                    if along.max(across) <= SHORTEST * dependent.size {
+                        return Err(singular());
+                    }
+                    along >= across
+                }
             };
-            let (along, across) = (extent(&steps[..1]), extent(&steps[1..]));
-            if along.max(across) <= SHORTEST * dependent.size {
-                return Err((s, Fault::from(Cause::ConstraintSingular)));
-            }
             // The earlier half of the path is examined first.
-            open.extend(match along >= across {
+            open.extend(match is_longer {
                 true => [[[t, line[1]], part], [[line[0], t], part]],
                 false => [[line, [s, part[1]]], [line, [part[0], s]]],
             });

@@ -204,6 +204,7 @@ fn turned(region: Region, axes: &[Axis], layout: &Layout) -> Region {
         let (place, axis) = (k + 3, Vector3::ith(k, 1.0));
         let link = Link { place, carries: Carries::Tool, axis, point: Vector3::zeros() };
         let range = match axes[place] {
+            _ if layout.is_dependent(Letter::ALL[place]) => [-180.0, 180.0],
             _ if layout.is_held(Letter::ALL[place]) => [0.0; 2],
             Axis { min, max, .. } if min.is_finite() && max.is_finite() => [min, max],
             _ => [-180.0, 180.0],

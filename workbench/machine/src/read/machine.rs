@@ -25,10 +25,6 @@ const IDENTITY_FIRST: &str = "pkm needs LinuxCNC to start in the machine's kinem
 const CONSTRAINED: &str =
     "not judged: this tool does not support constraints= yet (pkm help reference/layouts)";
 
-/// Their proofs do not know that an axis of a chain moves the platform's dependent coordinates.
-const CARRIED: &str = "not judged: this tool does not support axes that carry something beside constraints= yet \
-                       (pkm help reference/layouts)";
-
 /// Parameters that may have an empty value.
 const MAY_BE_EMPTY: [&str; 4] = ["table", "axes", "second_angles", "sparm"];
 
@@ -46,8 +42,7 @@ pub enum Lenient {
     Boxes,
     /// One that LinuxCNC starts in the identity, with or without constraints: its geometry is the same.
     Identity,
-    /// One with constraints of the platform and no axis that carries something, for computations that know its
-    /// dependent coordinates.
+    /// One with constraints of the platform, for computations that know its dependent coordinates.
     Constraints,
     /// One with refused boxes or constraints, for a report about the machine.
     Report,
@@ -130,10 +125,6 @@ impl MachineConfig {
             Mechanism::read(facts.as_ref(), ini, &mechanisms[n], errors)
         });
         let mechanisms = errors.value(read)?.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let is_carried = mechanisms.iter().any(|mechanism| !mechanism.chain.is_empty());
-        if load.layout.constraints() > 0 && is_carried && lenient == Some(Lenient::Constraints) {
-            return Err(ini.refuse(ini.require("KINS", "KINEMATICS", "")?, CARRIED).into());
-        }
         match mechanisms.iter().find_map(|mechanism| mechanism.refused_boxes.clone()) {
             Some(refused) if !matches!(lenient, Some(Lenient::Boxes | Lenient::Report)) => {
                 Err(refused)

@@ -261,7 +261,7 @@ impl Mechanism {
 
     /// Returns the tip on the work and the direction from it to the holder there, for the machine's own pose, LinuxCNC's pose
     /// and the tool vector, spindle offset included: along the tool vector, or along Z of a spindle without a tool. `None` if
-    /// no axis carries anything.
+    /// no axis carries anything, or constraints refuse the pose.
     pub fn on_work(
         &self,
         pose: &Pose,
@@ -272,7 +272,11 @@ impl Mechanism {
             return None;
         }
         let tip = Vector3::new(world[0], world[1], world[2]) - tool;
-        let [holder, work] = self.chain.frames(pose, world);
+        let platform = match self.machine.layout().constraints() {
+            0 => *pose,
+            _ => self.machine.full_pose(pose, &self.chain.machine_tool(tool)).ok()?,
+        };
+        let [holder, work] = self.chain.frames(&platform, world);
         let own = tool.try_normalize(0.0).unwrap_or(Vector3::z());
         Some([tip.into(), work.tr_mul(&(holder * own)).into()])
     }
