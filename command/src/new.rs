@@ -229,8 +229,9 @@ fn text(made: &Made, order: &Order) -> String {
         .map(|f| format!("{}\n\n", rendered(f.severity, &f.problem)))
         .collect();
     let notes = format!(
-        "Created {}. Proved: without a tool the machine reaches every pose within\n\n{}\n{}\n\n",
+        "Created {}. Proved: without a tool{} the machine reaches every pose within\n\n{}\n{}\n\n",
         order.folder.display(),
+        if order.values.has_wrist() { " and with the wrist at 0" } else { "" },
         limit_lines(&made.report.config),
         made.boxes
     );

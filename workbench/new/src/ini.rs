@@ -7,9 +7,10 @@ use crate::constraints::Constraint;
 use crate::kinds::{Homing, MachineKind};
 use crate::parameters::{JOINT_ANGLE, TABLE};
 use crate::values::{Values, rounded};
+use crate::wrist::{self, Wrist};
 use keys::{leg as of_leg, machine as of_machine};
-use kinematics::Letter;
 use kinematics::leg;
+use kinematics::{Letter, POSE_LETTERS};
 use machine::digits::{list, plain};
 use machine::proof::axis_box::AxisBox;
 use std::fmt::Write;
@@ -98,7 +99,11 @@ impl Plan<'_> {
 
     /// Returns the letters of extra axes.
     fn extra(&self) -> &str {
-        self.carried.as_ref().map_or("", |carried| &carried.extra)
+        match &self.carried {
+            Some(carried) => &carried.extra,
+            None if Wrist::of(self).is_some() => wrist::LETTERS,
+            None => "",
+        }
     }
 
     pub fn all_joints(&self) -> usize {
@@ -149,10 +154,18 @@ impl Plan<'_> {
             let paragraphs: Vec<String> = carried.about.iter().map(|text| comment(text)).collect();
             return paragraphs.join("#\n");
         }
+        let proved = match Wrist::of(self) {
+            None => {
+                "The axis limits are proved: without a tool the machine reaches every pose between them."
+            }
+            Some(_) => {
+                "The limits of X Y Z are proved with the wrist at 0: without a tool the machine reaches every pose between \
+                 them. Run pkm preflight before programs that tilt the tool."
+            }
+        };
         let text = format!(
             "{name}, {} ({}); lengths in {unit}. Made by pkm new. {} HOME of every joint comes from the \
-             kinematics at [TRAJ]HOME. The axis limits are proved: without a tool the machine reaches \
-             every pose between them. Run pkm check after a change of dimensions.",
+             kinematics at [TRAJ]HOME. {proved} Run pkm check after a change of dimensions.",
             kind.text, kind.name, kind.frame
         );
         comment(&text)
@@ -228,7 +241,9 @@ APP = haltcl $HALLIB_DIR/pkmkins_jog.tcl
     /// Returns the coordinates and their speeds.
     fn machine(&self) -> String {
         let letters: String = self.letters().iter().map(|letter| letter.name()).collect();
-        let letters = letters + self.extra();
+        let mut letters: Vec<char> = letters.chars().chain(self.extra().chars()).collect();
+        letters.sort_by_key(|letter| POSE_LETTERS.iter().position(|known| known == letter));
+        let letters: String = letters.into_iter().collect();
         let extra = match self.extra() {
             "" => String::new(),
             extra => format!(" axes={extra}"),
@@ -325,7 +340,8 @@ MAX_LINEAR_ACCELERATION = {accel}
             text += "# The sign of LEAD is for a left-hand screw. BASE_N and PLATFORM_N are the base-fixed and platform-fixed axes of\n# the cardan joints: here level and across the strut at home. Enter those of your joints.\n";
         }
         let legs: Vec<String> = (0..self.legs.len()).map(|n| self.leg(n)).collect();
-        text + &legs.join("\n") + &self.constraint_sections()
+        let wrist = Wrist::of(self).map_or(String::new(), |wrist| wrist.chain());
+        text + &legs.join("\n") + &self.constraint_sections() + &wrist
     }
 
     fn constraint_sections(&self) -> String {
@@ -393,6 +409,11 @@ MAX_LINEAR_ACCELERATION = {accel}
             return self.carried_joint(n, joint);
         }
         let is_leg = n < self.legs.len();
+        let of_wrist = n.checked_sub(self.legs.len() + self.table().len());
+        if let (Some(wrist), Some(i)) = (Wrist::of(self), of_wrist) {
+            let errors = self.following_error(self.motion()[1][0], true);
+            return wrist.joint(i, n, errors, &self.homing(n, 0.0));
+        }
         let is_arm = is_leg && self.kind.leg == leg::Kind::Crank;
         let [min, max] = match is_leg {
             true => self.range(),
@@ -518,8 +539,11 @@ MAX_LINEAR_ACCELERATION = {accel}
 }
 
 impl Plan<'_> {
-    /// Writes the axis and joint of a coordinate that passes through.
+    /// Writes the axis of a wrist, or of a coordinate that passes through.
     fn extra_axis(&self, letter: char) -> String {
+        if let Some(wrist) = Wrist::of(self) {
+            return wrist.axis(letter);
+        }
         let Some(axis) = self.carried.as_ref().and_then(|carried| carried.axis(letter)) else {
             return String::new();
         };

@@ -4,6 +4,7 @@
 use crate::carried::Carried;
 use crate::ini::Plan;
 use crate::values::Refusal;
+use crate::wrist::Wrist;
 use check::findings::Finding;
 use check::usual::AWAY;
 use check::wiring::at_key;
@@ -277,7 +278,11 @@ fn at_pose(
     pose: &[f64; 6],
     way: [f64; 6],
 ) -> Option<Vec<[f64; 2]>> {
-    let [linear, angular] = plan.motion();
+    let [mut linear, angular] = plan.motion();
+    if let Some(wrist) = Wrist::of(plan) {
+        let of_platform = wrist.of_platform();
+        linear = std::array::from_fn(|k| linear[k] + of_platform[k]);
+    }
     let joints = |step: &[f64; 6], factor: f64| -> Option<Joints> {
         reach.joints(&std::array::from_fn(|k| pose[k] + factor * step[k])).ok()
     };

@@ -372,7 +372,7 @@ fn name_place(report: &mut Report, folder: &Path, order: &Order) {
 /// Formats the limits of the new machine, letter by letter.
 pub fn limit_lines(config: &Mechanism) -> String {
     let line = |letter: &Letter| {
-        let axis = &config.axes[letter.index()];
+        let axis = &config.programmed[letter.index()];
         let unit = if letter.is_angle() { "degrees" } else { config.length_unit() };
         format!("  {} {} to {} {unit}\n", letter.name(), plain(axis.min), plain(axis.max))
     };

@@ -273,6 +273,19 @@ pub(super) const HEAD_TABLE: Parameter = Parameter {
     text: "Travel of a table or gantry along X and Y that compensates the head's own motion; none if not given",
     ..TABLE
 };
+/// A wrist that a platform may do without.
+pub(super) const WRIST: Parameter = optional(
+    crate::wrist::NAME,
+    Measure::Length,
+    "",
+    "Distance from the spindle nose to the tilting axis A of a wrist, which C turns about the platform's axis; no wrist if not given",
+);
+/// Speed of a wrist.
+pub(super) const WRIST_TURN: Parameter = Parameter {
+    text: "Highest speed of the axes of a wrist, reached within a tenth of a second",
+    default: "30",
+    ..TURN
+};
 pub(super) const FOOT_RADIUS: Parameter = anchor(
     "foot-radius",
     Measure::Length,

@@ -2,6 +2,7 @@
 //! Files next to the INI file: a first program, the tool table and a page of next steps.
 
 use crate::ini::Plan;
+use crate::wrist::Wrist;
 use kinematics::Letter;
 use machine::digits::plain;
 use machine::proof::axis_box::AxisBox;
@@ -51,6 +52,9 @@ pub fn first(plan: &Plan, limits: &AxisBox) -> String {
             line(&format!("G1 F{speed} {}", words(plan, &[*letter], pose)));
         }
         line(&format!("G1 {}", words(plan, &[*letter], home)));
+    }
+    if let Some(wrist) = Wrist::of(plan) {
+        wrist.blocks().iter().for_each(|block| line(block));
     }
     let speed = (60.0 * SHARE * feed).round().max(1.0);
     for n in 0..4_usize {

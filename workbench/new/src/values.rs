@@ -2,6 +2,7 @@
 //! The given values of a machine: every value of its kind's table, checked, with defaults.
 
 use crate::parameters::{ANCHORS, LIMITS, Measure, Need, Parameter, UNIT};
+use crate::wrist;
 use kinematics::Letter;
 use machine::read::ini::decimal;
 use std::collections::BTreeMap;
@@ -112,6 +113,11 @@ impl Values {
     /// Returns the numbers of a parameter, if it has any.
     pub fn list<const N: usize>(&self, parameter: &str) -> Option<[f64; N]> {
         self.numbers(parameter).and_then(|numbers| numbers.try_into().ok())
+    }
+
+    /// Returns whether the platform carries a wrist.
+    pub fn has_wrist(&self) -> bool {
+        self.numbers(wrist::NAME).is_some()
     }
 
     /// Returns its single number; 0 if there is none.
