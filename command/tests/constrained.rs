@@ -71,28 +71,80 @@ fn travel_and_replay_know_the_coordinates_that_follow() {
     }
 }
 
-/// The proofs do not know that a wrist moves the coordinates that follow: nothing may be promised.
+/// Moves the platform while the tip stays, with a tool that is mounted at home.
+const WITH_WRIST: &str = "G21 G90 G94 G61\nG43 H1\nG1 X60 Y-40 Z-940 F1500\nG1 A30 C40 F900\nG1 X-50 A-25\n\
+                          G2 X50 Y-40 I50 J0 A0 F1500\nG1 C-60 A40 F900\nG1 X0 Y0 Z-900 A0 C0\nM2\n";
+
+/// Returns a bench with the tricept that has a wrist, edited.
+fn wrist(edit: impl Fn(String) -> String) -> Bench {
+    let ini = test_support::constrained::constrained_ini("tricept-wrist");
+    let text = edit(std::fs::read_to_string(ini).unwrap());
+    Bench::new().with("wrist.ini", &text).with("tricept-wrist.tbl", "T1 P1 Z60 D10\n")
+}
+
 #[test]
-fn with_a_wrist_only_home_is_judged() {
-    let text = std::fs::read_to_string(ini("tricept")).unwrap();
-    let text = text
-        .replacen("coordinates=XYZ constraints=3", "coordinates=XYZ axes=A constraints=3", 1)
-        .replacen("JOINTS = 3", "JOINTS = 4", 1)
-        .replacen("COORDINATES = XYZ", "COORDINATES = XYZA", 1)
-        + "\n[CHAIN_A]\nCARRIES = TOOL\nAXIS = 1 0 0\nPOINT = 0 0 -80\n"
-        + "\n[AXIS_A]\nTYPE = ANGULAR\nMIN_LIMIT = -60\nMAX_LIMIT = 60\nMAX_VELOCITY = 60\nMAX_ACCELERATION = 150\n"
-        + "\n[JOINT_3]\nTYPE = ANGULAR\nHOME = 0\nMIN_LIMIT = -60\nMAX_LIMIT = 60\nMAX_VELOCITY = 60\n\
-           MAX_ACCELERATION = 150\nFERROR = 2\nMIN_FERROR = 0.5\nHOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n";
-    let bench = Bench::new().with("wrist.ini", &text).with("tricept.tbl", "T1 P1 Z0 D1\n");
-    let checked = bench.answer("check wrist.ini", "");
-    assert!(checked.contains("not judged: poses other than home"), "{checked}");
-    for words in
-        ["preflight wrist.ini -", "travel wrist.ini", "workspace wrist.ini", "scene wrist.ini"]
-    {
-        let reported = bench.answer(words, "G21 G90\nG1 A5 F60\nM2\n");
+fn a_program_that_uses_a_wrist_is_proved_and_runs_to_its_end() {
+    let bench = wrist(|text| text).with("wrist.ngc", WITH_WRIST);
+    let reported = bench.answer("preflight wrist.ini wrist.ngc", "");
+    assert!(
+        reported.contains("\nThe program fits the machine") && reported.ends_with("exit 0\n"),
+        "{reported}"
+    );
+    let reported = bench.answer("run wrist.ini wrist.ngc", "");
+    assert!(reported.contains("runs to its end") && reported.ends_with("exit 0\n"), "{reported}");
+    for (words, expected) in [
+        ("check wrist.ini", "in the coordinates of its legs"),
+        ("travel wrist.ini --pose 20 -30 -920 15 0 -20", "A "),
+        ("replay wrist.ini wrist.ngc --period 0.5", "joint_4"),
+        ("workspace wrist.ini --bands 4 --grid 8", "volume"),
+        ("sensitivity wrist.ini", "conditioning"),
+        ("frames wrist.ini", "</svg>"),
+        ("scene wrist.ini", "\"is_carried\": true"),
+        ("random wrist.ini --seconds 3", "G1"),
+    ] {
+        let reported = bench.answer(words, "");
         assert!(
-            reported.contains("not judged: this tool does not support axes that carry"),
+            reported.contains(expected) && reported.ends_with("exit 0\n"),
             "{words}: {reported}"
         );
     }
+}
+
+/// A strut that is too long only while the wrist turns about the tip: at the ends of the moves it is not.
+#[test]
+fn a_limit_that_a_wrist_violates_between_the_ends_of_a_move_is_found_in_its_line() {
+    // A strut swings by up to 120 mm sin 45° as the tool tilts to both sides.
+    let program = "G21 G90 G61\nG1 A-45 F900\nG1 A45\nG1 C180\nG1 A0\nM2\n";
+    let bench = wrist(|text| text).with("wrist.ngc", program);
+    let replayed = bench.answer("replay wrist.ini wrist.ngc --period 0.01", "");
+    // line and joint_1 of each pose
+    let rows: Vec<(u32, f64)> = replayed
+        .lines()
+        .filter_map(|line| {
+            let words: Vec<&str> = line.split(',').collect();
+            Some((words.get(1)?.parse().ok()?, words.get(9)?.parse().ok()?))
+        })
+        .collect();
+    let most = |line: u32| {
+        rows.iter().filter(|row| row.0 == line).map(|row| row.1).fold(f64::MIN, f64::max)
+    };
+    let end = rows.iter().rfind(|row| row.0 == 4).unwrap().1;
+    let limit = (most(4) + end.max(most(2)).max(most(3))) / 2.0;
+    assert!(most(4) > limit + 0.5, "{limit} {}", most(4));
+    let narrowed = |text: String| {
+        let (before, joint) = text.split_once("[JOINT_1]").unwrap();
+        format!(
+            "{before}[JOINT_1]{}",
+            joint.replacen("MAX_LIMIT = 1300", &format!("MAX_LIMIT = {limit}"), 1)
+        )
+    };
+    let bench = wrist(narrowed).with("wrist.ngc", program);
+    let reported = bench.answer("preflight wrist.ini wrist.ngc", "");
+    assert!(
+        reported.contains("error: line 4: joint range: strut 1 violates its limit"),
+        "{reported}"
+    );
+    assert!(reported.ends_with("exit 1\n"), "{reported}");
+    let ran = bench.answer("run wrist.ini wrist.ngc", "");
+    assert!(ran.contains("line 4") && !ran.contains("runs to its end"), "{ran}");
 }
