@@ -100,6 +100,7 @@ fn a_program_that_uses_a_wrist_is_proved_and_runs_to_its_end() {
         ("sensitivity wrist.ini", "conditioning"),
         ("frames wrist.ini", "</svg>"),
         ("scene wrist.ini", "\"is_carried\": true"),
+        ("view wrist.ini wrist.ngc --html page.html", "exit 0"),
         ("random wrist.ini --seconds 3", "G1"),
     ] {
         let reported = bench.answer(words, "");

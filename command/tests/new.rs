@@ -331,6 +331,29 @@ fn machines_whose_passive_joints_couple_coordinates_are_made_and_run() {
     }
 }
 
+/// Their axis limits are proved with the wrist at 0; the first program turns it about the tip.
+#[test]
+fn a_tricept_and_an_exechon_may_carry_the_tool_on_a_wrist() {
+    let bench = Bench::new();
+    for kind in ["tricept", "exechon"] {
+        let made = bench.answer(&format!("new {} --wrist 120 --out {kind}", example(kind)), "");
+        assert!(made.contains("without a tool and with the wrist at 0"), "{made}");
+        assert!(made.ends_with("exit 0\n"), "{made}");
+        let ini = format!("{kind}/{kind}.ini");
+        let config = test_support::shipped::first_of(&file(&bench, &ini));
+        let letters: Vec<usize> = config.chain.links().iter().map(|link| link.place).collect();
+        assert_eq!((letters, config.extra.len()), (vec![5, 3], 2), "C turns A");
+        // The tilting axis is 120 above the spindle nose, which points down.
+        assert_eq!(<[f64; 3]>::from(config.chain.links()[1].point), [0.0, 0.0, 120.0]);
+        let checked = bench.answer(&format!("check {ini}"), "");
+        assert!(checked.ends_with("exit 0\n"), "{checked}");
+        let program = format!("{kind}/programs/first.ngc");
+        assert!(fs::read_to_string(file(&bench, &program)).unwrap().contains("G1 F900 A20 C45"));
+        let judged = bench.answer(&format!("preflight {ini} {program}"), "");
+        assert!(judged.ends_with("\nThe program fits the machine.\nexit 0\n"), "{judged}");
+    }
+}
+
 /// Trial machines are written by themselves, from drawings.
 #[test]
 fn machines_with_constraints_have_the_joints_of_separately_computed_poses() {

@@ -133,6 +133,9 @@ impl Firsts {
     }
 }
 
+/// Poses of the machine: a center plus a sum of steps; `None` if a piece is too long for a bound.
+type Enclosed = ([f64; 6], Option<Vec<[f64; 6]>>);
+
 /// A least margin, with its part, line and file.
 type Nearest = (f64, Part, (u32, usize));
 
@@ -258,13 +261,8 @@ impl<'a> Pilot<'a> {
         self.reach.bounds_within(&middle, steps.as_deref())
     }
 
-    /// Encloses the machine's poses over a piece: a center plus a sum of steps; `None` if the piece is too long.
-    fn enclosed(
-        &self,
-        leg: &Leg,
-        middle: f64,
-        half: f64,
-    ) -> Result<([f64; 6], Option<Vec<[f64; 6]>>), Fault> {
+    /// Encloses the machine's poses over a piece.
+    fn enclosed(&self, leg: &Leg, middle: f64, half: f64) -> Result<Enclosed, Fault> {
         match &leg.course {
             Course::Straight { from, delta } => {
                 let pose = std::array::from_fn(|k| from[k] + middle * delta[k]);
