@@ -156,8 +156,8 @@ fn a_move_on_which_the_core_refuses_a_pose_or_changes_the_solution_is_never_prov
         let config = with_wrist(machine, axes, carries);
         let mut proved = 0;
         for n in 0..24 {
-            // Some of them far beyond home, through singular poses.
-            let far = if n % 2 == 0 { 1.0 } else { 8.0 };
+            // Some of them far beyond the limits of the axes.
+            let far = if n % 2 == 0 { 1.0 } else { 2.5 };
             let [middle, step] = path(&config, &mut rng, [far, far], (axes, tilts));
             let (tool, from) = (tool(&mut rng), at(&[middle, step], -1.0));
             let delta = step.map(|value| 2.0 * value);
