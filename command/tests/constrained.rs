@@ -77,7 +77,7 @@ const WITH_WRIST: &str = "G21 G90 G94 G61\nG43 H1\nG1 X60 Y-40 Z-940 F1500\nG1 A
 
 /// Returns a bench with the tricept that has a wrist, edited.
 fn wrist(edit: impl Fn(String) -> String) -> Bench {
-    let ini = test_support::constrained::constrained_ini("tricept-wrist");
+    let ini = test_support::shipped::root().join("tests/cases/ini/constraints/tricept-wrist.ini");
     let text = edit(std::fs::read_to_string(ini).unwrap());
     Bench::new().with("wrist.ini", &text).with("tricept-wrist.tbl", "T1 P1 Z60 D10\n")
 }

@@ -9,14 +9,14 @@ use machine::read::machine::{Lenient, MachineConfig};
 use machine::read::mechanism::Mechanism;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
-use test_support::constrained::constrained_ini;
+use test_support::shipped::ini;
 
 /// Rounding of positions of a machine of about a meter, mm; of angles the same in degrees.
 const ROUNDING: f64 = 1e-9;
 
 /// Returns a machine with axes that carry its tool, whose directions are askew and which do not meet.
 fn with_wrist(machine: &str, axes: &str, carries: &str) -> Mechanism {
-    let text = std::fs::read_to_string(constrained_ini(machine)).unwrap();
+    let text = std::fs::read_to_string(ini(machine)).unwrap();
     let old = text.lines().find(|line| line.starts_with("JOINTS =")).unwrap();
     let joints: usize = old["JOINTS = ".len()..].trim().parse().unwrap();
     let letters = text.lines().find(|line| line.starts_with("COORDINATES =")).unwrap();
@@ -40,8 +40,8 @@ fn with_wrist(machine: &str, axes: &str, carries: &str) -> Mechanism {
             joints + n
         );
     }
-    let ini = Ini::parse(&constrained_ini(machine), &made).unwrap();
-    let config = MachineConfig::leniently(&ini, Some(Lenient::Constraints)).unwrap();
+    let made = Ini::parse(&ini(machine), &made).unwrap();
+    let config = MachineConfig::leniently(&made, Some(Lenient::Constraints)).unwrap();
     config.mechanism(1).unwrap()
 }
 
