@@ -180,7 +180,7 @@ test-programs: setup setup-page
 test-virtual: setup
 	$(BEHIND) tests/hal/hal_test.tcl
 	$(BEHIND) tests/live/traces_test.py
-	$(BEHIND) tests/live/truth.py --random 200 --out build/truth-random
+	$(BEHIND) tests/live/truth.py --random 100 --out build/truth-random
 	$(BEHIND) tests/viewer/scene_test.py target/host/pkm
 	PKM=target/host/pkm $(BEHIND) /usr/bin/python3 -m pytest -q -p no:cacheprovider tests/viewer/scripts_test.py
 	$(BEHIND) tests/virtual/guarded.py --programs 50

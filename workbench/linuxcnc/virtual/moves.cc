@@ -78,6 +78,10 @@ int file_that_is_read() {
     if (interpreter && *interpreter) {
         file_name(*interpreter, name, sizeof name);
     }
+    // None is open if LinuxCNC cannot read the program: this is the program's.
+    if (!*name) {
+        return 0;
+    }
     for (size_t n = 0; n < files.size(); n++) {
         if (files[n] == name) {
             return static_cast<int>(n);

@@ -181,8 +181,10 @@ fn stopped(program: &Path, files: &[PathBuf], outcome: &Outcome) -> ProgramError
     let errors: Vec<_> = outcome.messages.iter().filter(|message| message.is_error()).collect();
     let texts: Vec<&str> = errors.iter().map(|message| message.text.as_str()).collect();
     ProgramError::Stopped {
+        // The first file is the program, which keeps the name that the user gave it.
         program: errors
             .first()
+            .filter(|message| message.file > 0)
             .and_then(|message| files.get(message.file))
             .map_or(program, |file| file)
             .into(),
