@@ -5,8 +5,8 @@
 //! - Uses: `machine` and `check`.
 //!
 //! [`kinds`] is the table of machines, [`parameters`] that of their values; [`values`] has the given
-//! values, and [`questions`] asks for them. [`anchors`] computes legs from radii, [`table`] reads them from a file, [`constraints`] has their passive joints,
-//! [`wrist`] axes that carry the tool.
+//! values, and [`questions`] asks for them. [`anchors`] computes legs from radii, [`table`] reads them from a file,
+//! [`constraints`] has their passive joints, `wrist` axes that carry the tool.
 //! [`ini`] writes a machine's file, which is read back like any other: [`home`] and [`limits`] apply the kinematics to
 //! the machine read. [`make`](mod@make) puts all of it into a folder. [`migrate`] does the same with an older
 //! configuration, whose values ([`carried`]) replace those that are chosen here.
