@@ -109,6 +109,8 @@ fn a_program_that_uses_a_wrist_is_proved_and_runs_to_its_end() {
             "{words}: {reported}"
         );
     }
+    let refused = bench.answer("export wrist.ini --mjcf model", "");
+    assert!(refused.contains("axis C carries") && refused.ends_with("exit 2\n"), "{refused}");
 }
 
 /// A strut that is too long only while the wrist turns about the tip: at the ends of the moves it is not.
