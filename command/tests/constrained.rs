@@ -3,6 +3,7 @@
 //! each kind of limit.
 
 use crate::commands::Bench;
+use test_support::CUT;
 use test_support::shipped::{CONSTRAINED, folder, ini};
 
 #[test]
@@ -109,8 +110,18 @@ fn a_program_that_uses_a_wrist_is_proved_and_runs_to_its_end() {
             "{words}: {reported}"
         );
     }
-    let refused = bench.answer("export wrist.ini --mjcf model", "");
-    assert!(refused.contains("axis C carries") && refused.ends_with("exit 2\n"), "{refused}");
+    let bench = bench.with("study.toml", CUT);
+    for words in [
+        "export wrist.ini --mjcf model",
+        "cut wrist.ini wrist.ngc --study study.toml",
+        "dynamics wrist.ini --study study.toml --program wrist.ngc",
+    ] {
+        let refused = bench.answer(words, "");
+        assert!(
+            refused.contains("beside constraints of the platform") && refused.ends_with("exit 2\n"),
+            "{words}: {refused}"
+        );
+    }
 }
 
 /// A strut that is too long only while the wrist turns about the tip: at the ends of the moves it is not.

@@ -21,23 +21,42 @@ pub struct Stance {
     pub work: Matrix3<f64>,
 }
 
-/// Why forces on a machine are not computed.
+/// Why forces on a machine are not computed, with its file.
 #[derive(Clone, Debug, thiserror::Error)]
-#[error(
-    "{0}: not judged: an axis carries the legs, or the work is on the platform; forces are computed only for a tool on the \
-     platform and a fixed base"
-)]
-pub struct NotJudged(pub String);
+pub enum NotJudged {
+    #[error(
+        "{0}: not judged: an axis carries the legs, or the work is on the platform; forces are computed only for a tool on \
+         the platform and a fixed base"
+    )]
+    Base(String),
+    #[error(
+        "{0}: not judged: axes carry tool or work beside constraints of the platform; forces along a program are computed \
+         only where one of the two is missing"
+    )]
+    BesideConstraints(String),
+}
 
-/// Refuses a machine whose legs rest on a moving axis or carry the work.
+/// Refuses a machine whose legs rest on a moving axis or carry the work, or that [`check_beside_constraints`] refuses.
 ///
 /// # Errors
 /// See [`NotJudged`].
 pub fn check(config: &Mechanism) -> Result<(), NotJudged> {
     let rests = config.chain.of(Carries::Legs).next().is_none();
     match rests && config.chain.holder().is_none() {
-        true => Ok(()),
-        false => Err(NotJudged(config.file.display().to_string())),
+        true => check_beside_constraints(config),
+        false => Err(NotJudged::Base(config.file.display().to_string())),
+    }
+}
+
+/// Refuses a machine whose axes carry something beside constraints of the platform: a stance would lack its dependent
+/// coordinates.
+///
+/// # Errors
+/// See [`NotJudged`].
+pub fn check_beside_constraints(config: &Mechanism) -> Result<(), NotJudged> {
+    match config.machine.layout().constraints() > 0 && !config.chain.is_empty() {
+        true => Err(NotJudged::BesideConstraints(config.file.display().to_string())),
+        false => Ok(()),
     }
 }
 
