@@ -200,8 +200,7 @@ impl Gauge {
     }
 
     /// Returns the derivative of the estimator's residual with respect to a reading, machine units per unit of the
-    /// reading.
-    /// NaN if the pose, with the tool vector `tool`, cannot be reached.
+    /// reading; NaN if the pose, with the tool vector `tool`, cannot be reached.
     pub(crate) fn slope(
         &self,
         config: &Mechanism,

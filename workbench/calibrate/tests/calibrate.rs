@@ -118,6 +118,25 @@ fn drawn_poses_are_within_the_axis_limits_whatever_the_tool() {
     }
 }
 
+/// Computes by how much the derivatives of the residuals by each parameter differ from differences over `step`.
+pub(crate) fn off_derivatives(
+    model: &Model,
+    readings: &[&Reading],
+    changes: &[f64],
+    step: impl Fn(usize) -> f64,
+) -> impl Iterator<Item = f64> {
+    let (_, jacobian) = residuals(model, readings, changes).unwrap();
+    (0..model.parameters.len()).map(move |k| {
+        let at = |by: f64| {
+            let mut moved = changes.to_vec();
+            moved[k] += by;
+            residuals(model, readings, &moved).unwrap().0
+        };
+        let by = step(k);
+        ((at(by) - at(-by)) / (2.0 * by) - jacobian.column(k)).amax()
+    })
+}
+
 #[test]
 fn the_derivatives_are_those_of_the_residuals() {
     for machine in shipped::unchained() {
@@ -158,16 +177,8 @@ fn the_derivatives_are_those_of_the_residuals() {
                 })
                 .collect();
             let readings: Vec<&Reading> = readings.iter().collect();
-            let (_, jacobian) = residuals(&model, &readings, &changes).unwrap();
-            for k in 0..model.parameters.len() {
-                let at = |step: f64| {
-                    let mut moved = changes.clone();
-                    moved[k] += step;
-                    residuals(&model, &readings, &moved).unwrap().0
-                };
-                let step = 1e-3 * model.parameters[k].deviation;
-                let slope = (at(step) - at(-step)) / (2.0 * step);
-                let miss = (slope - jacobian.column(k)).amax();
+            let steps = |k: usize| 1e-3 * model.parameters[k].deviation;
+            for (k, miss) in off_derivatives(&model, &readings, &changes, steps).enumerate() {
                 // Rates are at most a thousand lengths per radian: poses are accurate to 1e-9, over
                 // steps of 1e-4, and third derivatives leave 1e3 · 1e-8 / 6.
                 let what = (&readings[0].measured, &model.parameters[k]);
