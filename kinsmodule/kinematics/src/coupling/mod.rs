@@ -37,7 +37,8 @@ const MOST: usize = 5;
 /// size.
 const LEAST_BALL: f64 = 1e-6;
 
-/// Error of the dependent coordinates at which corrections stop, as a share of the size.
+/// Error of the dependent coordinates, estimated by the last two corrections, at which corrections stop, as a share of the
+/// size. The promised 1e-9 leaves room for the estimate.
 const TOLERANCE: f64 = 1e-14;
 
 /// A constraint whose gradient is farther from those of the others than this share of its length is independent at the
