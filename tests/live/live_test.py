@@ -86,7 +86,8 @@ def program(config, name, out):
 def demo(config, out):
     """Runs what `make demo` runs, with a program of one short move there and back for each letter."""
     facts = truth_programs.Config(config)
-    lines = [facts.start.replace("G94", "G93"), "M52 P0"]
+    # Exact stops: at a turn in G64, LinuxCNC 2.10 of August 2026 exceeds the acceleration of rotary axes.
+    lines = [facts.start.replace("G94", "G93"), "M52 P0", "G61"]
     for letter in facts.low:
         low, high, home = facts.low[letter], facts.high[letter], facts.home[letter]
         if letter in facts.passed:
@@ -131,6 +132,7 @@ for folder in sorted((REPOSITORY / "configs").iterdir()):
 
 def migrated(file, out):
     """Runs the demo of a machine that `pkm migrate` makes of one of LinuxCNC's samples."""
+    file = next(SAMPLES.glob(file))
     made = out / file.stem
     done = subprocess.run([PKM, "migrate", file, "--out", made], stdin=subprocess.DEVNULL, capture_output=True,
                           text=True, timeout=60)
@@ -138,10 +140,11 @@ def migrated(file, out):
     return demo(made, out)
 
 
-for sample_file in ("axis/ldelta.ini", "axis/rdelta.ini", "tklinuxcnc/tripod.ini", "axis/pentapod/pentapod.ini",
+# LinuxCNC 2.10 has the deltas in another folder.
+for sample_file in ("axis/**/ldelta.ini", "axis/**/rdelta.ini", "tklinuxcnc/tripod.ini", "axis/pentapod/pentapod.ini",
                     "axis/vismach/hexapod-sim/hexapod.ini"):
     name = f"migrated_{Path(sample_file).stem}"
-    add_test(name, partial(migrated, SAMPLES / sample_file))
+    add_test(name, partial(migrated, sample_file))
     RECORDING.add(name)
 
 
@@ -291,8 +294,9 @@ def corrections(out, rate, circles):
     asked = [0.0, 0.1, 0.0, 0.0, -0.1, 0.0]
     out.mkdir(parents=True, exist_ok=True)
     path = out / "circles.ngc"
+    # Exact stops, as at corners in G64 LinuxCNC 2.10 of August 2026 exceeds the acceleration of joints.
     blocks = [CORRECTED[k % 2] for k in range(circles)]
-    path.write_text("\n".join(["G21 G90 G64 P0.01", "G1 F3000 X40 Z240", *blocks, "M2", ""]))
+    path.write_text("\n".join(["G21 G90 G61", "G1 F3000 X40 Z240", *blocks, "M2", ""]))
     seconds = 30 + 6 * circles
     with Session(HEXAPOD, edits=correctable(rate)) as session:
         result = check(session.run("correction", out, seconds + 30, path=str(path), lines=4 + circles,
@@ -616,14 +620,17 @@ ROUND_THE_PLATE = ["G90 G94 G64 P0.01", "F12000"] + 2 * [
     "G1 X40", "G3 X78 Y-40 J38", "G1 Y40", "G3 X40 Y78 I-38", "G1 X-40", "G3 X-78 Y40 J-38",
     "G1 Y-40", "G3 X-40 Y-78 I38"] + ["M2"]
 FEED, SLOW_DRIVES = 200, 120  # mm/s; shipped are 100 and 300, enough for every position and direction
+# mm/s2; LinuxCNC 2.10 gives an arc 0.43 of it, 2.9 0.87, and the arcs at this feed need 1053.
+QUICK = 2500
 
 
 def fast_delta(out, name, first, more_edits=(), **arguments):
     """Runs the round on the linear delta with faster axes on slower drives."""
-    edits = [{"section": f"AXIS_{letter}", "key": "MAX_VELOCITY",
-              "lines": [f"MAX_VELOCITY = {FEED}"]} for letter in "XYZ"]
-    edits += [{"section": section, "key": "MAX_LINEAR_VELOCITY",
-               "lines": [f"MAX_LINEAR_VELOCITY = {FEED}"]} for section in ("TRAJ", "DISPLAY")]
+    edits = [{"section": f"AXIS_{letter}", "key": f"MAX_{key}", "lines": [f"MAX_{key} = {most}"]}
+             for letter in "XYZ" for key, most in (("VELOCITY", FEED), ("ACCELERATION", QUICK))]
+    edits += [{"section": section, "key": f"MAX_LINEAR_{key}", "lines": [f"MAX_LINEAR_{key} = {most}"]}
+              for section, key, most in (("TRAJ", "VELOCITY", FEED), ("DISPLAY", "VELOCITY", FEED),
+                                         ("TRAJ", "ACCELERATION", QUICK))]
     edits += [{"section": f"JOINT_{n}", "key": "MAX_VELOCITY",
                "lines": [f"MAX_VELOCITY = {SLOW_DRIVES}"]} for n in range(3)]
     lines = [first, *ROUND_THE_PLATE]
@@ -641,11 +648,11 @@ def guard_off_joints_too_fast_end_in_a_following_error(out):
 
 def guarded_round(out, **arguments):
     found = fast_delta(out, "guarded", "M52 P1", limits=[SLOW_DRIVES] * 3, feed=FEED,
-                       acceleration=1000, **arguments)
+                       acceleration=QUICK, **arguments)
     lost = found["seconds"] / found["least"] - 1
-    # Two per cent of the speed limits are a margin. LinuxCNC is slower in arcs than the joints need,
-    # and before an arc the guard extrapolates the straight line, on which joints are faster.
-    assert lost < 0.15, f"{100 * lost:.1f} % of time lost: {found}"
+    # Two per cent of the speed limits are a margin; before an arc the guard extrapolates the straight line, on which
+    # joints are faster.
+    assert lost < 0.1, f"{100 * lost:.1f} % of time lost: {found}"
     return (f"{found['seconds']:.3f} s, {100 * lost:.1f} % more than the least possible, joints to "
             f"{found['fastest']:.4f} of their limits, feed scale down to {found['slowest_scale']:.3f}, "
             f"{found['turns']} turns of the feed scale, monitor {100 * found['monitor_share']:.1f} % "

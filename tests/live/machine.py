@@ -167,8 +167,10 @@ class Machine:
         self.home()
         self.world_mode()
 
-    def mdi(self, text, seconds=60):
-        self.set_mode(linuxcnc.MODE_MDI)
+    def mdi(self, text, seconds=60, enters=True):
+        """Runs a block; `enters` MDI mode first, which gives the interpreter the position also if it is in that mode."""
+        if enters:
+            self.set_mode(linuxcnc.MODE_MDI)
         self.command.mdi(text)
         self.command.wait_complete(seconds)
         self.wait(self.is_idle, seconds, f"MDI {text}")

@@ -18,6 +18,7 @@ tests() {
     cargo test --profile host --locked --quiet -p linuxcnc
     for ini in configs/*/*.ini; do target/host/pkm --quiet check "$ini"; done
     tests/live/pins_test.py
+    tests/live/live_test.py
     tests/live/truth.py --live short --out "build/versions/$1"
 }
 if [ "${1:-}" = --tests ]; then

@@ -29,7 +29,7 @@ for file in "$folder"/lib/python/*; do rm -rf "${python:?}/${file##*/}"; done
 cp -r "$folder"/lib/python/* "$python"
 # LinuxCNC has these folders in its own tree.
 for pair in lib/linuxcnc/modules=rtlib share/linuxcnc/hallib=lib/hallib share/linuxcnc/ncfiles=nc_files \
-    include/linuxcnc=include; do
+    share/doc/linuxcnc/examples/sample-configs=configs include/linuxcnc=include; do
     mount --bind "$folder/${pair#*=}" "/usr/${pair%%=*}"
 done
 "$@"

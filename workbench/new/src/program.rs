@@ -27,6 +27,8 @@ fn words(plan: &Plan, letters: &[Letter], pose: [f64; 6]) -> String {
 }
 
 /// Returns a program that moves the machine along each of its letters, and along all of them, within its limits.
+///
+/// With exact stops: where a letter turns back in G64, LinuxCNC 2.10 of August 2026 exceeds the acceleration of joints.
 pub fn first(plan: &Plan, limits: &AxisBox) -> String {
     let [[feed, _], [turn, _]] = plan.motion();
     let letters = plan.letters();
@@ -34,7 +36,7 @@ pub fn first(plan: &Plan, limits: &AxisBox) -> String {
     let code = if plan.values.unit() == "mm" { "G21" } else { "G20" };
     let mut text = format!(
         "; The first program of {}: every letter separately, then all together, within the proved limits.\n\
-         {code} G17 G40 G49 G54 G80 G90 G94\n",
+         {code} G17 G40 G49 G54 G61 G80 G90 G94 ; exact stops\n",
         plan.name
     );
     text += "M52 P1 ; the guard may slow the feed\n";
